@@ -61,7 +61,7 @@ audit: .venv/dev
 	.venv/bin/pip-audit --strict --requirement constraints.txt --no-deps --disable-pip
 
 # Branches that the tests take, subprocesses included: of everything, and of what all results stand on.
-CORE := src/cfem/mechanics/*,src/cfem/constraint/*,src/cfem/condensed/*,src/cfem/dataset/*,src/cfem/equilibrium/condensation.py,src/cfem/core/files.py,src/cfem/core/manifest.py,src/cfem/core/verify.py
+CORE := src/cfem/mechanics/*,src/cfem/constraint/*,src/cfem/condensed/*,src/cfem/dataset/*,src/cfem/equilibrium/condensation.py,src/cfem/core/artefact/files.py,src/cfem/core/artefact/manifest.py,src/cfem/core/artefact/verify.py
 coverage: .venv/dev
 	rm -f .coverage*
 	$(PYTHON) -m coverage run -m pytest
@@ -152,7 +152,7 @@ wasm: .venv/dev
 
 figures: soft-finger-paper
 	$(CFEM) mesh pipelines/soft-finger-tet4/scene.yaml
-	$(CFEM) simulate-sample pipelines/soft-finger-tet4/sample.yaml --workers 1 --force
+	$(CFEM) sample pipelines/soft-finger-tet4/sample.yaml --workers 1 --force
 	$(PYTHON) scripts/figures.py measure finger
 
 # Element, mesh and tolerance against run time, from compressible to nearly incompressible.

@@ -25,13 +25,13 @@ import numpy as np
 
 from cfem.condensed.model import under_force
 from cfem.condensed.strokes import ridge_of
-from cfem.control.adaptation import Tracker
-from cfem.control.adaptive import AdaptiveController
-from cfem.control.camera_frame import CameraFrame
-from cfem.control.controller import Controller
-from cfem.control.inverse import Limits
-from cfem.control.loop import Settings
-from cfem.control.tick import Pilot
+from cfem.control.adaptation.camera_frame import CameraFrame
+from cfem.control.adaptation.controller import AdaptiveController
+from cfem.control.adaptation.tracker import Tracker
+from cfem.control.closed_loop.controller import Controller
+from cfem.control.closed_loop.tick import Pilot
+from cfem.control.search.goal_search import Settings
+from cfem.control.search.inverse import Limits
 from cfem.core.errors import NumericalError
 from cfem.plant.gains import Gains, integral_for
 from cfem.plant.protocol import Measurement

@@ -5,7 +5,8 @@ Usage: antagonists.py [--quick] [--commands N] [--spaces SPACE ...] [ROBOT ...]
 ROBOT: trunk-3 to trunk-8, of so many cables on a coarse mesh (tests/support/trunks.py), or a robot of the catalogue,
 diamond or trunk, on coarse meshes. For each, commands of every space (`space` of sample.yaml) in the order in which
 `cfem sample` takes them, each state predicted from those before it; then the first ten of them cold, from rest.
-Printed: the mean and the largest number of factorisations, and how the states that were not found ended."""
+Printed: the share of their reach to which all cables are pulled at once, the mean and the largest number of
+factorisations, and how the states that were not found ended."""
 
 import argparse
 import json
@@ -29,7 +30,7 @@ from cfem.robot.build import build_robot
 from cfem.robot.mesh.grading import scene_mesh
 from cfem.robot.spec import SceneSpec
 from cfem.sample import tour
-from cfem.sample.plan import actuation, unit_rows
+from cfem.sample.plan import actuation, borne_together, unit_rows
 from cfem.sample.spec import SplitSpec
 
 ROOT = Path(__file__).parents[1]
@@ -52,19 +53,21 @@ def robot_of(name: str) -> Robot:
 def measured(robot: Robot, spaces: list[str], commands: int) -> dict:
     problem = Problem(robot)
     compliance = solve(problem, force(np.zeros(robot.rows.n_a))).condensed.W_aa
+    together = borne_together(lambda asked: solve(problem, asked), robot.reach[:, 1], compliance)
     u = unit_rows(SplitSpec(rows=commands, method="random", seed=0), robot.rows.n_a)
     first = tour.skeleton(u, SKELETON)
     order = np.concatenate([first, *tour.shards(u, np.setdiff1d(np.arange(len(u)), first), 50)])
-    table = {"unknowns": problem.pattern.n_dof}
+    table = {"unknowns": problem.pattern.n_dof, "together": together}
     for space in spaces:
         knots, walked, cold = [], [], []
         for row in u[order]:
-            asked = pulling_only(actuation(space, row, robot.reach, compliance), robot.unilateral)
+            asked = actuation(space, row, robot.reach, compliance, together=together)
+            asked = pulling_only(asked, robot.unilateral)
             walked.append(solve(problem, asked, predict(knots, row, asked)))
             if walked[-1].converged:
                 knots.append(knot(row, walked[-1]))
         for row in u[: min(COLD, commands)]:
-            cold.append(solve(problem, actuation(space, row, robot.reach, compliance)))
+            cold.append(solve(problem, actuation(space, row, robot.reach, compliance, together=together)))
         table[space] = {"in order": account(walked), "cold": account(cold)}
     return table
 

@@ -4,10 +4,10 @@ python benchmarks/contact_anywhere.py SCENE MODEL [--places 30] [--patches 6] [-
 
 A sphere, a plane or the edge of a box comes to a random patch of the robot at a random pull and moves on, until the
 robot gives way by 0.3 to 1.5 mm: in three steps, as where a patch comes to lie beside an edge depends on the way. The
-edge is a quarter of the depth aside of the patch. The finite-element truth (`cfem.equilibrium.press`) has the same
-patches for contact points. Prints the largest and the median error of force and tip, and the processor time of a
-learned step: with one obstacle, and with ten pads, each of which presses on one patch, the latter in C too, and alone
-with `--places 0`."""
+edge is a quarter of the depth aside of the patch. The finite-element truth (`cfem.equilibrium.contact.obstacles`) has
+the same patches for contact points. Prints the largest and the median error of force and tip, and the processor time
+of a learned step: with one obstacle, and with ten pads, each of which presses on one patch, the latter in C too, and
+alone with `--places 0`."""
 
 import argparse
 import tempfile
@@ -20,21 +20,21 @@ import numpy as np
 from cfem.condensed.patches import Patches
 from cfem.contact.obstacle import Box, Obstacle, Plane, Sphere, tangents
 from cfem.contact.obstacle_set import ObstacleSet
-from cfem.core.stage import artefact_content
+from cfem.core.artefact.content import artefact_content
 from cfem.equilibrium.actuation import displacement
-from cfem.equilibrium.patch_compliance import with_patches
-from cfem.equilibrium.press import press
+from cfem.equilibrium.contact.obstacles import obstacle_step
+from cfem.equilibrium.contact.patch_compliance import with_patches
 from cfem.equilibrium.problem import Problem
-from cfem.export.c_export import write_c
-from cfem.export.c_touch import write_c_touch
-from cfem.export.compiled import compiler
-from cfem.export.compiled_touch import CompiledTouch
+from cfem.export.compiled.controller import compiler
+from cfem.export.compiled.touch import CompiledTouch
+from cfem.export.firmware.folder import write_c
+from cfem.export.firmware.touch import write_c_touch
 from cfem.export.spec import CSpec
-from cfem.predict.kept_patches import touchable_of
+from cfem.predict.contact.kept_patches import patched_model_of
+from cfem.predict.contact.patched_model import PatchedModel
+from cfem.predict.contact.scene import contact_step
 from cfem.predict.load import load_model, read_model, read_vectors
 from cfem.predict.protocol import Predictor
-from cfem.predict.touchable import Touchable
-from cfem.predict.touching import touch_step
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh
 from cfem.robot.spec import scene_meaning
@@ -84,9 +84,9 @@ def main() -> None:
         "mesh": artefact_content(given.scene.parent / scene.out),
         "loads": {},
     }
-    touchable = touchable_of(model, given.model, robot, made_of, given.patches)
-    patches, own = touchable.patches, touchable.by_fe.own
-    print(f"{len(patches)} patches, their compliance at {len(touchable.by_fe.states)} states; {len(model.skin)} modes")
+    patched = patched_model_of(model, given.model, robot, made_of, given.patches)
+    patches, own = patched.patches, patched.by_fe.own
+    print(f"{len(patches)} patches, their compliance at {len(patched.by_fe.states)} states; {len(model.skin)} modes")
     size = np.diag(own[0]).reshape(-1, 3).sum(axis=1)
     loose = np.flatnonzero(size > 0.1 * size.max())
     rng, forces, tips, seconds, failed = np.random.default_rng(given.seed), [], [], [], 0
@@ -107,30 +107,29 @@ def main() -> None:
             obstacle = moved(obstacle, max(0.0, -obstacle.distance(at).min() - depth) * normal)
         if size[obstacle.distance(at) < 0].min(initial=np.inf) < 0.1 * size.max():
             continue  # it would reach where the body is held, and hardly gives way: another place
-        near, steps = np.flatnonzero((obstacle.distance(at) < 1.0) & ~touchable.held_still), (0.05, 0.5, 1.0)
+        near, steps = np.flatnonzero((obstacle.distance(at) < 1.0) & ~patched.held_still), (0.05, 0.5, 1.0)
         problem, found, truth = Problem(with_patches(robot, model.skin.nodes, patches, near)), None, None
         for share in steps:
             here = moved(obstacle, (1 - share) * depth * normal)
             begin = time.process_time()
-            found = touch_step(touchable, delta, [here], mu=given.mu, before=found, unilateral=robot.unilateral)
+            found = contact_step(patched, delta, [here], mu=given.mu, before=found, unilateral=robot.unilateral)
             seconds.append(time.process_time() - begin)
-            truth = press(problem, displacement(delta), [here] * len(near), mu=given.mu, before=truth)
+            truth = obstacle_step(problem, displacement(delta), [here] * len(near), mu=given.mu, before=truth)
         if not (found.converged and truth.converged):
             failed += 1
             print(f"  {kind:6s} at patch {number}: {found.status.value}; finite elements: {truth.status.value}")
             continue
-        solved, mine = truth.solved[0], np.zeros((len(patches), 3))
-        mine[found.patches] = found.forces
+        solved, mine = truth.solved[0], found.forces
         exact = solved.lambda_c.reshape(-1, 3)
         largest = np.linalg.norm(exact, axis=1).max()
         unseen = np.delete(np.linalg.norm(mine, axis=1), near).max()
         forces.append(max(np.linalg.norm(mine[near] - exact, axis=1).max(), unseen) / largest)
-        tips.append(np.linalg.norm(found.delta_e - solved.delta_e))
+        tips.append(np.linalg.norm(found.delta_e[0] - solved.delta_e))
         away = np.linalg.norm(solved.delta_e - model.at_displacement(delta).delta_e)
         print(
             f"  {kind:6s} {depth:.2f} mm: largest force {largest:.3f} N on {np.sum(exact.any(axis=1))} of {len(near)}, "
             f"worst error {100 * forces[-1]:.1f} %; tip moved {away:.2f} mm, error {tips[-1]:.3f} mm"
-            f"{'' if found.known else '; NOT KNOWN'}",
+            f"{'' if found.trusted else '; NOT KNOWN'}",
             flush=True,
         )
     if forces:
@@ -139,19 +138,19 @@ def main() -> None:
             print(f"{name}: median {middle}, largest {largest} of {len(values)} places")
         print(f"step with one obstacle: median {1e3 * np.median(seconds):.2f} ms")
     for _ in range(4):
-        ten_pads(given.model, touchable, rng.choice(loose, 10, replace=False), given.mu)
+        ten_pads(given.model, patched, rng.choice(loose, 10, replace=False), given.mu)
 
 
-def ten_pads(folder: Path, touchable: Touchable, where: np.ndarray, mu: float) -> None:
+def ten_pads(folder: Path, patched: PatchedModel, where: np.ndarray, mu: float) -> None:
     """Prints what a step costs where ten patches are pressed at once, by pads that have come 0.1 mm in, in steps."""
-    model, patches = touchable.model, touchable.patches
+    model, patches = patched.model, patched.patches
     delta = model.domain.states[0, : model.rows.n_a]
     x, before, spent = model.shape(delta), None, []
     ways = [
         [placed("pad", patches.mean(x)[p], outward(model, patches, x, p), depth, 0.0) for p in where] for depth in IN
     ]
     for pads in ways:
-        found = touch_step(touchable, delta, ObstacleSet(tuple(pads)), mu=mu, before=before)
+        found = contact_step(patched, delta, ObstacleSet(tuple(pads)), mu=mu, before=before)
         before = found if found.converged else before
     if not found.converged:
         print(f"ten pads: {found.status.value}")
@@ -159,7 +158,7 @@ def ten_pads(folder: Path, touchable: Touchable, where: np.ndarray, mu: float) -
     together = ObstacleSet(tuple(ways[-1]))
     for step in range(200):
         begin = time.process_time()
-        before = touch_step(touchable, delta * (1 + 1e-4 * step), together, mu=mu, before=before)
+        before = contact_step(patched, delta * (1 + 1e-4 * step), together, mu=mu, before=before)
         spent.append(1e3 * (time.process_time() - begin))
         if not before.converged:
             print(f"ten pads, step {step}: {before.status.value}")
@@ -168,15 +167,15 @@ def ten_pads(folder: Path, touchable: Touchable, where: np.ndarray, mu: float) -
     cost = f"least {min(spent):.2f} ms, median {np.median(spent):.2f} ms"
     print(f"step with ten pads, {pressed} pressed, {most:.1f} N at most: {cost}")
     if compiler():
-        print(f"the same in C: {in_c(folder, touchable, delta, ways, mu)}")
+        print(f"the same in C: {in_c(folder, patched, delta, ways, mu)}")
 
 
-def in_c(folder: Path, touchable: Touchable, delta: np.ndarray, ways: list[list[Obstacle]], mu: float) -> str:
+def in_c(folder: Path, patched: PatchedModel, delta: np.ndarray, ways: list[list[Obstacle]], mu: float) -> str:
     """Time of a step, the least of a hundred means of ten."""
     meta, arrays = read_model(folder)
     with tempfile.TemporaryDirectory() as place:
         write_c(Path(place), meta, arrays, CSpec(), read_vectors(folder, meta)["s"])
-        write_c_touch(Path(place), touchable, ways[-1], mu, np.zeros(len(delta)))
+        write_c_touch(Path(place), patched, ways[-1], mu, np.zeros(len(delta)))
         compiled = CompiledTouch(Path(place))
     statuses = [compiled(delta, pads, mu).status for pads in ways]
     if statuses[-1]:

@@ -15,7 +15,7 @@ import numpy as np
 from cfem.condensed.patches import cut
 from cfem.constraint.surface import Surface, outer_surface
 from cfem.contact.obstacle import Box, Obstacle, Plane, Sphere
-from cfem.equilibrium.meet import Skinned
+from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
 from cfem.equilibrium.robot import Robot
 from cfem.plant.touch_plant import TouchPlant
 from cfem.robot.build import build_robot
@@ -34,7 +34,7 @@ OBSTACLES: dict[str, Obstacle] = {
 def pressed(robot: Robot, surface: Surface, obstacle: Obstacle, apart: float, sharp: bool) -> tuple:
     """Number of patches, forces (k,) N and tips (k, 3) mm at PULLS, depth (mm), processor time (s)."""
     patches = cut(surface.rest, surface.weights, apart, surface.triangles, sharp)
-    plant = TouchPlant(Skinned(robot, surface.nodes, surface.triangles, patches), {"it": obstacle}, ("it",))
+    plant = TouchPlant(SkinnedRobot(robot, surface.nodes, surface.triangles, patches), {"it": obstacle}, ("it",))
     begin, found = time.process_time(), []
     for pull in PULLS:
         step = plant.step(np.array([pull, pull]))

@@ -17,8 +17,8 @@ from pathlib import Path
 import numpy as np
 
 from cfem.condensed.strokes import ridge_of
-from cfem.control.inverse import Aim, Limits, inverse_step
-from cfem.control.tick import Belief, Pilot, drive
+from cfem.control.closed_loop.tick import Belief, Pilot, drive
+from cfem.control.search.inverse import Aim, Limits, inverse_step
 from cfem.predict.load import load_model
 
 NOT_NEEDED = ("torch", "numba", "pyarrow", "pandas", "scipy", "matplotlib", "gmsh")

@@ -115,7 +115,7 @@ def measured(folder: Path, name: str, given: dict, overrides: list[str]) -> dict
 
 
 def with_overrides(scene: Path, folder: Path, overrides: list[str]):
-    from cfem.core.stage import artefact_file
+    from cfem.core.artefact.content import artefact_file
     from cfem.robot.mesh.mesh_file import read_mesh
     from cfem.robot.spec import SceneSpec
     from cfem.robot.stage import MESH

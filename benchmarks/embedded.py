@@ -36,13 +36,13 @@ CLOCK = 480e6  # Hz, of the Cortex-M7 that rates are stated for
 def loop(goals_count: int = 24, ticks: int = 3) -> dict:
     """Errors in mm at the end of each goal, open loop to convergence and closed with the paper's gains."""
     from cfem.condensed.strokes import ridge_of
-    from cfem.control.closed_loop import Pace, run_loop
-    from cfem.control.controller import Controller
-    from cfem.control.inverse import Limits
-    from cfem.control.loop import Settings
-    from cfem.control.tick import Pilot
-    from cfem.control.trajectory import loop_of_shares
-    from cfem.export.compiled import CompiledController
+    from cfem.control.closed_loop.controller import Controller
+    from cfem.control.closed_loop.run import Pace, run_loop
+    from cfem.control.closed_loop.tick import Pilot
+    from cfem.control.goals.trajectory import loop_of_shares
+    from cfem.control.search.goal_search import Settings
+    from cfem.control.search.inverse import Limits
+    from cfem.export.compiled.controller import CompiledController
     from cfem.plant.fem_plant import FemPlant
     from cfem.plant.gains import Gains
     from cfem.predict.load import load_model
@@ -103,12 +103,12 @@ def arc(ticks: int = 5) -> dict:
     """The paper's quarter circle, mostly out of reach: mm by which C ends farther from each goal than Python's search,
     by the model."""
     from cfem.condensed.strokes import ridge_of
-    from cfem.control.controller import Controller
-    from cfem.control.inverse import Limits
-    from cfem.control.loop import Settings
-    from cfem.control.tick import Pilot
-    from cfem.control.trajectory import arc
-    from cfem.export.compiled import CompiledController
+    from cfem.control.closed_loop.controller import Controller
+    from cfem.control.closed_loop.tick import Pilot
+    from cfem.control.goals.trajectory import arc
+    from cfem.control.search.goal_search import Settings
+    from cfem.control.search.inverse import Limits
+    from cfem.export.compiled.controller import CompiledController
     from cfem.predict.load import load_model
 
     model, compiled, settings = load_model(MODEL), CompiledController(FOLDER), Settings(20, 1e-5, 5.0)
@@ -131,12 +131,12 @@ def trunk(goals_count: int = 40, ticks: int = 10) -> dict:
     pressures; then by pressures, `ticks` a goal, into one whose modulus is 10 % higher, measured a tick late with noise
     of 0.1 mm, its pressures rounded to 0.2 kPa."""
     from cfem.condensed.strokes import ridge_of
-    from cfem.control.closed_loop import Pace, run_loop
-    from cfem.control.controller import Controller
-    from cfem.control.inverse import Limits
-    from cfem.control.loop import Settings
-    from cfem.control.tick import Pilot
-    from cfem.control.trajectory import arc
+    from cfem.control.closed_loop.controller import Controller
+    from cfem.control.closed_loop.run import Pace, run_loop
+    from cfem.control.closed_loop.tick import Pilot
+    from cfem.control.goals.trajectory import arc
+    from cfem.control.search.goal_search import Settings
+    from cfem.control.search.inverse import Limits
     from cfem.core.spec import load_spec
     from cfem.plant.fem_plant import FemPlant
     from cfem.plant.gains import Gains
@@ -204,7 +204,7 @@ def trunk(goals_count: int = 40, ticks: int = 10) -> dict:
 def _compiled(model: str, *overrides: str):
     """The trunk's controller in C by the spec of its pipeline, with some of it overridden."""
     from cfem.core.stage import Options
-    from cfem.export.compiled import CompiledController
+    from cfem.export.compiled.controller import CompiledController
     from cfem.export.stage import run
 
     spec = TRUNK / ("export-c.yaml" if model == "spectral" else "export-c-serial.yaml")
@@ -290,7 +290,7 @@ def python(steps: int = 20_000) -> dict:
         command = [sys.executable, script, model, "--steps", str(count), *more]
         done = subprocess.run(command, capture_output=True, text=True)
         found[name] = json.loads(done.stdout)
-    from cfem.export.compiled import CompiledController
+    from cfem.export.compiled.controller import CompiledController
 
     compiled, times = CompiledController(FOLDER), np.empty(steps)
     goals = np.array([compiled.step(np.zeros(3)).reference + [0.0, 0.1 * i, 0.0] for i in range(50)])

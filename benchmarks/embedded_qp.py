@@ -13,7 +13,7 @@ import osqp
 from scipy.sparse import csc_matrix, triu
 
 from cfem.condensed.strokes import ridge_of
-from cfem.control.inverse import Limits
+from cfem.control.search.inverse import Limits
 from cfem.predict.load import load_model
 
 ROOT = Path(__file__).parents[1]

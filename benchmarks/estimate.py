@@ -20,11 +20,11 @@ from pathlib import Path
 import numpy as np
 
 from cfem.plant.fem_plant import FemPlant, pushed
-from cfem.predict.estimate import Estimator
-from cfem.predict.estimate_filter import Filter
+from cfem.predict.estimation.estimate import Estimator
+from cfem.predict.estimation.filter import Filter
+from cfem.predict.estimation.markers import markers_near
+from cfem.predict.estimation.push_bound import Seen, frames_for, push_errors
 from cfem.predict.load import load_model
-from cfem.predict.markers import markers_near
-from cfem.predict.push_bound import Seen, frames_for, push_errors
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh
 

@@ -15,8 +15,8 @@ import numpy as np
 
 from cfem.core.spec import load_spec
 from cfem.design.formulation import problem_of
-from cfem.design.front import best_of_each, hypervolume, non_dominated, pareto_front
-from cfem.design.search import evaluate_scattered
+from cfem.design.optimisers.front import best_of_each, hypervolume, non_dominated, pareto_front
+from cfem.design.optimisers.search import evaluate_scattered
 from cfem.design.spec import DesignSpec
 from cfem.parametric.load import learned
 

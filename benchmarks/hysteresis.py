@@ -18,10 +18,10 @@ from pathlib import Path
 import numpy as np
 
 from cfem.core.spec import load_spec
+from cfem.equilibrium.friction.sticking import Follower
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.robot import Robot
 from cfem.equilibrium.solution import Status
-from cfem.equilibrium.sticking import Follower
 from cfem.robot.build import build_robot
 from cfem.robot.mesh.meshing import make_mesh
 from cfem.robot.spec import SceneSpec

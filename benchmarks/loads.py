@@ -21,14 +21,14 @@ import cfem
 from cfem.constraint.patch import PatchLoad
 from cfem.core.errors import InputError
 from cfem.equilibrium.actuation import displacement, force
-from cfem.equilibrium.patch_effectors import patch_yield
+from cfem.equilibrium.contact.patch_effectors import patch_yield
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import solve
 from cfem.plant.fem_plant import FemPlant, pushed
+from cfem.predict.contact.patched_model import patch_states
 from cfem.predict.energy import THIRD
 from cfem.predict.load import build, load_model
-from cfem.predict.loaded import TRUSTED, loaded, wrench_error, wrench_of
-from cfem.predict.touchable import touch_states
+from cfem.predict.loads.loaded import TRUSTED, loaded, wrench_error, wrench_of
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh
 
@@ -160,7 +160,7 @@ def patches(folder: Path) -> None:
         direction /= np.linalg.norm(direction)
         delta = model.domain.states[rng.integers(len(model.domain.states)), :2]
         begin = time.process_time()
-        by_fe = patch_yield(robot, [PatchLoad(at, RADIUS, direction)], touch_states(model.domain, 2))
+        by_fe = patch_yield(robot, [PatchLoad(at, RADIUS, direction)], patch_states(model.domain, 2))
         seconds["solved"].append(time.process_time() - begin)
         still = free.at_displacement(delta)
         for size in SIZES:

@@ -21,7 +21,8 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from cfem.condensed.parameters import completed
-from cfem.core.stage import Options, artefact_file
+from cfem.core.artefact.content import artefact_file
+from cfem.core.stage import Options
 from cfem.dataset.reader import Dataset, read_dataset
 from cfem.predict.protocol import build
 from cfem.robot.stage import run as make_mesh

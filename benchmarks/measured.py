@@ -59,7 +59,7 @@ PLACES, RADII = (0.0, 305.0, 360.0), (15.41, 6.42, 4.80)
 
 
 def coverages(trials: int) -> list[dict]:
-    from cases.linear import Sort, coverage
+    from identify.cases.linear import Sort, coverage
 
     small, large, rows = (0.25, 0.35), (0.8, 1.0), []
     asked = [(m, Sort(lacks, sd)) for m, sd in ((4, 0.0), (5, 5.0), (8, 5.0)) for lacks in (0.0, 1.0, 3.0)]

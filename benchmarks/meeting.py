@@ -19,12 +19,13 @@ import numpy as np
 import yaml
 
 import cfem
-from cfem.equilibrium.meet import Meeting as MeetingInFe
-from cfem.equilibrium.meet import Skinned
-from cfem.equilibrium.patch_compliance import patch_response
+from cfem.equilibrium.contact.patch_compliance import patch_response
+from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
+from cfem.equilibrium.contact.surfaces import SurfaceScene as MeetingInFe
+from cfem.predict.contact.bodies import PlacedModel
+from cfem.predict.contact.patched_model import PatchedModel, patch_states, patches_of
+from cfem.predict.contact.scene import ContactScene
 from cfem.predict.load import load_model
-from cfem.predict.meeting import Meeting, PlacedModel
-from cfem.predict.touchable import Touchable, patches_of, touch_states
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh
 
@@ -91,11 +92,11 @@ def table(specs: Path, poses: list[tuple], mu: float, way: list[list[list[float]
     name = specs.name
     model = load_model(specs.parents[1] / "models" / name / "spectral")
     robot = build_robot(*load_scene_and_mesh(specs / "scene.yaml"))
-    patches, states = patches_of(model, PATCHES), touch_states(model.domain, robot.rows.n_a)
-    touchable = Touchable(model, patches, patch_response(robot, model.skin.watched, patches, states))
-    learned = Meeting([PlacedModel(touchable, *pose, unilateral=robot.unilateral) for pose in poses], mu=mu)
+    patches, states = patches_of(model, PATCHES), patch_states(model.domain, robot.rows.n_a)
+    patched = PatchedModel(model, patches, patch_response(robot, model.skin.watched, patches, states))
+    learned = ContactScene([PlacedModel(patched, *pose, unilateral=robot.unilateral) for pose in poses], mu=mu)
     surface = model.skin.nodes, model.skin.triangles, patches
-    truth = MeetingInFe([Skinned(robot, *surface, *pose) for pose in poses], mu=mu)
+    truth = MeetingInFe([SkinnedRobot(robot, *surface, *pose) for pose in poses], mu=mu)
     print(f"{len(patches)} patches, {patches.spacing:.2g} mm apart, friction {mu:g}")
     print("actuators, mm | force, FE | learned | tip of the way, FE | off | actuators, of the change | time, of a step")
     found = solved = None

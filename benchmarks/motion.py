@@ -30,22 +30,22 @@ from cfem.dataset.reader import read_dataset
 from cfem.dynamics.modes import natural_modes as full_modes
 from cfem.dynamics.problem import MovingProblem
 from cfem.dynamics.scheme import Scheme
-from cfem.dynamics.simulate import Pace
+from cfem.dynamics.simulate import StepControl
 from cfem.dynamics.simulate import simulate as full_simulate
 from cfem.dynamics.start import at_rest as full_at_rest
 from cfem.equilibrium.actuation import displacement, force
-from cfem.equilibrium.inner import rod_stresses
+from cfem.equilibrium.motion.inner_motions import rod_stresses
 from cfem.equilibrium.solve import solve
-from cfem.export import c_motion
-from cfem.export.c_export import write_c
-from cfem.export.c_motion import write_c_motion
-from cfem.export.compiled import CORE, compiler, library
+from cfem.export.compiled.controller import CORE, compiler, library
+from cfem.export.firmware import motion as c_motion
+from cfem.export.firmware.folder import write_c
+from cfem.export.firmware.motion import write_c_motion
 from cfem.export.spec import CSpec
 from cfem.motion.load import load_motion
 from cfem.motion.model import Loss, MotionModel
 from cfem.motion.modes import natural_modes
 from cfem.motion.simulate import simulate
-from cfem.motion.step import Command, at_rest, energy, step
+from cfem.motion.step import MotionCommand, at_rest, energy, step
 from cfem.predict.load import read_arrays, read_model
 from cfem.robot import stage as mesh_stage
 from cfem.robot.build import build_robot
@@ -126,12 +126,12 @@ def tip_error(problem: MovingProblem, model: MotionModel) -> tuple[dict[str, flo
             lambda t, told=told: displacement(told(t)),
             end,
             kinks,
-            Pace(dt, tolerance=None),
+            StepControl(dt, tolerance=None),
             Scheme(1.0),
         )
         spent, steps = spent + time.process_time() - begin, steps + len(full.samples) - 1
         ours = simulate(
-            model, at_rest(model, delta), lambda t, told=told: Command(displacement=told(t)), end, dt / 2
+            model, at_rest(model, delta), lambda t, told=told: MotionCommand(displacement=told(t)), end, dt / 2
         ).arrays()
         tip = np.array([np.interp(full.t, ours["t"], column) for column in ours["delta_e"].T]).T
         wanted = full.of("delta_e")
@@ -148,7 +148,7 @@ def energy_drift(model: MotionModel, periods: int) -> float:
     lam, period = 0.95 * start.lam, 1 / natural_modes(still, start.q[: model.n_a], False, 1).frequency[0]
     found, now, a_period = [], start, 100
     for _ in range(periods * a_period):
-        now = step(still, now, Command(force=lam), period / a_period)
+        now = step(still, now, MotionCommand(force=lam), period / a_period)
         found.append(energy(still, now) - float(lam @ now.q[: model.n_a]))
     own = max(
         0.5 * float((start.lam - lam) @ np.linalg.solve(model.at(start.q[: model.n_a]).stiff, start.lam - lam)), 0
@@ -164,7 +164,7 @@ def step_us(model: MotionModel) -> float:
     for _ in range(10):
         now, begin = start, time.process_time()
         for _ in range(100):
-            now = step(model, now, Command(force=lam), dt)
+            now = step(model, now, MotionCommand(force=lam), dt)
         times.append((time.process_time() - begin) / 100 * 1e6)
     return min(times)
 

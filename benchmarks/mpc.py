@@ -24,16 +24,16 @@ import numpy as np
 import scipy.sparse as sp
 
 import cfem.control.moving.horizon as horizon
-import cfem.export.c_mpc as c_mpc
+import cfem.export.firmware.mpc as c_mpc
 from cfem.condensed.model import under_force
-from cfem.control.moving.horizon import Bounds, Cost
+from cfem.control.moving.horizon import Bounds, HorizonCost
 from cfem.control.moving.mpc import Mpc, Plan
 from cfem.control.moving.observer import Doubt
-from cfem.control.qp import QpSolution, solve_qp
-from cfem.export.c_export import write_c
-from cfem.export.c_motion import write_c_motion
-from cfem.export.compiled import compiler
-from cfem.export.compiled_mpc import CompiledMpc
+from cfem.control.search.qp import QpSolution, solve_qp
+from cfem.export.compiled.controller import compiler
+from cfem.export.compiled.mpc import CompiledMpc
+from cfem.export.firmware.folder import write_c
+from cfem.export.firmware.motion import write_c_motion
 from cfem.export.spec import CSpec
 from cfem.motion.altered import Altered
 from cfem.motion.clocked import Clocked
@@ -58,7 +58,14 @@ def spent(watch: dict[str, list[float]], name: str, function):
 
 
 def in_c(
-    place: Path, folder: Path, bounds: Bounds, cost: Cost, about: np.ndarray, ticks: int, rate: float, moves: int | None
+    place: Path,
+    folder: Path,
+    bounds: Bounds,
+    cost: HorizonCost,
+    about: np.ndarray,
+    ticks: int,
+    rate: float,
+    moves: int | None,
 ):
     """The controller in C with these numbers; it begins at about (n_a,) mm."""
     meta, arrays = read_model(folder)
@@ -95,7 +102,7 @@ def fly(
         near = under_force(static, one * largest, near)
         goals.append(model.rest_e + near.delta_e)
     size = static.length / largest
-    cost = Cost(np.ones(len(model.rest_e)), np.sqrt(1e-2) * size, (1e-3 if len(largest) > 3 else 1e-5) * size)
+    cost = HorizonCost(np.ones(len(model.rest_e)), np.sqrt(1e-2) * size, (1e-3 if len(largest) > 3 else 1e-5) * size)
     high, speed = (0.58, 0.02) if tight else (1.0, np.inf)
     bounds = Bounds(np.stack([0 * largest, high * largest], 1), speed * largest, static.domain.delta_a.T)
     mpc = Mpc(

@@ -21,7 +21,7 @@ from cfem.equilibrium.actuation import displacement
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.robot import Robot
 from cfem.equilibrium.solve import solve
-from cfem.parametric.family import FiniteElements
+from cfem.parametric.family import FiniteElementFamily
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh
 from cfem.robot.mesh.finer import finer_mesh
@@ -81,7 +81,7 @@ def main() -> None:
             record["refused"] = str(error)
         found.append(record)
     for share in asked.beyond:
-        elements = FiniteElements(scene, mesh, parameters, folder)
+        elements = FiniteElementFamily(scene, mesh, parameters, folder)
         try:
             elements.at("displacement", pull, (reference + share * (corner - reference))[None])
         except NumericalError as error:

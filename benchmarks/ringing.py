@@ -16,16 +16,16 @@ from pathlib import Path
 
 import numpy as np
 
+from cfem.motion.estimation.marker_filter import MarkerFilter
+from cfem.motion.estimation.uncertainty import MotionUncertainty
 from cfem.motion.load import load_motion
-from cfem.motion.marked_steps import Unknown
-from cfem.motion.marker_filter import MarkerFilter
 from cfem.plant.fem_plant import pushed
 from cfem.plant.marked_plant import MarkedPlant, MarkerNoise
 from cfem.plant.moving_plant import MovingFemPlant
-from cfem.predict.estimate import Estimator
-from cfem.predict.estimate_filter import Filter
+from cfem.predict.estimation.estimate import Estimator
+from cfem.predict.estimation.filter import Filter
+from cfem.predict.estimation.markers import markers_near
 from cfem.predict.load import load_model
-from cfem.predict.markers import markers_near
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh
 
@@ -58,7 +58,7 @@ def main() -> None:
             estimator = Estimator(model, places, given.noise, tip, given.push / np.sqrt(3))
             camera = MarkerNoise(given.noise, given.lost, given.wrong, 20.0, seed=1000 * run + seed)
             frames = [camera.seen(one) for one in truth]
-            unknown = Unknown(SLIP * np.sqrt(given.rate), OFFSET, 0.05 * model.length, lasts=1.0)
+            unknown = MotionUncertainty(SLIP * np.sqrt(given.rate), OFFSET, 0.05 * model.length, lasts=1.0)
             filters = {
                 "static": Filter(estimator, SLIP, given.rate, OFFSET),
                 "dynamic": MarkerFilter(estimator, motion, "displacement", unknown),

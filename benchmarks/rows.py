@@ -27,13 +27,13 @@ import cfem
 from cfem.equilibrium.actuation import displacement, force
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import solve
-from cfem.export.c_export import write_c
-from cfem.export.compiled import CompiledController, sizes
+from cfem.export.compiled.controller import CompiledController, sizes
+from cfem.export.firmware.folder import write_c
 from cfem.export.spec import CSpec
 from cfem.plant.fem_plant import pushed
 from cfem.predict.load import load_model
-from cfem.predict.loaded import TRUSTED, loaded, wrench_of
-from cfem.predict.loaded_serial import LoadedSerialPredictor
+from cfem.predict.loads.loaded import TRUSTED, loaded, wrench_of
+from cfem.predict.rows.loaded_serial import LoadedSerialPredictor
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh
 

@@ -22,7 +22,7 @@ import cfem
 from cfem.contact.clearance import nearest_of_surface
 from cfem.contact.closed_surface import ClosedSurface
 from cfem.contact.obstacle import Box, Capsule, ClosedMesh, Obstacle, Plane, Sphere
-from cfem.predict.clearance import clearance
+from cfem.predict.contact.clearance import clearance
 
 ROOT = Path(__file__).parents[1]
 TOLERANCE = 1e-4  # mm

@@ -16,8 +16,8 @@ import numpy as np
 
 from cfem.core.spec import load_spec
 from cfem.design.formulation import problem_of
-from cfem.design.refined import refine_all
-from cfem.design.search import first_designs
+from cfem.design.optimisers.refined import refine_all
+from cfem.design.optimisers.search import first_designs
 from cfem.design.spec import DesignSpec
 from cfem.parametric.differentiable import Differentiable
 from cfem.parametric.load import learned

@@ -21,8 +21,8 @@ os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL
 import numpy as np
 
 import cfem
+from cfem.core.artefact.manifest import read_manifest
 from cfem.core.spec import load_spec
-from cfem.core.stage import read_manifest
 from cfem.dataset.writer import content_hash, write_table
 from cfem.export.skin import CompiledShape
 from cfem.robot.load import load_scene_and_mesh

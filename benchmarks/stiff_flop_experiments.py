@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as pq
 
-from cfem.core.stage import artefact_file, read_manifest
+from cfem.core.artefact.content import artefact_file
+from cfem.core.artefact.manifest import read_manifest
 
 COLUMNS = ("trajectory", "controller", "tick", "seconds", "goal_index", "error", "step_us")
 BUDGET, RADIUS, PUSHED = 80.0, 0.5, 180

@@ -19,10 +19,10 @@ from pathlib import Path
 import numpy as np
 
 from cfem.condensed.strokes import ridge_of
-from cfem.control.closed_loop import Pace, run_loop
-from cfem.control.inverse import Aim, Limits
-from cfem.control.loop import Iterate, Settings, reach
-from cfem.control.tick import Pilot
+from cfem.control.closed_loop.run import Pace, run_loop
+from cfem.control.closed_loop.tick import Pilot
+from cfem.control.search.goal_search import Iterate, Settings, reach
+from cfem.control.search.inverse import Aim, Limits
 from cfem.plant.gains import Gains, integral_for
 from cfem.plant.imperfect_plant import Imperfection, ImperfectPlant
 from cfem.plant.model_plant import ModelPlant

@@ -5,8 +5,8 @@ import pytest
 from support.arc_robot import LENGTH, REACH, ArcRobot, tip
 
 from cfem.condensed.strokes import ridge_of
-from cfem.control.inverse import Aim, Limits, inverse_step
-from cfem.control.loop import Iterate, Settings, reach
+from cfem.control.search.goal_search import Iterate, Settings, reach
+from cfem.control.search.inverse import Aim, Limits, inverse_step
 
 NOW = ArcRobot().at_displacement(np.array([6.0, 5.0]))
 AIM = Aim(tip(np.array([6.4, 5.4])), np.ones(3), ridge_of(1e-10, REACH, LENGTH))

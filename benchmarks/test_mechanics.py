@@ -9,7 +9,7 @@ import pytest
 from support.blocks import bar, box_body
 
 from cfem.equilibrium import actuation
-from cfem.equilibrium.evaluation import Cost
+from cfem.equilibrium.evaluation import SolveCost
 from cfem.equilibrium.predictor import knot, predict
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import solve
@@ -66,6 +66,6 @@ def test_sample(benchmark, start):
 
     if start == "factorisation alone":
         at = problem.evaluate(near.state.x, near.state.pressure)
-        benchmark(problem.factor, at, near.state.lam, Cost())
+        benchmark(problem.factor, at, near.state.lam, SolveCost())
     else:
         assert benchmark(sample).converged

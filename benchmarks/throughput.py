@@ -24,7 +24,7 @@ os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL
 import numpy as np
 import pyarrow as pa
 
-from cfem.core.files import write_whole
+from cfem.core.artefact.files import write_whole
 from cfem.core.spec import load_spec
 from cfem.dataset.reader import read_table
 from cfem.dataset.writer import content_hash, write_table

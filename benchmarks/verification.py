@@ -11,7 +11,7 @@ import numpy as np
 
 from cfem.core.spec import load_spec
 from cfem.equilibrium import actuation
-from cfem.equilibrium.newton import Settings
+from cfem.equilibrium.newton import NewtonSettings
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import solve
 from cfem.mechanics.assembly import symmetric_product
@@ -19,7 +19,7 @@ from cfem.robot.build import build_robot
 from cfem.robot.mesh.grading import scene_mesh
 from cfem.robot.spec import SceneSpec
 
-EXACT = Settings(tolerance=1e-12)
+EXACT = NewtonSettings(tolerance=1e-12)
 
 
 def tangent_error(problem: Problem, base) -> float:

@@ -108,7 +108,7 @@ def _command(command: Any) -> Iterator[str]:
 def spec_page(name: str, schema: dict[str, Any]) -> str:
     """Every key of one spec: type, default, description; its parts below."""
     lines = [f"# {name}.yaml", "", schema.get("description", ""), "", "Generated from the code.", ""]
-    lines += ["## Top level", "", *_table(schema)]
+    lines += ["## Top level", "", *(_kinds(schema) if "oneOf" in schema else _table(schema))]
     for part, definition in sorted(schema.get("definitions", {}).items()):
         lines += ["", f"## {part}", "", definition.get("description", ""), "", *_table(definition)]
     return "\n".join(lines) + "\n"
@@ -126,6 +126,13 @@ def notebook_page(path: Path) -> str:
         printed = "".join("".join(one.get("text", "")) for one in cell["outputs"] if one.get("name") == "stdout")
         lines += ["```text", printed.rstrip(), "```", ""] if printed else []
     return "\n".join([*lines, f"[Download this notebook]({path.name})", ""])
+
+
+def _kinds(schema: dict[str, Any]) -> Iterator[str]:
+    """Of a spec of several kinds: what each is for."""
+    for kind in schema["oneOf"]:
+        part = kind["$ref"].rsplit("/", 1)[1]
+        yield f"- {_type(kind)}: {schema['definitions'][part]['description']}"
 
 
 def _table(schema: dict[str, Any]) -> Iterator[str]:

@@ -3,7 +3,7 @@
 from markdown_table import markdown
 from mechanics_tables import convergence_table, mechanics_table, meshes_table, profile_table
 
-from cfem.core.shown import length
+from cfem.core.console.shown import length
 
 
 def readme_table(f: dict) -> str:

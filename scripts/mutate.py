@@ -1,6 +1,6 @@
 """Changes lines of the core one at a time and counts the changes that no test notices.
 
-python scripts/mutate.py [--count 60] [--seed 0] [--only control/qp.py] [--jobs 2] [--least 0.9]
+python scripts/mutate.py [--count 60] [--seed 0] [--only control/search/qp.py] [--jobs 2] [--least 0.9]
 
 A change flips a comparison, an arithmetic operator, a sign, `and` and `or`, a condition or a number, or leaves a
 statement out. It is made in a copy of the package, the tests beside the changed file run against it, and what they let
@@ -29,16 +29,20 @@ CORE = {
     "mechanics/": ["tests/mechanics"],
     "equilibrium/": ["tests/equilibrium"],
     "plant/": ["tests/plant"],
-    "control/active_set.py": ["tests/control/test_qp.py"],
-    "control/qp.py": ["tests/control/test_qp.py"],
-    "control/qp_program.py": ["tests/control/test_qp.py"],
-    "control/inverse.py": ["tests/control/test_inverse.py"],
-    "control/loop.py": ["tests/control"],
-    "control/tick.py": ["tests/control"],
-    "control/controller.py": ["tests/control"],
-    "core/files.py": ["tests/core/test_files.py"],
-    "robot/soundness.py": ["tests/robot/test_soundness.py"],
-    "calibrate/confidence.py": ["tests/calibrate/test_confidence.py"],
+    "predict/estimation/": ["tests/predict/estimation"],
+    "motion/estimation/": ["tests/motion/estimation"],
+    "control/adaptation/": ["tests/control/adaptation"],
+    "control/moving/observer.py": ["tests/control/moving/test_observer.py"],
+    "control/search/active_set.py": ["tests/control/search"],
+    "control/search/qp.py": ["tests/control/search"],
+    "control/search/qp_program.py": ["tests/control/search"],
+    "control/search/inverse.py": ["tests/control/search"],
+    "control/search/goal_search.py": ["tests/control"],
+    "control/closed_loop/tick.py": ["tests/control"],
+    "control/closed_loop/controller.py": ["tests/control"],
+    "core/artefact/files.py": ["tests/core/artefact/test_files.py"],
+    "robot/checks/soundness.py": ["tests/robot/checks/test_soundness.py"],
+    "identify/fit/uncertainty.py": ["tests/identify/fit/test_uncertainty.py"],
     "surrogate/semidefinite.py": ["tests/surrogate/test_semidefinite.py"],
 }
 EQUIVALENT = ROOT / "scripts/equivalent_changes.toml"

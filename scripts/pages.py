@@ -12,13 +12,13 @@ from pathlib import Path
 
 OUT = Path("build/pages")
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
-GL = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist", "--no-sandbox")
+ARGS = ("--no-sandbox", "--disable-3d-apis")
 POSE = """() => { const { robot, state, goals, moveGoal, step } = cfem, actuators = robot.said.actuators;
   const shares = actuators.map((one, i) => 0.75 * Math.max(0, Math.cos(2 * Math.PI * i / actuators.length)) ** 2);
   robot.set(actuators.map(({ delta }, i) => delta[0] + shares[i] * (delta[1] - delta[0])), false, true);
   for (const one of goals) robot.goal.set(one.tip, one.rows[0]);
   state.shown = true; document.getElementById("panel").hidden = document.getElementById("tools").hidden = true;
-  document.getElementById("hint").hidden = true; document.getElementById("overlay").style.display = "none";
+  document.getElementById("hint").hidden = true; document.querySelector(".overlay").style.display = "none";
   document.getElementById("page").style.gridTemplateColumns = "1fr"; }"""
 STYLE = """
 :root { color-scheme: light dark; --ground: #f6f7f9; --card: #fff; --ink: #1c2430; --soft: #5b6675; --line: #d9dee5; }
@@ -80,7 +80,7 @@ def photographs(pages: list[Path]) -> list[dict[str, bytes]]:
         print("no pictures: they need Playwright and a Chromium", file=sys.stderr)
         return [{} for _ in pages]
     with sync_playwright() as tool:
-        chromium = tool.chromium.launch(executable_path=program, args=GL)
+        chromium = tool.chromium.launch(executable_path=program, args=ARGS)
         found = [{theme: photograph(chromium, page, theme) for theme in ("light", "dark")} for page in pages]
         chromium.close()
     return found

@@ -12,8 +12,8 @@ from html import escape
 from pathlib import Path
 from statistics import mean
 
-from cfem.cases.outcome import shown
-from cfem.core.judgement import sentences
+from cfem.core.artefact.judgement import sentences
+from cfem.identify.cases.text import shown
 from cfem.report.page import Section, Summary, page
 from cfem.report.tables import Table, number
 

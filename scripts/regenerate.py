@@ -21,7 +21,7 @@ import numpy as np
 
 from cfem.condensed import Rows
 from cfem.condensed.packing import upper_indices
-from cfem.core.files import content_sha256, file_sha256
+from cfem.core.artefact.files import content_sha256, file_sha256
 from cfem.dataset.inspect import dataset_files
 from cfem.dataset.reader import CONVERGED, column_array, read_table
 from cfem.dataset.schema import metadata, rows_of
@@ -62,7 +62,7 @@ def make(scene: str, check: bool) -> int:
     """Exit code of the two stages; stale ones are regenerated, unless `check`."""
     mark, now = Path("data") / scene / ".code.json", code()
     known = mark.exists() and json.loads(mark.read_text()) == now
-    for stage, spec in (("mesh", "scene"), ("simulate-sample", "sample")):
+    for stage, spec in (("mesh", "scene"), ("sample", "sample")):
         words = [*CFEM, stage, f"pipelines/{scene}/{spec}.yaml"]
         done = subprocess.run([*words, "--check", "--json"], capture_output=True, text=True)
         fresh = {0: "up to date" if known else "stale: made by another code", 5: "stale: other inputs, or none yet"}

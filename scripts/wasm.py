@@ -1,8 +1,9 @@
-"""The WebAssembly of the page that `cfem export` writes, compiled from src/cfem/export/c and web: `make wasm`.
+"""The WebAssembly of the page that `cfem export` writes, compiled from src/cfem/export/firmware/sources and page/web:
+`make wasm`.
 
-wasm.py writes src/cfem/export/web/cfem.wasm, and beside it cfem.json: the hash of each source, of the module, and with
-what it was compiled. wasm.py --check compiles too, and exits 5 where the module is another one. The compiler is pip's
-wheel of Zig (clang 18, 80 MB), unpacked under build/."""
+wasm.py writes src/cfem/export/page/web/cfem.wasm, and beside it cfem.json: the hash of each source, of the module, and
+with what it was compiled. wasm.py --check compiles too, and exits 5 where the module is another one. The compiler is
+pip's wheel of Zig (clang 18, 80 MB), unpacked under build/."""
 
 import hashlib
 import json
@@ -14,18 +15,23 @@ from pathlib import Path
 COMPILER = "ziglang==0.13.0"
 EXPORT = Path(__file__).parents[1] / "src/cfem/export"
 PLACE = Path(__file__).parents[1] / "build/zig"
-CODE, RECORD = EXPORT / "web/cfem.wasm", EXPORT / "web/cfem.json"
+WEB, FIRMWARE = "page/web", "firmware/sources"
+CODE, RECORD = EXPORT / WEB / "cfem.wasm", EXPORT / WEB / "cfem.json"
+INCLUDES = (WEB, *(f"{FIRMWARE}/{folder}" for folder in ("controller", "motion", "mpc")))
 SOURCES = (
-    "web/cfem_page.c",
-    "web/cfem_page_motion.c",
-    *(f"c/cfem_{name}.c" for name in ("controller", "feedback", "condense", "serial", "spectral", "qp")),
-    *(f"mpc/cfem_{name}.c" for name in ("mpc", "plan", "program", "tick")),
-    *(f"motion/cfem_{name}.c" for name in ("inertia", "series")),
+    f"{WEB}/cfem_page.c",
+    f"{WEB}/cfem_page_motion.c",
+    *(
+        f"{FIRMWARE}/controller/cfem_{name}.c"
+        for name in ("controller", "feedback", "condense", "serial", "spectral", "qp")
+    ),
+    *(f"{FIRMWARE}/mpc/cfem_{name}.c" for name in ("mpc", "plan", "program", "tick")),
+    *(f"{FIRMWARE}/motion/cfem_{name}.c" for name in ("inertia", "series")),
 )
 FLAGS = (
     *("-target", "wasm32-freestanding", "-mcpu=generic+bulk_memory", "-nostdlib", "-std=c99", "-O2"),
     *("-ffp-contract=off", "-fno-stack-protector", "-fno-sanitize=all"),
-    *("-Wall", "-Wextra", "-Wshadow", "-Werror", "-I", "web", "-I", "c", "-I", "motion", "-I", "mpc"),
+    *("-Wall", "-Wextra", "-Wshadow", "-Werror", *(word for folder in INCLUDES for word in ("-I", folder))),
     *("-Wl,--no-entry", "-Wl,--export=__heap_base", "-Wl,-z,stack-size=262144", "-Wl,--strip-all"),
 )
 
@@ -64,8 +70,8 @@ def record(code: bytes) -> dict:
 def hashes() -> dict[str, str]:
     """Of all sources and headers that go into the module."""
     used = [EXPORT / name for name in SOURCES]
-    used += [path for name in ("web", "c", "motion", "mpc") for path in (EXPORT / name).glob("cfem*.h")]
-    used += [EXPORT / "web/math.h", EXPORT / "web/string.h"]
+    used += [path for folder in INCLUDES for path in (EXPORT / folder).glob("cfem*.h")]
+    used += [EXPORT / WEB / "math.h", EXPORT / WEB / "string.h"]
     return {str(path.relative_to(EXPORT)): _sha256(path.read_bytes()) for path in sorted(used)}
 
 

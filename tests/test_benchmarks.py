@@ -37,6 +37,7 @@ LONG = {
     "contact_patches.py": "make soft-finger",
     "contact_random.py": "nothing: it takes minutes",
     "control_process.py": "an exported model",
+    "control_ratio.py": "a model, and a second checkout",
     "designs.py": "make parametric-finger",
     "embedded.py": "make embedded",
     "embedded_qp.py": "make embedded",

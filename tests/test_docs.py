@@ -67,3 +67,21 @@ def test_the_architecture_names_files_that_are_there():
     assert len(named) > 20
     for name in named:
         assert (ROOT / "src" / "cfem" / name).exists(), name
+
+
+def test_files_and_modules_that_the_pages_name_are_there():
+    pages = [*(ROOT / "docs").rglob("*.md"), ROOT / "README.md", ROOT / "CONTRIBUTING.md"]
+    text = "\n".join(path.read_text() for path in pages if path.name != "page.md")  # whose `cfem` is the page's own
+    files = set(re.findall(r"\b(?:tests|benchmarks|scripts)/[\w/]+\.py\b", text))
+    modules = {f"src/cfem{one.replace('.', '/')}" for one in re.findall(r"`cfem((?:\.[a-z_]+){2,})`", text)}
+    assert len(files) > 50 and len(modules) > 20
+    assert [one for one in sorted(files) if not (ROOT / one).exists()] == []
+    assert [one for one in sorted(modules) if not _stands_for_code(ROOT / one)] == []
+
+
+def _stands_for_code(path):
+    """Whether a path is a module, a package, or a name within a module."""
+    is_module = path.with_suffix(".py").exists() or path.is_dir()
+    return is_module or (
+        path.parent.with_suffix(".py").exists() and f" {path.name}" in path.parent.with_suffix(".py").read_text()
+    )

@@ -13,6 +13,7 @@ from cfem.core.kinds import KINDS, model_of
 from cfem.core.spec import load_spec
 
 ROOT = Path(__file__).parents[1]
+FIRMWARE = ROOT / "src/cfem/export/firmware/sources"
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 GROUP = typer.main.get_command(app)
 STAGES = {command: kind for kind, (_, _, command) in KINDS.items()} | {"sample": "sample", "merge": "sample"}
@@ -73,7 +74,11 @@ def test_a_stated_command_exists(command):
 def makefiles() -> str:
     return "\n".join(
         path.read_text()
-        for path in (ROOT / "Makefile", *ROOT.glob("pipelines/*/*.mk"), ROOT / "src/cfem/export/c/Makefile")
+        for path in (
+            ROOT / "Makefile",
+            *ROOT.glob("pipelines/*/*.mk"),
+            ROOT / "src/cfem/export/firmware/sources/controller/Makefile",
+        )
     )
 
 

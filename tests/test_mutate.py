@@ -48,7 +48,7 @@ def test_docstrings_and_type_hints_stay(mutate):
 def test_a_kernel_is_part_of_what_is_compiled_with_it(mutate):
     stems = {one.stem for one in mutate.compiled_with(Path("mechanics/material/tensor.py"))}
     assert {"tensor", "neo_hookean", "ogden"} <= stems and "rod" not in stems
-    assert mutate.compiled_with(Path("control/qp.py")) == set()
+    assert mutate.compiled_with(Path("control/search/qp.py")) == set()
 
 
 def test_changes_that_alter_nothing_are_known_and_gone_ones_named(mutate, monkeypatch, tmp_path, capsys):

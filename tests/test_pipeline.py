@@ -12,15 +12,15 @@ import pytest
 from typer.testing import CliRunner
 
 from cfem.cli.app import app
-from cfem.core.chain import demand_current
+from cfem.core.artefact.chain import demand_current
+from cfem.core.artefact.manifest import read_manifest
 from cfem.core.errors import InputError
-from cfem.core.stage import read_manifest
 from cfem.robot.load import load_scene_and_mesh
 
 ROOT = Path(__file__).parents[1]
 STAGES = {
     "mesh": "scene",
-    "simulate-sample": "sample",
+    "sample": "sample",
     "train": "train",
     "export": "export",
     "control": "control",
@@ -138,7 +138,7 @@ def test_samples_of_another_robot_are_kept_unless_forced(bar, outcomes):
     text = scene.read_text()
     scene.write_text(text.replace("width: 10 mm", "width: 11 mm"))
     try:
-        code, _, said = run(bar, "--until", "simulate-sample")
+        code, _, said = run(bar, "--until", "sample")
         assert code == 6 and "scene.yaml  stale: geometry.width: 10 mm -> 11 mm\n" in said
         assert "sample.yaml  stale: its mesh has changed; scene.geometry.width: 10 mm -> 11 mm\n" in said
         assert "holds results from other inputs" in said
@@ -210,7 +210,7 @@ def test_an_override_of_the_robot_that_only_the_mesh_saw_is_refused(bar, outcome
         assert cfem(bar, "mesh", "--set", "material.young=5 MPa").exit_code == 0
         with pytest.raises(InputError, match=r"young was 5 MPa, the scene has 1 MPa .*--set material.young=5 MPa"):
             load_scene_and_mesh(scene, mesh)
-        said = refused(bar, "simulate-sample", "--out", str(bar / "elsewhere"))
+        said = refused(bar, "sample", "--out", str(bar / "elsewhere"))
         assert "material.young was 5 MPa, the scene has 1 MPa" in said and "edit " in said
         assert cfem(bar, "mesh", "--set", "mesh.size=9 mm").exit_code == 0  # another mesh of the same robot
         assert load_scene_and_mesh(scene, mesh)[0].mesh.size == 8

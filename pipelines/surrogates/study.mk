@@ -38,13 +38,13 @@ surrogates: .venv/all
 
 $(ROBOTS:%=states-%): states-%:
 	$(CFEM) mesh pipelines/$*/scene$(SIZE-$*).yaml
-	$(CFEM) simulate-sample pipelines/$*/sample$(if $(findstring large,$(STATES-$*)),-large).yaml
+	$(CFEM) sample pipelines/$*/sample$(if $(findstring large,$(STATES-$*)),-large).yaml
 
 $(BEYOND:%=data/surrogates/beyond/%): data/surrogates/beyond/%:
 	mkdir -p $@
 	sed 's/reach: {mm: \[0, $(word 1,$(REACH-$*))\]}/reach: {mm: [0, $(word 2,$(REACH-$*))]}/' \
 	  pipelines/$*/scene$(SIZE-$*).yaml > $@/scene.yaml
-	$(CFEM) simulate-sample $(S)/sample.yaml --set scene=../../$@/scene.yaml --set mesh=../../data/$*/mesh$(SIZE-$*) \
+	$(CFEM) sample $(S)/sample.yaml --set scene=../../$@/scene.yaml --set mesh=../../data/$*/mesh$(SIZE-$*) \
 	  --set 'splits={test: {rows: 40, method: random, seed: 7}}' --out $@/samples
 
 $(MODELS): models/surrogates/%:
@@ -54,14 +54,14 @@ $(MODELS): models/surrogates/%:
 
 $(SAMPLING:%=data/surrogates/sampling/%): data/surrogates/sampling/%:
 	$(CFEM) mesh pipelines/soft-finger-tet4/scene.yaml
-	$(CFEM) simulate-sample $(S)/sample.yaml --set splits.train.method=$(*D) --set splits.train.rows=$(*F) --out $@
+	$(CFEM) sample $(S)/sample.yaml --set splits.train.method=$(*D) --set splits.train.rows=$(*F) --out $@
 
 $(SAMPLED): models/surrogates/sampling/%:
 	$(CFEM) train $(S)/train-$(*F).yaml --set dataset=../../data/surrogates/sampling/$(*D) --out $@
 
 $(SIZES:%=data/surrogates/meshes/%): data/surrogates/meshes/%:
 	$(CFEM) mesh pipelines/soft-finger-tet4/scene.yaml --set mesh.size="$* mm" --out $@/mesh
-	$(CFEM) simulate-sample $(S)/sample.yaml --set scene=../soft-finger-tet4/scene.yaml --set mesh=../../$@/mesh \
+	$(CFEM) sample $(S)/sample.yaml --set scene=../soft-finger-tet4/scene.yaml --set mesh=../../$@/mesh \
 	  --out $@/samples
 	$(CFEM) train $(S)/train-spectral.yaml --set dataset=../../$@/samples --set learning_curve=[30] \
 	  --out models/surrogates/meshes/$*

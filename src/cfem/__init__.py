@@ -5,7 +5,7 @@ Units everywhere: mm, N, MPa, s, rad. Every error is a `CfemError`. Names are lo
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-__version__ = "0.1.0"
+from cfem.core.version import VERSION as __version__
 
 if TYPE_CHECKING:  # for editors and type checkers; the table below says the same to Python
     from cfem.api.artefacts import load_model as load_model

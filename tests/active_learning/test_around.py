@@ -7,7 +7,7 @@ import pyarrow.parquet as pq
 import pytest
 
 import cfem
-from cfem.core.stage import read_manifest
+from cfem.core.artefact.manifest import read_manifest
 from cfem.dataset.writer import write_columns
 
 

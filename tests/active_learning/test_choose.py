@@ -6,7 +6,7 @@ from surrogate.synthetic import dataset
 from cfem.active_learning.choose import choose, disagreement
 from cfem.predict.load import build
 from cfem.surrogate.model_card import model_card
-from cfem.surrogate.spectral import fit
+from cfem.surrogate.series.spectral import fit
 
 RNG = np.random.default_rng(0)
 

@@ -8,7 +8,7 @@ from cfem.active_learning.place import effectors, place
 from cfem.predict.energy import FORMS
 from cfem.predict.load import build
 from cfem.surrogate.model_card import model_card
-from cfem.surrogate.spectral import fit
+from cfem.surrogate.series.spectral import fit
 
 
 @pytest.mark.parametrize("form", FORMS)

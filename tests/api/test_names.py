@@ -62,7 +62,9 @@ def test_asking_a_model_loads_neither_torch_nor_gmsh_nor_finite_elements():
     assert not loaded & {"torch", "gmsh", "cfem.mechanics.solid"}
 
 
-@pytest.mark.parametrize("module", ["cfem.sample.shard", "cfem.equilibrium.inner", "cfem.control.adaptation"])
+@pytest.mark.parametrize(
+    "module", ["cfem.sample.shard", "cfem.equilibrium.motion.inner_motions", "cfem.control.adaptation.tracker"]
+)
 def test_a_worker_and_a_tick_do_without_scipy_stats(module):
     """It takes half a second to import, which each worker process of a sampling run would pay."""
     assert "scipy.stats" not in loaded_by(f"import {module}")

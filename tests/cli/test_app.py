@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from cfem.cli.app import app
 from cfem.cli.schemas import schema_of
-from cfem.core.judgement import poor
+from cfem.core.artefact.judgement import poor
 from cfem.core.kinds import KINDS
 from cfem.core.yaml import read_yaml
 from cfem.robot.stage import COMMAND

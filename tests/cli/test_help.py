@@ -8,6 +8,7 @@ from typer.testing import CliRunner
 
 from cfem.cli.app import app
 from cfem.cli.help import GROUPS
+from cfem.core.kinds import KINDS
 
 ROOT = Path(__file__).parents[2]
 COMMANDS = typer.main.get_command(app).commands
@@ -61,3 +62,9 @@ def test_a_stage_says_what_it_reads_and_its_example_is_there(name):
     if example:
         command, path, *_ = example.split()
         assert command == name and (ROOT / path).is_file()
+
+
+@pytest.mark.parametrize("name", [command for _, _, command in KINDS.values()])
+def test_every_command_finds_its_stage(name, tmp_path):
+    done = CliRunner().invoke(app, [name, str(tmp_path / "none.yaml")])
+    assert done.exit_code in (2, 3) and "none.yaml" in done.stderr, done.output

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -47,3 +49,13 @@ def test_goal_shifts_the_free_effector_displacement_and_nothing_else():
     shifted = value.towards(np.array([1.0, -1.0]))
     np.testing.assert_allclose(shifted.delta_free, value.delta_free - [1, -1, 0, 0, 0])
     assert shifted.W is value.W
+
+
+def test_what_is_derived_is_computed_once_and_cannot_be_overwritten():
+    rows = Rows(("e.x",), ("left", "right"))
+    condensed = Condensed(rows, np.diag([1.0, 2.0, 4.0]), np.zeros(3), np.array([1.0, 0.5]))
+    assert condensed.delta is condensed.delta and condensed.effector_jacobian is condensed.effector_jacobian
+    with pytest.raises(ValueError, match="read-only"):
+        condensed.delta_a[0] = 1.0
+    moved = replace(condensed, lam=np.array([2.0, 1.0]))
+    np.testing.assert_allclose(moved.delta_a, 2 * condensed.delta_a)

@@ -7,7 +7,7 @@ import pytest
 
 from cfem.condensed import Rows
 from cfem.condensed.contact_pose import from_energy, onto_patch
-from cfem.condensed.coupling import Coupled, Hold, RigidObject
+from cfem.condensed.coupling import Coupled, Holder, RigidObject
 from cfem.condensed.pose import Patch
 from cfem.core.errors import NumericalError
 
@@ -49,7 +49,7 @@ def two_robots(
     held = RigidObject(centre, turns, np.concatenate([places[0][0] @ np.array(wrench), np.zeros(n - 3)]), oriented)
     origin = POINTS.mean(axis=0)
     holds = [
-        Hold(f"r{i}", Energy(i, cubic, stiff, scale), 2, n, turn, shift, origin)
+        Holder(f"r{i}", Energy(i, cubic, stiff, scale), 2, n, turn, shift, origin)
         for i, (turn, shift) in enumerate(places)
     ]
     return Coupled(holds, held, updates=updates)

@@ -7,7 +7,7 @@ from cfem.condensed.model import under_force
 from cfem.core.errors import NumericalError
 from cfem.predict.load import build
 from cfem.surrogate.model_card import model_card
-from cfem.surrogate.spectral import fit
+from cfem.surrogate.series.spectral import fit
 
 
 @pytest.mark.parametrize("where", [[0.0, 0.0], [3.0, 2.5], [12.0, 11.0], [19.0, 17.0]])

@@ -5,10 +5,10 @@ import pytest
 import yaml
 
 import cfem
-from cfem.control.planners import weights_of
+from cfem.control.open_loop.planners import weights_of
 from cfem.core.errors import SpecError
 from cfem.plant.fem_plant import FemPlant, pushed
-from cfem.predict.load_spec import LoadSpec, loads_of
+from cfem.predict.loads.spec import LoadSpec, loads_of
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh
 

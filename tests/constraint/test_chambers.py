@@ -6,7 +6,7 @@ from support.rods import rod_body
 
 from cfem.constraint.cavity import make_cavity
 from cfem.constraint.chambers import make_rod_chambers
-from cfem.mechanics.rod_element import screw
+from cfem.mechanics.rod.element import screw
 
 CENTRE, HALF = np.array([3.0, -1.5]), 0.4
 STRAIN = np.array([0.08, 0.02, -0.03, 0.01, -0.02, 0.015])  # gamma, kappa (1/mm)

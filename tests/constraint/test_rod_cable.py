@@ -5,8 +5,8 @@ import pytest
 from support.rods import rod_body
 
 from cfem.constraint.rod_cable import make_rod_cable
-from cfem.equilibrium.friction import slipping
-from cfem.mechanics.rod_element import screw
+from cfem.equilibrium.friction.guides import slipping
+from cfem.mechanics.rod.element import screw
 
 
 def strains(body, seed=0, size=0.2):

@@ -7,7 +7,7 @@ import pyarrow.parquet as pq
 import pytest
 
 import cfem
-from cfem.core.replace import replace_folder
+from cfem.core.artefact.replace import replace_folder
 from cfem.plant.imperfect_plant import ImperfectPlant
 
 SPEC = """

@@ -10,8 +10,8 @@ import cfem
 from cfem.constraint.patch import PatchLoad
 from cfem.core.errors import InputError, SpecError
 from cfem.predict.load import load_model
-from cfem.predict.load_spec import LoadSpec, loads_of
-from cfem.predict.loaded import loaded
+from cfem.predict.loads.loaded import loaded
+from cfem.predict.loads.spec import LoadSpec, loads_of
 
 LOADS = {"tip": {"force": {"N": [0.0, 0.02, -0.01]}}}
 PAYLOAD = {"tip": {"mass": "2 g", "gravity": {"m/s^2": [0.0, 9.81, 0.0]}}}

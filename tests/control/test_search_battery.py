@@ -9,11 +9,11 @@ from scipy.optimize import differential_evolution, minimize
 from support.analytic_robot import ARMS, AnalyticRobot
 
 from cfem.condensed.strokes import ridge_of
-from cfem.control.inverse import Limits
-from cfem.control.loop import Settings
-from cfem.control.multistart import RESTARTS
-from cfem.control.optimality import Verdict
-from cfem.control.tick import Belief, Pilot, drive
+from cfem.control.closed_loop.tick import Belief, Pilot, drive
+from cfem.control.search.goal_search import Settings
+from cfem.control.search.inverse import Limits
+from cfem.control.search.multistart import RESTARTS
+from cfem.control.search.optimality import Verdict
 
 REACHED = 1e-3  # of the length, as control.yaml has it for a robot of 100 mm
 MIXED = (20.0, 3000.0, 0.5, 7.0)  # strokes of a cable in mm, a chamber in mm^3, ...

@@ -2,16 +2,92 @@ from pathlib import Path
 
 import pytest
 
+from cfem.control.closed_loop.run_spec import ClosedLoopSpec
+from cfem.control.crawling.run_spec import CrawlingSpec
+from cfem.control.holding.spec import HoldingSpec
+from cfem.control.obstacles.spec import ObstaclesSpec
+from cfem.control.open_loop.spec import OpenLoopSpec
 from cfem.control.spec import ControlSpec
 from cfem.core.errors import SpecError
-from cfem.core.spec import load_spec
+from cfem.core.spec import json_schema, load_spec
 
 PIPELINES = Path(__file__).parents[2] / "pipelines"
+KINDS = {
+    "bar/control": OpenLoopSpec,
+    "soft-finger/control-patch-load": OpenLoopSpec,
+    "stiff-flop/control-closed-loop": ClosedLoopSpec,
+    "soft-finger/control-live": ClosedLoopSpec,
+    "pincer/control": ObstaclesSpec,
+    "soft-gripper/control-place": HoldingSpec,
+    "crawler/control": CrawlingSpec,
+}
+WALL = "obstacles={wall: {kind: plane, point: {mm: [0, 0, 9]}, normal: [0, 0, -1]}}"
+OBJECT = "object={centre: {mm: [0, 0, 0]}, half_size: {mm: [1, 1, 1]}}"
 
 
-@pytest.mark.parametrize("scene", ["bar", "soft-finger", "diamond", "trunk"])
-def test_pipelines_are_valid(scene):
-    assert load_spec(PIPELINES / scene / "control.yaml", ControlSpec).trajectories
+def test_all_pipelines_are_valid():
+    paths = sorted(PIPELINES.glob("*/control*.yaml"))
+    assert len(paths) > 30
+    for path in paths:
+        load_spec(path, ControlSpec)
+
+
+@pytest.mark.parametrize("name, kind", KINDS.items())
+def test_a_key_tells_the_kind_of_run(name, kind):
+    assert type(load_spec(PIPELINES / f"{name}.yaml", ControlSpec)) is kind
+
+
+def test_a_mark_that_is_empty_makes_no_other_run():
+    spec = load_spec(PIPELINES / "bar" / "control.yaml", ControlSpec, ["loop=null", "obstacles={}", "object=null"])
+    assert type(spec) is OpenLoopSpec
+    assert type(load_spec(PIPELINES / "pincer" / "control.yaml", ControlSpec, ["gait=null"])) is ObstaclesSpec
+
+
+def test_the_schema_says_what_goes_with_what():
+    schema = json_schema(ControlSpec)
+    kinds = [one["$ref"].rpartition("/")[2] for one in schema["oneOf"]]
+    assert {*kinds} == {kind.__name__ for kind in KINDS.values()}
+    keys = {name: set(schema["definitions"][name]["properties"]) for name in kinds}
+    having = {
+        key: {name for name in kinds if key in keys[name]} for key in ("loop", "design", "robots", "trajectories")
+    }
+    assert having["loop"] == {"ClosedLoopSpec"} and having["design"] == {"OpenLoopSpec", "ClosedLoopSpec"}
+    assert having["robots"] == {"HoldingSpec", "CrawlingSpec"} and having["trajectories"] == {*kinds} - {"CrawlingSpec"}
+    assert all(schema["definitions"][name]["additionalProperties"] is False for name in kinds)
+    assert "gait" in schema["definitions"]["CrawlingSpec"]["required"]
+
+
+@pytest.mark.parametrize(
+    "name, override, words",
+    [
+        ("bar/control", "updates=3", r"'updates' does not go with goals of a free robot$"),
+        ("bar/control", "robots=[{name: left}]", r"'robots' does not go with goals of a free robot$"),
+        ("stiff-flop/control-closed-loop", "pictures=3", r"'pictures' does not go with a loop$"),
+        ("stiff-flop/control-closed-loop", WALL, r"'loop' does not go with an obstacle"),
+        ("stiff-flop/control-closed-loop", OBJECT, r"'loop' does not go with an object"),
+        ("pincer/control", "design={E: 1}", r"'design' does not go with an obstacle$"),
+        ("pincer/control", "runtime=onnx", r"runtime: expected 'arrays', got 'onnx'$"),
+        ("pincer/control", "plant=pipe", r"plant: expected 'fem' or 'model', got 'pipe'$"),
+        ("pincer/control", "fe_based=true", r"obstacles need fe_based: false$"),
+        ("soft-gripper/control-place", "loads={tip: {force: {N: [0, 0, 1]}}}", r"'loads' does not go with an object$"),
+        ("soft-gripper/control-place", "plant=model", r"plant: expected 'fem', got 'model'$"),
+        ("soft-gripper/control-place", "trajectories.a={kind: image, goals: 3}", r"an object needs goals other than"),
+        ("crawler/control", "models.second=here", r"models: a gait takes one model, got 2$"),
+        ("crawler/control", "trajectories={a: {kind: image}}", r"'trajectories' does not go with a gait$"),
+        ("crawler/control", "gait.mirrored=[nobody]", r"gait.mirrored: \['nobody'\] are not among the robots$"),
+        ("bar/control", "reeched=1 mm", r"unknown key 'reeched', did you mean 'reached'\?$"),
+    ],
+)  # fmt: skip
+def test_keys_that_do_not_go_together_get_one_sentence(name, override, words):
+    with pytest.raises(SpecError, match=words):
+        load_spec(PIPELINES / f"{name}.yaml", ControlSpec, [override])
+
+
+def test_a_run_without_goals_says_what_is_missing(tmp_path):
+    path = tmp_path / "control.yaml"
+    path.write_text("scene: s.yaml\nmesh: mesh\nmodels: {a: b}\nout: out\n")
+    with pytest.raises(SpecError, match="missing key 'trajectories'"):
+        load_spec(path, ControlSpec)
 
 
 @pytest.mark.parametrize(
@@ -41,7 +117,7 @@ def test_an_orientation_is_controlled_where_a_goal_states_it_or_a_weight_asks_fo
         ("trajectories.swing.radii=[0.1, 0.1]", "one number for all actuators, or one per actuator"),
         ("trajectories.swing.kind=ark", "arc"),
         ("search.step=5", "such as '1 mm'; got the bare number 5 .of a chamber: in mm.3"),
-        ("plant=model", "fe_based: needs plant: fem"),
+        ("plant=model", "an image trajectory needs plant: fem"),
         ("search.itterations=3", "iterations"),
         ("search.weights=[0, 0, 0]", "weights are all 0, so that nothing would be controlled"),
     ],
@@ -49,3 +125,9 @@ def test_an_orientation_is_controlled_where_a_goal_states_it_or_a_weight_asks_fo
 def test_mistakes_are_named(override, words):
     with pytest.raises(SpecError, match=words):
         load_spec(PIPELINES / "bar" / "control.yaml", ControlSpec, [override])
+
+
+def test_a_model_for_plant_has_no_fe_based_control():
+    goals = "trajectories={a: {kind: goals, points: {mm: [[55, 0, 5]]}}}"
+    with pytest.raises(SpecError, match="fe_based: needs plant: fem; set it to false with plant: model"):
+        load_spec(PIPELINES / "bar" / "control.yaml", ControlSpec, [goals, "plant=model"])

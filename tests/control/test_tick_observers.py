@@ -6,9 +6,9 @@ from support import arc_robot
 from support.arc_robot import REACH, REST_E, ArcRobot, tip
 
 from cfem.condensed.strokes import ridge_of
-from cfem.control.closed_loop import Pace, run_loop
-from cfem.control.inverse import Limits
-from cfem.control.tick import Belief, Pilot, drive
+from cfem.control.closed_loop.run import Pace, run_loop
+from cfem.control.closed_loop.tick import Belief, Pilot, drive
+from cfem.control.search.inverse import Limits
 from cfem.core.errors import InputError, NumericalError
 from cfem.plant.model_plant import ModelPlant
 from cfem.plant.protocol import Measurement

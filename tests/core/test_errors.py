@@ -2,7 +2,7 @@
 
 import pytest
 
-from cfem.core.changes import LONGEST, in_words
+from cfem.core.artefact.changes import LONGEST, in_words
 from cfem.core.errors import InputError
 
 

@@ -112,8 +112,9 @@ def said(done):
 
 
 def test_the_base_alone_asks_models_and_steps_controllers(tmp_path):
-    modules = ["predict.load", "control.inverse", "control.tick", "control.qp", "plant.pipe_plant", "cli.app"]
-    code = "\n".join(f"import cfem.{name}" for name in [*modules, "export.c_export", "cli.inspect", "cli.verify"])
+    modules = ["predict.load", "control.search.inverse", "control.closed_loop.tick", "control.search.qp"]
+    modules += ["plant.device.pipe_plant", "cli.app", "export.firmware.folder", "cli.inspect", "cli.verify"]
+    code = "\n".join(f"import cfem.{name}" for name in modules)
     assert python_without(set(EXTRAS), code, tmp_path).stderr == ""
 
 

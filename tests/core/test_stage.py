@@ -7,12 +7,14 @@ import sys
 import numpy as np
 import pytest
 
+from cfem.core.artefact.content import artefact_file
+from cfem.core.artefact.files import content_sha256, file_sha256, locked, write_whole
+from cfem.core.artefact.manifest import harm, read_manifest
+from cfem.core.artefact.stage_run import Stage
+from cfem.core.artefact.unfinished import partial_folder
 from cfem.core.errors import GateError, InputError, OutputError, SpecError
-from cfem.core.files import content_sha256, file_sha256, locked, write_whole
-from cfem.core.manifest import harm
 from cfem.core.spec import Spec
-from cfem.core.stage import Options, Stage, artefact_file, read_manifest, run_stage
-from cfem.core.unfinished import partial_folder
+from cfem.core.stage import Options, run_stage
 
 
 class Numbers(Spec):
@@ -109,7 +111,7 @@ def test_what_cfem_did_not_make_is_not_touched(tmp_path):
 
 def test_two_writers_exclude_each_other_and_a_dead_one_does_not_block(tmp_path):
     code = (
-        "import sys, pathlib, cfem.core.files as f\n"
+        "import sys, pathlib, cfem.core.artefact.files as f\n"
         "with f.locked(pathlib.Path(sys.argv[1])): print('in', flush=True); sys.stdin.read()"
     )
     other = subprocess.Popen(
@@ -137,7 +139,7 @@ def test_a_file_changed_by_hand_is_made_again_and_kept(tmp_path):
 def test_a_file_that_has_only_another_time_is_as_it_was_and_one_of_the_same_time_is_not_read(tmp_path, monkeypatch):
     run_stage(stage(tmp_path), write("1"), Options())
     result, read = tmp_path / "out" / "result.txt", []
-    monkeypatch.setattr("cfem.core.manifest.file_sha256", lambda path: read.append(path) or file_sha256(path))
+    monkeypatch.setattr("cfem.core.artefact.manifest.file_sha256", lambda path: read.append(path) or file_sha256(path))
     assert run_stage(stage(tmp_path), refuse, Options())["status"] == "up to date" and not read
     os.utime(result, (1, 1))
     assert run_stage(stage(tmp_path), refuse, Options())["status"] == "up to date" and read == [result]

@@ -9,7 +9,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from cfem.core.errors import InputError
-from cfem.core.text_table import read_rows, titled
+from cfem.core.text_table import read_rows, title_parts, titled, write_rows
 
 MANY = settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 NUMBERS = st.lists(
@@ -106,3 +106,26 @@ def test_a_row_of_gaps_is_a_row_and_an_empty_line_is_none(tmp_path):
 def test_cells_of_text_keep_their_commas_and_gaps_are_nan(tmp_path):
     found = table(tmp_path, 'name,b\n"tip, left",\n1.2.3,NaN\n')
     assert found.texts("name") == ["tip, left", "1.2.3"] and np.isnan(found.numbers([1])).all()
+
+
+def test_written_rows_are_read_again_to_four_decimals_and_gaps_stay_gaps(tmp_path):
+    path = tmp_path / "made.csv"
+    write_rows(path, ["case", "x"], [["a, or b", 1.23456], ["c", np.nan]])
+    made = titled(path, read_rows(path))
+    assert made.titles == ("case", "x") and made.texts("case") == ["a, or b", "c"]
+    np.testing.assert_array_equal(made.numbers([1]), [[1.2346], [np.nan]])
+
+
+@pytest.mark.parametrize(
+    ("title", "parts"),
+    [
+        ("tip.x [mm]", ("tip.x", "mm")),
+        (" engineering stress (MPa) ", ("engineering stress", "MPa")),
+        ("strain", ("strain", "")),
+        ("strain []", ("strain", "")),
+        ("a [mm] b", ("a [mm] b", "")),
+        ("a\nb [mm]", ("a\nb", "mm")),
+    ],
+)
+def test_a_title_has_a_name_and_may_have_a_unit(title, parts):
+    assert title_parts(title) == parts

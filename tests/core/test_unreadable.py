@@ -7,12 +7,12 @@ import os
 
 import pytest
 
-from cfem.core import files
+from cfem.core.artefact import files
+from cfem.core.artefact.files import disk_errors, file_sha256, locked, read_json, write_json, write_whole
+from cfem.core.artefact.manifest import MANIFEST, read_manifest, write_manifest
+from cfem.core.artefact.replace import replace_folder
+from cfem.core.artefact.verify import judge, verify
 from cfem.core.errors import DiskError, InputError
-from cfem.core.files import disk_errors, file_sha256, locked, read_json, write_json, write_whole
-from cfem.core.manifest import MANIFEST, read_manifest, write_manifest
-from cfem.core.replace import replace_folder
-from cfem.core.verify import judge, verify
 
 
 def test_what_is_no_file_has_no_hash(tmp_path):
@@ -75,7 +75,7 @@ def test_what_is_no_manifest_is_said(tmp_path, data, why):
 
 
 def test_a_manifest_of_a_newer_format_is_not_guessed_at(tmp_path, monkeypatch):
-    monkeypatch.setattr("cfem.core.manifest.FORMAT", 2)
+    monkeypatch.setattr("cfem.core.artefact.manifest.FORMAT", 2)
     write_manifest(tmp_path, {"content": "x", "files": {}})
     monkeypatch.undo()
     with pytest.raises(InputError, match="has manifest format 2; this cfem reads 1"):

@@ -5,8 +5,9 @@ import pytest
 from dataset.test_reader import META, ROWS, record, write_rows
 from pyarrow.fs import FSSpecHandler, PyFileSystem, copy_files
 
-from cfem.core.stage import Options, Stage, run_stage
-from cfem.core.verify import judge
+from cfem.core.artefact.stage_run import Stage
+from cfem.core.artefact.verify import judge
+from cfem.core.stage import Options, run_stage
 from cfem.dataset.reader import read_dataset
 from cfem.dataset.schema import schema
 from cfem.sample.spec import SampleSpec
@@ -26,7 +27,7 @@ def test_a_dataset_is_read_where_it_lies_and_copied_back_whole(memory, tmp_path)
         return {}
 
     out = tmp_path / "out"
-    run_stage(Stage("simulate-sample", 1, SPEC, {}, out, ("scene", "mesh", "out")), work, Options(quiet=True))
+    run_stage(Stage("sample", 1, SPEC, {}, out, ("scene", "mesh", "out")), work, Options(quiet=True))
     copy_files(str(out), "/bucket/samples", destination_filesystem=memory)
     with memory.open_input_file("/bucket/samples/train.parquet") as file:
         there = read_dataset(file)

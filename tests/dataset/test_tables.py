@@ -73,3 +73,9 @@ def test_a_parquet_column_holds_finite_numbers(tmp_path, values):
     pq.write_table(pa.table({"tip.x [mm]": values}), tmp_path / "t.parquet")
     with pytest.raises(InputError, match=r"t.parquet: row 1: 'tip.x': .* is not a finite number"):
         read_table(tmp_path / "t.parquet", UNITS)
+
+
+def test_columns_are_stacked_in_the_order_that_is_asked_for_and_absent_ones_are_gaps(tmp_path):
+    (tmp_path / "t.csv").write_text("tip.x [m],cable.force [N]\n0.001,2\n,3\n")
+    stacked = read_table(tmp_path / "t.csv", UNITS).stack(["cable.force", "chamber.force", "tip.x"])
+    np.testing.assert_allclose(stacked, [[2.0, np.nan, 1.0], [3.0, np.nan, np.nan]])

@@ -5,7 +5,7 @@ from parametric.synthetic import LENGTH, POISSON, ROWS, YOUNG, Arc
 
 from cfem.condensed.parameters import Parameter
 from cfem.design.objectives import Dexterity, Strength, position_rows
-from cfem.design.problem import Problem
+from cfem.design.problem import DesignProblem
 from cfem.parametric.differences import Stencil
 from cfem.parametric.states import States
 
@@ -13,10 +13,10 @@ TIP = position_rows(ROWS, "tip", "here")
 REFERENCE = np.array([40.0, 0.45, 3.0])
 
 
-def finger(constraints=None, free=(0, 1), **more) -> Problem:
+def finger(constraints=None, free=(0, 1), **more) -> DesignProblem:
     """Bent by 10 mm of cable."""
     objectives = {"dexterity": Dexterity(TIP, 2, np.pi / 2, None), "strength": Strength(TIP, 1, 91.0, None)} | more
-    return Problem(Arc(), "displacement", np.array([10.0]), list(free), REFERENCE, objectives, constraints or {})
+    return DesignProblem(Arc(), "displacement", np.array([10.0]), list(free), REFERENCE, objectives, constraints or {})
 
 
 class Plain:
@@ -31,13 +31,13 @@ class Plain:
         return States(ROWS, np.asarray(p, float), W, np.zeros((m, 4)), np.zeros((m, 1)), np.zeros((m, 3)))
 
 
-def plain(constraints=None, **objectives) -> Problem:
+def plain(constraints=None, **objectives) -> DesignProblem:
     """objectives, constraints: functions of p (m, 2)."""
     wrapped = [
         {name: (lambda states, one=one: one(states.p)) for name, one in group.items()}
         for group in (objectives, constraints or {})
     ]
-    return Problem(Plain(), "displacement", np.zeros(1), [0, 1], np.array([0.5, 0.5]), *wrapped)
+    return DesignProblem(Plain(), "displacement", np.zeros(1), [0, 1], np.array([0.5, 0.5]), *wrapped)
 
 
 __all__ = ["LENGTH", "POISSON", "YOUNG", "finger", "plain"]

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from design.problems import plain
 
-from cfem.design.front import best_of_each, pareto_front
+from cfem.design.optimisers.front import best_of_each, pareto_front
+from cfem.design.optimisers.search import evaluate_grid
 from cfem.design.page import STEPS, front_page, moving, write_page
-from cfem.design.search import evaluate_grid
 
 
 class Robot:

@@ -11,7 +11,7 @@ from design.bars import QUIET, learn
 from cfem.core.errors import SpecError
 from cfem.design.answer import contradictions, parameters
 from cfem.design.stage import run
-from cfem.robot.cad import File, Surface
+from cfem.robot.cad import File, SurfaceSolid
 from cfem.robot.mesh.meshing import measure
 from cfem.robot.stage import run as make_mesh
 from cfem.surrogate.stage import run as train
@@ -200,7 +200,7 @@ def test_best_designs_come_as_cad_files_and_with_their_controllers(folder):
     entry = made["results"]["designs"]["dexterity"]
     volume, _ = measure(File(str(folder / "with-cad" / "dexterity.step")))
     assert volume == pytest.approx(entry["p"]["height"] * entry["p"]["length"] * 10, rel=1e-9)
-    assert measure(Surface(str(folder / "with-cad" / "dexterity.stl")))[0] == pytest.approx(volume, rel=1e-6)
+    assert measure(SurfaceSolid(str(folder / "with-cad" / "dexterity.stl")))[0] == pytest.approx(volume, rel=1e-6)
     for name, one in made["results"]["controllers"].items():
         assert (folder / "with-cad" / f"{name}-controller" / "cfem_controller.c").exists()
         assert one["parity"] is None or one["parity"] < 1e-12

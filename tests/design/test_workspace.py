@@ -5,14 +5,14 @@ import pytest
 from design.problems import finger, plain
 
 from cfem.condensed import Rows
-from cfem.design.problem import Problem
+from cfem.design.problem import DesignProblem
 from cfem.design.workspace import (
     Force,
     Manipulability,
     OfBody,
-    Reach,
     Robust,
     Stiffness,
+    WorkspaceMeasure,
     actuation_grid,
     normal_offsets,
     simplices,
@@ -38,13 +38,13 @@ def test_reach_of_an_affine_robot_is_that_of_its_box(n, expected):
     turn = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
     x = (at * [2.0, 3.0, 4.0][:n]) @ turn[:n]
     both = moved(np.concatenate([x, 2 * x]), n)
-    np.testing.assert_allclose(Reach(E, at, 4)(both), [-expected, -(2**n) * expected], rtol=1e-12)
+    np.testing.assert_allclose(WorkspaceMeasure(E, at, 4)(both), [-expected, -(2**n) * expected], rtol=1e-12)
 
 
 def test_reach_of_a_curve_comes_to_its_length():
     at = actuation_grid(np.array([[0.0, np.pi]]), 200)
     x = np.hstack([np.cos(at), np.sin(at), 0 * at])
-    assert Reach(E, at, 200)(moved(x, 1))[0] == pytest.approx(-np.pi, rel=1e-4)
+    assert WorkspaceMeasure(E, at, 200)(moved(x, 1))[0] == pytest.approx(-np.pi, rel=1e-4)
 
 
 def test_simplices_fill_their_cells():
@@ -93,7 +93,7 @@ def test_an_objective_over_actuations_has_states_of_its_own_for_each_design():
 
     at = np.array([[1.0], [2.0], [3.0]])
     asked = Stiffness(E, np.array([1.0, 0, 0]), at)
-    problem = Problem(Arm(), "displacement", np.zeros(1), [0, 1], np.array([0.5, 0.5]), {"stiff": asked})
+    problem = DesignProblem(Arm(), "displacement", np.zeros(1), [0, 1], np.array([0.5, 0.5]), {"stiff": asked})
     found = problem(np.array([[0.2, 0.3], [0.4, 0.5]]))
     assert found.objectives.shape == (2, 1) and problem.evaluations == 2
     kind, u, p = seen[-1]
@@ -111,7 +111,7 @@ def test_robust_statistics_are_those_of_a_normal_scatter():
         return states.p[:, 0]
 
     found = {
-        share: Problem(
+        share: DesignProblem(
             plain().family,
             "displacement",
             np.zeros(1),
@@ -135,7 +135,7 @@ def test_a_robust_number_may_be_one_over_actuations():
         None,
         np.array([0.1, 0.1]),
     )
-    problem = Problem(plain().family, "displacement", np.zeros(1), [0, 1], np.array([0.5, 0.5]), {"it": robust})
+    problem = DesignProblem(plain().family, "displacement", np.zeros(1), [0, 1], np.array([0.5, 0.5]), {"it": robust})
     assert problem(np.array([[0.5, 0.5]])).objectives == pytest.approx(-1.0)
 
 

@@ -11,20 +11,20 @@ from support.released import released
 from cfem.dynamics.modes import natural_modes
 from cfem.dynamics.problem import MovingProblem
 from cfem.dynamics.scheme import Scheme
-from cfem.dynamics.simulate import Pace, simulate
+from cfem.dynamics.simulate import StepControl, simulate
 from cfem.dynamics.start import at_rest
 from cfem.equilibrium.actuation import displacement, force
-from cfem.equilibrium.newton import Settings
+from cfem.equilibrium.newton import NewtonSettings
 from cfem.equilibrium.solve import rest_state, solve
 from cfem.mechanics.load import gravity
 from cfem.mechanics.viscosity import Viscosity
 
-EXACT = Settings(tolerance=1e-9, max_iterations=30)
+EXACT = NewtonSettings(tolerance=1e-9, max_iterations=30)
 
 
 def even(dt):
     """Steps of one length."""
-    return Pace(first=dt, tolerance=None, newton=EXACT)
+    return StepControl(first=dt, tolerance=None, newton=EXACT)
 
 
 def free(actuators):
@@ -146,7 +146,7 @@ def test_steps_adapt_to_what_they_leave_out():
 
     start = at_rest(problem, rest_state(problem))
     runs = [
-        simulate(problem, start, command, 0.06, kinks=[0.02], pace=Pace(1e-3, tolerance=tolerance))
+        simulate(problem, start, command, 0.06, kinks=[0.02], pace=StepControl(1e-3, tolerance=tolerance))
         for tolerance in (0.1, 1e-2, 1e-3)
     ]
     assert all(run.why is None for run in runs)
@@ -159,7 +159,9 @@ def test_steps_adapt_to_what_they_leave_out():
 def test_one_factorisation_serves_many_steps():
     problem = moving_rod(6)
     start = at_rest(problem, rest_state(problem))
-    run = simulate(problem, start, lambda t: force([0.01 * np.sin(20 * t) ** 2]), 0.1, pace=Pace(1e-3, tolerance=None))
+    run = simulate(
+        problem, start, lambda t: force([0.01 * np.sin(20 * t) ** 2]), 0.1, pace=StepControl(1e-3, tolerance=None)
+    )
     assert len(run.samples) == 101
     assert run.cost.factorizations <= 10
 
@@ -167,7 +169,7 @@ def test_one_factorisation_serves_many_steps():
 def test_a_step_that_fails_shrinks_and_says_why():
     problem = moving_bar(element="tet4", divisions=(4, 1, 1), cables=1)
     start = at_rest(problem, rest_state(problem))
-    run = simulate(problem, start, lambda t: displacement([30.0 * t / 0.01]), 1.0, pace=Pace(0.5, shortest=1e-3))
+    run = simulate(problem, start, lambda t: displacement([30.0 * t / 0.01]), 1.0, pace=StepControl(0.5, shortest=1e-3))
     assert run.refused and "Newton" in run.refused[0].why
     assert run.why is not None and "fell below 0.001 s" in run.why
     assert all(np.isfinite(each.delta_e).all() for each in run.samples)
@@ -181,7 +183,7 @@ def test_a_cable_that_would_push_goes_slack():
         return displacement([4.0 * max(0.0, 1 - max(t - 0.05, 0) / 0.002) * min(t / 0.05, 1.0)])
 
     start = at_rest(problem, rest_state(problem))
-    run = simulate(problem, start, command, 0.12, kinks=[0.05, 0.052], pace=Pace(1e-3, tolerance=2e-2))
+    run = simulate(problem, start, command, 0.12, kinks=[0.05, 0.052], pace=StepControl(1e-3, tolerance=2e-2))
     assert run.why is None
     slack, lam, delta = run.of("slack")[:, 0], run.of("lam")[:, 0], run.of("delta")[:, 0]
     assert slack.any() and not slack.all()

@@ -9,7 +9,7 @@ from support.trunks import trunk
 
 from cfem.core.spec import load_spec
 from cfem.equilibrium.actuation import Actuation, displacement, force, pulling_only
-from cfem.equilibrium.newton import Settings
+from cfem.equilibrium.newton import NewtonSettings
 from cfem.equilibrium.predictor import knot, predict
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import solve
@@ -18,7 +18,7 @@ from cfem.robot.mesh.grading import scene_mesh
 from cfem.robot.spec import SceneSpec
 
 PIPELINES = Path(__file__).parents[2] / "pipelines"
-TIGHT = Settings(tolerance=1e-11)
+TIGHT = NewtonSettings(tolerance=1e-11)
 FEWEST = 6  # factorisations of a state, on average
 
 

@@ -9,7 +9,7 @@ from support.blocks import bar
 
 from cfem.equilibrium.actuation import displacement, force
 from cfem.equilibrium.criticality import softest_mode
-from cfem.equilibrium.evaluation import Cost
+from cfem.equilibrium.evaluation import SolveCost
 from cfem.equilibrium.newton import NewtonResult
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solution import Status
@@ -22,7 +22,7 @@ from cfem.stability.families.buckling import arch
 def test_the_softest_mode_is_that_of_the_motions_left_free(actuation):
     problem = Problem(bar(element="hex8", divisions=(6, 1, 1)))
     at, none = problem.evaluate(problem.rest, np.empty(0), 0.0), np.zeros(2)
-    tangent = problem.factor(at, none, Cost())
+    tangent = problem.factor(at, none, SolveCost())
     A = np.linalg.inv(tangent.factor.solve(np.eye(problem.pattern.n_dof)))
     held = at.H @ actuation.C.T
     free = null_space(held.T) if held.shape[1] else np.eye(len(A))

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from support.blocks import bar
 
 from cfem.equilibrium import actuation
-from cfem.equilibrium.newton import Settings
+from cfem.equilibrium.newton import NewtonSettings
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import solve
 
@@ -30,7 +30,7 @@ def test_a_turned_and_shifted_robot_is_the_same_robot(options):
         solve(
             Problem(bar(divisions=(5, 2, 2), **options, **frame)),
             actuation.displacement([3.0, 2.0]),
-            settings=Settings(tolerance=1e-12),
+            settings=NewtonSettings(tolerance=1e-12),
         )
         for frame in ({}, {"turn": TURN, "shift": SHIFT})
     )

@@ -7,14 +7,14 @@ import pytest
 from support.blocks import bar
 
 from cfem.equilibrium import actuation
-from cfem.equilibrium.newton import Settings
+from cfem.equilibrium.newton import NewtonSettings
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import solve
 from cfem.mechanics.body import make_body
 from cfem.mechanics.material import LAWS
 from cfem.mechanics.material.law import Material
 
-EXACT = Settings(tolerance=1e-12)
+EXACT = NewtonSettings(tolerance=1e-12)
 
 
 ROBOTS = {

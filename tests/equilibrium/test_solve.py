@@ -13,8 +13,8 @@ from cfem.constraint.cable import make_cable
 from cfem.constraint.contact import make_contact
 from cfem.constraint.effector import make_effector
 from cfem.equilibrium import actuation
-from cfem.equilibrium.evaluation import Cost
-from cfem.equilibrium.newton import Settings, judged, newton
+from cfem.equilibrium.evaluation import SolveCost
+from cfem.equilibrium.newton import NewtonSettings, judged, newton
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.robot import Robot
 from cfem.equilibrium.solution import State, Status
@@ -177,7 +177,7 @@ def cantilever_tip(divisions: int, load: float) -> np.ndarray:
         length=length,
     )
     force = load * young * side**4 / 12 / length**2
-    state = solve(Problem(robot), actuation.force([force]), settings=Settings(tolerance=1e-8))
+    state = solve(Problem(robot), actuation.force([force]), settings=NewtonSettings(tolerance=1e-8))
     assert state.converged, state.status.value
     return (state.delta_e[:2] + np.array([length, 0.0])) / length
 
@@ -241,10 +241,10 @@ def test_a_column_that_is_held_sideways_is_stable_beyond_its_buckling_load():
     robot, euler = column(8)
     problem = Problem(robot)
     guided = actuation.Actuation(np.eye(4)[2:], np.zeros(2), np.array([1.4 * euler, 0.0, 0.0, 0.0]))
-    found = newton(problem, rest_state(problem), guided, Settings(), Cost())
+    found = newton(problem, rest_state(problem), guided, NewtonSettings(), SolveCost())
     assert found.status is Status.CONVERGED
-    assert problem.factor(found.at, found.lam, Cost()).factor.negative == 2
-    assert judged(problem, found, guided, Cost()).beyond == 0
+    assert problem.factor(found.at, found.lam, SolveCost()).factor.negative == 2
+    assert judged(problem, found, guided, SolveCost()).beyond == 0
     solved = solve(problem, guided)
     assert solved.converged and solved.path == 1.0
 
@@ -258,3 +258,4 @@ def test_a_column_beyond_its_buckling_load_is_never_called_stable_while_straight
     assert below.converged and np.abs(below.delta_e[1:]).max() < 1.0
     bent = np.abs(above.delta_e[1:]).max() > 5.0
     assert above.status in (Status.UNSTABLE, Status.BIFURCATION) or (above.converged and bent)
+    assert solve(problem, actuation.force([1.2 * euler]), condense=False).status is above.status

@@ -7,15 +7,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from predict.rows import WRENCH, chain
+from support.serial_rows import WRENCH, chain
 from surrogate.synthetic import dataset
 
-from cfem.export.c_export import write_c
-from cfem.export.compiled import compiler
+from cfem.export.compiled.controller import compiler
+from cfem.export.firmware.folder import write_c
 from cfem.export.spec import CSpec
-from cfem.predict.serial import joined
+from cfem.predict.rows.serial import joined
 from cfem.surrogate.model_card import model_card
-from cfem.surrogate.spectral import Series, fit, series
+from cfem.surrogate.series.spectral import Series, fit, series
 
 needs_compiler = pytest.mark.skipif(compiler() is None, reason="there is no C compiler on the PATH")
 

@@ -8,14 +8,14 @@ from export.embedded import export, spectral
 from export.pages import skin_of
 
 from cfem.condensed.model import under_force
-from cfem.control.moving.horizon import Bounds, Cost, HalfSpace
+from cfem.control.moving.horizon import Bounds, HalfSpace, HorizonCost
 from cfem.control.moving.mpc import Mpc, Plan
 from cfem.control.moving.observer import Doubt
-from cfem.export.c_motion import write_c_motion
-from cfem.export.c_mpc import mpc_constants, write_c_mpc
-from cfem.export.compiled_mpc import CompiledMpc
-from cfem.export.embedding import Embedding
-from cfem.export.page import page
+from cfem.export.compiled.mpc import CompiledMpc
+from cfem.export.firmware.embedding import Embedding
+from cfem.export.firmware.motion import write_c_motion
+from cfem.export.firmware.mpc import mpc_constants, write_c_mpc
+from cfem.export.page.page import page
 from cfem.export.spec import CSpec
 from cfem.motion.clocked import Clocked
 from cfem.motion.model import MotionModel, layout
@@ -77,7 +77,7 @@ def predictive(chosen: CSpec, start: np.ndarray) -> Mpc:
     moves, kind = model(), chosen.controller.command
     normals, levels = constants["normal"], constants["level"] + constants["normal"] @ moves.rest_e
     planes = tuple(HalfSpace(*one) for one in zip(normals, levels, strict=True)) if sizes["PLANES"] else ()
-    cost = Cost(*(constants[name] for name in ("weight", "smooth", "effort")))
+    cost = HorizonCost(*(constants[name] for name in ("weight", "smooth", "effort")))
     bounds = Bounds(*(constants[name] for name in ("command", "rate", "course")), planes)
     names = ("noise", "stiffness", "viscosity", "wander", "offset", "push")
     doubt = {name: numbers[f"DOUBT_{name.upper()}"] for name in names} | {"gate": chosen.mpc.gate}

@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 from export.embedded import serial, spectral
 
-from cfem.export.embedding import Embedding
-from cfem.export.page import page
+from cfem.export.firmware.embedding import Embedding
+from cfem.export.page.page import page
 from cfem.export.spec import CSpec
 from cfem.predict.chebyshev import Basis, basis
 from cfem.predict.energy import layout
-from cfem.predict.serial import module_arrays
-from cfem.surrogate.spectral import Series, series
+from cfem.predict.rows.serial import module_arrays
+from cfem.surrogate.series.spectral import Series, series
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
-GL = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist")  # software: no card is needed
+BARE = ("--no-sandbox", "--disable-3d-apis")  # no graphics card is needed
 ROBOTS = {
     "one cable": lambda: spectral("displacement", 1),
     "two cables": spectral,
@@ -94,7 +94,7 @@ def browser() -> Iterator:
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as tool:
-        chromium = tool.chromium.launch(executable_path=program, args=[*GL, "--no-sandbox"])
+        chromium = tool.chromium.launch(executable_path=program, args=BARE)
         yield chromium
         chromium.close()
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from cfem.condensed.strokes import ridge_of
-from cfem.control.inverse import Aim, Limits, inverse_step
-from cfem.export.compiled import STANDARD, CompiledController, compiler, run
-from cfem.export.compiled_touch import CompiledTouch
+from cfem.control.search.inverse import Aim, Limits, inverse_step
+from cfem.export.compiled.controller import STANDARD, CompiledController, compiler, run
+from cfem.export.compiled.touch import CompiledTouch
 
 NO_MODEL = 64  # of cfem.h
 LONGEST = 5.0  # mm: the step that the exports state
@@ -42,7 +42,7 @@ class Planning(CompiledController):
 def demand_same_ticks(planning, among, now, wanted):
     """Goals of the free tip at displacements `wanted`, from delta_a `now`, where `among` has settled. By how much of
     the free W_aa that of the touched robot differs, at most."""
-    model, apart = among.touchable.model, 0.0
+    model, apart = among.patched.model, 0.0
     limits = Limits.of(model.reach, np.ones(model.rows.n_a, dtype=bool))
     for one in wanted:
         goal = model.rest_e + model.at_displacement(np.array([one])).delta_e

@@ -6,11 +6,11 @@ from export.embedded import export, needs_compiler, network, spectral, states
 from export.test_c_model import TOLERANCE, largest_difference
 from surrogate.synthetic import dataset
 
-from cfem.export.compiled import CompiledController
+from cfem.export.compiled.controller import CompiledController
+from cfem.predict.kinds.mlp import AT_REST, rest_entries
 from cfem.predict.load import build
-from cfem.predict.mlp import AT_REST, rest_entries
 from cfem.surrogate.model_card import model_card
-from cfem.surrogate.observations import inputs
+from cfem.surrogate.series.observations import inputs
 
 pytestmark = needs_compiler
 

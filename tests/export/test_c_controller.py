@@ -6,14 +6,14 @@ from export.embedded import export, needs_compiler, spectral
 
 from cfem.condensed.model import under_force
 from cfem.condensed.strokes import ridge_of
-from cfem.control.closed_loop import Pace, run_loop
-from cfem.control.feedback import Feedback
-from cfem.control.inverse import Aim, Limits, inverse_step
-from cfem.control.loop import Settings
-from cfem.control.optimality import Optimality, arrived
-from cfem.control.tick import Belief, Pilot, drive
+from cfem.control.closed_loop.feedback import Feedback
+from cfem.control.closed_loop.run import Pace, run_loop
+from cfem.control.closed_loop.tick import Belief, Pilot, drive
+from cfem.control.search.goal_search import Settings
+from cfem.control.search.inverse import Aim, Limits, inverse_step
+from cfem.control.search.optimality import Optimality, arrived
 from cfem.core.errors import SpecError
-from cfem.export.compiled import CompiledController
+from cfem.export.compiled.controller import CompiledController
 from cfem.plant.gains import Gains
 from cfem.plant.imperfect_plant import Imperfection, ImperfectPlant, Stiffer
 from cfem.plant.model_plant import ModelPlant

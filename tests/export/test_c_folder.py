@@ -11,7 +11,7 @@ from surrogate.stored import train_folder
 
 from cfem.core.errors import InputError, SpecError
 from cfem.core.stage import Options
-from cfem.export.compiled import CORE, CORTEX_M7
+from cfem.export.compiled.controller import CORE, CORTEX_M7
 from cfem.export.stage import run
 
 PIPELINES = Path(__file__).parents[2] / "pipelines"

@@ -5,9 +5,9 @@ import ctypes
 import numpy as np
 from export.embedded import needs_compiler
 
-from cfem.export.c_export import SOURCES
-from cfem.export.compiled import STANDARD, compiler, run
-from cfem.predict.gate import Gate, Verdict
+from cfem.export.compiled.controller import STANDARD, compiler, run
+from cfem.export.firmware.folder import SOURCES
+from cfem.predict.estimation.gate import Gate, Verdict
 
 CODE = """#include "cfem_gate.h"
 double spread(const cfem_gate *gate) { return gate->spread; }

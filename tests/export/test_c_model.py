@@ -5,7 +5,7 @@ import pytest
 from export.embedded import export, needs_compiler, network, serial, spectral, states
 
 from cfem.core.errors import InputError, SpecError
-from cfem.export.compiled import CompiledController
+from cfem.export.compiled.controller import CompiledController
 from cfem.predict.energy import layout
 from cfem.predict.load import build
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from export.embedded import needs_compiler
 
-from cfem.control.qp import QpStatus, solve_qp
-from cfem.export.c_export import SOURCES
-from cfem.export.compiled import STANDARD, compiler, run
+from cfem.control.search.qp import QpStatus, solve_qp
+from cfem.export.compiled.controller import STANDARD, compiler, run
+from cfem.export.firmware.folder import SOURCES
 
 pytestmark = needs_compiler
 N, ROWS, CONSTRAINTS = 12, 40, 36

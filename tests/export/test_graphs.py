@@ -11,9 +11,9 @@ from surrogate.synthetic import dataset
 from cfem.export.onnx import OPSET, example, onnx_bytes
 from cfem.export.torchscript import torchscript_bytes
 from cfem.predict.load import build
-from cfem.surrogate.energy_net import fit
 from cfem.surrogate.model_card import model_card
 from cfem.surrogate.modules import module_of
+from cfem.surrogate.networks.energy_net import fit
 from cfem.surrogate.spec import EnergyNetSpec
 
 

@@ -7,8 +7,8 @@ import pytest
 from export.embedded import states
 from export.pages import ROBOTS, browser, opened, page_of, skin_of, surface, until, wedge
 
-from cfem.export.embedding import Embedding
-from cfem.export.page import page
+from cfem.export.firmware.embedding import Embedding
+from cfem.export.page.page import page
 from cfem.export.spec import CSpec
 from cfem.predict.load import build
 
@@ -212,31 +212,57 @@ def test_a_slack_cable_says_what_its_slider_says(tab):
     assert np.isclose(shown(tab)["delta"][0], 4.0 + spare, atol=0.006)
 
 
-# Pixels of the scene without reach and goals, in full; `ghost`: with the place of rest.
-LOOK = """ghost => { const { gl } = cfem.scene, camera = { ...cfem.state.camera, sharpness: 1 };
-  cfem.scene.draw(camera, [], { reach: false, points: [] }, cfem.state.theme, ghost, false);
-  const [wide, tall] = [gl.drawingBufferWidth, gl.drawingBufferHeight], data = new Uint8Array(4 * wide * tall);
-  gl.readPixels(0, 0, wide, tall, gl.RGBA, gl.UNSIGNED_BYTE, data);
-  return Array.from(data); }"""
+# Pixels of the picture, red, green, blue and alpha.
+PIXELS = """() => { const view = document.getElementById("view"), { width, height } = view;
+  cfem.draw(true);
+  return Array.from(view.getContext("2d").getImageData(0, 0, width, height).data); }"""
 
 
-def test_a_graphics_card_that_comes_back_draws_the_same_again(tab):
-    tab.evaluate("() => { cfem.robot.set([14, 14]); cfem.robot.shape(); }")
-    before = np.array(tab.evaluate(LOOK, True))
+def pixels(tab, *actuators):
+    """(n, 4) of the picture without reach, the actuators where they are told."""
+    if tab.get_attribute("#reach", "aria-pressed") == "true":
+        tab.click("#reach")
     tab.evaluate(
-        "() => new Promise(done => { const lose = cfem.scene.gl.getExtension('WEBGL_lose_context'); "
-        "document.getElementById('view').addEventListener('webglcontextrestored', () => setTimeout(done, 100)); "
-        "lose.loseContext(); setTimeout(() => lose.restoreContext(), 50); })"
+        "told => { const { robot, goals, chambers } = cfem; robot.set(told); robot.shape(); "
+        "for (const one of chambers) one.inflate(); for (const one of goals) robot.goal.set(one.tip, one.rows[0]); }",
+        list(actuators),
     )
-    after = np.array(tab.evaluate(LOOK, True))
-    assert len(np.unique(before)) > 20  # it shows something
-    assert np.array_equal(before, after) and tab.evaluate("document.documentElement.dataset.state") == "ready"
+    return np.array(tab.evaluate(PIXELS)).reshape(-1, 4)
 
 
 def test_a_robot_that_has_left_its_rest_shows_where_that_was(tab):
-    tab.evaluate("() => { cfem.robot.set([14, 14]); cfem.robot.shape(); }")
-    with_rest, without = (np.array(tab.evaluate(LOOK, ghost)) for ghost in (True, False))
-    assert (with_rest != without).sum() > 1000
+    """The pale colour of the ghost is the picture's where the robot has been and is not."""
+    rest, bent = pixels(tab, 0, 0), pixels(tab, 14, 14)
+    left = (rest[:, 3] == 255) & (bent[:, 3] < 255)
+    assert left.sum() > 1000 and (bent[left, 3] > 0).mean() > 0.95
+    assert (bent[left, :3].max(axis=1) < 80).mean() > 0.5  # the ink's
+
+
+def test_colours_of_strain_follow_the_stretch_of_the_surface(tab):
+    """Against the singular values of the gradient on each triangle; the button colours by them."""
+    plain = pixels(tab, 14, 2)
+    triangles, rest, x = tab.evaluate(
+        "() => { const { robot } = cfem; robot.home(); robot.shape(); const rest = [...robot.drawn]; "
+        "robot.set([14, 2]); robot.shape(); return [[...robot.triangles], rest, [...robot.drawn]]; }"
+    )
+    triangles, rest, x = (np.array(one).reshape(-1, 3) for one in (triangles, rest, x))
+    strains, areas = [], []
+    for corners in triangles:
+        sides, moved = ((at[corners[1:]] - at[corners[0]]).T for at in (rest, x))
+        frame = np.linalg.qr(sides)[0]
+        stretches = np.linalg.svd(moved @ np.linalg.inv(frame.T @ sides), compute_uv=False)
+        strains.append(np.abs(stretches - 1).max())
+        areas.append(np.linalg.norm(np.cross(*sides.T)))
+    expected = [np.bincount(triangles.ravel(), np.repeat(one, 3)) for one in (np.multiply(strains, areas), areas)]
+    found = np.array(tab.evaluate("() => [...cfem.strain.strains()]"))[: len(expected[0])]
+    np.testing.assert_allclose(found, expected[0] / np.maximum(expected[1], 1e-30), atol=1e-4)
+    assert found.max() > 0.05
+    tab.click("#strain")
+    assert (plain != pixels(tab, 14, 2)).any(axis=1).sum() > 1000
+    assert tab.is_visible("#strained") and tab.inner_text("#strained .legend span:last-child").endswith(" %")
+    assert tab.evaluate("() => cfem.state.strain") >= np.quantile(found, 0.99)
+    tab.click("#strain")
+    assert (plain == pixels(tab, 14, 2)).all() and not tab.is_visible("#strained")
 
 
 def test_an_unreachable_goal_names_the_limits(tab):
@@ -290,9 +316,9 @@ def test_the_bar_of_the_scale_is_as_long_as_it_says(tab):
     for height in (200, 37, 4):
         tab.evaluate("height => { cfem.state.camera.height = height; cfem.state.shown = true; }", height)
         until(tab, f"cfem.state.camera.height === {height} && !cfem.state.shown")
-        words = tab.inner_text("#length")
+        words = tab.inner_text(".overlay span")
         pixels, tall = (
-            tab.locator(f"#{one}").bounding_box()[side] for one, side in (("bar", "width"), ("view", "height"))
+            tab.locator(one).bounding_box()[side] for one, side in ((".overlay i", "width"), ("#view", "height"))
         )
         assert pixels == pytest.approx(float(words.removesuffix(" mm")) * tall / height, rel=0.02)
         assert 40 < pixels <= 112

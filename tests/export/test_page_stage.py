@@ -9,7 +9,7 @@ from cfem.core.errors import InputError
 from cfem.core.stage import Options
 from cfem.export.stage import run, stage
 from cfem.predict.load import load_model
-from cfem.predict.loaded import loaded
+from cfem.predict.loads.loaded import loaded
 
 COMMANDS = 100
 

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 import cfem
+from cfem.core.artefact.manifest import read_manifest
 from cfem.core.errors import InputError
-from cfem.core.stage import read_manifest
-from cfem.export.c_skin import write_c_skin
+from cfem.export.firmware.skin import write_c_skin
 from cfem.export.skin import CompiledShape
 from cfem.export.spec import CSpec
-from cfem.predict.loaded import loaded
+from cfem.predict.loads.loaded import loaded
 
 STATES = np.array([[0.0], [1.7], [7.9]])
 needs_compiler = pytest.mark.skipif(not shutil.which("cc"), reason="needs a C compiler")
@@ -83,7 +83,7 @@ def test_forces_and_exact_parameters_are_folded_in(model, tmp_path):
     """A robot half as stiff takes half the force for the same shape."""
     young = {"name": "E", "key": "material.young", "unit": "MPa", "low": 0.5, "high": 2.0, "reference": 1.0}
     meta = {**model.meta, "form": "force", "parameters": [{**young, "coordinate": "linear", "exact": True}]}
-    from cfem.predict.spectral import SpectralPredictor
+    from cfem.predict.kinds.spectral import SpectralPredictor
 
     soft = SpectralPredictor(meta, model.arrays)
     (tmp_path / "cfem_data.h").write_text("#include <stdint.h>\ntypedef double cfem_real;\n#define CFEM_NA 1\n")

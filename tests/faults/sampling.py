@@ -8,7 +8,8 @@ from sample.synthetic import Factory
 from support.one_thread import solving_here
 
 from cfem.cli.run import run_command
-from cfem.core.stage import Options, Stage, run_stage
+from cfem.core.artefact.stage_run import Stage
+from cfem.core.stage import Options, run_stage
 from cfem.sample import artefact
 from cfem.sample.spec import SampleSpec
 from cfem.sample.workers import Workers
@@ -29,7 +30,7 @@ PLAN = {"train": list(range(40)), "test": list(range(20))}
 
 def make(out: Path, delay: float = 0.0, force: bool = False) -> dict[str, Any]:
     """The dataset's manifest. delay: seconds a solve takes at least."""
-    stage = Stage("simulate-sample", 1, SPEC, {}, out, ("scene", "mesh", "out"), precious=True)
+    stage = Stage("sample", 1, SPEC, {}, out, ("scene", "mesh", "out"), precious=True)
 
     def work(folder: Path) -> dict[str, Any]:
         return artefact.fill(folder, SPEC, Factory(delay), stage.made_from(), Workers())

@@ -13,8 +13,8 @@ from pathlib import Path
 from typer.testing import CliRunner
 
 from cfem.cli.app import app
-from cfem.core.manifest import read_manifest
-from cfem.core.verify import judge
+from cfem.core.artefact.manifest import read_manifest
+from cfem.core.artefact.verify import judge
 
 PAGE = 4096
 

@@ -14,12 +14,12 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from core.test_files import quick
+from core.artefact.test_files import quick
 from faults.processes import as_command, processes, stage
 from surrogate.stored import store_dataset
 
-from cfem.core.manifest import read_manifest
-from cfem.core.verify import judge
+from cfem.core.artefact.manifest import read_manifest
+from cfem.core.artefact.verify import judge
 
 __all__ = ["quick"]
 ROOT = Path(__file__).parents[2]

@@ -12,10 +12,10 @@ from surrogate.stored import train_folder
 from typer.testing import CliRunner
 
 from cfem.cli.app import app
+from cfem.core.artefact.content import artefact_file
+from cfem.core.artefact.manifest import MANIFEST
+from cfem.core.artefact.verify import judge
 from cfem.core.errors import CfemError
-from cfem.core.manifest import MANIFEST
-from cfem.core.stage import artefact_file
-from cfem.core.verify import judge
 from cfem.dataset.inspect import describe
 from cfem.dataset.reader import read_dataset, read_table
 from cfem.predict.load import load_model

@@ -8,12 +8,12 @@ import sys
 from pathlib import Path
 
 import pytest
-from core.test_files import CODES, Disk, quick
+from core.artefact.test_files import CODES, Disk, quick
 from faults.sampling import make
 from surrogate.stored import train_folder
 
+from cfem.core.artefact.verify import judge
 from cfem.core.errors import DiskError
-from cfem.core.verify import judge
 
 __all__ = ["quick"]
 

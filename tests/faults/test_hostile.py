@@ -12,15 +12,15 @@ from hypothesis import HealthCheck, given, settings
 from typer.testing import CliRunner
 
 from cfem.cli.app import app
+from cfem.core.artefact.files import content_sha256
+from cfem.core.artefact.manifest import MANIFEST, write_manifest
 from cfem.core.errors import EXIT_CODES
-from cfem.core.files import content_sha256
-from cfem.core.manifest import MANIFEST, write_manifest
 from cfem.core.yaml import read_yaml
 
 ROOT = Path(__file__).parents[2]
 COMMANDS = {
     "scene": "mesh",
-    "sample": "simulate-sample",
+    "sample": "sample",
     "train": "train",
     "export": "export",
     "control": "control",

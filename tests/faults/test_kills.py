@@ -8,11 +8,11 @@ import time
 from pathlib import Path
 
 import pytest
-from core.test_files import quick
+from core.artefact.test_files import quick
 from faults.sampling import PLAN, make, make_as_command, make_quietly
 
-from cfem.core.unfinished import partial_folder
-from cfem.core.verify import judge
+from cfem.core.artefact.unfinished import partial_folder
+from cfem.core.artefact.verify import judge
 from cfem.dataset.reader import read_table
 
 __all__ = ["quick"]

@@ -65,7 +65,7 @@ def test_windows_meshes_samples_and_verifies(tmp_path):
     assert "mesh: up to date" in run(["mesh", "scene.yaml"], tmp_path, WINDOWS)
     assert "mesh: done" in run(["mesh", "scene.yaml", "--force"], tmp_path, WINDOWS)
     (tmp_path / "sample.yaml").write_text(SAMPLE)
-    assert "simulate-sample: done" in run(["sample", "sample.yaml", "--workers", "1"], tmp_path, WINDOWS)
+    assert "sample: done" in run(["sample", "sample.yaml", "--workers", "1"], tmp_path, WINDOWS)
     run(["verify", "mesh", "samples"], tmp_path, WINDOWS)
 
 
@@ -73,7 +73,7 @@ def test_windows_locks_out_a_second_writer_and_says_who_writes(tmp_path):
     write_scene(tmp_path, "hex8")
     holds = """
 from pathlib import Path
-from cfem.core.files import locked
+from cfem.core.artefact.files import locked
 with locked(Path("mesh")):
     print("locked", flush=True)
     input()

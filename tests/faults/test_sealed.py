@@ -15,7 +15,7 @@ from surrogate.stored import train_folder
 from typer.testing import CliRunner
 
 from cfem.cli.app import app
-from cfem.core.manifest import MANIFEST, write_manifest
+from cfem.core.artefact.manifest import MANIFEST, write_manifest
 from cfem.dataset.schema import KEY
 
 NAN, INF = float("nan"), float("inf")

@@ -48,6 +48,9 @@ class Watched:
     def facts(self):
         return self.solver.facts
 
+    def roughly(self, pushed=None):
+        return self.solver.roughly(pushed)
+
     def solve(self, actuation, start, p):
         if len(actuation.target) and actuation.target[0] == self.deadly:
             wait_for(lambda: len(shards(self.names.parent / "work")) >= self.others)

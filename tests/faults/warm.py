@@ -10,13 +10,13 @@ import torch._dynamo
 from faults.sampling import make
 
 import cfem.control.stage
-import cfem.export.compiled
+import cfem.export.compiled.controller
 import cfem.export.onnx
 import cfem.export.stage
 import cfem.export.torchscript
-import cfem.surrogate.energy_net
-import cfem.surrogate.mlp
-import cfem.surrogate.spectral
+import cfem.surrogate.networks.energy_net
+import cfem.surrogate.networks.mlp
+import cfem.surrogate.series.spectral
 
 __all__ = ["cfem", "onnx", "onnxruntime", "onnxscript", "torch"]
 

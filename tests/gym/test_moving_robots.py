@@ -53,7 +53,7 @@ def test_each_robot_moves_as_one_alone(model, kind, monkeypatch):
         for u in steps[1:]:
             robots.move(states, u)
             for share in (0.25, 0.75) if kind == "force" else (0.5, 1.0):
-                one = single.step(alone, one, single.Command(**{kind: before + share * (u[b] - before)}), DT)
+                one = single.step(alone, one, single.MotionCommand(**{kind: before + share * (u[b] - before)}), DT)
             before, tip = u[b], single.effectors(alone, one)
             assert states.failed == 0 and states.tip[b] == pytest.approx(tip, abs=1e-4)
             moved = max(moved, np.abs(one.q[2:]).max())

@@ -10,9 +10,9 @@ from gym.moving import moving
 from surrogate.stored import train_folder
 
 from cfem.condensed.strokes import ridge_of
-from cfem.control.inverse import Limits
-from cfem.control.policy import MovingPolicyController, PolicyController
-from cfem.control.tick import Pilot
+from cfem.control.closed_loop.policy import MovingPolicyController, PolicyController
+from cfem.control.closed_loop.tick import Pilot
+from cfem.control.search.inverse import Limits
 from cfem.core.errors import InputError
 from cfem.gym.moving_world import MovingWorld
 from cfem.gym.policy import Policy

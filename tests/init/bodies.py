@@ -93,3 +93,12 @@ def write_cells(path, element="tet4", size=(60.0, 10.0, 10.0)) -> None:
     flags = {"set:wall": (mesh.X[:, 0] == 0).astype(np.int8)}
     kind = "tetra" if element == "tet4" else "hexahedron"
     meshio.write(path, meshio.Mesh(mesh.X, [(kind, mesh.cells)], point_data=flags))
+
+
+def lattice(side=24.0, strut=4.0, count=5, pitch=16.0) -> Shape:
+    """Square rings along z that a strut joins at each corner."""
+    height = (count - 1) * pitch + strut
+    mesh = block((side, side, height), (6, 6, int(height / 4)))
+    x, y, z = mesh.X[mesh.cells].mean(axis=1).T
+    at_side = np.abs(np.stack([x, y]) - side / 2) > side / 2 - strut
+    return _part(mesh, at_side.all(axis=0) | ((z % pitch < strut) & at_side.any(axis=0)), 4.0)

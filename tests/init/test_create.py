@@ -12,6 +12,7 @@ import meshio
 import numpy as np
 import pytest
 from init.bodies import chambered, write_cells, write_stl
+from support.blocks import block
 from typer.testing import CliRunner
 
 from cfem.cli.app import app
@@ -21,7 +22,7 @@ from cfem.core.errors import SpecError
 from cfem.core.kinds import model_of
 from cfem.core.spec import load_spec
 from cfem.core.yaml import read_yaml
-from cfem.export.page_block import ROOM
+from cfem.export.page.block import ROOM
 from cfem.init.texts import ON_PAGE
 from cfem.robot.build import build_robot
 from cfem.robot.mesh.meshing import make_mesh
@@ -196,6 +197,24 @@ def test_a_poor_surface_is_mended_and_that_is_said(tmp_path):
     assert done.exit_code == 0, done.stderr
     assert "mended body.stl: closed a hole" in done.stdout
     assert "# own.stl was mended: closed a hole" in (tmp_path / "pipelines" / "own" / "scene.yaml").read_text()
+
+
+def test_of_several_bodies_in_a_file_one_is_taken_which_is_said_and_can_be_chosen(tmp_path):
+    large, small = block((60.0, 10.0, 10.0), (6, 1, 1)), block((40.0, 10.0, 10.0), (4, 1, 1))
+    X = np.vstack([large.X, small.X + [0, 100, 0]])
+    facets = np.vstack([large.facets, small.facets + len(large.X)])
+    meshio.write(tmp_path / "two.stl", meshio.Mesh(X, [("triangle", facets)]), binary=False)
+    words = ["--unit", "mm", "--cells", "600", "--fixed", "left", "--reach", "2 mm", "--force"]
+    for body, y in (("1", 5), ("2", 105)):
+        cable = f"a: 0, {y}, 8; 20, {y}, 8; 35, {y}, 8"
+        done = init(tmp_path, tmp_path / "two.stl", *words, "--body", body, "--cable", cable)
+        assert done.exit_code == 0, done.stderr
+        assert f"took body {body} of 2, which hold 60, 40 % of the volume" in done.stdout
+        scene, robot = built(tmp_path)
+        assert scene.geometry.body == int(body)
+        assert robot.body.mesh.volumes.sum() == pytest.approx(6000 if body == "1" else 4000, rel=1e-6)
+    done = init(tmp_path, tmp_path / "two.stl", *words, "--body", "3")
+    assert done.exit_code == 2 and "--body: expected a whole number from 1 to 2, got '3'" in done.stderr
 
 
 def test_the_inside_of_a_mesh_file_is_meshed_anew_where_asked(tmp_path, mesh_file):

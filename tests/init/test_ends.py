@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from init.bodies import box_shape, corner, discs, frame, tapered, tee
+from init.bodies import box_shape, corner, discs, frame, lattice, tapered, tee
 
 from cfem.constraint.attachment import locate
 from cfem.core.errors import SpecError
@@ -52,6 +52,15 @@ def test_a_ring_has_a_cable_in_each_half():
     assert len(found.cables) == 2 and "one along each of 2 legs" in found.how and inside(shape, found.cables)
     sides = np.sign([cable.points[:2, 1].mean() - 30 for cable in found.cables])
     assert sorted(sides) == [-1, 1]
+
+
+def test_as_many_cables_as_asked_for_lead_through_the_rings_of_a_lattice():
+    shape = lattice()
+    run = run_from(guess_hold(shape)[0], shape)
+    found = place(shape, run, 4)
+    assert found.through_air and len(found.cables) == 4
+    middles = np.array([cable.points[:, :2].mean(axis=0) for cable in found.cables]) - 12
+    assert np.abs(middles.sum(axis=0)).max() < 1 and (np.linalg.norm(middles, axis=1) > 8).all()
 
 
 def test_a_backbone_with_discs_has_cables_through_the_air_unless_that_is_not_wanted():

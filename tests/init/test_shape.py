@@ -3,6 +3,7 @@
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 from init.bodies import write_cells, write_stl
 
@@ -63,10 +64,19 @@ def test_an_open_surface_is_refused(tmp_path):
         read_source(tmp_path / "open.stl")
 
 
-def test_two_bodies_in_one_surface_are_said_to_be_two(tmp_path):
+def test_of_two_bodies_in_one_surface_one_is_taken_and_said(tmp_path):
     write_stl(tmp_path / "one.stl")
     one = (tmp_path / "one.stl").read_text()
-    away = re.sub(r"vertex (\S+)", lambda found: f"vertex {float(found[1]) + 300}", one)
+    number = r"vertex (\S+) (\S+) (\S+)"
+    away = re.sub(
+        number, lambda found: "vertex " + " ".join(str(2 * float(each) + 300) for each in found.groups()), one
+    )
     (tmp_path / "two.stl").write_text(one + away)
-    with pytest.raises(InputError, match="the surface is 2 separate pieces"):
-        make_shape(read_source(tmp_path / "two.stl"), 1.0, 1000)
+    alone = read_source(tmp_path / "one.stl").volume
+    for body, times in ((1, 8), (2, 1)):
+        source = read_source(tmp_path / "two.stl", body=body)
+        assert source.volume == pytest.approx(times * alone)
+        assert f"took body {body} of 2" in source.mended[0]
+        mesh = make_shape(source, 1.0, 1000).mesh
+        assert np.abs(mesh.volumes).sum() == pytest.approx(times * alone, rel=0.05)
+        assert (mesh.X.min() >= 300) == (body == 1)

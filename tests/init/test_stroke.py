@@ -7,11 +7,20 @@ import pytest
 from scipy.spatial.transform import Rotation
 from support.blocks import bar
 
+from cfem.constraint.attachment import attach
+from cfem.constraint.cable import make_cable
+from cfem.constraint.effector import make_effector
 from cfem.equilibrium.actuation import Actuation
 from cfem.equilibrium.problem import Problem
+from cfem.equilibrium.robot import Robot
 from cfem.equilibrium.solve import solve
 from cfem.init import stroke
 from cfem.init.stroke import strokes
+from cfem.mechanics.body import make_body
+from cfem.mechanics.element import ELEMENTS
+from cfem.mechanics.material import LAWS
+from cfem.mechanics.material.law import Material
+from cfem.mechanics.mesh import Mesh, boundary_facets
 
 
 @pytest.fixture(scope="module")
@@ -45,6 +54,51 @@ def test_a_lower_limit_ends_the_stroke_earlier(found, monkeypatch):
     assert first.reach < 0.6 * found[1][0].reach and first.why == "strained by 2 %"
 
 
+def test_strokes_become_less_until_all_actuators_can_go_together(monkeypatch):
+    """The solver fails wherever both cables are pulled by more than 0.3 of their strokes."""
+    true, shares = stroke.solve, []
+
+    def fails(problem, actuation, *rest, **how):
+        if np.count_nonzero(actuation.C) < 2:
+            return true(problem, actuation, *rest, **how)
+        shares.append(1 / actuation.C[0, 0])  # of the reach, but for a factor
+        ended = true(problem, actuation, *rest, **how)
+        return replace(ended, status=stroke.Status.LIMIT_POINT) if shares[-1] > 0.3 * shares[0] else ended
+
+    monkeypatch.setattr(stroke, "solve", fails)
+    together = strokes(bar("tet4", divisions=(6, 1, 1)))
+    assert shares[-1] == pytest.approx(0.25 * shares[0])
+    assert all("cannot go so far at once" in each.why for each in together)
+
+
+def slit(width: float) -> Robot:
+    """A bar of 60 x 10 x 10 mm but for a slit across it, `width` mm wide and 7.5 mm deep, over which a cable leads."""
+    plain = bar("tet4", divisions=(12, 2, 4), cables=1)
+    X, cells = plain.X.copy(), plain.body.mesh.cells
+    middles = X[cells].mean(axis=1)
+    cells = cells[~((middles[:, 0] > 25) & (middles[:, 0] < 30) & (middles[:, 2] < 7.5))]
+    X[:, 0] = np.interp(X[:, 0], [0, 25, 30, 60], [0, 25, 25 + width, 60])
+    used, numbers = np.unique(cells, return_inverse=True)
+    cells = numbers.reshape(cells.shape)
+    mesh = Mesh(X[used], cells, boundary_facets(cells))
+    points = [attach(mesh, np.array([x, 5.0, 1.0]), 2.0, "cable-0") for x in (15.0, 35.0, 55.0)]
+    body = make_body(mesh, ELEMENTS["tet4"], Material(LAWS["neo-hookean"], 1.0, 0.45))
+    return replace(
+        plain,
+        body=body,
+        fixed=np.flatnonzero(mesh.X[:, 0] < 1e-9),
+        actuators=(make_cable(points, np.array([0.0, 5.0, 1.0]), "cable-0"),),
+        effectors=(make_effector(mesh, np.array([60.0, 5.0, 5.0]), 2.0, 10.0, "tip"),),
+    )
+
+
+def test_a_slit_that_closes_ends_the_stroke():
+    """The slit's faces stand on their edges, 1 mm apart: the cable is shortened by hardly more than that."""
+    (narrow,), (wide,) = strokes(slit(1.0)), strokes(slit(3.0))
+    assert narrow.why == "beyond it, the body meets itself" and narrow.force > 0
+    assert 0.5 < narrow.reach < 3.0 and narrow.reach < 0.7 * wide.reach
+
+
 def test_a_failing_solve_ends_the_stroke(found, monkeypatch):
     true = stroke.solve
 
@@ -56,3 +110,19 @@ def test_a_failing_solve_ends_the_stroke(found, monkeypatch):
     monkeypatch.setattr(stroke, "solve", fails)
     (first,) = strokes(bar("tet4", divisions=(12, 2, 2), cables=1))
     assert 0.3 < first.reach < 1.0 and first.why == "beyond it, a limit point"
+
+
+def test_the_end_of_a_path_is_not_looked_for_in_small_steps(monkeypatch):
+    monkeypatch.setattr(stroke, "STRAIN", 1e3)
+    monkeypatch.setattr(stroke, "BEND", 1e3)
+    monkeypatch.setattr(stroke, "_MOST", {"mm": 0.9})
+    solved, true = [], stroke.solve
+
+    def counted(*given, **how):
+        solved.append(true(*given, **how))
+        return solved[-1]
+
+    monkeypatch.setattr(stroke, "solve", counted)
+    (first,) = strokes(bar("tet4", divisions=(12, 2, 2), cables=1))
+    assert first.why == "beyond it, out of reach" and all(ended.converged for ended in solved[:-1])
+    assert not solved[-1].converged and solved[-1].steps <= 30

@@ -1,8 +1,8 @@
 import numpy as np
 from numba import njit
 
-from cfem.core import progress
-from cfem.core.progress import Display, doing
+from cfem.core.console import progress
+from cfem.core.console.progress import Display, doing
 from cfem.mechanics import compiling
 
 

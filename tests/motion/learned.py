@@ -15,7 +15,7 @@ from cfem.predict.chebyshev import Basis
 from cfem.predict.domain import Domain
 from cfem.predict.energy import Splitter
 from cfem.surrogate.motion import fit_motion
-from cfem.surrogate.spectral import fit
+from cfem.surrogate.series.spectral import fit
 
 TAU = 2e-3
 LARGEST = 3.0  # mm of cable

@@ -7,9 +7,9 @@ import pytest
 from motion.learned import model
 
 from cfem.motion.altered import Altered
-from cfem.motion.linear import Guess, Material, linear_steps, places
+from cfem.motion.linear import Guess, MaterialShares, linear_steps, places
 from cfem.motion.model import Loss
-from cfem.motion.step import Command, at_rest, step
+from cfem.motion.step import MotionCommand, at_rest, step
 
 DT = 2e-3
 KINDS = ["force", "displacement"]
@@ -32,14 +32,14 @@ def moving(which, kind, amount):
     motion = at_rest(which, [1.5])
     u = motion.lam if kind == "force" else motion.q[:1]
     for k in range(5):
-        motion = step(which, motion, Command(**{kind: u * (1 + amount * np.sin(k))}), DT, tolerance=1e-9)
+        motion = step(which, motion, MotionCommand(**{kind: u * (1 + amount * np.sin(k))}), DT, tolerance=1e-9)
     return motion, u * (1 + amount)
 
 
 def after(which, motion, kind, z, u):
     n_q = which.n_q
     start = replace(motion, q=z[:n_q], p=z[n_q : 2 * n_q], memory=z[2 * n_q :].reshape(-1, n_q))
-    return step(which, start, Command(**{kind: u}), DT, tolerance=1e-9)
+    return step(which, start, MotionCommand(**{kind: u}), DT, tolerance=1e-9)
 
 
 def linearised(which, motion, kind, u, v):
@@ -57,7 +57,7 @@ def near(found, expected, share):
 def test_repeated_it_is_newton_s_method(kind, prony):
     which = with_prony(prony)
     motion, u = moving(which, kind, 0.2)
-    expected, v = step(which, motion, Command(**{kind: u}), DT, tolerance=1e-9), motion.v
+    expected, v = step(which, motion, MotionCommand(**{kind: u}), DT, tolerance=1e-9), motion.v
     for _ in range(8):
         found = linearised(which, motion, kind, u, v)
         v = (found.end[0, : which.n_q] - motion.q) / DT
@@ -74,7 +74,7 @@ def test_slopes_are_those_of_the_step(kind, prony):
     which = with_prony(prony)
     for amount, allowed in ((0.0, 1e-4), (0.05, 2e-2)):
         motion, u = moving(which, kind, amount)
-        expected = step(which, motion, Command(**{kind: u}), DT, tolerance=1e-9)
+        expected = step(which, motion, MotionCommand(**{kind: u}), DT, tolerance=1e-9)
         found = linearised(which, motion, kind, u, expected.v)
         z, n_q = flat(motion), which.n_q
         size = np.tile(which.scale, len(z) // n_q)  # of q; momenta: M v of that size
@@ -94,7 +94,7 @@ def test_slopes_are_those_of_the_step(kind, prony):
 @pytest.mark.parametrize("kind", KINDS)
 def test_slopes_by_the_material_are_those_of_altered_models(kind):
     motion, u = moving(model(), kind, 0.1)
-    expected = step(model(), motion, Command(**{kind: u}), DT, tolerance=1e-9)
+    expected = step(model(), motion, MotionCommand(**{kind: u}), DT, tolerance=1e-9)
     found, h = linearised(model(), motion, kind, u, expected.v).by_material[0], 1e-4
     for column, change in enumerate(({"stiffness": 1 + h}, {"viscosity": 1 + h})):
         other = flat(after(Altered(model(), **change), motion, kind, flat(motion), u))
@@ -105,12 +105,12 @@ def test_slopes_by_the_material_are_those_of_altered_models(kind):
 def test_a_material_is_that_of_the_altered_model(monkeypatch):
     monkeypatch.setattr("cfem.motion.step.NEAR", 1e-10)  # both to the last digit
     motion, u = moving(model(), "force", 0.2)
-    expected = step(Altered(model(), 1.3, 0.7), motion, Command(force=u), DT, tolerance=1e-9)
+    expected = step(Altered(model(), 1.3, 0.7), motion, MotionCommand(force=u), DT, tolerance=1e-9)
     v = motion.v
     for _ in range(8):
         place = places(model(), (motion.q[:1] + DT / 2 * v[:1])[None])
         guess = Guess(flat(motion)[None], v[None], u[None])
-        found = linear_steps(place, model().losses, guess, "force", DT, Material(1.3, 0.7))
+        found = linear_steps(place, model().losses, guess, "force", DT, MaterialShares(1.3, 0.7))
         v = (found.end[0, : model().n_q] - motion.q) / DT
     np.testing.assert_allclose(found.end[0, : model().n_q], expected.q, rtol=1e-6, atol=1e-9)
 

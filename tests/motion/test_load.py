@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from cfem.cli.modes import as_text, modes
+from cfem.core.artefact.manifest import read_manifest
 from cfem.core.errors import InputError, SpecError
-from cfem.core.stage import Options, read_manifest
+from cfem.core.stage import Options
 from cfem.export.stage import run as export
 from cfem.motion.load import load_motion
 from cfem.motion.modes import natural_modes

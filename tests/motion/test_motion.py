@@ -11,7 +11,7 @@ from cfem.core.errors import InputError, NumericalError
 from cfem.dynamics import modes as full_modes
 from cfem.dynamics.problem import MovingProblem
 from cfem.dynamics.scheme import Scheme
-from cfem.dynamics.simulate import Pace
+from cfem.dynamics.simulate import StepControl
 from cfem.dynamics.simulate import simulate as full_simulate
 from cfem.dynamics.start import at_rest as full_at_rest
 from cfem.equilibrium.actuation import displacement, force
@@ -22,7 +22,7 @@ from cfem.motion.model import Loss, MotionModel
 from cfem.motion.modes import natural_modes
 from cfem.motion.payload import Payload
 from cfem.motion.simulate import simulate
-from cfem.motion.step import Command, at_rest, effectors, energy, step
+from cfem.motion.step import MotionCommand, at_rest, effectors, energy, step
 from cfem.surrogate.motion import fit_motion
 
 
@@ -95,9 +95,9 @@ def test_the_tip_moves_as_that_of_the_full_model(kind):
         return displacement(of(t)) if kind == "displacement" else force(of(t))
 
     def command(t):
-        return Command(**{kind: of(t) if kind == "displacement" else of(t - dt / 4)})
+        return MotionCommand(**{kind: of(t) if kind == "displacement" else of(t - dt / 4)})
 
-    pace = Pace(dt, tolerance=None)
+    pace = StepControl(dt, tolerance=None)
     full = full_simulate(
         problem(), full_at_rest(problem(), solved.state), full_command, end, (0.02,), pace, Scheme(1.0)
     )
@@ -124,12 +124,14 @@ def test_what_relaxes_is_that_of_the_full_model():
         lambda t: displacement(of(t)),
         end,
         (0.01,),
-        Pace(dt, tolerance=None),
+        StepControl(dt, tolerance=None),
         Scheme(1.0),
     )
     wanted, errors = run.of("delta_e"), []
     for which in (relaxing, model()):
-        ours = simulate(which, at_rest(which, solved.delta_a), lambda t: Command(displacement=of(t)), end, dt).arrays()
+        ours = simulate(
+            which, at_rest(which, solved.delta_a), lambda t: MotionCommand(displacement=of(t)), end, dt
+        ).arrays()
         tip = np.array([np.interp(run.t, ours["t"], column) for column in ours["delta_e"].T]).T
         errors.append(np.linalg.norm(tip - wanted, axis=1).max() / np.linalg.norm(np.ptp(wanted, axis=0)))
     assert errors[0] < 0.02 < 0.1 < errors[1]
@@ -141,7 +143,7 @@ def test_without_viscosity_the_energy_does_not_drift():
     lam, period = 0.9 * start.lam, 1 / natural_modes(still, start.q[:1], False, 1).frequency[0]
     found, now = [], start
     for _ in range(30 * 60):
-        now = step(still, now, Command(force=lam), period / 60)
+        now = step(still, now, MotionCommand(force=lam), period / 60)
         found.append(energy(still, now) - float(lam @ now.q[:1]))
     swing = float(0.1 * start.lam @ start.q[:1])
     early, late = np.mean(found[: 5 * 60]), np.mean(found[-5 * 60 :])
@@ -153,7 +155,9 @@ def test_steps_are_of_second_order():
     start = at_rest(model(), np.array([1.0]))
 
     def ends(dt):
-        return simulate(model(), start, lambda t: Command(displacement=np.array([1.0 + np.sin(40 * t) ** 4])), 0.06, dt)
+        return simulate(
+            model(), start, lambda t: MotionCommand(displacement=np.array([1.0 + np.sin(40 * t) ** 4])), 0.06, dt
+        )
 
     coarse, middle, fine = (ends(dt).delta_e[-1] for dt in (1e-3, 5e-4, 2.5e-4))
     assert np.log2(np.linalg.norm(coarse - middle) / np.linalg.norm(middle - fine)) == pytest.approx(2.0, abs=0.3)
@@ -175,17 +179,17 @@ def test_a_payload_lowers_the_frequency_and_sags():
     W = solve(problem(), displacement(delta), states()[4].state).condensed.W
     held = W[:3, :3] - W[:3, 3:] @ W[3:, :3] / W[3, 3]
     assert np.linalg.norm(C - held, 2) < 0.02 * np.linalg.norm(held, 2)
-    later = simulate(model(), start, lambda t: Command(displacement=delta), 0.02, 1e-3, payload)
+    later = simulate(model(), start, lambda t: MotionCommand(displacement=delta), 0.02, 1e-3, payload)
     np.testing.assert_allclose(later.delta_e[-1], later.delta_e[0], atol=1e-6)
 
 
 def test_a_motion_that_leaves_what_was_learned_says_when():
     start = at_rest(model(), np.array([1.0]))
-    inside = simulate(model(), start, lambda t: Command(displacement=np.array([1.0 + 10 * t])), 0.02, 1e-3)
+    inside = simulate(model(), start, lambda t: MotionCommand(displacement=np.array([1.0 + 10 * t])), 0.02, 1e-3)
     assert inside.left is None
 
     def out(t):
-        return Command(displacement=np.array([1.0 + 200 * t]))
+        return MotionCommand(displacement=np.array([1.0 + 200 * t]))
 
     assert 0.009 <= simulate(model(), start, out, 0.012, 1e-3).left <= 0.012
     with pytest.raises(NumericalError, match=r"left the states|is not found"):
@@ -204,7 +208,7 @@ def test_a_motion_stops_where_the_learned_energy_pushes_away():
     start = at_rest(model(), np.array([1.0]))
 
     def out(t):
-        return Command(displacement=np.array([1.0 + 200 * t]))
+        return MotionCommand(displacement=np.array([1.0 + 200 * t]))
 
     with pytest.raises(NumericalError, match=r"pushes the robot away .* left the states .* at 0.01\d s"):
         simulate(Yielding(model()), start, out, 0.02, 1e-3)
@@ -217,7 +221,7 @@ def test_bad_input_says_so():
         fit_motion(still)
     driven = at_rest(model(), np.array([1.0]))
     with pytest.raises(NumericalError, match="is not found"):
-        step(model(), driven, Command(displacement=np.array([np.nan])), 1e-3)
+        step(model(), driven, MotionCommand(displacement=np.array([np.nan])), 1e-3)
     static = model().static
     dual = type("Dual", (), {"form": "force", "parameters": (), "rows": static.rows})()
     with pytest.raises(InputError, match="displacement"):
@@ -232,7 +236,7 @@ def test_a_cable_goes_slack_instead_of_pushing_and_is_held_again():
         return solved.delta_a * (1 - 0.9 * np.sin(np.pi * min(t / 0.008, 1.0)) ** 2)
 
     start = at_rest(model(), solved.delta_a)
-    ours = simulate(model(), start, lambda t: Command(displacement=of(t)), end, dt, unilateral=np.array([True]))
+    ours = simulate(model(), start, lambda t: MotionCommand(displacement=of(t)), end, dt, unilateral=np.array([True]))
     slack, lam = np.array(ours.slack)[:, 0], np.array(ours.lam)[:, 0]
     assert 5 < slack.sum() < 0.7 * len(slack) and not slack[-1]
     assert (lam[slack] == 0).all() and (lam >= -1e-9 * lam.max()).all()
@@ -247,7 +251,7 @@ def test_a_cable_goes_slack_instead_of_pushing_and_is_held_again():
         lambda t: displacement(of(t)),
         end,
         (0.008,),
-        Pace(2 * dt, tolerance=None),
+        StepControl(2 * dt, tolerance=None),
     )
     full_slack = full.of("slack")[:, 0]
     assert abs(full_slack.mean() - slack.mean()) < 0.15
@@ -262,7 +266,7 @@ def test_a_payload_swings_with_a_free_cable_and_keeps_its_energy():
     start = at_rest(still, np.array([1.5]), payload)
     lam, found, now = 0.9 * start.lam, [], start
     for _ in range(200):
-        now = step(still, now, Command(force=lam), 5e-4, payload)
+        now = step(still, now, MotionCommand(force=lam), 5e-4, payload)
         found.append(energy(still, now, payload) - float(lam @ now.q[:1]))
     swing = abs(float(0.1 * start.lam @ start.q[:1]))
     assert np.ptp(found) < 1e-2 * swing

@@ -10,7 +10,7 @@ from cfem.motion.commands import read_commands, starting
 from cfem.motion.load import load_motion
 from cfem.motion.payload import Payload
 from cfem.motion.stage import FULL, TABLE, run
-from cfem.motion.step import Command, step
+from cfem.motion.step import MotionCommand, step
 
 QUIET = Options(quiet=True)
 RAMP = "time [s],cable.displacement [mm]\n0,2\n0.02,2.5\n0.06,2.5\n"
@@ -51,7 +51,7 @@ def test_forces_begin_at_rest_and_stay_there(root, spec):
     for payload in (None, Payload(5e-7, gravity=(0.0, 0.0, -9810.0))):
         start = starting(model, commands, payload)
         np.testing.assert_allclose(start.lam, 0.6, rtol=1e-8)
-        later = step(model, start, Command(force=start.lam), 1e-2, payload)
+        later = step(model, start, MotionCommand(force=start.lam), 1e-2, payload)
         np.testing.assert_allclose(later.q, start.q, atol=1e-7)
     assert max(run(path, ["until=0.05 s"], None, QUIET)["results"]["travel_mm"]) < 1e-6
 

@@ -11,13 +11,13 @@ from cfem.core.errors import InputError, NumericalError
 from cfem.equilibrium.actuation import displacement, force
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import solve
-from cfem.parametric.family import FiniteElements, Learned
+from cfem.parametric.family import FiniteElementFamily, LearnedFamily
 from cfem.predict.energy import FORMS
 from cfem.predict.load import build
 from cfem.robot.build import build_robot
 from cfem.robot.mesh.meshing import make_mesh
 from cfem.surrogate.model_card import model_card
-from cfem.surrogate.spectral import fit
+from cfem.surrogate.series.spectral import fit
 
 NU = Parameter("poisson", "material.poisson", "1", 0.2, 0.45, 0.3, "log(1-2p)")
 E = Parameter("young", "material.young", "MPa", 0.5, 4.0, 1.0, "log", exact=True)
@@ -27,7 +27,7 @@ E = Parameter("young", "material.young", "MPa", 0.5, 4.0, 1.0, "log", exact=True
 def learned(request):
     training = dataset(40, 1, parameters=True)
     card = model_card("spectral", training, request.param)
-    return Learned(build(card, fit(training, request.param, max_degree=4).arrays))
+    return LearnedFamily(build(card, fit(training, request.param, max_degree=4).arrays))
 
 
 @pytest.mark.parametrize("kind", FORMS)
@@ -56,7 +56,7 @@ def fe(tmp_path_factory):
     folder = tmp_path_factory.mktemp("fe")
     spec = scene(folder)
     mesh = make_mesh(spec, folder)[0]
-    return spec, mesh, FiniteElements(spec, mesh, (NU, E))
+    return spec, mesh, FiniteElementFamily(spec, mesh, (NU, E))
 
 
 def robot_of(spec, mesh, nu, young):
@@ -88,7 +88,7 @@ def test_a_model_without_parameters_is_refused(tmp_path):
         parameters = ()
 
     with pytest.raises(InputError, match="no parameters"):
-        Learned(Plain())
+        LearnedFamily(Plain())
 
 
 def test_batched_condensed_states_agree_with_single_ones():
@@ -106,4 +106,4 @@ def test_a_model_of_several_shapes_needs_the_scene():
         parameters = (Parameter("L", "geometry.length", "mm", 38.0, 42.0, 40.0),)
 
     with pytest.raises(InputError, match=r"several shapes.*give the scene"):
-        Learned(Shapes())
+        LearnedFamily(Shapes())

@@ -12,7 +12,7 @@ from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import solve
 from cfem.parametric import meshes
 from cfem.parametric.differentiable import Differentiable
-from cfem.parametric.family import FiniteElements
+from cfem.parametric.family import FiniteElementFamily
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh
 from cfem.robot.mesh.grading import scene_mesh
@@ -57,11 +57,11 @@ def robot(folder, monkeypatch):
 
 def test_without_a_folder_a_design_too_far_is_refused(robot):
     with pytest.raises(NumericalError, match="of its volume left"):
-        FiniteElements(*robot, PARAMETERS).at("displacement", PULL, FAR[None])
+        FiniteElementFamily(*robot, PARAMETERS).at("displacement", PULL, FAR[None])
 
 
 def test_a_design_too_far_is_the_robot_on_its_own_mesh(folder, robot):
-    found = FiniteElements(*robot, PARAMETERS, folder)
+    found = FiniteElementFamily(*robot, PARAMETERS, folder)
     states = found.at("displacement", PULL, np.array([WITHIN, FAR]))
     assert len(found.meshes.own) == 1 and found.meshes.own[0].p == pytest.approx(FAR)
     scene = with_values(load_spec(folder / "scene.yaml", SceneSpec), ["geometry.height"], FAR[:1])
@@ -83,7 +83,7 @@ def test_neighbours_share_a_mesh_and_its_gradients(folder, robot):
 
 
 def test_the_jump_is_that_at_the_edge_of_the_scenes_mesh(folder, robot):
-    found = FiniteElements(*robot, PARAMETERS, folder)
+    found = FiniteElementFamily(*robot, PARAMETERS, folder)
     found.at("displacement", PULL, NEAR[None])
     edge = found.meshes.edge(found.meshes.own[0])
     found.meshes.main.at(edge)
@@ -97,6 +97,6 @@ def test_the_jump_is_that_at_the_edge_of_the_scenes_mesh(folder, robot):
 def test_the_number_of_meshes_has_an_end(folder, robot, monkeypatch):
     monkeypatch.setattr(meshes, "MOST", 1)
     monkeypatch.setattr("cfem.robot.shape.morph.THINNEST", 0.999)
-    found = FiniteElements(*robot, PARAMETERS, folder)
+    found = FiniteElementFamily(*robot, PARAMETERS, folder)
     with pytest.raises(NumericalError, match="1 designs have meshes of their own already"):
         found.at("displacement", PULL, np.array([FAR, FAR - [0.3, 0.0]]))

@@ -4,7 +4,7 @@ import numpy as np
 from support.blocks import hexahedra
 
 from cfem.condensed import Rows
-from cfem.condensed.coupling import Hold, RigidObject
+from cfem.condensed.coupling import Holder, RigidObject
 from cfem.constraint.attachment import attach
 from cfem.constraint.cable import make_cable
 from cfem.constraint.contact import make_contact
@@ -62,7 +62,7 @@ def two_bars(shape):
     )
     fem = [FemPatch(robot, turns=True) for robot in (left, right)]
     holds = [
-        Hold(name, model, 1, 6, np.eye(3), np.zeros(3), model.patch.origin)
+        Holder(name, model, 1, 6, np.eye(3), np.zeros(3), model.patch.origin)
         for name, model in zip(("left", "right"), fem, strict=True)
     ]
     held = RigidObject(CENTRE, True, np.zeros(6))

@@ -1,6 +1,9 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from support.blocks import bar
+from support.trunks import trunk
 
 from cfem.plant.fem_plant import FemPlant
 
@@ -40,6 +43,16 @@ def test_held_nodes_stay_held_however_many_states_were_solved_before():
         plant.pull(0.45 + 0.25 * np.array([np.cos(turn), np.sin(turn)]))
         plant.step(plant.state.delta_a + np.array([0.1, -0.05]))
         np.testing.assert_array_equal(plant.x[robot.fixed], rest)
+
+
+def test_a_pull_keeps_each_cable_within_its_reach():
+    """Three cables of which one has less reach: forces in proportion to the shares would pull it beyond."""
+    plant = FemPlant(replace(trunk(3, divisions=4), reach=np.array([[0.0, 4.0], [0.0, 10.0], [0.0, 10.0]])))
+    shares = 0.45 + 0.3 * np.cos(np.arange(6)[:, None] * np.pi / 3 - np.arange(3) * np.pi / 2)
+    used = np.array([plant.pull(share).delta_a for share in shares]) / [4.0, 10.0, 10.0]
+    assert (used <= 1.0).all() and used.max() > 0.98
+    free = np.abs(used.max(axis=1) - 0.99) > 0.01
+    assert free.any() and not free.all()  # the curve is cut only where it leaves the reach
 
 
 def test_a_displacement_that_is_no_number_is_reported(plant):

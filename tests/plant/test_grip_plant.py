@@ -8,10 +8,11 @@ from support.blocks import bar
 
 from cfem.contact.modes import Mode
 from cfem.contact.obstacle import Box
-from cfem.control.assembled import table_under
-from cfem.equilibrium.grip import Free
+from cfem.contact.step_status import StepStatus
+from cfem.control.holding.assembly import table_under
+from cfem.equilibrium.contact.grasp import FreeObject
+from cfem.equilibrium.contact.points import PlacedRobot
 from cfem.equilibrium.problem import Problem
-from cfem.equilibrium.touch import PlacedRobot, TouchStatus
 from cfem.plant.grip_plant import GripPlant
 
 REST = np.array([30.0, 5.0, 9.0])
@@ -22,7 +23,7 @@ CENTRE = REST + [0, 0, 3.0]
 def plant(load=(0.0, 0.0, 0.0)):
     problem = Problem(bar(element="hex8", cables=2, contact=True))
     fingers = [PlacedRobot(problem, np.eye(3), np.zeros(3)), PlacedRobot(problem, FLIP, CENTRE - FLIP @ CENTRE)]
-    held = Free(Box(np.array([4.0, 4.0, 3.0]), t=CENTRE), CENTRE, np.array([*load, 0, 0, 0]), False)
+    held = FreeObject(Box(np.array([4.0, 4.0, 3.0]), t=CENTRE), CENTRE, np.array([*load, 0, 0, 0]), False)
     return GripPlant(fingers, np.array([0, 2, 4]), held, "coulomb", 0.8, CENTRE[None])
 
 
@@ -66,9 +67,9 @@ def steps_of(monkeypatch, works, goal):
     def go(self, u, load):
         tried.append(float(u[1]))
         if not works(tried[-1], self.at[1]):
-            return TouchStatus.NO_MODE.value
+            return StepStatus.NO_MODE.value
         self.at = u
-        return TouchStatus.CONVERGED.value
+        return StepStatus.CONVERGED.value
 
     monkeypatch.setattr(GripPlant, "_go", go)
     one = plant()
@@ -89,7 +90,7 @@ def test_a_step_that_fails_is_halved_and_then_doubled_up_to_a_millimetre(monkeyp
 
 def test_a_way_that_ends_is_left_where_it_ended(monkeypatch):
     tried, said, one = steps_of(monkeypatch, lambda to, at: to <= 1.0, 2.0)
-    assert said == f"{TouchStatus.NO_MODE.value}, at 50 % of the way" and one.at[1] == 1.0
+    assert said == f"{StepStatus.NO_MODE.value}, at 50 % of the way" and one.at[1] == 1.0
     np.testing.assert_allclose(tried, [1.0, *(1.0 + 0.5 ** np.arange(6))])
 
 
@@ -110,10 +111,10 @@ def test_a_solution_that_is_no_step_of_the_object_is_refused(monkeypatch, modes,
         modes=modes,
         around=SimpleNamespace(x=np.array([0.0, moved, 0.0])),
         converged=True,
-        status=TouchStatus.CONVERGED,
+        status=StepStatus.CONVERGED,
         iterations=1,
     )
-    monkeypatch.setattr("cfem.plant.grip_plant.grip", lambda *rest: there)
+    monkeypatch.setattr("cfem.plant.grip_plant.grasp_step", lambda *rest: there)
     before = one.last
     assert said in one._go(np.array([0.0, commanded, 0.0, 0.0]), 1.0)
     assert (one.last is there) == (said == "converged") and (one.last is before) == (said != "converged")
@@ -123,7 +124,7 @@ def test_the_robots_take_the_load_over_after_they_have_grasped():
     """The block sags under its load, the robots balance it, and each grip says what it has left."""
     problem = Problem(bar(element="hex8", cables=2, contact=True))
     fingers = [PlacedRobot(problem, np.eye(3), np.zeros(3)), PlacedRobot(problem, FLIP, CENTRE - FLIP @ CENTRE)]
-    held = Free(Box(np.array([4.0, 4.0, 3.0]), t=CENTRE), CENTRE, np.array([2e-3, 0, 0, 0, 0, 0]), False)
+    held = FreeObject(Box(np.array([4.0, 4.0, 3.0]), t=CENTRE), CENTRE, np.array([2e-3, 0, 0, 0, 0, 0]), False)
     grasp = squeeze(0.5, 0.5)
     one = GripPlant(fingers, np.array([0, 2, 4]), held, "coulomb", 0.8, CENTRE[None], grasp, margin=1.5)
     assert one.load == 0.0
@@ -144,7 +145,7 @@ def test_an_object_stands_on_its_table_until_it_is_lifted():
     problem, load = Problem(bar(element="hex8", cables=2, contact=True)), np.array([0, 0, -5e-3, 0, 0, 0])
     fingers = [PlacedRobot(problem, np.eye(3), np.zeros(3)), PlacedRobot(problem, FLIP, CENTRE - FLIP @ CENTRE)]
     half = np.array([4.0, 4.0, 3.0])
-    held = Free(Box(half, t=CENTRE), CENTRE, load, False)
+    held = FreeObject(Box(half, t=CENTRE), CENTRE, load, False)
     table = table_under(CENTRE, half, load[:3])
     np.testing.assert_allclose(table.points[:, 2], CENTRE[2] - 3.0)
     one = GripPlant(fingers, np.array([0, 2, 4]), held, "coulomb", 0.8, CENTRE[None], squeeze(0.1, 0.3), table=table)

@@ -5,7 +5,7 @@ import pytest
 from dynamics.moving import moving_bar
 from motion.learned import model, problem, states
 
-from cfem.dynamics.simulate import Pace, simulate
+from cfem.dynamics.simulate import StepControl, simulate
 from cfem.dynamics.start import at_rest
 from cfem.equilibrium.actuation import force
 from cfem.motion.altered import Altered
@@ -44,7 +44,7 @@ def test_ticks_are_the_motion_without_ticks():
         at_rest(plant._problems[0], solved.state),
         lambda t: force(solved.lambda_a * (1 + 0.1 * t / DT)),
         3 * DT,
-        pace=Pace(DT / SUBSTEPS, tolerance=None),
+        pace=StepControl(DT / SUBSTEPS, tolerance=None),
     )
     assert plant.steps == len(whole.samples) - 1 == 3 * SUBSTEPS and plant.refused == 0
     np.testing.assert_allclose(steps[-1].x_e, problem().robot.rest_e + whole.samples[-1].delta_e, atol=1e-7)

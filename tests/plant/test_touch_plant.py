@@ -9,9 +9,9 @@ from cfem.contact.closed_surface import ClosedSurface
 from cfem.contact.modes import Mode
 from cfem.contact.obstacle import Plane, Sphere
 from cfem.equilibrium.actuation import displacement
-from cfem.equilibrium.meet import Skinned
-from cfem.equilibrium.patch_compliance import with_patches
-from cfem.equilibrium.press import press
+from cfem.equilibrium.contact.obstacles import obstacle_step
+from cfem.equilibrium.contact.patch_compliance import with_patches
+from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
 from cfem.equilibrium.problem import Problem
 from cfem.plant.fem_plant import FemPlant
 from cfem.plant.touch_plant import TouchPlant
@@ -37,7 +37,7 @@ def patches(surface):
 
 
 def plant(robot, surface, patches, obstacles, pressed=(), avoided=(), mu=0.0):
-    return TouchPlant(Skinned(robot, surface.nodes, surface.triangles, patches), obstacles, pressed, avoided, mu)
+    return TouchPlant(SkinnedRobot(robot, surface.nodes, surface.triangles, patches), obstacles, pressed, avoided, mu)
 
 
 def test_without_obstacles_in_reach_it_is_the_fe_robot(robot, surface, patches):
@@ -57,7 +57,7 @@ def test_it_meets_what_it_comes_to_and_grows_its_contact_points(robot, surface, 
     distance = CEILING.distance(patches.mean(among.x[surface.nodes]))
     assert distance.min() > -1e-6 * robot.length
     near = np.flatnonzero((distance < 4.0) & (patches.rest[:, 0] > 20.0))  # the same by all of these from the start
-    truth = press(
+    truth = obstacle_step(
         Problem(with_patches(robot, surface.nodes, patches, near)), displacement([1.6]), [CEILING] * len(near)
     )
     assert truth.converged
@@ -75,7 +75,7 @@ def test_the_way_back_frees_it(robot, surface, patches):
 
 
 def test_too_many_patches_end_the_way_and_say_so(robot, surface, patches, monkeypatch):
-    monkeypatch.setattr("cfem.equilibrium.meet.MOST", 0)
+    monkeypatch.setattr("cfem.equilibrium.contact.surfaces.MOST", 0)
     among = plant(robot, surface, patches, {"ceiling": CEILING})
     found = among.step(np.array([3.0]))
     assert "take larger patches" in found.status and among.failures == 1 and np.isfinite(found.x_e).all()
@@ -111,8 +111,8 @@ def test_a_surface_that_passes_another_robot_between_its_patches_is_called_poor(
     """The other bar hangs upside down, turned so that it shows its edge: its patches lie beside that."""
     c = np.sqrt(0.5)
     turned, shift = np.array([[1, 0, 0], [0, -c, -c], [0, c, -c]]), np.array([0.0, 0.0, 11.0])
-    own = Skinned(robot, surface.nodes, surface.triangles, patches)
-    twin = Skinned(robot, surface.nodes, surface.triangles, patches, turned, shift, False)
+    own = SkinnedRobot(robot, surface.nodes, surface.triangles, patches)
+    twin = SkinnedRobot(robot, surface.nodes, surface.triangles, patches, turned, shift, False)
     among = TouchPlant(own, {}, others={"twin": (twin, Bent())})
     assert among.step(np.array([0.8])).status == "converged"
     depth, name = among.deepest

@@ -5,7 +5,7 @@ import pytest
 from support.blocks import bar
 
 from cfem.plant.fem_plant import FemPlant, pushed
-from cfem.plant.walled_plant import Wall, WalledPlant
+from cfem.plant.walled_plant import FrictionlessWall, WalledPlant
 
 LIFT = np.array([-1.0, 1.0])
 
@@ -19,7 +19,7 @@ def wall_at(robot, share):
     """Below which the tip may be, at that share of how high it would rise."""
     free = FemPlant(robot).step(LIFT)
     rise = free.x_e - robot.rest_e
-    return Wall(robot.rest_e + share * rise, np.array([0.0, 0.0, -1.0])), free
+    return FrictionlessWall(robot.rest_e + share * rise, np.array([0.0, 0.0, -1.0])), free
 
 
 def test_away_from_the_wall_the_robot_is_free(robot):

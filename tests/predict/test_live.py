@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from surrogate.stored import train_folder
 
+from cfem.core.artefact.replace import replace_folder
 from cfem.core.errors import InputError
-from cfem.core.replace import replace_folder
 from cfem.core.system import exchange
 from cfem.predict.live import LiveModel
 from cfem.predict.load import load_model, read_vectors
@@ -18,7 +18,7 @@ from cfem.predict.load import load_model, read_vectors
 WRITER = """
 import shutil, sys, time
 from pathlib import Path
-from cfem.core.replace import replace_folder
+from cfem.core.artefact.replace import replace_folder
 target, *sources = map(Path, sys.argv[1:])
 begin, swaps = time.monotonic(), 0
 while time.monotonic() - begin < 4.0:

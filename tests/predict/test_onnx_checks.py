@@ -3,7 +3,7 @@
 import pytest
 
 from cfem.core.errors import InputError
-from cfem.predict.onnx import checked_graph
+from cfem.predict.kinds.onnx import checked_graph
 
 onnx = pytest.importorskip("onnx")
 helper = onnx.helper

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cfem.core.errors import InputError
-from cfem.predict.onnx import OnnxPredictor
+from cfem.predict.kinds.onnx import OnnxPredictor
 
 pytest.importorskip("onnxruntime")
 

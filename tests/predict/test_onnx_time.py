@@ -4,8 +4,8 @@ import pytest
 from export.embedded import spectral
 
 from cfem.core.errors import InputError
-from cfem.predict import onnx as module
-from cfem.predict.onnx import OnnxPredictor
+from cfem.predict.kinds import onnx as module
+from cfem.predict.kinds.onnx import OnnxPredictor
 
 onnx = pytest.importorskip("onnx")
 helper, DOUBLE = onnx.helper, onnx.TensorProto.DOUBLE

@@ -14,7 +14,7 @@ from cfem.export.stage import run
 from cfem.predict.energy import FORMS
 from cfem.predict.load import build, load_model
 from cfem.surrogate.model_card import model_card
-from cfem.surrogate.spectral import fit
+from cfem.surrogate.series.spectral import fit
 
 MODELS = {"spectral": "{kind: spectral, max_degree: 12}", "mlp": "{kind: mlp, width: 8, depth: 2, epochs: 2}"}
 

@@ -8,7 +8,7 @@ import torch
 from export.embedded import compiler, export, network, serial, spectral, states
 from export.test_graphs import energy_net, network_of_forces
 
-from cfem.export.compiled import CompiledController
+from cfem.export.compiled.controller import CompiledController
 from cfem.export.onnx import onnx_bytes
 from cfem.predict.energy import layout, unpacking
 from cfem.predict.load import build

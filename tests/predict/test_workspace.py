@@ -9,7 +9,7 @@ from cfem.core.errors import InputError
 from cfem.predict.energy import FORMS
 from cfem.predict.load import build
 from cfem.surrogate.model_card import model_card
-from cfem.surrogate.spectral import fit
+from cfem.surrogate.series.spectral import fit
 
 
 @pytest.fixture(scope="module", params=FORMS)

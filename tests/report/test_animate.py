@@ -13,13 +13,13 @@ from typer.testing import CliRunner
 
 import cfem
 from cfem.cli.app import app
+from cfem.core.artefact.manifest import read_manifest
 from cfem.core.spec import load_spec
-from cfem.core.stage import read_manifest
 from cfem.predict.load import load_model
 from cfem.report import animate
 from cfem.report.animation import animation
+from cfem.report.sections.tracking import read_tracking
 from cfem.report.shape_history import FE, LEARNED, histories
-from cfem.report.tracking import read_tracking
 from cfem.robot.spec import SceneSpec
 
 LOADS = {"tip": {"force": {"N": [0.0, 0.02, -0.01]}}}

@@ -9,16 +9,16 @@ from report.synthetic import trained as made_up
 from surrogate.stored import store_dataset, train_folder
 from surrogate.synthetic import dataset, effector, states
 
+from cfem.core.artefact.manifest import read_manifest, write_manifest
 from cfem.core.errors import GateError, InputError, SpecError
-from cfem.core.manifest import read_manifest, write_manifest
 from cfem.core.spec import load_spec
 from cfem.core.stage import Options
 from cfem.predict.load import load_model
-from cfem.report.choices import choice_table
-from cfem.report.models import definite_table, model_table, trained
+from cfem.report.sections.choices import choice_table
+from cfem.report.sections.models import definite_table, model_table, trained
+from cfem.report.sections.trust import Trust, trust, trust_summary, trust_table
 from cfem.report.spec import ReportSpec
 from cfem.report.stage import run
-from cfem.report.trust import Trust, trust, trust_summary, trust_table
 
 QUIET = Options(quiet=True)
 

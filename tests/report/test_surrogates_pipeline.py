@@ -21,7 +21,7 @@ def test_the_page_reads_what_the_commands_before_it_make():
     done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=True)
     commands = done.stdout.replace("\\\n", " ")
     made = set(re.findall(r"--out (\S+)", commands))
-    for sampled in re.findall(r"simulate-sample (pipelines/\S+)(?!.*--out)", commands):
+    for sampled in re.findall(r"sample (pipelines/\S+)(?!.*--out)", commands):
         made.add(os.path.relpath(ROOT / Path(sampled).parent / load_spec(ROOT / sampled, SampleSpec).out, ROOT))
     read = {os.path.relpath(path, ROOT) for path in artefacts(load_spec(PAGE, ReportSpec), PAGE.parent).values()}
     assert read <= made and len(read) > 30

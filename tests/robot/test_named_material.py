@@ -4,8 +4,8 @@ import pytest
 from pydantic import TypeAdapter
 from robot.scenes import scene
 
+from cfem.core.artefact.files import plain
 from cfem.core.errors import SpecError
-from cfem.core.files import plain
 from cfem.core.spec import meaning
 from cfem.robot.elastomers import ELASTOMERS
 from cfem.robot.materials import MaterialSpec, read_material

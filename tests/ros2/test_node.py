@@ -21,7 +21,7 @@ PACKAGE = Path(__file__).parents[2] / "ros2" / "cfem_ros"
 
 
 def device(folder, *words):
-    return [sys.executable, "-P", "-m", "cfem.plant.fake_device", str(folder), *words]
+    return [sys.executable, "-P", "-m", "cfem.plant.device.fake", str(folder), *words]
 
 
 def test_a_robot_behind_the_pipe_goes_to_a_goal_in_metres(start, folder):

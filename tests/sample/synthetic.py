@@ -9,6 +9,7 @@ import numpy as np
 from surrogate import synthetic as closed_form
 
 from cfem.condensed import Condensed, Rows
+from cfem.condensed.skin import Skin
 from cfem.equilibrium.actuation import Actuation
 from cfem.equilibrium.solution import Equilibrium, ParameterSlopes, State, Status
 from cfem.sample.solver import Facts
@@ -58,6 +59,9 @@ class SyntheticSolver:
             delta, mu = delta + step[:2] * min(1.0, 4 / np.abs(step[:2]).max()), mu + step[2:]
         status = Status.CONVERGED if delta.mean() <= self.fails_beyond else Status.STEP_TOO_SMALL
         return equilibrium(delta, iterations, status, p, self.third_order)
+
+    def roughly(self, pushed: Skin | None = None) -> "SyntheticSolver":
+        return self
 
 
 def factor(p: np.ndarray) -> float:

@@ -17,6 +17,10 @@ def rows(failed, solved=24):
             "seconds": [1.0] * n,
             "factorizations": [2] * n,
             "iterations": [2] * n,
+            "steps": [1] * n,
+            "id": list(range(n)),
+            "split": ["train"] * n,
+            "u": [[0.5, 0.25]] * n,
         }
     )
 
@@ -31,3 +35,19 @@ def test_more_than_one_failed_row_in_twenty_is_judged():
 def test_a_split_without_any_converged_row_is_no_dataset():
     with pytest.raises(NumericalError, match="no row of 'test' converged: stopped at 60 %"):
         results({"train": rows(0), "test": rows(3, 0)})
+
+
+def test_a_state_that_took_many_times_the_mean_is_named_with_what_it_took():
+    table = rows(0)
+    said = results({"train": table, "test": rows(0)})["headline"]
+    assert not any("dearest" in line for line in said)
+    table = table.set_column(4, "factorizations", pa.array([2] * 7 + [44] + [2] * 16))
+    table = table.set_column(6, "steps", pa.array([1] * 7 + [6] + [1] * 16))
+    (line,) = (line for line in results({"train": table, "test": rows(0)})["headline"] if "dearest" in line)
+    assert line == "dearest state: row 7 of train, u = [0.50, 0.25], 44 factorisations in 6 load steps; converged"
+
+
+def test_pulls_that_were_drawn_back_are_said():
+    table = rows(0).replace_schema_metadata({"cfem": '{"together": 0.595}'})
+    (line,) = (line for line in results({"train": table})["headline"] if "at once" in line)
+    assert line.startswith("all actuators at once are pulled to 60 % of their reach")

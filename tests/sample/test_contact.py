@@ -10,14 +10,14 @@ from support.blocks import bar
 from cfem.condensed.contact_pose import onto_patch
 from cfem.dataset.reader import as_dataset
 from cfem.equilibrium.actuation import force
-from cfem.equilibrium.held_patch import contact_points, patch_of
-from cfem.equilibrium.newton import Settings
+from cfem.equilibrium.contact.held_patch import contact_points, patch_of
+from cfem.equilibrium.newton import NewtonSettings
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import solve
 from cfem.sample.runner import sample
 from cfem.sample.solver import Facts, row_units
 from cfem.sample.spec import SampleSpec
-from cfem.surrogate.spectral import fit
+from cfem.surrogate.series.spectral import fit
 
 SPEC = {
     "scene": "s",
@@ -43,7 +43,7 @@ class BarSolver:
         self.facts = Facts("bar", rows, robot.reach, robot.rest_e, robot.length, W, (), units, patch)
 
     def solve(self, actuation, start, p):
-        return solve(self.problem, actuation, start, settings=Settings(tolerance=1e-11), third_order=True)
+        return solve(self.problem, actuation, start, settings=NewtonSettings(tolerance=1e-11), third_order=True)
 
 
 @dataclass(frozen=True)

@@ -7,15 +7,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cfem.core.artefact.manifest import read_manifest
 from cfem.core.errors import InputError, SpecError
 from cfem.core.spec import load_spec
-from cfem.core.stage import Options, read_manifest
+from cfem.core.stage import Options
 from cfem.dataset.inspect import describe
 from cfem.dataset.reader import read_dataset
 from cfem.dataset.schema import schema
 from cfem.equilibrium.actuation import displacement
-from cfem.equilibrium.inertia import mass_of
-from cfem.equilibrium.newton import Settings
+from cfem.equilibrium.motion.inertia import mass_of
+from cfem.equilibrium.newton import NewtonSettings
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import solve
 from cfem.robot import stage as mesh_stage
@@ -52,7 +53,7 @@ def test_the_rows_of_all_have_their_mass_and_viscosity(folder):
     scene, mesh = folder / "pipelines" / "bar" / "scene.yaml", folder / "data" / "bar" / "mesh"
     robot = build_robot(*load_scene_and_mesh(scene, mesh))
     found = solve(
-        Problem(robot), displacement(data.delta_a[0]), settings=Settings(tolerance=1e-10), mass=mass_of(robot)
+        Problem(robot), displacement(data.delta_a[0]), settings=NewtonSettings(tolerance=1e-10), mass=mass_of(robot)
     )
     own = np.r_[0:3, 5:6]
     for name in ("V", "V2", "V3"):

@@ -8,9 +8,9 @@ import pytest
 from typer.testing import CliRunner
 
 from cfem.cli.app import app
+from cfem.core.artefact.manifest import read_manifest
 from cfem.core.errors import SpecError
-from cfem.core.stage import read_manifest
-from cfem.sample.part import Part, parse_part
+from cfem.sample.part import SamplePart, parse_part
 
 PIPELINE = Path(__file__).parents[2] / "pipelines" / "bar"
 SMALL = [f"--set={text}" for text in ("splits.train.rows=10", "splits.test.rows=5", "skeleton=4", "shard=2")]
@@ -27,10 +27,10 @@ def spec(tmp_path_factory):
     pipeline = shutil.copytree(PIPELINE, root / "pipelines" / "bar")
     path = pipeline / "sample.yaml"
     assert cfem("mesh", pipeline / "scene.yaml").exit_code == 0
-    single = cfem("simulate-sample", path, *SMALL, "--out", root / "single", "--workers", 1)
+    single = cfem("sample", path, *SMALL, "--out", root / "single", "--workers", 1)
     assert single.exit_code == 0, single.stderr
     for index in (1, 2, 3):
-        found = cfem("simulate-sample", path, *SMALL, "--shard", f"{index}/3", "--workers", 1)
+        found = cfem("sample", path, *SMALL, "--shard", f"{index}/3", "--workers", 1)
         assert found.exit_code == 0, found.stderr
     return path
 
@@ -49,7 +49,7 @@ def test_the_parts_together_are_the_whole(spec, data):
     assert merged["results"]["rows"] == single["results"]["rows"] and merged["results"]["parts"] == 3
     shares = [read_manifest(data / f"samples-part-{i}-of-3")["results"]["rows"] for i in (1, 2, 3)]
     assert sum(shares) == 15 - 4 and min(shares) > 0
-    assert cfem("simulate-sample", spec, *SMALL, "--check").exit_code == 0
+    assert cfem("sample", spec, *SMALL, "--check").exit_code == 0
 
 
 def parts(data, *names):
@@ -75,9 +75,9 @@ def test_parts_that_are_missing_doubled_foreign_or_damaged_are_named(spec, data,
 
 
 def test_a_part_that_is_none_is_refused(spec):
-    assert parse_part("2/8") == Part(2, 8)
+    assert parse_part("2/8") == SamplePart(2, 8)
     for text in ("0/3", "4/3", "1", "1/0", "a/b", "1/2/3", "-1/2"):
         with pytest.raises(SpecError, match="not a part"):
             parse_part(text)
-    result = cfem("simulate-sample", spec, *SMALL, "--shard", "1/2", "--until-error", "1mm")
+    result = cfem("sample", spec, *SMALL, "--shard", "1/2", "--until-error", "1mm")
     assert result.exit_code == 2 and "until" in result.stderr

@@ -1,5 +1,7 @@
 """Row i depends on seed and i alone, fills the cube, and stands for the actuation it says."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -8,7 +10,7 @@ from pydantic import ValidationError
 from scipy.stats import qmc
 
 from cfem.core.errors import SpecError
-from cfem.sample.plan import actuation, unit_rows
+from cfem.sample.plan import actuation, borne, borne_together, unit_rows, with_idle, within_reach
 from cfem.sample.spec import SampleSpec, SplitSpec
 
 
@@ -71,6 +73,78 @@ def test_in_a_linear_robot_the_first_cable_to_come_near_its_end_goes_the_largest
     mu = pulled.target / (pulled.C @ compliance @ pulled.C.T)[0]
     delta = compliance @ (pulled.C.T @ mu)
     np.testing.assert_allclose((delta / reach[:, 1]).max(), max(share))
+
+
+OPPOSED = np.array([[2.0, 0.3, -1.5], [0.3, 1.0, 0.2], [-1.5, 0.2, 2.0]])
+REACH = np.array([20.0, 10.0, 15.0])
+
+
+def forces(share, amount):
+    """(n_a,) N of the linear robot, from lambda = mu C^T with C W lambda = amount."""
+    C = share / (share.sum() * REACH)
+    return C * amount / (C @ OPPOSED @ C)
+
+
+@pytest.mark.parametrize("share", [[1.0, 0.9, 1.0], [0.8, 0.7, 0.9], [1.0, 0.0, 1.0]])
+def test_a_pull_of_several_carries_no_more_load_than_that_of_all_which_the_body_bears(share):
+    share, everyone, alone = np.array(share), np.ones(3), REACH / np.diag(OPPOSED)
+    whole = within_reach(share, REACH, OPPOSED)
+    all_at_once = forces(everyone, 0.6 * within_reach(everyone, REACH, OPPOSED)) / alone
+    amount = borne(share, REACH, OPPOSED, 0.6, whole)
+    carried = (forces(share, amount) / alone).sum()
+    assert amount < whole and carried == pytest.approx(max(1.0, all_at_once.sum()))
+    assert borne(share, REACH, OPPOSED, 1.0, whole) == whole
+
+
+@pytest.mark.parametrize("cable", range(3))
+def test_one_actuator_alone_goes_its_whole_reach_however_little_all_can(cable):
+    share = np.eye(3)[cable]
+    whole = within_reach(share, REACH, OPPOSED)
+    assert borne(share, REACH, OPPOSED, 0.05, whole) == pytest.approx(whole, rel=1e-12)
+
+
+@pytest.mark.parametrize("critical", [0.3, 0.72, 0.99])
+def test_all_are_pulled_at_once_less_than_what_buckles_the_body(critical):
+    """A robot that is stable up to a share of the pull of all; what it says of its way is used, or not there."""
+    end = within_reach(np.ones(3), REACH, OPPOSED)
+    for says in (True, False):
+
+        def solve(asked, says=says):
+            share = asked.target[0] / end
+            lost = critical / share if says else 1.0
+            return SimpleNamespace(converged=share <= critical, path=lost)
+
+        assert 0.4 * critical < borne_together(solve, REACH, OPPOSED) < 0.8 * critical
+
+
+def test_robots_that_bear_all_at_once_are_pulled_as_they_were():
+    def solve(asked):
+        return SimpleNamespace(converged=True, path=1.0)
+
+    assert borne_together(solve, REACH, OPPOSED) == 1.0
+
+
+def test_a_robot_that_bears_no_pull_of_all_ends_the_search():
+    def solve(asked):
+        return SimpleNamespace(converged=False, path=0.0)
+
+    assert 0.0 < borne_together(solve, REACH, OPPOSED) < 0.05
+
+
+def test_idle_actuators_are_as_many_as_was_asked_and_parameters_stay():
+    u = unit_rows(split("scrambled-halton", 4096, 1), 5)
+    drawn = with_idle(u, 4, 0.2)
+    np.testing.assert_allclose((drawn[:, :4] == 0.0).mean(axis=0), 0.2, atol=0.01)
+    pulled = np.sort(drawn[:, 0][drawn[:, 0] > 0])
+    np.testing.assert_allclose(pulled, np.linspace(0, 1, len(pulled)), atol=0.01)
+    np.testing.assert_array_equal(drawn[:, 4], u[:, 4])
+    np.testing.assert_array_equal(with_idle(u, 4, 0.0), u)
+
+
+def test_idle_is_of_pulls():
+    splits = {"train": {"method": "random", "rows": 5, "seed": 1}}
+    with pytest.raises(ValidationError, match="idle needs space: pulling"):
+        SampleSpec(scene="s", mesh="m", out="o", splits=splits, space="displacement", idle=0.2)
 
 
 def test_train_and_test_may_not_share_their_rows():

@@ -13,8 +13,8 @@ from support.dask_processes import dask_processes, wait_for
 from typer.testing import CliRunner
 
 from cfem.cli.app import app
+from cfem.core.artefact.manifest import read_manifest
 from cfem.core.errors import InputError, SpecError
-from cfem.core.stage import read_manifest
 from cfem.dataset.writer import content_hash
 from cfem.robot.load import load_scene_and_mesh
 from cfem.sample import cluster
@@ -63,7 +63,7 @@ def cfem(*words):
 
 def test_finite_elements_give_the_same_content(dask, bar, processes, tmp_path):
     for name, option, value in (("local", "--workers", 2), ("dask", "--scheduler", dask.address)):
-        found = cfem("simulate-sample", bar / "sample.yaml", *SMALL, "--out", tmp_path / name, option, value)
+        found = cfem("sample", bar / "sample.yaml", *SMALL, "--out", tmp_path / name, option, value)
         assert found.exit_code == 0, found.stderr
     local, remote = (read_manifest(tmp_path / name) for name in ("local", "dask"))
     assert remote["content"] == local["content"] and remote["made_from"] == local["made_from"]
@@ -124,7 +124,7 @@ def test_a_scheduler_that_ends_is_said_and_what_is_finished_stays(tmp_path):
 def test_no_scheduler_is_said(bar, tmp_path, monkeypatch):
     monkeypatch.setattr(cluster, "_CONNECT", "1s")
     for address in ("tcp://127.0.0.1:1", "nowhere.invalid:8786", "gopher://127.0.0.1:1"):
-        words = ("simulate-sample", bar / "sample.yaml", "--out", tmp_path / "out", "--scheduler", address)
+        words = ("sample", bar / "sample.yaml", "--out", tmp_path / "out", "--scheduler", address)
         found = cfem(*words)
         assert found.exit_code == 2 and f"no Dask scheduler answers at {address}" in found.stderr
     assert "leave one of them out" in cfem(*words, "--workers", 2).stderr

@@ -23,7 +23,8 @@ SPEC = SampleSpec(
 
 def test_failed_rows_stay_with_their_reason_and_without_a_state(tmp_path):
     with ThreadPoolExecutor(1) as executor:
-        tables = sample(SPEC, Factory(fails_beyond=10.0), tmp_path, executor)
+        spec = SPEC.model_copy(update={"space": "displacement"})
+        tables = sample(spec, Factory(fails_beyond=10.0), tmp_path, executor)
     rows = tables["train"].to_pylist()
     failed = [row for row in rows if row["status"] != "converged"]
     assert 5 < len(failed) < 25 and [row["id"] for row in rows] == list(range(30))

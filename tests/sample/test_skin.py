@@ -5,7 +5,7 @@ import pytest
 from support.blocks import block
 
 from cfem.constraint.surface import outer_surface
-from cfem.sample.skin import Seen, find_skin, patches, probed
+from cfem.sample.skin import SkinSample, find_skin, patches, probed
 from cfem.sample.spec import SkinSpec
 
 BODY = block((1, 1, 4), (1, 1, 4))
@@ -15,7 +15,7 @@ SURFACE = outer_surface(BODY.X, BODY.facets)
 def seen(count, motions, yields=None, seed=0):
     """States that are random combinations of motions (k, m, 3)."""
     mixes = np.random.default_rng(seed).normal(size=(count, len(motions)))
-    return [Seen(np.tensordot(mix, motions, 1), np.moveaxis(motions, 0, -1), mix, yields) for mix in mixes]
+    return [SkinSample(np.tensordot(mix, motions, 1), np.moveaxis(motions, 0, -1), mix, yields) for mix in mixes]
 
 
 def bends(count):

@@ -9,12 +9,14 @@ import pytest
 from support.one_thread import solving_beside
 
 from cfem.condensed.skin import read_skin
+from cfem.core.artefact.content import artefact_file
+from cfem.core.artefact.manifest import read_manifest
 from cfem.core.errors import GateError, OutputError, SpecError
-from cfem.core.stage import Options, artefact_file, read_manifest
+from cfem.core.stage import Options
 from cfem.dataset.inspect import describe
 from cfem.dataset.reader import read_dataset
 from cfem.equilibrium.actuation import displacement
-from cfem.equilibrium.newton import Settings
+from cfem.equilibrium.newton import NewtonSettings
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import solve
 from cfem.robot import stage as mesh_stage
@@ -24,6 +26,7 @@ from cfem.sample import runner
 from cfem.sample.parameters import with_values
 from cfem.sample.solver import FiniteElements
 from cfem.sample.stage import run
+from cfem.sample.tally import Tally
 
 PIPELINE = Path(__file__).parents[2] / "pipelines" / "bar"
 QUIET = Options(quiet=True)
@@ -137,7 +140,9 @@ def test_states_of_robots_that_differ_in_a_modulus_and_in_a_radius(spec, tmp_pat
 
 def solved(scene, mesh, keys, p, asked):
     """By a robot built from nothing."""
-    return solve(Problem(build_robot(with_values(scene, keys, p), mesh)), asked, settings=Settings(tolerance=1e-11))
+    return solve(
+        Problem(build_robot(with_values(scene, keys, p), mesh)), asked, settings=NewtonSettings(tolerance=1e-11)
+    )
 
 
 def test_one_worker_gives_the_same_content_as_two(spec, samples, tmp_path):
@@ -157,7 +162,7 @@ def test_rows_of_the_skin_give_the_surface_of_a_state_and_how_it_moves(folder, s
     assert whole.rows.skin == skin.names and whole.W.shape == (3, whole.rows.n, whole.rows.n)
 
     def surface(delta_a):
-        solved = solve(solver, displacement(delta_a), settings=Settings(tolerance=1e-11))
+        solved = solve(solver, displacement(delta_a), settings=NewtonSettings(tolerance=1e-11))
         return solved.state.x[nodes] - skin.rest, solved.lambda_a
 
     moved, _ = surface(test.delta_a[0])
@@ -192,16 +197,26 @@ def test_the_skin_changes_no_other_number_and_costs_no_factorisation_but_in_the_
 
 
 def test_progress_counts_both_solves_of_a_skeleton_with_a_skin(folder, spec, processes, monkeypatch):
-    ends = {}
+    ends, notes = {}, []
 
     @contextmanager
-    def counted(text, total, done=0, poll=None, estimate=True):
+    def counted(text, total, done=0, poll=None, estimate=True, note=None):
         yield
         ends[text] = (done + poll(), total)
+        notes.append(note())
 
     monkeypatch.setattr(runner, "progress", counted)
     run(spec, SMALL, folder / "counted", QUIET, workers=1)
     assert list(ends.values()) == [(2 * 4, 2 * 4), (5, 5)]
+    skeleton, states = (int(note.removesuffix(" factorisations a solve")) for note in notes)
+    files = (artefact_file(folder / "counted", f"{split}.parquet") for split in ("train", "test"))
+    spent = sum(read_dataset(file).cost["factorizations"].sum() for file in files)
+    assert 8 * skeleton + 5 * states == pytest.approx(spent, abs=8 / 2 + 5 / 2)  # means are rounded
+
+
+def test_states_that_fail_are_counted():
+    assert str(Tally(10, 0, 52)) == "5 factorisations a solve"
+    assert str(Tally(12, 2, 76).since(Tally(10, 0, 52))) == "12 factorisations a solve, 2 failed"
 
 
 def test_a_tolerance_that_is_not_reached_says_how_far_it_came(folder, spec):

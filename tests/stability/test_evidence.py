@@ -5,9 +5,9 @@ import pytest
 
 from cfem.core.errors import InputError, SpecError
 from cfem.stability.case import Case, converges, either, named, refuses
-from cfem.stability.evidence import Check, Evidence, error_misbehaviours, misbehaviours
+from cfem.stability.evidence import Evidence, LimitCheck, error_misbehaviours, misbehaviours
 
-GOOD = Evidence("CONVERGED", True, (Check("residual", 1e-12, 1e-8),), 1e-12, 1e-13, 1e-15, 0.1, 10.0, 5, 3)
+GOOD = Evidence("CONVERGED", True, (LimitCheck("residual", 1e-12, 1e-8),), 1e-12, 1e-13, 1e-15, 0.1, 10.0, 5, 3)
 ENDS = named("SINGULAR")
 
 
@@ -25,7 +25,7 @@ def test_right_is_right():
 
 @pytest.mark.parametrize("value", [1e-7, np.nan, np.inf])
 def test_a_check_that_fails_or_says_nothing_is_wrong(value):
-    assert "residual" in verdict(converges(), checks=(Check("residual", value, 1e-8),))[0]
+    assert "residual" in verdict(converges(), checks=(LimitCheck("residual", value, 1e-8),))[0]
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from cfem.control.qp import QpStatus
+from cfem.control.search.qp import QpStatus
 from cfem.stability.case import Case, named
 from cfem.stability.evidence import misbehaviours
 from cfem.stability.families.programs import _inverse

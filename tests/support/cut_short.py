@@ -5,7 +5,7 @@ import pytest
 from pyarrow.parquet import read_table
 
 import cfem
-from cfem.control import resume
+from cfem.control.open_loop import resume
 
 TIMES = {"seconds", "step_us"}
 

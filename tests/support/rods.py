@@ -13,11 +13,11 @@ from cfem.mechanics.element import SECTIONED
 from cfem.mechanics.material import LAWS
 from cfem.mechanics.material.law import Material
 from cfem.mechanics.mesh import Mesh, boundary_facets
-from cfem.mechanics.rod import Section
-from cfem.mechanics.sections import Sections
+from cfem.mechanics.rod.region import CrossSection
+from cfem.mechanics.rod.sections import Sections
 
 LENGTH = 100.0
-SHAPE = Section(4.0, 4 / 3, 8 / 3)
+SHAPE = CrossSection(4.0, 4 / 3, 8 / 3)
 MATERIAL = Material(LAWS["corotational"], 2.0, 0.0)
 
 

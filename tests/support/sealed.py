@@ -8,8 +8,8 @@ import numpy as np
 from typer.testing import CliRunner
 
 from cfem.cli.app import app
-from cfem.core.files import content_sha256, file_sha256
-from cfem.core.manifest import MANIFEST, write_manifest
+from cfem.core.artefact.files import content_sha256, file_sha256
+from cfem.core.artefact.manifest import MANIFEST, write_manifest
 
 
 def reseal(folder: Path, **changes: Any) -> None:

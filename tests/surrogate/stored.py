@@ -8,7 +8,7 @@ from surrogate.synthetic import at_rest, dataset
 
 from cfem.condensed import pack_upper
 from cfem.condensed.parameters import from_json
-from cfem.core.files import content_sha256, file_sha256, write_json, write_npz
+from cfem.core.artefact.files import content_sha256, file_sha256, write_json, write_npz
 from cfem.core.stage import Options
 from cfem.dataset.schema import schema
 from cfem.dataset.writer import write_table
@@ -63,7 +63,7 @@ def store_dataset(
     files = {path.name: file_sha256(path) for path in folder.glob("*.parquet")}
     write_json(
         folder / "manifest.json",
-        {"stage": "simulate-sample", "content": content_sha256(files), "files": files},
+        {"stage": "sample", "content": content_sha256(files), "files": files},
     )
     return folder
 

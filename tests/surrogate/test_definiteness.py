@@ -6,7 +6,7 @@ from surrogate.synthetic import dataset
 from cfem.predict.load import build
 from cfem.surrogate.definiteness import definiteness, random_states, smallest_eigenvalue
 from cfem.surrogate.model_card import model_card
-from cfem.surrogate.spectral import fit
+from cfem.surrogate.series.spectral import fit
 
 
 def test_scaling_by_units_changes_nothing():

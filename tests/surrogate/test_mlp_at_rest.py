@@ -15,11 +15,11 @@ from cfem.core.stage import Options
 from cfem.export.stage import run as export
 from cfem.predict.load import build, load_model
 from cfem.surrogate.error_measures import measure
-from cfem.surrogate.mlp import fit
 from cfem.surrogate.model_card import model_card
 from cfem.surrogate.modules import module_of
+from cfem.surrogate.networks.mlp import fit
+from cfem.surrogate.series.spectral import fit as fit_spectral
 from cfem.surrogate.spec import MlpSpec
-from cfem.surrogate.spectral import fit as fit_spectral
 from cfem.surrogate.stage import model_inputs, run
 
 SMALL = MlpSpec(kind="mlp", width=48, depth=2, activation="silu", epochs=80, batch_size=32, learning_rate=3e-3)

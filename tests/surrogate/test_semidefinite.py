@@ -11,7 +11,7 @@ from cfem.surrogate.definiteness import definiteness
 from cfem.surrogate.error_measures import measure
 from cfem.surrogate.model_card import model_card
 from cfem.surrogate.semidefinite import NEAR, locked_compliance
-from cfem.surrogate.spectral import fit
+from cfem.surrogate.series.spectral import fit
 from cfem.surrogate.stage import predictions
 
 

@@ -7,8 +7,8 @@ import pytest
 
 import cfem
 from cfem.condensed.skin import read_skin
+from cfem.core.artefact.manifest import read_manifest
 from cfem.core.errors import InputError
-from cfem.core.stage import read_manifest
 from cfem.mechanics.body import response
 from cfem.predict.load import build, skin_of
 from cfem.surrogate.definiteness import smallest_eigenvalue

@@ -9,8 +9,8 @@ import pyarrow.parquet as pq
 import pytest
 from surrogate.stored import store_dataset, train_folder
 
+from cfem.core.artefact.files import content_sha256, file_sha256, write_json
 from cfem.core.errors import InputError, NumericalError, SpecError
-from cfem.core.files import content_sha256, file_sha256, write_json
 from cfem.core.stage import Options
 from cfem.predict.load import load_model, read_arrays
 from cfem.surrogate.stage import run

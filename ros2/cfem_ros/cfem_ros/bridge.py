@@ -9,9 +9,9 @@ import numpy as np
 
 import cfem
 from cfem.condensed.far import doubt, far_of
-from cfem.plant.device_answer import FAR
+from cfem.plant.device.answer import FAR
+from cfem.plant.device.sample_clock import SampleClock
 from cfem.plant.protocol import Measurement
-from cfem.plant.sample_clock import SampleClock
 from cfem_ros.topic_plant import TopicPlant
 
 SI = {"mm": 1e-3, "mm^3": 1e-9, "N": 1.0, "MPa": 1e6}  # of one unit of cfem

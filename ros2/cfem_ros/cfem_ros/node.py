@@ -16,7 +16,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Header, MultiArrayDimension, MultiArrayLayout
 
 import cfem
-from cfem.plant.pipe_plant import PipePlant
+from cfem.plant.device.pipe_plant import PipePlant
 from cfem_ros.bridge import DEFAULTS, Bridge, Refused, Settings, Types
 
 TYPES = Types(

@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 
+from cfem.plant.device.sample_clock import CommandTimes
 from cfem.plant.protocol import Measurement
-from cfem.plant.sample_clock import CommandTimes
 
 UNSEEN = Measurement(np.full(3, np.nan), None, None, 0, "the effector is not measured")
 

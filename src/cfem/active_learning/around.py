@@ -15,10 +15,10 @@ import pyarrow as pa
 from cfem.active_learning.choose import choose, disagreement
 from cfem.active_learning.until_error import COMMITTEE, largest_error, model
 from cfem.condensed.parameters import references, sampled, shares
+from cfem.core.artefact.files import write_whole
+from cfem.core.console.progress import doing
+from cfem.core.console.shown import duration, length
 from cfem.core.errors import InputError
-from cfem.core.files import write_whole
-from cfem.core.progress import doing
-from cfem.core.shown import duration, length
 from cfem.dataset.parquet import read_parquet
 from cfem.dataset.reader import Dataset, as_dataset, column_array, read_table
 from cfem.dataset.schema import SKIN

@@ -1,4 +1,4 @@
-"""`cfem simulate-sample --until-error`: rounds of FE states, each where the error of the model so far is largest.
+"""`cfem sample --until-error`: rounds of FE states, each where the error of the model so far is largest.
 
 The training split is a pool; its first rows are solved, a model is fitted, and batches follow until every state of two
 batches in a row was predicted within the error asked for, before it was solved. Test rows are solved too and take no
@@ -17,7 +17,7 @@ import pyarrow as pa
 from cfem.active_learning.choose import choose, disagreement
 from cfem.active_learning.place import effectors, place
 from cfem.condensed.parameters import completed, from_shares, sampled
-from cfem.core.progress import doing
+from cfem.core.console.progress import doing
 from cfem.dataset.reader import Dataset, as_dataset, column_array
 from cfem.dataset.schema import parameters_of
 from cfem.dataset.writer import content_hash, write_table
@@ -31,7 +31,7 @@ from cfem.sample.solver import SolverFactory
 from cfem.sample.spec import SampleSpec, Until
 from cfem.sample.workers import Workers
 from cfem.surrogate.model_card import model_card
-from cfem.surrogate.spectral import fit
+from cfem.surrogate.series.spectral import fit
 
 COMMITTEE = 4  # models, each of the data without a part
 PIECES = 4  # of a batch, whatever the number of workers
@@ -50,14 +50,7 @@ class Round:
 
 
 def fill(folder: Path, spec: SampleSpec, factory: SolverFactory, made_from: str, workers: Workers) -> dict[str, Any]:
-    """Writes one Parquet file a split into `folder`; results for the manifest. Plain sampling where neither spec.until
-    nor spec.around asks for more."""
-    if spec.around is not None:
-        from cfem.active_learning import around
-
-        return around.fill(folder, spec, factory, workers)
-    if spec.until is None:
-        return artefact.fill(folder, spec, factory, made_from, workers)
+    """Writes one Parquet file a split into `folder`, by rounds until spec.until.error; results for the manifest."""
     begin = time.perf_counter()
     tables, rounds = with_workers(
         workers,
@@ -140,7 +133,7 @@ def next_batch(
     learned = sampled(parameters_of(training.meta))
     p = completed(whole.parameters, from_shares(learned, u[:, n_a:]))
     compliance = np.array(training.meta["compliance"])
-    asked = [actuation(job.space, row[:n_a], whole.reach, compliance) for row in u]
+    asked = [actuation(job.space, row[:n_a], whole.reach, compliance, together=job.together) for row in u]
     if job.space == "pulling":
         rows = np.array([one.C[0] if len(one.C) else np.ones(n_a) for one in asked])
         target = np.array([one.target[0] if len(one.C) else 0.0 for one in asked])

@@ -47,13 +47,13 @@ def run_stage(
         >>> manifest = cfem.run_stage("mesh", "pipelines/bar/scene.yaml")
         >>> manifest["results"]["nodes"]
     """
-    from cfem.core.chain import stage_module
+    from cfem.core.artefact.chain import stage_module
     from cfem.core.stage import Options
     from cfem.pipeline.plan import kind_named
 
     kind = kind_named(stage)
     if kind == "sample":
-        more = {"fill": import_module("cfem.active_learning.until_error").fill, **more}
+        more = {"fill": import_module("cfem.active_learning.fill").fill, **more}
     options = Options(force=force, check=check, quiet=quiet)
     return stage_module(kind).run(Path(spec), overrides, None if out is None else Path(out), options, **more)
 
@@ -113,7 +113,7 @@ def read_dataset(path: PathLike, split: Literal["train", "test"] = "train") -> "
         >>> states = cfem.read_dataset("data/bar/samples", "test")
         >>> states.delta_a, states.W[0]
     """
-    from cfem.core.stage import artefact_file
+    from cfem.core.artefact.content import artefact_file
     from cfem.dataset.reader import read_dataset as read_file
 
     path = Path(path)

@@ -11,10 +11,10 @@ from cfem.core.optional import says_what_is_missing
 
 if TYPE_CHECKING:
     from cfem.condensed import Condensed
-    from cfem.control.controller import Controller
-    from cfem.control.inverse import InverseStep, Limits
-    from cfem.control.loop import Reach
-    from cfem.control.tick import Observer
+    from cfem.control.closed_loop.controller import Controller
+    from cfem.control.closed_loop.tick import Observer
+    from cfem.control.search.goal_search import Reach
+    from cfem.control.search.inverse import InverseStep, Limits
     from cfem.equilibrium.robot import Robot
     from cfem.plant.protocol import Command
     from cfem.predict.protocol import Predictor
@@ -56,8 +56,8 @@ def inverse_step(
         >>> cfem.inverse_step(model, state, model.rest_e + [1.0, 0.0, 0.0]).delta_a
     """
     from cfem.condensed.strokes import ridge_of
-    from cfem.control.inverse import Aim
-    from cfem.control.inverse import inverse_step as solve_step
+    from cfem.control.search.inverse import Aim
+    from cfem.control.search.inverse import inverse_step as solve_step
 
     n_e = model.rows.n_e
     aim = Aim(
@@ -106,9 +106,9 @@ def find_actuation(
         >>> found.delta_a, found.distance, found.status
     """
     from cfem.condensed.strokes import ridge_of
-    from cfem.control.inverse import Aim
-    from cfem.control.loop import Iterate, Settings, by_displacement, reach
-    from cfem.control.multistart import RESTARTS, all_over, multistart
+    from cfem.control.search.goal_search import Iterate, Settings, by_displacement, reach
+    from cfem.control.search.inverse import Aim
+    from cfem.control.search.multistart import RESTARTS, all_over, multistart
 
     n_e, n_a = model.rows.n_e, model.rows.n_a
     aim = Aim(
@@ -173,9 +173,9 @@ def make_controller(
     """
     from cfem.condensed.far import far_of
     from cfem.condensed.strokes import ridge_of
-    from cfem.control.controller import Controller
-    from cfem.control.loop import Settings
-    from cfem.control.tick import Pilot
+    from cfem.control.closed_loop.controller import Controller
+    from cfem.control.closed_loop.tick import Pilot
+    from cfem.control.search.goal_search import Settings
     from cfem.plant.gains import Gains
 
     if not 0 < phase_margin < 90:
@@ -210,7 +210,7 @@ def _weights(weights: ArrayLike | None, n_e: int) -> np.ndarray:
 
 
 def _limits(model: "Predictor | Robot", unilateral: bool, largest_force: float) -> "Limits":
-    from cfem.control.inverse import Limits
+    from cfem.control.search.inverse import Limits
 
     signs = np.asarray(getattr(model, "unilateral", np.full(model.rows.n_a, unilateral)))
     limits = Limits.of(model.reach, signs)

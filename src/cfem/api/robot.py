@@ -37,8 +37,8 @@ def load_robot(scene: PathLike, mesh: PathLike | None = None, *, overrides: Sequ
         >>> robot = cfem.load_robot("pipelines/bar/scene.yaml")
         >>> robot.rows.actuators, robot.reach
     """
+    from cfem.core.artefact.content import artefact_file
     from cfem.core.spec import load_spec
-    from cfem.core.stage import artefact_file
     from cfem.robot.build import build_robot
     from cfem.robot.mesh.grading import scene_mesh
     from cfem.robot.mesh.mesh_file import read_mesh

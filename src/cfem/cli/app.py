@@ -6,13 +6,13 @@ from typing import Annotated
 
 import typer
 
-from cfem import __version__
 from cfem.cli.help import App, Commands
 from cfem.cli.look import add_looks
 from cfem.cli.options import Check, Force, Json, MoveAside, Quiet, Strict, Workers
 from cfem.cli.run import run_command
 from cfem.cli.stages import add_stages
 from cfem.core.errors import SpecError
+from cfem.core.version import VERSION
 
 app = App(
     cls=Commands,
@@ -114,6 +114,9 @@ def init(
     remesh: Annotated[
         str | None, typer.Option(help="Whether to mesh the inside of a mesh file anew: yes or no.")
     ] = None,
+    body: Annotated[
+        str | None, typer.Option(help="Which of several bodies in a file of surfaces, the largest first: 1, 2, ...")
+    ] = None,
     effector: Annotated[str | None, typer.Option(help="The watched point: 'x, y, z' in mm.")] = None,
     folder: Annotated[Path, typer.Option(help="Folder of all robots.")] = Path("pipelines"),
     force: Annotated[bool, typer.Option("--force", help="Replace the files of a scene that is there.")] = False,
@@ -128,7 +131,7 @@ def init(
 
         given = {"unit": unit, "cells": cells, "fixed": fixed, "young": young, "poisson": poisson}
         given |= {"cables": cables, "through-air": through_air, "chambers": chambers, "remesh": remesh}
-        given |= {"reach": reach, "growth": growth, "effector": effector}
+        given |= {"reach": reach, "growth": growth, "effector": effector, "body": body}
         if (source is None) == (robot is None):
             raise SpecError("give --from FILE or --robot NAME, one of the two", where="init")
         if robot is not None:
@@ -218,7 +221,7 @@ def schema(
 
 def _version(wanted: bool) -> None:
     if wanted:
-        print(__version__)
+        print(VERSION)
         raise typer.Exit
 
 

@@ -13,7 +13,7 @@ GROUPS = {
     "One stage at a time": ("mesh", "sample", "merge", "train", "export", "control", "simulate", "report"),
     "Material, calibration, design": ("material", "calibrate", "optimize-design"),
     "Measured robots": ("estimate", "measurements", "calibrate-cases", "predict-cases"),
-    "Look at results": ("summary", "animate", "inspect", "modes", "verify"),
+    "Look at results": ("summary", "animate", "inspect", "modes", "verify", "clean"),
     "Check the solver, help an editor": ("stability", "schema"),
 }
 

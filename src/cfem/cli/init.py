@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from cfem.cli.schemas import write_schemas
+from cfem.core.console.terminal import printable
 from cfem.core.errors import SpecError
-from cfem.core.terminal import printable
 from cfem.init.question import Answer, Ask, Question, answer
 
 

@@ -4,9 +4,9 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from cfem.core.judgement import sentences
-from cfem.core.shown import duration, folded
-from cfem.core.stage import read_manifest
+from cfem.core.artefact.judgement import sentences
+from cfem.core.artefact.manifest import read_manifest
+from cfem.core.console.shown import duration, folded
 
 
 def describe(artefact: Path, as_json: bool = False) -> dict[str, Any] | str:
@@ -24,7 +24,7 @@ def describe(artefact: Path, as_json: bool = False) -> dict[str, Any] | str:
         *(f"  file      {name}" for name in manifest["files"]),
         *figures(manifest["results"]),
     ]
-    if manifest["stage"] == "simulate-sample":
+    if manifest["stage"] == "sample":
         from cfem.dataset.inspect import describe as describe_dataset
 
         lines.append(describe_dataset(artefact))

@@ -13,7 +13,7 @@ from cfem.core.errors import SpecError
 
 def add_looks(app: typer.Typer) -> None:
     """Adds them to the program."""
-    for command in (summary, animate, inspect, verify):
+    for command in (summary, animate, inspect, verify, clean):
         app.command()(command)
     app.command("modes")(natural_modes)
 
@@ -95,6 +95,22 @@ def verify(
     run_command(lambda _: verify_folders(folders or [], json, found), as_json=json, label="verify")
     if any(one.damage for one in found):
         run_command(lambda _: demand_whole(found))
+
+
+def clean(
+    folders: Annotated[
+        list[Path] | None, typer.Argument(help="Folders to look through. Default: data, models and pipelines.")
+    ] = None,
+    delete: Annotated[bool, typer.Option("--delete", help="Delete copies, and what is cheap to make again.")] = False,
+    dear: Annotated[bool, typer.Option("--dear", help="Also samples and unfinished work, which took long.")] = False,
+    json: Json = False,
+) -> None:
+    """Say how much room is taken by what was set aside (NAME.old-1 and so on). Deletes nothing unless told."""
+
+    def work(_):
+        return import_module("cfem.cli.clean").clean(folders or [], delete, dear, json)
+
+    run_command(work, as_json=json)
 
 
 def summary(

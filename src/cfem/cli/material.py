@@ -22,8 +22,8 @@ def run_material(
         return _list(as_json)
     if action == "show":
         return _show(_demanded(what, "the name of an elastomer", "show"), as_json)
-    from cfem.tensile.stage import Request, fit_material
-    from cfem.tensile.text import fit_text
+    from cfem.identify.material.stage import Request, fit_material
+    from cfem.identify.material.text import fit_text
 
     files = {"uniaxial": Path(what)} if what is not None else {}
     files |= {mode: path for mode, path in others.items() if path is not None}
@@ -40,15 +40,15 @@ def _demanded(what: str | None, kind: str, action: str) -> str:
 
 
 def _list(as_json: bool) -> dict[str, Any] | str:
+    from cfem.identify.material.catalogue import data_of, list_text
     from cfem.robot.elastomers import ELASTOMERS
-    from cfem.tensile.catalogue import data_of, list_text
 
     return {"elastomers": [data_of(name) for name in ELASTOMERS]} if as_json else list_text()
 
 
 def _show(name: str, as_json: bool) -> dict[str, Any] | str:
+    from cfem.identify.material.catalogue import data_of, show_text
     from cfem.robot.elastomers import ELASTOMERS
-    from cfem.tensile.catalogue import data_of, show_text
 
     if name not in ELASTOMERS:
         near = difflib.get_close_matches(name, ELASTOMERS, n=1, cutoff=0.5)

@@ -8,15 +8,15 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import Any, NoReturn
 
+from cfem.core.artefact.files import DISK
+from cfem.core.artefact.judgement import demand_trust, sentences
+from cfem.core.console.progress import shown
+from cfem.core.console.shown import duration
+from cfem.core.console.terminal import printable
 from cfem.core.errors import CfemError
-from cfem.core.files import DISK
 from cfem.core.interrupts import ENDS
-from cfem.core.judgement import demand_trust, sentences
 from cfem.core.optional import explained
-from cfem.core.progress import shown
-from cfem.core.shown import duration
 from cfem.core.stage import Options
-from cfem.core.terminal import printable
 
 LONGEST = 2000  # characters of an error
 
@@ -113,7 +113,7 @@ def _fail(message: str, code: int) -> NoReturn:
 
 
 def _json(outcome: dict[str, Any] | str) -> str:
-    from cfem.core.files import plain
+    from cfem.core.artefact.files import plain
 
     keys = ("stage", "status", "made_from", "content", "results", "seconds")
     if isinstance(outcome, dict) and "results" in outcome:

@@ -4,8 +4,8 @@ import json
 from functools import cache
 from pathlib import Path
 
+from cfem.core.artefact.files import write_whole
 from cfem.core.errors import GateError
-from cfem.core.files import write_whole
 from cfem.core.kinds import KINDS, model_of
 from cfem.core.spec import json_schema
 

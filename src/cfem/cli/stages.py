@@ -11,6 +11,7 @@ import typer
 
 from cfem.cli.options import Check, Force, Json, Out, Quiet, Set, Spec, Strict, Workers
 from cfem.cli.run import run_command
+from cfem.core.kinds import FORMER
 
 # By command: what it does; what it reads and writes, with an example where a robot that comes with cfem has one.
 _HELP = {
@@ -21,7 +22,7 @@ _HELP = {
     ),
     "sample": (
         "Solve many states of the robot by finite elements and store them. Resumes an interrupted run.",
-        "Reads a sample.yaml and a mesh. Writes a Parquet dataset, one state per row.",
+        "Reads a sample.yaml and a mesh. Writes a Parquet dataset, one state per row. Also: `cfem simulate-sample`.",
         "soft-finger/sample.yaml --workers 4",
     ),
     "merge": (
@@ -90,23 +91,23 @@ _HELP = {
 def add_stages(app: typer.Typer) -> None:
     """Adds them to the program."""
     for name, run in (
-        ("mesh", _plain("robot")),
+        ("mesh", _plain("scene")),
         ("sample", _sample),
         ("merge", _merge),
-        ("train", _plain("surrogate")),
+        ("train", _plain("train")),
         ("export", _plain("export")),
         ("control", _plain("control")),
-        ("simulate", _plain("motion")),
+        ("simulate", _plain("simulate")),
         ("calibrate", _plain("calibrate")),
-        ("estimate", _plain("estimation")),
+        ("estimate", _plain("estimate")),
         ("measurements", _plain("measurements")),
         ("calibrate-cases", _plain("cases")),
-        ("predict-cases", _plain("cases.prediction")),
+        ("predict-cases", _plain("predict")),
         ("optimize-design", _plain("design")),
         ("report", _plain("report")),
     ):
         _stage(app, name, run)
-    _stage(app, "simulate-sample", _sample, "sample", hidden=True)
+    _stage(app, "sample", _sample, FORMER["sample"])
 
 
 def _every_stage(
@@ -121,10 +122,10 @@ def _every_stage(
     """The options of every stage."""
 
 
-def _stage(app: typer.Typer, name: str, run: Callable[..., Any], helped: str = "", hidden: bool = False) -> None:
-    """Registers `run(spec, ..., set_=, out=, options=)`, with the options of every stage beside its own. helped: the
-    command whose help it has, its own unless given."""
-    summary, files, example = _HELP[helped or name]
+def _stage(app: typer.Typer, name: str, run: Callable[..., Any], alias: str = "") -> None:
+    """Registers `run(spec, ..., set_=, out=, options=)`, with the options of every stage beside its own. alias: another
+    word for the command, not listed, under which it is registered if given."""
+    summary, files, example = _HELP[name]
 
     def command(set_, out, force, check, strict, json, quiet, **own) -> None:
         work = partial(run, **own, set_=set_ or [], out=out)
@@ -136,14 +137,16 @@ def _stage(app: typer.Typer, name: str, run: Callable[..., Any], helped: str = "
     command.__signature__ = Signature([one.replace(kind=Parameter.KEYWORD_ONLY) for one in (*own, *common)])
     command.__annotations__ = {one.name: one.annotation for one in (*own, *common)}
     example = f" Example: cfem {name} pipelines/{example}" if example else ""
-    app.command(name, help=summary, epilog=files + example, hidden=hidden)(command)
+    app.command(alias or name, help=summary, epilog=files + example, hidden=bool(alias))(command)
 
 
-def _plain(package: str) -> Callable[..., Any]:
-    """The stage of a package that has no options of its own."""
+def _plain(kind: str) -> Callable[..., Any]:
+    """The stage that reads a kind of spec (`core.kinds`) and has no options of its own."""
 
     def run(spec: Spec, set_, out, options):
-        return import_module(f"cfem.{package}.stage").run(spec, set_, out, options)
+        from cfem.core.artefact.chain import stage_module
+
+        return stage_module(kind).run(spec, set_, out, options)
 
     return run
 
@@ -178,7 +181,7 @@ def _sample(
     overrides += [f"around.task={around.resolve()}"] if around else []
 
     def fill(*arguments):
-        return import_module("cfem.active_learning.until_error").fill(*arguments)
+        return import_module("cfem.active_learning.fill").fill(*arguments)
 
     solve = import_module("cfem.sample.stage").run
     how = {"workers": workers, "scheduler": scheduler, "timeout": timeout, "shard": shard}

@@ -4,11 +4,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from cfem.core.artefact.verify import VerifiedArtefact, verify
 from cfem.core.errors import InputError
-from cfem.core.verify import Verdict, verify
 
 
-def verify_folders(folders: Sequence[Path], as_json: bool, found: list[Verdict]) -> dict[str, Any] | str:
+def verify_folders(folders: Sequence[Path], as_json: bool, found: list[VerifiedArtefact]) -> dict[str, Any] | str:
     """Fills `found`; what to print."""
     found.extend(verify(folders))
     if as_json:
@@ -26,7 +26,7 @@ def verify_folders(folders: Sequence[Path], as_json: bool, found: list[Verdict])
     return "\n".join(lines)
 
 
-def demand_whole(found: Sequence[Verdict]) -> None:
+def demand_whole(found: Sequence[VerifiedArtefact]) -> None:
     """Raises InputError where anything is damaged."""
     damaged = [one for one in found if one.damage]
     if damaged:

@@ -1,6 +1,7 @@
 """The value that everything after mechanics works on: compliance and free displacement in constraint space."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -16,17 +17,20 @@ class Condensed:
     delta_free: (..., n) displacement of each row with the active multipliers removed at this tangent
     lam:        (..., n_a + n_c) multipliers of the active rows at the state itself (N, or MPa for pressures)
 
-    Effector rows are displacements from their reference: the robot's own rest position unless shifted by a goal."""
+    Effector rows are displacements from their reference: the robot's own rest position unless shifted by a goal. What
+    is derived from the arrays is computed once and read-only, so the arrays themselves must not change."""
 
     rows: Rows
     W: np.ndarray
     delta_free: np.ndarray
     lam: np.ndarray
 
-    @property
+    @cached_property
     def delta(self) -> np.ndarray:
         """(..., n) displacements at the state itself."""
-        return (self.W[..., self.rows.active] @ self.lam[..., None])[..., 0] + self.delta_free
+        delta = (self.W[..., self.rows.active] @ self.lam[..., None])[..., 0] + self.delta_free
+        delta.flags.writeable = False
+        return delta
 
     @property
     def delta_e(self) -> np.ndarray:
@@ -53,11 +57,13 @@ class Condensed:
     def W_aa(self) -> np.ndarray:
         return self.W[..., self.rows.a, self.rows.a]
 
-    @property
+    @cached_property
     def effector_jacobian(self) -> np.ndarray:
         """(..., n_e, n_a + n_c) d delta_e / d delta_act = W_e,act W_act,act^-1 (design identity 2)."""
         act = self.rows.active
-        return np.linalg.solve(self.W[..., act, act], self.W[..., act, self.rows.e]).swapaxes(-1, -2)
+        jacobian = np.linalg.solve(self.W[..., act, act], self.W[..., act, self.rows.e]).swapaxes(-1, -2)
+        jacobian.flags.writeable = False
+        return jacobian
 
     def towards(self, goal: np.ndarray) -> "Condensed":
         """Effector rows measured from `goal` (n_e,), in the frame of delta_e: shifts delta_free_e, nothing else."""

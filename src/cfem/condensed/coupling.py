@@ -22,8 +22,8 @@ import numpy as np
 
 from cfem.condensed import Condensed, Rows
 from cfem.condensed.contact_pose import from_energy
-from cfem.condensed.model import Model
-from cfem.condensed.pose import COORDINATES, Turn, turn
+from cfem.condensed.model import KnowsDomain, KnowsSlopes, Model
+from cfem.condensed.pose import COORDINATES, RotationDerivatives, turn
 from cfem.core.errors import NumericalError
 
 TOLERANCE = 1e-9  # of the object's balance, relative to the largest wrench on it
@@ -52,7 +52,7 @@ class RigidObject:
 
 
 @dataclass(frozen=True)
-class Hold:
+class Holder:
     """One robot that holds the object: its model, of (its actuators, the pose of its patch); n_a of its actuators;
     turn (3, 3) and shift (3,) mm from its frame to that of the object; origin (3,) mm of its patch, in its frame."""
 
@@ -69,7 +69,7 @@ class Hold:
         return self.turn @ self.origin + self.shift - centre
 
 
-class State(NamedTuple):
+class HolderState(NamedTuple):
     """Of one robot: delta_a, lambda_a (n_a + n_pose,) of its actuators and of its patch; hessian of its energy by the
     first. What is asked of a robot that holds something, and no more: its own effectors are not."""
 
@@ -79,7 +79,7 @@ class State(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Held(Condensed):
+class HeldObject(Condensed):
     """The condensed model of all actuators, with the object as effector, where it rests.
 
     X: (n,) its pose; parts: the robots' own states; balance: (2,) sum of the forces and of the moments on the
@@ -88,7 +88,7 @@ class Held(Condensed):
     each robot pushes the object."""
 
     X: np.ndarray
-    parts: tuple[State, ...]
+    parts: tuple[HolderState, ...]
     balance: tuple[float, float]
     stiffness: np.ndarray
     softest: float
@@ -100,7 +100,7 @@ class Coupled:
     """`Model` of several robots that hold an object. home: (n_a,) mm actuators where control starts from."""
 
     def __init__(
-        self, holds: Sequence[Hold], held: RigidObject, home: np.ndarray | None = None, updates: int | None = None
+        self, holds: Sequence[Holder], held: RigidObject, home: np.ndarray | None = None, updates: int | None = None
     ):
         self.holds, self.object = tuple(holds), held
         self._levers = np.array([hold.lever(held.centre) for hold in holds])
@@ -117,10 +117,10 @@ class Coupled:
         self.rows = Rows(tuple(f"object.{axis}" for axis in COORDINATES[: len(held.rest_e)]), actuators)
         self._length = max(1.0, float(np.linalg.norm(self._levers, axis=1).max()))
         first = holds[0].model
-        self._alike = hasattr(first, "slopes") and all(hold.model is first for hold in holds)
-        self._last: Held | None = None
+        self._alike = isinstance(first, KnowsSlopes) and all(hold.model is first for hold in holds)
+        self._last: HeldObject | None = None
 
-    def at_displacement(self, delta_a: np.ndarray) -> Held:
+    def at_displacement(self, delta_a: np.ndarray) -> HeldObject:
         """NumericalError where the object finds no stable rest, or a robot no state."""
         delta_a = np.asarray(delta_a, float)
         X = np.zeros(self.object.n) if self._last is None else self._predict(delta_a)
@@ -147,20 +147,20 @@ class Coupled:
             X = X + step
         raise NumericalError(f"the object does not come to rest: a force balance of {max(balance):.1e}")
 
-    def inside(self, held: Held) -> bool:
+    def inside(self, held: HeldObject) -> bool:
         """Whether every robot's state is like those that its model was trained on."""
         return all(
-            not hasattr(hold.model, "inside") or hold.model.inside(part)
+            not isinstance(hold.model, KnowsDomain) or hold.model.inside(part)
             for hold, part in zip(self.holds, held.parts, strict=True)
         )
 
-    def distance(self, held: Held) -> float:
+    def distance(self, held: HeldObject) -> float:
         """The largest of the robots' distances from their training states; NaN where nothing was learned."""
         return max(
             (
                 hold.model.distance(part)
                 for hold, part in zip(self.holds, held.parts, strict=True)
-                if hasattr(hold.model, "distance")
+                if isinstance(hold.model, KnowsDomain)
             ),
             default=float("nan"),
         )
@@ -172,7 +172,7 @@ class Coupled:
 
     def _sum(
         self, delta_a: np.ndarray, X: np.ndarray
-    ) -> tuple[tuple[State, ...], np.ndarray, np.ndarray, tuple[float, float]]:
+    ) -> tuple[tuple[HolderState, ...], np.ndarray, np.ndarray, tuple[float, float]]:
         """The robots' states; gradient (n_a + n,) and Hessian of Pi; the largest force and moment on the object."""
         n_a, n = len(delta_a), len(X)
         now = turn(X[3:]) if n == 6 else None
@@ -205,7 +205,7 @@ class Coupled:
             moment = max(moment, UNSEEN / self._length * float(np.abs(K[n_a + 3 :, n_a + 3 :]).max()))
         return parts, g, (K + K.T) / 2, (force, moment)
 
-    def _poses(self, X: np.ndarray, now: Turn | None) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    def _poses(self, X: np.ndarray, now: RotationDerivatives | None) -> tuple[list[np.ndarray], list[np.ndarray]]:
         """Of every robot's patch in its frame, (n_pose,) each, and their derivatives (n_pose, n) by X."""
         moved = np.tile(X[:3], (len(self.holds), 1))
         slope = np.zeros((len(self.holds), 6, len(X)))
@@ -223,10 +223,10 @@ class Coupled:
             one[:n] for one, n in zip(slope, sizes, strict=True)
         ]
 
-    def _states(self, asked: list[np.ndarray]) -> tuple[State, ...]:
+    def _states(self, asked: list[np.ndarray]) -> tuple[HolderState, ...]:
         """Every robot's, at once where all have the same learned model."""
         if self._alike:
-            return tuple(map(State, asked, *self.holds[0].model.slopes(np.array(asked))))
+            return tuple(map(HolderState, asked, *self.holds[0].model.slopes(np.array(asked))))
         return tuple(state_of(hold.model, at) for hold, at in zip(self.holds, asked, strict=True))
 
     def _softest(self, K_XX: np.ndarray) -> float:
@@ -234,7 +234,7 @@ class Coupled:
         values = np.linalg.eigvalsh(K_XX / np.outer(size, size))
         return float(values[0] / np.abs(values).max())
 
-    def _condense(self, delta_a, X, parts, g, K, balance, updates) -> Held:
+    def _condense(self, delta_a, X, parts, g, K, balance, updates) -> HeldObject:
         n_a, n_e = len(delta_a), self.rows.n_e
         flexible = np.linalg.inv(K[n_a:, n_a:])
         slope = -flexible @ K[n_a:, :n_a]
@@ -245,7 +245,7 @@ class Coupled:
         forces = -np.array(
             [hold.turn @ one.lambda_a[hold.n_a :][:3] for hold, one in zip(self.holds, parts, strict=True)]
         )
-        held = Held(
+        held = HeldObject(
             plain.rows,
             plain.W,
             plain.delta_free,
@@ -262,11 +262,11 @@ class Coupled:
         return held
 
 
-def state_of(model: Model, delta_a: np.ndarray) -> State:
+def state_of(model: Model, delta_a: np.ndarray) -> HolderState:
     """Of one robot at delta_a (n_a + n_pose,)."""
-    if hasattr(model, "slopes"):
+    if isinstance(model, KnowsSlopes):
         lam, hessian = model.slopes(delta_a[None])
-        return State(delta_a, lam[0], hessian[0])
+        return HolderState(delta_a, lam[0], hessian[0])
     at = model.at_displacement(delta_a)
     act = at.rows.active
-    return State(delta_a, at.lam, np.linalg.inv(at.W[act, act]))
+    return HolderState(delta_a, at.lam, np.linalg.inv(at.W[act, act]))

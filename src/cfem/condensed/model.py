@@ -1,7 +1,7 @@
 """What answers for a robot: a model gives the condensed robot where its actuators stand, and is searched for where they
 stand under given forces."""
 
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -17,6 +17,46 @@ class Model(Protocol):
 
     def at_displacement(self, delta_a: np.ndarray) -> Condensed:
         """Condensed at delta_a (n_a,) mm, effectors from rest. NumericalError where it has no answer."""
+        ...
+
+
+@runtime_checkable
+class PathDependent(Protocol):
+    """A model whose answers depend on the way that it has come, as those with contact and friction do."""
+
+    def settle(self, delta_a: np.ndarray) -> None:
+        """Makes the state at delta_a (n_a,) mm the one from which the next step begins."""
+        ...
+
+
+@runtime_checkable
+class Timed(Protocol):
+    """A model or a plant with obstacles that move during a run."""
+
+    def pass_to(self, share: float) -> None:
+        """Moves the obstacles to where they are at this share, 0 to 1, of the run."""
+        ...
+
+
+@runtime_checkable
+class KnowsDomain(Protocol):
+    """A model that can tell how far a state is from those that it was trained on."""
+
+    def inside(self, condensed: Condensed) -> bool:
+        """Whether a state is like those of the training."""
+        ...
+
+    def distance(self, condensed: Condensed) -> float:
+        """Distance of a state from those of the training; 1 is the largest of theirs."""
+        ...
+
+
+@runtime_checkable
+class KnowsSlopes(Protocol):
+    """A model that answers forces and stiffness of many states at once."""
+
+    def slopes(self, delta_a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """lambda_a (B, n_a) and d lambda_a / d delta_a (B, n_a, n_a) at delta_a (B, n_a) mm."""
         ...
 
 

@@ -41,7 +41,7 @@ def cross_matrix(v: np.ndarray) -> np.ndarray:
     return np.tensordot(v, _E, 1)
 
 
-class Turn(NamedTuple):
+class RotationDerivatives(NamedTuple):
     """R (3, 3); first (3, 3, 3) and second (3, 3, 3, 3) derivatives by the rotation vector, whose indices come
     first."""
 
@@ -50,7 +50,7 @@ class Turn(NamedTuple):
     second: np.ndarray
 
 
-def turn(theta: np.ndarray) -> Turn:
+def turn(theta: np.ndarray) -> RotationDerivatives:
     """exp[theta] and its derivatives, theta (3,) rad."""
     s = float(theta @ theta)
     a, a1, a2 = (_at(one, s) for one in _A)
@@ -64,7 +64,7 @@ def turn(theta: np.ndarray) -> Turn:
     second = (4.0 * np.outer(theta, theta))[:, :, None, None] * (a2 * S + b2 * SS)
     second += mixed + mixed.swapaxes(0, 1) + b * _EE
     second[[0, 1, 2], [0, 1, 2]] += 2.0 * slope
-    return Turn(np.eye(3) + a * S + b * SS, first, second)
+    return RotationDerivatives(np.eye(3) + a * S + b * SS, first, second)
 
 
 @dataclass(frozen=True)

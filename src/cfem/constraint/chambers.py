@@ -11,7 +11,7 @@ from typing import ClassVar
 import numpy as np
 
 from cfem.constraint.rod_row import RodRow, Strained
-from cfem.mechanics.rod import Rod
+from cfem.mechanics.rod.region import Rod
 
 
 @dataclass(frozen=True)

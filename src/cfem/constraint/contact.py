@@ -6,12 +6,12 @@ import numpy as np
 
 from cfem.constraint.attachment import attach
 from cfem.constraint.effector import PointEffector
-from cfem.constraint.protocol import Linear
+from cfem.constraint.protocol import LinearConstraint
 from cfem.mechanics.mesh import Mesh
 
 
 @dataclass(frozen=True)
-class ContactPoint(Linear, PointEffector):
+class ContactPoint(LinearConstraint, PointEffector):
     """An effector's rows with multipliers: the value is the position, value - rest the displacement."""
 
 

@@ -31,7 +31,7 @@ class Constraint(Watched, Protocol):
         """(g, 3 k, 3 k) a batch; the sum of all these, node by node, is the second derivative of the value."""
 
 
-class Linear:
+class LinearConstraint:
     """What a constraint without curvature on nodes says of it."""
 
     cliques: ClassVar[tuple[np.ndarray, ...]] = ()

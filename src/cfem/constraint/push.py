@@ -10,11 +10,11 @@ from typing import ClassVar
 import numpy as np
 
 from cfem.constraint.attachment import Attachment
-from cfem.constraint.protocol import Linear
+from cfem.constraint.protocol import LinearConstraint
 
 
 @dataclass(frozen=True)
-class Push(Linear):
+class Push(LinearConstraint):
     """nodes (k,); weights (k,) of sum 1; direction (3,), a unit vector; rest (1,) mm."""
 
     nodes: np.ndarray

@@ -18,7 +18,7 @@ import numpy as np
 
 from cfem.constraint.rod_row import RodRow, Strained
 from cfem.core.errors import SpecError
-from cfem.mechanics.rod import Rod, response
+from cfem.mechanics.rod.region import Rod, response
 
 _POINTS = np.array([-1, 1]) / np.sqrt(3)  # of Gauss's rule on each piece
 

@@ -6,8 +6,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from cfem.constraint.protocol import Linear
-from cfem.mechanics.rod import Rod, response
+from cfem.constraint.protocol import LinearConstraint
+from cfem.mechanics.rod.region import Rod, response
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,7 @@ class Strained:
 
 
 @dataclass(frozen=True)
-class RodRow(Linear, ABC):
+class RodRow(LinearConstraint, ABC):
     """A row of a rod: of its m elements' strains e (m, 6), and of no node."""
 
     rod: Rod

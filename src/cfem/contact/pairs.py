@@ -20,7 +20,6 @@ from cfem.condensed.patches import Patches
 from cfem.contact.detection import NEVER, WITHIN, detect, may_meet
 from cfem.contact.modes import Mode
 from cfem.contact.obstacle_set import ObstacleSet
-from cfem.contact.patch_forces import pressed
 from cfem.contact.prescribed_motion import PrescribedMotion
 
 SETTLING = 0.01  # distances of patches
@@ -70,6 +69,11 @@ class Pairs:
     def some(self, which: np.ndarray) -> "Pairs":
         """Those of `which` (p,) bool alone."""
         return Pairs(*(getattr(self, name)[which] for name in self.__dataclass_fields__))
+
+    def joined(self, more: "Pairs") -> "Pairs":
+        """These, and then those of `more`."""
+        names = self.__dataclass_fields__
+        return Pairs(*(np.concatenate([getattr(self, name), getattr(more, name)]) for name in names))
 
 
 @dataclass(frozen=True)
@@ -188,7 +192,7 @@ class Surroundings:
             distance[near],
             which[near] + self.bodies[-1] + 1,
         )
-        return Pairs(*(np.concatenate([getattr(one, name) for one in (found, more)]) for name in vars(found)))
+        return found.joined(more)
 
 
 @dataclass(frozen=True)
@@ -261,40 +265,3 @@ def _held(row: np.ndarray, frame: np.ndarray, slot: int, places: np.ndarray) -> 
     found = row.copy()
     found[faces] -= np.linalg.pinv(along.T) @ aside
     return found, np.zeros(3)
-
-
-@dataclass(frozen=True)
-class Balance:
-    """Of one linearisation. push (p, 3) N on the pairs' patches in the scene, local (p, 3) N in their frames; forces
-    (c, 3) N on the chosen patches, and step (c, 3) mm by which these move them on."""
-
-    modes: tuple[Mode, ...]
-    local: np.ndarray
-    push: np.ndarray
-    forces: np.ndarray
-    step: np.ndarray
-
-
-def balance(
-    pairs: Pairs, chosen: np.ndarray, C: np.ndarray, forces: np.ndarray, push: np.ndarray, slips: np.ndarray, mu: float
-) -> Balance | None:
-    """The law on pairs whose patches are among the chosen (c,) ones, with compliance C (3c, 3c) mm/N in the scene's
-    axes, under forces (c, 3) N; push (p, 3) N: a guess; slips (p, 2) mm. None where nothing obeys the law."""
-    if not len(pairs):
-        return Balance((), np.zeros((0, 3)), np.zeros((0, 3)), 0 * forces, -(C @ forces.ravel()).reshape(-1, 3))
-    B = np.kron(pairs.relative[:, chosen], np.eye(3))
-    yields = B @ C
-    known = (pairs.frames @ push[:, :, None])[..., 0]
-    if not mu:
-        known[:, 1:] = 0.0
-    guess = (known[:, None] @ pairs.frames)[:, 0]
-    gap = np.column_stack([pairs.gaps, slips])
-    other = yields @ (forces.ravel() - B.T @ guess.ravel())  # what is not of the guess
-    gap -= (pairs.frames @ other.reshape(-1, 3, 1))[..., 0]
-    answer = pressed(yields @ B.T, gap, pairs.frames, known, mu)
-    if answer is None:
-        return None
-    modes, local = answer
-    wanted = (local[:, None] @ pairs.frames)[:, 0]
-    on = (B.T @ wanted.ravel()).reshape(-1, 3)
-    return Balance(modes, local, wanted, on, (C @ (on - forces).ravel()).reshape(-1, 3))

@@ -1,4 +1,6 @@
-"""One round of a touched robot: the law of contact, linear about where its patches are."""
+"""One round of a contact step: the law of contact, linear about where the patches are."""
+
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -27,21 +29,23 @@ def turned(compliance: np.ndarray, turning: np.ndarray) -> tuple[np.ndarray, np.
 
 
 def pressed(
-    compliance: np.ndarray, gap: np.ndarray, into: np.ndarray, known: np.ndarray, mu: float
+    compliance: np.ndarray, gap: np.ndarray, frames: np.ndarray, start: np.ndarray, mu: float
 ) -> tuple[tuple[Mode, ...], np.ndarray] | None:
-    """Modes, and forces (c, 3) N in the frames `into` (c, 3, 3), of patches with `compliance` (3 c, 3 c) mm/N that, in
-    these frames, are `gap` (c, 3) mm from what they meet and from where they last stuck, under forces `known` (c, 3)
-    N. None where nothing obeys the law."""
-    c = len(into)
+    """Modes, and forces (c, 3) N in their `frames` (c, 3, 3), of patches by the law of contact; None where none obey
+    it.
+
+    compliance (3 c, 3 c) mm/N: of the patches, in the scene's axes
+    gap (c, 3) mm: normal gap and slip in the frames, under forces `start` (c, 3) N"""
+    c = len(frames)
     shape = (c, 3, 3 * c)
-    W = (into @ (into @ compliance.T.reshape(shape)).reshape(3 * c, 3 * c).T.reshape(shape)).reshape(3 * c, 3 * c)
-    free = gap.ravel() - W @ known.ravel()
-    found, _ = newton(W, free, mu, known)
-    if found is None and c <= MOST:  # the state that `solve_contact` finds of more points, and C of any number
-        found, _ = newton(W, free, mu)
-        found = along_friction(W, free, mu)[0] if found is None else found
-    if found is not None:
-        return modes_from(found, mu), found
+    W = (frames @ (frames @ compliance.T.reshape(shape)).reshape(3 * c, 3 * c).T.reshape(shape)).reshape(3 * c, 3 * c)
+    free = gap.ravel() - W @ start.ravel()
+    forces, _ = newton(W, free, mu, start)
+    if forces is None and c <= MOST:  # the state that `solve_contact` finds of more points, and C of any number
+        forces, _ = newton(W, free, mu)
+        forces = along_friction(W, free, mu)[0] if forces is None else forces
+    if forces is not None:
+        return modes_from(forces, mu), forces
     answer = solve_contact(ContactProblem(W, free, mu=mu), "coulomb")
     if answer.status not in (ContactStatus.SOLVED, ContactStatus.SEVERAL):
         return None
@@ -52,6 +56,60 @@ def violation(forces: np.ndarray, gap: np.ndarray, compliance: np.ndarray, mu: f
     """mm: the largest distance of patches from the law of contact, at forces (c, 3) N and gaps (c, 3) mm, both in the
     frames of the surfaces there: by how much forces differ from their projection (`cfem.contact.newton`), times what a
     patch yields, of compliance (3 c, 3 c) mm/N. A force of 0 has no violation where its gap is open."""
-    yields = compliance.diagonal().reshape(-1, 3).max(axis=1)[:, None]
-    lawful, _ = projected(forces - gap / yields, mu)
-    return float(np.linalg.norm(yields * (forces - lawful), axis=1).max())
+    flexibility = compliance.diagonal().reshape(-1, 3).max(axis=1)[:, None]
+    lawful, _ = projected(forces - gap / flexibility, mu)
+    return float(np.linalg.norm(flexibility * (forces - lawful), axis=1).max())
+
+
+@dataclass(frozen=True, eq=False)
+class Balance:
+    """The law on one linearisation.
+
+    local (p, 3) N: forces of the pairs in their frames, and `push` (p, 3) N on the pairs' patches in the scene
+    forces (c, 3) N: on the patches, and by how much they have changed, `change` (c, 3) N
+    compliance (3 c, 3 c) mm/N: of the patches"""
+
+    modes: tuple[Mode, ...]
+    local: np.ndarray
+    push: np.ndarray
+    forces: np.ndarray
+    change: np.ndarray
+    compliance: np.ndarray
+
+    @property
+    def step(self) -> np.ndarray:
+        """(c, 3) mm by which the change of the forces moves the patches."""
+        return (self.compliance @ self.change.ravel()).reshape(-1, 3)
+
+
+def balance(
+    relative: np.ndarray | None,
+    frames: np.ndarray,
+    compliance: np.ndarray,
+    gaps: np.ndarray,
+    forces: np.ndarray,
+    push: np.ndarray,
+    mu: float,
+) -> Balance | None:
+    """The law of contact on p pairs of c patches with `compliance` (3 c, 3 c) mm/N in the scene's axes, under forces
+    (c, 3) N; None where nothing obeys it.
+
+    relative (p, c): how pairs depend on the patches (`Pairs.relative`), None where each patch has one, in their order
+    frames (p, 3, 3), and in these gaps (p, 3) mm: normal gap and slip
+    push (p, 3) N: a guess in the scene; `forces` where relative is None"""
+    if not len(frames):
+        return Balance((), np.zeros((0, 3)), np.zeros((0, 3)), 0 * forces, -forces, compliance)
+    guess, of_pairs = (frames @ push[:, :, None])[..., 0], compliance
+    if relative is not None:
+        B = np.kron(relative, np.eye(3))
+        by_patches = B @ compliance
+        of_pairs = by_patches @ B.T
+        other = by_patches @ (forces.ravel() - B.T @ push.ravel())  # by forces that are not of the guess
+        gaps = gaps - (frames @ other.reshape(-1, 3, 1))[..., 0]
+    answer = pressed(of_pairs, gaps, frames, guess, mu)
+    if answer is None:
+        return None
+    modes, local = answer
+    wanted = (local[:, None] @ frames)[:, 0]
+    on = wanted if relative is None else (B.T @ wanted.ravel()).reshape(-1, 3)
+    return Balance(modes, local, wanted, on, on - forces, compliance)

@@ -6,21 +6,21 @@ from pathlib import Path
 import numpy as np
 
 from cfem.constraint.patch import PatchLoad
-from cfem.control.spec import ControlSpec
+from cfem.control.run_spec import LoadedSpec
 from cfem.core.errors import InputError
-from cfem.equilibrium.patch_effectors import PatchYield
+from cfem.equilibrium.contact.patch_effectors import PatchYield
 from cfem.equilibrium.robot import Robot
 from cfem.plant.fem_plant import pushed
 from cfem.predict.at_parameters import AtParameters
-from cfem.predict.kept_patches import yield_of
-from cfem.predict.load_spec import loads_of
-from cfem.predict.loaded import loaded, wrench_of
+from cfem.predict.contact.kept_patches import yield_of
+from cfem.predict.loads.loaded import loaded, wrench_of
+from cfem.predict.loads.spec import loads_of
 from cfem.predict.protocol import Predictor
 from cfem.robot.load import made_from
 
 
 def carrying(
-    spec: ControlSpec, base: Path, robot: Robot, predictors: Mapping[str, Predictor], models: Mapping[str, Path]
+    spec: LoadedSpec, base: Path, robot: Robot, predictors: Mapping[str, Predictor], models: Mapping[str, Path]
 ) -> tuple[Robot, dict[str, Predictor]]:
     """Robot and models under the loads of the spec. A model that was exported under loads must have the same.
     InputError where a model cannot take them."""
@@ -36,12 +36,12 @@ def carrying(
     return under_loads(spec, robot), found
 
 
-def under_loads(spec: ControlSpec, robot: Robot) -> Robot:
+def under_loads(spec: LoadedSpec, robot: Robot) -> Robot:
     """The FE robot under the loads of the spec."""
     return pushed(robot, *_loads(spec, robot)) if spec.loads else robot
 
 
-def _loads(spec: ControlSpec, robot: Robot) -> tuple[np.ndarray, tuple[PatchLoad, ...]]:
+def _loads(spec: LoadedSpec, robot: Robot) -> tuple[np.ndarray, tuple[PatchLoad, ...]]:
     """(n_e,) N on the effector rows, and on patches of the surface."""
     forces, patches = loads_of(spec.loads, robot.masses)
     return wrench_of(robot.rows, forces), patches

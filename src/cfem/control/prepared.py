@@ -7,12 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from cfem.control.assembled import assembled, touching
+from cfem.control.closed_loop.run_spec import ClosedLoopSpec
 from cfem.control.design import designed
-from cfem.control.goals import demand_near, goals_of
+from cfem.control.goals.from_spec import demand_near, goals_of
+from cfem.control.holding.assembly import assembled, touching
+from cfem.control.holding.spec import HoldingSpec
 from cfem.control.loads import carrying
-from cfem.control.obstacles import World, with_obstacles
-from cfem.control.spec import ControlSpec
+from cfem.control.obstacles.meeting import with_obstacles
+from cfem.control.obstacles.spec import ObstaclesSpec
+from cfem.control.obstacles.world import World
+from cfem.control.run_spec import FamilySpec, LoadedSpec, RunSpec, TrackingSpec
 from cfem.core.actuator_units import demand_units
 from cfem.core.errors import InputError
 from cfem.equilibrium.robot import Robot
@@ -54,7 +58,7 @@ class Prepared:
 
 
 def prepare(
-    spec: ControlSpec,
+    spec: TrackingSpec,
     base: Path,
     mesh: Path,
     models: Mapping[str, Path],
@@ -66,8 +70,8 @@ def prepare(
     robot, predictors, shift = robot_and_models(spec, base, scene_and_mesh, models)
     demand_units(spec, robot.actuator_units)
     world = touched = None
-    if spec.object:
-        alone, error = robot, _load_error(spec, predictors)
+    if isinstance(spec, HoldingSpec):
+        alone, error = robot, None
         robot, predictors, fem = assembled(spec, alone, predictors, models)
         if spec.object.law != "bilateral":
             world, predictors, touched = touching(spec, alone, predictors)
@@ -77,7 +81,7 @@ def prepare(
         robot, predictors = carrying(spec, base, robot, predictors, models)
         fem, error = FemPlant(robot) if spec.plant == "fem" else None, _load_error(spec, predictors)
         rest_e = robot.rest_e
-        if spec.obstacles:
+        if isinstance(spec, ObstaclesSpec):
             world, predictors, touched = with_obstacles(spec, base, robot, predictors, models)
             rest_e = world.rest(rest_e)
         plant = (touched or fem) if fem else ModelPlant(next(iter(predictors.values())), rest_e)
@@ -92,20 +96,21 @@ def prepare(
 
 
 def robot_and_models(
-    spec: ControlSpec, base: Path, scene_and_mesh: tuple[SceneSpec, Mesh], models: Mapping[str, Path]
+    spec: RunSpec, base: Path, scene_and_mesh: tuple[SceneSpec, Mesh], models: Mapping[str, Path]
 ) -> tuple[Robot, dict[str, Predictor], np.ndarray]:
     """And by how much goals move with the design (n_e,) mm, empty without one."""
-    read = LiveModel if spec.loop and spec.loop.live else load_model
+    read = LiveModel if isinstance(spec, ClosedLoopSpec) and spec.loop.live else load_model
     predictors = {name: read(path, spec.runtime) for name, path in models.items()}
     for name, predictor in predictors.items():
         do = f"train a model of {base / spec.scene}, or name the scene of this one"
         demand_robot(scene_and_mesh[0], predictor.meta.get("robot"), models[name], do)
-    if not spec.design:
+    if not isinstance(spec, FamilySpec) or not spec.design:
         return build_robot(*scene_and_mesh), predictors, np.zeros(0)
     return designed(*scene_and_mesh, predictors, spec.design)
 
 
-def _load_error(spec: ControlSpec, predictors: Mapping[str, Predictor]) -> float | None:
+def _load_error(spec: LoadedSpec, predictors: Mapping[str, Predictor]) -> float | None:
+    """mm that the models miss under the loads, None without loads."""
     return max(model.meta["wrench_error"] for model in predictors.values()) if spec.loads else None
 
 

@@ -13,11 +13,11 @@ from pathlib import Path
 from typing import Any, TypeVar, get_args
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, GetJsonSchemaHandler, PrivateAttr, ValidationError
+from pydantic import BaseModel, ConfigDict, GetJsonSchemaHandler, PrivateAttr, TypeAdapter, ValidationError
 
+from cfem.core.artefact.files import plain
 from cfem.core.errors import SpecError
-from cfem.core.files import plain
-from cfem.core.kinds import other_kind
+from cfem.core.kinds import classes_of, other_kind
 from cfem.core.origin import Origin, key_path
 from cfem.core.reading import Checked
 from cfem.core.units import in_unit, unit_of, written
@@ -122,7 +122,8 @@ def _same(one: Any, other: Any) -> bool:
 
 
 def load_spec(path: Path, model: type[S], overrides: Iterable[str] = ()) -> S:
-    """Read, override (`key.sub=value`) and validate a spec; paths inside it stay relative to `path.parent`.
+    """Read, override (`key.sub=value`) and validate a spec; paths inside it stay relative to `path.parent`. model: a
+    class, or an annotated union of several.
 
     Raises SpecError naming file, line, key, what was expected and the nearest known key."""
     data, lines = read_yaml(path)
@@ -130,7 +131,7 @@ def load_spec(path: Path, model: type[S], overrides: Iterable[str] = ()) -> S:
         _set(data, lines, override)
     origin = Origin(str(path), lines)
     try:
-        spec = model.model_validate(data)
+        spec = TypeAdapter(model).validate_python(data)
         spec._origin = origin
         return spec
     except ValidationError as error:
@@ -198,6 +199,8 @@ def _deeper(items: list, item: Any) -> list:
 def _what(item: Any, path: tuple, model: type[Spec]) -> str:
     """What is wrong with one key, what was expected, and the nearest that is known."""
     if item["type"] == "extra_forbidden":
+        if len(path) == 1 and any(path[0] in kind.model_fields for kind in classes_of(model)):
+            return f"'{path[0]}' does not go with {item['loc'][0]}"
         return f"unknown key '{path[-1]}'{_nearest(str(path[-1]), _known_keys(model) - {path[-1]})}"
     if item["type"] == "missing":
         return f"missing key '{item['loc'][-1]}'"
@@ -277,7 +280,7 @@ def _known_keys(annotation: Any) -> set[str]:
 
 def json_schema(model: type[Spec]) -> dict:
     """Draft-07 JSON Schema for editors (yaml-language-server reads no later draft in full)."""
-    schema = model.model_json_schema(ref_template="#/definitions/{model}")
+    schema = TypeAdapter(model).json_schema(ref_template="#/definitions/{model}")
     if "$defs" in schema:
         schema["definitions"] = schema.pop("$defs")
     return {"$schema": "http://json-schema.org/draft-07/schema#", **schema}

@@ -10,27 +10,27 @@ bytes on disk. Killed, the next run of the same inputs goes on from what is ther
 import os
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from cfem.core.chain import demand_current, stale
-from cfem.core.errors import GateError, InputError, StaleError
-from cfem.core.files import (
+from cfem.core.artefact.chain import demand_current, stale
+from cfem.core.artefact.files import (
     confined,
     content_sha256,
     file_sha256,
     locked,
-    plain,
 )
-from cfem.core.judgement import with_inherited
-from cfem.core.manifest import MANIFEST, harm, is_inside, read_manifest, stamp, write_manifest
-from cfem.core.place import demand_replaceable, destination, set_aside
-from cfem.core.progress import labelled
-from cfem.core.provenance import versions
-from cfem.core.replace import recover_folder, replace_folder
-from cfem.core.spec import Spec, load_spec, meaning
-from cfem.core.unfinished import begin, finish
+from cfem.core.artefact.judgement import with_inherited
+from cfem.core.artefact.manifest import MANIFEST, harm, read_manifest, stamp, write_manifest
+from cfem.core.artefact.place import demand_replaceable, destination, set_aside
+from cfem.core.artefact.provenance import versions
+from cfem.core.artefact.replace import recover_folder, replace_folder
+from cfem.core.artefact.stage_run import Stage
+from cfem.core.artefact.unfinished import begin, finish
+from cfem.core.console.progress import labelled
+from cfem.core.errors import GateError, InputError, StaleError
+from cfem.core.spec import Spec, load_spec
 
 
 @dataclass(frozen=True)
@@ -40,61 +40,6 @@ class Options:
     force: bool = False
     check: bool = False
     quiet: bool = False
-
-
-@dataclass(frozen=True)
-class Stage:
-    """One run of one command.
-
-    name:     of the command, e.g. 'train'
-    version:  raised when the stage's output changes meaning for the same inputs
-    spec:     everything the user chose (values, not spelling, enter the hash; fields in `paths` do not)
-    inputs:   artefact folders (with a manifest) or plain files that the stage reads
-    out:      the artefact folder that it makes
-    paths:    names of top-level spec fields that are paths; what they point to enters through `inputs`
-    precious: True where the output costs so much that one from other inputs is kept unless --force, and then moved
-              aside rather than deleted
-    extra:    what else determines the output: values, or a function that reads them from the inputs
-    spec_path, overrides: where the spec is and what --set changed in it, so that it can be read again
-    agrees:   SpecError where the spec does not fit the other specs that it names: cheap, and asked before any work"""
-
-    name: str
-    version: int
-    spec: Spec
-    inputs: Mapping[str, Path]
-    out: Path
-    paths: tuple[str, ...] = ()
-    precious: bool = False
-    extra: Mapping[str, Any] | Callable[[], Mapping[str, Any]] = field(default_factory=dict)
-    spec_path: Path | None = None
-    overrides: Sequence[str] = ()
-    agrees: Callable[[], None] = lambda: None
-
-    def demand_agreement(self) -> None:
-        """SpecError, with its file and line, where the spec does not fit the other specs that it names."""
-        with self.spec.locating():
-            self.agrees()
-
-    def origin(self, gone: Mapping[str, str] | None = None) -> dict[str, Any]:
-        """All that determines the output, as plain data. gone: content hashes of inputs, for those that are not there;
-        InputError where there is none."""
-        extra = self.extra() if callable(self.extra) else self.extra
-        return plain(
-            {
-                "stage": self.name,
-                "version": self.version,
-                "spec": meaning(self.spec, self.paths),
-                "inputs": {
-                    name: gone[name] if gone and name in gone and not path.exists() else artefact_content(path)
-                    for name, path in self.inputs.items()
-                },
-                "extra": dict(extra),
-            }
-        )
-
-    def made_from(self) -> str:
-        """Content hash of all that determines the output."""
-        return content_sha256(self.origin())
 
 
 @dataclass(frozen=True)
@@ -145,29 +90,6 @@ class Command:
         """The manifest."""
         made = self.stage(spec_path, overrides, out)
         return run_stage(made, lambda folder: self.work(folder, made.spec, spec_path.parent), options)
-
-
-def artefact_content(path: Path) -> str:
-    """Content hash of an artefact folder (from its manifest) or of a plain file."""
-    if path.is_dir():
-        return str(read_manifest(path)["content"])
-    return file_sha256(path)
-
-
-def artefact_file(folder: Path, name: str) -> Path:
-    """Path of a file of an artefact, checked against the manifest's SHA-256. InputError where missing or damaged."""
-    manifest = read_manifest(folder)
-    known = manifest["files"].get(name) if is_inside(name) else None
-    if known is None:
-        what = f"holds no {name}: it was made by cfem {manifest.get('stage')}"
-        raise InputError(what, where=str(folder), do="check the path in the spec")
-    if file_sha256(folder / name) != known:
-        raise InputError(
-            "is damaged: its SHA-256 differs from the manifest",
-            where=str(folder / name),
-            do="regenerate it with --force",
-        )
-    return folder / name
 
 
 def is_current(stage: Stage, made_from: str) -> bool:

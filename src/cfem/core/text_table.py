@@ -5,24 +5,25 @@ Python's csv module parses. The checks here refuse what has two meanings: a numb
 import csv
 import io
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from cfem.core.artefact.files import open_regular, write_whole
 from cfem.core.errors import InputError
-from cfem.core.files import open_regular
 from cfem.core.units import parse_number
 
 _WITH_POINT = re.compile(r"[-+]?[0-9]*\.[0-9]*(?:[eE][-+]?[0-9]+)?")
 _WITH_COMMA = re.compile(r"[-+]?[0-9]*,[0-9]+(?:[eE][-+]?[0-9]+)?")
 _TWO_MEANINGS = re.compile(r"[-+]?[1-9][0-9]{0,2},[0-9]{3}")  # 2,730: 2.73 or 2730
 _GAPS = ("", "nan")
+_TITLE = re.compile(r"\s*(.*?)\s*(?:[\[(]\s*([^\[\]()]*?)\s*[\])])?\s*", re.DOTALL)
 
 
 @dataclass(frozen=True)
-class Row:
+class TableRow:
     """line: of the file, from 1, on which the row ends; cells: without blanks around them, none of an empty line or a
     comment."""
 
@@ -35,7 +36,7 @@ class Row:
         return not any(self.cells)
 
 
-def read_rows(path: Path) -> list[Row]:
+def read_rows(path: Path) -> list[TableRow]:
     """All rows of a file; a line that begins with '#' is a comment. InputError where the file is no such table."""
     with open_regular(path) as file:
         data = file.read()
@@ -54,7 +55,7 @@ def read_rows(path: Path) -> list[Row]:
     try:
         for cells in reader:
             stripped = tuple(cell.strip() for cell in cells)
-            rows.append(Row(reader.line_num, () if stripped == ("",) else stripped))
+            rows.append(TableRow(reader.line_num, () if stripped == ("",) else stripped))
     except csv.Error as error:
         what = f"is not a table of comma-separated values: {error}"
         raise InputError(what, where=f"{path}:{reader.line_num}", do="save it as CSV in UTF-8") from None
@@ -67,7 +68,7 @@ class TextTable:
 
     path: Path
     titles: tuple[str, ...]
-    rows: tuple[Row, ...]
+    rows: tuple[TableRow, ...]
 
     def column(self, title: str) -> int:
         """InputError where no column is called so."""
@@ -124,10 +125,16 @@ class TextTable:
         return InputError(f"column '{self.titles[column]}': {what}", where=self.where(row), do=do)
 
 
-def titled(path: Path, rows: Sequence[Row]) -> TextTable:
+def title_parts(title: str) -> tuple[str, str]:
+    """Name and unit of a title such as 'tip.x [mm]' or 'stress (MPa)'; the unit is empty where it has none."""
+    name, unit = _TITLE.fullmatch(title).groups()
+    return name, unit or ""
+
+
+def titled(path: Path, rows: Sequence[TableRow]) -> TextTable:
     """The first row that is not empty has the titles. InputError where one stands twice, or another row has not their
     number of cells."""
-    head, *records = [row for row in rows if row.cells] or [Row(0, ())]
+    head, *records = [row for row in rows if row.cells] or [TableRow(0, ())]
     if head.blank:
         raise InputError("is empty", where=str(path), do="give a table with titles above its numbers")
     twice = next((title for title in head.cells if title and head.cells.count(title) > 1), None)
@@ -140,3 +147,16 @@ def titled(path: Path, rows: Sequence[Row]) -> TextTable:
             do = "numbers with a decimal comma need semicolons between cells"
             raise InputError(what, where=f"{path}:{row.line}", do=do)
     return TextTable(path, head.cells, tuple(records))
+
+
+def write_rows(path: Path, titles: Sequence[str], rows: Iterable[Sequence[str | float]]) -> None:
+    """Writes a table with commas: numbers with four decimals, an empty cell for nan."""
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(titles)
+    table.writerows([cell if isinstance(cell, str) else _cell(cell) for cell in row] for row in rows)
+    write_whole(path, text.getvalue().encode())
+
+
+def _cell(number: float) -> str:
+    return "" if np.isnan(number) else f"{number:.4f}"

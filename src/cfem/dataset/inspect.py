@@ -8,9 +8,10 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from cfem.condensed.parameters import sampled
+from cfem.core.artefact.content import artefact_file
+from cfem.core.artefact.manifest import read_manifest
+from cfem.core.console.shown import duration
 from cfem.core.errors import InputError
-from cfem.core.shown import duration
-from cfem.core.stage import artefact_file, read_manifest
 from cfem.dataset.reader import CONVERGED, column_array, read_table
 from cfem.dataset.schema import COLUMNS, metadata, parameters_of, rows_of
 

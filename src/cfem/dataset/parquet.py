@@ -7,8 +7,8 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from cfem.core.artefact.files import open_regular
 from cfem.core.errors import InputError
-from cfem.core.files import open_regular
 
 ROW_BYTES = 4  # a row of floating-point numbers takes more, however well it is compressed
 RATIO, FREE = 100, 2**26  # uncompressed bytes, of each on disk and in any case

@@ -28,7 +28,7 @@ from cfem.dataset.schema import (
 
 CONVERGED = "converged"
 LARGEST = 1e100  # of any number of a converged state: products of it still are numbers
-_AGAIN = "sample it again with cfem simulate-sample --force"
+_AGAIN = "sample it again with cfem sample --force"
 COST = ("iterations", "factorizations", "steps", "residual", "tolerance", "seconds")
 
 
@@ -122,10 +122,11 @@ class WithSkin(OfStates):
 
 @dataclass(frozen=True)
 class Moving(OfStates):
-    """Mass and viscosity of the motions of all n rows, the skin's included: `cfem.equilibrium.inertia` says of which.
-    rows: of all; W, V, V2, V3 (m, n, n); loss (m, k, 2 n, 2 n) of each viscous material; inner_K, inner_M, inner_loss,
-    inner_e: of inner motions instead of V2, V3 and loss, as `inertia.Inner` has them, where the robot has such; dV
-    (m, n_a, n, n), None where the dataset has none; viscosity: of each of these materials, its relaxation and prony."""
+    """Mass and viscosity of the motions of all n rows, the skin's included: `cfem.equilibrium.motion.inertia` says of
+    which. rows: of all; W, V, V2, V3 (m, n, n); loss (m, k, 2 n, 2 n) of each viscous material; inner_K, inner_M,
+    inner_loss, inner_e: of inner motions instead of V2, V3 and loss, as `inertia.Inner` has them, where the robot has
+    such; dV (m, n_a, n, n), None where the dataset has none; viscosity: of each of these materials, its relaxation and
+    prony."""
 
     rows: Rows
     W: np.ndarray

@@ -3,7 +3,6 @@
 In .csv and .parquet the unit stands behind the name of a column, `tip.x [mm]`; in .yaml every number has its own. An
 empty cell was not measured."""
 
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from cfem.core.errors import InputError
-from cfem.core.text_table import read_rows, titled
+from cfem.core.text_table import read_rows, title_parts, titled
 from cfem.core.units import parse_quantity
 
 # The system unit of each column that a table may have.
@@ -29,6 +28,11 @@ class Table:
 
     def __len__(self) -> int:
         return len(self.places)
+
+    def stack(self, names: Sequence[str]) -> np.ndarray:
+        """(rows, len(names)) numbers of the columns, nan where the table has no such column."""
+        absent = np.full(len(self), np.nan)
+        return np.stack([self.columns.get(name, absent) for name in names], axis=1)
 
 
 def read_table(path: Path, units: Units) -> Table:
@@ -96,10 +100,9 @@ def _titles(path: Path, units: Units, titles: Sequence[str]) -> tuple[list[str],
     """Names of the columns, and the size of each one's unit in the system's. Titles are 'name [unit]'."""
     names, factors = [], []
     for title in titles:
-        match = re.fullmatch(r"\s*(\S+)\s*\[([^\[\]]+)\]\s*", title)
-        if not match:
+        name, unit = title_parts(title)
+        if not unit:
             raise InputError(f"column '{title}': expected a name and its unit, 'tip.x [mm]'", where=str(path))
-        name, unit = match.groups()
         _demand_known([name], units, path)
         if name in names:
             raise InputError(f"column '{name}' appears twice", where=str(path), do="keep one of them")

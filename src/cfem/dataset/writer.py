@@ -10,7 +10,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from cfem.core.files import write_whole
+from cfem.core.artefact.files import write_whole
 from cfem.dataset.schema import content
 
 

@@ -5,20 +5,20 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cfem.core.judgement import DESIGN_GAP, contradicted
-from cfem.core.shown import duration, length
+from cfem.core.artefact.judgement import DESIGN_GAP, contradicted
+from cfem.core.console.shown import duration, length
 from cfem.dataset.writer import write_columns
-from cfem.design.front import Front
 from cfem.design.objectives import said
-from cfem.design.problem import Problem
-from cfem.design.search import Design, Grid
+from cfem.design.optimisers.front import Front
+from cfem.design.optimisers.search import Design, Grid
+from cfem.design.problem import DesignProblem
 from cfem.design.volume import Volume
 from cfem.parametric.differences import Stencil
 
 FEW = 3  # parameters of a design that a line may state
 
 
-class Checked(NamedTuple):
+class CheckedDesign(NamedTuple):
     """A design by finite elements: objectives (n_f,), constraints (n_g,); distance: mm between the effectors' places by
     the model and by finite elements."""
 
@@ -28,7 +28,7 @@ class Checked(NamedTuple):
 
 
 def entry(
-    problem: Problem, grid: Grid, design: Design, checked: Checked | None, volume: Volume | None
+    problem: DesignProblem, grid: Grid, design: Design, checked: CheckedDesign | None, volume: Volume | None
 ) -> dict[str, Any]:
     """Of one design, for design.json."""
     family, p = problem.family, problem.p(design.z)
@@ -137,14 +137,16 @@ def front_line(front: Front, seconds: float) -> str:
     return f"{found}; {front.beaten} designs of the grid are better than one of the front in every objective"
 
 
-def write_front(path: Path, problem: Problem, front: Front) -> None:
+def write_front(path: Path, problem: DesignProblem, front: Front) -> None:
     z, objectives, constraints = (
         np.array([getattr(one, name) for one in front.designs]) for name in ("z", "objectives", "constraints")
     )
     write_designs(path, problem, z, objectives, constraints)
 
 
-def write_designs(path: Path, problem: Problem, z: np.ndarray, objectives: np.ndarray, constraints: np.ndarray) -> None:
+def write_designs(
+    path: Path, problem: DesignProblem, z: np.ndarray, objectives: np.ndarray, constraints: np.ndarray
+) -> None:
     """A row a design: parameters, objectives as they are minimised, slacks of the constraints."""
     p = problem.p(z)
     columns = {one.name: p[:, i] for i, one in enumerate(problem.family.parameters)}
@@ -158,7 +160,7 @@ def write_designs(path: Path, problem: Problem, z: np.ndarray, objectives: np.nd
     write_columns(path, columns, meta)
 
 
-def slopes_checked(problem: Problem) -> float:
+def slopes_checked(problem: DesignProblem) -> float:
     """Largest difference between the slopes that the search uses and those by plain central differences, relative to
     each row's largest, at the middle of the ranges."""
     z = np.full(len(problem.free), 0.45)

@@ -17,7 +17,7 @@ from cfem.design.task import Task
 from cfem.equilibrium.robot import Robot
 from cfem.gym.policy import Policy
 from cfem.gym.robots import Robots
-from cfem.parametric.family import Learned, Varied
+from cfem.parametric.family import LearnedFamily, Varied
 from cfem.plant.fem_plant import FemPlant
 
 START, LAST = 0.4, 5  # share of the reach where episodes begin; ticks at the end that count as where they led
@@ -38,7 +38,7 @@ class ByPolicy(Varied):
     """family: learned; task: goals, without weights or forces; p0, free: as of `Varied`; ticks: of an episode.
     InputError where the policy is of another robot, or the task asks what it does not know."""
 
-    family: Learned
+    family: LearnedFamily
     task: Task
     policy: Policy
     p0: np.ndarray

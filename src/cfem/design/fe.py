@@ -10,8 +10,8 @@ from scipy.stats import norm, qmc
 
 from cfem.condensed.parameters import from_shares, shares
 from cfem.core.errors import NumericalError
-from cfem.design.problem import Problem, Scores
-from cfem.design.search import Grid, judged
+from cfem.design.optimisers.search import Grid, judged
+from cfem.design.problem import DesignProblem, Scores
 from cfem.design.workspace import Robust
 from cfem.parametric.differences import Stencil
 from cfem.parametric.differentiable import Outputs, chain, stacked
@@ -23,7 +23,7 @@ _SIDEWAYS = 5e-3  # of a range: half of what two gradients differ by, for a Hess
 
 
 @dataclass
-class FeProblem(Problem):
+class FeProblem(DesignProblem):
     """failed: designs that finite elements could not solve; they count as worse than any that they could."""
 
     failed: int = field(default=0, init=False)

@@ -6,15 +6,15 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from cfem.condensed.parameters import from_shares
-from cfem.design.front import Front, jumps
-from cfem.design.problem import Problem
-from cfem.design.search import Design, Grid
+from cfem.design.optimisers.front import Front, jumps
+from cfem.design.optimisers.search import Design, Grid
+from cfem.design.problem import DesignProblem
 from cfem.report.style import FAINT, FE, GOAL, INK, LEARNED, outside_legend, plt, png
 
 _FINE, _SHOWN = 41, 3  # points along a parameter; parameters in one picture
 
 
-def landscape(problem: Problem, index: int, best: Design, verified: float | None, title: str) -> bytes:
+def landscape(problem: DesignProblem, index: int, best: Design, verified: float | None, title: str) -> bytes:
     """PNG: objective `index` on planes through its best design, of the parameters that it varies most with; what
     breaks a constraint is hatched. With one parameter, a curve."""
     pairs = list(combinations(_matter(problem, index, best), 2))
@@ -54,7 +54,7 @@ def landscape(problem: Problem, index: int, best: Design, verified: float | None
     return png(figure)
 
 
-def _matter(problem: Problem, index: int, best: Design) -> list[int]:
+def _matter(problem: DesignProblem, index: int, best: Design) -> list[int]:
     """Numbers of the parameters along which the objective varies most from the best design on."""
     n = len(problem.free)
     if n <= _SHOWN:
@@ -65,7 +65,7 @@ def _matter(problem: Problem, index: int, best: Design) -> list[int]:
     return sorted(np.argsort(-spread, kind="stable")[:_SHOWN].tolist())
 
 
-def _curve(problem: Problem, index: int, best: Design, title: str) -> bytes:
+def _curve(problem: DesignProblem, index: int, best: Design, title: str) -> bytes:
     figure, axis = plt.subplots(figsize=(5, 3.4))
     shares = np.linspace(0, 1, 201)
     scores = problem(shares[:, None])
@@ -75,7 +75,7 @@ def _curve(problem: Problem, index: int, best: Design, title: str) -> bytes:
     return png(figure)
 
 
-def front_figure(problem: Problem, grid: Grid, front: Front, verified: dict[int, np.ndarray]) -> bytes:
+def front_figure(problem: DesignProblem, grid: Grid, front: Front, verified: dict[int, np.ndarray]) -> bytes:
     """PNG: the front among the grid's designs, beside the parameters along it. verified: place in the front -> (n_f,)
     objectives by finite elements."""
     figure, axes = plt.subplots(1, 2, figsize=(10.5, 4.2))
@@ -117,10 +117,10 @@ def _along(front: Front) -> tuple[np.ndarray, np.ndarray]:
     return np.insert(objectives, places, np.nan, axis=0), np.insert(z, places, np.nan, axis=0)
 
 
-def _values(problem: Problem, k: int, shares: np.ndarray) -> np.ndarray:
+def _values(problem: DesignProblem, k: int, shares: np.ndarray) -> np.ndarray:
     return from_shares([problem.parameters[k]], shares[:, None])[:, 0]
 
 
-def _label(problem: Problem, k: int) -> str:
+def _label(problem: DesignProblem, k: int) -> str:
     one = problem.parameters[k]
     return one.name if one.unit == "1" else f"{one.name} ({one.unit})"

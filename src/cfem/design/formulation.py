@@ -25,7 +25,7 @@ from cfem.design.objective_spec import (
     StiffnessSpec,
 )
 from cfem.design.objectives import Dexterity, Objective, OwnFunction, Strength, load_function, position_rows
-from cfem.design.problem import Constraint, Problem
+from cfem.design.problem import Constraint, DesignProblem
 from cfem.design.spec import DesignSpec
 from cfem.design.task import Task
 from cfem.design.volume import Volume
@@ -33,9 +33,9 @@ from cfem.design.workspace import (
     Force,
     Manipulability,
     OfBody,
-    Reach,
     Robust,
     Stiffness,
+    WorkspaceMeasure,
     actuation_grid,
     normal_offsets,
 )
@@ -64,7 +64,7 @@ def free_parameters(spec: DesignSpec, parameters: Any) -> tuple[list[int], np.nd
     return [names.index(name) for name in wanted], p0
 
 
-def problem_of(spec: DesignSpec, family: Family, scene: Path | None, base: Path) -> tuple[Problem, Volume | None]:
+def problem_of(spec: DesignSpec, family: Family, scene: Path | None, base: Path) -> tuple[DesignProblem, Volume | None]:
     """The problem, and the volume where a constraint speaks of it."""
     free, p0 = free_parameters(spec, family.parameters)
     volume = _volume(spec, family, scene)
@@ -87,7 +87,7 @@ def problem_of(spec: DesignSpec, family: Family, scene: Path | None, base: Path)
         largest = spec.largest_force
         for i, name in enumerate(family.rows.actuators):
             constraints[f"force of {name}"] = lambda states, i=i: largest - np.abs(states.lam[:, i])
-    made = FeProblem if spec.by == "fe" else Problem
+    made = FeProblem if spec.by == "fe" else DesignProblem
     return made(family, kind, np.asarray(u, float), free, p0, objectives, constraints), volume
 
 
@@ -139,7 +139,7 @@ def _of_workspace(one: Any, which: np.ndarray, family: Family, where: str) -> Ob
         raise SpecError(
             "kind: workspace is for robots with one to three actuators", where=where, do="use kind: manipulability"
         )
-    return Reach(which, at, one.points)
+    return WorkspaceMeasure(which, at, one.points)
 
 
 def _robust(name: str, one: RobustSpec, family: Family, plain: dict[str, Objective]) -> Robust:

@@ -1,4 +1,4 @@
-// The front as points to click; viewer.js draws the design that is chosen.
+// The front as points to click; the player shows the design that is chosen.
 (() => {
   "use strict";
   const data = JSON.parse(document.getElementById("data").textContent);

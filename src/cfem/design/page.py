@@ -10,17 +10,17 @@ from typing import Any
 
 import numpy as np
 
-from cfem.core.files import write_whole
-from cfem.design.front import Front
-from cfem.design.problem import Problem
-from cfem.report.page import POLICY
+from cfem.core.artefact.files import write_whole
+from cfem.design.optimisers.front import Front
+from cfem.design.problem import DesignProblem
+from cfem.report.page import POLICY, assets
 from cfem.report.viewer import BODY, HELD, Take, Viewer, flat_triangles
 
 PAGE = "front.html"
 STEPS = 7  # shapes from rest to the whole pull
 
 
-def moving(problem: Problem, exact: Any, designs: Sequence[Any]) -> list[tuple[np.ndarray, np.ndarray]]:
+def moving(problem: DesignProblem, exact: Any, designs: Sequence[Any]) -> list[tuple[np.ndarray, np.ndarray]]:
     """By finite elements, of each design: x (STEPS, n, 3) mm the nodes from rest to the full actuation, and x_e
     (STEPS, n_e) mm the effectors."""
     found = []
@@ -35,9 +35,11 @@ def moving(problem: Problem, exact: Any, designs: Sequence[Any]) -> list[tuple[n
     return found
 
 
-def write_page(folder: Path, problem: Problem, front: Front, exact: Any, sensitivity: dict[str, Any] | None) -> str:
-    """Solves what the page shows, and writes it; its name. exact: cfem.parametric.family.FiniteElements. Designs on
-    meshes of their own are left out."""
+def write_page(
+    folder: Path, problem: DesignProblem, front: Front, exact: Any, sensitivity: dict[str, Any] | None
+) -> str:
+    """Solves what the page shows, and writes it; its name. exact: cfem.parametric.family.FiniteElementFamily. Designs
+    on meshes of their own are left out."""
     shapes = moving(problem, exact, front.designs)
     count = len(exact.robot.X)
     kept = [i for i, (x, _) in enumerate(shapes) if x.shape[1] == count]  # those on the scene's mesh
@@ -47,7 +49,9 @@ def write_page(folder: Path, problem: Problem, front: Front, exact: Any, sensiti
     return PAGE
 
 
-def front_page(problem: Problem, front: Front, robot: Any, shapes: list, sensitivity: dict[str, Any] | None) -> str:
+def front_page(
+    problem: DesignProblem, front: Front, robot: Any, shapes: list, sensitivity: dict[str, Any] | None
+) -> str:
     """robot: cfem.equilibrium.robot.Robot, any of the family's."""
     triangles = flat_triangles(robot.facets)
     held = np.isin(triangles, robot.fixed).all(axis=1)
@@ -71,7 +75,7 @@ def front_page(problem: Problem, front: Front, robot: Any, shapes: list, sensiti
         "shares": [one.z.tolist() for one in front.designs],
         "matters": {} if sensitivity is None else {k: v["total"] for k, v in sensitivity.items() if k in front.names},
     }
-    style, script = ((files("cfem.report") / name).read_text(encoding="utf-8") for name in ("page.css", "viewer.js"))
+    style, script = assets()
     own_style, own = ((files("cfem.design") / name).read_text(encoding="utf-8") for name in ("front.css", "front.js"))
     said = json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
     return (

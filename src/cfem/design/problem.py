@@ -28,7 +28,7 @@ class Scores(NamedTuple):
 
 
 @dataclass
-class Problem(Varied):
+class DesignProblem(Varied):
     """kind, u (n_a,): how every design is actuated. free: numbers of the parameters that vary; p0 (n_p,): values of the
     others. evaluations: designs so far."""
 

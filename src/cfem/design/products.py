@@ -8,7 +8,7 @@ import numpy as np
 
 from cfem.condensed.parameters import Parameter
 from cfem.core.errors import SpecError
-from cfem.export.embedding import embedding, write_embedded
+from cfem.export.firmware.embedding import embedding, write_embedded
 from cfem.export.spec import CSpec
 from cfem.mechanics.mesh import Mesh
 from cfem.parametric.meshes import Meshes

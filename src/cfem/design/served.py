@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from cfem.core.judgement import DESIGN_GAP, contradicted
-from cfem.core.shown import duration
+from cfem.core.artefact.judgement import DESIGN_GAP, contradicted
+from cfem.core.console.shown import duration
 from cfem.design.answer import parameters
 from cfem.design.formulation import free_parameters
 from cfem.design.spec import DesignSpec

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from cfem.core.actuator_units import demand_units
-from cfem.core.files import write_json, write_whole
+from cfem.core.artefact.files import write_json, write_whole
+from cfem.core.console.shown import duration, length
 from cfem.core.optional import installed
-from cfem.core.shown import duration, length
 from cfem.core.spec import load_spec
 from cfem.core.stage import Command
 from cfem.design.objective_spec import BodySpec, FrequencySpec, FunctionSpec
@@ -89,8 +89,8 @@ class _Found:
 
 
 def _search(spec: DesignSpec, problem: Any) -> _Found:
-    from cfem.design.front import best_of_each, pareto_front
-    from cfem.design.search import Scalar, best, first_designs
+    from cfem.design.optimisers.front import best_of_each, pareto_front
+    from cfem.design.optimisers.search import Scalar, best, first_designs
 
     seconds = {}
     begin = time.process_time()
@@ -122,7 +122,7 @@ def _report(
     """Results; tables into the folder, lines into the headline."""
     from cfem.design.answer import entry, front_entry, front_line, line, slopes_checked, write_designs, write_front
     from cfem.design.fe import FeProblem
-    from cfem.design.sensitivity import told
+    from cfem.design.optimisers.sensitivity import told
 
     grid, seconds, by_fe = found.grid, found.seconds, isinstance(problem, FeProblem)
     results: dict[str, Any] = {
@@ -174,7 +174,7 @@ def _refine(
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """Results, and the designs by a name of theirs; lines into said["headline"], doubts into said["judgement"]."""
     from cfem.design.formulation import problem_of
-    from cfem.design.refined import refine_all, told
+    from cfem.design.optimisers.refined import refine_all, told
     from cfem.parametric.differentiable import Differentiable
     from cfem.robot.load import load_scene_and_mesh
 
@@ -239,8 +239,8 @@ def _products(
 
 
 def _verify(problem: Any, exact: Any, designs: dict, front: Any, spec: DesignSpec) -> dict[bytes, Any]:
-    """z -> `Checked`, by finite elements."""
-    from cfem.design.answer import Checked
+    """z -> `CheckedDesign`, by finite elements."""
+    from cfem.design.answer import CheckedDesign
     from cfem.design.verify import verify
 
     if exact is None:
@@ -251,7 +251,7 @@ def _verify(problem: Any, exact: Any, designs: dict, front: Any, spec: DesignSpe
     unique = list({z.tobytes(): z for z in wanted}.values())
     found = verify(problem, exact, unique)
     rows = zip(found.fe.objectives, found.fe.constraints, found.distance.tolist(), strict=True)
-    return dict(zip([z.tobytes() for z in unique], (Checked(*row) for row in rows), strict=True))
+    return dict(zip([z.tobytes() for z in unique], (CheckedDesign(*row) for row in rows), strict=True))
 
 
 def _draw(folder: Path, problem: Any, found: Any, checked: dict[bytes, Any]) -> list[str]:

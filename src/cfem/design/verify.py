@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cfem.design.problem import Problem, Scores
+from cfem.design.problem import DesignProblem, Scores
 from cfem.parametric.family import Family
 from cfem.parametric.states import States
 
@@ -21,7 +21,7 @@ class Verified:
     distance: np.ndarray
 
 
-def verify(problem: Problem, finite_elements: Family, z: Sequence[np.ndarray]) -> Verified:
+def verify(problem: DesignProblem, finite_elements: Family, z: Sequence[np.ndarray]) -> Verified:
     """The same objectives of the same designs, by finite elements."""
     z = np.array(z)
     exact = replace(problem, family=finite_elements)

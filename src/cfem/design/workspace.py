@@ -22,7 +22,7 @@ def actuation_grid(reach: np.ndarray, points: int) -> np.ndarray:
 
 
 @dataclass(frozen=True)
-class Reach:
+class WorkspaceMeasure:
     """Minus the measure of the places that the effector goes to: a length (mm) of one actuator, an area (mm^2) of two,
     a volume (mm^3) of three. The box of actuations is cut into simplices (Kuhn), whose images are added up: what is
     passed twice counts twice."""

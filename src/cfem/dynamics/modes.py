@@ -1,6 +1,6 @@
 """Natural frequencies and damping of small vibrations about an equilibrium, of the full model.
 
-(A - omega^2 M) phi = 0 on motions that the actuation leaves free (equilibrium/vibration.py).
+(A - omega^2 M) phi = 0 on motions that the actuation leaves free (equilibrium/motion/vibration.py).
 Viscosity is taken in to first order: each mode keeps its shape, stiffened and damped by the moduli at its frequency."""
 
 from dataclasses import dataclass
@@ -10,9 +10,9 @@ import numpy as np
 from cfem.core.errors import NumericalError
 from cfem.dynamics.problem import MovingProblem
 from cfem.equilibrium.actuation import Actuation, displacement
-from cfem.equilibrium.evaluation import Cost, Evaluation
+from cfem.equilibrium.evaluation import Evaluation, SolveCost
+from cfem.equilibrium.motion.vibration import lowest_modes
 from cfem.equilibrium.solution import State
-from cfem.equilibrium.vibration import lowest_modes
 from cfem.mechanics import viscosity as viscous
 from cfem.mechanics.assembly import symmetric_product
 
@@ -28,13 +28,13 @@ class Modes:
 
 
 def natural_modes(
-    problem: MovingProblem, state: State, count: int = 3, held: Actuation | None = None, cost: Cost | None = None
+    problem: MovingProblem, state: State, count: int = 3, held: Actuation | None = None, cost: SolveCost | None = None
 ) -> Modes:
     """The `count` lowest modes about an equilibrium. held: whose rows C are held still (all active rows unless given;
     `force(...)` leaves all free). NumericalError where the equilibrium is unstable with those rows held."""
     at = problem.evaluate(state.x, np.empty(0), state.load)
     C = (displacement(np.zeros(problem.n_active)) if held is None else held.padded(problem.n_active)).C
-    solve = problem.factor(at, state.lam, cost or Cost()).factor.solve
+    solve = problem.factor(at, state.lam, cost or SolveCost()).factor.solve
     mass = problem.mass_data(at.x)
     n = problem.pattern.n_dof
 

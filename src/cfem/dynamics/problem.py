@@ -16,7 +16,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from cfem.equilibrium.evaluation import Evaluation
-from cfem.equilibrium.inertia import mass_of
+from cfem.equilibrium.motion.inertia import mass_of
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.robot import Robot
 from cfem.mechanics import viscosity as viscous
@@ -25,7 +25,7 @@ from cfem.mechanics.viscosity import Overstress
 
 
 @dataclass(frozen=True)
-class Step:
+class TimeStep:
     """inertia: c, 1/s^2; origin: y (n, 3) mm; offset: h (n, 3) mm/s^2; overstress: None without viscosity."""
 
     inertia: float
@@ -47,17 +47,17 @@ class MovingProblem(Problem):
 
     Without a step it is the problem of equilibrium; `during` gives the equations of one."""
 
-    def __init__(self, robot: Robot, payloads: Sequence["Payload"] = ()):
+    def __init__(self, robot: Robot, payloads: Sequence["NodalPayload"] = ()):
         mass = mass_of(robot)
         super().__init__(robot, coupled=[payload.nodes[None] for payload in payloads])
         self.mass = mass
         for payload in payloads:
             self.mass = sp.csr_array(self.mass + payload.matrix(len(self.rest)))
         self.viscosity = () if all(one.none for one in robot.viscosity) else robot.viscosity
-        self.step: Step | None = None
+        self.step: TimeStep | None = None
         self._mass_places = _Places(self)
 
-    def during(self, step: Step) -> "MovingProblem":
+    def during(self, step: TimeStep) -> "MovingProblem":
         """The equations of one step; symbolic factorisation and mass are shared."""
         moving = copy(self)
         moving.step = step
@@ -131,7 +131,7 @@ class MovingProblem(Problem):
 
 
 @dataclass(frozen=True)
-class Payload:
+class NodalPayload:
     """A point mass that an affine combination of nodes carries: nodes (k,), weights (k,) of sum 1, mass t."""
 
     nodes: np.ndarray

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cfem.mechanics.viscosity import Memory
+from cfem.mechanics.viscosity import ViscousMemory
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class Motion:
     lag: np.ndarray
     pressure: np.ndarray
     lam: np.ndarray
-    memory: Memory | None = None
+    memory: ViscousMemory | None = None
 
 
 @dataclass(frozen=True)

@@ -12,21 +12,21 @@ import numpy as np
 
 from cfem.dynamics import energy as energies
 from cfem.dynamics.energy import Energy
-from cfem.dynamics.problem import MovingEvaluation, MovingProblem, Step
+from cfem.dynamics.problem import MovingEvaluation, MovingProblem, TimeStep
 from cfem.dynamics.scheme import Motion, Scheme
 from cfem.equilibrium.actuation import Actuation, pulling_only
-from cfem.equilibrium.evaluation import Cost, Tangent
-from cfem.equilibrium.newton import NewtonResult, Settings, newton
+from cfem.equilibrium.evaluation import SolveCost, Tangent
+from cfem.equilibrium.newton import NewtonResult, NewtonSettings, newton
 from cfem.equilibrium.robot import effector_displacements
 from cfem.equilibrium.solution import State, Status
 from cfem.mechanics import viscosity as viscous
 
 Command = Callable[[float], Actuation]
-_STEP = Settings(tolerance=1e-8, max_iterations=12)
+_STEP = NewtonSettings(tolerance=1e-8, max_iterations=12)
 
 
 @dataclass(frozen=True)
-class Pace:
+class StepControl:
     """first: s of the first step, and of each after a kink; longest, shortest: s; tolerance: mm that a step may leave
     out, at the node where it is most, None for steps of `first` throughout; newton: of each step."""
 
@@ -34,7 +34,7 @@ class Pace:
     longest: float = 0.1
     shortest: float = 1e-9
     tolerance: float | None = 1e-2
-    newton: Settings = _STEP
+    newton: NewtonSettings = _STEP
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class Run:
     end: Motion
     refused: list[Refused] = field(default_factory=list)
     why: str | None = None
-    cost: Cost = field(default_factory=Cost)
+    cost: SolveCost = field(default_factory=SolveCost)
     power: float = 0.0
     kept: "Kept | None" = None
 
@@ -89,14 +89,14 @@ def simulate(
     command: Command,
     until: float,
     kinks: Sequence[float] = (),
-    pace: Pace | None = None,
+    pace: StepControl | None = None,
     scheme: Scheme | None = None,
     watch: Callable[[Motion], None] | None = None,
     kept: "Kept | None" = None,
 ) -> Run:
     """From `start` to the time `until`, s. command: time -> what is prescribed to the active rows; kinks: times at
     which it is not smooth. watch: is told of every motion reached; kept: of the run that ended at `start`."""
-    run, pace, scheme = Run([], start), pace or Pace(), scheme or Scheme()
+    run, pace, scheme = Run([], start), pace or StepControl(), scheme or Scheme()
     run.samples.append(_sample(problem, start, energies.at_start(problem, start), None))
     ends = [*sorted(t for t in kinks if start.t < t < until), until]
     dt, done = pace.first, start
@@ -152,14 +152,14 @@ def _step(
     at: Motion,
     command: Command,
     dt: float,
-    pace: Pace,
-    cost: Cost,
+    pace: StepControl,
+    cost: SolveCost,
     kept: Kept | None,
 ) -> tuple[_Taken | None, Kept | None, str]:
     """One step, or None and why."""
     c, origin, offset = scheme.acceleration(at, dt)
     over = None if at.memory is None else viscous.overstress(problem.body, problem.viscosity, at.memory, dt)
-    moving = problem.during(Step(c, origin, offset, over))
+    moving = problem.during(TimeStep(c, origin, offset, over))
     actuation = pulling_only(command(at.t + dt).padded(problem.n_active), problem.robot.unilateral)
     start = State(at.x + dt * at.v + dt**2 / 2 * at.a, at.pressure, at.lam, actuation.load)
     cost.steps += 1

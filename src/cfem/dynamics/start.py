@@ -14,7 +14,7 @@ def at_rest(problem: MovingProblem, state: State, t: float = 0.0) -> Motion:
     return Motion(t, state.x, none, none, none, state.pressure, state.lam, settled_memory(problem, state.x))
 
 
-def settled_memory(problem: MovingProblem, x: np.ndarray) -> viscous.Memory | None:
+def settled_memory(problem: MovingProblem, x: np.ndarray) -> viscous.ViscousMemory | None:
     """Of a robot that has stood at positions x (n, 3) mm for long; None without viscosity."""
     if not problem.viscosity:
         return None

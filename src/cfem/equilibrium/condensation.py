@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cfem.condensed import Condensed
-from cfem.equilibrium.evaluation import Cost, Evaluation, Tangent
+from cfem.equilibrium.evaluation import Evaluation, SolveCost, Tangent
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.robot import watched_displacements
 from cfem.mechanics.assembly import symmetric_product
@@ -35,7 +35,7 @@ def condense(
     at: Evaluation,
     lam: np.ndarray,
     tangent: Tangent,
-    cost: Cost,
+    cost: SolveCost,
     others: np.ndarray,
     enough: float = ENOUGH,
 ) -> Condensation:

@@ -11,14 +11,14 @@ from cfem.condensed import Condensed
 from cfem.constraint.protocol import Watched
 from cfem.equilibrium.actuation import Actuation
 from cfem.equilibrium.condensation import ENOUGH, condense, response
-from cfem.equilibrium.evaluation import Cost
-from cfem.equilibrium.fourth_order import load_curvatures
-from cfem.equilibrium.inertia import Inertia, inertia
+from cfem.equilibrium.derivatives.fourth_order import load_curvatures
+from cfem.equilibrium.derivatives.parameter_slopes import ParameterSlopes, Sides, differences, parameter_slopes
+from cfem.equilibrium.derivatives.third_order import compliance_derivatives, load_derivatives
+from cfem.equilibrium.evaluation import SolveCost
+from cfem.equilibrium.motion.inertia import Inertia, inertia
 from cfem.equilibrium.newton import NewtonResult
-from cfem.equilibrium.parameter_slopes import ParameterSlopes, Sides, differences, parameter_slopes
 from cfem.equilibrium.problem import Problem
-from cfem.equilibrium.solution import Linear
-from cfem.equilibrium.third_order import compliance_derivatives, load_derivatives
+from cfem.equilibrium.solution import Linearisation
 
 
 @dataclass(frozen=True)
@@ -48,11 +48,11 @@ class Derived:
     d2C: np.ndarray | None = None
     slopes: ParameterSlopes | None = None
     inertia: Inertia | None = None
-    linear: Linear | None = None
+    linear: Linearisation | None = None
 
 
 def derive(
-    problem: Problem, result: NewtonResult, actuation: Actuation, wanted: Wanted, cost: Cost
+    problem: Problem, result: NewtonResult, actuation: Actuation, wanted: Wanted, cost: SolveCost
 ) -> tuple[Derived, bool]:
     """And whether the state is stable with the rows of the actuation held; W alone where it is not. Raises
     SingularMatrixError."""
@@ -81,7 +81,7 @@ def derive(
     if wanted.loads:
         dC = load_derivatives(problem, at, lam, found.Z, W)
     slopes = parameter_slopes(problem, at, W, found.Z, by_q, moved_by_sides) if by_q else None
-    linear = Linear(problem, at, lam, found.Z, found.factor, found.data, actuation.C, W)
+    linear = Linearisation(problem, at, lam, found.Z, found.factor, found.data, actuation.C, W)
     d2C = load_curvatures(linear) if wanted.loads > 1 else None
     kept = linear if wanted.keep else None
     return replace(derived, dW=dW, dC=dC, d2C=d2C, slopes=slopes, inertia=moves, linear=kept), True

@@ -5,12 +5,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from cfem.constraint.rod_row import Strained
-from cfem.mechanics.body import Response
+from cfem.mechanics.body import BodyResponse
 from cfem.mechanics.factorization import Factor
 
 
 @dataclass
-class Cost:
+class SolveCost:
     """What a solve has cost so far."""
 
     iterations: int = 0
@@ -28,7 +28,7 @@ class Evaluation:
     x: np.ndarray
     pressure: np.ndarray
     load: float
-    response: Response
+    response: BodyResponse
     force: np.ndarray
     delta: np.ndarray
     H: np.ndarray

@@ -19,7 +19,7 @@ from cfem.equilibrium.evaluation import Evaluation
 from cfem.equilibrium.problem import Problem
 from cfem.mechanics.further_stress import add_stress
 from cfem.mechanics.material.law import evaluate
-from cfem.mechanics.solid import Response, Solid
+from cfem.mechanics.solid import Solid, SolidResponse
 
 # Laws whose pressure is a pressure: theta depends on J alone, and is left out of the deviator.
 _BY_VOLUME = ("neo-hookean", "neo-hookean-log", "mooney-rivlin", "ogden", "yeoh")
@@ -138,7 +138,7 @@ class Stress(Field):
         return found
 
 
-def _points(problem: Problem, at: Evaluation) -> list[tuple[Solid, Response]]:
+def _points(problem: Problem, at: Evaluation) -> list[tuple[Solid, SolidResponse]]:
     if problem.body.rod is not None:
         raise InputError("strain and stress are those of solids, not of a rod", do="use another mesh.element")
     return list(zip(problem.body.solids, at.response.solids, strict=True))

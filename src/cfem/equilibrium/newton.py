@@ -19,7 +19,7 @@ from cfem.equilibrium import complementarity
 from cfem.equilibrium.actuation import Actuation
 from cfem.equilibrium.complementarity import NoActiveSetError
 from cfem.equilibrium.condensation import ENOUGH
-from cfem.equilibrium.evaluation import Cost, Evaluation, Tangent
+from cfem.equilibrium.evaluation import Evaluation, SolveCost, Tangent
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solution import State, Status
 from cfem.mechanics.factorization import SingularMatrixError
@@ -31,7 +31,7 @@ _NO_PUSH = 1e-9  # of the largest multiplier: what a one-sided row that holds ma
 
 
 @dataclass(frozen=True)
-class Settings:
+class NewtonSettings:
     """tolerance:      of the relative residual, where rounding lets it be reached
     max_iterations: of one load step
     slow:           contraction above which the tangent is factorised again (0.4: fewest seconds on the finger)
@@ -103,8 +103,8 @@ def newton(
     problem: Problem,
     start: State,
     actuation: Actuation,
-    settings: Settings,
-    cost: Cost,
+    settings: NewtonSettings,
+    cost: SolveCost,
     tangent: Tangent | None = None,
 ) -> NewtonResult:
     """Solve for `actuation` from `start`, first with `tangent` where one of a state nearby is given. Never raises for
@@ -162,7 +162,7 @@ def newton(
     return NewtonResult(status, at, lam, tangent, residual, rounding, cost.iterations - begin, held, beyond)
 
 
-def judged(problem: Problem, result: NewtonResult, actuation: Actuation, cost: Cost) -> NewtonResult:
+def judged(problem: Problem, result: NewtonResult, actuation: Actuation, cost: SolveCost) -> NewtonResult:
     """The result with `beyond` of its own state, factorised again where the last factor leaves a doubt."""
     if result.beyond <= 0:
         return result

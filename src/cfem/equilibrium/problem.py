@@ -13,9 +13,8 @@ import numpy as np
 from cfem.constraint.cable import Cable
 from cfem.constraint.protocol import Watched
 from cfem.constraint.rod_row import RodRow
-from cfem.equilibrium.evaluation import Cost, Evaluation, Tangent
+from cfem.equilibrium.evaluation import Evaluation, SolveCost, Tangent
 from cfem.equilibrium.robot import Robot
-from cfem.mechanics import rod as rods
 from cfem.mechanics.assembly import Pattern, add_blocks
 from cfem.mechanics.body import (
     bulk_over_volume,
@@ -27,6 +26,7 @@ from cfem.mechanics.body import (
 )
 from cfem.mechanics.factorization import analyze
 from cfem.mechanics.kinematics import NO_JOINTS, make_kinematics
+from cfem.mechanics.rod import region as rods
 
 
 class Problem:
@@ -181,7 +181,7 @@ class Problem:
         """(n_dof, k) N on the unknowns, of stresses (m, 6, k) of the rod's elements, N and N mm."""
         return self._on_unknowns(at.response.rod.gradient.swapaxes(1, 2) @ stress)
 
-    def factor(self, at: Evaluation, lam: np.ndarray, cost: Cost, before: Evaluation | None = None) -> Tangent:
+    def factor(self, at: Evaluation, lam: np.ndarray, cost: SolveCost, before: Evaluation | None = None) -> Tangent:
         """Raises SingularMatrixError."""
         data, dtheta = self.stiffness(at, lam, before)
         cost.factorizations += 1

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cfem.condensed import Rows
+from cfem.constraint.centre_of_mass import CentreOfMass
 from cfem.constraint.protocol import Constraint, Watched
 from cfem.core.errors import SpecError
 from cfem.mechanics.body import Body
@@ -75,13 +76,15 @@ class Robot:
     @property
     def aims(self) -> np.ndarray:
         """(n_e,) which effector rows goals are set for: all but those of a centre of mass."""
-        return np.concatenate([np.full(len(one.rest), not hasattr(one, "mass")) for one in self.effectors])
+        return np.concatenate([np.full(len(one.rest), not isinstance(one, CentreOfMass)) for one in self.effectors])
 
     @property
     def masses(self) -> dict[str, float]:
         """t, by the name of the effector that is the centre of that mass."""
         names = list(dict.fromkeys(row.rpartition(".")[0] for row in self.rows.effectors))
-        return {name: one.mass for name, one in zip(names, self.effectors, strict=True) if hasattr(one, "mass")}
+        return {
+            name: one.mass for name, one in zip(names, self.effectors, strict=True) if isinstance(one, CentreOfMass)
+        }
 
     @property
     def rest_e(self) -> np.ndarray:

@@ -10,7 +10,7 @@ from cfem.condensed import Condensed
 
 if TYPE_CHECKING:
     from cfem.equilibrium.evaluation import Evaluation
-    from cfem.equilibrium.inertia import Inertia
+    from cfem.equilibrium.motion.inertia import Inertia
     from cfem.equilibrium.problem import Problem
     from cfem.mechanics.factorization import Factor
 
@@ -59,7 +59,7 @@ class ParameterSlopes:
 
 
 @dataclass(frozen=True)
-class Linear:
+class Linearisation:
     """What a solve leaves for derivatives of its state, until its problem, or one on the same symbolic factorisation,
     is factorised again.
 
@@ -118,7 +118,7 @@ class Equilibrium:
     inertia: "Inertia | None" = None
     delta_s: np.ndarray = field(default_factory=lambda: np.zeros(0))
     push_response: np.ndarray | None = None
-    linear: Linear | None = None
+    linear: Linearisation | None = None
 
     @property
     def delta_a(self) -> np.ndarray:

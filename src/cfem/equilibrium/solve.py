@@ -15,16 +15,16 @@ import scipy.sparse as sp
 from cfem.constraint.protocol import Watched
 from cfem.equilibrium.actuation import Actuation, pulling_only
 from cfem.equilibrium.criticality import classify, softest_mode
+from cfem.equilibrium.derivatives.parameter_slopes import Sides
 from cfem.equilibrium.derived import Derived, Wanted, derive
-from cfem.equilibrium.evaluation import Cost, Tangent
-from cfem.equilibrium.newton import NewtonResult, Settings, judged, newton
-from cfem.equilibrium.parameter_slopes import Sides
+from cfem.equilibrium.evaluation import SolveCost, Tangent
+from cfem.equilibrium.newton import NewtonResult, NewtonSettings, judged, newton
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.robot import demand_without_friction, watched_displacements
 from cfem.equilibrium.solution import Equilibrium, State, Status
 from cfem.mechanics.factorization import SingularMatrixError
 
-DEFAULT = Settings()
+DEFAULT = NewtonSettings()
 # Share of the way that is not worth a step, however far the way leads.
 _NOTHING = 1e-12
 # Times the tolerance that a residual may have come to when the pressures follow the positions.
@@ -42,7 +42,7 @@ def solve(
     actuation: Actuation,
     start: State | None = None,
     base: State | None = None,
-    settings: Settings = DEFAULT,
+    settings: NewtonSettings = DEFAULT,
     condense: bool = True,
     slack: bool = True,
     third_order: bool = False,
@@ -66,7 +66,7 @@ def solve(
     begins.
     Never raises for numerical failure: `status` says how it ended and the state is the last one reached."""
     demand_without_friction(problem.robot)
-    begin, cost = time.perf_counter(), Cost()
+    begin, cost = time.perf_counter(), SolveCost()
     actuation = actuation.padded(problem.n_active)
     if not _finite(problem, actuation, start, base):
         return _answer(problem, _not_finite(problem, actuation), actuation, settings, cost, begin, Wanted())
@@ -94,8 +94,8 @@ def _reach(
     actuation: Actuation,
     start: State | None,
     base: State | None,
-    settings: Settings,
-    cost: Cost,
+    settings: NewtonSettings,
+    cost: SolveCost,
     tangent: Tangent | None = None,
 ) -> _Path:
     """Directly from the start, else by continuation from the base, else from rest."""
@@ -113,7 +113,9 @@ def _reach(
     return _continuation(problem, actuation, rest_state(problem), settings, cost)
 
 
-def _continuation(problem: Problem, actuation: Actuation, start: State, settings: Settings, cost: Cost) -> _Path:
+def _continuation(
+    problem: Problem, actuation: Actuation, start: State, settings: NewtonSettings, cost: SolveCost
+) -> _Path:
     C = actuation.C
     first = np.concatenate([row.value(start.x) - row.rest for row in problem.robot.active])
     mu = np.linalg.lstsq(C.T, start.lam, rcond=None)[0]
@@ -171,8 +173,8 @@ def _answer(
     problem: Problem,
     path: _Path,
     actuation: Actuation,
-    settings: Settings,
-    cost: Cost,
+    settings: NewtonSettings,
+    cost: SolveCost,
     begin: float,
     wanted: Wanted,
 ) -> Equilibrium:
@@ -184,6 +186,8 @@ def _answer(
             status = status if stable else Status.UNSTABLE
         except SingularMatrixError:
             status = Status.SINGULAR
+    elif status is Status.CONVERGED and result.beyond > 0:
+        status = Status.UNSTABLE
     if status not in (Status.CONVERGED, Status.NOT_FINITE):
         status = _cause(problem, path, actuation, status, cost)
     settled = problem.evaluate(x, np.empty(0), result.at.load)  # with the pressures that x itself demands
@@ -215,7 +219,7 @@ def _answer(
     )
 
 
-def _cause(problem: Problem, path: _Path, actuation: Actuation, status: Status, cost: Cost) -> Status:
+def _cause(problem: Problem, path: _Path, actuation: Actuation, status: Status, cost: SolveCost) -> Status:
     """The name of what the path ended at: a body that is not held even at rest; a critical point, by the softest mode
     of the last stable state against that at rest; else the end of what can be reached."""
     try:

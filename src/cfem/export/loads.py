@@ -7,16 +7,16 @@ import numpy as np
 
 from cfem.constraint.patch import PatchLoad
 from cfem.core.errors import InputError
-from cfem.equilibrium.patch_effectors import PatchYield
+from cfem.equilibrium.contact.patch_effectors import PatchYield
 from cfem.export.spec import ExportSpec
-from cfem.predict import serial_skin
-from cfem.predict.kept_patches import yield_of
+from cfem.predict.contact.kept_patches import yield_of
 from cfem.predict.load import build, read_arrays, with_skin
-from cfem.predict.load_spec import loads_of
-from cfem.predict.loaded import loaded, wrench_of
+from cfem.predict.loads.loaded import loaded, wrench_of
+from cfem.predict.loads.spec import loads_of
 from cfem.predict.protocol import Predictor
-from cfem.predict.serial import SerialPredictor
-from cfem.predict.serial_patches import with_skins
+from cfem.predict.rows import serial_skin
+from cfem.predict.rows.serial import SerialPredictor
+from cfem.predict.rows.serial_patches import with_skins
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh, made_from
 

@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 
+from cfem.core.artefact.files import write_npz, write_whole
 from cfem.core.errors import InputError
-from cfem.core.files import write_npz, write_whole
-from cfem.export.c_row import more_than_series
+from cfem.export.firmware.row import more_than_series
 from cfem.export.spec import ExportSpec
-from cfem.predict import serial_skin
 from cfem.predict.load import build, skin_of, skins_of
 from cfem.predict.protocol import Predictor
-from cfem.predict.serial import SerialPredictor
+from cfem.predict.rows import serial_skin
+from cfem.predict.rows.serial import SerialPredictor
 from cfem.predict.skin import FILE
 
 SHAPES = {"onnx": "shape.onnx", "torchscript": "shape.ts"}
@@ -72,9 +72,9 @@ def _graphs(folder: Path, graphs: dict[str, str], meta: dict, skin: dict, s: np.
 
 
 def _c(folder: Path, spec: ExportSpec, model: Predictor, skin: dict, s: np.ndarray) -> dict[str, float]:
-    from cfem.export.c_export import at_robot
-    from cfem.export.c_skin import write_c_skin
-    from cfem.export.compiled import compiler
+    from cfem.export.compiled.controller import compiler
+    from cfem.export.firmware.folder import at_robot
+    from cfem.export.firmware.skin import write_c_skin
 
     write_c_skin(folder, model, skin, spec.c)
     if not compiler():
@@ -101,8 +101,8 @@ def write_row_skin(
         raise InputError(f"modules in a row {what}", where="shape", do="leave `shape` out, or export `arrays` and `c`")
     if "c" not in spec.formats:
         return {}
-    from cfem.export.c_skin import write_c_row_skin
-    from cfem.export.compiled import compiler
+    from cfem.export.compiled.controller import compiler
+    from cfem.export.firmware.skin import write_c_row_skin
 
     row.skin_source = lambda: skins_of(row, skins)
     write_c_row_skin(folder / "c", row, spec.c)
@@ -116,7 +116,7 @@ class CompiledShape:
     """cfem_shape of a C folder, compiled on this machine: (n_a,) -> (nodes, 3) mm."""
 
     def __init__(self, folder: Path, flags: tuple[str, ...] = ("-O2",)):
-        from cfem.export.compiled import library
+        from cfem.export.compiled.controller import library
 
         text = "".join((folder / name).read_text(encoding="utf-8") for name in ("cfem_data.h", "cfem_skin.h"))
         real = {"float": ctypes.c_float, "double": ctypes.c_double}[re.search(r"typedef (\w+) cfem_real", text)[1]]

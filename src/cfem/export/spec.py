@@ -13,10 +13,10 @@ from cfem.core.optional import installed
 from cfem.core.spec import Spec
 from cfem.core.units import Angle, Frequency, Length, Point
 from cfem.motion.mpc_spec import MpcSpec
-from cfem.predict.estimate_spec import ActuatorSensorsSpec, DrivenDynamicsSpec, LoadsSpec
-from cfem.predict.gate import GateSpec
-from cfem.predict.load_spec import LoadSpec
-from cfem.predict.obstacle_spec import ContactSpec, ObstacleSpec
+from cfem.predict.contact.obstacle_spec import ContactSpec, ObstacleSpec
+from cfem.predict.estimation.gate import GateSpec
+from cfem.predict.estimation.spec import ActuatorSensorsSpec, DrivenDynamicsSpec, LoadsSpec
+from cfem.predict.loads.spec import LoadSpec
 
 Format = Literal["arrays", "onnx", "torchscript", "c", "html"]
 PACKAGES: dict[Format, tuple[str, ...]] = {
@@ -31,7 +31,7 @@ def writable() -> tuple[Format, ...]:
     return tuple(name for name, packages in PACKAGES.items() if all(map(installed, packages)))
 
 
-class ControllerSpec(Spec):
+class FirmwareControllerSpec(Spec):
     """The controller around the model, on one robot. Displacements are mm of cables and mm^3 of chambers; forces are N
     and MPa."""
 
@@ -109,7 +109,7 @@ class CEstimateSpec(Spec):
     """A filter of a robot that moves from frame to frame, beside that of a robot at rest. Needs a model that has
     learned to move. None unless given."""
     gate: GateSpec = GateSpec()
-    """Frames that the filter does not hear."""
+    """Frames that the filter rejects."""
 
 
 class CSpec(Spec):
@@ -125,7 +125,7 @@ class CSpec(Spec):
     """Values of the model's parameters. The scene's own unless given."""
     vectors: PositiveInt = 100
     """Number of vectors of the self-test."""
-    controller: ControllerSpec = ControllerSpec()
+    controller: FirmwareControllerSpec = FirmwareControllerSpec()
     """The controller around the model."""
     estimate: CEstimateSpec | None = None
     """An estimator beside it. None unless given."""

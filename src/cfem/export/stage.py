@@ -7,21 +7,21 @@ from typing import Any
 
 import numpy as np
 
+from cfem.core.artefact.files import file_sha256, plain, write_json, write_npz, write_whole
+from cfem.core.console.progress import doing
+from cfem.core.console.shown import size
 from cfem.core.errors import InputError
-from cfem.core.files import file_sha256, plain, write_json, write_npz, write_whole
 from cfem.core.optional import demand, remedy
-from cfem.core.progress import doing
-from cfem.core.shown import size
 from cfem.core.spec import load_spec
 from cfem.core.stage import Command
-from cfem.export.embedding import Embedding, embedding, write_embedded
+from cfem.export.firmware.embedding import Embedding, embedding, write_embedded
 from cfem.export.loads import solves_patches, under_loads
 from cfem.export.skin import write_row_skin, write_skin
 from cfem.export.spec import PACKAGES, ExportSpec, writable
 from cfem.motion import load as motion
-from cfem.predict import serial_skin
 from cfem.predict.load import VECTORS, build, has_file, has_skin, read_arrays, read_meta, read_model, read_vectors
-from cfem.predict.loaded_skin import skin_under_loads_of
+from cfem.predict.loads.loaded_skin import skin_under_loads_of
+from cfem.predict.rows import serial_skin
 from cfem.predict.skin import FILE
 from cfem.robot.same_robot import demand_robot
 from cfem.robot.spec import SceneSpec, scene_meaning
@@ -82,10 +82,17 @@ def _embedding(spec: ExportSpec, base: Path) -> Embedding:
 def _sources(name: str) -> dict[str, str]:
     """Content hashes of what an export copies from the package."""
     if name == "html":
-        from cfem.export.page_file import sources
+        from cfem.export.page.file import sources
 
         return sources()
-    from cfem.export import c_estimate, c_export, c_meet, c_motion, c_mpc, c_skin, c_swing, c_touch
+    from cfem.export.firmware import estimate as c_estimate
+    from cfem.export.firmware import folder as c_export
+    from cfem.export.firmware import meet as c_meet
+    from cfem.export.firmware import motion as c_motion
+    from cfem.export.firmware import mpc as c_mpc
+    from cfem.export.firmware import skin as c_skin
+    from cfem.export.firmware import swing as c_swing
+    from cfem.export.firmware import touch as c_touch
 
     folders = [one.SOURCES for one in (c_export, c_skin, c_motion, c_mpc, c_touch, c_meet, c_estimate, c_swing)]
     paths = [path for folder in (*folders, c_skin.OF_ROW) for path in folder.iterdir()]
@@ -111,7 +118,7 @@ def work(
     write_npz(folder / VECTORS, vectors)
     page_bytes = None
     if "html" in spec.formats:
-        from cfem.export.page_file import write_page
+        from cfem.export.page.file import write_page
 
         skin = skin_folder or model_folder
         page_bytes = write_page(folder / FILES["html"], spec, meta, arrays, model_folder, skin, embedded)
@@ -170,19 +177,19 @@ def _write_c(
     parity, sizes = {"c": report["parity"]}, {"c": report["coefficient_bytes"]}
     moves = has_file(model_folder, MOTION) and not spec.loads
     if moves:
-        from cfem.export.c_motion import write_c_motion
+        from cfem.export.firmware.motion import write_c_motion
 
         moving = read_arrays(model_folder, MOTION)
         report["motion_bytes"] = write_c_motion(place, meta, arrays, moving)
     if spec.c.mpc is not None:
-        from cfem.export.c_mpc import write_c_mpc
+        from cfem.export.firmware.mpc import write_c_mpc
 
         if not moves:
             what = "predictive control needs a model that has learned to move, and no loads"
             raise InputError(what, where="c.mpc", do="sample with dynamics: true and train again, or leave `mpc` out")
         write_c_mpc(place, spec.c, meta, arrays, moving, embedded.pressures)
     if spec.c.obstacles:
-        from cfem.export.touching import write_touch
+        from cfem.export.firmware.touching import write_touch
 
         report["contact"] = write_touch(place, spec.c, scene, model_folder, states)
         parity["c contact"], sizes["c contact"] = report["contact"]["parity"], report["contact"]["bytes"]
@@ -212,9 +219,9 @@ def _write_shape(
 def _estimator(folder: Path, spec: ExportSpec, model_folder: Path) -> dict[str, float]:
     """Adds it to the C folder, and with `dynamics` the filter of what moves; their parity, where there is a compiler.
     InputError where the model cannot tell."""
-    from cfem.export.c_estimate import write_c_estimate
-    from cfem.export.compiled import compiler
-    from cfem.export.compiled_estimate import estimate_parity
+    from cfem.export.compiled.controller import compiler
+    from cfem.export.compiled.estimate import estimate_parity
+    from cfem.export.firmware.estimate import write_c_estimate
     from cfem.predict.load import load_model
 
     if spec.loads:
@@ -223,8 +230,8 @@ def _estimator(folder: Path, spec: ExportSpec, model_folder: Path) -> dict[str, 
     parity = {"c estimate": estimate_parity(folder, made)} if compiler() else {}
     if own.dynamics is None:
         return parity
-    from cfem.export.c_swing import write_c_swing
-    from cfem.export.compiled_swing import swing_parity
+    from cfem.export.compiled.swing import swing_parity
+    from cfem.export.firmware.swing import write_c_swing
     from cfem.motion.load import load_motion
 
     filtered = write_c_swing(folder, made, spec.c, load_motion(model_folder))
@@ -254,7 +261,7 @@ def _run_arrays(path: Path, meta: dict, s: np.ndarray, p: np.ndarray) -> tuple[n
 
 
 def _run_onnx(path: Path, meta: dict, s: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    from cfem.predict.onnx import OnnxPredictor
+    from cfem.predict.kinds.onnx import OnnxPredictor
 
     return OnnxPredictor(meta, path).evaluate(s, p)
 

@@ -10,7 +10,7 @@ from gymnasium.vector.utils import batch_space
 
 from cfem.gym.moving_tasks import MOVING
 from cfem.gym.moving_world import MovingWorld
-from cfem.gym.tasks import LARGEST
+from cfem.gym.tasks import LARGEST, Press
 from cfem.gym.world import World
 from cfem.motion.model import MotionModel
 from cfem.predict.protocol import Predictor
@@ -71,7 +71,7 @@ class RobotEnv(gymnasium.Env):
         info = {"tip": self.world.states.tip[0].copy(), "command": self.world.u[0].copy()}
         if error is not None:
             info["error"] = error
-        if hasattr(self.world.task, "force"):
+        if isinstance(self.world.task, Press):
             info["force"] = float(self.world.task.force(self.world.states, self.world.goals)[0])
         if self.world.name == "carry":
             info["load"] = self.world.goals.load[0].copy()

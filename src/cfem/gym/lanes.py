@@ -10,7 +10,7 @@ import cfem.mechanics.compiling  # noqa: F401  says so while it compiles
 LANES = 64  # robots whose series are summed side by side
 
 
-class Series(NamedTuple):
+class LaneSeries(NamedTuple):
     """Chebyshev series for the loops. to_box (n, n), offset (n,); term m is the product of the factors first[m] to
     first[m + 1]: T of degree[k] of input axis[k]; values (outputs, terms), each padded with zeros to a multiple of 2
     and of 4; highest: the largest degree."""
@@ -24,7 +24,7 @@ class Series(NamedTuple):
     highest: int
 
     @classmethod
-    def of(cls, to_box: np.ndarray, offset: np.ndarray, indices: np.ndarray, rows: np.ndarray) -> "Series":
+    def of(cls, to_box: np.ndarray, offset: np.ndarray, indices: np.ndarray, rows: np.ndarray) -> "LaneSeries":
         """indices (terms, n), rows (outputs, terms)."""
         outputs, terms = rows.shape
         values = np.zeros((outputs + outputs % 2, terms + -terms % 4))

@@ -10,18 +10,18 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from cfem.gym.lanes import LANES, Series, Sums, add_up, fill_basis, room_of
+from cfem.gym.lanes import LANES, LaneSeries, Sums, add_up, fill_basis, room_of
 
 FAST = {"contract", "reassoc", "nsz", "arcp"}  # a number that is none stays none
 
 
-class Learned(NamedTuple):
+class LearnedMotion(NamedTuple):
     """Of one model, in coordinates q / scale. forces: series of grad Psi and of its Hessian (packed); inertia: of R, of
     its slopes by each actuator, and of S of each loss form, packed triangles; relaxation (losses,) s; kappa (n_r,):
     stiffness of the inner motions; n_q: coordinates; smallest: velocity, times s, below which no digits count."""
 
-    forces: Series
-    inertia: Series
+    forces: LaneSeries
+    inertia: LaneSeries
     relaxation: np.ndarray
     kappa: np.ndarray
     n_q: int
@@ -29,9 +29,9 @@ class Learned(NamedTuple):
 
 
 class Lanes(NamedTuple):
-    """Of LANES robots: q, p, v, gain (n_q, LANES) as of `cfem.motion.step.Motion`; told (n_a, LANES): forces during the
-    step or displacements at its end; lam (n_a, LANES): forces in it; held (n_a, LANES): 1 where an actuator stands
-    where it is told to; stiffness, viscosity (LANES,): times those of the model."""
+    """Of LANES robots: q, p, v, gain (n_q, LANES) as of `cfem.motion.step.CondensedMotion`; told (n_a, LANES): forces
+    during the step or displacements at its end; lam (n_a, LANES): forces in it; held (n_a, LANES): 1 where an actuator
+    stands where it is told to; stiffness, viscosity (LANES,): times those of the model."""
 
     q: np.ndarray
     p: np.ndarray

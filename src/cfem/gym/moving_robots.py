@@ -16,10 +16,10 @@ from cfem.predict.series import input_derivatives
 
 @dataclass
 class MovingStates:
-    """B robots, robots last: q, p, v, gain (n_q, B) as of `cfem.motion.step.Motion` in coordinates q / scale, lam and
-    held (n_a, B); u (n_a, B): the command that has been reached, N or mm; stiffness, viscosity (B,): times those of
-    the model; tip (B, n_e) mm from rest; outside (B,): how far the actuators are from the middle of the learned box, in
-    half widths; failed: steps of robots that were not solved in the last tick."""
+    """B robots, robots last: q, p, v, gain (n_q, B) as of `cfem.motion.step.CondensedMotion` in coordinates q / scale,
+    lam and held (n_a, B); u (n_a, B): the command that has been reached, N or mm; stiffness, viscosity (B,): times
+    those of the model; tip (B, n_e) mm from rest; outside (B,): how far the actuators are from the middle of the
+    learned box, in half widths; failed: steps of robots that were not solved in the last tick."""
 
     q: np.ndarray
     p: np.ndarray
@@ -121,8 +121,8 @@ class MovingRobots:
 
 def learned(model: MotionModel, warp: float) -> tuple[Any, Any]:
     """The series of the loops, in coordinates q / scale, with warp^2 times the mass and warp times the viscosity."""
-    from cfem.gym.lanes import Series
-    from cfem.gym.moving_kernel import Learned
+    from cfem.gym.lanes import LaneSeries
+    from cfem.gym.moving_kernel import LearnedMotion
     from cfem.gym.moving_step import Effectors
 
     n_a, n_e, n_r, scale = model.n_a, model.rows.n_e, model.n_r, model.scale
@@ -139,13 +139,15 @@ def learned(model: MotionModel, warp: float) -> tuple[Any, Any]:
         first, second = upper_indices(n_r)
         bends.append(_scaled(own["curve"], n_e, scale[n_a:][first] * scale[n_a:][second]))
 
-    def series(arrays: dict[str, np.ndarray], rows: np.ndarray) -> Series:
-        return Series.of(arrays["to_box"] * scale[:n_a], arrays["offset"], arrays["indices"], rows)
+    def series(arrays: dict[str, np.ndarray], rows: np.ndarray) -> LaneSeries:
+        return LaneSeries.of(arrays["to_box"] * scale[:n_a], arrays["offset"], arrays["indices"], rows)
 
     relaxation = np.array([one.relaxation for one in model.losses])
     kappa, smallest = model.stiffness * scale[n_a:] ** 2, 1e-6 / float(scale.min())
     return (
-        Learned(series(static, forces), series(own, np.concatenate(inertia)), relaxation, kappa, model.n_q, smallest),
+        LearnedMotion(
+            series(static, forces), series(own, np.concatenate(inertia)), relaxation, kappa, model.n_q, smallest
+        ),
         Effectors(series(static, static["series"][of["effector"]]), series(own, np.concatenate(bends)), "curve" in own),
     )
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from cfem.gym.lanes import LANES, Series, add_up, fill_basis, room_of
+from cfem.gym.lanes import LANES, LaneSeries, add_up, fill_basis, room_of
 from cfem.gym.moving_kernel import (
     FAST,
     Lanes,
@@ -27,8 +27,8 @@ class Effectors(NamedTuple):
     """Series of where effectors are at rest, and of their motion by the inner ones: H row by row, then E row by row
     (packed), or nothing; in coordinates q / scale."""
 
-    still: Series
-    moving: Series
+    still: LaneSeries
+    moving: LaneSeries
     curved: bool
 
 

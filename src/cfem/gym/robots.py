@@ -13,13 +13,13 @@ from cfem.condensed.strokes import STEP, stroke
 from cfem.core.errors import InputError
 from cfem.core.optional import demand
 from cfem.predict.energy import layout, unpacking
+from cfem.predict.kinds.spectral import SpectralPredictor
 from cfem.predict.protocol import Predictor
 from cfem.predict.series import input_derivatives
-from cfem.predict.spectral import SpectralPredictor
 
 
 @dataclass
-class States:
+class RobotStates:
     """B robots. delta_a (B, n_a) mm; lambda_a (B, n_a) N; hessian (B, n_a (n_a + 1) / 2) of the energy, packed, at the
     reference of exact parameters, 0 where it is unknown; tip (B, n_e) mm from rest; compliance (B, n_e, n_e) mm/N of
     the effectors at locked actuators, 0 where it was not asked for; failed: how many found no equilibrium in the last
@@ -44,7 +44,7 @@ class Robots:
             what = f"environments need a spectral model of form displacement, got kind '{kind}' of form '{form}'"
             raise InputError(what, do="train with `model: {kind: spectral}`")
         from cfem.gym.kernel import equilibria
-        from cfem.gym.lanes import Series
+        from cfem.gym.lanes import LaneSeries
 
         self.model, self._equilibria, self._loaded = model, equilibria, list(loaded)
         n_a, n_e = model.rows.n_a, model.rows.n_e
@@ -65,7 +65,7 @@ class Robots:
         self._place = {name: slice(*pair) for name, pair in zip(rows, pairwise(ends), strict=True)}
         self._outputs = ends[-1]
         joined = np.concatenate(list(rows.values()))
-        self._series = Series.of(model.arrays["to_box"], model.arrays["offset"], model.arrays["indices"], joined)
+        self._series = LaneSeries.of(model.arrays["to_box"], model.arrays["offset"], model.arrays["indices"], joined)
         self._unpack = unpacking(n_e)
         high = model.domain.lambda_a[1]
         self.pulls = bool(model.pulls.all())
@@ -74,20 +74,20 @@ class Robots:
         self._tolerance = 1e-6 * np.where(scale > 0, scale, scale.max())
         self.reference = np.array([one.reference for one in model.parameters])
 
-    def start(self, count: int) -> States:
+    def start(self, count: int) -> RobotStates:
         """All at rest, as far as the model knows it."""
         n_a, n_e = self.model.rows.n_a, self.model.rows.n_e
         sizes = ((n_a,), (n_a,), (n_a * (n_a + 1) // 2,), (n_e,), (n_e, n_e))
-        return States(*(np.zeros((count, *size)) for size in sizes), 0)
+        return RobotStates(*(np.zeros((count, *size)) for size in sizes), 0)
 
     def move(
         self,
-        states: States,
+        states: RobotStates,
         u: np.ndarray,
         p: np.ndarray | None = None,
         forces: bool = False,
         loads: np.ndarray | None = None,
-    ) -> States:
+    ) -> RobotStates:
         """Under commands u (B, n_a), displacements in mm or forces in N, parameters p (B, n_p): the scene's unless
         given, and loads (B, k) N on the loaded effector rows. Loads count to the first order: they move the effectors
         by their compliance at locked actuators, and change the actuators' forces by the gradient of where the
@@ -117,13 +117,15 @@ class Robots:
         if loads is not None:
             yields, k = out[:, place["yields"]], len(self._loaded)
             tip = tip + sum(yields[:, r::k] * (loads[:, r] * softer)[:, None] for r in range(k))
-        return States(delta, out[:, place["gradient"]] / softer[:, None], out[:, place["hessian"]], tip, C, int(failed))
+        return RobotStates(
+            delta, out[:, place["gradient"]] / softer[:, None], out[:, place["hessian"]], tip, C, int(failed)
+        )
 
     def _law(self, forces: bool) -> Any:
-        from cfem.gym.kernel import Law
+        from cfem.gym.kernel import CommandLaw
 
         first = self._place["slopes"].start if self._loaded else 0
-        return Law(forces, self.pulls, STEP * stroke(self.model.reach), self._tolerance, first)
+        return CommandLaw(forces, self.pulls, STEP * stroke(self.model.reach), self._tolerance, first)
 
     def random_parameters(self, rng: np.random.Generator, count: int) -> np.ndarray:
         """(count, n_p), uniform in the coordinates in which the model is smooth."""
@@ -133,7 +135,7 @@ class Robots:
         low, high = (coordinates(own, np.array([getattr(one, end) for one in own])) for end in ("low", "high"))
         return values(own, low + (high - low) * rng.random((count, len(own))))
 
-    def feasible(self, rng: np.random.Generator, p: np.ndarray, share: float = 0.7) -> States:
+    def feasible(self, rng: np.random.Generator, p: np.ndarray, share: float = 0.7) -> RobotStates:
         """A state of each robot p (B, n_p), within its reach, under random forces up to `share` of the largest of the
         training. InputError where one has none."""
         kept, left = self.start(len(p)), np.arange(len(p))

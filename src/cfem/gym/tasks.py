@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cfem.gym.robots import Robots, States
+from cfem.gym.robots import Robots, RobotStates
 
 LARGEST = 10.0  # number in an observation
 
@@ -51,6 +51,7 @@ class Reach:
     which episodes are, each with goals of its own."""
 
     length, needs, loaded = 50, (), ()
+    goals_move = False  # during an episode
 
     def __init__(self, robots: Robots, p: np.ndarray, rng: np.random.Generator):
         self._pool, self._p = robots.feasible(rng, p), p
@@ -63,16 +64,16 @@ class Reach:
         goals.path[which] = self._pool.tip[chosen][:, None]
         return self._p[chosen]
 
-    def tip(self, states: States, goals: "Goals") -> np.ndarray:
+    def tip(self, states: RobotStates, goals: "Goals") -> np.ndarray:
         """(B, n_e) mm from rest, where a camera sees it."""
         return states.tip
 
-    def errors(self, states: States, goals: "Goals", t: np.ndarray) -> np.ndarray:
+    def errors(self, states: RobotStates, goals: "Goals", t: np.ndarray) -> np.ndarray:
         """(B,) mm."""
         off = states.tip - goals.now(t)
         return np.sqrt(np.einsum("bi,bi->b", off, off))
 
-    def ahead(self, states: States, goals: "Goals", t: np.ndarray) -> np.ndarray:
+    def ahead(self, states: RobotStates, goals: "Goals", t: np.ndarray) -> np.ndarray:
         """(B, n_e) mm to where the goal will be in the next tick."""
         return goals.now(t + 1) - goals.now(t)
 
@@ -80,7 +81,7 @@ class Reach:
 class Follow(Reach):
     """Goals that go round a closed curve: the image of an ellipse of pulls, of random size, phase and pace."""
 
-    length, curves = 100, 1024
+    length, curves, goals_move = 100, 1024, True
 
     def __init__(self, robots: Robots, p: np.ndarray, rng: np.random.Generator):
         super().__init__(robots, p, rng)
@@ -151,25 +152,25 @@ class Press(Reach):
         goals.path[which] = self._pool.tip[chosen][:, None]
         return self._p[chosen]
 
-    def force(self, states: States, goals: "Goals") -> np.ndarray:
+    def force(self, states: RobotStates, goals: "Goals") -> np.ndarray:
         """(B,) N on the plane."""
         return np.maximum(-self._gap(states, goals), 0.0) / self._soft(states, goals)
 
-    def tip(self, states: States, goals: "Goals") -> np.ndarray:
+    def tip(self, states: RobotStates, goals: "Goals") -> np.ndarray:
         back = np.einsum("bij,bj->bi", states.compliance, goals.normal)
         return states.tip + back * self.force(states, goals)[:, None]
 
-    def errors(self, states: States, goals: "Goals", t: np.ndarray) -> np.ndarray:
+    def errors(self, states: RobotStates, goals: "Goals", t: np.ndarray) -> np.ndarray:
         return np.abs(self._gap(states, goals) + goals.depth)
 
-    def ahead(self, states: States, goals: "Goals", t: np.ndarray) -> np.ndarray:
+    def ahead(self, states: RobotStates, goals: "Goals", t: np.ndarray) -> np.ndarray:
         missing = goals.depth - np.maximum(-self._gap(states, goals), 0.0)
         return -goals.normal * missing[:, None]
 
-    def _gap(self, states: States, goals: "Goals") -> np.ndarray:
+    def _gap(self, states: RobotStates, goals: "Goals") -> np.ndarray:
         return ((states.tip - goals.path[:, 0]) * goals.normal).sum(axis=1)
 
-    def _soft(self, states: States, goals: "Goals") -> np.ndarray:
+    def _soft(self, states: RobotStates, goals: "Goals") -> np.ndarray:
         n = goals.normal
         return np.maximum(np.einsum("bi,bij,bj->b", n, states.compliance, n), 1e-9)
 

@@ -66,7 +66,7 @@ class World:
         self.scales = Scales(self.task.scale, self.task.near, step * (high - low), low, high)
         self.rng = np.random.default_rng(seed)
         n_e, n_a = model.rows.n_e, model.rows.n_a
-        stays = not hasattr(self.task, "curves")
+        stays = not self.task.goals_move
         path = np.zeros((count, 1 if stays else self.length + 1, n_e))
         self.goals = Goals(path, np.zeros((count, n_e)), np.zeros(count), np.zeros((count, len(kind.loaded))))
         self.states, self.u, self.t = self.robots.start(count), np.zeros((count, n_a)), np.zeros(count, int)

@@ -9,11 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from cfem.core.artefact.files import disk_errors
+from cfem.core.artefact.place import write_beside
 from cfem.core.errors import OutputError, SpecError
-from cfem.core.files import disk_errors
 from cfem.core.names import demand_scene_name
-from cfem.core.place import write_beside
-from cfem.core.progress import progress
 from cfem.core.spec import load_spec
 from cfem.core.units import parse_number
 from cfem.equilibrium.robot import Robot
@@ -21,21 +20,21 @@ from cfem.init.drive import NOTHING, Drive, Stated, drive, proposal
 from cfem.init.ends import Proposal
 from cfem.init.hold import Hold, Run, read_hold, run_from
 from cfem.init.question import Answer, Ask, Question, choice, point, positive, whole
-from cfem.init.shape import Shape, Source, geometry, make_shape, natural_unit, read_source
-from cfem.init.stroke import Stroke, strokes
-from cfem.init.texts import SPECS, NewScene, number, short, texts, vector
+from cfem.init.shape import MESH, Shape, Source, geometry, make_shape, natural_unit, read_source
+from cfem.init.stroke import reaches
+from cfem.init.texts import SPECS, NewScene, number, texts, vector
 from cfem.init.watch import carrier_radius, guess_watched, is_inside
 from cfem.mechanics.mesh import Mesh
 from cfem.robot.build import build_robot
-from cfem.robot.cable_passage import demand_inside
+from cfem.robot.checks.cable_passage import demand_inside
+from cfem.robot.checks.plausible import size_doubts
 from cfem.robot.geometry import SURFACES
 from cfem.robot.mesh.meshing import corners_of, make_mesh
 from cfem.robot.mesh.quality import dihedral_angles
-from cfem.robot.plausible import size_doubts
+from cfem.robot.mesh.surface_file import count_bodies
 from cfem.robot.spec import SceneSpec
 
 _OPTIONS = {"actuators": "--cable", "effectors": "--effector", "fixed": "--fixed"}
-_SOLVES = 8  # about, to find how far an actuator goes
 _QUADRATIC = 1200  # cells of which strokes are found with quadratic tetrahedra, and above with linear ones
 _SHARP = 5.0  # degrees: cells with sharper angles are doubtful
 _LINEAR = 15_000  # cells of the user's own mesh above which quadratic ones would take hours
@@ -96,8 +95,21 @@ def _source(path: Path, stated: Stated, ask: Ask) -> Source:
         )
         if ask(question).value == "yes":
             source = read_source(path, remesh=True)
+    count = count_bodies(path) if source.own is None and path.suffix.lower() in SURFACES + MESH else 1
+    if count > 1 or "body" in stated.flags:
+        source = read_source(path, source.remesh, ask(_body_question(count)).value)
     _demand_use(source, stated.flags)
     return source
+
+
+def _body_question(count: int) -> Question:
+    return Question(
+        "body",
+        f"Which of the {count} bodies in the file, the largest first?",
+        "1",
+        "the largest",
+        lambda text: whole(text, 1, count),
+    )
 
 
 def _demand_use(source: Source, stated: Collection[str]) -> None:
@@ -137,6 +149,7 @@ def _robot(name: str, copy: str, source: Source, stated: Stated, ask: Ask) -> Ne
         name=name,
         kind=geometry(source.path, 1.0).kind,
         file=copy,
+        body=source.body,
         remesh=source.remesh and source.path.suffix.lower() not in SURFACES,
         mended=source.mended,
         unit=unit,
@@ -244,7 +257,7 @@ def _tried(robot: NewScene, path: Path, stated: Stated, ask: Ask) -> tuple[NewSc
                 raise
             robot = replace(robot, drive=Drive(missing=error.what))
             made = _built(_written(replace(robot, reach=provisional.reach, growth=provisional.growth), folder), mesh)
-        reach, growth = _reaches(robot, _light(folder, made, mesh), stated, ask)
+        reach, growth = reaches(_light(folder, made, mesh), robot.drive, stated.flags, ask)
         robot = replace(robot, reach=reach, growth=growth)
         if robot.drive.cables or robot.drive.chambers:
             _built(_written(robot, folder), mesh)
@@ -275,34 +288,3 @@ def _built(spec: SceneSpec, mesh: Mesh) -> Robot:
         do = (error.do or "").replace("set through_air: true where it is meant", "say --through-air yes")
         raise SpecError(error.what, where=_OPTIONS.get(key), do=do or None) from None
     return robot
-
-
-def _reaches(robot: NewScene, made: Robot, stated: Stated, ask: Ask) -> tuple[Answer | None, Answer | None]:
-    """Of cables in mm and of chambers in mm^3: how far they go until a limit, by solving on the coarse mesh."""
-    cables, chambers = len(robot.drive.cables), len(robot.drive.chambers)
-    wanted = [flag for flag, count in (("reach", cables), ("growth", chambers)) if count]
-    found: list[Stroke] = []
-    if any(flag not in stated.flags for flag in wanted):
-        with progress(
-            "finding how far the actuators go, on the coarse mesh", 8 * made.rows.n_a, estimate=False
-        ) as advance:
-            found = strokes(made, advance)
-    reach = growth = None
-    if cables:
-        default, why = _least(found[:cables], "mm", "N")
-        text = "By how much may each cable be shortened?"
-        reach = ask(Question("reach", text, default, why, lambda text: positive(text, "mm")))
-    if chambers:
-        default, why = _least(found[cables:], "mm^3", "kPa")
-        text = "By how much may each chamber grow?"
-        growth = ask(Question("growth", text, default, why, lambda text: positive(text, "mm^3")))
-    return reach, growth
-
-
-def _least(found: Sequence[Stroke], unit: str, of_force: str) -> tuple[str, str]:
-    """The shortest stroke as text, and why it ends there; 1 of the unit where nobody looked."""
-    if not found:
-        return f"1 {unit}", "a first try"
-    least = min(found, key=lambda each: each.reach)
-    force = least.force * (1000 if of_force == "kPa" else 1)
-    return f"{short(least.reach)} {unit}", f"{least.why}, at {short(force)} {of_force} on a coarse mesh"

@@ -27,7 +27,8 @@ _MISSING = 0.02  # of the volume: what straight edges may leave out of a round b
 @dataclass(frozen=True)
 class Source:
     """A file as it is: volume and surface in the cube and square of its unit (of mm in a STEP or 3MF file);
-    own: its mesh where its cells are taken; mended: what was mended, a phrase each."""
+    own: its mesh where its cells are taken; mended: what was mended, a phrase each; body: of several that surfaces in
+    the file bound."""
 
     path: Path
     volume: float
@@ -35,6 +36,7 @@ class Source:
     own: Mesh | None
     remesh: bool = False
     mended: tuple[str, ...] = ()
+    body: int = 1
 
     @property
     def has_unit(self) -> bool:
@@ -74,9 +76,9 @@ class Shape:
         return self.high - self.low
 
 
-def read_source(path: Path, remesh: bool = False) -> Source:
-    """remesh: take the surface of a mesh alone, as where it holds no more. InputError where the file is missing, of no
-    known kind, or holds no one closed body."""
+def read_source(path: Path, remesh: bool = False, body: int = 1) -> Source:
+    """remesh: take the surface of a mesh alone, as where it holds no more; body: of several that surfaces bound, the
+    largest first. InputError where the file is missing, of no known kind, or holds no such closed body."""
     suffix = path.suffix.lower()
     if suffix not in FILES:
         raise InputError(
@@ -92,17 +94,17 @@ def read_source(path: Path, remesh: bool = False) -> Source:
                 path, float(own.volumes.sum()), surface_area(own.X[own.facets]), own, False, mended(path, False)
             )
         remesh = True
-    said = mended(path, True) if suffix in SURFACES + MESH else ()
-    return Source(path, *measure(solid_of(geometry(path, 1.0, remesh), Path())), None, remesh, said)
+    said = mended(path, True, body) if suffix in SURFACES + MESH else ()
+    return Source(path, *measure(solid_of(geometry(path, 1.0, remesh, body), Path())), None, remesh, said, body)
 
 
-def geometry(path: Path, unit: float, remesh: bool = False) -> StepFile | MeshFile:
+def geometry(path: Path, unit: float, remesh: bool = False, body: int = 1) -> StepFile | MeshFile:
     """As a scene has it."""
     if path.suffix.lower() in STEP:
         return StepFile(kind="step", path=path)
     if path.suffix.lower() in BREP:
         return StepFile(kind="step", path=path, unit=f"{unit!r} mm")
-    return MeshFile(kind="mesh-file", path=path, unit=f"{unit!r} mm", remesh=remesh)
+    return MeshFile(kind="mesh-file", path=path, unit=f"{unit!r} mm", remesh=remesh, body=body)
 
 
 def natural_unit(source: Source) -> str:
@@ -123,7 +125,9 @@ def make_shape(source: Source, unit: float, cells: int) -> Shape:
         tried = _two_digits(size / 1.5**attempt)
         meshing = Meshing(size=f"{tried!r} mm", element="tet4")
         try:
-            mesh, _ = corner_mesh(geometry(source.path, unit, source.remesh), meshing, [], Path(), "geometry")
+            mesh, _ = corner_mesh(
+                geometry(source.path, unit, source.remesh, source.body), meshing, [], Path(), "geometry"
+            )
             return Shape(mesh, _two_digits(_faithful(tried, 1 - mesh.volumes.sum() / volume, volume, cells)))
         except InputError as error:  # too coarse a surface may intersect itself
             last = error

@@ -1,30 +1,43 @@
-"""How far each actuator of a robot goes, found by solving: until the body is strained or bent to a limit, or a solve
-fails, as where it buckles."""
+"""How far each actuator of a robot goes, found by solving: until the body is strained or bent to a limit or meets
+itself, or a solve fails, as where it buckles."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from cfem.constraint.surface import triangulated
+from cfem.contact.crossing import crossings
+from cfem.core.console.progress import progress
 from cfem.equilibrium.actuation import Actuation, pull
 from cfem.equilibrium.evaluation import Evaluation
 from cfem.equilibrium.fields import Strain
-from cfem.equilibrium.newton import Settings
+from cfem.equilibrium.newton import NewtonSettings
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.robot import Robot
 from cfem.equilibrium.solution import Equilibrium, Status
 from cfem.equilibrium.solve import solve
+from cfem.init.drive import Drive
+from cfem.init.question import Answer, Ask, Question, positive
+from cfem.init.texts import short
 
 STRAIN = 0.5  # largest principal stretch less one, as a mean of high power over the body
 BEND = np.pi / 2  # rad by which the tip turns
 _POWER = 8.0
 _FIRST = {"mm": 0.01, "mm^3": 0.02}  # of the length of a cable, of the volume of a chamber
+_LEAST = 1e-3  # of the first amount, below which nothing is tried
 _MOST = {"mm": 0.35, "mm^3": 3.0}
+_SOLVES = 8  # of an actuator, about
 _GROWTH = 1.7
 _TIP = 0.1  # of the robot's length: nodes so near to the watched point turn with it
-_ALL = (1.0, 0.7, 0.5, 0.35)  # shares of the strokes tried where all actuators go together
-_LOOSE = Settings(tolerance=1e-6)
+_ALL = (1.0, 0.7, 0.5, 0.35, 0.25, 0.15)  # shares of the strokes tried where all actuators go together
+# The last amount that was reached counts, so that the exact place where a path ends is worth no steps.
+_CLOSE = 0.2  # of the smallest amount at which the body meets itself: so near to it is near enough
+_MEETS = "beyond it, the body meets itself"
+# Where all together buckle the body, pulls of several are drawn back (`cfem.sample.plan.borne`), and strokes are not.
+_REACHED = (Status.CONVERGED, Status.UNSTABLE, Status.BIFURCATION)
+_LOOSE = NewtonSettings(tolerance=1e-6, smallest_step=0.1)
 
 
 @dataclass(frozen=True)
@@ -37,7 +50,7 @@ class Stroke:
 
 
 def strokes(robot: Robot, advance: Callable[[int], None] = lambda _: None) -> list[Stroke]:
-    """Of each actuator alone, the others without force; made smaller together where not all can go so far at once.
+    """Of each actuator alone, the others without force. How far all can go at once is found where states are drawn.
     advance: called after each solve."""
     problem = Problem(robot)
     near = np.linalg.norm(robot.X - robot.rest_e[:3], axis=1)
@@ -49,12 +62,44 @@ def strokes(robot: Robot, advance: Callable[[int], None] = lambda _: None) -> li
     for share in _ALL:
         ended = solve(problem, pull(np.ones(len(reach)), share * reach), settings=_LOOSE, condense=False)
         advance(1)
-        if ended.status is Status.CONVERGED:
+        if ended.status in _REACHED and not _meets_itself(problem, ended):
             break
     if share == 1.0:
         return found
     why = "; less, as all actuators cannot go so far at once"
     return [Stroke(share * each.reach, share * each.force, each.why + why) for each in found]
+
+
+def reaches(robot: Robot, driven: Drive, stated: Collection[str], ask: Ask) -> tuple[Answer | None, Answer | None]:
+    """Of cables in mm and of chambers in mm^3: how far they go until a limit, by solving on the coarse mesh. stated:
+    the flags to which `ask` has an answer already."""
+    cables, chambers = len(driven.cables), len(driven.chambers)
+    wanted = [flag for flag, count in (("reach", cables), ("growth", chambers)) if count]
+    found: list[Stroke] = []
+    if any(flag not in stated for flag in wanted):
+        with progress(
+            "finding how far the actuators go, on the coarse mesh", _SOLVES * robot.rows.n_a, estimate=False
+        ) as advance:
+            found = strokes(robot, advance)
+    reach = growth = None
+    if cables:
+        default, why = _least(found[:cables], "mm", "N")
+        text = "By how much may each cable be shortened?"
+        reach = ask(Question("reach", text, default, why, lambda text: positive(text, "mm")))
+    if chambers:
+        default, why = _least(found[cables:], "mm^3", "kPa")
+        text = "By how much may each chamber grow?"
+        growth = ask(Question("growth", text, default, why, lambda text: positive(text, "mm^3")))
+    return reach, growth
+
+
+def _least(found: Sequence[Stroke], unit: str, of_force: str) -> tuple[str, str]:
+    """The shortest stroke as text, and why it ends there; 1 of the unit where nobody looked."""
+    if not found:
+        return f"1 {unit}", "a first try"
+    least = min(found, key=lambda each: each.reach)
+    force = least.force * (1000 if of_force == "kPa" else 1)
+    return f"{short(least.reach)} {unit}", f"{least.why}, at {short(force)} {of_force} on a coarse mesh"
 
 
 def _alone(problem: Problem, index: int, tip: np.ndarray, advance: Callable[[int], None]) -> Stroke:
@@ -69,19 +114,35 @@ def _alone(problem: Problem, index: int, tip: np.ndarray, advance: Callable[[int
         ended = solve(problem, target, state, state, _LOOSE, condense=False, slack=False)
         advance(1)
         if ended.status is not Status.CONVERGED:
-            if done == 0.0 and amount > 1e-3 * _FIRST[unit] * whole:
+            if done == 0.0 and amount > _LEAST * _FIRST[unit] * whole:
                 amount /= 4
                 continue
             return Stroke(0.8 * (done or amount), 0.8 * force, f"beyond it, {_short(ended.status)}")
+        if _meets_itself(problem, ended):
+            most = amount
+            if most - done < _CLOSE * most or most < _LEAST * _FIRST[unit] * whole:
+                return Stroke(done or most, force, _MEETS)
+            amount = (done + most) / 2
+            continue
         used, why = _used(problem, ended, tip)
         here = float(abs(ended.state.lam[index]))
         if used >= 1.0:
             share = (1.0 - before) / (used - before)
             return Stroke(done + share * (amount - done), force + share * (here - force), why)
         done, force, before, state = amount, here, used, ended.state
+        if most < _MOST[unit] * whole:
+            amount = (done + most) / 2
+            continue
         if amount >= most:
             return Stroke(most, force, f"{100 * _MOST[unit]:.0f} % of its {'volume' if unit == 'mm^3' else 'length'}")
         amount = min(most, amount * min(_GROWTH, max(1.15, 1.05 / max(used, 1e-3))))
+
+
+def _meets_itself(problem: Problem, ended: Equilibrium) -> bool:
+    """Whether the surface passes through itself, more than at rest, as where a slit has closed."""
+    facets = triangulated(problem.robot.body.mesh.facets)
+    count = len(crossings(ended.state.x, facets)[0])
+    return count > 0 and count > len(crossings(problem.rest, facets)[0])
 
 
 def _used(problem: Problem, ended: Equilibrium, tip: np.ndarray) -> tuple[float, str]:

@@ -14,18 +14,23 @@ SPECS = ("scene", "sample", "train", "export", "export-page", "control", "report
 ON_PAGE = 8  # actuators for which the page of a robot has room
 _FEW, _ROWS, _MORE_ROWS = 3, 60, 100  # training rows for so many cables, and for more
 
+_OF_MANY = """idle: 0.2              # share of the rows in which a cable is slack, as control leaves it where it can
+third_order: true      # dW/dlambda too: worth its time from four actuators on
+"""
+
 
 @dataclass(frozen=True)
 class NewScene:
-    """All that the files say. kind: of the geometry; file: name of the shape's copy; remesh: whether its inside is
-    meshed anew; mended: what was mended, a phrase each; unit: text, None where the file states its own; extent (3,) mm;
-    volume mm^3; length mm, along axis; size mm; cells: None where the mesh is the user's; element; hold, young,
-    poisson: each an Answer; drive: cables and chambers; reach: an Answer in mm, of cables; growth: in mm^3, of
-    chambers; effector: an Answer (3,) mm; carrier_radius: mm, of an effector outside the body."""
+    """All that the files say. kind: of the geometry; file: name of the shape's copy; body: of several in it; remesh:
+    whether its inside is meshed anew; mended: what was mended, a phrase each; unit: text, None where the file states
+    its own; extent (3,) mm; volume mm^3; length mm, along axis; size mm; cells: None where the mesh is the user's;
+    element; hold, young, poisson: each an Answer; drive: cables and chambers; reach: an Answer in mm, of cables;
+    growth: in mm^3, of chambers; effector: an Answer (3,) mm; carrier_radius: mm, of an effector outside the body."""
 
     name: str
     kind: str
     file: str
+    body: int
     remesh: bool
     mended: Sequence[str]
     unit: Answer | None
@@ -83,6 +88,7 @@ def texts(robot: NewScene) -> dict[str, str]:
 def _scene(robot: NewScene) -> str:
     kind = robot.kind if robot.unit is None else f"{robot.kind}, unit: {number(robot.unit.value)} mm"
     kind += ", remesh: true" if robot.remesh else ""
+    kind += f", body: {robot.body}" if robot.body > 1 else ""
     extent = " x ".join(short(side) for side in robot.extent)
     size = (f"{extent} mm, {short(robot.volume)} mm^3", _guesses(robot.unit) if robot.unit else "")
     lines = [
@@ -181,12 +187,13 @@ def _selection(hold: Hold) -> str:
 
 def _sample(robot: NewScene) -> str:
     rows = _ROWS if robot.n_a <= _FEW else _MORE_ROWS
-    return f"""# The states to solve: `cfem simulate-sample sample.yaml`. No cable ever pushes, no chamber ever sucks.
+    more = _OF_MANY if robot.n_a > _FEW else ""
+    return f"""# The states to solve: `cfem sample sample.yaml`. No cable ever pushes, no chamber ever sucks.
 scene: scene.yaml
 mesh: ../../data/{robot.name}/mesh
 out: ../../data/{robot.name}/samples
 space: pulling
-splits:
+{more}splits:
   train: {{rows: {rows}, method: scrambled-halton, seed: 1}}     # what the model is fitted to; more rows extend the set
   test: {{rows: 50, method: random, seed: 2}}                # what it is judged by
 """

@@ -1,5 +1,7 @@
 """Cables that lead from part to part of a body through the air between them, as through the discs of a backbone."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from cfem.core.errors import SpecError
@@ -21,7 +23,7 @@ def cables_through_air(shape: Shape, run: Run, count: int) -> tuple[tuple[CableL
     way = straight(run)
     shares = np.linspace(0.01, 0.99, _CUTS)
     cuts = [(share, way.section(shape.interior, share)) for share in shares]
-    cuts = [(share, section) for share, section in cuts if section is not None]
+    cuts = [(share, _whole(shape, run, section)) for share, section in cuts if section is not None]
     radius = min(run.length / 40, max((section.inscribed for _, section in cuts), default=0.0) / 4)
     if len(cuts) > _PARTS:
         for _ in range(3):
@@ -37,6 +39,19 @@ def cables_through_air(shape: Shape, run: Run, count: int) -> tuple[tuple[CableL
     what = f"no straight cable along {'xyz'[run.axis]} passes {_PARTS} parts of the body"
     do = "hold another part (--fixed), or give each as --cable 'NAME: pull point; point; ...'"
     raise SpecError(what, where="--cables", do=do)
+
+
+def _whole(shape: Shape, run: Run, section: Section) -> Section:
+    """The section about the middle of all pieces of the cut, as far as the farthest: those of a lattice are apart."""
+    across = np.delete(np.arange(3), run.axis)
+    places = shape.voxels.centres
+    near = places[np.abs(places[:, run.axis] - section.centre[run.axis]) <= shape.voxels.step]
+    if len(near) == 0:
+        return section
+    centre = section.centre.copy()
+    centre[across] = near[:, across].mean(axis=0)
+    extent = float(np.linalg.norm((near - centre)[:, across], axis=1).max())
+    return replace(section, centre=centre, extent=extent)
 
 
 def _lines(

@@ -9,13 +9,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cfem.core.errors import InputError
-from cfem.mechanics import rod as rods
 from cfem.mechanics import solid as region
 from cfem.mechanics.element import Element, reference_gradients
 from cfem.mechanics.material.law import Material
 from cfem.mechanics.mesh import Mesh
-from cfem.mechanics.rod import Rod, RodResponse, Section
-from cfem.mechanics.sections import Sections
+from cfem.mechanics.rod import region as rods
+from cfem.mechanics.rod.region import CrossSection, Rod, RodResponse
+from cfem.mechanics.rod.sections import Sections
 from cfem.mechanics.solid import Solid, make_solid
 
 # Laws of rubber, whose fibres a rod that may contract takes for neo-Hookean.
@@ -57,7 +57,7 @@ class Body:
 
 
 @dataclass(frozen=True)
-class Response:
+class BodyResponse:
     """Of a body at positions x and element pressures p: energy N mm; force (n, 3) N internal of the solids, with the
     given p; mismatch, pressure (m,) MPa and min_J as of its regions (solid.py), 0 or less also where sections of the
     rod touch; rod: its own response, whose forces act on the sections' frames (rod.py)."""
@@ -67,7 +67,7 @@ class Response:
     mismatch: np.ndarray
     pressure: np.ndarray
     min_J: float
-    solids: tuple[region.Response, ...]
+    solids: tuple[region.SolidResponse, ...]
     rod: RodResponse | None = None
 
 
@@ -113,7 +113,7 @@ def make_rod_body(
     mesh: Mesh,
     element: Element,
     sections: Sections,
-    shape: Section,
+    shape: CrossSection,
     material: Material,
     regions: Sequence[tuple[np.ndarray, Material]] = (),
 ) -> Body:
@@ -181,7 +181,7 @@ def without(body: Body, cells_within: np.ndarray) -> Body:
     return replace(body, solids=tuple(part for part in map(kept, body.solids) if len(part.cells)))
 
 
-def response(body: Body, x: np.ndarray, pressure: np.ndarray | None = None) -> Response:
+def response(body: Body, x: np.ndarray, pressure: np.ndarray | None = None) -> BodyResponse:
     """At positions x (n, 3) mm and element pressures (m,) MPa, by default (or empty) what x itself demands."""
     force = np.zeros_like(x)
     given = np.empty(0) if pressure is None else pressure
@@ -190,7 +190,7 @@ def response(body: Body, x: np.ndarray, pressure: np.ndarray | None = None) -> R
     )
     rod = None if body.rod is None else rods.response(body.rod, x)
     none = np.empty(0)
-    return Response(
+    return BodyResponse(
         energy=sum(each.energy for each in found) + (rod.energy if rod else 0.0),
         force=force,
         mismatch=np.concatenate([none, *(each.mismatch for each in found)]),
@@ -202,7 +202,7 @@ def response(body: Body, x: np.ndarray, pressure: np.ndarray | None = None) -> R
 
 
 def tangent(
-    body: Body, at: Response, slots: np.ndarray, data: np.ndarray, before: Response | None = None
+    body: Body, at: BodyResponse, slots: np.ndarray, data: np.ndarray, before: BodyResponse | None = None
 ) -> np.ndarray:
     """Adds the solids' tangent stiffness (N/mm) to the lower triangle `data`, slots (m, n_nodes, n_nodes, 3) of
     assembly.py. Returns dtheta (m, n_nodes, 3) mm^2, the gradients of theta_mean V; empty without element pressures.
@@ -218,7 +218,7 @@ def tangent(
     return np.concatenate([np.zeros((0, body.element.n_nodes, 3)), *found])
 
 
-def tangent_form(body: Body, at: Response, motions: np.ndarray) -> np.ndarray:
+def tangent_form(body: Body, at: BodyResponse, motions: np.ndarray) -> np.ndarray:
     """(k, k) N mm: M^T A M of the solids' tangent stiffness A and motions M (n, 3, k) mm."""
     parts = zip(body.solids, at.solids, strict=True)
     none = np.zeros((motions.shape[2], motions.shape[2]))

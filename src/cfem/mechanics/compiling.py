@@ -4,7 +4,7 @@ from typing import Any
 
 from numba.core import event
 
-from cfem.core.progress import doing, what_is_done
+from cfem.core.console.progress import doing, what_is_done
 
 
 class _Told(event.Listener):

@@ -8,11 +8,11 @@ import numpy as np
 
 from cfem.mechanics.assembly import add_blocks
 from cfem.mechanics.material.law import curvature
-from cfem.mechanics.solid import FEW, Response, Solid, add_geometric, point_stiffness
+from cfem.mechanics.solid import FEW, Solid, SolidResponse, add_geometric, point_stiffness
 from cfem.mechanics.solid_kernels import add_form, add_form_of_few, scatter_force, scatter_stiffness
 
 
-def add_stress(solid: Solid, at: Response, P: np.ndarray, force: np.ndarray) -> None:
+def add_stress(solid: Solid, at: SolidResponse, P: np.ndarray, force: np.ndarray) -> None:
     """Adds to `force` (n, 3) N that of a further first Piola-Kirchhoff stress P (m q, 3, 3) MPa."""
     count, none = solid.element.n_nodes, np.zeros(len(P))
     if not solid.element.bubbles:
@@ -25,7 +25,7 @@ def add_stress(solid: Solid, at: Response, P: np.ndarray, force: np.ndarray) -> 
 
 
 def add_stress_stiffness(
-    solid: Solid, at: Response, share: float, B: np.ndarray, slots: np.ndarray, data: np.ndarray
+    solid: Solid, at: SolidResponse, share: float, B: np.ndarray, slots: np.ndarray, data: np.ndarray
 ) -> None:
     """Adds to `data` (slots as in `tangent`) the stiffness of the stress P = share d psi_rest / dF + F B, B (m q, 3, 3)
     MPa symmetric; with bubbles but for what their own change of slope adds."""
@@ -36,7 +36,7 @@ def add_stress_stiffness(
     scatter_stiffness(C, at.g, 0.0, False, solid.gradients, solid.weights, slots, data, np.zeros((0, 0, 3)))
 
 
-def stress_form(solid: Solid, at: Response, share: float, B: np.ndarray, motions: np.ndarray) -> np.ndarray:
+def stress_form(solid: Solid, at: SolidResponse, share: float, B: np.ndarray, motions: np.ndarray) -> np.ndarray:
     """(k, k) N mm: of motions (n, 3, k) mm in the stiffness that `add_stress_stiffness` adds."""
     C = _stress_curvature(solid, at, share, B)
     if solid.element.bubbles:
@@ -48,14 +48,14 @@ def stress_form(solid: Solid, at: Response, share: float, B: np.ndarray, motions
     return form
 
 
-def _stress_curvature(solid: Solid, at: Response, share: float, B: np.ndarray) -> np.ndarray:
+def _stress_curvature(solid: Solid, at: SolidResponse, share: float, B: np.ndarray) -> np.ndarray:
     """(m q, 9, 9) MPa: d/dF of share d psi_rest / dF + F B."""
     C = share * curvature(solid.law, at.D, solid.parameters, np.zeros(len(at.D)))
     add_geometric(C, B)
     return C
 
 
-def _slaved_stiffness(solid: Solid, at: Response, C: np.ndarray) -> np.ndarray:
+def _slaved_stiffness(solid: Solid, at: SolidResponse, C: np.ndarray) -> np.ndarray:
     """(m, 3 n_nodes, 3 n_nodes) of a stress with that curvature, the bubbles following the nodes."""
     K, slaved = point_stiffness(replace(solid, bulk=0.0), C, at.g), _slaved(solid, at)
     n = 3 * solid.element.n_nodes
@@ -63,7 +63,7 @@ def _slaved_stiffness(solid: Solid, at: Response, C: np.ndarray) -> np.ndarray:
     return K[:, :n, :n] + both + both.swapaxes(1, 2) + slaved.swapaxes(1, 2) @ K[:, n:, n:] @ slaved
 
 
-def _slaved(solid: Solid, at: Response) -> np.ndarray:
+def _slaved(solid: Solid, at: SolidResponse) -> np.ndarray:
     """(m, 3 bubbles, 3 n_nodes): how the bubbles' amplitudes follow the nodes."""
     C, n = curvature(solid.law, at.D, solid.parameters, at.point_pressure), 3 * solid.element.n_nodes
     K = point_stiffness(solid, C, at.g)

@@ -15,7 +15,7 @@ import scipy.sparse as sp
 
 from cfem.mechanics.assembly import Pattern, add_blocks, make_pattern
 from cfem.mechanics.rigid_groups import RigidGroups, make_rigid_groups
-from cfem.mechanics.sections import Sections
+from cfem.mechanics.rod.sections import Sections
 from cfem.mechanics.transfer import Transfer, copies
 
 NO_JOINTS = np.zeros((0, 2), dtype=int)

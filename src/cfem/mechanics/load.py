@@ -4,7 +4,7 @@ import numpy as np
 
 from cfem.mechanics.body import Body
 from cfem.mechanics.element import reference_gradients, shape
-from cfem.mechanics.rod import Rod
+from cfem.mechanics.rod.region import Rod
 
 
 def gravity(body: Body, density: np.ndarray | float, acceleration: np.ndarray) -> np.ndarray:

@@ -14,7 +14,7 @@ import scipy.sparse as sp
 from cfem.mechanics.body import Body
 from cfem.mechanics.element import shape, shape_derivatives
 from cfem.mechanics.mesh import tet_volumes
-from cfem.mechanics.rod import Rod
+from cfem.mechanics.rod.region import Rod
 
 
 def mass_matrix(body: Body, density: np.ndarray | float) -> sp.csr_array:

@@ -65,7 +65,7 @@ class Solid:
 
 
 @dataclass(frozen=True)
-class Response:
+class SolidResponse:
     """Of a solid at positions x and element pressures p.
 
     energy:   N mm, of the displacement alone (p eliminated)
@@ -91,7 +91,7 @@ def make_solid(X: np.ndarray, cells: np.ndarray, element: Element, material: Mat
     return Solid(X, cells, element, material.law, parameters, bulk, *reference_gradients(element, X, cells), number)
 
 
-def response(solid: Solid, x: np.ndarray, pressure: np.ndarray, force: np.ndarray) -> Response:
+def response(solid: Solid, x: np.ndarray, pressure: np.ndarray, force: np.ndarray) -> SolidResponse:
     """Energy at positions x (n, 3) mm, and the internal force added to `force` (n, 3) N. pressure: (m,) MPa, or empty
     for what x itself demands."""
     D = displacement_gradients(x - solid.X, solid.cells, solid.gradients)
@@ -110,7 +110,7 @@ def response(solid: Solid, x: np.ndarray, pressure: np.ndarray, force: np.ndarra
         energy = (psi + solid.bulk / 2 * theta**2) @ solid.weights.ravel()
     scatter_force(P, g, point_pressure, solid.gradients, solid.weights, solid.cells, force)
     min_J = smallest_J(D) if settled else np.nan
-    return Response(float(energy), mismatch, p, min_J, D, P, g, point_pressure)
+    return SolidResponse(float(energy), mismatch, p, min_J, D, P, g, point_pressure)
 
 
 def pressure_force(solid: Solid, dtheta: np.ndarray, pressure: np.ndarray, force: np.ndarray) -> None:
@@ -120,7 +120,7 @@ def pressure_force(solid: Solid, dtheta: np.ndarray, pressure: np.ndarray, force
 
 
 def tangent(
-    solid: Solid, at: Response, slots: np.ndarray, data: np.ndarray, lag: np.ndarray | None = None
+    solid: Solid, at: SolidResponse, slots: np.ndarray, data: np.ndarray, lag: np.ndarray | None = None
 ) -> np.ndarray:
     """Adds the tangent stiffness (N/mm), element pressure and bubbles condensed, to the lower triangle stored in
     `data`, where slots (m, n_nodes, n_nodes, 3) says where each nodal block's columns begin (assembly.py), -1 for none.
@@ -139,7 +139,7 @@ def tangent(
     return dtheta
 
 
-def tangent_form(solid: Solid, at: Response, motions: np.ndarray) -> np.ndarray:
+def tangent_form(solid: Solid, at: SolidResponse, motions: np.ndarray) -> np.ndarray:
     """(k, k) N mm: M^T A M of the tangent stiffness A and motions M (n, 3, k) mm, from strains: faster than by A, and
     exact to rounding of the strains' work, where the entries of A cancel in a motion that is almost rigid."""
     C = curvature(solid.law, at.D, solid.parameters, at.point_pressure)
@@ -153,7 +153,7 @@ def tangent_form(solid: Solid, at: Response, motions: np.ndarray) -> np.ndarray:
     return form
 
 
-def stress_lag(solid: Solid, before: Response, now: Response) -> np.ndarray:
+def stress_lag(solid: Solid, before: SolidResponse, now: SolidResponse) -> np.ndarray:
     """(m q, 3, 3) MPa: second Piola-Kirchhoff stress that the linearisation at `before` predicted for `now`, less the
     stress there. A tangent whose geometric part uses the predicted stress does not see the false strain, of second
     order in the rotation, that a linear step leaves: Newton's method with an independent stress at every quadrature
@@ -170,7 +170,7 @@ def stress_lag(solid: Solid, before: Response, now: Response) -> np.ndarray:
     return (predicted + predicted.transpose(0, 2, 1)) / 2 - _second_stress(now)
 
 
-def _second_stress(at: Response) -> np.ndarray:
+def _second_stress(at: SolidResponse) -> np.ndarray:
     """(m q, 3, 3) MPa: S = F^-1 P."""
     return np.linalg.solve(np.eye(3) + at.D, at.P + at.point_pressure[:, None, None] * at.g)
 

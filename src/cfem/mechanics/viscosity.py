@@ -16,9 +16,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cfem.mechanics import rod as rods
-from cfem.mechanics.body import Body, Response
+from cfem.mechanics.body import Body, BodyResponse
 from cfem.mechanics.further_stress import add_stress, add_stress_stiffness, stress_form
+from cfem.mechanics.rod import region as rods
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Viscosity:
 
 
 @dataclass(frozen=True)
-class Memory:
+class ViscousMemory:
     """What the overstress remembers at the end of a step, of each region of a body (its solids, then its rod): S, S
     one step before (None at first), and Q_i of the Prony terms (terms, ...); dt: s of that step."""
 
@@ -61,20 +61,20 @@ class Overstress:
     parts: tuple[tuple[float | np.ndarray, np.ndarray] | None, ...]
 
 
-def settled(body: Body, viscosity: Sequence[Viscosity], at: Response) -> Memory:
+def settled(body: Body, viscosity: Sequence[Viscosity], at: BodyResponse) -> ViscousMemory:
     """Of a body that has been at `at` for long. viscosity: of each material, in the order of the body's."""
     S = stresses(body, at)
     counts = [max((len(viscosity[number].prony) for number in numbers), default=0) for numbers in _numbers(body)]
-    return Memory(S, None, tuple(np.zeros((count, *each.shape)) for count, each in zip(counts, S, strict=True)))
+    return ViscousMemory(S, None, tuple(np.zeros((count, *each.shape)) for count, each in zip(counts, S, strict=True)))
 
 
-def stresses(body: Body, at: Response) -> tuple[np.ndarray, ...]:
+def stresses(body: Body, at: BodyResponse) -> tuple[np.ndarray, ...]:
     """S of each region, MPa at the quadrature points (m q, 3, 3); N and N mm of a rod's elements (m, 6)."""
     solids = tuple(np.linalg.solve(np.eye(3) + each.D, each.P) for each in at.solids)
     return solids if at.rod is None else (*solids, at.rod.stress)
 
 
-def overstress(body: Body, viscosity: Sequence[Viscosity], memory: Memory, dt: float) -> Overstress:
+def overstress(body: Body, viscosity: Sequence[Viscosity], memory: ViscousMemory, dt: float) -> Overstress:
     """Of a step of dt seconds after `memory`."""
     parts: list[tuple[float | np.ndarray, np.ndarray] | None] = []
     solids = len(body.solids)
@@ -106,7 +106,9 @@ def _of_step(
     return a, B
 
 
-def remembered(body: Body, viscosity: Sequence[Viscosity], memory: Memory, dt: float, at: Response) -> Memory:
+def remembered(
+    body: Body, viscosity: Sequence[Viscosity], memory: ViscousMemory, dt: float, at: BodyResponse
+) -> ViscousMemory:
     """After a step of dt seconds that ended at `at`."""
     S = stresses(body, at)
     terms = []
@@ -118,10 +120,10 @@ def remembered(body: Body, viscosity: Sequence[Viscosity], memory: Memory, dt: f
                 share = -g * tau / dt * np.expm1(-dt / tau)
                 Q[i, mine] = np.exp(-dt / tau) * Q[i, mine] + share * (now[mine] - was[mine])
         terms.append(Q)
-    return Memory(S, memory.S, tuple(terms), dt)
+    return ViscousMemory(S, memory.S, tuple(terms), dt)
 
 
-def solid_force(body: Body, at: Response, over: Overstress) -> np.ndarray:
+def solid_force(body: Body, at: BodyResponse, over: Overstress) -> np.ndarray:
     """(n, 3) N on the nodes, of the solids' overstress."""
     force = np.zeros_like(body.mesh.X)
     for solid, each, part in zip(body.solids, at.solids, over.parts, strict=False):
@@ -131,14 +133,14 @@ def solid_force(body: Body, at: Response, over: Overstress) -> np.ndarray:
     return force
 
 
-def add_solid_stiffness(body: Body, at: Response, over: Overstress, slots: np.ndarray, data: np.ndarray) -> None:
+def add_solid_stiffness(body: Body, at: BodyResponse, over: Overstress, slots: np.ndarray, data: np.ndarray) -> None:
     """Adds d force / dx of the solids' overstress to the lower triangle `data`, slots as in body.tangent."""
     for (solid, place), each, part in zip(body.parts(), at.solids, over.parts, strict=False):
         if part is not None:
             add_stress_stiffness(solid, each, *part, slots[place], data)
 
 
-def solid_form(body: Body, at: Response, over: Overstress, motions: np.ndarray) -> np.ndarray:
+def solid_form(body: Body, at: BodyResponse, over: Overstress, motions: np.ndarray) -> np.ndarray:
     """(k, k) N mm: of motions (n, 3, k) mm in the stiffness of the solids' overstress."""
     form = np.zeros((motions.shape[2], motions.shape[2]))
     for solid, each, part in zip(body.solids, at.solids, over.parts, strict=False):
@@ -147,19 +149,19 @@ def solid_form(body: Body, at: Response, over: Overstress, motions: np.ndarray) 
     return form
 
 
-def rod_stress(body: Body, at: Response, over: Overstress) -> np.ndarray:
+def rod_stress(body: Body, at: BodyResponse, over: Overstress) -> np.ndarray:
     """(m, 6) N and N mm: Q of the rod."""
     a, B = over.parts[-1]
     return a * at.rod.stress + B
 
 
-def rod_stiffness(body: Body, at: Response, over: Overstress) -> np.ndarray:
+def rod_stiffness(body: Body, at: BodyResponse, over: Overstress) -> np.ndarray:
     """(m, 12, 12) N/mm, of the rod's overstress alone."""
     a, _ = over.parts[-1]
     return rods.stiffness_of(body.rod.stiffness * a, rod_stress(body, at, over), body.rod, at.rod)
 
 
-def damping(body: Body, at: Response, number: int) -> Overstress:
+def damping(body: Body, at: BodyResponse, number: int) -> Overstress:
     """The overstress whose stiffness is that of S's material part in the regions of one material: dQ = dS there, with
     no stress; times Viscosity.modulus it is storage and loss."""
     parts: list[tuple[float | np.ndarray, np.ndarray] | None] = []

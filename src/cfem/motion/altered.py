@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from cfem.motion.model import Loss, MotionModel, Place
+from cfem.motion.model import Loss, MotionModel, MotionTerms
 
 
 @dataclass(frozen=True)
@@ -18,7 +18,7 @@ class Altered:
     stiffness: float = 1.0
     viscosity: float = 1.0
 
-    def at(self, delta_a: np.ndarray) -> Place:
+    def at(self, delta_a: np.ndarray) -> MotionTerms:
         """As of the model, (n_a,) mm."""
         place, s = self.model.at(delta_a), self.stiffness
         return replace(

@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cfem.condensed import Condensed
-from cfem.motion.linear import Guess, Kind, Linear, Material, linear_steps, moved, places
-from cfem.motion.model import MotionModel, Place
+from cfem.motion.linear import Guess, Kind, LinearisedSteps, MaterialShares, linear_steps, moved, places
+from cfem.motion.model import MotionModel, MotionTerms
 from cfem.motion.modes import natural_modes, prewarp
 from cfem.motion.step import at_rest
 
@@ -19,7 +19,7 @@ _ITERATIONS, _SETTLED = 4, 1e-4
 
 
 @dataclass(frozen=True)
-class State:
+class ClockedState:
     """z (n_z,): q, p and the memory of Prony terms; v (n_q,): mean velocity of the last tick; u (n_a,): the command
     that has been reached."""
 
@@ -39,23 +39,23 @@ class Clocked:
         self.frequency = float(natural_modes(model, about, kind == "displacement", 1).frequency[0])
         self._warp = prewarp(self.frequency, dt)
 
-    def at_rest(self, condensed: Condensed) -> State:
+    def at_rest(self, condensed: Condensed) -> ClockedState:
         """Standing still where the static model says."""
         return self.standing(
             condensed.delta_a, condensed.delta_a if self.kind == "displacement" else condensed.lambda_a
         )
 
-    def standing(self, delta_a: np.ndarray, u: np.ndarray) -> State:
+    def standing(self, delta_a: np.ndarray, u: np.ndarray) -> ClockedState:
         """Standing still at delta_a (n_a,) mm under the command u (n_a,)."""
         motion = at_rest(self.model, delta_a)
         z = np.concatenate([motion.q, motion.p, motion.memory.ravel()])
-        return State(z, motion.v, np.array(u, float))
+        return ClockedState(z, motion.v, np.array(u, float))
 
     def acting(self, before: np.ndarray, u: np.ndarray) -> np.ndarray:
         """What a step of the model is told: of commands (..., n_a) reached at its beginning and at its end."""
         return (before + u) / 2 if self.kind == "force" else u
 
-    def linear(self, guess: Guess, material: Material, every: int = 1) -> tuple[Linear, Place]:
+    def linear(self, guess: Guess, material: MaterialShares, every: int = 1) -> tuple[LinearisedSteps, MotionTerms]:
         """The steps about their guesses, and what the model says at their middle; every: see
         `cfem.motion.linear.places`."""
         middle = guess.state[:, : self.n_a] + self.dt / 2 * guess.v[:, : self.n_a]
@@ -63,8 +63,8 @@ class Clocked:
         return linear_steps(self.warped(place), losses, guess, self.kind, self.dt, material), place
 
     def step(
-        self, state: State, u: np.ndarray, material: Material, place: Place | None = None
-    ) -> tuple[State, Linear, Place]:
+        self, state: ClockedState, u: np.ndarray, material: MaterialShares, place: MotionTerms | None = None
+    ) -> tuple[ClockedState, LinearisedSteps, MotionTerms]:
         """The state after a tick in which the command moves to u (n_a,), its last linearisation, and what the model
         says at its middle; place: whose inertia and inner motions are taken, None: those where the last velocity leads
         to."""
@@ -79,9 +79,9 @@ class Clocked:
             before, v = v, (steps.end[0, : self.n_q] - z[: self.n_q]) / self.dt
             if np.abs((v - before) / size).max() <= _SETTLED * max(float(np.abs(v / size).max()), 1.0):
                 break
-        return State(steps.end[0], v, np.asarray(u, float)), steps, place
+        return ClockedState(steps.end[0], v, np.asarray(u, float)), steps, place
 
-    def effectors(self, z: np.ndarray, near: Place | None = None) -> tuple[np.ndarray, np.ndarray]:
+    def effectors(self, z: np.ndarray, near: MotionTerms | None = None) -> tuple[np.ndarray, np.ndarray]:
         """(N, n_e) mm from rest at states (N, n_z), and their slopes (N, n_e, n_z) but for that of E by the
         place; near: of places nearby, whose inner motions are taken, None: of the states themselves."""
         delta_a, eta = z[:, : self.n_a], z[:, self.n_a : self.n_q]
@@ -94,7 +94,7 @@ class Clocked:
         C[:, :, self.n_a : self.n_q] = near.H + bent
         return part["effector"] + np.einsum("kei,ki->ke", near.H + bent / 2, eta), C
 
-    def warped(self, place: Place) -> Place:
+    def warped(self, place: MotionTerms) -> MotionTerms:
         """With mass and viscosity scaled, so that steps of a tick have the lowest natural frequency right."""
         g = self._warp
         return replace(place, M=g**2 * place.M, dM=g**2 * place.dM, F=g * place.F)

@@ -10,14 +10,14 @@ from cfem.core.errors import InputError, NumericalError
 from cfem.dataset.tables import read_table
 from cfem.motion.model import MotionModel
 from cfem.motion.payload import Payload
-from cfem.motion.step import Motion, at_rest
+from cfem.motion.step import CondensedMotion, at_rest
 
 Kind = Literal["displacement", "force"]
 _ITERATIONS = 30
 
 
 @dataclass(frozen=True)
-class Commands:
+class CommandTable:
     """t (k,) s, ascending; values (k, n_a) mm or N (mm^3 or MPa of chambers)."""
 
     kind: Kind
@@ -29,7 +29,7 @@ class Commands:
         return np.array([np.interp(t, self.t, column) for column in self.values.T])
 
 
-def read_commands(path: Path, model: MotionModel) -> Commands:
+def read_commands(path: Path, model: MotionModel) -> CommandTable:
     """InputError naming the file and what is wrong in it."""
     actuators, units = model.rows.actuators, {"time": "s"}
     for name, (displacement, force) in zip(actuators, model.static.actuator_units, strict=True):
@@ -55,10 +55,10 @@ def read_commands(path: Path, model: MotionModel) -> Commands:
     if len(back):
         where = read.places[back[0] + 1]
         raise InputError("its time is not after that of the row before", where=where, do="sort the rows")
-    return Commands("displacement" if kinds[0] == "displacement" else "force", table[:, 0], table[:, 1:])
+    return CommandTable("displacement" if kinds[0] == "displacement" else "force", table[:, 0], table[:, 1:])
 
 
-def starting(model: MotionModel, commands: Commands, payload: Payload | None = None) -> Motion:
+def starting(model: MotionModel, commands: CommandTable, payload: Payload | None = None) -> CondensedMotion:
     """Standing still under the first command, at its time. NumericalError where no state of rest is found."""
     first, n_a = commands.values[0], model.n_a
     if commands.kind == "displacement":
@@ -78,8 +78,8 @@ def starting(model: MotionModel, commands: Commands, payload: Payload | None = N
     raise NumericalError("no state of rest is found under the first forces", do="begin with others, such as none")
 
 
-def _at(motion: Motion, commands: Commands) -> Motion:
-    return Motion(float(commands.t[0]), *(getattr(motion, name) for name in ("q", "p", "v", "memory", "lam")))
+def _at(motion: CondensedMotion, commands: CommandTable) -> CondensedMotion:
+    return CondensedMotion(float(commands.t[0]), *(getattr(motion, name) for name in ("q", "p", "v", "memory", "lam")))
 
 
 def _width(forces: np.ndarray) -> float:

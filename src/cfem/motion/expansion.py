@@ -17,7 +17,7 @@ _SLOW = 0.03  # rate of the changes from which the slopes are taken again
 
 
 @dataclass(frozen=True)
-class Solved:
+class SolvedStep:
     """v (n_q,): mean velocity of the step; what it leaves of dt/2 (dL/dq + Q) + p - M v, in the rows that are held, and
     the impulse M v: both carried on to first order in the last change."""
 
@@ -50,7 +50,7 @@ class Expansion:
         digits."""
         return max(float(np.abs(v / self.scale).max()), 1e-6 / self.dt / float(self.scale.min()))
 
-    def solved(self, v: np.ndarray, free: np.ndarray, tolerance: float) -> Solved | None:
+    def solved(self, v: np.ndarray, free: np.ndarray, tolerance: float) -> SolvedStep | None:
         """From v, whose entries `free` are changed, by Newton's method with the slopes at v, later ones where changes
         fall slowly, until the next change would be below the tolerance by the rate at which they have fallen; None
         where it does not end."""
@@ -75,7 +75,7 @@ class Expansion:
             before, stale = moved, rate > _SLOW and not first
             if moved * rate <= small:
                 impulse = Mv + self.M @ change + change[: len(turning)] @ turning
-                return Solved(v, rest - slope @ change, impulse)
+                return SolvedStep(v, rest - slope @ change, impulse)
         return None
 
     def _slope(self, turning: np.ndarray) -> np.ndarray:

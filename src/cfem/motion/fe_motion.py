@@ -6,22 +6,22 @@ import numpy as np
 
 from cfem.core.errors import InputError, NumericalError
 from cfem.dynamics import problem as full
-from cfem.dynamics.simulate import Pace, Run, simulate
+from cfem.dynamics.simulate import Run, StepControl, simulate
 from cfem.dynamics.start import at_rest
 from cfem.equilibrium.actuation import Actuation, displacement, force
 from cfem.equilibrium.robot import Robot
 from cfem.equilibrium.solve import solve
-from cfem.motion.commands import Commands
+from cfem.motion.commands import CommandTable
 from cfem.motion.payload import Payload
 
 
 def simulate_full(
-    robot: Robot, commands: Commands, until: float, dt: float, payload: Payload | None, unilateral: np.ndarray
+    robot: Robot, commands: CommandTable, until: float, dt: float, payload: Payload | None, unilateral: np.ndarray
 ) -> Run:
     """In steps of dt s, halved where they are not found. unilateral: (n_a,) actuators that go slack. NumericalError
     where the first command has no equilibrium, InputError where finite elements cannot carry the payload."""
     robot = replace(robot, unilateral=unilateral)
-    carried: tuple[full.Payload, ...] = ()
+    carried: tuple[full.NodalPayload, ...] = ()
     if payload is not None:
         effector = (
             robot.effectors[payload.rows[0] // 3] if len(robot.rows.effectors) == 3 * len(robot.effectors) else None
@@ -29,7 +29,7 @@ def simulate_full(
         attachment = getattr(effector, "attachment", None)
         if attachment is None:
             raise InputError("full finite elements carry a payload at points in the body only", do="leave `full` out")
-        carried = (full.Payload(attachment.nodes, attachment.weights, payload.mass),)
+        carried = (full.NodalPayload(attachment.nodes, attachment.weights, payload.mass),)
         loads = np.zeros_like(robot.X) if robot.loads is None else robot.loads.copy()
         loads[attachment.nodes] += attachment.weights[:, None] * payload.weight
         robot = replace(robot, loads=loads)
@@ -44,4 +44,4 @@ def simulate_full(
     if not rest.converged:
         raise NumericalError(f"full finite elements at the first command: {rest.status.value}")
     kinks = [float(t) for t in commands.t[1:] if t < until]
-    return simulate(problem, at_rest(problem, rest.state, begin), told, until, kinks, Pace(dt, tolerance=None))
+    return simulate(problem, at_rest(problem, rest.state, begin), told, until, kinks, StepControl(dt, tolerance=None))

@@ -14,13 +14,13 @@ from typing import Literal
 
 import numpy as np
 
-from cfem.motion.model import Loss, MotionModel, Place
+from cfem.motion.model import Loss, MotionModel, MotionTerms
 
 Kind = Literal["displacement", "force"]
 
 
 @dataclass(frozen=True)
-class Material:
+class MaterialShares:
     """Shares of the modulus and of the viscosity of the material that the model was learned from."""
 
     stiffness: float = 1.0
@@ -38,7 +38,7 @@ class Guess:
 
 
 @dataclass(frozen=True)
-class Linear:
+class LinearisedSteps:
     """z' = end + A (z - guess) + B (u - guess), of each of N steps; by_material (N, n_z, 2): by the logarithms of
     stiffness and viscosity; lam (N, n_a) N, lam_by_z, lam_by_u: forces of held actuators, None where forces are
     commanded."""
@@ -52,15 +52,15 @@ class Linear:
     lam_by_u: np.ndarray | None = None
 
 
-def places(model: MotionModel, delta_a: np.ndarray, every: int = 1) -> Place:
-    """All of `Place` with a first axis of N, at delta_a (N, n_a) mm. every: mass, viscosity and inner motions are asked
-    at each so many, and interpolated between; of more than one, their slopes are those at the first. Energy and where
-    the effectors rest are asked of all."""
+def places(model: MotionModel, delta_a: np.ndarray, every: int = 1) -> MotionTerms:
+    """All of `MotionTerms` with a first axis of N, at delta_a (N, n_a) mm. every: mass, viscosity and inner motions are
+    asked at each so many, and interpolated between; of more than one, their slopes are those at the first. Energy and
+    where the effectors rest are asked of all."""
     count = len(delta_a)
     if count == 1:
         only = vars(model.at(delta_a[0])) | {"inner": None}
         found = {name: values[None] for name, values in only.items() if values is not None}
-        return Place(inner=model.inner, **found)
+        return MotionTerms(inner=model.inner, **found)
     part = model.static.parts(delta_a, delta_a[:, :0])
     knots = np.unique([*range(0, count, every), count - 1])
     found = [model.learned(delta_a[k], slopes=k == 0) for k in knots]
@@ -76,7 +76,7 @@ def places(model: MotionModel, delta_a: np.ndarray, every: int = 1) -> Place:
         values = np.array([one[name] for one in found])
         t = share.reshape(-1, *[1] * (values.ndim - 1))
         learned[name] = (1 - t) * values[before] + t * values[after]
-    return Place(
+    return MotionTerms(
         pull=part["gradient"],
         stiff=part["hessian"],
         e=part["effector"],
@@ -86,22 +86,27 @@ def places(model: MotionModel, delta_a: np.ndarray, every: int = 1) -> Place:
     )
 
 
-def moved(place: Place, model: MotionModel, delta_a: np.ndarray) -> Place:
+def moved(place: MotionTerms, model: MotionModel, delta_a: np.ndarray) -> MotionTerms:
     """With energy and where the effectors rest at delta_a (N, n_a) mm, and the inertia and inner motions of before."""
     part = model.static.parts(delta_a, delta_a[:, :0])
     e, J = part["effector"], part["effector_gradient"]
     return replace(place, pull=part["gradient"], stiff=part["hessian"], e=e, J=J)
 
 
-def first_of(place: Place) -> Place:
+def first_of(place: MotionTerms) -> MotionTerms:
     """The first of `places`, which keeps its first axis."""
-    own = {one.name: getattr(place, one.name) for one in fields(Place) if one.name != "inner"}
+    own = {one.name: getattr(place, one.name) for one in fields(MotionTerms) if one.name != "inner"}
     return replace(place, **{name: values[:1] for name, values in own.items() if values is not None})
 
 
 def linear_steps(
-    place: Place, losses: tuple[Loss, ...], guess: Guess, kind: Kind, dt: float, material: Material = Material()
-) -> Linear:
+    place: MotionTerms,
+    losses: tuple[Loss, ...],
+    guess: Guess,
+    kind: Kind,
+    dt: float,
+    material: MaterialShares = MaterialShares(),
+) -> LinearisedSteps:
     """place: of `places` at the middle of each guessed step; dt: s."""
     s, c = material.stiffness, material.viscosity
     n, n_q = guess.v.shape
@@ -165,13 +170,13 @@ def linear_steps(
         out[:, rows, 1 + rows.start : 1 + rows.stop] += (1 - half) / (1 + half) * np.eye(n_q)
     steps = out[:, :, 0], out[:, :, by_z], out[:, :, by_u], out[:, :, by_s]
     if kind == "force":
-        return Linear(*steps)
+        return LinearisedSteps(*steps)
     lam = 2 / dt * (by_speed[:, :n_a] @ X - right[:, :n_a])  # what the rows of the actuators lack
-    return Linear(*steps, lam[:, :, 0], lam[:, :, by_z], lam[:, :, by_u])
+    return LinearisedSteps(*steps, lam[:, :, 0], lam[:, :, by_z], lam[:, :, by_u])
 
 
 def _viscous(
-    place: Place, losses: tuple[Loss, ...], v: np.ndarray, memory: np.ndarray, size: float, dt: float
+    place: MotionTerms, losses: tuple[Loss, ...], v: np.ndarray, memory: np.ndarray, size: float, dt: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Forces (N, n_q), minus their slope by v (N, n_q, n_q), and their slope by the memory (N, n_q, terms n_q)."""
     n, n_q = v.shape

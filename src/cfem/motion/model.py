@@ -13,7 +13,7 @@ moves, in T; and what stiffer inner motions would add to the effectors' complian
 
 from dataclasses import dataclass
 from itertools import accumulate, pairwise
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from scipy.sparse import hstack
@@ -24,6 +24,15 @@ from cfem.motion.inner_skin import InnerSkin
 from cfem.predict.chebyshev import Basis
 from cfem.predict.energy import unpacking
 from cfem.predict.series import input_derivatives
+
+
+@runtime_checkable
+class HasParts(Protocol):
+    """A model of an energy, whose parts can be asked."""
+
+    def parts(self, s: np.ndarray, q: np.ndarray) -> dict[str, np.ndarray]:
+        """The potential, its derivatives and what is beside them at s (..., n_a): see `cfem.predict.energy.layout`."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -43,7 +52,7 @@ class Loss:
 
 
 @dataclass(frozen=True)
-class Place:
+class MotionTerms:
     """All at one delta_a. pull (n_a,): grad Psi; stiff (n_a, n_a): its Hessian; e (n_e,) mm; J (n_e, n_a);
     M (n_q, n_q); inner (n_r, n_r): stiffness of eta, the same everywhere; F (k, n_q, n_q); dM (n_a, n_q, n_q):
     derivatives by delta_a; H (n_e, n_r): motion of the effectors by eta; dH (n_a, n_e, n_r); E (n_e, n_r, n_r): its
@@ -88,15 +97,15 @@ class Place:
 
 
 class MotionModel:
-    """static: the energy model (cfem.predict.potential.PotentialPredictor) of form displacement; arrays: of motion.npz:
-    to_box (n_a, n_a), offset (n_a,), indices (M, n_a), series (n_out, M) in the order of `layout`, scale (n_q,): the
-    unit of each of q in which M and F are learned, stiffness: kappa, N mm, curve (n_e n_r (n_r + 1) / 2, M): series of
-    E, or none, and what `InnerSkin` takes, or none; viscosity: that each loss form is multiplied by.
+    """static: the energy model (cfem.predict.kinds.potential.PotentialPredictor) of form displacement; arrays: of
+    motion.npz: to_box (n_a, n_a), offset (n_a,), indices (M, n_a), series (n_out, M) in the order of `layout`, scale
+    (n_q,): the unit of each of q in which M and F are learned, stiffness: kappa, N mm, curve (n_e n_r (n_r + 1) / 2,
+    M): series of E, or none, and what `InnerSkin` takes, or none; viscosity: that each loss form is multiplied by.
 
     skin: how the inner motions move effectors and skin, None where that was not learned"""
 
     def __init__(self, static: Any, arrays: dict[str, np.ndarray], viscosity: list[dict[str, Any]]):
-        if static.form != "displacement" or static.parameters or not hasattr(static, "parts"):
+        if static.form != "displacement" or static.parameters or not isinstance(static, HasParts):
             raise InputError(
                 "only energy models of form displacement without parameters can move", do="train kind: spectral"
             )
@@ -131,10 +140,10 @@ class MotionModel:
         """(n_e,) mm at rest."""
         return self.static.rest_e
 
-    def at(self, delta_a: np.ndarray) -> Place:
+    def at(self, delta_a: np.ndarray) -> MotionTerms:
         """Everything at delta_a (n_a,) mm."""
         part = self.static.parts(delta_a, delta_a[:0])
-        return Place(
+        return MotionTerms(
             pull=part["gradient"],
             stiff=part["hessian"],
             e=part["effector"],
@@ -144,7 +153,8 @@ class MotionModel:
         )
 
     def learned(self, delta_a: np.ndarray, slopes: bool = True) -> dict[str, np.ndarray]:
-        """M, F, H and, where it is known, E of `Place` at delta_a (n_a,) mm, and their slopes where these are asked."""
+        """M, F, H and, where it is known, E of `MotionTerms` at delta_a (n_a,) mm, and their slopes where these are
+        asked."""
         terms = self._terms(delta_a, slopes)
         M, dM, F = self._inertia(terms)
         H, E = self._bends(terms)
@@ -154,7 +164,7 @@ class MotionModel:
         return found | {"E": E[0]} | ({"dE": E[1:]} if slopes else {})
 
     def paths(self, delta_a: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
-        """H and E of `Place` at delta_a (n_a,) mm."""
+        """H and E of `MotionTerms` at delta_a (n_a,) mm."""
         H, E = self._bends(self._terms(delta_a, slopes=False))
         return H[0], None if E is None else E[0]
 
@@ -170,7 +180,7 @@ class MotionModel:
         return self.static.gradient_and_hessian(delta_a)
 
     def inertia(self, delta_a: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """M, dM and F of `Place` at delta_a (n_a,) mm."""
+        """M, dM and F of `MotionTerms` at delta_a (n_a,) mm."""
         return self._inertia(self._terms(delta_a))
 
     def apart(self, change: np.ndarray) -> float:

@@ -11,7 +11,7 @@ from cfem.motion.payload import Payload
 
 
 @dataclass(frozen=True)
-class Modes:
+class LearnedModes:
     """frequency: (k,) Hz, lowest first; damping: (k,) share of the critical; shapes: (n_q, k) of q, of unit mass;
     effectors: (n_e, k) mm likewise."""
 
@@ -23,7 +23,7 @@ class Modes:
 
 def natural_modes(
     model: MotionModel, delta_a: np.ndarray, held: bool = True, count: int = 3, payload: Payload | None = None
-) -> Modes:
+) -> LearnedModes:
     """The lowest modes about rest at delta_a (n_a,) mm. held: whether the actuators' displacements are kept still;
     otherwise their forces are. NumericalError where the robot is unstable there."""
     place = model.at(np.asarray(delta_a, float))
@@ -44,7 +44,7 @@ def natural_modes(
         stored = sum(m[0] * f for m, f in zip(moduli, by_material, strict=True))
         lost = sum(m[1] * f for m, f in zip(moduli, by_material, strict=True))
         found = squares + stored
-    return Modes(np.sqrt(found) / (2 * np.pi), lost / (2 * found), shapes, place.effectors_by_q @ shapes)
+    return LearnedModes(np.sqrt(found) / (2 * np.pi), lost / (2 * found), shapes, place.effectors_by_q @ shapes)
 
 
 def prewarp(frequency: float, dt: float) -> float:

@@ -7,7 +7,7 @@ from pydantic import Field, NonNegativeFloat, PositiveInt
 
 from cfem.core.spec import Spec
 from cfem.core.units import Length, Point
-from cfem.predict.gate import GateSpec
+from cfem.predict.estimation.gate import GateSpec
 from cfem.robot.selection import Direction
 
 EVERY = 10  # of the ticks of the horizon, at which what is learned of inertia is asked
@@ -54,7 +54,7 @@ class MpcSpec(Spec):
     doubt: DoubtSpec = DoubtSpec()
     """What its observer takes to be uncertain. Mode closed."""
     gate: GateSpec = GateSpec()
-    """Samples that its observer does not hear. Mode closed."""
+    """Samples that its observer rejects. Mode closed."""
     obstacles: list[HalfSpaceSpec] = []
     """Planes that the first effector should not pass, as the controller predicts it."""
 

@@ -9,7 +9,7 @@ import numpy as np
 from cfem.core.errors import NumericalError
 from cfem.motion.model import MotionModel
 from cfem.motion.payload import Payload
-from cfem.motion.step import Command, Motion, step
+from cfem.motion.step import CondensedMotion, MotionCommand, step
 
 _HALVINGS = 8
 _ROUNDING = 1e-9  # of the largest force, below which a cable does not push
@@ -17,7 +17,7 @@ _FAR = 5.0  # lengths of the robot that no tip gets away from its rest
 
 
 @dataclass
-class Run:
+class SimulatedMotion:
     """t (k,) s; delta_a (k, n_a); delta_e (k, n_e) mm from rest; lam (k, n_a): forces of the actuators in the step that
     ends there; slack (k, n_a): cables that carried nothing in it; shortened: (t, dt, why) of steps that were halved;
     left: s, when the state was first unlike those that the model has learned from, None where it never was."""
@@ -29,7 +29,7 @@ class Run:
     slack: list[np.ndarray] = field(default_factory=list)
     shortened: list[tuple[float, float, str]] = field(default_factory=list)
     left: float | None = None
-    end: Motion | None = None
+    end: CondensedMotion | None = None
 
     def arrays(self) -> dict[str, np.ndarray]:
         """The columns by name."""
@@ -38,19 +38,19 @@ class Run:
 
 def simulate(
     model: MotionModel,
-    start: Motion,
-    command: Callable[[float], Command],
+    start: CondensedMotion,
+    command: Callable[[float], MotionCommand],
     until: float,
     dt: float,
     payload: Payload | None = None,
     unilateral: np.ndarray | None = None,
-) -> Run:
+) -> SimulatedMotion:
     """From `start` to the time `until`, s, in steps of dt. command: time at the end of a step -> what holds then
     (displacements) or during it (forces). unilateral: (n_a,) cables that go slack instead of pushing, and are held
     again where they would be longer than commanded; none unless given. A step that is not found is taken in halves, and
     `shortened` says so. NumericalError where that does not help; where the learned energy is unstable after the motion
     has left the states that it was learned from; and where the motion grows far beyond the robot."""
-    run, none = Run(), np.zeros(model.n_a, dtype=bool)
+    run, none = SimulatedMotion(), np.zeros(model.n_a, dtype=bool)
     advance = partial(_advance, model, none if unilateral is None else np.asarray(unilateral, bool))
     _note(run, model, start, none)
     count = max(1, round((until - start.t) / dt))
@@ -66,15 +66,15 @@ def simulate(
 
 
 def _reach(
-    advance: Callable[..., tuple[Motion, np.ndarray]],
-    now: Motion,
+    advance: Callable[..., tuple[CondensedMotion, np.ndarray]],
+    now: CondensedMotion,
     slack: np.ndarray,
-    command: Callable[[float], Command],
+    command: Callable[[float], MotionCommand],
     end: float,
     payload: Payload | None,
-    run: Run,
+    run: SimulatedMotion,
     halvings: int,
-) -> tuple[Motion, np.ndarray]:
+) -> tuple[CondensedMotion, np.ndarray]:
     try:
         return advance(now, slack, command(end), end - now.t, payload)
     except NumericalError as error:
@@ -89,12 +89,12 @@ def _reach(
 def _advance(
     model: MotionModel,
     unilateral: np.ndarray,
-    now: Motion,
+    now: CondensedMotion,
     slack: np.ndarray,
-    command: Command,
+    command: MotionCommand,
     dt: float,
     payload: Payload | None,
-) -> tuple[Motion, np.ndarray]:
+) -> tuple[CondensedMotion, np.ndarray]:
     """One step, and which cables were slack in it: begun with those of the step before, changed one at a time, the
     worst first. NumericalError where no choice fits."""
     if command.displacement is None or not unilateral.any():
@@ -114,7 +114,7 @@ def _advance(
     raise NumericalError(f"no choice of slack cables fits the step of {dt:g} s at {now.t:g} s", do="take shorter steps")
 
 
-def _note(run: Run, model: MotionModel, motion: Motion, slack: np.ndarray) -> None:
+def _note(run: SimulatedMotion, model: MotionModel, motion: CondensedMotion, slack: np.ndarray) -> None:
     delta_a = motion.q[: model.n_a]
     place = model.at(delta_a)
     if run.left is None and not model.static.domain.holds(delta_a, place.pull):

@@ -32,12 +32,12 @@ def _extra(spec: SimulateSpec, base: Path) -> dict[str, Any]:
 def _work(folder: Path, spec: SimulateSpec, base: Path) -> dict[str, Any]:
     """Results: steps, travel of each effector, largest forces, slack cables, when the motion left what the model has
     learned from, and the distance from full finite elements."""
-    from cfem.core.progress import doing
+    from cfem.core.console.progress import doing
     from cfem.motion.commands import read_commands, starting
     from cfem.motion.load import load_motion
     from cfem.motion.modes import natural_modes
     from cfem.motion.simulate import simulate
-    from cfem.motion.step import Command
+    from cfem.motion.step import MotionCommand
 
     model = load_motion(base / spec.model)
     commands = read_commands(base / spec.commands, model)
@@ -54,8 +54,8 @@ def _work(folder: Path, spec: SimulateSpec, base: Path) -> dict[str, Any]:
     first = natural_modes(model, start.q[: model.n_a], held, 1, payload).frequency[0]
     dt = 1 / (_STEPS_A_PERIOD * float(first)) if spec.step is None else spec.step
 
-    def told(t: float) -> Command:
-        return Command(displacement=commands.at(t)) if held else Command(force=commands.at(t - dt / 2))
+    def told(t: float) -> MotionCommand:
+        return MotionCommand(displacement=commands.at(t)) if held else MotionCommand(force=commands.at(t - dt / 2))
 
     doing("simulating")
     run = simulate(model, start, told, until, dt, payload, unilateral)

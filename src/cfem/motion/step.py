@@ -24,7 +24,7 @@ _DIFFERENCE = 1e-4  # mm: how the payload's inertia turns, by differences
 
 
 @dataclass(frozen=True)
-class Motion:
+class CondensedMotion:
     """t: s; q (n_q,) mm and amplitudes; p (n_q,): momenta; v (n_q,): mean velocity of the last step; memory
     (terms, n_q): of the Prony terms of all materials; lam (n_a,): the actuators' forces in the last step; gain (n_q,):
     the change of v in the last step, a second; None where it is not known."""
@@ -39,7 +39,7 @@ class Motion:
 
 
 @dataclass(frozen=True)
-class Command:
+class MotionCommand:
     """Of one step: displacement (n_a,) mm at its end, or force (n_a,) N during it; push: (n_e,) N on the effectors;
     slack: (n_a,) cables that are not held at their displacement and carry nothing, none unless given."""
 
@@ -49,7 +49,7 @@ class Command:
     slack: np.ndarray | None = None
 
 
-def at_rest(model: MotionModel, delta_a: np.ndarray, payload: Payload | None = None) -> Motion:
+def at_rest(model: MotionModel, delta_a: np.ndarray, payload: Payload | None = None) -> CondensedMotion:
     """Standing still with the actuators held at delta_a (n_a,) mm, under the payload's weight."""
     delta_a = np.asarray(delta_a, float)
     place, n_a = model.at(delta_a), model.n_a
@@ -62,15 +62,15 @@ def at_rest(model: MotionModel, delta_a: np.ndarray, payload: Payload | None = N
         lam = lam - (payload.rows_of(place.slopes(q[n_a:])).T @ payload.weight)[:n_a]
     terms = sum(len(one.prony) for one in model.losses)
     none = np.zeros(model.n_q)
-    return Motion(0.0, q, none, none, np.zeros((terms, model.n_q)), lam)
+    return CondensedMotion(0.0, q, none, none, np.zeros((terms, model.n_q)), lam)
 
 
-def effectors(model: MotionModel, motion: Motion) -> np.ndarray:
+def effectors(model: MotionModel, motion: CondensedMotion) -> np.ndarray:
     """(n_e,) mm from rest."""
     return model.at(motion.q[: model.n_a]).effectors(motion.q[model.n_a :])
 
 
-def energy(model: MotionModel, motion: Motion, payload: Payload | None = None) -> float:
+def energy(model: MotionModel, motion: CondensedMotion, payload: Payload | None = None) -> float:
     """N mm: kinetic and potential, the payload's weight included."""
     n_a = model.n_a
     place, eta = model.at(motion.q[:n_a]), motion.q[n_a:]
@@ -85,12 +85,12 @@ def energy(model: MotionModel, motion: Motion, payload: Payload | None = None) -
 
 def step(
     model: MotionModel,
-    motion: Motion,
-    command: Command,
+    motion: CondensedMotion,
+    command: MotionCommand,
     dt: float,
     payload: Payload | None = None,
     tolerance: float = 1e-8,
-) -> Motion:
+) -> CondensedMotion:
     """After dt seconds, to a relative `tolerance` of its motion. NumericalError where its equations are not solved."""
     n_a, held = model.n_a, np.zeros(model.n_q, dtype=bool)
     held[:n_a] = command.displacement is not None
@@ -117,7 +117,7 @@ def step(
             lam = force
             lam[held[:n_a]] = -2 / dt * found.rest[held]
             q, p, gain = motion.q + dt * v, 2 * found.impulse - motion.p, (v - motion.v) / dt
-            return Motion(motion.t + dt, q, p, v, _remembered(model, motion, v, dt), lam, gain)
+            return CondensedMotion(motion.t + dt, q, p, v, _remembered(model, motion, v, dt), lam, gain)
     raise NumericalError(f"the step of {dt:g} s at {motion.t:g} s is not found", do="take shorter steps")
 
 
@@ -138,7 +138,7 @@ def _carry(
         near.known += payload.mass * bending.T @ (J @ v) + J.T @ payload.weight
 
 
-def _remembered(model: MotionModel, motion: Motion, v: np.ndarray, dt: float) -> np.ndarray:
+def _remembered(model: MotionModel, motion: CondensedMotion, v: np.ndarray, dt: float) -> np.ndarray:
     """(terms, n_q) dh/dt = v - h / tau, at the middle of the step."""
     memory = motion.memory.copy()
     taus = [tau for loss in model.losses for _, tau in loss.prony]

@@ -12,7 +12,7 @@ import numpy as np
 
 from cfem.condensed.parameters import Parameter, range_coordinates, shares
 from cfem.core.errors import InputError
-from cfem.parametric.family import FiniteElements, Kind
+from cfem.parametric.family import FiniteElementFamily, Kind
 from cfem.parametric.states import States
 
 FIELDS = ("strain", "stress")
@@ -33,7 +33,7 @@ class Outputs:
     numbers: Mapping[str, np.ndarray]
 
 
-class Differentiable(FiniteElements):
+class Differentiable(FiniteElementFamily):
     """fields: names of numbers that are computed from the deformed body, of FIELDS or VIBRATIONS, beside `volume`
     (mm^3) and, where the scene has densities, `mass` (t). Every parameter is varied, Young's modulus of a homogeneous
     robot too."""
@@ -70,8 +70,8 @@ class Differentiable(FiniteElements):
 
     def _state(self, p: np.ndarray, found: Any, problem: Any) -> tuple[States, dict[str, Any]]:
         """One state, the numbers of the body beside it; and its vibrations."""
-        from cfem.equilibrium.inertia import mass_of
-        from cfem.equilibrium.vibration import lowest
+        from cfem.equilibrium.motion.inertia import mass_of
+        from cfem.equilibrium.motion.vibration import lowest
 
         c, vibrations = found.condensed, {}
         if self.vibrations:
@@ -95,7 +95,7 @@ class Differentiable(FiniteElements):
         """One state at p (n_p,); r numbers of it with their derivatives by its outputs, as `slopes` gives them; and
         their derivatives (r, n) by the shares of the parameters `free`, what depends on p itself left out. One
         equilibrium, no factorisation beside."""
-        from cfem.equilibrium.adjoint import Weights, gradients
+        from cfem.equilibrium.derivatives.adjoint import Weights, gradients
 
         found, problem = self.solve(kind, u, p, keep=True)
         state, vibrations = self._state(p, found, problem)
@@ -125,7 +125,7 @@ class Differentiable(FiniteElements):
         return self._state(p, found, problem)[0], self._outputs(found, problem, p, free)
 
     def _outputs(self, found: Any, problem: Any, p: np.ndarray, free: Sequence[int]) -> Outputs:
-        from cfem.equilibrium.jacobian import jacobian
+        from cfem.equilibrium.derivatives.jacobian import jacobian
 
         sides, still = self._sides(problem, p, free)
         by = jacobian(found.linear, sides)
@@ -141,7 +141,7 @@ class Differentiable(FiniteElements):
 
     def _sides(self, problem: Any, p: np.ndarray, free: Sequence[int]) -> tuple[list[Any], dict[str, np.ndarray]]:
         """Of each parameter in `free`, by its share; and the derivatives of volume and mass."""
-        from cfem.equilibrium.parameter_slopes import Sides
+        from cfem.equilibrium.derivatives.parameter_slopes import Sides
         from cfem.equilibrium.problem import Problem
 
         family, _ = self._problem(p)

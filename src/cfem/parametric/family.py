@@ -32,7 +32,7 @@ class Family(Protocol):
         ...
 
 
-class Learned:
+class LearnedFamily:
     """Robots as a model has learned them. rest: p (m, n_p) -> where their effectors rest (m, n_e) mm; all where the
     model's own do unless given. InputError where the model has no parameters, or shapes whose rest is not given."""
 
@@ -68,7 +68,7 @@ class Learned:
         return [i for i in range(len(states)) if not self.predictor.inside(states.condensed(i), states.p[i])]
 
 
-class FiniteElements:
+class FiniteElementFamily:
     """Robots as finite elements, solved one by one, each from the nearest solved before. Exact parameters scale the
     answer of their reference (`Parameter.exact`).
 

@@ -7,7 +7,7 @@ from cfem.condensed.parameters import Parameter
 from cfem.core.errors import SpecError
 from cfem.core.spec import load_spec
 from cfem.parametric.differentiable import FIELDS, VIBRATIONS, Differentiable
-from cfem.parametric.family import FiniteElements, Learned
+from cfem.parametric.family import FiniteElementFamily, LearnedFamily
 from cfem.predict.load import load_model
 from cfem.robot.load import load_scene_and_mesh
 from cfem.robot.same_robot import demand_robot
@@ -17,20 +17,22 @@ from cfem.sample.rest import Rest
 from cfem.sample.spec import ParameterSpec
 
 
-def learned(model: Path, scene: Path | None = None) -> Learned:
+def learned(model: Path, scene: Path | None = None) -> LearnedFamily:
     """Of a model folder; scene: of a model of several shapes."""
     predictor = load_model(model)
     if scene is None:
-        return Learned(predictor, None)
+        return LearnedFamily(predictor, None)
     spec = load_spec(scene, SceneSpec)
     demand_robot(spec, predictor.meta.get("robot"), model, f"train a model of {scene}, or name the scene of this one")
-    return Learned(predictor, Rest(spec, predictor.parameters, predictor.rest_e))
+    return LearnedFamily(predictor, Rest(spec, predictor.parameters, predictor.rest_e))
 
 
-def finite_elements(scene: Path, mesh: Path, parameters: Sequence[Parameter], remesh: bool = False) -> FiniteElements:
+def finite_elements(
+    scene: Path, mesh: Path, parameters: Sequence[Parameter], remesh: bool = False
+) -> FiniteElementFamily:
     """Of a scene on a mesh artefact. remesh: whether designs to which the mesh does not stretch get their own."""
     folder = scene.parent if remesh else None
-    return FiniteElements(*load_scene_and_mesh(scene, mesh), parameters, folder)
+    return FiniteElementFamily(*load_scene_and_mesh(scene, mesh), parameters, folder)
 
 
 def differentiable(

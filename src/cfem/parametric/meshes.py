@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from cfem.condensed.parameters import Parameter, references, sampled
+from cfem.core.console.progress import doing
 from cfem.core.errors import NumericalError, SpecError
-from cfem.core.progress import doing
 from cfem.robot.mesh.grading import scene_mesh
 from cfem.robot.shape.morph import Unreachable
 from cfem.sample.family import RobotFamily

@@ -4,11 +4,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from cfem.core.artefact.judgement import sentences
+from cfem.core.artefact.manifest import read_manifest
+from cfem.core.console.progress import say
+from cfem.core.console.shown import duration, length, times
 from cfem.core.errors import SpecError
-from cfem.core.judgement import sentences
-from cfem.core.progress import say
-from cfem.core.shown import duration, length, times
-from cfem.core.stage import Options, read_manifest
+from cfem.core.stage import Options
 from cfem.pipeline.plan import Step
 from cfem.pipeline.robots import ROBOTS, copy_robot, robots
 from cfem.pipeline.run import run

@@ -6,10 +6,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from cfem.core.chain import describe
+from cfem.core.artefact.chain import describe
+from cfem.core.artefact.stage_run import Stage
 from cfem.core.errors import InputError, SpecError
-from cfem.core.kinds import KINDS
-from cfem.core.stage import Stage
+from cfem.core.kinds import KINDS, present
 
 _OUT = re.compile(r"""^out:[ \t]*(?:"([^"\n]+)"|'([^'\n]+)'|([^#\n]+?))[ \t]*(?:\#.*)?$""", re.MULTILINE)
 
@@ -35,11 +35,11 @@ def kind_of(spec: Path) -> str | None:
 
 
 def kind_named(word: str) -> str:
-    """Of a kind or of its command: 'sample', 'simulate-sample'. SpecError where it is neither."""
-    commands = {command: kind for kind, (_, _, command) in KINDS.items()}
-    if word not in KINDS and word not in commands:
+    """Of a kind or of its command: 'design', 'optimize-design'. SpecError where it is neither."""
+    commands, name = {command: kind for kind, (_, _, command) in KINDS.items()}, present(word)
+    if name not in KINDS and name not in commands:
         raise SpecError(f"'{word}' is no stage", do=f"use one of {', '.join(commands)}")
-    return commands.get(word, word)
+    return commands.get(name, name)
 
 
 def own_specs(folder: Path) -> list[Path]:

@@ -4,13 +4,12 @@ import re
 from pathlib import Path
 from typing import Any
 
-import cfem
+from cfem.core.artefact.place import write_beside
 from cfem.core.errors import OutputError, SpecError
 from cfem.core.names import demand_scene_name
-from cfem.core.place import write_beside
 from cfem.pipeline.plan import own_specs, plan
 
-ROBOTS = Path(cfem.__file__).parent / "pipelines"
+ROBOTS = Path(__file__).parents[1] / "pipelines"
 
 
 def robots() -> list[str]:

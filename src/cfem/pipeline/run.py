@@ -5,13 +5,14 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from cfem.core.chain import NOT_MADE, stage_module, stale
+from cfem.core.artefact.chain import NOT_MADE, stage_module, stale
+from cfem.core.artefact.judgement import KEY
+from cfem.core.artefact.manifest import read_manifest
+from cfem.core.console.progress import say
+from cfem.core.console.terminal import printable
 from cfem.core.errors import GateError, SpecError
-from cfem.core.judgement import KEY
 from cfem.core.kinds import KINDS
-from cfem.core.progress import say
-from cfem.core.stage import Options, read_manifest
-from cfem.core.terminal import printable
+from cfem.core.stage import Options
 from cfem.pipeline.plan import Step, kind_named, kind_of, own_specs, plan
 
 WAITS = "waits for"
@@ -108,7 +109,7 @@ def _line(number: int, steps: Sequence[Step], why: Sequence[str]) -> str:
 def _run(step: Step, options: Options, workers: int | None) -> Mapping[str, Any]:
     more: dict[str, Any] = {}
     if step.kind == "sample":
-        from cfem.active_learning.until_error import fill
+        from cfem.active_learning.fill import fill
 
         more = {"fill": fill, "workers": workers}
     return stage_module(step.kind).run(step.spec, step.stage.overrides, None, options, **more)

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cfem.condensed.coupling import Coupled, Held, Hold, RigidObject
+from cfem.condensed.coupling import Coupled, HeldObject, Holder, RigidObject
 from cfem.condensed.pose import turn
 from cfem.core.errors import NumericalError
 from cfem.equilibrium.problem import Problem
@@ -24,14 +24,14 @@ class CoupledPlant:
     eigenvalue of the stiffness that holds it over the largest, in all of them; updates: of its pose that they took"""
 
     def __init__(
-        self, holds: Sequence[Hold], held: RigidObject, unilateral: np.ndarray, home: np.ndarray, shape: np.ndarray
+        self, holds: Sequence[Holder], held: RigidObject, unilateral: np.ndarray, home: np.ndarray, shape: np.ndarray
     ):
         self.coupled = Coupled(holds, held, home)
         self._fem: list[FemPatch] = [hold.model for hold in holds]
         self._unilateral, self._t = unilateral, 0
         self.home = home
         self._shape = shape
-        self._last: Held | None = None
+        self._last: HeldObject | None = None
         self.imbalance, self.softest, self.updates = 0.0, np.inf, 0
 
     @property
@@ -58,7 +58,7 @@ class CoupledPlant:
         robots = [one.x @ hold.turn.T + hold.shift for hold, one in parts]
         return np.concatenate([*robots, self._object()])
 
-    def at_displacement(self, delta_a: np.ndarray) -> Held:
+    def at_displacement(self, delta_a: np.ndarray) -> HeldObject:
         held = self._last = self.coupled.at_displacement(delta_a)
         self.imbalance, self.softest = max(self.imbalance, *held.balance), min(self.softest, held.softest)
         self.updates += held.updates
@@ -84,7 +84,7 @@ class CoupledPlant:
         arms = self._shape - centre
         return centre + X[:3] + (arms @ turn(X[3:]).R.T if len(X) == 6 else arms)
 
-    def _without_push(self, u: np.ndarray) -> Held:
+    def _without_push(self, u: np.ndarray) -> HeldObject:
         """The state at u with every actuator that would push let go until it carries nothing."""
         slack, delta = np.zeros(len(u), dtype=bool), u.copy()
         for _ in range(ITERATIONS):

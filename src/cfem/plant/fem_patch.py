@@ -5,8 +5,8 @@ import numpy as np
 from cfem.condensed import Condensed
 from cfem.condensed.contact_pose import onto_patch
 from cfem.equilibrium.actuation import displacement
-from cfem.equilibrium.held_patch import contact_points, held, patch_of
-from cfem.equilibrium.newton import Settings
+from cfem.equilibrium.contact.held_patch import contact_points, held, patch_of
+from cfem.equilibrium.newton import NewtonSettings
 from cfem.equilibrium.robot import Robot
 from cfem.plant.fem_robot import FemRobot
 from cfem.plant.protocol import Changing
@@ -19,7 +19,7 @@ class FemPatch(FemRobot):
     """`Model`. patch: as the robot's contact points make it; tolerance: of Newton's method"""
 
     def __init__(self, robot: Robot, turns: bool, tolerance: float = 1e-11):
-        super().__init__(robot, MEMORY, APART, Settings(tolerance=tolerance))
+        super().__init__(robot, MEMORY, APART, NewtonSettings(tolerance=tolerance))
         self.rows = robot.rows
         self.patch = patch_of(contact_points(self._problem), turns)
         self._at: tuple[np.ndarray, Condensed] | None = None

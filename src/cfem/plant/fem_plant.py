@@ -3,6 +3,7 @@ acts on."""
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,12 +12,15 @@ from cfem.condensed import Condensed
 from cfem.constraint.patch import PatchLoad
 from cfem.core.errors import NumericalError
 from cfem.equilibrium.actuation import displacement, force, pull
-from cfem.equilibrium.patch_effectors import with_patches
+from cfem.equilibrium.contact.patch_effectors import with_patches
 from cfem.equilibrium.robot import Robot
+from cfem.equilibrium.solve import solve
 from cfem.plant.fem_robot import FemRobot
 from cfem.plant.protocol import Changing, Command, Measurement
+from cfem.sample.plan import borne, borne_together
 
 MEMORY = 200  # solved states that predictions draw on
+_LESS, _WITHIN = 8, 0.99  # pulls tried that become less, the last of them to this share of the reach
 APART = 0.01  # of the reach: states nearer to each other than this teach nothing new
 
 
@@ -65,13 +69,28 @@ class FemPlant(FemRobot):
         return self._measurement()
 
     def pull(self, share: np.ndarray) -> Measurement:
-        """The state of one point of the pulling cube [0, 1]^n_a, smooth in it (the share-weighted mean displacement is
-        the share-weighted mean share). NumericalError where it is out of reach."""
+        """The state of one point of the pulling cube [0, 1]^n_a: the share-weighted mean displacement is the
+        share-weighted mean share, or less where an actuator would leave its reach, as one does against which others pay
+        out, or the body would not bear so much of all at once. NumericalError where there is no such state."""
         reach_max = self._problem.robot.reach[:, 1]
         self._t += 1
-        amount = float(share @ share / share.sum()) if share.any() else 0.0
-        self._solve(pull(share, reach_max, amount), share * reach_max, slack=True)
-        return self._measurement()
+        amount = 0.0
+        if share.any():
+            amount = borne(share, reach_max, *self._together, float(share @ share / share.sum()))
+        for _ in range(_LESS):
+            self._solve(pull(share, reach_max, amount), share * reach_max, slack=True)
+            most = float((self.state.delta_a / reach_max).max())
+            if most <= 1.0:
+                return self._measurement()
+            amount *= _WITHIN / most
+        raise NumericalError(f"FE robot: a pull in the shares {np.round(share, 3).tolist()} leaves the reach")
+
+    @cached_property
+    def _together(self) -> tuple[np.ndarray, float]:
+        """(n_a, n_a) mm/N, the compliance at rest, and the share of their reach that all actuators bear at once."""
+        n_a, reach_max = self._problem.robot.rows.n_a, self._problem.robot.reach[:, 1]
+        compliance = solve(self._problem, force(np.zeros(n_a))).condensed.W_aa
+        return compliance, borne_together(lambda asked: solve(self._problem, asked), reach_max, compliance)
 
     @property
     def _stand(self) -> np.ndarray:

@@ -7,7 +7,7 @@ import numpy as np
 
 from cfem.core.errors import NumericalError
 from cfem.equilibrium.actuation import Actuation, pulling_only
-from cfem.equilibrium.newton import Settings
+from cfem.equilibrium.newton import NewtonSettings
 from cfem.equilibrium.predictor import Knot, is_new, knot, predict
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.robot import Robot
@@ -23,7 +23,7 @@ class FemRobot:
     solves, factorizations, seconds: what it has cost; x: (n, 3) mm nodes now; state: the equilibrium in which the robot
     stands, None at rest"""
 
-    def __init__(self, robot: Robot, memory: int, apart: float, settings: Settings = DEFAULT):
+    def __init__(self, robot: Robot, memory: int, apart: float, settings: NewtonSettings = DEFAULT):
         """memory: solved states that predictions draw on; apart: states nearer to each other teach nothing new;
         settings: of Newton's method."""
         self._problem = Problem(robot)

@@ -1,5 +1,6 @@
 """Robots and an object that they only touch, as the plant: contact points open, stick and slide. The robots are finite
-elements, or learned (`cfem.predict.gripping_finger`): what plans ask of a model is this plant of learned robots."""
+elements, or learned (`cfem.predict.contact.gripping_finger`): what plans ask of a model is this plant of learned
+robots."""
 
 from collections.abc import Sequence
 from copy import copy
@@ -11,11 +12,11 @@ import numpy as np
 from cfem.contact.modes import Mode
 from cfem.contact.problem import Law
 from cfem.equilibrium.actuation import displacement
-from cfem.equilibrium.grip import Free, grip
-from cfem.equilibrium.ground import Pads
+from cfem.equilibrium.contact.grasp import FreeObject, grasp_step
+from cfem.equilibrium.contact.ground import Pads
+from cfem.equilibrium.contact.points import PlacedRobot, PointRobot, PointsState
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.quasi_static import CONVERGED, carried_out
-from cfem.equilibrium.touch import PlacedRobot, Touch, Touching
 from cfem.plant.contact_account import ContactAccount
 from cfem.plant.protocol import Changing, Command, Measurement
 
@@ -40,9 +41,9 @@ class GripPlant(ContactAccount):
 
     def __init__(
         self,
-        fingers: Sequence[Touching],
+        fingers: Sequence[PointRobot],
         ends: np.ndarray,
-        held: Free,
+        held: FreeObject,
         law: Law,
         mu: float,
         object_points: np.ndarray,
@@ -146,14 +147,14 @@ class GripPlant(ContactAccount):
         """Of each robot: normal force (r,) N on the object, the sum over its points, and friction (r, 3) N."""
         posed = self.last.posed
         force = posed.force.reshape(-1, 3)
-        friction = ((force * [0.0, 1.0, 1.0]).ravel() @ posed.into).reshape(-1, 3)
+        friction = ((force * [0.0, 1.0, 1.0]).ravel() @ posed.rotation).reshape(-1, 3)
         normal = np.array([force[a:b, 0].sum() for a, b in self.parts])
         return normal, np.array([friction[a:b].sum(axis=0) for a, b in self.parts])
 
     def forces(self) -> np.ndarray:
         """(r, 3) N by which each robot pushes the object."""
         posed = self.last.posed
-        force = (posed.force @ posed.into).reshape(-1, 3)
+        force = (posed.force @ posed.rotation).reshape(-1, 3)
         return -np.array([force[a:b].sum(axis=0) for a, b in self.parts])
 
     def slip_margin(self) -> float:
@@ -246,7 +247,7 @@ class GripPlant(ContactAccount):
         last, own = self.last, self.parts[-1][1]
         before = replace(last, solved=last.solved[-1:], modes=last.modes[own:], stuck=last.stuck[own:])
         held = replace(self._held, load=self.load * self._held.load)
-        found = grip([self.table], [displacement(np.zeros(0))], held, self._law, self._mu, before)
+        found = grasp_step([self.table], [displacement(np.zeros(0))], held, self._law, self._mu, before)
         return found.status.value, float(np.linalg.norm(found.around.x - last.around.x))
 
     def _go(self, u: np.ndarray, load: float) -> str:
@@ -258,18 +259,18 @@ class GripPlant(ContactAccount):
             self.stuck += 1
         return status
 
-    def _found(self, u: np.ndarray, load: float, mobility: np.ndarray | None = None) -> Touch:
+    def _found(self, u: np.ndarray, load: float, mobility: np.ndarray | None = None) -> PointsState:
         """One step from where the plant stands."""
         parts = [displacement(u[a:b]) for a, b in zip(self._ends[:-1], self._ends[1:], strict=True)]
         held, all_of_them = replace(self._held, load=load * self._held.load, mobility=mobility), list(self.fingers)
         if self.table is not None:
             parts, all_of_them = [*parts, displacement(np.zeros(0))], [*all_of_them, self.table]
-        found = grip(all_of_them, parts, held, self._law, self._mu, self.last)
+        found = grasp_step(all_of_them, parts, held, self._law, self._mu, self.last)
         self.steps += 1
         self.iterations += found.iterations
         return found
 
-    def _lost(self, found: Touch, u: np.ndarray) -> str:
+    def _lost(self, found: PointsState, u: np.ndarray) -> str:
         """Whether what solves the equations is a step from `last`: an object without load may be anywhere once nothing
         touches it."""
         if self.last is None or all(mode is Mode.OPEN for mode in self.last.modes):

@@ -8,7 +8,7 @@ import numpy as np
 from cfem.constraint.surface import outer_surface
 from cfem.equilibrium.robot import Robot
 from cfem.plant.protocol import Command, Measurement, Plant
-from cfem.predict.markers import on_triangles
+from cfem.predict.estimation.markers import on_triangles
 
 
 class MarkedPlant:

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cfem.condensed import Condensed
-from cfem.condensed.model import Model, under_force
+from cfem.condensed.model import Model, PathDependent, Timed, under_force
 from cfem.core.errors import NumericalError
 from cfem.plant.protocol import Command, Measurement
 
@@ -25,7 +25,7 @@ class ModelPlant:
             state = self._model.at_displacement(u) if kind == "displacement" else self._under(u)
         except NumericalError as error:
             return Measurement.failed(len(self._rest_e), len(u), self._t, str(error))
-        if hasattr(self._model, "settle"):  # contact depends on the way
+        if isinstance(self._model, PathDependent):
             self._model.settle(state.delta_a)
         self._last = state
         delta_e, delta_a, lambda_a = state.delta_e, state.delta_a, state.lambda_a
@@ -41,7 +41,7 @@ class ModelPlant:
 
     def pass_to(self, share: float) -> None:
         """Obstacles that move go to where they are at this share of the run, if the model has any."""
-        if hasattr(self._model, "pass_to"):
+        if isinstance(self._model, Timed):
             self._model.pass_to(share)
 
     def _under(self, lambda_a: np.ndarray) -> Condensed:

@@ -11,7 +11,7 @@ from cfem.condensed.model import under_force
 from cfem.core.errors import NumericalError
 from cfem.dynamics.problem import MovingProblem
 from cfem.dynamics.scheme import Scheme
-from cfem.dynamics.simulate import Kept, Pace, Run, simulate
+from cfem.dynamics.simulate import Kept, Run, StepControl, simulate
 from cfem.dynamics.start import at_rest
 from cfem.equilibrium.actuation import Actuation, displacement, force
 from cfem.equilibrium.robot import Robot
@@ -32,7 +32,7 @@ class MovingFemPlant:
     def __init__(self, robot: Robot, period: float, substeps: int, pushed: Robot | None = None, since: int = 0):
         """period: s of a tick; pushed: the robot's place is taken by it from tick `since` on, in the same motion."""
         self._problems = [MovingProblem(one) for one in (robot, pushed) if one is not None]
-        self._period, self._pace = period, Pace(period / substeps, longest=period, tolerance=None)
+        self._period, self._pace = period, StepControl(period / substeps, longest=period, tolerance=None)
         self._since, self._t = since, 0
         self._kept: Kept | None = None
         self._motion = at_rest(self._problems[0], solve(self._problems[0], displacement(robot.reach[:, 0] * 0)).state)
@@ -108,7 +108,7 @@ class MovingModelPlant:
                 # a force of its mean over the step, a displacement of its end
                 share = (index + (0.5 if kind == "force" else 1.0)) / self._substeps
                 goal = {kind: told + share * (u - told)}
-                now = condensed.step(self._model, now, condensed.Command(**goal, push=push), self._dt)
+                now = condensed.step(self._model, now, condensed.MotionCommand(**goal, push=push), self._dt)
         except NumericalError as error:
             return Measurement.failed(len(self._model.rest_e), len(u), self._t, str(error))
         self._motion, self._told = now, u

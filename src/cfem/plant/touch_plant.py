@@ -1,6 +1,6 @@
 """The FE robot among obstacles and other FE robots, as the plant: patches of the surfaces touch, open, stick and slide.
 
-Patches that are near something are contact points of the finite elements (`cfem.equilibrium.meet`)."""
+Patches that are near something are contact points of the finite elements (`cfem.equilibrium.contact.surfaces`)."""
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
@@ -15,12 +15,13 @@ from cfem.contact.obstacle_set import ObstacleSet
 from cfem.contact.pairs import numbers_of
 from cfem.contact.prescribed_motion import ActuatedRobot, PrescribedMotion, stops
 from cfem.core.errors import InputError
-from cfem.equilibrium.meet import Meeting, MetRobots, Skinned
+from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
+from cfem.equilibrium.contact.surfaces import SurfaceScene, SurfacesState
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.quasi_static import CONVERGED, carried_out
 from cfem.plant.contact_account import ContactAccount
 from cfem.plant.protocol import Changing, Command, Measurement
-from cfem.predict.contact_model import LONGEST
+from cfem.predict.contact.model import LONGEST
 
 
 class TouchPlant(ContactAccount):
@@ -31,20 +32,20 @@ class TouchPlant(ContactAccount):
 
     def __init__(
         self,
-        robot: Skinned,
+        robot: SkinnedRobot,
         obstacles: Mapping[str, Obstacle],
         pressed: Sequence[str] = (),
         avoided: Sequence[str] = (),
         mu: float = 0.0,
         courses: Mapping[str, PrescribedMotion] | None = None,
-        others: Mapping[str, tuple[Skinned, ActuatedRobot]] | None = None,
+        others: Mapping[str, tuple[SkinnedRobot, ActuatedRobot]] | None = None,
         itself: tuple[str, ...] = (),
     ):
         self._robot, self._obstacles, self._pressed, self._avoided = robot, obstacles, pressed, avoided
         self._courses, self._others, self._itself = courses or {}, others or {}, itself
         self._numbers, self._share, self._blocked = numbers_of(itself, self._others, obstacles), 0.0, CONVERGED
         robots = [replace(robot, itself=bool(itself)), *(one for one, _ in self._others.values())]
-        self._meeting = Meeting(robots, ObstacleSet(tuple(obstacles.values())), mu)
+        self._meeting = SurfaceScene(robots, ObstacleSet(tuple(obstacles.values())), mu)
         self._at, self.met = np.zeros(robot.robot.rows.n_a), None
         self._solid = tuple(name for name in obstacles if name not in avoided)
         super().__init__()
@@ -108,7 +109,7 @@ class TouchPlant(ContactAccount):
     def _go_short(self, u: np.ndarray) -> str:
         return self._go(u, self._meeting.short_step)
 
-    def _go(self, u: np.ndarray, step: Callable[..., MetRobots] | None = None) -> str:
+    def _go(self, u: np.ndarray, step: Callable[..., SurfacesState] | None = None) -> str:
         """One quasi-static step; step: of the meeting."""
         deltas = [u, *(one.deltas(self._share) for _, one in self._others.values())]
         found = (step or self._meeting.step)(deltas, self.met)

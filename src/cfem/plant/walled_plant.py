@@ -12,7 +12,7 @@ TOLERANCE, ITERATIONS = 1e-6, 30  # mm of the gap; trial forces
 
 
 @dataclass(frozen=True)
-class Wall:
+class FrictionlessWall:
     """A plane without friction: point (3,) mm on it, normal (3,) unit out of it, on the side where the effector may
     be."""
 
@@ -30,7 +30,7 @@ class WalledPlant:
 
     force: (N) that the wall pushes with now"""
 
-    def __init__(self, robot: Robot, wall: Wall):
+    def __init__(self, robot: Robot, wall: FrictionlessWall):
         self._robot, self._wall, self._n_e = robot, wall, robot.rows.n_e
         self._free = FemPlant(robot)
         self._t, self.force, self._softness = 0, 0.0, None

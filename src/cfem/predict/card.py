@@ -38,7 +38,7 @@ class PatchLoadCard(Data):
     name: str
 
 
-class DatasetCard(Data):
+class DatasetSummary(Data):
     """What it was trained on."""
 
     content: str = ""
@@ -77,7 +77,7 @@ class ModelCard(Data):
     errors: dict[str, Any] = {}
     history: list[Any] = []
     versions: dict[str, str] = {}
-    dataset: DatasetCard = DatasetCard()
+    dataset: DatasetSummary = DatasetSummary()
     motion: dict[str, Any] | None = None
     activation: Literal["relu", "tanh", "silu"] | None = None
     masses: dict[str, Annotated[float, Field(gt=0)]] = {}

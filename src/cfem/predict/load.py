@@ -7,15 +7,17 @@ from typing import Literal
 
 import numpy as np
 
+from cfem.core.artefact.content import artefact_file
+from cfem.core.artefact.files import read_json
+from cfem.core.artefact.manifest import MANIFEST, read_manifest
 from cfem.core.errors import InputError
-from cfem.core.files import read_json
-from cfem.core.manifest import MANIFEST
 from cfem.core.optional import demand
 from cfem.core.reading import checked, read_npz, take
-from cfem.core.stage import artefact_file, read_manifest
-from cfem.predict import energy_net, mlp, serial, serial_skin, spectral  # noqa: F401  (each joins KINDS)
 from cfem.predict.card import ABSENT, FORMAT, ModelCard
+from cfem.predict.kinds import energy_net, mlp, spectral  # noqa: F401  (each joins KINDS)
 from cfem.predict.protocol import Predictor, build
+from cfem.predict.rows import kind as row_kind  # noqa: F401  (joins KINDS)
+from cfem.predict.rows import serial, serial_skin
 from cfem.predict.skin import FILE, LearnedSkin
 
 TRIES = 10  # to read a folder that is replaced meanwhile
@@ -58,7 +60,7 @@ def _load(folder: Path, runtime: Runtime) -> Predictor:
     if runtime == "arrays":
         return with_skin(build(*read_model(folder)), folder)
     demand("onnx", "onnxruntime", where="runtime: onnx")
-    from cfem.predict.onnx import OnnxPredictor
+    from cfem.predict.kinds.onnx import OnnxPredictor
 
     path = artefact_file(folder, "model.onnx")
     predictor = OnnxPredictor(read_meta(folder), path)

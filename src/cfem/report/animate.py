@@ -9,11 +9,13 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from pydantic import Field
 
+from cfem.core.artefact.files import write_whole
+from cfem.core.artefact.manifest import read_manifest
+from cfem.core.artefact.stage_run import Stage
 from cfem.core.errors import InputError
-from cfem.core.files import write_whole
 from cfem.core.optional import demand
 from cfem.core.spec import Spec, load_spec
-from cfem.core.stage import Options, Stage, read_manifest, run_stage
+from cfem.core.stage import Options, run_stage
 from cfem.robot.spec import SceneSpec
 
 if TYPE_CHECKING:
@@ -63,7 +65,7 @@ def run(
 
 def _work(folder: Path, control: Path, manifest: Mapping[str, Any], spec: AnimateSpec) -> dict[str, Any]:
     demand("pyarrow", "matplotlib", "PIL", where="cfem animate")
-    from cfem.core.progress import progress
+    from cfem.core.console.progress import progress
     from cfem.report.animation import viewer_of
     from cfem.report.paraview import write_series
     from cfem.report.shape_history import LEARNED, histories

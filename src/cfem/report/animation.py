@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from cfem.core.errors import InputError
-from cfem.report.robot import LINES, cables_of, moved_with
+from cfem.report.sections.robot import LINES, cables_of, moved_with
+from cfem.report.sections.tracking import Tracking
 from cfem.report.shape_history import FE, LEARNED, ShapeHistory, histories
-from cfem.report.tracking import Tracking
 from cfem.report.viewer import BODY, OBJECT, Line, Take, Viewer, flat_triangles
 from cfem.robot.spec import SceneSpec
 

@@ -7,6 +7,9 @@ from html import escape
 from importlib.resources import files
 from typing import Any, Protocol
 
+from cfem import viewer
+
+ASSETS = ("page.css", "player.js", "page.js")
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:"
 
 
@@ -82,9 +85,15 @@ class Summary:
         return "".join(lines) + shown
 
 
+def assets() -> tuple[str, str]:
+    """Style and script of every page with robots that play."""
+    style, *scripts = ((files("cfem.report") / name).read_text(encoding="utf-8") for name in ASSETS)
+    return style + viewer.asset("viewer.css"), viewer.script(*scripts)
+
+
 def page(title: str, summary: Summary, robot: Part | None, card: Card | None, sections: Sequence[Section]) -> str:
     """The whole file. robot: its animation. Without it, the first section is unfolded."""
-    style, script = ((files("cfem.report") / name).read_text(encoding="utf-8") for name in ("page.css", "viewer.js"))
+    style, script = assets()
     links = "".join(
         f'<li><a href="#{section.key(place)}">{escape(section.title)}</a></li>'
         for place, section in enumerate(sections)

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cfem.core.files import write_whole
+from cfem.core.artefact.files import write_whole
 from cfem.report.shape_history import ShapeHistory
 
 CELLS = {3: 5, 4: 9, 6: 22}  # VTK's number of a facet by its nodes: triangle, quad, quadratic triangle

@@ -5,27 +5,27 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from cfem.core.artefact.content import artefact_file
+from cfem.core.artefact.provenance import versions
 from cfem.core.errors import InputError
-from cfem.core.provenance import versions
-from cfem.core.stage import artefact_file
 from cfem.dataset.reader import read_dataset
 from cfem.motion.load import FILE as MOTION
 from cfem.motion.load import load_motion
 from cfem.predict.load import load_model
 from cfem.report.animation import animation
-from cfem.report.gait import gait_section, gait_summary
-from cfem.report.interactive import link
-from cfem.report.loops import loop_section
-from cfem.report.models import models_section, trained
 from cfem.report.page import Card, Section, Summary
-from cfem.report.robot import card
-from cfem.report.samples import read_splits, samples_section, units_of
+from cfem.report.sections.gait import gait_section, gait_summary
+from cfem.report.sections.interactive import link
+from cfem.report.sections.loops import loop_section
+from cfem.report.sections.models import models_section, trained
+from cfem.report.sections.robot import card
+from cfem.report.sections.samples import read_splits, samples_section, units_of
+from cfem.report.sections.studies import mesh_row, sampling_rows, sampling_section, sizes_section
+from cfem.report.sections.summary import loops_summary, tracking_summary
+from cfem.report.sections.tracking import read_tracking, tracking_section
+from cfem.report.sections.trust import Trust, trust
 from cfem.report.spec import ReportSpec
-from cfem.report.studies import mesh_row, sampling_rows, sampling_section, sizes_section
-from cfem.report.summary import loops_summary, tracking_summary
 from cfem.report.tables import Table, number, tabulate
-from cfem.report.tracking import read_tracking, tracking_section
-from cfem.report.trust import Trust, trust
 from cfem.report.viewer import Viewer
 from cfem.robot.mesh.mesh_file import read_mesh
 from cfem.robot.spec import SceneSpec
@@ -93,7 +93,7 @@ def compared(spec: ReportSpec, manifests: Manifests) -> list[Section]:
 
 def _vibrating(folders: Mapping[str, Path]) -> list[Section]:
     """Of models that move."""
-    from cfem.report.vibrations import vibrations_section
+    from cfem.report.sections.vibrations import vibrations_section
 
     return [vibrations_section({name: load_motion(path) for name, path in folders.items()})] if folders else []
 

@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from cfem.control.spec import FE_BASED
+from cfem.control.run_spec import FE_BASED
+from cfem.core.artefact.content import artefact_content, artefact_file
 from cfem.core.errors import InputError
 from cfem.core.reading import read_npz
-from cfem.core.stage import artefact_content, artefact_file
 from cfem.dataset.parquet import read_parquet
 from cfem.predict.load import has_skin, load_model
-from cfem.predict.load_spec import LoadSpec, loads_of
-from cfem.predict.loaded import loaded, wrench_of
+from cfem.predict.loads.loaded import loaded, wrench_of
+from cfem.predict.loads.spec import LoadSpec, loads_of
 from cfem.predict.protocol import Predictor
 
 FE, LEARNED = "fe", "learned"

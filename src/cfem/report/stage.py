@@ -5,11 +5,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from cfem.core.files import write_json, write_whole
-from cfem.core.judgement import poor, sentences, with_inherited
+from cfem.core.artefact.files import write_json, write_whole
+from cfem.core.artefact.judgement import poor, sentences, with_inherited
+from cfem.core.artefact.manifest import read_manifest
 from cfem.core.optional import demand
 from cfem.core.spec import load_spec, meaning
-from cfem.core.stage import Command, read_manifest
+from cfem.core.stage import Command
 from cfem.report.spec import ReportSpec
 from cfem.robot.spec import SceneSpec, scene_meaning
 
@@ -47,11 +48,11 @@ def _extra(spec: ReportSpec, base: Path) -> dict[str, Any]:
 def _work(folder: Path, spec: ReportSpec, base: Path) -> dict[str, Any]:
     """Results: path of the page, headline figures."""
     demand("matplotlib", where="cfem report")
-    from cfem.core.progress import progress
-    from cfem.report.discretisation import headline, study
-    from cfem.report.interactive import MOVED, page_of
+    from cfem.core.console.progress import progress
     from cfem.report.page import Summary, page
     from cfem.report.parts import compared, learned, over_time, provenance
+    from cfem.report.sections.discretisation import headline, study
+    from cfem.report.sections.interactive import MOVED, page_of
 
     scene_path = base / spec.scene if spec.scene else None
     scene = load_spec(scene_path, SceneSpec) if scene_path else None
@@ -68,7 +69,7 @@ def _work(folder: Path, spec: ReportSpec, base: Path) -> dict[str, Any]:
         loops, over = over_time(spec, manifests)
         sections += loops
         if meshes:
-            from cfem.report.discretisation_section import discretisation_section
+            from cfem.report.sections.discretisation_section import discretisation_section
 
             sections.append(discretisation_section(meshes))
         sections.append(provenance(spec, manifests))
@@ -100,7 +101,7 @@ def _work(folder: Path, spec: ReportSpec, base: Path) -> dict[str, Any]:
 def _demand_one_robot(scene: SceneSpec, scene_path: Path, spec: ReportSpec, manifests: Mapping[str, Any]) -> None:
     """InputError where what the page is about is not all of the scene's robot."""
     from cfem.predict.load import read_meta
-    from cfem.report.used_models import demand_used
+    from cfem.report.sections.used_models import demand_used
     from cfem.robot.same_robot import demand_mesh_of, demand_robot, recorded_robot
 
     do = "name results of one robot"

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from html import escape
 from typing import Any
 
-from cfem.core.shown import duration, length
+from cfem.core.console.shown import duration, length
 from cfem.report.style import power_of_ten
 
 

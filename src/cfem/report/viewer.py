@@ -1,7 +1,8 @@
-"""Robots that the reader plays, scrubs and turns, by viewer.js; and a still picture of each for those without scripts.
+"""Robots that the reader plays, scrubs and turns, by player.js; and a still picture of each for those without scripts.
 
 The data is JSON inside the page, lengths in mm, arrays little-endian in base64:
-  triangles  uint32, three nodes each, outward; kinds: uint8 per triangle, 0 body, 1 held, 2 object
+  triangles  uint32, three points each, outward; kinds: uint8 per triangle, 0 body, 1 held, 2 object
+  again      uint32, nodes on sharp edges: they are the points behind the last node, for a normal on each side
   origin, step   a position is origin + step * (its three numbers in `frames`)
   camera     azimuth and elevation in degrees: azimuth 0 looks from +x with y to the right; pale: body in grey
   takes      name; count, frames: int16, `count` shapes of all nodes; index: the goal of each shape; closed: the last
@@ -21,9 +22,10 @@ from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
 from cfem.report.style import FE, GROUND, INK, png
+from cfem.viewer.surface import sharpened
 
 BODY, HELD, OBJECT = 0, 1, 2
-COLOURS = np.array([[64, 134, 196], [84, 94, 108], [224, 168, 89]]) / 255  # as in viewer.js
+COLOURS = np.array([[64, 134, 196], [84, 94, 108], [224, 168, 89]]) / 255  # as in player.js
 PALE = np.array([176, 190, 204]) / 255
 HOT = "#d1432b"
 # Azimuth and elevation, deg.
@@ -110,14 +112,16 @@ class Viewer:
         return {f"{self.name}.png": self.still}
 
     def data(self) -> dict[str, Any]:
-        """What viewer.js reads: nodes that no triangle uses are left out."""
+        """What player.js reads: nodes that no triangle uses are left out."""
         used, triangles = np.unique(self.triangles, return_inverse=True)
         shapes = [take.x[:, used] for take in self.takes]
         low = np.min([x.min(axis=(0, 1)) for x in shapes], axis=0)
         high = np.max([x.max(axis=(0, 1)) for x in shapes], axis=0)
+        again, triangles = sharpened(shapes[0][0], triangles.reshape(-1, 3), len(used))
         origin, step = (low + high) / 2, float((high - low).max()) / 65000
         return {
             "triangles": _encoded(triangles, "<u4"),
+            "again": _encoded(again, "<u4"),
             "kinds": _encoded(self.kinds, "u1"),
             "origin": origin.tolist(),
             "step": step,

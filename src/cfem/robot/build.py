@@ -26,13 +26,13 @@ from cfem.mechanics.load import gravity
 from cfem.mechanics.material import LAWS
 from cfem.mechanics.material.law import Material
 from cfem.mechanics.mesh import Mesh
-from cfem.mechanics.rod import Rod, Section
-from cfem.mechanics.sections import Sections
+from cfem.mechanics.rod.region import CrossSection, Rod
+from cfem.mechanics.rod.sections import Sections
 from cfem.mechanics.viscosity import Viscosity
 from cfem.robot import constraints, spec
 from cfem.robot.catalogue import soft_finger, stiff_flop, taper
+from cfem.robot.checks.possible import demand_possible
 from cfem.robot.materials import MaterialSpec
-from cfem.robot.possible import demand_possible
 from cfem.robot.rigid import rigid_groups
 from cfem.robot.selection import cells_of, facets_of, select_cells, select_nodes
 from cfem.robot.shape.deform import shaped
@@ -121,7 +121,7 @@ def _body(scene: spec.SceneSpec, mesh: Mesh, regions: list[np.ndarray], sections
     return replace(make_body(mesh, SECTIONED[name], main, parts), sections=row)
 
 
-def _section_shape(scene: spec.SceneSpec, row: Sections) -> Section:
+def _section_shape(scene: spec.SceneSpec, row: Sections) -> CrossSection:
     if isinstance(scene.geometry, spec.StiffFlop):
         return stiff_flop.section_shape(scene.geometry)
     return taper.section_shape(scene.geometry, row.centres[:, 0], scene.material.poisson)

@@ -64,11 +64,13 @@ class File:
 
 
 @dataclass(frozen=True)
-class Surface:
-    """The volume that the closed surface in a file bounds. unit: size in mm of its numbers."""
+class SurfaceSolid:
+    """The volume that the closed surface in a file bounds. unit: size in mm of its numbers; body: of several, the
+    largest first."""
 
     path: str
     unit: float = 1.0
+    body: int = 1
 
 
 @dataclass(frozen=True)
@@ -81,7 +83,7 @@ class Placed:
     translate: Point
 
 
-Solid = Box | Prism | Frustum | Loft | Union | Difference | File | Surface | Placed
+Solid = Box | Prism | Frustum | Loft | Union | Difference | File | SurfaceSolid | Placed
 
 
 def as_data(solid: Solid) -> dict[str, Any]:

@@ -159,6 +159,12 @@ class MeshFile(Spec):
     remesh: bool = False
     """Whether only the surface of the file's mesh counts, and its inside is meshed anew. Files of triangles alone are
     meshed in any case."""
+    body: PositiveInt = 1
+    """Which of several bodies that surfaces in the file bound, the largest first."""
+
+    def check(self) -> None:
+        if self.body > 1 and not self.meshed_here:
+            raise ValueError("body chooses among surfaces: add remesh: true")
 
     @property
     def meshed_here(self) -> bool:

@@ -3,9 +3,9 @@
 from pathlib import Path
 from typing import Any
 
-from cfem.core.chain import demand_current
+from cfem.core.artefact.chain import demand_current
+from cfem.core.artefact.content import artefact_content, artefact_file
 from cfem.core.spec import load_spec
-from cfem.core.stage import artefact_content, artefact_file
 from cfem.mechanics.mesh import Mesh
 from cfem.robot.mesh.mesh_file import read_mesh
 from cfem.robot.same_robot import demand_mesh_of

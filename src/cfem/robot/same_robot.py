@@ -5,10 +5,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from cfem.core.changes import MOST, differences, in_words
+from cfem.core.artefact.changes import MOST, differences, in_words
+from cfem.core.artefact.files import file_sha256, plain
+from cfem.core.artefact.manifest import read_manifest
 from cfem.core.errors import InputError
-from cfem.core.files import file_sha256, plain
-from cfem.core.manifest import read_manifest
 from cfem.core.spec import meaning
 from cfem.robot.geometry import files
 from cfem.robot.spec import SceneSpec

@@ -5,8 +5,8 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
+from cfem.core.artefact.judgement import poor
 from cfem.core.errors import InputError
-from cfem.core.judgement import poor
 from cfem.core.stage import Command
 from cfem.robot.geometry import Assembly, MeshFile, StepFile, files
 from cfem.robot.spec import SceneSpec
@@ -30,13 +30,13 @@ def _reads(scene: SceneSpec, folder: Path) -> dict[str, Path]:
 
 def _work(target: Path, scene: SceneSpec, folder: Path) -> Mapping[str, Any]:
     from cfem.robot.build import build_robot
-    from cfem.robot.cable_passage import demand_inside
+    from cfem.robot.checks.cable_passage import demand_inside
+    from cfem.robot.checks.plausible import doubts
+    from cfem.robot.checks.soundness import demand_held, demand_independent, demand_unfolded
     from cfem.robot.mesh.grading import scene_mesh
     from cfem.robot.mesh.mesh_file import write_mesh
     from cfem.robot.mesh.quality import quality
     from cfem.robot.mesh.surface_file import mends_of
-    from cfem.robot.plausible import doubts
-    from cfem.robot.soundness import demand_held, demand_independent, demand_unfolded
 
     mesh, volume = scene_mesh(scene, folder)
     figures = quality(mesh, volume)

@@ -11,10 +11,10 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from cfem.condensed.skin import Skin, read_skin
+from cfem.core.artefact.files import write_whole
+from cfem.core.artefact.judgement import FAILED_SHARE, poor
+from cfem.core.console.shown import duration, length
 from cfem.core.errors import InputError, NumericalError
-from cfem.core.files import write_whole
-from cfem.core.judgement import FAILED_SHARE, poor
-from cfem.core.shown import duration, length
 from cfem.dataset.inspect import cost
 from cfem.dataset.reader import CONVERGED, column_array, read_table
 from cfem.dataset.schema import SKIN, metadata
@@ -25,6 +25,8 @@ from cfem.sample.skin import TOLERANCE
 from cfem.sample.solver import SolverFactory
 from cfem.sample.spec import SampleSpec
 from cfem.sample.workers import Workers
+
+DEAR = 4.0  # times the mean number of factorisations: a state that is named
 
 
 def fill(folder: Path, spec: SampleSpec, factory: SolverFactory, made_from: str, workers: Workers) -> dict[str, Any]:
@@ -61,7 +63,7 @@ def results(tables: dict[str, pa.Table], skin: Skin | None = None) -> dict[str, 
     """What the sampling gave and cost. Raises NumericalError where no row of a split converged."""
     for split, table in tables.items():
         if not pc.any(pc.equal(table["status"], CONVERGED)).as_py():
-            raise NumericalError(f"no row of '{split}' converged: {table['reason'][0]}", where="simulate-sample")
+            raise NumericalError(f"no row of '{split}' converged: {table['reason'][0]}", where="sample")
     table = pa.concat_tables(tables.values())
     solved = table.filter(pc.equal(table["status"], CONVERGED))
     failed = len(table) - len(solved)
@@ -72,6 +74,8 @@ def results(tables: dict[str, pa.Table], skin: Skin | None = None) -> dict[str, 
             f"{len(solved)} of {len(table)} states converged, largest residual {worst:.1e}; "
             f"per state {costs['factorizations_per_sample']:.2f} factorisations and "
             f"{duration(pc.mean(table['seconds']).as_py())} on one core",
+            *dearest(table),
+            *drawn_back(table),
             *skin_line(found),
         ],
         "judgement": failures(table.filter(pc.not_equal(table["status"], CONVERGED)), len(table)),
@@ -81,6 +85,28 @@ def results(tables: dict[str, pa.Table], skin: Skin | None = None) -> dict[str, 
         "residual_max": worst,
         "skin": found,
     }
+
+
+def dearest(table: pa.Table) -> list[str]:
+    """Which state took the most factorisations and why, where that is many times the mean."""
+    counts = column_array(table, "factorizations")
+    index = int(np.argmax(counts))
+    if counts[index] < DEAR * counts.mean():
+        return []
+    row = table.slice(index, 1).to_pylist()[0]
+    shares = ", ".join(f"{share:.2f}" for share in row["u"])
+    ended = "converged" if row["status"] == CONVERGED else row["reason"]
+    return [
+        f"dearest state: row {row['id']} of {row['split']}, u = [{shares}], {row['factorizations']} factorisations in "
+        f"{row['steps']} load steps; {ended}"
+    ]
+
+
+def drawn_back(table: pa.Table) -> list[str]:
+    """How far all actuators are pulled at once, where the body bears less than their reach."""
+    together = metadata(table).get("together", 1.0)
+    what = f"all actuators at once are pulled to {100 * together:.0f} % of their reach, as more would buckle the body"
+    return [what] if together < 1.0 else []
 
 
 def skin_results(solved: pa.Table, skin: Skin) -> dict[str, Any]:

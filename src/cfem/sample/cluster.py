@@ -11,9 +11,9 @@ from contextlib import contextmanager
 from functools import lru_cache
 from typing import Any
 
+from cfem.core.artefact.provenance import versions
 from cfem.core.errors import InputError, SpecError
 from cfem.core.optional import demand
-from cfem.core.provenance import versions
 from cfem.mechanics.factorization import solver_name
 from cfem.sample.workers import WorkersLost
 

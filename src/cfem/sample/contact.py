@@ -11,7 +11,7 @@ import numpy as np
 from cfem.condensed.pose import Patch
 from cfem.condensed.resting import resting
 from cfem.equilibrium.actuation import Actuation, force
-from cfem.equilibrium.held_patch import held
+from cfem.equilibrium.contact.held_patch import held
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,9 @@ from typing import Any
 
 import numpy as np
 
+from cfem.core.artefact.content import artefact_file
+from cfem.core.artefact.manifest import read_manifest
 from cfem.core.errors import InputError, SpecError
-from cfem.core.stage import artefact_file, read_manifest
 from cfem.dataset.reader import read_table
 from cfem.dataset.schema import SKIN, content
 from cfem.dataset.writer import content_hash, write_table
@@ -30,7 +31,7 @@ SKELETON = "skeleton.parquet"
 
 
 @dataclass(frozen=True)
-class Part:
+class SamplePart:
     """index: from 1 to count."""
 
     index: int
@@ -41,17 +42,17 @@ class Part:
         return whole.with_name(f"{whole.name}-part-{self.index}-of-{self.count}")
 
 
-def parse_part(text: str) -> Part:
+def parse_part(text: str) -> SamplePart:
     """'2/8'. Raises SpecError."""
     found = re.fullmatch(r"(\d{1,6})/(\d{1,6})", text.strip())
-    part = Part(*map(int, found.groups())) if found else None
+    part = SamplePart(*map(int, found.groups())) if found else None
     if part is None or not 1 <= part.index <= part.count:
         raise SpecError(f"'{text}' is not a part i/n with 1 <= i <= n", where="--shard", do="use e.g. --shard 2/8")
     return part
 
 
 def fill_part(
-    folder: Path, spec: SampleSpec, factory: SolverFactory, whole: str, part: Part, workers: Workers
+    folder: Path, spec: SampleSpec, factory: SolverFactory, whole: str, part: SamplePart, workers: Workers
 ) -> dict[str, Any]:
     """Solves the skeleton and the part's shards into `folder`; results for the manifest. whole: what the complete
     dataset is made from."""
@@ -107,9 +108,9 @@ def _check_parts(parts: Sequence[Path], whole: str) -> list[dict[str, Any]]:
     for folder, manifest in zip(parts, manifests, strict=True):
         part = manifest.get("results", {}).get("part")
         if not part:
-            raise InputError("is not a part of a dataset", where=str(folder), do="make it with simulate-sample --shard")
+            raise InputError("is not a part of a dataset", where=str(folder), do="make it with sample --shard")
         if part["of"] != whole:
-            do = "run simulate-sample --shard with the same spec, scene and mesh everywhere"
+            do = "run sample --shard with the same spec, scene and mesh everywhere"
             raise InputError("is part of another dataset", where=str(folder), do=do)
         count = count or part["count"]
         if part["count"] != count:
@@ -120,7 +121,7 @@ def _check_parts(parts: Sequence[Path], whole: str) -> list[dict[str, Any]]:
     missing = sorted(set(range(1, count + 1)) - set(seen))
     if missing:
         some = ", ".join(f"{index}/{count}" for index in missing[:5])
-        do = f"run simulate-sample --shard {missing[0]}/{count}"
+        do = f"run sample --shard {missing[0]}/{count}"
         raise InputError(f"{len(missing)} of {count} parts missing: {some}", where="merge", do=do)
     return manifests
 
@@ -138,5 +139,5 @@ def dataset_parts(whole: Path) -> list[Path]:
     """The folders of parts beside a dataset. Raises InputError where there is none."""
     found = sorted(whole.parent.glob(f"{whole.name}-part-*-of-*"))
     if not found:
-        raise InputError("has no parts beside it", where=str(whole), do="run simulate-sample --shard i/n, or name them")
+        raise InputError("has no parts beside it", where=str(whole), do="run sample --shard i/n, or name them")
     return found

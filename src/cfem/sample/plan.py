@@ -1,10 +1,19 @@
 """Plans: rows u of the unit cube, and the actuation that each stands for."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from cfem.core.errors import SpecError
 from cfem.equilibrium.actuation import Actuation, displacement, force, pull
+from cfem.equilibrium.solution import Equilibrium
 from cfem.sample.spec import SplitSpec
+
+# A pull of all at once that is not borne is made smaller by this factor, and given up below the other.
+_SHORTER, _LEAST = 0.85, 0.05
+# Of the largest pull of all at once that is borne: near the load at which a body buckles its compliance grows without
+# bound, which no series follows.
+_SAFE = 0.7
 
 
 def unit_rows(split: SplitSpec, columns: int) -> np.ndarray:
@@ -33,11 +42,25 @@ def _grid(rows: int, columns: int) -> np.ndarray:
     return np.stack(np.meshgrid(*[ticks] * columns, indexing="ij"), axis=-1).reshape(rows, columns)
 
 
+def with_idle(u: np.ndarray, n_a: int, idle: float) -> np.ndarray:
+    """(m, n) rows whose first n_a columns, of the actuators, are 0 in this share of them and spread over [0, 1] in the
+    others."""
+    u = u.copy()
+    u[:, :n_a] = np.maximum(u[:, :n_a] - idle, 0.0) / (1.0 - idle)
+    return u
+
+
 def actuation(
-    space: str, u: np.ndarray, reach: np.ndarray, compliance: np.ndarray, forces: np.ndarray | None = None
+    space: str,
+    u: np.ndarray,
+    reach: np.ndarray,
+    compliance: np.ndarray,
+    forces: np.ndarray | None = None,
+    together: float = 1.0,
 ) -> Actuation:
     """What row u (n_a,) prescribes: a pull in proportion u within reach (n_a, 2) mm, or u of the box of the reach, or
-    of that of the forces (n_a, 2) N, or nothing at rest. compliance: (n_a, n_a) mm/N, W_aa at rest."""
+    of that of the forces (n_a, 2) N, or nothing at rest. compliance: (n_a, n_a) mm/N, W_aa at rest; together: see
+    `borne_together`."""
     if space == "rest":
         return force(np.zeros(len(u)))
     if space == "force":
@@ -45,7 +68,9 @@ def actuation(
     low, high = reach.T
     if space == "displacement":
         return displacement(low + u * (high - low))
-    return pull(u, high, within_reach(u, high, compliance)) if u.any() else pull(u, high)
+    if not u.any():
+        return pull(u, high)
+    return pull(u, high, borne(u, high, compliance, together, within_reach(u, high, compliance)))
 
 
 def within_reach(share: np.ndarray, reach: np.ndarray, compliance: np.ndarray) -> float:
@@ -55,3 +80,36 @@ def within_reach(share: np.ndarray, reach: np.ndarray, compliance: np.ndarray) -
     C = share / (share.sum() * reach)
     moved = compliance @ C
     return float(share.max() * (C @ moved) / (moved / reach).max())
+
+
+def borne(share: np.ndarray, reach: np.ndarray, compliance: np.ndarray, together: float, amount: float) -> float:
+    """The amount of a pull, made smaller where its load is larger than that of all actuators at once at the share
+    `together` of their reach, and than that of one alone at its reach. An actuator's load is its force, relative to
+    that which takes it alone to its reach; the load of a pull is the sum, as what buckles a body is the sum of the
+    forces along it."""
+    if together >= 1.0:
+        return amount
+    everyone = np.ones(len(share))
+    most = together * within_reach(everyone, reach, compliance) * _load(everyone, reach, compliance)
+    return min(amount, max(1.0, most) / _load(share, reach, compliance))
+
+
+def _load(share: np.ndarray, reach: np.ndarray, compliance: np.ndarray) -> float:
+    """Of a pull by an amount of 1, were the robot as compliant as at rest."""
+    C = share / (share.sum() * reach)
+    return float((C * np.diag(compliance) / reach).sum() / (C @ compliance @ C))
+
+
+def borne_together(solve: Callable[[Actuation], Equilibrium], reach: np.ndarray, compliance: np.ndarray) -> float:
+    """The share of their reach (n_a,) to which all actuators are pulled at once: 1 where that is a stable equilibrium,
+    else with a margin. Nobody commands actuators against each other until the robot buckles, and states near there
+    cost ten times as much as others."""
+    together, everyone = 1.0, np.ones(len(reach))
+    if len(reach) == 1:
+        return together
+    while together > _LEAST:
+        ended = solve(pull(everyone, reach, together * within_reach(everyone, reach, compliance)))
+        if ended.converged:
+            break
+        together *= _SHORTER * (ended.path if 0.0 < ended.path < 1.0 else 1.0)
+    return together if together == 1.0 else _SAFE * together

@@ -11,10 +11,11 @@ from contextlib import contextmanager
 from types import ModuleType
 from typing import Any, TypeVar
 
-from cfem.core.progress import say
+from cfem.core.console.progress import say
 from cfem.core.system import cores
 from cfem.mechanics.factorization import solver_name
 from cfem.sample import tally
+from cfem.sample.tally import Tally
 from cfem.sample.workers import Workers, WorkersLost
 
 # Sums in another order, by another number of threads, would end in other digits.
@@ -39,7 +40,7 @@ def with_workers(workers: Workers, work: Callable[[Executor], T]) -> T:
         except WorkersLost as lost:
             if not fresh:
                 raise
-            say(f"simulate-sample: {lost.what}; going on with fresh workers")
+            say(f"sample: {lost.what}; going on with fresh workers")
     raise AssertionError("unreachable")
 
 
@@ -51,7 +52,7 @@ def worker_pool(workers: int | None = None) -> Iterator[Executor]:
     context = _WithoutMain()
     # Safe path: no process takes modules from the working folder.
     with _environment({**dict.fromkeys((*ONE_THREAD, "PYTHONSAFEPATH"), "1"), "CFEM_SOLVER": solver_name()}):
-        executor = Pool(workers or cores(), context, context.Value("q", 0))
+        executor = Pool(workers or cores(), context, context.Array("q", 3))
         try:
             yield executor
         except BaseException:
@@ -81,20 +82,20 @@ class _WithoutMain(multiprocessing.context.SpawnContext):
 
 
 class Pool(ProcessPoolExecutor):
-    """Processes that count the states that they solve in `tally`, a multiprocessing.Value."""
+    """Processes that count the states that they solve in `counts`, a multiprocessing.Array."""
 
-    def __init__(self, workers: int, context: Any, tally: Any):
-        super().__init__(workers, context, initializer=_become_worker, initargs=(tally,))
-        self._tally = tally
+    def __init__(self, workers: int, context: Any, counts: Any):
+        super().__init__(workers, context, initializer=_become_worker, initargs=(counts,))
+        self._counts = counts
 
-    def solved(self) -> int:
-        """States solved so far by all of them."""
-        return self._tally.value
+    def tally(self) -> Tally:
+        """Of all of them so far."""
+        return Tally(*self._counts)
 
 
-def _become_worker(count: Any) -> None:
+def _become_worker(counts: Any) -> None:
     """Ctrl-C goes to the whole process group: the parent answers for all. A parent that is killed answers no more."""
-    tally.join(count)
+    tally.join(counts)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
 

@@ -21,10 +21,10 @@ from cfem.condensed.parameters import sampled
 from cfem.condensed.pose import COORDINATES
 from cfem.condensed.skin import read_skin, skin_from
 from cfem.core.actuator_units import demand_units
+from cfem.core.artefact.files import plain, write_whole
+from cfem.core.artefact.provenance import versions
+from cfem.core.console.progress import doing, progress
 from cfem.core.errors import InputError, SpecError
-from cfem.core.files import plain, write_whole
-from cfem.core.progress import doing, progress
-from cfem.core.provenance import versions
 from cfem.core.spec import meaning
 from cfem.dataset.reader import column_array, read_table
 from cfem.dataset.schema import SKIN, schema, with_skin_rows
@@ -32,10 +32,11 @@ from cfem.mechanics.factorization import solver_name
 from cfem.sample import shard, tour
 from cfem.sample.contact import ContactPlan
 from cfem.sample.knots_file import read_knots
-from cfem.sample.plan import unit_rows
+from cfem.sample.plan import unit_rows, with_idle
 from cfem.sample.shard import Piece
 from cfem.sample.solver import Facts, SolverFactory
 from cfem.sample.spec import SampleSpec, SkinSpec
+from cfem.sample.tally import Tally
 from cfem.sample.workers import WorkersLost
 
 
@@ -79,6 +80,7 @@ class Job(Piece):
             id=tuple(self.id[index] for index in indices),
             schema=self.schema,
             contact=self.contact,
+            together=self.together,
         )
 
 
@@ -118,8 +120,14 @@ def make_job(
     if spec.space == "rest" and not sampled(facts.parameters):
         what = f"space: rest without sampled parameters is one state of scene '{facts.scene}', over and over"
         raise SpecError(what, do="name `parameters` that the scene's response depends on, or draw from another space")
+    together = 1.0
+    if spec.space == "pulling" and spec.contact is None:
+        doing("finding how far all actuators can be pulled at once")
+        _, together = next(_results(executor, timeout, {"pull of all actuators": (shard.together, robot)}))
     columns = facts.rows.n_a + facts.rows.n_c + len(sampled(facts.parameters))
-    plans = {name: unit_rows(split, columns) for name, split in spec.splits.items()}
+    plans = {
+        name: with_idle(unit_rows(split, columns), facts.rows.n_a, spec.idle) for name, split in spec.splits.items()
+    }
     meta = {
         "scene": facts.scene,
         "robot": facts.robot,
@@ -127,6 +135,7 @@ def make_job(
         "reach": facts.reach.tolist(),
         "length": facts.length,
         "compliance": facts.compliance.tolist(),
+        "together": together,
         "plan": plain(meaning(spec, {"scene", "mesh", "out", "parameters"})),
         "made_from": made_from,
         "versions": versions() | {"solver": solver_name()},
@@ -150,6 +159,7 @@ def make_job(
         skeleton=folder,
         folder=folder,
         contact=contact_plan(spec, facts),
+        together=together,
         asked=None if facts.surface is None or spec.space == "rest" else spec.skin,
     )
 
@@ -173,7 +183,7 @@ def solve_skeleton(job: Job, rows: np.ndarray) -> Job:
     if not _has_skeleton(job):
         call = (shard.solve_skeleton, job.robot, job.piece(rows), job.asked)
         solves = len(rows) * (1 if job.asked is None else 2)  # with a skin: once to find its rows, once more with them
-        with progress("skeleton, from which all other states start", solves, poll=_solved(job), estimate=False):
+        with progress("skeleton, from which all other states start", solves, estimate=False, **_shown(_counter(job))):
             _, (records, states, skin) = next(_results(job.executor, job.timeout, {"skeleton": call}))
         with_skin = skinned(job, skin)
         if skin:
@@ -204,12 +214,12 @@ def solve_rows(job: Job, rows: np.ndarray, size: int, share: slice = slice(None)
             job.shard_rows(number).name: (shard.solve_shard, job.robot, job.skin, states, job.piece(pieces[number]))
             for number in waiting
         }
-        poll = _solved(job)
+        counter = _counter(job)
         total, left = (sum(len(pieces[number]) for number in numbers) for numbers in (mine, waiting))
-        with progress("solving states", total, done=total - left, poll=poll) as advance:
+        with progress("solving states", total, done=total - left, **_shown(counter)) as advance:
             for name, table in _results(job.executor, job.timeout, calls):
                 write_whole(job.folder / name, table)
-                if poll is None:
+                if counter is None:
                     advance(len(calls[name][-1].u))
     return [job.shard_rows(number) for number in mine]
 
@@ -261,13 +271,20 @@ def _has_skeleton(job: Job) -> bool:
     return True
 
 
-def _solved(job: Job) -> Callable[[], int] | None:
+def _counter(job: Job) -> Callable[[], Tally] | None:
     """Counts the states that are solved from now on; None where the executor does not tell."""
-    count = getattr(job.executor, "solved", None)
+    count = getattr(job.executor, "tally", None)
     if count is None:
         return None
     before = count()
-    return lambda: count() - before
+    return lambda: count().since(before)
+
+
+def _shown(counter: Callable[[], Tally] | None) -> dict[str, Any]:
+    """What progress is told: how many states are solved, and what they cost."""
+    if counter is None:
+        return {}
+    return {"poll": lambda: counter().states, "note": lambda: str(counter())}
 
 
 def merge(files: Sequence[Path], splits: Sequence[str]) -> dict[str, pa.Table]:

@@ -19,14 +19,14 @@ from cfem.condensed.pose import Patch
 from cfem.condensed.skin import Skin, skin_bytes, skin_from
 from cfem.dataset.writer import table_bytes
 from cfem.equilibrium.actuation import Actuation, pulling_only
-from cfem.equilibrium.inertia import Inertia
+from cfem.equilibrium.motion.inertia import Inertia
 from cfem.equilibrium.predictor import Knot, knot, nearest, predict
 from cfem.equilibrium.solution import Equilibrium, ParameterSlopes, State
 from cfem.sample import tally
 from cfem.sample.contact import ContactPlan
 from cfem.sample.knots_file import demand_states, knots_bytes, read_knots
-from cfem.sample.plan import actuation
-from cfem.sample.skin import Seen, find_skin, patches, probed, shown_nodes
+from cfem.sample.plan import actuation, borne_together
+from cfem.sample.skin import SkinSample, find_skin, patches, probed, shown_nodes
 from cfem.sample.solver import Facts, Solver
 from cfem.sample.spec import SkinSpec
 
@@ -36,7 +36,7 @@ class Piece:
     """Rows to be solved, picklable.
 
     u: (m, n_a + n_p) rows; split, id: (m,) where each belongs; schema: of their table; contact: what is drawn instead
-    of a space, None without contact"""
+    of a space, None without contact; together: share of their reach to which all actuators can be pulled at once"""
 
     space: str
     u: np.ndarray
@@ -44,6 +44,7 @@ class Piece:
     id: tuple[int, ...]
     schema: pa.Schema
     contact: ContactPlan | None = None
+    together: float = 1.0
 
 
 @lru_cache(maxsize=1)
@@ -56,6 +57,14 @@ def _solver(robot: bytes) -> Solver:
 def facts(robot: bytes) -> Facts:
     """robot: a pickled SolverFactory, as in all functions that workers call: they need no file of the one that asks."""
     return _solver(robot).facts
+
+
+def together(robot: bytes) -> float:
+    """See `borne_together`; where the robot has parameters, at the middle of their ranges."""
+    solver = _solver(robot).roughly()
+    parameters, high = sampled(solver.facts.parameters), solver.facts.reach[:, 1]
+    middle = from_shares(parameters, np.full(len(parameters), 0.5))
+    return borne_together(lambda asked: solver.solve(asked, None, middle), high, solver.facts.compliance)
 
 
 @lru_cache(maxsize=1)
@@ -92,14 +101,14 @@ def solve_skeleton(robot: bytes, piece: Piece, asked: SkinSpec | None) -> tuple[
         if row.solved.converged:
             knots.append(row.knot)
             seen.append(_seen(nodes, rest, row.solved))
-        tally.add_one()
+        tally.add(not row.solved.converged, row.solved.factorizations)
     demand_states(knots)
     skin = find_skin(surface, seen, asked, solver.facts.length, inside)
     watching = solver.watching(skin)
     rows = []
     for row in begun:
         rows.append(_again(watching, piece, row))
-        tally.add_one()
+        tally.add(False, rows[-1].solved.factorizations - row.solved.factorizations)
     records = [_record(solver.facts, skin, piece, index, row) for index, row in enumerate(rows)]
     states = knots_bytes([row.knot for row in rows if row.solved.converged])
     return records, states, skin_bytes(skin)
@@ -121,7 +130,7 @@ def rows_bytes(records: list[Record], schema: pa.Schema) -> bytes:
 
 
 @dataclass(frozen=True)
-class Solved:
+class SolvedRow:
     """A row u: asked and X, what it prescribes and its pose, if any; p: its parameters; seconds: that it took."""
 
     u: np.ndarray
@@ -141,27 +150,27 @@ def _solve_rows(solver: Solver, skin: Skin | None, piece: Piece, known: Sequence
         records.append(_record(solver.facts, skin, piece, index, row))
         if row.solved.converged:
             knots.append(row.knot)
-        tally.add_one()
+        tally.add(not row.solved.converged, row.solved.factorizations)
     return records, knots
 
 
-def _solve_row(solver: Solver, piece: Piece, index: int, knots: Sequence[Knot]) -> Solved:
+def _solve_row(solver: Solver, piece: Piece, index: int, knots: Sequence[Knot]) -> SolvedRow:
     begin, facts, u = time.perf_counter(), solver.facts, piece.u[index]
     n_a, parameters = facts.rows.n_a, sampled(facts.parameters)
     if piece.contact:
         (asked, X), p = piece.contact.actuation(u, facts.patch, facts.compliance), np.zeros(0)
     else:
-        asked, X = actuation(piece.space, u[:n_a], facts.reach, facts.compliance, facts.forces), None
+        asked, X = actuation(piece.space, u[:n_a], facts.reach, facts.compliance, facts.forces, piece.together), None
         p = from_shares(parameters, u[n_a:])
     asked, q = pulling_only(asked, facts.unilateral), coordinates(parameters, p)
     solved = solver.solve(asked, _start(facts, knots, u, asked, q), p)
     known = _knot(facts, piece, u, p, solved)
-    return Solved(u, asked, X, p, solved, known, time.perf_counter() - begin)
+    return SolvedRow(u, asked, X, p, solved, known, time.perf_counter() - begin)
 
 
-def _seen(nodes: np.ndarray, rest: np.ndarray, solved: Equilibrium) -> Seen:
+def _seen(nodes: np.ndarray, rest: np.ndarray, solved: Equilibrium) -> SkinSample:
     yields = solved.push_response
-    return Seen(
+    return SkinSample(
         solved.state.x[nodes] - rest,
         solved.response[nodes][:, :, : solved.n_a],
         solved.lambda_a,
@@ -169,7 +178,7 @@ def _seen(nodes: np.ndarray, rest: np.ndarray, solved: Equilibrium) -> Seen:
     )
 
 
-def _again(solver: Solver, piece: Piece, row: Solved) -> Solved:
+def _again(solver: Solver, piece: Piece, row: SolvedRow) -> SolvedRow:
     """A state of the skeleton with the rows of the skin, at the cost of both times. One that was not found stays so."""
     if not row.solved.converged:
         return row
@@ -204,7 +213,7 @@ def _start(facts: Facts, knots: Sequence[Knot], u: np.ndarray, asked: Actuation,
     return None if len(q) else nearest(knots, u)
 
 
-def _record(facts: Facts, skin: Skin | None, piece: Piece, index: int, found: Solved) -> Record:
+def _record(facts: Facts, skin: Skin | None, piece: Piece, index: int, found: SolvedRow) -> Record:
     """One row of the dataset. A failed solve has no state: its columns stay empty and its reason says why."""
     solved, parameters = found.solved, sampled(facts.parameters)
     row = _state(piece, index, solved, None if found.X is None else (facts.patch, found.X))

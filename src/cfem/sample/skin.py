@@ -23,7 +23,7 @@ NOTHING = 1e-9  # of the strongest mode: the share of one that is rounding
 
 
 @dataclass(frozen=True)
-class Seen:
+class SkinSample:
     """What one state shows of the surface. displacements (m, 3) mm; by_force (m, 3, n_a) mm/N; forces (n_a,) N; yields
     (m, 3, p) mm/N to forces on patches, None where they were not pushed. m nodes: those of the surface,
     then those inside if they are asked for."""
@@ -68,7 +68,9 @@ def shown_nodes(surface: Surface, inside: Inside | None) -> tuple[np.ndarray, np
     return np.concatenate([surface.nodes, inside.nodes]), np.concatenate([surface.rest, inside.rest])
 
 
-def find_skin(surface: Surface, seen: list[Seen], spec: SkinSpec, length: float, inside: Inside | None = None) -> Skin:
+def find_skin(
+    surface: Surface, seen: list[SkinSample], spec: SkinSpec, length: float, inside: Inside | None = None
+) -> Skin:
     """length: mm, of the robot; inside: the other nodes that `seen` has, None where it has none."""
     root, m = np.sqrt(np.maximum(surface.weights, 1e-12 / len(surface.weights))), len(surface.nodes)
     columns, state = _columns(seen, root)
@@ -92,7 +94,7 @@ def find_skin(surface: Surface, seen: list[Seen], spec: SkinSpec, length: float,
     return replace(skin, inner_nodes=inside.nodes, inner_rest=inside.rest, inner_modes=within, inner_left=left)
 
 
-def _columns(seen: list[Seen], root: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _columns(seen: list[SkinSample], root: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(m, 3, c), the displacements of all states first, and the state (c,) that each column is of."""
     number = np.arange(len(seen))
     displaced = np.stack([one.displacements for one in seen], axis=-1)

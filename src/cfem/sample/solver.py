@@ -97,10 +97,10 @@ class FiniteElements:
     def __call__(self) -> Solver:
         from cfem.condensed.contact_pose import onto_patch
         from cfem.equilibrium.actuation import force
-        from cfem.equilibrium.held_patch import contact_points, patch_of
-        from cfem.equilibrium.inertia import mass_of
-        from cfem.equilibrium.inner import rod_stresses
-        from cfem.equilibrium.newton import Settings
+        from cfem.equilibrium.contact.held_patch import contact_points, patch_of
+        from cfem.equilibrium.motion.inertia import mass_of
+        from cfem.equilibrium.motion.inner_motions import rod_stresses
+        from cfem.equilibrium.newton import NewtonSettings
         from cfem.equilibrium.problem import Problem
         from cfem.equilibrium.solve import solve
         from cfem.sample.family import RobotFamily
@@ -108,10 +108,10 @@ class FiniteElements:
         family = RobotFamily(self.scene, self.mesh, self.parameters)
         robot = family.robot
         units = row_units(robot, self.turns)
-        problem, settings = Problem(robot), Settings(tolerance=self.tolerance)
+        problem, settings = Problem(robot), NewtonSettings(tolerance=self.tolerance)
         rest = solve(problem, force(np.zeros(robot.rows.n_a)), settings=settings)
         if not rest.converged:
-            raise NumericalError(f"no equilibrium with free actuators: {rest.status.value}", where="simulate-sample")
+            raise NumericalError(f"no equilibrium with free actuators: {rest.status.value}", where="sample")
         patch, compliance = None, rest.condensed.W_aa
         if self.turns is not None:
             if not robot.contacts:
@@ -174,8 +174,8 @@ class _FiniteElementSolver:
         return replace(self, settings=settings, third_order=False, loads=0, mass=None, pushed=pushed)
 
     def solve(self, actuation: Actuation, start: State | None, p: np.ndarray) -> Equilibrium:
-        from cfem.equilibrium.inertia import mass_of
-        from cfem.equilibrium.parameter_slopes import Sides
+        from cfem.equilibrium.derivatives.parameter_slopes import Sides
+        from cfem.equilibrium.motion.inertia import mass_of
         from cfem.equilibrium.solve import solve
 
         problem, sides, mass = self.problem, (), self.mass

@@ -83,7 +83,7 @@ class AroundSpec(Spec):
     """Number of other states of the task that go to the test split, to judge the model there."""
 
 
-class ContactSpec(Spec):
+class HeldPatchSpec(Spec):
     """All contact points of the scene as one rigid patch, about their mean. Its pose is drawn with the actuators'
     forces."""
 
@@ -140,6 +140,10 @@ class SampleSpec(Spec):
     slack: bool = True
     """Whether cables let go rather than push. False: they push in samples, over the whole box of `space: displacement`.
     For robots that something outside bends to where a cable that pulls there would push in the air, such as legs."""
+    idle: float = Field(0.0, ge=0, lt=1)
+    """Share of the rows of `space: pulling` in which an actuator is left without force. Where there are more cables
+    than coordinates of a goal, control pulls no more of them than it needs: it leaves the inside of the cube of
+    pulls."""
     splits: dict[Literal["train", "test"], SplitSpec] = Field(min_length=1)
     """The sets of states: train and test."""
     skeleton: int = Field(16, ge=1)
@@ -164,7 +168,7 @@ class SampleSpec(Spec):
     """Sample until a stated error instead of a stated number of rows."""
     around: AroundSpec | None = None
     """Add states where a task goes to a dataset that is there, instead of sampling it."""
-    contact: ContactSpec | None = None
+    contact: HeldPatchSpec | None = None
     """Draw the actuators' forces and the pose of the patch that holds the contact points, instead of a space."""
     tolerance: float = Field(1e-10, gt=0, le=1e-6)
     """Largest relative residual of a converged state."""
@@ -177,6 +181,8 @@ class SampleSpec(Spec):
             raise ValueError("loads does not go with contact")
         if not self.slack and (self.space != "displacement" or self.contact):
             raise ValueError("slack: false needs space: displacement, and does not go with contact")
+        if self.idle and (self.space != "pulling" or self.contact):
+            raise ValueError("idle needs space: pulling, and does not go with contact")
         if self.contact and (self.parameters or self.until):
             raise ValueError("contact does not go with parameters or until yet")
         if self.dynamics and self.contact:

@@ -1,4 +1,4 @@
-"""`cfem simulate-sample`: a scene, its mesh and a plan to a dataset."""
+"""`cfem sample`: a scene, its mesh and a plan to a dataset."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -6,15 +6,16 @@ from pathlib import Path
 from typing import Any
 
 from cfem.condensed.parameters import to_json
+from cfem.core.artefact.stage_run import Stage
 from cfem.core.errors import SpecError
 from cfem.core.spec import load_spec
-from cfem.core.stage import Options, Stage, run_stage
+from cfem.core.stage import Options, run_stage
 from cfem.robot.spec import SceneSpec, demand_driven, scene_meaning
 from cfem.sample.parameters import scene_parameters
 from cfem.sample.spec import SampleSpec
 from cfem.sample.workers import Workers
 
-VERSION = 8
+VERSION = 9
 INERTIA = 2  # likewise, of what `dynamics: true` adds
 
 
@@ -35,7 +36,7 @@ def run(
     workers: processes, one a core by default; scheduler: address of a Dask scheduler, whose workers solve instead;
     timeout: s without a finished shard after which they are given up. The three change nothing but the time. The scene
     enters by its values: a comment in it makes no dataset stale. fill: makes the dataset's files; one that samples
-    actively where `spec.until` asks for it is `cfem.active_learning.until_error.fill`. shard: 'i/n', to solve the i-th
+    actively where `spec.until` asks for it is `cfem.active_learning.fill.fill`. shard: 'i/n', to solve the i-th
     of n parts alone, for `merge`."""
     spec = load_spec(spec_path, SampleSpec, overrides)
     scene, mesh = spec_path.parent / spec.scene, spec_path.parent / spec.mesh
@@ -98,7 +99,7 @@ def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = Non
     beside = spec_path.parent / (f"{spec.out}-around" if around and spec.around.base is None else spec.out)
     return Stage(
         agrees=lambda: demand_driven(load_spec(scene, SceneSpec)),
-        name="simulate-sample",
+        name="sample",
         version=VERSION,
         spec=spec,
         inputs={"mesh": spec_path.parent / spec.mesh} | ({"base": around.base} if around else {}),

@@ -10,7 +10,7 @@ class WorkersLost(NumericalError):
 
     def __init__(self, what: str):
         do = "run again to go on from what is finished: fewer --workers where memory ran out, a longer --timeout or a "
-        super().__init__(what, where="simulate-sample", do=do + "smaller `shard` where the work takes so long")
+        super().__init__(what, where="sample", do=do + "smaller `shard` where the work takes so long")
 
 
 @dataclass(frozen=True)

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
+from cfem.core.console.progress import progress
 from cfem.core.errors import SpecError
-from cfem.core.progress import progress
 from cfem.stability.case import Case
 from cfem.stability.families import built_in
 from cfem.stability.suite import Result, chosen, run_all

@@ -1,6 +1,7 @@
 """What was measured of an answer, and the verdict on it."""
 
 from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
 
 from cfem.stability.case import Case
 
@@ -13,7 +14,7 @@ _DEFINITE = {
 
 
 @dataclass(frozen=True)
-class Check:
+class LimitCheck:
     """A measured value that must not exceed its limit; NaN does."""
 
     what: str
@@ -38,7 +39,7 @@ class Evidence:
 
     status: str
     claimed: bool
-    checks: tuple[Check, ...] = ()
+    checks: tuple[LimitCheck, ...] = ()
     residual: float | None = None
     tolerance: float | None = None
     rounding: float | None = None
@@ -47,6 +48,15 @@ class Evidence:
     condition: float | None = None
     iterations: int | None = None
     factorizations: int | None = None
+
+
+@runtime_checkable
+class Examinable(Protocol):
+    """What an attempt of a case returns: a trial that says what was measured of its answer."""
+
+    def evidence(self) -> Evidence:
+        """What was measured of the answer."""
+        ...
 
 
 def misbehaviours(case: Case, found: Evidence) -> list[str]:

@@ -15,7 +15,7 @@ from cfem.equilibrium.solution import Equilibrium, State
 from cfem.equilibrium.solve import solve
 from cfem.mechanics.assembly import symmetric_product
 from cfem.mechanics.body import response
-from cfem.stability.evidence import Check, Evidence
+from cfem.stability.evidence import Evidence, LimitCheck
 from cfem.stability.recompute import force_scale, forces, gradients, motion, strayed
 
 _DENSE = 2500  # unknowns up to which stability is judged again by dense matrices
@@ -80,15 +80,15 @@ def examine(trial: Trial) -> Evidence:
     )
 
 
-def _finite(answer: Equilibrium) -> Check:
+def _finite(answer: Equilibrium) -> LimitCheck:
     state, condensed = answer.state, answer.condensed
     parts = [state.x, state.pressure, state.lam, answer.delta, answer.delta_e, answer.energy, answer.residual]
     if condensed is not None:
         parts += [condensed.W, condensed.delta_free, condensed.lam, answer.response]
-    return Check("numbers that are not finite", float(sum((~np.isfinite(part)).sum() for part in parts)), 0)
+    return LimitCheck("numbers that are not finite", float(sum((~np.isfinite(part)).sum() for part in parts)), 0)
 
 
-def _state_checks(trial: Trial) -> list[Check]:
+def _state_checks(trial: Trial) -> list[LimitCheck]:
     robot, answer = trial.robot, trial.answer
     x, lam = answer.state.x, answer.state.lam
     found = forces(robot, x, lam, trial.actuation.load)
@@ -97,14 +97,14 @@ def _state_checks(trial: Trial) -> list[Check]:
     digit[robot.fixed] = 0.0
     noise = np.linalg.norm(forces(robot, x + digit, lam, trial.actuation.load).residual - found.residual) / scale
     return [
-        Check("residual, recomputed", float(np.linalg.norm(found.residual) / scale), max(1e-8, answer.rounding)),
-        Check("stated rounding level", answer.rounding, max(1e-8, 100 * float(noise))),
-        Check("elements inverted", float(not response(robot.body, x).min_J > 0), 0),
-        Check("motion of held nodes or within rigid bodies", strayed(robot, x), 1e-11),
+        LimitCheck("residual, recomputed", float(np.linalg.norm(found.residual) / scale), max(1e-8, answer.rounding)),
+        LimitCheck("stated rounding level", answer.rounding, max(1e-8, 100 * float(noise))),
+        LimitCheck("elements inverted", float(not response(robot.body, x).min_J > 0), 0),
+        LimitCheck("motion of held nodes or within rigid bodies", strayed(robot, x), 1e-11),
     ]
 
 
-def _actuation_checks(trial: Trial) -> list[Check]:
+def _actuation_checks(trial: Trial) -> list[LimitCheck]:
     robot, actuation, lam = trial.robot, trial.actuation, trial.answer.state.lam
     gap, loose = _gaps(trial), _let_go(trial)
     largest = float(np.abs(lam).max(initial=0.0)) or 1.0
@@ -115,9 +115,9 @@ def _actuation_checks(trial: Trial) -> list[Check]:
     mu = np.linalg.lstsq(held.T, free, rcond=None)[0]
     push = -lam[: robot.rows.n_a][robot.unilateral].min(initial=0.0) if trial.slack else 0.0
     return [
-        Check("prescribed displacement missed", float(np.where(loose, gap, np.abs(gap)).max(initial=0.0)), 1e-9),
-        Check("prescribed force missed", float(np.abs(free - held.T @ mu).max(initial=0.0) / largest), 1e-9),
-        Check("push of a cable, over the largest force", float(push / largest), 1e-9),
+        LimitCheck("prescribed displacement missed", float(np.where(loose, gap, np.abs(gap)).max(initial=0.0)), 1e-9),
+        LimitCheck("prescribed force missed", float(np.abs(free - held.T @ mu).max(initial=0.0) / largest), 1e-9),
+        LimitCheck("push of a cable, over the largest force", float(push / largest), 1e-9),
     ]
 
 
@@ -138,7 +138,7 @@ def _let_go(trial: Trial) -> np.ndarray:
     return np.array([np.count_nonzero(row) == 1 and slack[row != 0].any() for row in trial.actuation.C], dtype=bool)
 
 
-def _compliance_checks(trial: Trial) -> list[Check]:
+def _compliance_checks(trial: Trial) -> list[LimitCheck]:
     robot, answer, condensed = trial.robot, trial.answer, trial.answer.condensed
     x, lam, W, rows = answer.state.x, answer.state.lam, condensed.W, condensed.rows
     H = np.hstack([gradients(robot, robot.effectors, x), gradients(robot, robot.active, x)])
@@ -149,11 +149,13 @@ def _compliance_checks(trial: Trial) -> list[Check]:
     full_delta = np.concatenate([*(each.value(x) - each.rest for each in robot.effectors), _delta(trial)])
     apart = full_delta - (W[:, rows.active] @ lam + condensed.delta_free)
     return [
-        Check("asymmetry of W", _relative(raw_own - raw_own.T, own), 1e-5),
-        Check("asymmetry of W as given", _relative(W - W.T, W), 1e-14),
-        Check("W against H^T q", _relative(raw - W[:, rows.active], W[:, rows.active]), 1e-5),
-        Check("W against differences of the residual", _relative(q.T @ slopes - own, own), 1e-4 + 10 * answer.rounding),
-        Check("delta against W lambda + delta_free", float(np.abs(apart).max() / robot.body.mesh.size), 1e-9),
+        LimitCheck("asymmetry of W", _relative(raw_own - raw_own.T, own), 1e-5),
+        LimitCheck("asymmetry of W as given", _relative(W - W.T, W), 1e-14),
+        LimitCheck("W against H^T q", _relative(raw - W[:, rows.active], W[:, rows.active]), 1e-5),
+        LimitCheck(
+            "W against differences of the residual", _relative(q.T @ slopes - own, own), 1e-4 + 10 * answer.rounding
+        ),
+        LimitCheck("delta against W lambda + delta_free", float(np.abs(apart).max() / robot.body.mesh.size), 1e-9),
     ]
 
 
@@ -168,7 +170,7 @@ def _slope(trial: Trial, along: np.ndarray) -> np.ndarray:
     return (8 * (up - down) - (up2 - down2)) / (12 * h)
 
 
-def _stability(trial: Trial) -> Check:
+def _stability(trial: Trial) -> LimitCheck:
     """Directions of negative energy that the held rows leave: negative eigenvalues of the tangent less those of the
     compliance of these rows (Haynsworth, Linear Algebra Appl. 1, 1968), by dense matrices."""
     robot, answer = trial.robot, trial.answer
@@ -176,7 +178,7 @@ def _stability(trial: Trial) -> Check:
     n = problem.pattern.n_dof
     what = "directions in which the equilibrium is unstable"
     if n > _DENSE:
-        return Check(what + " (body too large to tell)", 0, 0)
+        return LimitCheck(what + " (body too large to tell)", 0, 0)
     at = problem.evaluate(answer.state.x, np.empty(0), trial.actuation.load)
     A = symmetric_product(problem.pattern, problem.stiffness(at, lam)[0], np.eye(n))
     scale = 1 / np.sqrt(np.abs(np.diag(A)))
@@ -187,8 +189,8 @@ def _stability(trial: Trial) -> Check:
         C, act = trial.actuation.C[~_let_go(trial)], answer.condensed.rows.active
         held = C @ answer.condensed.W[act, act] @ C.T
         beyond = (np.linalg.eigvalsh(A) < 0).sum() - (np.linalg.eigvalsh(held) < 0).sum()
-        return Check(what, float(beyond), 0)
-    return Check(what, 0, 0)
+        return LimitCheck(what, float(beyond), 0)
+    return LimitCheck(what, 0, 0)
 
 
 def _delta(trial: Trial) -> np.ndarray:

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import linprog
 
-from cfem.control.qp import Backend, QpSolution, QpStatus, solve_qp
-from cfem.stability.evidence import Check, Evidence
+from cfem.control.search.qp import Backend, QpSolution, QpStatus, solve_qp
+from cfem.stability.evidence import Evidence, LimitCheck
 
 SMALL = 1e-6  # of the checks
 
 
 @dataclass(frozen=True)
-class Program:
+class HardProgram:
     """minimise |M x - d|^2 / 2 subject to lower <= A x <= upper and box[:, 0] <= x <= box[:, 1]. unit: (n,) of each
     variable, for the checks: of the size of what it may be."""
 
@@ -29,7 +29,7 @@ class Program:
 
 @dataclass(frozen=True)
 class ProgramTrial:
-    program: Program
+    program: HardProgram
     answer: QpSolution
 
     def evidence(self) -> Evidence:
@@ -39,13 +39,13 @@ class ProgramTrial:
             residual = max(check.value for check in checks)
         else:
             wrongly = status is QpStatus.INFEASIBLE and _has_a_point(self.program)
-            checks, residual = [Check("points that satisfy what is called infeasible", float(wrongly), 0)], None
+            checks, residual = [LimitCheck("points that satisfy what is called infeasible", float(wrongly), 0)], None
         return Evidence(
             status.name, status is QpStatus.OPTIMAL, tuple(checks), residual, iterations=self.answer.iterations
         )
 
 
-def attempt(make: Callable[[], Program], backend: Backend) -> Callable[[], ProgramTrial]:
+def attempt(make: Callable[[], HardProgram], backend: Backend) -> Callable[[], ProgramTrial]:
     def work() -> ProgramTrial:
         program = make()
         answer = solve_qp(program.M, program.d, program.A, program.lower, program.upper, program.box, backend)
@@ -54,7 +54,7 @@ def attempt(make: Callable[[], Program], backend: Backend) -> Callable[[], Progr
     return work
 
 
-def _optimality(program: Program, answer: QpSolution) -> list[Check]:
+def _optimality(program: HardProgram, answer: QpSolution) -> list[LimitCheck]:
     """Residuals of the scaled program, in the max norm: variables by their unit, rows by their norm."""
     unit, x = program.unit, answer.x / program.unit
     row = np.maximum(np.abs(program.A * unit).max(axis=1, initial=0.0), 1e-300)
@@ -70,14 +70,16 @@ def _optimality(program: Program, answer: QpSolution) -> list[Check]:
     loose = np.abs(multiplier[held] * (at - np.where(multiplier > 0, high, low))[held])
     largest = max(1.0, float(np.abs(at).max()))
     return [
-        Check("numbers that are not finite", float((~np.isfinite(np.concatenate([x, answer.y, answer.z]))).sum()), 0),
-        Check("stationarity", float(np.abs(curved + pull + rows + walls).max() / size), SMALL),
-        Check("bounds overstepped", float(outside / largest), SMALL),
-        Check("forces of bounds that are not reached", float(loose.max(initial=0.0) / largest), SMALL),
+        LimitCheck(
+            "numbers that are not finite", float((~np.isfinite(np.concatenate([x, answer.y, answer.z]))).sum()), 0
+        ),
+        LimitCheck("stationarity", float(np.abs(curved + pull + rows + walls).max() / size), SMALL),
+        LimitCheck("bounds overstepped", float(outside / largest), SMALL),
+        LimitCheck("forces of bounds that are not reached", float(loose.max(initial=0.0) / largest), SMALL),
     ]
 
 
-def _has_a_point(program: Program) -> bool:
+def _has_a_point(program: HardProgram) -> bool:
     """By linear programming."""
     if (program.box[:, 0] > program.box[:, 1]).any() or (program.lower > program.upper).any():
         return False

@@ -8,7 +8,7 @@ from fnmatch import fnmatchcase
 
 from cfem.core.errors import NumericalError
 from cfem.stability.case import Case
-from cfem.stability.evidence import Evidence, error_misbehaviours, misbehaviours
+from cfem.stability.evidence import Evidence, Examinable, error_misbehaviours, misbehaviours
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ def run(case: Case) -> Result:
             seconds = time.perf_counter() - begin
             return Result(case, None, type(error).__name__, tuple(error_misbehaviours(case, error)), seconds)
         seconds = time.perf_counter() - begin
-    if not hasattr(trial, "evidence"):
+    if not isinstance(trial, Examinable):
         wrong = (f"{case.expect} was due, and it made {type(trial).__name__}",)
         return Result(case, None, "nothing", wrong, seconds)
     try:

@@ -5,7 +5,7 @@ from itertools import groupby
 from math import isfinite
 from typing import Any
 
-from cfem.core.shown import duration
+from cfem.core.console.shown import duration
 from cfem.core.system import peak_memory
 from cfem.stability.suite import Result, misbehaving
 

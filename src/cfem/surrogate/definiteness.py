@@ -6,7 +6,7 @@ import numpy as np
 
 from cfem.condensed.parameters import completed, values
 from cfem.predict.protocol import Predictor
-from cfem.surrogate.observations import inputs, parameters_of
+from cfem.surrogate.series.observations import inputs, parameters_of
 
 AT_ONCE = 5000
 

@@ -1,11 +1,11 @@
 """Inner motions of sampled states: what moves while the actuators stand still, chosen alike at all states.
 
 Of a robot of sections in a row the samples have them. Of others they are chosen here from the motions (Z, Y) of the
-rows (cfem.equilibrium.inertia): those that answer the inertia of the actuators' motions, and forces and inertia at the
-effectors, with the actuators held, filtered once more by A^-1 M, so that the lowest vibrations prevail. At each state
-they are made orthonormal in the stiffness, by the nearest such basis to constant combinations of them (Loewdin, J.
-Chem. Phys. 18, 1950): a smooth choice, as vibrations themselves are not, whose frequencies cross. The combinations are
-those that are nearest to orthonormal over all states, the strongest first.
+rows (cfem.equilibrium.motion.inertia): those that answer the inertia of the actuators' motions, and forces and inertia
+at the effectors, with the actuators held, filtered once more by A^-1 M, so that the lowest vibrations prevail. At each
+state they are made orthonormal in the stiffness, by the nearest such basis to constant combinations of them (Loewdin,
+J. Chem. Phys. 18, 1950): a smooth choice, as vibrations themselves are not, whose frequencies cross. The combinations
+are those that are nearest to orthonormal over all states, the strongest first.
 
 Where the samples know D, how the effectors' compliance C changes with a wrench on them, the effectors' paths curve with
 the inner motions: each is, as far as mass tells, what a wrench w makes with the actuators held, and the effectors move

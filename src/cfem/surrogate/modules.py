@@ -6,12 +6,12 @@ from torch import nn
 from cfem.condensed import Rows
 from cfem.condensed.parameters import from_json
 from cfem.core.errors import InputError
+from cfem.predict.kinds.mlp import rest_arrays
 from cfem.predict.load import build
-from cfem.predict.mlp import rest_arrays
-from cfem.predict.serial import module_arrays
-from cfem.surrogate.energy_net_module import EnergyNet
-from cfem.surrogate.serial_module import Serial
-from cfem.surrogate.torch_model import Locked, OnRest, Parametric, Shape, Spectral, mlp_from_arrays
+from cfem.predict.rows.serial import module_arrays
+from cfem.surrogate.networks.energy_net_module import EnergyNet
+from cfem.surrogate.rows.serial_module import Serial
+from cfem.surrogate.torch_model import Locked, OnRest, Parametric, Spectral, SurfaceModule, mlp_from_arrays
 
 
 def module_of(meta: dict, arrays: dict[str, np.ndarray]) -> nn.Module:
@@ -38,4 +38,4 @@ def module_of(meta: dict, arrays: dict[str, np.ndarray]) -> nn.Module:
 
 def shape_module(meta: dict, skin: dict[str, np.ndarray]) -> nn.Module:
     """The torch module of a model's whole surface; skin: arrays of its skin.npz."""
-    return Shape(meta["form"], from_json(meta["parameters"]), skin).eval()
+    return SurfaceModule(meta["form"], from_json(meta["parameters"]), skin).eval()

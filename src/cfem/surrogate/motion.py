@@ -10,10 +10,10 @@ import numpy as np
 from cfem.condensed import pack_upper
 from cfem.core.errors import InputError
 from cfem.predict.energy import unpacking3
-from cfem.surrogate.coordinates import box_coordinates
 from cfem.surrogate.inner_motions import inner_motions
-from cfem.surrogate.observations import Observations
-from cfem.surrogate.spectral import Series, fit_quantity
+from cfem.surrogate.series.coordinates import box_coordinates
+from cfem.surrogate.series.observations import Observations
+from cfem.surrogate.series.spectral import Series, fit_quantity
 
 # Held-out error below which the shorter series is taken, as a step in time evaluates all terms. At 4.5e-3 the worst
 # of 120 frequencies of a trunk was wrong by 1.6 %, at 4.2e-3 by 0.7 %.

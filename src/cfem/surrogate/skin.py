@@ -1,7 +1,7 @@
 """What a model of any kind learns of the skin: Chebyshev series of its rows and of their compliance, by least squares.
 
-They are observed as effectors are (`cfem.surrogate.observations`): value and gradient of every row and the compliance
-that is left with the actuators locked, with one derivative more of each where the samples have it."""
+They are observed as effectors are (`cfem.surrogate.series.observations`): value and gradient of every row and the
+compliance that is left with the actuators locked, with one derivative more of each where the samples have it."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -13,16 +13,16 @@ from cfem.condensed.packing import upper_indices
 from cfem.condensed.skin import Skin
 from cfem.predict.energy import Form
 from cfem.predict.skin import LearnedSkin
-from cfem.surrogate.coordinates import box_coordinates
-from cfem.surrogate.observations import Observations, in_box, inputs, mean_hessian, observations
-from cfem.surrogate.spectral import fit_quantity
+from cfem.surrogate.series.coordinates import box_coordinates
+from cfem.surrogate.series.observations import Observations, in_box, inputs, mean_hessian, observations
+from cfem.surrogate.series.spectral import fit_quantity
 
 MAX_DEGREE, MAX_TERMS, FOLDS = 16, 1000, 5
 COMPLIANCE_NUMBERS = 200_000  # largest number of coefficients of all compliances
 
 
 @dataclass(frozen=True)
-class Front:
+class SkinFront:
     """What the first 0, 1, ... modes of a model leave of the surface, in test states. rms, largest: mm, the second a
     bound: what the modes leave and the error of the model, each at its largest, are added."""
 
@@ -94,7 +94,7 @@ def _part(observed: Observations, components: np.ndarray) -> Observations:
     return replace(observed, values=observed.values[:, :, components])
 
 
-def judge(skin: LearnedSkin, whole: Any, s: np.ndarray, q: np.ndarray) -> Front:
+def judge(skin: LearnedSkin, whole: Any, s: np.ndarray, q: np.ndarray) -> SkinFront:
     """At the states of a test set, inputs s (m, n_a) and q (m, n_q); whole: their WithSkin. As the modes are
     orthonormal in the surface's weights, what they leave is at right angles to the error of the model in them: the root
     mean square is exact but for rounding."""
@@ -109,4 +109,4 @@ def judge(skin: LearnedSkin, whole: Any, s: np.ndarray, q: np.ndarray) -> Front:
         square = (wrong**2).sum(axis=2)
         rms.append(float(np.sqrt(np.mean(square @ skin.weights + whole.left[:, 0] ** 2))))
         largest.append(float((np.sqrt(square.max(axis=1)) + whole.left[:, 1] + rounding).max()))
-    return Front(rms, largest)
+    return SkinFront(rms, largest)

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from cfem.core.shown import length
+from cfem.core.console.shown import length
 
 
 def skin_line(skin: dict[str, Any]) -> str:

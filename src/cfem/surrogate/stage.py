@@ -16,16 +16,17 @@ import numpy as np
 
 from cfem.condensed.parameters import completed
 from cfem.condensed.skin import read_skin
+from cfem.core.artefact.content import artefact_content, artefact_file
+from cfem.core.artefact.files import file_sha256, write_json, write_npz
+from cfem.core.console.progress import doing
 from cfem.core.errors import InputError, NumericalError
-from cfem.core.files import file_sha256, write_json, write_npz
 from cfem.core.optional import demand
-from cfem.core.progress import doing
-from cfem.core.stage import Command, artefact_content, artefact_file
+from cfem.core.stage import Command
 from cfem.dataset.schema import SKIN
 from cfem.predict.load import build, skin_of
 from cfem.predict.protocol import Predictor
 from cfem.predict.skin import FILE
-from cfem.surrogate.observations import inputs
+from cfem.surrogate.series.observations import inputs
 from cfem.surrogate.spec import EnergyNetSpec, MlpSpec, ModelSpec, SerialSpec, SpectralSpec, TrainSpec
 from cfem.surrogate.verdict import headline, judged
 
@@ -91,7 +92,7 @@ def work(folder: Path, spec: TrainSpec, dataset_folder: Path) -> dict[str, Any]:
     W, delta_free = predictor.evaluate(s, p)
     write_npz(folder / "test_vectors.npz", {"s": s, "p": p, "W": W, "delta_free": delta_free})
     if spec.skin and isinstance(spec.model, SerialSpec):
-        from cfem.surrogate.serial_skin import add_serial_skin
+        from cfem.surrogate.rows.serial_skin import add_serial_skin
 
         found = add_serial_skin(folder, predictor, spec.model, test, dataset_folder)
         results |= {} if found is None else {"skin": found}
@@ -150,10 +151,10 @@ def train_and_judge(
     """model.json, arrays, results (errors on the test rows, history, seconds). folder: for checkpoints, if any."""
     from cfem.surrogate.error_measures import measure, of_loads
     from cfem.surrogate.model_card import model_card
-    from cfem.surrogate.observations import inputs
     from cfem.surrogate.semidefinite import locked_compliance
+    from cfem.surrogate.series.observations import inputs
 
-    import_module(f"cfem.surrogate.{spec.kind}")  # PyTorch takes seconds to load, none of which is the fit's
+    import_module(f"cfem.surrogate.{MODULES[type(spec)]}")  # PyTorch takes seconds to load, none of which is the fit's
     begin = time.perf_counter()
     arrays, facts, history = FITS[type(spec)](training, spec, folder)
     seconds = time.perf_counter() - begin
@@ -188,26 +189,26 @@ Fitted = tuple[dict[str, np.ndarray], dict[str, Any], list[dict[str, Any]]]  # a
 
 
 def fit_spectral(training: Any, spec: SpectralSpec, folder: Path | None) -> Fitted:
-    from cfem.surrogate.spectral import fit
+    from cfem.surrogate.series.spectral import fit
 
     found = fit(training, spec.form, spec.max_degree, spec.max_terms, spec.folds)
     return found.arrays, {"form": spec.form, "terms": found.terms, "weights": found.weights}, found.held_out
 
 
 def fit_energy_net(training: Any, spec: EnergyNetSpec, folder: Path | None) -> Fitted:
-    from cfem.surrogate.energy_net import fit
+    from cfem.surrogate.networks.energy_net import fit
 
     return fit(training, spec, folder)
 
 
 def fit_mlp(training: Any, spec: MlpSpec, folder: Path | None) -> Fitted:
-    from cfem.surrogate.mlp import fit
+    from cfem.surrogate.networks.mlp import fit
 
     return fit(training, spec, folder)
 
 
 def fit_serial(training: Any, spec: SerialSpec, folder: Path | None) -> Fitted:
-    from cfem.surrogate.serial import compose
+    from cfem.surrogate.rows.serial import compose
 
     return compose(training, spec)
 
@@ -217,6 +218,12 @@ FITS: dict[type, Callable[[Any, Any, Path | None], Fitted]] = {
     EnergyNetSpec: fit_energy_net,
     MlpSpec: fit_mlp,
     SerialSpec: fit_serial,
+}
+MODULES: dict[type, str] = {
+    SpectralSpec: "series.spectral",
+    EnergyNetSpec: "networks.energy_net",
+    MlpSpec: "networks.mlp",
+    SerialSpec: "rows.serial",
 }
 
 

@@ -63,7 +63,7 @@ class Condense(nn.Module):
     def __init__(self, form: Form, rows: Rows, sizes: list[float] | None = None):
         super().__init__()
         self.form, self.n_a, self.n_e = form, rows.n_a, rows.n_e
-        self.nearest = None if sizes is None else Nearest(sizes)
+        self.nearest = None if sizes is None else NearestSemidefinite(sizes)
         self.sizes = [part.stop - part.start for part in layout(rows.n_a, rows.n_e).values()]
         self.register_buffer("unpack_a", torch.as_tensor(unpacking(rows.n_a).ravel()))
         self.register_buffer("unpack_e", torch.as_tensor(unpacking(rows.n_e).ravel()))
@@ -88,7 +88,7 @@ class Condense(nn.Module):
         return W, torch.cat([effector, delta_a], dim=1) - (W_a @ lam[:, :, None])[:, :, 0]
 
 
-class Nearest(nn.Module):
+class NearestSemidefinite(nn.Module):
     """C (B, k, k) to the nearest semidefinite matrix in units of the sizes (k,), as `cfem.predict.semidefinite`, by
     (C + |C|) / 2, |C| = C sign C: products alone, which every export format has, and smooth.
 
@@ -123,8 +123,8 @@ class Nearest(nn.Module):
         return self.forward(W_ee - moved) + moved
 
 
-class Series(nn.Module):
-    """Chebyshev series; arrays: to_box, offset, indices and series as cfem.predict.spectral.SpectralPredictor."""
+class SeriesModule(nn.Module):
+    """Chebyshev series; arrays: to_box, offset, indices and series as cfem.predict.kinds.spectral.SpectralPredictor."""
 
     def __init__(self, arrays: dict[str, np.ndarray]):
         super().__init__()
@@ -155,23 +155,23 @@ class Series(nn.Module):
 
 
 class Spectral(nn.Module):
-    """The energy model in Chebyshev polynomials; arrays as cfem.predict.spectral.SpectralPredictor."""
+    """The energy model in Chebyshev polynomials; arrays as cfem.predict.kinds.spectral.SpectralPredictor."""
 
     def __init__(self, form: Form, rows: Rows, arrays: dict[str, np.ndarray], sizes: list[float] | None = None):
         super().__init__()
-        self.condense, self.series = Condense(form, rows, sizes), Series(arrays)
+        self.condense, self.series = Condense(form, rows, sizes), SeriesModule(arrays)
 
     def forward(self, s: Tensor, q: Tensor | None = None) -> tuple[Tensor, Tensor]:
         return self.condense(s, self.series(s, q))
 
 
-class Shape(nn.Module):
+class SurfaceModule(nn.Module):
     """The whole surface, (B, m, 3) mm; arrays as cfem.predict.skin.LearnedSkin. forward(s), or forward(s, p) where
     there are parameters."""
 
     def __init__(self, form: Form, parameters: tuple[Parameter, ...], arrays: dict[str, np.ndarray]):
         super().__init__()
-        self.series, self.inputs = Series(arrays), LearnedInputs(form, parameters)
+        self.series, self.inputs = SeriesModule(arrays), LearnedInputs(form, parameters)
         self.register_buffer("modes", torch.as_tensor(arrays["modes"].reshape(len(arrays["modes"]), -1)))
         self.register_buffer("rest", torch.as_tensor(np.asarray(arrays["rest"], float)))
 
@@ -214,7 +214,7 @@ class Mlp(nn.Module):
         return [layer for layer in self.net if isinstance(layer, nn.Linear)]
 
     def arrays(self) -> dict[str, np.ndarray]:
-        """Weights as cfem.predict.mlp.MlpPredictor takes them."""
+        """Weights as cfem.predict.kinds.mlp.MlpPredictor takes them."""
         arrays = {name: getattr(self, name).numpy() for name in ("in_mean", "in_scale", "out_mean", "out_scale")}
         for i, layer in enumerate(self.layers):
             arrays[f"weight_{i}"] = layer.weight.detach().numpy().copy()
@@ -241,7 +241,7 @@ class Locked(nn.Module):
 
     def __init__(self, model: nn.Module, n_e: int, sizes: list[float]):
         super().__init__()
-        self.model, self.n_e, self.nearest = model, n_e, Nearest(sizes)
+        self.model, self.n_e, self.nearest = model, n_e, NearestSemidefinite(sizes)
 
     def forward(self, *inputs: Tensor) -> tuple[Tensor, Tensor]:
         W, delta_free = self.model(*inputs)

@@ -2,8 +2,8 @@
 
 from typing import Any
 
-from cfem.core.judgement import INDEFINITE_SHARE, LOSS, poor
-from cfem.core.shown import duration, length
+from cfem.core.artefact.judgement import INDEFINITE_SHARE, LOSS, poor
+from cfem.core.console.shown import duration, length
 from cfem.surrogate.skin_line import skin_line
 
 FEWEST = 10  # test states from which figures say something of others

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from cfem.control.crawling.course import Course, headline, judged
-from cfem.control.crawling.crawler import Weight, crawler_of
+from cfem.control.crawling.crawler import LegWeight, crawler_of
 from cfem.control.crawling.gait import Gait
 from cfem.core.errors import NumericalError, SpecError
-from cfem.predict.leg import LearnedLeg
-from cfem.predict.wrench_series import Held
+from cfem.predict.contact.leg import LearnedLeg
+from cfem.predict.loads.wrench_series import Held
 
 
 def held(a):
@@ -65,14 +65,14 @@ def test_legs_with_a_weight_press_the_ground_by_it_and_row_farther():
     light = crawler()
     down, at = np.array([0.0, 0, -0.2]), [leg.points[0] for leg in light.legs]
     legs = [replace(leg, held=twice, load=down) for leg in light.legs]
-    heavy = crawler_of(spec(), legs, ["one", "other"], [Weight(0.2, one, np.eye(3)) for one in at])
+    heavy = crawler_of(spec(), legs, ["one", "other"], [LegWeight(0.2, one, np.eye(3)) for one in at])
     walks = [one.walk(commands(3), 0.5) for one in (light, heavy)]
     assert [one.status for one in walks] == ["converged"] * 2
     for touch in walks[1].touches:
         assert touch.posed.force[::3].sum() == pytest.approx(1.4, rel=1e-2) and touch.check.largest <= 1e-8
     far = [one.per_cycle(8, np.array([1.0, 0, 0])) for one in walks]
     assert far[1] > far[0] + 0.01
-    one_heavy = crawler_of(spec(), [legs[0], light.legs[1]], ["one", "other"], [Weight(0.2, at[0], np.eye(3))])
+    one_heavy = crawler_of(spec(), [legs[0], light.legs[1]], ["one", "other"], [LegWeight(0.2, at[0], np.eye(3))])
     pads = one_heavy.walk(np.zeros((1, 4)), 0.5).touches[0]
     up = pads.posed.force[::3]
     places = np.concatenate([np.concatenate(at).reshape(-1, 3), one_heavy.pads.points])

@@ -8,12 +8,12 @@ from motion.learned import LARGEST, Static, dataset, problem
 from cfem.condensed import Condensed
 from cfem.condensed.model import under_force
 from cfem.condensed.strokes import ridge_of
-from cfem.control.controller import Controller
-from cfem.control.inverse import Limits
-from cfem.control.loop import Settings
-from cfem.control.moving.horizon import Bounds, Cost
+from cfem.control.closed_loop.controller import Controller
+from cfem.control.closed_loop.tick import Pilot
+from cfem.control.moving.horizon import Bounds, HorizonCost
 from cfem.control.moving.mpc import Mpc, Plan
-from cfem.control.tick import Pilot
+from cfem.control.search.goal_search import Settings
+from cfem.control.search.inverse import Limits
 from cfem.motion.altered import Altered
 from cfem.motion.clocked import Clocked
 from cfem.motion.model import MotionModel
@@ -22,7 +22,7 @@ from cfem.plant.imperfect_plant import Imperfection, ImperfectPlant
 from cfem.plant.moving_plant import MovingModelPlant
 from cfem.predict.energy import condense
 from cfem.surrogate.motion import fit_motion
-from cfem.surrogate.spectral import fit
+from cfem.surrogate.series.spectral import fit
 
 DT, LENGTH = 3e-3, 60.0
 REACH = np.array([[0.0, LARGEST]])
@@ -73,7 +73,7 @@ def static(start: Condensed, kind="force", integral=None) -> Controller:
 
 def mpc(start: Condensed, kind="force", doubt=None, ticks=15, rate=np.inf, highest=5.0, planes=(), smooth=1e-3) -> Mpc:
     full = 5.0 if kind == "force" else LARGEST
-    cost = Cost(np.ones(3), np.array([np.sqrt(smooth) * LENGTH / full]), np.array([1e-5 * LENGTH / full]))
+    cost = HorizonCost(np.ones(3), np.array([np.sqrt(smooth) * LENGTH / full]), np.array([1e-5 * LENGTH / full]))
     force, course = np.array([[0.0, highest]]), REACH + [[-0.5, 0.5]]
     command, other = (force, course) if kind == "force" else (course, force)
     bounds = Bounds(command, np.array([rate]), other, tuple(planes))

@@ -3,8 +3,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from cfem.control.inverse import Limits
 from cfem.control.moving.account import over_time, saturation
+from cfem.control.search.inverse import Limits
 
 
 def run(errors, commands, softened=False, astray=False):

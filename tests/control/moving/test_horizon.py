@@ -7,15 +7,15 @@ from scipy.optimize import minimize
 
 from cfem.control.moving.horizon import (
     Bounds,
-    Cost,
     HalfSpace,
+    HorizonCost,
     Predicted,
     best_commands,
     condensed_forces,
     condensed_states,
 )
-from cfem.control.qp import QpStatus
-from cfem.motion.linear import Guess, Material
+from cfem.control.search.qp import QpStatus
+from cfem.motion.linear import Guess, MaterialShares
 from cfem.motion.mpc_spec import blocks
 
 N = 6
@@ -26,7 +26,7 @@ def steps_of(kind):
     at = clocked(kind)
     state = at.at_rest(standing(2.4 if kind == "force" else 1.5, kind))
     guess = Guess(np.repeat(state.z[None], N, 0), np.zeros((N, at.n_q)), np.repeat(state.u[None], N, 0))
-    return at, state, guess, at.linear(guess, Material())[0]
+    return at, state, guess, at.linear(guess, MaterialShares())[0]
 
 
 @pytest.mark.parametrize("kind", ["force", "displacement"])
@@ -57,7 +57,7 @@ def effectors(kind="force"):
     return state, Predicted(value, C @ states.slope)
 
 
-COST = Cost(np.ones(3), np.array([0.3]), np.array([0.0]))
+COST = HorizonCost(np.ones(3), np.array([0.3]), np.array([0.0]))
 
 
 def solved(bounds, away=0.3, backend="active_set"):

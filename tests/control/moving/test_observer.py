@@ -7,7 +7,7 @@ from control.moving.bar import clocked, plant, robot, standing
 from cfem.control.moving.observer import Doubt, Observer
 from cfem.core.errors import InputError
 from cfem.plant.protocol import Measurement
-from cfem.predict.gate import Verdict
+from cfem.predict.estimation.gate import Verdict
 
 NOISE = 0.02
 
@@ -19,12 +19,12 @@ def watched(ticks=240, delay=1, kind="force", **body):
     observer = Observer(at, at.at_rest(standing(middle, kind)), np.ones(3), Doubt(noise=NOISE))
     there, measured, missed = plant(middle, kind, noise=NOISE, delay=delay, **body), None, []
     for k in range(ticks):
-        observer.hear(measured, robot().rest_e)
+        observer.correct(measured, robot().rest_e)
         if k:
             e, _ = at.effectors(observer.now().z[None])
             missed.append(np.linalg.norm(robot().rest_e + e[0] + observer.offset - there.actual.x_e))
         u = np.array([middle * (1 + 0.3 * np.sin(0.25 * k) * min(k / 30, 1.0))])
-        observer.told(u)
+        observer.command(u)
         measured = there.step(u, kind)
     return observer, np.array(missed)
 
@@ -59,10 +59,10 @@ def test_what_it_does_not_know_is_an_offset():
     observer, there = Observer(at, at.at_rest(standing(2.4)), np.ones(3), Doubt(noise=NOISE, stiffness=0.0)), plant(2.4)
     shift = np.array([0.0, 1.0, -0.5])
     for _ in range(200):
-        observer.told(np.array([2.4]))
+        observer.command(np.array([2.4]))
         found = there.step(np.array([2.4]), "force")
         seen = Measurement(found.x_e + shift, None, None, found.t, "converged")
-        observer.hear(seen, robot().rest_e)
+        observer.correct(seen, robot().rest_e)
     np.testing.assert_allclose(observer.offset, shift, atol=0.02)
 
 
@@ -77,20 +77,20 @@ def test_its_covariance_is_that_of_its_errors():
     np.testing.assert_array_equal(observer.covariance, observer.covariance.T)
 
 
-def test_samples_are_heard_once_and_lost_ones_are_no_harm():
+def test_samples_are_used_once_and_lost_ones_are_no_harm():
     at = clocked()
     observer = Observer(at, at.at_rest(standing(2.4)), np.ones(3), Doubt(noise=NOISE))
-    observer.told(np.array([2.4]))
+    observer.command(np.array([2.4]))
     seen = Measurement(robot().rest_e + standing(2.4).delta_e + 0.01, None, None, 1, "converged")
-    observer.hear(seen, robot().rest_e)
+    observer.correct(seen, robot().rest_e)
     before = observer.state.z.copy()
-    observer.hear(seen, robot().rest_e)
+    observer.correct(seen, robot().rest_e)
     np.testing.assert_array_equal(observer.state.z, before)
-    observer.told(np.array([2.4]))
-    observer.hear(Measurement(np.full(3, np.nan), None, None, 2, "nothing"), robot().rest_e)
-    assert observer.heard == 2 and np.isfinite(observer.state.z).all()
+    observer.command(np.array([2.4]))
+    observer.correct(Measurement(np.full(3, np.nan), None, None, 2, "nothing"), robot().rest_e)
+    assert observer.sampled == 2 and np.isfinite(observer.state.z).all()
     with pytest.raises(InputError, match="commands were given"):
-        observer.hear(Measurement(seen.x_e, None, None, 7, "converged"), robot().rest_e)
+        observer.correct(Measurement(seen.x_e, None, None, 7, "converged"), robot().rest_e)
 
 
 def test_a_robot_that_moves_otherwise_is_noticed():
@@ -98,25 +98,25 @@ def test_a_robot_that_moves_otherwise_is_noticed():
     observer, _ = watched(120, delay=0)
     assert observer.innovation < 5 and not observer.astray
     e, _ = clocked().effectors(observer.now().z[None])
-    tick = observer.heard + len(observer._commands) + 1
-    observer.told(np.array([2.4]))
+    tick = observer.sampled + len(observer._commands) + 1
+    observer.command(np.array([2.4]))
     seen = robot().rest_e + e[0] + observer.offset + 3.0
-    observer.hear(Measurement(seen, None, None, tick, "converged"), robot().rest_e)
+    observer.correct(Measurement(seen, None, None, tick, "converged"), robot().rest_e)
     assert observer.astray
 
 
-def hears(observer, there, u, spoil=lambda x: x):
+def sample_after(observer, there, u, spoil=lambda x: x):
     """One tick under u with a sample that is spoilt; what became of it."""
-    observer.told(u)
+    observer.command(u)
     found = there.step(u, "force")
-    return observer.hear(Measurement(spoil(found.x_e), None, None, found.t, "converged"), robot().rest_e)
+    return observer.correct(Measurement(spoil(found.x_e), None, None, found.t, "converged"), robot().rest_e)
 
 
 def settled(ticks=60, **body):
     at, there = clocked(), plant(2.4, noise=NOISE, **body)
     observer = Observer(at, at.at_rest(standing(2.4)), np.ones(3), Doubt(noise=NOISE))
     for k in range(ticks):
-        hears(observer, there, swinging(k))
+        sample_after(observer, there, swinging(k))
     return observer, there
 
 
@@ -127,10 +127,10 @@ def swinging(k):
 @pytest.mark.parametrize("away", [5.0, 50.0, 1e3, 1e6])
 def test_one_outlier_changes_nothing(away):
     (observer, there), (clean, other) = settled(), settled()
-    assert hears(observer, there, swinging(60), lambda x: x + [0.0, away, 0.0]) is Verdict.REJECTED
-    hears(clean, other, swinging(60))
+    assert sample_after(observer, there, swinging(60), lambda x: x + [0.0, away, 0.0]) is Verdict.REJECTED
+    sample_after(clean, other, swinging(60))
     for k in range(61, 81):
-        assert hears(observer, there, swinging(k)) is hears(clean, other, swinging(k)) is Verdict.ACCEPTED
+        assert sample_after(observer, there, swinging(k)) is sample_after(clean, other, swinging(k)) is Verdict.ACCEPTED
     np.testing.assert_allclose(observer.state.z, clean.state.z, atol=0.01)
     np.testing.assert_allclose(observer.offset, clean.offset, atol=0.01)
 
@@ -138,27 +138,28 @@ def test_one_outlier_changes_nothing(away):
 def test_a_robot_that_is_stiffer_and_swings_is_not_rejected():
     for stiffness in (0.9, 1.1, 1.3):
         observer, there = settled(0, stiffness=stiffness, viscosity=1.3)
-        assert all(hears(observer, there, swinging(k)) is Verdict.ACCEPTED for k in range(120))
+        assert all(sample_after(observer, there, swinging(k)) is Verdict.ACCEPTED for k in range(120))
 
 
 def test_a_robot_that_is_elsewhere_is_believed_after_so_many_samples():
     """Pushed away by 20 mm: the observer begins again after 8 samples that agree, and knows where it is at once."""
     observer, there = settled()
-    said = [hears(observer, there, swinging(k), lambda x: x + [0.0, 15.0, -12.0]) for k in range(60, 90)]
+    said = [sample_after(observer, there, swinging(k), lambda x: x + [0.0, 15.0, -12.0]) for k in range(60, 90)]
     assert said == [Verdict.REJECTED] * 7 + [Verdict.RESTART] + [Verdict.ACCEPTED] * 22
     e, _ = clocked().effectors(observer.now().z[None])
     expected = robot().rest_e + e[0] + observer.offset
     assert np.linalg.norm(expected - there.actual.x_e - [0.0, 15.0, -12.0]) < 4 * NOISE
 
 
-def test_a_sensor_that_is_stuck_is_not_heard_and_a_robot_that_stands_still_is():
+def test_a_sensor_that_is_stuck_is_rejected_and_a_robot_that_stands_still_is_not():
     observer, there = settled()
     frozen = there.actual.x_e.copy()
-    said = [hears(observer, there, swinging(k), lambda x: frozen) for k in range(60, 80)]
+    said = [sample_after(observer, there, swinging(k), lambda x: frozen) for k in range(60, 80)]
     assert said.count(Verdict.REJECTED) >= 15 and Verdict.RESTART not in said
     observer, there = settled()
     said = [
-        hears(observer, there, np.array([2.4]), lambda x: robot().rest_e + standing(2.4).delta_e) for _ in range(40)
+        sample_after(observer, there, np.array([2.4]), lambda x: robot().rest_e + standing(2.4).delta_e)
+        for _ in range(40)
     ]
     assert said[20:] == [Verdict.ACCEPTED] * 20
 
@@ -166,7 +167,7 @@ def test_a_sensor_that_is_stuck_is_not_heard_and_a_robot_that_stands_still_is():
 def test_an_estimate_that_is_lost_begins_again_at_the_model_s_equilibrium():
     observer, there = settled()
     observer.state.z[:] = np.nan
-    assert hears(observer, there, np.array([2.0])) is Verdict.RESTART
+    assert sample_after(observer, there, np.array([2.0])) is Verdict.RESTART
     observer.restart(np.array([2.0]))
     np.testing.assert_allclose(observer.state.z[:1], standing(2.0).delta_a, rtol=1e-8)
     assert not observer.state.z[1:].any() and not observer.offset.any() and observer.material.stiffness == 1.0

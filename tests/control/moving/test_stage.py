@@ -133,7 +133,7 @@ import json, sys
 import numpy as np
 from pathlib import Path
 from cfem.predict.load import load_model
-from cfem.predict.markers import on_triangles
+from cfem.predict.estimation.markers import on_triangles
 
 model = load_model(Path(sys.argv[1]))
 places = {"a": [12, -5, -5], "b": [48, 5, 5], "c": [60, -5, 5], "d": [36, 5, -5]}

@@ -13,7 +13,7 @@ from cfem.equilibrium.actuation import force
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import solve
 from cfem.mechanics.element import HEX_CORNERS
-from cfem.mechanics.rod import Section
+from cfem.mechanics.rod.region import CrossSection
 from cfem.robot.build import build_robot
 from cfem.robot.catalogue.stiff_flop import chamber_area, chamber_surface, section_shape
 from cfem.robot.geometry import StiffFlop
@@ -157,6 +157,6 @@ def test_a_point_beyond_the_tip_is_named():
 
 
 def test_a_section_that_does_not_deform_resists_with_the_constrained_modulus():
-    stiff = Section(2.0, 3.0, 6.0).stiffness(150.0, 0.15)
+    stiff = CrossSection(2.0, 3.0, 6.0).stiffness(150.0, 0.15)
     lam, mu = 150 * 0.15 / (1.15 * 0.7), 150 / 2.3
     np.testing.assert_allclose(stiff, [2 * (lam + 2 * mu), 2 * mu, 2 * mu, 6 * mu, *[3 * (lam + 2 * mu)] * 2])

@@ -8,7 +8,7 @@ from support.blocks import block, hexahedra
 
 from cfem.core.errors import SpecError
 from cfem.mechanics.mesh import Mesh
-from cfem.robot.cad import File, Surface
+from cfem.robot.cad import File, SurfaceSolid
 from cfem.robot.mesh.faceted import triangles, write_faceted
 from cfem.robot.mesh.meshing import measure
 
@@ -30,7 +30,7 @@ def test_both_files_hold_the_volume_of_the_mesh(tmp_path, order):
     for suffix, error in ((".step", 1e-9), (".stl", 1e-5)):
         file = tmp_path / f"part{suffix}"
         write_faceted(mesh, "part", file)
-        kind = Surface if file.suffix == ".stl" else File
+        kind = SurfaceSolid if file.suffix == ".stl" else File
         assert measure(kind(str(file)))[0] == pytest.approx(mesh.volumes.sum(), rel=error)
 
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from robot.scenes import scene
 from support.blocks import bar as bar_robot
+from support.blocks import block
 
 from cfem.core.errors import SpecError
 from cfem.core.stage import Options
@@ -13,6 +14,7 @@ from cfem.equilibrium.solve import solve
 from cfem.robot.build import build_robot
 from cfem.robot.mesh.grading import estimate, grade, scene_mesh
 from cfem.robot.mesh.mesh_file import read_mesh
+from cfem.robot.mesh.meshing import Grading, make_mesh
 from cfem.robot.stage import run
 
 PULL = "[{kind: cable, name: c, radius: 1 mm, pull_point: {mm: [0, 0, 4]}, points: {mm: [[10, 0, 4], [25, 0, 3]]},"
@@ -82,3 +84,10 @@ def test_parts_of_an_assembly_are_graded_where_they_stand(tmp_path):
 def test_what_cannot_be_graded_says_so(tmp_path):
     with pytest.raises(SpecError, match="grades tetrahedra"):
         scene(tmp_path, mesh="{size: 5 mm, element: hex8, cells: 500}")
+
+
+def test_sizes_from_cells_that_touch_both_sides_of_a_plate(tmp_path):
+    plate = block((90.0, 30.0, 4.0), (25, 10, 1))
+    spec = scene(tmp_path, geometry="{kind: bar, length: 90 mm, width: 30 mm, height: 4 mm}", mesh="{size: 8 mm}")
+    made, volume = make_mesh(spec, tmp_path, Grading(plate, np.full(len(plate.X), 8.0)))
+    assert made.volumes.sum() == pytest.approx(90 * 30 * 4) == pytest.approx(volume)

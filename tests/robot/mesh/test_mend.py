@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from support.blocks import block
 
+from cfem.contact.crossing import crossings
 from cfem.contact.facets import unmatched_edges
 from cfem.core.errors import InputError
 from cfem.robot.mesh.mend import mend
@@ -17,7 +18,8 @@ def volume(X, triangles):
 
 
 def mended(X, triangles):
-    X, triangles, said = mend(X, triangles, "body")
+    X, triangles, said, bodies = mend(X, triangles, "body")
+    assert bodies == 1
     assert len(unmatched_edges(triangles)) == 0
     assert len(np.unique(triangles)) == len(X)
     return X, triangles, said
@@ -55,6 +57,15 @@ def test_holes_are_closed(missing):
     assert "closed " in said[0] and volume(found, triangles) == pytest.approx(24, rel=0.02)
 
 
+def test_a_surface_that_passes_through_itself_at_a_place_is_smoothed_there():
+    top = np.flatnonzero(np.isclose(X, [3.0, 1.0, 2.0]).all(axis=1))
+    through = X.copy()
+    through[top] = [3.1, 1.05, -0.3]
+    found, triangles, said = mended(through, FACETS)
+    assert len(crossings(found, triangles)[0]) == 0 and "passed through itself" in said[0]
+    assert volume(found, triangles) == pytest.approx(24, rel=0.03)
+
+
 def test_the_normals_of_a_cavity_point_into_it():
     inner = 0.25 * (X - X.mean(axis=0)) + X.mean(axis=0)
     for facets in (FACETS, FACETS[:, ::-1]):
@@ -83,5 +94,23 @@ def test_what_cannot_be_mended_is_said():
         mend(X, FACETS[~top], "body")
     with pytest.raises(InputError, match="surface branches"):
         mend(np.vstack([X, [[9.0, 9, 9]]]), np.vstack([FACETS, [[FACETS[0, 0], FACETS[0, 1], len(X)]]]), "body")
-    with pytest.raises(InputError, match="2 separate pieces"):
-        mend(np.vstack([X, X + 20]), np.vstack([FACETS, FACETS + len(X)]), "body")
+
+
+def test_of_several_bodies_the_largest_is_taken_or_the_one_that_is_asked_for():
+    """A hollow one, a larger one that is turned inside out, and a small one within the hollow."""
+    middle = X.mean(axis=0)
+
+    def scaled(factor, shift=0.0):
+        return factor * (X - middle) + middle + shift
+
+    parts = [X, scaled(0.5), scaled(2.0, 50.0), scaled(0.1)]
+    facets = [FACETS, FACETS, FACETS[:, ::-1], FACETS]
+    everything = np.vstack([each + index * len(X) for index, each in enumerate(facets)])
+    for body, expected in ((1, 24 * 8), (2, 24 * (1 - 0.125)), (3, 24 * 0.001)):
+        found, triangles, said, bodies = mend(np.vstack(parts), everything, "file", body)
+        assert bodies == 3 and volume(found, triangles) == pytest.approx(expected)
+        assert any(f"took body {body} of 3, which hold 90, 9.9, 0.011 % of the volume" in phrase for phrase in said)
+    with pytest.raises(InputError, match="file: has 3 bodies, and the scene asks for number 4"):
+        mend(np.vstack(parts), everything, "file", 4)
+    with pytest.raises(InputError, match="file: has 1 body, and the scene asks for number 2"):
+        mend(X, FACETS, "file", 2)

@@ -15,7 +15,7 @@ from support.blocks import block, hexahedra
 
 from cfem.core.errors import InputError, SpecError
 from cfem.mechanics.mesh import Mesh
-from cfem.robot.mesh import meshing
+from cfem.robot.mesh import ask_gmsh, meshing
 from cfem.robot.mesh.mesh_file import write_mesh
 from cfem.robot.selection import select_nodes
 
@@ -75,6 +75,22 @@ def test_an_open_surface_is_refused(tmp_path):
     box_stl(tmp_path / "open.stl", slice(2, None))
     with pytest.raises(InputError, match=r"open\.stl.*not closed"):
         meshing.make_mesh(scene(tmp_path, geometry="{kind: mesh-file, path: open.stl}"), tmp_path)
+
+
+def test_a_thin_wall_whose_coarse_triangles_meet_is_filled_with_those_of_the_file(tmp_path):
+    """A tube of 10 mm with a wall of 0.5 mm, in cells of 8 mm: gmsh's own surface would pass through itself."""
+    around, levels = 2 * np.pi * np.arange(24) / 24, np.linspace(0, 30, 9)
+    rings = [(10.0, z) for z in levels] + [(9.5, z) for z in levels[::-1]]
+    X = np.vstack([np.column_stack([r * np.cos(around), r * np.sin(around), np.full(24, z)]) for r, z in rings])
+    first = np.arange(len(X)).reshape(-1, 24)
+    a, b = first, np.roll(first, -1, axis=1)
+    c, d = np.roll(b, -1, axis=0), np.roll(a, -1, axis=0)
+    triangles = np.stack([a, b, c, a, c, d], axis=2).reshape(-1, 3)
+    meshio.write(tmp_path / "tube.obj", meshio.Mesh(X, [("triangle", triangles)]))
+    spec = scene(tmp_path, geometry="{kind: mesh-file, path: tube.obj}", mesh="{size: 8 mm, element: tet4}")
+    mesh, volume = meshing.make_mesh(spec, tmp_path)
+    area = 24 / 2 * np.sin(2 * np.pi / 24) * (10**2 - 9.5**2)  # of a polygon's ring
+    assert volume == pytest.approx(30 * area) and mesh.volumes.sum() == pytest.approx(volume)
 
 
 def test_a_users_tetrahedra_keep_their_sets_and_are_turned_upright(tmp_path):
@@ -139,7 +155,7 @@ def test_missing_libraries_become_one_sentence_with_the_packages(tmp_path, monke
 
 def test_set_up_installs_the_packages_that_the_message_names():
     script = (Path(__file__).parents[3] / "scripts" / "setup.sh").read_text()
-    assert set(meshing.DEBIAN_PACKAGES.split()) == set(script.split('packages="')[1].split('"')[0].split())
+    assert set(ask_gmsh.DEBIAN_PACKAGES.split()) == set(script.split('packages="')[1].split('"')[0].split())
 
 
 @pytest.mark.parametrize("geometry", ["{kind: step, path: none.step}", "{kind: mesh-file, path: none.vtu}"])

@@ -11,11 +11,11 @@ import numpy as np
 from cfem.control.crawling.crawler import Crawler, Walk
 from cfem.control.crawling.gait import Gait, best_gait, commands_of
 from cfem.control.crawling.spec import GaitSpec
+from cfem.core.artefact.judgement import poor
+from cfem.core.console.progress import doing, progress
 from cfem.core.errors import NumericalError
-from cfem.core.judgement import poor
-from cfem.core.progress import doing, progress
 from cfem.equilibrium.quasi_static import CONVERGED
-from cfem.predict.wrench_series import NEAR
+from cfem.predict.loads.wrench_series import NEAR
 
 APART = 0.2  # of the planned distance a cycle: a plan that is wrong by more says nothing
 FEW = 2  # cycles that judge a gait, and that are walked at other coefficients of friction
@@ -119,7 +119,7 @@ def known(value: float) -> float | None:
 
 def judged(far: Mapping[str, float], unit: str, ratio: float = 0.0) -> list[dict[str, Any]]:
     """Whether finite elements go as far as the plan, nobody should trust it otherwise, and whether the legs bear what
-    they carry: ratio, the largest of `cfem.predict.wrench_series.Loaded.ratio` in the plan."""
+    they carry: ratio, the largest of `cfem.predict.loads.wrench_series.Loaded.ratio` in the plan."""
     planned, fe = far["planned"], far["fe"]
     found = []
     if not abs(fe - planned) <= APART * abs(planned):

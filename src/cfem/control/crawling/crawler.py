@@ -10,10 +10,10 @@ from cfem.contact.obstacle import Plane, tangents
 from cfem.control.crawling.spec import GaitSpec
 from cfem.core.errors import SpecError
 from cfem.equilibrium.actuation import displacement
-from cfem.equilibrium.grip import grip
-from cfem.equilibrium.ground import Ground, Pads
+from cfem.equilibrium.contact.grasp import grasp_step
+from cfem.equilibrium.contact.ground import Ground, Pads
+from cfem.equilibrium.contact.points import PointRobot, PointsState
 from cfem.equilibrium.quasi_static import CONVERGED, carried_out
-from cfem.equilibrium.touch import Touch, Touching
 
 LONGEST = 0.25  # mm that an actuator goes in one quasi-static step; friction depends on it (docs/locomotion.md)
 INSIDE = 1e-6  # mm
@@ -30,7 +30,7 @@ class Walk:
     base: np.ndarray
     turns: np.ndarray
     least: np.ndarray
-    touches: tuple[Touch, ...]
+    touches: tuple[PointsState, ...]
     seconds: np.ndarray
     status: str
 
@@ -47,7 +47,7 @@ class Walk:
 
 
 @dataclass(frozen=True)
-class Weight:
+class LegWeight:
     """Of a leg. size: N; rest (3,) mm: its centre of mass, at rest, in the scene; turn: of the leg."""
 
     size: float
@@ -60,13 +60,13 @@ class Crawler:
     """pads: of the base; centre (3,) mm of the base; ground: under the base alone; weights: of the legs, none where
     they have none."""
 
-    legs: tuple[Touching, ...]
+    legs: tuple[PointRobot, ...]
     pads: Pads
     ground: Ground
     centre: np.ndarray
-    weights: tuple[Weight, ...] = ()
+    weights: tuple[LegWeight, ...] = ()
 
-    def _ground(self, last: Touch | None) -> Ground:
+    def _ground(self, last: PointsState | None) -> Ground:
         """With the weight of all at the centre of its mass, where the state `last` has the legs."""
         if not self.weights:
             return self.ground
@@ -90,7 +90,7 @@ class Crawler:
         def go(u: np.ndarray) -> str:
             nonlocal at, last
             parts = [displacement(part) for part in (*np.split(u, len(self.legs)), np.zeros(0))]
-            found = grip((*self.legs, self.pads), parts, self._ground(last), "coulomb", mu, last)
+            found = grasp_step((*self.legs, self.pads), parts, self._ground(last), "coulomb", mu, last)
             if found.converged:
                 at, last = u, found
             return found.status.value
@@ -114,7 +114,7 @@ class Crawler:
 
 
 def crawler_of(
-    gait: GaitSpec, legs: Sequence[Touching], names: Sequence[str], weights: Sequence[Weight] = ()
+    gait: GaitSpec, legs: Sequence[PointRobot], names: Sequence[str], weights: Sequence[LegWeight] = ()
 ) -> Crawler:
     """SpecError where the crawler starts inside the ground, or its base does not stand on it."""
     n = np.asarray(gait.ground.normal, float)

@@ -9,24 +9,24 @@ import numpy as np
 
 from cfem.constraint.contact import ContactPoint
 from cfem.constraint.effector import PointEffector
-from cfem.control.assembled import box_surface, place_of
 from cfem.control.crawling.course import Course, account_of, headline, judged, known
 from cfem.control.crawling.crawler import Crawler, Walk, crawler_of
 from cfem.control.crawling.own_weight import own_weight
+from cfem.control.crawling.run_spec import CrawlingSpec
 from cfem.control.crawling.spec import GaitSpec
-from cfem.control.optimality import Verdict
+from cfem.control.holding.assembly import box_surface, place_of
+from cfem.control.open_loop.summary import summarise
 from cfem.control.prepared import demand_same_rows, robot_and_models
-from cfem.control.spec import ControlSpec
-from cfem.control.summary import summarise
+from cfem.control.search.optimality import Verdict
+from cfem.core.artefact.judgement import KEY
 from cfem.core.errors import InputError
-from cfem.core.judgement import KEY
 from cfem.dataset.writer import write_records
+from cfem.equilibrium.contact.points import PlacedRobot
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.quasi_static import CONVERGED
 from cfem.equilibrium.robot import Robot
-from cfem.equilibrium.touch import PlacedRobot
 from cfem.plant.fem_plant import pushed
-from cfem.predict.leg import LearnedLeg, held_by
+from cfem.predict.contact.leg import LearnedLeg, held_by
 from cfem.robot.load import load_scene_and_mesh
 
 Place = tuple[np.ndarray, np.ndarray]
@@ -45,7 +45,7 @@ class Setting:
     fe: Crawler
 
 
-def setting_of(spec: ControlSpec, base: Path, mesh: Path, models: Mapping[str, Path]) -> Setting:
+def setting_of(spec: CrawlingSpec, base: Path, mesh: Path, models: Mapping[str, Path]) -> Setting:
     """base: folder of the spec; mesh and models: artefacts."""
     scene_and_mesh, gait = load_scene_and_mesh(base / spec.scene, mesh), spec.gait
     robot, predictors, _ = robot_and_models(spec, base, scene_and_mesh, models)
@@ -65,7 +65,7 @@ def setting_of(spec: ControlSpec, base: Path, mesh: Path, models: Mapping[str, P
     return Setting(robot, name, model, places, on, learned, fe)
 
 
-def crawl(folder: Path, spec: ControlSpec, base: Path, mesh: Path, models: Mapping[str, Path]) -> dict[str, Any]:
+def crawl(folder: Path, spec: CrawlingSpec, base: Path, mesh: Path, models: Mapping[str, Path]) -> dict[str, Any]:
     """Writes trajectories.parquet, a row a command, and states.npz; returns the results."""
     at, gait = setting_of(spec, base, mesh, models), spec.gait
     on, learned, fe, robot = at.on, at.learned, at.fe, at.robot

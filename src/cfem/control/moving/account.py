@@ -5,8 +5,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from cfem.control.closed_loop import Moment
-from cfem.control.tick import Pilot
+from cfem.control.closed_loop.run import Moment
+from cfem.control.closed_loop.tick import Pilot
 
 _PARTS = 10
 

@@ -6,15 +6,15 @@ from typing import Any
 import numpy as np
 
 from cfem.condensed import Condensed
-from cfem.control.closed_loop_spec import ControllerSpec, LoopSpec
-from cfem.control.controller import Controller
-from cfem.control.inverse import Aim
-from cfem.control.loop import Iterate, reach
+from cfem.control.closed_loop.controller import Controller
+from cfem.control.closed_loop.spec import ControllerSpec, LoopSpec
+from cfem.control.closed_loop.tick import Pilot
 from cfem.control.moving.feedforward import Computed, Shaped
-from cfem.control.moving.horizon import Bounds, Cost, HalfSpace
+from cfem.control.moving.horizon import Bounds, HalfSpace, HorizonCost
 from cfem.control.moving.mpc import Mpc, Plan
 from cfem.control.moving.observer import Doubt
-from cfem.control.tick import Pilot
+from cfem.control.search.goal_search import Iterate, reach
+from cfem.control.search.inverse import Aim
 from cfem.core.errors import SpecError
 from cfem.motion.clocked import Clocked
 from cfem.motion.model import MotionModel
@@ -73,7 +73,7 @@ def _mpc(spec: ControllerSpec, pilot: Pilot, motion: MotionModel, at: Situation,
         command, course = course, command
     full = np.abs(known.lambda_a if forces else at.reach.T).max(axis=0)
     size = at.length / full
-    cost = Cost(pilot.weights, np.sqrt(own.smooth) * size, np.sqrt(own.effort) * size)
+    cost = HorizonCost(pilot.weights, np.sqrt(own.smooth) * size, np.sqrt(own.effort) * size)
     bounds = Bounds(command, np.full(len(full), pilot.rate), course, _planes(own, len(at.rest_e)))
     plan = Plan(own.horizon, cost, bounds, pilot.settings.backend, own.moves)
     clocked = Clocked(motion, pilot.command, 1 / at.loop.rate, start.delta_a)

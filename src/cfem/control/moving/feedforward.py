@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cfem.control.controller import Controller
+from cfem.control.closed_loop.controller import Controller
+from cfem.control.closed_loop.tick import Belief, Pilot, drive
 from cfem.control.moving.mpc import Told
 from cfem.control.moving.shaping import Kind, Shaper, shaper
-from cfem.control.tick import Belief, Pilot, drive
-from cfem.motion.model import MotionModel, Place
+from cfem.motion.model import MotionModel, MotionTerms
 from cfem.motion.modes import natural_modes
 from cfem.plant.protocol import Measurement
 
@@ -123,7 +123,7 @@ class Computed:
         forces = place.pull + M[:n_a, :n_a] @ a + F[:n_a, :n_a] @ v + v @ by_turn - by_turn @ v / 2
         return eta, forces
 
-    def _lost(self, place: Place) -> np.ndarray:
+    def _lost(self, place: MotionTerms) -> np.ndarray:
         """(n_q, n_q) resistance to slow motion."""
         taus = [one.relaxation + sum(share * tau for share, tau in one.prony) for one in self._model.losses]
         return np.tensordot(taus, place.F, 1) if taus else np.zeros_like(place.M)

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cfem.control.qp import Backend, QpSolution, QpStatus, solve_qp
-from cfem.motion.linear import Linear
+from cfem.control.search.qp import Backend, QpSolution, QpStatus, solve_qp
+from cfem.motion.linear import LinearisedSteps
 
 _SOFT = 1e3  # price of missing a bound on what the robot does, over that of missing a goal by as much
 
@@ -29,7 +29,7 @@ class HalfSpace:
 
 
 @dataclass(frozen=True)
-class Cost:
+class HorizonCost:
     """weights (n_e,) of the effectors; smooth, effort (n_a,): mm per unit of a change of command in a tick, and of a
     command."""
 
@@ -62,7 +62,7 @@ class Predicted:
 
 
 def condensed_states(
-    steps: Linear, z: np.ndarray, guess_z: np.ndarray, guess_w: np.ndarray, told: np.ndarray, mean: bool
+    steps: LinearisedSteps, z: np.ndarray, guess_z: np.ndarray, guess_w: np.ndarray, told: np.ndarray, mean: bool
 ) -> Predicted:
     """States (N, n_z) after each tick, from z (n_z,) and the command told (n_a,) that has been reached. mean: a tick
     acts with the mean of the commands at its ends, else with the one at its end; guesses: what `steps` are about."""
@@ -84,7 +84,7 @@ def condensed_states(
 
 
 def condensed_forces(
-    steps: Linear, states: Predicted, z: np.ndarray, guess_z: np.ndarray, guess_w: np.ndarray
+    steps: LinearisedSteps, states: Predicted, z: np.ndarray, guess_z: np.ndarray, guess_w: np.ndarray
 ) -> Predicted:
     """Forces (N, n_a) of actuators whose displacements are commanded."""
     n, n_a = steps.lam.shape
@@ -99,7 +99,7 @@ def condensed_forces(
 
 
 @dataclass(frozen=True)
-class Commands:
+class HorizonCommands:
     """U (N, n_a); qp: the program's own account; softened: bounds on what the robot does had to be widened."""
 
     U: np.ndarray
@@ -113,11 +113,11 @@ def best_commands(
     goals: np.ndarray,
     told: np.ndarray,
     rest: np.ndarray,
-    cost: Cost,
+    cost: HorizonCost,
     bounds: Bounds,
     backend: Backend = "active_set",
     begins: np.ndarray | None = None,
-) -> Commands:
+) -> HorizonCommands:
     """effectors (N, n_e) and course (N, n_a) as predicted; goals (N, n_e) mm from rest; told (n_a,): the command
     before; rest (n_a,): what effort is counted from; begins (m,): ticks at which the command changes, the first of
     them 0, None: all."""
@@ -151,7 +151,7 @@ def best_commands(
     softened = qp.status is QpStatus.INFEASIBLE and len(A) > len(hard[0])
     if softened:
         qp = _softened(M, d, A, low, high, box, len(hard[0]), backend)
-    return Commands(np.repeat(qp.x[: n * n_a].reshape(n, n_a), lasting, axis=0), qp, softened)
+    return HorizonCommands(np.repeat(qp.x[: n * n_a].reshape(n, n_a), lasting, axis=0), qp, softened)
 
 
 def _held(found: Predicted, begins: np.ndarray, n_a: int) -> Predicted:

@@ -12,31 +12,31 @@ from numpy.typing import ArrayLike
 from cfem.condensed import Condensed
 from cfem.control.moving.horizon import (
     Bounds,
-    Commands,
-    Cost,
     HalfSpace,
+    HorizonCommands,
+    HorizonCost,
     Predicted,
     best_commands,
     condensed_forces,
     condensed_states,
 )
 from cfem.control.moving.observer import Doubt, Observer
-from cfem.control.qp import Backend, QpStatus
+from cfem.control.search.qp import Backend, QpStatus
 from cfem.core.errors import NumericalError
-from cfem.motion.clocked import Clocked, State
-from cfem.motion.linear import Guess, Material, first_of
-from cfem.motion.model import Place
+from cfem.motion.clocked import Clocked, ClockedState
+from cfem.motion.linear import Guess, MaterialShares, first_of
+from cfem.motion.model import MotionTerms
 from cfem.motion.mpc_spec import EVERY, blocks
 from cfem.plant.protocol import Measurement
-from cfem.predict.gate import Verdict
+from cfem.predict.estimation.gate import Verdict
 
 
 @dataclass(frozen=True)
 class Told:
     """What a controller says at a tick: u (n_a,) the command; status: 'converged' or why not; delta_a (n_a,) mm: where
     it takes the actuators to be at its end; softened: it could not keep what the robot does within bounds; astray: the
-    last sample is far beyond what its observer expected; rejected: the sample of this tick does not fit, and was not
-    heard; restarted: too many did not, and the observer began again."""
+    last sample is far beyond what its observer expected; rejected: the sample of this tick does not fit, and
+    corrected nothing; restarted: too many did not, and the observer began again."""
 
     u: np.ndarray
     status: str
@@ -53,7 +53,7 @@ class Plan:
     commands that differ, None: all."""
 
     ticks: int
-    cost: Cost
+    cost: HorizonCost
     bounds: Bounds
     backend: Backend = "active_set"
     moves: int | None = None
@@ -109,7 +109,7 @@ class Mpc:
         self._states = np.concatenate([self._states[-self._plan.ticks :], 2 * self._states[-1:] - self._states[-2:-1]])
         self._sent(u, place)
         astray = self.observer is not None and self.observer.astray
-        apart = verdict is Verdict.REJECTED, verdict is Verdict.RESTART or self._abandons
+        apart = verdict is Verdict.REJECTED, verdict is Verdict.RESTART or self._resets
         self.belief = Told(u, status, self._states[0, : self._clocked.n_a].copy(), softened, astray, *apart)
         return self.belief
 
@@ -124,33 +124,33 @@ class Mpc:
         step = RETREAT * (self._rest - self.belief.u)
         u = self.belief.u + np.clip(step, -self._plan.bounds.rate, self._plan.bounds.rate)
         self._ahead = np.repeat(u[None], self._plan.ticks, axis=0)
-        if self._abandons:  # what samples cannot tell from the truth may still leave no plan
-            self.observer.abandon(u)
+        if self._resets:  # what samples cannot tell from the truth may still leave no plan
+            self.observer.reset(u)
         return u
 
     @property
-    def _abandons(self) -> bool:
+    def _resets(self) -> bool:
         """Whether the observer begins again in this tick because there has been no plan for long."""
         return self.observer is not None and self._lost > PATIENCE and (self._lost - PATIENCE) % AGAIN == 1
 
-    def _present(self, measured: Measurement | None) -> tuple[State, Verdict | None]:
+    def _present(self, measured: Measurement | None) -> tuple[ClockedState, Verdict | None]:
         """Where the robot is now, and what became of the sample."""
         if self.observer is None:
             return self._state, None
-        verdict = self.observer.hear(measured, self._rest_e)
+        verdict = self.observer.correct(measured, self._rest_e)
         return self.observer.now(), verdict
 
-    def _sent(self, u: np.ndarray, place: Place | None) -> None:
+    def _sent(self, u: np.ndarray, place: MotionTerms | None) -> None:
         if self.observer is None:
             self._state, _, _ = self._clocked.step(self._state, u, self._material, place)
         else:
-            self.observer.told(u, place)
+            self.observer.command(u, place)
 
     @property
-    def _material(self) -> Material:
-        return Material() if self.observer is None else self.observer.material
+    def _material(self) -> MaterialShares:
+        return MaterialShares() if self.observer is None else self.observer.material
 
-    def _solve(self, now: State, goals: np.ndarray) -> tuple[Commands, np.ndarray, Place]:
+    def _solve(self, now: ClockedState, goals: np.ndarray) -> tuple[HorizonCommands, np.ndarray, MotionTerms]:
         """The commands of the horizon, the states (N, n_z) that they lead to, and what the model says at its first
         tick."""
         clocked, plan = self._clocked, self._plan

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cfem.mechanics.mesh import Mesh, boundary_facets
-from cfem.mechanics.rod import Section
+from cfem.mechanics.rod.region import CrossSection
 from cfem.robot.geometry import StiffFlop
 
 CHAMBERS, SIDES = 6, 12
@@ -65,7 +65,7 @@ def windings(geometry: StiffFlop, mesh: Mesh) -> tuple[np.ndarray, ...]:
     return tuple(groups)
 
 
-def section_shape(geometry: StiffFlop) -> Section:
+def section_shape(geometry: StiffFlop) -> CrossSection:
     """Of the polygons; J = 2 I, as plane sections that do not warp have."""
     outer, bore, chamber = (
         _polygon(radius) for radius in (geometry.radius, geometry.bore_radius, geometry.chamber_radius)
@@ -73,7 +73,7 @@ def section_shape(geometry: StiffFlop) -> Section:
     area = outer[0] - bore[0] - CHAMBERS * chamber[0]
     # six equal areas on a circle have half of their polar moment about either axis
     bending = outer[1] - bore[1] - CHAMBERS * (chamber[1] + chamber[0] * geometry.chamber_circle**2 / 2)
-    return Section(area, bending, 2 * bending)
+    return CrossSection(area, bending, 2 * bending)
 
 
 def chamber_area(geometry: StiffFlop) -> float:

@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 
 from cfem.mechanics.mesh import Mesh, boundary_facets, tet_volumes
-from cfem.mechanics.rod import Section
+from cfem.mechanics.rod.region import CrossSection
 from cfem.robot.cad import Frustum, Solid, Union
 from cfem.robot.geometry import Taper
 
@@ -71,13 +71,13 @@ def _hats(knots: np.ndarray, places: np.ndarray, amounts: np.ndarray) -> np.ndar
     return np.bincount(left, amounts * (1 - part), count) + np.bincount(left + 1, amounts * part, count)
 
 
-def section_shape(spec: Taper, places: np.ndarray, poisson: float) -> Section:
+def section_shape(spec: Taper, places: np.ndarray, poisson: float) -> CrossSection:
     """Means over each element between neighbouring `places` (s,) mm, by Gauss's rule of three points. Sections are
     free to contract; shear as Cowper's for a circle of the main material."""
     middle, half = (places[1:] + places[:-1]) / 2, np.diff(places) / 2
     radii = np.interp(middle[:, None] + half[:, None] * _GAUSS[0], spec.places, spec.radii)
     area, bending = np.pi * radii**2 @ _GAUSS[1], np.pi / 4 * radii**4 @ _GAUSS[1]
-    return Section(area, bending, 2 * bending, True, 6 * (1 + poisson) / (7 + 6 * poisson))
+    return CrossSection(area, bending, 2 * bending, True, 6 * (1 + poisson) / (7 + 6 * poisson))
 
 
 def shifted(points: np.ndarray, y: float, z: float, outward: float) -> np.ndarray:

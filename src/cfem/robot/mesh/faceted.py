@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
+from cfem.core.artefact.files import write_whole
 from cfem.core.errors import SpecError
-from cfem.core.files import write_whole
 from cfem.mechanics.mesh import Mesh
 
 _NONE = "''"  # no name

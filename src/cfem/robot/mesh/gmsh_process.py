@@ -2,10 +2,11 @@
 `python -P -m cfem.robot.mesh.gmsh_process JOB.json OUT.npz`.
 
 It ends when its stdin does: then nobody waits for the answer any more. A job is {'solid': a tree of cad.py, 'surface':
-of a Surface the .npz with X (n, 3) mm and triangles (m, 3), 'size': mm, 'refine': [{'low', 'high', 'size', 'blend'}],
+of a surface the .npz with X (n, 3) mm and triangles (m, 3), 'size': mm, 'refine': [{'low', 'high', 'size', 'blend'}],
 'regions': [trees whose surfaces the mesh is to conform to], 'grading': rows of a tetrahedron's x, y, z and sizes at its
-corners, or null}. The answer is an .npz with X (n, 3) mm, cells (m, 4) and the CAD volume mm^3; where 'size' is null,
-nothing is meshed, and the answer is the body's volume mm^3 and the area mm^2 of its surface.
+corners, or null, 'factor': on all sizes, 'anew': of a surface, whether its triangles are made anew}. The answer is an
+.npz with X (n, 3) mm, cells (m, 4) and the CAD volume mm^3; where 'size' is null, nothing is meshed, and the answer is
+the body's volume mm^3 and the area mm^2 of its surface.
 
 One thread and fixed algorithms: the same job gives the same mesh. Exit 10: gmsh cannot be loaded; 11: the geometry
 cannot be built or meshed, cause on stderr; 12: stdin ended; 13: the geometry is not one body. A mesh of more than
@@ -21,6 +22,7 @@ from pathlib import Path
 
 import numpy as np
 
+_LOST = 0.5  # of the largest cells: a mesh that is so much shorter than the body has lost an end of it
 _EMPTY = "gmsh made no tetrahedra: the surface may not enclose a volume"
 
 
@@ -121,7 +123,7 @@ def fill(gmsh, anew: bool) -> None:
 
 
 def is_surface(solid: dict) -> bool:
-    return solid["kind"] == "Surface"
+    return solid["kind"] == "SurfaceSolid"
 
 
 class Separate(ValueError):
@@ -176,12 +178,11 @@ def mesh(gmsh, job: dict) -> dict[str, np.ndarray]:
     if not about <= job["max_cells"] or job["size"] > 1.01 * (high - low).max():
         return {"about": np.array(about), "extent": high - low}
     if is_surface(solid):
-        _fill_somehow(gmsh, job)
-    else:
-        if job["regions"]:
-            split(gmsh.model.occ, body, job["regions"])
-        _sizes(gmsh, job)
-        gmsh.model.mesh.generate(3)
+        fill(gmsh, job["anew"])
+    elif job["regions"]:
+        split(gmsh.model.occ, body, job["regions"])
+    _sizes(gmsh, job)
+    gmsh.model.mesh.generate(3)
     gmsh.model.mesh.optimize("Netgen")
     tags, coordinates, _ = gmsh.model.mesh.getNodes()
     cells = gmsh.model.mesh.getElementsByType(4)[1].reshape(-1, 4)
@@ -191,24 +192,10 @@ def mesh(gmsh, job: dict) -> dict[str, np.ndarray]:
     used, cells = np.unique(cells, return_inverse=True)
     order = np.argsort(tags)
     X = coordinates.reshape(-1, 3)[order][np.searchsorted(tags[order], used)]
+    lost = float((high - low - np.ptp(X, axis=0)).max())
+    if is_surface(solid) and lost > _LOST * job["size"]:  # the box around a CAD solid need not be tight
+        raise ValueError(f"gmsh left out an end of the body: the mesh is {lost:.3g} mm shorter")
     return {"X": X, "cells": cells.reshape(-1, 4), "volume": np.array(volume)}
-
-
-def _fill_somehow(gmsh, job: dict) -> None:
-    """Meshes a surface anew and fills it; where gmsh cannot, with the file's own triangles."""
-    try:
-        fill(gmsh, anew=True)
-        _sizes(gmsh, job)
-        gmsh.model.mesh.generate(3)
-        if len(gmsh.model.mesh.getElementsByType(4)[1]):
-            return
-    except Exception as error:  # gmsh raises bare Exception
-        print(error, file=sys.stderr)
-    gmsh.clear()
-    surface(gmsh, job["surface"])
-    fill(gmsh, anew=False)
-    _sizes(gmsh, job)
-    gmsh.model.mesh.generate(3)
 
 
 def cells_wanted(volume: float, low: np.ndarray, high: np.ndarray, job: dict) -> float:
@@ -222,7 +209,8 @@ def cells_wanted(volume: float, low: np.ndarray, high: np.ndarray, job: dict) ->
 
 
 def _sizes(gmsh, job: dict) -> None:
-    for option, value in (("MeshSizeMax", job["size"]), ("MeshSizeExtendFromBoundary", 0), ("MeshSizeFromPoints", 0)):
+    values = {"MeshSizeMax": job["size"], "MeshSizeExtendFromBoundary": 0, "MeshSizeFromPoints": 0}
+    for option, value in (values | {"MeshSizeFactor": job["factor"]}).items():
         gmsh.option.setNumber(f"Mesh.{option}", value)
     fields = []
     for part in job["refine"]:

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from cfem.core.progress import doing, progress
-from cfem.equilibrium.evaluation import Cost
+from cfem.core.console.progress import doing, progress
+from cfem.equilibrium.evaluation import SolveCost
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.robot import Robot
 from cfem.mechanics.element import shape
@@ -58,7 +58,7 @@ def estimate(robot: Robot) -> Errors:
     problem = Problem(robot)
     at = problem.evaluate(problem.rest, np.empty(0))
     B = np.hstack([problem.gradients(robot.effectors, at.x), at.H])
-    Z = problem.factor(at, np.zeros(problem.n_active), Cost()).factor.solve(B)
+    Z = problem.factor(at, np.zeros(problem.n_active), SolveCost()).factor.solve(B)
     W = np.einsum("ij,ij->j", B, Z)
     squared = [np.zeros(len(part.cells)) for part in problem.body.solids]
     for j in np.flatnonzero(W > 0):

@@ -3,19 +3,25 @@
 from collections import deque
 
 import numpy as np
+from scipy.sparse import csr_array
 
+from cfem.contact.crossing import crossings
 from cfem.contact.facets import components, solid_angles
 from cfem.core.errors import InputError
 from cfem.robot.mesh.same_place import representatives
+from cfem.robot.mesh.short_edges import without_short_edges
 
 _FLAT = 1e-5  # height of a sliver relative to its longest edge
 _HOLE = 0.35  # of the surface's largest extent: a wider hole is an opening, not a flaw
-_ROUNDS = 20  # of flips of slivers
+_ROUNDS = 20  # of flips of slivers, and of moves of nodes where the surface passes through itself
+_TANGLED = 0.02  # of the triangles: where more pass through others, two bodies overlap, which no small move mends
 
 
-def mend(X: np.ndarray, triangles: np.ndarray, where: str) -> tuple[np.ndarray, np.ndarray, list[str]]:
-    """X (n, 3), triangles (m, 3) closed, each edge between two of them, normals out of the material; and a phrase for
-    each flaw that was mended.
+def mend(
+    X: np.ndarray, triangles: np.ndarray, where: str, body: int = 1
+) -> tuple[np.ndarray, np.ndarray, list[str], int]:
+    """X (n, 3), triangles (m, 3) closed, each edge between two of them, normals out of the material; a phrase for each
+    flaw that was mended; and how many bodies there are. body: the one that is taken, the largest first.
 
     InputError, naming `where`, for what cannot be mended: wide openings, edges of more than two triangles."""
     said: list[str] = []
@@ -41,11 +47,20 @@ def mend(X: np.ndarray, triangles: np.ndarray, where: str) -> tuple[np.ndarray, 
         share = 100 * max(holes) / np.ptp(size, axis=0).max()
         holes_said = "a hole" if len(holes) == 1 else f"{len(holes)} holes"
         said.append(f"closed {holes_said}, {share:.2g} % of the body's extent wide at most")
-    triangles, whole = _outward(X, triangles, where)
+    triangles, whole, bodies = _outward(X, triangles)
     if turned or whole:
         said.append("turned triangles whose normals pointed the wrong way")
+    if len(bodies) > 1 or body > 1:
+        triangles, phrase = _one_of(X, [triangles[each] for each in bodies], body, where)
+        said.append(phrase)
+    triangles, contracted = without_short_edges(X, triangles)
+    if contracted:
+        said.append(f"contracted {contracted} edges that are next to nothing beside those around them")
+    X, moved = _untangled(X, triangles)
+    if moved:
+        said.append(f"moved {moved} nodes where the surface passed through itself")
     used, numbered = np.unique(triangles, return_inverse=True)
-    return X[used], numbered.reshape(triangles.shape), said
+    return X[used], numbered.reshape(triangles.shape), said, len(bodies)
 
 
 def _without_copies(triangles: np.ndarray) -> tuple[np.ndarray, int]:
@@ -163,6 +178,26 @@ def _closed(X: np.ndarray, triangles: np.ndarray, where: str) -> tuple[np.ndarra
     return X, np.vstack([triangles, np.array(added)]), widths
 
 
+def _untangled(X: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, int]:
+    """Nodes about places where triangles pass through others come half way to the mean of their neighbours until none
+    does; and how many have moved. As it was where that does not help."""
+    start, neighbours = X, None
+    for _ in range(_ROUNDS):
+        edges, pierced = crossings(X, triangles)
+        if len(pierced) == 0:
+            return X, int((start != X).any(axis=1).sum())
+        if len(np.unique(pierced)) > max(_TANGLED * len(triangles), 10):
+            break
+        if neighbours is None:
+            rows, columns = _edges(triangles).T
+            weights = csr_array((np.ones(len(rows)), (rows, columns)), shape=(len(X), len(X)))
+            neighbours = weights / np.maximum(weights.sum(axis=1), 1)[:, None]
+        tangled = np.unique(np.concatenate([edges.ravel(), triangles[pierced].ravel()]))
+        X = X.copy()
+        X[tangled] = (X[tangled] + (neighbours @ X)[tangled]) / 2
+    return start, 0
+
+
 def _loops(rim: np.ndarray) -> list[list[int]]:
     """Closed ways along directed edges (k, 2), none of which passes a node twice."""
     after: dict[int, list[int]] = {}
@@ -183,26 +218,39 @@ def _loops(rim: np.ndarray) -> list[list[int]]:
     return [loop for loop in found if len(loop) > 2]
 
 
-def _outward(X: np.ndarray, triangles: np.ndarray, where: str) -> tuple[np.ndarray, bool]:
-    """The outer shell with its normals outward, those of cavities into the cavity; and whether one was turned.
-    InputError where several shells have material inside."""
+def _outward(X: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, bool, list[np.ndarray]]:
+    """The outer shells with their normals outward, those of cavities into the cavity; whether one was turned; and the
+    triangles (m,) bool of each body, an outer shell with its cavities."""
     count, part = components(triangles)
-    triangles, turned, bodies = triangles.copy(), False, 0
+    triangles, turned = triangles.copy(), False
     corners = X[triangles]
+    around = np.zeros((count, count), dtype=bool)  # of each shell, those around it
     for which in range(count):
-        own = part == which
-        place = corners[own][0].mean(axis=0)
-        around = [
-            other
-            for other in range(count)
-            if other != which and abs(solid_angles(corners[part == other] - place).sum()) > 2 * np.pi
-        ]
-        middle = corners[own].mean(axis=(0, 1))
-        outward = np.linalg.det(corners[own] - middle).sum() > 0
-        bodies += len(around) % 2 == 0
-        if outward != (len(around) % 2 == 0):
-            triangles[own], turned = triangles[own][:, ::-1], True
-    if bodies > 1:
-        do = "give one body, or make each a file of its own and a part of a geometry of `kind: assembly`"
-        raise InputError(f"the surface is {bodies} separate pieces", where=where, do=do)
-    return triangles, turned
+        place = corners[part == which][0].mean(axis=0)
+        for shell in range(count):
+            if shell != which:
+                around[which, shell] = abs(solid_angles(corners[part == shell] - place).sum()) > 2 * np.pi
+    depth = around.sum(axis=1)
+    for which in range(count):
+        members = part == which
+        middle = corners[members].mean(axis=(0, 1))
+        outward = np.linalg.det(corners[members] - middle).sum() > 0
+        if outward != (depth[which] % 2 == 0):
+            triangles[members], turned = triangles[members][:, ::-1], True
+    bodies = []
+    for outer in np.flatnonzero(depth % 2 == 0):
+        cavities = np.flatnonzero(around[:, outer] & (depth == depth[outer] + 1))
+        bodies.append(np.isin(part, [outer, *cavities]))
+    return triangles, turned, bodies
+
+
+def _one_of(X: np.ndarray, bodies: list[np.ndarray], body: int, where: str) -> tuple[np.ndarray, str]:
+    """The triangles (m, 3) of one of several bodies, the largest first; and what to say of it."""
+    volumes = np.array([np.linalg.det(X[each]).sum() / 6 for each in bodies])
+    if body > len(bodies):
+        what = f"has {len(bodies)} {'bodies' if len(bodies) > 1 else 'body'}, and the scene asks for number {body}"
+        raise InputError(what, where=where, do="set geometry.body (--body) to one of them, the largest first")
+    order = np.argsort(-volumes, kind="stable")
+    shares = ", ".join(f"{100 * volume / volumes.sum():.2g}" for volume in volumes[order][:5])
+    phrase = f"took body {body} of {len(bodies)}, which hold {shares} % of the volume: geometry.body (--body) chooses"
+    return bodies[order[body - 1]], phrase

@@ -8,8 +8,8 @@ import meshio
 import numpy as np
 
 from cfem.contact.facets import components
+from cfem.core.artefact.files import write_whole
 from cfem.core.errors import InputError
-from cfem.core.files import write_whole
 from cfem.mechanics.mesh import Mesh, boundary_facets, hex_volumes, tet_volumes
 from cfem.robot.mesh.mesh_sets import CELL_SET, SET, arrays, named_sets
 from cfem.robot.mesh.same_place import representatives

@@ -1,21 +1,16 @@
 """From a scene's geometry to its mesh: by gmsh in a process of its own, as a block, or from the user's file."""
 
-import json
-import subprocess  # nosec B404
-import sys
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from cfem.core.errors import InputError, NumericalError, SpecError
-from cfem.core.optional import demand
+from cfem.core.errors import InputError, SpecError
 from cfem.mechanics.element import ELEMENTS
 from cfem.mechanics.mesh import TET_EDGES, Mesh, boundary_facets, quadratic, tet_volumes
 from cfem.robot import selection
-from cfem.robot.cad import Box, Difference, File, Placed, Solid, Surface, as_data
+from cfem.robot.cad import Box, Difference, File, Placed, Solid, SurfaceSolid, as_data
 from cfem.robot.catalogue.bar import bar
 from cfem.robot.catalogue.diamond import diamond
 from cfem.robot.catalogue.soft_finger import soft_finger
@@ -24,14 +19,11 @@ from cfem.robot.catalogue.taper import filled, rod_mesh, taper
 from cfem.robot.catalogue.trunk import trunk
 from cfem.robot.geometry import Assembly, Bar, Diamond, MeshFile, Part, Single, SoftFinger, StiffFlop, Taper, Trunk
 from cfem.robot.mesh import hexahedra
+from cfem.robot.mesh.ask_gmsh import ask_gmsh
 from cfem.robot.mesh.mesh_file import read_own
 from cfem.robot.mesh.placement import join, place, place_back, seen_from
-from cfem.robot.mesh.surface_file import read_surface
 from cfem.robot.shape.deform import shaped
 from cfem.robot.spec import Meshing, SceneSpec
-
-# What gmsh's wheel needs of a bare Debian (readelf -d on its library).
-DEBIAN_PACKAGES = "libglu1-mesa libgl1 libgomp1 libxcursor1 libxft2 libxinerama1 libxfixes3 libxrender1 libfontconfig1"
 
 _FAR = 1e4  # mm, beyond any robot
 
@@ -158,10 +150,16 @@ def mirrored(X: np.ndarray, cells: np.ndarray, axis: int) -> tuple[np.ndarray, n
 
 def _corner_sizes(grading: Grading) -> list[list[float]]:
     """A row a cell: x of its four corners, y, z, then their sizes; in steps of 2 %, so that the rounding of whatever
-    computed them does not change the mesh."""
+    computed them does not change the mesh. Two cells more lie beyond opposite corners of the body, as gmsh's search
+    tree loses cells that touch its bounds."""
     corners = grading.mesh.cells[:, :4]
     sizes = np.exp(np.round(np.log(grading.sizes) * 50) / 50)
-    return np.hstack([*(grading.mesh.X[corners][:, :, axis] for axis in range(3)), sizes[corners]]).tolist()
+    X, sizes = grading.mesh.X[corners], sizes[corners]
+    low, high = X.min(axis=(0, 1)), X.max(axis=(0, 1))
+    far = (high - low).max() * np.vstack([np.zeros(3), np.eye(3)])
+    X = np.concatenate([X, [high + 0.1 * far.max() + far, low - 0.1 * far.max() - far]])
+    sizes = np.concatenate([sizes, np.full((2, 4), sizes.max())])
+    return np.hstack([*(X[:, :, axis] for axis in range(3)), sizes]).tolist()
 
 
 def _hexahedra(
@@ -210,7 +208,7 @@ def solid_of(geometry: Single, folder: Path) -> Solid:
     if not path.is_file():
         raise InputError("no such file", where=str(path), do="check geometry.path")
     if isinstance(geometry, MeshFile):
-        return Surface(str(path), geometry.unit)
+        return SurfaceSolid(str(path), geometry.unit, geometry.body)
     return File(str(path), geometry.unit or 1.0)
 
 
@@ -236,7 +234,7 @@ def run_gmsh(
         "grading": None if grading is None else _corner_sizes(grading),
         "max_cells": meshing.max_cells,
     }
-    answer = _gmsh(job, solid)
+    answer = ask_gmsh(job, solid)
     if "about" in answer:
         demand_cells(meshing, float(answer["about"]), answer["extent"])
     return answer["X"], answer["cells"], float(answer["volume"])
@@ -256,44 +254,11 @@ def demand_cells(meshing: Meshing, about: float, extent: np.ndarray) -> None:
 
 def measure(solid: Solid) -> tuple[float, float]:
     """Volume mm^3 and area mm^2 of the surface of a body, without a mesh. InputError where a file holds no one body."""
-    answer = _gmsh({"solid": as_data(solid), "size": None}, solid)
+    answer = ask_gmsh({"solid": as_data(solid), "size": None}, solid)
     return float(answer["volume"]), float(answer["area"])
 
 
 def write_cad(solid: Solid, files: Sequence[Path]) -> None:
     """Writes a body for CAD (.step, exact) and for printing (.stl, about 0.05 mm off at most), in mm."""
     job = {"solid": as_data(solid), "write": [str(file) for file in files], "deviation": 0.05}
-    _gmsh(job, solid)
-
-
-def _gmsh(job: dict, solid: Solid) -> dict[str, np.ndarray]:
-    """What gmsh's process answers."""
-    demand("gmsh", where="a mesh of this geometry")
-    with tempfile.TemporaryDirectory() as scratch:
-        place, out = Path(scratch), Path(scratch) / "mesh.npz"
-        if isinstance(solid, Surface):
-            X, triangles, _ = read_surface(Path(solid.path))
-            np.savez(place / "surface.npz", X=solid.unit * X, triangles=triangles)
-            job = {**job, "surface": str(place / "surface.npz")}
-        (place / "job.json").write_text(json.dumps(job), encoding="utf-8")
-        # -P: no module is taken from the working folder
-        command = [sys.executable, "-P", "-m", "cfem.robot.mesh.gmsh_process", str(place / "job.json"), str(out)]
-        with (
-            open(place / "said", "wb") as log,
-            # this interpreter on a module of ours, which ends when its stdin does: it never outlives this process
-            subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=log) as process,  # nosec B603
-        ):
-            code = process.wait()
-        said = (place / "said").read_text(errors="replace")
-        where = solid.path if isinstance(solid, File | Surface) else "geometry"
-        cause = said.strip().splitlines()[-1] if said.strip() else f"exit {code}"
-        if code == 10:
-            raise InputError(f"gmsh cannot be loaded: {cause}", do=f"on Debian: apt-get install {DEBIAN_PACKAGES}")
-        if code == 13:
-            do = "give one body, or make each a file of its own and a part of a geometry of `kind: assembly`"
-            raise InputError(cause, where=where, do=do)
-        if code != 0:
-            kind = InputError if isinstance(solid, File | Surface) else NumericalError
-            raise kind(f"cannot be meshed: {cause}", where=where, do="repair the geometry or change mesh.size")
-        with np.load(out) as answer:
-            return dict(answer)
+    ask_gmsh(job, solid)

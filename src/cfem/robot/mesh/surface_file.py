@@ -22,25 +22,35 @@ _CORNERS = {"tetra": 4, "tetra10": 4, "hexahedron": 8, "hexahedron20": 8, "hexah
 
 
 @cache
-def _read(path: Path, changed: tuple[int, int]) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
+def _read(path: Path, body: int, changed: tuple[int, int]) -> tuple[np.ndarray, np.ndarray, tuple[str, ...], int]:
     X, triangles = _triangles(path)
-    X, triangles, said = mend(X, triangles, str(path))
-    return X, triangles, tuple(said)
+    X, triangles, said, bodies = mend(X, triangles, str(path), body)
+    return X, triangles, tuple(said), bodies
 
 
-def read_surface(path: Path) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
+def read_surface(path: Path, body: int = 1) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
     """X (n, 3) in the file's unit (mm of a .3mf), triangles (m, 3) of a closed surface, normals out of the material;
-    and what was mended. InputError where the file cannot be read or the surface not be closed."""
+    and what was mended. body: of several in the file, the largest first. InputError where the file cannot be read, the
+    surface not be closed, or there is no such body."""
+    return _known(path, body)[:3]
+
+
+def count_bodies(path: Path) -> int:
+    """How many separate bodies the surface in a file bounds. Errors as `read_surface`."""
+    return _known(path, 1)[3]
+
+
+def _known(path: Path, body: int) -> tuple[np.ndarray, np.ndarray, tuple[str, ...], int]:
     if not path.is_file():
         raise InputError("no such file", where=str(path), do="check the path")
     stat = path.stat()
-    return _read(path, (stat.st_mtime_ns, stat.st_size))
+    return _read(path, body, (stat.st_mtime_ns, stat.st_size))
 
 
-def mended(path: Path, surface: bool) -> tuple[str, ...]:
-    """What is mended of a file when it is read, as its surface or as its cells, a phrase each."""
+def mended(path: Path, surface: bool, body: int = 1) -> tuple[str, ...]:
+    """What is mended of a file when it is read, as the surface of a body or as cells, a phrase each."""
     if surface:
-        return read_surface(path)[2]
+        return read_surface(path, body)[2]
     merged = join_pieces(read_data(path))
     return (f"merged {merged} duplicate nodes, which kept cells apart",) if merged else ()
 
@@ -50,7 +60,7 @@ def mends_of(geometry: Geometry, folder: Path) -> Iterator[tuple[Path, str]]:
     parts = [part.geometry for part in geometry.parts] if isinstance(geometry, Assembly) else [geometry]
     for part in parts:
         if isinstance(part, MeshFile):
-            yield from ((part.path, phrase) for phrase in mended(folder / part.path, part.meshed_here))
+            yield from ((part.path, phrase) for phrase in mended(folder / part.path, part.meshed_here, part.body))
 
 
 def _triangles(path: Path) -> tuple[np.ndarray, np.ndarray]:

@@ -9,14 +9,14 @@ from functools import partial
 import numpy as np
 
 from cfem.stability.case import Case, Expectation, named
-from cfem.stability.program import Program, attempt
+from cfem.stability.program import HardProgram, attempt
 
 OPTIMAL, INFEASIBLE, NOT_FINITE = named("OPTIMAL"), named("INFEASIBLE"), named("NOT_FINITE")
 NAN, INF = float("nan"), float("inf")
 
 
 def cases() -> list[Case]:
-    tables: dict[str, tuple[Expectation, Callable[[], Program]]] = {
+    tables: dict[str, tuple[Expectation, Callable[[], HardProgram]]] = {
         "well posed": (OPTIMAL, _inverse),
         "out of reach": (OPTIMAL, partial(_inverse, goal=(60.0, 20.0, 5.0))),
         "goal a metre away": (OPTIMAL, partial(_inverse, goal=(1e3, -1e3, 1e3))),
@@ -80,7 +80,7 @@ def _inverse(
     box: tuple = ((0.0, 10.0), (0.0, 10.0), (0.0, 10.0)),
     course: tuple | None = ((0.0, 12.0), (0.0, 12.0), (0.0, 12.0)),
     repeat: int = 1,
-) -> Program:
+) -> HardProgram:
     """Three actuators, one effector. spread: smallest singular value of W_ea over its largest; strength: of W_ea;
     apart: force of the last actuator against that of the first, for as much; force_unit, length_unit: the units of the
     numbers, in N and mm; repeat: how often the course rows come."""
@@ -94,4 +94,4 @@ def _inverse(
         d = np.concatenate([np.array(goal) / length_unit, np.zeros(3)])
     bounds = np.empty((0, 2)) if course is None else np.tile(np.array(course) / length_unit, (repeat, 1))
     rows = np.empty((0, 3)) if course is None else np.tile(W_aa, (repeat, 1))
-    return Program(M, d, rows, *bounds.T.copy(), np.array(box) * unit[:, None], 10.0 * unit)
+    return HardProgram(M, d, rows, *bounds.T.copy(), np.array(box) * unit[:, None], 10.0 * unit)

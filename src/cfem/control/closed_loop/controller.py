@@ -1,0 +1,88 @@
+"""One tick of control over time: a goal, corrected by what the sensors say of earlier ticks, becomes a command.
+
+Closed, the goal is moved by K_P e + K_I sum(e) (the paper's PI; a sum over samples, no time step), e being what the
+robot still owes at the tick of a sample (`cfem.control.closed_loop.feedback`)."""
+
+from contextlib import suppress
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cfem.condensed.far import doubt
+from cfem.condensed.model import PathDependent
+from cfem.control.closed_loop.feedback import Feedback
+from cfem.control.closed_loop.tick import Belief, Pilot, drive
+from cfem.core.errors import InputError, NumericalError, SpecError
+from cfem.plant.gains import Gains
+from cfem.plant.protocol import Measurement
+
+
+class Controller:
+    """Open or closed loop control of one robot, tick by tick.
+
+    belief: what the controller knows after its last tick; aimed: (n_e,) mm, the corrected goal of that tick; feedback:
+    the correction, None in open loop."""
+
+    def __init__(
+        self,
+        pilot: Pilot,
+        rest_e: np.ndarray,
+        gains: Gains | None = None,
+        start: np.ndarray | None = None,
+        far: np.ndarray | None = None,
+    ):
+        """rest_e: (n_e,) mm, where the effectors rest; gains: None for open loop; start: (n_a,) mm where the actuators
+        stand, the model's home or 0 unless given; far: (n_e,) mm from rest, of `far_of`, beyond which goals of others
+        are in another unit, unchecked unless given."""
+        self._pilot, self._rest_e = pilot, rest_e
+        self.feedback = Feedback(gains, pilot.weights > 0) if gains else None
+        self._tick = 0
+        self._far = np.full(len(rest_e), np.inf) if far is None else far
+        home = getattr(pilot.model, "home", np.zeros(len(pilot.ridge)))
+        self.belief = Belief.at(pilot, home if start is None else np.asarray(start, float))
+        self.aimed = self._rest_e + self.belief.iterate.condensed.delta_e
+
+    def pass_to(self, share: float) -> None:
+        """What moves in the model's world goes to where it is at this share of the run. Where the model has no answer,
+        it is what the next tick says."""
+        model, at = self._pilot.model, self.belief.iterate
+        if not getattr(model, "passes", False):
+            return
+        with suppress(NumericalError):
+            model.pass_to(share)
+            condensed = model.at_displacement(at.condensed.delta_a)
+            self.belief = replace(self.belief, iterate=replace(at, condensed=condensed))
+
+    def tick(
+        self,
+        goal: ArrayLike,
+        measured: Measurement | None = None,
+        ahead: ArrayLike | None = None,
+        let_go: bool = False,
+    ) -> Belief:
+        """goal: (n_e,) mm absolute, rotation vectors in rad; measured: the latest sample, whose t is the number of the
+        command that it followed, 1 for the first; ahead: goals to come, which this controller does not use; let_go: the
+        robots put their object down there and open. The command is `u` of the answer: (n_a,), mm (mm^3) or N (MPa).
+        InputError for a goal so far away that it is in another unit."""
+        goal = np.asarray(goal, float)
+        if goal.shape != self._rest_e.shape or not np.isfinite(goal).all():
+            raise SpecError(f"expected {len(self._rest_e)} finite numbers, got {goal.tolist()}", where="goal")
+        strange = doubt(goal, self._rest_e, self._far)
+        if strange:
+            raise InputError(f"the goal {goal.tolist()} {strange}", do="give it in mm, in the frame of the scene")
+        self._tick += 1
+        self.aimed = goal
+        if self.feedback:
+            if measured is not None:
+                self.feedback.hear(measured.t, measured.x_e)
+            self.aimed = goal + self.feedback.moved
+        pilot = self._pilot
+        if self._tick == 1 and pilot.approach is not None:
+            pilot = replace(pilot, settings=pilot.approach)
+        self.belief = drive(pilot, self.belief, self.aimed - self._rest_e, measured, let_go)
+        if isinstance(pilot.model, PathDependent):
+            pilot.model.settle(self.belief.iterate.condensed.delta_a)
+        if self.feedback:
+            self.feedback.commanded(self._rest_e + self.belief.iterate.condensed.delta_e)
+        return self.belief

@@ -1,0 +1,80 @@
+"""What a controller of a loop works with, from its spec: model, limits, gains, seeds."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from cfem.condensed.model import Model
+from cfem.control.closed_loop.spec import ControllerSpec, LoopSpec
+from cfem.control.closed_loop.tick import Pilot
+from cfem.control.run_spec import FE_BASED
+from cfem.control.search.inverse import Limits
+from cfem.equilibrium.robot import Robot
+from cfem.plant.gains import PHASE_MARGIN, Gains
+from cfem.predict.protocol import Predictor
+
+
+def moving_model(controller: ControllerSpec, predictors: Mapping[str, Predictor]) -> str:
+    """Name of the model that knows how the robot moves."""
+    return controller.model if controller.model in predictors else next(iter(predictors))
+
+
+def seeds_of(controller: ControllerSpec, loop: LoopSpec) -> list[int]:
+    """Seeds of the noise; the first alone where nothing that is measured changes a command."""
+    deaf = controller.mode == "open" and controller.observer != "measured"
+    return loop.seeds[:1] if deaf else loop.seeds
+
+
+def model_of(controller: ControllerSpec, predictors: Mapping[str, Predictor], robot: Robot) -> Model:
+    """The model of a controller. One of finite elements is its own: it remembers where it has been."""
+    if controller.model == FE_BASED:
+        from cfem.plant.fem_plant import FemPlant
+
+        return FemPlant(robot)
+    return predictors[controller.model or next(iter(predictors))]
+
+
+def pilot_of(search: Pilot, controller: ControllerSpec, loop: LoopSpec, model: Model, robot: Robot) -> Pilot:
+    """The pilot of a controller; search: how goals are searched for without a clock."""
+    command, limits = loop.command, bounded(search.limits, loop)
+    if command.kind == "force" and robot.forces is not None:
+        # What protects the robot is the bound of what it is told; a course only has to be one that the model knows.
+        limits = Limits(limits.lambda_a, _known_course(model, robot))
+    return replace(
+        search,
+        model=model,
+        command=command.kind,
+        observer=controller.observer,
+        limits=limits,
+        settings=replace(search.settings, iterations=controller.iterations),
+        restarts=0,
+        rate=np.inf if command.step is None else command.step,
+    )
+
+
+def bounded(limits: Limits, loop: LoopSpec) -> Limits:
+    """The limits, with forces no larger than the largest command."""
+    command = loop.command
+    if command.kind == "displacement" or command.largest is None:
+        return limits
+    return replace(limits, lambda_a=np.clip(limits.lambda_a, -command.largest, command.largest))
+
+
+def _known_course(model: Model, robot: Robot) -> np.ndarray:
+    """(n_a, 2) mm (mm^3): what the scene states, and wherever else the model was trained; unbounded for FE."""
+    if not hasattr(model, "domain"):
+        return np.full_like(robot.reach, np.inf) * [-1, 1]
+    low, high = np.stack([robot.reach, model.domain.delta_a.T], axis=-1).swapaxes(0, 1)
+    return np.column_stack([low.min(axis=-1), high.max(axis=-1)])
+
+
+def gains_of(controller: ControllerSpec) -> Gains | None:
+    """Gains of the correction, None where a controller has none."""
+    if controller.mode != "closed" or controller.mpc is not None:
+        return None
+    spec = controller.gains
+    bound = np.inf if spec is None or spec.bound is None else spec.bound
+    if spec is not None and spec.integral is not None:
+        return Gains(spec.proportional, spec.integral, bound)
+    return Gains(bound=bound, phase_margin=PHASE_MARGIN if spec is None else spec.phase_margin)

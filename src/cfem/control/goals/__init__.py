@@ -1,0 +1,1 @@
+"""Goals that the effectors follow: points, arcs, curves, laps, and their specs."""

@@ -1,0 +1,77 @@
+"""The goals of a trajectory that a spec describes."""
+
+import numpy as np
+
+from cfem.condensed.far import doubt, far_of
+from cfem.control.goals.trajectory import arc, half_sphere, loop_of_shares, with_approach
+from cfem.control.goals.trajectory_spec import ArcSpec, GoalsSpec, HalfSphereSpec, ImageSpec, TrajectorySpec
+from cfem.core.console.progress import progress
+from cfem.core.errors import SpecError
+from cfem.equilibrium.robot import Robot
+from cfem.plant.fem_plant import FemPlant
+
+
+def goals_of(name: str, trajectory: TrajectorySpec, robot: Robot, fem: FemPlant, shift: np.ndarray) -> np.ndarray:
+    """(m, n_e) mm absolute. robot: or what stands for several and their object; shift: (n_e,) mm by how much they move
+    with a design, empty without one."""
+    if isinstance(trajectory, ArcSpec):
+        around = arc(*(getattr(trajectory, key) for key in ("centre", "radius", "start", "end", "plane", "goals")))
+        around = _fit(name, around, robot, shift)
+        return with_approach(around, robot.rest_e, trajectory.from_rest)
+    if isinstance(trajectory, HalfSphereSpec):
+        points = half_sphere(trajectory.centre, trajectory.radius, trajectory.turns, trajectory.goals)
+        return _fit(name, points, robot, shift)
+    if isinstance(trajectory, GoalsSpec):
+        oriented = [] if trajectory.rotation is None else [trajectory.rotation]
+        return _fit(name, np.hstack([trajectory.points, *oriented]), robot, shift)
+    centre, radii = _shares(name, trajectory, robot.rows.n_a)
+    shares = loop_of_shares(centre, radii, trajectory.goals, trajectory.shape)
+    found = []
+    with progress(f"solving the goals of {name} by FE", len(shares)) as advance:
+        for share in shares:
+            found.append(fem.pull(share).x_e)
+            advance(1)
+    return np.array(found)
+
+
+def demand_fits(name: str, trajectory: TrajectorySpec, n_a: int, n_e: int, aims: int) -> None:
+    """SpecError where a trajectory has numbers for another number of actuators, or of effector rows: all, n_e, or those
+    that goals are set for."""
+    if isinstance(trajectory, ImageSpec):
+        _shares(name, trajectory, n_a)
+    if isinstance(trajectory, GoalsSpec) and trajectory.rotation is None:
+        numbers = trajectory.points.shape[1]
+        _demand_rows(name, numbers, aims if numbers == aims else n_e)
+
+
+def _shares(name: str, trajectory: ImageSpec, n_a: int) -> tuple[list[float], list[float]]:
+    try:
+        return trajectory.shares(n_a)
+    except ValueError as error:
+        do = "give one number for all, or one per actuator"
+        raise SpecError(str(error), where=f"trajectories.{name}", do=do) from None
+
+
+def _demand_rows(name: str, numbers: int, rows: int) -> None:
+    if numbers != rows:
+        what = f"a goal has {numbers} numbers, the robot {rows} effector rows"
+        do = "give one number per row: x, y, z of each effector"
+        raise SpecError(what, where=f"trajectories.{name}", do=do)
+
+
+def _fit(name: str, goals: np.ndarray, robot: Robot, shift: np.ndarray) -> np.ndarray:
+    if goals.shape[1] == robot.aims.sum():  # no goal is set for a centre of mass
+        goals, stated = np.tile(robot.rest_e, (len(goals), 1)), goals
+        goals[:, robot.aims] = stated
+    _demand_rows(name, goals.shape[1], robot.rows.n_e)
+    return goals + shift if len(shift) else goals
+
+
+def demand_near(name: str, goals: np.ndarray, robot: Robot) -> None:
+    """goals (m, n_e) mm. SpecError where a goal is so far away that it has another unit."""
+    far = far_of(robot.rows, robot.length)
+    for index, goal in enumerate(goals):
+        strange = doubt(goal, robot.rest_e, far)
+        if strange:
+            do = "check the unit of the goals"
+            raise SpecError(f"goal {index} {strange}", where=f"trajectories.{name}", do=do)

@@ -1,0 +1,1 @@
+"""Objects held between robots: grasp, squeeze, lift, put down."""

@@ -1,0 +1,223 @@
+"""From what `control.yaml` says of an object and the robots that hold it to models and a plant."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from cfem.condensed import Rows
+from cfem.condensed.coupling import Coupled, Holder, RigidObject
+from cfem.condensed.model import Model
+from cfem.contact.obstacle import Box
+from cfem.control.holding.grasp import from_table, taken
+from cfem.control.holding.gripping import Grip, Gripping
+from cfem.control.holding.spec import HoldingSpec, RobotSpec
+from cfem.control.holding.squeeze import balanced
+from cfem.core.errors import InputError, NumericalError
+from cfem.equilibrium.contact.grasp import FreeObject
+from cfem.equilibrium.contact.ground import Pads
+from cfem.equilibrium.contact.held_patch import contact_points, patch_of
+from cfem.equilibrium.contact.patch_compliance import within_patch
+from cfem.equilibrium.contact.points import PlacedRobot, PointRobot
+from cfem.equilibrium.problem import Problem
+from cfem.equilibrium.robot import Robot
+from cfem.plant.coupled_plant import CoupledPlant
+from cfem.plant.fem_patch import FemPatch
+from cfem.plant.grip_plant import GripPlant
+from cfem.predict.contact.gripping_finger import LearnedFinger, WithinPatch
+from cfem.predict.protocol import Predictor
+
+TABLE = 0.01  # mm/N of each of the four points of a table, in every direction
+WITHIN = 0.8  # of the way from the middle of a side to its edges, where these points are
+TOUCHES = 1e-6  # mm between a contact point and the object at rest
+
+
+@dataclass(frozen=True)
+class RobotsAndObject:
+    """What control asks of a robot, for several and what they hold: see `cfem.equilibrium.robot.Robot`. X (n, 3) and
+    facets are of all robots, one after the other, at rest, and of the object, whose points are the last. forces: no
+    bounds stated."""
+
+    rows: Rows
+    rest_e: np.ndarray
+    reach: np.ndarray
+    unilateral: np.ndarray
+    length: float
+    X: np.ndarray
+    facets: np.ndarray
+    object_points: int
+    actuator_units: tuple[tuple[str, str], ...]
+    forces: None = None
+
+    @property
+    def aims(self) -> np.ndarray:
+        """(n_e,) which effector rows every goal is set for: the object's place."""
+        return ~np.array(self.rows.turns)
+
+
+def assembled(
+    spec: HoldingSpec, robot: Robot, predictors: Mapping[str, Predictor], models: Mapping[str, Path]
+) -> tuple[RobotsAndObject, dict[str, Model], CoupledPlant]:
+    """InputError where a model is not of the scene's robot with its contact points held."""
+    n_pose = {name: _pose_rows(predictor, robot, models[name]) for name, predictor in predictors.items()}
+    turns = spec.object.turns
+    if turns and min(n_pose.values()) < 6:
+        raise InputError(
+            "was sampled with a patch that cannot turn, but the object can turn", do="set object.turns: false"
+        )
+    n = 6 if turns else 3
+    force = np.zeros(3) if spec.object.force is None else spec.object.force
+    held = RigidObject(spec.object.centre, turns, np.concatenate([force, np.zeros(n - 3)]), spec.oriented)
+    places = [place_of(one) for one in spec.robots]
+    n_a, count = robot.rows.n_a, len(places)
+
+    def holds(models_of: list[Model], n_of: int, origin: np.ndarray) -> list[Holder]:
+        return [
+            Holder(one.name, model, n_a, n_of, turn, shift, origin)
+            for one, model, (turn, shift) in zip(spec.robots, models_of, places, strict=True)
+        ]
+
+    home, coupled = None, {}
+    fem = [FemPatch(robot, turns=max(n_pose.values()) == 6) for _ in places]
+    origin = fem[0].patch.origin
+    for name, predictor in predictors.items():
+        mine = holds([predictor] * count, n_pose[name], origin)
+        start = _stable(mine, held, np.tile(_taut_state(predictor, n_pose[name]), count))
+        home = start if home is None else home
+        coupled[name] = Coupled(mine, held, start, spec.updates)
+    mesh = robot.body.mesh
+    points, surface = box_surface(spec.object.centre, spec.object.half_size, mesh.facets.shape[1])
+    plant = CoupledPlant(holds(fem, fem[0].patch.n, origin), held, np.tile(robot.unilateral, count), home, points)
+    facts = RobotsAndObject(
+        plant.coupled.rows,
+        held.rest_e,
+        np.tile(robot.reach, (count, 1)),
+        np.tile(robot.unilateral, count),
+        robot.length,
+        np.concatenate([*(mesh.X @ turn.T + shift for turn, shift in places), points]),
+        np.concatenate([*(mesh.facets + i * len(mesh.X) for i in range(count)), surface + count * len(mesh.X)]),
+        len(points),
+        robot.actuator_units * count,
+    )
+    return facts, coupled, plant
+
+
+def touching(
+    spec: HoldingSpec, robot: Robot, models: Mapping[str, Coupled]
+) -> tuple[Grip, dict[str, Gripping], GripPlant]:
+    """Where contact points open and slide: what plans know of it, and the FE robots. InputError where a contact point
+    does not touch the object at rest, SpecError where the robots cannot hold it."""
+    about, law, mu = spec.object, spec.object.law, spec.object.friction if spec.object.law == "coulomb" else 0.0
+    shape = Box(about.half_size, t=about.centre)
+    force = np.zeros(3) if about.force is None else about.force
+    held = FreeObject(shape, about.centre, np.concatenate([force, np.zeros(3)]), about.turns, oriented=spec.oriented)
+    n_a, count = robot.rows.n_a, len(spec.robots)
+    fingers = [PlacedRobot(Problem(robot), *place_of(one)) for one in spec.robots]
+    _demand_touch(spec, robot, shape, fingers)
+    points, _ = box_surface(about.centre, about.half_size, robot.body.mesh.facets.shape[1])
+    ends, preload = n_a * np.arange(count + 1), spec.search.preload
+
+    def grip(robots: Sequence[PointRobot], grasp: np.ndarray, table: Pads | None) -> GripPlant:
+        return GripPlant(robots, ends, held, law, mu, points, grasp if preload else None, about.margin, table)
+
+    if any(hold.n_pose < 6 for glued in models.values() for hold in glued.holds):
+        do = "add contact.rotation to sample.yaml, sample and train"
+        raise InputError(
+            "points that open one by one turn their patch, and the model was sampled with one that cannot", do=do
+        )
+    patch = patch_of(contact_points(fingers[0].problem), turns=True)
+    within, found = WithinPatch(*within_patch(robot, patch)), {}
+    table = table_under(about.centre, about.half_size, force) if about.table else None
+    for name, glued in models.items():
+        learned = [LearnedFinger(hold.model, patch, within, hold.turn, hold.shift) for hold in glued.holds]
+        grasp = balanced(learned, held, preload) if about.balanced else np.full(n_a * count, preload)
+        robots = grip(learned, grasp, table)
+        if table:
+            plans = from_table(robots, glued, mu, about.margin, grasp, preload)
+        else:
+            plans = Gripping(robots, glued, mu, about.margin, grasp, taken(robots))
+        found[name] = plans
+    first = next(iter(found.values()))
+    fe = grip(fingers, first.home, table)
+    return Grip.of(first, fe), found, fe
+
+
+def table_under(centre: np.ndarray, half_size: np.ndarray, force: np.ndarray) -> Pads:
+    """A table under the side of a box that `force` points to, four points of it."""
+    axis = int(np.abs(force).argmax())
+    signs = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)], float)
+    below = signs[signs[:, axis] == np.sign(force[axis])] * np.where(np.arange(3) == axis, 1.0, WITHIN)
+    return Pads(np.asarray(centre) + below * half_size, TABLE)
+
+
+def _demand_touch(spec: HoldingSpec, robot: Robot, shape: Box, fingers: Sequence[PlacedRobot]) -> None:
+    """InputError where a contact point stands within the object, or away from one that nothing but the robots holds."""
+    gaps = np.array([shape.distance(finger.points) for finger in fingers])
+    do = "choose object.centre and object.half_size so that all contact points touch it"
+    for wrong, what in (
+        (-gaps, "is {0:.3g} mm inside the object"),
+        (gaps, "does not reach the object: {0:.3g} mm are missing"),
+    )[: 1 if spec.object.table else 2]:
+        number, point = np.unravel_index(wrong.argmax(), gaps.shape)
+        if wrong.max() > TOUCHES:
+            name = robot.rows.contacts[3 * point].rsplit(".", 1)[0]
+            said = what.format(wrong.max())
+            raise InputError(f"contact point '{name}' of robot '{spec.robots[number].name}' {said}", do=do)
+
+
+def box_surface(centre: np.ndarray, half_size: np.ndarray, width: int) -> tuple[np.ndarray, np.ndarray]:
+    """Points (k, 3) mm and facets of a box: quadrilaterals (width 4), or triangles of 3 or 6 nodes, as the mesh has."""
+    signs = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)], float)
+    quads = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
+    corners = np.asarray(centre) + signs * half_size
+    if width == 4:
+        return corners, quads
+    triangles = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+    if width == 3:
+        return corners, triangles
+    ends = corners[triangles]  # (12, 3, 3)
+    both = np.concatenate([ends, (ends + np.roll(ends, -1, axis=1)) / 2], axis=1)
+    return both.reshape(-1, 3), np.arange(72).reshape(12, 6)
+
+
+def place_of(one: RobotSpec) -> tuple[np.ndarray, np.ndarray]:
+    turn, shift = np.eye(3), np.zeros(3)
+    if one.rotate is not None:
+        axis = np.asarray(one.rotate.axis, float)
+        turn = Rotation.from_rotvec(one.rotate.angle * axis / np.linalg.norm(axis)).as_matrix()
+    if one.translate is not None:
+        shift = np.asarray(one.translate, float)
+    return turn, shift
+
+
+def _pose_rows(predictor: Predictor, robot: Robot, where: Path) -> int:
+    n_pose = int(predictor.meta.get("n_c", 0))
+    if not n_pose or predictor.rows.actuators[: robot.rows.n_a] != robot.rows.actuators:
+        known, needed = (", ".join(one.rows.actuators) for one in (predictor, robot))
+        what = f"the model has the inputs {known}; an object needs {needed} and the pose of the contact points"
+        raise InputError(what, where=str(where), do="train it on samples with `contact`")
+    return n_pose
+
+
+def _stable(holds: list[Holder], held: RigidObject, taut: np.ndarray) -> np.ndarray:
+    """The largest share of `taut` (n_a,) at which the robots hold the object. NumericalError where there is none."""
+    for share in (1.0, 0.5, 0.25, 0.0):
+        try:
+            Coupled(holds, held).at_displacement(share * taut)
+        except NumericalError:
+            if not share:
+                raise
+        else:
+            break
+    return share * taut
+
+
+def _taut_state(predictor: Predictor, n_pose: int) -> np.ndarray:
+    """(n_a,) actuators of the training state that is most in the middle: control starts among the data."""
+    known = predictor.domain.states
+    n = known.shape[1] // 2
+    low, high = known.min(axis=0), known.max(axis=0)
+    apart = (((known - (low + high) / 2) / np.where(high > low, high - low, 1.0)) ** 2).sum(axis=1)
+    return known[int(np.argmin(apart)), : n - n_pose]

@@ -1,0 +1,62 @@
+"""Searches that put an object down at a place of its table, and let it go.
+
+The robots let go by going back to rest (`cfem.plant.grip_plant.GripPlant.let_go`). Where the object comes to stand
+depends on where it was held before: the search holds it above the place, lets go, and moves that hold by what it
+missed, always at the height of the first. Broyden's method (Math. Comp. 19, 1965) learns from the misses how the place
+follows the hold, since the object tilts in the air and slides as it goes down."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from cfem.control.search.goal_search import Iterate, Reach, Settings, reach
+from cfem.control.search.inverse import Aim, Limits
+from cfem.core.errors import NumericalError
+
+ROUNDS = 8
+NEAR = 1e-3  # mm from the place: nearer is not asked for
+ALIKE = 0.1  # of its weight, that the height of a hold is that of the first: it may rise where the margin wants it
+
+
+def put_down(model, aim: Aim, limits: Limits, iterate: Iterate, settings: Settings) -> Reach:
+    """The best of a few tries, with the actuators at rest in the end; `via`: where the robots hold the object before.
+    NumericalError where there is none. model: a `Gripping` with a table."""
+    n_o, up = model.glued.rows.n_e, model.upwards
+    weights, goal = aim.weights.copy(), aim.goal.copy()
+    free = np.zeros(n_o, dtype=bool)
+    free[up] = True
+    free[3:] = np.arange(3)[: n_o - 3] != up  # the table sets how the object is tilted
+    weights[:n_o][free] = 0.0
+    steered = np.flatnonzero(weights[:n_o] > 0)
+    slope, before = np.eye(len(steered)), None
+    best, opened, least = None, None, np.inf
+    cost = {"iterations": 0, "queries": 0, "seconds": 0.0}
+    for _ in range(ROUNDS):
+        model.begin_search()
+        above = reach(model, replace(aim, goal=goal, weights=weights), limits, iterate, settings)
+        cost = {key: value + getattr(above, key) for key, value in cost.items()}
+        try:
+            now, stands = model.let_go(above.delta_a)
+        except NumericalError:
+            if best is None:
+                raise
+            goal[steered] = (before[0] + goal[steered]) / 2  # half the way back to the last hold that it let go
+            continue
+        missed = aim.missed(now.delta_e)
+        if missed < least:
+            least, state = missed, (now.delta_a, now.lambda_a, now.delta_e, aim.distance(now.delta_e))
+            rest = above.softened, above.kkt, 0.0, Iterate.at(now), aim, limits, (above.delta_a,)
+            best, opened = Reach(*state, above.status, 0, 0, *rest), stands
+        if missed <= NEAR:
+            break
+        held, stood = above.delta_e[steered], now.delta_e[steered]
+        if before is not None:
+            moved = held - before[0]
+            slope += np.outer(stood - before[1] - slope @ moved, moved) / max(float(moved @ moved), 1e-300)
+        before = held, stood
+        goal[steered] = held + np.linalg.solve(slope, aim.goal[steered] - stood)
+        if not weights[up]:
+            weights[up], goal[up] = ALIKE * aim.weights[up], above.delta_e[up]
+        iterate = above.iterate
+    model.before = opened
+    return replace(best, **cost)

@@ -1,0 +1,44 @@
+"""How robots share a squeeze, so that it does not push the object aside.
+
+Where all actuators are pulled alike, two robots on one side of an object push the one on the other side back: the
+object moves away from where it stands, and plans that bring it there again tilt it. Seen from rest, robot i presses
+with N_i = (c_i p_i - g_i) / w_i along the mean normal of its points: c_i is how far p_i = 1 mm of all its actuators
+brings them towards the object, g_i their gap, w_i their compliance. Of the forces of the equal squeeze those are kept
+that balance each other, the projection onto the null space of the grasp matrix (Murray, Li and Sastry, A Mathematical
+Introduction to Robotic Manipulation, 1994, section 5.3)."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from cfem.condensed.coupling import state_of
+from cfem.equilibrium.contact.grasp import FreeObject
+from cfem.predict.contact.gripping_finger import LearnedFinger
+
+LEAST = 0.1  # of the mean normal force: a squeeze that leaves a robot with less does without it
+
+
+def balanced(fingers: Sequence[LearnedFinger], held: FreeObject, preload: float) -> np.ndarray:
+    """(n_a,) mm: a squeeze of `preload` each on average over the robots, shared so that normal forces balance on the
+    object where it is. `preload` for all where they cannot, each robot with its part."""
+    pushes, robots = [], []
+    length = max(float(np.linalg.norm(finger.points - held.centre, axis=1).max()) for finger in fingers)
+    for finger in fingers:
+        n_a = finger.within.by_actuators.shape[1]
+        gap, frames = held.surface(finger.points)
+        inwards = -frames[:, 0].mean(axis=0)
+        arm = finger.points.mean(axis=0) - held.centre
+        pushes.append(np.concatenate([inwards, np.cross(arm, inwards) / length]))
+        along = np.concatenate([inwards @ finger.turn, np.zeros(3)])
+        hessian = state_of(finger.model, np.zeros(n_a + 6)).hessian
+        yields = np.linalg.solve(hessian[n_a:, n_a:], along)
+        robots.append((n_a, -yields @ hessian[n_a:, :n_a].sum(axis=1), gap.mean(), along @ yields))
+    counts, closes, gaps, soft = (np.array(one) for one in zip(*robots, strict=True))
+    alike = np.full(counts.sum(), preload)
+    force = (closes * preload - gaps) / soft
+    G = np.array(pushes).T[: len(held.wrench)]
+    kept = force - np.linalg.pinv(G, rcond=1e-6) @ (G @ force)
+    if not kept.min() > LEAST * force.mean():
+        return alike
+    pulls, begins = kept * soft / closes, gaps / closes
+    return np.repeat(begins + pulls * (preload - begins.mean()) / pulls.mean(), counts)

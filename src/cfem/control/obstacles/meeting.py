@@ -1,0 +1,112 @@
+"""A robot that meets obstacles, twice: its learned models with contact, and its finite elements."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from cfem.contact.prescribed_motion import ActuatedRobot
+from cfem.control.obstacles.clearance import demand_apart, demand_outside, demand_way
+from cfem.control.obstacles.read import Obstacles, naming, read_obstacles
+from cfem.control.obstacles.spec import ObstaclesSpec
+from cfem.control.obstacles.world import World, world_of
+from cfem.core.spec import meaning
+from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
+from cfem.equilibrium.robot import Robot
+from cfem.plant.touch_plant import TouchPlant
+from cfem.predict.contact.bodies import PlacedModel
+from cfem.predict.contact.kept_patches import patched_model_of
+from cfem.predict.contact.model import ContactModel
+from cfem.predict.contact.obstacle_spec import RobotObstacle
+from cfem.predict.contact.patched_model import PatchedModel
+from cfem.predict.protocol import Predictor
+from cfem.robot.build import build_robot
+from cfem.robot.load import load_scene_and_mesh, made_from
+from cfem.robot.same_robot import demand_robot
+
+
+@dataclass(frozen=True)
+class OtherRobot:
+    """A soft robot that is an obstacle: its model and its finite elements where they stand, and the course of its
+    actuators."""
+
+    learned: PlacedModel
+    fe: SkinnedRobot
+    course: ActuatedRobot
+
+
+def with_obstacles(
+    spec: ObstaclesSpec, base: Path, robot: Robot, predictors: Mapping[str, Predictor], models: Mapping[str, Path]
+) -> tuple[World, dict[str, ContactModel], TouchPlant]:
+    """What is asked, the models with contact by name, and the FE robot. InputError where a model has no skin or its
+    form does not fit, SpecError where the robot starts inside something."""
+    obstacles = read_obstacles(spec, base)
+    for name, model in predictors.items():  # before finite elements take a while
+        with naming(models[name]):
+            demand_outside(robot, model.skin.nodes, obstacles.at_first)
+            demand_way(robot, model.skin.nodes, obstacles.moving)
+    others = {
+        name: other_robot(spec, spec.obstacles[name], base, name, course) for name, course in obstacles.robots.items()
+    }
+    made_of = made_from(base / spec.scene, base / spec.mesh) | {"loads": meaning(spec.loads)}
+    learned = {}
+    for name, model in predictors.items():
+        with naming(models[name]):
+            patched = patched_model_of(model, models[name], robot, made_of, *spec.contact.cut)
+        learned[name] = _contact_model(spec, obstacles, others, patched, robot)
+        demand_apart(learned[name])
+    first, model = next(iter(learned.values())), next(iter(predictors.values()))
+    skinned = SkinnedRobot(robot, model.skin.nodes, model.skin.triangles, first.patched.patches)
+    return world_of(spec, obstacles, first), learned, _fe_plant(spec, obstacles, others, skinned)
+
+
+def _contact_model(
+    spec: ObstaclesSpec, obstacles: Obstacles, others: Mapping[str, OtherRobot], patched: PatchedModel, robot: Robot
+) -> ContactModel:
+    """A learned robot among the obstacles."""
+    return ContactModel(
+        patched,
+        {name: body for name, body in obstacles.rigid.items() if name not in obstacles.avoided},
+        obstacles.pressed,
+        {name: obstacles.rigid[name] for name in obstacles.avoided},
+        spec.contact.friction,
+        courses=obstacles.moving,
+        others={name: (other.learned, other.course) for name, other in others.items()},
+        itself=obstacles.itself,
+        unilateral=robot.unilateral,
+    )
+
+
+def _fe_plant(
+    spec: ObstaclesSpec, obstacles: Obstacles, others: Mapping[str, OtherRobot], skinned: SkinnedRobot
+) -> TouchPlant:
+    """The FE robot among the obstacles."""
+    return TouchPlant(
+        skinned,
+        obstacles.rigid,
+        obstacles.pressed,
+        obstacles.avoided,
+        spec.contact.friction,
+        obstacles.moving,
+        {name: (other.fe, other.course) for name, other in others.items()},
+        obstacles.itself,
+    )
+
+
+def other_robot(
+    spec: ObstaclesSpec, obstacle: RobotObstacle, base: Path, name: str, course: ActuatedRobot
+) -> OtherRobot:
+    """A robot that may be touched; name: of the obstacle. InputError where its model is not of its scene."""
+    scene_path, folder, model = base / (obstacle.scene or spec.scene), base / obstacle.model, course.model
+    scene, mesh = load_scene_and_mesh(scene_path, None if obstacle.scene else base / spec.mesh)
+    demand_robot(scene, model.meta.get("robot"), folder, f"name its scene in obstacles.{name}.scene")
+    robot, skin = build_robot(scene, mesh), model.skin
+    mesh_folder = scene_path.parent / scene.out if obstacle.scene else base / spec.mesh
+    made_of = made_from(scene_path, mesh_folder) | {"loads": {}}
+    with naming(folder):
+        patched = patched_model_of(model, folder, robot, made_of, *spec.contact.cut)
+    place = course.R, course.t, False
+    return OtherRobot(
+        PlacedModel(patched, *place, robot.unilateral),
+        SkinnedRobot(robot, skin.nodes, skin.triangles, patched.patches, *place),
+        course,
+    )

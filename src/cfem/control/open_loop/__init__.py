@@ -1,0 +1,1 @@
+"""Tracking without feedback: every goal is planned, carried out by the plant and judged."""

@@ -1,0 +1,164 @@
+"""How much of a tracking result is the mesh: a few of the commands carried out once more, on a finer mesh.
+
+The tracking error is measured against the FE robot on the mesh that the model was trained on, and says nothing of the
+error of that mesh. Here the robot on a mesh of about `cells` times as many cells takes the same actuator displacements.
+The difference between the two meshes is extrapolated to zero mesh size (Richardson; Roache, Annual Review of Fluid
+Mechanics 29, 1997): with cells of size h and h / r the error at h is the difference times r^p / (r^p - 1). Order p = 2
+is that of smooth displacements; the finger's graded mesh converges faster, so that its error is overestimated by a
+third."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cfem.control.loads import under_loads
+from cfem.control.obstacles.spec import ObstaclesSpec
+from cfem.control.open_loop.spec import MeshErrorSpec, OpenLoopSpec
+from cfem.control.run_spec import PlannedSpec
+from cfem.core.console.progress import doing, progress
+from cfem.core.errors import CfemError
+from cfem.equilibrium.actuation import displacement
+from cfem.equilibrium.problem import Problem
+from cfem.equilibrium.robot import Robot
+from cfem.equilibrium.solution import Equilibrium, State
+from cfem.equilibrium.solve import solve
+from cfem.mechanics.mesh import Mesh
+from cfem.robot.build import build_robot
+from cfem.robot.mesh.finer import carried_over, dimensions, finer_mesh, growth
+from cfem.robot.spec import SceneSpec
+
+ORDER = 2.0
+
+
+@dataclass(frozen=True)
+class Difference:
+    """Between the robot on the finer mesh and the robot at hand, under the same actuator displacements.
+
+    tip: mm, largest distance of an effector point; reach: mm, change of how far the effectors are from rest, of `moved`
+    mm; force: largest change of an actuator force, the largest of which is `carried`"""
+
+    tip: float
+    reach: float
+    force: float
+    moved: float
+    carried: float
+
+
+def states_to_refine(goals: Mapping[str, np.ndarray], spec: PlannedSpec, rest_e: np.ndarray) -> set[tuple[str, int]]:
+    """The goals (trajectory, index) whose commands `discretisation` takes."""
+    if _left_out(spec):
+        return set()
+    every = [(name, index) for name, points in goals.items() for index in range(len(points))]
+    return {every[one] for one in chosen(np.concatenate(list(goals.values())), rest_e, spec.mesh_error.states)}
+
+
+def discretisation(
+    spec: PlannedSpec, scene: SceneSpec, mesh: Mesh, robot: Robot, folder: Path, states: Sequence[Equilibrium]
+) -> dict[str, Any]:
+    """`mesh_error` as the spec asks for it; only `left_out`, the reason, where there is none."""
+    why = _left_out(spec)
+    if why:
+        return {"left_out": why}
+    return mesh_error(scene, mesh, robot, folder, states, spec.mesh_error, partial(under_loads, spec))
+
+
+def _left_out(spec: PlannedSpec) -> str:
+    """Why nothing is to be estimated."""
+    if isinstance(spec, ObstaclesSpec):
+        return "the estimate does not know contact"
+    if not isinstance(spec, OpenLoopSpec) or spec.design:
+        return "runs with an object or a design have no estimate yet"
+    if spec.mesh_error is None:
+        return "mesh_error is null in the spec"
+    return "" if spec.plant == "fem" else "no FE robot carried out the commands"
+
+
+def chosen(goals: Sequence[np.ndarray], rest_e: np.ndarray, count: int) -> list[int]:
+    """`count` indices: the goal farthest from rest, then again and again the goal farthest from those chosen."""
+    points, found = np.array(goals), []
+    distance = np.linalg.norm(points - rest_e, axis=1)
+    for _ in range(min(count, len(points))):
+        found.append(int(np.argmax(distance)))
+        apart = np.linalg.norm(points - points[found[-1]], axis=1)
+        distance = apart if len(found) == 1 else np.minimum(distance, apart)
+    return found
+
+
+def mesh_error(
+    scene: SceneSpec,
+    mesh: Mesh,
+    robot: Robot,
+    folder: Path,
+    states: Sequence[Equilibrium],
+    spec: MeshErrorSpec,
+    load: Callable[[Robot], Robot] = lambda robot: robot,
+) -> dict[str, Any]:
+    """The estimated discretisation error, for the manifest. states: of the robot on `mesh`, at the commands chosen;
+    load: puts the loads of these states on the robot of the finer mesh.
+
+    states, cells, finer_cells, order: how it was estimated. tip_mm, tip_percent: error of the effectors' position, of
+    the scene's length too; reach_percent: of how far the effectors move; force_percent: of the actuator forces, of the
+    largest one; all the largest of the states, extrapolated. Where it could not be estimated, only `left_out`: the
+    sentence that says why."""
+    expected = growth(scene, spec.cells) * len(mesh.cells)
+    if expected > spec.largest:
+        return {"left_out": f"the finer mesh would have {expected:.0f} cells, and mesh_error.largest is {spec.largest}"}
+    doing("meshing more finely, for the discretisation error")
+    try:
+        finer = finer_mesh(scene, mesh, robot, folder, spec.cells)
+        refined = load(build_robot(scene, finer))
+    except CfemError as error:
+        return {"left_out": f"there is no finer mesh: {error}"}
+    problem, found = Problem(refined), []
+    with progress("commands on the finer mesh", len(states)) as advance:
+        for one in states:
+            hexahedra = mesh.cells.shape[1] == 8
+            start = None if hexahedra else State(carried_over(mesh, one.state.x, finer), np.empty(0), one.state.lam)
+            solved = solve(problem, displacement(one.delta_a), start, condense=False)
+            advance(1)
+            if solved.converged:
+                found.append(_difference(robot, one, solved))
+    if not found:
+        return {"left_out": "no state converged on the finer mesh"}
+    smaller = (len(finer.cells) / len(mesh.cells)) ** (1 / dimensions(scene))
+    return {
+        "states": len(found),
+        "cells": len(mesh.cells),
+        "finer_cells": len(finer.cells),
+        "order": ORDER,
+        **extrapolated(found, smaller, robot.length),
+    }
+
+
+def extrapolated(found: Sequence[Difference], smaller: float, length: float) -> dict[str, float]:
+    """Errors of the mesh at hand from the largest differences to a mesh of cells `smaller` times as small. Percentages
+    are of the largest of all states: near rest there is next to nothing to compare with."""
+    gain = smaller**ORDER
+    factor = gain / (gain - 1)
+    tip, reach, force, moved, carried = (
+        max(getattr(one, key) for one in found) for key in ("tip", "reach", "force", "moved", "carried")
+    )
+    tip, moved, carried = factor * tip, max(moved, np.finfo(float).tiny), max(carried, np.finfo(float).tiny)
+    return {
+        "tip_mm": tip,
+        "tip_percent": 100 * tip / length,
+        "reach_percent": 100 * factor * reach / moved,
+        "force_percent": 100 * factor * force / carried,
+    }
+
+
+def _difference(robot: Robot, here: Equilibrium, finer: Equilibrium) -> Difference:
+    """Orientations of effectors are left out: they are no lengths."""
+    places = [index for index, name in enumerate(robot.rows.effectors) if not name.split(".")[-1].startswith("r")]
+    moved, differently = here.delta_e[places], finer.delta_e[places]
+    return Difference(
+        tip=float(np.linalg.norm(differently - moved)),
+        reach=float(abs(np.linalg.norm(differently) - np.linalg.norm(moved))),
+        force=float(np.abs(finer.lambda_a - here.lambda_a).max()),
+        moved=float(np.linalg.norm(moved)),
+        carried=float(np.abs(here.lambda_a).max()),
+    )

@@ -1,0 +1,81 @@
+"""What cfem has set aside, `NAME.old-N` beside NAME: how much room it takes and what of it is dear."""
+
+import re
+import shutil
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from cfem.core.artefact.files import disk_errors
+from cfem.core.artefact.manifest import MANIFEST, harm, read_manifest
+from cfem.core.artefact.place import disk_size, foreign_files, is_dear, is_foreign
+from cfem.core.artefact.unfinished import mark_of, read_mark
+from cfem.core.console.shown import duration
+from cfem.core.errors import InputError
+
+COPY, COSTLY, YOURS = "copy", "costly", "yours"
+_OLD = re.compile(r"(?P<name>.+)\.old-[0-9]+")
+
+
+@dataclass(frozen=True)
+class Aside:
+    """worth: a copy of what is in place, or cheap to make; costly, as it took long to compute; or yours, as cfem did
+    not make it alone. why: in words."""
+
+    path: Path
+    bytes: int
+    worth: str
+    why: str
+
+
+def set_asides(roots: Sequence[Path]) -> list[Aside]:
+    """All that lies below these folders, sorted by path. InputError where one of them is no folder."""
+    for root in roots:
+        if not root.is_dir():
+            raise InputError("no such folder", where=str(root), do="check the path")
+    return [Aside(path, disk_size(path), *_judged(path)) for root in roots for path in sorted(_below(root))]
+
+
+def remove(aside: Aside) -> None:
+    """Deletes it, and the mark beside unfinished work."""
+    with disk_errors(aside.path):
+        shutil.rmtree(aside.path)
+        mark_of(aside.path).unlink(missing_ok=True)
+
+
+def _below(folder: Path) -> Iterator[Path]:
+    for path in folder.iterdir():
+        if _OLD.fullmatch(path.name) and not path.is_symlink():
+            yield path
+        elif path.is_dir() and not path.is_symlink() and not (path / MANIFEST).exists():
+            yield from _below(path)
+
+
+def _judged(path: Path) -> tuple[str, str]:
+    """Its worth, and why."""
+    name = _OLD.fullmatch(path.name)["name"]
+    if path.is_dir() and name.endswith(".partial") and read_mark(mark_of(path)):
+        return COSTLY, "unfinished work, which goes on when its spec is back"
+    if not path.is_dir() or is_foreign(path):
+        return YOURS, "cfem did not make it, or a person changed it"
+    try:
+        manifest = read_manifest(path)
+    except InputError:
+        return YOURS, "its manifest is damaged"
+    foreign, wrong = foreign_files(path, manifest), harm(path, manifest)
+    if foreign or wrong:
+        return YOURS, f"cfem did not make {foreign[0]} in it" if foreign else wrong
+    if manifest["content"] == _content(path.with_name(name)):
+        return COPY, f"the same is in {name}"
+    if is_dear(manifest, False):
+        return COSTLY, f"cfem {manifest['stage']} took {duration(manifest['seconds'])} to make it"
+    return COPY, f"cfem {manifest['stage']} makes it again in {duration(manifest['seconds'])}"
+
+
+def _content(folder: Path) -> str | None:
+    """The checksum of an artefact that is whole, None where there is none."""
+    try:
+        manifest = read_manifest(folder)
+    except InputError:
+        return None
+    return None if harm(folder, manifest) else manifest["content"]

@@ -1,0 +1,1 @@
+"""Equilibria in contact: obstacles, other robots, objects, ground."""

@@ -1,0 +1,85 @@
+"""Equilibria of robots and one free rigid object between them, which rests where contact balances its load."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from cfem.condensed.pose import cross_matrix
+from cfem.contact.obstacle import Obstacle
+from cfem.contact.problem import Law
+from cfem.equilibrium.actuation import Actuation
+from cfem.equilibrium.contact.points import PlacedRobot, PointsState, points_step
+
+
+@dataclass(frozen=True)
+class FreeObject:
+    """`Around`: the object. shape: placed as at rest; centre (3,) mm then; load (6,) N and N mm about the centre,
+    constant; turns: whether it can turn, else it is guided; oriented: whether its rotation vector counts as an
+    effector; R (3, 3), x (3,) mm: rotation and displacement since.
+    mobility: (k,) mm and rad for each N and N mm that nothing balances, by which a viscous drag lets it go on from
+    `begin` in one step; None: in balance."""
+
+    shape: Obstacle
+    centre: np.ndarray
+    load: np.ndarray
+    turns: bool = True
+    R: np.ndarray = field(default_factory=lambda: np.eye(3))
+    x: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    mobility: np.ndarray | None = None
+    begin: "FreeObject | None" = None
+    oriented: bool = False
+
+    @property
+    def delta_e(self) -> np.ndarray:
+        """(n_e,) mm since rest, and rad where it is oriented."""
+        return np.concatenate([self.x, Rotation.from_matrix(self.R).as_rotvec()]) if self.oriented else self.x
+
+    @property
+    def gone(self) -> np.ndarray:
+        """(k,) mm and rad since `begin`."""
+        turned = Rotation.from_matrix(self.R @ self.begin.R.T).as_rotvec()
+        return np.concatenate([self.x - self.begin.x, turned])[: len(self.wrench)]
+
+    @property
+    def wrench(self) -> np.ndarray:
+        return self.load if self.turns else self.load[:3]
+
+    def surface(self, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        placed = replace(self.shape, R=self.R @ self.shape.R, t=self.now(self.shape.t))
+        return placed.distance(at), placed.frames(at)
+
+    def motion(self, at: np.ndarray) -> np.ndarray:
+        shift = np.tile(np.eye(3), (len(at), 1))
+        if not self.turns:
+            return shift
+        return np.hstack([shift, -np.concatenate([cross_matrix(arm) for arm in at - self.centre - self.x])])
+
+    def moved(self, xi: np.ndarray) -> "FreeObject":
+        R = Rotation.from_rotvec(xi[3:]).as_matrix() @ self.R if self.turns else self.R
+        return replace(self, R=R, x=self.x + xi[:3])
+
+    def now(self, places: np.ndarray) -> np.ndarray:
+        return (places - self.centre) @ self.R.T + self.centre + self.x
+
+    def places(self, at: np.ndarray) -> np.ndarray:
+        return (at - self.centre - self.x) @ self.R + self.centre
+
+
+def grasp_step(
+    fingers: Sequence[PlacedRobot],
+    actuators: Sequence[Actuation],
+    held: FreeObject,
+    law: Law = "coulomb",
+    mu: float = 0.0,
+    before: PointsState | None = None,
+) -> PointsState:
+    """Quasi-static step of the fingers to `actuators`, one for each, from the state `before` (none: at rest, every
+    point that touches the object sticks where it is); the object begins where it was then. Never raises for numerical
+    failure."""
+    if before is not None:
+        held = replace(held, R=before.around.R, x=before.around.x)
+    if held.mobility is not None:
+        held = replace(held, begin=held)
+    return points_step(fingers, actuators, held, before, law, mu)

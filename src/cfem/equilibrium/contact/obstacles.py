@@ -1,0 +1,72 @@
+"""Equilibria of a robot whose contact points meet obstacles that move as they are told."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cfem.contact.obstacle import Obstacle
+from cfem.contact.problem import Law
+from cfem.contact.step_status import StepStatus
+from cfem.equilibrium.actuation import Actuation
+from cfem.equilibrium.contact.points import PlacedRobot, PointsState, points_step
+from cfem.equilibrium.newton import NewtonSettings
+from cfem.equilibrium.problem import Problem
+from cfem.equilibrium.solve import solve
+
+
+@dataclass(frozen=True)
+class Obstacles:
+    """`Around`: one obstacle a point, whose pose is given."""
+
+    of_points: tuple[Obstacle, ...]
+    wrench = np.zeros(0)
+
+    def surface(self, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        alone = [(one, x[None]) for one, x in zip(self.of_points, at, strict=True)]
+        distance = np.concatenate([one.distance(x) for one, x in alone])
+        return distance, np.concatenate([one.frames(x) for one, x in alone])
+
+    def motion(self, at: np.ndarray) -> np.ndarray:
+        return np.zeros((at.size, 0))
+
+    def moved(self, xi: np.ndarray) -> "Obstacles":
+        return self
+
+    def now(self, places: np.ndarray) -> np.ndarray:
+        return places
+
+    def places(self, at: np.ndarray) -> np.ndarray:
+        return at
+
+
+def obstacle_step(
+    problem: Problem,
+    actuators: Actuation,
+    obstacles: Sequence[Obstacle],
+    law: Law = "coulomb",
+    mu: float = 0.0,
+    before: PointsState | None = None,
+    carried: np.ndarray | None = None,
+    cone: str = "exact",
+    tolerance: float = 1e-8,
+    iterations: int = 30,
+) -> PointsState:
+    """Quasi-static step to `actuators`, one obstacle a contact point, from the state `before` (none: nothing touches).
+
+    carried: (k, 3) mm where the points at which friction held before are now, as the obstacles have moved with them
+    (where they were unless given). tolerance: of the law, relative, at the state itself. Never raises for numerical
+    failure."""
+    robot, around = PlacedRobot(problem, np.eye(3), np.zeros(3)), Obstacles(tuple(obstacles))
+    cost = 0
+    if before is None:
+        free = solve(problem, actuators, settings=NewtonSettings(tolerance=1e-11))
+        cost, touched = free.factorizations, robot.points + free.delta_c.reshape(-1, 3)
+        status = StepStatus.CONVERGED if free.converged else StepStatus.NO_EQUILIBRIUM
+        before = PointsState(status, (free,), (), around, touched if free.converged else robot.points, None, 1, cost)
+        if not free.converged:
+            return before
+    elif carried is not None:
+        before = replace(before, stuck=carried)
+    found = points_step([robot], [actuators], around, before, law, mu, cone, tolerance, iterations)
+    return replace(found, factorizations=found.factorizations + cost)

@@ -1,0 +1,117 @@
+"""How patches of a body's surface yield to forces: rows of contact, and what the modes of a skin, or the pose of a
+rigid patch, leave of them."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from cfem.condensed import Rows
+from cfem.condensed.patches import Patches
+from cfem.condensed.pose import Patch
+from cfem.condensed.skin import Skin
+from cfem.constraint.attachment import Attachment
+from cfem.constraint.contact import ContactPoint
+from cfem.core.console.progress import progress
+from cfem.core.errors import NumericalError
+from cfem.equilibrium.actuation import displacement
+from cfem.equilibrium.contact.held_patch import held
+from cfem.equilibrium.derivatives.third_order import load_derivatives, skin_load_derivatives
+from cfem.equilibrium.problem import Problem
+from cfem.equilibrium.robot import Robot
+from cfem.equilibrium.skinned import skinned
+from cfem.equilibrium.solution import Equilibrium, Linearisation
+from cfem.equilibrium.solve import solve
+
+
+def with_patches(robot: Robot, nodes: np.ndarray, patches: Patches, numbers: np.ndarray) -> Robot:
+    """The robot with the patches `numbers` for contact points; nodes (m,): of the surface in the mesh."""
+    points = []
+    for number in numbers:
+        mine = patches.members[number]
+        order = np.argsort(nodes[mine])
+        point = Attachment(nodes[mine][order], patches.shares[mine][order], patches.rest[number])
+        points.append(ContactPoint(point))
+    names = tuple(f"patch-{number}.{axis}" for number in numbers for axis in "xyz")
+    return replace(robot, contacts=tuple(points), rows=replace(robot.rows, contacts=names))
+
+
+@dataclass(frozen=True)
+class PatchResponse:
+    """How patches of the surface yield to forces on them, actuators held. At states (J, n_a) mm: own (J, 3 N, 3 N)
+    mm/N the patches, tip (J, n_e, 3 N) mm/N the effectors; bent (J, k, n_e + k, n_e + k) mm/N^2: how the compliance of
+    effectors and rows of the skin changes with loads on the latter; dented (J, N, 3, 3, 3 + n_e) mm/N^2: how that of
+    each patch, and between it and the effectors, changes with a force on it."""
+
+    states: np.ndarray
+    own: np.ndarray
+    tip: np.ndarray
+    bent: np.ndarray
+    dented: np.ndarray
+
+
+def patch_response(robot: Robot, skin: Skin, patches: Patches, states: np.ndarray) -> PatchResponse:
+    """One equilibrium and one block of right-hand sides a state, no further factorisation for what is bent.
+    NumericalError where there is no equilibrium."""
+    touched = with_patches(robot, skin.nodes, patches, np.arange(len(patches)))
+    shown, problem, rows = Problem(skinned(robot, skin)), Problem(touched), touched.rows
+    own, tip = np.empty((len(states), rows.n_c, rows.n_c)), np.empty((len(states), rows.n_e, rows.n_c))
+    start, bent, dented = None, [], []
+    with progress(f"pushing {len(patches)} patches of the surface by FE, in bent states", len(states)) as advance:
+        for j, delta in enumerate(states):
+            moved = _solved(shown, delta, base=start, keep=True)
+            start = moved.state
+            bent.append(skin_load_derivatives(moved.linear))
+            lam = np.concatenate([start.lam, np.zeros(rows.n_c)])
+            pushed = _solved(problem, delta, start=replace(start, lam=lam), keep=True).linear
+            dented.append(_dented(pushed))
+            W = pushed.W
+            across = W[rows.c, rows.a]
+            G = np.linalg.solve(W[rows.a, rows.a], across.T).T
+            own[j] = W[rows.c, rows.c] - G @ across.T
+            tip[j] = W[rows.e, rows.c] - W[rows.e, rows.a] @ G.T
+            advance(1)
+    return PatchResponse(states, own, tip, np.stack(bent), np.stack(dented))
+
+
+def _dented(at: Linearisation) -> np.ndarray:
+    """(N, 3, 3, 3 + n_e) mm/N^2: how the compliance of each contact point, with itself and with the effectors, changes
+    with a force on it, actuators held."""
+    robot, rows, found = at.problem.robot, at.problem.robot.rows, []
+    for number, point in enumerate(robot.contacts):
+        mine = rows.c.start + 3 * number + np.arange(3)
+        seen = Rows(("x", "y", "z", *rows.effectors), rows.actuators)
+        watched = replace(robot, effectors=(point, *robot.effectors), contacts=(), rows=seen)
+        of = np.concatenate([mine, np.arange(rows.n)[rows.e], np.arange(rows.n)[rows.a]])
+        alone, W = Problem(watched, like=at.problem), at.W[np.ix_(of, of)]
+        found.append(load_derivatives(alone, at.at, at.lam[: rows.n_a], at.Z[:, of], W, loaded=3))
+    return np.stack(found)
+
+
+def _solved(problem: Problem, delta: np.ndarray, **how: Any) -> Equilibrium:
+    found = solve(problem, displacement(delta), slack=False, **how)
+    if not found.converged:
+        raise NumericalError(f"patches of the surface: {found.status.value}")
+    return found
+
+
+def within_patch(robot: Robot, patch: Patch) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """How the contact points yield, at rest, to forces that are in balance within their patch: shapes (3 k, n) of
+    displacement, n = 3 k - 6, the compliance (n, n) mm/N by their sizes, and those sizes by the actuators (n, n_a).
+
+    W of the points is J C J^T + N D N^T, C of the rigid patch: with Q the forces in balance, J^T Q = 0, N is W Q and D
+    the inverse of Q^T W Q; N is scaled to unit length here."""
+    rest = solve(Problem(robot), held(displacement(np.zeros(robot.rows.n_a)), np.zeros(robot.rows.n_c)), slack=False)
+    if not rest.converged:
+        raise NumericalError(f"contact points at rest: {rest.status.value}")
+    rows, whole = rest.condensed.rows, rest.condensed.W
+    moved = np.linalg.solve(whole[rows.a, rows.a], whole[rows.a, rows.c]).T
+    W = whole[rows.c, rows.c] - moved @ whole[rows.a, rows.c]
+    J = patch.jacobian(np.zeros(6))
+    Q = np.linalg.svd(J.T)[2][6:].T
+    N = W @ Q
+    size = np.linalg.norm(N, axis=0)
+    D = np.linalg.inv(Q.T @ N)
+    N = N / size
+    follows = np.linalg.solve(np.hstack([J, N]), moved)[6:]
+    return N, size[:, None] * (D + D.T) / 2 * size, follows

@@ -1,0 +1,284 @@
+"""Equilibria of robots whose contact points meet rigid bodies: they open, touch, stick and slide.
+
+Every robot is solved by finite elements with its contact points held at trial positions; condensation gives what they
+yield to contact forces, exactly to first order; the contact law on that linearisation, with the motion and the balance
+of what the points meet, is solved exactly (`cfem.contact.solve`); its displacements are the next trial positions and
+poses. It is Newton's method on the nonlinear problem but for the curvature of the surfaces; the last state is checked
+as it is, not as the linearisation has it: gaps, forces, cones and the balance of what moves by itself. A learned robot
+takes the place of finite elements where it answers the same (`PointRobot`)."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from cfem.contact.check import Check, check
+from cfem.contact.modes import Mode
+from cfem.contact.problem import ContactProblem, Law
+from cfem.contact.solve import FEW, ContactSolution, ContactStatus, solve_contact
+from cfem.contact.step_status import StepStatus
+from cfem.equilibrium.actuation import Actuation
+from cfem.equilibrium.contact.held_patch import contact_points, held
+from cfem.equilibrium.evaluation import Tangent
+from cfem.equilibrium.newton import NewtonSettings
+from cfem.equilibrium.problem import Problem
+from cfem.equilibrium.solution import Equilibrium
+from cfem.equilibrium.solve import solve
+
+EXACT, ROUGH = 1e-11, 1e-5  # relative residuals of a robot: of the last state, and far from it
+NEARLY = 1e-4  # of law and balance: from here on robots are solved exactly
+CONDENSED = 1e-2  # of A^-1 H^T: W, which has the square of it, only serves Newton's method
+ALIKE = 2e-3  # of the robot's length: where rows have moved by less, the points yield alike
+QUICK, BUCKLES = 0.1, 0.99  # ratios of a correction to the one before: below and above, it is taken as it is
+STAYED = 1e-5  # mm: a robot whose points are this far from where they are held did not come there
+
+
+class PointRobot(Protocol):
+    """A robot with k contact points; turn (3, 3): from its frame to the scene's."""
+
+    turn: np.ndarray
+
+    @property
+    def points(self) -> np.ndarray:
+        """(k, 3) mm its contact points at rest, in the scene."""
+        ...
+
+    def respond(
+        self, actuators: Actuation, delta_c: np.ndarray, before: Any, tolerance: float = EXACT
+    ) -> tuple[Any, np.ndarray]:
+        """With its contact points held at delta_c (3k,) mm from rest, in its frame, or nearby: its state, like
+        `Equilibrium` (delta_c: where they are, lambda_c, delta_a, lambda_a, converged, factorizations), and how they
+        yield (3k, 3k) mm/N. before: the last such state, None at first; tolerance: of its residual, relative."""
+        ...
+
+
+@dataclass
+class _Known:
+    """Of the latest states of a robot: the factor; and how its points yielded (n_c, n_c) mm/N in one of them, which was
+    `asked` for, slack (n_a,) the actuators that carried nothing there."""
+
+    tangent: Tangent | None = None
+    yielding: np.ndarray | None = None
+    asked: Actuation | None = None
+    slack: np.ndarray | None = None
+
+    def near(self, asked: Actuation, length: float) -> bool:
+        """Whether the points would yield alike, the same actuators slack."""
+        if self.yielding is None or len(asked.target) != len(self.asked.target):
+            return False
+        moved = np.abs(asked.target - self.asked.target).max(initial=0.0)
+        return bool(moved <= ALIKE * length and np.array_equal(asked.offset, self.asked.offset))
+
+
+@dataclass(frozen=True)
+class PlacedRobot:
+    """One FE robot; turn (3, 3) and shift (3,) mm from its frame to the scene's. It is quick where its problem is its
+    own: the factor of one state then serves the next as well."""
+
+    problem: Problem
+    turn: np.ndarray
+    shift: np.ndarray
+    _known: _Known = field(default_factory=_Known, repr=False, compare=False)
+
+    @property
+    def points(self) -> np.ndarray:
+        """(k, 3) mm its contact points at rest, in the scene."""
+        return contact_points(self.problem) @ self.turn.T + self.shift
+
+    def forget(self) -> None:
+        """Drops what it knows of the latest states: the next one then depends on the state before it alone."""
+        self._known.tangent = self._known.yielding = None
+
+    def respond(
+        self, actuators: Actuation, delta_c: np.ndarray, before: Equilibrium | None, tolerance: float = EXACT
+    ) -> tuple[Equilibrium, np.ndarray]:
+        problem, known, asked = self.problem, self._known, held(actuators, delta_c)
+        start = None if before is None else before.state
+        tangent = known.tangent if known.tangent is problem.latest else None
+        near = start is not None and known.near(asked, problem.robot.length)
+        settings = NewtonSettings(tolerance=tolerance, condensed=CONDENSED)
+        found = solve(problem, asked, start, start, settings, condense=not near, tangent=tangent)
+        if near and found.converged and (found.slack != known.slack).any():
+            near, start = False, found.state
+            found = solve(problem, asked, start, start, settings, tangent=problem.latest)
+        if not found.converged:
+            return found, np.zeros((0, 0))
+        if not near:
+            known.yielding, known.asked, known.slack = point_compliance(found, actuators), asked, found.slack
+        known.tangent = problem.latest
+        return found, known.yielding
+
+
+class Partner(Protocol):
+    """What m contact points meet, where it is now; k coordinates by which it moves by itself, 0 where its pose is
+    given. Places are points of it, named by where they are in the scene before it has moved."""
+
+    wrench: np.ndarray
+    """(k,) N and N mm that it carries."""
+
+    mobility: np.ndarray | None
+    """(k,) None, or by how much what nothing balances moves it in this step, so far `gone` (k,)."""
+
+    def surface(self, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Of points at (m, 3) mm: distances (m,) mm, and frames (m, 3, 3) with rows n, t1, t2."""
+        ...
+
+    def motion(self, at: np.ndarray) -> np.ndarray:
+        """(3 m, k) how it moves there by its own coordinates."""
+        ...
+
+    def moved(self, xi: np.ndarray) -> "Partner":
+        """By xi (k,) mm and rad."""
+        ...
+
+    def now(self, places: np.ndarray) -> np.ndarray:
+        """(m, 3) mm where its places are."""
+        ...
+
+    def places(self, at: np.ndarray) -> np.ndarray:
+        """(m, 3) mm the places that are at `at`."""
+        ...
+
+
+@dataclass(frozen=True)
+class PointsState:
+    """One state. solved: of each robot, with multipliers of its contact points in its own frame (N), None where it was
+    not solved; modes: of all points, robot after robot; around: what they meet, where it is; stuck (m, 3) mm: the
+    places on it where the points stick or would; check: of law and balance at the state itself; iterations: rounds of
+    FE solves; factorizations: of them all; posed: the contact problem there, None before any."""
+
+    status: StepStatus
+    solved: tuple[Equilibrium | None, ...]
+    modes: tuple[Mode, ...]
+    around: Partner
+    stuck: np.ndarray
+    check: Check | None
+    iterations: int
+    factorizations: int
+    posed: "Posed | None" = None
+
+    @property
+    def converged(self) -> bool:
+        return self.status is StepStatus.CONVERGED
+
+
+@dataclass(frozen=True)
+class Posed:
+    """The contact problem of one state. compliance (3m, 3m) mm/N of the points in the scene's axes; rotation (3m, 3m):
+    from those to the surface's; force (3m,) N on the points, in the latter. dragged: of what moves with a drag, how it
+    goes without contact (k,), and by how much forces on the points hold it back (k, 3m); None in balance."""
+
+    problem: ContactProblem
+    compliance: np.ndarray
+    rotation: np.ndarray
+    force: np.ndarray
+    dragged: tuple[np.ndarray, np.ndarray] | None = None
+
+    def motion(self, answer: ContactSolution) -> np.ndarray:
+        """(k,) of what the points meet."""
+        if self.dragged is None:
+            return answer.xi
+        free, held_back = self.dragged
+        return free - held_back @ answer.lam
+
+
+def points_step(
+    robots: Sequence[PointRobot],
+    actuators: Sequence[Actuation],
+    around: Partner,
+    before: PointsState | None = None,
+    law: Law = "coulomb",
+    mu: float = 0.0,
+    cone: str = "exact",
+    tolerance: float = 1e-9,
+    iterations: int = 40,
+) -> PointsState:
+    """Quasi-static step of the robots to `actuators`, one for each, from the state `before` (none: at rest, every point
+    that touches sticks where it is). tolerance: of law and balance, relative, at the state itself. Never raises for
+    numerical failure."""
+    points = np.concatenate([robot.points for robot in robots])
+    turns = block_diag(*[np.kron(np.eye(len(robot.points)), robot.turn) for robot in robots])
+    ends = np.cumsum([0, *(3 * len(robot.points) for robot in robots)])
+    if before is None:
+        at, stuck, modes = points.copy(), around.places(points), ()
+        solved: list[Equilibrium | None] = [None] * len(robots)
+    else:
+        at = points + (turns @ np.concatenate([one.delta_c for one in before.solved])).reshape(-1, 3)
+        stuck, modes, solved = before.stuck, before.modes, list(before.solved)
+    verdict, posed, cost, last = None, None, 0, None
+
+    def ended(status: StepStatus, count: int) -> PointsState:
+        return PointsState(status, tuple(solved), modes, around, stuck, verdict, count, cost, posed)
+
+    for iteration in range(1, iterations + 1):
+        moved, soft = turns.T @ (at - points).ravel(), []
+        asked = EXACT if verdict is not None and verdict.largest < NEARLY else ROUGH
+        for i, (robot, actuation) in enumerate(zip(robots, actuators, strict=True)):
+            solved[i], yielding = robot.respond(actuation, moved[ends[i] : ends[i + 1]], solved[i], asked)
+            soft.append(yielding)
+            cost += solved[i].factorizations
+            if not solved[i].converged:
+                return ended(StepStatus.NO_EQUILIBRIUM, iteration)
+        came = points + (turns @ np.concatenate([one.delta_c for one in solved])).reshape(-1, 3)
+        if np.abs(came - at).max() > STAYED:
+            at = came
+        compliance = turns @ block_diag(*soft) @ turns.T
+        push = turns @ np.concatenate([one.lambda_c for one in solved])
+        posed = _posed(around, at, stuck, compliance, push, mu, cone)
+        verdict = check(posed.problem, law, posed.force, np.zeros(posed.problem.k))
+        if verdict.largest <= tolerance and modes and asked == EXACT:
+            sticks = np.array([mode is Mode.STICK for mode in modes])[:, None]
+            stuck = np.where(sticks, stuck, around.places(at))
+            return ended(StepStatus.CONVERGED, iteration)
+        answer = solve_contact(posed.problem, law, modes or None, budget=FEW, start=posed.force)
+        if answer.status not in (ContactStatus.SOLVED, ContactStatus.SEVERAL):
+            return ended(StepStatus.NO_MODE, iteration)
+        goes, xi = compliance @ posed.rotation.T @ (answer.lam - posed.force), posed.motion(answer)
+        way = np.concatenate([goes, around.motion(at) @ xi])
+        share = _share(last, way) if answer.modes == modes else 1.0
+        last = way if share == 1.0 else None
+        modes, around = answer.modes, around.moved(share * xi)
+        at = at + share * goes.reshape(-1, 3)
+    return ended(StepStatus.ITERATIONS, iterations)
+
+
+def _share(last: np.ndarray | None, way: np.ndarray) -> float:
+    """By what to multiply the correction `way` (n,) mm after one, `last`, that was taken as it was. The linearisation
+    leaves out that arms and weights turn with what moves. Corrections may so shrink slowly, all along one direction:
+    this is the sum of their series (Aitken). It has a sum beyond a ratio of -1 too, where the robot is stiffer than its
+    linearisation. At a ratio of 1 the state is unstable, and is not to be found."""
+    if last is None:
+        return 1.0
+    ratio = float(last @ way) / float(last @ last)
+    return 1 / (1 - ratio) if abs(ratio) > QUICK and ratio < BUCKLES else 1.0
+
+
+def point_compliance(solved: Equilibrium, actuators: Actuation) -> np.ndarray:
+    """(n_c, n_c) mm/N: of the contact rows to their forces, the actuators as they are driven, slack ones free."""
+    condensed, rows = solved.condensed, solved.condensed.rows
+    C = actuators.C[(actuators.C[:, ~solved.slack] != 0).any(axis=1)]
+    W_ac = C @ condensed.W[rows.a, rows.c]
+    W_aa = C @ condensed.W[rows.a, rows.a] @ C.T
+    return condensed.W[rows.c, rows.c] - W_ac.T @ np.linalg.solve(W_aa, W_ac)
+
+
+def _posed(
+    around: Partner, at: np.ndarray, stuck: np.ndarray, compliance: np.ndarray, push: np.ndarray, mu: float, cone: str
+) -> Posed:
+    """Of points at (m, 3) mm that yield by `compliance` (3m, 3m) mm/N and carry `push` (3m,) N, both in the scene's
+    axes."""
+    distance, frames = around.surface(at)
+    gap = np.einsum("kij,kj->ki", frames, at - around.now(stuck))
+    gap[:, 0] = distance
+    rotation = block_diag(*frames)
+    W, force = rotation @ compliance @ rotation.T, rotation @ push
+    motion = around.motion(at)
+    G, wrench = (rotation @ motion, around.wrench) if motion.shape[1] else (None, None)
+    W, free = (W + W.T) / 2, gap.ravel() - W @ force
+    if G is None or around.mobility is None:
+        return Posed(ContactProblem(W, free, G, wrench, mu, cone), compliance, rotation, force)
+    goes, held_back = around.mobility * wrench - around.gone, around.mobility[:, None] * G.T
+    problem = ContactProblem(W + G @ held_back, free - G @ goes, None, None, mu, cone)
+    return Posed(problem, compliance, rotation, force, (goes, held_back))

@@ -1,0 +1,274 @@
+"""Robots by finite elements that touch each other, themselves and rigid obstacles, with friction: the reference of
+`cfem.predict.contact.scene`.
+
+Newton's method on all robots and all forces together: at each iteration the law on pairs of a patch and what is before
+it (`cfem.contact.pairs`) is solved on how the robots' linearisations go (`cfem.equilibrium.contact.pressed_robot`), and
+gives the forces of the step. Patches that come near take part. At the end each robot is solved alone with its patches
+held where they are, and has to carry the same forces."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from cfem.contact.detection import patch_normals
+from cfem.contact.modes import Mode
+from cfem.contact.obstacle_set import ObstacleSet
+from cfem.contact.pairs import Memory, Pairs, Pressing, Surroundings
+from cfem.contact.patch_forces import balance
+from cfem.contact.problem import demand_friction
+from cfem.contact.step_status import StepStatus
+from cfem.equilibrium.actuation import displacement
+from cfem.equilibrium.contact.pressed_robot import STRICT, PressedRobot
+from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
+from cfem.equilibrium.evaluation import SolveCost
+from cfem.equilibrium.quasi_static import all_carried_out
+from cfem.equilibrium.solution import Equilibrium
+from cfem.equilibrium.solve import solve
+from cfem.mechanics.factorization import SingularMatrixError
+
+NEAR = 0.4  # distances of patches: of pairs whose gap is less the patches are contact points
+MOST = 60  # contact points of a robot
+SHARE = 0.05  # of its reach: the longest way of an actuator in one step
+SHORT = 1 / 8  # of that way: in so short a step one patch may begin to press while another lets go
+TOLERANCE, ITERATIONS = 1e-8, 80  # of the length: the last step of any contact point; corrections
+SAME = 1e-6  # of the largest force: by how much any may change in the last step, or be another where patches are held
+
+
+@dataclass(frozen=True)
+class SurfacesState(Pressing):
+    """One state. solved: of each robot. Of all N patches, robot after robot: points (c,) the contact points, with
+    forces (c, 3) N in the scene. residual: mm, the last step of any contact point; iterations: corrections;
+    factorizations: of all robots."""
+
+    status: StepStatus
+    solved: tuple[Equilibrium, ...]
+    points: np.ndarray
+    forces: np.ndarray
+    modes: Mapping[int, Mode]
+    memory: Memory
+    residual: float
+    iterations: int
+    factorizations: int
+
+    @property
+    def converged(self) -> bool:
+        return self.status is StepStatus.CONVERGED
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceScene:
+    """robots, the obstacles that all of them meet, and one coefficient of friction."""
+
+    robots: Sequence[SkinnedRobot]
+    obstacles: ObstacleSet = field(default_factory=lambda: ObstacleSet(()))
+    mu: float = 0.0
+
+    def __post_init__(self) -> None:
+        demand_friction(self.mu)
+
+    @property
+    def length(self) -> float:
+        return self.robots[0].robot.length
+
+    @cached_property
+    def ends(self) -> list[tuple[int, int]]:
+        """Where the patches of each robot begin and end among all."""
+        return list(pairwise(np.cumsum([0, *(len(one.patches) for one in self.robots)]).tolist()))
+
+    @cached_property
+    def surroundings(self) -> Surroundings:
+        return Surroundings.of(self.robots, [one.itself for one in self.robots], self.length, self.obstacles)
+
+    def go(self, deltas: Sequence[np.ndarray], before: SurfacesState | None = None) -> SurfacesState:
+        """To deltas, (n_a,) mm each, from the state `before` (none: actuators at 0), in steps, which are halved
+        where one fails. Never raises for numerical failure: the state where it ended says why."""
+        ends = [np.asarray(one, float) for one in deltas]
+        if before is None:
+            begins = [0.0 * end for end in ends]
+            before = self.step(begins, None)
+        else:  # a slack cable is where no target above it has been
+            each = zip(before.solved, ends, strict=True)
+            begins = [np.where(one.slack, np.minimum(one.delta_a, end), one.delta_a) for one, end in each]
+        return all_carried_out(begins, ends, self.longest, before, self.short_step)
+
+    @cached_property
+    def longest(self) -> list[np.ndarray]:
+        """(n_a,) mm of each robot: the longest way of its actuators in one step."""
+        return [SHARE * np.abs(one.robot.reach).max(axis=1) for one in self.robots]
+
+    def short_step(self, deltas: Sequence[np.ndarray], before: SurfacesState | None) -> SurfacesState:
+        """`step`, which is to be halved where one patch begins to press while another lets go: the slip of the new one
+        counts from where it has touched, on a way that turns where the other one lets go."""
+        found = self.step(deltas, before)
+        if before is None or not self.mu or not found.converged:
+            return found
+        ways = [
+            (there - one.delta_a) / far for there, one, far in zip(deltas, before.solved, self.longest, strict=True)
+        ]
+        was, now = (set(one.pairs.slots[one.push.any(axis=1)].tolist()) for one in (before, found))
+        swapped = bool(was - now and now - was) and np.abs(np.concatenate(ways)).max() > SHORT
+        return replace(found, status=StepStatus.SWAPPED) if swapped else found
+
+    def step(self, deltas: Sequence[np.ndarray], before: SurfacesState | None) -> SurfacesState:
+        """One quasi-static step to deltas from the state `before` (none: at rest)."""
+        work = _Step(self, [np.asarray(one, float) for one in deltas], before)
+        status = None if all(one.converged for one in work.solved) else StepStatus.NO_EQUILIBRIUM
+        try:
+            while status is None:
+                status = work.round() if work.iterations < ITERATIONS else StepStatus.ITERATIONS
+        except (SingularMatrixError, np.linalg.LinAlgError):
+            status = StepStatus.NO_EQUILIBRIUM
+        return work.result(status)
+
+
+class _Step:
+    """Of all N patches, in a state that is none yet: places (N, 3) mm, forces (N, 3) N, and which are contact points,
+    points (c,)."""
+
+    def __init__(self, of: SurfaceScene, deltas: Sequence[np.ndarray], before: SurfacesState | None):
+        self.of, self.iterations, self._cost = of, 0, SolveCost()
+        self.memory, self.modes, self.residual = Memory(), {}, np.inf
+        self.points, self.found = np.zeros(0, dtype=np.int64), None
+        self.forces = np.zeros((of.ends[-1][1], 3))
+        self.faces: dict[int, np.ndarray] = {}  # of what has touched in this step
+        self._pushed: dict[int, np.ndarray] = {}
+        self._begin: np.ndarray | None = None  # places (N, 3) mm of the state before
+        self._from_state = before is not None
+        if before is None:
+            each = zip(of.robots, deltas, strict=True)
+            self.solved = [solve(one.problem, displacement(at), settings=STRICT, condense=False) for one, at in each]
+            self._cost.factorizations = sum(one.factorizations for one in self.solved)
+            if not all(one.converged for one in self.solved):
+                return
+        else:
+            self.memory, self.solved = before.memory, list(before.solved)
+            self.forces[before.points] = before.forces
+            self._pushed = dict(zip(before.pairs.slots.tolist(), before.push, strict=True))
+        each = zip(of.robots, deltas, self.solved, strict=True)
+        self.robots = [PressedRobot(one, at, solved, self._cost) for one, at, solved in each]
+
+    def round(self) -> StepStatus | None:
+        """One correction; None: another one is needed."""
+        self.iterations += 1
+        self._look([one.at.x for one in self.robots])
+        if self.iterations == 1 and self._from_state:
+            self._begin = self.places
+        self.pairs = self.pairs.some(self.of.surroundings.entered(self.pairs, self.places, self._begin, self.memory))
+        near = self.pairs.some(self.pairs.gaps < NEAR * self.of.surroundings.spacing).used
+        points = np.union1d(np.union1d(self.points, near), np.flatnonzero(self.forces.any(axis=1)))
+        if len(points) > MOST * len(self.of.robots):
+            return StepStatus.MANY
+        self._choose(points)
+        if not self._correct():
+            return StepStatus.NO_MODE
+        if any([one.worn() for one in self.robots]) and not self._correct():
+            return StepStatus.NO_MODE
+        if self._settled():
+            changes = [one.change_slack() for one in self.robots]
+            if None in changes:
+                return StepStatus.NO_EQUILIBRIUM
+            return None if any(changes) else self._solve()
+        if not all([one.advance() for one in self.robots]):
+            return StepStatus.NO_EQUILIBRIUM
+        self._take()
+        return None
+
+    def _correct(self) -> bool:
+        """How all go on by the law on their linearisations. False where nothing obeys it."""
+        linear = [one.linear() for one in self.robots]
+        turns = [np.kron(np.eye(len(one.patches)), one.of.R) for one in self.robots]
+        each = list(zip(turns, linear, strict=True))
+        C = block_diag(*(turn @ C @ turn.T for turn, (_, C) in each))
+        shift = np.concatenate([turn @ shift for turn, (shift, _) in each]).reshape(-1, 3)
+        others = np.setdiff1d(np.arange(len(self.places)), self.points)
+        touching = self.pairs.some(~self.pairs.relative[:, others].any(axis=1))
+        coming = self.places.copy()
+        coming[self.points] += shift
+        self.memory = self.memory.with_new(touching, self._begin, self.places, coming)
+        moved = touching.relative @ (coming - self.places)
+        slips = self.memory.slips(touching, coming) if self.of.mu else np.zeros((len(touching), 2))
+        push = np.array([self._pushed.get(slot, np.zeros(3)) for slot in touching.slots.tolist()]).reshape(-1, 3)
+        gaps = np.column_stack([touching.gaps + (touching.frames[:, 0] * moved).sum(axis=1), slips])
+        relative, forces = touching.relative[:, self.points], self.forces[self.points]
+        self.found = balance(relative, touching.frames, C, gaps, forces, push, self.of.mu)
+        if self.found is None:
+            return False
+        change = self.found.forces - self.forces[self.points]
+        self._change = float(np.abs(change).max(initial=0.0))
+        self.residual = float(np.abs(shift + self.found.step).max(initial=0.0))
+        for one, mine in zip(self.robots, self._mine(self.points), strict=True):
+            one.correct((change[mine] @ one.of.R).ravel())
+        self._touching = touching
+        return True
+
+    def _settled(self) -> bool:
+        largest = max(np.abs(self.forces).max(initial=0.0), *(one.problem.force_floor for one in self.robots))
+        still = self.residual <= TOLERANCE * self.of.length and self._change <= SAME * largest
+        return still and all(one.balanced for one in self.robots)
+
+    def _take(self) -> None:
+        """The robots have gone on."""
+        pushed = self.found.push.any(axis=1)
+        self._pushed = dict(zip(self._touching.slots.tolist(), self.found.push, strict=True))
+        self.faces |= self._touching.some((self._touching.gaps <= 0) | pushed).faces
+        for one, own in zip(self.robots, self.of.ends, strict=True):
+            self.forces[own[0] + one.patches] = one.forces @ one.of.R.T
+
+    def _solve(self) -> StepStatus:
+        """Each robot alone, its patches held, has to carry the forces that were found."""
+        self.modes = dict(zip(self._touching.slots.tolist(), self.found.modes, strict=True))
+        self.solved, largest = [one.solved() for one in self.robots], np.abs(self.forces).max(initial=0.0)
+        self._cost.factorizations += sum(one.factorizations for one in self.solved)
+        for one, solved in zip(self.robots, self.solved, strict=True):
+            residual = np.abs(solved.lambda_c - one.forces.ravel()).max(initial=0.0)
+            if not solved.converged or residual > SAME * largest + one.problem.force_floor:
+                return StepStatus.NO_EQUILIBRIUM
+        return StepStatus.CONVERGED
+
+    def result(self, status: StepStatus) -> SurfacesState:
+        count, memory = self.of.ends[-1][1], self.memory
+        if status is StepStatus.CONVERGED:
+            self._look([one.state.x for one in self.solved])
+            known = dict(zip(self._touching.slots.tolist(), self.found.push, strict=True))
+            push = np.array([known.get(slot, np.zeros(3)) for slot in self.pairs.slots.tolist()]).reshape(-1, 3)
+            memory = memory.after(self.pairs, self.places, self.modes)
+        else:
+            self.pairs, push = Pairs.none(count), np.zeros((0, 3))
+        return SurfacesState(
+            self.pairs,
+            push,
+            self.of.surroundings.bodies,
+            status,
+            tuple(self.solved),
+            self.points,
+            self.forces[self.points],
+            self.modes,
+            memory,
+            self.residual,
+            self.iterations,
+            self._cost.factorizations,
+        )
+
+    def _look(self, nodes: Sequence[np.ndarray]) -> None:
+        """Where all patches are, and what is before them; nodes: x (n, 3) mm of each robot."""
+        places, normals = [], []
+        for one, x in zip(self.of.robots, nodes, strict=True):
+            surface = one.surface(x)
+            places.append(one.patches.mean(surface))
+            normals.append(patch_normals(surface, one.triangles, one.patches.of, len(one.patches)))
+        self.places = np.concatenate(places)
+        self.pairs = self.of.surroundings.pairs(self.places, np.concatenate(normals), self.faces, self.residual)
+
+    def _mine(self, numbers: np.ndarray) -> list[np.ndarray]:
+        """Of each robot, which of these patches are its own, bool."""
+        return [(numbers >= first) & (numbers < last) for first, last in self.of.ends]
+
+    def _choose(self, points: np.ndarray) -> None:
+        self.points = points
+        each = zip(self.robots, self._mine(points), self.of.ends, strict=True)
+        for one, mine, (first, _) in each:
+            one.choose(points[mine] - first, self.forces[points[mine]] @ one.of.R)

@@ -1,0 +1,168 @@
+"""Gradients of numbers that depend on an equilibrium and on its W, by any parameters of the robot, from one state and
+its factor: one solve with the factor a number, whatever the count of parameters (the adjoint method). jacobian.py has
+the derivatives of all that a state gives, at one solve a parameter.
+
+With B = H^T of all rows, Phi = B^T Z + Z^T B - Z^T A Z is W and stationary in Z, so that a number J(W, delta, lambda,
+x) changes by the partial derivatives of
+
+    G : Phi(x, lambda, q) + d . delta(x, q) + l . lambda + J_x . x,      G = dJ/dW, d = dJ/d delta, l = dJ/d lambda,
+
+at Z held. Its gradients g_x and g_lambda, by x and lambda, give with s = A^-1 g_x and C the rows that are held
+
+    m = (C W C^T)^-1 C (H^T s + g_lambda)        w = s - Z C^T m
+    dJ/dq = d/dq [ G : Phi + d . delta - w . R - (C^T m) . delta_active ]    at fixed x, lambda, Z, w and m,
+
+by central differences of the robots on either side of q (explicit.py). With G = sum g v v^T and z = Z v, W enters J as
+sum g (2 (B v) . z - z^T A z): a column each, as many as G has eigenvalues beyond rounding. A enters g_x by its
+derivative: a column adds g (2 d(B v) - d^2 R) along z, by differences of fourth order. Numbers that are such forms
+themselves, as a frequency's (vibration.py), add columns of their own. Free nodes and held ones only: frames of rigid
+groups turn, and their unknowns are no coordinates of a flat space."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from cfem.core.errors import InputError
+from cfem.equilibrium.condensation import EXACT, refined
+from cfem.equilibrium.derivatives.explicit import Changing, Columns, explicit, row_curvatures
+from cfem.equilibrium.derivatives.parameter_slopes import Sides
+from cfem.equilibrium.derivatives.third_order import steepest
+from cfem.equilibrium.evaluation import Evaluation
+from cfem.equilibrium.problem import Problem
+from cfem.equilibrium.solution import Linearisation
+
+# Change of the displacement gradient, where it changes most, that a step along z makes. Truncation of fourth order,
+# rounding 1e-16 over its square.
+_STEP = 1e-3
+# Of the largest eigenvalue of dJ/dW in units of W: those below are what differences of J by W leave.
+_ROUNDING = 1e-9
+
+
+class DifferentiableField(Changing, Protocol):
+    """A number of the whole deformed body, such as its largest strain."""
+
+    def gradient(self, problem: Problem, at: Evaluation) -> np.ndarray:
+        """(n, 3) by the positions of the nodes."""
+        ...
+
+
+@dataclass(frozen=True)
+class Weights:
+    """Of one number J: G (n, n) = dJ/dW, symmetric; d (n,) = dJ/d delta of all rows e, a, c, displacements from where
+    each rests; rest (n_e,) = dJ/d of where the effectors rest; l (n_active,) = dJ/d lambda; fields: (dJ/d of its value,
+    the field); forms: (dJ/d of each, the forms)."""
+
+    G: np.ndarray
+    d: np.ndarray
+    l: np.ndarray
+    rest: np.ndarray
+    fields: tuple[tuple[float, DifferentiableField], ...] = ()
+    forms: tuple[tuple[float, Columns], ...] = ()
+
+
+@dataclass(frozen=True)
+class Gradients:
+    """dJ (k, n_q): by each parameter, of k numbers; refined: relative residual of the adjoint solves."""
+
+    dJ: np.ndarray
+    refined: float
+
+
+def gradients(linear: Linearisation, asked: Sequence[Weights], sides: Sequence[Sides]) -> Gradients:
+    """sides: of each parameter. No factorisation."""
+    problem, at, lam, Z = linear.problem, linear.at, linear.lam, linear.Z
+    if problem.robot.rigid or problem.body.rod is not None:
+        raise InputError("adjoint gradients of a robot with rigid groups are not implemented", do="use `jacobian`")
+    act, n_w = problem.robot.rows.active, problem.robot.rows.watched.stop
+    shares, of = _columns(linear, asked)
+    bent = np.stack([_along(linear, *each) for each in zip(of.v.T, of.z.T, strict=True)], axis=1) if len(of.m) else None
+    g_x = np.stack([_by_state(linear, one) for one in asked], axis=1)
+    g_lam = np.stack([one.l for one in asked], axis=1)
+    if bent is not None:
+        g_x = g_x + bent @ shares.T
+        g_lam = g_lam + _by_multipliers(linear, of.z) @ shares.T
+    s, _, _ = refined(problem, linear.data, linear.factor, g_x, EXACT)
+    C = linear.C
+    m = np.zeros((len(lam), len(asked)))
+    if len(C):
+        m = C.T @ np.linalg.solve(C @ linear.W[act, act] @ C.T, C @ (at.H.T @ s + g_lam))
+    w, _, left = refined(problem, linear.data, linear.factor, g_x - at.H @ m, EXACT, s - Z[:, act] @ m)
+    fields = list({field: None for one in asked for c, field in one.fields if c != 0.0})
+    many = len(of.m) > len(linear.W)  # forms: then all of W costs less
+    found = explicit(linear, sides, fields, _beyond(of) if many else of, whole=many)
+    by = np.array([[sum(c for c, each in one.fields if each is field) for field in fields] for one in asked])
+    dJ = np.stack([one.d @ found.delta + one.rest @ found.rest_e for one in asked])
+    dJ += by.reshape(len(asked), len(fields)) @ found.numbers
+    if many:
+        dJ += np.stack([np.tensordot(one.G, found.phi, 2) for one in asked])
+        shares = shares[:, of.m != 0.0]
+    return Gradients(dJ + shares @ found.forms - w.T @ found.residual - m.T @ found.delta[n_w:], left)
+
+
+def _beyond(of: Columns) -> Columns:
+    """Those that are not W's own."""
+    own = of.m != 0.0
+    return Columns(of.v[:, own], of.z[:, own], of.m[own])
+
+
+def _columns(linear: Linearisation, asked: Sequence[Weights]) -> tuple[np.ndarray, Columns]:
+    """dJ by each form (k, c), and the c forms: of the eigenvectors of each G in units of W, then those asked for."""
+    size = np.sqrt(np.abs(np.diag(linear.W)))
+    parts, owners, factors = [], [], []
+    for number, one in enumerate(asked):
+        g, V = np.linalg.eigh(one.G * np.outer(size, size))
+        kept = np.abs(g) > _ROUNDING * np.abs(g).max(initial=0.0)
+        v = V[:, kept] / np.where(size > 0, size, 1.0)[:, None]
+        parts.append(Columns(v, linear.Z @ v, np.zeros(v.shape[1])))
+        owners += [number] * v.shape[1]
+        factors += [*g[kept]]
+        for factor, forms in one.forms:
+            if factor != 0.0:
+                parts.append(forms)
+                owners += [number] * len(forms.m)
+                factors += [factor] * len(forms.m)
+    shares = np.zeros((len(asked), len(owners)))
+    shares[owners, np.arange(len(owners))] = factors
+    arrays = (np.concatenate([getattr(one, name) for one in parts], axis=-1) for name in ("v", "z", "m"))
+    return shares, Columns(*arrays)
+
+
+def _by_state(linear: Linearisation, one: Weights) -> np.ndarray:
+    """(n_dof,) g_x."""
+    problem, at = linear.problem, linear.at
+    B = np.hstack([problem.gradients(problem.robot.watched, at.x), at.H])
+    found = B @ one.d
+    for factor, field in one.fields:
+        if factor == 0.0:
+            continue
+        found = found + factor * problem.kinematics.reduce(at.x, field.gradient(problem, at))
+    return found
+
+
+def _along(linear: Linearisation, v: np.ndarray, z: np.ndarray) -> np.ndarray:
+    """(n_dof,): 2 d(B v) - d^2 R along z."""
+    problem, at = linear.problem, linear.at
+    most = steepest(problem, problem.kinematics.spread(at.x, z))
+    if most == 0.0:
+        return np.zeros(len(z))
+    h = _STEP / most
+
+    def parts(k: int) -> tuple[np.ndarray, np.ndarray]:
+        there = problem.evaluate(problem.kinematics.move(at.x, k * h * z), np.empty(0), at.load)
+        rows = problem.gradients(problem.robot.watched, there.x)
+        return np.hstack([rows, there.H]) @ v, there.residual(linear.lam)
+
+    (B2, R2), (B1, R1), (b1, r1), (b2, r2) = (parts(k) for k in (2, 1, -1, -2))
+    here = problem.evaluate(at.x, np.empty(0), at.load).residual(linear.lam)
+    first = (8 * (B1 - b1) - (B2 - b2)) / (12 * h)
+    second = (16 * (R1 + r1) - (R2 + r2) - 30 * here) / (12 * h * h)
+    return 2 * first - second
+
+
+def _by_multipliers(linear: Linearisation, z: np.ndarray) -> np.ndarray:
+    """(n_active, c) z^T hess delta_j z of the columns z (n_dof, c): A holds -lambda_j hess delta_j."""
+    problem, x = linear.problem, linear.at.x
+    forms = row_curvatures(problem, x, problem.kinematics.spread(x, z))
+    return np.array([np.zeros(z.shape[1]) if form is None else np.diag(form) for form in forms])

@@ -1,0 +1,1 @@
+"""Friction between cables and their guides."""

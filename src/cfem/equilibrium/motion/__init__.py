@@ -1,0 +1,1 @@
+"""Mass, viscosity, inner motions and natural frequencies at an equilibrium."""

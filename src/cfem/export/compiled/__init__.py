@@ -1,0 +1,1 @@
+"""C exports compiled on this machine, as Python objects."""

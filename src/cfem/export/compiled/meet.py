@@ -1,0 +1,97 @@
+"""Robots that meet in a C folder, compiled on this machine, as a Python object."""
+
+import ctypes
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from cfem.contact.obstacle import Rounded
+from cfem.export.compiled.controller import FAST, struct_of
+from cfem.export.compiled.touch import CompiledTouch
+
+
+@dataclass(frozen=True)
+class MetInC:
+    """One state: status as in cfem_meet.h, and the rest as `cfem.predict.contact.state.ContactState`."""
+
+    status: int
+    iterations: int
+    forces: np.ndarray
+    places: np.ndarray
+    pressed: float
+    delta_e: list[np.ndarray]
+    deltas: list[np.ndarray]
+    lambda_a: list[np.ndarray]
+    rows: list[np.ndarray]
+
+
+class CompiledMeet:
+    """cfem_meet of a folder, of the robots of its export. Each step begins where the last one that converged ended;
+    `reset` begins where the robots begin."""
+
+    def __init__(self, folder: Path, flags: tuple[str, ...] = FAST):
+        self._touch, real = CompiledTouch(folder, flags), ctypes.c_double
+        self.library = self._touch.library
+        met, room, robots = (ctypes.c_ulong * 3).in_dll(self.library, "cfem_meet_sizes")
+        counts = [("status", ctypes.c_uint), *((name, ctypes.c_int) for name in ("iterations", "pairs", "holds"))]
+        begin = struct_of([*counts, ("robot", self._touch.state * robots)])
+        more = ctypes.c_byte * (met - ctypes.sizeof(begin))
+        state = struct_of([*((name, kind) for name, kind in begin._fields_), ("more", more)])
+        self._states, self._before, self._room = (state(), state()), None, (ctypes.c_byte * room)()
+        pose = struct_of(
+            [
+                ("R", real * 9),
+                ("t", real * 3),
+                ("itself", ctypes.c_int),
+                ("unilateral", ctypes.c_ubyte * self._touch.n_a),
+            ]
+        )
+        self.placed = (pose * robots).from_buffer_copy((pose * robots).in_dll(self.library, "cfem_robots"))
+        self.library.cfem_meet_pressed.restype = real
+
+    def reset(self) -> None:
+        self._before = None
+
+    def __call__(self, deltas: Sequence[np.ndarray], obstacles: Sequence[Rounded] = (), mu: float = 0.0) -> MetInC:
+        now, given = self._given(deltas, obstacles, mu)
+        status = self.library.cfem_meet(*given)
+        if not status:
+            self._before = now
+        forces, places = [], []
+        for one, pose in zip(now.robot, self.placed, strict=True):
+            own = np.zeros((len(one.place) // 3, 3))
+            own[one.patch[: one.count]] = np.array(one.force).reshape(-1, 3)[: one.count]
+            forces.append(own @ np.array(pose.R).reshape(3, 3).T)
+            places.append(np.array(one.place).reshape(-1, 3))
+        met = [(a, b) for a in range(len(places)) for b in range(a, len(places) + len(obstacles))]
+        return MetInC(
+            status,
+            now.iterations,
+            np.concatenate(forces),
+            np.concatenate(places),
+            sum(self.library.cfem_meet_pressed(ctypes.byref(now), *two) for two in met),
+            *(
+                [np.array(getattr(one, name)) for one in now.robot]
+                for name in ("delta_e", "delta_a", "lambda_a", "rows")
+            ),
+        )
+
+    def seconds(self, deltas: Sequence[np.ndarray], obstacles: Sequence[Rounded], mu: float, count: int) -> float:
+        """Processor time of a step from where the last one ended, the mean of `count`."""
+        _, given = self._given(deltas, obstacles, mu)
+        begin = time.process_time()
+        for _ in range(count):
+            self.library.cfem_meet(*given)
+        return (time.process_time() - begin) / count
+
+    def _given(self, deltas: Sequence[np.ndarray], obstacles: Sequence[Rounded], mu: float) -> tuple:
+        """The state that a step fills, and its arguments."""
+        _, (_, bodies, count, friction, *_) = self._touch.given(deltas[0], obstacles, mu)
+        at = (ctypes.c_double * (len(deltas) * len(deltas[0])))(*np.concatenate(deltas).tolist())
+        now = self._states[1] if self._before is self._states[0] else self._states[0]
+        before = ctypes.byref(self._before) if self._before else None
+        states = before, ctypes.byref(now), ctypes.byref(self._room)
+        return now, (at, self.placed, bodies, count, friction, *states)

@@ -1,0 +1,35 @@
+/* The correction of goals by samples that may be late and rare: the rule of Python's cfem.control.closed_loop.feedback.
+ *
+ * A sample has the number of the command that it followed, and corrects once, against the reference of that command. Its age is
+ * 1 where it followed the last one. The largest age and the smallest interval of the last samples say how many of them come
+ * late, and that says K_I. */
+#ifndef CFEM_FEEDBACK_H
+#define CFEM_FEEDBACK_H
+
+#include <stdint.h>
+
+#include "cfem_room.h"
+
+#define CFEM_FEEDBACK_WINDOW 8 /* samples whose ages and intervals count */
+
+typedef struct {
+    double total[CFEM_MOST_NE];                        /* mm, K_I sum e */
+    double moved[CFEM_MOST_NE];                        /* mm, by which the goal is moved: K_P e + K_I sum e */
+    double references[CFEM_MOST_LATE][CFEM_MOST_NE];   /* mm, absolute, of the last commands; the next goes to `next` */
+    double integral;                                   /* K_I of the last sample */
+    uint32_t given, heard;                             /* commands so far; number of the command that the last sample followed */
+    uint32_t ages[CFEM_FEEDBACK_WINDOW], intervals[CFEM_FEEDBACK_WINDOW]; /* ticks, of the last samples */
+    int next, samples, gaps;                           /* samples and intervals so far, up to the window and then round it */
+    int late;                                          /* samples taken before the one that first shows a correction */
+} cfem_feedback;
+
+void cfem_feedback_init(cfem_feedback *f);
+
+/* A sample x_e (CFEM_NE,) mm that followed the command of that number; 0: none. One heard before changes nothing. CFEM_OK, or
+ * CFEM_REJECTED for one that is not finite, older than CFEM_LATE commands, or of a command not given yet. */
+unsigned cfem_feedback_hear(cfem_feedback *f, uint32_t tick, const cfem_real *x_e);
+
+/* After each command; expected (CFEM_NE,) mm, absolute: where the model has the effectors under it. */
+void cfem_feedback_commanded(cfem_feedback *f, const double *expected);
+
+#endif

@@ -1,0 +1,121 @@
+"""Contact anywhere beside the C controller: written, and compared with Python."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cfem.contact.obstacle import Obstacle
+from cfem.contact.obstacle_set import ObstacleSet
+from cfem.contact.prescribed_motion import ActuatedRobot
+from cfem.core.errors import InputError, NumericalError
+from cfem.export.compiled.controller import compiler
+from cfem.export.compiled.meet import CompiledMeet
+from cfem.export.compiled.touch import CompiledTouch
+from cfem.export.firmware import meet as c_meet
+from cfem.export.firmware.touch import write_c_touch
+from cfem.export.spec import CSpec
+from cfem.predict.contact.bodies import PlacedModel
+from cfem.predict.contact.kept_patches import patched_model_of
+from cfem.predict.contact.patched_model import PatchedModel
+from cfem.predict.contact.scene import ContactScene, contact_step
+from cfem.predict.contact.state import ContactState
+from cfem.predict.load import load_model
+from cfem.robot.build import build_robot
+from cfem.robot.load import load_scene_and_mesh, made_from
+
+STEPS, FINE = 10, 20  # from rest to each of a few states, at which C is compared; of robots that meet
+STATES = 3
+MANY = 3  # CFEM_TOUCH_MANY
+
+
+def write_touch(folder: Path, spec: CSpec, scene: Path, model_folder: Path, s: np.ndarray) -> dict[str, Any]:
+    """Adds contact with the obstacles of `spec` to the C folder of a model; the bytes of its constants, and parity: the
+    largest relative difference of forces, tip and actuators from Python on ways to states s (m, n_a), None without a
+    compiler. InputError where the model cannot be touched, or robots overlap."""
+    model = load_model(model_folder)
+    robot_scene, mesh = load_scene_and_mesh(scene)
+    made_of = made_from(scene, scene.parent / robot_scene.out) | {"loads": {}}
+    robot = build_robot(robot_scene, mesh)
+    met = [one for one in spec.obstacles.values() if one.kind == "robot"]
+    try:
+        patched = patched_model_of(model, model_folder, robot, made_of, *spec.contact.cut)
+        courses = [one.actuated(model) for one in met]
+    except InputError as error:
+        raise InputError(error.what, where=error.where or str(model_folder), do=error.do) from None
+    itself = any(one.kind == "itself" for one in spec.obstacles.values())
+    solid = [one.made(scene.parent) for one in spec.obstacles.values() if one.kind not in ("robot", "itself")]
+    mu, soft = spec.contact.friction, bool(met or itself)
+    more = {"robots": 1 + len(met), "most": c_meet.MOST} if soft else {}
+    size = write_c_touch(folder, patched, solid, mu, robot.unilateral, **more)
+    found: dict[str, Any] = {"patches": len(patched.patches), "bytes": size, "parity": None}
+    if not soft:
+        return found | (
+            {"parity": touch_parity(folder, patched, robot.unilateral, solid, mu, s[:STATES])} if compiler() else {}
+        )
+    places = [(np.eye(3), np.zeros(3), itself), *((one.R, one.t, False) for one in courses)]
+    robots = [PlacedModel(patched, *place, robot.unilateral) for place in places]
+    found["bytes"] += c_meet.write_c_meet(folder, robots)
+    meeting = ContactScene(robots, ObstacleSet.of(solid), mu)
+    try:
+        ways = [way(meeting, courses, end) for end in s[:STATES]]
+    except InputError as error:
+        raise InputError(error.what, where=error.where or "c.obstacles", do=error.do) from None
+    c_meet.write_way(folder, max(ways, key=lambda one: one[-1].pressed))
+    return found | {"robots": len(robots), "parity": meet_parity(folder, meeting, ways) if compiler() else None}
+
+
+def touch_parity(
+    folder: Path, patched: PatchedModel, unilateral: np.ndarray, solid: Sequence[Obstacle], mu: float, s: np.ndarray
+) -> float:
+    compiled, worst = CompiledTouch(folder), 0.0
+    for end in s:
+        before = None
+        compiled.reset()
+        for share in np.arange(1, STEPS + 1) / STEPS:
+            before = contact_step(patched, share * end, solid, mu=mu, before=before, unilateral=unilateral)
+            here = compiled(share * end, solid, mu, slack=True)
+            if not before.converged:
+                break
+            _demand_state(here.status)
+            forces = np.zeros((len(patched.patches), 3))
+            forces[here.patches] = here.forces
+            pairs = [(before.forces, forces), (before.delta_e[0], here.delta_e), (before.lambda_a[0], here.lambda_a)]
+            worst = max([worst, *(np.abs(a - b).max() / max(np.abs(a).max(), 1e-9) for a, b in pairs)])
+    return float(worst)
+
+
+def way(meeting: ContactScene, courses: Sequence[ActuatedRobot], end: np.ndarray) -> list[ContactState]:
+    """States of the first robot from rest to end (n_a,) mm, while the others go along their courses, up to one that
+    does not converge. InputError where robots overlap at the begin."""
+    found = [meeting.start([0 * end, *(one.deltas(0.0) for one in courses)])]
+    for share in np.arange(1, FINE + 1) / FINE:
+        now = meeting.step([share * end, *(one.deltas(share) for one in courses)], found[-1])
+        if not now.converged:
+            break
+        found.append(now)
+    return found
+
+
+def meet_parity(folder: Path, meeting: ContactScene, ways: Sequence[Sequence[ContactState]]) -> float:
+    compiled, worst, solid = CompiledMeet(folder), 0.0, meeting.obstacles.obstacles
+    for states in ways:
+        compiled.reset()
+        for state in states:
+            here = compiled(state.deltas, solid, meeting.mu)
+            _demand_state(here.status)
+            for name in ("forces", "delta_e", "lambda_a"):
+                off = np.abs(np.concatenate(getattr(state, name)) - np.concatenate(getattr(here, name))).max()
+                worst = max(worst, float(off) / max(c_meet.scale(states, name), 1e-9))
+    return worst
+
+
+def _demand_state(status: int) -> None:
+    """NumericalError where C ends with a status of cfem_touch.h at a state that Python has found."""
+    if status == MANY:
+        what = "more patches touch at once than C has room for, where it is compared with Python"
+        raise NumericalError(what, where="c.contact.patches", do="take larger patches")
+    if status:
+        what = f"C finds no state where Python has one: status {status} of cfem_touch.h"
+        raise NumericalError(what, where="c.contact", do="take larger patches, or please report it")

@@ -1,0 +1,1 @@
+"""The robot as one page that runs in a browser."""

@@ -1,0 +1,173 @@
+"""The robot in a file: one page that runs anywhere, with the C controller as WebAssembly and this robot as data."""
+
+from collections.abc import Sequence
+from html import escape
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+
+from cfem import viewer
+from cfem.core.console.shown import length
+from cfem.core.errors import InputError
+from cfem.export.firmware.at_rest import right_at_rest, with_rest
+from cfem.export.firmware.constants import controller, surrogate
+from cfem.export.firmware.embedding import Embedding
+from cfem.export.page.block import block, skin_series
+from cfem.export.page.body import body, lines
+from cfem.export.page.chambers import Wall
+from cfem.export.page.data import Fixed, pack
+from cfem.export.page.load import weight
+from cfem.export.page.motion import moves
+from cfem.export.spec import CSpec
+from cfem.predict.protocol import Predictor
+
+ASSETS = files("cfem.export.page") / "web"
+SCRIPTS = ("data.js", "robot.js", "words.js", "reach.js", "strain.js", "chambers.js", "hands.js", "motion.js", "app.js")
+KINDS = ("spectral", "serial")
+LEAST = 1e-3  # mm: a smaller error is of no interest to those who look
+EXACT = 1e-7  # mm: the finest step of what is stored of places
+POINT = ("x", "y", "z")
+
+
+def page(
+    meta: dict,
+    arrays: dict[str, np.ndarray],
+    skin: dict[str, np.ndarray],
+    spec: CSpec,
+    robot: Embedding,
+    concerns: Sequence[str] = (),
+    moving: dict[str, np.ndarray] | None = None,
+    walls: Sequence[Wall] = (),
+) -> str:
+    """The whole file. skin: arrays of `cfem.predict.skin`; concerns: what is poor about the model, said first; moving:
+    arrays of its motion.npz, where it has learned to move; walls: of its chambers.
+    InputError where the page has no room for the robot."""
+    if meta["kind"] not in KINDS:
+        raise InputError(f"kind {meta['kind']!r} has no page", do=f"train kind: {' or '.join(KINDS)}")
+    if robot.rest_e is not None:
+        meta = {**meta, "rest_e": robot.rest_e.tolist()}
+    spec = spec.model_copy(update={"scalar": "double", "full": False})
+    model, p = surrogate(meta, arrays, spec)
+    if model.modules:
+        what = "modules in a row under loads, of different models or with a centre of mass have no page"
+        raise InputError(what, do="export C")
+    predictor = model.reference
+    points, chosen = watched(predictor), spec.controller
+    if chosen.weights is None:  # a goal is a place: rotations follow
+        dragged = [row for one in points for row in range(*one["rows"])]
+        weights = np.isin(np.arange(predictor.rows.n_e), dragged).astype(float).tolist()
+        chosen = chosen.model_copy(update={"weights": weights})
+    defines, constants = controller(predictor, p, chosen, "double", robot.pressures)
+    right = right_at_rest(predictor, constants, p)
+
+    def block_of(one: Predictor, its_skin: dict[str, np.ndarray]) -> bytes:
+        its_model, _ = surrogate(one.meta, one.arrays, spec)
+        _, its_constants = controller(one, p, chosen, "double", robot.pressures)
+        if right:
+            its_constants |= with_rest(one, its_constants, p)
+        return block(its_model, defines, its_constants, skin_series(one, its_skin, p))
+
+    rest = np.zeros((int(right), predictor.rows.n_a))  # among the states that the reach is drawn from
+    weighed = weight(predictor, skin, points[0]["rows"][0], block_of)
+    drawn = body(skin, lines(meta["robot"], predictor.length), walls)
+    said = {
+        "actuators": actuators(predictor, constants),
+        "points": points,
+        "rest_e": predictor.rest_e.tolist(),
+        "skin": len(drawn.modes),
+        "length": predictor.length,
+        "outer": drawn.outer,
+        "chambers": [dict(zip(("actuator", "first", "count"), one, strict=True)) for one in drawn.chambers],
+        "lines": [dict(zip(("actuator", "first", "count", "radius"), one, strict=True)) for one in drawn.lines],
+        "command": chosen.command,
+        "tolerance": constants["cfem_tolerance"].tolist(),
+        "paced": chosen.rate is not None or chosen.force_rate is not None,
+        "weight": weighed and weighed[1].largest,
+    }
+    data = {
+        "code": (ASSETS / "cfem.wasm").read_bytes(),
+        "block": weighed[0] if weighed else block_of(predictor, skin),
+        "rest": Fixed(drawn.rest, np.array([max(np.abs(drawn.rest).max() / 2**30, EXACT)])),
+        "modes": drawn.modes.astype(np.float32),
+        "triangles": drawn.triangles,
+        "states": np.vstack([rest, predictor.domain.states[:, : predictor.rows.n_a]]),
+    }
+    runs = moves(meta, predictor, moving, spec.model_copy(update={"controller": chosen})) if moving else None
+    if runs:
+        said["motion"] = runs.said
+        data |= {"motion": runs.block, "curve": runs.curve}
+    if weighed:
+        data |= {"positions": weighed[1].positions, "changes": weighed[1].changes}
+    return fill(said, data, meta["scene"], about(meta, predictor), concerns)
+
+
+def watched(predictor: Predictor) -> list[dict[str, Any]]:
+    """The points that can be dragged: name, first row and the row behind the last. InputError where there is none."""
+    found = []
+    names = predictor.rows.effectors
+    for row in range(len(names) - 2):
+        name, _, axis = names[row].rpartition(".")
+        if axis == "x" and names[row : row + 3] == tuple(f"{name}.{one}" for one in POINT):
+            found.append({"name": name, "rows": [row, row + 3]})
+    if not found:
+        raise InputError("no effector is a point with rows x, y and z, so there is no goal to drag")
+    return found
+
+
+def actuators(predictor: Predictor, constants: dict[str, np.ndarray]) -> list[dict[str, Any]]:
+    """delta: smallest and largest, mm or mm^3; lambda: the same, N or MPa, null where open; scale: the largest force in
+    the training states of an actuator of its kind, where the colours end."""
+    largest, found = np.abs(constants["cfem_domain_lambda_a"]).max(axis=0), []
+    cables = np.array([unit == "mm" for unit, _ in predictor.actuator_units])
+    for i, name in enumerate(predictor.rows.actuators):
+        cable = bool(cables[i])
+        low, high = (constants[f"cfem_lambda_{end}"][i] for end in ("low", "high"))
+        found.append(
+            {
+                "name": name,
+                "kind": "cable" if cable else "chamber",
+                "unit": "mm" if cable else "mm³",
+                "forceUnit": "N" if cable else "kPa",
+                "forceFactor": 1 if cable else 1000,
+                "delta": [float(constants[f"cfem_delta_{end}"][i]) for end in ("low", "high")],
+                "lambda": [float(one) if np.isfinite(one) else None for one in (low, high)],
+                "scale": float(largest[cables == cable].max()),
+            }
+        )
+    return found
+
+
+def about(meta: dict, predictor: Predictor) -> str:
+    """What the reader should know of the model."""
+    error = (meta.get("errors") or {}).get("tip_mm", {}).get("max")
+    known = ""
+    if error is not None:
+        off = length(error) if error >= LEAST else f"less than {LEAST:g} mm"
+        known = f" The largest error of its tip in unseen states: {off}."
+    return (
+        f"A learned condensed finite-element model ({meta['kind']}) computes all that you see, on your device.{known} "
+        "Nothing is sent anywhere. Made by cfem."
+    )
+
+
+def fill(said: dict[str, Any], data: dict[str, Any], title: str, words: str, concerns: Sequence[str]) -> str:
+    """The page of what is said and the arrays of `data`."""
+    packed = pack(said, data)
+    text = {
+        "title": escape(title),
+        "about": escape(words),
+        "concerns": "".join(f'<p class="poor">{escape(one)}</p>\n' for one in concerns),
+        "style": _asset("page.css") + viewer.asset("viewer.css"),
+        "script": viewer.script(*map(_asset, SCRIPTS)),
+        "bytes": packed.bytes,
+        "crc": packed.crc,
+        "data": packed.text,
+    }
+    first, *others = _asset("page.html").split("{{")
+    split = (one.partition("}}") for one in others)
+    return first + "".join(f"{text[name]}{rest}" for name, _, rest in split)
+
+
+def _asset(name: str) -> str:
+    return (ASSETS / name).read_text(encoding="utf-8")

@@ -1,0 +1,48 @@
+"""Predictions of load cases as plain data, and whether to trust them."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from cfem.core.artefact.judgement import poor
+from cfem.identify.cases.outcome import Calibrated
+from cfem.identify.cases.predict import Prediction, beyond_calibration
+from cfem.identify.cases.prediction_table import repeats
+from cfem.identify.cases.table import Cases
+
+
+def prediction_results(
+    prediction: Prediction, cases: Cases, markers: Sequence[str], known: Calibrated
+) -> dict[str, Any]:
+    """Number of cases, half of the median interval, failures and, where cases were measured, errors."""
+    beyond = [cases.names[i] for i in np.flatnonzero(beyond_calibration(cases, known))]
+    results: dict[str, Any] = {
+        "cases": len(cases),
+        "median_half_mm": float(np.nanmedian(prediction.half)),
+        "failed": {cases.names[i]: why for i, why in prediction.failed.items()},
+        "in_fit": sum(bool(mark) and mark in known.given for mark in cases.marks),
+    }
+    if beyond:
+        what = f"{len(beyond)} of {len(cases)} cases are of larger forces than the calibration, the first {beyond[0]}"
+        results["judgement"] = [poor(f"{what}: their intervals hold a guess of what the model lacks there")]
+    return results | (_errors(prediction, cases, markers) if np.isfinite(prediction.distance).any() else {})
+
+
+def _errors(prediction: Prediction, cases: Cases, markers: Sequence[str]) -> dict[str, Any]:
+    """Errors (mm) by marker and case, and shares within the intervals."""
+    distance = prediction.distance
+    coordinates, near = prediction.covered()
+    return {
+        "mean_mm": float(np.nanmean(distance)),
+        "largest_mm": float(np.nanmax(distance)),
+        "by_marker_mm": {name: _mean(distance[:, j]) for j, name in enumerate(markers)},
+        "by_case_mm": {name: _mean(distance[i]) for i, name in enumerate(cases.names)},
+        "coordinates_within": coordinates,
+        "markers_within": near,
+        "repeats_mm": max(repeats(cases).values(), default=None),
+    }
+
+
+def _mean(distance: np.ndarray) -> float | None:
+    return float(np.nanmean(distance)) if np.isfinite(distance).any() else None

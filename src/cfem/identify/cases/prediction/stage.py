@@ -1,0 +1,66 @@
+"""`cfem predict-cases`: a table of other load cases to predictions with intervals, and to errors where they were
+measured."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cfem.core.artefact.content import artefact_file
+from cfem.core.artefact.files import write_json, write_whole
+from cfem.core.errors import InputError, NumericalError
+from cfem.core.optional import installed
+from cfem.core.spec import load_spec, meaning
+from cfem.core.stage import Command
+from cfem.identify.cases.outcome import FILE
+from cfem.identify.cases.prediction.spec import PredictSpec
+from cfem.identify.cases.spec import CasesSpec
+from cfem.robot.spec import scene_meaning
+
+RESULT, TABLE, FIGURE = "prediction.json", "predicted.csv", "shapes.png"
+
+
+def _extra(spec: PredictSpec, base: Path) -> dict[str, Any]:
+    path = base / spec.cases
+    cases = load_spec(path, CasesSpec)
+    scene = scene_meaning(path.parent / cases.scene)
+    return {"scene": scene, "cases": meaning(cases, ("scene", "mesh", "measurements", "out"))}
+
+
+def _work(folder: Path, spec: PredictSpec, base: Path) -> dict[str, Any]:
+    """Results: errors by case and marker, share within the intervals."""
+    from cfem.identify.cases.load import load_lab
+    from cfem.identify.cases.outcome import read_calibrated
+    from cfem.identify.cases.predict import predict
+    from cfem.identify.cases.prediction.results import prediction_results
+    from cfem.identify.cases.prediction.text import headline
+    from cfem.identify.cases.prediction_table import write_predictions
+
+    path = base / spec.cases
+    lab = load_lab(load_spec(path, CasesSpec), path.parent)
+    known = read_calibrated(artefact_file(base / spec.calibrated, FILE))
+    cases = lab.read(base / spec.table, measured=False)
+    rig = lab.rig(lab.find, tuple(dict.fromkeys([*known.sessions, *cases.sessions])))
+    strange = [name for name in known.names if name not in {unknown.name for unknown in rig.unknowns}]
+    if strange:
+        what = f"was made with the unknown '{strange[0]}', which {spec.cases} does not find"
+        raise InputError(what, where=str(spec.calibrated), do="run cfem calibrate-cases again")
+    prediction = predict(rig, cases, known, spec.confidence, spec.beyond)
+    failed = prediction.failed
+    if len(failed) == len(cases):
+        raise NumericalError(f"no case has an equilibrium; the first: {next(iter(failed.values()))}")
+    write_predictions(folder / TABLE, cases, lab.markers, prediction)
+    if spec.figure and installed("matplotlib"):
+        from cfem.identify.cases.figure import shapes_figure
+
+        poses = tuple(None if i in failed else pose for i, pose in enumerate(prediction.poses))
+        drawn = shapes_figure(cases, poses, prediction.y, prediction.half, lab.mesh, "Predicted", lab.down)
+        write_whole(folder / FIGURE, drawn)
+    results = prediction_results(prediction, cases, lab.markers, known)
+    write_json(folder / RESULT, results)
+    measured = int(np.isfinite(prediction.distance).sum())
+    return results | {"headline": headline(results, measured, spec.confidence, TABLE)}
+
+
+COMMAND = Command("predict-cases", 4, PredictSpec, _work, ("calibrated", "table"), outside=("cases",), extra=_extra)
+run, stage = COMMAND.run, COMMAND.stage

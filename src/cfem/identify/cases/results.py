@@ -1,0 +1,143 @@
+"""What a calibration by load cases found, as plain data for its files, and whether to trust it."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from cfem.core.artefact.judgement import poor
+from cfem.identify.cases.fit import CaseFit
+from cfem.identify.cases.left_out import LeftOut
+from cfem.identify.cases.plausible import implausible
+from cfem.identify.cases.prediction_table import repeats
+from cfem.identify.cases.rig import Rig
+from cfem.identify.cases.table import Cases
+from cfem.identify.fit.free_parameter import estimate
+from cfem.identify.fit.identifiability import prior_sentences
+from cfem.identify.fit.prediction_intervals import t_quantile
+
+_UNLIKE = 2.5  # times: errors of left-out cases beyond what the fit says of itself are told first
+
+
+@dataclass(frozen=True)
+class FittedModel:
+    """One of the models that are compared.
+
+    rig:      with the model's unknowns
+    fit:      to all cases
+    left_out: each case predicted by the others"""
+
+    rig: Rig
+    fit: CaseFit
+    left_out: LeftOut
+
+    @property
+    def degrees(self) -> float:
+        """Degrees of freedom of the inflation."""
+        return self.left_out.degrees(self._most)
+
+    @property
+    def _most(self) -> float:
+        """Degrees of freedom of the scatter."""
+        return self.fit.count - self.fit.free
+
+    def estimates(self, confidence: float) -> dict[str, dict[str, Any]]:
+        """Value, unit and interval of each parameter."""
+        deviations = self.left_out.inflation * np.sqrt(np.diag(self.fit.covariance))
+        quantile = t_quantile(self.degrees, confidence)
+        entries = {}
+        for i, unknown in enumerate(self.rig.unknowns):
+            result = estimate(unknown, self.fit.z[i], deviations[i], quantile)
+            entries[result.name] = {"value": result.value, "unit": result.unit, "interval": list(result.interval)}
+        return entries
+
+    def covered(self, confidence: float) -> list[float | None]:
+        """Share of coordinates of left-out cases within their intervals, and of markers within their radius."""
+        shares = self.left_out.covered(self._most, confidence)
+        return [share if np.isfinite(share) else None for share in shares]
+
+    def row(self, find: Sequence[str]) -> dict[str, Any]:
+        """Figures by which models are compared; find: its parameters."""
+        left_out = self.left_out.distance
+        return {
+            "find": list(find),
+            "in_fit_mm": float(np.nanmean(np.linalg.norm(self.fit.residuals, axis=2))),
+            "left_out_mm": float(np.nanmean(left_out)) if np.isfinite(left_out).any() else None,
+            "left_out_failed": list(self.left_out.failed),
+            "scatter_mm": self.fit.scatter.fixed,
+            "scatter_share": self.fit.scatter.share,
+            "free": self.fit.free,
+            "solves": self.rig.robots.solves,
+            **{name: value if np.isfinite(value) else None for name, value in self.fit.criteria.items()},
+        }
+
+
+def case_results(
+    kept: FittedModel,
+    models: Mapping[str, Mapping[str, Any]],
+    cases: Cases,
+    markers: Sequence[str],
+    errors: np.ndarray,
+    confidence: float,
+) -> dict[str, Any]:
+    """Parameters with intervals, errors by case and marker, models compared.
+
+    models: a row for each, by name
+    errors: (m, k) mm distances in the fit"""
+    fitted, left_out, rig = kept.fit, kept.left_out, kept.rig
+    estimates, repeated, n_z = kept.estimates(confidence), repeats(cases), len(rig.unknowns)
+    prior = [unknown.known for unknown in rig.unknowns]
+    return {
+        "judgement": _judgement(rig, estimates, left_out),
+        "estimates": estimates,
+        "scatter_mm": fitted.scatter.fixed,
+        "scatter_share": fitted.scatter.share,
+        "inflation": left_out.inflation,
+        "degrees_of_freedom": kept.degrees,
+        "errors_mm": _by_case_and_marker(cases, markers, errors),
+        "left_out_mm": _by_case_and_marker(cases, markers, left_out.distance),
+        "left_out_within": kept.covered(confidence),
+        "repeats_mm": max(repeated.values(), default=None),
+        "repeats_by_case_mm": repeated,
+        "models": models,
+        "best": _best(models),
+        "offsets_mm": _offsets(fitted.d, markers, rig),
+        "untold": prior_sentences(rig.unknowns, prior, fitted.z, fitted.covariance[:n_z, :n_z]),
+    }
+
+
+def _best(models: Mapping[str, Mapping[str, Any]]) -> str | None:
+    """Name of the model that predicts left-out cases best, None where none can be left out."""
+    errors = {name: row["left_out_mm"] for name, row in models.items() if row["left_out_mm"] is not None}
+    return min(errors, key=errors.__getitem__, default=None)
+
+
+def _judgement(rig: Rig, estimates: Mapping[str, Any], left_out: LeftOut) -> list[dict[str, Any]]:
+    """Poor where nothing tells how well cases are predicted, errors are unexpected, or values implausible."""
+    judged = [poor(sentence) for sentence in implausible(rig.unknowns, estimates)]
+    if not len(left_out.ratios):
+        judged.insert(0, poor("no case can be left out, so nothing tells how well another is predicted"))
+    elif left_out.inflation > _UNLIKE:
+        what = f"errors of left-out cases are {left_out.inflation:.1f} times those that the fit expects"
+        judged.insert(0, poor(what + ": the model lacks something"))
+    return judged
+
+
+def _by_case_and_marker(
+    cases: Cases, markers: Sequence[str], distance: np.ndarray
+) -> dict[str, dict[str, float | None]]:
+    """mm, None where not measured."""
+    return {
+        case: {marker: float(e) if np.isfinite(e) else None for marker, e in zip(markers, row, strict=True)}
+        for case, row in zip(cases.names, distance, strict=True)
+    }
+
+
+def _offsets(d: np.ndarray, markers: Sequence[str], rig: Rig) -> dict[str, dict[str, list[float]]]:
+    """Offsets (mm) along the axes that turn with the body: of all sessions, and what each adds."""
+    names = ["all", *rig.sessions][: rig.blocks]
+    return {
+        name: {m: part.tolist() for m, part in zip(markers, block.reshape(-1, 3), strict=True)}
+        for name, block in zip(names, np.split(d, rig.blocks) if rig.blocks else (), strict=True)
+    }

@@ -1,0 +1,153 @@
+"""From measurements to parameters with their intervals."""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cfem.core.errors import NumericalError
+from cfem.identify.fit.free_parameter import ParameterEstimate, estimate
+from cfem.identify.fit.identifiability import share_sentences, unseen, unseen_sentence
+from cfem.identify.fit.least_squares import FitResult, Search, best_of, fit
+from cfem.identify.fit.uncertainty import Uncertainty, profile, uncertainty
+from cfem.identify.robot.measurements import Measurements
+from cfem.identify.robot.residuals import Noise, RobotResiduals, relative_noise
+from cfem.parametric.family import Family
+from cfem.parametric.states import States
+
+_SEARCH = Search(try_ends=True)
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """A calibrated robot.
+
+    p:           (n_p,) all parameters, those not found as they were given
+    estimates:   of the found parameters
+    unseen:      names of parameters that nothing measured depends on
+    fits:        one from each start
+    problem:     the residuals, by the parameters that were found
+    uncertainty: of their shares of the ranges, None where none was found
+    sentences:   what the measurements tell of each parameter
+    states:      the robot's at p
+    residuals:   (n_r,) computed less measured, in measured units
+    noise:       stated or estimated, None where it is neither
+    seconds:     of CPU time of the search
+    profile_seconds: of CPU time of the profiles
+    evaluations: robots and states that the search asked for"""
+
+    p: np.ndarray
+    estimates: tuple[ParameterEstimate, ...]
+    unseen: tuple[str, ...]
+    fits: tuple[FitResult, ...]
+    problem: RobotResiduals
+    uncertainty: Uncertainty | None
+    sentences: list[str]
+    states: States
+    residuals: np.ndarray
+    noise: Noise | None
+    seconds: float
+    profile_seconds: float
+    evaluations: int
+
+
+def calibrate(
+    family: Family,
+    measured: Measurements,
+    find: Sequence[int],
+    p0: np.ndarray,
+    starts: np.ndarray,
+    noise: Noise | None = None,
+    confidence: float = 0.95,
+    with_profile: bool = True,
+) -> Calibration:
+    """The parameters that fit the measurements best. A parameter that nothing measured depends on stays as in p0.
+    NumericalError where no start leads to an answer.
+
+    find:   numbers of the parameters to find
+    p0:     (n_p,) values of all others
+    starts: (k, n_p) of the search
+    noise:  estimated from the fit unless given"""
+    begin = time.process_time()
+    noise = noise or relative_noise(measured)
+    everything = RobotResiduals(family, measured, noise, p0, list(find))
+    seen = _seen(everything, starts)
+    hidden = [family.parameters[i] for i, is_seen in zip(find, seen, strict=True) if not is_seen]
+    problem = RobotResiduals(family, measured, noise, p0, [i for i, is_seen in zip(find, seen, strict=True) if is_seen])
+    sentences = [unseen_sentence(parameter, measured.kind, _sources(measured)) for parameter in hidden]
+    fits, known, profiles, z = [], None, [], np.zeros(0)
+    if problem.free:
+        fits = [fit(problem, start, _SEARCH) for start in problem.z(starts)]
+        z = best_of(fits).u
+        known = uncertainty(*problem(z), noise.known, confidence)
+        sentences += share_sentences(problem.parameters, known)
+    profile_begin, evaluations = time.process_time(), everything.evaluations + problem.evaluations
+    if known is not None:
+        profiled = with_profile & np.isfinite(known.deviations)
+        profiles = [profile(problem, z, i, known) if asked else None for i, asked in enumerate(profiled)]
+    profile_end = time.process_time()
+    states = problem.states(z[None])
+    return Calibration(
+        p=problem.p(z),
+        estimates=tuple(
+            estimate(unknown, z[i], known.deviations[i], known.quantile, profiles[i])
+            for i, unknown in enumerate(problem.unknowns)
+        ),
+        unseen=tuple(parameter.name for parameter in hidden),
+        fits=tuple(fits),
+        problem=problem,
+        uncertainty=known,
+        sentences=sentences,
+        states=states,
+        residuals=problem.predictions(states)[0] - problem.target,
+        noise=_estimated(noise, known),
+        seconds=profile_begin - begin,
+        profile_seconds=profile_end - profile_begin,
+        evaluations=evaluations,
+    )
+
+
+def coverage(calibration: Calibration, noise: Noise, confidence: float, repeats: int) -> np.ndarray:
+    """(n_free,) share of repeats in which the interval covers the calibrated value. Each repeat takes that for the
+    truth and draws new measurements with the stated noise."""
+    problem, rng = calibration.problem, np.random.default_rng(0)
+    truth = problem.z(calibration.p)
+    computed = problem.target + calibration.residuals
+    covered = np.zeros(len(truth))
+    for _ in range(repeats):
+        repeated = problem.with_target(computed + problem.sigma * rng.standard_normal(len(computed)))
+        z = best_of([fit(repeated, truth, _SEARCH)]).u
+        known = uncertainty(*repeated(z), noise.known, confidence)
+        covered += np.abs(z - truth) <= known.quantile * known.deviations
+    return covered / repeats
+
+
+def _sources(measured: Measurements) -> list[str]:
+    """Which of 'effectors' and 'actuators' were measured."""
+    columns = {"effectors": (measured.x_e, measured.delta_e), "actuators": (measured.dual,)}
+    return [source for source, arrays in columns.items() if any(np.isfinite(array).any() for array in arrays)]
+
+
+def _seen(problem: RobotResiduals, starts: np.ndarray) -> np.ndarray:
+    """(n,) whether what was measured depends on each parameter, at some start."""
+    centred = problem.target - problem.target.mean() if len(problem.target) > 1 else problem.target
+    change = float(np.abs(centred / problem.sigma).max())
+    jacobians, failure = [], None
+    for z in problem.z(starts)[:2]:
+        try:
+            jacobians.append(problem(np.clip(z, 0.01, 0.99))[1])
+        except NumericalError as error:
+            failure = error
+    if not jacobians and failure:
+        raise failure
+    return ~unseen(jacobians, change)
+
+
+def _estimated(noise: Noise, known: Uncertainty | None) -> Noise | None:
+    """The noise: stated, or by what the fit leaves; None where the measurements are too few to tell."""
+    if known is None:
+        return None
+    if noise.known:
+        return noise
+    return Noise(noise.effectors * known.scale, noise.dual * known.scale, False) if np.isfinite(known.scale) else None

@@ -1,0 +1,61 @@
+"""What a person reads of a calibration."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from cfem.condensed.parameters import Parameter
+from cfem.core.artefact.judgement import NOISE_RATIO, poor
+from cfem.core.console.shown import duration
+from cfem.identify.fit.uncertainty import Uncertainty
+from cfem.identify.robot.calibration import Calibration
+
+
+def headline(calibration: Calibration, results: Mapping[str, Any]) -> list[str]:
+    """A line for each parameter, then what cannot be told, the fit and its cost; results: `calibration_results`."""
+    problem, known = calibration.problem, calibration.uncertainty
+    parameters = {parameter.name: parameter for parameter in problem.family.parameters}
+    lines = [_estimate(parameters[name], entry, results["confidence"]) for name, entry in results["estimates"].items()]
+    lines += calibration.sentences
+    if known is not None and known.chance is not None and known.scale != 1.0:
+        lines.append(
+            f"the residuals are {known.scale:.2g} times the noise stated (chance {known.chance:.0e}): "
+            "the model or the noise is wrong; intervals widened by as much"
+        )
+    if known is not None and known.covariance is None:
+        lines.append("as many parameters as measurements: no intervals without a stated noise")
+    lines.append(
+        f"{len(problem.measured)} states, {len(problem.target)} numbers, {len(calibration.fits)} starts, "
+        f"{duration(calibration.seconds)} of CPU time"
+    )
+    return lines
+
+
+def judgement(known: Uncertainty | None) -> list[dict[str, Any]]:
+    """Poor where the fit leaves far more than the noise that was stated."""
+    if known is None or known.chance is None or known.scale <= NOISE_RATIO:
+        return []
+    return [poor(f"the residuals are {known.scale:.2g} times the stated noise: the model does not fit the data")]
+
+
+def coverage_line(shares: Mapping[str, float], repeats: int) -> str:
+    """The line on simulated repeats; shares: of repeats in which each parameter's interval covers it."""
+    covered = ", ".join(f"{name} in {100 * share:.1f} %" for name, share in shares.items())
+    return f"{repeats} simulated repeats: the interval covers {covered}"
+
+
+def _estimate(parameter: Parameter, entry: Mapping[str, Any], confidence: float) -> str:
+    """The line on a parameter: value, intervals, error where the truth is known."""
+    unit = "" if parameter.unit == "1" else f" {parameter.unit}"
+    line = f"{parameter.name} {entry['value']:.6g}{unit}, {_interval(entry['interval'], confidence)}"
+    if entry["profile"] is not None:
+        low, high = entry["profile"]  # None beyond the end of the range
+        low, high = parameter.low if low is None else low, parameter.high if high is None else high
+        line += f" (by profile [{low:.6g}, {high:.6g}])"
+    if "error" in entry:
+        line += f", error {abs(entry['error']):.1e}{unit}"
+    return line + ("; it lies at an end of its range" if entry["at_end_of_range"] else "")
+
+
+def _interval(interval: Sequence[float | None], confidence: float) -> str:
+    low, high = interval
+    return "no interval" if low is None else f"{100 * confidence:g} % interval [{low:.6g}, {high:.6g}]"

@@ -1,0 +1,1 @@
+"""States and unknown forces of a moving robot, from markers."""

@@ -1,0 +1,1 @@
+"""Devices as plants: programs that exchange lines of JSON."""

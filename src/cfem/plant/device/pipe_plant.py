@@ -1,0 +1,157 @@
+"""A plant that is another program: JSON lines on its stdin and stdout. The protocol is in docs/closed-loop.md; the
+program may be in any language and drive valves, motors and a tracker."""
+
+import json
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cfem.condensed import Rows
+from cfem.core.errors import InputError
+from cfem.plant.device.answer import FAR, Malformed, answer_of, numbers, shown, step_of
+from cfem.plant.device.process import DeviceProcess
+from cfem.plant.protocol import Command, Measurement
+
+VERSION = 1
+FIRST_TIMEOUT = 30.0  # s
+GOODBYE = '{"bye": true}'
+
+
+class PipePlant:
+    """Runs `command` and speaks to it; to be used in a `with`, which tells the device to let go and ends it.
+
+    rest_e: (n_e,) mm; timeout: s that it may take to answer, but the first time; period: s from one command
+    to the next, 0 for as fast as it answers; folder: where it starts; markers: names of those that it answers; length
+    (mm) and reach (n_a, 2) mm (mm^3) of the robot: a position farther from rest than FAR times these is none; late:
+    commands that were sent later than the period asks. InputError where it cannot be started, ends, is silent or talks
+    nonsense."""
+
+    def __init__(
+        self,
+        command: Sequence[str],
+        rows: Rows,
+        rest_e: np.ndarray,
+        timeout: float = 1.0,
+        period: float = 0.0,
+        folder: Path | None = None,
+        markers: Sequence[str] = (),
+        length: float = np.inf,
+        reach: np.ndarray | None = None,
+    ):
+        self._command, self._rows, self._rest_e = tuple(command), rows, rest_e
+        self._timeout, self._period = timeout, period
+        self._folder, self._markers = folder, tuple(markers)
+        self._length = FAR * length
+        self._farthest_e = np.where(rows.turns, FAR * 2 * np.pi, self._length)
+        self._farthest_a = np.inf if reach is None else FAR * np.abs(reach).max(axis=1)
+        self._process: DeviceProcess | None = None
+        self._last = Measurement(np.full(rows.n_e, np.nan), None, None, 0, "")
+        self._t, self._due, self.late = 0, 0.0, 0
+
+    @property
+    def returncode(self) -> int | None:
+        """Of the device, None while it runs."""
+        return self._process.returncode
+
+    def __enter__(self) -> "PipePlant":
+        try:
+            self._process = DeviceProcess(self._command, self._folder)
+        except OSError as error:
+            raise self._wrong(f"cannot be started: {error.strerror}") from error
+        try:
+            answer = self._ask(
+                {
+                    "hello": "cfem-plant",
+                    "version": VERSION,
+                    "effectors": self._rows.effectors,
+                    "actuators": self._rows.actuators,
+                    "rest_e": self._rest_e.tolist(),
+                    **({"markers": self._markers} if self._markers else {}),
+                },
+                FIRST_TIMEOUT,
+            )
+            version = answer.get("version")
+            if answer.get("ready") is not True or type(version) is not int or version != VERSION:
+                expected = f'{{"ready": true, "version": {VERSION}}}'
+                raise self._wrong(f"answered {shown(answer)} to hello, expected {expected}")
+        except BaseException:
+            self._process.end(GOODBYE)
+            raise
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._process.end(GOODBYE)
+
+    def step(self, u: np.ndarray, kind: Command = "displacement") -> Measurement:
+        now = time.monotonic()
+        if self._due > now:
+            time.sleep(self._due - now)
+        elif self._t and self._period:
+            self.late += 1
+        self._due = max(self._due, now) + self._period
+        self._t += 1
+        answer = self._ask({"t": self._t, "kind": kind, "u": np.asarray(u, float).tolist()}, self._timeout)
+        try:
+            self._last = self._measured(answer)
+        except Malformed as why:
+            raise self._wrong(str(why)) from why
+        return self._last
+
+    def _measured(self, answer: dict[str, Any]) -> Measurement:
+        """Malformed where the answer is none."""
+        t = step_of(answer, self._t, self._last.t)
+        x_e = numbers(answer, "x_e", self._rest_e, self._farthest_e)
+        none = np.zeros(self._rows.n_a)
+        delta_a, lambda_a = numbers(answer, "delta_a", none, self._farthest_a), numbers(answer, "lambda_a", none)
+        unseen = x_e is None
+        found = Measurement(
+            np.full(self._rows.n_e, np.nan) if unseen else x_e,
+            delta_a,
+            lambda_a,
+            t,
+            "the device does not see the effectors" if unseen and not self._markers else "converged",
+            self._seen(answer) if self._markers else None,
+        )
+        if t and t == self._last.t and not _same_sample(found, self._last):
+            raise Malformed(
+                f"answered another sample for t = {t}, which it has used before: each sample has its own step"
+            )
+        return found
+
+    def _seen(self, answer: dict[str, Any]) -> np.ndarray:
+        """(m, 3) mm, nan for a marker that is null or left out."""
+        places = answer.get("markers")
+        if not isinstance(places, dict) or set(places) - set(self._markers):
+            raise Malformed(
+                f"answered markers = {shown(places)}, expected an object of some of {', '.join(self._markers)}"
+            )
+        nothing, rest = np.full(3, np.nan), self._rest_e[:3] if len(self._rest_e) >= 3 else np.zeros(3)
+        found = (numbers(places, name, rest, self._length) for name in self._markers)
+        return np.array([nothing if one is None else one for one in found])
+
+    def _ask(self, message: dict[str, Any], timeout: float) -> dict[str, Any]:
+        try:
+            early = self._process.line(0.0)
+            if early is not None:
+                raise Malformed(f"said '{shown(early[:200])}' without being asked")
+            self._process.tell(json.dumps(message))
+            line = self._process.line(timeout)
+            if line is None:
+                raise Malformed(f"gave no answer within {timeout:g} s")
+            return answer_of(line)
+        except Malformed as why:
+            raise self._wrong(str(why)) from why
+
+    def _wrong(self, what: str) -> InputError:
+        return InputError(
+            what, where=f"device '{' '.join(self._command)}'", do="see the protocol in docs/closed-loop.md"
+        )
+
+
+def _same_sample(found: Measurement, last: Measurement) -> bool:
+    """As far as both have numbers."""
+    pairs = [(found.x_e, last.x_e)] + ([] if found.markers is None else [(found.markers, last.markers)])
+    return all(((one == other) | np.isnan(one) | np.isnan(other)).all() for one, other in pairs if other is not None)

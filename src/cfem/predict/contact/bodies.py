@@ -1,0 +1,111 @@
+"""What takes part in contact: learned robots, where they stand, and the rigid obstacles that they may touch."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+
+from cfem.contact.detection import NEVER, patch_normals, separation
+from cfem.contact.obstacle_set import ObstacleSet
+from cfem.contact.pairs import Surroundings
+from cfem.contact.problem import demand_friction
+from cfem.predict.contact.patched_model import PatchedModel
+from cfem.predict.contact.state import ContactState
+
+
+@dataclass(frozen=True)
+class PlacedModel:
+    """A learned robot; R (3, 3) and t (3,) mm from its frame to the scene's; itself: whether it may touch itself;
+    unilateral (n_a,) bool: actuators that go slack where they would push (`cfem.predict.slack`), none where it is None:
+    the others are held."""
+
+    patched: PatchedModel
+    R: np.ndarray = field(default_factory=lambda: np.eye(3))
+    t: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    itself: bool = True
+    unilateral: np.ndarray | None = None
+
+    @cached_property
+    def in_scene(self) -> bool:
+        """Whether its frame is the scene's."""
+        return not self.t.any() and np.array_equal(self.R, np.eye(3))
+
+
+@dataclass(frozen=True, eq=False)
+class Bodies:
+    """robots, the obstacles that all of them may touch, and the coefficient of friction mu. SpecError where mu is
+    none."""
+
+    robots: Sequence[PlacedModel]
+    obstacles: ObstacleSet = field(default_factory=lambda: ObstacleSet(()))
+    mu: float = 0.0
+
+    def __post_init__(self) -> None:
+        demand_friction(self.mu)
+
+    @cached_property
+    def soft(self) -> bool:
+        """Whether soft surfaces may touch: of two robots, or of one that may touch itself."""
+        return len(self.robots) > 1 or self.robots[0].itself
+
+    @cached_property
+    def slices(self) -> list[slice]:
+        """Patches of each robot among all."""
+        ends = np.cumsum([0, *(len(robot.patched.patches) for robot in self.robots)]).tolist()
+        return [slice(a, b) for a, b in pairwise(ends)]
+
+    @cached_property
+    def bodies(self) -> np.ndarray:
+        """(N,) number of the robot of each patch."""
+        return np.repeat(np.arange(len(self.robots)), [len(robot.patched.patches) for robot in self.robots])
+
+    @cached_property
+    def held_still(self) -> np.ndarray:
+        """(N,) bool: patches where a body is held, which touch nothing."""
+        return np.concatenate([robot.patched.held_still for robot in self.robots])
+
+    @property
+    def length(self) -> float:
+        return self.robots[0].patched.model.length
+
+    @cached_property
+    def unilateral(self) -> np.ndarray:
+        """(n,) bool of the actuators of all robots, robot after robot."""
+        none = [np.zeros(robot.patched.model.rows.n_a, dtype=bool) for robot in self.robots]
+        each = zip(self.robots, none, strict=True)
+        return np.concatenate([no if robot.unilateral is None else robot.unilateral for robot, no in each])
+
+    @cached_property
+    def surroundings(self) -> Surroundings:
+        """Which soft surfaces may touch which."""
+        skins = [robot.patched for robot in self.robots]
+        return Surroundings.of(skins, [robot.itself for robot in self.robots], self.length, ObstacleSet(()))
+
+    def normals(self, rows: Sequence[np.ndarray]) -> np.ndarray:
+        """(N, 3) outward of all patches in the scene, by the rows of each robot's skin."""
+        normals = []
+        for robot, of_robot in zip(self.robots, rows, strict=True):
+            patches, skin = robot.patched.patches, robot.patched.model.skin
+            surface = skin.surface(of_robot)
+            normals.append(patch_normals(surface, skin.triangles, patches.of, len(patches)) @ robot.R.T)
+        return np.concatenate(normals)
+
+    def separation(self, state: ContactState, body: int, other: int) -> float:
+        """mm, the smallest gap of two bodies, or of one and itself, that do not press each other."""
+        first, second = (self.bodies == number for number in (body, other))
+        both = first[:, None] & second | second[:, None] & first
+        may = np.where(both, self.surroundings.may_meet, NEVER)
+        return separation(state.places, self.normals(state.rows), may, self.surroundings.spacing)
+
+    def force_or_gap(self, state: ContactState, number: int) -> float:
+        """N, the sum of the normal forces of the first robot and the partner `number` of its pairs; where they do not
+        press each other, minus the smallest gap, mm."""
+        force = state.between(0, number)
+        if force:
+            return force
+        if number < len(self.robots):
+            return -self.separation(state, 0, number)
+        first = state.places[self.slices[0]][~self.robots[0].patched.held_still]
+        return -float(max(self.obstacles.obstacles[number - len(self.robots)].distance(first).min(), 0.0))

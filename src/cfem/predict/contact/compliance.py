@@ -1,0 +1,182 @@
+"""Compliance of patches of a robot (`cfem.predict.contact.patched_model`), without forces on them, and what forces do:
+compiled loops.
+
+c patches, k modes of the skin, r mixtures of them (`PatchedModel.bends`), n_e effectors."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from cfem.predict.loads.high_order import HighOrderMotion, beyond, slope
+
+
+class PatchCompliance(NamedTuple):
+    """Compliance of patches without forces.
+
+    U (3 c, k): their modes
+    local (3 c, 3 c) mm/N: what the modes leave of the compliance
+    total (3 c, 3 c) mm/N: all of it
+    flexibility (c,) mm/N: of each patch in its stiff directions
+    R (c, 3, 3): rotations since rest
+    dents (c, 3, 3, 3 + n_e) mm/N^2: change of the compliance of each patch, with itself and with the effectors, with a
+        force on it; in the robot's axes"""
+
+    U: np.ndarray
+    local: np.ndarray
+    total: np.ndarray
+    flexibility: np.ndarray
+    R: np.ndarray
+    dents: np.ndarray
+
+
+class LoadResponse(NamedTuple):
+    """What forces on patches do.
+
+    w (k,) N: their load on the modes
+    v (r,) N: that on the mixtures
+    change (n_e + r, r) mm/N: of C_es and C_ss, seen in the mixtures
+    modes: motion of the modes, with its first and second order
+    bending: size of the second order of that motion over the first
+    places (c, 3) mm: motion of the patches by dents, beyond what `PatchCompliance.local` says
+    slopes (c, 3, 3) mm/N: derivatives of `places` by the forces
+    seconds (c,): share of the second order that is taken"""
+
+    w: np.ndarray
+    v: np.ndarray
+    change: np.ndarray
+    modes: HighOrderMotion
+    bending: float
+    places: np.ndarray
+    slopes: np.ndarray
+    seconds: np.ndarray
+
+
+@njit(cache=True, error_model="numpy")
+def patch_compliance(patches, modes, C_ss, R, basis, local, dented):
+    """U, local, total and dents of `PatchCompliance`: of patches (c,) among N with modes (N, 3, k); C_ss (k, k) mm/N;
+    basis (terms,) of the series local (N, N, terms, 3, 3) and dented (terms, N, 3, 3, 3 + n_e)."""
+    c, k, terms = len(patches), len(C_ss), len(basis)  # by loops: whole arrays take seconds to compile
+    U, by_compliance = np.empty((3 * c, k)), np.zeros((3 * c, k))
+    local_part, total = np.empty((3 * c, 3 * c)), np.empty((3 * c, 3 * c))
+    for i in range(c):
+        for a in range(3):
+            for d in range(k):
+                U[3 * i + a, d] = modes[patches[i], a, d]
+    for row in range(3 * c):
+        for mode in range(k):
+            for d in range(k):
+                by_compliance[row, d] += U[row, mode] * C_ss[mode, d]
+    L, half = np.empty((3, 3)), np.empty((3, 3))
+    for i in range(c):
+        for j in range(i, c):
+            L[:] = 0.0
+            series = local[patches[i], patches[j]]
+            for term in range(terms):
+                for a in range(3):
+                    for b in range(3):
+                        L[a, b] += basis[term] * series[term, a, b]
+            _product(R[i], L, half)
+            for a in range(3):
+                for b in range(3):
+                    value, modal = 0.0, 0.0
+                    for d in range(3):
+                        value += half[a, d] * R[j, b, d]
+                    for d in range(k):
+                        modal += by_compliance[3 * i + a, d] * U[3 * j + b, d]
+                    local_part[3 * i + a, 3 * j + b] = value
+                    total[3 * i + a, 3 * j + b] = modal
+        for a in range(3):
+            for b in range(a):  # of one patch it is symmetric but for rounding
+                mean = (local_part[3 * i + a, 3 * i + b] + local_part[3 * i + b, 3 * i + a]) / 2
+                local_part[3 * i + a, 3 * i + b], local_part[3 * i + b, 3 * i + a] = mean, mean
+    for a in range(3 * c):
+        for b in range(a, 3 * c):
+            total[a, b] += local_part[a, b]
+            local_part[b, a], total[b, a] = local_part[a, b], total[a, b]
+    return U, local_part, total, _dents(patches, R, basis, dented)
+
+
+@njit(cache=True, error_model="numpy")
+def _product(A, B, product):
+    for a in range(3):
+        for b in range(3):
+            product[a, b] = A[a, 0] * B[0, b] + A[a, 1] * B[1, b] + A[a, 2] * B[2, b]
+
+
+@njit(cache=True, error_model="numpy")
+def _dents(patches, R, basis, dented):
+    """(c, 3, 3, 3 + n_e) of the series, turned by R, which the effectors are not."""
+    last = dented.shape[-1]
+    dents, E, half = np.zeros((len(patches), 3, 3, last)), np.empty((3, 3, last)), np.empty((3, 3, last))
+    for i in range(len(patches)):
+        E[:] = 0.0
+        for term in range(len(basis)):
+            series = dented[term, patches[i]]
+            for a in range(3):
+                for b in range(3):
+                    for d in range(last):
+                        E[a, b, d] += basis[term] * series[a, b, d]
+        for a in range(3):
+            for b in range(3):
+                for d in range(3, last):
+                    half[a, b, d] = E[a, b, d]
+                for d in range(3):
+                    half[a, b, d] = E[a, b, 0] * R[i, d, 0] + E[a, b, 1] * R[i, d, 1] + E[a, b, 2] * R[i, d, 2]
+        for a in range(3):
+            for b in range(3):
+                for p in range(3):
+                    for q in range(3):
+                        for d in range(last):
+                            dents[i, a, b, d] += R[i, a, p] * R[i, b, q] * half[p, q, d]
+    return dents
+
+
+@njit(cache=True, error_model="numpy")
+def load_response(forces, C_ss, bends, D, U, flexibility, dents):
+    """Of forces (c, 3) N on patches; bends (k, r); D (r, n_e + r, r) mm/N^2; U, flexibility and dents of
+    `PatchCompliance`."""
+    c, (k, r), seen = len(forces), bends.shape, D.shape[1]
+    w, v, change, by_mixture = np.zeros(k), np.zeros(r), np.zeros((seen, r)), np.zeros(r)
+    for i in range(c):
+        for a in range(3):
+            for d in range(k):
+                w[d] += U[3 * i + a, d] * forces[i, a]
+    for row in range(k):
+        for d in range(r):
+            v[d] += bends[row, d] * w[row]
+    for d in range(r):
+        for row in range(seen):
+            for column in range(r):
+                change[row, column] += v[d] * D[d, row, column]
+    for row in range(r):
+        for d in range(r):
+            by_mixture[row] += change[seen - r + row, d] * v[d]
+    first, second = np.zeros(k), np.zeros(k)
+    for row in range(k):
+        for d in range(k):
+            first[row] += C_ss[row, d] * w[d]
+        for d in range(r):
+            second[row] += bends[row, d] * by_mixture[d]
+    modes, size, more = beyond(w, first, second), 0.0, 0.0
+    for row in range(k):
+        size += first[row] ** 2
+        more += second[row] ** 2 / 4
+    bending = np.sqrt(more / size) if size > 0 else 0.0
+    places, slopes, seconds = np.empty((c, 3)), np.empty((c, 3, 3)), np.empty(c)
+    bent, linear, by_bent, stiff = np.empty((3, 3)), np.empty(3), np.empty(3), np.zeros((3, 3))
+    for i in range(c):
+        f = forces[i]
+        for a in range(3):
+            for b in range(3):
+                bent[a, b] = dents[i, a, b, 0] * f[0] + dents[i, a, b, 1] * f[1] + dents[i, a, b, 2] * f[2]
+            linear[a], stiff[a, a] = flexibility[i] * f[a], flexibility[i]
+            by_bent[a] = bent[a, 0] * f[0] + bent[a, 1] * f[1] + bent[a, 2] * f[2]
+        dent = beyond(f, linear, by_bent)
+        inclined = slope(dent, stiff, bent)
+        for a in range(3):
+            places[i, a] = dent.motion[a] - linear[a]
+            for b in range(3):
+                slopes[i, a, b] = inclined[a, b] - stiff[a, b]
+        seconds[i] = dent.second
+    return LoadResponse(w, v, change, modes, bending, places, slopes, seconds)

@@ -1,0 +1,88 @@
+"""How patches of a model's skin yield, kept beside the model, as finite elements take a while to say it.
+
+A file `patches-<key>.npz`, of contact, or `loads-<key>.npz` in the folder that the model's folder is in; its key is the
+content hash of all that it depends on, so that it is never stale, and models of the same samples share it. It may be
+deleted at any time."""
+
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from cfem.constraint.patch import PatchLoad
+from cfem.core.artefact.files import confined, content_sha256, write_npz
+from cfem.core.errors import DiskError, InputError
+from cfem.core.reading import read_npz
+from cfem.equilibrium.contact.patch_compliance import PatchResponse, patch_response
+from cfem.equilibrium.contact.patch_effectors import PatchYield, patch_yield
+from cfem.equilibrium.robot import Robot
+from cfem.predict.contact.patched_model import PatchedModel, patch_states, patches_of
+from cfem.predict.kinds.spectral import SpectralPredictor
+from cfem.predict.loads.loaded_rows import on_modes
+from cfem.predict.protocol import Predictor
+
+VERSION = 4  # raised when the same inputs yield otherwise
+T = TypeVar("T")
+
+
+def patched_model_of(
+    model: Predictor,
+    folder: Path,
+    robot: Robot,
+    made_of: Mapping[str, Any],
+    apart: float | None,
+    sharp_edges: bool = False,
+) -> PatchedModel:
+    """A model, of `folder`, that may be touched at patches about `apart` mm from each other (`patches_of`). made_of:
+    plain data from which the robot was made. Finite elements are solved where nothing is kept."""
+    patches, own = patches_of(model, apart, sharp_edges), model.skin
+    states = patch_states(model.domain, robot.rows.n_a)
+    asked = {"nodes": own.nodes, "of": patches.of, "shares": patches.shares, "states": states, "modes": own.modes}
+    key = content_sha256({"version": VERSION, "robot": dict(made_of), **asked})[:16]
+
+    def solved() -> PatchResponse:
+        return patch_response(robot, own.watched, patches, states)
+
+    return PatchedModel(model, patches, _kept(folder.parent / f"patches-{key}.npz", PatchResponse, solved))
+
+
+def yield_of(
+    model: Predictor, folder: Path, robot: Robot, made_of: Mapping[str, Any], patches: Sequence[PatchLoad]
+) -> PatchYield | None:
+    """How the patches yield, whatever the forces on them. robot: without loads; None where few states
+    do not tell it: the model is of form force or has parameters. SpecError where a patch is not on the surface."""
+    if not isinstance(model, SpectralPredictor) or model.form != "displacement" or model.parameters:
+        return None
+    on_modes(model.skin, patches)  # says what is wrong, before finite elements take a while
+    states = patch_states(model.domain, robot.rows.n_a)
+    where = [[*one.at, one.radius] for one in patches]
+    asked = {"states": states, "where": np.array(where), "effectors": robot.rows.effectors}
+    key = content_sha256({"version": VERSION, "robot": dict(made_of), **asked})[:16]
+
+    def solved() -> PatchYield:
+        return patch_yield(robot, patches, states)
+
+    return _kept(folder.parent / f"loads-{key}.npz", PatchYield, solved)
+
+
+def _kept(path: Path, kind: type[T], solve: Callable[[], T]) -> T:
+    """What the file holds, solved where there is none or a damaged one."""
+    found = _read(path, kind)
+    if found is None:
+        found = solve()
+        with suppress(OSError, DiskError), confined(path.parent):  # else it is solved again next time
+            write_npz(path, vars(found))
+    return found
+
+
+def _read(path: Path, kind: type[T]) -> T | None:
+    if not path.is_file():
+        return None
+    try:
+        arrays = read_npz(path)
+    except InputError:
+        return None
+    names = kind.__dataclass_fields__
+    return kind(**{name: arrays[name] for name in names}) if names.keys() == arrays.keys() else None

@@ -1,0 +1,122 @@
+"""A learned robot at held actuators, under forces on patches of its surface (`cfem.predict.contact.patched_model`).
+
+How its rows go is known to the second order in the load w on the modes of the skin:
+
+    rows = rows_0 + C_ss w + Q D_ss[v, v] / 2 + ...        v = Q^T w
+
+with the mixtures Q of the modes that matter to D (`PatchedModel.bends`). The orders beyond follow as far as the energy
+along the load tells them (`cfem.predict.loads.high_order`). So do the dents, by which a force on a patch changes what
+this patch yields. All of it is the derivative of one energy by the forces, so that the compliance is symmetric."""
+
+import numpy as np
+
+from cfem.predict.contact.compliance import LoadResponse, PatchCompliance, load_response, patch_compliance
+from cfem.predict.contact.patched_model import NONE, PatchedModel
+
+
+class LoadedRobot:
+    """The robot at one delta (n_a,) mm.
+
+    unloaded (k,) mm: rows of the skin without forces, and free (N, 3) mm: places of the patches then
+    C_es (n_e, k) and C_ss (k, k) mm/N: compliance of effectors and rows to loads on the modes
+    patches (c,), forces (c, 3) N: patches and what is on them since `load`, none at first
+    w (k,) N: load of the forces on the modes, and rows (k,) mm under it
+    bending: second order of what loads do to the modes over the first, the largest of all `load`"""
+
+    def __init__(self, model: PatchedModel, delta: np.ndarray):
+        skin, k = model.model.skin, len(model.model.skin)
+        self.model, self.delta, self.unloaded = model, delta, skin.rows(delta, NONE)
+        self.C_es, self.C_ss = skin.compliance(delta, NONE)
+        self._basis = model.basis(model.in_box(delta))
+        self._D = (self._basis @ model.bent)[model.bent_at]
+        self.free = model.patches.rest + (model.flat @ self.unloaded).reshape(-1, 3)
+        self._known: tuple[bytes, PatchCompliance] | None = None
+        self._response: LoadResponse | None = None
+        self.patches, self.forces = np.zeros(0, dtype=np.int64), np.zeros((0, 3))
+        self.w, self.rows, self.bending = np.zeros(k), self.unloaded, 0.0
+
+    def load(self, patches: np.ndarray, forces: np.ndarray) -> None:
+        """Puts forces (c, 3) N on patches (c,), and takes all others off."""
+        self.patches, self.forces = patches, forces
+        if not len(patches):
+            self.w, self.rows = np.zeros(len(self.unloaded)), self.unloaded
+            return
+        free, forces = self._compliance_of(patches), np.ascontiguousarray(forces, float)
+        self._response = load_response(
+            forces, self.C_ss, self.model.bends, self._D, free.U, free.flexibility, free.dents
+        )
+        self.w, self.rows = self._response.w, self.unloaded + self._response.modes.motion
+        self.bending = max(self.bending, self._response.bending)
+
+    def places(self) -> np.ndarray:
+        """(N, 3) mm of all patches. What is local is known of the loaded ones alone."""
+        if not len(self.patches):
+            return self.free
+        places = self.free + (self.model.flat @ self._response.modes.motion).reshape(-1, 3)
+        local = (self._compliance_of(self.patches).local @ self.forces.ravel()).reshape(-1, 3)
+        places[self.patches] += local + self._response.places
+        return places
+
+    def compliance(self) -> np.ndarray:
+        """(3 c, 3 c) mm/N: derivative of the loaded patches' places by the forces on them, symmetric."""
+        free, c, n_e = self._compliance_of(self.patches), len(self.patches), len(self.C_es)
+        if not self.w.any():
+            return free.total
+        modes, each = self._response.modes, np.arange(c)
+        across, V = free.U @ modes.across, free.U @ self.model.bends
+        change = modes.second * (V @ self._response.change[n_e:] @ V.T) + modes.rank * np.outer(across, across)
+        compliance = free.total + (modes.first - 1) * (free.total - free.local) + change
+        compliance.reshape(c, 3, c, 3)[each, :, each] += self._response.slopes
+        return compliance
+
+    def free_compliance(self, patches: np.ndarray) -> np.ndarray:
+        """(3 c, 3 c) mm/N: the same of any patches without forces, symmetric and positive semidefinite."""
+        return self._compliance_of(patches).total
+
+    def effector_motion(self) -> np.ndarray:
+        """(n_e,) mm by which the forces move the effectors."""
+        n_e = len(self.C_es)
+        if not len(self.patches):
+            return np.zeros(n_e)
+        free, response = self._compliance_of(self.patches), self._response
+        series = self.model.local_tip[:, :, self.patches].reshape(len(self._basis), -1)
+        turned = (self.forces[:, None] @ free.R)[:, 0]
+        local = (self._basis @ series).reshape(n_e, -1) @ turned.ravel()
+        pairs = response.seconds[:, None, None] / 2 * self.forces[:, :, None] * self.forces[:, None]
+        dents = pairs.ravel() @ free.dents[..., 3:].reshape(-1, n_e)
+        second = response.modes.second / 2 * response.change[:n_e] @ response.v
+        return response.modes.first * self.C_es @ self.w + second + local + dents
+
+    def relief(self) -> np.ndarray:
+        """(n_a,) N by which the forces help the actuators to stay."""
+        skin, w = self.model.model.skin, self.w
+        if not len(self.patches):
+            return np.zeros(len(self.delta))
+        modes, v = self._response.modes, self._response.v
+        linear = w @ skin.gradient(self.delta, NONE) + modes.first * skin.compliance_work(self.delta, NONE, w) / 2
+        series, (i, j, k), slopes = self.model.cubic
+        return linear + modes.second / 6 * (self._basis @ slopes @ (series @ (v[i] * v[j] * v[k])))
+
+    def _compliance_of(self, patches: np.ndarray) -> PatchCompliance:
+        key = patches.tobytes()
+        if self._known is None or self._known[0] != key:
+            model, R = self.model, self.model.turns(self.unloaded, patches)
+            given = patches, model.U, self.C_ss, R, self._basis, model.local, model.dented
+            U, local, total, dents = patch_compliance(*given)
+            try:
+                np.linalg.cholesky(total)
+            except np.linalg.LinAlgError:
+                sizes, axes = np.linalg.eigh(total)
+                nearest = (axes * np.maximum(sizes, 0.0)) @ axes.T
+                local, total = local + (nearest - total), nearest
+            c, each = len(patches), np.arange(len(patches))
+            flexibility = stiff_flexibility(total.reshape(c, 3, c, 3)[each, :, each])
+            self._known = key, PatchCompliance(U, local, total, flexibility, R, dents)
+        return self._known[1]
+
+
+def stiff_flexibility(own: np.ndarray) -> np.ndarray:
+    """(c,) harmonic means of the eigenvalues of own (c, 3, 3) mm/N, near those of what is local: a soft body yields in
+    one or two directions, and is dented in all; 0 where the body is held."""
+    minors = sum(own[:, i, i] * own[:, j, j] - own[:, i, j] ** 2 for i, j in ((0, 1), (0, 2), (1, 2)))
+    return 3 * np.linalg.det(own) / np.where(minors > 0, minors, np.inf)

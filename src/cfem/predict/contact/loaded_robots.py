@@ -1,0 +1,77 @@
+"""Learned robots at held actuators, under forces on patches of their surfaces: one compliant system in the scene."""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from cfem.predict.contact.bodies import Bodies, PlacedModel
+from cfem.predict.contact.loaded_robot import LoadedRobot
+
+
+class LoadedRobots:
+    """known (c,): patches, among all N of the scene, whose local motion is known, and that may bear forces
+    forces (N, 3) N: on all patches, in the scene's axes"""
+
+    def __init__(self, scene: Bodies, deltas: Sequence[np.ndarray], known: np.ndarray, forces: np.ndarray):
+        self.scene = scene
+        self.loaded = [LoadedRobot(robot.patched, delta) for robot, delta in zip(scene.robots, deltas, strict=True)]
+        self.know(known, forces)
+
+    def know(self, known: np.ndarray, forces: np.ndarray) -> None:
+        """Other patches known, under forces (N, 3) N."""
+        self.known, self.forces = known, forces
+        for robot, loaded, patches, first in self._each():
+            local = forces[patches]
+            loaded.load(patches - first, local if robot.in_scene else local @ robot.R)
+
+    def load(self, forces: np.ndarray) -> None:
+        """Forces (c, 3) N on the known patches."""
+        everywhere = np.zeros_like(self.forces)
+        everywhere[self.known] = forces
+        self.know(self.known, everywhere)
+
+    @property
+    def on_known(self) -> np.ndarray:
+        """(c, 3) N."""
+        return self.forces[self.known]
+
+    def places(self) -> np.ndarray:
+        """(N, 3) mm of all patches."""
+        each = zip(self.scene.robots, self.loaded, strict=True)
+        places = [
+            loaded.places() if robot.in_scene else loaded.places() @ robot.R.T + robot.t for robot, loaded in each
+        ]
+        return places[0] if len(places) == 1 else np.concatenate(places)
+
+    def normals(self) -> np.ndarray:
+        """(N, 3) outward of all patches."""
+        return self.scene.normals([loaded.rows for loaded in self.loaded])
+
+    def compliance(self, under_forces: bool) -> np.ndarray:
+        """(3 c, 3 c) mm/N of the known patches; under_forces: as the forces have changed it."""
+        blocks = []
+        for robot, loaded, patches, first in self._each():
+            C = loaded.compliance() if under_forces else loaded.free_compliance(patches - first)
+            if not robot.in_scene:
+                turn = np.kron(np.eye(len(patches)), robot.R)
+                C = turn @ C @ turn.T
+            blocks.append(C)
+        return blocks[0] if len(blocks) == 1 else block_diag(*blocks)
+
+    def outputs(self) -> tuple[list[np.ndarray], list[np.ndarray]]:
+        """delta_e (n_e,) mm and lambda_a (n_a,) N of each robot."""
+        delta_e, lambda_a = [], []
+        for robot, loaded in zip(self.scene.robots, self.loaded, strict=True):
+            free, pressed = robot.patched.model.at_displacement(loaded.delta), loaded.forces.any()
+            delta_e.append(free.delta_e + (loaded.effector_motion() if pressed else 0.0))
+            lambda_a.append(free.lambda_a - (loaded.relief() if pressed else 0.0))
+        return delta_e, lambda_a
+
+    def _each(self) -> Iterator[tuple[PlacedModel, LoadedRobot, np.ndarray, int]]:
+        """Robots, the known patches of each, and the number of its first patch."""
+        for robot, loaded, own in zip(self.scene.robots, self.loaded, self.scene.slices, strict=True):
+            known = self.known
+            if len(self.loaded) > 1:
+                known = known[(known >= own.start) & (known < own.stop)]
+            yield robot, loaded, known, own.start

@@ -1,0 +1,242 @@
+"""A learned robot among obstacles and other robots, as a model that control plans with: contact is part of its answer.
+
+Its rows are the effectors', and behind them, for each that is to be pressed, the force on it, and for each that is to
+be avoided, the distance from it:
+
+    <name>.force     N, the sum of normal forces; where nothing touches, minus what a patch needs to go so far
+    <name>.distance  mm, of the whole surface (`cfem.predict.contact.clearance`)
+
+so that a goal of force is a goal of a row, and a distance to be kept a bound of a row. What is avoided does not push.
+Derivatives by delta_a are central differences of whole contact states: they know how contact changes the robot's
+stiffness, the curvature of obstacles included. They are of one side where a patch begins to touch or slide, and where
+no contact state is found on the other."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from cfem.condensed import Condensed, Rows
+from cfem.contact.obstacle import Obstacle
+from cfem.contact.obstacle_set import ObstacleSet
+from cfem.contact.pairs import numbers_of
+from cfem.contact.prescribed_motion import ActuatedRobot, PrescribedMotion, stops
+from cfem.core.errors import NumericalError
+from cfem.equilibrium.quasi_static import CONVERGED, carried_out
+from cfem.predict.contact.bodies import PlacedModel
+from cfem.predict.contact.clearance import clearance
+from cfem.predict.contact.patched_model import PatchedModel
+from cfem.predict.contact.scene import SHARE, ContactScene
+from cfem.predict.contact.state import TRUSTED, ContactState
+
+STEP = 1e-4  # of the reach: of the differences
+LONGEST = 0.005  # of the length: the longest way of an obstacle in one quasi-static step
+
+
+@dataclass(frozen=True)
+class InContact(Condensed):
+    """bending: as `ContactState` has it."""
+
+    bending: float
+
+
+@dataclass
+class ContactModel:
+    """`Model`. solid: rigid obstacles that the robot may touch, by name; others: robots that it may touch, by name,
+    each placed and with the course of its actuators; itself: the name under which it touches itself, or none; pressed:
+    those of all these whose force is a row, in their order; avoided: obstacles whose distance is a row. It remembers
+    the contact state `before` in which the robot stands, actuators `at` (n_a,) mm (`settle`): there a step begins, as
+    friction and the side of an edge depend on the way. courses: of obstacles that move, by name; share: of the run,
+    where they are now (`pass_to`); unilateral (n_a,) bool: actuators that go slack then, where they would push: plans
+    hold them."""
+
+    patched: PatchedModel
+    solid: Mapping[str, Obstacle]
+    pressed: tuple[str, ...] = ()
+    avoided: Mapping[str, Obstacle] = field(default_factory=dict)
+    mu: float = 0.0
+    before: ContactState | None = None
+    at: np.ndarray | None = None
+    courses: Mapping[str, PrescribedMotion] = field(default_factory=dict)
+    share: float = 0.0
+    others: Mapping[str, tuple[PlacedModel, ActuatedRobot]] = field(default_factory=dict)
+    itself: tuple[str, ...] = ()
+    unilateral: np.ndarray | None = None
+
+    @cached_property
+    def rows(self) -> Rows:
+        own = self.patched.model.rows
+        more = (*(f"{name}.force" for name in self.pressed), *(f"{name}.distance" for name in self.avoided))
+        return Rows((*own.effectors, *more), own.actuators)
+
+    @cached_property
+    def stiffness(self) -> float:
+        """N/mm: of the patches to forces of any direction, the median."""
+        mean = np.diagonal(self.patched.by_fe.own, axis1=1, axis2=2).mean(axis=0).reshape(-1, 3).mean(axis=1)
+        return float(np.median(1.0 / np.maximum(mean, 1e-12 * mean.max())))
+
+    @cached_property
+    def numbers(self) -> dict[str, int]:
+        return numbers_of(self.itself, self.others, self.solid)
+
+    @property
+    def touches(self) -> bool:
+        """Whether there is anything that it may touch."""
+        return bool(self.numbers)
+
+    @property
+    def passes(self) -> bool:
+        """Whether anything that it meets or avoids moves."""
+        return bool(self.courses or self.others)
+
+    @cached_property
+    def scene(self) -> ContactScene:
+        robots = [
+            PlacedModel(self.patched, itself=bool(self.itself)),
+            *(placed for placed, _ in self.others.values()),
+        ]
+        return ContactScene(robots, ObstacleSet(tuple(self.solid.values())), self.mu)
+
+    @property
+    def depends_on_way(self) -> bool:
+        """Whether the way between two states is gone in steps."""
+        return self.mu > 0 or self.scene.soft
+
+    @property
+    def kinked(self) -> bool:
+        """Whether friction may hold the robot, so that answers lie on either side of where it does."""
+        return self.mu > 0 and self.touches
+
+    def touched(self, delta_a: np.ndarray) -> ContactState | None:
+        """The contact state at delta_a (n_a,) mm, None where it touches nothing. NumericalError where there is none."""
+        return self._walked(np.asarray(delta_a, float))[1]
+
+    def _walked(self, delta_a: np.ndarray) -> tuple[ContactState | None, ContactState | None]:
+        """The states in which the last step to delta_a (n_a,) mm begins and ends."""
+        if not self.touches:
+            return None, None
+        if not self.depends_on_way:
+            return self.before, self._step(delta_a, self.before)
+        begin = np.zeros(len(delta_a)) if self.before is None else self.before.deltas[0]
+        states = [self._step(begin, None)] if self.before is None else [self.before]
+
+        def go(there: np.ndarray) -> str:
+            state = self._stepped(there, states[-1])
+            if state.converged:
+                states.append(state)
+            return CONVERGED if state.converged else state.status.value
+
+        status = carried_out(begin, delta_a, SHARE * np.abs(self.patched.model.reach).max(axis=1), go)
+        if status != CONVERGED:
+            raise NumericalError(f"learned contact: {status}")
+        return states[-2], states[-1]
+
+    def _stepped(
+        self, delta_a: np.ndarray, before: ContactState | None, unilateral: np.ndarray | None = None
+    ) -> ContactState:
+        deltas = [delta_a, *(course.deltas(self.share) for _, course in self.others.values())]
+        if before is None and self.scene.soft:
+            return self.scene.start(deltas)
+        return self.scene.step(deltas, before, unilateral)
+
+    def _step(
+        self, delta_a: np.ndarray, before: ContactState | None, unilateral: np.ndarray | None = None
+    ) -> ContactState | None:
+        """NumericalError where there is no state."""
+        if not self.touches:
+            return None
+        state = self._stepped(delta_a, before, unilateral)
+        if not state.converged:
+            raise NumericalError(f"learned contact: {state.status.value}")
+        return state
+
+    def settle(self, delta_a: np.ndarray) -> None:
+        """The robot stands at delta_a (n_a,) mm now: further steps begin there."""
+        delta_a = np.asarray(delta_a, float)
+        self.before, self.at = self.touched(delta_a), delta_a
+
+    def pass_to(self, share: float) -> None:
+        """What moves goes to where it is at this share of the run, the robot giving way with its actuators held,
+        or slack. NumericalError where there is no contact state: then it stays where there was one."""
+        longest, others = LONGEST * self.patched.model.length, [one for _, one in self.others.values()]
+        for begin, end in stops([*self.courses.values(), *others], self.share, share, longest):
+            last = self.share
+            self._stand(end)
+            try:
+                if self.at is not None and self.touches:
+                    courses = {self.numbers[name]: one for name, one in self.courses.items() if name in self.numbers}
+                    state = self.before and self.before.carried(courses, begin, end)
+                    self.before = self._step(self.at, state, self.unilateral)
+            except NumericalError:
+                self._stand(last)
+                raise
+
+    def standing(self, share: float) -> "ContactModel":
+        """A robot at rest, that has touched nothing yet, with what moves where it is at this share of the run."""
+        found = replace(self, before=None, at=None)
+        found._stand(share)
+        return found
+
+    def _stand(self, share: float) -> None:
+        now = {name: one.at(share) for name, one in self.courses.items()}
+        self.solid = {name: now.get(name, one) for name, one in self.solid.items()}
+        self.avoided = {name: now.get(name, one) for name, one in self.avoided.items()}
+        self.share = share
+        self.__dict__.pop("scene", None)
+
+    def at_displacement(self, delta_a: np.ndarray) -> Condensed:
+        """NumericalError where there is no contact state."""
+        delta_a = np.asarray(delta_a, float)
+        before, here = self._walked(delta_a)
+        near = here if before is None else here.slipping_from(before)
+        e, lam = self._values(delta_a, here)
+        n_a = len(delta_a)
+        J, K = np.zeros((len(e), n_a)), np.zeros((n_a, n_a))
+        for axis, reach in enumerate(self.patched.model.reach):
+            step = STEP * np.abs(reach).max() * np.eye(n_a)[axis]
+            (ahead, behind), width = self._sides(delta_a, step, near, (e, lam))
+            J[:, axis], K[:, axis] = ((a - b) / (width * step[axis]) for a, b in zip(ahead, behind, strict=True))
+        for one in self.avoided.values():
+            apart = clearance(self.patched.model, delta_a, one)
+            e, J = np.append(e, apart.distance), np.vstack([J, apart.gradient])
+        rows, W_aa = self.rows, np.linalg.inv((K + K.T) / 2)
+        W, W_ea = np.empty((rows.n, rows.n)), J @ W_aa
+        W[rows.e, rows.e], W[rows.e, rows.a], W[rows.a, rows.e], W[rows.a, rows.a] = W_ea @ J.T, W_ea, W_ea.T, W_aa
+        delta = np.concatenate([e, delta_a])
+        return InContact(rows, W, delta - W[:, rows.a] @ lam, lam, 0.0 if here is None else here.bending)
+
+    def _sides(
+        self, delta_a: np.ndarray, step: np.ndarray, near: ContactState, here: tuple[np.ndarray, np.ndarray]
+    ) -> tuple[list[tuple[np.ndarray, np.ndarray]], int]:
+        """What `_values` says ahead and behind, and how many steps lie between: `here` in the place of a side that has
+        no contact state. NumericalError where neither has one."""
+        sides, width = [here, here], 0
+        failed: NumericalError | None = None
+        for side, sign in enumerate((1, -1)):
+            try:
+                there = delta_a + sign * step
+                sides[side] = self._values(there, self._step(there, near))
+                width += 1
+            except NumericalError as error:
+                failed = error
+        if not width and failed is not None:
+            raise failed
+        return sides, width
+
+    def inside(self, condensed: Condensed) -> bool:
+        """Whether forces bend the robot no further than a model of second order knows, too."""
+        known = not isinstance(condensed, InContact) or condensed.bending <= TRUSTED
+        return known and self.patched.model.inside(condensed)
+
+    def distance(self, condensed: Condensed) -> float:
+        return self.patched.model.distance(condensed)
+
+    def _values(self, delta_a: np.ndarray, touched: ContactState | None) -> tuple[np.ndarray, np.ndarray]:
+        """Effectors and forces on what is pressed, (n_a,) N of the actuators."""
+        if touched is None:
+            free = self.patched.model.at_displacement(delta_a)
+            return free.delta_e, free.lambda_a
+        forces = np.array([self.scene.force_or_gap(touched, self.numbers[name]) for name in self.pressed])
+        forces = np.where(forces < 0, self.stiffness, 1.0) * forces
+        return np.concatenate([touched.delta_e[0], forces]), touched.lambda_a[0]

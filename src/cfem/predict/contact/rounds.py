@@ -1,0 +1,300 @@
+"""Rounds of one contact step of learned robots (`cfem.predict.contact.scene`): the law of contact, linear about where
+the patches are; where its forces bring them; whether the law holds there.
+
+Two kinds of contact enter the law together: patches that may touch an obstacle, and pairs of soft surfaces. An obstacle
+is where it is, so that a state is checked against the law in place. The faces of a soft surface are found again in each
+round, so that it has settled once they stay."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from cfem.contact.modes import Mode
+from cfem.contact.pairs import Memory, Pairs
+from cfem.contact.patch_forces import Balance, balance, turned, violation
+from cfem.contact.step_status import StepStatus
+from cfem.predict.contact.bodies import Bodies
+from cfem.predict.contact.loaded_robots import LoadedRobots
+from cfem.predict.contact.on_obstacles import begins_deep, held_by_friction, pairs_with_obstacles
+from cfem.predict.contact.soft_pairs import SoftPairs
+from cfem.predict.contact.state import ContactState
+
+ITERATIONS = 60
+TOLERANCE = 1e-9  # of the length: how far gaps, and places by their forces, may be from what the law says
+MOST = 30  # patches that may touch obstacles at once
+MOST_PAIRS = 60  # pairs of soft surfaces that may touch at once
+OVERLAP = 1e-6  # of the length: how far a patch may be within an obstacle
+FAR = 0.1  # of the length: no distance is larger, as none is asked
+NEAR = 0.005  # of the length: farther patches on which no obstacle presses are forgotten between steps
+NOTHING = np.zeros(0, dtype=np.int64)
+
+
+class Rounds:
+    """Of all N patches, in the scene at places (N, 3) mm:
+
+    near (d,): patches that may touch an obstacle, and `push` (N, 3) N what obstacles press on them
+    distance (N,) mm from obstacles, or less where that is far above 0, and which (N,) obstacle
+    stuck (N, 3) mm: from where slip along obstacles counts
+    soft: pairs of soft surfaces, None where none may touch
+    modes: of the patches near obstacles, then of the soft pairs that touch"""
+
+    def __init__(self, scene: Bodies, deltas: Sequence[np.ndarray], before: ContactState | None):
+        self.scene, self.iterations, count = scene, 0, len(scene.bodies)
+        self.near, self.push = NOTHING, np.zeros((count, 3))
+        self.modes: tuple[Mode, ...] = ()
+        self._sticks = np.zeros(count, dtype=bool)  # on obstacles, in the last round
+        self._frames: np.ndarray | None = None  # of obstacles at the places, where they are known
+        if before is None:
+            self.robots = LoadedRobots(scene, deltas, NOTHING, self.push)
+        else:
+            self.robots = LoadedRobots(scene, deltas, before.known, before.forces)
+            self._take_up(before)
+        self.places = self.robots.places()
+        self.stuck = self.places  # what did not touch slides from where it was
+        if before is not None and scene.mu:
+            self.stuck = np.where(np.isnan(before.stuck), before.places, before.stuck)
+        self.distance, self.which = scene.obstacles.nearest(self.places, FAR * scene.length)
+        self.distance[scene.held_still] = np.inf
+        self.deep = begins_deep(scene.obstacles, self.places, self.distance, self.which)
+        self.soft = SoftPairs(self.robots, before, self.places) if scene.soft else None
+
+    def _take_up(self, before: ContactState) -> None:
+        """What obstacles pressed in the state before."""
+        on_obstacles, count = before.on_obstacles, len(before.places)
+        patches = before.pairs.points[on_obstacles]
+        self.near, self.push[patches] = before.near, before.push[on_obstacles]
+        self._sticks[patches] = [before.modes.get(patch + count) is Mode.STICK for patch in patches.tolist()]
+
+    @property
+    def gap(self) -> float:
+        """mm, the smallest of all."""
+        soft = np.inf if self.soft is None else self.soft.pairs.gaps.min(initial=np.inf)
+        return float(min(soft, self.distance.min(initial=np.inf)))
+
+    def run(self) -> ContactState:
+        """The state in which the rounds end."""
+        status = None
+        while status is None:
+            status = self._round() if self.iterations < ITERATIONS else StepStatus.ITERATIONS
+        return self._state(status)
+
+    def _round(self) -> StepStatus | None:
+        """None: another one is needed."""
+        self.iterations += 1
+        near = self.distance <= 0
+        if self.soft is None:
+            near[self.near] = True  # also those that have opened: only of known patches are places quite known
+        else:
+            near |= self.push.any(axis=1)
+        self.near, self.modes = np.flatnonzero(near), ()
+        touching = None if self.soft is None else self.soft.touch(self.places)
+        if not len(self.near) and not touching:
+            return self._free()
+        if len(self.near) > MOST or (touching and len(touching) > MOST_PAIRS):
+            self._let_go()
+            return StepStatus.MANY
+        if not self._know(touching):
+            return None
+        answer = self._law()
+        if answer is None:
+            return StepStatus.NO_MODE
+        return StepStatus.CONVERGED if self._move(*answer) else None
+
+    def _free(self) -> StepStatus | None:
+        """Nothing touches."""
+        free = not self.robots.forces.any()
+        self._let_go()
+        if self.soft is None:
+            return StepStatus.CONVERGED
+        self.places = self.robots.places()
+        self.soft.detect(self.places)
+        return StepStatus.CONVERGED if free and self.soft.apart(self.places) else None
+
+    def _let_go(self) -> None:
+        """Takes all forces off."""
+        self.near, self.push = NOTHING, np.zeros_like(self.push)
+        self.robots.know(NOTHING if self.soft is None else self.robots.known, self.push)
+        if self.soft is not None:
+            self.soft.push = {}
+
+    def _know(self, touching: Pairs | None) -> bool:
+        """Makes all patches known that may touch. False where more touch then."""
+        near, before = self.near, self.robots.known
+        known = near if touching is None else np.union1d(np.union1d(before, touching.used), near)
+        if len(known) > len(before):
+            self.robots.know(known, self.robots.forces)
+            self.places, self._frames = self.robots.places(), None  # moved by those beside them
+            self.distance[near], self.which[near] = self.scene.obstacles.nearest(self.places[near])
+            if self.soft is not None:
+                self.soft.onwards(self.places)
+                touching = self.soft.touch(self.places)
+                if not np.isin(touching.used, known).all():
+                    return False
+        if self.soft is not None:
+            self.soft.take(touching, self.places)
+        return True
+
+    def _law(self) -> tuple[Balance, np.ndarray | None] | None:
+        """What the law says, linear about the places, and by how much forces turn there with the places of patches,
+        (3 c, 3 c), None where they do not. None where nothing obeys the law."""
+        frames, mu = self._frames_of_near(), self.scene.mu
+        compliance = self.robots.compliance(under_forces=True)
+        softer, turning = self._turned(compliance, frames) or (None, None)
+        gaps, push, relative = self._gaps(frames), self.push[self.near], None
+        if self.soft is not None:
+            touching = self.soft.touching
+            alone = np.zeros((len(self.near), len(self.robots.known)))
+            alone[np.arange(len(self.near)), self._of_near()] = 1.0
+            relative = np.concatenate([alone, touching.relative[:, self.robots.known]])
+            gaps = np.concatenate([gaps, self.soft.gaps(self.places, mu)])
+            frames = np.concatenate([frames, touching.frames])
+            push = np.concatenate([push, self.soft.push_of(touching)])
+        given = gaps, self.robots.on_known, push, mu
+        answer = None if softer is None else balance(relative, frames, softer, *given)
+        if answer is None:
+            turning, answer = None, balance(relative, frames, compliance, *given)
+        if answer is None:  # under large forces the derivative may be indefinite, which this is not
+            answer = balance(relative, frames, self.robots.compliance(under_forces=False), *given)
+        return None if answer is None else (answer, turning)
+
+    def _turned(self, compliance: np.ndarray, frames: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+        """`turned` by the curvature of obstacles, None where there is none; frames (d, 3, 3)."""
+        if not self.scene.obstacles.curved or not len(self.near):
+            return None
+        pressing = np.where(self._sticks[self.near], 0.0, (frames[:, 0] * self.push[self.near]).sum(axis=1))
+        if not pressing.any():
+            return None
+        bends = self.scene.obstacles.bends(self.which[self.near], self.places[self.near])
+        return turned(compliance, self._on_known(pressing[:, None, None] * bends))
+
+    def _gaps(self, frames: np.ndarray) -> np.ndarray:
+        """(d, 3) mm of patches near obstacles, in their `frames` (d, 3, 3): from these, and from where they last
+        stuck."""
+        gaps = np.zeros((len(frames), 3))
+        if self.scene.mu:
+            gaps = (frames @ (self.places - self.stuck)[self.near, :, None])[:, :, 0]
+        gaps[:, 0] = self.distance[self.near]
+        return gaps
+
+    def _move(self, answer: Balance, turning: np.ndarray | None) -> bool:
+        """To where the forces bring the patches. True where the law holds there too."""
+        d, forces, self.modes = len(self.near), answer.forces, answer.modes
+        local, push = answer.local[:d], answer.push[:d]
+        sticks = [i for i, mode in enumerate(answer.modes[:d]) if mode is Mode.STICK]
+        if turning is not None:
+            change = (turning @ answer.change.ravel()).reshape(-1, 3)
+            push, forces = push + change[self._of_near()], forces + change
+        self._sticks[:] = False
+        self._sticks[self.near[sticks]] = True
+        self._press(push, forces)
+        before, self.places = self.places, self.robots.places()
+        if self.soft is not None:
+            self.soft.press(answer.push[d:], float(np.abs(answer.step).max()))
+        self._look(np.abs(self.places - before).max())
+        settled = self.soft is None or self.soft.settled(self.places, self.near)
+        lawful = self._lawful(local, push, sticks) if d else push
+        if lawful is None or not settled:
+            return False
+        if not np.array_equal(lawful, push):
+            self._press(lawful, forces + self._on_known(lawful - push))
+        return True
+
+    def _lawful(self, local: np.ndarray, push: np.ndarray, sticks: list[int]) -> np.ndarray | None:
+        """(d, 3) N: what obstacles press by the frames at the places, None where the law does not hold there with
+        this; local (d, 3) N in the frames before, push (d, 3) N in the scene."""
+        scene, self._frames = self.scene, None
+        frames, compliance = self._frames_of_near(), self.robots.compliance(under_forces=False)
+        lawful, local = (local[:, None] @ frames)[:, 0], local.copy()
+        lawful[sticks], local[sticks] = push[sticks], (frames[sticks] @ push[sticks, :, None])[:, :, 0]
+        moved = np.abs(compliance @ self._on_known(lawful - push).ravel()).max()
+        if self.soft is not None:
+            rows = (3 * self._of_near()[:, None] + np.arange(3)).ravel()
+            compliance = compliance[np.ix_(rows, rows)]
+        residual = max(moved, violation(local, self._gaps(frames), compliance, scene.mu))
+        if residual > TOLERANCE * scene.length or self.distance.min() < -OVERLAP * scene.length:
+            return None
+        beyond = np.hypot(local[:, 1], local[:, 2]) - scene.mu * local[:, 0]
+        return None if beyond.max() > TOLERANCE * np.abs(push).max() else lawful
+
+    def _press(self, push: np.ndarray, forces: np.ndarray) -> None:
+        """Puts push (d, 3) N of obstacles, of all forces (c, 3) N on the known patches, and takes all others off."""
+        self.robots.load(forces)
+        self.push = self.robots.forces
+        if self.soft is not None:
+            self.push = np.zeros_like(self.push)
+            self.push[self.near] = push
+
+    def _of_near(self) -> np.ndarray | slice:
+        """Where `near` stands among the known patches: these are the same without soft pairs."""
+        return slice(None) if self.soft is None else np.searchsorted(self.robots.known, self.near)
+
+    def _on_known(self, of_near: np.ndarray) -> np.ndarray:
+        """(c, ...) of known patches: what those near obstacles have (d, ...), 0 of the others."""
+        if self.soft is None:
+            return of_near
+        values = np.zeros((len(self.robots.known), *of_near.shape[1:]))
+        values[self._of_near()] = of_near
+        return values
+
+    def _look(self, farthest: float) -> None:
+        """What is before the patches, none of which has moved by more than `farthest` mm along an axis. Those that
+        cannot have come near an obstacle keep the distance that is certain."""
+        self.distance = self.distance - 2 * farthest  # more than the root of 3
+        near = self.distance <= 0
+        near[self.near] = True
+        self.distance[near], self.which[near] = self.scene.obstacles.nearest(self.places[near])
+        if self.soft is not None:
+            self.soft.detect(self.places)
+
+    def _frames_of_near(self) -> np.ndarray:
+        """(d, 3, 3) of the obstacles at patches near them."""
+        if self._frames is None or len(self._frames) != len(self.near):
+            self._frames = self.scene.obstacles.frames(self.which[self.near], self.places[self.near])
+        return self._frames
+
+    def _state(self, status: StepStatus) -> ContactState:
+        near, soft, loaded = self.near, self.soft, self.robots.loaded
+        touches = self.push[near].any(axis=1) | (self.distance[near] <= 0)
+        next_near = known = near[touches | (self.distance[near] < NEAR * self.scene.length)]
+        pairs, push, memory = self._pairs(touches), self.push[near[touches]], Memory()
+        modes = zip((near + len(self.places)).tolist(), self.modes, touches.tolist(), strict=False)
+        modes = {slot: mode for slot, mode, does in modes if does}
+        if soft is not None:
+            modes |= dict(zip(soft.touching.slots.tolist(), self.modes[len(near) :], strict=False))
+            memory, pairs = soft.memory_after(self.places, modes), soft.pairs.joined(pairs)
+            push = np.concatenate([soft.push_of(soft.pairs), push])
+            known = soft.to_be_known(self.places, self.scene.obstacles)
+        delta_e, lambda_a = self.robots.outputs()
+        return ContactState(
+            pairs,
+            push,
+            self.scene.bodies,
+            status,
+            self.robots.forces,
+            self.places,
+            known,
+            next_near,
+            modes,
+            self._stuck_next(),
+            memory,
+            [robot.delta for robot in loaded],
+            delta_e,
+            lambda_a,
+            [robot.rows for robot in loaded],
+            max(robot.bending for robot in loaded),
+            self.deep,
+            self.iterations,
+        )
+
+    def _pairs(self, touches: np.ndarray) -> Pairs:
+        """Of the patches near obstacles those that touch, (d,) bool."""
+        patches, frames = self.near[touches], self._frames_of_near()[touches]
+        partners = self.which[patches] + len(self.scene.robots)
+        return pairs_with_obstacles(patches, frames, self.distance[patches], partners, len(self.places))
+
+    def _stuck_next(self) -> np.ndarray:
+        """(N, 3) mm: `ContactState.stuck`."""
+        if not self.scene.mu or not self.modes or not len(self.near):
+            return np.full_like(self.places, np.nan)
+        pressed, sticks = self.near[self.push[self.near].any(axis=1)], self._sticks[self.near]
+        return held_by_friction(self.places, self.stuck, pressed, self.near[sticks], self._frames[sticks, 0])

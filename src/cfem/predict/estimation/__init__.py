@@ -1,0 +1,1 @@
+"""States and unknown forces estimated from markers and sensors."""

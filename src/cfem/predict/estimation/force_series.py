@@ -1,0 +1,90 @@
+"""What loads do to the forces of the actuators that hold a robot: a series of the actuators' displacements.
+
+With the displacements e of the loaded rows and their compliance C at locked actuators, loads w leave the potential
+
+    Pi(t, w) = Psi(t) - w . e(t) - w . C(t) w / 2        lambda_a = d Pi / d t
+
+(Psi and e of the robot without these loads: the displacements e + C w are - d Pi / d w, so that the two derivatives
+agree by Maxwell's theorem of reciprocity). A tension that changes at a fixed displacement thus tells of a push, where
+the markers hardly move. A softer robot, whose Young's modulus is exact, has a smaller Psi and a larger C."""
+
+import copy
+
+import numpy as np
+
+from cfem.predict.chebyshev import Basis
+from cfem.predict.energy import layout, unpacking
+from cfem.predict.kinds.spectral import SpectralPredictor
+from cfem.predict.mode_series import joined
+from cfem.predict.series import input_derivatives
+
+
+class ForceSeries:
+    """model: spectral, of form displacement; loaded: (n_w,) numbers of rows, effectors first, then modes of its skin.
+    `at` gives the values of the parameters of a model that has some."""
+
+    def __init__(self, model: SpectralPredictor, loaded: np.ndarray):
+        arrays, n_a = model.arrays, model.rows.n_a
+        indices, series, pairs = potential_series(model, loaded)
+        flat = series.T  # (M, 1 + n_w + pairs)
+        by = input_derivatives(indices, arrays["to_box"], n_a)
+        first = [D @ flat for D in by]
+        second = [by[j] @ first[i] for i in range(n_a) for j in range(n_a)]
+        self._to_box_T, self._first = np.ascontiguousarray(arrays["to_box"][:, :n_a].T), arrays["offset"]
+        self._by_q, self._offset, self._softer = arrays["to_box"][:, n_a:], self._first, 1.0
+        self._basis = Basis(indices)
+        self._series = np.ascontiguousarray(np.stack([*first, *second], axis=1).reshape(len(indices), -1))
+        self._n_a, self._n_w = n_a, len(loaded)
+        self._pairs = tuple(np.array(pairs, dtype=int).reshape(-1, 2).T)
+        self._unpack = unpacking(len(loaded))
+
+    def at(self, q: np.ndarray, softer: float) -> "ForceSeries":
+        """The series of the robot with parameters q (n_q,), in the model's coordinates, and `softer` times its
+        compliance."""
+        series = copy.copy(self)
+        series._offset, series._softer = self._first + self._by_q @ q, softer
+        return series
+
+    def __call__(self, t: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """t (n_a,) mm, w (n_w,) N -> lambda_a (n_a,) and its derivatives (n_a, n_a + n_w) by t, then w."""
+        n_a, n_w, softer = self._n_a, self._n_w, self._softer
+        terms = (self._basis(t @ self._to_box_T + self._offset) @ self._series).reshape(n_a + n_a * n_a, -1)
+        i, j = self._pairs
+        twice = np.where(i == j, 0.5, 1.0) * w[i] * w[j]
+        value = terms[:, 0] / softer - terms[:, 1 : 1 + n_w] @ w - softer * terms[:, 1 + n_w :] @ twice
+        by_C = softer * terms[:n_a, 1 + n_w :][:, self._unpack]  # (n_a, n_w, n_w)
+        by_w = -terms[:n_a, 1 : 1 + n_w] - by_C @ w
+        return value[:n_a], np.hstack([value[n_a:].reshape(n_a, n_a), by_w])
+
+
+def potential_series(
+    model: SpectralPredictor, loaded: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, list[tuple[int, int]]]:
+    """Indices (M, n) and the series (1 + n_w + pairs, M) of Psi, of the loaded rows and of their C; the pairs of C."""
+    energy = layout(model.rows.n_a, model.rows.n_e)["energy"]
+    rows = [(model.arrays["indices"], model.arrays["series"][energy])]
+    rows += [displacement_series(model, row) for row in loaded]
+    pairs = [(i, j) for i in range(len(loaded)) for j in range(i, len(loaded))]
+    rows += [compliance_series(model, int(loaded[i]), int(loaded[j])) for i, j in pairs]
+    indices, series = joined(rows)
+    return indices, series[:, 0], pairs
+
+
+def displacement_series(model: SpectralPredictor, row: int) -> tuple[np.ndarray, np.ndarray]:
+    """Indices (M, n) and the series (1, M) of one row."""
+    n_e = model.rows.n_e
+    if row < n_e:
+        first = layout(model.rows.n_a, n_e)["effector"].start + row
+        return model.arrays["indices"], model.arrays["series"][first : first + 1]
+    return model.skin.arrays["indices"], model.skin.arrays["series"][row - n_e : row - n_e + 1]
+
+
+def compliance_series(model: SpectralPredictor, i: int, j: int) -> tuple[np.ndarray, np.ndarray]:
+    """Indices (M, n) and the series (1, M) of C between the rows i and j."""
+    n_e, i, j = model.rows.n_e, min(i, j), max(i, j)
+    if j < n_e:
+        place = layout(model.rows.n_a, n_e)["effector_compliance"].start + int(unpacking(n_e)[i, j])
+        return model.arrays["indices"], model.arrays["series"][place : place + 1]
+    arrays, k = model.skin.arrays, len(model.skin)
+    place = i * k + j - n_e if i < n_e else n_e * k + int(unpacking(k)[i - n_e, j - n_e])
+    return arrays["compliance_indices"], arrays["compliance"][place : place + 1]

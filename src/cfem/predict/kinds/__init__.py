@@ -1,0 +1,1 @@
+"""Kinds of learned model: Chebyshev series, networks, ONNX."""

@@ -1,0 +1,69 @@
+"""The energy model as Chebyshev series: the potential, the effector map e and the effectors' compliance C.
+
+A series can be differentiated once and for all, so the folder holds the coefficients of every derivative that W and
+delta_free need, and a query is one evaluation of the basis and one product with `series`: value, gradient and Hessian
+in one pass."""
+
+from functools import cached_property
+
+import numpy as np
+
+from cfem.core.errors import InputError
+from cfem.core.reading import take
+from cfem.predict.chebyshev import Basis
+from cfem.predict.energy import Parts, Splitter, layout, unpacking
+from cfem.predict.kinds.potential import PotentialPredictor
+
+LARGEST_DEGREE = 255  # what a byte of the C export holds
+
+
+class SpectralPredictor(PotentialPredictor, kind="spectral"):
+    """arrays: to_box (n, n) and offset (n,) with z = to_box t + offset in [-1, 1] on the data, t = (s, q) the inputs of
+    the form and the coordinates of the learned parameters; indices (M, n) degrees of the basis functions; series
+    (n_out, M) as `cfem.predict.energy.layout`."""
+
+    def __init__(self, meta: dict, arrays: dict[str, np.ndarray]):
+        super().__init__(meta)
+        n_a, n_e, n = self.rows.n_a, self.rows.n_e, self.n_inputs
+        indices = take(arrays, "indices", (None, n), "iu")
+        if indices.min() < 0 or indices.max() > LARGEST_DEGREE:
+            raise InputError(f"array 'indices' holds degrees that are not between 0 and {LARGEST_DEGREE}")
+        self.arrays = arrays
+        outputs = layout(n_a, n_e)["effector_compliance"].stop
+        self._to_box_T = np.ascontiguousarray(take(arrays, "to_box", (n, n)).T)
+        self._offset = take(arrays, "offset", (n,))
+        self._basis = Basis(indices)
+        self._series_T = np.ascontiguousarray(take(arrays, "series", (outputs, len(indices))).T)
+        self._split = Splitter(self.rows.n_a, self.rows.n_e)
+
+    def basis(self, t: np.ndarray) -> np.ndarray:
+        """(..., n) inputs -> (..., M) values of the basis."""
+        return self._basis(self.box(t))
+
+    def box(self, t: np.ndarray) -> np.ndarray:
+        """(..., n) inputs -> (..., n) box coordinates."""
+        return t @ self._to_box_T + self._offset
+
+    def parts(self, s: np.ndarray, q: np.ndarray) -> Parts:
+        """(..., n_a), (..., n_q) -> the potential, its gradient, ...: every part of `layout`, matrices in full."""
+        t = np.concatenate([s, q], axis=-1) if q.shape[-1] else s
+        return self._split(self.basis(t) @ self._series_T)
+
+    def gradient_and_hessian(self, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        basis, slopes_T = self._slopes
+        found = basis(s @ self._to_box_T + self._offset) @ slopes_T
+        n = self.rows.n_a
+        return found[..., :n], found[..., n:][..., self._unpack]
+
+    @cached_property
+    def _slopes(self) -> tuple[Basis, np.ndarray]:
+        """The potential's terms, which are fewer than the effectors', and their columns of the gradient and of the
+        Hessian, which follow each other."""
+        rows = layout(self.rows.n_a, self.rows.n_e)
+        slopes_T = self._series_T[:, rows["gradient"].start : rows["hessian"].stop]
+        kept = slopes_T.any(axis=1)
+        return Basis(self._basis.indices[kept]), np.ascontiguousarray(slopes_T[kept])
+
+    @cached_property
+    def _unpack(self) -> np.ndarray:
+        return unpacking(self.rows.n_a)

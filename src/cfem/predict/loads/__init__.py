@@ -1,0 +1,1 @@
+"""Learned robots under loads that their samples did not carry."""

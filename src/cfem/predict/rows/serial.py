@@ -1,0 +1,222 @@
+"""Modules in a row, each known by a model of its own: a trunk of k modules from models of one.
+
+Without external load nothing passes from module to module but the place where the next one begins: W_aa is of blocks,
+and the tip is a product of rigid motions. With p, Q the end of a module in the frame at its base, P and R those of the
+frames in the trunk, and a = R^T (y - P) the arm from a module's end to the tip y,
+
+    T_i = R_(i-1) [1, -[a_i]]        W_ea,i = T_i W_i,ea        W_ee = sum over modules, T_i W_i,ee T_i^T
+
+where W_i is of the module's end, its rows of rotation turned from rotation vectors to spins by the left Jacobian of
+SO(3). The centre of mass of the whole is the mean of the modules' own, weighted with their masses: it moves with the
+ends before it, and with the rows of a module's own centre. Modules that differ in Young's modulus alone share one
+model: W ~ 1/E is exact."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cfem.core.errors import InputError
+from cfem.predict.protocol import ArrayPredictor, Predictor, build
+from cfem.predict.rows.patches import RowPatches
+from cfem.predict.rows.serial_skin import SerialSkin, in_a_row
+from cfem.predict.skin import LearnedSkin
+
+END, CENTRE = 6, 3  # rows of a module: the pose of its end, and the place of its centre of mass
+
+
+@dataclass(frozen=True)
+class ModuleState:
+    """One module of a row where the whole is asked. pose (..., 6 or 9): of its end, and of its centre of mass, from
+    rest, in the frame at its base; W_ee, W_ea, W_aa: blocks of W, rows of rotation as spins; lam (..., n)."""
+
+    pose: np.ndarray
+    W_ee: np.ndarray
+    W_ea: np.ndarray
+    W_aa: np.ndarray
+    lam: np.ndarray
+
+
+class SerialPredictor(ArrayPredictor):
+    """meta: modules, model.json of each model of a module, whose effectors are its end with its orientation and
+    perhaps its centre of mass; row, of each module from the base on: which of these models it is, and how much softer.
+    arrays: of the models, by the names of `module_arrays`. patches: forces on its surface, None without any."""
+
+    patches: RowPatches | None = None
+
+    def __init__(self, meta: dict, arrays: dict[str, np.ndarray]):
+        super().__init__(meta)
+        self.arrays = arrays
+        self.models: list[Predictor] = [
+            build(card, module_arrays(arrays, number)) for number, card in enumerate(meta["modules"])
+        ]
+        self.which = [one["model"] for one in meta["row"]]
+        self.softer = np.array([one["softer"] for one in meta["row"]])
+        self.heavy = self.rows.n_e > 3  # whether the centre of mass of the whole is an effector
+        self.pose = END + CENTRE * self.heavy
+        ends = np.cumsum([0, *(one.rows.n_a for one in self.modules)])
+        self.own = [slice(int(a), int(b)) for a, b in pairwise(ends)]
+        self.rests = np.array([one.rest_e[: self.pose] for one in self.modules])
+        masses = np.array([sum(one.meta.get("masses", {}).values()) for one in self.modules])
+        self.shares = masses / masses.sum() if self.heavy else np.zeros(len(masses))
+
+    @property
+    def modules(self) -> list[Predictor]:
+        """Of each module, from the base on."""
+        return [self.models[number] for number in self.which]
+
+    def learned(self, s: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        parts = self._parts(s)
+        P, R, c = self._places([one.pose for one in parts])
+        n_e, n = self.rows.n_e, self.rows.n
+        out, lam = np.zeros((*s.shape[:-1], n, n)), np.concatenate([one.lam for one in parts], axis=-1)
+        for i, (part, T) in enumerate(zip(parts, self._moving(P, R, c), strict=True)):
+            mine = slice(n_e + self.own[i].start, n_e + self.own[i].stop)
+            out[..., :n_e, :n_e] += T @ part.W_ee @ T.swapaxes(-1, -2)
+            out[..., mine, mine] = part.W_aa
+            out[..., :n_e, mine] = T @ part.W_ea
+            out[..., mine, :n_e] = out[..., :n_e, mine].swapaxes(-1, -2)
+        delta = np.concatenate([self._watched(P, c) - self.rest_e, s], axis=-1)
+        return out, delta - (out[..., n_e:] @ lam[..., None])[..., 0]
+
+    def _parts(self, s: np.ndarray) -> list[ModuleState]:
+        """Of the modules at s (..., n_a); those of one model are asked together."""
+        found: list[ModuleState] = [None] * len(self.which)
+        for number, model in enumerate(self.models):
+            places = [i for i, one in enumerate(self.which) if one == number]
+            each = np.stack([s[..., self.own[i]] for i in places])
+            W, free = model.evaluate(each)
+            p, e, a = self.pose, slice(0, self.pose), model.rows.a
+            lam = np.linalg.solve(W[..., a, a], (each - free[..., a])[..., None])
+            pose = free[..., e] + (W[..., e, a] @ lam)[..., 0]
+            L = np.broadcast_to(np.eye(p), (*pose.shape, p)).copy()
+            L[..., 3:END, 3:END] = left_jacobian(pose[..., 3:END])
+            W_ee, W_ea = L @ W[..., e, e] @ L.swapaxes(-1, -2), L @ W[..., e, a]
+            for k, i in enumerate(places):
+                soft = self.softer[i]
+                found[i] = ModuleState(
+                    pose[k], soft * W_ee[k], soft * W_ea[k], soft * W[k][..., a, a], lam[k, ..., 0] / soft
+                )
+        return found
+
+    def _places(self, poses: list[np.ndarray]) -> tuple[list[np.ndarray], list[np.ndarray], list[np.ndarray]]:
+        """P: (..., 3) mm of the base and of each end; R: (..., 3, 3) frames at the modules' bases; c: (..., 3) mm of
+        their centres of mass, where these are known."""
+        size = poses[0].shape[:-1]
+        P, R, c = [np.zeros((*size, 3))], [np.broadcast_to(np.eye(3), (*size, 3, 3))], []
+        for pose, rest in zip(poses, self.rests, strict=True):
+            base, frame = P[-1], R[-1]
+            P.append(base + _turned(frame, rest[:3] + pose[..., :3]))
+            R.append(frame @ turns(pose[..., 3:END]))
+            if self.heavy:
+                c.append(base + _turned(frame, rest[END:] + pose[..., END:]))
+        return P, R[:-1], c
+
+    def _watched(self, P: list[np.ndarray], c: list[np.ndarray]) -> np.ndarray:
+        """(..., n_e) mm places of the tip, and of the centre of mass."""
+        centre = [sum(share * one for share, one in zip(self.shares, c, strict=True))] if self.heavy else []
+        return np.concatenate([P[-1], *centre], axis=-1)
+
+    def _moving(self, P: list[np.ndarray], R: list[np.ndarray], c: list[np.ndarray]) -> list[np.ndarray]:
+        """(..., n_e, 6 or 9) of each module: how the effectors move with the rows of its end, spins among them, and of
+        its centre of mass, in the frame at its base."""
+        found = []
+        for i, frame in enumerate(R):
+            T = np.zeros((*frame.shape[:-2], self.rows.n_e, self.pose))
+            T[..., :3, :3], T[..., :3, 3:END] = frame, -frame @ cross(_turned_back(frame, P[-1] - P[i + 1]))
+            if self.heavy:
+                after = range(i + 1, len(R))
+                arm = sum((self.shares[j] * (c[j] - P[i + 1]) for j in after), np.zeros_like(P[0]))
+                T[..., 3:, :3] = self.shares[i + 1 :].sum() * frame
+                T[..., 3:, 3:END] = -frame @ cross(_turned_back(frame, arm))
+                T[..., 3:, END:] = self.shares[i] * frame
+            found.append(T)
+        return found
+
+    @property
+    def skin(self) -> LearnedSkin:
+        """InputError: the whole has a shape, but no modes of its own."""
+        what = "modules in a row have a shape, but no rows of a skin of the whole"
+        raise InputError(what, do="train a model of the whole robot, of kind spectral, say")
+
+    @cached_property
+    def surface(self) -> SerialSkin:
+        """Of all modules. InputError where a module's model has no skin."""
+        found = self.skin_source()
+        if found is None:
+            do = "train each module's model on samples with `skin: {}`, then this one again"
+            raise InputError(f"the model of scene '{self.meta['scene']}' has no skin", do=do)
+        return in_a_row([found[number] for number in self.which], self.rests[:, :3])
+
+    @property
+    def facets(self) -> np.ndarray:
+        return self.surface.triangles
+
+    def shape(self, delta_a: ArrayLike, p: ArrayLike | None = None) -> np.ndarray:
+        s = np.asarray(delta_a, float)
+        P, R, _ = self._places([one.pose for one in self._parts(s)])
+        none = s[..., :0]
+        rows = [skin.rows(s[..., own], none) for skin, own in zip(self.surface.modules, self.own, strict=True)]
+        return self.surface.surface(rows, P[:-1], R)
+
+    def surface_gradient(self, delta_a: ArrayLike, nodes: np.ndarray) -> np.ndarray:
+        """(c, 3, n_a) of the places of nodes (c,) of `shape` by the displacements (n_a,) of the actuators."""
+        s, whole, none = np.asarray(delta_a, float), self.surface, np.zeros(0)
+        parts = self._parts(s)
+        P, R, _ = self._places([one.pose for one in parts])
+        place, owner = self.shape(s)[nodes], whole.owner[nodes]
+        found = np.zeros((len(nodes), 3, len(s)))
+        for i, (part, skin, own) in enumerate(zip(parts, whole.modules, self.own, strict=True)):
+            mine, after = owner == i, owner > i
+            gradient = part.W_ea[:END] @ np.linalg.inv(part.W_aa)  # by spins
+            moved = np.einsum("rcj,rn->cjn", skin.modes[:, whole.own[nodes[mine]]], skin.gradient(s[own], none))
+            found[mine, :, own] = R[i] @ moved
+            arm = (place[after] - P[i + 1]) @ R[i]
+            found[after, :, own] = R[i] @ (gradient[:3] - cross(arm) @ gradient[3:])
+        return found
+
+
+def module_arrays(arrays: dict[str, np.ndarray], number: int | str) -> dict[str, np.ndarray]:
+    """Those of one model of a module: `<number>.<name>` among the arrays of the row."""
+    start = f"{number}."
+    return {name.removeprefix(start): one for name, one in arrays.items() if name.startswith(start)}
+
+
+def joined(parts: list[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
+    """Arrays of a row from those of its models: the inverse of `module_arrays`."""
+    return {f"{number}.{name}": one for number, arrays in enumerate(parts) for name, one in arrays.items()}
+
+
+def turns(phi: np.ndarray) -> np.ndarray:
+    """(..., 3, 3) exp [phi] = 1 + [phi] J of rotation vectors (..., 3)."""
+    return np.eye(3) + cross(phi) @ left_jacobian(phi)
+
+
+def _turned(frame: np.ndarray, x: np.ndarray) -> np.ndarray:
+    return (frame @ x[..., None])[..., 0]
+
+
+def _turned_back(frame: np.ndarray, x: np.ndarray) -> np.ndarray:
+    return (frame.swapaxes(-1, -2) @ x[..., None])[..., 0]
+
+
+def cross(v: np.ndarray) -> np.ndarray:
+    """(..., 3, 3) [v] of v (..., 3)."""
+    out = np.zeros((*v.shape, 3))
+    out[..., 2, 1], out[..., 0, 2], out[..., 1, 0] = np.moveaxis(v, -1, 0)
+    return out - out.swapaxes(-1, -2)
+
+
+def left_jacobian(phi: np.ndarray) -> np.ndarray:
+    """(..., 3, 3) J with exp [phi + d] = exp [J d] exp [phi] to first order: 1 + a [phi] + b [phi]^2, |phi| = t,
+    a = (1 - cos t) / t^2, b = (t - sin t) / t^3."""
+    s = (phi**2).sum(axis=-1)[..., None, None]
+    small = s < 1e-4
+    safe = np.where(small, 1.0, s)
+    t = np.sqrt(safe)
+    a = np.where(small, 1 / 2 - s / 24 + s**2 / 720, (1 - np.cos(t)) / safe)
+    b = np.where(small, 1 / 6 - s / 120 + s**2 / 5040, (t - np.sin(t)) / (safe * t))
+    spin = cross(phi)
+    return np.eye(3) + a * spin + b * (spin @ spin)

@@ -1,0 +1,1 @@
+"""Sections of the report, each from one kind of artefact."""

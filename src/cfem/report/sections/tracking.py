@@ -1,0 +1,295 @@
+"""Tracking of goals: what was commanded and reached, as values, a table and charts."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cfem.condensed.strokes import FE_TOLERANCE, TOLERANCE
+from cfem.control.run_spec import FE_BASED
+from cfem.core.artefact.content import artefact_file
+from cfem.core.console.shown import length, length_unit
+from cfem.dataset.parquet import read_parquet
+from cfem.report.chart import Chart, chart, panel
+from cfem.report.page import Section
+from cfem.report.style import GOAL, INK, colour_of
+from cfem.report.tables import Table, durations, lengths, number, tabulate
+
+FLOOR = 1e-7  # mm: below it nothing is worth telling apart on a logarithmic axis
+FEW = 3  # goals or controllers: of fewer the table says as much
+MARKS = "osv^Dp"
+SHOWN = ("goals reached", "discretisation error")  # lines of the command whose numbers the page shows elsewhere
+
+
+@dataclass(frozen=True)
+class Tracking:
+    """A run of `cfem control` goal by goal. columns: of `trajectories.parquet`, (m, ...) each; rows: names of the
+    effector rows, then of the actuators; summaries: results by trajectory and controller; spec: of the run; nodes: of
+    the robot that judges, plant: 'fem' or 'model'; fe_seconds: CPU seconds of one FE solve, None without any;
+    discretisation: what `cfem control` found of the error of the mesh itself, None where it did not look; said: what it
+    printed of objects, obstacles and contact."""
+
+    columns: Mapping[str, np.ndarray]
+    rows: Sequence[str]
+    summaries: Mapping[str, Mapping[str, dict]]
+    spec: Mapping[str, Any]
+    plant: str
+    nodes: int
+    fe_seconds: float | None
+    discretisation: Mapping[str, Any] | None = None
+    said: Sequence[str] = ()
+
+    @property
+    def actuators(self) -> Sequence[str]:
+        return self.rows[self.columns["goal"].shape[1] :]
+
+    def of(self, trajectory: str, controller: str | None = None) -> dict[str, np.ndarray]:
+        """Rows of one trajectory; of one controller, or of all with full effort (no `name@iterations`)."""
+        mine = self.columns["trajectory"] == trajectory
+        who = [controller] if controller else [name for name in self.summaries[trajectory] if "@" not in name]
+        mine &= np.isin(self.columns["controller"], who)
+        return {name: values[mine] for name, values in self.columns.items()}
+
+    def reached(self, trajectory: str, controller: str) -> int:
+        """Goals that the robot itself reached, whatever the plan said."""
+        return int((self.of(trajectory, controller)["error"] <= self.spec["reached"]).sum())
+
+    def learned(self, trajectory: str) -> str:
+        """The first learned controller; FE-based control where it is alone."""
+        names = list(self.summaries[trajectory])
+        return next((name for name in names if name != FE_BASED), names[0])
+
+
+def read_tracking(folder: Path, manifest: Mapping[str, Any]) -> Tracking:
+    """From an artefact of `cfem control` without a loop."""
+    table = read_parquet(artefact_file(folder, "trajectories.parquet"))
+    results = manifest["results"]
+    cost = results.get("fe_cost") or {}
+    return Tracking(
+        columns={name: np.array(table[name].to_pylist()) for name in table.column_names},
+        rows=json.loads(table.schema.metadata[b"cfem"])["rows"],
+        summaries=results["trajectories"],
+        spec=manifest["spec"],
+        plant=results["plant"],
+        nodes=results["nodes"],
+        fe_seconds=cost["seconds"] / cost["solves"] if cost.get("solves") else None,
+        discretisation=results.get("discretisation"),
+        said=[line for line in results.get("headline", []) if not any(part in line for part in SHOWN)],
+    )
+
+
+def places(tracking: Tracking) -> list[int]:
+    """Columns of the x of every watched point among the effector rows; orientations are no points."""
+    return [i for i, name in enumerate(tracking.rows[: tracking.columns["goal"].shape[1]]) if name.endswith(".x")]
+
+
+def tracking_section(found: Tracking, units: Mapping[str, tuple[str, str]]) -> Section:
+    """units: of the displacement and of the force of every actuator, by its name."""
+    text = (
+        "Each controller turns a goal into actuator displacements with its own model. "
+        f"The finite-element robot ({found.nodes} nodes) then carries them out, without feedback. "
+        "For a goal out of reach it ends at the nearest point that it can reach. "
+    )
+    if found.plant == "model":
+        text = (
+            "Each controller turns a goal into actuator displacements. The first model carries them out; no FE robot "
+            "is involved. "
+        )
+    cut = next((who for one in found.summaries.values() for who in one if "@" in who), None)
+    if cut:
+        text += f"{cut} is {cut.partition('@')[0]} with no more steps per goal than the number behind the @. "
+    text += "".join(f"{line[0].upper()}{line[1:]}. " for line in found.said)
+    table = [mesh_error_table(found.discretisation)] if "tip_mm" in (found.discretisation or {}) else []
+    shown = [name for name in found.summaries if len(set(found.of(name)["goal_index"])) >= FEW]
+    charts = [one for name in shown for one in trajectory_charts(found, name, units)]
+    return Section(
+        "Tracking",
+        text + looser(found, next(iter(units.values()))[0]),
+        (tracking_table(found), *table, *charts, *effort_charts(found)),
+        facts={"tracking": found.summaries},
+    )
+
+
+def looser(found: Tracking, unit: str) -> str:
+    """Why FE-based control misses by more than the learned one, where it does; unit: of an actuator's displacement."""
+    pairs = [
+        (one[FE_BASED]["distance_to_reachable_goals"], one[found.learned(name)]["distance_to_reachable_goals"])
+        for name, one in found.summaries.items()
+        if FE_BASED in one
+    ]
+    if not any(fe and learned and fe["mean"] > learned["mean"] for fe, learned in pairs):
+        return ""
+    fe, learned = (
+        f"{100 * share:g} % of their stroke" if stated is None else f"{stated:g} {unit}"
+        for stated, share in (
+            (found.spec["fe_tolerance"], FE_TOLERANCE),
+            (found.spec["search"]["tolerance"], TOLERANCE),
+        )
+    )
+    return (
+        f"FE-based control stops where its actuators would move by less than {fe}, a learned controller at {learned}, "
+        "because a step of FE-based control costs far more. Its larger tracking error comes from this looser "
+        "tolerance, not from its model."
+    )
+
+
+def tracking_table(found: Tracking) -> Table:
+    """One row a trajectory and controller."""
+    rows = [(name, who, result) for name, one in found.summaries.items() for who, result in one.items()]
+    return tabulate(
+        rows,
+        {
+            "trajectory": lambda row: row[0],
+            "controller": lambda row: row[1],
+            "goals reached": lambda row: f"{found.reached(row[0], row[1])} of {row[2]['goals']}",
+            "goals not out of reach": lambda row: str(row[2]["reachable"]),
+            "searches that did not converge": lambda row: str(row[2]["not_converged"]),
+            "tracking error, goals in reach, mean / max": lambda row: lengths(row[2]["distance_to_reachable_goals"]),
+            "distance to FE-based, mean / max": lambda row: lengths(row[2]["distance_to_fe_based"]),
+            "steps per goal": lambda row: number(row[2]["iterations_mean"], 2),
+            "time per step, median / p99": lambda row: durations(row[2]["step_us"]),
+            "residual of the QP (mm)": lambda row: number(row[2]["kkt_max"], 2),
+        },
+    )
+
+
+def mesh_error_table(found: Mapping[str, Any]) -> Table:
+    """How far the robot of a finer mesh is from this one, the commands being the same."""
+    return tabulate(
+        [found],
+        {
+            "discretisation error, estimated": lambda row: f"{row['cells']} cells against {row['finer_cells']}",
+            "states": lambda row: str(row["states"]),
+            "tip": lambda row: length(row["tip_mm"], digits=2),
+            "tip (% of length)": lambda row: number(row["tip_percent"], 2),
+            "actuator forces (%)": lambda row: number(row["force_percent"], 2),
+            "reach (%)": lambda row: number(row["reach_percent"], 2),
+        },
+    )
+
+
+def trajectory_charts(found: Tracking, name: str, units: Mapping[str, tuple[str, str]]) -> list[Chart]:
+    """Where the effector went and how far from its goals it was; what the actuators carry."""
+    rows, said = found.of(name), name.replace("-", " ")
+    names = list(dict.fromkeys(rows["controller"]))
+    first = rows["controller"] == names[0]
+    at = (places(found) or [0])[0]
+    free = free_coordinates(found, at)
+    goal = rows["goal"][first][:, at : at + 3].copy()
+    goal[:, free] = rows["x_e"][first][:, at : at + 3][:, free]
+    axes = []
+    for i, j in planes(goal):
+        axis = panel(f"{'xyz'[j]} (mm)", f"{'xyz'[i]} (mm)")
+        axis.plot(goal[:, i], goal[:, j], "o", ms=5, mfc="none", color=GOAL, label="goal")
+        for who in names:
+            x = rows["x_e"][rows["controller"] == who][:, at : at + 3]
+            look = {"lw": 5, "alpha": 0.45} if who == FE_BASED else {"lw": 1.3, "marker": ".", "ms": 4}
+            axis.plot(x[:, i], x[:, j], color=colour_of(who, names), label=who, **look)
+        axis.set_aspect("equal", adjustable="datalim")
+        axes.append(axis)
+    unit, mm = length_unit(np.nanmax(rows["error"], initial=FLOOR))
+    error = panel(f"distance to the goal ({unit})", "goal", log="y", count=True)
+    for who in names:
+        mine = rows["controller"] == who
+        distance = np.maximum(rows["error"][mine], FLOOR) / mm
+        look = {"lw": 5, "alpha": 0.45} if who == FE_BASED else {"lw": 1.3}
+        error.plot(rows["goal_index"][mine], distance, color=colour_of(who, names), label=who, **look)
+    caption = f"{said}: goals, the positions that the robot reached, and its distance from each goal."
+    if free:
+        caption += f" No goal states {' or '.join('xyz'[i] for i in free)}: it is drawn where the robot is."
+    return [chart(f"tracking-{name}", caption, [*axes, error]), *carried(found, name, rows, names, units)]
+
+
+def free_coordinates(found: Tracking, at: int) -> list[int]:
+    """Which of x, y, z of the point whose rows begin at `at` the search leaves free: those without weight."""
+    weights = found.spec["search"].get("weights")
+    return [i for i in range(3) if weights and weights[at + i] == 0]
+
+
+def carried(found: Tracking, name: str, rows: Mapping, names: Sequence[str], units: Mapping) -> list[Chart]:
+    """Forces of the actuators, pressures of chambers, and the push on what is held."""
+    kinds: dict[str, list[int]] = {}
+    for place, actuator in enumerate(found.actuators):
+        kinds.setdefault(unit_of(actuator, units)[1], []).append(place)
+    axes = []
+    for unit, mine in kinds.items():
+        scale, shown = {"N": (1e3, "mN"), "MPa": (1e3, "kPa")}.get(unit, (1.0, unit))
+        if unit == "N" and np.abs(rows["lambda_a"][:, mine]).max(initial=0) >= 1:
+            scale, shown = 1.0, "N"
+        axis = panel(f"{'pressure' if unit == 'MPa' else 'force'} ({shown})", "goal", count=True)
+        _lines(axis, rows, names, scale * rows["lambda_a"][:, mine], [found.actuators[place] for place in mine])
+        axes.append(axis)
+    text = "what each actuator carries, as each controller plans it"
+    charts = [chart(f"forces-{name}", f"{name.replace('-', ' ')}: {text}.", axes)]
+    contact = rows.get("contact")
+    if contact is not None:
+        robots = dict.fromkeys(one.split(".")[0] for one in found.actuators) if contact.shape[1] > 3 else [""]
+        parts = [f"{robot} {axis}".strip() for robot in robots for axis in "xyz"]
+        axis = panel("force on the object (mN)", "goal", count=True)
+        _lines(axis, rows, names, 1e3 * contact, parts, 3)
+        text = (
+            f"{name.replace('-', ' ')}: the force by which each robot pushes the object, as each controller plans it."
+        )
+        charts.append(chart(f"contact-{name}", text, [axis]))
+    return charts
+
+
+def unit_of(actuator: str, units: Mapping[str, tuple[str, str]]) -> tuple[str, str]:
+    """Of displacement and force; several robots carry their name before that of the actuator."""
+    own = actuator if actuator in units else actuator.partition(".")[2]
+    return units.get(own, ("mm", "N"))
+
+
+def _lines(
+    axis, rows: Mapping, names: Sequence[str], values: np.ndarray, labels: Sequence[str], grouped: int = 1
+) -> None:
+    """A colour a component, or so many of them, which differ in their dashes then; a line for the first controller,
+    marks for the others."""
+    looks = [{"lw": 1.8}] + [{"lw": 0, "marker": "o+x"[i % 3], "ms": 4, "mfc": "none"} for i in range(len(names) - 1)]
+    for index, label in enumerate(labels):
+        style = {"color": f"C{index // grouped % 8}", "ls": ("-", "--", ":")[index % grouped]}
+        axis.plot([], [], lw=1.8, label=label, **style)
+        for name, look in zip(names, looks, strict=True):
+            mine = rows["controller"] == name
+            axis.plot(rows["goal_index"][mine], values[mine, index], **style, **look)
+    for name, look in zip(names, looks, strict=True):
+        if len(names) > 1:
+            axis.plot([], [], color=INK, label=name, **look)
+
+
+def planes(points: np.ndarray) -> list[tuple[int, int]]:
+    """The plane along whose axes points (m, 3) spread most, and a second one where they leave the first."""
+    size = np.ptp(points, axis=0)
+    low, first, second = np.argsort(size)
+    found = [tuple(sorted((int(first), int(second))))]
+    if size[low] > 0.02 * size[second]:
+        found.append((0, 1) if found[0] != (0, 1) else (0, 2))
+    return found
+
+
+def effort_charts(found: Tracking) -> list[Chart]:
+    """Error against the time that a goal takes, where three controllers or more, cut short (`name@iterations`) or not,
+    leave something to compare."""
+    axes = []
+    for trajectory, controllers in found.summaries.items():
+        goals_count = all(2 * result["reachable"] > result["goals"] for result in controllers.values())
+        key = "distance_to_reachable_goals" if goals_count else "distance_to_fe_based"
+        shown = {name: result for name, result in controllers.items() if result[key]}
+        if len(shown) < FEW:
+            continue
+        to = "to the goal" if goals_count else "to FE-based control"
+        axis = panel(f"{trajectory.replace('-', ' ')}: mean distance {to} (mm)", "time per goal (ms)", log="xy")
+        full = [name for name in controllers if "@" not in name]
+        for name, result in shown.items():
+            base, _, cut = name.partition("@")
+            label = f"{base}, {cut} step{'s' if cut != '1' else ''} per goal" if cut else base
+            time = result["step_us"]["median"] * result["iterations_mean"] / 1000
+            look = {"ms": 8, "lw": 0, "alpha": 0.5 if cut else 1.0, "color": colour_of(base, full), "label": label}
+            axis.plot([time], [max(result[key]["mean"], FLOOR)], MARKS[int(cut or 0) % len(MARKS)], **look)
+        axis.margins(0.2)
+        axes.append(axis)
+    text = "What accuracy costs: mean distance against the time that one goal takes; lower left is better."
+    return [chart("effort", text, axes)] if axes else []

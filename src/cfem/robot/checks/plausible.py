@@ -1,0 +1,86 @@
+"""What hardly can be meant, such as a robot of 0.06 mm: most of it is a number written in another unit."""
+
+import numpy as np
+
+from cfem.core.console.shown import stress
+from cfem.equilibrium.robot import Robot
+from cfem.robot.checks.routing import cable_doubts, effector_doubts
+from cfem.robot.checks.stroke import stroke_doubts
+
+SMALLEST, LARGEST = 1.0, 1e4  # mm, of a soft robot: shorter or longer ones are mostly written in another unit
+LONG = 0.5  # share of a cable's length: no soft robot is known to shorten a cable by more
+MODULI = (1e-3, 3e5)  # MPa, Young's: from gels to metals, of all that a robot may be made of
+RUBBER = (1e-3, 1e3)  # MPa, Young's, of what laws of rubber are fitted to
+LENGTHS = 3.0  # times: between the length that errors are told by and the body's largest side
+DENSITIES = (1e-11, 2.3e-8)  # t/mm^3, from foams to the heaviest metals
+GRAVITIES = (100.0, 1e5)  # mm/s^2, from a tenth of the moon's to ten times the earth's
+LOCKS = 0.49  # Poisson's ratio beyond which tetrahedra of constant strain hold on to their volumes
+LONG_AXES = {"bar": 0, "taper": 0, "stiff-flop": 0, "trunk": 2, "soft-finger": 2}  # along which these bodies are long
+
+
+def doubts(scene, robot: Robot) -> list[str]:
+    """What hardly can be meant, a sentence each."""
+    found = [*size_doubts(np.ptp(robot.X, axis=0))]
+    for item, actuator in zip(scene.actuators, robot.actuators, strict=True):
+        length = getattr(actuator, "rest_length", None)
+        if length is not None and item.reach[1] > LONG * length:
+            share = f"{100 * item.reach[1] / length:.0f} %"
+            found.append(
+                f"cable '{item.name}' may be shortened by {item.reach[1]:.4g} mm, {share} of its {length:.4g} mm"
+            )
+    extent = np.ptp(robot.X, axis=0)
+    if not extent.max() / LENGTHS <= scene.length <= LENGTHS * extent.max():
+        found.append(f"length is {scene.length:.4g} mm, and the body measures {_sides(extent)} mm: check its unit")
+    found += _width_doubts(scene, extent) + _material_doubts(scene) + _gravity_doubts(scene)
+    return found + cable_doubts(scene, robot) + effector_doubts(scene) + stroke_doubts(scene, robot)
+
+
+def _width_doubts(scene, extent: np.ndarray) -> list[str]:
+    """Of a long body by name: none, or that it is wider than long."""
+    axis = LONG_AXES.get(scene.geometry.kind)
+    if axis is None or extent[axis] >= extent.max():
+        return []
+    what = f"the {scene.geometry.kind} measures {_sides(extent)} mm"
+    return [f"{what}, wider than its {extent[axis]:.3g} mm of length: check its widths"]
+
+
+def _material_doubts(scene) -> list[str]:
+    found = []
+    regions = {f"materials.{index}.material": each.material for index, each in enumerate(scene.materials)}
+    for key, item in ({"material": scene.material} | regions).items():
+        found += modulus_doubts(item.young, MODULI, f"check the units of {key}")
+        if item.density is not None and not DENSITIES[0] <= item.density <= DENSITIES[1]:
+            dense, known = 1e12 * item.density, " to ".join(f"{1e12 * end:g}" for end in DENSITIES)
+            found.append(f"the density of {key} is {dense:.4g} kg/m^3, and matter has {known}: check its unit")
+        if scene.mesh.element == "tet4" and item.poisson > LOCKS:
+            what = f"tet4 locks at Poisson's ratio {item.poisson:g} of {key}, and forces come out far too large"
+            found.append(f"{what}: use tet10p0, or a ratio of at most {LOCKS:g}")
+    return found
+
+
+def _gravity_doubts(scene) -> list[str]:
+    size = 0.0 if scene.gravity is None else float(np.linalg.norm(scene.gravity.acceleration))
+    if size == 0 or GRAVITIES[0] <= size <= GRAVITIES[1]:
+        return []
+    return [f"gravity is {size / 1e3:.4g} m/s^2, and on earth 9.81 m/s^2: check its unit"]
+
+
+def modulus_doubts(young: float, known: tuple[float, float], do: str) -> list[str]:
+    """Of Young's modulus (MPa): none, or why it is hardly meant. known: smallest and largest; do: what to check."""
+    low, high = known
+    if low <= young <= high:
+        return []
+    return [f"Young's modulus is {stress(young)}, and {stress(low)} to {stress(high)} is known of such materials: {do}"]
+
+
+def size_doubts(extent: np.ndarray) -> list[str]:
+    """Of a body that measures `extent` (3,) mm: none, or why that is hardly meant."""
+    size = float(extent.max())
+    if SMALLEST <= size <= LARGEST:
+        return []
+    wrong = "metres read as millimetres" if size < SMALLEST else "millimetres read as metres"
+    return [f"the body measures {_sides(extent)} mm, which suggests {wrong}: check the units of the geometry"]
+
+
+def _sides(extent: np.ndarray) -> str:
+    return " x ".join(f"{side:.3g}" for side in extent)

@@ -1,0 +1,68 @@
+"""What gmsh's process answers to a job, and how a body is meshed that it fails at first."""
+
+import json
+import subprocess  # nosec B404
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cfem.core.errors import InputError, NumericalError
+from cfem.core.optional import demand
+from cfem.robot.cad import File, Solid, SurfaceSolid
+from cfem.robot.mesh.surface_file import read_surface
+
+# What gmsh's wheel needs of a bare Debian (readelf -d on its library).
+DEBIAN_PACKAGES = "libglu1-mesa libgl1 libgomp1 libxcursor1 libxft2 libxinerama1 libxfixes3 libxrender1 libfontconfig1"
+
+_NO_GMSH, _SEPARATE = 10, 13  # exit codes of which no other way leads out
+# `factor` on all sizes, and whether a surface's triangles are made anew. gmsh may fail, or even crash, at one size and
+# not at one beside it; at last it takes the file's own triangles.
+_WAY = {"factor": 1.0, "anew": True}
+_OF_SURFACES = (_WAY, {"factor": 0.95, "anew": True}, {"factor": 1.05, "anew": True}, {"factor": 1.0, "anew": False})
+
+
+def ask_gmsh(job: dict[str, Any], solid: Solid) -> dict[str, np.ndarray]:
+    """The answer to a job (gmsh_process.py) about a body. InputError where a file cannot be meshed or gmsh not be
+    loaded, NumericalError where another geometry cannot be meshed."""
+    demand("gmsh", where="a mesh of this geometry")
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = Path(scratch)
+        if isinstance(solid, SurfaceSolid):
+            X, triangles, _ = read_surface(Path(solid.path), solid.body)
+            np.savez(folder / "surface.npz", X=solid.unit * X, triangles=triangles)
+            job = {**job, "surface": str(folder / "surface.npz")}
+        for way in _OF_SURFACES if isinstance(solid, SurfaceSolid) else (_WAY,):
+            code, said = _run({**job, **way}, folder)
+            if code in (0, _NO_GMSH, _SEPARATE):
+                break
+        if code == 0:
+            with np.load(folder / "mesh.npz") as answer:
+                return dict(answer)
+    where = solid.path if isinstance(solid, File | SurfaceSolid) else "geometry"
+    cause = said.strip().splitlines()[-1] if said.strip() else f"exit {code}"
+    if code == _NO_GMSH:
+        raise InputError(f"gmsh cannot be loaded: {cause}", do=f"on Debian: apt-get install {DEBIAN_PACKAGES}")
+    if code == _SEPARATE:
+        do = "give one body, or make each a file of its own and a part of a geometry of `kind: assembly`"
+        raise InputError(cause, where=where, do=do)
+    kind = InputError if isinstance(solid, File | SurfaceSolid) else NumericalError
+    raise kind(f"cannot be meshed: {cause}", where=where, do="repair the geometry or change mesh.size")
+
+
+def _run(job: dict[str, Any], folder: Path) -> tuple[int, str]:
+    """The exit code of gmsh's process, negative where it crashed, and what it said on stderr; its answer is in
+    mesh.npz."""
+    (folder / "job.json").write_text(json.dumps(job), encoding="utf-8")
+    files = [str(folder / "job.json"), str(folder / "mesh.npz")]
+    # -P: no module is taken from the working folder
+    command = [sys.executable, "-P", "-m", "cfem.robot.mesh.gmsh_process", *files]
+    with (
+        open(folder / "said", "wb") as log,
+        # this interpreter on a module of ours, which ends when its stdin does: it never outlives this process
+        subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=log) as process,  # nosec B603
+    ):
+        code = process.wait()
+    return code, (folder / "said").read_text(errors="replace")

@@ -1,0 +1,1 @@
+"""Fits of networks: the energy model of sines, and the network of the paper."""

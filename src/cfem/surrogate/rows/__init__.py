@@ -1,0 +1,1 @@
+"""Models of modules in a row, from trained models of one."""

@@ -1,0 +1,78 @@
+"""Modules in a row from trained models of one (predict/rows/serial.py): nothing is fitted, the dataset judges."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cfem.core.errors import InputError
+from cfem.predict.load import build, read_model
+from cfem.predict.protocol import Predictor
+from cfem.predict.rows.serial import CENTRE, END, joined
+from cfem.surrogate.spec import SerialSpec
+
+_END = ("x", "y", "z", "rx", "ry", "rz")
+_CENTRE = ("x", "y", "z")
+WEIGHS = 0.01  # share of the mass by which the modules may miss that of the whole
+
+
+def folders(spec: SerialSpec) -> list[Path]:
+    """Of the models, each once."""
+    return list(dict.fromkeys(one.model for one in spec.modules))
+
+
+def compose(training: Any, spec: SerialSpec) -> tuple[dict[str, np.ndarray], dict[str, Any], list[dict[str, Any]]]:
+    """Arrays, what model.json says of them, and how the modules' models learned. InputError where they do not fit the
+    whole: other effectors, another number of actuators, another mass."""
+    found = folders(spec)
+    cards, arrays = zip(*map(read_model, found), strict=True)
+    history = [row for card in cards for row in card.pop("history")]
+    for folder, card, own in zip(found, cards, arrays, strict=True):
+        _demand_module(folder, card, build(card, own))
+    row = [{"model": found.index(one.model), "softer": one.softer} for one in spec.modules]
+    _demand_whole(training, spec, [cards[one["model"]] for one in row])
+    samples = sum(card["dataset"].get("samples", 0) for card in cards)
+    return (
+        joined(list(arrays)),
+        {"form": "displacement", "modules": list(cards), "row": row, "samples": samples},
+        history,
+    )
+
+
+def _demand_module(folder: Path, card: dict[str, Any], module: Predictor) -> None:
+    effectors = module.rows.effectors
+    axes = tuple(name.rsplit(".", 1)[-1] for name in effectors)
+    named = {name.rsplit(".", 1)[0] for name in effectors[END:]} == set(card.get("masses", {}))
+    fits = axes[:END] == _END and (len(axes) == END or (axes[END:] == _CENTRE and named))
+    if not fits or module.form != "displacement" or module.parameters:
+        raise InputError(
+            f"must be of form displacement, of one end with its orientation ({', '.join(_END)}) and perhaps a centre "
+            f"of mass after it, without parameters; it is of form {module.form}, of {', '.join(effectors)}",
+            where=str(folder),
+            do="sample a scene of one module whose effector has `orientation: true`",
+        )
+
+
+def _demand_whole(training: Any, spec: SerialSpec, cards: list[dict[str, Any]]) -> None:
+    whole, n_a = training.rows, sum(len(card["rows"]["actuators"]) for card in cards)
+    masses = training.meta.get("masses", {})
+    heavy = len(whole.effectors) == 3 + CENTRE and set(masses) == {whole.effectors[3].rsplit(".", 1)[0]}
+    if not (len(whole.effectors) == 3 or heavy) or whole.n_a != n_a:
+        counts = " and ".join(str(len(card["rows"]["actuators"])) for card in cards)
+        raise InputError(
+            f"{len(cards)} modules of {counts} actuators do not make a robot of {whole.n_a} actuators "
+            f"and effectors {', '.join(whole.effectors)}",
+            where="model.modules",
+            do="a row has the actuators of its modules, and for effectors its tip and perhaps its centre of mass",
+        )
+    if not heavy:
+        return
+    if not all(card.get("masses") for card in cards):
+        light = next(one.model for one, card in zip(spec.modules, cards, strict=True) if not card.get("masses"))
+        what = "has no centre of mass, and the row has one"
+        do = "give its scene an effector `at: centre-of-mass` behind the end, or take that of the row away"
+        raise InputError(what, where=str(light), do=do)
+    own, mass = sum(sum(card["masses"].values()) for card in cards), sum(masses.values())
+    if abs(own - mass) > WEIGHS * mass:
+        what = f"the modules weigh {1e6 * own:.4g} g together, and the whole robot {1e6 * mass:.4g} g"
+        raise InputError(what, where="model.modules", do="give both scenes the same densities and geometry")

@@ -1,0 +1,1 @@
+"""Fits of the energy model as Chebyshev series."""

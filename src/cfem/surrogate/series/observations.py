@@ -1,0 +1,151 @@
+"""What FE states know of the energy model: values and derivatives of the potential, of e and of C.
+
+Every state gives, for nothing, the value, gradient and Hessian of the potential (energy, multipliers or displacements,
+W_aa or its inverse) and the value and gradient of e; datasets of third order (dW/dlambda) give one derivative more of
+each, and those with parameters the derivatives by them of the potential, its gradient and e. See `cfem.predict.energy`
+for the two forms."""
+
+from dataclasses import dataclass, replace
+from itertools import combinations_with_replacement
+from typing import Any
+
+import numpy as np
+
+from cfem.condensed import pack_upper
+from cfem.condensed.energy_slopes import by_displacement
+from cfem.condensed.parameters import coordinates, from_json, sampled, slopes
+from cfem.predict.energy import Form
+
+CONSTANT = 1e-9  # standard deviation over size of what varies by rounding alone
+Derivative = tuple[int, ...]  # the axes by which is derived, ascending: () the value itself, (0, 2) d2/dt0 dt2
+
+
+@dataclass(frozen=True)
+class Observations:
+    """Of one quantity with q components. derivatives: k of them, by axes of t = (s, q), s having n_s of these; values:
+    (m, k, q)."""
+
+    derivatives: tuple[Derivative, ...]
+    values: np.ndarray
+    n_s: int
+
+    def scaled(self) -> tuple[np.ndarray, np.ndarray]:
+        """(m, k, q) each derivative divided by the largest standard deviation among those of its order, and (k,) those
+        divisors: all orders then weigh alike, but for one that is rounding beside the others (in box coordinates)."""
+        deviation = self.values.std(axis=0).max(axis=1)
+        size = np.abs(self.values).max(axis=(0, 2))
+        divisors = np.empty(len(self.derivatives))
+        groups = [(len(one), max(one, default=0) >= self.n_s) for one in self.derivatives]
+        for group in set(groups):
+            members = [i for i, other in enumerate(groups) if other == group]
+            largest = size[members].max()
+            if largest <= CONSTANT * size.max():  # rounding, or nothing
+                largest = size.max() or 1.0
+            varies = deviation[members].max() > CONSTANT * largest
+            divisors[members] = deviation[members].max() if varies else largest
+        return self.values / divisors[:, None], divisors
+
+
+def inputs(dataset: Any, form: Form) -> tuple[np.ndarray, np.ndarray]:
+    """s (m, n_a), the displacements or multipliers, and q (m, n_q), the coordinates of the sampled parameters."""
+    s = dataset.delta_a if form == "displacement" else dataset.lambda_a
+    return s, coordinates(parameters_of(dataset), dataset.p)
+
+
+def parameters_of(dataset: Any) -> tuple:
+    """The sampled parameters of a cfem.dataset.reader.Dataset."""
+    return sampled(from_json(dataset.meta.get("parameters", [])))
+
+
+def observations(dataset: Any, form: Form) -> dict[str, Observations]:
+    """Observations by t = (s, q), named 'potential', 'effector', 'effector_compliance' and, where loads were recorded,
+    'third' (`predict.loads.loaded`)."""
+    e, a = dataset.rows.e, dataset.rows.a
+    W_aa, W_ea, W_ee = dataset.W[:, a, a], dataset.W[:, e, a], dataset.W[:, e, e]
+    dW = dataset.dW
+    work = np.einsum("mi,mi->m", dataset.lambda_a, dataset.delta_a)
+    if form == "force":
+        hessian, gradient_e, compliance = W_aa, W_ea, W_ee
+        value, gradient = work - dataset.energy, dataset.delta_a
+        third = None if dW is None else (dW[:, :, a, a], dW[:, :, e, a], dW[:, :, e, e])
+    else:
+        hessian = np.linalg.inv(W_aa)
+        gradient_e = W_ea @ hessian
+        compliance = W_ee - gradient_e @ W_ea.swapaxes(1, 2)
+        value, gradient = dataset.energy, dataset.lambda_a
+        third = None if dW is None else by_displacement(dW, e, a, hessian, gradient_e, W_ea)
+    n = gradient.shape[1]
+    first, second, triple = (tuple(combinations_with_replacement(range(n), order)) for order in (1, 2, 3))
+    upper = pack_upper(compliance)
+    potential = [(((),), value[:, None, None]), (first, gradient[..., None]), (second, pack_upper(hessian)[..., None])]
+    effector = [(((),), dataset.delta_e[:, None, :]), (first, gradient_e.swapaxes(1, 2))]
+    locked = [(((),), upper[:, None, :])]
+    if third is not None:
+        by_hessian, by_gradient, by_compliance = third  # (m, k, i, j): derivatives by s_k
+        potential.append((triple, np.stack([_symmetric(by_hessian, one) for one in triple], axis=1)[..., None]))
+        pairs = [(by_gradient[:, k, :, j] + by_gradient[:, j, :, k]) / 2 for j, k in second]
+        effector.append((second, np.stack(pairs, axis=1)))
+        locked.append((first, pack_upper(by_compliance)))
+    if dataset.dpsi_dp is not None:
+        psi_q, lam_q, e_q = _by_q(dataset)
+        if form == "force":  # at fixed forces: dPsi*/dq = - dPsi/dq, and the actuators move by - W_aa dlambda/dq
+            psi_q, gradient_q, e_q = -psi_q, -W_aa @ lam_q, e_q - W_ea @ lam_q
+        else:
+            gradient_q = lam_q
+        axes = range(n, n + psi_q.shape[1])
+        potential.append((tuple((j,) for j in axes), psi_q[..., None]))
+        mixed = tuple((i, j) for i in range(n) for j in axes)
+        potential.append((mixed, gradient_q.reshape(len(gradient_q), -1, 1)))
+        effector.append((tuple((j,) for j in axes), e_q.swapaxes(1, 2)))
+    parts = {"potential": potential, "effector": effector, "effector_compliance": locked}
+    if dataset.dC is not None and form == "displacement":
+        parts["third"] = [(((),), dataset.dC[:, None, :])]
+    return {
+        name: Observations(sum((names for names, _ in orders), ()), np.concatenate([v for _, v in orders], axis=1), n)
+        for name, orders in parts.items()
+    }
+
+
+def _by_q(dataset: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Of Psi (m, n_q), lambda (m, n_a, n_q) and delta_e (m, n_e, n_q), at fixed displacements of the actuators, by the
+    parameters' coordinates."""
+    dq_dp = slopes(parameters_of(dataset), dataset.p)
+    lam_q, e_q = (values / dq_dp[:, None] for values in (dataset.dlambda_dp, dataset.ddelta_e_dp))
+    return dataset.dpsi_dp / dq_dp, lam_q, e_q
+
+
+def in_box(observed: Observations, to_box: np.ndarray) -> Observations:
+    """The same derivatives by z = to_box t + offset; to_box is block diagonal in s and q, as the derivatives are."""
+    from_box = np.linalg.inv(to_box)
+    position = {one: i for i, one in enumerate(observed.derivatives)}
+    n = len(to_box)
+    values = np.empty_like(observed.values)
+    orders = {len(one) for one in observed.derivatives}
+    for order in orders:
+        axes = sorted({axis for one in observed.derivatives if len(one) == order for axis in one})
+        full = np.zeros((len(values), *[n] * order, values.shape[2]))
+        for index in np.ndindex(*[len(axes)] * order):
+            place = tuple(axes[i] for i in index)
+            if tuple(sorted(place)) in position:
+                full[(slice(None), *place)] = observed.values[:, position[tuple(sorted(place))]]
+        for axis in range(order):
+            full = np.moveaxis(np.tensordot(full, from_box, axes=(1 + axis, 0)), -1, 1 + axis)
+        for one, i in position.items():
+            if len(one) == order:
+                values[:, i] = full[(slice(None), *one)]
+    return replace(observed, values=values)
+
+
+def mean_hessian(potential: Observations) -> np.ndarray:
+    """(n_s, n_s) of the potential over the states."""
+    mean = np.zeros((potential.n_s, potential.n_s))
+    for i, one in enumerate(potential.derivatives):
+        if len(one) == 2 and max(one) < potential.n_s:
+            mean[one] = mean[one[::-1]] = potential.values[:, i, 0].mean()
+    return mean
+
+
+def _symmetric(third: np.ndarray, one: Derivative) -> np.ndarray:
+    """(m,) entry of a tensor (m, k, i, j) that is symmetric in all three, but for rounding: the mean of its equals."""
+    i, j, k = one
+    return (third[:, i, j, k] + third[:, j, i, k] + third[:, k, i, j]) / 3

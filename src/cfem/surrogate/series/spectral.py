@@ -1,0 +1,205 @@
+"""The energy model as Chebyshev series, fitted by linear least squares to all that the samples know.
+
+The potential, e and C each have their own index set, of anisotropic total degree, chosen by the error of states left
+out: among weights of the coordinates that are all 1, weights found by search, weights by how fast the coefficients fall
+along each, and weights by how much the effectors' map bends along each, and among degrees. With many inputs the sets
+grow term by term instead (greedy.py)."""
+
+from dataclasses import dataclass
+from itertools import combinations_with_replacement
+from math import comb
+from typing import Any
+
+import numpy as np
+
+from cfem.condensed.pose import COORDINATES
+from cfem.condensed.resting import resting
+from cfem.predict.energy import FOURTH, FOURTH_INDICES, THIRD, Form
+from cfem.predict.series import differentiated
+from cfem.surrogate.series.chebyshev import design_rows, index_set
+from cfem.surrogate.series.coordinates import box_coordinates, held_coordinates, mean_square
+from cfem.surrogate.series.greedy import greedy_set
+from cfem.surrogate.series.least_norm import least_norm
+from cfem.surrogate.series.nested_fit import level_counts, try_counts
+from cfem.surrogate.series.observations import Observations, in_box, inputs, observations
+from cfem.surrogate.series.weights import SEARCH_ROWS, active_weights, decay_weights, searched_weights
+
+ROWS_A_TERM = 1 / 0.9
+SEARCH_TERMS = 300  # of the fits that judge weights
+MANY = 8  # inputs, beyond which no weights say well what matters: sets grow term by term
+PILOT_TERMS = 600  # whole degrees that are tried first, of three or more coordinates
+
+
+@dataclass(frozen=True)
+class Series:
+    """indices (M, n), coefficients (M, q) of one quantity in box coordinates."""
+
+    indices: np.ndarray
+    coefficients: np.ndarray
+
+
+@dataclass(frozen=True)
+class Fit:
+    """arrays: what SpectralPredictor evaluates; terms: chosen, by quantity; weights: of the coordinates, by quantity;
+    held_out: one record a quantity, weighting and degree: terms and the root mean square error of states left out,
+    relative."""
+
+    arrays: dict[str, np.ndarray]
+    terms: dict[str, int]
+    weights: dict[str, list[float]]
+    held_out: list[dict[str, Any]]
+
+
+def fit(dataset: Any, form: Form = "displacement", max_degree: int = 16, max_terms: int = 2000, folds: int = 5) -> Fit:
+    """Fits all states of `dataset` (cfem.dataset.reader.Dataset, training rows only); fewer folds for fewer states."""
+    s, q = inputs(dataset, form)
+    known = observations(dataset, form)
+    if dataset.n_c:
+        to_box, offset = held_coordinates(s, q, _mean_hessian(known, s.shape[1]), dataset.n_c, _rests(dataset))
+        active = None
+    else:
+        metric = _metric(s, q, known)
+        to_box, offset = box_coordinates(s, q, metric)
+        active = active_weights(metric, s, q.shape[1])
+    z = np.hstack([s, q]) @ to_box.T + offset
+    chosen, weights, held_out = {}, {}, []
+    for name, observed in known.items():
+        chosen[name], weights[name], records = fit_quantity(
+            z, in_box(observed, to_box), max_degree, max_terms, folds, active
+        )
+        held_out += [{"quantity": name, **record} for record in records]
+    curvature = {}
+    if dataset.d2C is not None and form == "displacement":
+        indices, coefficients, error = least_norm(z, dataset.d2C)
+        curvature = {FOURTH_INDICES: indices, FOURTH: coefficients.T.copy()}
+        held_out.append({"quantity": FOURTH, "weights": "least norm", "terms": len(indices), "error": error})
+    return Fit(
+        {"to_box": to_box, "offset": offset, **series(chosen, to_box, s.shape[1]), **curvature},
+        {name: len(one.indices) for name, one in chosen.items()},
+        {name: one.tolist() for name, one in weights.items()},
+        held_out,
+    )
+
+
+def _metric(s: np.ndarray, q: np.ndarray, known: dict[str, Observations]) -> np.ndarray:
+    """The form whose principal axes become coordinates: the mean Hessian of the potential for one or two inputs, the
+    mean squared second derivative of the effectors' map for more (active directions of its gradient, Constantine
+    2015)."""
+    n_a = s.shape[1]
+    if n_a <= 2:
+        return _mean_hessian(known, n_a)
+    effector = known["effector"]
+    pairs = tuple(combinations_with_replacement(range(n_a), 2))
+    if pairs[0] in effector.derivatives:
+        return mean_square(effector.values[:, 1 + n_a :], n_a)
+    to_box, offset = box_coordinates(s, q, np.eye(n_a))
+    z = np.hstack([s, q]) @ to_box.T + offset
+    pilot, _, _ = fit_quantity(z, in_box(effector, to_box), max_degree=6, max_terms=PILOT_TERMS, folds=5)
+    second = design_rows(z, pilot.indices, pairs) @ pilot.coefficients
+    return mean_square(in_box(Observations(pairs, second, n_a), np.linalg.inv(to_box)).values, n_a)
+
+
+def _rests(dataset: Any) -> np.ndarray | None:
+    """(n_c, n_a) where the coordinates that were drawn about their rest have it; None where none were."""
+    free = dataset.meta["plan"]["contact"].get("about_rest")
+    if not free:
+        return None
+    compliance = np.array(dataset.meta["compliance"])
+    return resting(compliance, len(compliance) - dataset.n_c, [COORDINATES.index(axis) for axis in free])
+
+
+def _mean_hessian(known: dict[str, Observations], n_a: int) -> np.ndarray:
+    """(n_a, n_a) of the potential by s."""
+    mean = known["potential"].values[:, 1 + n_a : 1 + n_a + n_a * (n_a + 1) // 2, 0].mean(axis=0)
+    hessian = np.zeros((n_a, n_a))
+    hessian[np.triu_indices(n_a)] = mean
+    return hessian + np.triu(hessian, 1).T
+
+
+def fit_quantity(
+    z: np.ndarray,
+    observed: Observations,
+    max_degree: int,
+    max_terms: int,
+    folds: int,
+    active: np.ndarray | None = None,
+    enough: float = 0.0,
+) -> tuple[Series, np.ndarray, list[dict[str, Any]]]:
+    """The series with the least error on states left out, of several below `enough` the shortest; the weights of its
+    coordinates; and one record a trial. active: weights to try besides equal ones, those that a search finds and those
+    of the coefficients' decay."""
+    n = z.shape[1]
+    targets, divisors = observed.scaled()
+    folds = min(folds, len(z))
+    most = int(len(divisors) * (len(z) - -(-len(z) // folds)) / ROWS_A_TERM)
+    most = max(1, min(max_terms, most))
+    found, records = [], []
+
+    def attempt(name: str, weights: np.ndarray, limit: int) -> Series:
+        indices, order = index_set(weights, limit, max_degree)
+        return judge(name, weights, indices, order, level_counts(order, smooth=name != "equal"))
+
+    def judge(name: str, weights: np.ndarray, indices: np.ndarray, order: np.ndarray, counts: list[int]) -> Series:
+        trials = try_counts(z, observed.derivatives, targets, divisors, indices, counts, folds)
+        records.extend(
+            {"weights": name, "degree": float(order[count - 1]), "terms": count, "error": error}
+            for count, (error, _) in zip(counts, trials, strict=True)
+            if np.isfinite(error)
+        )
+        ranks = [(max(error, enough), count) for count, (error, _) in zip(counts, trials, strict=True)]
+        at = ranks.index(min(ranks))
+        series = Series(indices[: counts[at]], trials[at][1])
+        found.append((ranks[at], series, weights))
+        return series
+
+    def further(terms: int) -> None:
+        """Equal weights that are the best so far, at the pilot's largest degree: higher ones while each is better."""
+        degree = next(k for k in range(max_degree + 1) if comb(n + k, n) >= terms)
+        while terms == comb(n + degree, n) and degree < max_degree and comb(n + degree + 1, n) <= most:
+            best, degree = min(rank for rank, *_ in found), degree + 1
+            if best[0] <= enough or best[1] != terms:
+                return
+            terms = comb(n + degree, n)
+            judge("equal", np.ones(n), *index_set(np.ones(n), terms, max_degree), [terms])
+
+    if n > MANY:
+        indices, sizes = greedy_set(*_fewer(z, targets, most), observed.derivatives, divisors, most, max_degree)
+        greatest = np.maximum.accumulate(indices.sum(axis=1))
+        judge("greedy", np.ones(n), indices, greatest, [size for size in sizes if size >= len(indices) / 8])
+        _, series, weights = min(found, key=lambda one: one[0])
+        return series, weights, records
+    pilot = attempt("equal", np.ones(n), min(most, PILOT_TERMS) if n > 2 else most)
+    others = {}
+    if n > 1:
+        limit = min(most // 2, SEARCH_TERMS)
+        searched = searched_weights(z, observed.derivatives, targets, divisors, limit, max_degree)
+        others = {"searched": searched, "decay": decay_weights(pilot.indices, pilot.coefficients), "active": active}
+    for name, weights in others.items():
+        if weights is not None and not np.allclose(weights, 1.0, atol=0.1):
+            attempt(name, weights, most)
+    further(len(pilot.indices))
+    _, series, weights = min(found, key=lambda one: one[0])
+    return series, weights, records
+
+
+def _fewer(z: np.ndarray, targets: np.ndarray, terms: int) -> tuple[np.ndarray, np.ndarray]:
+    """The states that choose among terms: enough of them, without those of the fold that judges."""
+    states = np.flatnonzero(np.arange(len(z)) % 5 != 0)[: max(20, SEARCH_ROWS * terms // targets.shape[1])]
+    return z[states], targets[states]
+
+
+def series(chosen: dict[str, Series], to_box: np.ndarray, n_a: int) -> dict[str, np.ndarray]:
+    """indices (M, n), the union of the index sets; series (n_out, M), coefficients of every part of
+    `cfem.predict.energy.layout`, derivatives by s (n_a,); and of D where it was fitted."""
+    union = {tuple(k) for one in chosen.values() for k in one.indices.tolist()}
+    indices = np.array(sorted(union, key=lambda k: (sum(k), k)), dtype=np.int64)
+    position = {tuple(k): i for i, k in enumerate(indices.tolist())}
+
+    def padded(one: Series) -> np.ndarray:
+        full = np.zeros((len(indices), one.coefficients.shape[1]))
+        full[[position[tuple(k)] for k in one.indices.tolist()]] = one.coefficients
+        return full
+
+    psi, e, compliance = (padded(chosen[name]) for name in ("potential", "effector", "effector_compliance"))
+    arrays = {"indices": indices, "series": differentiated(indices, to_box, n_a, psi, e, compliance)}
+    return arrays | ({THIRD: padded(chosen[THIRD]).T.copy()} if THIRD in chosen else {})

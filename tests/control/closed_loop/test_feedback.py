@@ -1,0 +1,151 @@
+"""The rule by which samples correct: once each, against the reference of their command, with gains for their delay."""
+
+import numpy as np
+import pytest
+from support import linear_robot
+from support.linear_robot import LinearRobot
+
+from cfem.condensed.strokes import ridge_of
+from cfem.control.closed_loop.feedback import WINDOW, Feedback
+from cfem.control.closed_loop.run import Pace, run_loop
+from cfem.control.closed_loop.tick import Pilot
+from cfem.control.search.goal_search import Settings
+from cfem.control.search.inverse import Limits
+from cfem.core.errors import InputError
+from cfem.plant.gains import Gains, integral_for
+from cfem.plant.imperfect_plant import Imperfection, ImperfectPlant
+from cfem.plant.model_plant import ModelPlant
+
+GOALS = linear_robot.REST_E + np.array([[4.0, -3.0], [-6.0, 2.0]])
+ROBOTS = {"exact": (1.0, None), "stiffer": (1.1, None), "loaded": (1.0, np.array([2.0, -3.0]))}
+HALF, DEFAULT = Gains(0.0, 0.5), Gains()
+FOLDS = 2  # of ten, by which the error falls within the ticks of a goal
+
+
+def feedback(gains=HALF, **more):
+    return Feedback(gains, np.ones(2, bool), **more)
+
+
+def run(interval, delay, robot, gains=DEFAULT, ticks=None):
+    """(goals, ticks) mm errors."""
+    stiffness, push = ROBOTS[robot]
+    limits, ridge = Limits.of(linear_robot.REACH, np.zeros(2, bool)), ridge_of(1e-12, linear_robot.REACH, 120.0)
+    pilot = Pilot(LinearRobot(), "force", "equilibrium", limits, np.ones(2), ridge, Settings(1, 1e-10))
+    sensor = Imperfection(samples_a_tick=1 / interval, delay=delay)
+    plant = ImperfectPlant(ModelPlant(LinearRobot(stiffness), linear_robot.REST_E, push), sensor, 0)
+    ticks = ticks or (3 * FOLDS + 2) * (delay + interval)
+    moments = run_loop(GOALS, pilot, plant, linear_robot.REST_E, Pace(0.0, 1, ticks_a_goal=ticks), gains)
+    return np.array([one.error for one in moments]).reshape(len(GOALS), ticks)
+
+
+def settles(interval, delay):
+    """The error is a tenth of the largest that a goal brings (3 + 1) (delay + interval) ticks after each goal, a
+    hundredth after (6 + 1) (delay + interval): what nobody can know before, and ten times less in each 3 (delay +
+    interval)."""
+    for robot in ROBOTS:
+        found = run(interval, delay, robot)
+        first = max(found[:, 0].max(), 1e-6)
+        for folds in range(1, FOLDS + 1):
+            left = found[:, (3 * folds + 1) * (delay + interval) :].max() / first
+            assert left <= 0.1**folds, (interval, delay, robot, folds, left)
+
+
+@pytest.mark.parametrize("delay", [0, 1, 5, 20])
+@pytest.mark.parametrize("interval", [1, 3, 10])
+def test_the_default_gains_settle_at_every_goal(interval, delay):
+    settles(interval, delay)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("interval", range(1, 21))
+def test_the_default_gains_settle_on_the_whole_grid(interval):
+    for delay in range(21):
+        settles(interval, delay)
+
+
+def test_a_fixed_gain_that_settles_in_time_does_not_five_ticks_late():
+    assert run(1, 5, "stiffer", HALF, ticks=120)[1, -1] > 100 * run(1, 5, "stiffer", ticks=120)[1, -1]
+
+
+def test_a_sample_corrects_once():
+    heard = feedback()
+    for x in (1.0, 2.0, 3.0):
+        heard.commanded(np.array([x, 0.0]))
+    assert heard.hear(2, np.array([1.5, 0.0])) and not heard.hear(2, np.array([1.5, 0.0]))
+    np.testing.assert_allclose(heard.moved, [0.25, 0.0])
+    assert not heard.hear(1, np.array([9.0, 9.0]))
+    np.testing.assert_allclose(heard.total, [0.25, 0.0])
+
+
+def test_the_reference_is_that_of_the_sample_s_command_without_its_correction():
+    heard = feedback()
+    heard.commanded(np.array([1.0, 1.0]))
+    assert heard.hear(1, np.zeros(2))
+    heard.commanded(np.array([1.5, 1.5]))  # where the corrected goal led: the reference stays 1
+    heard.commanded(np.array([7.0, 7.0]))
+    assert heard.hear(2, np.array([1.0, 1.0]))
+    np.testing.assert_allclose(heard.moved, [0.5, 0.5])
+
+
+@pytest.mark.parametrize("x_e", [[np.nan, 0.0], [np.inf, 0.0]])
+def test_what_is_not_finite_changes_nothing(x_e):
+    heard = feedback()
+    heard.commanded(np.ones(2))
+    assert not heard.hear(1, np.array(x_e)) and not heard.moved.any() and heard.heard == 1
+
+
+def test_rows_that_nobody_measures_do_not_correct():
+    heard = Feedback(Gains(0.1, 0.5), np.array([True, False]))
+    heard.commanded(np.ones(2))
+    assert heard.hear(1, np.array([0.0, np.nan]))
+    np.testing.assert_allclose(heard.moved, [0.6, 0.0])
+
+
+def test_a_sample_older_than_the_history_changes_nothing():
+    heard = feedback(history=4)
+    for _ in range(6):
+        heard.commanded(np.ones(2))
+    assert not heard.hear(2, np.zeros(2)) and not heard.moved.any()
+    assert heard.hear(3, np.zeros(2))
+
+
+def test_a_sample_of_a_command_that_was_never_given_is_refused():
+    heard = feedback()
+    heard.commanded(np.ones(2))
+    with pytest.raises(InputError, match="of tick 2, and 1 commands were given"):
+        heard.hear(2, np.zeros(2))
+
+
+def test_the_sum_is_bounded():
+    heard = feedback(Gains(0.1, 0.5, bound=2.0))
+    for tick in range(1, 21):
+        heard.commanded(np.array([3.0, 4.0]) + heard.moved)
+        heard.hear(tick, np.zeros(2))
+    np.testing.assert_allclose(heard.total, [1.2, 1.6])
+    np.testing.assert_allclose(heard.moved, [1.5, 2.0])
+
+
+def in_turn(heard, ages, interval=1):
+    """K_I after each sample; ages: of the samples, which are those of every interval-th command."""
+    found = []
+    for age in ages:
+        tick = heard.heard + interval
+        while heard.given < tick + age - 1:
+            heard.commanded(np.zeros(2))
+        assert heard.hear(tick, np.zeros(2))
+        found.append(heard.integral)
+    return found
+
+
+def test_the_gain_falls_with_the_first_sample_that_is_later_and_waits_before_it_rises():
+    found = in_turn(feedback(DEFAULT), [1, 1, 6, 6, *range(5, 0, -1), *[1] * WINDOW])
+    soon, late = integral_for(np.pi / 3, 0), integral_for(np.pi / 3, 5)
+    assert found[:4] == [soon, soon, late, late] and found[-1] == soon
+    assert found[2 : 2 + WINDOW] == [late] * WINDOW and found == sorted(found[:2]) + sorted(found[2:])
+
+
+def test_a_rare_sample_is_not_late_as_long_as_it_shows_the_last_correction():
+    found = in_turn(feedback(DEFAULT), [1] * 4, interval=7)
+    assert found == [integral_for(np.pi / 3, 0)] * 4
+    found = in_turn(feedback(DEFAULT), [6] * 4, interval=7)
+    assert found == [integral_for(np.pi / 3, 5), *[integral_for(np.pi / 3, 0)] * 3]  # the first tells no interval

@@ -1,0 +1,110 @@
+"""Goals of every kind of trajectory, and what does not fit the robot."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from pydantic import TypeAdapter
+
+from cfem.condensed import Rows
+from cfem.control.goals.from_spec import demand_fits, demand_near, goals_of
+from cfem.control.goals.trajectory_spec import GoalsSpec, TrajectorySpec
+from cfem.core.errors import SpecError
+
+TRAJECTORY = TypeAdapter(TrajectorySpec)
+ROBOT = SimpleNamespace(
+    rows=SimpleNamespace(n_e=3, n_a=2), rest_e=np.array([0.0, 10.0, -120.0]), aims=np.ones(3, dtype=bool)
+)
+NOWHERE = np.zeros(0)
+
+
+class Fem:
+    """Ends where the shares of its pull say."""
+
+    def pull(self, share):
+        return SimpleNamespace(x_e=np.array([*share, share.sum()]))
+
+
+def goals(robot=ROBOT, shift=NOWHERE, **spec):
+    return goals_of("curve", TRAJECTORY.validate_python(spec), robot, Fem(), shift)
+
+
+def test_given_points_are_taken_and_move_with_the_design():
+    points = {"mm": [[0, 1, 2], [3, 4, 5]]}
+    np.testing.assert_array_equal(goals(kind="goals", points=points), [[0, 1, 2], [3, 4, 5]])
+    moved = goals(kind="goals", points=points, shift=np.array([0.0, 0.5, -1.0]))
+    np.testing.assert_array_equal(moved, [[0, 1.5, 1], [3, 4.5, 4]])
+
+
+def test_an_arc_begins_at_rest_where_it_is_asked_to():
+    arc = {"kind": "arc", "centre": {"mm": [0, 0, 0]}, "radius": "120 mm", "start": "-90 deg", "end": "0 deg"}
+    plain = goals(**arc, plane="yz", goals=4, from_rest=0)
+    np.testing.assert_allclose(plain[[0, -1]], [[0, 0, -120], [0, 120, 0]], atol=1e-12)
+    late = goals(**arc, plane="yz", goals=4, from_rest=3)
+    np.testing.assert_allclose(late[0], ROBOT.rest_e)
+    np.testing.assert_allclose(late[3:], plain, atol=1e-12)
+
+
+def test_a_curve_in_the_cube_is_where_finite_elements_end():
+    found = goals(kind="image", centre=[0.4, 0.5], radii=[0.1, 0.2], goals=8)
+    assert found.shape == (8, 3)
+    np.testing.assert_allclose(found[0], [0.5, 0.5, 1.0], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "spec, words",
+    [
+        ({"kind": "goals", "points": {"mm": [[0, 1, 2]]}}, "a goal has 3 numbers, the robot 6 effector rows"),
+        ({"kind": "image", "centre": [0.4], "radii": [0.1], "goals": 3}, "centre has 1 numbers, the robot 2"),
+    ],
+)
+def test_what_does_not_fit_the_robot_is_named(spec, words):
+    robot = SimpleNamespace(rows=SimpleNamespace(n_e=6, n_a=2), rest_e=np.zeros(6), aims=np.ones(6, dtype=bool))
+    with pytest.raises(SpecError, match=words):
+        goals(robot, **spec)
+
+
+def test_one_share_is_that_of_all_actuators():
+    one = goals(kind="image", centre=0.4, radii=[0.1, 0.2], goals=8)
+    np.testing.assert_array_equal(one, goals(kind="image", centre=[0.4, 0.4], radii=[0.1, 0.2], goals=8))
+    with pytest.raises(ValueError, match="leaves the range"):
+        TRAJECTORY.validate_python({"kind": "image", "centre": 0.4, "radii": [0.1, 0.5], "goals": 8})
+
+
+def test_a_curve_is_compared_with_the_robot_before_anything_is_solved():
+    image = TRAJECTORY.validate_python({"kind": "image", "centre": [0.4] * 3, "radii": 0.1, "goals": 8})
+    demand_fits("curve", image, 3, 3, 3)
+    with pytest.raises(SpecError, match="centre has 3 numbers, the robot 4 actuators") as error:
+        demand_fits("curve", image, 4, 3, 3)
+    assert error.value.where == "trajectories.curve"
+    points = TRAJECTORY.validate_python({"kind": "goals", "points": {"mm": [[0, 1, 2]]}})
+    demand_fits("curve", points, 4, 6, 3)
+    with pytest.raises(SpecError, match="a goal has 3 numbers, the robot 6"):
+        demand_fits("curve", points, 4, 6, 6)
+
+
+def test_no_goal_is_set_for_a_centre_of_mass():
+    """Its rows are at rest in every goal, and have no weight."""
+    aims = np.array([True, True, True, False, False, False])
+    robot = SimpleNamespace(rows=SimpleNamespace(n_e=6, n_a=2), rest_e=np.arange(6.0), aims=aims)
+    points = GoalsSpec(kind="goals", points={"mm": [[1.0, 2, 3], [4, 5, 6]]})
+    found = goals_of("a", points, robot, None, np.zeros(0))
+    assert found.tolist() == [[1, 2, 3, 3, 4, 5], [4, 5, 6, 3, 4, 5]]
+
+
+@pytest.mark.parametrize(
+    ("goal", "words"),
+    [
+        ([0, 3e5 - 110, 0], r"goal 1 is 3e\+05 mm from where the effector rests, 2.5e\+03 times the robot's length"),
+        (
+            [0, 260, -120],
+            "goal 1 is 250 mm from where the effector rests, 2.08 times the robot's length: goals are in mm",
+        ),
+        ([0, 0.03, -0.11], "goal 1 would be near the robot if it were in metres: goals are in mm"),
+    ],
+)
+def test_goals_of_another_unit_are_refused(goal, words):
+    robot = SimpleNamespace(rows=Rows(("tip.x", "tip.y", "tip.z"), ("a",)), rest_e=ROBOT.rest_e, length=120.0)
+    demand_near("curve", np.array([[0.0, 30.0, -110.0], [0.0, 240.0, -110.0], [0, 0, -10], [0, 1, -61]]), robot)
+    with pytest.raises(SpecError, match=words):
+        demand_near("curve", np.array([[0, 10, -120.0], goal]), robot)

@@ -1,0 +1,83 @@
+"""A search that friction has stopped goes on from places around."""
+
+import numpy as np
+import pytest
+
+from cfem.condensed import Condensed, Rows
+from cfem.control.search.goal_search import Iterate, Settings, by_displacement, reach
+from cfem.control.search.inverse import Aim, Limits
+from cfem.control.search.multistart import all_over, around, multistart
+from cfem.core.errors import NumericalError
+
+ROWS = Rows(("e.x", "e.y"), ("left", "right"))
+LIMITS = Limits(np.tile([-np.inf, np.inf], (2, 1)), np.tile([0.0, 10.0], (2, 1)))
+
+
+class Held:
+    """Its second row rises with the second actuator, but falls from 4 to 4.15 as if something held the robot there."""
+
+    rows = ROWS
+
+    def __init__(self, hole=None):
+        self.asked, self.hole = 0, hole
+
+    def at_displacement(self, u):
+        self.asked += 1
+        if self.hole is not None and u[1] < self.hole:
+            raise NumericalError("no state")
+        if u[1] > 4.15:
+            value, slope = 1.0 + u[1] - 4.15, 1.0
+        elif u[1] > 4.0:
+            value, slope = 1.0 + 4.15 - u[1], -1.0
+        else:
+            value, slope = 1.15 + 2.0 * (u[1] - 4.0), 2.0
+        J = np.array([[1.0, 0.0], [0.0, slope]])
+        W = np.block([[J @ J.T, J], [J.T, np.eye(2)]])
+        delta = np.array([u[0], value, *u])
+        return Condensed(self.rows, W, delta - W[:, 2:] @ u, np.asarray(u, float))
+
+
+def searched(model, goal, start):
+    aim = Aim(np.asarray(goal, float), np.ones(2), np.full(2, 1e-6))
+    settings = Settings(tolerance=1e-9)
+    first = reach(model, aim, LIMITS, Iterate.at(model.at_displacement(np.asarray(start, float))), settings)
+    return first, multistart(model, aim, LIMITS, first, settings, by_displacement, around(first, LIMITS))
+
+
+def test_what_is_held_is_passed():
+    first, found = searched(Held(), [2.0, 0.95], [2.0, 4.3])
+    assert first.delta_a[1] == pytest.approx(4.15, abs=0.01) and first.delta_e[1] > 0.99
+    np.testing.assert_allclose(found.delta_a, [2.0, 3.9], atol=1e-6)
+    assert found.iterations > first.iterations and found.queries > first.queries
+
+
+def test_a_goal_that_was_met_costs_nothing_more():
+    model = Held()
+    first, found = searched(model, [2.0, 2.0], [2.0, 4.5])
+    asked = model.asked
+    assert found is first
+    aim, starts = Aim(first.delta_e, np.ones(2), np.zeros(2)), around(first, LIMITS)
+    assert multistart(model, aim, LIMITS, first, Settings(), by_displacement, starts) is first
+    assert model.asked == asked
+
+
+def test_starts_are_not_computed_for_a_goal_that_was_met():
+    first, _ = searched(Held(), [2.0, 2.0], [2.0, 4.5])
+
+    def starts():
+        raise AssertionError("asked for a start")
+        yield
+
+    assert multistart(Held(), first.aim, LIMITS, first, Settings(), by_displacement, starts()) is first
+
+
+def test_starts_all_over_lie_within_the_course_and_differ():
+    starts = np.array(list(all_over(LIMITS, 8)))
+    assert starts.shape == (8, 2) and len(np.unique(starts, axis=0)) == 8
+    assert (starts > 0.0).all() and (starts < 10.0).all()
+    assert not list(all_over(Limits(LIMITS.lambda_a, LIMITS.lambda_a), 8))
+
+
+def test_the_first_answer_stays_where_none_is_better():
+    first, found = searched(Held(hole=4.0), [2.0, 0.95], [2.0, 4.3])
+    np.testing.assert_array_equal(found.delta_a, first.delta_a)

@@ -1,0 +1,190 @@
+"""A learned robot among obstacles as a model: its rows, its derivatives, and what control finds with it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cfem.condensed.strokes import ridge_of
+from cfem.contact.clearance import nearest_of_surface
+from cfem.contact.obstacle import Plane, Sphere
+from cfem.contact.prescribed_motion import ActuatedRobot, Translation
+from cfem.control.search.goal_search import Iterate, ReachStatus, Settings, reach
+from cfem.control.search.inverse import Aim, Limits
+from cfem.core.errors import NumericalError
+from cfem.equilibrium.contact.patch_compliance import patch_response
+from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
+from cfem.plant.touch_plant import TouchPlant
+from cfem.predict.contact.bodies import PlacedModel
+from cfem.predict.contact.loaded_robot import LoadedRobot
+from cfem.predict.contact.model import TRUSTED, ContactModel
+from cfem.predict.contact.patched_model import PatchedModel, patch_states, patches_of
+from cfem.predict.load import load_model
+from cfem.robot.build import build_robot
+from cfem.robot.load import load_scene_and_mesh
+
+DELTA = np.array([3.0])
+UP = np.array([[1.0, 0, 0], [0, 1.0, 0], [0, 0, 1.0]])
+
+
+@pytest.fixture(scope="module")
+def patched(bar):
+    model = load_model(bar / "models" / "bar" / "spectral")
+    robot = build_robot(*load_scene_and_mesh(bar / "pipelines" / "bar" / "scene.yaml"))
+    patches, states = patches_of(model, 8.0), patch_states(model.domain, 1)
+    return PatchedModel(model, patches, patch_response(robot, model.skin.watched, patches, states))
+
+
+@pytest.fixture
+def table(patched):
+    """A ceiling that the bar's end, which rises as the cable is pulled, meets before DELTA."""
+    tops = [patched.patches.mean(patched.model.shape(one))[:, 2].max() for one in (0.3 * DELTA, DELTA)]
+    assert tops[1] > tops[0] + 1.0
+    return Plane(R=np.diag([1.0, -1.0, -1.0]), t=np.array([0.0, 0.0, tops[0]]))
+
+
+def test_rows_are_the_effectors_then_forces_then_distances(patched, table):
+    far = Sphere(3.0, t=np.array([30.0, 40.0, 0.0]))
+    world = ContactModel(patched, {"table": table}, ("table",), {"far": far})
+    assert world.rows.effectors[-2:] == ("table.force", "far.distance")
+    state = world.at_displacement(DELTA)
+    skin = patched.model.skin
+    apart = nearest_of_surface(patched.model.shape(DELTA), skin.triangles, far).distance
+    assert state.delta_e[-1] == pytest.approx(apart, abs=1e-9)
+    assert state.delta_e[-2] == pytest.approx(world.touched(DELTA).between(0, 1), rel=1e-9)
+
+
+def test_derivatives_are_those_of_whole_contact_states(patched, table):
+    world = ContactModel(patched, {"table": table}, ("table",))
+    here, h = world.at_displacement(DELTA), 0.01
+    ahead, behind = (world.at_displacement(DELTA + step) for step in (h, -h))
+    slope = (ahead.delta_e - behind.delta_e) / (2 * h)
+    assert here.effector_jacobian[:, 0] == pytest.approx(slope, rel=1e-3, abs=1e-6)
+    K = (ahead.lambda_a - behind.lambda_a) / (2 * h)
+    assert 1 / here.W_aa[0, 0] == pytest.approx(K[0], rel=1e-3)
+    free = patched.model.at_displacement(DELTA)
+    assert 1 / here.W_aa[0, 0] > 1.01 / free.W_aa[0, 0]  # the ceiling stiffens the cable
+    assert here.delta_a == pytest.approx(DELTA) and here.lambda_a > free.lambda_a
+
+
+def test_derivatives_among_soft_robots_are_those_of_ways_from_rest(patched):
+    """What has come to touch within the last step slips from where it touched, in the differences too."""
+    over = np.diag([1.0, -1.0, -1.0]), np.array([0.0, 0.0, 16.0])
+    bent = 0.1 * np.abs(patched.model.reach).max() * np.ones((2, 1))
+    twin = PlacedModel(patched, *over), ActuatedRobot(patched.model, bent, None, *over)
+    world = ContactModel(patched, {}, ("twin",), mu=0.3, others={"twin": twin})
+    at, h = np.array([1.25]), 0.01
+    here, ahead, behind = (world.at_displacement(at + step) for step in (0.0, h, -h))
+    assert here.delta_e[-1] > 0.005
+    slope = (ahead.delta_e - behind.delta_e) / (2 * h)
+    assert here.effector_jacobian[-1, 0] == pytest.approx(slope[-1], rel=1e-2)
+
+
+def test_another_robot_lets_its_cable_go_and_the_derivatives_know_it(patched):
+    """It stands above, its cable drawn in by 0.05 mm, and is lifted. The robot of the plan holds its own."""
+    over, bent = (np.eye(3), np.array([0.0, 0.0, 16.0])), np.full((2, 1), 0.05)
+    derivatives = []
+    for unilateral in (None, np.ones(1, dtype=bool)):
+        twin = PlacedModel(patched, *over, False, unilateral), ActuatedRobot(patched.model, bent, None, *over)
+        world = ContactModel(patched, {}, ("twin",), mu=0.3, others={"twin": twin})
+        at, h = np.array([2.2]), 0.01
+        here, ahead, behind = (world.at_displacement(at + step) for step in (0.0, h, -h))
+        met = world.touched(at)
+        assert (met.lambda_a[1][0] == 0.0) == (met.deltas[1][0] > 0.05) == (unilateral is not None)
+        slope = (ahead.delta_e - behind.delta_e) / (2 * h)
+        assert here.effector_jacobian[-1, 0] == pytest.approx(slope[-1], rel=1e-2)
+        derivatives.append(slope[-1])
+    assert derivatives[1] < 0.9 * derivatives[0]  # it yields more
+
+
+def test_what_comes_and_lifts_the_robot_makes_its_cable_slack_until_it_goes(patched, bar):
+    """As in finite elements; a plan from there holds the cable, and begins where it is."""
+    robot, delta = build_robot(*load_scene_and_mesh(bar / "pipelines" / "bar" / "scene.yaml")), np.array([0.3])
+    places = patched.patches.mean(patched.model.shape(delta))
+    below = places[np.argmin(places[:, 2] - places[:, 0] / 10)] - [0, 0, 8.5]
+    ball = Translation(Sphere(8.0, t=below), np.array([[0.0, 0, 0], [0, 0, 2.5], [0, 0, 0.1]]))
+    given = {"ball": ball.at(0.0)}, ("ball",)
+    world = ContactModel(patched, *given, mu=0.3, courses={"ball": ball}, unilateral=robot.unilateral)
+    skin = patched.model.skin
+    plant = TouchPlant(
+        SkinnedRobot(robot, skin.nodes, skin.triangles, patched.patches), *given, (), 0.3, {"ball": ball}
+    )
+    world.settle(delta)
+    plant.step(delta)
+    for share, slack in ((0.5, True), (1.0, False)):
+        world.pass_to(share)
+        plant.pass_to(share)
+        (solved,) = plant.met.solved
+        assert (world.before.lambda_a[0][0] == 0.0) == solved.slack[0] == slack
+        assert world.before.deltas[0] == pytest.approx(solved.delta_a, abs=0.01)
+        force = world.before.between(0, 1)
+        assert force == pytest.approx(plant.step(delta).x_e[-1], rel=0.03, abs=1e-12)
+        here = world.at_displacement(world.before.deltas[0])
+        assert here.delta_e[-1] == pytest.approx(force, rel=1e-3) if force else here.delta_e[-1] < 0
+
+
+def test_the_force_is_continuous_where_contact_begins(patched, table):
+    """Before it a negative one says how far the obstacle is."""
+    world = ContactModel(patched, {"table": table}, ("table",))
+    forces = np.array([world.at_displacement(np.array([s])).delta_e[-1] for s in np.linspace(0.5, 1.5, 41)])
+    assert forces[0] < 0 < forces[-1] and (np.diff(forces) > 0).all()
+    assert np.diff(forces).max() < 0.2 * np.ptp(forces)
+
+
+def test_a_goal_of_force_is_reached_by_the_inverse_step(patched, table):
+    world = ContactModel(patched, {"table": table}, ("table",))
+    limits = Limits(np.array([[0.0, np.inf]]), patched.model.reach)
+    wanted = world.at_displacement(DELTA).delta_e[-1]
+    weights, places = np.array([0.0, 0, 0, 1 / world.stiffness]), np.array([True, True, True, False])
+    aim = Aim(np.array([0.0, 0, 0, wanted]), weights, ridge_of(1e-10, patched.model.reach, 60.0), places=places)
+    found = reach(world, aim, limits, Iterate.at(world.at_displacement(np.zeros(1))), Settings(step=1.0))
+    assert found.status is ReachStatus.CONVERGED
+    assert found.delta_a == pytest.approx(DELTA, abs=1e-3) and found.delta_e[-1] == pytest.approx(wanted, rel=1e-3)
+    assert found.distance == 0.0  # no place is asked for
+
+
+def test_a_distance_to_be_kept_bounds_the_inverse_step(patched, table):
+    """The goal lies beyond: the robot stops at that distance, and comes to the goal without the bound."""
+    world = ContactModel(patched, {}, (), {"table": table})
+    goal = np.append(patched.model.at_displacement(DELTA).delta_e, 0.0)
+    aim = Aim(goal, np.array([1.0, 1, 1, 0]), ridge_of(1e-10, patched.model.reach, 60.0))
+    start = Iterate.at(world.at_displacement(np.zeros(1)))
+    forces, nothing = np.array([[0.0, np.inf]]), [-np.inf, np.inf]
+    for bound, kept in ((0.5, True), (-np.inf, False)):
+        bounds = np.array([nothing, nothing, nothing, [bound, np.inf]])
+        found = reach(world, aim, Limits(forces, patched.model.reach, bounds), start, Settings(step=1.0))
+        assert found.status is ReachStatus.CONVERGED
+        assert (found.delta_e[-1] == pytest.approx(0.5, abs=1e-4)) == kept
+        assert (found.distance < 1e-3) != kept
+
+
+def test_friction_remembers_where_the_robot_stands(patched, table):
+    """On the way back from a settled state friction acts against the motion: another force of the cable."""
+    forth, back = (ContactModel(patched, {"table": table}, mu=0.8) for _ in range(2))
+    back.settle(DELTA + 0.5)
+    assert abs(forth.at_displacement(DELTA).lambda_a[0] - back.at_displacement(DELTA).lambda_a[0]) > 1e-5
+    smooth = ContactModel(patched, {"table": table})
+    before = smooth.at_displacement(DELTA).lambda_a[0]
+    smooth.settle(DELTA + 0.5)
+    assert smooth.at_displacement(DELTA).lambda_a[0] == pytest.approx(before, rel=1e-9)
+
+
+def test_a_load_that_bends_the_robot_beyond_its_order_is_outside(patched, table):
+    """The second order of the load's motion is what its symmetric difference leaves, and grows in proportion to it."""
+    world = ContactModel(patched, {"table": table}, ("table",))
+    world.settle(DELTA)  # from there no round goes farther
+    state, touched = world.at_displacement(DELTA), world.touched(DELTA)
+    held, size = LoadedRobot(patched, DELTA), 1e-3
+    ends = []
+    for share in (size, -size):
+        held.load(touched.pairs.points, share * touched.push)
+        ends.append(held.rows - held.unloaded)
+    share = np.linalg.norm(ends[0] + ends[1]) / np.linalg.norm(ends[0] - ends[1])
+    assert share / size == pytest.approx(state.bending, rel=1e-4) and state.bending > 0
+    assert world.inside(state) and not world.inside(replace(state, bending=1.01 * TRUSTED))
+
+
+def test_no_contact_state_is_an_error(patched, table, monkeypatch):
+    monkeypatch.setattr("cfem.predict.contact.rounds.MOST", 0)
+    with pytest.raises(NumericalError, match="patches touch"):
+        ContactModel(patched, {"table": table}).at_displacement(DELTA)

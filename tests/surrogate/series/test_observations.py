@@ -1,0 +1,68 @@
+"""Derivatives that samples state are those of the quantities themselves, in both forms and in any coordinates."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from surrogate.synthetic import dataset
+
+from cfem.predict.energy import FORMS
+from cfem.surrogate.series.chebyshev import design_rows
+from cfem.surrogate.series.coordinates import box_coordinates
+from cfem.surrogate.series.observations import Observations, in_box, inputs, observations
+from cfem.surrogate.series.spectral import fit_quantity
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("quantity", ["potential", "effector", "effector_compliance"])
+@pytest.mark.parametrize("parameters", [False, True])
+def test_derivatives_are_those_of_a_series_fitted_to_values_alone(form, quantity, parameters):
+    states = dataset(400, 1, third_order=True, parameters=parameters)
+    s, q = inputs(states, form)
+    to_box, offset = box_coordinates(s, q, np.array([[2.0, 1.0], [1.0, 3.0]]))
+    z = np.hstack([s, q]) @ to_box.T + offset
+    observed = in_box(observations(states, form)[quantity], to_box)
+    alone = Observations(((),), observed.values[:, :1], 2)
+    series, _, records = fit_quantity(z, alone, 20, 300, 5)
+    error = min(record["error"] for record in records)
+    found = design_rows(z, series.indices, observed.derivatives) @ series.coefficients
+    orders = np.array([len(one) for one in observed.derivatives])
+    assert orders.max() == {"potential": 3, "effector": 2, "effector_compliance": 1}[quantity]
+    middle = (np.abs(z) < 0.7).all(axis=1)  # differentiation magnifies the error of the series towards the ends
+    for order in range(orders.max() + 1):
+        off = (found - observed.values)[middle][:, orders == order]
+        assert (
+            np.abs(off).max() < 1e4 * 10**order * max(error, 1e-14) * np.abs(observed.values[:, orders == order]).max()
+        )
+    assert error < 1e-2
+
+
+def test_orders_weigh_alike_and_parameters_on_their_own():
+    states = dataset(50, 1, third_order=True, parameters=True)
+    observed = observations(states, "displacement")["potential"]
+    values, divisors = observed.scaled()
+    for group in ([()], [(0,), (1,)], [(0, 0), (0, 1), (1, 1)], [(2,)]):
+        members = [observed.derivatives.index(one) for one in group]
+        assert values[:, members].std(axis=0).max() == pytest.approx(1.0)
+        assert len(set(divisors[members])) == 1
+
+
+def test_the_dual_potential_is_legendres():
+    states = dataset(20, 1)
+    psi = observations(states, "displacement")["potential"].values[:, 0, 0]
+    dual = observations(states, "force")["potential"].values[:, 0, 0]
+    assert np.allclose(psi + dual, (states.lambda_a * states.delta_a).sum(axis=1))
+
+
+def test_without_third_order_there_is_none():
+    known = observations(replace(dataset(10, 1)), "force")
+    assert [max(map(len, one.derivatives)) for one in known.values()] == [2, 1, 0]
+
+
+def test_an_order_that_is_rounding_has_no_weight():
+    """Effectors that no parameter moves: what finite elements round is not fitted as if it were a derivative."""
+    states = dataset(50, 1, parameters=True)
+    noise = 1e-12 * np.random.default_rng(0).normal(size=states.ddelta_e_dp.shape)
+    observed = observations(replace(states, ddelta_e_dp=noise), "displacement")["effector"]
+    values, _ = observed.scaled()
+    assert np.abs(values[:, observed.derivatives.index((2,))]).max() < 1e-3
