@@ -41,6 +41,8 @@ WEIGHED = """() => { const slide = (id, value) => { const one = document.getElem
 RUN = """() => { const speed = document.getElementById("speed");
   speed.value = 0.5 * speed.max; speed.dispatchEvent(new Event("input")); }"""
 
+STOP = "() => { window.requestAnimationFrame = () => 0; }"
+
 
 def main(names: list[str]) -> int:
     pages = robot_pages()
@@ -95,6 +97,9 @@ def of_the_page_in_motion(chromium: Browser, pages: dict[str, Path]) -> None:
     tab.wait_for_timeout(1500)
     tab.evaluate(RUN)
     tab.wait_for_timeout(6000)
+    tab.evaluate(STOP)
+    tab.wait_for_timeout(500)
+    tab.evaluate("() => cfem.draw(true)")  # with all pixels, as at rest
     tab.screenshot(path=PICTURES.parent / "page-motion.png")
     tab.context.close()
 
