@@ -25,7 +25,7 @@ def catalogue() -> list[str]:
 
 
 def page_specs(name: str) -> list[Path]:
-    return sorted((PIPELINES / name).glob("export-page*.yaml"))
+    return sorted((PIPELINES / name).glob("export-page*.yaml"), key=lambda path: path.stem)
 
 
 def description(name: str) -> str:
@@ -42,7 +42,7 @@ def description(name: str) -> str:
 
 def where_used(name: str) -> list[tuple[str, str]]:
     """Path and title of the pages that name the robot's folder or target, the most frequent first."""
-    mention = re.compile(rf"pipelines/{re.escape(name)}/|make {re.escape(name)}(?![\w-])")
+    mention = re.compile(rf"(?:pipelines/|make ){re.escape(name)}(?![\w-])")
     counts = {}
     for path in sorted(SITE.glob("*.md")):
         if path.stem not in ("gallery", "index") and (count := len(mention.findall(path.read_text()))):
