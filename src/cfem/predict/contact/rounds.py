@@ -11,7 +11,7 @@ import numpy as np
 
 from cfem.contact.modes import Mode
 from cfem.contact.pairs import Memory, Pairs
-from cfem.contact.patch_forces import Balance, balance, turned, violation
+from cfem.contact.patch_forces import Balance, TurningCompliance, balance, turned, violation
 from cfem.contact.step_status import StepStatus
 from cfem.predict.contact.bodies import Bodies
 from cfem.predict.contact.loaded_robots import LoadedRobots
@@ -135,11 +135,11 @@ class Rounds:
         return True
 
     def _law(self) -> tuple[Balance, np.ndarray | None] | None:
-        """What the law says, linear about the places, and by how much forces turn there with the places of patches,
-        (3 c, 3 c), None where they do not. None where nothing obeys the law."""
+        """Forces that obey the law, linear about the places, and the change (3 c, 3 c) of forces as they turn with the
+        places of patches, None where they do not turn. None where nothing obeys the law."""
         frames, mu = self._frames_of_near(), self.scene.mu
         compliance = self.robots.compliance(under_forces=True)
-        softer, turning = self._turned(compliance, frames) or (None, None)
+        turning = self._turned(compliance, frames)
         gaps, push, relative = self._gaps(frames), self.push[self.near], None
         if self.soft is not None:
             touching = self.soft.touching
@@ -150,15 +150,17 @@ class Rounds:
             frames = np.concatenate([frames, touching.frames])
             push = np.concatenate([push, self.soft.push_of(touching)])
         given = gaps, self.robots.on_known, push, mu
-        answer = None if softer is None else balance(relative, frames, softer, *given)
-        if answer is None:
-            turning, answer = None, balance(relative, frames, compliance, *given)
+        if turning is not None:
+            answer = balance(relative, frames, turning.compliance, *given)
+            if answer is not None:
+                return answer, turning.turning
+        answer = balance(relative, frames, compliance, *given)
         if answer is None:  # under large forces the derivative may be indefinite, which this is not
             answer = balance(relative, frames, self.robots.compliance(under_forces=False), *given)
-        return None if answer is None else (answer, turning)
+        return None if answer is None else (answer, None)
 
-    def _turned(self, compliance: np.ndarray, frames: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-        """`turned` by the curvature of obstacles, None where there is none; frames (d, 3, 3)."""
+    def _turned(self, compliance: np.ndarray, frames: np.ndarray) -> TurningCompliance | None:
+        """Compliance with forces that turn by the curvature of obstacles, None without curvature; frames (d, 3, 3)."""
         if not self.scene.obstacles.curved or not len(self.near):
             return None
         pressing = np.where(self._sticks[self.near], 0.0, (frames[:, 0] * self.push[self.near]).sum(axis=1))
