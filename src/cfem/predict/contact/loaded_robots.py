@@ -70,8 +70,8 @@ class LoadedRobots:
 
     def _each(self) -> Iterator[tuple[PlacedModel, LoadedRobot, np.ndarray, int]]:
         """Robots, the known patches of each, and the number of its first patch."""
-        for robot, loaded, own in zip(self.scene.robots, self.loaded, self.scene.slices, strict=True):
+        for robot, loaded, patches in zip(self.scene.robots, self.loaded, self.scene.slices, strict=True):
             known = self.known
             if len(self.loaded) > 1:
-                known = known[(known >= own.start) & (known < own.stop)]
-            yield robot, loaded, known, own.start
+                known = known[(known >= patches.start) & (known < patches.stop)]
+            yield robot, loaded, known, patches.start

@@ -30,15 +30,18 @@ NOTHING = np.zeros(0, dtype=np.int64)
 
 
 class Rounds:
-    """Of all N patches, in the scene at places (N, 3) mm:
-
-    near (d,): patches that may touch an obstacle, and `push` (N, 3) N what obstacles press on them
-    distance (N,) mm from obstacles, or less where that is far above 0, and which (N,) obstacle
-    stuck (N, 3) mm: from where slip along obstacles counts
+    """State of N patches in the scene during one step.
+    places: (N, 3) mm
+    near: (d,) patches that may touch an obstacle
+    push: (N, 3) N, force of obstacles on the patches
+    distance: (N,) mm from obstacles, or less where that is far above 0
+    which: (N,) nearest obstacle
+    stuck: (N, 3) mm, from where slip along obstacles counts
     soft: pairs of soft surfaces, None where none may touch
     modes: of the patches near obstacles, then of the soft pairs that touch"""
 
     def __init__(self, scene: Bodies, deltas: Sequence[np.ndarray], before: ContactState | None):
+        """Begins at the actuators `deltas` with the contacts of the state `before`, None: without any."""
         self.scene, self.iterations, count = scene, 0, len(scene.bodies)
         self.near, self.push = NOTHING, np.zeros((count, 3))
         self.modes: tuple[Mode, ...] = ()
@@ -59,7 +62,7 @@ class Rounds:
         self.soft = SoftPairs(self.robots, before, self.places) if scene.soft else None
 
     def _take_up(self, before: ContactState) -> None:
-        """What obstacles pressed in the state before."""
+        """Takes up the forces of obstacles of the state before."""
         on_obstacles, count = before.on_obstacles, len(before.places)
         patches = before.pairs.points[on_obstacles]
         self.near, self.push[patches] = before.near, before.push[on_obstacles]
@@ -79,7 +82,7 @@ class Rounds:
         return self._state(status)
 
     def _round(self) -> StepStatus | None:
-        """None: another one is needed."""
+        """Status in which the step ends, None where another round is needed."""
         self.iterations += 1
         near = self.distance <= 0
         if self.soft is None:
@@ -101,7 +104,7 @@ class Rounds:
         return StepStatus.CONVERGED if self._move(*answer) else None
 
     def _free(self) -> StepStatus | None:
-        """Nothing touches."""
+        """Status of a round in which nothing touches."""
         free = not self.robots.forces.any()
         self._let_go()
         if self.soft is None:
@@ -179,7 +182,7 @@ class Rounds:
         return gaps
 
     def _move(self, answer: Balance, turning: np.ndarray | None) -> bool:
-        """To where the forces bring the patches. True where the law holds there too."""
+        """Loads the forces of the answer, which move the patches. True where the law holds there too."""
         d, forces, self.modes = len(self.near), answer.forces, answer.modes
         local, push = answer.local[:d], answer.push[:d]
         sticks = [i for i, mode in enumerate(answer.modes[:d]) if mode is Mode.STICK]
@@ -227,20 +230,20 @@ class Rounds:
             self.push[self.near] = push
 
     def _of_near(self) -> np.ndarray | slice:
-        """Where `near` stands among the known patches: these are the same without soft pairs."""
+        """Positions of `near` among the known patches: these are the same without soft pairs."""
         return slice(None) if self.soft is None else np.searchsorted(self.robots.known, self.near)
 
-    def _on_known(self, of_near: np.ndarray) -> np.ndarray:
-        """(c, ...) of known patches: what those near obstacles have (d, ...), 0 of the others."""
+    def _on_known(self, values: np.ndarray) -> np.ndarray:
+        """Values (c, ...) of known patches: those of the patches near obstacles (d, ...), 0 of the others."""
         if self.soft is None:
-            return of_near
-        values = np.zeros((len(self.robots.known), *of_near.shape[1:]))
-        values[self._of_near()] = of_near
-        return values
+            return values
+        result = np.zeros((len(self.robots.known), *values.shape[1:]))
+        result[self._of_near()] = values
+        return result
 
     def _look(self, farthest: float) -> None:
-        """What is before the patches, none of which has moved by more than `farthest` mm along an axis. Those that
-        cannot have come near an obstacle keep the distance that is certain."""
+        """Updates distances and soft pairs after no patch has moved by more than `farthest` mm along an axis. Patches
+        that cannot have come near an obstacle keep the distance that is certain."""
         self.distance = self.distance - 2 * farthest  # more than the root of 3
         near = self.distance <= 0
         near[self.near] = True
@@ -249,12 +252,13 @@ class Rounds:
             self.soft.detect(self.places)
 
     def _frames_of_near(self) -> np.ndarray:
-        """(d, 3, 3) of the obstacles at patches near them."""
+        """Frames (d, 3, 3) of the obstacles at patches near them."""
         if self._frames is None or len(self._frames) != len(self.near):
             self._frames = self.scene.obstacles.frames(self.which[self.near], self.places[self.near])
         return self._frames
 
     def _state(self, status: StepStatus) -> ContactState:
+        """The state in which the step ends: pairs, forces and memory, with patches known to the next step."""
         near, soft, loaded = self.near, self.soft, self.robots.loaded
         touches = self.push[near].any(axis=1) | (self.distance[near] <= 0)
         next_near = known = near[touches | (self.distance[near] < NEAR * self.scene.length)]
@@ -289,7 +293,7 @@ class Rounds:
         )
 
     def _pairs(self, touches: np.ndarray) -> Pairs:
-        """Of the patches near obstacles those that touch, (d,) bool."""
+        """Pairs of the patches near obstacles that touch, (d,) bool."""
         patches, frames = self.near[touches], self._frames_of_near()[touches]
         partners = self.which[patches] + len(self.scene.robots)
         return pairs_with_obstacles(patches, frames, self.distance[patches], partners, len(self.places))

@@ -20,10 +20,11 @@ from cfem.predict.series import input_derivatives
 
 
 class ForceSeries:
-    """model: spectral, of form displacement; loaded: (n_w,) numbers of rows, effectors first, then modes of its skin.
-    `at` gives the values of the parameters of a model that has some."""
+    """Forces of the actuators of a spectral model of form displacement. loaded (n_w,): numbers of rows, effectors
+    first, then modes of its skin. `at` gives the values of the parameters of a model that has some."""
 
     def __init__(self, model: SpectralPredictor, loaded: np.ndarray):
+        """Differentiates the model's potential and the loads' work twice by the displacements."""
         arrays, n_a = model.arrays, model.rows.n_a
         indices, series, pairs = potential_series(model, loaded)
         flat = series.T  # (M, 1 + n_w + pairs)
