@@ -79,9 +79,12 @@ def solve(
 
 @dataclass(frozen=True)
 class _Path:
-    """result: of the last Newton solve; lost: (stable, unstable) shares of the way between which stability was lost,
-    None where it never was; stable: the last converged result on the way, a stable one where there was any; share:
-    reached."""
+    """A followed load path.
+
+    result: of the last Newton solve
+    lost: (stable, unstable) shares of the way between which stability was lost, None where it never was
+    stable: the last converged result on the way, a stable one where there was any
+    share: reached"""
 
     result: NewtonResult
     lost: tuple[float, float] | None = None
@@ -116,6 +119,8 @@ def _reach(
 def _continuation(
     problem: Problem, actuation: Actuation, start: State, settings: NewtonSettings, cost: SolveCost
 ) -> _Path:
+    """Follows the actuation from `start` in steps that double where Newton's method is quick, and halve where it
+    fails."""
     C = actuation.C
     first = np.concatenate([row.value(start.x) - row.rest for row in problem.robot.active])
     mu = np.linalg.lstsq(C.T, start.lam, rcond=None)[0]
@@ -164,9 +169,9 @@ def _finite(problem: Problem, actuation: Actuation, *states: State | None) -> bo
 
 
 def _not_finite(problem: Problem, actuation: Actuation) -> _Path:
-    at = problem.evaluate(problem.rest, np.empty(0), 0.0)
+    evaluation = problem.evaluate(problem.rest, np.empty(0), 0.0)
     held = np.ones(len(actuation.C), dtype=bool)
-    return _Path(NewtonResult(Status.NOT_FINITE, at, np.zeros(actuation.n), None, np.inf, 0.0, 0, held))
+    return _Path(NewtonResult(Status.NOT_FINITE, evaluation, np.zeros(actuation.n), None, np.inf, 0.0, 0, held))
 
 
 def _answer(
@@ -178,6 +183,8 @@ def _answer(
     begin: float,
     wanted: Wanted,
 ) -> Equilibrium:
+    """Equilibrium from the end of a path: what is derived from it, its residual at the pressures that x demands, its
+    status."""
     result, robot, x = path.result, problem.robot, path.result.at.x
     status, derived = result.status, Derived()
     if status is Status.CONVERGED and wanted.condense:
@@ -220,12 +227,14 @@ def _answer(
 
 
 def _cause(problem: Problem, path: _Path, actuation: Actuation, status: Status, cost: SolveCost) -> Status:
-    """The name of what the path ended at: a body that is not held even at rest; a critical point, by the softest mode
-    of the last stable state against that at rest; else the end of what can be reached."""
+    """Cause of the path's end: a body that is not held even at rest; a critical point, by the softest mode of the last
+    stable state against that at rest; else the end of what can be reached."""
     try:
-        at, none = problem.evaluate(problem.rest, np.empty(0), 0.0), np.zeros(actuation.n)
+        evaluation, none = problem.evaluate(problem.rest, np.empty(0), 0.0), np.zeros(actuation.n)
         held = np.ones(len(actuation.C), dtype=bool)
-        rest = NewtonResult(Status.CONVERGED, at, none, problem.factor(at, none, cost), 0.0, 0.0, 0, held)
+        rest = NewtonResult(
+            Status.CONVERGED, evaluation, none, problem.factor(evaluation, none, cost), 0.0, 0.0, 0, held
+        )
         stiffness = softest_mode(problem, rest, actuation)[0]
         near = path.stable
         if near is None or near.tangent is None:
@@ -233,7 +242,7 @@ def _cause(problem: Problem, path: _Path, actuation: Actuation, status: Status, 
         fresh = replace(near, tangent=problem.factor(near.at, near.lam, cost))
     except (SingularMatrixError, np.linalg.LinAlgError):
         return Status.SINGULAR
-    found = classify(problem, fresh, actuation.only(near.held), stiffness)
-    if found is not None:
-        return found
+    cause = classify(problem, fresh, actuation.only(near.held), stiffness)
+    if cause is not None:
+        return cause
     return status if status in (Status.UNSTABLE, Status.NO_SLACK_SET) else Status.OUT_OF_REACH

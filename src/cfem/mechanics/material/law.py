@@ -36,7 +36,7 @@ class Law:
 
 @dataclass(frozen=True)
 class Material:
-    """young in MPa; shape: the law's default where None."""
+    """A law with its constants: young MPa, Poisson's ratio, and shape, the law's default where None."""
 
     law: Law
     young: float
