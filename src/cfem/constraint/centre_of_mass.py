@@ -11,8 +11,13 @@ from cfem.mechanics.load import gravity
 
 @dataclass(frozen=True)
 class CentreOfMass:
-    """c = sum_i m_i x_i / m with the nodal masses m_i (n,) that weight acts on (`cfem.mechanics.load.gravity`). nodes
-    (n,); shares (n,) of sum 1; rest (3,) mm; mass: t."""
+    """The centre c = sum_i m_i x_i / m with the nodal masses m_i (n,) that weight acts on
+    (`cfem.mechanics.load.gravity`).
+
+    nodes: (n,)
+    shares: (n,) of sum 1
+    rest: (3,) mm
+    mass: t"""
 
     nodes: np.ndarray
     shares: np.ndarray
