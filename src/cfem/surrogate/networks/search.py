@@ -42,6 +42,7 @@ def search(judge: Judge, spec: MlpSearch, seed: int, table: Path | None = None) 
 
 
 def _trial(judge: Judge, spec: MlpSearch, seed: int, finished: list[dict]) -> dict[str, Any]:
+    """Record of one trial: the sampler's choice, judged; pruned where its path is worse than the median."""
     import optuna
 
     optuna.logging.set_verbosity(optuna.logging.WARNING)
@@ -91,17 +92,17 @@ def _distributions(over: MlpRanges) -> dict[str, Any]:
     """optuna's form of the ranges that are given."""
     from optuna.distributions import CategoricalDistribution, FloatDistribution, IntDistribution
 
-    found: dict[str, Any] = {}
+    distributions: dict[str, Any] = {}
     for name in type(over).model_fields:
         values = getattr(over, name)
         if values is None:
             continue
         if isinstance(values[0], str):
-            found[name] = CategoricalDistribution(values)
+            distributions[name] = CategoricalDistribution(values)
         else:
             kind = IntDistribution if isinstance(values[0], int) else FloatDistribution
-            found[name] = kind(*values, log=name in LOGARITHMIC)
-    return found
+            distributions[name] = kind(*values, log=name in LOGARITHMIC)
+    return distributions
 
 
 def _read(table: Path | None) -> tuple[list[dict], float]:

@@ -16,9 +16,9 @@ def box_coordinates(s: np.ndarray, q: np.ndarray, metric: np.ndarray) -> tuple[n
 def held_coordinates(
     s: np.ndarray, q: np.ndarray, hessian: np.ndarray, n_c: int, rests: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The same where the last n_c of s are the pose of a held patch, drawn with the actuators' forces: these, by the
-    mean Hessian (n_a, n_a) of the energy, and the pose, less where it rests, `rests` (n_c, n_a) times (forces, pose),
-    if that is how it was drawn. In displacements such states fill a thin slanted slab."""
+    """Box coordinates where the last n_c of s are the pose of a held patch, drawn with the actuators' forces: these, by
+    the mean Hessian (n_a, n_a) of the energy, and the pose, less where it rests, `rests` (n_c, n_a) times (forces,
+    pose), if that is how it was drawn. In displacements such states fill a thin slanted slab."""
     turn = np.eye(s.shape[1])
     actuators = s.shape[1] - n_c
     turn[:actuators] = hessian[:actuators]
@@ -41,7 +41,7 @@ def mean_square(second: np.ndarray, n: int) -> np.ndarray:
     """(n, n) mean over states and components of H^2, of symmetric matrices H given as upper triangles (m, pairs, q). Of
     the second derivatives of a map its principal axes tell the directions along which the map bends from those along
     which it hardly does."""
-    first, other = np.triu_indices(n)
+    first_axis, second_axis = np.triu_indices(n)
     H = np.empty((len(second), second.shape[2], n, n))
-    H[:, :, first, other] = H[:, :, other, first] = second.swapaxes(1, 2)
+    H[:, :, first_axis, second_axis] = H[:, :, second_axis, first_axis] = second.swapaxes(1, 2)
     return np.einsum("mqij,mqjk->ik", H, H) / len(H)
