@@ -13,6 +13,7 @@ from cfem.contact.problem import ContactProblem, Law
 @dataclass(frozen=True)
 class Residuals:
     """Violations of the law by B states at once, dimensionless; each is (B, m) except balance (B,).
+
     gap: how far a point lies inside, or, bilateral, is anywhere but at 0
     force: how strongly a point is pulled, or carries friction that the law does not know
     complementarity: the smaller of gap and normal force

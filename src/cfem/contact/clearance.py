@@ -21,6 +21,7 @@ _SPLIT = np.array([*([corner, *_MIDDLES[[i, i - 1]]] for i, corner in enumerate(
 @dataclass(frozen=True)
 class Nearest:
     """The point of a surface that is nearest to an obstacle.
+
     distance: mm, the smallest that was found, negative inside
     at_least: mm; no point of the surface is nearer
     place: (3,) mm, in the surface's triangle number `triangle` at barycentric coordinates `shares` (3,)

@@ -26,6 +26,7 @@ TRIED = 200  # triangles at which it is seen whether the surface encloses
 class ClosedSurface:
     """A surface that bounds one solid or several that do not overlap, with or without cavities. InputError where it
     does not enclose; overlaps are looked for at TRIED triangles only.
+
     vertices: (v, 3) mm
     triangles: (t, 3), normals outward"""
 
@@ -55,6 +56,7 @@ class ClosedSurface:
     def at_least(self, corners: np.ndarray, wanted: float = np.inf) -> tuple[np.ndarray, np.ndarray]:
         """Distances (k,) mm of the centroids of other triangles (k, 3, 3), and bounds that no point of each is nearer
         than; those above `wanted` need not be sharp.
+
         A distance changes by no more than the point moves. Where a triangle is all outside, its distance is the
         smallest of those to our triangles, and each of these is a convex function, so nowhere below its tangent."""
         centroid = corners.mean(axis=1)

@@ -46,6 +46,7 @@ class ModeStatus(Enum):
 class ModeSolution:
     """Solutions of the equations of the modes: the distinct ones that satisfy the law, or else the one that violates it
     least; none where the equations have no solution.
+
     lam, xi: (c, 3m) N and (c, k)
     violation: (c, m) worst residual of each point (see `check`)
     residual: (c,) the worst of all points"""

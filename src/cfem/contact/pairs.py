@@ -30,6 +30,7 @@ APART = 0.3  # of the length: patches of one body that are nearer along its surf
 @dataclass(frozen=True)
 class Pairs:
     """Pairs of patches, of N in all, with the surface before them.
+
     slots: (p,) number of the patch, plus N where it meets an obstacle
     relative: (p, N) rows r of the patches' places
     frames: (p, 3, 3) rows n, t1, t2
@@ -82,6 +83,7 @@ class Pairs:
 @dataclass(frozen=True)
 class Pressing:
     """Forces of the pairs in one state.
+
     push: (p, 3) N of each on its own patch, 0 where it is open
     bodies: (N,) number of the body of each patch"""
 
@@ -121,6 +123,7 @@ def numbers_of(itself: Sequence[str], others: Iterable[str], obstacles: Iterable
 
 class Skin(Protocol):
     """A body whose surface is cut into patches.
+
     along: (N, N) mm between patches along the surface
     held_still: (N,) bool, patches where the body is held, which meet nothing"""
 
@@ -132,6 +135,7 @@ class Skin(Protocol):
 @dataclass(frozen=True)
 class Surroundings:
     """The bodies and obstacles of a scene, and who may meet whom.
+
     bodies: (N,) number of the body of each patch
     may_meet: (N, N), see `cfem.contact.detection`
     spacing: mm between patches

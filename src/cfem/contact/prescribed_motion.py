@@ -33,6 +33,7 @@ class PrescribedMotion(Protocol):
 @dataclass(frozen=True)
 class Translation:
     """A rigid body that moves without turning.
+
     places: (k, 3) mm, its displacements, evenly spread over the run, straight from one to the next; a single one stands
     still"""
 

@@ -26,6 +26,7 @@ largest friction: lambda_t = -mu lambda_n slip / |slip|."""
 @dataclass(frozen=True)
 class ContactProblem:
     """The contact problem of m points, three rows each.
+
     W: (3m, 3m) mm/N, symmetric, positive semidefinite
     free: (3m,) mm, normal gaps and, counted from where each point last stuck, tangential slips at zero contact force
     G, wrench: (3m, k) and (k,) N or N mm of an object with coordinates xi (k,) mm or rad; None without object
@@ -101,6 +102,7 @@ class ContactProblem:
 @dataclass(frozen=True)
 class Units:
     """Units that make a problem dimensionless.
+
     length: mm, the largest of |free| and of what the load alone does to the compliance
     force: N, length over the largest compliance
     motion: (k,) mm or rad; unit motions shift the rows by one length"""

@@ -12,6 +12,7 @@ from cfem.contact.obstacle import Rounded
 
 class Boxes(NamedTuple):
     """Arrays of n rounded boxes.
+
     R, t: (n, 3, 3) rotations and (n, 3) mm places
     core, rounding: (n, 3) mm and (n,) mm
     below: (n,) half spaces

@@ -38,6 +38,7 @@ class ContactStatus(Enum):
 @dataclass(frozen=True)
 class ContactSolution:
     """Answer of a solve. lam (3m,) N and xi (k,) mm or rad are NaN where there is no answer, then without modes too.
+
     tried: choices of modes that were solved
     solutions: every valid state where they were counted, else the first"""
 

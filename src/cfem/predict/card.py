@@ -50,6 +50,7 @@ ABSENT = {"errors": {}, "history": [], "versions": {}, "dataset": {}}
 
 class ModelCard(Data):
     """Content of model.json.
+
     robot: what the scene said of it
     wrench: constant load that the samples did not carry, on each effector row
     patch_loads: others, on patches of the surface

@@ -16,6 +16,7 @@ FAR = 2.0  # gaps: a state farther than this from all of them is not among the d
 class Domain:
     """The states that a model was trained on. Pulling states fill a wedge of the displacements, whose box would be
     mostly empty: the box of the multipliers cuts the wedge out of it.
+
     delta_a, lambda_a: (2, n_a) smallest and largest of the training states, with a margin
     p: (2, n_p) the same of the parameters' coordinates
     states: (k, 2 n_a + n_p) some of the training states, spread over all of them"""

@@ -30,6 +30,7 @@ Runtime = Literal["arrays", "onnx"]
 def load_model(folder: Path, runtime: Runtime = "arrays", whole: bool = False) -> Predictor:
     """The model of a folder that `cfem train` or `cfem export` made; whole: its skin is read now, if it has one.
     InputError where a file is missing or damaged.
+
     A folder that is replaced meanwhile is read again, so that no model is half of one and half of another."""
     for _ in range(TRIES):
         known = stamp(folder)

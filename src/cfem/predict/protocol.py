@@ -24,6 +24,7 @@ _PUSHES = 0.1  # of the largest force: training states beyond so much of the oth
 
 class Predictor(ABC):
     """A model of (W, delta_free), with what its users must know about it.
+
     meta:   model.json
     rows:   names and order e, a of the rows of W
     form:   what it is a function of: 'displacement', s = delta_a, or 'force', s = lambda_a

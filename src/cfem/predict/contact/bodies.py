@@ -18,6 +18,7 @@ from cfem.predict.contact.state import ContactState
 @dataclass(frozen=True)
 class PlacedModel:
     """A learned robot and its place in the scene.
+
     R, t: (3, 3) and (3,) mm from its frame to the scene's
     itself: True where it may touch itself
     unilateral: (n_a,) bool, actuators that go slack where they would push (`cfem.predict.slack`); the others are held.

@@ -26,6 +26,7 @@ ITERATIONS, TOLERANCE = 30, 1e-12
 @dataclass(frozen=True)
 class WithinPatch:
     """Deformation of a patch of k points about its pose; n = 3 k - 6.
+
     shapes: N (3 k, n), displacements of the points in the frame of the patch, without unit
     compliance: D (n, n) mm/N
     by_actuators: c (n, n_a), how actuators that move deform the patch"""
@@ -38,6 +39,7 @@ class WithinPatch:
 @dataclass(frozen=True)
 class Response:
     """One state, as `Equilibrium` has it.
+
     X: (6,) pose of the patch
     by_actuators: (3 k, n_a), how the points move with the actuators under constant forces
     stiffness: (n_a, n_a) N/mm of the actuators under constant forces"""

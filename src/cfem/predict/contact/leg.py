@@ -27,6 +27,7 @@ NONE = 1e-9  # N: a cable that pushes by less does not
 @dataclass(frozen=True)
 class LegState:
     """One state, as `Equilibrium` has it.
+
     slack: (n_a,) cables that carry nothing
     ratio: `Loaded.ratio`
     delta_e: (m,) mm of the rows behind those of the points"""
@@ -61,6 +62,7 @@ class Carrying:
 @dataclass(frozen=True)
 class LearnedLeg:
     """`Touching`: a learned robot placed by turn (3, 3) and shift (3,) mm.
+
     held: the model's quantities at delta_a (n_a,) mm
     unilateral: (n_a,) actuators that can go slack
     rest: (k, 3) mm of the points, in its own frame

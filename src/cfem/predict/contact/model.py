@@ -45,6 +45,7 @@ class InContact(Condensed):
 class ContactModel:
     """`Model` of a robot among others. It remembers the contact state in which the robot stands: there a step begins,
     as friction and the side of an edge depend on the path.
+
     solid: rigid obstacles that the robot may touch, by name
     pressed: names of those, of `others` and of `itself` whose force is a row, in their order
     avoided: obstacles whose distance is a row

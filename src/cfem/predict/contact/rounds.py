@@ -31,6 +31,7 @@ NOTHING = np.zeros(0, dtype=np.int64)
 
 class Rounds:
     """State of N patches in the scene during one step.
+
     places: (N, 3) mm
     near: (d,) patches that may touch an obstacle
     push: (N, 3) N, force of obstacles on the patches

@@ -16,6 +16,7 @@ NEAR = 0.1  # distances of patches: of pairs that are farther apart nothing loca
 
 class SoftPairs:
     """Pairs of soft surfaces during one step.
+
     pairs: that are near each other
     touching: those of the law of this round
     push: (3,) N by slot of those that are pressed

@@ -16,6 +16,7 @@ ORDERS = {"potential": 2, "effector": 1, "effector_compliance": 0}
 
 class EnergyNetPredictor(PotentialPredictor, kind="energy_net"):
     """Predictor of networks of sines. Its arrays:
+
     to_box, offset: (n, n) and (n,) with z = to_box t + offset in [-1, 1] on the data, t = (s, q) the inputs of the form
     and the coordinates of the learned parameters
     polynomial: (1 + n + n (n + 1) / 2, n_out) coefficients of 1, z_i and z_i z_j, i <= j, in the order of `layout`

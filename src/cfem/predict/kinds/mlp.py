@@ -35,6 +35,7 @@ def rest_entries(model: ArrayPredictor, q: np.ndarray) -> np.ndarray:
 class MlpPredictor(ArrayPredictor, kind="mlp"):
     """Predictor of the network of entries. Outputs are the packed upper triangle of W, then delta_free. meta: at_rest,
     model.json of G, where there is one. Its arrays:
+
     in_mean, in_scale: (n_a + k,) of s and of what is `beside` it
     out_mean, out_scale: of the outputs
     weight_i, bias_i: (outputs, inputs) and (outputs,) of layer i, float32 as trained

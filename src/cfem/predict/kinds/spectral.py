@@ -19,6 +19,7 @@ LARGEST_DEGREE = 255  # what a byte of the C export holds
 
 class SpectralPredictor(PotentialPredictor, kind="spectral"):
     """Predictor of Chebyshev series. Its arrays:
+
     to_box, offset: (n, n) and (n,) with z = to_box t + offset in [-1, 1] on the data, t = (s, q) the inputs of the form
     and the coordinates of the learned parameters
     indices: (M, n) degrees of the basis functions

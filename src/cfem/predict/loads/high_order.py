@@ -23,6 +23,7 @@ TRUSTED = 0.3  # r to which a body that softens is followed
 
 class HighOrderMotion(NamedTuple):
     """Motion under a load (n,) N.
+
     motion: (n,) mm
     first, second: a and b, what is taken of either order
     across, rank: (n,) mm and 1/(N mm), of the derivative the part rank across across^T"""

@@ -29,6 +29,7 @@ HELD = 1e-6  # of the largest mode: where they are smaller, the body is held
 @dataclass(frozen=True)
 class LoadedRows:
     """Series of the rows that a wrench works on, in the basis indices (M, n).
+
     psi: (M, 1) of the potential
     e, C: (M, r) and (M, r, r) of the rows
     D: of four axes, dC/dw where it is known

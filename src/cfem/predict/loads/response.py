@@ -12,6 +12,7 @@ from cfem.predict.protocol import Predictor
 @dataclass(frozen=True)
 class LoadResponse:
     """Response of a robot at one state to forces on chosen rows.
+
     model: of form displacement, with a skin
     here: the robot without the forces
     q, softer: (n_q,) and factor, its material as `Predictor` has it

@@ -37,6 +37,7 @@ TINY = 1e-30  # N mm: what C w works less than is rounding
 @dataclass(frozen=True)
 class Loaded:
     """One state under a wrench, actuators held.
+
     lam: (n_a,) forces that hold the actuators
     K: (n_a, n_a) derivative of lam by delta_a
     e: (n_e,) displacements

@@ -41,6 +41,7 @@ TOLERANCE = 1e-11  # of a module's length and of a radian: largest Newton step o
 @dataclass(frozen=True)
 class RowKinematics:
     """Effectors of the whole robot and their derivatives by all N coordinates e.
+
     y: (n_e,) mm
     B, H: (n_e, N) and (n_e, N, N), first and second derivatives"""
 

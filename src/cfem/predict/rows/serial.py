@@ -30,6 +30,7 @@ END, CENTRE = 6, 3  # rows of a module: the pose of its end, and the place of it
 @dataclass(frozen=True)
 class ModuleState:
     """State of one module of a row.
+
     pose: (..., 6 or 9) of its end, and of its centre of mass, from rest, in the frame at its base
     W_ee, W_ea, W_aa: blocks of W, rows of rotation as spins
     lam: (..., n)"""
@@ -43,6 +44,7 @@ class ModuleState:
 
 class SerialPredictor(ArrayPredictor):
     """Predictor of modules in a row.
+
     meta: modules, model.json of each model of a module, whose effectors are its end with its orientation and perhaps
     its centre of mass; row, of each module from the base on: which of these models it is, and how much softer
     arrays: of the models, by the names of `module_arrays`

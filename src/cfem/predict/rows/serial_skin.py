@@ -19,6 +19,7 @@ SAME = 1e-6  # of the module's length: nodes that are one
 @dataclass(frozen=True)
 class SerialSkin:
     """Surface of modules in a row.
+
     modules: (k,) skin of each
     owner: (m,) the module that each node of the whole moves with
     own: (m,) number of the node in its module
