@@ -233,8 +233,8 @@ class Coupled:
         if now is not None:
             poses[:, 3:] = self._back @ X[3:]
         sizes = [hold.n_pose for hold in self.holds]
-        return [values[:n] for values, n in zip(poses, sizes, strict=True)], [
-            values[:n] for values, n in zip(slope, sizes, strict=True)
+        return [pose[:n] for pose, n in zip(poses, sizes, strict=True)], [
+            by_X[:n] for by_X, n in zip(slope, sizes, strict=True)
         ]
 
     def _states(self, asked: list[np.ndarray]) -> tuple[HolderState, ...]:

@@ -36,7 +36,7 @@ def all_carried_out(
 ) -> Any:
     """The state in which several robots end that go together (`carried_out`), from `state`; step: from deltas, one of
     each robot, and the state before to the state there. The state that failed where the way ends before."""
-    cuts, last = np.cumsum([len(arrays) for arrays in begins])[:-1], state
+    cuts, last = np.cumsum([len(begin) for begin in begins])[:-1], state
 
     def go(target: np.ndarray) -> str:
         nonlocal state, last

@@ -53,7 +53,7 @@ class Differentiable(FiniteElementFamily):
         folder: Path | None = None,
     ):
         """Builds the family with every parameter varied. InputError where a cable rubs in its guides."""
-        super().__init__(scene, mesh, [replace(actuator, exact=False) for actuator in parameters], folder)
+        super().__init__(scene, mesh, [replace(parameter, exact=False) for parameter in parameters], folder)
         from cfem.equilibrium.fields import Strain, Stress
 
         rubbing = next((actuator for actuator in self.robot.actuators if getattr(actuator, "friction", 0.0)), None)

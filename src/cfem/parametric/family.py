@@ -64,7 +64,7 @@ class LearnedFamily:
             find = model.at_displacement if kind == "displacement" else model.at_force
             condensed = [find(prescribed, design) for prescribed, design in zip(u, p, strict=True)]
             W, free, lam = (
-                np.array([getattr(prescribed, name) for prescribed in condensed]) for name in ("W", "delta_free", "lam")
+                np.array([getattr(state, name) for state in condensed]) for name in ("W", "delta_free", "lam")
             )
         return States(self.rows, p, W, free, lam, self.rest(p))
 
@@ -112,9 +112,7 @@ class FiniteElementFamily:
             )
             answers.append(answer.condensed)
             rest.append(problem.robot.rest_e)
-        W, free, lam = (
-            np.array([getattr(prescribed, name) for prescribed in answers]) for name in ("W", "delta_free", "lam")
-        )
+        W, free, lam = (np.array([getattr(state, name) for state in answers]) for name in ("W", "delta_free", "lam"))
         return States(self.rows, p, W * softer[:, None, None], free, lam / softer[:, None], np.array(rest))
 
     @property

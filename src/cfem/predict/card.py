@@ -138,9 +138,9 @@ class ModelCard(Data):
 
     def _demand_modules(self) -> None:
         """ValueError where the modules of a row do not make up the robot."""
-        if any(card.model >= len(self.modules) for card in self.row):
+        if any(place.model >= len(self.modules) for place in self.row):
             raise ValueError("row: names a model that is not there")
-        ends, used = len(self.rows.effectors), [self.modules[card.model] for card in self.row]
+        ends, used = len(self.rows.effectors), [self.modules[place.model] for place in self.row]
         heavy = [len(card.rows.effectors) == 9 and len(card.masses) == 1 for card in used]
         sizes = {len(card.rows.effectors) for card in used} <= {6, 9} and (ends == 3 or (ends == 6 and all(heavy)))
         actuators = sum(len(card.rows.actuators) for card in used)

@@ -146,7 +146,7 @@ def demand_finite(predictor: Predictor) -> None:
     inputs = slice(0, n_a) if predictor.form == "displacement" else slice(n_a, 2 * n_a)
     with np.errstate(all="ignore"):
         try:
-            asked = [predictor.at(state[inputs]) for state in states[:: -(-len(states) // ASKED)]]
+            asked = [predictor.at(row[inputs]) for row in states[:: -(-len(states) // ASKED)]]
             finite = all(np.isfinite(state.W).all() and np.isfinite(state.delta).all() for state in asked)
         except np.linalg.LinAlgError:
             finite = False

@@ -37,6 +37,7 @@ class Predictor(ABC):
     domain: where it was trained"""
 
     def __init__(self, meta: dict):
+        """Takes over what model.json says; the skin comes from `skin_source` once it is set."""
         self.meta = meta
         self.rows = Rows(tuple(meta["rows"]["effectors"]), tuple(meta["rows"]["actuators"]))
         self.form: Form = meta["form"]
@@ -261,6 +262,8 @@ class Predictor(ABC):
         return f"<{self.meta['kind']} model of '{self.meta['scene']}': {'; '.join(parts)}>"
 
     def _p(self, p: np.ndarray | None) -> np.ndarray:
+        """Values (..., n_p) of the parameters, the reference where none are given. InputError where the count is
+        wrong."""
         if p is None:
             return self._reference
         p = np.asarray(p, float)

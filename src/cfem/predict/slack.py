@@ -38,7 +38,7 @@ def with_slack(
 
     cuts = np.cumsum([model.rows.n_a for model in models])[:-1]
     free = [model.at_displacement(mine) for model, mine in zip(models, np.split(target, cuts), strict=True)]
-    K = block_diag(*(np.linalg.inv(model.W[model.rows.a, model.rows.a]) for model in free))
+    K = block_diag(*(np.linalg.inv(condensed.W[condensed.rows.a, condensed.rows.a]) for condensed in free))
     none = NONE * np.diag(K) * np.concatenate([np.abs(model.reach).max(axis=1) for model in models])
     for _ in range(2 * len(target) + 1):
         state, delta, settled = _let_go(step, K, state, delta, slack, none)

@@ -23,9 +23,9 @@ class Obstacles:
     wrench = np.zeros(0)
 
     def surface(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        alone = [(obstacle, x[None]) for obstacle, x in zip(self.of_points, points, strict=True)]
-        distance = np.concatenate([obstacle.distance(x) for obstacle, x in alone])
-        return distance, np.concatenate([obstacle.frames(x) for obstacle, x in alone])
+        alone = [(obstacle, point[None]) for obstacle, point in zip(self.of_points, points, strict=True)]
+        distance = np.concatenate([obstacle.distance(point) for obstacle, point in alone])
+        return distance, np.concatenate([obstacle.frames(point) for obstacle, point in alone])
 
     def motion(self, points: np.ndarray) -> np.ndarray:
         return np.zeros((points.size, 0))

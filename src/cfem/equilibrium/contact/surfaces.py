@@ -91,7 +91,7 @@ class SurfaceScene:
     def go(self, deltas: Sequence[np.ndarray], before: SurfacesState | None = None) -> SurfacesState:
         """Goes to deltas, (n_a,) mm each, from the state `before` (none: actuators at 0), in steps, which are halved
         where one fails. Never raises for numerical failure: the state where it ended says why."""
-        ends = [np.asarray(solved, float) for solved in deltas]
+        ends = [np.asarray(delta, float) for delta in deltas]
         if before is None:
             begins = [0.0 * end for end in ends]
             before = self.step(begins, None)
@@ -115,14 +115,14 @@ class SurfaceScene:
             (target - solved.delta_a) / far
             for target, solved, far in zip(deltas, before.solved, self.longest, strict=True)
         ]
-        was, now = (set(solved.pairs.slots[solved.push.any(axis=1)].tolist()) for solved in (before, state))
+        was, now = (set(each.pairs.slots[each.push.any(axis=1)].tolist()) for each in (before, state))
         swapped = bool(was - now and now - was) and np.abs(np.concatenate(shares)).max() > SHORT
         return replace(state, status=StepStatus.SWAPPED) if swapped else state
 
     def step(self, deltas: Sequence[np.ndarray], before: SurfacesState | None) -> SurfacesState:
         """One quasi-static step to deltas from the state `before` (none: at rest)."""
-        work = _Step(self, [np.asarray(robot_state, float) for robot_state in deltas], before)
-        status = None if all(robot_state.converged for robot_state in work.solved) else StepStatus.NO_EQUILIBRIUM
+        work = _Step(self, [np.asarray(delta, float) for delta in deltas], before)
+        status = None if all(solved.converged for solved in work.solved) else StepStatus.NO_EQUILIBRIUM
         try:
             while status is None:
                 status = work.round() if work.iterations < ITERATIONS else StepStatus.ITERATIONS
@@ -150,8 +150,8 @@ class _Step:
             self.solved = [
                 solve(robot.problem, displacement(delta), settings=STRICT, condense=False) for robot, delta in each
             ]
-            self._cost.factorizations = sum(robot.factorizations for robot in self.solved)
-            if not all(robot.converged for robot in self.solved):
+            self._cost.factorizations = sum(solved.factorizations for solved in self.solved)
+            if not all(solved.converged for solved in self.solved):
                 return
         else:
             self.memory, self.solved = before.memory, list(before.solved)
@@ -231,7 +231,7 @@ class _Step:
         """Each robot alone, its patches held, has to carry the forces that were found."""
         self.modes = dict(zip(self._touching.slots.tolist(), self.found.modes, strict=True))
         self.solved, largest = [robot.solved() for robot in self.robots], np.abs(self.forces).max(initial=0.0)
-        self._cost.factorizations += sum(robot.factorizations for robot in self.solved)
+        self._cost.factorizations += sum(solved.factorizations for solved in self.solved)
         for robot, solved in zip(self.robots, self.solved, strict=True):
             residual = np.abs(solved.lambda_c - robot.forces.ravel()).max(initial=0.0)
             if not solved.converged or residual > SAME * largest + robot.problem.force_floor:

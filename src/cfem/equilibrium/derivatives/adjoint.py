@@ -138,7 +138,7 @@ def _columns(linear: Linearisation, asked: Sequence[Weights]) -> tuple[np.ndarra
                 factors += [factor] * len(forms.m)
     shares = np.zeros((len(asked), len(owners)))
     shares[owners, np.arange(len(owners))] = factors
-    arrays = (np.concatenate([getattr(weights, name) for weights in parts], axis=-1) for name in ("v", "z", "m"))
+    arrays = (np.concatenate([getattr(part, name) for part in parts], axis=-1) for name in ("v", "z", "m"))
     return shares, Columns(*arrays)
 
 

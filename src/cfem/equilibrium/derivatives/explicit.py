@@ -83,10 +83,10 @@ def explicit(
     q = np.hstack([linear.Z, forms.z]) if with_phi else forms.z
     motions = linear.problem.kinematics.spread(linear.at.x, q)
     columns, around = [], _deformations(*state)
-    changes = [change_of.changes(*state) for change_of in numbers]
+    changes = [number.changes(*state) for number in numbers]
     for side in sides:
         (*behind, at_b), (*ahead, at_a) = (
-            _parts(linear, change_of, q, motions, around, forms) for change_of in (side.behind, side.ahead)
+            _parts(linear, robot, q, motions, around, forms) for robot in (side.behind, side.ahead)
         )
         mine = [(b - a) / side.width for a, b in zip(behind, ahead, strict=True)]
         slopes = np.zeros(len(numbers))

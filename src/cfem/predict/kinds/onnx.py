@@ -59,18 +59,18 @@ def _foreign(model: Any) -> str:
     """Description of what a graph has that cfem would not have written, or empty."""
     graph = model.graph
     strange = sorted({node.op_type for node in graph.node} - OPERATORS)
-    domains = {node.domain for node in graph.node} | {item.domain for item in model.opset_import}
+    domains = {node.domain for node in graph.node} | {imported.domain for imported in model.opset_import}
     if strange or domains - {"", "ai.onnx"} or model.functions or model.training_info:
         return f"has operators that cfem does not write: {', '.join(strange[:3]) or 'of other domains'}"
-    attributes = [item for node in graph.node for item in node.attribute]
-    lists = any(item.graphs or item.tensors or item.sparse_tensors for item in attributes)
+    attributes = [attribute for node in graph.node for attribute in node.attribute]
+    lists = any(attribute.graphs or attribute.tensors or attribute.sparse_tensors for attribute in attributes)
     if (
         lists
         or graph.sparse_initializer
-        or any(item.HasField("g") or item.HasField("sparse_tensor") for item in attributes)
+        or any(attribute.HasField("g") or attribute.HasField("sparse_tensor") for attribute in attributes)
     ):
         return "has graphs or sparse tensors inside, which cfem does not write"
-    tensors = [*graph.initializer, *(item.t for item in attributes)]
+    tensors = [*graph.initializer, *(attribute.t for attribute in attributes)]
     if any(tensor.external_data or tensor.data_location != 0 for tensor in tensors):
         return "reads its numbers from other files"
     if any(math.prod(tensor.dims) > LARGEST for tensor in tensors):

@@ -30,7 +30,7 @@ class PotentialPredictor(ArrayPredictor):
         """Forces lambda_a (B, n_a) and d lambda_a / d delta_a (B, n_a, n_a) at delta_a (B, n_a) mm and the scene's own
         parameters, for users who need nothing of the effectors."""
         if self.parameters or self.form == "force":
-            states = [self.at_displacement(state) for state in delta_a]
+            states = [self.at_displacement(delta) for delta in delta_a]
             return np.array([state.lam for state in states]), np.array([np.linalg.inv(state.W_aa) for state in states])
         return self.gradient_and_hessian(delta_a)
 

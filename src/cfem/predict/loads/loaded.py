@@ -70,9 +70,7 @@ def loaded(
     of the robot's length; SpecError where a patch is not on the surface."""
     wrench = np.zeros(model.rows.n_e) if wrench is None else np.asarray(wrench, float)
     serial = isinstance(model, SerialPredictor)
-    foreign = next(
-        (member.meta["kind"] for member in _models(model) if not isinstance(member, SpectralPredictor)), None
-    )
+    foreign = next((part.meta["kind"] for part in _models(model) if not isinstance(part, SpectralPredictor)), None)
     if foreign is not None:
         what = f"loads need a model of kind spectral, or of kind serial made of such, not {foreign}"
         raise InputError(what, do="train one")
@@ -90,7 +88,7 @@ def loaded(
         under_load = _loaded(model, rows, w)
     under_load.meta = {**under_load.meta, "wrench": wrench.tolist(), "wrench_error": error}
     if patches:
-        under_load.meta["patch_loads"] = [member.to_json() for member in patches]
+        under_load.meta["patch_loads"] = [patch.to_json() for patch in patches]
     under_load.domain = _domain(model, under_load)
     under_load.meta["domain"] = under_load.domain.to_json()
     # modules bear the wrench each for itself

@@ -120,7 +120,7 @@ class Held:
         terms = [order @ w / (2 + number) for number, order in enumerate(orders)]  # u, v, q, and derivatives by delta_a
         r, f, F = continued(*(float(term[0]) for term in terms))
         both = np.stack(terms, axis=1)
-        by_s, by_w = both[1 : 1 + n], np.stack([term[0] for term in orders])  # (n, 2 or 3), (2 or 3, n_e)
+        by_s, by_w = both[1 : 1 + n], np.stack([order[0] for order in orders])  # (n, 2 or 3), (2 or 3, n_e)
         psi = psi - both @ f
         moved = e + sum(share * order for share, order in zip(f, orders, strict=True))
         return Loaded(
@@ -128,7 +128,7 @@ class Held:
             psi[1 + n :].reshape(n, n) - by_s @ F @ by_s.T,
             moved[0],
             moved[1 : 1 + n].T + by_w.T @ F @ by_s.T,
-            sum(share * term for share, term in zip(f, softer, strict=True)) + by_w.T @ F @ by_w,
+            sum(share * compliance for share, compliance in zip(f, softer, strict=True)) + by_w.T @ F @ by_w,
             r,
         )
 

@@ -111,10 +111,10 @@ class LoadedSerialPredictor(SerialPredictor):
         self.wrench = np.asarray(meta["wrench"], float)
         if patches is None and meta.get("patch_loads"):
             self.skin_source = lambda: skins_within(self.models, arrays)
-            patches = row_patches(self, [PatchLoad(**card) for card in meta["patch_loads"]])
+            patches = row_patches(self, [PatchLoad(**load) for load in meta["patch_loads"]])
         self.patches, on = patches, patches or RowPatches.none(len(self.which))
         if patches is None:
-            series = [WrenchSeries(card, self.pose) for card in self.models]
+            series = [WrenchSeries(model, self.pose) for model in self.models]
             self._series = [series[number] for number in self.which]
         else:
             self._series = []
@@ -155,7 +155,7 @@ class LoadedSerialPredictor(SerialPredictor):
             unloaded = self._watched(*self._places([module.e[0, : self.pose] for module in modules])[::2])
             moved = float(np.linalg.norm(row.y[:3] - unloaded[:3]))
             return moved**2 / self.length + self._error_of_patches(row, parts)
-        V, C = -np.tensordot(self._forces, row.H, 1), block_diag(*(module.C for module in parts))
+        V, C = -np.tensordot(self._forces, row.H, 1), block_diag(*(part.C for part in parts))
         carried = (row.B[:3] @ np.linalg.inv(np.eye(len(V)) + C @ V)).reshape(3, len(parts), -1)
         wrenches, total = self.softer[:, None] * (self._forces @ row.B).reshape(len(parts), -1), 0.0
         for i, (module, w) in enumerate(zip(modules, wrenches, strict=True)):
@@ -254,8 +254,8 @@ class LoadedSerialPredictor(SerialPredictor):
             w = (self._forces @ row.B).reshape(e.shape)
             parts = [self._under(*each) for each in zip(modules, w, self.softer, strict=True)]
             V = -np.tensordot(self._forces, row.H, 1)
-            residual = (np.array([module.e for module in parts]) - e).ravel()
-            C = block_diag(*(module.C for module in parts))
+            residual = (np.array([part.e for part in parts]) - e).ravel()
+            C = block_diag(*(part.C for part in parts))
             step = np.linalg.solve(np.eye(len(residual)) + C @ V, residual)
             step = step.reshape(e.shape)
             e = e + step

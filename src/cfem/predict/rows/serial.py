@@ -59,8 +59,8 @@ class SerialPredictor(ArrayPredictor):
         self.models: list[Predictor] = [
             build(card, module_arrays(arrays, number)) for number, card in enumerate(meta["modules"])
         ]
-        self.which = [module["model"] for module in meta["row"]]
-        self.softer = np.array([module["softer"] for module in meta["row"]])
+        self.which = [place["model"] for place in meta["row"]]
+        self.softer = np.array([place["softer"] for place in meta["row"]])
         self.heavy = self.rows.n_e > 3  # whether the centre of mass of the whole is an effector
         self.pose = END + CENTRE * self.heavy
         ends = np.cumsum([0, *(module.rows.n_a for module in self.modules)])

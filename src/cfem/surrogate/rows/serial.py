@@ -29,8 +29,8 @@ def compose(training: Any, spec: SerialSpec) -> tuple[dict[str, np.ndarray], dic
     history = [row for card in cards for row in card.pop("history")]
     for folder, card, weights in zip(paths, cards, arrays, strict=True):
         _demand_module(folder, card, build(card, weights))
-    row = [{"model": paths.index(entry.model), "softer": entry.softer} for entry in spec.modules]
-    _demand_whole(training, spec, [cards[entry["model"]] for entry in row])
+    row = [{"model": paths.index(module.model), "softer": module.softer} for module in spec.modules]
+    _demand_whole(training, spec, [cards[place["model"]] for place in row])
     samples = sum(card["dataset"].get("samples", 0) for card in cards)
     return (
         joined(list(arrays)),

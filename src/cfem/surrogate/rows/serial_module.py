@@ -17,8 +17,8 @@ class Serial(nn.Module):
         super().__init__()
         self.models = nn.ModuleList([models[number] for number in row.which])
         self.softer, self.heavy, self.pose = row.softer.tolist(), row.heavy, row.pose
-        self.own = [(part.start, part.stop) for part in row.own]
-        self.watched = [part.rows.n_e for part in row.modules]
+        self.own = [(columns.start, columns.stop) for columns in row.own]
+        self.watched = [module.rows.n_e for module in row.modules]
         self.shares = row.shares.tolist()
         self.register_buffer("rests", torch.as_tensor(row.rests))
         self.register_buffer("rest", torch.as_tensor(np.array(row.rest_e)))

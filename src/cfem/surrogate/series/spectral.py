@@ -80,7 +80,7 @@ def fit(dataset: Any, form: Form = "displacement", max_degree: int = 16, max_ter
     return Fit(
         {"to_box": to_box, "offset": offset, **series(chosen, to_box, s.shape[1]), **curvature},
         {name: len(part.indices) for name, part in chosen.items()},
-        {name: part.tolist() for name, part in weights.items()},
+        {name: values.tolist() for name, values in weights.items()},
         held_out,
     )
 
@@ -160,6 +160,7 @@ class _Trials:
     def __init__(
         self, z: np.ndarray, observed: Observations, max_degree: int, folds: int, max_terms: int, enough: float
     ):
+        """Scales the observations, and counts the terms that they determine."""
         self._z, self._derivatives, self._max_degree, self._folds = z, observed.derivatives, max_degree, folds
         self._enough, self._targets, self._divisors = enough, *observed.scaled()
         most = int(len(self._divisors) * (len(z) - -(-len(z) // folds)) / ROWS_A_TERM)

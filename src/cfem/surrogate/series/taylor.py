@@ -33,8 +33,8 @@ class Taylor:
         self.terms = np.full((len(derivatives), len(derivatives)), len(derivatives))
         for i, j, k in terms:
             self.terms[i, k] = j
-        self._beyond_value = sorted(axes for axes in terms if axes[1])
-        self._nilpotent = [axes for axes in self._beyond_value if axes[2]]
+        self._beyond_value = sorted(term for term in terms if term[1])
+        self._nilpotent = [term for term in self._beyond_value if term[2]]
 
     def multiply(self, f: np.ndarray, g: np.ndarray) -> np.ndarray:
         """The series (k, ...) of f g."""
