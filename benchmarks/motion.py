@@ -34,6 +34,7 @@ from cfem.dynamics.simulate import StepControl
 from cfem.dynamics.simulate import simulate as full_simulate
 from cfem.dynamics.start import at_rest as full_at_rest
 from cfem.equilibrium.actuation import displacement, force
+from cfem.equilibrium.derived import Wanted
 from cfem.equilibrium.motion.inner_motions import rod_stresses
 from cfem.equilibrium.solve import solve
 from cfem.export.compiled.controller import CORE, compiler, library
@@ -200,7 +201,7 @@ def sampling(problem: MovingProblem, test: Any) -> dict[str, Any]:
         times = []
         for _ in range(REPEATS):
             begin = time.process_time()
-            found = solve(problem, displacement(0.98 * test.delta_a[0]), near.state, slack=False, **more)
+            found = solve(problem, displacement(0.98 * test.delta_a[0]), near.state, slack=False, wanted=Wanted(**more))
             times.append(time.process_time() - begin)
         return min(times), found.factorizations
 

@@ -9,6 +9,7 @@ from support.trunks import trunk
 
 from cfem.core.spec import load_spec
 from cfem.equilibrium.actuation import Actuation, displacement, force, pulling_only
+from cfem.equilibrium.derived import Wanted
 from cfem.equilibrium.newton import NewtonSettings
 from cfem.equilibrium.predictor import knot, predict
 from cfem.equilibrium.problem import Problem
@@ -158,7 +159,7 @@ def test_cables_that_may_push_do():
 def test_derivatives_are_those_with_the_taut_cables_held():
     problem = problem_of("trunk-4")
     target = np.array([8.0, 0.0, -2.0, 0.0])
-    state = solve(problem, displacement(target), settings=TIGHT, keep=True)
+    state = solve(problem, displacement(target), settings=TIGHT, wanted=Wanted(keep=True))
     taut, h = ~state.slack, 1e-3
     assert 0 < taut.sum() < 4
     np.testing.assert_array_equal(np.abs(state.linear.C).sum(axis=0) > 0, taut)

@@ -13,6 +13,7 @@ from cfem.constraint.cable import make_cable
 from cfem.constraint.contact import make_contact
 from cfem.constraint.effector import make_effector
 from cfem.equilibrium import actuation
+from cfem.equilibrium.derived import Wanted
 from cfem.equilibrium.evaluation import SolveCost
 from cfem.equilibrium.newton import NewtonSettings, judged, newton
 from cfem.equilibrium.problem import Problem
@@ -258,4 +259,4 @@ def test_a_column_beyond_its_buckling_load_is_never_called_stable_while_straight
     assert below.converged and np.abs(below.delta_e[1:]).max() < 1.0
     bent = np.abs(above.delta_e[1:]).max() > 5.0
     assert above.status in (Status.UNSTABLE, Status.BIFURCATION) or (above.converged and bent)
-    assert solve(problem, actuation.force([1.2 * euler]), condense=False).status is above.status
+    assert solve(problem, actuation.force([1.2 * euler]), wanted=Wanted(condense=False)).status is above.status

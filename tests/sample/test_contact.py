@@ -11,6 +11,7 @@ from cfem.condensed.contact_pose import onto_patch
 from cfem.dataset.reader import as_dataset
 from cfem.equilibrium.actuation import force
 from cfem.equilibrium.contact.held_patch import contact_points, patch_of
+from cfem.equilibrium.derived import Wanted
 from cfem.equilibrium.newton import NewtonSettings
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import solve
@@ -43,7 +44,9 @@ class BarSolver:
         self.facts = Facts("bar", rows, robot.reach, robot.rest_e, robot.length, W, (), units, patch)
 
     def solve(self, actuation, start, p):
-        return solve(self.problem, actuation, start, settings=NewtonSettings(tolerance=1e-11), third_order=True)
+        return solve(
+            self.problem, actuation, start, settings=NewtonSettings(tolerance=1e-11), wanted=Wanted(third_order=True)
+        )
 
 
 @dataclass(frozen=True)

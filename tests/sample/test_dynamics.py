@@ -15,6 +15,7 @@ from cfem.dataset.inspect import describe
 from cfem.dataset.reader import read_dataset
 from cfem.dataset.schema import schema
 from cfem.equilibrium.actuation import displacement
+from cfem.equilibrium.derived import Wanted
 from cfem.equilibrium.motion.inertia import mass_of
 from cfem.equilibrium.newton import NewtonSettings
 from cfem.equilibrium.problem import Problem
@@ -53,7 +54,10 @@ def test_the_rows_of_all_have_their_mass_and_viscosity(folder):
     scene, mesh = folder / "pipelines" / "bar" / "scene.yaml", folder / "data" / "bar" / "mesh"
     robot = build_robot(*load_scene_and_mesh(scene, mesh))
     found = solve(
-        Problem(robot), displacement(data.delta_a[0]), settings=NewtonSettings(tolerance=1e-10), mass=mass_of(robot)
+        Problem(robot),
+        displacement(data.delta_a[0]),
+        settings=NewtonSettings(tolerance=1e-10),
+        wanted=Wanted(mass=mass_of(robot)),
     )
     own = np.r_[0:3, 5:6]
     for name in ("V", "V2", "V3"):

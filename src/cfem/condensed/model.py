@@ -56,7 +56,7 @@ class KnowsSlopes(Protocol):
     """A model that answers forces and stiffness of many states at once."""
 
     def slopes(self, delta_a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """lambda_a (B, n_a) and d lambda_a / d delta_a (B, n_a, n_a) at delta_a (B, n_a) mm."""
+        """Forces lambda_a (B, n_a) and d lambda_a / d delta_a (B, n_a, n_a) at delta_a (B, n_a) mm."""
         ...
 
 

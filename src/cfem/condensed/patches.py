@@ -33,7 +33,7 @@ class Patches:
 
     @cached_property
     def spacing(self) -> float:
-        """mm: the distance of neighbours at rest, the median."""
+        """Distance of neighbours at rest, mm, the median."""
         apart = np.linalg.norm(self.rest[:, None] - self.rest, axis=2) + 1e9 * np.eye(len(self))
         return float(np.median(apart.min(axis=1)))
 

@@ -51,7 +51,7 @@ class RotationDerivatives(NamedTuple):
 
 
 def turn(theta: np.ndarray) -> RotationDerivatives:
-    """exp[theta] and its derivatives, theta (3,) rad."""
+    """Rotation exp[theta] and its derivatives, theta (3,) rad."""
     s = float(theta @ theta)
     a, a1, a2 = (_at(series, s) for series in _A)
     b, b1, b2 = (_at(series, s) for series in _B)

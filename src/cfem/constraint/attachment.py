@@ -93,7 +93,7 @@ def distance_outside(mesh: Mesh, points: np.ndarray, cells: np.ndarray | None = 
 
 
 def tolerance_outside(mesh: Mesh, radius: float) -> float:
-    """mm that a point of such a radius may lie outside, as on the curved side of a coarse mesh."""
+    """Distance, mm, that a point of such a radius may lie outside, as on the curved side of a coarse mesh."""
     return max(0.5 * radius, 1e-3 * mesh.size)
 
 

@@ -32,7 +32,8 @@ class CentreOfMass:
 
 
 def centre_of_mass(body: Body, density: np.ndarray | None, name: str) -> CentreOfMass:
-    """density: t/mm^3, one a cell of the mesh (m,), None where not all materials state it: SpecError."""
+    """Centre of mass of a body. density: t/mm^3, one a cell of the mesh (m,), None where not all materials state it:
+    SpecError."""
     if density is None:
         what = f"effector '{name}': the centre of mass needs the density of each material"
         raise SpecError(what, do="state it, such as density: 1070 kg/m^3")

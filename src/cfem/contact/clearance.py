@@ -69,9 +69,9 @@ def nearest_of_surface(
 
 
 def depth_in_itself(nodes: np.ndarray, triangles: np.ndarray, tried: np.ndarray) -> float:
-    """mm: how far a closed surface of nodes (m, 3) mm and triangles (t, 3) has gone through itself, at the nodes of
-    numbers `tried`, 0 where it has not. What is next to such a node's outer side is within the body; the way out is to
-    the nearest triangle that faces the node."""
+    """Depth, mm, by which a closed surface of nodes (m, 3) mm and triangles (t, 3) has gone through itself, at the
+    nodes of numbers `tried`, 0 where it has not. What is next to such a node's outer side is within the body; the way
+    out is to the nearest triangle that faces the node."""
     corners = nodes[triangles]
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     outward = np.zeros(nodes.shape)

@@ -88,7 +88,7 @@ class ClosedSurface:
 
     @cached_property
     def size(self) -> float:
-        """mm: the diagonal of its box."""
+        """Diagonal of the surface's box, mm."""
         return float(np.linalg.norm(np.ptp(self.vertices[np.unique(self.triangles)], axis=0)))
 
     @cached_property

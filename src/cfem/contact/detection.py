@@ -52,7 +52,7 @@ def detect(
 
 
 def separation(places: np.ndarray, normals: np.ndarray, may_meet: np.ndarray, spacing: float) -> float:
-    """mm, the smallest gap, where nothing is pressed: continuous in places and normals, as `detect` is not, which drops
+    """Smallest gap, mm, where nothing is pressed: continuous in places and normals, as `detect` is not, which drops
     pairs. A point whose faces it would drop is farther by as much as they fall short; and nothing is farther than the
     nearest two patches that may meet."""
     apart = np.linalg.norm(places[:, None] - places, axis=2)

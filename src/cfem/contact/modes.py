@@ -177,8 +177,8 @@ def linear_equations(
 
 
 def _solve(M: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """z (P, n); which are solutions (P,); which systems are regular (P,). Of a singular system that has solutions the
-    smallest one."""
+    """Solutions z (P, n) of M z = c; which of them solve it (P,); which systems are regular (P,). Of a singular system
+    that has solutions the smallest one."""
     try:
         inverse = np.linalg.inv(M)
         regular = np.abs(M).sum(axis=2).max(axis=1) * np.abs(inverse).sum(axis=2).max(axis=1) < CONDITION

@@ -212,8 +212,8 @@ def normal_forces(W: np.ndarray, free: np.ndarray) -> np.ndarray | None:
 def newton_with_object(
     problem: ContactProblem, mu: float, start: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray, int] | None:
-    """lam (m, 3) and xi (k,) of a normalised problem with an object, and how many systems it solved; None where it does
-    not converge. start (3 m,): forces, the smallest that balance the load unless given.
+    """Forces lam (m, 3) and motion xi (k,) of a normalised problem with an object, and how many systems it solved; None
+    where it does not converge. start (3 m,): forces, the smallest that balance the load unless given.
 
     The unknowns are the forces and the motion of the object, the equations the law as above and its balance."""
     W, G, m = problem.W, problem.motion, problem.m

@@ -63,7 +63,7 @@ def pressed(
 
 
 def violation(forces: np.ndarray, gap: np.ndarray, compliance: np.ndarray, mu: float) -> float:
-    """mm: the largest distance of patches from the law of contact, at forces (c, 3) N and gaps (c, 3) mm, both in the
+    """Largest distance, mm, of patches from the law of contact, at forces (c, 3) N and gaps (c, 3) mm, both in the
     frames of the surfaces there: by how much forces differ from their projection (`cfem.contact.newton`), times what a
     patch yields, of compliance (3 c, 3 c) mm/N. A force of 0 has no violation where its gap is open."""
     flexibility = compliance.diagonal().reshape(-1, 3).max(axis=1)[:, None]

@@ -22,7 +22,7 @@ class PrescribedMotion(Protocol):
     def at(self, share: float) -> Obstacle: ...
 
     def way(self, begin: float, end: float) -> float:
-        """mm that no point of it moves more than."""
+        """Largest way, mm: no point of it moves more."""
         ...
 
     def carried(self, points: np.ndarray, begin: float, end: float) -> np.ndarray:

@@ -10,7 +10,7 @@ import scipy.sparse as sp
 from cfem.condensed import Condensed
 from cfem.constraint.protocol import Watched
 from cfem.equilibrium.actuation import Actuation
-from cfem.equilibrium.condensation import ENOUGH, condense, response
+from cfem.equilibrium.condensation import condense, response
 from cfem.equilibrium.derivatives.fourth_order import load_curvatures
 from cfem.equilibrium.derivatives.parameter_slopes import ParameterSlopes, Sides, differences, parameter_slopes
 from cfem.equilibrium.derivatives.third_order import compliance_derivatives, load_derivatives
@@ -23,7 +23,16 @@ from cfem.equilibrium.solution import Linearisation
 
 @dataclass(frozen=True)
 class Wanted:
-    """See `solve`; enough: `Settings.condensed`."""
+    """What is asked of a converged state beside itself.
+
+    condense: W and delta_free
+    third_order: the derivatives of W
+    sides: the slopes by the parameters in which these problems differ from that of the state
+    mass: (n, n) t of the nodes, for what the rows need to move (motion/inertia.py)
+    pushed: rows; about how all nodes yield to forces on them, by the factor at hand
+    keep: what further derivatives start from
+    loads: so many derivatives, of at most two, of the effectors' compliance by loads on them
+    stresses: with mass, of the inner motions of a robot of sections in a row (motion/inner_motions.py)"""
 
     condense: bool = True
     third_order: bool = False
@@ -33,7 +42,9 @@ class Wanted:
     keep: bool = False
     loads: int = 0
     stresses: np.ndarray | None = None
-    enough: float = ENOUGH
+
+
+W_ALONE = Wanted()
 
 
 @dataclass(frozen=True)
@@ -52,15 +63,15 @@ class Derived:
 
 
 def derive(
-    problem: Problem, result: NewtonResult, actuation: Actuation, wanted: Wanted, cost: SolveCost
+    problem: Problem, result: NewtonResult, actuation: Actuation, wanted: Wanted, enough: float, cost: SolveCost
 ) -> tuple[Derived, bool]:
     """Derived quantities of a converged state, and whether it is stable with the rows of the actuation held; W alone
-    where it is not. Raises SingularMatrixError."""
+    where it is not. enough: relative error of A^-1 H^T. Raises SingularMatrixError."""
     evaluation, lam, active = result.at, result.lam, problem.robot.rows.active
     by_q = differences(problem, evaluation, lam, wanted.sides) if wanted.sides else None
     by_sides = by_q.residual if by_q else np.zeros((problem.pattern.n_dof, 0))
     pulls = by_sides[:, :0] if wanted.stresses is None else problem.rod_forces(evaluation, wanted.stresses)
-    condensation = condense(problem, evaluation, lam, result.tangent, cost, np.hstack([by_sides, pulls]), wanted.enough)
+    condensation = condense(problem, evaluation, lam, result.tangent, cost, np.hstack([by_sides, pulls]), enough)
     W, moved_by_sides, answers = condensation.condensed.W, *np.split(condensation.y, [by_sides.shape[1]], axis=1)
     pushed = None
     if wanted.pushed is not None:

@@ -32,7 +32,9 @@ _NO_PUSH = 1e-9  # of the largest multiplier: what a one-sided row that holds ma
 
 @dataclass(frozen=True)
 class NewtonSettings:
-    """tolerance:      of the relative residual, where rounding lets it be reached
+    """Settings of Newton's method and of the continuation.
+
+    tolerance:      of the relative residual, where rounding lets it be reached
     max_iterations: of one load step
     slow:           contraction above which the tangent is factorised again (0.4: fewest seconds on the finger)
     max_growth:     fresh corrections in a row that may be larger than the one before

@@ -14,7 +14,9 @@ from cfem.mechanics.viscosity import Viscosity
 
 @dataclass(frozen=True)
 class Robot:
-    """name:      of the scene
+    """What the equations know of a robot.
+
+    name:       of the scene
     body:       the elastic body at rest
     fixed:      indices of held nodes
     actuators:  one constraint a row, in the order of rows.actuators

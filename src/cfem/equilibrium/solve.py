@@ -6,17 +6,13 @@ status says of which kind the critical point is. A cable that is told its length
 Newton's method finds which ones are slack."""
 
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.sparse as sp
 
-from cfem.constraint.protocol import Watched
 from cfem.equilibrium.actuation import Actuation, pulling_only
 from cfem.equilibrium.criticality import classify, softest_mode
-from cfem.equilibrium.derivatives.parameter_slopes import Sides
-from cfem.equilibrium.derived import Derived, Wanted, derive
+from cfem.equilibrium.derived import W_ALONE, Derived, Wanted, derive
 from cfem.equilibrium.evaluation import SolveCost, Tangent
 from cfem.equilibrium.newton import NewtonResult, NewtonSettings, judged, newton
 from cfem.equilibrium.problem import Problem
@@ -43,37 +39,26 @@ def solve(
     start: State | None = None,
     base: State | None = None,
     settings: NewtonSettings = DEFAULT,
-    condense: bool = True,
     slack: bool = True,
-    third_order: bool = False,
-    sides: Sequence[Sides] = (),
-    mass: sp.csr_array | None = None,
-    pushed: Watched | None = None,
-    keep: bool = False,
-    loads: int = 0,
-    stresses: np.ndarray | None = None,
     tangent: Tangent | None = None,
+    wanted: Wanted = W_ALONE,
 ) -> Equilibrium:
     """Equilibrium under `actuation`: by Newton's method from `start` where one is given; failing that by continuation
     from the equilibrium `base`; failing that from rest. An actuation of the actuators alone leaves contacts free.
 
-    slack: let unilateral actuators go slack rather than push. condense: also W and delta_free; third_order: and the
-    derivatives of W; sides: and the slopes by the parameters in which these differ from the problem; mass: (n, n) t of
-    the nodes, and what the rows need to move (inertia.py); pushed: and about how all nodes yield to forces on these
-    rows, by the factor at hand; keep: and what further derivatives start from; loads: and so many
-    derivatives, of at most two, of the effectors' compliance by loads on them; stresses: with mass, of the inner
-    motions of a robot of sections in a row (inner.py); tangent: of a state near the start, with which Newton's method
-    begins.
+    slack: let unilateral actuators go slack rather than push
+    tangent: of a state near the start, with which Newton's method begins
+    wanted: what is asked of the state beside itself
+
     Never raises for numerical failure: `status` says how it ended and the state is the last one reached."""
     demand_without_friction(problem.robot)
     begin, cost = time.perf_counter(), SolveCost()
     actuation = actuation.padded(problem.n_active)
     if not _finite(problem, actuation, start, base):
-        return _answer(problem, _not_finite(problem, actuation), actuation, settings, cost, begin, Wanted())
+        return _answer(problem, _not_finite(problem, actuation), actuation, settings, cost, begin, wanted)
     if slack:
         actuation = pulling_only(actuation, problem.robot.unilateral)
     path = _reach(problem, actuation, start, base, settings, cost, tangent)
-    wanted = Wanted(condense, third_order, sides, mass, pushed, keep, loads, stresses, settings.condensed)
     return _answer(problem, path, actuation, settings, cost, begin, wanted)
 
 
@@ -189,7 +174,7 @@ def _answer(
     status, derived = result.status, Derived()
     if status is Status.CONVERGED and wanted.condense:
         try:
-            derived, stable = derive(problem, result, actuation.only(result.held), wanted, cost)
+            derived, stable = derive(problem, result, actuation.only(result.held), wanted, settings.condensed, cost)
             status = status if stable else Status.UNSTABLE
         except SingularMatrixError:
             status = Status.SINGULAR

@@ -23,7 +23,8 @@ from cfem.mechanics.rod import region as rods
 
 @dataclass(frozen=True)
 class Viscosity:
-    """relaxation: tau of Kelvin-Voigt, s; prony: (g, tau) of each term, g a share of the modulus after a long time."""
+    """Viscosity of a material. relaxation: tau of Kelvin-Voigt, s; prony: (g, tau) of each term, g a share of the
+    modulus after a long time."""
 
     relaxation: float = 0.0
     prony: tuple[tuple[float, float], ...] = ()

@@ -40,9 +40,9 @@ class Outputs:
 
 
 class Differentiable(FiniteElementFamily):
-    """fields: names of numbers that are computed from the deformed body, of FIELDS or VIBRATIONS, beside `volume`
-    (mm^3) and, where the scene has densities, `mass` (t). Every parameter is varied, Young's modulus of a homogeneous
-    robot too."""
+    """Family of finite elements with derivatives by its parameters. fields: names of numbers that are computed from the
+    deformed body, of FIELDS or VIBRATIONS, beside `volume` (mm^3) and, where the scene has densities, `mass` (t). Every
+    parameter is varied, Young's modulus of a homogeneous robot too."""
 
     def __init__(
         self,

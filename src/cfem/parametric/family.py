@@ -17,7 +17,8 @@ Kind = Literal["displacement", "force"]
 
 
 class Family(Protocol):
-    """stencil: how its responses are differenced by the parameters' coordinates, in shares of their ranges."""
+    """A family of robots. stencil: how its responses are differenced by the parameters' coordinates, in shares of their
+    ranges."""
 
     rows: Rows
     actuator_units: tuple[tuple[str, str], ...]
@@ -100,7 +101,8 @@ class FiniteElementFamily:
         self.solves = 0
 
     def at(self, kind: Kind, u: np.ndarray, p: np.ndarray, push: np.ndarray | None = None) -> States:
-        """push: (n_e,) N dead loads on the effectors."""
+        """States with these displacements or forces u of robots p (m, n_p), solved one by one. push: (n_e,) N dead
+        loads on the effectors."""
         p = np.asarray(p, float)
         u = np.broadcast_to(u, (len(p), self.rows.n_a))
         softer = np.prod((self._reference / p)[:, self._exact], axis=1)
@@ -130,6 +132,7 @@ class FiniteElementFamily:
     ) -> tuple[Any, Any]:
         """The equilibrium and its problem; p without exact parameters; keep: as `equilibrium.solve` has it."""
         from cfem.equilibrium import actuation
+        from cfem.equilibrium.derived import Wanted
         from cfem.equilibrium.problem import Problem
         from cfem.equilibrium.solution import State
         from cfem.equilibrium.solve import solve
@@ -145,7 +148,7 @@ class FiniteElementFamily:
         if alike:
             _, state, X_there, _ = min(alike, key=lambda known: float(np.abs(known[0] - place).max()))
             start = State(X + (state.x - X_there), state.pressure, state.lam)
-        equilibrium = solve(problem, getattr(actuation, kind)(u), start, slack=False, keep=keep)
+        equilibrium = solve(problem, getattr(actuation, kind)(u), start, slack=False, wanted=Wanted(keep=keep))
         self.solves += 1
         if not equilibrium.converged:
             named = {parameter.name: float(value) for parameter, value in zip(self._learned, p, strict=True)}

@@ -155,7 +155,8 @@ def demand_finite(predictor: Predictor) -> None:
 
 
 def read_meta(folder: Path) -> dict:
-    """model.json; InputError where it is missing, damaged or of a kind or format that this version does not know."""
+    """Content of model.json. InputError where it is missing, damaged or of a kind or format that this version does not
+    know."""
     path = artefact_file(folder, "model.json")
     meta = {**ABSENT, **read_json(path)}
     if meta.get("format") != FORMAT:

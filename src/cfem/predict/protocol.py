@@ -93,7 +93,7 @@ class Predictor(ABC):
         return self.skin.joined(self.at_displacement(delta_a, p), *self.learned_inputs(delta_a, p), softer)
 
     def learned_inputs(self, delta_a: ArrayLike, p: ArrayLike | None) -> tuple[np.ndarray, np.ndarray]:
-        """s (..., n_a) of the form at the reference of exact parameters, and q (..., n_q), at displacements."""
+        """Inputs s (..., n_a) of the form at the reference of exact parameters, and q (..., n_q), at displacements."""
         s = np.asarray(delta_a, float)
         if s.shape[-1:] != (self.rows.n_a,) or not np.isfinite(s).all():
             raise self._not_one_each(delta_a, "a state of displacements")

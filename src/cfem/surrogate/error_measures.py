@@ -62,7 +62,8 @@ def beyond_buckling(dataset: Any, W: np.ndarray, delta_free: np.ndarray) -> dict
 
 
 def state(rows: Rows, W: np.ndarray, delta_free: np.ndarray, delta_a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """lambda_a = W_aa^-1 (delta_a - delta_free_a) (m, n_a) and delta_e = W_ea lambda_a + delta_free_e (m, n_e)."""
+    """State of a model, lambda_a = W_aa^-1 (delta_a - delta_free_a) (m, n_a) and delta_e = W_ea lambda_a + delta_free_e
+    (m, n_e)."""
     e, a = rows.e, rows.a
     lambda_a = np.linalg.solve(W[:, a, a], (delta_a - delta_free[:, a])[..., None])
     return lambda_a[..., 0], (W[:, e, a] @ lambda_a)[..., 0] + delta_free[:, e]

@@ -148,7 +148,8 @@ def add_skin(
 def train_and_judge(
     training: Any, test: Any, spec: ModelSpec, folder: Path | None = None
 ) -> tuple[dict[str, Any], dict[str, np.ndarray], dict[str, Any]]:
-    """model.json, arrays, results (errors on the test rows, history, seconds). folder: for checkpoints, if any."""
+    """Content of model.json, arrays, and results (errors on the test rows, history, seconds). folder: for checkpoints,
+    if any."""
     from cfem.surrogate.error_measures import measure, of_loads
     from cfem.surrogate.model_card import model_card
     from cfem.surrogate.semidefinite import locked_compliance
@@ -245,7 +246,7 @@ def check_definite(predictor: Predictor, training: Any) -> dict[str, Any]:
 
 
 def model_inputs(predictor: Predictor, test: Any) -> tuple[np.ndarray, np.ndarray]:
-    """s (m, n_a) by the model's form, p (m, n_p) of the test states."""
+    """Inputs s (m, n_a) by the model's form, p (m, n_p) of the test states."""
     s = test.delta_a if predictor.form == "displacement" else test.lambda_a
     return s, completed(predictor.parameters, test.p)
 

@@ -34,8 +34,8 @@ class Parametric(nn.Module):
 
 
 class LearnedInputs(nn.Module):
-    """s and p to s at the reference of exact parameters, the coordinates q of the others, and how much softer the robot
-    is than the reference (B, 1)."""
+    """Map of s and p to s at the reference of exact parameters, the coordinates q of the others, and how much softer
+    the robot is than the reference (B, 1)."""
 
     def __init__(self, form: Form, parameters: tuple[Parameter, ...]):
         super().__init__()

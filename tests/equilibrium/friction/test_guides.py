@@ -9,6 +9,7 @@ from support.rods import rod_problem
 from cfem.constraint.rod_cable import make_rod_cable
 from cfem.core.errors import SpecError
 from cfem.equilibrium.actuation import force
+from cfem.equilibrium.derived import Wanted
 from cfem.equilibrium.friction.guides import slipping, solve_slipping
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solution import Status
@@ -33,7 +34,7 @@ def height(found):
 def test_loading_bends_less_and_unloading_more(rods):
     free, rubbing = rods
     lam = force(np.array([0.05]))
-    without = height(solve(free, lam, condense=False))
+    without = height(solve(free, lam, wanted=Wanted(condense=False)))
     loading, shares = solve_slipping(rubbing, lam)
     unloading, _ = solve_slipping(rubbing, lam, ways=-1.0)
     assert height(loading) < without < height(unloading)

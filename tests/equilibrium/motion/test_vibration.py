@@ -14,6 +14,7 @@ from cfem.dynamics.problem import MovingProblem
 from cfem.equilibrium import actuation
 from cfem.equilibrium.derivatives.adjoint import Weights, gradients
 from cfem.equilibrium.derivatives.parameter_slopes import Sides
+from cfem.equilibrium.derived import Wanted
 from cfem.equilibrium.motion.inertia import mass_of, times_mass
 from cfem.equilibrium.motion.vibration import lowest
 from cfem.equilibrium.problem import Problem
@@ -30,7 +31,7 @@ def dense(robot):
 
 def pulled(robot, held=HELD["displacement"], start=None):
     problem = Problem(robot)
-    state = solve(problem, held, start, settings=EXACT, keep=True)
+    state = solve(problem, held, start, settings=EXACT, wanted=Wanted(keep=True))
     assert state.converged
     return problem, state
 

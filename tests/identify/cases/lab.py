@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 from cfem.core.spec import load_spec
 from cfem.core.stage import Options
 from cfem.equilibrium.actuation import force
+from cfem.equilibrium.derived import Wanted
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import solve
 from cfem.robot.build import build_robot
@@ -78,7 +79,7 @@ def rows(folder, tensions, rng, name="given"):
     problem = Problem(build_robot(load_spec(folder / "scene.yaml", SceneSpec, [f"material.young={YOUNG} MPa"]), mesh))
     turn, found = Rotation.from_rotvec([ROLL, 0, 0]).as_matrix(), []
     for number, tension in enumerate(tensions):
-        at = solve(problem, force(np.array([tension])), condense=False)
+        at = solve(problem, force(np.array([tension])), wanted=Wanted(condense=False))
         rows = (at.delta_e + problem.robot.rest_e).reshape(2, 6)
         for marker, (which, off) in STAND_OFF.items():
             place = rows[which, :3] + Rotation.from_rotvec(rows[which, 3:]).as_matrix() @ off

@@ -22,6 +22,7 @@ from cfem.control.run_spec import PlannedSpec
 from cfem.core.console.progress import doing, progress
 from cfem.core.errors import CfemError
 from cfem.equilibrium.actuation import displacement
+from cfem.equilibrium.derived import Wanted
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.robot import Robot
 from cfem.equilibrium.solution import Equilibrium, State
@@ -118,7 +119,7 @@ def mesh_error(
         for one in states:
             hexahedra = mesh.cells.shape[1] == 8
             start = None if hexahedra else State(carried_over(mesh, one.state.x, finer), np.empty(0), one.state.lam)
-            solved = solve(problem, displacement(one.delta_a), start, condense=False)
+            solved = solve(problem, displacement(one.delta_a), start, wanted=Wanted(condense=False))
             advance(1)
             if solved.converged:
                 found.append(_difference(robot, one, solved))

@@ -2,7 +2,6 @@
 rigid patch, leave of them."""
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -17,10 +16,11 @@ from cfem.core.errors import NumericalError
 from cfem.equilibrium.actuation import displacement
 from cfem.equilibrium.contact.held_patch import held
 from cfem.equilibrium.derivatives.third_order import load_derivatives, skin_load_derivatives
+from cfem.equilibrium.derived import Wanted
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.robot import Robot
 from cfem.equilibrium.skinned import skinned
-from cfem.equilibrium.solution import Equilibrium, Linearisation
+from cfem.equilibrium.solution import Equilibrium, Linearisation, State
 from cfem.equilibrium.solve import solve
 
 
@@ -64,11 +64,11 @@ def patch_response(robot: Robot, skin: Skin, patches: Patches, states: np.ndarra
     start, bent, dented = None, [], []
     with progress(f"pushing {len(patches)} patches of the surface by FE, in bent states", len(states)) as advance:
         for j, delta in enumerate(states):
-            moved = _solved(shown, delta, base=start, keep=True)
+            moved = _solved(shown, delta, base=start)
             start = moved.state
             bent.append(skin_load_derivatives(moved.linear))
             lam = np.concatenate([start.lam, np.zeros(rows.n_c)])
-            pushed = _solved(problem, delta, start=replace(start, lam=lam), keep=True).linear
+            pushed = _solved(problem, delta, start=replace(start, lam=lam)).linear
             dented.append(_dented(pushed))
             W = pushed.W
             across = W[rows.c, rows.a]
@@ -93,9 +93,10 @@ def _dented(linear: Linearisation) -> np.ndarray:
     return np.stack(changes)
 
 
-def _solved(problem: Problem, delta: np.ndarray, **how: Any) -> Equilibrium:
-    """Equilibrium at delta (n_a,) mm. NumericalError where there is none."""
-    equilibrium = solve(problem, displacement(delta), slack=False, **how)
+def _solved(problem: Problem, delta: np.ndarray, start: State | None = None, base: State | None = None) -> Equilibrium:
+    """Equilibrium at delta (n_a,) mm, with its linearisation, from `start` or else from `base`.
+    NumericalError where there is none."""
+    equilibrium = solve(problem, displacement(delta), start, base, slack=False, wanted=Wanted(keep=True))
     if not equilibrium.converged:
         raise NumericalError(f"patches of the surface: {equilibrium.status.value}")
     return equilibrium

@@ -12,6 +12,7 @@ from cfem.constraint.surface import outer_surface
 from cfem.core.console.progress import progress
 from cfem.core.errors import NumericalError
 from cfem.equilibrium.actuation import displacement
+from cfem.equilibrium.derived import Wanted
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.robot import Robot
 from cfem.equilibrium.solve import solve
@@ -53,7 +54,7 @@ def patch_yield(robot: Robot, patches: Sequence[PatchLoad], states: np.ndarray) 
     problem, n_e, start, columns = Problem(with_patches(robot, patches)), robot.rows.n_e, None, []
     with progress("FE states under a force on the surface", len(states)) as advance:
         for delta in states:
-            solved = solve(problem, displacement(delta), start, slack=False, loads=True)
+            solved = solve(problem, displacement(delta), start, slack=False, wanted=Wanted(loads=True))
             if not solved.converged:
                 raise NumericalError(f"patches under loads: {solved.status.value}")
             start, condensed = solved.state, solved.condensed

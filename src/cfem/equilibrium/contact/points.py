@@ -21,6 +21,7 @@ from cfem.contact.solve import FEW, ContactSolution, ContactStatus, solve_contac
 from cfem.contact.step_status import StepStatus
 from cfem.equilibrium.actuation import Actuation
 from cfem.equilibrium.contact.held_patch import contact_points, held
+from cfem.equilibrium.derived import Wanted
 from cfem.equilibrium.evaluation import Tangent
 from cfem.equilibrium.newton import NewtonSettings
 from cfem.equilibrium.problem import Problem
@@ -104,7 +105,7 @@ class PlacedRobot:
         tangent = known.tangent if known.tangent is problem.latest else None
         near = start is not None and known.near(asked, problem.robot.length)
         settings = NewtonSettings(tolerance=tolerance, condensed=CONDENSED)
-        equilibrium = solve(problem, asked, start, start, settings, condense=not near, tangent=tangent)
+        equilibrium = solve(problem, asked, start, start, settings, tangent=tangent, wanted=Wanted(condense=not near))
         if near and equilibrium.converged and (equilibrium.slack != known.slack).any():
             near, start = False, equilibrium.state
             equilibrium = solve(problem, asked, start, start, settings, tangent=problem.latest)

@@ -12,6 +12,7 @@ from cfem.equilibrium.actuation import displacement
 from cfem.equilibrium.contact.held_patch import held
 from cfem.equilibrium.contact.patch_compliance import with_patches
 from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
+from cfem.equilibrium.derived import Wanted
 from cfem.equilibrium.evaluation import Evaluation, SolveCost, Tangent
 from cfem.equilibrium.newton import Correction, NewtonSettings, advanced, closed
 from cfem.equilibrium.problem import Problem
@@ -71,7 +72,8 @@ class PressedRobot:
             self._Z = self._tangent.factor.solve(H) if H.size else H
 
     def linear(self) -> tuple[np.ndarray, np.ndarray]:
-        """shift (3 c,) mm and C (3 c, 3 c) mm/N, by the factor at hand. Raises SingularMatrixError and LinAlgError."""
+        """Linearisation of the patches, shift (3 c,) mm and C (3 c, 3 c) mm/N, by the factor at hand. Raises
+        SingularMatrixError and LinAlgError."""
         self._fresh = self._tangent is None
         if self._tangent is None:
             self._tangent = self.problem.factor(self.at, self.lam, self.cost, self._begin)
@@ -148,4 +150,4 @@ class PressedRobot:
         """The state, solved again with the patches held where they are."""
         actuation = held(displacement(self.delta), self.at.delta[len(self.delta) :])
         start = State(self.at.x, self.at.pressure, self.lam, self.at.load)
-        return solve(self.problem, actuation, start=start, base=start, settings=STRICT, condense=False)
+        return solve(self.problem, actuation, start=start, base=start, settings=STRICT, wanted=Wanted(condense=False))

@@ -24,6 +24,7 @@ from cfem.contact.step_status import StepStatus
 from cfem.equilibrium.actuation import displacement
 from cfem.equilibrium.contact.pressed_robot import STRICT, PressedRobot
 from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
+from cfem.equilibrium.derived import Wanted
 from cfem.equilibrium.evaluation import SolveCost
 from cfem.equilibrium.quasi_static import all_carried_out
 from cfem.equilibrium.solution import Equilibrium
@@ -148,7 +149,8 @@ class _Step:
         if before is None:
             each = zip(scene.robots, deltas, strict=True)
             self.solved = [
-                solve(robot.problem, displacement(delta), settings=STRICT, condense=False) for robot, delta in each
+                solve(robot.problem, displacement(delta), settings=STRICT, wanted=Wanted(condense=False))
+                for robot, delta in each
             ]
             self._cost.factorizations = sum(solved.factorizations for solved in self.solved)
             if not all(solved.converged for solved in self.solved):

@@ -13,6 +13,7 @@ import numpy as np
 from cfem.constraint.cable import Cable
 from cfem.constraint.rod_cable import RodCable
 from cfem.equilibrium.actuation import Actuation
+from cfem.equilibrium.derived import Wanted
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.robot import Robot
 from cfem.equilibrium.solution import Equilibrium, State, Status
@@ -39,13 +40,13 @@ def solve_slipping(
     start from. Status INACCURATE where shape and shares do not settle."""
     robot = problem.robot
     if not has_friction(robot):
-        return solve(problem, actuation, start, condense=False), _own(robot)
+        return solve(problem, actuation, start, wanted=Wanted(condense=False)), _own(robot)
     ways = np.broadcast_to(ways, len(robot.actuators))
     now = shares or _own(robot)
     weight, last = 1.0, None
     for _ in range(_TURNS):
         held = Problem(replace(robot, actuators=_with(robot, now)), like=problem)
-        equilibrium = solve(held, actuation, start, condense=False)
+        equilibrium = solve(held, actuation, start, wanted=Wanted(condense=False))
         if equilibrium.status is not Status.CONVERGED:
             return equilibrium, now
         start, wanted = equilibrium.state, _slipping(robot, equilibrium.state.x, ways, now)

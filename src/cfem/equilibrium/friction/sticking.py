@@ -20,6 +20,7 @@ from cfem.constraint.cable import Cable
 from cfem.constraint.protocol import Constraint
 from cfem.constraint.rod_cable import RodCable
 from cfem.equilibrium.actuation import force
+from cfem.equilibrium.derived import Wanted
 from cfem.equilibrium.evaluation import SolveCost
 from cfem.equilibrium.problem import Evaluation, Problem
 from cfem.equilibrium.robot import Robot
@@ -90,7 +91,7 @@ class Follower:
             shares = mine / command if command > 0 else np.ones(len(mine))
             actuators[number] = replace(cable, shares=shares, friction=0.0)
         held = Problem(replace(robot, actuators=tuple(actuators)), like=self._whole)
-        return solve(held, force(forces), start, condense=False)
+        return solve(held, force(forces), start, wanted=Wanted(condense=False))
 
     def _evaluate(self, state: State) -> Evaluation:
         return self._split.evaluate(state.x, state.pressure, state.load)

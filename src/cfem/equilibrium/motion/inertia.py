@@ -8,7 +8,8 @@ On the motions (Z, Y) stiffness is [[W, V], [V, V2]] and mass [[V, V2], [V2, V3]
 frequencies are from above, exact to the fourth moment (Craig, Int. J. Numer. Methods Eng. 1968; Bai, Appl. Numer. Math.
 43, 2002). Y costs as many triangular solves as Z, and no factorisation.
 
-A robot of sections in a row has inner motions instead (inner.py), which cost a few solves, and V alone of the rows."""
+A robot of sections in a row has inner motions instead (inner_motions.py), which cost a few solves, and V alone of the
+rows."""
 
 from dataclasses import dataclass
 
@@ -80,7 +81,7 @@ def inertia(
 ) -> tuple[Inertia, np.ndarray | None]:
     """Inertia of the equilibrium that was condensed, without a factorisation, and Y (n_dof, n), None where nothing
     needs it. mass: of `mass_of`; stressed: for inner motions, the forces (n_dof, k) of the stresses of
-    `inner.rod_stresses` and A^-1 of them; derivatives: whether dV will be asked for."""
+    `inner_motions.rod_stresses` and A^-1 of them; derivatives: whether dV will be asked for."""
     Z, Y, symmetric = condensation.Z, None, lambda each: (each + each.T) / 2
     G = None if stressed is None else _answers(problem, evaluation, condensation, *stressed)
     heavy = times_mass(problem, mass, evaluation.x, Z if G is None else np.hstack([Z, G.motions]))
@@ -98,8 +99,8 @@ def inertia(
 
 @dataclass(frozen=True)
 class _Answers:
-    """motions (n_dof, k) that leave the actuators alone, under the forces (n_dof, k) of stresses; quasi (n_dof, n_a):
-    quasi-static motions of the actuators."""
+    """Answers to stresses: motions (n_dof, k) that leave the actuators alone, under the forces (n_dof, k) of stresses;
+    quasi (n_dof, n_a): quasi-static motions of the actuators."""
 
     motions: np.ndarray
     pulls: np.ndarray

@@ -11,6 +11,7 @@ import scipy.sparse as sp
 
 from cfem.equilibrium.actuation import Actuation, force, pull
 from cfem.equilibrium.condensation import EXACT, refined
+from cfem.equilibrium.derived import Wanted
 from cfem.equilibrium.motion.inertia import times_mass
 from cfem.equilibrium.motion.vibration import lowest_modes
 from cfem.equilibrium.problem import Problem
@@ -31,7 +32,7 @@ def rod_stresses(problem: Problem, mass: sp.csr_array) -> np.ndarray:
     weights = np.sqrt(rod.stiffness / rod.length[:, None])
     seen = []
     for share in np.vstack([np.zeros(n_a), qmc.Halton(n_a, seed=0).random(STATES)]):
-        equilibrium = solve(problem, _actuation(problem, share), keep=True)
+        equilibrium = solve(problem, _actuation(problem, share), wanted=Wanted(keep=True))
         if equilibrium.converged:
             seen.append(_strains(problem, mass, equilibrium) * weights[:, :, None])
     snapshots = np.concatenate(seen, axis=2).reshape(weights.size, -1)

@@ -75,8 +75,8 @@ def lowest_modes(
     n: int,
     count: int,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """squares (k,) 1/s^2, lowest first, shapes (n, k) of mass 1, and the multipliers nu (c, k) of the rows held, whose
-    gradients are H (n, c); solve: A^-1 of (n, k); heavy: M times (n, k)."""
+    """Lowest modes: squares (k,) 1/s^2, lowest first, shapes (n, k) of mass 1, and the multipliers nu (c, k) of the
+    rows held, whose gradients are H (n, c); solve: A^-1 of (n, k); heavy: M times (n, k)."""
     ZH = solve(H) if H.shape[1] else H
     S = H.T @ ZH
 

@@ -75,7 +75,7 @@ def curvature(strain: RodStrain, weights: np.ndarray) -> np.ndarray:
 
 
 def screw(e: np.ndarray, h: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """p (m, 3) mm and rotation (m, 3, 3) of the relative motions with stretch e (m, 6): the inverse of `stretch`."""
+    """Relative motions, p (m, 3) mm and rotation (m, 3, 3), with stretch e (m, 6): the inverse of `stretch`."""
     theta, u = e[:, 3:], e[:, :3].copy()
     u[:, 0] += h
     turn = Rotation.from_rotvec(theta).as_matrix()
@@ -104,7 +104,7 @@ def _cross_into(v, scale, out):
 
 @njit(cache=True)
 def _inverse_jacobian(theta, c, side, out):
-    """out (3, 3) = 1 + side [theta] / 2 + c [theta]^2: side -1 the left one, +1 the right one."""
+    """Fills out (3, 3) = 1 + side [theta] / 2 + c [theta]^2: side -1 the left one, +1 the right one."""
     s = theta[0] ** 2 + theta[1] ** 2 + theta[2] ** 2
     for i in range(3):
         for j in range(3):
@@ -115,7 +115,7 @@ def _inverse_jacobian(theta, c, side, out):
 
 @njit(cache=True)
 def _slope(theta, v, c, half, out):
-    """out (3, 3): derivative by theta of -half theta x v + c theta x (theta x v)."""
+    """Fills out (3, 3) with the derivative by theta of -half theta x v + c theta x (theta x v)."""
     s, along = 0.0, 0.0
     for i in range(3):
         s += theta[i] * theta[i]
@@ -130,7 +130,8 @@ def _slope(theta, v, c, half, out):
 
 @njit(cache=True)
 def _second(theta, n, p, c, out):
-    """out (3, 3): second derivative by theta of n . V^-1 p, which is that of c Q, Q = n . (theta x (theta x p))."""
+    """Fills out (3, 3) with the second derivative by theta of n . V^-1 p, which is that of c Q, Q = n . (theta x (theta
+    x p))."""
     s, n_theta, p_theta, n_p = 0.0, 0.0, 0.0, 0.0
     for i in range(3):
         s += theta[i] * theta[i]
@@ -266,8 +267,8 @@ def _curvature(Ra, Rb, theta, p, c, weights, out):
 
 @njit(cache=True)
 def _to_motions(Ra, Rb, H, L, out):
-    """out (12, 12): H (9, 9), by (tau, alpha, beta) in the axes of the sections, by the motions in the axes at rest. H
-    and L are overwritten."""
+    """Fills out (12, 12) with H (9, 9), by (tau, alpha, beta) in the axes of the sections, by the motions in the axes
+    at rest. H and L are overwritten."""
     for i in range(9):
         for block in range(3):
             R = Rb if block == 2 else Ra

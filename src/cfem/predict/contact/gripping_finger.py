@@ -57,7 +57,8 @@ class Response:
 
 @dataclass(frozen=True)
 class LearnedFinger:
-    """`Touching`, placed by turn (3, 3) and shift (3,) mm. model: of (its actuators, the pose of `patch`)."""
+    """`PointRobot`: a learned robot placed by turn (3, 3) and shift (3,) mm. model: of (its actuators, the pose of
+    `patch`)."""
 
     model: Model
     patch: Patch

@@ -61,7 +61,7 @@ class Carrying:
 
 @dataclass(frozen=True)
 class LearnedLeg:
-    """`Touching`: a learned robot placed by turn (3, 3) and shift (3,) mm.
+    """`PointRobot`: a learned robot placed by turn (3, 3) and shift (3,) mm.
 
     held: the model's quantities at delta_a (n_a,) mm
     unilateral: (n_a,) actuators that can go slack
@@ -143,6 +143,6 @@ def holding(
 
 
 def _system(now: Loaded, slack: np.ndarray) -> np.ndarray:
-    """d(e, -lambda of the slack) / d(f, delta_a of the slack); d lambda_a / d f = -(d e / d delta_a)^T."""
+    """Matrix d(e, -lambda of the slack) / d(f, delta_a of the slack); d lambda_a / d f = -(d e / d delta_a)^T."""
     G = now.G[:, slack]
     return np.block([[now.C, G], [G.T, -now.K[np.ix_(slack, slack)]]])

@@ -71,7 +71,7 @@ class Rounds:
 
     @property
     def gap(self) -> float:
-        """mm, the smallest of all."""
+        """Smallest gap of all, mm."""
         soft = np.inf if self.soft is None else self.soft.pairs.gaps.min(initial=np.inf)
         return float(min(soft, self.distance.min(initial=np.inf)))
 

@@ -280,7 +280,7 @@ class Estimator:
         )
 
     def split(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """delta_a (n_a,) mm and loads (n_w,) N of unknowns x (n_a + n_w,)."""
+        """Displacements delta_a (n_a,) mm and loads (n_w,) N of unknowns x (n_a + n_w,)."""
         return x[: self.model.rows.n_a], x[self.model.rows.n_a :]
 
     def effectors(self, delta_a: np.ndarray, loads: np.ndarray) -> np.ndarray:

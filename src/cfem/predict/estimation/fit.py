@@ -141,7 +141,7 @@ class Search:
     iterations: int = FIRST
 
     def bounded(self, x: np.ndarray) -> np.ndarray:
-        """x (n,) within the box."""
+        """Point x (n,) moved into the box."""
         return np.clip(x, *self.box.T)
 
 

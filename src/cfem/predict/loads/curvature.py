@@ -35,7 +35,7 @@ class CurvatureSeries:
         self._of_pair = places[:, :, *self._pairs.rows]
 
     def at(self, delta_a: np.ndarray) -> "HeldCurvature":
-        """delta_a: (n_a,) mm."""
+        """Curvature at delta_a (n_a,) mm, for any wrench."""
         values = self._basis(self._box(delta_a))
         return HeldCurvature(self, (values @ self._slopes).reshape(-1, len(values)), values @ self._coefficients)
 
@@ -70,8 +70,8 @@ class HeldCurvature:
 
 
 class _Monomials:
-    """w_i w_j ... of n numbers, i <= j <= ..., each over the factorials of how often its numbers occur: the terms of
-    a symmetric form of that degree over the factorial of the degree."""
+    """Monomials w_i w_j ... of n numbers, i <= j <= ..., each over the factorials of how often its numbers occur: the
+    terms of a symmetric form of that degree over the factorial of the degree."""
 
     def __init__(self, n: int, degree: int):
         terms = list(combinations_with_replacement(range(n), degree))

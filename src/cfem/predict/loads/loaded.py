@@ -121,7 +121,7 @@ def wrench_error(
     patches: Sequence[PatchLoad] = (),
     by_fe: PatchYield | None = None,
 ) -> float:
-    """mm: about how far the loaded model is wrong where that is worst among the training states. Without D: a slender
+    """Estimated error, mm, of the loaded model, where that is worst among the training states. Without D: a slender
     body that a force moves by d is stiffer or softer after it by a share of about d over its length, d^2 / length. With
     D: the terms of e_w fall like a geometric series, so that the first left out is the square of the last over the one
     before. Of patches, a share of what they move the effectors by comes on top: LEFT by the modes of the skin, FITTED

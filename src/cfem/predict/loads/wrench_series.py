@@ -84,7 +84,7 @@ class WrenchSeries:
         self._curvature = CurvatureSeries(model, watched) if FOURTH in model.arrays and rows.D is not None else None
 
     def at(self, delta_a: np.ndarray) -> "Held":
-        """delta_a: (n_a,) mm."""
+        """Quantities at delta_a (n_a,) mm, for any wrench."""
         n = self._n_a
         flat = (self._basis(self._box(delta_a)) @ self._coefficients).reshape(1 + n + n * n, -1)
         D = None if self._unpack3 is None else flat[:, self._unpack3]
@@ -134,7 +134,7 @@ class Held:
 
 
 def continued(u: float, v: float, q: float | None = None) -> tuple[float, np.ndarray, np.ndarray]:
-    """r, and the first and second derivatives of u h(r) by u and v, and q where it is known."""
+    """The ratio r, and the first and second derivatives of u h(r) by u and v, and q where it is known."""
     r = v / u
     if q is None:
         slope, bend = np.array([-r, 1.0]) / u, np.array([[2 * r, -1.0], [-1.0, 0.0]]) / u**2
@@ -150,7 +150,7 @@ def continued(u: float, v: float, q: float | None = None) -> tuple[float, np.nda
 
 
 def softening(r: float) -> tuple[float, float, float]:
-    """h(r) and its first two derivatives."""
+    """The function h(r) and its first two derivatives."""
     near = min(max(r, STIFF), NEAR)
     s, more = 1.0 / (1.0 - near), r - near
     h, h1, h2 = s, s * s, 2.0 * s**3

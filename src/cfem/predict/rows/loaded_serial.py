@@ -102,8 +102,9 @@ def _placed(A: np.ndarray, dA: np.ndarray, d2A: np.ndarray, x: np.ndarray, colum
 
 
 class LoadedSerialPredictor(SerialPredictor):
-    """meta has `wrench` (n_e,) N on the effectors of the whole too. patches: forces on its surface, which the modules'
-    own skins bear: rows behind those of the pose. An exported one has them in `meta`, and these skins in `arrays`."""
+    """Predictor of modules in a row under loads. meta has `wrench` (n_e,) N on the effectors of the whole too. patches:
+    forces on its surface, which the modules' own skins bear: rows behind those of the pose. An exported one has them in
+    `meta`, and these skins in `arrays`."""
 
     def __init__(self, meta: dict, arrays: dict[str, np.ndarray], patches: RowPatches | None = None):
         """Builds the modules' series with the rows of their patches."""
@@ -130,8 +131,8 @@ class LoadedSerialPredictor(SerialPredictor):
         return W, free
 
     def error(self) -> float:
-        """mm: about how far the tip is wrong where that is worst among the training states. Those are left out in which
-        an actuator that only pulled in training (a chamber: only pushed) would have to do the other under the loads,
+        """Estimated error of the tip, mm, where that is worst among the training states. Those are left out in which an
+        actuator that only pulled in training (a chamber: only pushed) would have to do the other under the loads,
         unless it is so in all: no robot goes there."""
         n_a, known = self.rows.n_a, self.domain.states
         states = known[:: max(1, len(known) // STATES), :n_a]
@@ -141,7 +142,7 @@ class LoadedSerialPredictor(SerialPredictor):
         return float((errors[kept] if kept.any() else errors).max())
 
     def error_at(self, delta_a: ArrayLike) -> float:
-        """mm: about how far the tip is wrong at one state, n_a actuators. Without D as
+        """Estimated error of the tip, mm, at one state, n_a actuators. Without D as
         `cfem.predict.loads.loaded.wrench_error`.
 
         With it, each module leaves out what follows its last term. With E that is the third, and what follows is
@@ -175,7 +176,8 @@ class LoadedSerialPredictor(SerialPredictor):
         return float(total) + self._error_of_patches(row, parts)
 
     def _error_of_patches(self, row: RowKinematics, parts: list[Loaded]) -> float:
-        """mm: as `cfem.predict.loads.loaded.wrench_error` without D, of what a patch moves its own module by."""
+        """Estimated error, mm, as `cfem.predict.loads.loaded.wrench_error` without D, of what a patch moves its own
+        module by."""
         C = block_diag(*(part.C[:, self.pose :] for part in parts))
         w = (self._forces @ row.B).reshape(len(parts), -1)[:, self.pose :].ravel()
         moved = float(np.linalg.norm(row.B[:3] @ (C @ w)))

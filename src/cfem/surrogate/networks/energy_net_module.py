@@ -11,7 +11,7 @@ from cfem.surrogate.torch_model import Condense
 
 
 class EnergyNet(nn.Module):
-    """forward(s (B, n_a), q (B, n_q)) -> W (B, n, n), delta_free (B, n); arrays as
+    """Torch module of the energy model, forward(s (B, n_a), q (B, n_q)) -> W (B, n, n), delta_free (B, n); arrays as
     cfem.predict.kinds.energy_net.EnergyNetPredictor."""
 
     def __init__(self, form: Form, rows: Rows, arrays: dict[str, np.ndarray], sizes: list[float] | None = None):

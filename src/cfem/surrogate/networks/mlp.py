@@ -119,7 +119,8 @@ def network_inputs(dataset: Any, spec: MlpSpec) -> tuple[np.ndarray, np.ndarray]
 
 
 def rest_model(folder: Path, dataset: Any) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """model.json and arrays of the model at rest. InputError where it is of other robots or does not know rest."""
+    """Content of model.json and arrays of the model at rest. InputError where it is of other robots or does not know
+    rest."""
     meta, arrays = read_model(folder)
     meta.pop("history", None)
     model = build(meta, arrays)

@@ -20,7 +20,8 @@ Judge = Callable[[dict[str, Any], Report], float]
 
 
 def search(judge: Judge, spec: MlpSearch, seed: int, table: Path | None = None) -> dict[str, Any]:
-    """choice: the best one; trials: number, choice, state (complete, pruned, diverged) and loss of each.
+    """Result of a search. choice: the best one; trials: number, choice, state (complete, pruned, diverged) and loss of
+    each.
 
     judge(choice, report): the loss of a choice, on validation rows. It calls report(epoch, loss) on its way, which ends
     the trials that are worse than half of the earlier ones were, and raises NumericalError where training diverges.
@@ -89,7 +90,7 @@ def _frozen(trial: dict[str, Any], ranges: dict[str, Any]) -> Any:
 
 
 def _distributions(over: MlpRanges) -> dict[str, Any]:
-    """optuna's form of the ranges that are given."""
+    """Ranges that are given, in optuna's form."""
     from optuna.distributions import CategoricalDistribution, FloatDistribution, IntDistribution
 
     distributions: dict[str, Any] = {}

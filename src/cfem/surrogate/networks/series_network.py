@@ -16,7 +16,8 @@ BLOCK = 4_000_000  # entries of a block of the Jacobian
 
 
 class Network:
-    """n inputs, `depth` hidden layers of `width` sines, q outputs; its weights are one vector theta (size,)."""
+    """Network of n inputs, `depth` hidden layers of `width` sines, q outputs; its weights are one vector theta
+    (size,)."""
 
     def __init__(self, n: int, width: int, depth: int, q: int):
         self.shapes = [(width, n), *[(width, width)] * (depth - 1), (q, width + n + n * (n + 1) // 2)]

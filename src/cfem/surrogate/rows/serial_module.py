@@ -9,8 +9,8 @@ from cfem.surrogate.torch_model import spd_inverse
 
 
 class Serial(nn.Module):
-    """models: of the modules, each at delta_a (B, n) -> W (B, p + n, p + n), delta_free (B, p + n), p of 6 or 9 rows;
-    row: what they make up."""
+    """Torch module of modules in a row. models: of the modules, each at delta_a (B, n) -> W (B, p + n, p + n),
+    delta_free (B, p + n), p of 6 or 9 rows; row: what they make up."""
 
     def __init__(self, models: list[nn.Module], row: SerialPredictor):
         """Takes over what the row knows of its modules."""

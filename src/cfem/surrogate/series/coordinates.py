@@ -6,8 +6,8 @@ BOX_MARGIN = 0.01  # of the range of the data: a polynomial of high degree grows
 
 
 def box_coordinates(s: np.ndarray, q: np.ndarray, metric: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """z = to_box t + offset in [-1, 1] on the states s (m, n_a), q (m, n_q): s turned to the principal axes of a
-    symmetric form (n_a, n_a) per unit^2 of s, each parameter on its own."""
+    """Box coordinates z = to_box t + offset in [-1, 1] on the states s (m, n_a), q (m, n_q): s turned to the principal
+    axes of a symmetric form (n_a, n_a) per unit^2 of s, each parameter on its own."""
     spread = np.ptp(s, axis=0)
     spread = np.where(spread > 0, spread, 1.0)
     return _scaled(s, q, np.linalg.eigh(metric * np.outer(spread, spread))[1].T / spread)

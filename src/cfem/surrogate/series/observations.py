@@ -49,7 +49,8 @@ class Observations:
 
 
 def inputs(dataset: Any, form: Form) -> tuple[np.ndarray, np.ndarray]:
-    """s (m, n_a), the displacements or multipliers, and q (m, n_q), the coordinates of the sampled parameters."""
+    """Inputs s (m, n_a), the displacements or multipliers, and q (m, n_q), the coordinates of the sampled
+    parameters."""
     s = dataset.delta_a if form == "displacement" else dataset.lambda_a
     return s, coordinates(parameters_of(dataset), dataset.p)
 

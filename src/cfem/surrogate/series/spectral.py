@@ -32,7 +32,7 @@ PILOT_TERMS = 600  # whole degrees that are tried first, of three or more coordi
 
 @dataclass(frozen=True)
 class Series:
-    """indices (M, n), coefficients (M, q) of one quantity in box coordinates."""
+    """Series of one quantity in box coordinates: indices (M, n), coefficients (M, q)."""
 
     indices: np.ndarray
     coefficients: np.ndarray
@@ -225,8 +225,8 @@ def _fewer(z: np.ndarray, targets: np.ndarray, terms: int) -> tuple[np.ndarray, 
 
 
 def series(chosen: dict[str, Series], to_box: np.ndarray, n_a: int) -> dict[str, np.ndarray]:
-    """indices (M, n), the union of the index sets; series (n_out, M), coefficients of every part of
-    `cfem.predict.energy.layout`, derivatives by s (n_a,); and of D where it was fitted."""
+    """Arrays of the series: indices (M, n), the union of the index sets; series (n_out, M), coefficients of every part
+    of `cfem.predict.energy.layout`, derivatives by s (n_a,); and of D where it was fitted."""
     union = {tuple(k) for part in chosen.values() for k in part.indices.tolist()}
     indices = np.array(sorted(union, key=lambda k: (sum(k), k)), dtype=np.int64)
     position = {tuple(k): i for i, k in enumerate(indices.tolist())}
