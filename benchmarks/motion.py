@@ -34,9 +34,8 @@ from cfem.dynamics.simulate import StepControl
 from cfem.dynamics.simulate import simulate as full_simulate
 from cfem.dynamics.start import at_rest as full_at_rest
 from cfem.equilibrium.actuation import displacement, force
-from cfem.equilibrium.derived import Wanted
 from cfem.equilibrium.motion.inner_motions import rod_stresses
-from cfem.equilibrium.solve import solve
+from cfem.equilibrium.solve import Wanted, solve
 from cfem.export.compiled.controller import CORE, compiler, library
 from cfem.export.firmware import motion as c_motion
 from cfem.export.firmware.folder import write_c

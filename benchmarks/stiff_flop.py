@@ -16,9 +16,8 @@ import numpy as np
 
 from cfem.core.spec import load_spec
 from cfem.equilibrium.actuation import force
-from cfem.equilibrium.derived import Wanted
 from cfem.equilibrium.problem import Problem
-from cfem.equilibrium.solve import solve
+from cfem.equilibrium.solve import Wanted, solve
 from cfem.robot.build import build_robot
 from cfem.robot.mesh.meshing import make_mesh
 from cfem.robot.spec import SceneSpec

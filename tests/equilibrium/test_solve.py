@@ -13,13 +13,12 @@ from cfem.constraint.cable import make_cable
 from cfem.constraint.contact import make_contact
 from cfem.constraint.effector import make_effector
 from cfem.equilibrium import actuation
-from cfem.equilibrium.derived import Wanted
 from cfem.equilibrium.evaluation import SolveCost
 from cfem.equilibrium.newton import NewtonSettings, judged, newton
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.robot import Robot
 from cfem.equilibrium.solution import State, Status
-from cfem.equilibrium.solve import rest_state, solve
+from cfem.equilibrium.solve import Wanted, rest_state, solve
 from cfem.mechanics.element import ELEMENTS
 from cfem.mechanics.material import LAWS
 

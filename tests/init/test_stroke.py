@@ -11,10 +11,9 @@ from cfem.constraint.attachment import attach
 from cfem.constraint.cable import make_cable
 from cfem.constraint.effector import make_effector
 from cfem.equilibrium.actuation import Actuation
-from cfem.equilibrium.derived import Wanted
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.robot import Robot
-from cfem.equilibrium.solve import solve
+from cfem.equilibrium.solve import Wanted, solve
 from cfem.init import stroke
 from cfem.init.stroke import strokes
 from cfem.mechanics.body import make_body

@@ -8,8 +8,7 @@ from dynamics.moving import moving_bar
 
 from cfem.condensed.packing import pack_symmetric3
 from cfem.equilibrium.actuation import displacement
-from cfem.equilibrium.derived import Wanted
-from cfem.equilibrium.solve import solve
+from cfem.equilibrium.solve import Wanted, solve
 from cfem.mechanics.viscosity import Viscosity
 from cfem.motion.model import MotionModel
 from cfem.predict.chebyshev import Basis

@@ -15,11 +15,10 @@ from cfem.dataset.inspect import describe
 from cfem.dataset.reader import read_dataset
 from cfem.dataset.schema import schema
 from cfem.equilibrium.actuation import displacement
-from cfem.equilibrium.derived import Wanted
 from cfem.equilibrium.motion.inertia import mass_of
 from cfem.equilibrium.newton import NewtonSettings
 from cfem.equilibrium.problem import Problem
-from cfem.equilibrium.solve import solve
+from cfem.equilibrium.solve import Wanted, solve
 from cfem.robot import stage as mesh_stage
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh

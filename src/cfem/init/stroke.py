@@ -11,14 +11,13 @@ from cfem.constraint.surface import triangulated
 from cfem.contact.crossing import crossings
 from cfem.core.console.progress import progress
 from cfem.equilibrium.actuation import Actuation, pull
-from cfem.equilibrium.derived import Wanted
 from cfem.equilibrium.evaluation import Evaluation
 from cfem.equilibrium.fields import Strain
 from cfem.equilibrium.newton import NewtonSettings
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.robot import Robot
 from cfem.equilibrium.solution import Equilibrium, Status
-from cfem.equilibrium.solve import solve
+from cfem.equilibrium.solve import Wanted, solve
 from cfem.init.drive import Drive
 from cfem.init.question import Answer, Ask, Question, positive
 from cfem.init.texts import short

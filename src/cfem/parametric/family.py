@@ -132,10 +132,9 @@ class FiniteElementFamily:
     ) -> tuple[Any, Any]:
         """The equilibrium and its problem; p without exact parameters; keep: as `equilibrium.solve` has it."""
         from cfem.equilibrium import actuation
-        from cfem.equilibrium.derived import Wanted
         from cfem.equilibrium.problem import Problem
         from cfem.equilibrium.solution import State
-        from cfem.equilibrium.solve import solve
+        from cfem.equilibrium.solve import Wanted, solve
         from cfem.plant.fem_plant import pushed
 
         family, problem = self._problem(p)

@@ -175,9 +175,8 @@ class _FiniteElementSolver:
 
     def solve(self, actuation: Actuation, start: State | None, p: np.ndarray) -> Equilibrium:
         from cfem.equilibrium.derivatives.parameter_slopes import Sides
-        from cfem.equilibrium.derived import Wanted
         from cfem.equilibrium.motion.inertia import mass_of
-        from cfem.equilibrium.solve import solve
+        from cfem.equilibrium.solve import Wanted, solve
 
         problem, sides, mass = self.problem, (), self.mass
         if len(p):

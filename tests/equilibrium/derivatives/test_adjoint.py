@@ -12,11 +12,10 @@ from cfem.equilibrium.condensation import ENOUGH
 from cfem.equilibrium.derivatives.adjoint import Weights, gradients
 from cfem.equilibrium.derivatives.jacobian import jacobian
 from cfem.equilibrium.derivatives.parameter_slopes import Sides
-from cfem.equilibrium.derived import Wanted
 from cfem.equilibrium.fields import Strain, Stress
 from cfem.equilibrium.newton import NewtonSettings
 from cfem.equilibrium.problem import Problem
-from cfem.equilibrium.solve import solve
+from cfem.equilibrium.solve import Wanted, solve
 from cfem.mechanics.body import with_materials
 from cfem.mechanics.material import LAWS
 from cfem.mechanics.material.law import Material

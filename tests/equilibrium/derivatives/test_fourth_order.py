@@ -10,10 +10,9 @@ from cfem.condensed.packing import symmetric4_indices
 from cfem.constraint.attachment import attach
 from cfem.constraint.cable import make_cable
 from cfem.equilibrium import actuation
-from cfem.equilibrium.derived import Wanted
 from cfem.equilibrium.newton import NewtonSettings
 from cfem.equilibrium.problem import Problem
-from cfem.equilibrium.solve import solve
+from cfem.equilibrium.solve import Wanted, solve
 from cfem.plant.fem_plant import pushed
 
 EXACT = NewtonSettings(tolerance=1e-12)

@@ -9,11 +9,10 @@ from support.rods import rod_problem
 from cfem.constraint.rod_cable import make_rod_cable
 from cfem.core.errors import SpecError
 from cfem.equilibrium.actuation import force
-from cfem.equilibrium.derived import Wanted
 from cfem.equilibrium.friction.guides import slipping, solve_slipping
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solution import Status
-from cfem.equilibrium.solve import solve
+from cfem.equilibrium.solve import Wanted, solve
 
 POINTS = np.array([[0, 0, 0.6], [100, 0, 0.6]])
 

@@ -12,10 +12,9 @@ from dynamics.moving import moving_bar, moving_rod
 from cfem.core.errors import InputError
 from cfem.dynamics.modes import natural_modes
 from cfem.equilibrium.actuation import displacement, force
-from cfem.equilibrium.derived import Wanted
 from cfem.equilibrium.motion.inertia import mass_of
 from cfem.equilibrium.problem import Problem
-from cfem.equilibrium.solve import solve
+from cfem.equilibrium.solve import Wanted, solve
 from cfem.mechanics.viscosity import Viscosity
 
 TAU = 2e-3

@@ -7,11 +7,10 @@ from scipy.linalg import eigh
 
 from cfem.dynamics.modes import natural_modes
 from cfem.equilibrium.actuation import force
-from cfem.equilibrium.derived import Wanted
 from cfem.equilibrium.motion.inertia import mass_of
 from cfem.equilibrium.motion.inner_motions import rod_stresses
 from cfem.equilibrium.problem import Problem
-from cfem.equilibrium.solve import solve
+from cfem.equilibrium.solve import Wanted, solve
 from cfem.mechanics.viscosity import Viscosity
 
 TAU = 2e-3

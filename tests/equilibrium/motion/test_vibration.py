@@ -14,11 +14,10 @@ from cfem.dynamics.problem import MovingProblem
 from cfem.equilibrium import actuation
 from cfem.equilibrium.derivatives.adjoint import Weights, gradients
 from cfem.equilibrium.derivatives.parameter_slopes import Sides
-from cfem.equilibrium.derived import Wanted
 from cfem.equilibrium.motion.inertia import mass_of, times_mass
 from cfem.equilibrium.motion.vibration import lowest
 from cfem.equilibrium.problem import Problem
-from cfem.equilibrium.solve import solve
+from cfem.equilibrium.solve import Wanted, solve
 from cfem.mechanics.body import on_nodes
 from cfem.mechanics.mass import kinetic_form, mass_matrix
 

@@ -11,9 +11,8 @@ from identify.recordings.recordings import PLACES, SHIFT, TURN, write_c3d, write
 
 from cfem.core.stage import Options
 from cfem.equilibrium.actuation import force
-from cfem.equilibrium.derived import Wanted
 from cfem.equilibrium.problem import Problem
-from cfem.equilibrium.solve import solve
+from cfem.equilibrium.solve import Wanted, solve
 from cfem.identify.cases.stage import run as calibrate
 from cfem.identify.recordings.stage import run as reduce
 from cfem.robot.build import build_robot

@@ -7,9 +7,8 @@ from scipy.optimize import minimize
 
 from cfem.core.errors import SpecError
 from cfem.equilibrium.actuation import force
-from cfem.equilibrium.derived import Wanted
 from cfem.equilibrium.problem import Problem
-from cfem.equilibrium.solve import solve
+from cfem.equilibrium.solve import Wanted, solve
 from cfem.robot.build import build_robot
 from cfem.robot.catalogue.taper import volume
 from cfem.robot.mesh.meshing import make_mesh

@@ -16,12 +16,11 @@ from cfem.core.errors import NumericalError
 from cfem.equilibrium.actuation import displacement
 from cfem.equilibrium.contact.held_patch import held
 from cfem.equilibrium.derivatives.third_order import load_derivatives, skin_load_derivatives
-from cfem.equilibrium.derived import Wanted
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.robot import Robot
 from cfem.equilibrium.skinned import skinned
 from cfem.equilibrium.solution import Equilibrium, Linearisation, State
-from cfem.equilibrium.solve import solve
+from cfem.equilibrium.solve import Wanted, solve
 
 
 def with_patches(robot: Robot, nodes: np.ndarray, patches: Patches, numbers: np.ndarray) -> Robot:

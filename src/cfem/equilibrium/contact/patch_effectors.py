@@ -12,10 +12,9 @@ from cfem.constraint.surface import outer_surface
 from cfem.core.console.progress import progress
 from cfem.core.errors import NumericalError
 from cfem.equilibrium.actuation import displacement
-from cfem.equilibrium.derived import Wanted
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.robot import Robot
-from cfem.equilibrium.solve import solve
+from cfem.equilibrium.solve import Wanted, solve
 
 
 def with_patches(robot: Robot, patches: Sequence[PatchLoad]) -> Robot:

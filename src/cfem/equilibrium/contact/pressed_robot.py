@@ -12,12 +12,11 @@ from cfem.equilibrium.actuation import displacement
 from cfem.equilibrium.contact.held_patch import held
 from cfem.equilibrium.contact.patch_compliance import with_patches
 from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
-from cfem.equilibrium.derived import Wanted
 from cfem.equilibrium.evaluation import Evaluation, SolveCost, Tangent
 from cfem.equilibrium.newton import Correction, NewtonSettings, advanced, closed
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solution import Equilibrium, State
-from cfem.equilibrium.solve import solve
+from cfem.equilibrium.solve import Wanted, solve
 
 STRICT = NewtonSettings(tolerance=1e-11)
 _NONE = 1e-9  # of the largest multiplier, or of the body's size: a cable that pushes, or lacks, by less does not

@@ -13,11 +13,10 @@ import numpy as np
 from cfem.constraint.cable import Cable
 from cfem.constraint.rod_cable import RodCable
 from cfem.equilibrium.actuation import Actuation
-from cfem.equilibrium.derived import Wanted
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.robot import Robot
 from cfem.equilibrium.solution import Equilibrium, State, Status
-from cfem.equilibrium.solve import solve
+from cfem.equilibrium.solve import Wanted, solve
 
 _TURNS = 60
 _ENOUGH = 1e-7  # change of any share

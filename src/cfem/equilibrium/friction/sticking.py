@@ -20,12 +20,11 @@ from cfem.constraint.cable import Cable
 from cfem.constraint.protocol import Constraint
 from cfem.constraint.rod_cable import RodCable
 from cfem.equilibrium.actuation import force
-from cfem.equilibrium.derived import Wanted
 from cfem.equilibrium.evaluation import SolveCost
 from cfem.equilibrium.problem import Evaluation, Problem
 from cfem.equilibrium.robot import Robot
 from cfem.equilibrium.solution import Equilibrium, State, Status
-from cfem.equilibrium.solve import solve
+from cfem.equilibrium.solve import Wanted, solve
 
 _TURNS = 60
 _ENOUGH = 1e-7  # of the largest command: change of any tension
