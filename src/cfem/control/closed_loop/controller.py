@@ -44,15 +44,15 @@ class Controller:
         self.aimed = self._rest_e + self.belief.iterate.condensed.delta_e
 
     def pass_to(self, share: float) -> None:
-        """What moves in the model's world goes to where it is at this share of the run. Where the model has no answer,
+        """Moves what moves in the model's world to its place at this share of the run. Where the model has no answer,
         it is what the next tick says."""
-        model, at = self._pilot.model, self.belief.iterate
+        model, iterate = self._pilot.model, self.belief.iterate
         if not getattr(model, "passes", False):
             return
         with suppress(NumericalError):
             model.pass_to(share)
-            condensed = model.at_displacement(at.condensed.delta_a)
-            self.belief = replace(self.belief, iterate=replace(at, condensed=condensed))
+            condensed = model.at_displacement(iterate.condensed.delta_a)
+            self.belief = replace(self.belief, iterate=replace(iterate, condensed=condensed))
 
     def tick(
         self,
@@ -61,10 +61,9 @@ class Controller:
         ahead: ArrayLike | None = None,
         let_go: bool = False,
     ) -> Belief:
-        """goal: (n_e,) mm absolute, rotation vectors in rad; measured: the latest sample, whose t is the number of the
-        command that it followed, 1 for the first; ahead: goals to come, which this controller does not use; let_go: the
-        robots put their object down there and open. The command is `u` of the answer: (n_a,), mm (mm^3) or N (MPa).
-        InputError for a goal so far away that it is in another unit."""
+        """Belief after one tick towards a goal; its `u` is the command: (n_a,), mm (mm^3) or N (MPa). The command is
+        `u` of the answer: (n_a,), mm (mm^3) or N (MPa). InputError for a goal so far away that it is in another unit.
+        """
         goal = np.asarray(goal, float)
         if goal.shape != self._rest_e.shape or not np.isfinite(goal).all():
             raise SpecError(f"expected {len(self._rest_e)} finite numbers, got {goal.tolist()}", where="goal")

@@ -41,14 +41,13 @@ class Feedback:
         self.integral = gains.integral_at(0)
 
     def commanded(self, expected: np.ndarray) -> None:
-        """After each command; expected: (n_e,) mm, where the model has the effectors under it."""
+        """Notes the effectors that a command is expected to lead to; call it after each command."""
         self.given += 1
         self._references.append(expected - self.moved)
 
     def hear(self, tick: int, x_e: np.ndarray) -> bool:
-        """Whether a sample corrects; tick: number of the command that it followed, from 1 on; x_e: (n_e,) mm. One that
-        was heard before, that is older than the history or that is not finite changes nothing. InputError for a command
-        that was not given yet."""
+        """Takes a sample of the effectors and returns True if it corrects. One that was heard before, that is older
+        than the history or that is not finite changes nothing. InputError for a command that was not given yet."""
         if tick > self.given:
             what = f"the sample is of tick {tick}, and {self.given} commands were given"
             raise InputError(what, do="number the samples by the command that they follow, from 1 on")

@@ -60,10 +60,10 @@ def run_loop(
     after: Callable[[Moment], None] = lambda moment: None,
     controller: Any = None,
 ) -> list[Moment]:
-    """goals (m, n_e) mm absolute, one after the other; gains: None for open loop; start: (n_a,) mm where the actuators
-    stand, 0 unless given. plant.actual, where a plant has it, is the truth behind its sensors; goals are then reached
-    or missed by it. after(moment): called at the end of each tick; controller: another one than the static one of
-    pilot, gains and start, ticked with the goals that lie ahead."""
+    """Closed or open loop control along goals (m, n_e) mm absolute, one after the other: the moments of the run.
+    plant.actual, where a plant has it, is the truth behind its sensors; goals are then reached or missed by it.
+    after(moment): called at the end of each tick; controller: another one than the static one of pilot, gains and
+    start, ticked with the goals that lie ahead."""
     matters = pilot.weights > 0
     controller, measured, moments = controller or Controller(pilot, rest_e, gains, start), None, []
     index = spent = held = 0

@@ -43,7 +43,7 @@ class Setting:
     n_parameters: int
 
     def situation(self, reference: Reference) -> Situation:
-        """What the controllers know before the first tick."""
+        """Facts that the controllers know before the first tick."""
         loop, robot, start = self.spec.loop, self.robot, None
         if loop.moving or loop.laps:
             standing = replace(self.pilot, limits=bounded(self.pilot.limits, loop))
@@ -75,6 +75,7 @@ def run_controller(
         count, account = _Counter(advance), _account(loop, controller, robot)
 
         def after(moment: Moment, seed=seed, controller=controller, count=count, account=account) -> None:
+            """Writes a row of the table."""
             count(moment.index)
             row = record(reference.name, name, seed, loop.rate, moment) | known(controller, setting.n_parameters)
             if account:
@@ -104,14 +105,14 @@ def run_controller(
 
 
 def _taken(predictors: Mapping[str, Any]) -> int:
-    """How many models have been taken up, one of this moment included."""
+    """Number of models that have been taken up, one of this moment included."""
     for model in predictors.values():
         model.refresh()
     return sum(model.taken for model in predictors.values())
 
 
 def _account(loop: LoopSpec, controller: Any, robot: Robot) -> EstimateAccount | None:
-    """What compares estimates with the truth, None where nothing is estimated."""
+    """Comparison of estimates with the truth, None where nothing is estimated."""
     if loop.estimate is None:
         return None
     push, since = push_of(loop, robot)

@@ -104,9 +104,9 @@ class Belief:
 def drive(
     pilot: Pilot, belief: Belief, goal: np.ndarray, measured: Measurement | None = None, let_go: bool = False
 ) -> Belief:
-    """One tick towards goal (n_e,) mm from rest; measured: the latest, for the observer that needs it; let_go: robots
-    put their object down there and open. Where the model has no answer the command stays, and the status says why.
-    InputError where that observer's sensor is missing."""
+    """Belief after one tick towards goal (n_e,) mm from rest; measured: the latest, for the observer that needs it;
+    let_go: robots put their object down there and open. Where the model has no answer the command stays, and the status
+    says why. InputError where that observer's sensor is missing."""
     aim = Aim(goal, pilot.weights, pilot.ridge, pilot.preload, pilot.damping, pilot.places)
     limits = _this_tick(pilot, belief.u)
     try:
@@ -137,7 +137,7 @@ def drive(
 
 
 def _within(pilot: Pilot, result: Reach, limits: Limits) -> Belief:
-    """The command that leads to what was found, cut down to its limits, and where that leads."""
+    """Belief with the command that leads to what was found, cut down to its limits, and where that leads."""
     if pilot.command == "displacement":
         return Belief(result.iterate, np.clip(result.delta_a, *limits.delta_a.T), _status(result, limits), result)
     iterate, u = result.iterate, np.clip(result.lambda_a, *limits.lambda_a.T)
@@ -172,7 +172,7 @@ def _seen(pilot: Pilot, iterate: Iterate, measured: Measurement) -> Iterate:
 
 
 def _this_tick(pilot: Pilot, u: np.ndarray) -> Limits:
-    """The amplitudes, cut down to what a command that follows u may be."""
+    """Amplitudes, cut down to what a command that follows u may be."""
     if pilot.command == "displacement":
         return pilot.limits.within(u, pilot.rate)
     if np.all(pilot.rate == np.inf):
@@ -183,7 +183,8 @@ def _this_tick(pilot: Pilot, u: np.ndarray) -> Limits:
 
 
 def _as_published(pilot: Pilot, iterate: Iterate, aim: Aim, limits: Limits) -> Belief:
-    """The forces of the inverse step as they are, and its linearised displacements for where they lead."""
+    """Belief as published: the forces of the inverse step as they are, and its linearised displacements for where they
+    lead."""
     for _ in range(pilot.settings.iterations):
         nearby = limits.within(iterate.condensed.delta_a, pilot.settings.step)
         step = inverse_step(iterate.condensed, aim, nearby, None, pilot.settings.backend)

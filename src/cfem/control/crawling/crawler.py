@@ -67,46 +67,47 @@ class Crawler:
     weights: tuple[LegWeight, ...] = ()
 
     def _ground(self, last: PointsState | None) -> Ground:
-        """With the weight of all at the centre of its mass, where the state `last` has the legs."""
+        """Ground with the weight of all at the centre of its mass, where the state `last` has the legs."""
         if not self.weights:
             return self.ground
         solved = [None] * len(self.weights) if last is None else last.solved
         centres = [
-            one.rest if leg is None else one.rest + one.turn @ leg.delta_e
-            for one, leg in zip(self.weights, solved, strict=False)
+            weight.rest if leg is None else weight.rest + weight.turn @ leg.delta_e
+            for weight, leg in zip(self.weights, solved, strict=False)
         ]
         base = float(np.linalg.norm(self.ground.load[:3]))
-        sizes = np.array([base, *(one.size for one in self.weights)])
-        whole = sizes.sum()
-        mass_at = sizes @ np.array([self.centre, *centres]) / whole
-        return replace(self.ground, load=self.ground.load * whole / base, mass_at=mass_at)
+        sizes = np.array([base, *(weight.size for weight in self.weights)])
+        total = sizes.sum()
+        mass_at = sizes @ np.array([self.centre, *centres]) / total
+        return replace(self.ground, load=self.ground.load * total / base, mass_at=mass_at)
 
     def walk(self, commands: np.ndarray, mu: float, enough: Callable[[np.ndarray], bool] | None = None) -> Walk:
         """Carries out commands (n, legs n_a) mm from rest, in quasi-static steps, until one after which the base
         is where it is `enough`."""
-        at, last = np.zeros(commands.shape[1]), None
+        sent, last = np.zeros(commands.shape[1]), None
         touches, places, turns, least, seconds = [], [self.centre], [np.eye(3)], [], []
 
         def go(u: np.ndarray) -> str:
-            nonlocal at, last
+            """One step to commands u, kept where it converges."""
+            nonlocal sent, last
             parts = [displacement(part) for part in (*np.split(u, len(self.legs)), np.zeros(0))]
-            found = grasp_step((*self.legs, self.pads), parts, self._ground(last), "coulomb", mu, last)
-            if found.converged:
-                at, last = u, found
-            return found.status.value
+            state = grasp_step((*self.legs, self.pads), parts, self._ground(last), "coulomb", mu, last)
+            if state.converged:
+                sent, last = u, state
+            return state.status.value
 
-        status = go(at)
+        status = go(sent)
         for command in commands:
             begin = perf_counter()
             if status == CONVERGED:
-                status = carried_out(at, command, LONGEST, go)
+                status = carried_out(sent, command, LONGEST, go)
             if status != CONVERGED:
                 break
             touches.append(last)
             seconds.append(perf_counter() - begin)
             places.append(last.around.base_at(self.centre[None])[0])
             turns.append(last.around.R.T)
-            least.append(min(one.lambda_a.min() for one in last.solved[:-1]))
+            least.append(min(leg.lambda_a.min() for leg in last.solved[:-1]))
             if enough is not None and enough(places[-1]):
                 break
         done = np.array(commands[: len(touches)])
@@ -116,7 +117,7 @@ class Crawler:
 def crawler_of(
     gait: GaitSpec, legs: Sequence[PointRobot], names: Sequence[str], weights: Sequence[LegWeight] = ()
 ) -> Crawler:
-    """SpecError where the crawler starts inside the ground, or its base does not stand on it."""
+    """Crawler of these legs on the spec's base and ground."""
     n = np.asarray(gait.ground.normal, float)
     n /= np.linalg.norm(n)
     plane = Plane(R=_standing(n), t=np.array(gait.ground.point))

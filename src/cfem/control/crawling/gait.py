@@ -29,7 +29,7 @@ class Gait:
 
     @classmethod
     def of(cls, shares: np.ndarray) -> "Gait":
-        """From 3 n_a - 1 numbers in [0, 1]; the first phase is 0, as a cycle begins anywhere."""
+        """Gait of 3 n_a - 1 numbers in [0, 1]; the first phase is 0, as a cycle begins anywhere."""
         n_a = (len(shares) + 1) // 3
         mean, amplitude, phase = shares[:n_a], shares[n_a : 2 * n_a], shares[2 * n_a :]
         return cls(mean, amplitude, np.concatenate([[0.0], phase]))
@@ -58,7 +58,7 @@ def commands_of(
 def best_gait(
     distance: Callable[[Gait], tuple[float, float]], n_a: int, steps: int, evaluations: int, seed: int = 1
 ) -> tuple[Gait, float]:
-    """The gait of so many steps that goes farthest, and how far (mm a cycle). The one that goes farthest backwards is
+    """Gait of so many steps that goes farthest, and its distance (mm a cycle). The one that goes farthest backwards is
     tried in reverse as well. distance: of a gait, NaN where it cannot be walked, and the smallest force of an actuator
     (N), where it is below 0. seed: of the gaits that are drawn."""
     n = 3 * n_a - 1
@@ -75,8 +75,8 @@ def best_gait(
     if cost(back) < costs.min():
         best = back
     options = {"maxfev": max(1, evaluations - first - 1), "initial_simplex": _around(best)}
-    found = minimize(cost, best, method="Nelder-Mead", bounds=[(0.0, 1.0)] * n, options=options)
-    return Gait.of(np.clip(found.x, 0.0, 1.0)), -float(found.fun)
+    result = minimize(cost, best, method="Nelder-Mead", bounds=[(0.0, 1.0)] * n, options=options)
+    return Gait.of(np.clip(result.x, 0.0, 1.0)), -float(result.fun)
 
 
 def _reversed(shares: np.ndarray, n_a: int) -> np.ndarray:

@@ -33,8 +33,8 @@ def taken(grip: GripPlant) -> float | None:
 
 
 def least_squeeze(grip: GripPlant, grasp: np.ndarray, margin: float) -> float | None:
-    """The least share of `grasp` (n_a,) mm at which robots carry the object's load in the air, with `margin` to slip;
-    None up to the largest of SHARES. grip: at rest, the object on its table."""
+    """Least share of `grasp` (n_a,) mm at which robots carry the object's load in the air, with `margin` to slip; None
+    up to the largest of SHARES. grip: at rest, the object on its table."""
 
     def holds(share: float) -> bool:
         air = squeezed_off_table(grip, share * grasp)
@@ -51,14 +51,14 @@ def least_squeeze(grip: GripPlant, grasp: np.ndarray, margin: float) -> float | 
 
 
 def squeezed_off_table(grip: GripPlant, grasp: np.ndarray) -> GripPlant | None:
-    """The robots that have squeezed the object on its table by `grasp` (n_a,) mm, and carry it without the table; None
+    """Robots that have squeezed the object on its table by `grasp` (n_a,) mm, and carry it without the table; None
     where they cannot. grip: at rest."""
     stands = copy(grip)
     return stands.off_table() if stands.towards(grasp) == CONVERGED else None
 
 
 def share_that_lifts(grip: GripPlant, grasp: np.ndarray, margin: float | None) -> float:
-    """The least share of `grasp` at which robots lift the object (`least_squeeze`). SpecError where there is none."""
+    """Least share of `grasp` at which robots lift the object (`least_squeeze`). SpecError where there is none."""
     if not grasp.any():
         raise SpecError("nothing squeezes the object on its table", where="search.preload", do="give one, as 1.5 mm")
     share = least_squeeze(grip, grasp, margin or 1.0)

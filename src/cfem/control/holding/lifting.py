@@ -14,7 +14,7 @@ NEAR = 1e-3  # of the largest course: where an object on its table is this near 
 
 
 def lifted(model, aim: Aim, limits: Limits, iterate: Iterate, settings: Settings, place: Place) -> Reach:
-    """A search for a goal of an object that may stand on its table, from where it may begin. model: a `Gripping` with
+    """Search for a goal of an object that may stand on its table, from where it may begin. model: a `Gripping` with
     `air`."""
     now = iterate.condensed
     if now.borne > 0:

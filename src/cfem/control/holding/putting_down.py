@@ -19,8 +19,9 @@ ALIKE = 0.1  # of its weight, that the height of a hold is that of the first: it
 
 
 def put_down(model, aim: Aim, limits: Limits, iterate: Iterate, settings: Settings) -> Reach:
-    """The best of a few tries, with the actuators at rest in the end; `via`: where the robots hold the object before.
-    NumericalError where there is none. model: a `Gripping` with a table."""
+    """Search for the place to put an object down, the best of a few tries, with the actuators at rest in the end;
+    `via`: where the robots hold the object before. NumericalError where there is none. model: a `Gripping` with a
+    table."""
     n_o, up = model.glued.rows.n_e, model.upwards
     weights, goal = aim.weights.copy(), aim.goal.copy()
     free = np.zeros(n_o, dtype=bool)

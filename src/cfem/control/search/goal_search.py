@@ -115,8 +115,8 @@ class Iterate:
         return Iterate(to, self.hessian + cross + cross.swapaxes(1, 2) - twice)
 
     def curvature_root(self, aim: Aim, scale: np.ndarray | float = 1.0) -> np.ndarray | None:
-        """R (k, n_a) with R^T R the positive part of S in shares of `scale` (n_a,): the convex share, which is all of
-        it where the goal lies outside a convex set. None where there is none."""
+        """Root R (k, n_a) with R^T R the positive part of S in shares of `scale` (n_a,): the convex share, which is all
+        of it where the goal lies outside a convex set. None where there is none."""
         if not self.hessian.any():
             return None
         n_e, n_a, _ = self.hessian.shape
@@ -167,7 +167,7 @@ class Reach:
         return Optimality.of(self.iterate.condensed, self.aim, self.limits)
 
     def verdict(self, reached: bool | None = None) -> Verdict:
-        """What the search says of its goal. reached: whether the goal counts as reached; unless given, by a miss that
+        """Verdict of the search on its goal. reached: whether the goal counts as reached; unless given, by a miss that
         hardly matters."""
         if arrived(self.iterate.condensed, self.aim, self.limits) if reached is None else reached:
             return Verdict.REACHED
@@ -184,7 +184,7 @@ class Reach:
         status: ReachStatus = ReachStatus.NO_ANSWER,
         kkt: float = np.nan,
     ) -> "Reach":
-        """The actuation of `iterate`, without a search."""
+        """Result that keeps the actuation of `iterate`, without a search."""
         condensed = iterate.condensed
         state = condensed.delta_a, condensed.lambda_a, condensed.delta_e, aim.distance(condensed.delta_e)
         return cls(*state, status, 0, 0, False, kkt, 0.0, iterate, aim, limits)
@@ -266,8 +266,8 @@ def _descend(
 
 
 def _least_penalty(condensed: Condensed, aim: Aim, limits: Limits) -> float:
-    """Of effector rows outside their bounds, which have no price before they have met them: what an actuator changes
-    there on its way x costs UNMET times x times what is missed."""
+    """Least penalty on effector rows outside their bounds, which have no price before they have met them: what an
+    actuator changes there on its way x costs UNMET times x times what is missed."""
     if limits.delta_e is None:
         return 0.0
     bounded = np.isfinite(limits.delta_e).any(axis=1)
@@ -288,7 +288,7 @@ def _prices(step: InverseStep, nearby: Limits, limits: Limits, scale: np.ndarray
 
 
 def _at_course(delta_a: np.ndarray, nearby: Limits, limits: Limits) -> np.ndarray:
-    """(n_a,) bool: whether the bound that a step (n_a,) met is one of the course, not of the step alone."""
+    """Mask (n_a,): True where the bound that a step (n_a,) met is one of the course, not of the step alone."""
     upper = np.abs(delta_a - nearby.delta_a[:, 1]) <= np.abs(delta_a - nearby.delta_a[:, 0])
     return np.where(upper, *(nearby.delta_a[:, side] == limits.delta_a[:, side] for side in (1, 0)))
 

@@ -30,8 +30,8 @@ def around(first: Reach, limits: Limits) -> list[np.ndarray]:
 
 
 def all_over(limits: Limits, count: int) -> Iterator[np.ndarray]:
-    """`count` displacements (n_a,) spread over the course (Halton's sequence), none where it has no end. Nothing is
-    computed before the first is asked for."""
+    """Starts: `count` displacements (n_a,) spread over the course (Halton's sequence), none where it has no end.
+    Nothing is computed before the first is asked for."""
     if np.isfinite(limits.delta_a).all():
         from scipy.stats import qmc
 
@@ -48,8 +48,7 @@ def multistart(
     place: Place,
     starts: Iterable[np.ndarray],
 ) -> Reach:
-    """The best of `first` and of searches from `starts` (n_a,), which end with the first that does not miss the
-    goal."""
+    """Best of `first` and of searches from `starts` (n_a,), which end with the first that does not miss the goal."""
     if arrived(first.iterate.condensed, aim, limits):
         return first
     best, cost = first, aim.cost(first.delta_e, first.delta_a)
