@@ -35,10 +35,14 @@ from cfem.robot.spec import SceneSpec
 
 @dataclass(frozen=True)
 class Prepared:
-    """robot: what control asks of it, with its object where it has one. fem: the FE model that plans and grades, None
-    where the plant is none; touched: the plant of contact; world: what plans know of
-    contact beside the effectors; goals: (m, n_e) mm
-    absolute by trajectory; load_error: mm that the models miss under the loads, None without loads."""
+    """Run that is ready to begin.
+
+    robot: what control asks of it, with its object where it has one
+    fem: the FE model that plans and grades, None where the plant is none
+    touched: the plant of contact
+    world: what plans know of contact beside the effectors
+    goals: (m, n_e) mm absolute by trajectory
+    load_error: mm that the models miss under the loads, None without loads"""
 
     scene: SceneSpec
     mesh: Mesh
@@ -64,8 +68,8 @@ def prepare(
     models: Mapping[str, Path],
     goals: Mapping[str, np.ndarray] | None = None,
 ) -> Prepared:
-    """Robot, models, plant and goals of a run. InputError where a model is not of this robot, SpecError where the spec
-    does not fit it."""
+    """Robot, models, plant and goals of a run. goals: where they are known already. InputError where a model is not of
+    this robot, SpecError where the spec does not fit it."""
     scene_and_mesh = load_scene_and_mesh(base / spec.scene, mesh)
     robot, predictors, shift = robot_and_models(spec, base, scene_and_mesh, models)
     demand_units(spec, robot.actuator_units)

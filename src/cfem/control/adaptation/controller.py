@@ -18,7 +18,10 @@ from cfem.predict.at_parameters import AtParameters
 
 
 class AdaptiveController(Controller):
-    """pilot.model: `AtParameters`, which change here; tracker: what is tracked, and what of it is used."""
+    """Controller that tracks the parameters of its model while it works.
+
+    tracker: the filter of the parameters; the model of the pilot, `AtParameters`, changes with what the tracker lets
+        through"""
 
     def __init__(
         self,

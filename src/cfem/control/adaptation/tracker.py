@@ -167,7 +167,8 @@ class Tracker:
         return replace(update, square=spread * update.square)
 
     def _use(self) -> bool:
-        """Decides which values are used and returns True if they change."""
+        """Decides which values are used and returns True if they change: the estimate where it is excited and explains
+        the robot, the values as they are where it does not, and the first ones where the estimate is not proved."""
         kinds, sd = self.unknowns.kinds, self.unknowns.sd
         observed, camera = self.deviation < SEEN * sd, kinds == CAMERA
         excited = np.where(camera, observed, observed[kinds < DRIFT].any())

@@ -26,7 +26,7 @@ from cfem.predict.protocol import Predictor
 
 @dataclass(frozen=True)
 class Estimated(Measurement):
-    """A measurement that is estimated. by_loads (n_e,) mm: the share of x_e that the estimated loads make."""
+    """Measurement that is estimated. by_loads (n_e,) mm: the share of x_e that the estimated loads make."""
 
     by_loads: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
@@ -54,18 +54,21 @@ def camera_of(spec: EstimateSpec | None, seed: int) -> MarkerNoise | None:
 
 
 class EstimatingController:
-    """inner: a controller of measured effectors; told: whether commands are displacements; period: s of a tick.
+    """Controller of measured effectors behind an estimator, which takes samples with markers.
 
-    found: the last estimate, None before the first sample; of: the tick of its sample"""
+    inner: the controller
+    estimate: the last estimate, None before the first sample
+    sample_tick: tick of its sample"""
 
     def __init__(
         self, inner: Any, filtered: Filter | MarkerFilter, rest_e: np.ndarray, by_displacement: bool, period: float
     ):
-        self.inner, self._filter, self._rest_e, self._told = inner, filtered, rest_e, by_displacement
+        """by_displacement: whether commands are displacements; period: s of a tick."""
+        self.inner, self._filter, self._rest_e, self._by_displacement = inner, filtered, rest_e, by_displacement
         self._period = period
         self._sent: dict[int, np.ndarray] = {}
-        self._tick = self.of = 0
-        self.found: Estimate | None = None
+        self._tick = self.sample_tick = 0
+        self.estimate: Estimate | None = None
         self._last: Estimated | None = None
 
     @property
@@ -94,7 +97,7 @@ class EstimatingController:
 
     def estimated(self, measured: Measurement) -> Measurement:
         """Sample as the inner controller receives it, estimated when it is first asked for."""
-        if measured.t > self.of and measured.markers is not None:
+        if measured.t > self.sample_tick and measured.markers is not None:
             self._last = self._new(measured)
         return self._last or replace(measured, x_e=np.full(len(self._rest_e), np.nan))
 
@@ -103,15 +106,15 @@ class EstimatingController:
         tracker, filtered = getattr(self.inner, "tracker", None), self._filter
         if tracker is not None:
             filtered.estimator = filtered.estimator.at(tracker.used_p)
-        self.found = estimate = self._filtered(measured)
+        self.estimate = estimate = self._filtered(measured)
         self._sent = {tick: u for tick, u in self._sent.items() if tick > measured.t}
-        self.of = measured.t
+        self.sample_tick = measured.t
         nothing = np.full(len(self._rest_e), np.nan)
         x_e, by_loads = nothing, nothing
         if estimate.converged:
             x_e = self._rest_e + estimate.delta_e
             response = filtered.estimator.response(estimate.delta_a)
-            by_loads = (response.locked if self._told else response.held) @ estimate.loads
+            by_loads = (response.locked if self._by_displacement else response.held) @ estimate.loads
         delta_a = estimate.delta_a if estimate.converged else np.full(len(estimate.delta_a), np.nan)
         plain = vars(replace(measured, x_e=x_e, delta_a=delta_a))
         return Estimated(**plain, by_loads=by_loads)
@@ -119,8 +122,8 @@ class EstimatingController:
     def _filtered(self, measured: Measurement) -> Estimate:
         filtered, sent = self._filter, self._sent.get(measured.t)
         if isinstance(filtered, Filter):
-            actuation = {"commanded" if self._told else "driven": sent}
+            actuation = {"commanded" if self._by_displacement else "driven": sent}
             return filtered.tick(measured.markers, measured.delta_a, forces=measured.lambda_a, **actuation)
-        for tick in range(self.of + 1, measured.t + 1):
+        for tick in range(self.sample_tick + 1, measured.t + 1):
             filtered.predict(self._sent.get(tick), self._period)
         return filtered.correct(measured.markers, measured.delta_a, sent)

@@ -23,7 +23,8 @@ def judged(model: Predictor) -> np.ndarray:
 
 
 class EstimateAccount:
-    """Estimates against the truth, for the rows of the table. push (n_e,) N: on the effectors from tick `since` on."""
+    """Comparison of estimates with the truth, for the rows of the table. push (n_e,) N: on the effectors from tick
+    `since` on."""
 
     def __init__(self, estimator: Estimator, push: np.ndarray | None, since: int):
         self._estimator, self._push, self._since = estimator, push, since
@@ -34,12 +35,12 @@ class EstimateAccount:
     def row(self, controller: EstimatingController, tick: int, actual: Measurement) -> dict[str, Any]:
         """Columns of a tick, whose estimate may be of an earlier sample; nan where there is no new one."""
         self._actual[tick] = actual
-        rows, estimate = self._estimator.model.rows, controller.found
-        if estimate is None or controller.of == self._of:
+        rows, estimate = self._estimator.model.rows, controller.estimate
+        if estimate is None or controller.sample_tick == self._of:
             return self._columns("", *(np.full(n, np.nan) for n in (rows.n_e, *[rows.n_a] * 3)), *self._no_loads, None)
-        self._of = controller.of
-        truth = self._actual.get(controller.of)
-        self._actual = {number: actual for number, actual in self._actual.items() if number >= controller.of}
+        self._of = controller.sample_tick
+        truth = self._actual.get(controller.sample_tick)
+        self._actual = {number: actual for number, actual in self._actual.items() if number >= controller.sample_tick}
         nothing = np.full(rows.n_a, np.nan)
         known = truth is not None and truth.status == "converged"
         shape = None
@@ -55,7 +56,7 @@ class EstimateAccount:
             truth.delta_a if known and truth.delta_a is not None else nothing,
             estimate.loads,
             deviation[n_a:],
-            self._true_loads(controller.of),
+            self._true_loads(controller.sample_tick),
             shape,
             estimate,
         )

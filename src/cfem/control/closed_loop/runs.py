@@ -10,7 +10,7 @@ from cfem.control.closed_loop.estimated_account import EstimateAccount, estimate
 from cfem.control.closed_loop.pilots import bounded, gains_of, model_of, moving_model, pilot_of, seeds_of
 from cfem.control.closed_loop.plants import PlantOf, push_of
 from cfem.control.closed_loop.reference import Reference
-from cfem.control.closed_loop.run import Moment, run_loop
+from cfem.control.closed_loop.run import Moment, run_closed_loop
 from cfem.control.closed_loop.run_spec import ClosedLoopSpec
 from cfem.control.closed_loop.spec import ControllerSpec, LoopSpec
 from cfem.control.closed_loop.summary import record, summarise
@@ -89,7 +89,7 @@ def run_controller(
             if loop.moving:
                 plant.settle(controller.belief.u, pilot.command)
             runs.append(
-                run_loop(
+                run_closed_loop(
                     reference.goals, pilot, plant, robot.rest_e, reference.pace, after=after, controller=controller
                 )
             )

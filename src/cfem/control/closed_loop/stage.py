@@ -63,8 +63,7 @@ def run_controllers(
 
 
 def _motions(spec: ClosedLoopSpec, base: Path, predictors: Mapping[str, Predictor]) -> dict[str, MotionModel]:
-    """Learned motions of the models that are asked for them. InputError where one has none. InputError where one has
-    not."""
+    """Learned motions of the models that are asked for them. InputError where a model has not learned to move."""
     controllers = spec.loop.controllers.values()
     wanted = {moving_model(item, predictors) for item in controllers if item.moves or spec.loop.estimates_motion}
     if spec.plant == "model" and spec.loop.moving:

@@ -16,7 +16,7 @@ HELD = {"smallest": "smallest command of", "largest": "largest command of", "rat
 
 
 def record(trajectory: str, controller: str, seed: int, rate: float, moment: Moment) -> dict[str, Any]:
-    """One row, lengths in mm. rate: ticks a second."""
+    """Row of the table of a tick, lengths in mm; rate: ticks a second."""
     return {
         "trajectory": trajectory,
         "controller": controller,
@@ -103,8 +103,8 @@ def headline(results: dict[str, dict[str, dict]]) -> list[str]:
 
 
 def judged(results: Mapping[str, dict[str, dict]]) -> list[dict[str, Any]]:
-    """Findings that make a run poor: trajectories on which every controller misses most goals. Some may: they are
-    compared."""
+    """Findings that make a run poor: trajectories on which every controller misses most goals. Single controllers may:
+    they are compared."""
     findings = []
     for trajectory, controllers in results.items():
         name, row = max(controllers.items(), key=lambda item: item[1]["reached"]["mean"])

@@ -24,7 +24,10 @@ MOST = 100  # cycles that a stated distance may need
 
 @dataclass(frozen=True)
 class Course:
-    """What the spec says of a gait. mirrored: of each leg; n_a: actuators of a leg."""
+    """Gait of a spec, as it is planned and judged.
+
+    mirrored: of each leg
+    n_a: actuators of a leg"""
 
     spec: GaitSpec
     mirrored: Sequence[bool]
@@ -32,7 +35,7 @@ class Course:
 
     @cached_property
     def direction(self) -> np.ndarray:
-        """(3,) unit."""
+        """Direction (3,) of the walk, of unit length."""
         direction = np.asarray(self.spec.direction, float)
         return direction / np.linalg.norm(direction)
 
@@ -44,7 +47,8 @@ class Course:
         return crawler.walk(u, spec.ground.friction if friction is None else friction)
 
     def tried(self, learned: Crawler, gait: Gait) -> tuple[float, float]:
-        """mm a cycle, NaN where it ends before, and the smallest force of an actuator (N), 0 at most."""
+        """Distance of a gait in mm a cycle, NaN where it ends before, and the smallest force of an actuator (N), 0 at
+        most."""
         walk = self.walk(learned, gait, FEW)
         return walk.per_cycle(self.spec.steps, self.direction), float(walk.least.min(initial=0.0))
 
@@ -93,13 +97,13 @@ class Course:
         return "mm a cycle" if self.spec.distance is None else "mm"
 
     def planned_at(self, friction: float, gait: Gait, learned: Crawler) -> dict[str, Any]:
-        """mm a cycle of the same gait, planned alone."""
+        """Distance of the same gait at a friction, in mm a cycle, planned alone."""
         walk = self.walk(learned, gait, FEW, friction)
         planned = known(walk.per_cycle(self.spec.steps, self.direction))
         return {"friction": friction, "planned": planned, "status": walk.status}
 
     def at_friction(self, friction: float, gait: Gait, learned: Crawler, fe: Crawler) -> dict[str, Any]:
-        """mm a cycle, planned and by finite elements, of the same gait."""
+        """Distance of the same gait at a friction, in mm a cycle, planned and by finite elements."""
         walks = [self.walk(crawler, gait, FEW, friction) for crawler in (learned, fe)]
         planned, by_fe = (known(each.per_cycle(self.spec.steps, self.direction)) for each in walks)
         return {"friction": friction, "planned": planned, "fe": by_fe, "status": walks[1].status}
@@ -119,8 +123,8 @@ def known(value: float) -> float | None:
 
 
 def judged(far: Mapping[str, float], unit: str, ratio: float = 0.0) -> list[dict[str, Any]]:
-    """Findings about a gait: whether finite elements go as far as the plan, and whether the legs bear what they
-    carry."""
+    """Findings about a gait: finite elements do not go as far as the plan, or the legs hardly bear what they carry.
+    ratio: the largest of `cfem.predict.loads.wrench_series.Loaded.ratio` in the plan."""
     planned, fe = far["planned"], far["fe"]
     findings = []
     if not abs(fe - planned) <= APART * abs(planned):

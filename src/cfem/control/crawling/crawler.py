@@ -21,10 +21,15 @@ INSIDE = 1e-6  # mm
 
 @dataclass(frozen=True)
 class Walk:
-    """commands (n, n_a) mm that were carried out; base (n + 1, 3) mm: the base's centre over the ground, at first and
-    after each; turns (n + 1, 3, 3): of the base; least (n,) N: smallest force of an actuator; touches: the states;
-    seconds (n,): each took;
-    status: 'converged', or why it ended."""
+    """Commands that a crawler has carried out, and where they took it.
+
+    commands: (n, n_a) mm
+    base: (n + 1, 3) mm, the base's centre over the ground, at first and after each command
+    turns: (n + 1, 3, 3) of the base
+    least: (n,) N, smallest force of an actuator
+    touches: the contact states
+    seconds: (n,) that each command took
+    status: 'converged', or why the walk ended"""
 
     commands: np.ndarray
     base: np.ndarray
@@ -35,20 +40,25 @@ class Walk:
     status: str
 
     def per_cycle(self, steps: int, direction: np.ndarray) -> float:
-        """mm along `direction` in a cycle of `steps` commands, the mean of all but the first; NaN where it ended."""
+        """Distance (mm) along `direction` in a cycle of `steps` commands, the mean of all but the first; NaN where the
+        walk ended."""
         cycles = (len(self.base) - 1) // steps
         if self.status != CONVERGED or cycles < 2:
             return float("nan")
         return float((self.base[cycles * steps] - self.base[steps]) @ direction) / (cycles - 1)
 
     def gone(self, direction: np.ndarray) -> float:
-        """mm along `direction` since rest; NaN where it ended before."""
+        """Distance (mm) along `direction` since rest; NaN where the walk ended before."""
         return float((self.base[-1] - self.base[0]) @ direction) if self.status == CONVERGED else float("nan")
 
 
 @dataclass(frozen=True)
 class LegWeight:
-    """Of a leg. size: N; rest (3,) mm: its centre of mass, at rest, in the scene; turn: of the leg."""
+    """Weight of a leg.
+
+    size: N
+    rest: (3,) mm, its centre of mass at rest, in the scene
+    turn: (3, 3) of the leg"""
 
     size: float
     rest: np.ndarray
@@ -57,8 +67,12 @@ class LegWeight:
 
 @dataclass(frozen=True)
 class Crawler:
-    """pads: of the base; centre (3,) mm of the base; ground: under the base alone; weights: of the legs, none where
-    they have none."""
+    """Legs on a base that stands on the ground.
+
+    pads: of the base
+    centre: (3,) mm of the base
+    ground: under the base alone
+    weights: of the legs, none where they have none"""
 
     legs: tuple[PointRobot, ...]
     pads: Pads
@@ -117,7 +131,8 @@ class Crawler:
 def crawler_of(
     gait: GaitSpec, legs: Sequence[PointRobot], names: Sequence[str], weights: Sequence[LegWeight] = ()
 ) -> Crawler:
-    """Crawler of these legs on the spec's base and ground."""
+    """Crawler of these legs on the spec's base and ground. SpecError where it starts inside the ground, or its base
+    does not stand on it."""
     n = np.asarray(gait.ground.normal, float)
     n /= np.linalg.norm(n)
     plane = Plane(R=_standing(n), t=np.array(gait.ground.point))

@@ -21,7 +21,7 @@ FAILED = 1e3  # mm: what a gait costs that cannot be walked
 
 @dataclass(frozen=True)
 class Gait:
-    """mean, amplitude, phase (n_a,): dimensionless, and in turns."""
+    """Cyclic command of a leg: mean and amplitude (n_a,) as shares of the pulls, phase (n_a,) in turns."""
 
     mean: np.ndarray
     amplitude: np.ndarray
@@ -35,7 +35,7 @@ class Gait:
         return cls(mean, amplitude, np.concatenate([[0.0], phase]))
 
     def leg(self, steps: int) -> np.ndarray:
-        """(steps, n_a) shares of a cycle."""
+        """Shares (steps, n_a) of a cycle."""
         phi = np.arange(1, steps + 1)[:, None] / steps - self.phase
         return np.clip(self.mean + self.amplitude * np.cos(2 * np.pi * phi), 0.0, 1.0)
 
@@ -49,7 +49,7 @@ class Gait:
 def commands_of(
     gait: Gait, mirrored: Sequence[bool], pulls: tuple[float, float], steps: int, cycles: int
 ) -> np.ndarray:
-    """(cycles steps, legs n_a) mm: of all legs, the mirrored ones with their actuators in reverse order."""
+    """Commands (cycles steps, legs n_a) mm of all legs, the mirrored ones with their actuators in reverse order."""
     share = gait.leg(steps)
     both = np.hstack([share[:, ::-1] if turned else share for turned in mirrored])
     return np.tile(pulls[0] + (pulls[1] - pulls[0]) * both, (cycles, 1))
@@ -80,11 +80,11 @@ def best_gait(
 
 
 def _reversed(shares: np.ndarray, n_a: int) -> np.ndarray:
-    """(n,) the gait backwards in time, which takes a crawler about as far the other way."""
+    """Shares (n,) of the gait backwards in time, which takes a crawler about as far the other way."""
     return np.concatenate([shares[: 2 * n_a], (1.0 - shares[2 * n_a :]) % 1.0])
 
 
 def _around(best: np.ndarray) -> np.ndarray:
-    """(n + 1, n) corners of the first simplex, within [0, 1]."""
+    """Corners (n + 1, n) of the first simplex, within [0, 1]."""
     steps = np.where(best < 0.5, SIMPLEX, -SIMPLEX)
     return np.vstack([best, best + np.diag(steps)])

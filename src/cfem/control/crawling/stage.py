@@ -34,7 +34,8 @@ Place = tuple[np.ndarray, np.ndarray]
 
 @dataclass(frozen=True)
 class Setting:
-    """What a spec says, made: one leg and the model of it, by its name; where the legs are; the crawler twice."""
+    """Gait run as the spec has it: one leg, the model of it by its name, the places of the legs, and the crawler twice,
+    learned and by finite elements."""
 
     robot: Robot
     name: str
@@ -46,7 +47,7 @@ class Setting:
 
 
 def setting_of(spec: CrawlingSpec, base: Path, mesh: Path, models: Mapping[str, Path]) -> Setting:
-    """base: folder of the spec; mesh and models: artefacts."""
+    """Setting of a spec; base: its folder; mesh and models: artefacts."""
     scene_and_mesh, gait = load_scene_and_mesh(base / spec.scene, mesh), spec.gait
     robot, predictors, _ = robot_and_models(spec, base, scene_and_mesh, models)
     demand_same_rows(robot, predictors, models)
@@ -119,7 +120,7 @@ def _with_feet(robot: Robot, load: np.ndarray) -> Robot:
 
 
 def _records(name: str, planned: Walk, fe: Walk, reached: float, model: Any) -> list[dict]:
-    """One row a command, as open-loop control has them: the goal is where the plan sees the base."""
+    """Rows of the table, one a command, as open-loop control has them: the goal is where the plan sees the base."""
     rows, nan = [], float("nan")
     for index, u in enumerate(planned.commands):
         carried_out = index < len(fe.commands)

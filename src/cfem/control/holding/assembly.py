@@ -36,9 +36,9 @@ TOUCHES = 1e-6  # mm between a contact point and the object at rest
 
 @dataclass(frozen=True)
 class RobotsAndObject:
-    """What control asks of a robot, for several and what they hold: see `cfem.equilibrium.robot.Robot`. X (n, 3) and
-    facets are of all robots, one after the other, at rest, and of the object, whose points are the last. forces: no
-    bounds stated."""
+    """Several robots and what they hold, with the interface that control asks of one (`cfem.equilibrium.robot.Robot`).
+    X (n, 3) and facets are of all robots, one after the other, at rest, and of the object, whose points are the last.
+    forces: no bounds stated."""
 
     rows: Rows
     rest_e: np.ndarray
@@ -53,14 +53,15 @@ class RobotsAndObject:
 
     @property
     def aims(self) -> np.ndarray:
-        """(n_e,) which effector rows every goal is set for: the object's place."""
+        """Mask (n_e,) of the effector rows that every goal is set for: the object's place."""
         return ~np.array(self.rows.turns)
 
 
 def assembled(
     spec: HoldingSpec, robot: Robot, predictors: Mapping[str, Predictor], models: Mapping[str, Path]
 ) -> tuple[RobotsAndObject, dict[str, Model], CoupledPlant]:
-    """Robots and their object, models of them, and the FE plant, for points that are glued."""
+    """Robots and their object, models of them, and the FE plant, for points that are glued. InputError where a model is
+    not of the scene's robot with its contact points held."""
     n_pose = {name: _pose_rows(predictor, robot, models[name]) for name, predictor in predictors.items()}
     turns = spec.object.turns
     if turns and min(n_pose.values()) < 6:
@@ -145,7 +146,7 @@ def touching(
 
 
 def table_under(centre: np.ndarray, half_size: np.ndarray, force: np.ndarray) -> Pads:
-    """A table under the side of a box that `force` points to, four points of it."""
+    """Table under the side of a box that `force` points to, as four points of it."""
     axis = int(np.abs(force).argmax())
     signs = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)], float)
     below = signs[signs[:, axis] == np.sign(force[axis])] * np.where(np.arange(3) == axis, 1.0, WITHIN)

@@ -16,8 +16,8 @@ HALVINGS = 3  # between the last that fails and the first that holds
 
 
 def taken(grip: GripPlant) -> float | None:
-    """The learned grip takes the object; how many times its load it would hold, at most MOST, None without load.
-    SpecError where it cannot hold the object: the reason, before anything is carried out."""
+    """Margin of the learned grip that takes the object: how many times its load it would hold, at most MOST; None
+    without load. SpecError where it cannot hold the object: the reason, before anything is carried out."""
     load = float(np.linalg.norm(grip.load_of_object))
     status, cannot = grip.squeeze(), "the grip cannot hold the object"
     do = "squeeze harder (search.preload), raise object.friction, or take a lighter object"
@@ -73,7 +73,7 @@ def from_table(
     stands: GripPlant, glued: Coupled, mu: float, margin: float | None, grasp: np.ndarray, preload: float
 ) -> Gripping:
     """Plans of robots that find the object on a table. stands: these robots at rest; grasp: (n_a,) mm, how they squeeze
-    it there, `preload` mm each; the others: see `Gripping`."""
+    it there, `preload` mm each; the other arguments: see `Gripping`."""
     share, wrong = share_that_lifts(stands, grasp, margin), "the robots cannot squeeze the object on its table"
     home = max(share, 1.0) * grasp
     air = squeezed_off_table(stands, home)

@@ -36,7 +36,11 @@ STUCK = 50  # quasi-static steps without a solution after which the search for a
 
 @dataclass(frozen=True)
 class Gripped(Condensed):
-    """Condensed state of robots that grip an object."""
+    """Condensed state of robots that grip an object.
+
+    parts: the robots' own states
+    forces: (robots, 3) N by which each pushes the object
+    borne: N by the table"""
 
     parts: tuple[HolderState, ...]
     forces: np.ndarray
@@ -45,12 +49,17 @@ class Gripped(Condensed):
 
 @dataclass
 class Gripping:
-    """`Model`. grip: of learned robots, which holds the object at `home`; glued: the same robots with points that are
-    glued, which knows names and domains; mu, margin: see above, None without rows for the grip; holds: how many times
-    its load the grip would hold at home; air: the same without a table, where there is one
-    (`cfem.control.holding.lifting`); needs: mm, the least preload that lifts. before, at: nothing remembered unless
-    given (`settle`); margins: to slip, and borne: N by the table, where it has settled so far; stuck: steps without a
-    solution since it has settled."""
+    """Model of robots that grip an object, whose contact points may open and slide.
+
+    grip: learned robots that hold the object at `home`
+    glued: the same robots with points that are glued, which knows names and domains
+    mu, margin: see above, None without rows for the grip
+    holds: how many times its load the grip would hold at home
+    air: the same without a table, where there is one (`cfem.control.holding.lifting`)
+    needs: mm, the least preload that lifts
+    before, at: nothing remembered unless given (`settle`)
+    margins, borne: to slip, and N by the table, where it has settled so far
+    stuck: steps without a solution since it has settled"""
 
     grip: GripPlant
     glued: Coupled
@@ -176,7 +185,7 @@ class Gripping:
 
 @dataclass(frozen=True)
 class Grip(World):
-    """What plans know of a grip: the robots' own grips stay above 0. fe: the plant; model: that plans first."""
+    """World of plans with a grip: the robots' own grips stay above 0. fe: the plant; model: that plans first."""
 
     fe: GripPlant
     model: Gripping
@@ -191,7 +200,7 @@ class Grip(World):
         search = lifted if self.model.air else pilot.search
         return replace(super().pilot(pilot), preload=self.model.home, search=search, put_down=put_down)
 
-    def said(self, spec: HoldingSpec, records: Sequence[Mapping]) -> tuple[dict, list[str]]:
+    def results(self, spec: HoldingSpec, records: Sequence[Mapping]) -> tuple[dict, list[str]]:
         """Margins to slip, planned and by finite elements: figures, and a line for people."""
         model = self.model
         planned, margin = (min(plant.margins, default=np.nan) for plant in (model, self.fe))
@@ -222,7 +231,7 @@ class Grip(World):
 
 
 def _at_goals(borne: Sequence[float]) -> str:
-    """List of the goals at which the table bears force; borne: N by the table at each goal."""
+    """Goals at which the table bears force, in words; borne: N by the table at each goal."""
     stands = [str(goal) for goal, force in enumerate(borne) if force > 0]
     return f"at goals {', '.join(stands)} of 0 to {len(borne) - 1}" if stands else "at no goal"
 

@@ -13,7 +13,7 @@ from cfem.control.moving.feedforward import Computed, Shaped
 from cfem.control.moving.horizon import Bounds, HalfSpace, HorizonCost
 from cfem.control.moving.mpc import Mpc, Plan
 from cfem.control.moving.observer import Doubt
-from cfem.control.search.goal_search import Iterate, reach
+from cfem.control.search.goal_search import Iterate, search_goal
 from cfem.control.search.inverse import Aim
 from cfem.core.errors import SpecError
 from cfem.motion.clocked import Clocked
@@ -26,8 +26,13 @@ _NO_NOISE = 0.01  # mm, of a sensor without
 
 @dataclass(frozen=True)
 class Situation:
-    """What all controllers of a run share. rest_e (n_e,) mm; reach (n_a, 2) mm; length: mm; start: where the robot
-    stands before the first tick, None: at rest."""
+    """Facts that all controllers of a run share.
+
+    loop: the spec
+    rest_e: (n_e,) mm
+    reach: (n_a, 2) mm
+    length: mm
+    start: where the robot stands before the first tick, None: at rest"""
 
     loop: LoopSpec
     rest_e: np.ndarray
@@ -59,7 +64,7 @@ def standing_at(goal: np.ndarray, search: Pilot, rest_e: np.ndarray) -> Condense
     aim = Aim(goal - rest_e, search.weights, search.ridge, search.preload, search.damping)
     home = getattr(search.model, "home", np.zeros(len(search.ridge)))
     settings = replace(search.settings, iterations=max(search.settings.iterations, 20))
-    result = reach(search.model, aim, search.limits, Iterate.at(search.model.at_displacement(home)), settings)
+    result = search_goal(search.model, aim, search.limits, Iterate.at(search.model.at_displacement(home)), settings)
     if not np.isfinite(result.distance):
         raise SpecError(f"no way to the first goal is found: {result.status.value}", where="trajectories")
     return result.iterate.condensed

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from cfem.control.closed_loop.controller import Controller
 from cfem.control.closed_loop.tick import Belief, Pilot, drive
-from cfem.control.moving.mpc import Told
+from cfem.control.moving.mpc import MovingBelief
 from cfem.control.moving.shaping import Kind, Shaper, shaper
 from cfem.motion.model import MotionModel, MotionTerms
 from cfem.motion.modes import natural_modes
@@ -34,7 +34,8 @@ class Shaped:
         self.belief, self.aimed, self.feedback = controller.belief, controller.aimed, controller.feedback
 
     def tick(self, goal: ArrayLike, measured: Measurement | None = None, ahead: ArrayLike | None = None) -> Any:
-        """Belief of the static controller after a tick towards the shaped goal."""
+        """Belief of the static controller after a tick; ahead (k, n_e): goals at the ends of this tick and the next
+        ones."""
         goals = np.atleast_2d(np.asarray(goal if ahead is None else ahead, float))
         delta_a = self._controller.belief.iterate.condensed.delta_a
         modes = natural_modes(self._model, delta_a, self._held, self._modes)
@@ -77,7 +78,7 @@ class Computed:
         first = Belief.at(self._search, start)
         self._place = [first, first]
         condensed = first.iterate.condensed
-        self.belief = Told(
+        self.belief = MovingBelief(
             condensed.lambda_a if pilot.command == "force" else condensed.delta_a, "converged", condensed.delta_a
         )
         self.aimed = rest_e + condensed.delta_e
@@ -86,8 +87,10 @@ class Computed:
         self._inner, self._forces = _three(none), _three(condensed.lambda_a)
         self._behind = True
 
-    def tick(self, goal: ArrayLike, measured: Measurement | None = None, ahead: ArrayLike | None = None) -> Told:
-        """Command of a tick, from the goals of this tick and the next ones."""
+    def tick(
+        self, goal: ArrayLike, measured: Measurement | None = None, ahead: ArrayLike | None = None
+    ) -> MovingBelief:
+        """Belief after a tick; ahead (k, n_e): goals at the ends of this tick and the next ones."""
         goals = np.atleast_2d(np.asarray(goal if ahead is None else ahead, float))
         for k in range(0 if self._behind else _LATE, _LATE + 1):
             u = self._next(goals[min(k, len(goals) - 1)] - self._rest_e)
@@ -95,7 +98,7 @@ class Computed:
         limits, last = self._pilot.limits, self.belief.u
         u = np.clip(u, *(limits.lambda_a if self._pilot.command == "force" else limits.delta_a).T)
         u = np.clip(u, last - self._pilot.rate, last + self._pilot.rate)
-        self.belief = Told(u, "converged", self._planned[1][0])
+        self.belief = MovingBelief(u, "converged", self._planned[1][0])
         return self.belief
 
     def _next(self, goal: np.ndarray) -> np.ndarray:

@@ -22,7 +22,7 @@ _SOFT = 1e3  # price of missing a bound on what the robot does, over that of mis
 
 @dataclass(frozen=True)
 class HalfSpace:
-    """The side of a plane on which the effectors may be: normal (n_e,), level mm: normal . x_e >= level, absolute."""
+    """Side of a plane on which the effectors may be: normal (n_e,), level mm: normal . x_e >= level, absolute."""
 
     normal: np.ndarray
     level: float
@@ -30,8 +30,11 @@ class HalfSpace:
 
 @dataclass(frozen=True)
 class HorizonCost:
-    """weights (n_e,) of the effectors; smooth, effort (n_a,): mm per unit of a change of command in a tick, and of a
-    command."""
+    """Cost of a horizon.
+
+    weights: (n_e,) of the effectors
+    smooth: (n_a,) mm per unit of a change of command in a tick
+    effort: (n_a,) mm per unit of a command"""
 
     weights: np.ndarray
     smooth: np.ndarray
@@ -40,8 +43,12 @@ class HorizonCost:
 
 @dataclass(frozen=True)
 class Bounds:
-    """command (n_a, 2); rate (n_a,): largest change a tick; course (n_a, 2): of displacements where forces are
-    commanded, of forces where displacements are; planes: in effectors from rest."""
+    """Bounds on a horizon.
+
+    command: (n_a, 2)
+    rate: (n_a,) largest change a tick
+    course: (n_a, 2) of displacements where forces are commanded, of forces where displacements are
+    planes: in effectors from rest"""
 
     command: np.ndarray
     rate: np.ndarray
@@ -106,7 +113,8 @@ def condensed_forces(
 
 @dataclass(frozen=True)
 class HorizonCommands:
-    """U (N, n_a); qp: the program's own account; softened: bounds on what the robot does had to be widened."""
+    """Commands U (N, n_a) of a horizon. qp: the program's own account; softened: whether bounds on what the robot does
+    had to be widened."""
 
     U: np.ndarray
     qp: QpSolution
@@ -124,7 +132,13 @@ def best_commands(
     backend: Backend = "active_set",
     begins: np.ndarray | None = None,
 ) -> HorizonCommands:
-    """Commands of a horizon that cost least within their bounds."""
+    """Commands of a horizon that cost least within their bounds.
+
+    effectors, course: (N, n_e) and (N, n_a) as predicted
+    goals: (N, n_e) mm from rest
+    last_command: (n_a,) the command before
+    rest: (n_a,) what effort is counted from
+    begins: (m,) ticks at which the command changes, the first of them 0, None: all"""
     ticks, n_a = len(goals), len(last_command)
     begins = np.arange(ticks) if begins is None else begins
     effectors, course = _held(effectors, begins, n_a), None if course is None else _held(course, begins, n_a)

@@ -32,8 +32,16 @@ from cfem.predict.estimation.gate import Verdict
 
 
 @dataclass(frozen=True)
-class Told:
-    """Belief of a controller that knows how the robot moves, after a tick."""
+class MovingBelief:
+    """Belief of a controller that knows how the robot moves, after a tick.
+
+    u: (n_a,) the command
+    status: 'converged' or why not
+    delta_a: (n_a,) mm where it takes the actuators to be at its end
+    softened: it could not keep what the robot does within bounds
+    astray: the last sample is far beyond what its observer expected
+    rejected: the sample of this tick does not fit, and corrected nothing
+    restarted: too many did not fit, and the observer began again"""
 
     u: np.ndarray
     status: str
@@ -46,8 +54,12 @@ class Told:
 
 @dataclass(frozen=True)
 class Plan:
-    """How a horizon is planned. ticks: N; cost, bounds: see `horizon`; backend: of the quadratic program; moves:
-    commands that differ, None: all."""
+    """How a horizon is planned.
+
+    ticks: N
+    cost, bounds: see `horizon`
+    backend: of the quadratic program
+    moves: number of commands that differ, None: all"""
 
     ticks: int
     cost: HorizonCost
@@ -62,8 +74,11 @@ AGAIN = 20  # ticks without a plan, after which the observer begins again once m
 
 
 class Mpc:
-    """A controller to be ticked. belief: what it said last; aimed: (n_e,) mm, the goal of that tick; observer: None
-    without sensors."""
+    """Predictive controller, ticked.
+
+    belief: of the last tick
+    aimed: (n_e,) mm, the goal of that tick
+    observer: None without sensors"""
 
     def __init__(self, clocked: Clocked, plan: Plan, rest_e: np.ndarray, start: Condensed, doubt: Doubt | None = None):
         """start: where the robot stands still before the first tick; doubt: None for a feed-forward without sensors."""
@@ -77,12 +92,17 @@ class Mpc:
         self._ahead = np.repeat(state.u[None], plan.ticks, axis=0)
         self._states = np.repeat(state.z[None], plan.ticks + 1, axis=0)
         self._lost = 0  # ticks in a row without a plan about these states
-        self.belief = Told(state.u, QpStatus.OPTIMAL.value, start.delta_a)
+        self.belief = MovingBelief(state.u, QpStatus.OPTIMAL.value, start.delta_a)
         self.aimed = rest_e + start.delta_e
 
-    def tick(self, goal: ArrayLike, measured: Measurement | None = None, ahead: ArrayLike | None = None) -> Told:
-        """goal (n_e,) mm absolute, where the effectors should be at the end of the tick; ahead (k, n_e): at the ends of
-        this tick and the next ones, of which the last holds on; measured: the latest sample."""
+    def tick(
+        self, goal: ArrayLike, measured: Measurement | None = None, ahead: ArrayLike | None = None
+    ) -> MovingBelief:
+        """Belief after a tick.
+
+        goal: (n_e,) mm absolute, where the effectors should be at the end of the tick
+        measured: the latest sample
+        ahead: (k, n_e) goals at the ends of this tick and the next ones, of which the last holds on"""
         goals = np.atleast_2d(np.asarray(goal if ahead is None else ahead, float))
         goals = goals[np.minimum(np.arange(self._plan.ticks), len(goals) - 1)] - self._rest_e
         self.aimed = goals[0] + self._rest_e
@@ -107,7 +127,7 @@ class Mpc:
         self._sent(u, place)
         astray = self.observer is not None and self.observer.astray
         outcome = verdict is Verdict.REJECTED, verdict is Verdict.RESTART or self._resets
-        self.belief = Told(u, status, self._states[0, : self._clocked.n_a].copy(), softened, astray, *outcome)
+        self.belief = MovingBelief(u, status, self._states[0, : self._clocked.n_a].copy(), softened, astray, *outcome)
         return self.belief
 
     def _without_plan(self) -> np.ndarray:

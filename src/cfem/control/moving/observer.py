@@ -116,14 +116,14 @@ class Observer:
         return self.innovation > _ASTRAY
 
     def command(self, u: np.ndarray, place: MotionTerms | None = None) -> None:
-        """Appends the command (n_a,) of the next tick; place: whose inertia is taken for it, None: asked of the
-        model."""
+        """Appends the command (n_a,) of the next tick; place: whose inertia is taken for it, the model's unless
+        given."""
         self._commands.append(np.asarray(u, float))
         self._places.append(place)
 
     def correct(self, measured: Measurement | None, rest_e: np.ndarray) -> Verdict | None:
-        """The verdict on a sample, with the number of its tick. None of one that was used before, which changes
-        nothing, and of one without a position, which does not correct."""
+        """Verdict on a sample, with the number of its tick. None for one that was used before, which changes nothing,
+        and for one without a position, which does not correct."""
         if measured is None or measured.t <= self.sampled:
             return None
         if measured.t > self.sampled + len(self._commands):

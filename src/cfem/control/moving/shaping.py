@@ -18,7 +18,7 @@ Kind = Literal["zv", "zvd"]
 
 @dataclass(frozen=True)
 class Shaper:
-    """amplitude (k,), of sum 1, and time (k,) s of its impulses."""
+    """Impulses of a shaper: amplitude (k,), of sum 1, and time (k,) s."""
 
     amplitude: np.ndarray
     time: np.ndarray

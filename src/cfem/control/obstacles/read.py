@@ -65,7 +65,7 @@ def read_obstacles(spec: ObstaclesSpec, base: Path) -> Obstacles:
 
 
 def course_of(obstacle: RobotObstacle, folder: Path) -> ActuatedRobot:
-    """The course of another robot's actuators; folder: of its model."""
+    """Course of another robot's actuators; folder: of its model."""
     with naming(folder):
         return obstacle.actuated(load_model(folder))
 

@@ -16,8 +16,12 @@ PRESSED = 0.05  # of the force that is wanted: how far off it may be where a goa
 
 @dataclass(frozen=True)
 class World:
-    """What control knows of obstacles. rows: of the models, the robot's and one for each that is pressed or avoided;
-    goal (k,): of the latter rows, weights (k,) mm/N or 0, and bounds (k, 2)."""
+    """Obstacles as plans know them.
+
+    rows: of the models, the robot's and one for each obstacle that is pressed or avoided
+    goal: (k,) of the latter rows
+    weights: (k,) mm/N or 0
+    bounds: (k, 2)"""
 
     rows: Rows
     goal: np.ndarray
@@ -49,7 +53,7 @@ class World:
         above, below = forces | (values >= low - near), values <= (1 + PRESSED) * high
         return bool(as_wanted.all() and above.all() and below.all())
 
-    def said(self, spec: ObstaclesSpec, records: Sequence[Mapping]) -> tuple[dict[str, dict], list[str]]:
+    def results(self, spec: ObstaclesSpec, records: Sequence[Mapping]) -> tuple[dict[str, dict], list[str]]:
         """Results of each obstacle over the rows of a table: figures, and lines for people."""
         figures, lines, n_e = {}, [], self.rows.n_e - len(self.goal)
         x = np.array([row["x_e"] for row in records])[:, n_e:]

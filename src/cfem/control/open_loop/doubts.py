@@ -11,7 +11,8 @@ _ONE_POINT = 1e-6  # of the robot's length
 
 
 def doubts(goals: Mapping[str, np.ndarray], refined: Mapping[str, Any], length: float) -> list[dict[str, Any]]:
-    """Findings about goals and mesh that leave the results in doubt."""
+    """Findings about goals and mesh that leave the results in doubt. goals: (m, n_e) mm of each trajectory; refined: of
+    `mesh_error.discretisation`; length: mm of the robot."""
     findings = [
         poor(f"the {len(points)} goals of '{name}' are one point: nothing is tracked")
         for name, points in goals.items()

@@ -97,13 +97,13 @@ def mesh_error(
     spec: MeshErrorSpec,
     load: Callable[[Robot], Robot] = lambda robot: robot,
 ) -> dict[str, Any]:
-    """The estimated discretisation error, for the manifest. states: of the robot on `mesh`, at the commands chosen;
-    load: puts the loads of these states on the robot of the finer mesh.
+    """Estimated discretisation error, for the manifest. states: of the robot on `mesh`, at the commands chosen; load:
+    puts the loads of these states on the robot of the finer mesh.
 
     states, cells, finer_cells, order: how it was estimated. tip_mm, tip_percent: error of the effectors' position, of
-    the scene's length too; reach_percent: of how far the effectors move; force_percent: of the actuator forces, of the
-    largest one; all the largest of the states, extrapolated. Where it could not be estimated, only `left_out`: the
-    sentence that says why."""
+        the scene's length too; reach_percent: of how far the effectors move; force_percent: of the actuator forces, of
+        the largest one; all the largest of the states, extrapolated. Where it could not be estimated, only `left_out`:
+        the sentence that says why."""
     expected = growth(scene, spec.cells) * len(mesh.cells)
     if expected > spec.largest:
         return {"left_out": f"the finer mesh would have {expected:.0f} cells, and mesh_error.largest is {spec.largest}"}

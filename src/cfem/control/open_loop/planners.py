@@ -14,7 +14,7 @@ from cfem.control.holding.spec import HoldingSpec
 from cfem.control.obstacles.spec import ObstaclesSpec
 from cfem.control.obstacles.world import World
 from cfem.control.run_spec import FE_BASED, PlannedSpec, TrackingSpec
-from cfem.control.search.goal_search import Settings
+from cfem.control.search.goal_search import SearchSettings
 from cfem.control.search.inverse import Limits
 from cfem.control.search.multistart import RESTARTS
 from cfem.core.errors import SpecError
@@ -32,7 +32,7 @@ def pilot_of(spec: TrackingSpec, robot: Any, model: Any) -> Pilot:
         _limits(spec, robot),
         weights_of(spec, robot),
         ridge_of(search.regularisation, robot.reach, robot.length),
-        Settings.of(
+        SearchSettings.of(
             robot.reach, search.iterations, search.tolerance, search.step, backend=search.qp, cautious=search.cautious
         ),
         preload=search.preload,

@@ -36,8 +36,12 @@ PLAIN = {
 
 @dataclass
 class Done:
-    """By trajectory: how many goals are finished, their rows, and shapes (s, 3) mm of the surface by goal. solved:
-    states whose commands are carried out once more on a finer mesh."""
+    """Part of a run that is done, by trajectory.
+
+    goals: number of goals that are finished
+    rows: of these goals
+    shapes: (s, 3) mm of the surface by goal
+    solved: states whose commands are carried out once more on a finer mesh"""
 
     goals: dict[str, int] = field(default_factory=dict)
     rows: dict[str, list[dict]] = field(default_factory=dict)
@@ -50,8 +54,10 @@ class Done:
 
 
 class SoFar:
-    """goals: (m, n_e) mm by trajectory as an interrupted run has found them, None without one; done: what it and this
-    run have done."""
+    """Part of a run that is done, kept on the disk for the next run.
+
+    goals: (m, n_e) mm by trajectory as an interrupted run has set them, None without one
+    done: what it and this run have done"""
 
     def __init__(self, folder: Path, keep: bool = True):
         """folder: where the output is built; keep: whether what is done is worth keeping."""
@@ -183,7 +189,7 @@ class _Reader(pickle.Unpickler):
 
 
 def _changing(judge: Controller) -> Changing:
-    return [(judge, ("belief", "aimed", "_moved", "_expected", "_tick", "_heard"))]
+    return [(judge, ("belief", "aimed", "_tick"))]
 
 
 def _get(changing: Changing) -> list[dict[str, Any]]:

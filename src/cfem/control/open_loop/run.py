@@ -57,8 +57,8 @@ def carry_out(folder: Path, spec: PlannedSpec, base: Path, prepared: Prepared, s
         held, account = _account(fem, prepared.touched)
         lines += account
     if prepared.world:
-        figures, account = prepared.world.said(spec, records)
-        lines = [*account, *lines]
+        figures, sentences = prepared.world.results(spec, records)
+        lines = [*sentences, *lines]
         held, met = (held | figures, None) if holding else (None, figures)
     if prepared.touched and prepared.touched.commands:  # none where the model is its own plant
         lines.append(prepared.touched.sentence())

@@ -15,9 +15,16 @@ _CHANGES = 20  # of the active set, allowed a constraint
 
 
 class ActiveSet:
-    """y (n,); which: (k,) the constraints that hold it; sign: +1 at the low bound, -1 at the high one; Q (n, k): with
-    their signed normals as columns, N = Q R; T (k, k): R^-1; force: (k,) >= 0, of each on y; feasible: whether there is
-    a y at all; changes: of the set."""
+    """Active constraints of a least-length program.
+
+    y: (n,)
+    which: (k,) the constraints that hold it
+    sign: (k,) +1 at the low bound, -1 at the high one
+    Q: (n, k) with their signed normals as columns, N = Q R
+    T: (k, k) R^-1
+    force: (k,) >= 0, of each on y
+    feasible: whether there is a y at all
+    changes: number of changes of the set"""
 
     def __init__(self, N: np.ndarray, low: np.ndarray, high: np.ndarray, terms: np.ndarray) -> None:
         n = N.shape[1]
@@ -114,7 +121,8 @@ class ActiveSet:
 
 
 def least_length(N: np.ndarray, low: np.ndarray, high: np.ndarray, terms: np.ndarray) -> ActiveSet | None:
-    """Active set of the shortest y with low <= N y <= high. None where the changes allowed were not enough."""
+    """Active set of the shortest y (n,) with low <= N y <= high. N (m, n), low and high (m,), +-inf where open; terms:
+    (m,) the size of what these are differences of. None where the changes allowed were not enough."""
     now, settled = ActiveSet(N, low, high, terms), True
     if low.max() <= 0.0 <= high.min():  # as most often: nothing holds y
         return now

@@ -22,8 +22,11 @@ from cfem.core.errors import NumericalError
 
 @dataclass(frozen=True)
 class Limits:
-    """Bounds (n_a, 2), low and high, +-inf where there is none. lambda_a: N; delta_a: mm, the course of the
-    actuators; delta_e: (n_e, 2) of the effector rows, None without any."""
+    """Bounds (n_a, 2), low and high, +-inf where there is none.
+
+    lambda_a: N
+    delta_a: mm, the course of the actuators
+    delta_e: (n_e, 2) of the effector rows, None without any"""
 
     lambda_a: np.ndarray
     delta_a: np.ndarray
@@ -76,10 +79,14 @@ def _beyond(values: np.ndarray, bounds: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Aim:
-    """Task of the effectors. goal: (n_e,) mm from rest; weights: (n_e,), 0 for rows that do not matter; ridge: (n_a,)
-    dimensionless, the regularisation r; preload: mm, the course that it draws the actuators to; damping: (n_a,)
-    dimensionless, d, which holds them where they are; places: (n_e,) True for rows in mm, all unless given (forces have
-    weights in mm/N)."""
+    """Task of the effectors.
+
+    goal: (n_e,) mm from rest
+    weights: (n_e,), 0 for rows that do not matter
+    ridge: (n_a,) dimensionless, the regularisation r
+    preload: mm, the course that it draws the actuators to
+    damping: (n_a,) dimensionless, d, which holds them where they are
+    places: (n_e,) True for rows in mm, all unless given (forces have weights in mm/N)"""
 
     goal: np.ndarray
     weights: np.ndarray
@@ -105,9 +112,11 @@ class Aim:
 
 @dataclass(frozen=True)
 class InverseStep:
-    """lambda_a (n_a,) N and delta_a (n_a,) mm that the linearisation asks for; `softened` where no lambda
-    within its bounds keeps the course, which was then widened by as little as possible; qp: the program's own
-    account."""
+    """Step to which the linearisation leads.
+
+    lambda_a, delta_a: (n_a,) N and mm
+    softened: whether no lambda within its bounds keeps the course, which was then widened by as little as possible
+    qp: the program's own account"""
 
     lambda_a: np.ndarray
     delta_a: np.ndarray

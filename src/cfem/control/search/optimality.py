@@ -35,8 +35,8 @@ class Verdict(Enum):
 
 @dataclass(frozen=True)
 class Optimality:
-    """missed: mm from the goal, weighted; nearest: mm to which the linearised robot could come, 0 where its program has
-    no answer, which shows nothing."""
+    """Condition of first order for a state of a search. missed: mm from the goal, weighted; nearest: mm to which the
+    linearised robot could come, 0 where its program has no answer, which shows nothing."""
 
     missed: float
     nearest: float

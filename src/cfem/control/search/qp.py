@@ -35,8 +35,12 @@ class QpStatus(Enum):
 
 @dataclass(frozen=True)
 class QpSolution:
-    """x (n,), y (m,) multipliers of the rows, z (n,) of the box, all in the user's units; NaN where there is
-    no answer. iterations: changes of the active set, or of splitting."""
+    """Solution of a quadratic program, all in the user's units; NaN where there is none.
+
+    x: (n,)
+    y: (m,) multipliers of the rows
+    z: (n,) multipliers of the box
+    iterations: changes of the active set, or of splitting"""
 
     x: np.ndarray
     y: np.ndarray
@@ -55,7 +59,8 @@ def solve_qp(
     box: np.ndarray,
     backend: Backend = "active_set",
 ) -> QpSolution:
-    """M (rows, n), d (rows,), A (m, n), lower and upper (m,), box (n, 2).
+    """Minimum of |M x - d|^2 with lower <= A x <= upper and x in its box: M (rows, n), d (rows,), A (m, n), lower and
+    upper (m,), box (n, 2).
 
     `active_set`: exact, refined until only rounding is left. `osqp`: operator splitting with polish, a second opinion
     that costs a hundred times as much. Where M is flat the answer is one of those that are as good."""

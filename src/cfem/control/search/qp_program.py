@@ -36,12 +36,14 @@ class Kkt:
 
 @dataclass(frozen=True)
 class Program:
-    """The program in units in which M's columns, the rows of G (the box, then A) and the sizes of d and of what bounds
+    """Program in units in which M's columns, the rows of G (the box, then A) and the sizes of d and of what bounds
     demand are one.
 
-    S (n,), V (n, n): M V = U S, where M is flat with S of their own; shadow: (n,) U^T d; normals: (n + m, n) of unit
-    length, of the constraints on S V^T x; length: (n + m,) they had before; unit: that of
-    d and M x"""
+    S, V: (n,), (n, n) with M V = U S, where M is flat with S of their own
+    shadow: (n,) U^T d
+    normals: (n + m, n) of unit length, of the constraints on S V^T x
+    length: (n + m,) they had before
+    unit: that of d and M x"""
 
     M: np.ndarray
     d: np.ndarray
@@ -84,8 +86,7 @@ class Program:
 
 @dataclass(frozen=True)
 class Answer:
-    """x (n,) and the multipliers (n + m,) of a program, with their residuals; error: the largest, relative to d and
-    M x."""
+    """Candidate x (n,) with multipliers (n + m,), and their residuals; error: the largest, relative to d and M x."""
 
     x: np.ndarray
     multipliers: np.ndarray
