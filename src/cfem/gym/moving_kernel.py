@@ -2,8 +2,8 @@
 
 The step is that of `cfem.motion.step`, the implicit midpoint rule with the learned functions expanded about the middle
 that is expected, in coordinates q / scale, where M = R R and the loss forms are S S with learned symmetric R and S.
-Robots differ in stiffness and viscosity. Where displacements are told to cables that only pull, each is held and pulls
-or is slack and longer than told; which, is found by trying."""
+Robots differ in stiffness and viscosity. Where displacements are commanded of cables that only pull, each is held and pulls
+or is slack and longer than commanded; which, is found by trying."""
 
 from typing import NamedTuple
 
@@ -29,15 +29,15 @@ class LearnedMotion(NamedTuple):
 
 
 class Lanes(NamedTuple):
-    """Of LANES robots: q, p, v, gain (n_q, LANES) as of `cfem.motion.step.CondensedMotion`; told (n_a, LANES): forces
+    """States of LANES robots: q, p, v, gain (n_q, LANES) as of `cfem.motion.step.CondensedMotion`; command (n_a, LANES): forces
     during the step or displacements at its end; lam (n_a, LANES): forces in it; held (n_a, LANES): 1 where an actuator
-    stands where it is told to; stiffness, viscosity (LANES,): times those of the model."""
+    stands at its command; stiffness, viscosity (LANES,): times those of the model."""
 
     q: np.ndarray
     p: np.ndarray
     v: np.ndarray
     gain: np.ndarray
-    told: np.ndarray
+    command: np.ndarray
     lam: np.ndarray
     held: np.ndarray
     stiffness: np.ndarray
@@ -95,14 +95,14 @@ def _times(S, first, x, factor, out):
 
 @njit(cache=True, no_cpython_wrapper=True, no_cfunc_wrapper=True, error_model="numpy")
 def _place(n, i, j):
-    """In a packed triangle."""
+    """Position of (i, j) in a packed triangle."""
     i, j = min(i, j), max(i, j)
     return i * n - i * (i - 1) // 2 + j - i
 
 
 @njit(cache=True, no_cpython_wrapper=True, no_cfunc_wrapper=True, fastmath=FAST, error_model="numpy")
 def _add_square(S, first, factor, out):
-    """out (n, n, LANES) += factor (LANES,) S S, S a packed triangle that begins at row `first`."""
+    """Adds factor (LANES,) S S to out (n, n, LANES), S a packed triangle that begins at row `first`."""
     n = out.shape[0]
     value = np.empty(LANES)
     for i in range(n):
@@ -123,7 +123,7 @@ def _add_square(S, first, factor, out):
 @njit(cache=True, no_cpython_wrapper=True, no_cfunc_wrapper=True, fastmath=FAST, error_model="numpy")
 def expand(learned, lanes, room, dt):
     """The learned functions about the middle that room.new leads to."""
-    n_a, n_q = lanes.told.shape[0], learned.n_q
+    n_a, n_q = lanes.command.shape[0], learned.n_q
     triangle, half = n_q * (n_q + 1) // 2, dt / 2
     for a in range(n_a):
         for b in range(LANES):
@@ -181,8 +181,8 @@ def turn(learned, room, n_a, half):
 
 @njit(cache=True, no_cpython_wrapper=True, no_cfunc_wrapper=True, fastmath=FAST, error_model="numpy")
 def assemble(learned, lanes, room, forces, half):
-    """What room.new leaves of the equations, `rest`, and Mv, in a step of twice `half` s."""
-    n_a, n_q = lanes.told.shape[0], learned.n_q
+    """Residual `room.rest` of the equations at room.new, and Mv, in a step of twice `half` s."""
+    n_a, n_q = lanes.command.shape[0], learned.n_q
     for i in range(n_q):
         for b in range(LANES):
             room.Mv[i, b] = 0.0
@@ -200,7 +200,7 @@ def assemble(learned, lanes, room, forces, half):
             room.one[a, b] = lanes.q[a, b] + half * room.new[a, b] - room.about[a, b]
             room.force[a, b] -= room.forces.sums[a, b]
             if forces:
-                room.force[a, b] += lanes.told[a, b]
+                room.force[a, b] += lanes.command[a, b]
         for i in range(n_q):
             for b in range(LANES):
                 room.Mv[i, b] += room.one[a, b] / half * room.turning[a, i, b]
@@ -217,9 +217,10 @@ def assemble(learned, lanes, room, forces, half):
 
 @njit(cache=True, no_cpython_wrapper=True, no_cfunc_wrapper=True, fastmath=FAST, error_model="numpy")
 def matrix(lanes, room):
-    """room.A: minus the derivative of what is left by velocity; the rows and columns of held ones are those of 1."""
-    n_a, n = lanes.told.shape[0], room.A.shape[0]
-    free, other = np.ones(LANES), np.ones(LANES)
+    """Matrix room.A: minus the derivative of the residual by velocity; the rows and columns of held ones are those of
+    1."""
+    n_a, n = lanes.command.shape[0], room.A.shape[0]
+    free, free_column = np.ones(LANES), np.ones(LANES)
     for i in range(n):
         for b in range(LANES):
             free[b] = 1.0 - lanes.held[i, b] if i < n_a else 1.0
@@ -234,8 +235,8 @@ def matrix(lanes, room):
                 for b in range(LANES):
                     room.A[i, j, b] -= room.turning[i, j, b]
             for b in range(LANES):
-                other[b] = 1.0 - lanes.held[j, b] if j < n_a else 1.0
-                room.A[i, j, b] *= free[b] * other[b]
+                free_column[b] = 1.0 - lanes.held[j, b] if j < n_a else 1.0
+                room.A[i, j, b] *= free[b] * free_column[b]
             if i == j:
                 for b in range(LANES):
                     room.A[i, j, b] += 1.0 - free[b]
@@ -263,9 +264,9 @@ def eliminate(A, x):
 
 @njit(cache=True, no_cpython_wrapper=True, no_cfunc_wrapper=True, error_model="numpy")
 def advance(room, before, tolerance, smallest, count):
-    """room.new goes on by room.change. before (LANES,): how far it went the last time, changed to how far now. Returns
+    """Moves room.new by room.change. before (LANES,): how far it went the last time, changed to how far now. Returns
     how many of the first `count` lanes are to go on, by the rate at which changes have fallen."""
-    left = 0
+    unsolved = 0
     for b in range(count):
         size, moved = smallest, 0.0
         for i in range(room.new.shape[0]):
@@ -273,11 +274,11 @@ def advance(room, before, tolerance, smallest, count):
         rate = min(moved / before[b], 1.0) if before[b] > 0 else 1.0
         before[b] = moved
         if not moved * rate <= tolerance * size:
-            left += 1
+            unsolved += 1
     for i in range(room.new.shape[0]):
         for b in range(LANES):
             room.new[i, b] += room.change[i, b]
-    return left
+    return unsolved
 
 
 @njit(cache=True, no_cpython_wrapper=True, no_cfunc_wrapper=True, fastmath=FAST, error_model="numpy")

@@ -53,27 +53,27 @@ class LinearisedSteps:
 
 
 def places(model: MotionModel, delta_a: np.ndarray, every: int = 1) -> MotionTerms:
-    """All of `MotionTerms` with a first axis of N, at delta_a (N, n_a) mm. every: mass, viscosity and inner motions are
-    asked at each so many, and interpolated between; of more than one, their slopes are those at the first. Energy and
-    where the effectors rest are asked of all."""
+    """Terms of a model along a horizon: all of `MotionTerms` with a first axis of N, at delta_a (N, n_a) mm. every:
+    mass, viscosity and inner motions are asked at each so many, and interpolated between; of more than one, their
+    slopes are those at the first. Energy and where the effectors rest are asked of all."""
     count = len(delta_a)
     if count == 1:
         only = vars(model.at(delta_a[0])) | {"inner": None}
-        found = {name: values[None] for name, values in only.items() if values is not None}
-        return MotionTerms(inner=model.inner, **found)
+        terms = {name: values[None] for name, values in only.items() if values is not None}
+        return MotionTerms(inner=model.inner, **terms)
     part = model.static.parts(delta_a, delta_a[:, :0])
     knots = np.unique([*range(0, count, every), count - 1])
-    found = [model.learned(delta_a[k], slopes=k == 0) for k in knots]
+    terms = [model.learned(delta_a[k], slopes=k == 0) for k in knots]
     after = np.clip(np.searchsorted(knots, np.arange(count)), 1, max(len(knots) - 1, 1))
     before = after - 1
     last = len(knots) - 1
     after = np.minimum(after, last)
     width = np.maximum(knots[after] - knots[before], 1)
     share = np.minimum((np.arange(count) - knots[before]) / width, 1.0)
-    slopes = [name for name in found[0] if name.startswith("d")]
-    learned = {name: np.broadcast_to(found[0][name], (count, *found[0][name].shape)) for name in slopes}
-    for name in found[0].keys() - slopes:
-        values = np.array([one[name] for one in found])
+    slopes = [name for name in terms[0] if name.startswith("d")]
+    learned = {name: np.broadcast_to(terms[0][name], (count, *terms[0][name].shape)) for name in slopes}
+    for name in terms[0].keys() - slopes:
+        values = np.array([term[name] for term in terms])
         t = share.reshape(-1, *[1] * (values.ndim - 1))
         learned[name] = (1 - t) * values[before] + t * values[after]
     return MotionTerms(
@@ -87,16 +87,17 @@ def places(model: MotionModel, delta_a: np.ndarray, every: int = 1) -> MotionTer
 
 
 def moved(place: MotionTerms, model: MotionModel, delta_a: np.ndarray) -> MotionTerms:
-    """With energy and where the effectors rest at delta_a (N, n_a) mm, and the inertia and inner motions of before."""
+    """Terms with energy and where the effectors rest at delta_a (N, n_a) mm, and the inertia and inner motions of
+    before."""
     part = model.static.parts(delta_a, delta_a[:, :0])
     e, J = part["effector"], part["effector_gradient"]
     return replace(place, pull=part["gradient"], stiff=part["hessian"], e=e, J=J)
 
 
 def first_of(place: MotionTerms) -> MotionTerms:
-    """The first of `places`, which keeps its first axis."""
-    own = {one.name: getattr(place, one.name) for one in fields(MotionTerms) if one.name != "inner"}
-    return replace(place, **{name: values[:1] for name, values in own.items() if values is not None})
+    """Terms at the first place of `places`, with their first axis."""
+    values_by_name = {term.name: getattr(place, term.name) for term in fields(MotionTerms) if term.name != "inner"}
+    return replace(place, **{name: values[:1] for name, values in values_by_name.items() if values is not None})
 
 
 def linear_steps(
@@ -107,7 +108,7 @@ def linear_steps(
     dt: float,
     material: MaterialShares = MaterialShares(),
 ) -> LinearisedSteps:
-    """place: of `places` at the middle of each guessed step; dt: s."""
+    """Linearised steps from the guessed states. place: of `places` at the middle of each guessed step; dt: s."""
     s, c = material.stiffness, material.viscosity
     n, n_q = guess.v.shape
     n_a, n_z = guess.u.shape[1], guess.state.shape[1]

@@ -42,6 +42,8 @@ class ImperfectPlant:
         since: int = 0,
         camera: MarkerNoise | None = None,
     ):
+        """Puts the faults of sensors and drives before `plant`, or from tick `since` on before `disturbed`; camera:
+        shows markers."""
         self._plants, self._since, self._camera = (plant, disturbed), since, camera
         self._is, self._random = imperfection, np.random.default_rng(seed)
         self._t = 0
@@ -51,6 +53,7 @@ class ImperfectPlant:
         self.actual: Measurement | None = None
 
     def step(self, u: np.ndarray, kind: Command = "displacement") -> Measurement:
+        """Last sample that has arrived after a command."""
         self._t += 1
         plant = self._plants[1] if self._plants[1] and self._t >= self._since else self._plants[0]
         done = np.clip(self._rounded(np.asarray(u, float)), self._is.low, self._is.high)
@@ -74,8 +77,8 @@ class ImperfectPlant:
 
     def _sample(self) -> Measurement:
         x_e = self.actual.x_e
-        found = replace(self.actual, x_e=x_e + self._is.noise * self._random.standard_normal(len(x_e)))
-        return self._camera.seen(found) if self._camera else found
+        sample = replace(self.actual, x_e=x_e + self._is.noise * self._random.standard_normal(len(x_e)))
+        return self._camera.seen(sample) if self._camera else sample
 
     def _nothing(self) -> Measurement:
         unknown = np.full_like(self.actual.x_e, np.nan)

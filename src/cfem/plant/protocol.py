@@ -26,7 +26,7 @@ class Measurement:
 
     @classmethod
     def failed(cls, n_e: int, n_a: int, t: int, why: str) -> "Measurement":
-        """Of a step that has no answer."""
+        """Measurement of a step that has no answer."""
         nothing = np.full(n_a, np.nan)
         return cls(np.full(n_e, np.nan), nothing, nothing, t, why)
 
