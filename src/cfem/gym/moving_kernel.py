@@ -2,8 +2,8 @@
 
 The step is that of `cfem.motion.step`, the implicit midpoint rule with the learned functions expanded about the middle
 that is expected, in coordinates q / scale, where M = R R and the loss forms are S S with learned symmetric R and S.
-Robots differ in stiffness and viscosity. Where displacements are commanded of cables that only pull, each is held and pulls
-or is slack and longer than commanded; which, is found by trying."""
+Robots differ in stiffness and viscosity. Where displacements are commanded of cables that only pull, each is held and
+pulls or is slack and longer than commanded; which, is found by trying."""
 
 from typing import NamedTuple
 
@@ -29,8 +29,8 @@ class LearnedMotion(NamedTuple):
 
 
 class Lanes(NamedTuple):
-    """States of LANES robots: q, p, v, gain (n_q, LANES) as of `cfem.motion.step.CondensedMotion`; command (n_a, LANES): forces
-    during the step or displacements at its end; lam (n_a, LANES): forces in it; held (n_a, LANES): 1 where an actuator
+    """States of LANES robots: q, p, v, gain (n_q, LANES) as of `cfem.motion.step.CondensedMotion`; command (n_a, LANES):
+    forces during the step or displacements at its end; lam (n_a, LANES): forces in it; held (n_a, LANES): 1 where an actuator
     stands at its command; stiffness, viscosity (LANES,): times those of the model."""
 
     q: np.ndarray

@@ -47,8 +47,8 @@ def _apart(learned, lanes, room, dt):
 
 @njit(cache=True, no_cpython_wrapper=True, no_cfunc_wrapper=True, error_model="numpy")
 def _choose(lanes, room, dt, small, short, count):
-    """Changes which cables are held where one would push, by more than small, or would be slack and shorter than commanded.
-    Returns how many of the first `count` robots that were."""
+    """Changes which cables are held where one would push, by more than small, or would be slack and shorter than
+    commanded. Returns how many of the first `count` robots that were."""
     wrong = 0
     for b in range(count):
         changed = False

@@ -39,7 +39,7 @@ class Robots:
 
     def __init__(self, model: Predictor, needs: tuple[str, ...] = (), loaded: Sequence[int] = ()):
         """Batch of robots of a model; needs: further series, loaded: effector rows with loads. InputError for a model
-        that has no such series."""
+        that is not spectral of form displacement."""
         demand("numba", where="cfem.gym")
         if not isinstance(model, SpectralPredictor) or model.form != "displacement":
             kind, form = model.meta.get("kind"), model.form
