@@ -118,8 +118,8 @@ def find_actuation(
     )
     first = model.at_displacement(np.zeros(n_a) if start is None else vector("start", start, n_a))
     limits, settings = _limits(model, unilateral, largest_force), SearchSettings.of(model.reach, iterations)
-    found = search_goal(model, aim, limits, Iterate.at(first), settings)
-    return multistart(model, aim, limits, found, settings, by_displacement, all_over(limits, RESTARTS))
+    result = search_goal(model, aim, limits, Iterate.at(first), settings)
+    return multistart(model, aim, limits, result, settings, by_displacement, all_over(limits, RESTARTS))
 
 
 @says_what_is_missing
@@ -197,16 +197,17 @@ def make_controller(
 
 
 def _weights(weights: ArrayLike | None, n_e: int) -> np.ndarray:
+    """Weights (n_e,) of the effector rows, 1 unless given. SpecError where these are negative or all 0."""
     if weights is None:
         return np.ones(n_e)
-    found = vector("weights", weights, n_e)
-    if (found < 0).any() or not found.any():
+    checked = vector("weights", weights, n_e)
+    if (checked < 0).any() or not checked.any():
         raise SpecError(
-            f"expected numbers from 0 on, of which one is positive, got {found.tolist()}",
+            f"expected numbers from 0 on, of which one is positive, got {checked.tolist()}",
             where="weights",
             do="give rows that do not matter 0, and another one a positive number",
         )
-    return found
+    return checked
 
 
 def _limits(model: "Predictor | Robot", unilateral: bool, largest_force: float) -> "Limits":
