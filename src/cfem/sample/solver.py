@@ -63,14 +63,14 @@ class Solver(Protocol):
     facts: Facts
 
     def solve(self, actuation: Actuation, start: State | None, p: np.ndarray) -> Equilibrium:
-        """Of the robot at p (n_p,), from `start`; from rest where that is None or fails. Its slopes are by the sampled
-        parameters' coordinates. Depends on its arguments alone, not on earlier calls."""
+        """Equilibrium of the robot at p (n_p,), from `start`; from rest where that is None or fails. Its slopes are by
+        the sampled parameters' coordinates. Depends on its arguments alone, not on earlier calls."""
 
     def watching(self, skin: Skin) -> "Solver":
-        """The same, whose equilibria have the rows of the skin. Needs facts.surface."""
+        """Solver whose equilibria have the rows of the skin. Needs facts.surface."""
 
     def roughly(self, pushed: Skin | None = None) -> "Solver":
-        """The same to a loose tolerance, without derivatives of W; with about how all nodes yield to forces on the rows
+        """Solver to a loose tolerance, without derivatives of W; with about how all nodes yield to forces on the rows
         `pushed`."""
 
 
@@ -95,6 +95,7 @@ class FiniteElements:
     slack: bool = True
 
     def __call__(self) -> Solver:
+        """Solver of the scene in this process."""
         from cfem.condensed.contact_pose import onto_patch
         from cfem.equilibrium.actuation import force
         from cfem.equilibrium.contact.held_patch import contact_points, patch_of
@@ -138,7 +139,7 @@ class FiniteElements:
             problem.kinematics.row is not None,
             robot_of(self.scene),
             surface,
-            tuple(one for one in robot.viscosity if not one.none) if self.dynamics else None,
+            tuple(material for material in robot.viscosity if not material.none) if self.dynamics else None,
             0 if stresses is None else stresses.shape[2],
             robot.masses,
             Inside(within, robot.X[within]) if len(within) else None,
@@ -174,6 +175,7 @@ class _FiniteElementSolver:
         return replace(self, settings=settings, third_order=False, loads=0, mass=None, pushed=pushed)
 
     def solve(self, actuation: Actuation, start: State | None, p: np.ndarray) -> Equilibrium:
+        """Equilibrium of the robot at p (n_p,), with slopes by the sampled parameters' coordinates."""
         from cfem.equilibrium.derivatives.parameter_slopes import Sides
         from cfem.equilibrium.motion.inertia import mass_of
         from cfem.equilibrium.solve import solve
@@ -191,7 +193,7 @@ class _FiniteElementSolver:
         shift = problem.rest - self.problem.rest
         moved = bool(shift.any())
         start = start if start is None or not moved else replace(start, x=start.x + shift)
-        found = solve(
+        equilibrium = solve(
             problem,
             actuation,
             start,
@@ -204,7 +206,11 @@ class _FiniteElementSolver:
             mass=mass,
             stresses=self.stresses,
         )
-        return replace(found, state=replace(found.state, x=found.state.x - shift)) if moved else found
+        return (
+            replace(equilibrium, state=replace(equilibrium.state, x=equilibrium.state.x - shift))
+            if moved
+            else equilibrium
+        )
 
     def _problem(self, robot: Any, skin: Skin | None, like: Any) -> Any:
         from cfem.equilibrium.problem import Problem
