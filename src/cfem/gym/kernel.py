@@ -1,10 +1,10 @@
 """Many robots of one spectral model at once, each in equilibrium under its own command: compiled loops over a batch.
 
 Displacements u are commanded of actuators that may only pull: an actuator stands at delta_i >= u_i, its force
-lambda_i >= 0, one of both an equality (a cable that would have to push goes slack). That is the minimum of Psi - w . e over
-delta >= u, with loads w on the effectors, found by Newton's method: each step is the minimum of the quadratic model
-under the same bounds. Forces are commanded of the others: the minimum of Psi - w . e - lambda . delta. The first step
-from where a robot was is that of its last Hessian and costs no series."""
+lambda_i >= 0, one of both an equality (a cable that would have to push goes slack). That is the minimum of Psi - w . e
+over delta >= u, with loads w on the effectors, found by Newton's method: each step is the minimum of the quadratic
+model under the same bounds. Forces are commanded of the others: the minimum of Psi - w . e - lambda . delta. The first
+step from where a robot was is that of its last Hessian and costs no series."""
 
 from typing import NamedTuple
 
@@ -128,9 +128,7 @@ def _move(place, law):
             step[i] = -law.longest[i] if g[i] > 0 else law.longest[i]
     share = 1.0
     for i in range(n):
-        if (
-            free[i] and share * abs(step[i]) > law.longest[i]
-        ):  # others are at their bound, as commanded
+        if free[i] and share * abs(step[i]) > law.longest[i]:  # others are at their bound, as commanded
             share = law.longest[i] / abs(step[i])
     for i in range(n):
         x[i] += share * step[i] if free[i] else step[i]

@@ -29,9 +29,13 @@ class LearnedMotion(NamedTuple):
 
 
 class Lanes(NamedTuple):
-    """States of LANES robots: q, p, v, gain (n_q, LANES) as of `cfem.motion.step.CondensedMotion`; command (n_a, LANES):
-    forces during the step or displacements at its end; lam (n_a, LANES): forces in it; held (n_a, LANES): 1 where an actuator
-    stands at its command; stiffness, viscosity (LANES,): times those of the model."""
+    """States of LANES robots.
+
+    q, p, v, gain: (n_q, LANES) as of `cfem.motion.step.CondensedMotion`
+    command: (n_a, LANES) forces during the step or displacements at its end
+    lam: (n_a, LANES) forces in it
+    held: (n_a, LANES) 1 where an actuator stands at its command
+    stiffness, viscosity: (LANES,) times those of the model"""
 
     q: np.ndarray
     p: np.ndarray

@@ -9,6 +9,7 @@ and with v the state after the step. Second derivatives of the mass and the slop
 out, as in `step`. Repeated, this is Newton's method; once a tick, with the last solution as the guess, it is the
 real-time iteration (Diehl, Bock and Schloeder, SIAM J. Control Optim. 43, 2005)."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Literal
 
@@ -151,29 +152,44 @@ def linear_steps(
         X[:, :n_a, by_u] = np.eye(n_a) / dt
         left = right[:, n_a:] - by_speed[:, n_a:, :n_a] @ X[:, :n_a]
         X[:, n_a:] = np.linalg.solve(by_speed[:, n_a:, n_a:], left)
-    # v and q_m, and what follows from them
-    full = X.copy()
-    full[:, :, 0] += v
-    moved = dt / 2 * X
-    moved[:, :, 1 : 1 + n_q] += np.eye(n_q)
-    impulse = place.M @ full + turning @ moved  # M v
-    out = np.zeros((n, n_z, right.shape[2]))
-    out[:, :n_q] = dt * full
-    out[:, :n_q, 0] += q
-    out[:, :n_q, 1 : 1 + n_q] += np.eye(n_q)
-    out[:, n_q : 2 * n_q] = 2 * impulse
-    out[:, n_q : 2 * n_q, 0] -= p
-    out[:, n_q : 2 * n_q, 1 + n_q : 1 + 2 * n_q] -= np.eye(n_q)
-    for term, tau in enumerate(_taus(losses)):
-        rows, half = slice((2 + term) * n_q, (3 + term) * n_q), dt / (2 * tau)
-        out[:, rows] = dt * full / (1 + half)
-        out[:, rows, 0] += (1 - half) / (1 + half) * memory[:, term]
-        out[:, rows, 1 + rows.start : 1 + rows.stop] += (1 - half) / (1 + half) * np.eye(n_q)
+    out = _states_after(X, place.M, turning, guess, dt, _taus(losses))
     steps = out[:, :, 0], out[:, :, by_z], out[:, :, by_u], out[:, :, by_s]
     if kind == "force":
         return LinearisedSteps(*steps)
     lam = 2 / dt * (by_speed[:, :n_a] @ X - right[:, :n_a])  # what the rows of the actuators lack
     return LinearisedSteps(*steps, lam[:, :, 0], lam[:, :, by_z], lam[:, :, by_u])
+
+
+def _states_after(
+    X: np.ndarray, M: np.ndarray, turning: np.ndarray, guess: Guess, dt: float, taus: Sequence[float]
+) -> np.ndarray:
+    """States (N, n_z, columns of X) after the steps, from the change X of the guessed velocities; turning: slope of M v
+    by the place."""
+    n, n_q = guess.v.shape
+    q, p = guess.state[:, :n_q], guess.state[:, n_q : 2 * n_q]
+    memory = guess.state[:, 2 * n_q :].reshape(n, -1, n_q)
+    # v and q_m, and what follows from them
+    full = X.copy()
+    full[:, :, 0] += guess.v
+    moved = dt / 2 * X
+    moved[:, :, 1 : 1 + n_q] += np.eye(n_q)
+    impulse = M @ full + turning @ moved  # M v
+    out = np.zeros((n, guess.state.shape[1], X.shape[2]))
+    # q' = q + dt v
+    out[:, :n_q] = dt * full
+    out[:, :n_q, 0] += q
+    out[:, :n_q, 1 : 1 + n_q] += np.eye(n_q)
+    # p' = 2 M v - p
+    out[:, n_q : 2 * n_q] = 2 * impulse
+    out[:, n_q : 2 * n_q, 0] -= p
+    out[:, n_q : 2 * n_q, 1 + n_q : 1 + 2 * n_q] -= np.eye(n_q)
+    # strains of the Prony terms
+    for term, tau in enumerate(taus):
+        rows, half = slice((2 + term) * n_q, (3 + term) * n_q), dt / (2 * tau)
+        out[:, rows] = dt * full / (1 + half)
+        out[:, rows, 0] += (1 - half) / (1 + half) * memory[:, term]
+        out[:, rows, 1 + rows.start : 1 + rows.stop] += (1 - half) / (1 + half) * np.eye(n_q)
+    return out
 
 
 def _viscous(

@@ -1,5 +1,6 @@
 """`cfem simulate`: a model that moves under commands over time, and full finite elements beside it where asked."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -61,41 +62,47 @@ def _work(folder: Path, spec: SimulateSpec, base: Path) -> dict[str, Any]:
     run = simulate(model, start, command_at, until, dt, payload, unilateral)
     columns = run.arrays()
     _write(folder / TABLE, model, columns)
-    travel = _travel(columns["delta_e"])
     results: dict[str, Any] = {
         "steps": len(run.t) - 1,
         "step_s": dt,
         "first_frequency_Hz": float(first),
         "commanded": commands.kind,
-        "travel_mm": travel,
+        "travel_mm": _travel(columns["delta_e"]),
         "largest_force": np.abs(columns["lam"]).max(axis=0).tolist(),
         "slack_steps": columns["slack"].sum(axis=0).tolist(),
         "shortened": len(run.shortened),
         "left_s": run.left,
     }
+    if spec.full is not None:
+        motion = (model, commands, payload, unilateral)
+        results["full"] = _beside(folder, spec, base, motion, columns, dt, until)
+    return {"headline": _headline(results, run, model.rows.actuators, until), **results}
+
+
+def _headline(results: dict[str, Any], run: Any, actuators: Sequence[str], until: float) -> list[str]:
+    """Lines about a motion for people; run: `SimulatedMotion`; until: s."""
+    milliseconds, first = 1000 * results["step_s"], results["first_frequency_Hz"]
     headline = [
-        f"{len(run.t) - 1} steps of {1000 * dt:.3g} ms to {until:g} s; first natural frequency {first:.3g} Hz",
-        f"the effectors travel {max(travel):.3g} mm; {TABLE}",
+        f"{results['steps']} steps of {milliseconds:.3g} ms to {until:g} s; first natural frequency {first:.3g} Hz",
+        f"the effectors travel {max(results['travel_mm']):.3g} mm; {TABLE}",
     ]
     if run.left is not None:
         headline.insert(0, f"from {run.left:.4g} s on the motion leaves the training states: its error is unknown")
     if run.shortened:
         t, length, why = run.shortened[0]
         headline.append(f"{len(run.shortened)} steps were halved; the first, of {length:.3g} s at {t:.4g} s: {why}")
-    slack = [name for name, count in zip(model.rows.actuators, results["slack_steps"], strict=True) if count]
+    slack = [name for name, count in zip(actuators, results["slack_steps"], strict=True) if count]
     if slack:
         headline.append(f"cables that were slack for a while: {', '.join(slack)}")
-    if spec.full is not None:
-        results["full"] = beside = _beside(
-            folder, spec, base, (model, commands, payload, unilateral), columns, dt, until
-        )
+    full = results.get("full")
+    if full is not None:
         headline.append(
-            f"full finite elements: the effectors differ by {beside['largest_mm']:.3g} mm at most, "
-            f"{beside['percent_of_travel']:.2g} % of their travel"
+            f"full finite elements: the effectors differ by {full['largest_mm']:.3g} mm at most, "
+            f"{full['percent_of_travel']:.2g} % of their travel"
         )
-        if beside["why"]:
-            headline.insert(0, f"full finite elements ended early: {beside['why']}")
-    return {"headline": headline, **results}
+        if full["why"]:
+            headline.insert(0, f"full finite elements ended early: {full['why']}")
+    return headline
 
 
 def _payload(spec: SimulateSpec, model: Any) -> Any:

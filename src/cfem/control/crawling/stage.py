@@ -178,8 +178,8 @@ def _pictures(fe: Crawler, walk: Walk, places: Sequence[Place], robot: Robot, ga
 
     def seen(solved: Sequence[Any], index: int) -> np.ndarray:
         bodies = [
-            (one.state.x if one else mesh.X)[surface] @ turn.T + shift
-            for one, (turn, shift) in zip(solved, places, strict=True)
+            (leg.state.x if leg else mesh.X)[surface] @ turn.T + shift
+            for leg, (turn, shift) in zip(solved, places, strict=True)
         ]
         points = np.concatenate([*bodies, box])
         return walk.base[index] + (points - fe.centre) @ walk.turns[index].T

@@ -110,6 +110,7 @@ class ActiveSet:
         self._bound.append(self._signed(k, sign))
 
     def _drop(self, slot: int) -> None:
+        """Drops the constraint in this slot, and takes those after it in again."""
         self.changes += 1
         self.force = np.delete(self.force, slot)
         later = list(zip(self._which, self._sign, strict=True))[slot + 1 :]
