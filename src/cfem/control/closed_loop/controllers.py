@@ -11,10 +11,10 @@ from cfem.condensed.model import Model
 from cfem.control.adaptation.controller import AdaptiveController
 from cfem.control.adaptation.tracker import Tracker
 from cfem.control.closed_loop.estimated import EstimatingController, filter_of
+from cfem.control.closed_loop.pilots import Situation
 from cfem.control.closed_loop.spec import ControllerSpec, LoopSpec
 from cfem.control.closed_loop.tick import Pilot
 from cfem.control.moving import built
-from cfem.control.moving.built import Situation
 from cfem.core.errors import SpecError
 from cfem.motion.model import MotionModel
 from cfem.plant.gains import Gains

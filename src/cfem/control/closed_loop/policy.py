@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cfem.condensed.parameters import references
-from cfem.control.closed_loop.tick import Belief, Pilot
-from cfem.control.moving.mpc import MovingBelief
+from cfem.control.closed_loop.tick import Belief, MovingBelief, Pilot
 from cfem.control.search.goal_search import SearchStatus
 from cfem.core.errors import InputError
 from cfem.gym.policy import Policy

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from cfem.control.closed_loop.controller import Controller
-from cfem.control.closed_loop.tick import Belief, Pilot
-from cfem.control.moving.mpc import MovingBelief
+from cfem.control.closed_loop.tick import Belief, MovingBelief, Pilot
 from cfem.plant.gains import Gains
 from cfem.plant.protocol import Measurement, Plant
 

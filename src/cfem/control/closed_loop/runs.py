@@ -5,9 +5,19 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from cfem.control.closed_loop.account import over_time, saturation
 from cfem.control.closed_loop.controllers import at_the_end, controller_of, known
 from cfem.control.closed_loop.estimated_account import EstimateAccount, estimate_results
-from cfem.control.closed_loop.pilots import bounded, gains_of, model_of, moving_model, pilot_of, seeds_of
+from cfem.control.closed_loop.pilots import (
+    Situation,
+    bounded,
+    gains_of,
+    model_of,
+    moving_model,
+    pilot_of,
+    seeds_of,
+    standing_at,
+)
 from cfem.control.closed_loop.plants import PlantOf, push_of
 from cfem.control.closed_loop.reference import Reference
 from cfem.control.closed_loop.run import Moment, run_closed_loop
@@ -15,8 +25,6 @@ from cfem.control.closed_loop.run_spec import ClosedLoopSpec
 from cfem.control.closed_loop.spec import ControllerSpec, LoopSpec
 from cfem.control.closed_loop.summary import record, summarise
 from cfem.control.closed_loop.tick import Pilot
-from cfem.control.moving.account import over_time, saturation
-from cfem.control.moving.built import Situation, standing_at
 from cfem.equilibrium.robot import Robot
 from cfem.motion.model import MotionModel
 from cfem.plant.gains import Gains

@@ -101,6 +101,27 @@ class Belief:
         return cls(Iterate.at(condensed), u, SearchStatus.CONVERGED.value)
 
 
+@dataclass(frozen=True)
+class MovingBelief:
+    """Belief of a controller that knows how the robot moves, after a tick.
+
+    u: (n_a,) the command
+    status: 'converged' or why not
+    delta_a: (n_a,) mm where it takes the actuators to be at its end
+    softened: it could not keep what the robot does within bounds
+    astray: the last sample is far beyond what its observer expected
+    rejected: the sample of this tick does not fit, and corrected nothing
+    restarted: too many did not fit, and the observer began again"""
+
+    u: np.ndarray
+    status: str
+    delta_a: np.ndarray
+    softened: bool = False
+    astray: bool = False
+    rejected: bool = False
+    restarted: bool = False
+
+
 def drive(
     pilot: Pilot, belief: Belief, goal: np.ndarray, measured: Measurement | None = None, let_go: bool = False
 ) -> Belief:

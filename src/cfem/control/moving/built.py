@@ -1,20 +1,18 @@
 """Controllers from their spec: the static one, alone or shaped, a computed feed-forward, and the predictive one."""
 
-from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from cfem.condensed import Condensed
 from cfem.control.closed_loop.controller import Controller
-from cfem.control.closed_loop.spec import ControllerSpec, LoopSpec
+from cfem.control.closed_loop.pilots import Situation
+from cfem.control.closed_loop.spec import ControllerSpec
 from cfem.control.closed_loop.tick import Pilot
 from cfem.control.moving.feedforward import Computed, Shaped
 from cfem.control.moving.horizon import Bounds, HalfSpace, HorizonCost
 from cfem.control.moving.mpc import Mpc, Plan
 from cfem.control.moving.observer import Doubt
-from cfem.control.search.goal_search import Iterate, search_goal
-from cfem.control.search.inverse import Aim
 from cfem.core.errors import SpecError
 from cfem.motion.clocked import Clocked
 from cfem.motion.model import MotionModel
@@ -22,23 +20,6 @@ from cfem.motion.mpc_spec import MpcSpec
 from cfem.plant.gains import Gains
 
 _NO_NOISE = 0.01  # mm, of a sensor without
-
-
-@dataclass(frozen=True)
-class Situation:
-    """Facts that all controllers of a run share.
-
-    loop: the spec
-    rest_e: (n_e,) mm
-    reach: (n_a, 2) mm
-    length: mm
-    start: where the robot stands before the first tick, None: at rest"""
-
-    loop: LoopSpec
-    rest_e: np.ndarray
-    reach: np.ndarray
-    length: float
-    start: Condensed | None
 
 
 def controller_of(
@@ -57,17 +38,6 @@ def controller_of(
     if spec.shaping is None:
         return static
     return Shaped(static, motion, pilot.command == "displacement", spec.shaping.kind, spec.shaping.modes, dt)
-
-
-def standing_at(goal: np.ndarray, search: Pilot, rest_e: np.ndarray) -> Condensed:
-    """State of the static model nearest to a goal (n_e,) mm absolute. SpecError where it finds no way there."""
-    aim = Aim(goal - rest_e, search.weights, search.ridge, search.preload, search.damping)
-    home = getattr(search.model, "home", np.zeros(len(search.ridge)))
-    settings = replace(search.settings, iterations=max(search.settings.iterations, 20))
-    result = search_goal(search.model, aim, search.limits, Iterate.at(search.model.at_displacement(home)), settings)
-    if not np.isfinite(result.distance):
-        raise SpecError(f"no way to the first goal is found: {result.status.value}", where="trajectories")
-    return result.iterate.condensed
 
 
 def _mpc(spec: ControllerSpec, pilot: Pilot, motion: MotionModel, situation: Situation, start: Condensed) -> Mpc:

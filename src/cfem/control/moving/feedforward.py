@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cfem.control.closed_loop.controller import Controller
-from cfem.control.closed_loop.tick import Belief, Pilot, drive
-from cfem.control.moving.mpc import MovingBelief
+from cfem.control.closed_loop.tick import Belief, MovingBelief, Pilot, drive
 from cfem.control.moving.shaping import Kind, Shaper, shaper
 from cfem.motion.model import MotionModel, MotionTerms
 from cfem.motion.modes import natural_modes

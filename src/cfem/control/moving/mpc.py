@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cfem.condensed import Condensed
+from cfem.control.closed_loop.tick import MovingBelief
 from cfem.control.moving.horizon import (
     Bounds,
     HalfSpace,
@@ -29,27 +30,6 @@ from cfem.motion.model import MotionTerms
 from cfem.motion.mpc_spec import EVERY, blocks
 from cfem.plant.protocol import Measurement
 from cfem.predict.estimation.gate import Verdict
-
-
-@dataclass(frozen=True)
-class MovingBelief:
-    """Belief of a controller that knows how the robot moves, after a tick.
-
-    u: (n_a,) the command
-    status: 'converged' or why not
-    delta_a: (n_a,) mm where it takes the actuators to be at its end
-    softened: it could not keep what the robot does within bounds
-    astray: the last sample is far beyond what its observer expected
-    rejected: the sample of this tick does not fit, and corrected nothing
-    restarted: too many did not fit, and the observer began again"""
-
-    u: np.ndarray
-    status: str
-    delta_a: np.ndarray
-    softened: bool = False
-    astray: bool = False
-    rejected: bool = False
-    restarted: bool = False
 
 
 @dataclass(frozen=True)
