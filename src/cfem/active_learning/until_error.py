@@ -39,8 +39,12 @@ PIECES = 4  # of a batch, whatever the number of workers
 
 @dataclass(frozen=True)
 class Round:
-    """samples: training states before it; rows: it added; expected, observed: mm, largest error of the effectors at its
-    rows, as the committee guessed and as FE showed; seconds: of fitting and choosing."""
+    """Round of sampling.
+
+    samples: training states before it
+    rows: it added
+    expected, observed: mm, largest error of the effectors at its rows, as the committee guessed and as FE showed
+    seconds: of fitting and choosing"""
 
     samples: int
     rows: int

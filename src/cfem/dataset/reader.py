@@ -106,10 +106,14 @@ class Dataset(OfStates):
 
 @dataclass(frozen=True)
 class WithSkin(OfStates):
-    """What a dataset of m states knows of the skin. rows: with n_s of the skin between effectors and actuators, of
-    which there are n in all; delta_s (m, n_s) mm from rest; W (m, n, n); dW (m, n_a, n, n) and ddelta_s_dp
-    (m, n_s, n_p), None where the dataset has none; left (m, 2) mm: root mean square and largest distance of the surface
-    nodes from where the rows put them; sha256: of the file of the modes."""
+    """Rows of the skin in a dataset of m states.
+
+    rows: with n_s of the skin between effectors and actuators, of which there are n in all
+    delta_s: (m, n_s) mm from rest
+    W: (m, n, n)
+    dW, ddelta_s_dp: (m, n_a, n, n) and (m, n_s, n_p), None where the dataset has none
+    left: (m, 2) mm, root mean square and largest distance of the surface nodes from where the rows put them
+    sha256: of the file of the modes"""
 
     rows: Rows
     delta_s: np.ndarray
@@ -123,10 +127,15 @@ class WithSkin(OfStates):
 @dataclass(frozen=True)
 class Moving(OfStates):
     """Mass and viscosity of the motions of all n rows, the skin's included: `cfem.equilibrium.motion.inertia` says of
-    which. rows: of all; W, V, V2, V3 (m, n, n); loss (m, k, 2 n, 2 n) of each viscous material; inner_K, inner_M,
-    inner_loss, inner_e: of inner motions instead of V2, V3 and loss, as `inertia.Inner` has them, where the robot has
-    such; dV (m, n_a, n, n), None where the dataset has none; viscosity: of each of these materials, its relaxation and
-    prony."""
+    which.
+
+    rows: of all
+    W, V, V2, V3: (m, n, n)
+    loss: (m, k, 2 n, 2 n) of each viscous material
+    dV: (m, n_a, n, n), None where the dataset has none
+    viscosity: of each of these materials, its relaxation and prony
+    inner_K, inner_M, inner_loss, inner_e: of inner motions instead of V2, V3 and loss, as `inertia.Inner` has them,
+        where the robot has such"""
 
     rows: Rows
     W: np.ndarray

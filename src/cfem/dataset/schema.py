@@ -23,8 +23,11 @@ _PROVENANCE = ("versions", "made_from")
 
 @dataclass(frozen=True)
 class Column:
-    """unit: of every number in it, '' for text and counts, '1' for ratios; of rows, that of a cable's, see `_units`;
-    size: which numbers, None for a scalar; state: True where a row whose solve failed has no value."""
+    """Column of a dataset.
+
+    unit: of every number in it, '' for text and counts, '1' for ratios; of rows, that of a cable's, see `_units`
+    size: which numbers, None for a scalar
+    state: True where a row whose solve failed has no value"""
 
     name: str
     kind: pa.DataType

@@ -35,8 +35,13 @@ class Judged:
 
 @dataclass
 class ByPolicy(Varied):
-    """family: learned; task: goals, without weights or forces; p0, free: as of `Varied`; ticks: of an episode.
-    InputError where the policy is of another robot, or the task asks what it does not know."""
+    """Judgement of designs by a policy that drives them. InputError where the policy is of another robot, or the task
+    asks what it does not know.
+
+    family: learned
+    task: goals, without weights or forces
+    p0, free: as of `Varied`
+    ticks: of an episode"""
 
     family: LearnedFamily
     task: Task

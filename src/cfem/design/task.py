@@ -38,8 +38,14 @@ class Task:
 
 @dataclass(frozen=True)
 class Served:
-    """p (n_p,); u (k, n_a) mm; distance (k,) mm from each goal over the rows that matter; states: k of them; cost: half
-    the sum of squares (mm^2); evaluations: of the model."""
+    """Design with the control that serves its task.
+
+    p: (n_p,)
+    u: (k, n_a) mm
+    distance: (k,) mm from each goal over the rows that matter
+    states: k of them
+    cost: half the sum of squares (mm^2)
+    evaluations: of the model"""
 
     p: np.ndarray
     u: np.ndarray

@@ -89,9 +89,13 @@ def _quadratic(H, g, room, bounded, free, step, L, tolerance):
 
 
 class CommandLaw(NamedTuple):
-    """forces: whether commands are forces; pulls: whether no actuator pushes; longest: (n_a,) mm of one Newton step;
-    tolerance: (n_a,) N; loads: place of the slopes of the loaded effector rows among the outputs, which their Hessians
-    follow (packed)."""
+    """Meaning of commands.
+
+    forces: whether commands are forces
+    pulls: whether no actuator pushes
+    longest: (n_a,) mm of one Newton step
+    tolerance: (n_a,) N
+    loads: place of the slopes of the loaded effector rows among the outputs, which their Hessians follow (packed)"""
 
     forces: bool
     pulls: bool

@@ -11,9 +11,12 @@ LANES = 64  # robots whose series are summed side by side
 
 
 class LaneSeries(NamedTuple):
-    """Chebyshev series for the loops. to_box (n, n), offset (n,); term m is the product of the factors first[m] to
-    first[m + 1]: T of degree[k] of input axis[k]; values (outputs, terms), each padded with zeros to a multiple of 2
-    and of 4; highest: the largest degree."""
+    """Chebyshev series for the loops.
+
+    to_box, offset: (n, n) and (n,)
+    first, axis, degree: term m is the product of the factors first[m] to first[m + 1]: T of degree[k] of input axis[k]
+    values: (outputs, terms), each padded with zeros to a multiple of 2 and of 4
+    highest: the largest degree"""
 
     to_box: np.ndarray
     offset: np.ndarray

@@ -16,9 +16,14 @@ FAST = {"contract", "reassoc", "nsz", "arcp"}  # a number that is none stays non
 
 
 class LearnedMotion(NamedTuple):
-    """Of one model, in coordinates q / scale. forces: series of grad Psi and of its Hessian (packed); inertia: of R, of
-    its slopes by each actuator, and of S of each loss form, packed triangles; relaxation (losses,) s; kappa (n_r,):
-    stiffness of the inner motions; n_q: coordinates; smallest: velocity, times s, below which no digits count."""
+    """Motion of one model, in coordinates q / scale.
+
+    forces: series of grad Psi and of its Hessian (packed)
+    inertia: series of R, of its slopes by each actuator, and of S of each loss form, packed triangles
+    relaxation: (losses,) s
+    kappa: (n_r,) stiffness of the inner motions
+    n_q: coordinates
+    smallest: velocity, times s, below which no digits count"""
 
     forces: LaneSeries
     inertia: LaneSeries
@@ -49,9 +54,15 @@ class Lanes(NamedTuple):
 
 
 class Room(NamedTuple):
-    """What a step works with. about (n_a, LANES); forces, inertia: series there; M, drag, fixed, A (n_q, n_q, LANES):
-    mass, of the viscous force by velocity, the slope of the equations but for the turning, a matrix to eliminate;
-    turning (n_a, n_q, LANES); new (n_q, LANES): velocity that is sought; rest, Mv, force, one, other, change: alike."""
+    """Arrays that a step works with.
+
+    about: (n_a, LANES)
+    forces, inertia: series there
+    M, drag, fixed, A: (n_q, n_q, LANES), mass, slope of the viscous force by velocity, slope of the equations but for
+        the turning, a matrix to eliminate
+    turning: (n_a, n_q, LANES)
+    new: (n_q, LANES) velocity that is sought
+    rest, Mv, force, work, product, change: alike"""
 
     about: np.ndarray
     forces: Sums
@@ -65,8 +76,8 @@ class Room(NamedTuple):
     rest: np.ndarray
     Mv: np.ndarray
     force: np.ndarray
-    one: np.ndarray
-    other: np.ndarray
+    work: np.ndarray
+    product: np.ndarray
     change: np.ndarray
 
 
@@ -170,17 +181,17 @@ def turn(learned, room, n_a, half):
     triangle = n_q * (n_q + 1) // 2
     for i in range(n_q):
         for b in range(LANES):
-            room.one[i, b] = 0.0
+            room.work[i, b] = 0.0
             for a in range(n_a):
                 room.turning[a, i, b] = 0.0
-    _times(room.inertia.sums, 0, room.new, 1.0, room.one)
+    _times(room.inertia.sums, 0, room.new, 1.0, room.work)
     for a in range(n_a):
         for i in range(n_q):
             for b in range(LANES):
-                room.other[i, b] = 0.0
-        _times(room.inertia.sums, (1 + a) * triangle, room.one, half, room.turning[a])
-        _times(room.inertia.sums, (1 + a) * triangle, room.new, half, room.other)
-        _times(room.inertia.sums, 0, room.other, 1.0, room.turning[a])
+                room.product[i, b] = 0.0
+        _times(room.inertia.sums, (1 + a) * triangle, room.work, half, room.turning[a])
+        _times(room.inertia.sums, (1 + a) * triangle, room.new, half, room.product)
+        _times(room.inertia.sums, 0, room.product, 1.0, room.turning[a])
 
 
 @njit(cache=True, no_cpython_wrapper=True, no_cfunc_wrapper=True, fastmath=FAST, error_model="numpy")
@@ -201,19 +212,19 @@ def assemble(learned, lanes, room, forces, half):
                 room.force[i, b] -= learned.kappa[i - n_a] * lanes.stiffness[b] * eta
     for a in range(n_a):
         for b in range(LANES):
-            room.one[a, b] = lanes.q[a, b] + half * room.new[a, b] - room.about[a, b]
+            room.work[a, b] = lanes.q[a, b] + half * room.new[a, b] - room.about[a, b]
             room.force[a, b] -= room.forces.sums[a, b]
             if forces:
                 room.force[a, b] += lanes.command[a, b]
         for i in range(n_q):
             for b in range(LANES):
-                room.Mv[i, b] += room.one[a, b] / half * room.turning[a, i, b]
+                room.Mv[i, b] += room.work[a, b] / half * room.turning[a, i, b]
                 room.force[a, b] += room.turning[a, i, b] * room.new[i, b] / (2 * half)
     for a in range(n_a):
         for c in range(n_a):
             place = n_a + _place(n_a, a, c)
             for b in range(LANES):
-                room.force[a, b] -= room.forces.sums[place, b] * room.one[c, b]
+                room.force[a, b] -= room.forces.sums[place, b] * room.work[c, b]
     for i in range(n_q):
         for b in range(LANES):
             room.rest[i, b] = half * room.force[i, b] + lanes.p[i, b] - room.Mv[i, b]

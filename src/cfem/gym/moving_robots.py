@@ -16,10 +16,15 @@ from cfem.predict.series import input_derivatives
 
 @dataclass
 class MovingStates:
-    """B robots, robots last: q, p, v, gain (n_q, B) as of `cfem.motion.step.CondensedMotion` in coordinates q / scale,
-    lam and held (n_a, B); u (n_a, B): the command that has been reached, N or mm; stiffness, viscosity (B,): times
-    those of the model; tip (B, n_e) mm from rest; outside (B,): how far the actuators are from the middle of the
-    learned box, in half widths; failed: steps of robots that were not solved in the last tick."""
+    """States of B robots in motion, robots last.
+
+    q, p, v, gain: (n_q, B) as of `cfem.motion.step.CondensedMotion` in coordinates q / scale
+    lam, held: (n_a, B) alike
+    u: (n_a, B) the command that has been reached, N or mm
+    stiffness, viscosity: (B,) times those of the model
+    tip: (B, n_e) mm from rest
+    outside: (B,) how far the actuators are from the middle of the learned box, in half widths
+    failed: steps of robots that were not solved in the last tick"""
 
     q: np.ndarray
     p: np.ndarray

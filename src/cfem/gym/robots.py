@@ -20,10 +20,13 @@ from cfem.predict.series import input_derivatives
 
 @dataclass
 class RobotStates:
-    """B robots. delta_a (B, n_a) mm; lambda_a (B, n_a) N; hessian (B, n_a (n_a + 1) / 2) of the energy, packed, at the
-    reference of exact parameters, 0 where it is unknown; tip (B, n_e) mm from rest; compliance (B, n_e, n_e) mm/N of
-    the effectors at locked actuators, 0 where it was not asked for; failed: how many found no equilibrium in the last
-    step."""
+    """States of B robots at rest.
+
+    delta_a, lambda_a: (B, n_a) mm and N
+    hessian: (B, n_a (n_a + 1) / 2) of the energy, packed, at the reference of exact parameters, 0 where it is unknown
+    tip: (B, n_e) mm from rest
+    compliance: (B, n_e, n_e) mm/N of the effectors at locked actuators, 0 where it was not asked for
+    failed: number of robots that found no equilibrium in the last step"""
 
     delta_a: np.ndarray
     lambda_a: np.ndarray

@@ -24,7 +24,12 @@ LARGEST = 10.0  # number in an observation
 
 @dataclass(frozen=True)
 class Scales:
-    """scale: mm, about how far the effector goes; near: mm; step: mm of command a tick; low, reach: (n_a,) mm."""
+    """Units of observations and commands.
+
+    scale: mm, about how far the effector goes
+    near: mm
+    step: mm of command a tick
+    low, reach: (n_a,) mm"""
 
     scale: float
     near: float

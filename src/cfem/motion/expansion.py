@@ -28,9 +28,14 @@ class SolvedStep:
 
 @dataclass
 class Expansion:
-    """Of a step of dt s from q with momenta p. known (n_q,): forces that do not depend on v; M (n_q, n_q), dM (n_a,
-    n_q, n_q): mass at `about` (n_a,), and its slopes; pull (n_a,), stiff (n_a, n_a): grad Psi and its slope; inner
-    (n_r, n_r): stiffness of eta; drag (n_q, n_q): of the viscous force by v; scale (n_q,): of q."""
+    """Equations of a step of dt s from q with momenta p, expanded about a place.
+
+    known: (n_q,) forces that do not depend on v
+    M, dM: (n_q, n_q) and (n_a, n_q, n_q), mass at `about` (n_a,), and its slopes
+    pull, stiff: (n_a,) and (n_a, n_a), grad Psi and its slope
+    inner: (n_r, n_r) stiffness of eta
+    drag: (n_q, n_q) slope of the viscous force by v
+    scale: (n_q,) of q"""
 
     q: np.ndarray
     p: np.ndarray

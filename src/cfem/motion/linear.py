@@ -40,9 +40,11 @@ class Guess:
 
 @dataclass(frozen=True)
 class LinearisedSteps:
-    """z' = end + A (z - guess) + B (u - guess), of each of N steps; by_material (N, n_z, 2): by the logarithms of
-    stiffness and viscosity; lam (N, n_a) N, lam_by_z, lam_by_u: forces of held actuators, None where forces are
-    commanded."""
+    """Linearisation z' = end + A (z - guess) + B (u - guess) of each of N steps.
+
+    by_material: (N, n_z, 2) slopes by the logarithms of stiffness and viscosity
+    lam: (N, n_a) N, forces of held actuators
+    lam_by_z, lam_by_u: their slopes; all three None where forces are commanded"""
 
     end: np.ndarray
     A: np.ndarray

@@ -53,10 +53,15 @@ class Loss:
 
 @dataclass(frozen=True)
 class MotionTerms:
-    """All at one delta_a. pull (n_a,): grad Psi; stiff (n_a, n_a): its Hessian; e (n_e,) mm; J (n_e, n_a);
-    M (n_q, n_q); inner (n_r, n_r): stiffness of eta, the same everywhere; F (k, n_q, n_q); dM (n_a, n_q, n_q):
-    derivatives by delta_a; H (n_e, n_r): motion of the effectors by eta; dH (n_a, n_e, n_r); E (n_e, n_r, n_r): its
-    slope by eta, dE (n_a, n_e, n_r, n_r), None where they are not known."""
+    """Terms of the equations of motion at one delta_a.
+
+    pull, stiff: (n_a,) and (n_a, n_a), grad Psi and its Hessian
+    e, J: (n_e,) mm and (n_e, n_a), effectors and their slope
+    M, dM: (n_q, n_q) mass and (n_a, n_q, n_q), its derivatives by delta_a
+    inner: (n_r, n_r) stiffness of eta, the same everywhere
+    F: (k, n_q, n_q) loss forms
+    H, dH: (n_e, n_r) motion of the effectors by eta, and (n_a, n_e, n_r)
+    E, dE: (n_e, n_r, n_r) slope of H by eta, and (n_a, n_e, n_r, n_r), None where they are not known"""
 
     pull: np.ndarray
     stiff: np.ndarray

@@ -18,9 +18,14 @@ _FAR = 5.0  # lengths of the robot that no tip gets away from its rest
 
 @dataclass
 class SimulatedMotion:
-    """t (k,) s; delta_a (k, n_a); delta_e (k, n_e) mm from rest; lam (k, n_a): forces of the actuators in the step that
-    ends there; slack (k, n_a): cables that carried nothing in it; shortened: (t, dt, why) of steps that were halved;
-    left: s, when the state was first unlike those that the model has learned from, None where it never was."""
+    """Motion over time, at k times.
+
+    t: (k,) s
+    delta_a, delta_e: (k, n_a), and (k, n_e) mm from rest
+    lam: (k, n_a) forces of the actuators in the step that ends there
+    slack: (k, n_a) cables that carried nothing in it
+    shortened: (t, dt, why) of steps that were halved
+    left: s, when the state was first unlike those that the model has learned from, None where it never was"""
 
     t: list[float] = field(default_factory=list)
     delta_a: list[np.ndarray] = field(default_factory=list)

@@ -25,9 +25,15 @@ _DIFFERENCE = 1e-4  # mm: how the payload's inertia turns, by differences
 
 @dataclass(frozen=True)
 class CondensedMotion:
-    """t: s; q (n_q,) mm and amplitudes; p (n_q,): momenta; v (n_q,): mean velocity of the last step; memory
-    (terms, n_q): of the Prony terms of all materials; lam (n_a,): the actuators' forces in the last step; gain (n_q,):
-    the change of v in the last step, a second; None where it is not known."""
+    """State of a learned robot in motion.
+
+    t: s
+    q: (n_q,) mm and amplitudes
+    p: (n_q,) momenta
+    v: (n_q,) mean velocity of the last step
+    memory: (terms, n_q) of the Prony terms of all materials
+    lam: (n_a,) forces of the actuators in the last step
+    gain: (n_q,) change of v in the last step, a second; None where it is not known"""
 
     t: float
     q: np.ndarray

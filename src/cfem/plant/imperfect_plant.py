@@ -14,9 +14,13 @@ from cfem.plant.protocol import Command, Measurement, Plant
 
 @dataclass(frozen=True)
 class Imperfection:
-    """noise: mm, standard deviation of each coordinate of a sample; samples_a_tick: in (0, 1], sensor rate over
-    control rate; delay: ticks from sample to controller; quantum: mm (mm^3) or N (MPa) that commands are rounded to,
-    0 for none; low, high: commands beyond are cut off."""
+    """Faults of sensors and drives.
+
+    noise: mm, standard deviation of each coordinate of a sample
+    samples_a_tick: in (0, 1], sensor rate over control rate
+    delay: ticks from sample to controller
+    quantum: mm (mm^3) or N (MPa) that commands are rounded to, 0 for none
+    low, high: commands beyond are cut off"""
 
     noise: float = 0.0
     samples_a_tick: float = 1.0

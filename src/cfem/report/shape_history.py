@@ -24,10 +24,19 @@ FE, LEARNED = "fe", "learned"
 
 @dataclass(frozen=True)
 class ShapeHistory:
-    """One trajectory. kind: 'fe' or 'learned'; rest (m, 3) mm; facets (t, 3, 4 or 6) nodes; x (f, m, 3) mm;
-    index: (f,) of each shape among the rows of the run; times: (f,), seconds of a loop, else the number of the goal;
-    in_seconds: which of the two; facts: (f, ...) numbers of each shape by name; goals, reached: (n, 3) mm of all rows;
-    errors: (n,) mm; objects: how many of the last nodes are of an object that robots hold."""
+    """Shapes along one trajectory.
+
+    kind: 'fe' or 'learned'
+    rest: (m, 3) mm
+    facets: (t, 3, 4 or 6) nodes
+    x: (f, m, 3) mm
+    index: (f,) of each shape among the rows of the run
+    times: (f,) seconds of a loop, else the number of the goal
+    in_seconds: which of the two
+    facts: (f, ...) numbers of each shape by name
+    goals, reached: (n, 3) mm of all rows
+    errors: (n,) mm
+    objects: number of the last nodes, which are of an object that robots hold"""
 
     name: str
     kind: str
@@ -46,8 +55,11 @@ class ShapeHistory:
 
 @dataclass(frozen=True)
 class _Way:
-    """What the first controller of a run did on one trajectory. columns: (n, ...) of the run's table; model: its name,
-    None of FE-based control; names: of effector rows, then of actuators."""
+    """Rows of the first controller of a run on one trajectory.
+
+    model: its name, None of FE-based control
+    columns: (n, ...) of the run's table
+    names: of effector rows, then of actuators"""
 
     name: str
     model: str | None

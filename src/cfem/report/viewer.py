@@ -45,8 +45,13 @@ class Line:
 
 @dataclass(frozen=True)
 class Take:
-    """name; x: (f, n, 3) shapes; index: (f,) goal of each; goals, reached: (m, 3); errors: (m,) mm, NaN where the robot
-    failed; marks: (3,) points with a CSS variable each."""
+    """Shapes of one course.
+
+    x: (f, n, 3) shapes
+    index: (f,) goal of each
+    goals, reached: (m, 3)
+    errors: (m,) mm, NaN where the robot failed
+    marks: (3,) points with a CSS variable each"""
 
     name: str
     x: np.ndarray
@@ -68,7 +73,11 @@ class Take:
 
 @dataclass(frozen=True)
 class Viewer:
-    """name: of the file of the still picture; triangles: (k, 3); kinds: (k,)."""
+    """Robot that turns and moves in the page.
+
+    name: of the file of the still picture
+    triangles: (k, 3)
+    kinds: (k,)"""
 
     name: str
     caption: str

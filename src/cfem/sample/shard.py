@@ -131,7 +131,11 @@ def rows_bytes(records: list[Record], schema: pa.Schema) -> bytes:
 
 @dataclass(frozen=True)
 class SolvedRow:
-    """A row u: asked and X, what it prescribes and its pose, if any; p: its parameters; seconds: that it took."""
+    """A row u of the plan, solved.
+
+    asked, X: what it prescribes, and its pose, if any
+    p: its parameters
+    seconds: that it took"""
 
     u: np.ndarray
     asked: Actuation

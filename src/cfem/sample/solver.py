@@ -28,16 +28,26 @@ ROUGH = 1e-5  # relative residual of states that only show the modes of the surf
 
 @dataclass(frozen=True)
 class Facts:
-    """scene: name; reach: (n_a, 2) mm; rest_e: (n_e,) mm; length: mm; parameters: sampled and exact ones; row_units: of
-    each row's displacement and multiplier, empty where all are mm and N; compliance: (n_a, n_a) W_aa at rest, with the
-    pose of the patch behind the actuators where there is one; patch: that holds the contact points, None where they are
-    free. rows: its pose's coordinates are the contacts, if any; forces: (n_a, 2) smallest and largest multipliers, None
-    where the scene does not state them; in_a_row: whether the robot is of rigid sections in a row, each state of which
-    best starts from the nearest. robot: what the scene says of it, None where there is no scene; surface: of the
-    scene's own robot, None where it has none; viscosity: of each viscous material, None where no dynamics are asked
-    for; inner: the number of inner motions whose mass is recorded; masses: t, by the name of the effector that is the
-    centre of that mass; inside: the nodes that are not of the surface, None where there are none; unilateral: (n_a,)
-    actuators that go slack rather than push, (0,) where none does."""
+    """What samples need to know of a scene.
+
+    scene: name
+    rows: its pose's coordinates are the contacts, if any
+    reach: (n_a, 2) mm
+    rest_e: (n_e,) mm
+    length: mm
+    compliance: (n_a, n_a) W_aa at rest, with the pose of the patch behind the actuators where there is one
+    parameters: sampled and exact ones
+    row_units: of each row's displacement and multiplier, empty where all are mm and N
+    patch: that holds the contact points, None where they are free
+    forces: (n_a, 2) smallest and largest multipliers, None where the scene does not state them
+    in_a_row: whether the robot is of rigid sections in a row, each state of which best starts from the nearest
+    robot: what the scene says of it, None where there is no scene
+    surface: of the scene's own robot, None where it has none
+    viscosity: of each viscous material, None where no dynamics are asked for
+    inner: the number of inner motions whose mass is recorded
+    masses: t, by the name of the effector that is the centre of that mass
+    inside: the nodes that are not of the surface, None where there are none
+    unilateral: (n_a,) actuators that go slack rather than push, (0,) where none does"""
 
     scene: str
     rows: Rows
@@ -80,9 +90,11 @@ SolverFactory = Callable[[], Solver]
 
 @dataclass(frozen=True)
 class FiniteElements:
-    """Factory of the finite-element solver of a scene on its mesh, to a relative residual `tolerance`. turns:
-    whether the patch of its contact points can turn, None where nothing holds them; dynamics: whether mass and
-    viscosity are asked for; slack: whether unilateral actuators go slack rather than push."""
+    """Factory of the finite-element solver of a scene on its mesh, to a relative residual `tolerance`.
+
+    turns: whether the patch of its contact points can turn, None where nothing holds them
+    dynamics: whether mass and viscosity are asked for
+    slack: whether unilateral actuators go slack rather than push"""
 
     scene: SceneSpec
     mesh: Mesh
@@ -151,9 +163,13 @@ class FiniteElements:
 
 @dataclass(frozen=True)
 class _FiniteElementSolver:
-    """problem: of the scene's own robot; mass: its own, None where no dynamics are asked for; stresses: of
-    its inner motions, None where it has none; skin: watched too, None
-    where it is not; pushed: see `Solver.roughly`."""
+    """Finite-element solver of a scene.
+
+    problem: of the scene's own robot
+    mass: its own, None where no dynamics are asked for
+    stresses: of its inner motions, None where it has none
+    skin: watched too, None where it is not
+    pushed: see `Solver.roughly`"""
 
     facts: Facts
     family: Any

@@ -37,8 +37,10 @@ ORDER = 2.0
 @dataclass(frozen=True)
 class Difference:
     """Difference between the robot on the finer mesh and the robot at hand, under the same actuator displacements.
-    tip: mm, largest distance of an effector point; reach: mm, change of how far the effectors are from rest, of
-        `moved` mm; force: largest change of an actuator force, the largest of which is `carried`"""
+
+    tip: mm, largest distance of an effector point
+    reach: mm, change of how far the effectors are from rest, of `moved` mm
+    force: largest change of an actuator force, the largest of which is `carried`"""
 
     tip: float
     reach: float

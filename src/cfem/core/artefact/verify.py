@@ -15,8 +15,12 @@ ROOTS = (Path("data"), Path("models"))
 
 @dataclass(frozen=True)
 class VerifiedArtefact:
-    """Of one folder. stage: that made it; files: how many agree with their SHA-256; format: of its manifest, None where
-    cfem wrote it before manifests had one; damage: a sentence each, which names the file."""
+    """Verdict on one artefact folder.
+
+    stage: that made it
+    files: number of those that agree with their SHA-256
+    format: of its manifest, None where cfem wrote it before manifests had one
+    damage: a sentence each, which names the file"""
 
     folder: Path
     stage: str

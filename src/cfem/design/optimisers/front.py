@@ -15,11 +15,15 @@ _TILT = 1e-5  # weight of the other objectives at an end of the front
 
 @dataclass(frozen=True)
 class Front:
-    """names: of the objectives; of (k,): their numbers; designs: in the order of the first objective; corners: their
-    places: the ends, the knee between them, where the front is farthest below the line between its ends, and either
-    side of where it jumps to other designs (two objectives). volume, grid_volume: hypervolumes of the front and of the
-    grid's own (shares of the box between the best and the worst of the grid's); beaten: points of the grid that beat a
-    design of the front."""
+    """Designs of which none is better than another in all objectives.
+
+    names, of: of the objectives, and (k,) their numbers
+    designs: in the order of the first objective
+    corners: places of the ends, of the knee between them, where the front is farthest below the line between its ends,
+        and of either side of where it jumps to other designs (two objectives)
+    volume, grid_volume: hypervolumes of the front and of the grid's own (shares of the box between the best and the
+        worst of the grid's)
+    beaten: points of the grid that beat a design of the front"""
 
     names: tuple[str, ...]
     of: tuple[int, ...]

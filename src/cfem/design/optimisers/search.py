@@ -28,8 +28,11 @@ LARGEST_GRID = 1_000_000  # designs
 
 @dataclass(frozen=True)
 class Grid:
-    """shape (n,): points along each parameter, empty where designs are scattered; z (m, n), scores of all; low, width
-    (n_f,): smallest objective among the feasible, and how far they spread."""
+    """First designs, judged.
+
+    shape: (n,) points along each parameter, empty where designs are scattered
+    z, scores: (m, n), and of all
+    low, width: (n_f,) smallest objective among the feasible, and how far they spread"""
 
     shape: tuple[int, ...]
     z: np.ndarray
@@ -60,8 +63,12 @@ class Scalar:
 
 @dataclass(frozen=True)
 class Design:
-    """z (n,), objectives (n_f,) and constraints (n_g,); value: of what was minimised; iterations: of the gradient
-    search from the start that won; message: of how it ended."""
+    """Design that a search has found.
+
+    z, objectives, constraints: (n,), (n_f,) and (n_g,)
+    value: of what was minimised
+    iterations: of the gradient search from the start that won
+    message: of how it ended"""
 
     z: np.ndarray
     objectives: np.ndarray

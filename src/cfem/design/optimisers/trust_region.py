@@ -53,9 +53,16 @@ class TrustRegionSettings:
 
 @dataclass(frozen=True)
 class Optimum:
-    """By finite elements: z (n,), objectives (n_f,), constraints (n_g,) and the scalar's value; residual: of the
-    first-order conditions; held: whether the constraints hold; stationary: whether the residual is below the tolerance;
-    first: objectives (n_f,) of the start; solves; why: it ended."""
+    """Design at which a search by finite elements has ended.
+
+    z, objectives, constraints: (n,), (n_f,) and (n_g,)
+    value: of the scalar
+    residual: of the first-order conditions
+    held: whether the constraints hold
+    stationary: whether the residual is below the tolerance
+    first: (n_f,) objectives of the start
+    solves: number of them
+    why: it ended"""
 
     z: np.ndarray
     objectives: np.ndarray

@@ -19,8 +19,11 @@ _NEIGHBOUR = 0.95
 
 @dataclass(frozen=True)
 class Solved:
-    """tip: (k, n_e) mm and W: (k, n, n_a) in each state; sample_seconds: CPU, one state from a neighbour with its
-    condensation, median; factorizations: of a cold solve of each state, mean."""
+    """States of a robot on a mesh, and their cost.
+
+    tip, W: (k, n_e) mm and (k, n, n_a) in each state
+    sample_seconds: CPU, one state from a neighbour with its condensation, median
+    factorizations: of a cold solve of each state, mean"""
 
     nodes: int
     cells: int

@@ -15,9 +15,13 @@ from cfem.report.sections.tracking import Tracking
 
 @dataclass(frozen=True)
 class Outcome:
-    """Of one controller on all trajectories, by goal: error (m,) mm, NaN where the robot failed; reachable (m,) where
-    nothing shows that it is out of reach, and converged (m,) whether the search ended at an optimum, both by FE-based
-    control where it ran; inside (m,) whether the plan stayed within what the model was trained on; step_us (m,)."""
+    """Outcome of one controller on all trajectories, by goal.
+
+    error: (m,) mm, NaN where the robot failed
+    reachable: (m,) where nothing shows that the goal is out of reach, by FE-based control where it ran
+    converged: (m,) whether the search ended at an optimum, likewise
+    inside: (m,) whether the plan stayed within what the model was trained on
+    step_us: (m,) us of a step"""
 
     who: str
     error: np.ndarray
