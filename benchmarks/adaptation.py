@@ -30,7 +30,7 @@ from cfem.control.adaptation.controller import AdaptiveController
 from cfem.control.adaptation.tracker import Tracker
 from cfem.control.closed_loop.controller import Controller
 from cfem.control.closed_loop.tick import Pilot
-from cfem.control.search.goal_search import Settings
+from cfem.control.search.goal_search import SearchSettings
 from cfem.control.search.inverse import Limits
 from cfem.core.errors import NumericalError
 from cfem.plant.gains import Gains, integral_for
@@ -75,7 +75,7 @@ class Trial:
         most = 2.5 * self.model.domain.lambda_a[1].max()
         course = np.column_stack([model.reach[:, 1] * -0.25, model.reach[:, 1] * 1.5])
         limits = Limits(np.array([[0.0, most]] * n_a), course)
-        ridge, settings = ridge_of(1e-10, model.reach, model.length), Settings(20, 1e-5, 0.25 * model.reach.max())
+        ridge, settings = ridge_of(1e-10, model.reach, model.length), SearchSettings(20, 1e-5, 0.25 * model.reach.max())
         pilot = Pilot(
             AtParameters(model, self.first.copy()), "force", "equilibrium", limits, np.ones(3), ridge, settings
         )

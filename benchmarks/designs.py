@@ -36,7 +36,7 @@ from cfem.control.closed_loop.tick import Pilot
 from cfem.control.design import designed
 from cfem.control.goals.trajectory import arc
 from cfem.control.open_loop.experiment import follow
-from cfem.control.search.goal_search import Settings
+from cfem.control.search.goal_search import SearchSettings
 from cfem.control.search.inverse import Limits
 from cfem.core.artefact.content import artefact_file
 from cfem.core.spec import load_spec
@@ -80,7 +80,7 @@ def track(kind: str, values: tuple[float, ...], goals: int) -> dict:
     points = arc(np.array([0, 10.5, 0]), 120.0, -np.pi / 2, 0.0, "yz", goals) + shift
     weights = np.ones(robot.rows.n_e)
     pilots = {
-        name: Pilot(one, "displacement", "equilibrium", limits, weights, ridge, Settings(20, tolerance, 5.0))
+        name: Pilot(one, "displacement", "equilibrium", limits, weights, ridge, SearchSettings(20, tolerance, 5.0))
         for name, one, tolerance in (("fe-based", plant, 1e-4), ("spectral", bound["spectral"], 1e-5))
     }
     judge = "fe-based", Controller(pilots["fe-based"], robot.rest_e)

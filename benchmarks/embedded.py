@@ -37,10 +37,10 @@ def loop(goals_count: int = 24, ticks: int = 3) -> dict:
     """Errors in mm at the end of each goal, open loop to convergence and closed with the paper's gains."""
     from cfem.condensed.strokes import ridge_of
     from cfem.control.closed_loop.controller import Controller
-    from cfem.control.closed_loop.run import Pace, run_loop
+    from cfem.control.closed_loop.run import Pace, run_closed_loop
     from cfem.control.closed_loop.tick import Pilot
     from cfem.control.goals.trajectory import loop_of_shares
-    from cfem.control.search.goal_search import Settings
+    from cfem.control.search.goal_search import SearchSettings
     from cfem.control.search.inverse import Limits
     from cfem.export.compiled.controller import CompiledController
     from cfem.plant.fem_plant import FemPlant
@@ -57,7 +57,7 @@ def loop(goals_count: int = 24, ticks: int = 3) -> dict:
     limits = Limits.of(robot.reach, robot.unilateral)
     ridge, weights = ridge_of(1e-10, robot.reach, robot.length), np.ones(robot.rows.n_e)
 
-    settings = Settings(iterations=20, tolerance=1e-5, step=5.0)
+    settings = SearchSettings(iterations=20, tolerance=1e-5, step=5.0)
     search = Controller(Pilot(model, "displacement", "equilibrium", limits, weights, ridge, settings), robot.rest_e)
     missed, apart = {"c": [], "python": []}, 0.0
     for goal in goals:
@@ -70,11 +70,11 @@ def loop(goals_count: int = 24, ticks: int = 3) -> dict:
     result = {"length": robot.length, "goals": goals_count, "open": {k: _errors(v) for k, v in missed.items()}}
     result["open"]["commands_apart_mm"] = apart
 
-    once = Settings(iterations=1, step=5.0)
+    once = SearchSettings(iterations=1, step=5.0)
     plants = {name: FemPlant(robot) for name in missed}  # a fresh one each: ticks are counted from its first
     pilot = Pilot(model, "displacement", "previous_step", limits, weights, ridge, once)
     pace, gains = Pace(0.0, 1, ticks_a_goal=ticks), Gains(0.01, 0.002, 10.0)
-    moments = run_loop(goals, pilot, plants["python"], robot.rest_e, pace, gains)
+    moments = run_closed_loop(goals, pilot, plants["python"], robot.rest_e, pace, gains)
     compiled.reset()
     sample, mine = (), []
     for moment in moments:
@@ -106,12 +106,12 @@ def arc(ticks: int = 5) -> dict:
     from cfem.control.closed_loop.controller import Controller
     from cfem.control.closed_loop.tick import Pilot
     from cfem.control.goals.trajectory import arc
-    from cfem.control.search.goal_search import Settings
+    from cfem.control.search.goal_search import SearchSettings
     from cfem.control.search.inverse import Limits
     from cfem.export.compiled.controller import CompiledController
     from cfem.predict.load import load_model
 
-    model, compiled, settings = load_model(MODEL), CompiledController(FOLDER), Settings(20, 1e-5, 5.0)
+    model, compiled, settings = load_model(MODEL), CompiledController(FOLDER), SearchSettings(20, 1e-5, 5.0)
     limits, ridge = Limits.of(model.reach, np.ones(2, bool)), ridge_of(1e-10, model.reach, model.length)
     pilot = Pilot(model, "displacement", "equilibrium", limits, np.ones(3), ridge, settings)
     search = Controller(pilot, model.rest_e)
@@ -132,10 +132,10 @@ def trunk(goals_count: int = 40, ticks: int = 10) -> dict:
     of 0.1 mm, its pressures rounded to 0.2 kPa."""
     from cfem.condensed.strokes import ridge_of
     from cfem.control.closed_loop.controller import Controller
-    from cfem.control.closed_loop.run import Pace, run_loop
+    from cfem.control.closed_loop.run import Pace, run_closed_loop
     from cfem.control.closed_loop.tick import Pilot
     from cfem.control.goals.trajectory import arc
-    from cfem.control.search.goal_search import Settings
+    from cfem.control.search.goal_search import SearchSettings
     from cfem.control.search.inverse import Limits
     from cfem.core.spec import load_spec
     from cfem.plant.fem_plant import FemPlant
@@ -161,7 +161,7 @@ def trunk(goals_count: int = 40, ticks: int = 10) -> dict:
     for name in ("spectral", "serial"):
         model, found = load_model(ROOT / "models/stiff-flop" / name), {}
         limits = Limits(robot.forces, robot.reach)
-        pilot = Pilot(model, "displacement", "equilibrium", limits, weights, ridge, Settings(), damping=damping)
+        pilot = Pilot(model, "displacement", "equilibrium", limits, weights, ridge, SearchSettings(), damping=damping)
         search = Controller(pilot, robot.rest_e)
         plans = [search.tick(goal).plan.delta_a for goal in goals]
         plant = FemPlant(robot)
@@ -180,10 +180,12 @@ def trunk(goals_count: int = 40, ticks: int = 10) -> dict:
 
         low, high = np.stack([robot.reach, model.domain.delta_a.T], axis=-1).swapaxes(0, 1)
         limits = Limits(robot.forces, np.column_stack([low.min(axis=-1), high.max(axis=-1)]))
-        pilot = Pilot(model, "force", "equilibrium", limits, weights, ridge, Settings(iterations=1), damping=damping)
+        pilot = Pilot(
+            model, "force", "equilibrium", limits, weights, ridge, SearchSettings(iterations=1), damping=damping
+        )
         for label, gain in gains.items():
             plant = ImperfectPlant(FemPlant(stiffer), imperfection, 0)
-            moments = run_loop(goals, pilot, plant, robot.rest_e, pace, gain)
+            moments = run_closed_loop(goals, pilot, plant, robot.rest_e, pace, gain)
             found[f"python, {label}"] = _at_the_end([one.index for one in moments], [one.error for one in moments])
             plant = ImperfectPlant(FemPlant(stiffer), imperfection, 0)
             gain = gain or Gains(0.0, 0.0)

@@ -19,9 +19,9 @@ from pathlib import Path
 import numpy as np
 
 from cfem.condensed.strokes import ridge_of
-from cfem.control.closed_loop.run import Pace, run_loop
+from cfem.control.closed_loop.run import Pace, run_closed_loop
 from cfem.control.closed_loop.tick import Pilot
-from cfem.control.search.goal_search import Iterate, Settings, reach
+from cfem.control.search.goal_search import Iterate, SearchSettings, search_goal
 from cfem.control.search.inverse import Aim, Limits
 from cfem.plant.gains import Gains, integral_for
 from cfem.plant.imperfect_plant import Imperfection, ImperfectPlant
@@ -69,7 +69,9 @@ def main() -> None:
     limits = Limits(np.tile([0.0, LARGEST], (6, 1)), np.column_stack([low.min(axis=-1), high.max(axis=-1)]))
     ridge = ridge_of(arguments.regularisation, model.reach, model.length)
     damping = ridge_of(arguments.damping, model.reach, model.length)
-    pilot = Pilot(model, "force", "equilibrium", limits, np.ones(3), ridge, Settings(1, 1e-5, 5.0), damping=damping)
+    pilot = Pilot(
+        model, "force", "equilibrium", limits, np.ones(3), ridge, SearchSettings(1, 1e-5, 5.0), damping=damping
+    )
     gains = Gains(0.0, integral_for(np.deg2rad(arguments.margin), 1))
     begin, ticks, last, lost = time.process_time(), [], [], []
     for seed in range(arguments.seeds):
@@ -81,12 +83,14 @@ def main() -> None:
         bare = robot if arguments.plant == "fem" else ModelPlant(robot, model.rest_e)
         plant = ImperfectPlant(bare, Imperfection(noise=arguments.noise, delay=1, quantum=2e-4), seed)
         pace = Pace(RADIUS, HELD, ticks_a_goal=TICKS)
-        errors = np.array([one.error for one in run_loop(goal[None], pilot, plant, model.rest_e, pace, gains)])
+        errors = np.array([one.error for one in run_closed_loop(goal[None], pilot, plant, model.rest_e, pace, gains)])
         outside = np.flatnonzero(~(errors <= RADIUS))
         if len(outside) and outside[-1] >= TICKS - HELD:
             free = replace(limits, delta_a=np.tile([-np.inf, np.inf], (6, 1)))
             aim = Aim(goal - model.rest_e, np.ones(3), ridge)
-            best = reach(robot, aim, free, Iterate.at(robot.at_displacement(np.zeros(6))), Settings(60, 1e-4, 5.0))
+            best = search_goal(
+                robot, aim, free, Iterate.at(robot.at_displacement(np.zeros(6))), SearchSettings(60, 1e-4, 5.0)
+            )
             off = {"farthest, mm": round(float(errors[-HELD:].max()), 2), "in reach to, mm": round(best.distance, 3)}
             lost.append({"seed": seed, "stiffness": stiffness.round(2).tolist(), **off})
         else:

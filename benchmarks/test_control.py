@@ -5,7 +5,7 @@ import pytest
 from support.arc_robot import LENGTH, REACH, ArcRobot, tip
 
 from cfem.condensed.strokes import ridge_of
-from cfem.control.search.goal_search import Iterate, Settings, reach
+from cfem.control.search.goal_search import Iterate, SearchSettings, search_goal
 from cfem.control.search.inverse import Aim, Limits, inverse_step
 
 NOW = ArcRobot().at_displacement(np.array([6.0, 5.0]))
@@ -24,5 +24,5 @@ def test_inverse_step(benchmark, backend):
 @pytest.mark.benchmark(group="goal")
 def test_goal(benchmark, iterations):
     model = ArcRobot()
-    found = benchmark(reach, model, AIM, LIMITS, Iterate.at(NOW), Settings(iterations=iterations))
+    found = benchmark(search_goal, model, AIM, LIMITS, Iterate.at(NOW), SearchSettings(iterations=iterations))
     assert found.distance < 0.1

@@ -10,7 +10,7 @@ from support.analytic_robot import ARMS, AnalyticRobot
 
 from cfem.condensed.strokes import ridge_of
 from cfem.control.closed_loop.tick import Belief, Pilot, drive
-from cfem.control.search.goal_search import Settings
+from cfem.control.search.goal_search import SearchSettings
 from cfem.control.search.inverse import Limits
 from cfem.control.search.multistart import RESTARTS
 from cfem.control.search.optimality import Verdict
@@ -29,7 +29,7 @@ def robot_of(arm, unit, compliance, form):
 
 def pilot_of(robot, command):
     limits = Limits.of(robot.reach, robot.unilateral)
-    ridge, settings = ridge_of(1e-10, robot.reach, robot.length), Settings.of(robot.reach, 20)
+    ridge, settings = ridge_of(1e-10, robot.reach, robot.length), SearchSettings.of(robot.reach, 20)
     return Pilot(robot, command, "equilibrium", limits, np.ones(3), ridge, settings, restarts=RESTARTS)
 
 

@@ -6,7 +6,7 @@ from support import arc_robot
 from support.arc_robot import REACH, REST_E, ArcRobot, tip
 
 from cfem.condensed.strokes import ridge_of
-from cfem.control.closed_loop.run import Pace, run_loop
+from cfem.control.closed_loop.run import Pace, run_closed_loop
 from cfem.control.closed_loop.tick import Belief, Pilot, drive
 from cfem.control.search.inverse import Limits
 from cfem.core.errors import InputError, NumericalError
@@ -22,7 +22,7 @@ def follow(observer, goals, iterations=1):
     """A swing through reachable points, forces into the very robot that the model is of."""
     pilot = replace(PILOT, observer=observer, settings=replace(PILOT.settings, iterations=iterations))
     start = np.array([4.0, 3.5])
-    moments = run_loop(goals, pilot, ModelPlant(ArcRobot(), REST_E), REST_E, Pace(0.5, 1, 1), start=start)
+    moments = run_closed_loop(goals, pilot, ModelPlant(ArcRobot(), REST_E), REST_E, Pace(0.5, 1, 1), start=start)
     return moments
 
 
@@ -45,7 +45,7 @@ def test_equilibrium_equals_the_measured_state():
 
 def test_equilibrium_knows_where_a_command_leads_that_was_cut_down():
     pilot, start = replace(PILOT, rate=0.1), np.array([4.0, 3.5])
-    moments = run_loop(swing(2), pilot, ModelPlant(ArcRobot(), REST_E), REST_E, Pace(0.5, 1, 10), start=start)
+    moments = run_closed_loop(swing(2), pilot, ModelPlant(ArcRobot(), REST_E), REST_E, Pace(0.5, 1, 10), start=start)
     assert np.abs(np.diff([one.belief.u for one in moments], axis=0)).max() == pytest.approx(0.1)
     assert astray(moments).max() < 1e-9
 

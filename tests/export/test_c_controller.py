@@ -7,9 +7,9 @@ from export.embedded import export, needs_compiler, spectral
 from cfem.condensed.model import under_force
 from cfem.condensed.strokes import ridge_of
 from cfem.control.closed_loop.feedback import Feedback
-from cfem.control.closed_loop.run import Pace, run_loop
+from cfem.control.closed_loop.run import Pace, run_closed_loop
 from cfem.control.closed_loop.tick import Belief, Pilot, drive
-from cfem.control.search.goal_search import Settings
+from cfem.control.search.goal_search import SearchSettings
 from cfem.control.search.inverse import Aim, Limits, inverse_step
 from cfem.control.search.optimality import Optimality, arrived
 from cfem.core.errors import SpecError
@@ -51,7 +51,7 @@ def test_the_published_tick(tmp_path, iterations, beyond):
     controller = compiled(
         tmp_path, command="force", observer="previous_step", iterations=iterations, halvings=0, step="3 mm"
     )
-    ridge, settings = ridge_of(1e-10, model.reach, model.length), Settings(iterations=iterations, step=3.0)
+    ridge, settings = ridge_of(1e-10, model.reach, model.length), SearchSettings(iterations=iterations, step=3.0)
     pilot = Pilot(model, "force", "previous_step", limits_of(model), np.ones(3), ridge, settings)
     belief = Belief.at(pilot, np.zeros(2))
     for goal in curve(model, 12, beyond):
@@ -86,11 +86,11 @@ def test_the_outer_loop_is_that_of_python(tmp_path):
     model, push = build(*spectral()), np.array([0.0, 0.5, 0.2])
     options = {"iterations": 4, "halvings": 0, "K_P": 0.3, "K_I": 0.2, "integral_limit": "6 mm"}
     controller = compiled(tmp_path, command="force", **options)
-    ridge, settings = ridge_of(1e-10, model.reach, model.length), Settings(4, step=5.0)
+    ridge, settings = ridge_of(1e-10, model.reach, model.length), SearchSettings(4, step=5.0)
     pilot = Pilot(model, "force", "previous_step", limits_of(model), np.ones(3), ridge, settings)
     goals = curve(model, 5, beyond=1.5)
     plant = ModelPlant(model, model.rest_e, push=push)
-    moments = run_loop(goals, pilot, plant, model.rest_e, Pace(0.0, 1, ticks_a_goal=12), Gains(0.3, 0.2, 6.0))
+    moments = run_closed_loop(goals, pilot, plant, model.rest_e, Pace(0.0, 1, ticks_a_goal=12), Gains(0.3, 0.2, 6.0))
     plant, sample = ModelPlant(model, model.rest_e, push=push), ()
     for moment in moments:
         command = controller.step(moment.goal, *sample)
@@ -317,7 +317,7 @@ def test_samples_correct_as_in_python_tick_by_tick(tmp_path):
         most = 1 + (k // 40) % 15
         tick = max(0, k - int(random.integers(0, most)))
         x_e = samples.get(tick, np.zeros(3)) * (np.nan if random.random() < 0.1 else 1.0)
-        corrects = python.hear(tick, x_e)
+        corrects = python.sample(tick, x_e)
         command = controller.step(goal, x_e, tick)
         assert controller.moved == pytest.approx(python.moved, rel=1e-12, abs=1e-12)
         assert controller.integral == python.integral and command.tick == k + 1

@@ -153,7 +153,7 @@ def test_a_worker_that_would_round_otherwise_refuses(monkeypatch):
     monkeypatch.setattr("distributed.get_worker", lambda: worker)
     for name in cluster.THREADS:
         monkeypatch.setenv(name, "1")
-    here = cluster.here()
+    here = cluster.local_versions()
     assert cluster._alike(here, max, 1, 2) == 2
     with pytest.raises(InputError, match=r"tcp://other:1: has other versions: numpy [\d.]+ in place of 1.0"):
         cluster._alike(here | {"numpy": "1.0"}, max, 1, 2)

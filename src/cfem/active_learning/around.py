@@ -36,18 +36,18 @@ TERMS = Until(error="1 mm")  # as sampling until an error fits its models
 
 
 def fill(folder: Path, spec: SampleSpec, factory: SolverFactory, workers: Workers) -> dict[str, Any]:
-    """Writes the dataset of spec.around.base and the states that are added; results for the manifest."""
+    """Writes the dataset of spec.around.base and the states that are added; returns results for the manifest."""
     begin, around = time.perf_counter(), spec.around
     tables = {split: read_table(around.base / f"{split}.parquet") for split in ("train", "test")}
     known = as_dataset(tables["train"])
     visited = task_states(around.task, known)
     doing("fitting models of parts of the samples")
-    whole, number = model(known, TERMS), np.arange(len(known))
-    parts = [model(known.take(number % COMMITTEE != one), TERMS) for one in range(COMMITTEE)]
-    s, p, u = places(known, visited, whole.form)
-    score, judges = disagreement(whole, parts, s, p), spread(u, around.judges)
-    left = np.setdiff1d(np.arange(len(u)), judges)
-    chosen = left[choose(u[left], score[left], around.add)]
+    full_model, number = model(known, TERMS), np.arange(len(known))
+    parts = [model(known.take(number % COMMITTEE != fold), TERMS) for fold in range(COMMITTEE)]
+    s, p, u = places(known, visited, full_model.form)
+    score, judges = disagreement(full_model, parts, s, p), spread(u, around.judges)
+    candidates = np.setdiff1d(np.arange(len(u)), judges)
+    chosen = candidates[choose(u[candidates], score[candidates], around.add)]
     skin = (around.base / SKIN).read_bytes() if (around.base / SKIN).exists() else b""
     doing(f"solving {len(chosen)} states where the task goes, and {len(judges)} that judge")
     pieces = [
@@ -62,32 +62,32 @@ def fill(folder: Path, spec: SampleSpec, factory: SolverFactory, workers: Worker
     ]
     robot = pickle.dumps(factory)
     solved = with_workers(
-        workers, lambda executor: [executor.submit(shard.solve_alone, robot, skin, one).result() for one in pieces]
+        workers, lambda executor: [executor.submit(shard.solve_alone, robot, skin, piece).result() for piece in pieces]
     )
-    new = {one.split[0]: _table(data) for one, data in zip(pieces, solved, strict=True)}
+    new = {piece.split[0]: _table(data) for piece, data in zip(pieces, solved, strict=True)}
     joined = {split: pa.concat_tables([tables[split], new[split]]).combine_chunks() for split in tables}
     if skin:
         write_whole(folder / SKIN, skin)
     for split, table in joined.items():
         write_table(folder / f"{split}.parquet", table)
     plain = artefact.results(joined, artefact.kept_skin(folder))
-    found = verdict(known, joined, new, score, time.perf_counter() - begin)
+    outcome = verdict(known, joined, new, score, time.perf_counter() - begin)
     return {
         **plain,
-        "around": found,
-        "headline": [sentence(found), *plain["headline"]],
-        "wall_seconds": found["seconds"],
+        "around": outcome,
+        "headline": [sentence(outcome), *plain["headline"]],
+        "wall_seconds": outcome["seconds"],
         "content": content_hash(joined),
     }
 
 
 def task_states(task: Path, known: Dataset) -> np.ndarray:
-    """(m, n_a) mm where the actuators stood. InputError where the task's folder has none."""
-    found = [read_parquet(task / name, ["delta_a"]) for name in TABLES if (task / name).exists()]
-    if not found:
+    """Displacements (m, n_a) mm at which the actuators stood. InputError where the task's folder has none."""
+    tables = [read_parquet(task / name, ["delta_a"]) for name in TABLES if (task / name).exists()]
+    if not tables:
         what = f"holds neither {' nor '.join(TABLES)}"
         raise InputError(what, where=str(task), do="name the result folder of cfem control")
-    states = np.array([row for table in found for row in table["delta_a"].to_pylist()], dtype=float)
+    states = np.array([row for table in tables for row in table["delta_a"].to_pylist()], dtype=float)
     if states.ndim != 2 or states.shape[1] != known.delta_a.shape[1]:
         raise InputError("is of a robot with another number of actuators", where=str(task), do="name a run of this one")
     states = np.unique(states[np.isfinite(states).all(axis=1)].round(9), axis=0)
@@ -105,9 +105,9 @@ def places(known: Dataset, delta_a: np.ndarray, form: str) -> tuple[np.ndarray, 
     reach, n = np.array(known.meta["reach"]), len(delta_a)
     u = (delta_a - reach[:, 0]) / (reach[:, 1] - reach[:, 0])
     learned = sampled(known.parameters)
-    every = np.array([one["reference"] for one in known.meta.get("parameters", [])])
-    own = shares(learned, references(learned))
-    u = np.hstack([u, np.tile(own, (n, 1))])
+    every = np.array([parameter["reference"] for parameter in known.meta.get("parameters", [])])
+    reference_shares = shares(learned, references(learned))
+    u = np.hstack([u, np.tile(reference_shares, (n, 1))])
     if form != "displacement":
         raise InputError(
             "sampling around a task needs a model of form displacement", do="train with form: displacement"
@@ -142,12 +142,13 @@ def verdict(
     }
 
 
-def sentence(found: dict[str, Any]) -> str:
-    if found["before"] is None:
-        return f"{found['added']} states added where the task goes, in {duration(found['seconds'])}; none judges"
+def sentence(outcome: dict[str, Any]) -> str:
+    if outcome["before"] is None:
+        return f"{outcome['added']} states added where the task goes, in {duration(outcome['seconds'])}; none judges"
     return (
-        f"{found['added']} states added where the task goes, in {duration(found['seconds'])}; largest error at "
-        f"{found['judges']} other states of the task {length(found['before'])} before, {length(found['after'])} after"
+        f"{outcome['added']} states added where the task goes, in {duration(outcome['seconds'])}; largest error at "
+        f"{outcome['judges']} other states of the task {length(outcome['before'])} before, "
+        f"{length(outcome['after'])} after"
     )
 
 

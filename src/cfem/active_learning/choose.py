@@ -8,10 +8,10 @@ from cfem.active_learning.place import effectors
 from cfem.predict.protocol import Predictor
 
 
-def disagreement(whole: Predictor, parts: Sequence[Predictor], s: np.ndarray, p: np.ndarray) -> np.ndarray:
-    """(m,) mm: largest distance between an effector by the model of all data and by those of parts of it (query by
-    committee, Seung, Opper and Sompolinsky 1992), at inputs s (m, n_a)."""
-    expected = effectors(whole, s, p).reshape(len(s), -1, 3)
+def disagreement(full_model: Predictor, parts: Sequence[Predictor], s: np.ndarray, p: np.ndarray) -> np.ndarray:
+    """Disagreement (m,) mm: largest distance between an effector by the model of all data and by those of parts of it
+    (query by committee, Seung, Opper and Sompolinsky 1992), at inputs s (m, n_a)."""
+    expected = effectors(full_model, s, p).reshape(len(s), -1, 3)
     apart = [np.linalg.norm(effectors(part, s, p).reshape(expected.shape) - expected, axis=2) for part in parts]
     return np.max(apart, axis=(0, 2))
 
@@ -21,18 +21,18 @@ def choose(u: np.ndarray, score: np.ndarray, count: int, failed: np.ndarray | No
     the scores around it, over the distance at which `count` points would fill the cube. failed: (k, n) rows that could
     not be solved, around which others hardly will."""
     largest = np.max(score, where=np.isfinite(score), initial=0.0)
-    left = np.maximum(np.where(np.isfinite(score), score, largest), 1e-300).astype(float)
+    remaining = np.maximum(np.where(np.isfinite(score), score, largest), 1e-300).astype(float)
     reach = 0.7 * count ** (-1 / u.shape[1])
 
     def lower(around: np.ndarray) -> np.ndarray:
-        return left * -np.expm1(-((u - around) ** 2).sum(axis=1) / reach**2)
+        return remaining * -np.expm1(-((u - around) ** 2).sum(axis=1) / reach**2)
 
     for row in () if failed is None else failed:
-        left = lower(row)
+        remaining = lower(row)
     chosen = []
     for _ in range(min(count, len(u))):
-        best = int(np.argmax(left))
+        best = int(np.argmax(remaining))
         chosen.append(best)
-        left = lower(u[best])
-        left[chosen] = -1.0
+        remaining = lower(u[best])
+        remaining[chosen] = -1.0
     return np.array(chosen, dtype=int)

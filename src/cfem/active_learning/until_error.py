@@ -39,8 +39,12 @@ PIECES = 4  # of a batch, whatever the number of workers
 
 @dataclass(frozen=True)
 class Round:
-    """samples: training states before it; rows: it added; expected, observed: mm, largest error of the effectors at its
-    rows, as the committee guessed and as FE showed; seconds: of fitting and choosing."""
+    """Round of sampling.
+
+    samples: training states before it
+    rows: it added
+    expected, observed: mm, largest error of the effectors at its rows, as the committee guessed and as FE showed
+    seconds: of fitting and choosing"""
 
     samples: int
     rows: int
@@ -50,7 +54,8 @@ class Round:
 
 
 def fill(folder: Path, spec: SampleSpec, factory: SolverFactory, made_from: str, workers: Workers) -> dict[str, Any]:
-    """Writes one Parquet file a split into `folder`, by rounds until spec.until.error; results for the manifest."""
+    """Writes one Parquet file a split into `folder`, by rounds until spec.until.error; returns results for the
+    manifest."""
     begin = time.perf_counter()
     tables, rounds = with_workers(
         workers,
@@ -60,11 +65,11 @@ def fill(folder: Path, spec: SampleSpec, factory: SolverFactory, made_from: str,
     for split, table in tables.items():
         write_table(folder / f"{split}.parquet", table)
     shutil.rmtree(folder / "shards")
-    found, plain = verdict(spec.until, tables, rounds), artefact.results(tables, artefact.kept_skin(folder))
+    outcome, plain = verdict(spec.until, tables, rounds), artefact.results(tables, artefact.kept_skin(folder))
     return {
         **plain,
-        "until": found,
-        "headline": [*headline(found), *artefact.skin_line(plain["skin"])],
+        "until": outcome,
+        "headline": [*headline(outcome), *artefact.skin_line(plain["skin"])],
         "wall_seconds": time.perf_counter() - begin,
         "content": content_hash(tables),
     }
@@ -92,27 +97,29 @@ def explore(
         doing(f"choosing the next states, {len(chosen)} of at most {min(until.largest, len(pool))} solved")
         begin = time.perf_counter()
         training = as_dataset(merge(files, ["train"])["train"])
-        whole, parts = committee(training, until)
-        left = np.setdiff1d(pool, chosen)
-        batch, expected = next_batch(job, training, whole, parts, left, min(until.batch, until.largest - len(chosen)))
+        full_model, parts = committee(training, until)
+        unsolved = np.setdiff1d(pool, chosen)
+        batch, expected = next_batch(
+            job, training, full_model, parts, unsolved, min(until.batch, until.largest - len(chosen))
+        )
         seconds = time.perf_counter() - begin
         mine = replace(job, folder=folder / f"round-{len(rounds):03d}")
         new = solve_rows(mine, batch, -(-len(batch) // PIECES))
-        observed = largest_error(whole, as_dataset(merge(new, ["train"])["train"]))
+        observed = largest_error(full_model, as_dataset(merge(new, ["train"])["train"]))
         rounds.append(Round(len(training), len(batch), expected, observed, seconds))
         files, chosen = files + new, np.concatenate([chosen, batch])
     return merge(files, list(spec.splits)), rounds
 
 
 def settled(rounds: list[Round], until: Until) -> bool:
-    """Whether the last two batches were known before they were solved."""
-    return len(rounds) >= 2 and all(one.observed <= until.error for one in rounds[-2:])
+    """True if the last two batches were known before they were solved."""
+    return len(rounds) >= 2 and all(finished.observed <= until.error for finished in rounds[-2:])
 
 
 def committee(training: Dataset, until: Until) -> tuple[Predictor, list[Predictor]]:
     """The model of all states, and those of all but every fourth."""
     number = np.arange(len(training))
-    parts = [training.take(number % COMMITTEE != one) for one in range(COMMITTEE)]
+    parts = [training.take(number % COMMITTEE != fold) for fold in range(COMMITTEE)]
     return model(training, until), [model(part, until) for part in parts]
 
 
@@ -123,30 +130,34 @@ def model(training: Dataset, until: Until) -> Predictor:
 
 
 def next_batch(
-    job: Job, training: Dataset, whole: Predictor, parts: list[Predictor], left: np.ndarray, count: int
+    job: Job, training: Dataset, full_model: Predictor, parts: list[Predictor], candidates: np.ndarray, count: int
 ) -> tuple[np.ndarray, float]:
-    """`count` rows of those left (indices into job.u), and the largest disagreement among them, mm."""
-    u = job.u[left]
-    n_a = whole.rows.n_a
+    """Batch of `count` of the candidates (indices into job.u), and the largest disagreement among them, mm."""
+    u = job.u[candidates]
+    n_a = full_model.rows.n_a
     nearest = np.array([np.argmin(((training.u - row) ** 2).sum(axis=1)) for row in u])
-    start = (training.delta_a if whole.form == "displacement" else training.lambda_a)[nearest]
+    start = (training.delta_a if full_model.form == "displacement" else training.lambda_a)[nearest]
     learned = sampled(parameters_of(training.meta))
-    p = completed(whole.parameters, from_shares(learned, u[:, n_a:]))
+    p = completed(full_model.parameters, from_shares(learned, u[:, n_a:]))
     compliance = np.array(training.meta["compliance"])
-    asked = [actuation(job.space, row[:n_a], whole.reach, compliance, together=job.together) for row in u]
+    asked = [actuation(job.space, row[:n_a], full_model.reach, compliance, together=job.together) for row in u]
     if job.space == "pulling":
-        rows = np.array([one.C[0] if len(one.C) else np.ones(n_a) for one in asked])
-        target = np.array([one.target[0] if len(one.C) else 0.0 for one in asked])
-        s, found = place(whole, rows, target, p, start)
-        s = np.where(found[:, None], s, start)
+        rows = np.array(
+            [actuation_of_row.C[0] if len(actuation_of_row.C) else np.ones(n_a) for actuation_of_row in asked]
+        )
+        target = np.array(
+            [actuation_of_row.target[0] if len(actuation_of_row.C) else 0.0 for actuation_of_row in asked]
+        )
+        s, solved = place(full_model, rows, target, p, start)
+        s = np.where(solved[:, None], s, start)
     else:
-        s = np.array([one.target for one in asked])
-        if whole.form == "force":
-            s = np.array([whole.at_displacement(*state).lambda_a for state in zip(s, p, strict=True)])
-    score = disagreement(whole, parts, s, p)
+        s = np.array([actuation_of_row.target for actuation_of_row in asked])
+        if full_model.form == "force":
+            s = np.array([full_model.at_displacement(*state).lambda_a for state in zip(s, p, strict=True)])
+    score = disagreement(full_model, parts, s, p)
     failed = column_array(training.failed, "u") if len(training.failed) else None
     picked = choose(u, score, count, failed)
-    return left[picked], float(np.nanmax(score))
+    return candidates[picked], float(np.nanmax(score))
 
 
 def largest_error(predictor: Predictor, states: Dataset) -> float:
@@ -159,7 +170,7 @@ def largest_error(predictor: Predictor, states: Dataset) -> float:
 
 
 def verdict(until: Until, tables: dict[str, pa.Table], rounds: list[Round]) -> dict[str, Any]:
-    """What the loop reached, and, by a model of all its states, the error at the test states that it never saw."""
+    """Outcome of the loop, and, by a model of all its states, the error at the test states that it never saw."""
     training = as_dataset(tables["train"])
     test = largest_error(model(training, until), as_dataset(tables["test"])) if "test" in tables else None
     return {
@@ -167,11 +178,11 @@ def verdict(until: Until, tables: dict[str, pa.Table], rounds: list[Round]) -> d
         "reached": settled(rounds, until),
         "samples": len(training),
         "test_error": test,
-        "rounds": [vars(one) for one in rounds],
+        "rounds": [vars(finished) for finished in rounds],
     }
 
 
-def headline(found: dict[str, Any]) -> list[str]:
-    how = "reached" if found["reached"] else "NOT reached: allow more rows (until.largest, the split's rows)"
-    judged = "" if found["test_error"] is None else f"; {found['test_error']:.2g} mm at most on the test states"
-    return [f"error of {found['error']:g} mm {how}, with {found['samples']} training states{judged}"]
+def headline(outcome: dict[str, Any]) -> list[str]:
+    how = "reached" if outcome["reached"] else "NOT reached: allow more rows (until.largest, the split's rows)"
+    judged = "" if outcome["test_error"] is None else f"; {outcome['test_error']:.2g} mm at most on the test states"
+    return [f"error of {outcome['error']:g} mm {how}, with {outcome['samples']} training states{judged}"]

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from cfem.condensed import Condensed
     from cfem.control.closed_loop.controller import Controller
     from cfem.control.closed_loop.tick import Observer
-    from cfem.control.search.goal_search import Reach
+    from cfem.control.search.goal_search import SearchResult
     from cfem.control.search.inverse import InverseStep, Limits
     from cfem.equilibrium.robot import Robot
     from cfem.plant.protocol import Command
@@ -80,7 +80,7 @@ def find_actuation(
     weights: ArrayLike | None = None,
     regularisation: float = 1e-10,
     iterations: int = 20,
-) -> "Reach":
+) -> "SearchResult":
     """Inverse steps until the actuators stay where they are: the actuation that brings the effectors nearest to a goal.
 
     Args:
@@ -106,7 +106,7 @@ def find_actuation(
         >>> found.delta_a, found.distance, found.status
     """
     from cfem.condensed.strokes import ridge_of
-    from cfem.control.search.goal_search import Iterate, Settings, by_displacement, reach
+    from cfem.control.search.goal_search import Iterate, SearchSettings, by_displacement, search_goal
     from cfem.control.search.inverse import Aim
     from cfem.control.search.multistart import RESTARTS, all_over, multistart
 
@@ -117,9 +117,9 @@ def find_actuation(
         ridge_of(regularisation, model.reach, model.length),
     )
     first = model.at_displacement(np.zeros(n_a) if start is None else vector("start", start, n_a))
-    limits, settings = _limits(model, unilateral, largest_force), Settings.of(model.reach, iterations)
-    found = reach(model, aim, limits, Iterate.at(first), settings)
-    return multistart(model, aim, limits, found, settings, by_displacement, all_over(limits, RESTARTS))
+    limits, settings = _limits(model, unilateral, largest_force), SearchSettings.of(model.reach, iterations)
+    result = search_goal(model, aim, limits, Iterate.at(first), settings)
+    return multistart(model, aim, limits, result, settings, by_displacement, all_over(limits, RESTARTS))
 
 
 @says_what_is_missing
@@ -175,7 +175,7 @@ def make_controller(
     from cfem.condensed.strokes import ridge_of
     from cfem.control.closed_loop.controller import Controller
     from cfem.control.closed_loop.tick import Pilot
-    from cfem.control.search.goal_search import Settings
+    from cfem.control.search.goal_search import SearchSettings
     from cfem.plant.gains import Gains
 
     if not 0 < phase_margin < 90:
@@ -188,7 +188,7 @@ def make_controller(
         _limits(model, unilateral, largest_force),
         _weights(weights, n_e),
         ridge_of(regularisation, model.reach, model.length),
-        Settings.of(model.reach, iterations, step=np.inf),
+        SearchSettings.of(model.reach, iterations, step=np.inf),
         rate,
     )
     first = None if start is None else vector("start", start, n_a)
@@ -197,16 +197,17 @@ def make_controller(
 
 
 def _weights(weights: ArrayLike | None, n_e: int) -> np.ndarray:
+    """Weights (n_e,) of the effector rows, 1 unless given. SpecError where these are negative or all 0."""
     if weights is None:
         return np.ones(n_e)
-    found = vector("weights", weights, n_e)
-    if (found < 0).any() or not found.any():
+    checked = vector("weights", weights, n_e)
+    if (checked < 0).any() or not checked.any():
         raise SpecError(
-            f"expected numbers from 0 on, of which one is positive, got {found.tolist()}",
+            f"expected numbers from 0 on, of which one is positive, got {checked.tolist()}",
             where="weights",
             do="give rows that do not matter 0, and another one a positive number",
         )
-    return found
+    return checked
 
 
 def _limits(model: "Predictor | Robot", unilateral: bool, largest_force: float) -> "Limits":

@@ -89,7 +89,9 @@ def solve(
         asked = actuation.displacement(vector("displacement", displacement, n_a))
     else:
         asked = actuation.force(np.zeros(n_a) if force is None else vector("force", force, n_a))
-    found = solve_problem(Problem(robot), asked, None if start is None else start.state)
-    if not found.converged:
-        raise NumericalError(f"no equilibrium: {found.status.value}", where=robot.name, do="take a smaller actuation")
-    return found
+    equilibrium = solve_problem(Problem(robot), asked, None if start is None else start.state)
+    if not equilibrium.converged:
+        raise NumericalError(
+            f"no equilibrium: {equilibrium.status.value}", where=robot.name, do="take a smaller actuation"
+        )
+    return equilibrium

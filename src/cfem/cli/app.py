@@ -135,7 +135,7 @@ def init(
         if (source is None) == (robot is None):
             raise SpecError("give --from FILE or --robot NAME, one of the two", where="init")
         if robot is not None:
-            stated = [flag for flag, said in (given | {"cable": cable, "chamber": chamber}).items() if said]
+            stated = [flag for flag, value in (given | {"cable": cable, "chamber": chamber}).items() if value]
             return init_robot(name, robot, folder, stated, options.force, json)
         return init_scene(name, source, folder, given, cable or [], chamber or [], options.force, quiet, json)
 

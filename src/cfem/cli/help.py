@@ -49,23 +49,26 @@ class Command(TyperCommand):
     """`cfem mesh SPEC`, `--out PATH`, `--count N` in place of `{spec}`, `<path>` and `<int range>`."""
 
     def collect_usage_pieces(self, ctx: typer.Context) -> list[str]:
-        return [one.strip("{}").replace("}", "").upper() for one in super().collect_usage_pieces(ctx)]
+        return [piece.strip("{}").replace("}", "").upper() for piece in super().collect_usage_pieces(ctx)]
 
     def format_options(self, ctx: typer.Context, formatter: Any) -> None:
+        """Writes the arguments and options."""
         rows: dict[str, list[tuple[str, str]]] = {"Arguments": [], "Options": []}
-        for one in self.get_params(ctx):
-            record = one.get_help_record(ctx)
-            if record and one.param_type_name == "argument":
-                rows["Arguments"].append((one.display_name_raw.upper(), record[1].removesuffix("[required]").rstrip()))
+        for parameter in self.get_params(ctx):
+            record = parameter.get_help_record(ctx)
+            if record and parameter.param_type_name == "argument":
+                rows["Arguments"].append(
+                    (parameter.display_name_raw.upper(), record[1].removesuffix("[required]").rstrip())
+                )
             elif record:
                 rows["Options"].append((re.sub(r"<.*>", lambda type_: _VALUES[type_[0]], record[0]), record[1]))
-        for title, found in rows.items():
-            if found:
+        for title, entries in rows.items():
+            if entries:
                 with formatter.section(title):
-                    formatter.write_dl(found)
+                    formatter.write_dl(entries)
 
     def format_epilog(self, ctx: typer.Context, formatter: Any) -> None:
-        """What it reads and writes; the example on a line of its own, to be copied."""
+        """Writes what it reads and writes; the example on a line of its own, to be copied."""
         files, _, example = (self.epilog or "").partition("Example: ")
         if files:
             formatter.write_paragraph()

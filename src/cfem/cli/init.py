@@ -22,20 +22,22 @@ def init_scene(
     quiet: bool,
     as_json: bool,
 ) -> dict[str, Any] | str:
-    """given: what options say, by name."""
+    """Scene of a new robot from a file with its shape. given: what options state, by name."""
     from cfem.init.create import create
     from cfem.init.drive import Stated
 
-    for one, several, stated in (("cable", "cables", cables), ("chamber", "chambers", chambers)):
+    for option, several, stated in (("cable", "cables", cables), ("chamber", "chambers", chambers)):
         if stated and given.get(several) is not None:
-            raise SpecError(f"--{one} and --{several} exclude each other", do=f"state each {one}, or leave --{one} out")
-    flags = [flag for flag, said in given.items() if said is not None]
+            raise SpecError(
+                f"--{option} and --{several} exclude each other", do=f"state each {option}, or leave --{option} out"
+            )
+    flags = [flag for flag, text in given.items() if text is not None]
     typed: dict[str, str] = {}
     try:
         made = create(name, source, folder, _asking(given, quiet, typed), Stated(cables, chambers, flags), force)
     except BaseException:
         if typed:  # what a person has typed is not lost
-            words = " ".join(f'--{flag} "{said}"' for flag, said in typed.items())
+            words = " ".join(f'--{flag} "{text}"' for flag, text in typed.items())
             print(printable(f"your answers, to go on with: {words}"), file=sys.stderr)
         raise
     write_schemas(folder.parent / "schemas", check=False)
@@ -50,7 +52,7 @@ def init_scene(
 def init_robot(
     name: str, robot: str, folder: Path, stated: Sequence[str], force: bool, as_json: bool
 ) -> dict[str, Any] | str:
-    """Of the robots that come with cfem; stated: options that go with a shape only."""
+    """Copy of a robot that comes with cfem; stated: options that go with a shape only."""
     from cfem.pipeline.robots import copy_robot
 
     if stated:
@@ -61,12 +63,13 @@ def init_robot(
 
 
 def _asking(given: Mapping[str, str | None], quiet: bool, typed: dict[str, str]) -> Ask:
-    """typed: takes what a person answers, by flag."""
+    """Questioner that takes options first, then asks a person; typed: takes what a person answers, by flag."""
 
     def ask(question: Question) -> Answer:
-        said = given.get(question.flag)
-        if said is not None:
-            return answer(question, said)
+        """Answer to a question, the guess where nobody is asked."""
+        stated = given.get(question.flag)
+        if stated is not None:
+            return answer(question, stated)
         if is_terminal():
             return _from_terminal(question, typed)
         if not quiet:
@@ -77,7 +80,7 @@ def _asking(given: Mapping[str, str | None], quiet: bool, typed: dict[str, str])
 
 
 def is_terminal() -> bool:
-    """Whether somebody can be asked."""
+    """True if somebody can be asked."""
     return sys.stdin is not None and not sys.stdin.closed and sys.stdin.isatty()
 
 
@@ -90,13 +93,13 @@ def _from_terminal(question: Question, typed: dict[str, str]) -> Answer:
         if not line:
             raise KeyboardInterrupt
         try:
-            found = answer(question, line.strip() or None)
+            accepted = answer(question, line.strip() or None)
         except SpecError as error:
             print(printable(f"  {error}"), file=sys.stderr)
         else:
             if line.strip():
                 typed[question.flag] = line.strip()
-            return found
+            return accepted
 
 
 def _text(made: dict[str, Any], first: str = "") -> str:

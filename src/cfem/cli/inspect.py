@@ -41,6 +41,7 @@ def figures(results: dict[str, Any]) -> list[str]:
 
 
 def _flat(node: dict[str, Any], prefix: str) -> Iterator[tuple[str, str]]:
+    """Keys with dots and values of a nested mapping, long lists left out."""
     for key, value in node.items():
         if isinstance(value, dict):
             yield from _flat(value, f"{prefix}{key}.")
@@ -56,8 +57,8 @@ def summarise(folders: Sequence[Path]) -> str:
     """Headlines, then seconds of every stage and their sum, then the report's page where there is one."""
     manifests = [read_manifest(folder) for folder in folders]
     judged = dict.fromkeys(line for manifest in manifests for line in sentences(manifest["results"]))
-    told = [*judged, *(line for manifest in manifests for line in manifest["results"].get("headline", []))]
-    lines = [part for line in told for part in folded(line)]
+    lines_of_results = [*judged, *(line for manifest in manifests for line in manifest["results"].get("headline", []))]
+    lines = [part for line in lines_of_results for part in folded(line)]
     lines += [f"{m['stage']:<16} {m['seconds']:7.1f} s   {path}" for m, path in zip(manifests, folders, strict=True)]
     lines.append(f"{'together':<16} {sum(m['seconds'] for m in manifests):7.1f} s")
     pages = [

@@ -91,10 +91,10 @@ def verify(
     """Check every file that commands made against its checksum. Exit 3 if one is damaged, missing or not theirs."""
     from cfem.cli.verify import demand_whole, verify_folders
 
-    found = []
-    run_command(lambda _: verify_folders(folders or [], json, found), as_json=json, label="verify")
-    if any(one.damage for one in found):
-        run_command(lambda _: demand_whole(found))
+    verified = []
+    run_command(lambda _: verify_folders(folders or [], json, verified), as_json=json, label="verify")
+    if any(artefact.damage for artefact in verified):
+        run_command(lambda _: demand_whole(verified))
 
 
 def clean(

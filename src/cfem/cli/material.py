@@ -29,8 +29,8 @@ def run_material(
     files |= {mode: path for mode, path in others.items() if path is not None}
     if not files:
         _demanded(None, "the table of a tensile test", "fit")
-    found = fit_material(Request(files, **how), force)
-    return found if as_json else fit_text(found)
+    fitted = fit_material(Request(files, **how), force)
+    return fitted if as_json else fit_text(fitted)
 
 
 def _demanded(what: str | None, kind: str, action: str) -> str:
@@ -47,6 +47,7 @@ def _list(as_json: bool) -> dict[str, Any] | str:
 
 
 def _show(name: str, as_json: bool) -> dict[str, Any] | str:
+    """Elastomer of the catalogue, as data or text. SpecError where there is none of this name."""
     from cfem.identify.material.catalogue import data_of, show_text
     from cfem.robot.elastomers import ELASTOMERS
 

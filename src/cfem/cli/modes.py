@@ -11,14 +11,14 @@ from cfem.core.units import parse_number
 
 
 def modes(
-    folder: Path, at: Sequence[str] = (), free: bool = False, count: int = 3, picture: Path | None = None
+    folder: Path, displacements: Sequence[str] = (), free: bool = False, count: int = 3, picture: Path | None = None
 ) -> dict[str, Any]:
     """Frequencies (Hz) and damping at training states from rest outwards, or at given displacements 'a, b'."""
     from cfem.motion.load import load_motion
     from cfem.motion.workspace import outwards, vibrations
 
     model = load_motion(folder)
-    rows = vibrations(model, _given(at, model.n_a) if at else outwards(model), free, count)
+    rows = vibrations(model, _given(displacements, model.n_a) if displacements else outwards(model), free, count)
     results = {"actuators": "free" if free else "held", "units": {"frequency": "Hz"}, "states": rows}
     if picture is not None:
         _draw(rows, picture, results["actuators"])
@@ -27,30 +27,32 @@ def modes(
 
 
 def as_text(results: dict[str, Any]) -> str:
-    """A table."""
+    """Table of the frequencies."""
     lines = [f"actuators {results['actuators']}: natural frequencies in Hz, and damping in % of the critical"]
     for row in results["states"]:
         where = ", ".join(f"{value:.4g}" for value in row["delta_a"])
         pairs = zip(row["frequency"], row["damping"], strict=True)
-        told = "   ".join(f"{f:8.3f} ({100 * d:.2f} %)" for f, d in pairs) or row["why"]
-        lines.append(f"{where:>30}   {told}")
+        pairs_text = "   ".join(f"{f:8.3f} ({100 * d:.2f} %)" for f, d in pairs) or row["why"]
+        lines.append(f"{where:>30}   {pairs_text}")
     return "\n".join(lines)
 
 
-def _given(at: Sequence[str], n_a: int) -> list[np.ndarray]:
-    found = []
-    for text in at:
+def _given(displacements: Sequence[str], n_a: int) -> list[np.ndarray]:
+    """Displacements (n_a,) mm from the options. SpecError where these are not so many finite numbers."""
+    states = []
+    for text in displacements:
         try:
             delta = np.array([parse_number(part) for part in text.split(",")])
         except ValueError:
             raise SpecError(f"--at {text}: expected numbers between commas") from None
         if len(delta) != n_a or not np.isfinite(delta).all():
             raise SpecError(f"--at {text}: expected {n_a} finite displacements, one an actuator")
-        found.append(delta)
-    return found
+        states.append(delta)
+    return states
 
 
 def _draw(rows: list[dict[str, Any]], path: Path, actuators: str) -> None:
+    """Draws the frequencies over the states into a file."""
     from cfem.core.optional import demand
 
     demand("matplotlib", where="--picture")

@@ -85,7 +85,7 @@ def run_command(
 
 @contextmanager
 def stdout_errors() -> Iterator[None]:
-    """What is printed within may meet a full disk, one sentence and exit 7, or a reader that has gone, exit 1."""
+    """Handles errors of stdout within: a full disk, one sentence and exit 7, or a reader that has gone, exit 1."""
     try:
         yield
         sys.stdout.flush()

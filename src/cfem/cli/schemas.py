@@ -12,7 +12,7 @@ from cfem.core.spec import json_schema
 
 @cache
 def schema_of(kind: str) -> str:
-    """Its text."""
+    """Text of the schema of a kind of spec."""
     return json.dumps(json_schema(model_of(kind)), indent=1, sort_keys=True) + "\n"
 
 

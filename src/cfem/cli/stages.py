@@ -132,10 +132,10 @@ def _stage(app: typer.Typer, name: str, run: Callable[..., Any], alias: str = ""
         run_command(lambda options: work(options=options), force, check, json, quiet, strict, name)
 
     given = ("set_", "out", "options")
-    own = [one for name, one in signature(run).parameters.items() if name not in given]
-    common = list(signature(_every_stage).parameters.values())
-    command.__signature__ = Signature([one.replace(kind=Parameter.KEYWORD_ONLY) for one in (*own, *common)])
-    command.__annotations__ = {one.name: one.annotation for one in (*own, *common)}
+    own = [option for name, option in signature(run).parameters.items() if name not in given]
+    options = [*own, *signature(_every_stage).parameters.values()]
+    command.__signature__ = Signature([option.replace(kind=Parameter.KEYWORD_ONLY) for option in options])
+    command.__annotations__ = {option.name: option.annotation for option in options}
     example = f" Example: cfem {name} pipelines/{example}" if example else ""
     app.command(alias or name, help=summary, epilog=files + example, hidden=bool(alias))(command)
 
@@ -177,6 +177,7 @@ def _sample(
         typer.Option(metavar="TASK", help="Add states to the dataset where this run of `cfem control` went."),
     ] = None,
 ):
+    """Samples a scene, as the stage or, with --scheduler or --shard, in parts."""
     overrides = [*set_, *([f"until.error={until_error}"] if until_error else [])]
     overrides += [f"around.task={around.resolve()}"] if around else []
 
@@ -197,4 +198,5 @@ def _merge(
         list[Path] | None, typer.Argument(help="Folders of all parts. Default: those beside the output folder.")
     ] = None,
 ):
+    """Joins the parts of a dataset."""
     return import_module("cfem.sample.stage").merge(spec, set_, out, options, parts or [])

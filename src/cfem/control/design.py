@@ -20,20 +20,24 @@ from cfem.sample.parameters import with_values
 def designed(
     scene: SceneSpec, mesh: Mesh, predictors: Mapping[str, Predictor], design: Mapping[str, Any]
 ) -> tuple[Robot, dict[str, AtParameters], np.ndarray]:
-    """The FE robot of the design, the models bound to it, and how far its effectors rest (n_e,) mm from where the
-    scene's own do. SpecError where the models differ in their parameters."""
+    """FE robot of the design, the models bound to it, and how far its effectors rest (n_e,) mm from where the scene's
+    own do. SpecError where the models differ in their parameters."""
     first, *others = predictors.values()
-    if any(one.parameters != first.parameters for one in others):
+    if any(model.parameters != first.parameters for model in others):
         raise SpecError("the models have different parameters", where="design", do="name models of the same parameters")
     p = vector(first.parameters, design, "design")
-    robot, own = robot_at(scene, mesh, first.parameters, p)
-    return robot, {name: AtParameters(one, p) for name, one in predictors.items()}, robot.rest_e - own.rest_e
+    robot, scene_robot = robot_at(scene, mesh, first.parameters, p)
+    return (
+        robot,
+        {name: AtParameters(model, p) for name, model in predictors.items()},
+        robot.rest_e - scene_robot.rest_e,
+    )
 
 
 def robot_at(scene: SceneSpec, mesh: Mesh, parameters: Sequence[Parameter], p: np.ndarray) -> tuple[Robot, Robot]:
-    """The FE robot of parameters p (n_p,), and the scene's own with their exact ones."""
-    learned = [not one.exact for one in parameters]
-    exact = [one.key for one in parameters if one.exact]
-    scene = with_values(scene, exact, p[[one.exact for one in parameters]])
+    """FE robot of parameters p (n_p,), and the scene's own with their exact ones."""
+    learned = [not parameter.exact for parameter in parameters]
+    exact = [parameter.key for parameter in parameters if parameter.exact]
+    scene = with_values(scene, exact, p[[parameter.exact for parameter in parameters]])
     family = RobotFamily(scene, mesh, sampled(parameters))
     return family.at(p[learned]), family.robot

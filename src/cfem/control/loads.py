@@ -26,14 +26,14 @@ def carrying(
     InputError where a model cannot take them."""
     wrench, patches = _loads(spec, robot)
     made_of = made_from(base / spec.scene, base / spec.mesh) if patches else {}
-    found = {}
+    carrying_models = {}
     for name, model in predictors.items():
 
         def by_fe(model: Predictor = model, folder: Path = models[name]) -> PatchYield | None:
             return yield_of(model, folder, robot, made_of, patches) if patches else None
 
-        found[name] = _under(wrench, patches, model, str(models[name]), by_fe)
-    return under_loads(spec, robot), found
+        carrying_models[name] = _under(wrench, patches, model, str(models[name]), by_fe)
+    return under_loads(spec, robot), carrying_models
 
 
 def under_loads(spec: LoadedSpec, robot: Robot) -> Robot:
@@ -42,7 +42,7 @@ def under_loads(spec: LoadedSpec, robot: Robot) -> Robot:
 
 
 def _loads(spec: LoadedSpec, robot: Robot) -> tuple[np.ndarray, tuple[PatchLoad, ...]]:
-    """(n_e,) N on the effector rows, and on patches of the surface."""
+    """Loads of the spec: (n_e,) N on the effector rows, and those on patches of the surface."""
     forces, patches = loads_of(spec.loads, robot.masses)
     return wrench_of(robot.rows, forces), patches
 
@@ -54,13 +54,14 @@ def _under(
     where: str,
     by_fe: Callable[[], PatchYield | None],
 ) -> Predictor | AtParameters:
+    """Model under these loads; as it is where it was exported under the same. InputError where it has others."""
     meta = (model.predictor if isinstance(model, AtParameters) else model).meta
     if meta.get("wrench") is not None:
-        own = np.asarray(meta["wrench"]), tuple(PatchLoad(**one) for one in meta.get("patch_loads") or ())
-        same = len(own[1]) == len(patches) and np.allclose(own[0], wrench, rtol=1e-9, atol=0.0)
-        if same and all(one.same(other) for one, other in zip(own[1], patches, strict=True)):
+        exported = np.asarray(meta["wrench"]), tuple(PatchLoad(**load) for load in meta.get("patch_loads") or ())
+        same = len(exported[1]) == len(patches) and np.allclose(exported[0], wrench, rtol=1e-9, atol=0.0)
+        if same and all(load.same(stated) for load, stated in zip(exported[1], patches, strict=True)):
             return model
-        what = f"was exported under loads of {_listed(*own)}; the spec has {_listed(wrench, patches)}"
+        what = f"was exported under loads of {_listed(*exported)}; the spec has {_listed(wrench, patches)}"
         raise InputError(what, where=where, do="state the same loads, or take the export without loads")
     if not wrench.any() and not patches:
         return model
@@ -71,5 +72,5 @@ def _under(
 
 
 def _listed(wrench: np.ndarray, patches: tuple[PatchLoad, ...]) -> str:
-    rows = f"{', '.join(f'{one:g}' for one in wrench)} on its effector rows"
-    return " and ".join([rows, *(str(one) for one in patches)])
+    rows = f"{', '.join(f'{force:g}' for force in wrench)} on its effector rows"
+    return " and ".join([rows, *(str(load) for load in patches)])

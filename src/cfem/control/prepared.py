@@ -35,10 +35,14 @@ from cfem.robot.spec import SceneSpec
 
 @dataclass(frozen=True)
 class Prepared:
-    """robot: what control asks of it, with its object where it has one. fem: the FE model that plans and grades, None
-    where the plant is none; touched: the plant of contact; world: what plans know of
-    contact beside the effectors; goals: (m, n_e) mm
-    absolute by trajectory; load_error: mm that the models miss under the loads, None without loads."""
+    """Run that is ready to begin.
+
+    robot: what control asks of it, with its object where it has one
+    fem: the FE model that plans and grades, None where the plant is none
+    touched: the plant of contact
+    world: what plans know of contact beside the effectors
+    goals: (m, n_e) mm absolute by trajectory
+    load_error: mm that the models miss under the loads, None without loads"""
 
     scene: SceneSpec
     mesh: Mesh
@@ -53,7 +57,7 @@ class Prepared:
 
     @property
     def rest_e(self) -> np.ndarray:
-        """(n_e,) mm of all rows that goals are set for."""
+        """Rest positions (n_e,) mm of all rows that goals are set for."""
         return self.world.rest(self.robot.rest_e) if self.world else self.robot.rest_e
 
 
@@ -64,8 +68,8 @@ def prepare(
     models: Mapping[str, Path],
     goals: Mapping[str, np.ndarray] | None = None,
 ) -> Prepared:
-    """goals: where they are known already. InputError where a model is not of this robot, SpecError where the spec does
-    not fit it."""
+    """Robot, models, plant and goals of a run. goals: where they are known already. InputError where a model is not of
+    this robot, SpecError where the spec does not fit it."""
     scene_and_mesh = load_scene_and_mesh(base / spec.scene, mesh)
     robot, predictors, shift = robot_and_models(spec, base, scene_and_mesh, models)
     demand_units(spec, robot.actuator_units)
@@ -98,7 +102,7 @@ def prepare(
 def robot_and_models(
     spec: RunSpec, base: Path, scene_and_mesh: tuple[SceneSpec, Mesh], models: Mapping[str, Path]
 ) -> tuple[Robot, dict[str, Predictor], np.ndarray]:
-    """And by how much goals move with the design (n_e,) mm, empty without one."""
+    """Robot and models of a spec, and by how much goals move with the design (n_e,) mm, empty without one."""
     read = LiveModel if isinstance(spec, ClosedLoopSpec) and spec.loop.live else load_model
     predictors = {name: read(path, spec.runtime) for name, path in models.items()}
     for name, predictor in predictors.items():
@@ -110,7 +114,7 @@ def robot_and_models(
 
 
 def _load_error(spec: LoadedSpec, predictors: Mapping[str, Predictor]) -> float | None:
-    """mm that the models miss under the loads, None without loads."""
+    """Error (mm) of the models under the loads, None without loads."""
     return max(model.meta["wrench_error"] for model in predictors.values()) if spec.loads else None
 
 

@@ -53,15 +53,15 @@ def _work(folder: Path, spec: RunSpec, base: Path) -> dict[str, Any]:
     if isinstance(spec, ClosedLoopSpec):
         from cfem.control.closed_loop.stage import run_controllers
 
-        at = prepare(spec, base, mesh, models)
-        pilot = pilot_of(spec, at.robot, next(iter(at.predictors.values())))
-        return run_controllers(folder, spec, base, at.robot, at.predictors, at.goals, pilot)
+        prepared = prepare(spec, base, mesh, models)
+        pilot = pilot_of(spec, prepared.robot, next(iter(prepared.predictors.values())))
+        return run_controllers(folder, spec, base, prepared.robot, prepared.predictors, prepared.goals, pilot)
     so_far = SoFar(folder, keep=spec.plant == "fem")
     return carry_out(folder, spec, base, prepare(spec, base, mesh, models, so_far.goals), so_far)
 
 
 def _agrees(spec: RunSpec, base: Path) -> None:
-    """SpecError where a curve has other numbers than the scene has actuators or effector rows."""
+    """Raises SpecError where a curve has other numbers than the scene has actuators or effector rows."""
     scene = load_spec(base / spec.scene, SceneSpec)
     demand_driven(scene)
     if isinstance(spec, TrackingSpec) and not isinstance(spec, HoldingSpec):

@@ -30,15 +30,15 @@ class ActuatorNumber(float):
 
 
 def _first(read: Any, value: Any, units: tuple[str, str]) -> Any:
-    """What `read(value, unit)` gives for the first unit that fits. ValueError where none does."""
+    """Value of `read(value, unit)` and its unit, for the first unit that fits. ValueError where none does."""
     try:
         return read(value, units[0]), units[0]
     except ValueError as error:
         try:
             return read(value, units[1]), units[1]
         except ValueError:
-            other = f", or {units[1]}" if "is not a unit" in str(error) else f" (of a chamber: in {units[1]})"
-            raise ValueError(f"{error}{other}") from None
+            hint = f", or {units[1]}" if "is not a unit" in str(error) else f" (of a chamber: in {units[1]})"
+            raise ValueError(f"{error}{hint}") from None
 
 
 def _scalar(units: tuple[str, str]) -> Any:
@@ -52,7 +52,7 @@ def _scalar(units: tuple[str, str]) -> Any:
 
 def _vector(units: tuple[str, str]) -> Any:
     def read(value: Any) -> tuple[ActuatorNumber, ...]:
-        numbers, unit = _first(lambda data, one: parse_array(data, one, 1), value, units)
+        numbers, unit = _first(lambda data, unit: parse_array(data, unit, 1), value, units)
         return tuple(ActuatorNumber(number, unit) for number in numbers.tolist())
 
     text = f"a number an actuator, e.g. {{{units[0]}: ...}} or, of chambers, {{{units[1]}: ...}}"
@@ -71,18 +71,19 @@ def demand_units(spec: Spec, units: Sequence[tuple[str, str]], where: str = "") 
     units: of the displacement and of the force of each."""
     for key, number in _numbers(spec, where):
         side = 0 if number.unit in _DISPLACEMENT else 1
-        other = next((pair[side] for pair in units if pair[side] != number.unit), None)
-        if other is not None:
+        expected = next((pair[side] for pair in units if pair[side] != number.unit), None)
+        if expected is not None:
             what = "displacement" if side == 0 else "force"
             raise SpecError(
                 f"is a {DIMENSION[number.unit]} ({number.unit}), but the {what} of this robot's actuators is a "
-                f"{DIMENSION[other]} ({other})",
+                f"{DIMENSION[expected]} ({expected})",
                 where=key,
-                do=f"give it in {other}" if len({pair[side] for pair in units}) == 1 else "leave it out",
+                do=f"give it in {expected}" if len({pair[side] for pair in units}) == 1 else "leave it out",
             )
 
 
 def _numbers(node: Any, where: str) -> Iterator[tuple[str, ActuatorNumber]]:
+    """Quantities of a spec or a part of it, with their keys."""
     if isinstance(node, ActuatorNumber):
         yield where, node
         return

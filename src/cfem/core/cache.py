@@ -27,7 +27,7 @@ def cache_folder() -> Path | None:
 
 
 def is_writable(folder: Path) -> bool:
-    """Whether files can be made in a folder, which is made where it is missing."""
+    """True if files can be made in a folder, which is made where it is missing."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         tempfile.TemporaryFile(dir=folder).close()
@@ -37,11 +37,11 @@ def is_writable(folder: Path) -> bool:
 
 
 def _is_private(folder: Path) -> bool:
-    """Whether it is a folder, no link, of this user alone. On Windows temporary folders are."""
-    found = folder.lstat()
+    """True if it is a folder, no link, of this user alone. On Windows temporary folders are."""
+    status = folder.lstat()
     if not hasattr(os, "getuid"):
-        return stat.S_ISDIR(found.st_mode)
-    return stat.S_ISDIR(found.st_mode) and found.st_uid == os.getuid() and not found.st_mode & 0o077
+        return stat.S_ISDIR(status.st_mode)
+    return stat.S_ISDIR(status.st_mode) and status.st_uid == os.getuid() and not status.st_mode & 0o077
 
 
 def place_compiled_code(package: Path) -> None:
@@ -64,12 +64,12 @@ def place_compiled_code(package: Path) -> None:
 
 def _sources(folder: Path) -> str:
     """Hash of all files with compiled functions."""
-    found = sha256()
+    digest = sha256()
     for file in sorted(folder.rglob("*.py")):
         text = file.read_bytes()
         if b"njit" in text:
-            found.update(text)
-    return found.hexdigest()
+            digest.update(text)
+    return digest.hexdigest()
 
 
 def _forget_others(package: Path, sources: str) -> None:

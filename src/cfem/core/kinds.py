@@ -46,7 +46,7 @@ def classes_of(model: Any) -> tuple[type, ...]:
 
 
 def other_kind(keys: Iterable[str], wanted: Any) -> str | None:
-    """What a document with these top-level keys is, in words, where it is no `wanted` and fits another kind."""
+    """Kind of a document with these top-level keys, in words, where it is no `wanted` and fits another kind."""
     keys, mine = set(keys), _kind_of(wanted)
     if mine is None or any(keys <= set(model.model_fields) for model in classes_of(wanted)):
         return None
@@ -63,6 +63,6 @@ def _kind_of(model: Any) -> str | None:
 
 
 def _fits(keys: set[str], model: Any) -> bool:
-    """Whether a document with these keys could be of a model."""
+    """True if a document with these keys could be of a model."""
     fields = model.model_fields
     return {name for name, field in fields.items() if field.is_required()} <= keys <= set(fields)

@@ -51,7 +51,7 @@ def demand(*names: str, where: str) -> None:
 
 
 def installed(name: str) -> bool:
-    """Whether a package can be imported, by its import name. It is not imported."""
+    """True if a package can be imported, by its import name. It is not imported."""
     return sys.modules[name] is not None if name in sys.modules else find_spec(name) is not None
 
 
@@ -66,7 +66,7 @@ def explained(error: ImportError) -> MissingPackageError | None:
 
 
 def remedy(name: str) -> str:
-    """What to do where the package `name` is missing."""
+    """Remedy where the package `name` is missing."""
     if name == "gmsh" and sys.platform == "linux" and platform.machine() not in ("x86_64", "AMD64"):
         return f"PyPI has no gmsh for {platform.machine()}: make the mesh on another machine and copy its folder here"
     return f"pip install 'cfem[{EXTRAS[name]}]'"

@@ -23,19 +23,23 @@ class Origin:
 
     def _written(self, path: tuple) -> tuple:
         """The key path in the file that comes nearest: points.1 is the second row under `points: {mm: [...]}`."""
-        at: tuple = ()
+        nearest: tuple = ()
         for part in path:
-            below = {one[: len(at) + 1] for one in self.lines if len(one) > len(at) and one[: len(at)] == at}
-            under_unit = [(*one, part) for one in below if len(below) == 1]
-            nearer = [one for one in ((*at, part), *under_unit) if one in self.lines]
+            below = {
+                written[: len(nearest) + 1]
+                for written in self.lines
+                if len(written) > len(nearest) and written[: len(nearest)] == nearest
+            }
+            under_unit = [(*written, part) for written in below if len(below) == 1]
+            nearer = [candidate for candidate in ((*nearest, part), *under_unit) if candidate in self.lines]
             if not nearer:
                 break
-            at = nearer[0]
-        return at
+            nearest = nearer[0]
+        return nearest
 
     def has(self, path: tuple) -> bool:
-        """Whether a key, or the mapping or list that it belongs in, is written."""
+        """True if a key, or the mapping or list that it belongs in, is written."""
         above = path[:-1]
         if path in self.lines or self.lines.get(above) == 0:
             return True
-        return any(len(one) > len(above) and one[: len(above)] == above for one in self.lines)
+        return any(len(written) > len(above) and written[: len(above)] == above for written in self.lines)

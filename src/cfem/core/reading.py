@@ -49,10 +49,10 @@ def checked(model: type[D], data: Any, where: str, do: str) -> D:
     try:
         return model.model_validate_json(json.dumps(data))
     except ValidationError as error:
-        first, *others = error.errors(include_url=False, include_input=False)
+        first, *further = error.errors(include_url=False, include_input=False)
         place = ".".join(map(str, first["loc"]))
         what = first["msg"].removeprefix("Value error, ").replace("Input should be", "expected")
-        more = f"; and {len(others)} more" if others else ""
+        more = f"; and {len(further)} more" if further else ""
         raise InputError(f"is damaged: {f'{place}: ' if place else ''}{what}{more}", where=where, do=do) from None
     except RecursionError:
         raise InputError("is damaged: its parts are nested too deeply", where=where, do=do) from None

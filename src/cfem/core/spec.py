@@ -47,16 +47,16 @@ class Spec(Checked):
             raise SpecError(error.what, where=self.place(*path) or None, do=error.do) from None
 
     def _path(self, where: str | None, key: tuple) -> tuple | None:
-        """The key path in this spec that is meant; None where `where` is something else: a file, an option."""
+        """Key path in this spec that is meant; None where `where` is something else: a file, an option."""
         if where is None:
             return key
         if not re.fullmatch(r"[\w-]+(\.[\w-]+)*", where):
             return None
-        own = key_path(where)
-        if key and (self._origin is None or self._origin.has(key + own)):
-            return key + own
-        known = own[0] in type(self).model_fields
-        return own if known and (self._origin is None or self._origin.has(own)) else None
+        stated = key_path(where)
+        if key and (self._origin is None or self._origin.has(key + stated)):
+            return key + stated
+        known = stated[0] in type(self).model_fields
+        return stated if known and (self._origin is None or self._origin.has(stated)) else None
 
     @classmethod
     def __get_pydantic_json_schema__(cls, core: Any, handler: GetJsonSchemaHandler) -> dict:
@@ -77,8 +77,8 @@ class Spec(Checked):
 
 def described(model: type[BaseModel]) -> dict[str, str]:
     """Field -> the string below it, in the class itself or in those that it inherits from."""
-    bases = [one for one in reversed(model.__mro__) if issubclass(one, BaseModel) and one not in Spec.__mro__]
-    return {name: text for one in bases for name, text in _own_strings(one).items() if name in model.model_fields}
+    bases = [base for base in reversed(model.__mro__) if issubclass(base, BaseModel) and base not in Spec.__mro__]
+    return {name: text for base in bases for name, text in _own_strings(base).items() if name in model.model_fields}
 
 
 @cache
@@ -112,13 +112,13 @@ def meaning(spec: Any, without: Iterable[str] = ()) -> Any:
     return [meaning(value) for value in spec] if isinstance(spec, list | tuple) else spec
 
 
-def _same(one: Any, other: Any) -> bool:
-    """By value, arrays at any depth (of which pydantic's own comparison makes an error)."""
-    if isinstance(one, Spec) or isinstance(other, Spec):
-        return type(one) is type(other) and plain(meaning(one)) == plain(meaning(other))
-    if isinstance(one, list | tuple) and isinstance(other, list | tuple):
-        return len(one) == len(other) and all(map(_same, one, other))
-    return np.array_equal(one, other)
+def _same(before: Any, after: Any) -> bool:
+    """True if two values are the same, arrays at any depth (of which pydantic's own comparison makes an error)."""
+    if isinstance(before, Spec) or isinstance(after, Spec):
+        return type(before) is type(after) and plain(meaning(before)) == plain(meaning(after))
+    if isinstance(before, list | tuple) and isinstance(after, list | tuple):
+        return len(before) == len(after) and all(map(_same, before, after))
+    return np.array_equal(before, after)
 
 
 def load_spec(path: Path, model: type[S], overrides: Iterable[str] = ()) -> S:
@@ -135,15 +135,16 @@ def load_spec(path: Path, model: type[S], overrides: Iterable[str] = ()) -> S:
         spec._origin = origin
         return spec
     except ValidationError as error:
-        other = other_kind(data, model)
-        if other:
-            raise SpecError(other, where=str(path)) from None
-        found = _sentences(error, data, origin, model)
-        more = f"; and {len(found) - 3} more" if len(found) > 3 else ""
-        raise SpecError("; ".join(found[:3]) + more) from None
+        belongs_elsewhere = other_kind(data, model)
+        if belongs_elsewhere:
+            raise SpecError(belongs_elsewhere, where=str(path)) from None
+        sentences = _sentences(error, data, origin, model)
+        more = f"; and {len(sentences) - 3} more" if len(sentences) > 3 else ""
+        raise SpecError("; ".join(sentences[:3]) + more) from None
 
 
 def _set(data: dict, lines: dict, override: str) -> None:
+    """Sets a key of the document, 'key.sub=value'. SpecError where there is none."""
     key, sign, text = override.partition("=")
     if not sign or not key:
         raise SpecError(f"'{override}' is not of the form key.sub=value", where="--set")
@@ -161,13 +162,14 @@ def _set(data: dict, lines: dict, override: str) -> None:
     except ValueError as error:
         raise SpecError(f"{key}: {error}", where="--set") from None
     path = (*parents, last)
-    for one in [one for one in lines if one[: len(path)] == path]:
-        del lines[one]
+    for below in [below for below in lines if below[: len(path)] == path]:
+        del lines[below]
     lines[path] = 0
 
 
 def _numbers(node: Any, part: str | int, unit: str | None) -> tuple[Any, str | None]:
-    """Where `part` counts from 0 and `node` is numbers under their unit, {mm: [...]}, the numbers and the unit."""
+    """Numbers and unit where `part` counts from 0 and `node` is numbers under their unit, {mm: [...]}; else the node
+    itself."""
     if isinstance(part, int) and isinstance(node, dict) and len(node) == 1:
         ((name, numbers),) = node.items()
         if isinstance(numbers, list):
@@ -178,26 +180,26 @@ def _numbers(node: Any, part: str | int, unit: str | None) -> tuple[Any, str | N
 def _sentences(error: ValidationError, data: dict, origin: Origin, model: type[Spec]) -> list[str]:
     """One sentence an error: `file:line: key: what; nearest known key`."""
     items = error.errors(include_url=False)
-    found = []
+    sentences = []
     for item in items:
         # pydantic also counts a list short whose items failed: the items' own errors say all.
-        if item["type"] == "too_short" and any(item["loc"] == other["loc"][:-1] for other in _deeper(items, item)):
+        if item["type"] == "too_short" and any(item["loc"] == deeper["loc"][:-1] for deeper in _deeper(items, item)):
             continue
         path, what = _present(item["loc"], data), _what(item, _present(item["loc"], data), model)
-        said = re.match(r"([\w-]+(\.[\w-]+)*): ", what) if item["type"] == "value_error" else None
-        if said and path + key_path(said[1]) in origin.lines:  # a check of several keys names the one that is wrong
-            path, what = path + key_path(said[1]), what[said.end() :]
-        found.append(f"{origin.place(path)}: {what}")
-    return found
+        named = re.match(r"([\w-]+(\.[\w-]+)*): ", what) if item["type"] == "value_error" else None
+        if named and path + key_path(named[1]) in origin.lines:  # a check of several keys names the one that is wrong
+            path, what = path + key_path(named[1]), what[named.end() :]
+        sentences.append(f"{origin.place(path)}: {what}")
+    return sentences
 
 
 def _deeper(items: list, item: Any) -> list:
     depth = len(item["loc"])
-    return [{"loc": other["loc"][: depth + 1]} for other in items if len(other["loc"]) > depth]
+    return [{"loc": inner["loc"][: depth + 1]} for inner in items if len(inner["loc"]) > depth]
 
 
 def _what(item: Any, path: tuple, model: type[Spec]) -> str:
-    """What is wrong with one key, what was expected, and the nearest that is known."""
+    """Sentence about what is wrong with one key, what was expected, and the nearest that is known."""
     if item["type"] == "extra_forbidden":
         if len(path) == 1 and any(path[0] in kind.model_fields for kind in classes_of(model)):
             return f"'{path[0]}' does not go with {item['loc'][0]}"

@@ -70,13 +70,14 @@ class Command:
     precious: Callable[[Any], bool] = lambda spec: False
 
     def stage(self, spec_path: Path, overrides: Sequence[str] = (), out: Path | None = None) -> Stage:
+        """Stage of a spec: what it reads, what determines its output, and where that goes."""
         spec, base = self.complete(load_spec(spec_path, self.kind, overrides)), spec_path.parent
-        given = {name: base / getattr(spec, name) for name in self.inputs if getattr(spec, name) is not None}
+        stated = {name: base / getattr(spec, name) for name in self.inputs if getattr(spec, name) is not None}
         return Stage(
             name=self.name,
             version=self.version,
             spec=spec,
-            inputs=given | dict(self.reads(spec, base) if self.reads else {}),
+            inputs=stated | dict(self.reads(spec, base) if self.reads else {}),
             out=out or base / spec.out,
             paths=(*self.inputs, *self.outside, "out"),
             precious=self.precious(spec),
@@ -93,7 +94,7 @@ class Command:
 
 
 def is_current(stage: Stage, made_from: str) -> bool:
-    """Whether the output exists, is whole and was made from the same inputs."""
+    """True if the output exists, is whole and was made from the same inputs."""
     try:
         manifest = read_manifest(stage.out)
         return manifest.get("made_from") == made_from and not harm(stage.out, manifest)
@@ -140,6 +141,7 @@ def _demand_inputs_current(stage: Stage, check: bool) -> None:
 
 
 def _work(stage: Stage, origin: dict[str, Any], work: Callable[[Path], Mapping[str, Any]]) -> dict[str, Any]:
+    """Manifest of a stage after its work, whose output has taken its place."""
     made_from = content_sha256(origin)
     partial = begin(stage.out, made_from, stage.precious)
     start = time.perf_counter()
@@ -176,5 +178,5 @@ def _source(stage: Stage) -> dict[str, Any] | None:
 
 
 def _relative(path: Path, folder: Path) -> str:
-    """From the folder itself, wherever links on the way to it or to `path` lead."""
+    """Path relative to the folder itself, wherever links on the way to it or to `path` lead."""
     return os.path.relpath(os.path.realpath(path), os.path.realpath(folder))

@@ -41,12 +41,15 @@ def _binary(data: bytes) -> np.ndarray | None:
 
 
 def _text(data: bytes, path: Path) -> np.ndarray:
-    found = _VERTEX.findall(data)
-    damaged = not data.lstrip().startswith(b"solid") or len(found) % 3 or data.count(b"facet normal") * 3 != len(found)
+    """Triangles (t, 3, 3) of an STL file in text. InputError where the file is cut or is none."""
+    vertices = _VERTEX.findall(data)
+    damaged = (
+        not data.lstrip().startswith(b"solid") or len(vertices) % 3 or data.count(b"facet normal") * 3 != len(vertices)
+    )
     if damaged or b"endsolid" not in data:
         what = "is not an STL file, or is cut: neither text with whole facets nor binary of the length that it states"
         raise InputError(what, where=str(path), do="export the surface again")
     try:
-        return np.array(found, dtype=float).reshape(-1, 3, 3)
+        return np.array(vertices, dtype=float).reshape(-1, 3, 3)
     except ValueError as error:
         raise InputError(f"has a coordinate that is no number: {error}", where=str(path)) from None

@@ -26,6 +26,7 @@ def try_lock(handle: int) -> bool:
 
 
 def _try_lock_on_windows(handle: int) -> bool:
+    """Locks a byte of an open file and returns True; False where another process holds it."""
     import msvcrt
 
     os.lseek(handle, _LOCKED_BYTE, os.SEEK_SET)
@@ -61,13 +62,13 @@ def sync(path: str | os.PathLike) -> None:
         os.close(handle)
 
 
-def exchange(one: str | os.PathLike, other: str | os.PathLike) -> bool:
+def exchange(first: str | os.PathLike, second: str | os.PathLike) -> bool:
     """Swaps two folders in one step, so that each name leads to a whole folder at any moment. False where the system or
     the disk cannot."""
     libc = ctypes.CDLL(None, use_errno=True) if sys.platform in ("linux", "darwin") else None
-    names, here = [os.fsencode(one), os.fsencode(other)], -100  # AT_FDCWD
+    names, working_folder = [os.fsencode(first), os.fsencode(second)], -100  # AT_FDCWD
     if sys.platform == "linux" and hasattr(libc, "renameat2"):
-        return libc.renameat2(here, names[0], here, names[1], 2) == 0  # RENAME_EXCHANGE
+        return libc.renameat2(working_folder, names[0], working_folder, names[1], 2) == 0  # RENAME_EXCHANGE
     if sys.platform == "darwin" and hasattr(libc, "renamex_np"):
         return libc.renamex_np(*names, 2) == 0  # RENAME_SWAP
     return False
@@ -85,7 +86,7 @@ def processor() -> str:
 
 
 def cores() -> int:
-    """How many cores this process may use, where the system says so; otherwise how many there are."""
+    """Number of cores that this process may use, where the system says so; otherwise of those that there are."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1

@@ -32,7 +32,7 @@ class TableRow:
 
     @property
     def blank(self) -> bool:
-        """Whether nothing stands in it, be it between separators."""
+        """True if nothing stands in it, be it between separators."""
         return not any(self.cells)
 
 
@@ -49,7 +49,7 @@ def read_rows(path: Path) -> list[TableRow]:
     text = text.replace("\r\n", "\n").replace("\r", "\n")
     lines = ["" if line.lstrip().startswith("#") else line for line in text.split("\n")]
     filled = [line for line in lines if line.strip()]
-    mark = next((one for one in ";\t" if 2 * sum(one in line for line in filled) > len(filled)), ",")
+    mark = next((separator for separator in ";\t" if 2 * sum(separator in line for line in filled) > len(filled)), ",")
     reader = csv.reader(io.StringIO("\n".join(lines)), delimiter=mark, skipinitialspace=mark != "\t", strict=True)
     rows = []
     try:
@@ -87,17 +87,17 @@ class TextTable:
         return f"{self.path}:{self.rows[row].line}"
 
     def numbers(self, columns: Sequence[int]) -> np.ndarray:
-        """(rows, columns), nan where a cell is empty, says nan, or lacks at the end of its row. Decimals have a point,
-        or have a comma in all of these columns. InputError naming line and column of what is no finite number, and of
-        what could be two."""
-        cells = [[row.cells[one] if one < len(row.cells) else "" for one in columns] for row in self.rows]
+        """Numbers (rows, columns), nan where a cell is empty, says nan, or lacks at the end of its row. Decimals have a
+        point, or have a comma in all of these columns. InputError naming line and column of what is no finite number,
+        and of what could be two."""
+        cells = [[row.cells[column] if column < len(row.cells) else "" for column in columns] for row in self.rows]
         comma = self._decimal_comma(cells, columns)
-        found = np.full((len(cells), len(columns)), np.nan)
+        values = np.full((len(cells), len(columns)), np.nan)
         for i, row in enumerate(cells):
             for j, cell in enumerate(row):
                 if cell.lower() not in _GAPS:
-                    found[i, j] = self._number(cell, comma, i, columns[j])
-        return found
+                    values[i, j] = self._number(cell, comma, i, columns[j])
+        return values
 
     def _number(self, cell: str, comma: bool, row: int, column: int) -> float:
         text = cell.replace(",", ".") if comma and _WITH_COMMA.fullmatch(cell) else cell

@@ -100,11 +100,11 @@ def parse_quantity(text: Any, system_unit: str) -> float:
     expected = f"expected {article} {DIMENSION[system_unit]} with its unit"
     if isinstance(text, int | float) and not isinstance(text, bool):
         raise ValueError(f"{expected}, such as '1 {_customary(system_unit)}'; got the bare number {text:g}")
-    found = re.match(rf"\s*({_NUMBER})(.*)", text, re.DOTALL) if isinstance(text, str) else None
-    if found is None or not found[2].strip() or found[2].startswith(","):
-        point = " (decimals have a point, not a comma)" if found and found[2].startswith(",") else ""
+    match = re.match(rf"\s*({_NUMBER})(.*)", text, re.DOTALL) if isinstance(text, str) else None
+    if match is None or not match[2].strip() or match[2].startswith(","):
+        point = " (decimals have a point, not a comma)" if match and match[2].startswith(",") else ""
         raise ValueError(f"{expected}: a number and a unit, such as '1 {_customary(system_unit)}'; got {text!r}{point}")
-    value = float(found[1]) * _factor(found[2].strip(), system_unit)
+    value = float(match[1]) * _factor(match[2].strip(), system_unit)
     if not np.isfinite(value):
         raise ValueError(f"expected a finite {DIMENSION[system_unit]}; got '{text}'")
     return value

@@ -36,7 +36,7 @@ def read_yaml(path: Path) -> tuple[dict, dict[tuple[Key, ...], int]]:
 
 
 def parse_yaml(text: str, source: str) -> tuple[dict, dict[tuple[Key, ...], int]]:
-    """As `read_yaml`, from text; `source` is named in errors."""
+    """Data and lines as of `read_yaml`, from text; `source` is named in errors."""
     from ruamel.yaml import YAML
     from ruamel.yaml.error import MarkedYAMLError
 
@@ -76,6 +76,7 @@ def parse_value(text: str) -> Any:
 
 
 def _plain(node: Any, path: tuple[Key, ...], lines: dict, open_nodes: set[int]) -> Any:
+    """Plain data of a node, whose lines are noted. Raises _Refused where a spec must not have it."""
     from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
     tag = getattr(node, "tag", None)

@@ -37,18 +37,19 @@ class DatasetCard(Data):
     inner: int = Field(0, ge=0, le=1000)
 
     def check(self) -> None:
+        """Checks that numbers of entries fit the rows."""
         rows = self.rows
         n_e, n_a, n_c = len(rows.effectors), len(rows.actuators), len(rows.contacts)
         if bool(rows.skin) != (self.skin is not None):
             raise ValueError("skin: the rows of a skin need its file's SHA-256")
-        for what, found, expected in (
+        for what, count, expected in (
             ("row_units", len(self.row_units), n_e + len(rows.skin) + n_a + n_c),
             ("rest_e", len(self.rest_e), n_e),
             ("reach", len(self.reach), n_a),
             ("compliance", len(self.compliance or []), n_a + n_c if self.compliance else 0),
         ):
-            if found != expected:
-                raise ValueError(f"{what} has {found} entries for {expected} rows")
+            if count != expected:
+                raise ValueError(f"{what} has {count} entries for {expected} rows")
         if any(len(row) != n_a + n_c for row in self.compliance or []):
             raise ValueError("compliance is no square matrix")
         if any(not low < high for low, high in self.reach):

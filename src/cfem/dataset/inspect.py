@@ -34,6 +34,7 @@ def dataset_files(path: Path) -> list[Path]:
 
 
 def _heading(table: pa.Table) -> str:
+    """Lines on the robot, its rows and its parameters."""
     meta = metadata(table)
     rows, units = meta["rows"], meta["units"]["delta_a"]
     units = [units] * len(meta["reach"]) if isinstance(units, str) else units
@@ -46,11 +47,15 @@ def _heading(table: pa.Table) -> str:
         "columns    u: the plan, from 0 to 1; delta: displacements; lambda: forces; delta_s: how far each mode of the",
         "           surface goes; skin_rms, skin_max: what the modes leave of the surface",
     ]
-    for one in parameters_of(meta):
-        how = "exact, not sampled" if one.exact else f"drawn evenly in {one.coordinate.replace('p', one.name)}"
-        unit = "" if one.unit == "1" else f" {one.unit}"
-        ends = f"{one.low:g} to {one.high:g}{unit}, {one.reference:g}{unit} in the scene"
-        lines.append(f"parameter  {one.name} ({one.key}): {ends}; {how}")
+    for parameter in parameters_of(meta):
+        how = (
+            "exact, not sampled"
+            if parameter.exact
+            else f"drawn evenly in {parameter.coordinate.replace('p', parameter.name)}"
+        )
+        unit = "" if parameter.unit == "1" else f" {parameter.unit}"
+        ends = f"{parameter.low:g} to {parameter.high:g}{unit}, {parameter.reference:g}{unit} in the scene"
+        lines.append(f"parameter  {parameter.name} ({parameter.key}): {ends}; {how}")
     return "\n".join(lines)
 
 
@@ -68,15 +73,16 @@ def _counts(table: pa.Table) -> str:
 
 
 def _statistics(solved: pa.Table) -> str:
-    """Least, mean and largest value of every number of the converged rows; of W and dW over all their entries."""
+    """Table of the least, mean and largest value of every number of the converged rows; of W and dW over all their
+    entries."""
     meta = metadata(solved)
-    rows, varied = rows_of(meta), [one.name for one in sampled(parameters_of(meta))]
+    rows, varied = rows_of(meta), [parameter.name for parameter in sampled(parameters_of(meta))]
     names = {"actuators": rows.actuators, "effectors": rows.effectors, "rows": rows.names, "parameters": varied}
     names["plan"] = [*rows.actuators, *varied]
     lines = [f"{'column':<12} {'row':<12} {'unit':<7} {'min':>12} {'mean':>12} {'max':>12}"]
     for column in COLUMNS:
-        there = column.name in solved.column_names and column.name != "id"
-        if not there or pa.types.is_string(column.kind) or len(solved) == 0:
+        stored = column.name in solved.column_names and column.name != "id"
+        if not stored or pa.types.is_string(column.kind) or len(solved) == 0:
             continue
         values = column_array(solved, column.name).astype(float)
         unit = meta["units"].get(column.name, "")

@@ -37,7 +37,7 @@ class OfStates:
     """What is known of m states. Every field that is an array has one entry a state along its first axis."""
 
     def take(self, index: np.ndarray | slice) -> Self:
-        """Of the states that `index` (numbers, a mask or a slice) picks, in its order."""
+        """States that `index` (numbers, a mask or a slice) picks, in its order."""
 
         def picked(value: Any) -> Any:
             if isinstance(value, OfStates):
@@ -100,16 +100,20 @@ class Dataset(OfStates):
         return sampled(parameters_of(self.meta))
 
     def take(self, index: np.ndarray | slice) -> Self:
-        """As `OfStates.take`."""
+        """Dataset of the states that `index` picks, as of `OfStates.take`."""
         return replace(super().take(index), cost={name: values[index] for name, values in self.cost.items()})
 
 
 @dataclass(frozen=True)
 class WithSkin(OfStates):
-    """What a dataset of m states knows of the skin. rows: with n_s of the skin between effectors and actuators, of
-    which there are n in all; delta_s (m, n_s) mm from rest; W (m, n, n); dW (m, n_a, n, n) and ddelta_s_dp
-    (m, n_s, n_p), None where the dataset has none; left (m, 2) mm: root mean square and largest distance of the surface
-    nodes from where the rows put them; sha256: of the file of the modes."""
+    """Rows of the skin in a dataset of m states.
+
+    rows: with n_s of the skin between effectors and actuators, of which there are n in all
+    delta_s: (m, n_s) mm from rest
+    W: (m, n, n)
+    dW, ddelta_s_dp: (m, n_a, n, n) and (m, n_s, n_p), None where the dataset has none
+    left: (m, 2) mm, root mean square and largest distance of the surface nodes from where the rows put them
+    sha256: of the file of the modes"""
 
     rows: Rows
     delta_s: np.ndarray
@@ -123,10 +127,15 @@ class WithSkin(OfStates):
 @dataclass(frozen=True)
 class Moving(OfStates):
     """Mass and viscosity of the motions of all n rows, the skin's included: `cfem.equilibrium.motion.inertia` says of
-    which. rows: of all; W, V, V2, V3 (m, n, n); loss (m, k, 2 n, 2 n) of each viscous material; inner_K, inner_M,
-    inner_loss, inner_e: of inner motions instead of V2, V3 and loss, as `inertia.Inner` has them, where the robot has
-    such; dV (m, n_a, n, n), None where the dataset has none; viscosity: of each of these materials, its relaxation and
-    prony."""
+    which.
+
+    rows: of all
+    W, V, V2, V3: (m, n, n)
+    loss: (m, k, 2 n, 2 n) of each viscous material
+    dV: (m, n_a, n, n), None where the dataset has none
+    viscosity: of each of these materials, its relaxation and prony
+    inner_K, inner_M, inner_loss, inner_e: of inner motions instead of V2, V3 and loss, as `inertia.Inner` has them,
+        where the robot has such"""
 
     rows: Rows
     W: np.ndarray
@@ -151,6 +160,7 @@ def read_dataset(path: Path) -> Dataset:
 
 
 def _demand_numbers(table: pa.Table, path: Path) -> None:
+    """Raises InputError where a column holds what is no number, or a parameter leaves its range."""
     solved = table.filter(pc.equal(table["status"], CONVERGED))
     for column in COLUMNS:
         if column.name not in solved.column_names or pa.types.is_string(column.kind):
@@ -163,11 +173,12 @@ def _demand_numbers(table: pa.Table, path: Path) -> None:
             row = int(wrong[0]) // (stored.type.list_size if column.size is not None else 1) if len(wrong) else 0
             what = f"is damaged: column '{column.name}', converged row {row}: is no number of at most {LARGEST:g}"
             raise InputError(what, where=str(path), do=_AGAIN)
-    for index, one in enumerate(sampled(parameters_of(metadata(table)))):
+    for index, parameter in enumerate(sampled(parameters_of(metadata(table)))):
         p = column_array(solved, "p")[:, index]
-        slack = 1e-6 * (one.high - one.low)
-        if len(p) and not (one.low - slack <= p.min() and p.max() <= one.high + slack):
-            what = f"is damaged: column 'p': parameter '{one.name}' leaves its range {one.low:g} to {one.high:g}"
+        slack = 1e-6 * (parameter.high - parameter.low)
+        if len(p) and not (parameter.low - slack <= p.min() and p.max() <= parameter.high + slack):
+            ends = f"{parameter.low:g} to {parameter.high:g}"
+            what = f"is damaged: column 'p': parameter '{parameter.name}' leaves its range {ends}"
             raise InputError(what, where=str(path), do=_AGAIN)
 
 
@@ -188,16 +199,16 @@ def as_dataset(table: pa.Table) -> Dataset:
     W = unpack_upper(column_array(good, "W"))
     triangles = (len(good), rows.n_a, stored.n * (stored.n + 1) // 2)
     dW = unpack_upper(column_array(good, "dW").reshape(triangles)) if "dW" in has else None
-    own = np.r_[stored.e, stored.active]  # all rows but the skin's
+    no_skin = np.r_[stored.e, stored.active]  # all rows but the skin's
     return Dataset(
         rows=rows,
         **{name: column_array(good, name) for name in ("id", "u", "delta_e")},
-        delta_free=column_array(good, "delta_free")[:, own],
+        delta_free=column_array(good, "delta_free")[:, no_skin],
         delta_a=active("delta"),
         lambda_a=active("lambda"),
         p=p,
-        W=W[:, own[:, None], own],
-        dW=None if dW is None else dW[:, :, own[:, None], own],
+        W=W[:, no_skin[:, None], no_skin],
+        dW=None if dW is None else dW[:, :, no_skin[:, None], no_skin],
         dC=column_array(good, "dC") if "dC" in has else None,
         d2C=column_array(good, "d2C") if "d2C" in has else None,
         dpsi_dp=column_array(good, "dpsi_dp") if "dpsi_dp" in has else None,
@@ -223,6 +234,7 @@ def _whole(
 
 
 def _moving(good: pa.Table, meta: dict[str, Any], rows: Rows, W: np.ndarray) -> Moving:
+    """Columns of motion of the converged rows."""
     has, m = set(good.column_names), len(good)
     V, viscosity, n = unpack_upper(column_array(good, "V")), meta["viscosity"], 2 * rows.n
     dV = unpack_upper(column_array(good, "dV").reshape(m, rows.n_a, -1)) if "dV" in has else None
@@ -263,19 +275,19 @@ def read_table(path: Path) -> pa.Table:
         what = f"has format {str(meta['format'])[:50]}; this cfem reads {FORMAT}"
         raise InputError(what, where=str(path), do=_AGAIN)
     card = checked(DatasetCard, meta, f"{path}: metadata", _AGAIN)
-    there = set(file.schema_arrow.names)
+    names = set(file.schema_arrow.names)
     units = [tuple(pair) for pair in card.row_units]
     moving = {"viscosity": meta["viscosity"], "inner": card.inner} if card.viscosity is not None else {}
-    expected = schema(rows_of(meta), moving, parameters_of(meta), "dW" in there, units, loads_of(there))
+    expected = schema(rows_of(meta), moving, parameters_of(meta), "dW" in names, units, loads_of(names))
     for field in expected:
-        if field.name not in there:
+        if field.name not in names:
             raise InputError(f"is damaged: column '{field.name}' is missing", where=str(path), do=_AGAIN)
-        found = file.schema_arrow.field(field.name).type
-        if found != field.type:
-            what = f"is damaged: column '{field.name}' is of type {found}, expected {field.type}"
+        kind = file.schema_arrow.field(field.name).type
+        if kind != field.type:
+            what = f"is damaged: column '{field.name}' is of type {kind}, expected {field.type}"
             raise InputError(what, where=str(path), do=_AGAIN)
     if len(file.schema_arrow.names) != len(expected.names):
-        strange = sorted(there - set(expected.names)) or ["twice"]
+        strange = sorted(names - set(expected.names)) or ["twice"]
         raise InputError(f"is damaged: unknown column '{strange[0]}'", where=str(path), do=_AGAIN)
     try:
         return file.read().replace_schema_metadata(file.schema_arrow.metadata)

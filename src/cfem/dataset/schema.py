@@ -23,8 +23,11 @@ _PROVENANCE = ("versions", "made_from")
 
 @dataclass(frozen=True)
 class Column:
-    """unit: of every number in it, '' for text and counts, '1' for ratios; of rows, that of a cable's, see `_units`;
-    size: which numbers, None for a scalar; state: True where a row whose solve failed has no value."""
+    """Column of a dataset.
+
+    unit: of every number in it, '' for text and counts, '1' for ratios; of rows, that of a cable's, see `_units`
+    size: which numbers, None for a scalar
+    state: True where a row whose solve failed has no value"""
 
     name: str
     kind: pa.DataType
@@ -94,14 +97,42 @@ def schema(
     whether it has dW; loads: whether it has dC, and d2C from 2 on; row_units: of each row's displacement and
     multiplier, mm and N unless given. `meta` (plain JSON data) goes into the file under the key 'cfem', with the
     format's version, the names and units of the rows, the parameters and the unit of each column. Where it has
-    "viscosity", that of each viscous material, there are the columns of motion; "inner" is the number of inner
-    motions."""
-    varied = sampled(parameters)
-    triangle, k = rows.n * (rows.n + 1) // 2, meta.get("inner") or 0
+    "viscosity", that of each viscous material, there are the columns of motion; "inner" is the number of inner motions.
+    """
+    varied, k, viscous = sampled(parameters), meta.get("inner") or 0, len(meta.get("viscosity") or ())
+    sizes = _sizes(rows, len(varied), k, viscous)
+    present = dict.fromkeys(BY_PARAMETERS, bool(varied)) | {"dW": third_order, "dC": loads > 0, "d2C": loads > 1}
+    moving = meta.get("viscosity") is not None
+    present |= dict.fromkeys(MOVING, moving and not k) | dict.fromkeys(INNER, k > 0)
+    present |= {"V": moving, "dV": moving and third_order}
+    present |= {"loss": bool(meta.get("viscosity")) and not k, "inner_loss": bool(meta.get("viscosity")) and k > 0}
+    present |= {"delta_c": rows.n_c > 0, "lambda_c": rows.n_c > 0}
+    present |= dict.fromkeys(OF_SKIN, rows.n_s > 0) | {"ddelta_s_dp": bool(varied) and rows.n_s > 0}
+    columns = [column for column in COLUMNS if present.get(column.name, True)]
+    fields = [
+        pa.field(
+            column.name, column.kind if column.size is None else pa.list_(column.kind, sizes[column.size]), column.state
+        )
+        for column in columns
+    ]
+    row_units = list(row_units) or [CABLE] * rows.n
+    facts = {
+        "format": FORMAT,
+        "rows": asdict(rows),
+        "row_units": [list(pair) for pair in row_units],
+        "parameters": to_json(parameters),
+        "units": _units(columns, rows, row_units, [parameter.unit for parameter in varied], viscous, k),
+    }
+    return pa.schema(fields, metadata={KEY: json.dumps({**meta, **facts}, sort_keys=True, allow_nan=False).encode()})
+
+
+def _sizes(rows: Rows, n_p: int, k: int, viscous: int) -> dict[str, int]:
+    """Lengths of the lists in columns; n_p: sampled parameters; k: inner motions; viscous: number of materials."""
+    triangle = rows.n * (rows.n + 1) // 2
     moved = (rows.n_a + k) * (rows.n_a + k + 1) // 2
-    sizes = {
-        "plan": rows.n_a + rows.n_c + len(varied),
-        "parameters": len(varied),
+    return {
+        "plan": rows.n_a + rows.n_c + n_p,
+        "parameters": n_p,
         "actuators": rows.n_a,
         "effectors": rows.n_e,
         "effectors cubed": comb(rows.n_e + 2, 3),
@@ -113,36 +144,13 @@ def schema(
         "active x upper triangle": (rows.n_a + rows.n_c) * triangle,
         "inner upper triangle": k * (k + 1) // 2,
         "moving upper triangle": moved,
-        "viscous x moving upper triangle": len(meta.get("viscosity") or ()) * moved,
+        "viscous x moving upper triangle": viscous * moved,
         "effectors x inner": rows.n_e * k,
-        "viscous x twice the rows": len(meta.get("viscosity") or ()) * rows.n * (2 * rows.n + 1),
-        "actuators x parameters": rows.n_a * len(varied),
-        "effectors x parameters": rows.n_e * len(varied),
-        "skin x parameters": rows.n_s * len(varied),
+        "viscous x twice the rows": viscous * rows.n * (2 * rows.n + 1),
+        "actuators x parameters": rows.n_a * n_p,
+        "effectors x parameters": rows.n_e * n_p,
+        "skin x parameters": rows.n_s * n_p,
     }
-    there = dict.fromkeys(BY_PARAMETERS, bool(varied)) | {"dW": third_order, "dC": loads > 0, "d2C": loads > 1}
-    moving = meta.get("viscosity") is not None
-    there |= dict.fromkeys(MOVING, moving and not k) | dict.fromkeys(INNER, k > 0)
-    there |= {"V": moving, "dV": moving and third_order}
-    there |= {"loss": bool(meta.get("viscosity")) and not k, "inner_loss": bool(meta.get("viscosity")) and k > 0}
-    there |= {"delta_c": rows.n_c > 0, "lambda_c": rows.n_c > 0}
-    there |= dict.fromkeys(OF_SKIN, rows.n_s > 0) | {"ddelta_s_dp": bool(varied) and rows.n_s > 0}
-    columns = [column for column in COLUMNS if there.get(column.name, True)]
-    fields = [
-        pa.field(
-            column.name, column.kind if column.size is None else pa.list_(column.kind, sizes[column.size]), column.state
-        )
-        for column in columns
-    ]
-    row_units = list(row_units) or [CABLE] * rows.n
-    own = {
-        "format": FORMAT,
-        "rows": asdict(rows),
-        "row_units": [list(pair) for pair in row_units],
-        "parameters": to_json(parameters),
-        "units": _units(columns, rows, row_units, [one.unit for one in varied], len(meta.get("viscosity") or ()), k),
-    }
-    return pa.schema(fields, metadata={KEY: json.dumps({**meta, **own}, sort_keys=True, allow_nan=False).encode()})
 
 
 def with_skin_rows(plain: pa.Schema, names: Sequence[str], sha256: str) -> pa.Schema:
@@ -157,7 +165,7 @@ def with_skin_rows(plain: pa.Schema, names: Sequence[str], sha256: str) -> pa.Sc
 
 
 def without_skin(meta: dict[str, Any]) -> dict[str, Any]:
-    """What the metadata would say had the dataset no skin."""
+    """Metadata of the dataset, had it no skin."""
     rows = rows_of(meta)
     if not rows.n_s:
         return meta
@@ -178,8 +186,8 @@ def _units(
     viscous: int = 0,
     inner: int = 0,
 ) -> dict[str, str | list[str]]:
-    """Of each column with one: of all its numbers, or a list of each one's where they differ. An entry (i, j) of W has
-    the displacement unit of row i over the multiplier unit of row j."""
+    """Units by column: of all its numbers, or a list of each one's where they differ. An entry (i, j) of W has the
+    displacement unit of row i over the multiplier unit of row j."""
 
     def common(units: Sequence[str]) -> str | list[str]:
         return units[0] if len(set(units)) == 1 else list(units)
@@ -187,7 +195,7 @@ def _units(
     units: dict[str, str | list[str]] = {column.name: column.unit for column in columns if column.unit}
     displacement, multiplier = ([pair[side] for pair in row_units] for side in (0, 1))
     if set(row_units) != {CABLE}:
-        per = [_factor(one) for one in multiplier]
+        per = [_factor(unit) for unit in multiplier]
         upper = [f"{displacement[i]}/{per[j]}" for i in range(rows.n) for j in range(i, rows.n)]
         units["delta_a"] = common(displacement[rows.a])
         units["delta_e"] = common(displacement[rows.e])
@@ -198,11 +206,11 @@ def _units(
         units["W"] = common(upper)
         for power, name in enumerate(("V", "V2", "V3"), 1):
             if name in units:
-                units[name] = common([f"{one} s^{2 * power}" for one in upper])
+                units[name] = common([f"{unit} s^{2 * power}" for unit in upper])
         if "dV" in units:
-            units["dV"] = common([f"{one}/{k} s^2" for k in per[rows.active] for one in upper])
+            units["dV"] = common([f"{unit}/{k} s^2" for k in per[rows.active] for unit in upper])
         if "dW" in units:
-            units["dW"] = common([f"{one}/{k}" for k in per[rows.active] for one in upper])
+            units["dW"] = common([f"{unit}/{k}" for k in per[rows.active] for unit in upper])
         if "dC" in units:
             units["dC"] = common(_quotients(symmetric3_indices(rows.n_e), displacement, multiplier))
         if "d2C" in units:
@@ -215,7 +223,7 @@ def _units(
             units["inner_loss"] = [f"N mm{each}" for each in pairs] * viscous
     elif viscous:
         both = [(row, power) for power in (0, 2) for row in range(rows.n)]  # motions Z, then Y
-        pairs = [(one, other) for i, one in enumerate(both) for other in both[i:]]
+        pairs = [(first, second) for i, first in enumerate(both) for second in both[i:]]
         each = [
             f"{displacement[i]}/{_factor(multiplier[j])}" + (f" s^{p + q}" if p + q else "") for (i, p), (j, q) in pairs
         ]
@@ -232,23 +240,23 @@ def _units(
 
 
 def _quotients(entries: np.ndarray, displacement: Sequence[str], multiplier: Sequence[str]) -> list[str]:
-    """Of the entries (k, m) of a derivative by loads."""
-    per = [_factor(one) for one in multiplier]
-    return ["/".join([displacement[first], *(per[one] for one in others)]) for first, *others in entries.T]
+    """Units of the entries (k, m) of a derivative by loads."""
+    per = [_factor(unit) for unit in multiplier]
+    return ["/".join([displacement[first], *(per[index] for index in further)]) for first, *further in entries.T]
 
 
 def loads_of(names: Container[str]) -> int:
-    """How many derivatives of the compliance by loads the columns have."""
+    """Number of derivatives of the compliance by loads that the columns have."""
     return int("dC" in names) + int("d2C" in names)
 
 
 def _factor(unit: str) -> str:
-    """As it stands in a denominator."""
+    """Unit as it stands in a denominator."""
     return f"({unit})" if " " in unit or "/" in unit else unit
 
 
 def metadata(table: pa.Table) -> dict[str, Any]:
-    """What `schema` put into a file; empty in a file of others. Raises ValueError where it is damaged."""
+    """Metadata that `schema` put into a file; empty in a file of others. Raises ValueError where it is damaged."""
     return metadata_of(table.schema)
 
 

@@ -41,6 +41,7 @@ def read_table(path: Path, units: Units) -> Table:
 
 
 def _suffix(path: Path) -> str:
+    """Suffix of a file of a known format. InputError where it has another, or there is no file."""
     if path.suffix not in _READERS:
         raise InputError(
             f"is not a table that can be read: expected {', '.join(_READERS)}, or a dataset's folder",
@@ -53,6 +54,7 @@ def _suffix(path: Path) -> str:
 
 
 def _read_yaml(path: Path, units: Units) -> Table:
+    """Table of a YAML file with a list of states."""
     from ruamel.yaml import YAML, YAMLError
 
     try:
@@ -78,6 +80,7 @@ def _read_csv(path: Path, units: Units) -> Table:
 
 
 def _read_parquet(path: Path, units: Units) -> Table:
+    """Table of a Parquet file."""
     from cfem.dataset.parquet import read_parquet
 
     table = read_parquet(path, do="write the table again")

@@ -34,7 +34,7 @@ def write_columns(path: Path, columns: Mapping[str, Sequence[Any] | np.ndarray],
 
 
 def write_records(path: Path, records: Sequence[Mapping[str, Any]], meta: Mapping[str, Any]) -> None:
-    """As `write_columns`, from one mapping a row, all with the keys of the first."""
+    """Writes a table as `write_columns` does, from one mapping a row, all with the keys of the first."""
     write_columns(path, {key: [row[key] for row in records] for key in records[0]}, meta)
 
 

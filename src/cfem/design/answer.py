@@ -8,7 +8,7 @@ import numpy as np
 from cfem.core.artefact.judgement import DESIGN_GAP, contradicted
 from cfem.core.console.shown import duration, length
 from cfem.dataset.writer import write_columns
-from cfem.design.objectives import said
+from cfem.design.objectives import with_unit
 from cfem.design.optimisers.front import Front
 from cfem.design.optimisers.search import Design, Grid
 from cfem.design.problem import DesignProblem
@@ -30,22 +30,24 @@ class CheckedDesign(NamedTuple):
 def entry(
     problem: DesignProblem, grid: Grid, design: Design, checked: CheckedDesign | None, volume: Volume | None
 ) -> dict[str, Any]:
-    """Of one design, for design.json."""
+    """Results of a design, for design.json."""
     family, p = problem.family, problem.p(design.z)
     states = family.at(problem.kind, problem.u, p[None])
     varied = [family.parameters[i] for i in problem.free]
-    found = {
-        "p": dict(zip([one.name for one in family.parameters], p, strict=True)),
-        "units": {one.name: one.unit for one in family.parameters if one.unit != "1"},
+    result = {
+        "p": dict(zip([parameter.name for parameter in family.parameters], p, strict=True)),
+        "units": {parameter.name: parameter.unit for parameter in family.parameters if parameter.unit != "1"},
         "overrides": [
-            f"{one.key}={value:.10g}" + ("" if one.unit == "1" else f" {one.unit}")
-            for one, value in zip(family.parameters, p, strict=True)
+            f"{parameter.key}={value:.10g}" + ("" if parameter.unit == "1" else f" {parameter.unit}")
+            for parameter, value in zip(family.parameters, p, strict=True)
         ],
-        "at_ends_of_range": [one.name for one, z in zip(varied, design.z, strict=True) if min(z, 1 - z) < 1e-6],
+        "at_ends_of_range": [
+            parameter.name for parameter, z in zip(varied, design.z, strict=True) if min(z, 1 - z) < 1e-6
+        ],
         "objectives": dict(zip(problem.names, design.objectives, strict=True)),
         "said": {
-            name: said(one, value)
-            for (name, one), value in zip(problem.objectives.items(), design.objectives, strict=True)
+            name: with_unit(objective, value)
+            for (name, objective), value in zip(problem.objectives.items(), design.objectives, strict=True)
         },
         "constraints": dict(zip(problem.constraints, design.constraints, strict=True)),
         "effector": states.x_e[0],
@@ -54,29 +56,29 @@ def entry(
         "search": f"{design.iterations} iterations: {design.message}",
     }
     if volume:
-        found["volume"] = {"fitted": float(volume(p[None])[0]), "cad": volume.exact(p)}
+        result["volume"] = {"fitted": float(volume(p[None])[0]), "cad": volume.exact(p)}
     if checked is not None:
         gap = design.objectives - checked.objectives
-        found["fe"] = {
+        result["fe"] = {
             "objectives": dict(zip(problem.names, checked.objectives, strict=True)),
             "said": {
-                name: said(one, value)
-                for (name, one), value in zip(problem.objectives.items(), checked.objectives, strict=True)
+                name: with_unit(objective, value)
+                for (name, objective), value in zip(problem.objectives.items(), checked.objectives, strict=True)
             },
             "constraints": dict(zip(problem.constraints, checked.constraints, strict=True)),
             "gap": dict(zip(problem.names, gap, strict=True)),
             "gap_share_of_spread": dict(zip(problem.names, np.abs(gap) / grid.width, strict=True)),
             "effector_distance": checked.distance,
         }
-    return found
+    return result
 
 
 def line(name: str, entry: dict[str, Any]) -> str:
-    """Of one design, for a person."""
-    one = name in entry["objectives"]
-    shown = [name] if one else list(entry["objectives"])
-    scores = ", ".join(entry["said"][key] if one else f"{key} {entry['said'][key]}" for key in shown)
-    line = f"best {name}: {scores}" if one else f"{name}: {scores}"
+    """Line about a design, for a person."""
+    single = name in entry["objectives"]
+    shown = [name] if single else list(entry["objectives"])
+    scores = ", ".join(entry["said"][key] if single else f"{key} {entry['said'][key]}" for key in shown)
+    line = f"best {name}: {scores}" if single else f"{name}: {scores}"
     if "fe" in entry:
         worst = max(entry["fe"]["gap_share_of_spread"][key] for key in shown)
         line += (
@@ -90,36 +92,36 @@ def line(name: str, entry: dict[str, Any]) -> str:
 
 
 def parameters(p: dict[str, float], units: dict[str, str]) -> str:
-    """Of one design, for a person; of more than a few it says where they are."""
+    """Parameters of a design, for a person; of more than a few it says where they are."""
     if len(p) > FEW:
         return f"a design whose {len(p)} parameters are in design.json"
     return ", ".join(f"{key} {value:.4g} {units.get(key, '')}".rstrip() for key, value in p.items())
 
 
 def contradictions(designs: dict[str, Any]) -> list[dict[str, Any]]:
-    """Where finite elements find something else than the model, of what each design is best at."""
-    found = []
+    """Findings where finite elements find something else than the model, of what each design is best at."""
+    findings = []
     for name, entry in designs.items():
         if "fe" not in entry:
             continue
         shown = [name] if name in entry["objectives"] else list(entry["objectives"])
         for key in shown:
             model, fe = entry["objectives"][key], entry["fe"]["objectives"][key]
-            told = [of["said"][key] for of in (entry["fe"], entry)]
+            in_words = [part["said"][key] for part in (entry["fe"], entry)]
             apart = abs(model - fe) > DESIGN_GAP * max(abs(model), abs(fe))
             if apart and entry["fe"]["gap_share_of_spread"][key] > DESIGN_GAP:
-                found.append(
+                findings.append(
                     contradicted(
-                        f"design {name}: finite elements give {key} {told[0]}, the model {told[1]}: "
+                        f"design {name}: finite elements give {key} {in_words[0]}, the model {in_words[1]}: "
                         f"they differ by {100 * entry['fe']['gap_share_of_spread'][key]:.0f} % of its spread over all "
                         "designs"
                     )
                 )
-    return found
+    return findings
 
 
 def front_entry(front: Front) -> dict[str, Any]:
-    """For design.json."""
+    """Results of the front, for design.json."""
     return {
         "of": front.names,
         "designs": len(front.designs),
@@ -131,15 +133,15 @@ def front_entry(front: Front) -> dict[str, Any]:
 
 
 def front_line(front: Front, seconds: float) -> str:
-    """For a person."""
-    found = f"front: {len(front.designs)} designs in {duration(seconds)} of CPU time"
-    found += f"; hypervolume {front.volume:.4f} of 1, where the designs of the grid have {front.grid_volume:.4f}"
-    return f"{found}; {front.beaten} designs of the grid are better than one of the front in every objective"
+    """Line about the front, for a person."""
+    text = f"front: {len(front.designs)} designs in {duration(seconds)} of CPU time"
+    text += f"; hypervolume {front.volume:.4f} of 1, where the designs of the grid have {front.grid_volume:.4f}"
+    return f"{text}; {front.beaten} designs of the grid are better than one of the front in every objective"
 
 
 def write_front(path: Path, problem: DesignProblem, front: Front) -> None:
     z, objectives, constraints = (
-        np.array([getattr(one, name) for one in front.designs]) for name in ("z", "objectives", "constraints")
+        np.array([getattr(design, name) for design in front.designs]) for name in ("z", "objectives", "constraints")
     )
     write_designs(path, problem, z, objectives, constraints)
 
@@ -149,11 +151,11 @@ def write_designs(
 ) -> None:
     """A row a design: parameters, objectives as they are minimised, slacks of the constraints."""
     p = problem.p(z)
-    columns = {one.name: p[:, i] for i, one in enumerate(problem.family.parameters)}
+    columns = {parameter.name: p[:, i] for i, parameter in enumerate(problem.family.parameters)}
     columns |= {f"objective.{name}": objectives[:, i] for i, name in enumerate(problem.names)}
     columns |= {f"slack.{name}": constraints[:, i] for i, name in enumerate(problem.constraints)}
     meta = {
-        "units": {one.name: one.unit for one in problem.family.parameters},
+        "units": {parameter.name: parameter.unit for parameter in problem.family.parameters},
         "kind": problem.kind,
         "u": problem.u.tolist(),
     }

@@ -35,8 +35,13 @@ class Judged:
 
 @dataclass
 class ByPolicy(Varied):
-    """family: learned; task: goals, without weights or forces; p0, free: as of `Varied`; ticks: of an episode.
-    InputError where the policy is of another robot, or the task asks what it does not know."""
+    """Judgement of designs by a policy that drives them. InputError where the policy is of another robot, or the task
+    asks what it does not know.
+
+    family: learned
+    task: goals, without weights or forces
+    p0, free: as of `Varied`
+    ticks: of an episode"""
 
     family: LearnedFamily
     task: Task
@@ -46,6 +51,8 @@ class ByPolicy(Varied):
     ticks: int = 30
 
     def __post_init__(self) -> None:
+        """Checks that the policy is for this task. InputError where it observes no parameters, or the task has weights
+        or forces."""
         where, rows = str(self.policy.path), self.family.rows
         self.policy.demand_robot(rows.effectors, rows.actuators)
         if self.policy.parameters != tuple(self.family.parameters):
@@ -56,29 +63,30 @@ class ByPolicy(Varied):
         self._robots, self.steps = Robots(self.family.predictor), 0
 
     def judge(self, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(m,) rewards and (m, k) mm of designs p (m, n_p)."""
+        """Rewards (m,) and distances (m, k) mm of designs p (m, n_p)."""
         k = len(self.task.goals)
         goals, p = self._goals(p).reshape(len(p) * k, -1), np.repeat(p, k, axis=0)
-        told, u = self.policy.told(p), np.tile(self._start, (len(p), 1))
-        states, rewards, off = self._robots.move(self._robots.start(len(p)), u, p), 0.0, []
+        observed, u = self.policy.told(p), np.tile(self._start, (len(p), 1))
+        states, rewards, errors = self._robots.move(self._robots.start(len(p)), u, p), 0.0, []
         for _ in range(self.ticks):
-            u = self.policy.commands(states.tip, u, goals, np.zeros_like(goals), told)
+            u = self.policy.commands(states.tip, u, goals, np.zeros_like(goals), observed)
             states = self._robots.move(states, u, p)
-            off.append(np.linalg.norm(states.tip - goals, axis=1))
-            rewards = rewards + self._reward(off[-1])
+            errors.append(np.linalg.norm(states.tip - goals, axis=1))
+            rewards = rewards + self._reward(errors[-1])
         self.steps += self.ticks * len(p)
-        distance = np.mean(off[-LAST:], axis=0).reshape(-1, k)
+        distance = np.mean(errors[-LAST:], axis=0).reshape(-1, k)
         return rewards.reshape(-1, k).mean(axis=1) / self.ticks, distance
 
     def at(self, p: np.ndarray) -> Judged:
-        """Of one design p (n_p,)."""
+        """Judgement of one design p (n_p,)."""
         reward, distance = self.judge(p[None])
         return Judged(p, float(reward[0]), distance[0])
 
-    def best(self, others: np.ndarray, by: Literal["reward", "distance"], seed: int = 0) -> Judged:
-        """The best design that was found. others: (m, n_p) designs to judge as well."""
+    def best(self, candidates: np.ndarray, by: Literal["reward", "distance"], seed: int = 0) -> Judged:
+        """Best design that the search finds. candidates: (m, n_p) designs to judge as well. others: (m, n_p) designs to
+        judge as well."""
         rng, n = np.random.default_rng(seed), len(self.free)
-        z = np.vstack([self.z(others), qmc.Halton(n, seed=seed).random(FIRST)])
+        z = np.vstack([self.z(candidates), qmc.Halton(n, seed=seed).random(FIRST)])
         known, costs = z, self._costs(z, by)
         for _ in range(ROUNDS):
             top = known[np.argsort(costs)[:BEST]]
@@ -92,8 +100,9 @@ class ByPolicy(Varied):
         return -reward if by == "reward" else (distance**2).sum(axis=1)
 
     def in_fe(self, p: np.ndarray, robot: Robot) -> Judged:
-        """Of one design, its finite-element robot in place of the learned one, with feedback in every tick."""
-        goals, told, off = self._goals(p[None])[0], self.policy.told(p), []
+        """Judgement of one design, its finite-element robot in place of the learned one, with feedback in every
+        tick."""
+        goals, observed, errors = self._goals(p[None])[0], self.policy.told(p), []
         for goal in goals:
             plant, u, apart = FemPlant(robot), self._start, []
             for _ in range(self.ticks + 1):
@@ -102,19 +111,19 @@ class ByPolicy(Varied):
                     raise NumericalError(f"the finite-element robot of the policy's design: {measured.status}")
                 tip = measured.x_e - robot.rest_e
                 apart.append(np.linalg.norm(tip - goal))
-                u = self.policy.command(tip, u, goal, np.zeros_like(goal), told)
-            off.append(apart[1:])
-        off = np.array(off)
-        return Judged(p, float(self._reward(off).mean()), off[:, -LAST:].mean(axis=1))
+                u = self.policy.command(tip, u, goal, np.zeros_like(goal), observed)
+            errors.append(apart[1:])
+        errors = np.array(errors)
+        return Judged(p, float(self._reward(errors).mean()), errors[:, -LAST:].mean(axis=1))
 
     @property
     def _start(self) -> np.ndarray:
         low, high = self.family.reach.T
         return low + START * (high - low)
 
-    def _reward(self, off: np.ndarray) -> np.ndarray:
+    def _reward(self, errors: np.ndarray) -> np.ndarray:
         scales = self.policy.scales
-        return np.exp(-off / scales.near) - off / scales.scale
+        return np.exp(-errors / scales.near) - errors / scales.scale
 
     def _goals(self, p: np.ndarray) -> np.ndarray:
         """(m, k, n_e) mm from where each design rests."""

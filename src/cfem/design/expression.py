@@ -22,7 +22,7 @@ Values = Mapping[str, np.ndarray]
 
 
 def inequality(text: str, names: Iterable[str], where: str) -> Callable[[Values], np.ndarray]:
-    """A function of the names' values (m,), >= 0 where the inequality holds. SpecError where the text is none."""
+    """Function of the names' values (m,), >= 0 where the inequality holds. SpecError where the text is none."""
     known = [*names, "pi"]
     try:
         tree = ast.parse(text, mode="eval").body
@@ -34,24 +34,27 @@ def inequality(text: str, names: Iterable[str], where: str) -> Callable[[Values]
     sign = 1.0 if isinstance(tree.ops[0], ast.GtE) else -1.0
 
     def slack(values: Values) -> np.ndarray:
+        """Values (m,) of the inequality, >= 0 where it holds. SpecError where one is not finite."""
         scope = {**values, "pi": math.pi}
         with np.errstate(all="ignore"):
-            found = sign * (_value(tree.left, scope) - _value(tree.comparators[0], scope))
-        if not np.isfinite(found).all():
-            wrong = np.flatnonzero(~np.isfinite(np.broadcast_to(found, np.shape(next(iter(values.values()))))))[0]
-            at = ", ".join(
+            values_of_slack = sign * (_value(tree.left, scope) - _value(tree.comparators[0], scope))
+        if not np.isfinite(values_of_slack).all():
+            wrong = np.flatnonzero(
+                ~np.isfinite(np.broadcast_to(values_of_slack, np.shape(next(iter(values.values())))))
+            )[0]
+            place = ", ".join(
                 f"{name} {np.ravel(values[name])[wrong]:.4g}" for name in sorted(names_in(text)) if name in values
             )
             raise SpecError(
-                f"'{text}' has no finite value{f' at {at}' if at else ''}", where=where, do="check divisions"
+                f"'{text}' has no finite value{f' at {place}' if place else ''}", where=where, do="check divisions"
             )
-        return found
+        return values_of_slack
 
     return slack
 
 
 def names_in(text: str) -> set[str]:
-    """Of all that an expression speaks of."""
+    """Names that an expression speaks of."""
     try:
         return {node.id for node in ast.walk(ast.parse(text, mode="eval")) if isinstance(node, ast.Name)}
     except SyntaxError:
@@ -59,6 +62,7 @@ def names_in(text: str) -> set[str]:
 
 
 def _check(node: ast.AST, known: list[str], where: str) -> None:
+    """Raises SpecError where a part of an expression is not allowed."""
     if isinstance(node, ast.Name):
         if node.id not in known:
             raise SpecError(f"unknown name '{node.id}'", where=where, do=f"known are {', '.join(known)}")
@@ -70,14 +74,15 @@ def _check(node: ast.AST, known: list[str], where: str) -> None:
         count = _FUNCTIONS[node.func.id].nin
         if len(node.args) != count or node.keywords:
             raise SpecError(f"{node.func.id} takes {count} numbers", where=where)
-        for one in node.args:
-            _check(one, known, where)
+        for argument in node.args:
+            _check(argument, known, where)
     elif not (isinstance(node, ast.Constant) and type(node.value) in (int, float)):
         known_here = f"numbers, parameters, + - * / **, {', '.join(_FUNCTIONS)}"
         raise SpecError(f"'{ast.unparse(node)}' is not allowed", where=where, do=f"use {known_here}")
 
 
 def _value(node: ast.AST, scope: Mapping[str, np.ndarray | float]) -> np.ndarray | float:
+    """Value of a part of an expression."""
     if isinstance(node, ast.Name):
         return scope[node.id]
     if isinstance(node, ast.Constant):
@@ -86,4 +91,4 @@ def _value(node: ast.AST, scope: Mapping[str, np.ndarray | float]) -> np.ndarray
         return _TWO[type(node.op)](_value(node.left, scope), _value(node.right, scope))
     if isinstance(node, ast.UnaryOp):
         return -_value(node.operand, scope)
-    return _FUNCTIONS[node.func.id](*(_value(one, scope) for one in node.args))
+    return _FUNCTIONS[node.func.id](*(_value(argument, scope) for argument in node.args))

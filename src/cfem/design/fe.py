@@ -44,95 +44,99 @@ class FeProblem(DesignProblem):
         return values, slopes
 
     def _with_slopes(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Objectives and constraints of a design z (n,), with their derivatives."""
         p = self.p(z[None])[0]
         asked = {**self.objectives, **self.constraints}
-        robust = {name: one for name, one in asked.items() if isinstance(one, Robust)}
+        robust = {name: number for name, number in asked.items() if isinstance(number, Robust)}
         values, slopes = np.zeros(len(asked)), np.zeros((len(asked), len(z)))
-        plain = {name: one for name, one in asked.items() if name not in robust}
+        plain = {name: number for name, number in asked.items() if name not in robust}
         places = {name: i for i, name in enumerate(asked)}
         self.evaluations += 1
         mine = [places[name] for name in plain]
         values[mine], slopes[mine] = self._gradients(list(plain.values()), p, self.free)
-        for name, one in robust.items():
-            values[places[name]], slopes[places[name]] = self._robust(one, p)
+        for name, number in robust.items():
+            values[places[name]], slopes[places[name]] = self._robust(number, p)
         return values, slopes
 
     def _gradients(self, asked: list[Any], p: np.ndarray, free: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
         """Values (r,) at p (n_p,), and derivatives (r, n) by the shares of the parameters `free`."""
         spread = self._spread(p, free)
         values, slopes = np.zeros(len(asked)), np.zeros((len(asked), len(free)))
-        here = [i for i, one in enumerate(asked) if getattr(one, "actuations", None) is None]
-        if here:
+        at_the_actuation = [i for i, number in enumerate(asked) if getattr(number, "actuations", None) is None]
+        if at_the_actuation:
             direct: list[np.ndarray] = []
 
-            def of(state: States) -> tuple[np.ndarray, list[Outputs]]:
-                rows, outputs, by_p = partials(_rows([asked[i] for i in here]), state, spread)
+            def rows_at(state: States) -> tuple[np.ndarray, list[Outputs]]:
+                rows, outputs, by_p = partials(_rows([asked[i] for i in at_the_actuation]), state, spread)
                 direct.append(by_p)
-                return rows, [one[0] for one in outputs]
+                return rows, [outputs_of_row[0] for outputs_of_row in outputs]
 
-            _, values[here], slopes[here] = self.family.gradient(self.kind, self.u, p, free, of)
-            slopes[here] += direct[0]
-        for i in sorted(set(range(len(asked))) - set(here)):
+            _, values[at_the_actuation], slopes[at_the_actuation] = self.family.gradient(
+                self.kind, self.u, p, free, rows_at
+            )
+            slopes[at_the_actuation] += direct[0]
+        for i in sorted(set(range(len(asked))) - set(at_the_actuation)):
             values[i], slopes[i] = self._over(asked[i], p, free, spread)
         return values, slopes
 
-    def _over(self, one: Any, p: np.ndarray, free: Sequence[int], spread: np.ndarray) -> tuple[float, np.ndarray]:
-        """A number of several states: value and derivatives."""
-        found = [self.family.jacobian(one.kind, u, p, free) for u in one.actuations]
-        states = stacked([state for state, _ in found])
-        rows, outputs, by_p = partials(_rows([one]), states, spread)
-        slope = sum(chain(each, by) for each, (_, by) in zip(outputs[0], found, strict=True))
+    def _over(self, number: Any, p: np.ndarray, free: Sequence[int], spread: np.ndarray) -> tuple[float, np.ndarray]:
+        """Value and derivatives of a number of several states."""
+        states_and_slopes = [self.family.jacobian(number.kind, u, p, free) for u in number.actuations]
+        states = stacked([state for state, _ in states_and_slopes])
+        rows, outputs, by_p = partials(_rows([number]), states, spread)
+        slope = sum(chain(each, by) for each, (_, by) in zip(outputs[0], states_and_slopes, strict=True))
         return float(rows[0]), slope + by_p[0]
 
-    def _robust(self, one: Robust, p: np.ndarray) -> tuple[float, np.ndarray]:
-        """The quantile to first order in the scatter: J + q s, s^2 = sum_i (t_i dJ/dz_i)^2, q the normal quantile and
-        t_i the scatter in shares of the range at p. Its derivative holds the Hessian of J along (t_i^2 dJ/dz_i): that
-        is a difference of two more gradients, whatever the number of parameters that scatter."""
-        free = list(dict.fromkeys([*self.free, *np.flatnonzero(one.deviation)]))
-        values, slopes = self._gradients([one.of], p, free)
+    def _robust(self, robust: Robust, p: np.ndarray) -> tuple[float, np.ndarray]:
+        """Quantile to first order in the scatter: J + q s, s^2 = sum_i (t_i dJ/dz_i)^2, q the normal quantile and t_i
+        the scatter in shares of the range at p. Its derivative holds the Hessian of J along (t_i^2 dJ/dz_i): that is a
+        difference of two more gradients, whatever the number of parameters that scatter."""
+        free = list(dict.fromkeys([*self.free, *np.flatnonzero(robust.deviation)]))
+        values, slopes = self._gradients([robust.of], p, free)
         value, g = float(values[0]), slopes[0]
-        t, bent = self._scatter(one, p, free)
+        t, bent = self._scatter(robust, p, free)
         s = float(np.linalg.norm(t * g))
-        quantile = float(norm.ppf(one.share))
+        quantile = float(norm.ppf(robust.share))
         if s == 0.0:
             return value, g[: len(self.free)]
         along = t * t * g
-        way = along / np.abs(along).max()
+        direction = along / np.abs(along).max()
         z = shares(self.family.parameters, p)
         sides = []
         for sign in (1, -1):
             moved = z.copy()
-            moved[free] += sign * _SIDEWAYS * way
-            sides.append(self._gradients([one.of], from_shares(self.family.parameters, moved), free)[1][0])
+            moved[free] += sign * _SIDEWAYS * direction
+            sides.append(self._gradients([robust.of], from_shares(self.family.parameters, moved), free)[1][0])
         hessian = (sides[0] - sides[1]) / (2 * _SIDEWAYS) * np.abs(along).max()
         slope = g + quantile * (hessian + g * g * t * bent) / s
         return value + quantile * s, slope[: len(self.free)]
 
-    def _scatter(self, one: Robust, p: np.ndarray, free: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
-        """(n,) standard deviations in shares of the ranges at p, and their derivatives by the shares."""
+    def _scatter(self, robust: Robust, p: np.ndarray, free: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
+        """Standard deviations (n,) in shares of the ranges at p, and their derivatives by the shares."""
         z, h = shares(self.family.parameters, p), 1e-4
 
-        def at(moved: np.ndarray) -> np.ndarray:
-            there = from_shares(self.family.parameters, moved)
-            ahead, behind = (shares(self.family.parameters, there + sign * 1e-6 * there) for sign in (1, -1))
-            return one.deviation * (ahead - behind) / np.where(there != 0, 2e-6 * there, 1.0)
+        def deviations(moved: np.ndarray) -> np.ndarray:
+            values = from_shares(self.family.parameters, moved)
+            ahead, behind = (shares(self.family.parameters, values + sign * 1e-6 * values) for sign in (1, -1))
+            return robust.deviation * (ahead - behind) / np.where(values != 0, 2e-6 * values, 1.0)
 
         low, high = np.array([(each.low, each.high) for each in self.family.parameters]).T
         linear = np.array([each.coordinate == "linear" for each in self.family.parameters])
-        flat = one.deviation / (high - low)
-        t = np.where(linear, flat, at(z))
-        bent = np.where(linear, 0.0, (at(z + h) - at(z - h)) / (2 * h))
+        flat = robust.deviation / (high - low)
+        t = np.where(linear, flat, deviations(z))
+        bent = np.where(linear, 0.0, (deviations(z + h) - deviations(z - h)) / (2 * h))
         return t[list(free)], bent[list(free)]
 
-    def _number(self, one: Any, states: States) -> np.ndarray:
-        if isinstance(one, Robust):
-            return np.array([self._quantile(one, p) for p in states.p])
-        return super()._number(one, states)
+    def _number(self, objective: Any, states: States) -> np.ndarray:
+        """Values (m,) of an objective or a constraint."""
+        if isinstance(objective, Robust):
+            return np.array([self._quantile(objective, p) for p in states.p])
+        return super()._number(objective, states)
 
-    def _quantile(self, one: Robust, p: np.ndarray) -> float:
-        free = list(np.flatnonzero(one.deviation))
-        values, slopes = self._gradients([one.of], p, free)
-        return float(values[0] + norm.ppf(one.share) * np.linalg.norm(self._scatter(one, p, free)[0] * slopes[0]))
+    def _quantile(self, robust: Robust, p: np.ndarray) -> float:
+        free = list(np.flatnonzero(robust.deviation))
+        values, slopes = self._gradients([robust.of], p, free)
+        return float(values[0] + norm.ppf(robust.share) * np.linalg.norm(self._scatter(robust, p, free)[0] * slopes[0]))
 
     def _spread(self, p: np.ndarray, free: Sequence[int]) -> np.ndarray:
         """(n, n_p) dp/dz of the parameters `free`."""
@@ -142,14 +146,14 @@ class FeProblem(DesignProblem):
         return (ahead - behind) / (2 * h)
 
     def screen(self, count: int, start: np.ndarray) -> Grid:
-        """The start and Halton's points of the ranges; those that cannot be solved are left out."""
+        """Grid of the start and Halton's points of the ranges; those that cannot be solved are left out."""
         n = len(self.free)
         wanted = [start, *qmc.Halton(n, scramble=False).random(count)[1:]][:count]
         z, scores = [], []
-        for one in wanted:
+        for design in wanted:
             try:
-                scores.append(self(one[None]))
-                z.append(one)
+                scores.append(self(design[None]))
+                z.append(design)
             except NumericalError as error:
                 self.failed, last = self.failed + 1, error
         if not z:
@@ -161,24 +165,25 @@ class FeProblem(DesignProblem):
     def slope_error(self, z: np.ndarray) -> float:
         """Largest difference between the slopes along (1, ..., 1) and those by differences of solves, of fourth order,
         relative to each row's."""
-        way, step = np.ones(len(z)) / np.sqrt(len(z)), 2e-3
+        direction, step = np.ones(len(z)) / np.sqrt(len(z)), 2e-3
         _, slopes = self._with_slopes(z)
-        ends = [np.hstack(self((z + k * step * way)[None]))[0] for k in (2, 1, -1, -2)]
+        ends = [np.hstack(self((z + k * step * direction)[None]))[0] for k in (2, 1, -1, -2)]
         plain = (8 * (ends[1] - ends[2]) - (ends[0] - ends[3])) / (12 * step)
         size = np.linalg.norm(slopes, axis=1)
-        return float((np.abs(slopes @ way - plain) / np.where(size > 0, size, 1.0)).max(initial=0.0))
+        return float((np.abs(slopes @ direction - plain) / np.where(size > 0, size, 1.0)).max(initial=0.0))
 
 
 Rows = Callable[[States], np.ndarray]
 
 
 def _rows(numbers: list[Callable[[States], np.ndarray]]) -> Rows:
-    return lambda states: np.stack([one(states) for one in numbers], axis=1)
+    return lambda states: np.stack([number(states) for number in numbers], axis=1)
 
 
 def partials(rows: Rows, states: States, spread: np.ndarray) -> tuple[np.ndarray, list[list[Outputs]], np.ndarray]:
-    """rows: of designs (M, k states each, one after the other) -> (M, r). One design's k states -> values (r,); for
-    each row its derivatives by the outputs of each state; and by z (r, n) through p itself, spread (n, n_p) = dp/dz."""
+    """Values (r,) of one design's k states, with their derivatives: by the outputs of each state, for each row; and by
+    z (r, n) through p itself, spread (n, n_p) = dp/dz. rows: of designs (M, k states each, one after the other) -> (M,
+    r)."""
     shape = _Shape(states)
     y, size = shape.packed(states), shape.sizes(states)
     points = _STENCIL.points(np.zeros(y.size + len(spread)))
@@ -187,7 +192,7 @@ def partials(rows: Rows, states: States, spread: np.ndarray) -> tuple[np.ndarray
     values = rows(shape.unpacked(moved.reshape(-1, y.shape[1]), p))
     slopes = _STENCIL.slopes(values)  # (r, those of the outputs and of z)
     by_y = slopes[:, : y.size].reshape(-1, *y.shape) / size
-    outputs = [[shape.outputs(one) for one in row] for row in by_y]
+    outputs = [[shape.outputs(slope) for slope in row] for row in by_y]
     return values[0], outputs, slopes[:, y.size :]
 
 
@@ -206,15 +211,15 @@ class _Shape:
         return np.hstack([states.W[:, self.i, self.j], states.delta_free, states.lam, states.rest_e, *numbers])
 
     def sizes(self, states: States) -> np.ndarray:
-        """What a step of each number is a share of."""
+        """Size of each number, of which a step is a share."""
         diagonal = np.sqrt(np.abs(np.diagonal(states.W, axis1=1, axis2=2)))
         W = diagonal[:, self.i] * diagonal[:, self.j]
         length = np.maximum(np.abs(states.delta).max(axis=1), 1e-3)[:, None]
         force = np.maximum(np.abs(states.lam).max(axis=1), 1e-9)[:, None]
         numbers = [np.maximum(np.abs(states.numbers[name]), 1e-12)[:, None] for name in self.names]
         given = ((length, states.delta_free), (force, states.lam), (length, states.rest_e))
-        others = [np.broadcast_to(one, like.shape) for one, like in given]
-        return np.hstack([np.maximum(W, 1e-12 * W.max()), *others, *numbers])
+        sizes = [np.broadcast_to(value, like.shape) for value, like in given]
+        return np.hstack([np.maximum(W, 1e-12 * W.max()), *sizes, *numbers])
 
     def unpacked(self, y: np.ndarray, p: np.ndarray) -> States:
         W, free, lam, rest, numbers = np.split(y, self.ends, axis=1)

@@ -15,8 +15,8 @@ _FINE, _SHOWN = 41, 3  # points along a parameter; parameters in one picture
 
 
 def landscape(problem: DesignProblem, index: int, best: Design, verified: float | None, title: str) -> bytes:
-    """PNG: objective `index` on planes through its best design, of the parameters that it varies most with; what
-    breaks a constraint is hatched. With one parameter, a curve."""
+    """Picture (PNG) of objective `index` on planes through its best design, of the parameters that it varies most with;
+    what breaks a constraint is hatched. With one parameter, a curve."""
     pairs = list(combinations(_matter(problem, index, best), 2))
     if not pairs:
         return _curve(problem, index, best, title)
@@ -24,9 +24,9 @@ def landscape(problem: DesignProblem, index: int, best: Design, verified: float 
     shares, maps = np.linspace(0, 1, _FINE), []
     for i, j in pairs:
         z = np.tile(best.z, (_FINE * _FINE, 1))
-        z[:, i], z[:, j] = (one.ravel() for one in np.meshgrid(shares, shares))
+        z[:, i], z[:, j] = (share.ravel() for share in np.meshgrid(shares, shares))
         maps.append(problem(z))
-    values = np.concatenate([one.objectives[:, index] for one in maps])
+    values = np.concatenate([scores_of_plane.objectives[:, index] for scores_of_plane in maps])
     levels = np.linspace(values.min(), values.max() + 1e-12, 13)
     for axis, (i, j), scores in zip(axes[0], pairs, maps, strict=True):
         x, y = (_values(problem, k, shares) for k in (i, j))
@@ -47,9 +47,9 @@ def landscape(problem: DesignProblem, index: int, best: Design, verified: float 
         axis.set(xlabel=_label(problem, i), ylabel=_label(problem, j))
         axis.grid(False)
     figure.colorbar(filled, ax=axes[0].tolist(), format="%.4g", shrink=0.9)
-    said = "" if verified is None else f", {verified:.5g} by finite elements"
+    by_fe = "" if verified is None else f", {verified:.5g} by finite elements"
     figure.suptitle(
-        f"{title}: best {best.objectives[index]:.5g}{said}", x=0.01, ha="left", weight="bold", fontsize=10.5
+        f"{title}: best {best.objectives[index]:.5g}{by_fe}", x=0.01, ha="left", weight="bold", fontsize=10.5
     )
     return png(figure)
 
@@ -89,8 +89,9 @@ def front_figure(problem: DesignProblem, grid: Grid, front: Front, verified: dic
 
 
 def _trade_off(figure: Figure, axis, grid: Grid, front: Front, verified: dict) -> None:
+    """Draws the front, the grid behind it and what finite elements say of it."""
     first, second = front.of[:2]
-    objectives = np.array([one.objectives for one in front.designs])
+    objectives = np.array([design.objectives for design in front.designs])
     line = _along(front)[0]
     good = grid.scores.feasible
     cloud = grid.scores.objectives
@@ -110,9 +111,9 @@ def _trade_off(figure: Figure, axis, grid: Grid, front: Front, verified: dict) -
 
 
 def _along(front: Front) -> tuple[np.ndarray, np.ndarray]:
-    """(k, n_f) objectives and (k, n) shares in order, a row of nan where the front jumps to other designs."""
-    objectives = np.array([one.objectives for one in front.designs])
-    z = np.array([one.z for one in front.designs])
+    """Objectives (k, n_f) and shares (k, n) in order, a row of nan where the front jumps to other designs."""
+    objectives = np.array([design.objectives for design in front.designs])
+    z = np.array([design.z for design in front.designs])
     places = jumps(z)
     return np.insert(objectives, places, np.nan, axis=0), np.insert(z, places, np.nan, axis=0)
 
@@ -122,5 +123,5 @@ def _values(problem: DesignProblem, k: int, shares: np.ndarray) -> np.ndarray:
 
 
 def _label(problem: DesignProblem, k: int) -> str:
-    one = problem.parameters[k]
-    return one.name if one.unit == "1" else f"{one.name} ({one.unit})"
+    parameter = problem.parameters[k]
+    return parameter.name if parameter.unit == "1" else f"{parameter.name} ({parameter.unit})"

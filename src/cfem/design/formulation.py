@@ -48,8 +48,8 @@ MOST_STATES = 400  # of one design
 
 
 def free_parameters(spec: DesignSpec, parameters: Any) -> tuple[list[int], np.ndarray]:
-    """Numbers of the parameters that vary, values (n_p,) of all."""
-    names = [one.name for one in parameters]
+    """Numbers of the parameters that vary, and values (n_p,) of all."""
+    names = [parameter.name for parameter in parameters]
     wanted = spec.vary if spec.vary is not None else [name for name in names if name not in spec.fixed]
     demand_known(parameters, wanted, "vary")
     p0 = vector(parameters, spec.fixed, "fixed")
@@ -65,7 +65,7 @@ def free_parameters(spec: DesignSpec, parameters: Any) -> tuple[list[int], np.nd
 
 
 def problem_of(spec: DesignSpec, family: Family, scene: Path | None, base: Path) -> tuple[DesignProblem, Volume | None]:
-    """The problem, and the volume where a constraint speaks of it."""
+    """Problem of the spec, and the volume where a constraint speaks of it."""
     free, p0 = free_parameters(spec, family.parameters)
     volume = _volume(spec, family, scene)
     kind, u = (
@@ -80,9 +80,15 @@ def problem_of(spec: DesignSpec, family: Family, scene: Path | None, base: Path)
             do="give one number per actuator",
         )
     named = spec.objectives
-    plain = {k: _objective(k, one, family, volume, base) for k, one in named.items() if not isinstance(one, RobustSpec)}
-    objectives = {k: plain[k] if k in plain else _robust(k, one, family, plain) for k, one in named.items()}
-    constraints = {name: _constraint(name, one, family, volume, base) for name, one in spec.constraints.items()}
+    plain = {
+        k: _objective(k, objective, family, volume, base)
+        for k, objective in named.items()
+        if not isinstance(objective, RobustSpec)
+    }
+    objectives = {k: plain[k] if k in plain else _robust(k, objective, family, plain) for k, objective in named.items()}
+    constraints = {
+        name: _constraint(name, constraint, family, volume, base) for name, constraint in spec.constraints.items()
+    }
     if spec.largest_force is not None:
         largest = spec.largest_force
         for i, name in enumerate(family.rows.actuators):
@@ -92,8 +98,9 @@ def problem_of(spec: DesignSpec, family: Family, scene: Path | None, base: Path)
 
 
 def _volume(spec: DesignSpec, family: Family, scene: Path | None) -> Volume | None:
-    texts = [one for one in spec.constraints.values() if isinstance(one, str)]
-    asked = [one for one in spec.objectives.values() if isinstance(one, BodySpec)]
+    """Volume of the body, None where nothing asks for it."""
+    texts = [constraint for constraint in spec.constraints.values() if isinstance(constraint, str)]
+    asked = [objective for objective in spec.objectives.values() if isinstance(objective, BodySpec)]
     if spec.by == "fe" or not (asked or any("volume" in names_in(text) for text in texts)):
         return None
     if scene is None:
@@ -101,59 +108,63 @@ def _volume(spec: DesignSpec, family: Family, scene: Path | None) -> Volume | No
     return Volume(load_spec(scene, SceneSpec), family.parameters)
 
 
-def _objective(name: str, one: Any, family: Family, volume: Volume | None, base: Path) -> Objective:
+def _objective(name: str, spec: Any, family: Family, volume: Volume | None, base: Path) -> Objective:
+    """Objective of its spec."""
     where, rows = f"objectives.{name}", family.rows
-    if isinstance(one, FunctionSpec):
-        sign = 1.0 if one.sense == "minimise" else -1.0
-        return OwnFunction(where, load_function(one.function, base, where), sign, one.unit)
-    if isinstance(one, BodySpec):
-        return OfBody(one.kind, volume=volume)
-    if isinstance(one, FrequencySpec):
-        return OfBody(one.number, -1.0)
-    which = position_rows(rows, one.effector, where)
-    if isinstance(one, ReachSpec | ManipulabilitySpec | StiffnessSpec | ForceSpec):
-        return _of_workspace(one, which, family, where)
-    along = "xyz".index(one.axis)
-    rest = None if one.rest is None else np.asarray(one.rest)
-    if isinstance(one, DexteritySpec):
-        return Dexterity(which, along, one.angle, rest)
-    return Strength(which, along, one.largest, rest)
+    if isinstance(spec, FunctionSpec):
+        sign = 1.0 if spec.sense == "minimise" else -1.0
+        return OwnFunction(where, load_function(spec.function, base, where), sign, spec.unit)
+    if isinstance(spec, BodySpec):
+        return OfBody(spec.kind, volume=volume)
+    if isinstance(spec, FrequencySpec):
+        return OfBody(spec.number, -1.0)
+    which = position_rows(rows, spec.effector, where)
+    if isinstance(spec, ReachSpec | ManipulabilitySpec | StiffnessSpec | ForceSpec):
+        return _of_workspace(spec, which, family, where)
+    along = "xyz".index(spec.axis)
+    rest = None if spec.rest is None else np.asarray(spec.rest)
+    if isinstance(spec, DexteritySpec):
+        return Dexterity(which, along, spec.angle, rest)
+    return Strength(which, along, spec.largest, rest)
 
 
-def _of_workspace(one: Any, which: np.ndarray, family: Family, where: str) -> Objective:
-    direction = np.asarray(getattr(one, "direction", [1.0, 0.0, 0.0]), float)
+def _of_workspace(spec: Any, which: np.ndarray, family: Family, where: str) -> Objective:
+    """Objective over the workspace, or at one actuation."""
+    direction = np.asarray(getattr(spec, "direction", [1.0, 0.0, 0.0]), float)
     direction /= np.linalg.norm(direction)
-    if isinstance(one, ForceSpec):
-        return Force(which, direction, np.asarray(one.goal))
-    if isinstance(one, StiffnessSpec) and one.points is None:
+    if isinstance(spec, ForceSpec):
+        return Force(which, direction, np.asarray(spec.goal))
+    if isinstance(spec, StiffnessSpec) and spec.points is None:
         return Stiffness(which, direction)
-    if one.points**family.rows.n_a > MOST_STATES:
-        what = f"{one.points} actuations along each of {family.rows.n_a} reaches are more than {MOST_STATES} states"
+    if spec.points**family.rows.n_a > MOST_STATES:
+        what = f"{spec.points} actuations along each of {family.rows.n_a} reaches are more than {MOST_STATES} states"
         raise SpecError(what, where=f"{where}.points", do="use fewer")
-    at = actuation_grid(family.reach, one.points)
-    if isinstance(one, StiffnessSpec):
-        return Stiffness(which, direction, at)
-    if isinstance(one, ManipulabilitySpec):
-        return Manipulability(which, at)
+    actuations = actuation_grid(family.reach, spec.points)
+    if isinstance(spec, StiffnessSpec):
+        return Stiffness(which, direction, actuations)
+    if isinstance(spec, ManipulabilitySpec):
+        return Manipulability(which, actuations)
     if family.rows.n_a > len(which):
         raise SpecError(
             "kind: workspace is for robots with one to three actuators", where=where, do="use kind: manipulability"
         )
-    return WorkspaceMeasure(which, at, one.points)
+    return WorkspaceMeasure(which, actuations, spec.points)
 
 
-def _robust(name: str, one: RobustSpec, family: Family, plain: dict[str, Objective]) -> Robust:
+def _robust(name: str, spec: RobustSpec, family: Family, plain: dict[str, Objective]) -> Robust:
+    """Robust objective, over scattered parameters."""
     where, parameters = f"objectives.{name}.scatter", family.parameters
-    demand_known(parameters, one.scatter, where)
+    demand_known(parameters, spec.scatter, where)
     deviation = np.array(
-        [_deviation(each, one.scatter.get(each.name, 0), f"{where}.{each.name}") for each in parameters]
+        [_deviation(each, spec.scatter.get(each.name, 0), f"{where}.{each.name}") for each in parameters]
     )
     low, high = np.array([(each.low, each.high) for each in parameters]).T
-    share = None if one.statistic == "mean" else one.share
-    return Robust(plain[one.of], normal_offsets(deviation, one.robots), low, high, share, deviation)
+    share = None if spec.statistic == "mean" else spec.share
+    return Robust(plain[spec.of], normal_offsets(deviation, spec.robots), low, high, share, deviation)
 
 
 def _deviation(parameter: Parameter, given: Any, where: str) -> float:
+    """Standard deviation of a parameter, 0 unless given."""
     if given == 0:
         return 0.0
     try:
@@ -165,12 +176,13 @@ def _deviation(parameter: Parameter, given: Any, where: str) -> float:
     return value
 
 
-def _constraint(name: str, one: Any, family: Family, volume: Volume | None, base: Path) -> Constraint:
+def _constraint(name: str, spec: Any, family: Family, volume: Volume | None, base: Path) -> Constraint:
+    """Constraint of its spec, satisfied from 0 on."""
     where = f"constraints.{name}"
     parameters = [parameter.name for parameter in family.parameters]
-    if isinstance(one, str):
+    if isinstance(spec, str):
         exact = isinstance(family, Differentiable)
-        slack = inequality(one, [*parameters, *(["volume"] if volume or exact else [])], where)
+        slack = inequality(spec, [*parameters, *(["volume"] if volume or exact else [])], where)
 
         def holds(states: States) -> np.ndarray:
             values = dict(zip(parameters, states.p.T, strict=True))
@@ -181,12 +193,12 @@ def _constraint(name: str, one: Any, family: Family, volume: Volume | None, base
             return np.broadcast_to(slack(values), (len(states),))
 
         return holds
-    own = OwnFunction(where, load_function(one.function, base, where))
+    function = OwnFunction(where, load_function(spec.function, base, where))
 
     def bounded(states: States) -> np.ndarray:
-        found = own(states)
-        slacks = [found - one.at_least] if one.at_least is not None else []
-        slacks += [one.at_most - found] if one.at_most is not None else []
+        values = function(states)
+        slacks = [values - spec.at_least] if spec.at_least is not None else []
+        slacks += [spec.at_most - values] if spec.at_most is not None else []
         return np.min(slacks, axis=0)
 
     return bounded

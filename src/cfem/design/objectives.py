@@ -19,8 +19,8 @@ from cfem.parametric.states import States
 Objective = Callable[[States], np.ndarray]
 
 
-def said(objective: Objective, value: float) -> str:
-    """For a person: as it was asked for, not its negative where more is better, and with its unit."""
+def with_unit(objective: Objective, value: float) -> str:
+    """Value for a person: as it was asked for, not its negative where more is better, and with its unit."""
     return f"{getattr(objective, 'sign', 1.0) * value:.5g} {getattr(objective, 'unit', '')}".rstrip()
 
 
@@ -77,26 +77,28 @@ class OwnFunction:
     unit: str = ""
 
     def __call__(self, states: States) -> np.ndarray:
+        """Values (m,) of the user's own function. SpecError where it fails or returns another shape, NumericalError
+        where a value is not finite."""
         try:
-            found = np.asarray(self.function(states.W, states.delta_free, states.p), float)
+            values = np.asarray(self.function(states.W, states.delta_free, states.p), float)
         except Exception as error:
             what = f"{type(error).__name__} with W {states.W.shape}, delta_free {states.delta_free.shape}, "
             raise SpecError(f"{what}p {states.p.shape}: {error}", where=self.name) from error
-        if found.shape != (len(states),):
-            raise SpecError(f"returned shape {found.shape} for {len(states)} designs", where=self.name)
-        if not np.isfinite(found).all():
+        if values.shape != (len(states),):
+            raise SpecError(f"returned shape {values.shape} for {len(states)} designs", where=self.name)
+        if not np.isfinite(values).all():
             raise NumericalError("returned a number that is not finite", where=self.name)
-        return self.sign * found
+        return self.sign * values
 
 
 def position_rows(rows: Rows, effector: str | None, where: str) -> np.ndarray:
-    """(3,) of the x, y, z rows of an effector, the first unless named."""
+    """Numbers (3,) of the x, y, z rows of an effector, the first unless named."""
     name = effector or rows.effectors[0].rsplit(".", 1)[0]
     wanted = [f"{name}.{axis}" for axis in "xyz"]
     if not set(wanted) <= set(rows.effectors):
-        known = sorted({one.rsplit(".", 1)[0] for one in rows.effectors})
+        known = sorted({row.rsplit(".", 1)[0] for row in rows.effectors})
         raise SpecError(f"no effector '{name}' with x, y and z", where=where, do=f"known are {', '.join(known)}")
-    return np.array([rows.effectors.index(one) for one in wanted])
+    return np.array([rows.effectors.index(row) for row in wanted])
 
 
 def load_function(reference: str, base: Path, where: str) -> Callable:

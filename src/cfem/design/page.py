@@ -21,18 +21,18 @@ STEPS = 7  # shapes from rest to the whole pull
 
 
 def moving(problem: DesignProblem, exact: Any, designs: Sequence[Any]) -> list[tuple[np.ndarray, np.ndarray]]:
-    """By finite elements, of each design: x (STEPS, n, 3) mm the nodes from rest to the full actuation, and x_e
+    """Motion of each design by finite elements: x (STEPS, n, 3) mm the nodes from rest to the full actuation, and x_e
     (STEPS, n_e) mm the effectors."""
-    found = []
-    for one in designs:
-        p = problem.p(one.z)
+    moves = []
+    for design in designs:
+        p = problem.p(design.z)
         shapes, tips = [], []
         for share in np.linspace(0, 1, STEPS):
             states = exact.at(problem.kind, share * problem.u, p[None])
             shapes.append(exact.nodes)
             tips.append(states.x_e[0])
-        found.append((np.array(shapes), np.array(tips)))
-    return found
+        moves.append((np.array(shapes), np.array(tips)))
+    return moves
 
 
 def write_page(
@@ -52,7 +52,7 @@ def write_page(
 def front_page(
     problem: DesignProblem, front: Front, robot: Any, shapes: list, sensitivity: dict[str, Any] | None
 ) -> str:
-    """robot: cfem.equilibrium.robot.Robot, any of the family's."""
+    """Page of the front. robot: cfem.equilibrium.robot.Robot, any of the family's."""
     triangles = flat_triangles(robot.facets)
     held = np.isin(triangles, robot.fixed).all(axis=1)
     takes = tuple(
@@ -69,15 +69,20 @@ def front_page(
     parameters = problem.parameters
     data = {
         "objectives": list(front.names),
-        "values": [[float(one.objectives[k]) for k in front.of] for one in front.designs],
-        "parameters": [{"name": one.name, "unit": "" if one.unit == "1" else one.unit} for one in parameters],
-        "designs": [problem.p(one.z)[list(problem.free)].tolist() for one in front.designs],
-        "shares": [one.z.tolist() for one in front.designs],
+        "values": [[float(design.objectives[k]) for k in front.of] for design in front.designs],
+        "parameters": [
+            {"name": parameter.name, "unit": "" if parameter.unit == "1" else parameter.unit}
+            for parameter in parameters
+        ],
+        "designs": [problem.p(design.z)[list(problem.free)].tolist() for design in front.designs],
+        "shares": [design.z.tolist() for design in front.designs],
         "matters": {} if sensitivity is None else {k: v["total"] for k, v in sensitivity.items() if k in front.names},
     }
     style, script = assets()
-    own_style, own = ((files("cfem.design") / name).read_text(encoding="utf-8") for name in ("front.css", "front.js"))
-    said = json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
+    own_style, own_script = (
+        (files("cfem.design") / name).read_text(encoding="utf-8") for name in ("front.css", "front.js")
+    )
+    data_text = json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
     return (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
@@ -89,6 +94,6 @@ def front_page(
         f'<div class="explore"><div><div id="axes"></div><svg id="front" viewBox="0 0 460 380" role="img" '
         f'aria-label="the front"></svg></div>{viewer.html()}</div>'
         f'<div class="explore"><div id="design"></div><div id="matters"></div></div>'
-        f'</main><script type="application/json" id="data">{said}</script><script>{script}</script>'
-        f"<script>{own}</script></body></html>\n"
+        f'</main><script type="application/json" id="data">{data_text}</script><script>{script}</script>'
+        f"<script>{own_script}</script></body></html>\n"
     )

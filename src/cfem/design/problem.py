@@ -48,21 +48,21 @@ class DesignProblem(Varied):
     def score(self, states: States) -> Scores:
         m = len(states)
         both = [
-            np.stack([self._number(one, states) for one in group.values()], axis=1) if group else np.zeros((m, 0))
+            np.stack([self._number(number, states) for number in group.values()], axis=1) if group else np.zeros((m, 0))
             for group in (self.objectives, self.constraints)
         ]
         return Scores(*both)
 
-    def _number(self, one: Objective, states: States) -> np.ndarray:
-        """(m,); of an objective over several actuations from states of its own."""
-        if isinstance(one, Robust):
-            there = self.family.at(self.kind, self.u, one.parameters(states.p))
-            return one(self._number(one.of, there).reshape(len(states), -1))
-        actuations = getattr(one, "actuations", None)
+    def _number(self, objective: Objective, states: States) -> np.ndarray:
+        """Values (m,) of an objective; of one over several actuations from states of its own."""
+        if isinstance(objective, Robust):
+            scattered = self.family.at(self.kind, self.u, objective.parameters(states.p))
+            return objective(self._number(objective.of, scattered).reshape(len(states), -1))
+        actuations = getattr(objective, "actuations", None)
         if actuations is None:
-            return one(states)
+            return objective(states)
         k, m = len(actuations), len(states)
-        return one(self.family.at(one.kind, np.tile(actuations, (m, 1)), np.repeat(states.p, k, axis=0)))
+        return objective(self.family.at(objective.kind, np.tile(actuations, (m, 1)), np.repeat(states.p, k, axis=0)))
 
     def states(self, z: np.ndarray) -> States:
         """(m, n) -> m states."""

@@ -30,8 +30,9 @@ def write_shapes(
     scene: SceneSpec | None,
     mesh: Mesh | None,
 ) -> str | None:
-    """`<name>.step` and `<name>.stl` of each design p (n_p,). mesh: the scene's, from which designs with a free form
-    are deformed: their files hold its flat triangles, and this says so."""
+    """Writes `<name>.step` and `<name>.stl` of each design p (n_p,). mesh: the scene's, from which designs with a free
+    form are deformed: their files hold its flat triangles, and the text that is returned says so. mesh: the scene's,
+    from which designs with a free form are deformed: their files hold its flat triangles, and this says so."""
     if scene is None:
         raise SpecError("the shapes of designs need the key `scene`", where="cad", do="name it under `scene`")
     if scene.shape is not None:
@@ -39,7 +40,7 @@ def write_shapes(
     if type(scene.geometry) not in CATALOGUE:
         raise SpecError(f"a geometry of kind {scene.geometry.kind} cannot be varied", where="cad", do="leave `cad` out")
     for name, p in designs.items():
-        geometry = with_values(scene, [one.key for one in parameters], p).geometry
+        geometry = with_values(scene, [parameter.key for parameter in parameters], p).geometry
         files = [folder / f"{file_name(name)}{suffix}" for suffix in (".step", ".stl")]
         write_cad(CATALOGUE[type(geometry)](geometry), files)
     return None
@@ -52,9 +53,10 @@ def _faceted(
     scene: SceneSpec,
     mesh: Mesh | None,
 ) -> str:
+    """Writes the flat triangles of deformed designs, and returns a line that says so."""
     if mesh is None:
         raise SpecError("the shapes of designs with a free form need the key `mesh`", where="cad", do="name it")
-    varied = [not one.exact for one in parameters]
+    varied = [not parameter.exact for parameter in parameters]
     family = Meshes(scene, mesh, parameters)
     count = 0
     for name, p in designs.items():
@@ -73,18 +75,21 @@ def write_controllers(
     spec: CSpec,
     scene: SceneSpec | None,
 ) -> dict[str, dict[str, Any]]:
-    """`<name>-controller` of each design p (n_p,), the C code of `cfem export`; bytes and parity of each."""
+    """Writes `<name>-controller` of each design p (n_p,), the C code of `cfem export`; returns bytes and parity of
+    each."""
     meta, arrays = read_model(model)
     s = read_vectors(model, meta)["s"]
-    low, high = np.array([(one.low, one.high) for one in parameters]).T  # a share of 1 may round to beyond
-    found = {}
+    low, high = np.array(
+        [(parameter.low, parameter.high) for parameter in parameters]
+    ).T  # a share of 1 may round to beyond
+    reports = {}
     for name, p in designs.items():
         values = {
-            one.name: value if one.unit == "1" else f"{value!r} {one.unit}"
-            for one, value in zip(parameters, np.clip(p, low, high).tolist(), strict=True)
+            parameter.name: value if parameter.unit == "1" else f"{value!r} {parameter.unit}"
+            for parameter, value in zip(parameters, np.clip(p, low, high).tolist(), strict=True)
         }
         mine = spec.model_copy(update={"parameters": values})
-        at = folder / f"{file_name(name)}-controller"
-        report = write_embedded(at, mine, meta, arrays, s, embedding(meta, mine, scene))
-        found[name] = {key: report[key] for key in ("coefficient_bytes", "parity")}
-    return found
+        controller_folder = folder / f"{file_name(name)}-controller"
+        report = write_embedded(controller_folder, mine, meta, arrays, s, embedding(meta, mine, scene))
+        reports[name] = {key: report[key] for key in ("coefficient_bytes", "parity")}
+    return reports

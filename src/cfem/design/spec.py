@@ -156,14 +156,15 @@ class DesignSpec(Spec):
         return designs
 
     def check(self) -> None:
+        """Checks that the fields go together."""
         if not self.objectives and self.task is None:
             raise ValueError("needs objectives or a task")
         if self.objectives and self.actuation is None:
             raise ValueError("objectives need an actuation, at which designs are judged")
         asked = [("front.of", self.front.of)] if self.front else []
-        robust = {name: one for name, one in self.objectives.items() if isinstance(one, RobustSpec)}
-        asked += [(f"objectives.{name}.of", [one.of]) for name, one in robust.items()]
-        nested = next((name for name, one in robust.items() if one.of in robust), None)
+        robust = {name: objective for name, objective in self.objectives.items() if isinstance(objective, RobustSpec)}
+        asked += [(f"objectives.{name}.of", [objective.of]) for name, objective in robust.items()]
+        nested = next((name for name, objective in robust.items() if objective.of in robust), None)
         if nested:
             raise ValueError(f"objectives.{nested}.of: names a robust objective itself")
         asked += [(f"blends.{name}", list(weights)) for name, weights in self.blends.items()]
@@ -183,28 +184,28 @@ class DesignSpec(Spec):
 
     @property
     def by_finite_elements(self) -> bool:
-        """Whether anything is solved by finite elements."""
+        """True if anything is solved by finite elements."""
         return self.verify != "no" or self.by == "fe" or self.refine is not None
 
     def _scattered(self) -> None:
         """Finite elements take the scatter to first order."""
         if self.by != "fe" and self.refine is None:
             return
-        for name, one in self.objectives.items():
-            if isinstance(one, RobustSpec) and one.statistic == "mean":
+        for name, objective in self.objectives.items():
+            if isinstance(objective, RobustSpec) and objective.statistic == "mean":
                 raise ValueError(
-                    f"objectives.{name}: finite elements take scatter to first order, to which the mean is '{one.of}' "
-                    "itself; ask for a quantile"
+                    f"objectives.{name}: finite elements take scatter to first order, to which the mean is "
+                    f"'{objective.of}' itself; ask for a quantile"
                 )
 
     def _judged(self) -> None:
-        """By what there is: a model or finite elements."""
+        """Checks what a model, or finite elements, need."""
         if self.by == "model":
             if self.model is None:
                 raise ValueError("model: needed where a model judges designs (or say by: fe)")
             if self.parameters:
                 raise ValueError("parameters: the model has its own; they go with by: fe")
-            number = next((name for name, one in self.objectives.items() if _of_body(one)), None)
+            number = next((name for name, objective in self.objectives.items() if _of_body(objective)), None)
             if number is not None:
                 raise ValueError(f"objectives.{number}: needs by: fe")
             if self.refine is not None and not self.objectives:
@@ -221,5 +222,5 @@ class DesignSpec(Spec):
             raise ValueError("verify: finite elements judge every design already")
 
 
-def _of_body(one: Any) -> bool:
-    return isinstance(one, FrequencySpec) or (isinstance(one, BodySpec) and one.kind != "volume")
+def _of_body(objective: Any) -> bool:
+    return isinstance(objective, FrequencySpec) or (isinstance(objective, BodySpec) and objective.kind != "volume")

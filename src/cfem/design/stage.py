@@ -21,16 +21,18 @@ RESULT, GRID, FRONT = "design.json", "grid.parquet", "front.parquet"
 
 
 def _paths(spec: DesignSpec, base: Path) -> dict[str, Path]:
-    """Of what the spec names and needs."""
+    """Paths of what the spec names and needs."""
     named = {name: base / getattr(spec, name) for name in ("model", "scene", "mesh") if getattr(spec, name) is not None}
     return {name: path for name, path in named.items() if name != "mesh" or spec.by_finite_elements or spec.cad}
 
 
 def _sources(spec: DesignSpec, base: Path) -> dict[str, Path]:
-    """The files of the user's own functions and of a policy: what they say decides the output."""
-    named = [one.function for one in spec.objectives.values() if isinstance(one, FunctionSpec)]
-    named += [one.function for one in spec.constraints.values() if isinstance(one, ConstraintFunction)]
-    files = {one.rpartition(":")[0] for one in named}
+    """Files of the user's own functions and of a policy: their text decides the output."""
+    named = [objective.function for objective in spec.objectives.values() if isinstance(objective, FunctionSpec)]
+    named += [
+        constraint.function for constraint in spec.constraints.values() if isinstance(constraint, ConstraintFunction)
+    ]
+    files = {function.rpartition(":")[0] for function in named}
     policy = {"policy": base / spec.task.policy} if spec.task and spec.task.policy else {}
     return policy | {f"function {file}": base / file for file in sorted(files) if file.endswith(".py")}
 
@@ -44,8 +46,8 @@ def _work(folder: Path, spec: DesignSpec, base: Path) -> dict[str, Any]:
 
     paths = _paths(spec, base)
     if spec.by == "fe":
-        fields = [one.kind for one in spec.objectives.values() if isinstance(one, BodySpec)]
-        fields += [one.number for one in spec.objectives.values() if isinstance(one, FrequencySpec)]
+        fields = [objective.kind for objective in spec.objectives.values() if isinstance(objective, BodySpec)]
+        fields += [objective.number for objective in spec.objectives.values() if isinstance(objective, FrequencySpec)]
         family = differentiable(paths["scene"], paths["mesh"], spec.parameters, fields)
     else:
         family = learned(paths["model"], paths.get("scene"))
@@ -57,19 +59,19 @@ def _work(folder: Path, spec: DesignSpec, base: Path) -> dict[str, Any]:
     asked = task_of(spec, family.rows) if spec.task else None
     if spec.objectives:
         problem, volume = problem_of(spec, family, paths.get("scene"), base)
-        found = _search(spec, problem)
-        checked = _verify(problem, exact, found.designs, found.front, spec)
-        results |= _report(folder, spec, problem, volume, found, checked, results["headline"])
+        search = _search(spec, problem)
+        checked = _verify(problem, exact, search.designs, search.front, spec)
+        results |= _report(folder, spec, problem, volume, search, checked, results["headline"])
         results["judgement"] += contradictions(results["designs"])
         optima = {}
         if spec.refine:
-            results["refined"], optima = _refine(spec, paths, base, problem, found.grid, results)
-        results |= _products(folder, spec, paths, problem, found.designs | optima, results["headline"])
+            results["refined"], optima = _refine(spec, paths, base, problem, search.grid, results)
+        results |= _products(folder, spec, paths, problem, search.designs | optima, results["headline"])
         _tell_meshes(family if spec.by == "fe" else exact, problem, results)
         if spec.page:
-            results["page"] = write_page(folder, problem, found.front, exact, results.get("sensitivity"))
+            results["page"] = write_page(folder, problem, search.front, exact, results.get("sensitivity"))
         if spec.figures and installed("matplotlib"):
-            results["figures"] = _draw(folder, problem, found, checked)
+            results["figures"] = _draw(folder, problem, search, checked)
     if spec.task:
         from cfem.design.served import serve_and_tell
 
@@ -89,6 +91,7 @@ class _Found:
 
 
 def _search(spec: DesignSpec, problem: Any) -> _Found:
+    """Designs that the spec asks for: the grid, the best by each objective, and the front."""
     from cfem.design.optimisers.front import best_of_each, pareto_front
     from cfem.design.optimisers.search import Scalar, best, first_designs
 
@@ -98,7 +101,7 @@ def _search(spec: DesignSpec, problem: Any) -> _Found:
     seconds["grid"], begin = time.process_time() - begin, time.process_time()
     designs = dict(zip(problem.names, best_of_each(problem, grid, spec.starts), strict=True))
     for name, weights in spec.blends.items():
-        row = Scalar.weighted(np.array([weights.get(one, 0.0) for one in problem.names]))
+        row = Scalar.weighted(np.array([weights.get(objective, 0.0) for objective in problem.names]))
         designs[name] = best(problem, grid, row, spec.starts)
     seconds["search"], begin = time.process_time() - begin, time.process_time()
     if not spec.front:
@@ -115,16 +118,16 @@ def _report(
     spec: DesignSpec,
     problem: Any,
     volume: Any,
-    found: _Found,
+    search: _Found,
     checked: dict[bytes, Any],
     headline: list[str],
 ) -> dict[str, Any]:
-    """Results; tables into the folder, lines into the headline."""
+    """Results; writes tables into the folder and lines into the headline."""
     from cfem.design.answer import entry, front_entry, front_line, line, slopes_checked, write_designs, write_front
     from cfem.design.fe import FeProblem
-    from cfem.design.optimisers.sensitivity import told
+    from cfem.design.optimisers.sensitivity import account_of
 
-    grid, seconds, by_fe = found.grid, found.seconds, isinstance(problem, FeProblem)
+    grid, seconds, by_fe = search.grid, search.seconds, isinstance(problem, FeProblem)
     results: dict[str, Any] = {
         "grid": {"designs": len(grid.z), "feasible": int(grid.scores.feasible.sum())},
         "spread": {
@@ -133,26 +136,26 @@ def _report(
         },
         "designs": {
             name: entry(problem, grid, design, checked.get(design.z.tobytes()), volume)
-            for name, design in found.designs.items()
+            for name, design in search.designs.items()
         },
         "slopes_checked": problem.slope_error(problem.z(problem.p0)) if by_fe else slopes_checked(problem),
         "seconds": seconds,
         "evaluations": problem.evaluations,
-        "signs": {name: getattr(one, "sign", 1.0) for name, one in problem.objectives.items()},
+        "signs": {name: getattr(objective, "sign", 1.0) for name, objective in problem.objectives.items()},
     }
     if spec.sensitivity:
-        results["sensitivity"], lines = told(problem, spec.sensitivity)
+        results["sensitivity"], lines = account_of(problem, spec.sensitivity)
         headline += lines
     if volume:
         results["volume_error"] = volume.error
         headline.append(
             f"volume: a polynomial through CAD models; largest error at other designs {volume.error:.1e} mm^3"
         )
-    headline += [line(name, one) for name, one in results["designs"].items()]
-    if found.front:
-        results["front"] = front_entry(found.front)
-        headline.append(front_line(found.front, seconds["front"]))
-        write_front(folder / FRONT, problem, found.front)
+    headline += [line(name, design) for name, design in results["designs"].items()]
+    if search.front:
+        results["front"] = front_entry(search.front)
+        headline.append(front_line(search.front, seconds["front"]))
+        write_front(folder / FRONT, problem, search.front)
     write_designs(folder / GRID, problem, grid.z, *grid.scores)
     agree = f"derivatives agree with finite differences to {results['slopes_checked']:.0e}"
     if by_fe:
@@ -170,65 +173,66 @@ def _report(
 
 
 def _refine(
-    spec: DesignSpec, paths: dict[str, Path], base: Path, problem: Any, grid: Any, said: dict[str, Any]
+    spec: DesignSpec, paths: dict[str, Path], base: Path, problem: Any, grid: Any, outcome: dict[str, Any]
 ) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Results, and the designs by a name of theirs; lines into said["headline"], doubts into said["judgement"]."""
+    """Results, and the designs by a name of theirs; lines go into outcome["headline"], doubts into
+    outcome["judgement"]."""
     from cfem.design.formulation import problem_of
-    from cfem.design.optimisers.refined import refine_all, told
+    from cfem.design.optimisers.refined import account_of, refine_all
     from cfem.parametric.differentiable import Differentiable
     from cfem.robot.load import load_scene_and_mesh
 
     scene = paths["scene"]
-    there = load_scene_and_mesh(scene, paths["mesh"])
-    family = Differentiable(*there, problem.family.parameters, folder=scene.parent)
+    scene_and_mesh = load_scene_and_mesh(scene, paths["mesh"])
+    family = Differentiable(*scene_and_mesh, problem.family.parameters, folder=scene.parent)
     exact, _ = problem_of(spec.model_copy(update={"by": "fe"}), family, None, base)
-    found = refine_all(spec, problem, exact, grid)
-    results, lines, doubts = told(problem, found)
-    said["headline"] += lines
-    said["judgement"] += doubts
-    _tell_meshes(family, problem, said)
-    return results, {f"{name} by finite elements": one.best for name, one in found.items()}
+    refined = refine_all(spec, problem, exact, grid)
+    results, lines, doubts = account_of(problem, refined)
+    outcome["headline"] += lines
+    outcome["judgement"] += doubts
+    _tell_meshes(family, problem, outcome)
+    return results, {f"{name} by finite elements": of_objective.best for name, of_objective in refined.items()}
 
 
-def _tell_meshes(family: Any, problem: Any, said: dict[str, Any]) -> None:
-    """Designs that have meshes of their own, into the results and the headline."""
+def _tell_meshes(family: Any, problem: Any, outcome: dict[str, Any]) -> None:
+    """Notes designs that have meshes of their own in the results and the headline."""
     if family is None or not family.meshes.own:
         return
     from cfem.design.answer import parameters
 
-    found = family.jumps(problem.kind, problem.u)
-    said["meshes"] = [*said.get("meshes", []), *found]
-    units = {one.name: one.unit for one in family.parameters if one.unit != "1"}
-    for one in found:
-        values = parameters(one["p"], units)
-        line = f"the scene's mesh does not stretch to {values}, which has a mesh of its own of {one['cells']} cells"
-        if one["W_share"] is not None:
-            line += f": where it takes over, W jumps by {100 * one['W_share']:.2g} % and the effector"
-            line += f" by {length(one['effector_distance'])}"
-        said["headline"].append(line)
+    jumps = family.jumps(problem.kind, problem.u)
+    outcome["meshes"] = [*outcome.get("meshes", []), *jumps]
+    units = {parameter.name: parameter.unit for parameter in family.parameters if parameter.unit != "1"}
+    for jump in jumps:
+        values = parameters(jump["p"], units)
+        line = f"the scene's mesh does not stretch to {values}, which has a mesh of its own of {jump['cells']} cells"
+        if jump["W_share"] is not None:
+            line += f": where it takes over, W jumps by {100 * jump['W_share']:.2g} % and the effector"
+            line += f" by {length(jump['effector_distance'])}"
+        outcome["headline"].append(line)
 
 
 def _products(
     folder: Path, spec: DesignSpec, paths: dict[str, Path], problem: Any, designs: dict[str, Any], headline: list[str]
 ) -> dict[str, Any]:
-    """The shapes and controllers that are asked for."""
+    """Writes the shapes and controllers that are asked for."""
     if not spec.cad and spec.controller is None:
         return {}
     from cfem.design.products import write_controllers, write_shapes
     from cfem.robot.load import load_scene_and_mesh
 
     parameters, scene = problem.family.parameters, load_spec(paths["scene"], SceneSpec) if "scene" in paths else None
-    chosen = {name: problem.p(one.z) for name, one in designs.items()}
+    chosen = {name: problem.p(design.z) for name, design in designs.items()}
     if spec.cad:
         mesh = None
         if scene is not None and scene.shape is not None and "mesh" in paths:
             _, mesh = load_scene_and_mesh(paths["scene"], paths["mesh"])
-        said = write_shapes(folder, chosen, parameters, scene, mesh)
-        headline += [said] if said else []
+        note = write_shapes(folder, chosen, parameters, scene, mesh)
+        headline += [note] if note else []
     if spec.controller is None:
         return {}
     made = write_controllers(folder, chosen, parameters, paths["model"], spec.controller, scene)
-    parities = [one["parity"] for one in made.values()]
+    parities = [report["parity"] for report in made.values()]
     compared = (
         "not compared, there is no C compiler here"
         if None in parities
@@ -239,37 +243,40 @@ def _products(
 
 
 def _verify(problem: Any, exact: Any, designs: dict, front: Any, spec: DesignSpec) -> dict[bytes, Any]:
-    """z -> `CheckedDesign`, by finite elements."""
+    """Checked designs by z, by finite elements."""
     from cfem.design.answer import CheckedDesign
     from cfem.design.verify import verify
 
     if exact is None:
         return {}
-    wanted = [one.z for one in designs.values()]
+    wanted = [design.z for design in designs.values()]
     if front and spec.verify == "fe-front":
-        wanted += [one.z for one in front.designs]
+        wanted += [design.z for design in front.designs]
     unique = list({z.tobytes(): z for z in wanted}.values())
-    found = verify(problem, exact, unique)
-    rows = zip(found.fe.objectives, found.fe.constraints, found.distance.tolist(), strict=True)
+    verified = verify(problem, exact, unique)
+    rows = zip(verified.fe.objectives, verified.fe.constraints, verified.distance.tolist(), strict=True)
     return dict(zip([z.tobytes() for z in unique], (CheckedDesign(*row) for row in rows), strict=True))
 
 
-def _draw(folder: Path, problem: Any, found: Any, checked: dict[bytes, Any]) -> list[str]:
+def _draw(folder: Path, problem: Any, search: Any, checked: dict[bytes, Any]) -> list[str]:
+    """Draws landscapes and front into the folder, and returns the names of the files."""
     from cfem.design.fe import FeProblem
     from cfem.design.figure import front_figure, landscape
 
     made = {}
     for index, name in enumerate([] if isinstance(problem, FeProblem) else problem.names):
-        one = found.designs[name]
-        known = checked.get(one.z.tobytes())
+        design = search.designs[name]
+        known = checked.get(design.z.tobytes())
         verified = None if known is None else float(known.objectives[index])
-        made[f"landscape-{name}.png"] = landscape(problem, index, one, verified, name)
-    front = found.front
+        made[f"landscape-{name}.png"] = landscape(problem, index, design, verified, name)
+    front = search.front
     if front:
         places = {
-            i: checked[one.z.tobytes()].objectives for i, one in enumerate(front.designs) if one.z.tobytes() in checked
+            i: checked[of_front.z.tobytes()].objectives
+            for i, of_front in enumerate(front.designs)
+            if of_front.z.tobytes() in checked
         }
-        made["front.png"] = front_figure(problem, found.grid, front, places)
+        made["front.png"] = front_figure(problem, search.grid, front, places)
     for name, data in made.items():
         write_whole(folder / name, data)
     return list(made)

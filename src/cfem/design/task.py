@@ -5,8 +5,9 @@
 0 <= z <= 1, actuators within their reach; C_ee f is what a force f on the effectors (N, held against) moves them by, to
 first order, the actuators locked. One bounded least-squares problem in all unknowns, not a search within a search."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -37,8 +38,14 @@ class Task:
 
 @dataclass(frozen=True)
 class Served:
-    """p (n_p,); u (k, n_a) mm; distance (k,) mm from each goal over the rows that matter; states: k of them; cost: half
-    the sum of squares (mm^2); evaluations: of the model."""
+    """Design with the control that serves its task.
+
+    p: (n_p,)
+    u: (k, n_a) mm
+    distance: (k,) mm from each goal over the rows that matter
+    states: k of them
+    cost: half the sum of squares (mm^2)
+    evaluations: of the model"""
 
     p: np.ndarray
     u: np.ndarray
@@ -49,8 +56,8 @@ class Served:
 
 
 def serve(family: Family, task: Task, free: Sequence[int], p0: np.ndarray, starts: int = 4) -> Served:
-    """free: numbers of the parameters that may vary, none for the best control of the design p0 (n_p,).
-    NumericalError where no start leads anywhere."""
+    """Best control of the goals, together with the design. free: numbers of the parameters that may vary, none for the
+    best control of the design p0 (n_p,). NumericalError where no start leads anywhere."""
     parameters: list[Parameter] = [family.parameters[i] for i in free]
     n, k, n_a = len(free), len(task.goals), family.rows.n_a
     low, high = family.reach.T
@@ -58,7 +65,7 @@ def serve(family: Family, task: Task, free: Sequence[int], p0: np.ndarray, start
     asked = 0
 
     def states(batch: np.ndarray) -> States:
-        """(m, n + k n_a) -> m k states, batch by batch."""
+        """Batch by batch, m k states of (m, n + k n_a)."""
         nonlocal asked
         asked += len(batch) * k
         p = np.broadcast_to(p0, (len(batch), len(p0))).copy()
@@ -67,7 +74,7 @@ def serve(family: Family, task: Task, free: Sequence[int], p0: np.ndarray, start
         return family.at("displacement", u, np.repeat(p, k, axis=0))
 
     def missing(batch: np.ndarray) -> np.ndarray:
-        """(m, k, n_e) mm."""
+        """Residuals (m, k, n_e) mm."""
         apart = task.reached(states(batch)).reshape(len(batch), k, -1) - task.goals
         return apart * task.weights
 
@@ -86,34 +93,43 @@ def serve(family: Family, task: Task, free: Sequence[int], p0: np.ndarray, start
             J[i, :, n + i * n_a : n + (i + 1) * n_a] = slopes[i, :, n:]
         return values[0].ravel(), J.reshape(-1, len(v))
 
+    best = _least_squares(both, _starts(n, k, n_a, starts))
+    states_of_best = states(best.x[None])
+    distance = np.linalg.norm((task.reached(states_of_best) - task.goals)[:, matter], axis=1)
+    u = low + best.x[n:].reshape(k, n_a) * (high - low)
+    return Served(states_of_best.p[0], u, distance, states_of_best, float(best.cost), asked)
+
+
+def _least_squares(both: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]], starts: list[np.ndarray]) -> Any:
+    """Best solution within [0, 1] of several starts; both: residuals and their derivatives. NumericalError where no
+    start leads anywhere."""
     best, failure = None, None
-    for start in _starts(n, k, n_a, starts):
+    for start in starts:
         memory: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
 
-        def at(v: np.ndarray, memory=memory) -> tuple[np.ndarray, np.ndarray]:
+        def residuals_at(v: np.ndarray, memory=memory) -> tuple[np.ndarray, np.ndarray]:
             key = v.tobytes()
             if key not in memory:
                 memory[key] = both(v)
             return memory[key]
 
         try:
-            found = least_squares(lambda v: at(v)[0], start, lambda v: at(v)[1], bounds=(0.0, 1.0), xtol=1e-10)
+            solution = least_squares(
+                lambda v: residuals_at(v)[0], start, lambda v: residuals_at(v)[1], bounds=(0.0, 1.0), xtol=1e-10
+            )
         except NumericalError as error:
             failure = error
             continue
-        if best is None or found.cost < best.cost:
-            best = found
+        if best is None or solution.cost < best.cost:
+            best = solution
     if best is None:
         raise NumericalError(f"the co-design failed from every start: {failure}")
-    here = states(best.x[None])
-    distance = np.linalg.norm((task.reached(here) - task.goals)[:, matter], axis=1)
-    u = low + best.x[n:].reshape(k, n_a) * (high - low)
-    return Served(here.p[0], u, distance, here, float(best.cost), asked)
+    return best
 
 
 def _starts(n: int, k: int, n_a: int, count: int) -> list[np.ndarray]:
-    """The given or middle design at half pull, then Halton points."""
+    """Starts: the given or middle design at half pull, then Halton points."""
     dimension = max(n + n_a, 1)
     shares = np.vstack([np.full((1, dimension), 0.5), qmc.Halton(dimension, scramble=False).random(count)[1:]])[:count]
     shares = np.clip(shares, 1e-3, 1 - 1e-3)
-    return [np.concatenate([one[:n], np.tile(one[n:], k)]) for one in shares]
+    return [np.concatenate([start[:n], np.tile(start[n:], k)]) for start in shares]

@@ -22,7 +22,7 @@ class Verified:
 
 
 def verify(problem: DesignProblem, finite_elements: Family, z: Sequence[np.ndarray]) -> Verified:
-    """The same objectives of the same designs, by finite elements."""
+    """Objectives of these designs, by the model and by finite elements."""
     z = np.array(z)
     exact = replace(problem, family=finite_elements)
     mine: States = problem.states(z)

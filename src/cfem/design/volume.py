@@ -24,7 +24,7 @@ class Volume:
         if scene.shape is not None:
             raise SpecError("a robot with a free form has no CAD model to tell its volume", where="constraints")
         self._scene, self._parameters = scene, tuple(parameters)
-        self._shape = [i for i, one in enumerate(parameters) if one.key.startswith("geometry")]
+        self._shape = [i for i, parameter in enumerate(parameters) if parameter.key.startswith("geometry")]
 
     def __call__(self, p: np.ndarray) -> np.ndarray:
         """(m, n_p) -> (m,) mm^3."""
@@ -39,13 +39,13 @@ class Volume:
         """Coefficients and error, found when first asked for: a CAD model takes a process of its own."""
         count = len(self._powers(np.zeros((1, len(self._shape))))[0])
         z = qmc.Halton(max(len(self._shape), 1), scramble=False).random(count + 2 * _SPARE)[:, : len(self._shape)]
-        exact = np.array([self.exact(self._p(one)) for one in z])
+        exact = np.array([self.exact(self._p(shares)) for shares in z])
         coefficients = np.linalg.lstsq(self._powers(z[_SPARE:]), exact[_SPARE:], rcond=None)[0]
         return coefficients, float(np.abs(self._powers(z) @ coefficients - exact)[:_SPARE].max())
 
     def exact(self, p: np.ndarray) -> float:
-        """(n_p,) -> mm^3."""
-        keys = [one.key for one in self._parameters]
+        """Volume in mm^3 of p (n_p,), by its CAD model."""
+        keys = [parameter.key for parameter in self._parameters]
         geometry = with_values(self._scene, keys, p).geometry
         return measure(CATALOGUE[type(geometry)](geometry))[0]
 

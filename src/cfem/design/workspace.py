@@ -157,11 +157,11 @@ class Robust:
 
 
 def normal_offsets(deviation: np.ndarray, count: int) -> np.ndarray:
-    """(count, n_p): normal, of the standard deviations (n_p,), from Halton's points, so that their statistics hardly
-    scatter and are the same every time."""
+    """Offsets (count, n_p): normal, of the standard deviations (n_p,), from Halton's points, so that their statistics
+    hardly scatter and are the same every time."""
     from scipy.stats import norm, qmc
 
     used = np.flatnonzero(deviation)
-    found = np.zeros((count, len(deviation)))
-    found[:, used] = norm.ppf(qmc.Halton(len(used), scramble=False).random(count + 1)[1:]) * deviation[used]
-    return found
+    offsets = np.zeros((count, len(deviation)))
+    offsets[:, used] = norm.ppf(qmc.Halton(len(used), scramble=False).random(count + 1)[1:]) * deviation[used]
+    return offsets

@@ -42,6 +42,7 @@ class RobotEnv(gymnasium.Env):
         render_mode: str | None = None,
         **options: Any,
     ):
+        """World of one robot; render_mode: 'rgb_array' or None; the other options: of `world_of`."""
         self.render_mode = render_mode
         self.world = world_of(model, task, 1, **options)
         self.observation_space, self.action_space = _spaces(self.world)
@@ -68,6 +69,7 @@ class RobotEnv(gymnasium.Env):
         return picture(model, world.delta_a[0], model.rest_e + tip, model.rest_e + goal)
 
     def _info(self, error: float | None) -> dict[str, Any]:
+        """Facts beside the observation."""
         info = {"tip": self.world.states.tip[0].copy(), "command": self.world.u[0].copy()}
         if error is not None:
             info["error"] = error
@@ -92,6 +94,7 @@ class RobotVectorEnv(VectorEnv):
         render_mode: str | None = None,
         **options: Any,
     ):
+        """World of `num_envs` robots in a batch; the other arguments: as of the environment of one robot."""
         self.render_mode, self.num_envs = render_mode, num_envs
         self.world = world_of(model, task, num_envs, **options)
         self.single_observation_space, self.single_action_space = _spaces(self.world)
@@ -105,12 +108,13 @@ class RobotVectorEnv(VectorEnv):
         return self.world.observe(), {}
 
     def step(self, actions: np.ndarray):
+        """Observations, rewards, failures, ends and facts after a tick; robots whose episode ended begin again."""
         rewards, errors, failed, over = self.world.step(actions)
         info: dict[str, Any] = {"error": errors, "_error": np.ones(self.num_envs, bool)}
-        seen = self.world.observe()
+        observations = self.world.observe()
         ended = failed | over
         if ended.any():
-            info["final_obs"], info["_final_obs"] = seen.copy(), ended
+            info["final_obs"], info["_final_obs"] = observations.copy(), ended
             self.world.reset(np.flatnonzero(ended))
-            seen = self.world.observe()
-        return seen, rewards, failed, over, info
+            observations = self.world.observe()
+        return observations, rewards, failed, over, info

@@ -1,10 +1,10 @@
 """Many robots of one spectral model at once, each in equilibrium under its own command: compiled loops over a batch.
 
-Displacements u are told to actuators that may only pull: an actuator stands at delta_i >= u_i, its force lambda_i >= 0,
-one of both an equality (a cable that would have to push goes slack). That is the minimum of Psi - w . e over
-delta >= u, with loads w on the effectors, found by Newton's method: each step is the minimum of the quadratic model
-under the same bounds. Forces are told to the others: the minimum of Psi - w . e - lambda . delta. The first step from
-where a robot was is that of its last Hessian and costs no series."""
+Displacements u are commanded of actuators that may only pull: an actuator stands at delta_i >= u_i, its force
+lambda_i >= 0, one of both an equality (a cable that would have to push goes slack). That is the minimum of Psi - w . e
+over delta >= u, with loads w on the effectors, found by Newton's method: each step is the minimum of the quadratic
+model under the same bounds. Forces are commanded of the others: the minimum of Psi - w . e - lambda . delta. The first
+step from where a robot was is that of its last Hessian and costs no series."""
 
 from typing import NamedTuple
 
@@ -89,9 +89,13 @@ def _quadratic(H, g, room, bounded, free, step, L, tolerance):
 
 
 class CommandLaw(NamedTuple):
-    """forces: whether commands are forces; pulls: whether no actuator pushes; longest: (n_a,) mm of one Newton step;
-    tolerance: (n_a,) N; loads: place of the slopes of the loaded effector rows among the outputs, which their Hessians
-    follow (packed)."""
+    """Meaning of commands.
+
+    forces: whether commands are forces
+    pulls: whether no actuator pushes
+    longest: (n_a,) mm of one Newton step
+    tolerance: (n_a,) N
+    loads: place of the slopes of the loaded effector rows among the outputs, which their Hessians follow (packed)"""
 
     forces: bool
     pulls: bool
@@ -115,19 +119,20 @@ class Place(NamedTuple):
 
 
 @njit(cache=True, error_model="numpy")
-def _move(at, law):
-    """at.x by one step of Newton's method, at most the longest, within the bounds x >= u where cables pull."""
-    x, g, H, u, free, room, step = at.x, at.g, at.H, at.u, at.free, at.room, at.step
+def _move(place, law):
+    """Moves `place.x` by one step of Newton's method, at most the longest, within the bounds x >= u where cables
+    pull."""
+    x, g, H, u, free, room, step = place.x, place.g, place.H, place.u, place.free, place.room, place.step
     n, bounded = len(x), law.pulls and not law.forces
     for i in range(n):
         room[i] = x[i] - u[i]
         free[i] = not bounded or room[i] > 0 or g[i] < -law.tolerance[i]
-    if not _quadratic(H, g, room, bounded, free, step, at.L, law.tolerance):
+    if not _quadratic(H, g, room, bounded, free, step, place.L, law.tolerance):
         for i in range(n):
             step[i] = -law.longest[i] if g[i] > 0 else law.longest[i]
     share = 1.0
     for i in range(n):
-        if free[i] and share * abs(step[i]) > law.longest[i]:  # others are at their bound, where they are told to be
+        if free[i] and share * abs(step[i]) > law.longest[i]:  # others are at their bound, as commanded
             share = law.longest[i] / abs(step[i])
     for i in range(n):
         x[i] += share * step[i] if free[i] else step[i]
@@ -136,91 +141,99 @@ def _move(at, law):
 
 
 @njit(cache=True, error_model="numpy")
-def _begin(b, at, law, delta, known, out):
-    """Where robot b is sought first: where the last Hessian leads to."""
-    n_a, place = len(at.x), len(at.x)
+def _begin(b, place, law, delta, known, out):
+    """Sets where robot b is sought first: where the last Hessian leads to."""
+    n_a, entry = len(place.x), len(place.x)
     for i in range(n_a):
-        at.x[i] = delta[b, i]
+        place.x[i] = delta[b, i]
     if law.forces:
         return
     if not law.pulls or not known[b]:
         for i in range(n_a):
-            at.x[i] = max(at.x[i], at.u[i]) if law.pulls else at.u[i]
+            place.x[i] = max(place.x[i], place.u[i]) if law.pulls else place.u[i]
         return
     for i in range(n_a):
-        at.g[i] = out[b, i]
+        place.g[i] = out[b, i]
         for j in range(i, n_a):
-            at.H[i, j] = at.H[j, i] = out[b, place]
-            place += 1
-    _move(at, law)
+            place.H[i, j] = place.H[j, i] = out[b, entry]
+            entry += 1
+    _move(place, law)
 
 
 @njit(cache=True, error_model="numpy")
-def _slopes(b, lane, at, law, found, w, softer):
-    """g and H of robot b at at.x, loads taken off; `found` then has the actuators' forces without those of loads.
-    Returns what is left of the equations, in tolerances."""
-    n_a, place, size, loaded = len(at.x), len(at.x), 0.0, w.shape[1]
+def _slopes(b, lane, place, law, sums, w, softer):
+    """Slopes g and H of robot b at place.x, loads taken off; `sums` then has the actuators' forces without those of
+    loads. Returns what is left of the equations, in tolerances."""
+    n_a, entry, size, loaded = len(place.x), len(place.x), 0.0, w.shape[1]
     for i in range(n_a):
         for r in range(loaded):
-            found[i, lane] -= found[law.loads + r * n_a + i, lane] * w[b, r] * softer
-        at.g[i] = found[i, lane] - (at.u[i] * softer if law.forces else 0.0)
-        if law.forces or (law.pulls and (at.g[i] < 0 or at.x[i] > at.u[i])):
-            size = max(size, abs(at.g[i]) / law.tolerance[i])
+            sums[i, lane] -= sums[law.loads + r * n_a + i, lane] * w[b, r] * softer
+        place.g[i] = sums[i, lane] - (place.u[i] * softer if law.forces else 0.0)
+        if law.forces or (law.pulls and (place.g[i] < 0 or place.x[i] > place.u[i])):
+            size = max(size, abs(place.g[i]) / law.tolerance[i])
         for j in range(i, n_a):
-            at.H[i, j] = found[place, lane]
+            place.H[i, j] = sums[entry, lane]
             for r in range(loaded):
-                second = law.loads + loaded * n_a + r * (n_a * (n_a + 1) // 2) + place - n_a
-                at.H[i, j] -= found[second, lane] * w[b, r] * softer
-            at.H[j, i] = at.H[i, j]
-            place += 1
+                second = law.loads + loaded * n_a + r * (n_a * (n_a + 1) // 2) + entry - n_a
+                place.H[i, j] -= sums[second, lane] * w[b, r] * softer
+            place.H[j, i] = place.H[i, j]
+            entry += 1
     return size
 
 
 @njit(cache=True, error_model="numpy")
 def equilibria(u, w, law, delta, known, q, softer, series, out):
-    """u (B, n_a): commands; w (B, k): loads on k effector rows in N, or (0, 0); delta (B, n_a): where the actuators
-    were, and where they are then; known (B,): whether out has the forces and the Hessian there; q (B, n_q), softer
-    (B,): parameters; out (B, outputs): the series then, whose first n_a are the forces, without those of the loads, and
-    the next the Hessian (packed, of the energy alone). Returns how many did not converge."""
+    """Equilibria of B robots under their commands; returns the number that did not converge.
+
+    u: (B, n_a) commands
+    w: (B, k) loads on k effector rows in N, or (0, 0)
+    delta: (B, n_a) where the actuators were, and where they are then
+    known: (B,) whether `out` has the forces and the Hessian there
+    q, softer: (B, n_q) and (B,) parameters
+    out: (B, outputs) the series then, whose first n_a are the forces, without those of the loads, and the next the
+        Hessian (packed, of the energy alone)"""
     B, n_a = u.shape
     n, width = n_a + q.shape[1], out.shape[1]
     t, sums = np.zeros((n, LANES)), room_of(series, n)
     square, row = (n_a, n_a), np.empty((5, n_a))
-    at = Place(row[0], row[1], row[2], np.empty(square), np.empty(n_a, np.bool_), row[3], row[4], np.empty(square))
-    who, left = np.full(LANES, -1), np.zeros(LANES, np.int64)  # which robot a lane works on; its evaluations left
+    place = Place(row[0], row[1], row[2], np.empty(square), np.empty(n_a, np.bool_), row[3], row[4], np.empty(square))
+    robot_of, evaluations_left = (
+        np.full(LANES, -1),
+        np.zeros(LANES, np.int64),
+    )  # which robot a lane works on; its evaluations left
     following, busy, failed = 0, 0, 0
     while following < B or busy > 0:
         for lane in range(LANES):  # a lane that is done takes the next robot
-            if who[lane] >= 0 or following >= B:
+            if robot_of[lane] >= 0 or following >= B:
                 continue
-            b, who[lane], left[lane] = following, following, NEWTON
+            b, robot_of[lane], evaluations_left[lane] = following, following, NEWTON
             following, busy = following + 1, busy + 1
             for i in range(n_a, n):
                 t[i, lane] = q[b, i - n_a]
             for i in range(n_a):
-                at.u[i] = u[b, i]
-            _begin(b, at, law, delta, known, out)
+                place.u[i] = u[b, i]
+            _begin(b, place, law, delta, known, out)
             for i in range(n_a):
-                t[i, lane] = at.x[i]
+                t[i, lane] = place.x[i]
         fill_basis(t, series, sums.table, sums.basis)
         add_up(series.values, sums.basis, sums.sums)
         for lane in range(LANES):
-            b = who[lane]
+            b = robot_of[lane]
             if b < 0:
                 continue
             for i in range(n_a):
-                at.x[i], at.u[i] = t[i, lane], u[b, i]
-            size = _slopes(b, lane, at, law, sums.sums, w, softer[b])
-            left[lane] -= 1
-            if size > 1.0 and left[lane] > 0:
-                _move(at, law)
+                place.x[i], place.u[i] = t[i, lane], u[b, i]
+            size = _slopes(b, lane, place, law, sums.sums, w, softer[b])
+            evaluations_left[lane] -= 1
+            if size > 1.0 and evaluations_left[lane] > 0:
+                _move(place, law)
                 for i in range(n_a):
-                    t[i, lane] = at.x[i]
+                    t[i, lane] = place.x[i]
                 continue
             failed += 0 if size <= 1.0 else 1
             for j in range(width):
                 out[b, j] = sums.sums[j, lane]
             for i in range(n_a):
-                delta[b, i] = at.x[i]
-            known[b], who[lane], busy = True, -1, busy - 1
+                delta[b, i] = place.x[i]
+            known[b], robot_of[lane], busy = True, -1, busy - 1
     return failed

@@ -11,9 +11,12 @@ LANES = 64  # robots whose series are summed side by side
 
 
 class LaneSeries(NamedTuple):
-    """Chebyshev series for the loops. to_box (n, n), offset (n,); term m is the product of the factors first[m] to
-    first[m + 1]: T of degree[k] of input axis[k]; values (outputs, terms), each padded with zeros to a multiple of 2
-    and of 4; highest: the largest degree."""
+    """Chebyshev series for the loops.
+
+    to_box, offset: (n, n) and (n,)
+    first, axis, degree: term m is the product of the factors first[m] to first[m + 1]: T of degree[k] of input axis[k]
+    values: (outputs, terms), each padded with zeros to a multiple of 2 and of 4
+    highest: the largest degree"""
 
     to_box: np.ndarray
     offset: np.ndarray
@@ -25,14 +28,14 @@ class LaneSeries(NamedTuple):
 
     @classmethod
     def of(cls, to_box: np.ndarray, offset: np.ndarray, indices: np.ndarray, rows: np.ndarray) -> "LaneSeries":
-        """indices (terms, n), rows (outputs, terms)."""
+        """Series in lanes from indices (terms, n) and rows (outputs, terms)."""
         outputs, terms = rows.shape
         values = np.zeros((outputs + outputs % 2, terms + -terms % 4))
         values[:outputs, :terms] = rows
         first = np.concatenate([[0], np.cumsum((indices > 0).sum(axis=1))])
         term, axis = np.nonzero(indices)
         degree = indices[term, axis].astype(np.int64)
-        to_box, offset = (np.ascontiguousarray(one, float) for one in (to_box, offset))
+        to_box, offset = (np.ascontiguousarray(array, float) for array in (to_box, offset))
         return cls(to_box, offset, first, axis, degree, values, max(int(indices.max()), 1))
 
 
@@ -53,7 +56,7 @@ def room_of(series, n):
 
 @njit(cache=True, fastmath=True, error_model="numpy")
 def fill_basis(t, series, table, basis):
-    """basis (terms, LANES): of inputs t (n, LANES); table (n, highest + 1, LANES): room."""
+    """Fills basis (terms, LANES) at inputs t (n, LANES); table (n, highest + 1, LANES): room."""
     n = t.shape[0]
     for i in range(n):
         x = table[i, 1]
@@ -61,9 +64,9 @@ def fill_basis(t, series, table, basis):
             table[i, 0, b] = 1
             x[b] = series.offset[i]
         for j in range(n):
-            one = series.to_box[i, j]
+            coefficient = series.to_box[i, j]
             for b in range(LANES):
-                x[b] += one * t[j, b]
+                x[b] += coefficient * t[j, b]
         for k in range(2, table.shape[1]):
             new, last, before = table[i, k], table[i, k - 1], table[i, k - 2]
             for b in range(LANES):
@@ -85,15 +88,15 @@ def fill_basis(t, series, table, basis):
 
 @njit(cache=True, fastmath=True, error_model="numpy")
 def add_up(values, basis, out):
-    """out (outputs, LANES) = values @ basis, two rows and four terms at a time, which keeps sums in registers."""
+    """Sums out (outputs, LANES) = values @ basis, two rows and four terms at a time, which keeps sums in registers."""
     out[:] = 0
     for m in range(0, basis.shape[0], 4):
         b0, b1, b2, b3 = basis[m], basis[m + 1], basis[m + 2], basis[m + 3]
         for j in range(0, out.shape[0], 2):
-            one, two = out[j], out[j + 1]
+            first_row, second_row = out[j], out[j + 1]
             c0, c1, c2, c3 = values[j, m], values[j, m + 1], values[j, m + 2], values[j, m + 3]
             d0, d1, d2, d3 = values[j + 1, m], values[j + 1, m + 1], values[j + 1, m + 2], values[j + 1, m + 3]
             for b in range(LANES):
                 v0, v1, v2, v3 = b0[b], b1[b], b2[b], b3[b]
-                one[b] += c0 * v0 + c1 * v1 + c2 * v2 + c3 * v3
-                two[b] += d0 * v0 + d1 * v1 + d2 * v2 + d3 * v3
+                first_row[b] += c0 * v0 + c1 * v1 + c2 * v2 + c3 * v3
+                second_row[b] += d0 * v0 + d1 * v1 + d2 * v2 + d3 * v3

@@ -2,8 +2,8 @@
 
 The step is that of `cfem.motion.step`, the implicit midpoint rule with the learned functions expanded about the middle
 that is expected, in coordinates q / scale, where M = R R and the loss forms are S S with learned symmetric R and S.
-Robots differ in stiffness and viscosity. Where displacements are told to cables that only pull, each is held and pulls
-or is slack and longer than told; which, is found by trying."""
+Robots differ in stiffness and viscosity. Where displacements are commanded of cables that only pull, each is held and
+pulls or is slack and longer than commanded; which, is found by trying."""
 
 from typing import NamedTuple
 
@@ -16,9 +16,14 @@ FAST = {"contract", "reassoc", "nsz", "arcp"}  # a number that is none stays non
 
 
 class LearnedMotion(NamedTuple):
-    """Of one model, in coordinates q / scale. forces: series of grad Psi and of its Hessian (packed); inertia: of R, of
-    its slopes by each actuator, and of S of each loss form, packed triangles; relaxation (losses,) s; kappa (n_r,):
-    stiffness of the inner motions; n_q: coordinates; smallest: velocity, times s, below which no digits count."""
+    """Motion of one model, in coordinates q / scale.
+
+    forces: series of grad Psi and of its Hessian (packed)
+    inertia: series of R, of its slopes by each actuator, and of S of each loss form, packed triangles
+    relaxation: (losses,) s
+    kappa: (n_r,) stiffness of the inner motions
+    n_q: coordinates
+    smallest: velocity, times s, below which no digits count"""
 
     forces: LaneSeries
     inertia: LaneSeries
@@ -29,15 +34,19 @@ class LearnedMotion(NamedTuple):
 
 
 class Lanes(NamedTuple):
-    """Of LANES robots: q, p, v, gain (n_q, LANES) as of `cfem.motion.step.CondensedMotion`; told (n_a, LANES): forces
-    during the step or displacements at its end; lam (n_a, LANES): forces in it; held (n_a, LANES): 1 where an actuator
-    stands where it is told to; stiffness, viscosity (LANES,): times those of the model."""
+    """States of LANES robots.
+
+    q, p, v, gain: (n_q, LANES) as of `cfem.motion.step.CondensedMotion`
+    command: (n_a, LANES) forces during the step or displacements at its end
+    lam: (n_a, LANES) forces in it
+    held: (n_a, LANES) 1 where an actuator stands at its command
+    stiffness, viscosity: (LANES,) times those of the model"""
 
     q: np.ndarray
     p: np.ndarray
     v: np.ndarray
     gain: np.ndarray
-    told: np.ndarray
+    command: np.ndarray
     lam: np.ndarray
     held: np.ndarray
     stiffness: np.ndarray
@@ -45,9 +54,15 @@ class Lanes(NamedTuple):
 
 
 class Room(NamedTuple):
-    """What a step works with. about (n_a, LANES); forces, inertia: series there; M, drag, fixed, A (n_q, n_q, LANES):
-    mass, of the viscous force by velocity, the slope of the equations but for the turning, a matrix to eliminate;
-    turning (n_a, n_q, LANES); new (n_q, LANES): velocity that is sought; rest, Mv, force, one, other, change: alike."""
+    """Arrays that a step works with.
+
+    about: (n_a, LANES)
+    forces, inertia: series there
+    M, drag, fixed, A: (n_q, n_q, LANES), mass, slope of the viscous force by velocity, slope of the equations but for
+        the turning, a matrix to eliminate
+    turning: (n_a, n_q, LANES)
+    new: (n_q, LANES) velocity that is sought
+    rest, Mv, force, work, product, change: alike"""
 
     about: np.ndarray
     forces: Sums
@@ -61,8 +76,8 @@ class Room(NamedTuple):
     rest: np.ndarray
     Mv: np.ndarray
     force: np.ndarray
-    one: np.ndarray
-    other: np.ndarray
+    work: np.ndarray
+    product: np.ndarray
     change: np.ndarray
 
 
@@ -95,14 +110,14 @@ def _times(S, first, x, factor, out):
 
 @njit(cache=True, no_cpython_wrapper=True, no_cfunc_wrapper=True, error_model="numpy")
 def _place(n, i, j):
-    """In a packed triangle."""
+    """Position of (i, j) in a packed triangle."""
     i, j = min(i, j), max(i, j)
     return i * n - i * (i - 1) // 2 + j - i
 
 
 @njit(cache=True, no_cpython_wrapper=True, no_cfunc_wrapper=True, fastmath=FAST, error_model="numpy")
 def _add_square(S, first, factor, out):
-    """out (n, n, LANES) += factor (LANES,) S S, S a packed triangle that begins at row `first`."""
+    """Adds factor (LANES,) S S to out (n, n, LANES), S a packed triangle that begins at row `first`."""
     n = out.shape[0]
     value = np.empty(LANES)
     for i in range(n):
@@ -123,7 +138,7 @@ def _add_square(S, first, factor, out):
 @njit(cache=True, no_cpython_wrapper=True, no_cfunc_wrapper=True, fastmath=FAST, error_model="numpy")
 def expand(learned, lanes, room, dt):
     """The learned functions about the middle that room.new leads to."""
-    n_a, n_q = lanes.told.shape[0], learned.n_q
+    n_a, n_q = lanes.command.shape[0], learned.n_q
     triangle, half = n_q * (n_q + 1) // 2, dt / 2
     for a in range(n_a):
         for b in range(LANES):
@@ -166,23 +181,23 @@ def turn(learned, room, n_a, half):
     triangle = n_q * (n_q + 1) // 2
     for i in range(n_q):
         for b in range(LANES):
-            room.one[i, b] = 0.0
+            room.work[i, b] = 0.0
             for a in range(n_a):
                 room.turning[a, i, b] = 0.0
-    _times(room.inertia.sums, 0, room.new, 1.0, room.one)
+    _times(room.inertia.sums, 0, room.new, 1.0, room.work)
     for a in range(n_a):
         for i in range(n_q):
             for b in range(LANES):
-                room.other[i, b] = 0.0
-        _times(room.inertia.sums, (1 + a) * triangle, room.one, half, room.turning[a])
-        _times(room.inertia.sums, (1 + a) * triangle, room.new, half, room.other)
-        _times(room.inertia.sums, 0, room.other, 1.0, room.turning[a])
+                room.product[i, b] = 0.0
+        _times(room.inertia.sums, (1 + a) * triangle, room.work, half, room.turning[a])
+        _times(room.inertia.sums, (1 + a) * triangle, room.new, half, room.product)
+        _times(room.inertia.sums, 0, room.product, 1.0, room.turning[a])
 
 
 @njit(cache=True, no_cpython_wrapper=True, no_cfunc_wrapper=True, fastmath=FAST, error_model="numpy")
 def assemble(learned, lanes, room, forces, half):
-    """What room.new leaves of the equations, `rest`, and Mv, in a step of twice `half` s."""
-    n_a, n_q = lanes.told.shape[0], learned.n_q
+    """Residual `room.rest` of the equations at room.new, and Mv, in a step of twice `half` s."""
+    n_a, n_q = lanes.command.shape[0], learned.n_q
     for i in range(n_q):
         for b in range(LANES):
             room.Mv[i, b] = 0.0
@@ -197,19 +212,19 @@ def assemble(learned, lanes, room, forces, half):
                 room.force[i, b] -= learned.kappa[i - n_a] * lanes.stiffness[b] * eta
     for a in range(n_a):
         for b in range(LANES):
-            room.one[a, b] = lanes.q[a, b] + half * room.new[a, b] - room.about[a, b]
+            room.work[a, b] = lanes.q[a, b] + half * room.new[a, b] - room.about[a, b]
             room.force[a, b] -= room.forces.sums[a, b]
             if forces:
-                room.force[a, b] += lanes.told[a, b]
+                room.force[a, b] += lanes.command[a, b]
         for i in range(n_q):
             for b in range(LANES):
-                room.Mv[i, b] += room.one[a, b] / half * room.turning[a, i, b]
+                room.Mv[i, b] += room.work[a, b] / half * room.turning[a, i, b]
                 room.force[a, b] += room.turning[a, i, b] * room.new[i, b] / (2 * half)
     for a in range(n_a):
         for c in range(n_a):
             place = n_a + _place(n_a, a, c)
             for b in range(LANES):
-                room.force[a, b] -= room.forces.sums[place, b] * room.one[c, b]
+                room.force[a, b] -= room.forces.sums[place, b] * room.work[c, b]
     for i in range(n_q):
         for b in range(LANES):
             room.rest[i, b] = half * room.force[i, b] + lanes.p[i, b] - room.Mv[i, b]
@@ -217,9 +232,10 @@ def assemble(learned, lanes, room, forces, half):
 
 @njit(cache=True, no_cpython_wrapper=True, no_cfunc_wrapper=True, fastmath=FAST, error_model="numpy")
 def matrix(lanes, room):
-    """room.A: minus the derivative of what is left by velocity; the rows and columns of held ones are those of 1."""
-    n_a, n = lanes.told.shape[0], room.A.shape[0]
-    free, other = np.ones(LANES), np.ones(LANES)
+    """Matrix room.A: minus the derivative of the residual by velocity; the rows and columns of held ones are those of
+    1."""
+    n_a, n = lanes.command.shape[0], room.A.shape[0]
+    free, free_column = np.ones(LANES), np.ones(LANES)
     for i in range(n):
         for b in range(LANES):
             free[b] = 1.0 - lanes.held[i, b] if i < n_a else 1.0
@@ -234,8 +250,8 @@ def matrix(lanes, room):
                 for b in range(LANES):
                     room.A[i, j, b] -= room.turning[i, j, b]
             for b in range(LANES):
-                other[b] = 1.0 - lanes.held[j, b] if j < n_a else 1.0
-                room.A[i, j, b] *= free[b] * other[b]
+                free_column[b] = 1.0 - lanes.held[j, b] if j < n_a else 1.0
+                room.A[i, j, b] *= free[b] * free_column[b]
             if i == j:
                 for b in range(LANES):
                     room.A[i, j, b] += 1.0 - free[b]
@@ -263,9 +279,9 @@ def eliminate(A, x):
 
 @njit(cache=True, no_cpython_wrapper=True, no_cfunc_wrapper=True, error_model="numpy")
 def advance(room, before, tolerance, smallest, count):
-    """room.new goes on by room.change. before (LANES,): how far it went the last time, changed to how far now. Returns
+    """Moves room.new by room.change. before (LANES,): how far it went the last time, changed to how far now. Returns
     how many of the first `count` lanes are to go on, by the rate at which changes have fallen."""
-    left = 0
+    unsolved = 0
     for b in range(count):
         size, moved = smallest, 0.0
         for i in range(room.new.shape[0]):
@@ -273,11 +289,11 @@ def advance(room, before, tolerance, smallest, count):
         rate = min(moved / before[b], 1.0) if before[b] > 0 else 1.0
         before[b] = moved
         if not moved * rate <= tolerance * size:
-            left += 1
+            unsolved += 1
     for i in range(room.new.shape[0]):
         for b in range(LANES):
             room.new[i, b] += room.change[i, b]
-    return left
+    return unsolved
 
 
 @njit(cache=True, no_cpython_wrapper=True, no_cfunc_wrapper=True, fastmath=FAST, error_model="numpy")

@@ -16,10 +16,15 @@ from cfem.predict.series import input_derivatives
 
 @dataclass
 class MovingStates:
-    """B robots, robots last: q, p, v, gain (n_q, B) as of `cfem.motion.step.CondensedMotion` in coordinates q / scale,
-    lam and held (n_a, B); u (n_a, B): the command that has been reached, N or mm; stiffness, viscosity (B,): times
-    those of the model; tip (B, n_e) mm from rest; outside (B,): how far the actuators are from the middle of the
-    learned box, in half widths; failed: steps of robots that were not solved in the last tick."""
+    """States of B robots in motion, robots last.
+
+    q, p, v, gain: (n_q, B) as of `cfem.motion.step.CondensedMotion` in coordinates q / scale
+    lam, held: (n_a, B) alike
+    u: (n_a, B) the command that has been reached, N or mm
+    stiffness, viscosity: (B,) times those of the model
+    tip: (B, n_e) mm from rest
+    outside: (B,) how far the actuators are from the middle of the learned box, in half widths
+    failed: steps of robots that were not solved in the last tick"""
 
     q: np.ndarray
     p: np.ndarray
@@ -35,7 +40,7 @@ class MovingStates:
     failed: int = 0
 
     def put(self, which: np.ndarray, others: "MovingStates") -> None:
-        """others, k of them, in the places `which` (k,)."""
+        """Puts the states of others, k of them, in the places `which` (k,)."""
         for name in ("q", "p", "v", "gain", "lam", "held", "u", "stiffness", "viscosity", "outside"):
             getattr(self, name)[..., which] = getattr(others, name)
         self.tip[which] = others.tip
@@ -50,10 +55,12 @@ class MovingRobots:
     def __init__(
         self, model: MotionModel, kind: str = "force", tick: float = 0.01, substeps: int = 1, tolerance: float = 1e-2
     ):
+        """Batch of robots of a learned motion; kind: of the commands; tick: s; tolerance: of a step, share of the
+        velocities. InputError for a material with Prony terms."""
         self.static = Robots(model.static)
         from cfem.gym.moving_step import ticks
 
-        if any(one.prony for one in model.losses):
+        if any(loss.prony for loss in model.losses):
             raise InputError(
                 "batches of moving robots do not support Prony terms", do="use a material with relaxation alone"
             )
@@ -66,19 +73,19 @@ class MovingRobots:
         self._small = 1e-6 * float((self.static.largest_force * self._scale[:, 0]).max())
 
     def standing(self, u: np.ndarray, stiffness: np.ndarray, viscosity: np.ndarray) -> MovingStates:
-        """At rest under commands u (B, n_a). InputError where there is no such equilibrium."""
+        """States at rest under commands u (B, n_a). InputError where there is no such equilibrium."""
         model, count = self.model, len(u)
         start = self.static.start(count)
         start.delta_a[:] = model.static.domain.states[0, : model.n_a]
-        found = self.static.move(start, u / stiffness[:, None] if self.forces else u, forces=self.forces)
-        if found.failed:
-            raise InputError(f"{found.failed} of {count} robots find no equilibrium under their first command")
+        states = self.static.move(start, u / stiffness[:, None] if self.forces else u, forces=self.forces)
+        if states.failed:
+            raise InputError(f"{states.failed} of {count} robots find no equilibrium under their first command")
         q = np.zeros((model.n_q, count))
-        q[: model.n_a] = found.delta_a.T / self._scale
+        q[: model.n_a] = states.delta_a.T / self._scale
         held = np.zeros((model.n_a, count))
         if not self.forces:
-            held[:] = (found.delta_a <= u + 1e-9).T if self.static.pulls else 1.0
-        none, lam = np.zeros_like(q), found.lambda_a.T * stiffness * self._scale
+            held[:] = (states.delta_a <= u + 1e-9).T if self.static.pulls else 1.0
+        none, lam = np.zeros_like(q), states.lambda_a.T * stiffness * self._scale
         out = np.zeros(count)
         return MovingStates(
             q,
@@ -90,7 +97,7 @@ class MovingRobots:
             np.array(u.T),
             stiffness.copy(),
             viscosity.copy(),
-            found.tip.copy(),
+            states.tip.copy(),
             out,
         )
 
@@ -120,35 +127,39 @@ class MovingRobots:
 
 
 def learned(model: MotionModel, warp: float) -> tuple[Any, Any]:
-    """The series of the loops, in coordinates q / scale, with warp^2 times the mass and warp times the viscosity."""
+    """Series of the loops, in coordinates q / scale, with warp^2 times the mass and warp times the viscosity."""
     from cfem.gym.lanes import LaneSeries
     from cfem.gym.moving_kernel import LearnedMotion
     from cfem.gym.moving_step import Effectors
 
     n_a, n_e, n_r, scale = model.n_a, model.rows.n_e, model.n_r, model.scale
-    static, of = model.static.arrays, static_layout(model.n_a, n_e)
-    own, where = model.arrays, layout(model.n_q, n_r, n_e, len(model.losses))
+    static, static_slices = model.static.arrays, static_layout(model.n_a, n_e)
+    arrays, slices = model.arrays, layout(model.n_q, n_r, n_e, len(model.losses))
     first, second = upper_indices(n_a)
-    pull, stiff = (static["series"][of[name]] for name in ("gradient", "hessian"))
+    pull, stiff = (static["series"][static_slices[name]] for name in ("gradient", "hessian"))
     forces = np.concatenate([pull * scale[:n_a, None], stiff * (scale[first] * scale[second])[:, None]])
-    root, lost = warp * own["series"][where["M"]], np.sqrt(warp) * own["series"][where["H"].stop :]
-    slopes = input_derivatives(own["indices"], own["to_box"], n_a)
+    root, lost = warp * arrays["series"][slices["M"]], np.sqrt(warp) * arrays["series"][slices["H"].stop :]
+    slopes = input_derivatives(arrays["indices"], arrays["to_box"], n_a)
     inertia = [root, *(scale[a] * (slopes[a] @ root.T).T for a in range(n_a)), lost]
-    bends = [_scaled(own["series"][where["H"]], n_e, scale[n_a:])]
-    if "curve" in own:
+    bends = [_scaled(arrays["series"][slices["H"]], n_e, scale[n_a:])]
+    if "curve" in arrays:
         first, second = upper_indices(n_r)
-        bends.append(_scaled(own["curve"], n_e, scale[n_a:][first] * scale[n_a:][second]))
+        bends.append(_scaled(arrays["curve"], n_e, scale[n_a:][first] * scale[n_a:][second]))
 
-    def series(arrays: dict[str, np.ndarray], rows: np.ndarray) -> LaneSeries:
-        return LaneSeries.of(arrays["to_box"] * scale[:n_a], arrays["offset"], arrays["indices"], rows)
+    def series(part: dict[str, np.ndarray], rows: np.ndarray) -> LaneSeries:
+        return LaneSeries.of(part["to_box"] * scale[:n_a], part["offset"], part["indices"], rows)
 
-    relaxation = np.array([one.relaxation for one in model.losses])
+    relaxation = np.array([loss.relaxation for loss in model.losses])
     kappa, smallest = model.stiffness * scale[n_a:] ** 2, 1e-6 / float(scale.min())
     return (
         LearnedMotion(
-            series(static, forces), series(own, np.concatenate(inertia)), relaxation, kappa, model.n_q, smallest
+            series(static, forces), series(arrays, np.concatenate(inertia)), relaxation, kappa, model.n_q, smallest
         ),
-        Effectors(series(static, static["series"][of["effector"]]), series(own, np.concatenate(bends)), "curve" in own),
+        Effectors(
+            series(static, static["series"][static_slices["effector"]]),
+            series(arrays, np.concatenate(bends)),
+            "curve" in arrays,
+        ),
     )
 
 

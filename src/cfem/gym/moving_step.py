@@ -34,8 +34,8 @@ class Effectors(NamedTuple):
 
 @njit(cache=True, no_cpython_wrapper=True, no_cfunc_wrapper=True, fastmath=FAST, error_model="numpy")
 def _apart(learned, lanes, room, dt):
-    """How far the middles of the step are from those of the expansion, in half widths; of the farthest lane."""
-    n_a, to_box, most = lanes.told.shape[0], learned.inertia.to_box, 0.0
+    """Distance of the middles of the step from those of the expansion, in half widths; of the farthest lane."""
+    n_a, to_box, most = lanes.command.shape[0], learned.inertia.to_box, 0.0
     for k in range(n_a):
         for b in range(LANES):
             z = 0.0
@@ -47,18 +47,18 @@ def _apart(learned, lanes, room, dt):
 
 @njit(cache=True, no_cpython_wrapper=True, no_cfunc_wrapper=True, error_model="numpy")
 def _choose(lanes, room, dt, small, short, count):
-    """Changes which cables are held where one would push, by more than small, or would be slack and shorter than told.
-    Returns how many of the first `count` robots that were."""
+    """Changes which cables are held where one would push, by more than small, or would be slack and shorter than
+    commanded. Returns how many of the first `count` robots that were."""
     wrong = 0
     for b in range(count):
         changed = False
-        for a in range(lanes.told.shape[0]):
+        for a in range(lanes.command.shape[0]):
             if lanes.held[a, b] > 0:
                 if room.rest[a, b] > dt / 2 * small:
                     lanes.held[a, b], changed = 0.0, True
-            elif lanes.q[a, b] + dt * room.new[a, b] < lanes.told[a, b] - short:
+            elif lanes.q[a, b] + dt * room.new[a, b] < lanes.command[a, b] - short:
                 lanes.held[a, b], changed = 1.0, True
-                room.new[a, b] = (lanes.told[a, b] - lanes.q[a, b]) / dt
+                room.new[a, b] = (lanes.command[a, b] - lanes.q[a, b]) / dt
         wrong += changed
     return wrong
 
@@ -66,12 +66,12 @@ def _choose(lanes, room, dt, small, short, count):
 @njit(cache=True, no_cpython_wrapper=True, no_cfunc_wrapper=True, error_model="numpy")
 def _step(learned, lanes, room, forces, pulls, dt, small, tolerance, count):
     """One step of all lanes. Returns of how many of the first `count` robots the equations were not solved."""
-    n_a, n_q = lanes.told.shape[0], learned.n_q
+    n_a, n_q = lanes.command.shape[0], learned.n_q
     for i in range(n_q):
         for b in range(LANES):
             room.new[i, b] = lanes.v[i, b] + dt * lanes.gain[i, b]
             if i < n_a and lanes.held[i, b] > 0:
-                room.new[i, b] = (lanes.told[i, b] - lanes.q[i, b]) / dt
+                room.new[i, b] = (lanes.command[i, b] - lanes.q[i, b]) / dt
     failed, before = 0, np.empty(LANES)
     for _ in range(EXPANSIONS):
         expand(learned, lanes, room, dt)
@@ -97,7 +97,7 @@ def _step(learned, lanes, room, forces, pulls, dt, small, tolerance, count):
     for i in range(n_q):
         for b in range(LANES):
             if i < n_a:
-                lanes.lam[i, b] = lanes.told[i, b] if forces else -2 / dt * room.rest[i, b] * lanes.held[i, b]
+                lanes.lam[i, b] = lanes.command[i, b] if forces else -2 / dt * room.rest[i, b] * lanes.held[i, b]
             lanes.p[i, b] = 2 * room.Mv[i, b] - lanes.p[i, b]
             lanes.q[i, b] += dt * room.new[i, b]
             lanes.gain[i, b] = (room.new[i, b] - lanes.v[i, b]) / dt
@@ -109,7 +109,7 @@ def _step(learned, lanes, room, forces, pulls, dt, small, tolerance, count):
 def _effectors(effectors, lanes, still, moving, room, tip, outside):
     """tip (n_e, LANES) mm from rest; outside (LANES,): how far the actuators are from the middle of the learned box, in
     half widths."""
-    n_e, n_a = tip.shape[0], lanes.told.shape[0]
+    n_e, n_a = tip.shape[0], lanes.command.shape[0]
     n_r = lanes.q.shape[0] - n_a
     for a in range(n_a):
         for b in range(LANES):
@@ -142,17 +142,17 @@ def _effectors(effectors, lanes, still, moving, room, tip, outside):
 
 @njit(cache=True, error_model="numpy")
 def ticks(learned, effectors, state, begin, end, forces, pulls, dt, substeps, small, tolerance, tip, outside):
-    """A tick of `substeps` steps of dt s of B robots. state: `Lanes` of (n, B) instead of (n, LANES), changed in place;
-    begin, end (n_a, B): commands at both ends of the tick, between which they move evenly: forces, or displacements;
-    pulls: whether actuators only pull; small: force that counts as none; tolerance: of a step, share of the velocities;
-    tip (n_e, B), outside (B,): see `_effectors`. Returns how many steps of robots were not solved."""
+    """Advances B robots by a tick of `substeps` steps of dt s. state: `Lanes` of (n, B) instead of (n, LANES), changed
+    in place; begin, end (n_a, B): commands at both ends of the tick, between which they move evenly: forces, or
+    displacements; pulls: whether actuators only pull; small: force that counts as none; tolerance: of a step, share of
+    the velocities; tip (n_e, B), outside (B,): see `_effectors`. Returns how many steps of robots were not solved."""
     (n_a, B), n_q, failed = begin.shape, learned.n_q, 0
     lanes = Lanes(
         np.zeros((n_q, LANES)), np.zeros((n_q, LANES)), np.zeros((n_q, LANES)), np.zeros((n_q, LANES)),
         np.zeros((n_a, LANES)), np.zeros((n_a, LANES)), np.zeros((n_a, LANES)), np.ones(LANES), np.ones(LANES),
     )  # fmt: skip
     room, still, moving = room_for(learned, n_a), room_of(effectors.still, n_a), room_of(effectors.moving, n_a)
-    here, far = np.empty((tip.shape[0], LANES)), np.empty(LANES)
+    tip_lanes, outside_lanes = np.empty((tip.shape[0], LANES)), np.empty(LANES)
     for first in range(0, B, LANES):
         count = min(LANES, B - first)
         _copy(state, lanes, first, 0, count)
@@ -160,25 +160,25 @@ def ticks(learned, effectors, state, begin, end, forces, pulls, dt, substeps, sm
             share = (step + (0.5 if forces else 1.0)) / substeps  # a force of its mean, a displacement of its end
             for a in range(n_a):
                 for b in range(count):
-                    lanes.told[a, b] = begin[a, first + b] + share * (end[a, first + b] - begin[a, first + b])
+                    lanes.command[a, b] = begin[a, first + b] + share * (end[a, first + b] - begin[a, first + b])
             failed += _step(learned, lanes, room, forces, pulls, dt, small, tolerance, count)
-        _effectors(effectors, lanes, still, moving, room, here, far)
+        _effectors(effectors, lanes, still, moving, room, tip_lanes, outside_lanes)
         _copy(lanes, state, 0, first, count)
         for b in range(count):
-            outside[first + b] = far[b]
+            outside[first + b] = outside_lanes[b]
             for e in range(tip.shape[0]):
-                tip[e, first + b] = here[e, b]
+                tip[e, first + b] = tip_lanes[e, b]
     return failed
 
 
 @njit(cache=True, no_cpython_wrapper=True, no_cfunc_wrapper=True, error_model="numpy")
-def _copy(source, to, first, there, count):
-    """count robots from place `first` on."""
+def _copy(source, to, first, to_first, count):
+    """Copies count robots from place `first` on, to place `to_first` on."""
     for b in range(count):
         for i in range(source.q.shape[0]):
-            to.q[i, there + b], to.p[i, there + b] = source.q[i, first + b], source.p[i, first + b]
-            to.v[i, there + b], to.gain[i, there + b] = source.v[i, first + b], source.gain[i, first + b]
+            to.q[i, to_first + b], to.p[i, to_first + b] = source.q[i, first + b], source.p[i, first + b]
+            to.v[i, to_first + b], to.gain[i, to_first + b] = source.v[i, first + b], source.gain[i, first + b]
         for a in range(source.held.shape[0]):
-            to.lam[a, there + b], to.held[a, there + b] = source.lam[a, first + b], source.held[a, first + b]
-        to.stiffness[there + b] = source.stiffness[first + b]
-        to.viscosity[there + b] = source.viscosity[first + b]
+            to.lam[a, to_first + b], to.held[a, to_first + b] = source.lam[a, first + b], source.held[a, first + b]
+        to.stiffness[to_first + b] = source.stiffness[first + b]
+        to.viscosity[to_first + b] = source.viscosity[first + b]

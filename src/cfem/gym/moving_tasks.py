@@ -16,20 +16,20 @@ from cfem.gym.tasks import LARGEST, Follow, Goals, Reach, Scales
 
 
 def moving_observation(scales: Scales, tips: np.ndarray, us: np.ndarray, goals: np.ndarray) -> np.ndarray:
-    """tips (B, history, n_e) mm from rest, us (B, history, n_a), both newest first; goals (B, ahead, n_e), the next
-    first -> (B, n) float32."""
-    off, many, close = goals[:, 0] - tips[:, 0], (len(tips), -1), 5 * scales.near
+    """Observation (B, n) float32 of robots that move: tips (B, history, n_e) mm from rest, us (B, history, n_a), both
+    newest first; goals (B, ahead, n_e), the next first."""
+    errors, many, close = goals[:, 0] - tips[:, 0], (len(tips), -1), 5 * scales.near
     parts = [
-        off / scales.scale,
-        np.clip(off / close, -1.0, 1.0),
+        errors / scales.scale,
+        np.clip(errors / close, -1.0, 1.0),
         ((goals[:, 1:] - goals[:, :-1]) / close).reshape(many),
         tips[:, 0] / scales.scale,
         ((tips[:, :-1] - tips[:, 1:]) / close).reshape(many),
         2.0 * (us[:, 0] - scales.low) / (scales.reach - scales.low) - 1.0,
         ((us[:, :-1] - us[:, 1:]) / scales.step).reshape(many),
     ]
-    seen = np.concatenate(parts, axis=1, dtype=np.float32, casting="same_kind")
-    return np.clip(seen, -LARGEST, LARGEST, out=seen)
+    observed = np.concatenate(parts, axis=1, dtype=np.float32, casting="same_kind")
+    return np.clip(observed, -LARGEST, LARGEST, out=observed)
 
 
 class MovingReach(Reach):
@@ -52,6 +52,8 @@ class MovingFollow(Follow):
         super().__init__(robots, p, rng)
 
     def _shares(self, rng: np.random.Generator, size: tuple[int, int]) -> np.ndarray:
+        """Shares of the largest forces along closed curves, (length + 1, curves, n_a), run at speeds that grow from
+        rest."""
         t = self._tick * np.arange(self.length + 1)[:, None, None]
         speed = self.slowest * (self.fastest / self.slowest) ** rng.random((size[0], 1))
         run_up = rng.uniform(self._tick, 0.5, (size[0], 1))

@@ -52,6 +52,14 @@ class MovingWorld:
         ahead: int = 8,
         history: int = 4,
     ):
+        """Batch of `count` robots at a task.
+
+        command, rate: 'force' or 'displacement', in Hz
+        substeps: of a tick
+        step, largest: shares of the commands' range: change in a tick, and largest force
+        randomise: how robots differ from the model
+        length: ticks of an episode
+        ahead, history: goals and samples in an observation"""
         if task not in MOVING or command not in ("force", "displacement"):
             do = f"use one of {', '.join(MOVING)}, and command force or displacement"
             raise InputError(f"there is no task '{task}' with command '{command}'", do=do)
@@ -80,7 +88,7 @@ class MovingWorld:
         self.u, self.t, self.delay = np.tile(low, (count, 1)), np.zeros(count, int), np.zeros(count, int)
         self.states = self.robots.standing(self.u, np.ones(count), np.ones(count))
         self.samples = np.zeros((count, history + self.randomised.delay, n_e))
-        self.told = np.zeros((count, history, n_a))
+        self.commands = np.zeros((count, history, n_a))
 
     def _bounds(self, largest: float) -> tuple[np.ndarray, np.ndarray]:
         model = self.model.static
@@ -103,7 +111,7 @@ class MovingWorld:
 
     @property
     def sizes(self) -> tuple[int, int]:
-        """Of an observation and of an action."""
+        """Sizes of an observation and of an action."""
         rows = self.model.rows
         return rows.n_e * (1 + self.ahead + self.history) + rows.n_a * self.history, rows.n_a
 
@@ -117,32 +125,32 @@ class MovingWorld:
         self.states.put(which, self.robots.standing(u, stiffness, viscosity))
         self.u[which], self.t[which] = u, 0
         self.delay[which] = rng.integers(0, kinds.delay + 1, size)
-        self.told[which] = u[:, None]
+        self.commands[which] = u[:, None]
         self.samples[which] = self._sample(which)[:, None]
 
     def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """actions (B, n_a) -> rewards (B,), errors (B,) mm, who has left what the model knows, and whose episode is
-        over."""
+        """Rewards (B,), errors (B,) mm, the mask of robots that have left what the model knows, and of those whose
+        episode is over, after actions (B, n_a)."""
         scales = self.scales
         move = np.clip(np.nan_to_num(np.asarray(actions, float)), -1.0, 1.0) * scales.step
         self.u = np.clip(self.u + move, scales.low, scales.reach)
         self.robots.move(self.states, self.u)
         self.t += 1
-        left = ~(self.states.outside <= LEFT) | ~np.isfinite(self.states.tip).all(axis=1)
-        if left.any():  # what they are does not matter: they begin again
-            self.states.tip[left] = 0.0
-        self.told = np.concatenate([self.u[:, None], self.told[:, :-1]], axis=1)
+        gone = ~(self.states.outside <= LEFT) | ~np.isfinite(self.states.tip).all(axis=1)
+        if gone.any():  # what they are does not matter: they begin again
+            self.states.tip[gone] = 0.0
+        self.commands = np.concatenate([self.u[:, None], self.commands[:, :-1]], axis=1)
         self.samples = np.concatenate([self._sample(slice(None))[:, None], self.samples[:, :-1]], axis=1)
         errors = self.task.errors(self.states, self.goals, self.t)
         rewards = np.exp(-errors / scales.near) - errors / scales.scale
-        return np.where(left, GONE, rewards), errors, left, self.t >= self.length
+        return np.where(gone, GONE, rewards), errors, gone, self.t >= self.length
 
     def observe(self) -> np.ndarray:
         """(B, n) float32."""
         count, kept, n_e = self.samples.shape
         which = self.delay[:, None] + np.arange(self.history) + kept * np.arange(count)[:, None]
         tips = self.samples.reshape(-1, n_e).take(which, axis=0)
-        return moving_observation(self.scales, tips, self.told, ahead_of(self.goals, self.t, self.ahead))
+        return moving_observation(self.scales, tips, self.commands, ahead_of(self.goals, self.t, self.ahead))
 
     def _sample(self, which: np.ndarray | slice) -> np.ndarray:
         tip = self.states.tip[which]

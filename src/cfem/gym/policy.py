@@ -26,6 +26,7 @@ class Policy:
     path: Path
 
     def __post_init__(self) -> None:
+        """Reads the network and the facts beside it. InputError where the file is no policy of cfem."""
         demand("onnxruntime", where="policy")
         import onnxruntime
 
@@ -42,11 +43,11 @@ class Policy:
             what = f"is no policy of cfem: {str(error).splitlines()[0][:200]}"
             raise InputError(what, where=str(self.path), do="write it by cfem.gym.save_policy.save_policy") from None
         n_a, n_e = len(facts["actuators"]), len(facts["effectors"])
-        seen = 4 * n_e + n_a + len(parameters)
+        observed = 4 * n_e + n_a + len(parameters)
         if moving:
-            seen = n_e * (1 + moving["ahead"] + moving["history"]) + n_a * moving["history"]
-        if sizes != [n_a] * 3 or session.get_inputs()[0].shape[1] != seen:
-            what = f"does not take the {seen} numbers of an observation of its robot"
+            observed = n_e * (1 + moving["ahead"] + moving["history"]) + n_a * moving["history"]
+        if sizes != [n_a] * 3 or session.get_inputs()[0].shape[1] != observed:
+            what = f"does not take the {observed} numbers of an observation of its robot"
             raise InputError(what, where=str(self.path), do="train it again")
         object.__setattr__(self, "parameters", parameters)
         object.__setattr__(self, "moving", moving)
@@ -56,11 +57,11 @@ class Policy:
         object.__setattr__(self, "scales", Scales(float(facts["scale"]), float(facts["near"]), *numbers))
 
     def demand_robot(self, effectors: Sequence[str], actuators: Sequence[str]) -> None:
-        """InputError where it is a policy of other rows."""
+        """Raises InputError where it is a policy of other rows."""
         if (list(effectors), list(actuators)) != (self.facts["effectors"], self.facts["actuators"]):
-            of = f"{', '.join(self.facts['effectors'])} by {', '.join(self.facts['actuators'])}"
+            robot_rows = f"{', '.join(self.facts['effectors'])} by {', '.join(self.facts['actuators'])}"
             raise InputError(
-                f"is a policy of another robot: of {of}", where=str(self.path), do="train one of this robot"
+                f"is a policy of another robot: of {robot_rows}", where=str(self.path), do="train one of this robot"
             )
 
     def told(self, p: np.ndarray) -> np.ndarray:
@@ -68,17 +69,17 @@ class Policy:
         return 2.0 * shares(self.parameters, p) - 1.0
 
     def command(
-        self, tip: np.ndarray, u: np.ndarray, goal: np.ndarray, ahead: np.ndarray, told: np.ndarray
+        self, tip: np.ndarray, u: np.ndarray, goal: np.ndarray, ahead: np.ndarray, parameters: np.ndarray
     ) -> np.ndarray:
-        """(n_a,) mm: the next command after u (n_a,), the effector at tip (n_e,) and the goal at goal, mm from rest,
-        which goes on by ahead (n_e,) mm in the next tick; told: of its robot."""
-        return self.commands(*(np.asarray(one, float)[None] for one in (tip, u, goal, ahead, told)))[0]
+        """Command (n_a,) mm that follows u (n_a,), the effector at tip (n_e,) and the goal at goal, mm from rest, which
+        goes on by ahead (n_e,) mm in the next tick; parameters: of its robot, as `told` scales them."""
+        return self.commands(*(np.asarray(array, float)[None] for array in (tip, u, goal, ahead, parameters)))[0]
 
     def commands(
-        self, tip: np.ndarray, u: np.ndarray, goal: np.ndarray, ahead: np.ndarray, told: np.ndarray
+        self, tip: np.ndarray, u: np.ndarray, goal: np.ndarray, ahead: np.ndarray, parameters: np.ndarray
     ) -> np.ndarray:
-        """(B, n_a) mm: as `command`, of many robots."""
-        return self._next(u, observation(self.scales, tip, u, goal, ahead, told))
+        """Commands (B, n_a) mm: as `command`, of many robots."""
+        return self._next(u, observation(self.scales, tip, u, goal, ahead, parameters))
 
     def moving_command(self, tips: np.ndarray, us: np.ndarray, goals: np.ndarray) -> np.ndarray:
         """(n_a,) mm or N: the next command after us (history, n_a) and samples tips (history, n_e) mm from rest, newest

@@ -20,10 +20,13 @@ from cfem.predict.series import input_derivatives
 
 @dataclass
 class RobotStates:
-    """B robots. delta_a (B, n_a) mm; lambda_a (B, n_a) N; hessian (B, n_a (n_a + 1) / 2) of the energy, packed, at the
-    reference of exact parameters, 0 where it is unknown; tip (B, n_e) mm from rest; compliance (B, n_e, n_e) mm/N of
-    the effectors at locked actuators, 0 where it was not asked for; failed: how many found no equilibrium in the last
-    step."""
+    """States of B robots at rest.
+
+    delta_a, lambda_a: (B, n_a) mm and N
+    hessian: (B, n_a (n_a + 1) / 2) of the energy, packed, at the reference of exact parameters, 0 where it is unknown
+    tip: (B, n_e) mm from rest
+    compliance: (B, n_e, n_e) mm/N of the effectors at locked actuators, 0 where it was not asked for
+    failed: number of robots that found no equilibrium in the last step"""
 
     delta_a: np.ndarray
     lambda_a: np.ndarray
@@ -38,6 +41,8 @@ class Robots:
     loaded: effector rows on which there may be loads."""
 
     def __init__(self, model: Predictor, needs: tuple[str, ...] = (), loaded: Sequence[int] = ()):
+        """Batch of robots of a model; needs: further series, loaded: effector rows with loads. InputError for a model
+        that is not spectral of form displacement."""
         demand("numba", where="cfem.gym")
         if not isinstance(model, SpectralPredictor) or model.form != "displacement":
             kind, form = model.meta.get("kind"), model.form
@@ -72,7 +77,7 @@ class Robots:
         self.largest_force = high.copy()
         scale = np.abs(model.domain.lambda_a).max(axis=0)
         self._tolerance = 1e-6 * np.where(scale > 0, scale, scale.max())
-        self.reference = np.array([one.reference for one in model.parameters])
+        self.reference = np.array([parameter.reference for parameter in model.parameters])
 
     def start(self, count: int) -> RobotStates:
         """All at rest, as far as the model knows it."""
@@ -128,28 +133,33 @@ class Robots:
         return CommandLaw(forces, self.pulls, STEP * stroke(self.model.reach), self._tolerance, first)
 
     def random_parameters(self, rng: np.random.Generator, count: int) -> np.ndarray:
-        """(count, n_p), uniform in the coordinates in which the model is smooth."""
-        own = self.model.parameters
-        if not own:
+        """Parameters (count, n_p), uniform in the coordinates in which the model is smooth."""
+        parameters = self.model.parameters
+        if not parameters:
             return np.zeros((count, 0))
-        low, high = (coordinates(own, np.array([getattr(one, end) for one in own])) for end in ("low", "high"))
-        return values(own, low + (high - low) * rng.random((count, len(own))))
+        low, high = (
+            coordinates(parameters, np.array([getattr(parameter, end) for parameter in parameters]))
+            for end in ("low", "high")
+        )
+        return values(parameters, low + (high - low) * rng.random((count, len(parameters))))
 
     def feasible(self, rng: np.random.Generator, p: np.ndarray, share: float = 0.7) -> RobotStates:
-        """A state of each robot p (B, n_p), within its reach, under random forces up to `share` of the largest of the
+        """State of each robot p (B, n_p), within its reach, under random forces up to `share` of the largest of the
         training. InputError where one has none."""
-        kept, left = self.start(len(p)), np.arange(len(p))
+        kept, unplaced = self.start(len(p)), np.arange(len(p))
         for _ in range(60):
-            start = self.start(len(left))
+            start = self.start(len(unplaced))
             start.delta_a[:] = self.model.domain.states[0, : start.delta_a.shape[1]]
             u = rng.uniform(0.0 if self.pulls else -share, share, start.delta_a.shape)
-            found = self.move(start, self.forces(u, p[left]), p[left], forces=True)
+            states = self.move(start, self.forces(u, p[unplaced]), p[unplaced], forces=True)
             low, high = self.model.reach.T
-            good = ((found.delta_a >= low) & (found.delta_a <= high)).all(axis=1) & np.isfinite(found.tip).all(axis=1)
+            good = ((states.delta_a >= low) & (states.delta_a <= high)).all(axis=1) & np.isfinite(states.tip).all(
+                axis=1
+            )
             for name in FIELDS:
-                getattr(kept, name)[left[good]] = getattr(found, name)[good]
-            left = left[~good]
-            if not len(left):
+                getattr(kept, name)[unplaced[good]] = getattr(states, name)[good]
+            unplaced = unplaced[~good]
+            if not len(unplaced):
                 return kept
         raise InputError("the model's states under forces do not lie within the reach of its actuators")
 

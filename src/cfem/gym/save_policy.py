@@ -14,10 +14,10 @@ from cfem.gym.world import World
 
 
 def facts_of(world: World | MovingWorld) -> dict[str, Any]:
-    """What a controller needs beside the weights: plain data."""
-    scales, rows, own = world.scales, world.model.rows, {}
+    """Facts that a controller needs beside the weights, as plain data."""
+    scales, rows, motion = world.scales, world.model.rows, {}
     if isinstance(world, MovingWorld):
-        own = {"ahead": world.ahead, "history": world.history, "tick": world.tick}
+        motion = {"ahead": world.ahead, "history": world.history, "tick": world.tick}
         parameters, command = [], world.command
     else:
         parameters, command = to_json(world.model.parameters) if world.observes_parameters else [], "displacement"
@@ -25,7 +25,7 @@ def facts_of(world: World | MovingWorld) -> dict[str, Any]:
         "format": FORMAT,
         "task": world.name,
         "command": command,
-        "moving": own,
+        "moving": motion,
         "parameters": parameters,
         "effectors": list(rows.effectors),
         "actuators": list(rows.actuators),

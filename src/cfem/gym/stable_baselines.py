@@ -24,7 +24,8 @@ class RobotVecEnv(VecEnv):
         self._actions = actions
 
     def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
-        seen, rewards, failed, late, info = self.env.step(self._actions)
+        """Observations, rewards, ends and facts of the last actions, as Stable Baselines has them."""
+        observations, rewards, failed, late, info = self.env.step(self._actions)
         over = failed | late
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         self._returns += rewards
@@ -38,7 +39,7 @@ class RobotVecEnv(VecEnv):
                 "error": float(info["error"][i]),
             }
         self._returns[over], self._lengths[over] = 0.0, 0
-        return seen, rewards.astype(np.float32), over, infos
+        return observations, rewards.astype(np.float32), over, infos
 
     def close(self) -> None:
         self.env.close()

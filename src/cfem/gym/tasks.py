@@ -24,7 +24,12 @@ LARGEST = 10.0  # number in an observation
 
 @dataclass(frozen=True)
 class Scales:
-    """scale: mm, about how far the effector goes; near: mm; step: mm of command a tick; low, reach: (n_a,) mm."""
+    """Units of observations and commands.
+
+    scale: mm, about how far the effector goes
+    near: mm
+    step: mm of command a tick
+    low, reach: (n_a,) mm"""
 
     scale: float
     near: float
@@ -34,16 +39,16 @@ class Scales:
 
 
 def observation(
-    scales: Scales, tip: np.ndarray, u: np.ndarray, goal: np.ndarray, ahead: np.ndarray, told: np.ndarray
+    scales: Scales, tip: np.ndarray, u: np.ndarray, goal: np.ndarray, ahead: np.ndarray, parameters: np.ndarray
 ) -> np.ndarray:
-    """tip, goal, ahead (B, n_e) mm from rest, ahead from goal, u (B, n_a) mm, told (B, k) in [-1, 1] of the robot's
-    parameters -> (B, 4 n_e + n_a + k) float32."""
+    """Observation (B, 4 n_e + n_a + k) float32: tip, goal, ahead (B, n_e) mm from rest, ahead from goal, u (B, n_a) mm,
+    parameters (B, k) in [-1, 1] of the robot."""
     share = 2.0 * (u - scales.low) / (scales.reach - scales.low) - 1.0
-    off = goal - tip
-    close = np.clip(off / (5 * scales.near), -1.0, 1.0)
-    parts = [off / scales.scale, close, ahead / scales.near, tip / scales.scale, share, told]
-    seen = np.concatenate(parts, axis=1, dtype=np.float32, casting="same_kind")
-    return np.clip(seen, -LARGEST, LARGEST, out=seen)
+    errors = goal - tip
+    close = np.clip(errors / (5 * scales.near), -1.0, 1.0)
+    parts = [errors / scales.scale, close, ahead / scales.near, tip / scales.scale, share, parameters]
+    observed = np.concatenate(parts, axis=1, dtype=np.float32, casting="same_kind")
+    return np.clip(observed, -LARGEST, LARGEST, out=observed)
 
 
 class Reach:
@@ -69,9 +74,9 @@ class Reach:
         return states.tip
 
     def errors(self, states: RobotStates, goals: "Goals", t: np.ndarray) -> np.ndarray:
-        """(B,) mm."""
-        off = states.tip - goals.now(t)
-        return np.sqrt(np.einsum("bi,bi->b", off, off))
+        """Errors (B,) mm of the effectors."""
+        errors = states.tip - goals.now(t)
+        return np.sqrt(np.einsum("bi,bi->b", errors, errors))
 
     def ahead(self, states: RobotStates, goals: "Goals", t: np.ndarray) -> np.ndarray:
         """(B, n_e) mm to where the goal will be in the next tick."""
@@ -84,6 +89,7 @@ class Follow(Reach):
     length, curves, goals_move = 100, 1024, True
 
     def __init__(self, robots: Robots, p: np.ndarray, rng: np.random.Generator):
+        """Draws closed curves that the robots can follow, under their loads."""
         super().__init__(robots, p, rng)
         self._load = self._loads(robots, rng)
         self._p = p[: self.curves]
@@ -142,8 +148,8 @@ class Press(Reach):
 
     def __init__(self, robots: Robots, p: np.ndarray, rng: np.random.Generator):
         super().__init__(robots, p, rng)
-        way = self._pool.tip
-        self._normal = -way / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-9)
+        tips = self._pool.tip
+        self._normal = -tips / np.maximum(np.linalg.norm(tips, axis=1, keepdims=True), 1e-9)
         self._depth = 0.05 * self.scale * rng.uniform(0.2, 1.0, len(p))
 
     def begin(self, goals: "Goals", which: np.ndarray, rng: np.random.Generator) -> np.ndarray:

@@ -34,8 +34,8 @@ def train(
     seed: int = 0,
     after: Callable[[PPO], None] = lambda learner: None,
 ) -> Mean:
-    """steps: of all robots of the batch together; width: of both hidden layers; after: is called with the learner
-    after each of `PARTS` parts."""
+    """Policy trained in an environment. steps: of all robots of the batch together; width: of both hidden layers;
+    after: is called with the learner after each of `PARTS` parts."""
     learner = PPO(
         "MlpPolicy",
         RobotVecEnv(env),
@@ -44,7 +44,9 @@ def train(
         n_epochs=6,
         gamma=0.95 if isinstance(env.world, MovingWorld) else 0.9,
         gae_lambda=0.9,
-        learning_rate=lambda left: 1.5e-3 * max(left, 0.0) + 1e-5,  # the last rollout may end beyond the steps
+        learning_rate=lambda share_left: (
+            1.5e-3 * max(share_left, 0.0) + 1e-5
+        ),  # the last rollout may end beyond the steps
         policy_kwargs={"net_arch": [width, width], "log_std_init": -1.0},
         seed=seed,
         device="cpu",
@@ -73,13 +75,13 @@ class _Parts(BaseCallback):
 
 
 def errors(policy: Mean, world: World | MovingWorld, ticks: int = 60, last: int = 10) -> np.ndarray:
-    """(B,) mm, mean of the `last` of `ticks` ticks of an episode of each robot of the batch, begun before. A robot that
-    leaves what its model knows counts as one that stands at rest, and begins again."""
-    found = []
+    """Errors (B,) mm, mean of the `last` of `ticks` ticks of an episode of each robot of the batch, begun before. A
+    robot that leaves what its model knows counts as one that stands at rest, and begins again."""
+    errors_of_ticks = []
     with torch.no_grad():
         for _ in range(ticks):
-            _, off, left, _ = world.step(policy(torch.as_tensor(world.observe())).numpy())
-            found.append(off)
-            if left.any():
-                world.reset(np.flatnonzero(left))
-    return np.mean(found[-last:], axis=0)
+            _, error, gone, _ = world.step(policy(torch.as_tensor(world.observe())).numpy())
+            errors_of_ticks.append(error)
+            if gone.any():
+                world.reset(np.flatnonzero(gone))
+    return np.mean(errors_of_ticks[-last:], axis=0)

@@ -18,7 +18,7 @@ POOL = 4096  # robots of which episodes are
 @dataclass(frozen=True)
 class Randomised:
     """What differs from episode to episode. parameters: whether those of the model are drawn from their ranges; slack:
-    mm, by which an actuator may be less than told, standard deviation; gain: share by which a command may be off;
+    mm, by which an actuator may be less than commanded, standard deviation; gain: share by which a command may be off;
     noise: mm, of each measured coordinate of the effector, new at each tick."""
 
     parameters: bool = True
@@ -45,6 +45,13 @@ class World:
         designs: np.ndarray | None = None,
         observe_parameters: bool = False,
     ):
+        """Batch of `count` robots at a task.
+
+        step: share of the reach by which a command may change in a tick
+        randomise: how robots differ from the model
+        length: ticks of an episode
+        designs: (k, n_p) parameters to draw from
+        observe_parameters: whether observations hold them"""
         if task not in TASKS:
             raise InputError(f"there is no task '{task}'", do=f"use one of {', '.join(TASKS)}")
         if not isinstance(model, Predictor):
@@ -74,13 +81,13 @@ class World:
         self.slack, self.gain = np.zeros((count, n_a)), np.ones((count, n_a))
 
     def _pool(self, rng: np.random.Generator, designs: np.ndarray | None) -> np.ndarray:
-        """(POOL, n_p)"""
+        """Parameters (POOL, n_p) of the robots to draw from."""
         if designs is not None:
-            given = np.asarray(designs, float)
-            if given.ndim != 2 or given.shape[1] != len(self.model.parameters) or not len(given):
-                names = ", ".join(one.name for one in self.model.parameters)
-                raise InputError(f"designs must be rows of {names}, got an array of shape {given.shape}")
-            return given[rng.permutation(np.arange(POOL) % len(given))]
+            designed = np.asarray(designs, float)
+            if designed.ndim != 2 or designed.shape[1] != len(self.model.parameters) or not len(designed):
+                names = ", ".join(parameter.name for parameter in self.model.parameters)
+                raise InputError(f"designs must be rows of {names}, got an array of shape {designed.shape}")
+            return designed[rng.permutation(np.arange(POOL) % len(designed))]
         if self.randomised.parameters:
             return self.robots.random_parameters(rng, POOL)
         return np.tile(self.robots.reference, (POOL, 1))
@@ -97,9 +104,9 @@ class World:
 
     @property
     def sizes(self) -> tuple[int, int]:
-        """Of an observation and of an action."""
-        rows, told = self.model.rows, len(self.model.parameters) if self.observes_parameters else 0
-        return 4 * rows.n_e + rows.n_a + told, rows.n_a
+        """Sizes of an observation and of an action."""
+        rows, n_parameters = self.model.rows, len(self.model.parameters) if self.observes_parameters else 0
+        return 4 * rows.n_e + rows.n_a + n_parameters, rows.n_a
 
     def reset(self, which: np.ndarray) -> None:
         """New episodes for the robots `which` (k,), each at a random place."""
@@ -131,13 +138,14 @@ class World:
         return rewards, errors, np.zeros(self.count, bool), self.t >= self.length
 
     def observe(self) -> np.ndarray:
-        """(B, n) float32. The goal is that of the end of the tick that follows, as in a loop of `cfem control`."""
+        """Observation (B, n) float32. The goal is that of the end of the tick that follows, as in a loop of `cfem
+        control`."""
         tip = self.task.tip(self.states, self.goals)
         if self.randomised.noise:
             tip = tip + self.randomised.noise * self.rng.standard_normal(tip.shape)
         ahead = self.task.ahead(self.states, self.goals, self.t + 1)
-        told = 2.0 * shares(self.model.parameters, self.p) - 1.0 if self.observes_parameters else self.p[:, :0]
-        return observation(self.scales, tip, self.u, self.goals.now(self.t + 1), ahead, told)
+        parameters = 2.0 * shares(self.model.parameters, self.p) - 1.0 if self.observes_parameters else self.p[:, :0]
+        return observation(self.scales, tip, self.u, self.goals.now(self.t + 1), ahead, parameters)
 
     def _felt(self, which: np.ndarray | slice) -> np.ndarray:
         felt = self.u[which] * self.gain[which] - self.slack[which]

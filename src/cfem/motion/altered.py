@@ -19,7 +19,7 @@ class Altered:
     viscosity: float = 1.0
 
     def at(self, delta_a: np.ndarray) -> MotionTerms:
-        """As of the model, (n_a,) mm."""
+        """Terms of the altered model at delta_a (n_a,) mm."""
         place, s = self.model.at(delta_a), self.stiffness
         return replace(
             place,
@@ -30,17 +30,17 @@ class Altered:
         )
 
     def learned(self, delta_a: np.ndarray, slopes: bool = True) -> dict[str, np.ndarray]:
-        """As of the model, (n_a,) mm."""
-        found = self.model.learned(delta_a, slopes)
-        return found | {"F": self.stiffness * self.viscosity * found["F"]}
+        """Learned terms of the altered model at delta_a (n_a,) mm."""
+        terms = self.model.learned(delta_a, slopes)
+        return terms | {"F": self.stiffness * self.viscosity * terms["F"]}
 
     def forces(self, delta_a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """As of the model."""
+        """Forces of the altered model at delta_a (n_a,) mm."""
         pull, stiff = self.model.forces(delta_a)
         return self.stiffness * pull, self.stiffness * stiff
 
     def inertia(self, delta_a: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """As of the model."""
+        """Inertia of the altered model at delta_a (n_a,) mm."""
         M, dM, F = self.model.inertia(delta_a)
         return M, dM, self.stiffness * self.viscosity * F
 

@@ -35,7 +35,7 @@ class Clocked:
         """about (n_a,) mm: where the lowest natural frequency is taken."""
         self.model, self.kind, self.dt = model, kind, dt
         self.n_a, self.n_q = model.n_a, model.n_q
-        self.n_z = (2 + sum(len(one.prony) for one in model.losses)) * model.n_q
+        self.n_z = (2 + sum(len(loss.prony) for loss in model.losses)) * model.n_q
         self.frequency = float(natural_modes(model, about, kind == "displacement", 1).frequency[0])
         self._warp = prewarp(self.frequency, dt)
 
@@ -52,7 +52,7 @@ class Clocked:
         return ClockedState(z, motion.v, np.array(u, float))
 
     def acting(self, before: np.ndarray, u: np.ndarray) -> np.ndarray:
-        """What a step of the model is told: of commands (..., n_a) reached at its beginning and at its end."""
+        """Actuation that acts in a step, from commands (..., n_a) reached at its beginning and at its end."""
         return (before + u) / 2 if self.kind == "force" else u
 
     def linear(self, guess: Guess, material: MaterialShares, every: int = 1) -> tuple[LinearisedSteps, MotionTerms]:
@@ -65,16 +65,15 @@ class Clocked:
     def step(
         self, state: ClockedState, u: np.ndarray, material: MaterialShares, place: MotionTerms | None = None
     ) -> tuple[ClockedState, LinearisedSteps, MotionTerms]:
-        """The state after a tick in which the command moves to u (n_a,), its last linearisation, and what the model
-        says at its middle; place: whose inertia and inner motions are taken, None: those where the last velocity leads
-        to."""
-        z, v, told, size = state.z, state.v.copy(), self.acting(state.u, u), self.model.scale
+        """State after a tick in which the command moves to u (n_a,), its last linearisation, and what the model says at
+        its middle; place: whose inertia and inner motions are taken, None: those where the last velocity leads to."""
+        z, v, actuation, size = state.z, state.v.copy(), self.acting(state.u, u), self.model.scale
         if self.kind == "displacement":
-            v[: self.n_a] = (told - z[: self.n_a]) / self.dt
+            v[: self.n_a] = (actuation - z[: self.n_a]) / self.dt
         for _ in range(_ITERATIONS):
             middle = (z[: self.n_a] + self.dt / 2 * v[: self.n_a])[None]
             place = places(self.model, middle) if place is None else moved(place, self.model, middle)
-            guess = Guess(z[None], v[None], told[None])
+            guess = Guess(z[None], v[None], actuation[None])
             steps = linear_steps(self.warped(place), self.model.losses, guess, self.kind, self.dt, material)
             before, v = v, (steps.end[0, : self.n_q] - z[: self.n_q]) / self.dt
             if np.abs((v - before) / size).max() <= _SETTLED * max(float(np.abs(v / size).max()), 1.0):
@@ -95,6 +94,6 @@ class Clocked:
         return part["effector"] + np.einsum("kei,ki->ke", near.H + bent / 2, eta), C
 
     def warped(self, place: MotionTerms) -> MotionTerms:
-        """With mass and viscosity scaled, so that steps of a tick have the lowest natural frequency right."""
+        """Terms with mass and viscosity scaled, so that steps of a tick have the lowest natural frequency right."""
         g = self._warp
         return replace(place, M=g**2 * place.M, dM=g**2 * place.dM, F=g * place.F)

@@ -28,9 +28,14 @@ class SolvedStep:
 
 @dataclass
 class Expansion:
-    """Of a step of dt s from q with momenta p. known (n_q,): forces that do not depend on v; M (n_q, n_q), dM (n_a,
-    n_q, n_q): mass at `about` (n_a,), and its slopes; pull (n_a,), stiff (n_a, n_a): grad Psi and its slope; inner
-    (n_r, n_r): stiffness of eta; drag (n_q, n_q): of the viscous force by v; scale (n_q,): of q."""
+    """Equations of a step of dt s from q with momenta p, expanded about a place.
+
+    known: (n_q,) forces that do not depend on v
+    M, dM: (n_q, n_q) and (n_a, n_q, n_q), mass at `about` (n_a,), and its slopes
+    pull, stiff: (n_a,) and (n_a, n_a), grad Psi and its slope
+    inner: (n_r, n_r) stiffness of eta
+    drag: (n_q, n_q) slope of the viscous force by v
+    scale: (n_q,) of q"""
 
     q: np.ndarray
     p: np.ndarray
@@ -46,24 +51,24 @@ class Expansion:
     scale: np.ndarray
 
     def size(self, v: np.ndarray) -> float:
-        """Of a velocity, in units of q; a motion of a nanometre in the step, or its share of an amplitude, needs no
-        digits."""
+        """Size of a velocity, in units of q; a motion of a nanometre in the step, or its share of an amplitude, needs
+        no digits."""
         return max(float(np.abs(v / self.scale).max()), 1e-6 / self.dt / float(self.scale.min()))
 
     def solved(self, v: np.ndarray, free: np.ndarray, tolerance: float) -> SolvedStep | None:
-        """From v, whose entries `free` are changed, by Newton's method with the slopes at v, later ones where changes
-        fall slowly, until the next change would be below the tolerance by the rate at which they have fallen; None
-        where it does not end."""
-        v, change, before, every = v.copy(), np.zeros(len(v)), np.inf, len(free) == len(v)
+        """Step solved from v, whose entries `free` are changed, by Newton's method with the slopes at v, later ones
+        where changes fall slowly, until the next change would be below the tolerance by the rate at which they have
+        fallen; None where it does not end."""
+        v, change, before, all_free = v.copy(), np.zeros(len(v)), np.inf, len(free) == len(v)
         small, slope, stale = tolerance * self.size(v), None, True
         for _ in range(_ITERATIONS):
             rest, Mv, turning = self._terms(v)
             if stale:
                 slope = self._slope(turning)
-                factor, pivots, failed = dgetrf(slope if every else slope[free[:, None], free])
+                factor, pivots, failed = dgetrf(slope if all_free else slope[free[:, None], free])
                 if failed:
                     return None
-            if every:
+            if all_free:
                 change = dgetrs(factor, pivots, rest)[0]
             else:
                 change[free] = dgetrs(factor, pivots, rest[free])[0]
@@ -89,7 +94,7 @@ class Expansion:
         return out
 
     def _terms(self, v: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """What v leaves of the equations, M v, and dt/2 times the slope (n_a, n_q) of M v by the place."""
+        """Residual of the equations at v, M v, and dt/2 times the slope (n_a, n_q) of M v by the place."""
         n_a, half = len(self.pull), self.dt / 2
         middle = self.q + half * v
         ahead, by_turn = middle[:n_a] - self.about, (self.dM.reshape(-1, len(v)) @ v).reshape(n_a, -1)

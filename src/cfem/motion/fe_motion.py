@@ -18,8 +18,9 @@ from cfem.motion.payload import Payload
 def simulate_full(
     robot: Robot, commands: CommandTable, until: float, dt: float, payload: Payload | None, unilateral: np.ndarray
 ) -> Run:
-    """In steps of dt s, halved where they are not found. unilateral: (n_a,) actuators that go slack. NumericalError
-    where the first command has no equilibrium, InputError where finite elements cannot carry the payload."""
+    """Motion of the FE robot in steps of dt s, halved where they do not converge. unilateral: (n_a,) actuators that go
+    slack. NumericalError where the first command has no equilibrium, InputError where finite elements cannot carry the
+    payload."""
     robot = replace(robot, unilateral=unilateral)
     carried: tuple[full.NodalPayload, ...] = ()
     if payload is not None:
@@ -35,13 +36,15 @@ def simulate_full(
         robot = replace(robot, loads=loads)
     problem = full.MovingProblem(robot, carried)
 
-    def told(t: float) -> Actuation:
+    def command_at(t: float) -> Actuation:
         value = commands.at(t)
         return displacement(value) if commands.kind == "displacement" else force(value)
 
     begin = float(commands.t[0])
-    rest = solve(problem, told(begin))
+    rest = solve(problem, command_at(begin))
     if not rest.converged:
         raise NumericalError(f"full finite elements at the first command: {rest.status.value}")
     kinks = [float(t) for t in commands.t[1:] if t < until]
-    return simulate(problem, at_rest(problem, rest.state, begin), told, until, kinks, StepControl(dt, tolerance=None))
+    return simulate(
+        problem, at_rest(problem, rest.state, begin), command_at, until, kinks, StepControl(dt, tolerance=None)
+    )

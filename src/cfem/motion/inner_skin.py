@@ -17,17 +17,18 @@ class InnerSkin:
     modes: k; parts: indices, and a series for each row and each inner motion, row by row"""
 
     def __init__(self, arrays: dict[str, np.ndarray], H: np.ndarray, n_r: int, T: np.ndarray | None = None):
+        """Reads the series of the skin beside those of the effectors, H; T: map of both."""
         to_box, n_e = arrays["to_box"], len(H) // n_r
         n_a = len(to_box)
-        own = take(arrays, "skin_indices", (None, n_a), "iu").astype(np.int64)
-        series = take(arrays, "skin", (None, len(own)))
+        skin_indices = take(arrays, "skin_indices", (None, n_a), "iu").astype(np.int64)
+        series = take(arrays, "skin", (None, len(skin_indices)))
         if not len(series) or len(series) % n_r:
             raise InputError(f"array 'skin' has {len(series)} rows, not so many for each of {n_r} inner motions")
         self.modes, self._given, self._n_r = len(series) // n_r, (arrays, H, n_r), n_r
         paths = np.vstack([H, np.zeros((len(series), H.shape[1]))])
-        skin = np.vstack([np.zeros((len(H), len(own))), series])
-        indices, found = joined([(arrays["indices"], paths), (own, skin)])
-        series = found.sum(axis=0)
+        skin = np.vstack([np.zeros((len(H), len(skin_indices))), series])
+        indices, rows = joined([(arrays["indices"], paths), (skin_indices, skin)])
+        series = rows.sum(axis=0)
         if T is not None:
             series = (T @ series.reshape(n_e + self.modes, -1)).reshape(-1, len(indices))
         self.parts = indices, series
@@ -37,10 +38,11 @@ class InnerSkin:
         self._shape = (1 + n_a, len(series) // n_r, n_r)
 
     def mapped(self, T: np.ndarray) -> "InnerSkin":
-        """Of a map T (r, n_e + k) of effectors, then modes."""
+        """Skin of a map T (r, n_e + k) of effectors, then modes."""
         return InnerSkin(*self._given, T)
 
     def __call__(self, delta_a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(n_a,) mm -> motions (r, n_r) mm by the amplitudes, and their derivatives (n_a, r, n_r) by delta_a."""
-        found = (self._basis(delta_a @ self._to_box_T + self._offset) @ self._series).reshape(self._shape)
-        return found[0], found[1:]
+        """Motions (r, n_r) mm by the amplitudes at delta_a (n_a,) mm, and their derivatives (n_a, r, n_r) by
+        delta_a."""
+        values = (self._basis(delta_a @ self._to_box_T + self._offset) @ self._series).reshape(self._shape)
+        return values[0], values[1:]

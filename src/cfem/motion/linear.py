@@ -9,6 +9,7 @@ and with v the state after the step. Second derivatives of the mass and the slop
 out, as in `step`. Repeated, this is Newton's method; once a tick, with the last solution as the guess, it is the
 real-time iteration (Diehl, Bock and Schloeder, SIAM J. Control Optim. 43, 2005)."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Literal
 
@@ -39,9 +40,11 @@ class Guess:
 
 @dataclass(frozen=True)
 class LinearisedSteps:
-    """z' = end + A (z - guess) + B (u - guess), of each of N steps; by_material (N, n_z, 2): by the logarithms of
-    stiffness and viscosity; lam (N, n_a) N, lam_by_z, lam_by_u: forces of held actuators, None where forces are
-    commanded."""
+    """Linearisation z' = end + A (z - guess) + B (u - guess) of each of N steps.
+
+    by_material: (N, n_z, 2) slopes by the logarithms of stiffness and viscosity
+    lam: (N, n_a) N, forces of held actuators
+    lam_by_z, lam_by_u: their slopes; all three None where forces are commanded"""
 
     end: np.ndarray
     A: np.ndarray
@@ -53,27 +56,27 @@ class LinearisedSteps:
 
 
 def places(model: MotionModel, delta_a: np.ndarray, every: int = 1) -> MotionTerms:
-    """All of `MotionTerms` with a first axis of N, at delta_a (N, n_a) mm. every: mass, viscosity and inner motions are
-    asked at each so many, and interpolated between; of more than one, their slopes are those at the first. Energy and
-    where the effectors rest are asked of all."""
+    """Terms of a model along a horizon: all of `MotionTerms` with a first axis of N, at delta_a (N, n_a) mm. every:
+    mass, viscosity and inner motions are asked at each so many, and interpolated between; of more than one, their
+    slopes are those at the first. Energy and where the effectors rest are asked of all."""
     count = len(delta_a)
     if count == 1:
         only = vars(model.at(delta_a[0])) | {"inner": None}
-        found = {name: values[None] for name, values in only.items() if values is not None}
-        return MotionTerms(inner=model.inner, **found)
+        terms = {name: values[None] for name, values in only.items() if values is not None}
+        return MotionTerms(inner=model.inner, **terms)
     part = model.static.parts(delta_a, delta_a[:, :0])
     knots = np.unique([*range(0, count, every), count - 1])
-    found = [model.learned(delta_a[k], slopes=k == 0) for k in knots]
+    terms = [model.learned(delta_a[k], slopes=k == 0) for k in knots]
     after = np.clip(np.searchsorted(knots, np.arange(count)), 1, max(len(knots) - 1, 1))
     before = after - 1
     last = len(knots) - 1
     after = np.minimum(after, last)
     width = np.maximum(knots[after] - knots[before], 1)
     share = np.minimum((np.arange(count) - knots[before]) / width, 1.0)
-    slopes = [name for name in found[0] if name.startswith("d")]
-    learned = {name: np.broadcast_to(found[0][name], (count, *found[0][name].shape)) for name in slopes}
-    for name in found[0].keys() - slopes:
-        values = np.array([one[name] for one in found])
+    slopes = [name for name in terms[0] if name.startswith("d")]
+    learned = {name: np.broadcast_to(terms[0][name], (count, *terms[0][name].shape)) for name in slopes}
+    for name in terms[0].keys() - slopes:
+        values = np.array([term[name] for term in terms])
         t = share.reshape(-1, *[1] * (values.ndim - 1))
         learned[name] = (1 - t) * values[before] + t * values[after]
     return MotionTerms(
@@ -87,16 +90,17 @@ def places(model: MotionModel, delta_a: np.ndarray, every: int = 1) -> MotionTer
 
 
 def moved(place: MotionTerms, model: MotionModel, delta_a: np.ndarray) -> MotionTerms:
-    """With energy and where the effectors rest at delta_a (N, n_a) mm, and the inertia and inner motions of before."""
+    """Terms with energy and where the effectors rest at delta_a (N, n_a) mm, and the inertia and inner motions of
+    before."""
     part = model.static.parts(delta_a, delta_a[:, :0])
     e, J = part["effector"], part["effector_gradient"]
     return replace(place, pull=part["gradient"], stiff=part["hessian"], e=e, J=J)
 
 
 def first_of(place: MotionTerms) -> MotionTerms:
-    """The first of `places`, which keeps its first axis."""
-    own = {one.name: getattr(place, one.name) for one in fields(MotionTerms) if one.name != "inner"}
-    return replace(place, **{name: values[:1] for name, values in own.items() if values is not None})
+    """Terms at the first place of `places`, with their first axis."""
+    values_by_name = {term.name: getattr(place, term.name) for term in fields(MotionTerms) if term.name != "inner"}
+    return replace(place, **{name: values[:1] for name, values in values_by_name.items() if values is not None})
 
 
 def linear_steps(
@@ -107,7 +111,7 @@ def linear_steps(
     dt: float,
     material: MaterialShares = MaterialShares(),
 ) -> LinearisedSteps:
-    """place: of `places` at the middle of each guessed step; dt: s."""
+    """Linearised steps from the guessed states. place: of `places` at the middle of each guessed step; dt: s."""
     s, c = material.stiffness, material.viscosity
     n, n_q = guess.v.shape
     n_a, n_z = guess.u.shape[1], guess.state.shape[1]
@@ -150,29 +154,44 @@ def linear_steps(
         X[:, :n_a, by_u] = np.eye(n_a) / dt
         left = right[:, n_a:] - by_speed[:, n_a:, :n_a] @ X[:, :n_a]
         X[:, n_a:] = np.linalg.solve(by_speed[:, n_a:, n_a:], left)
-    # v and q_m, and what follows from them
-    full = X.copy()
-    full[:, :, 0] += v
-    moved = dt / 2 * X
-    moved[:, :, 1 : 1 + n_q] += np.eye(n_q)
-    impulse = place.M @ full + turning @ moved  # M v
-    out = np.zeros((n, n_z, right.shape[2]))
-    out[:, :n_q] = dt * full
-    out[:, :n_q, 0] += q
-    out[:, :n_q, 1 : 1 + n_q] += np.eye(n_q)
-    out[:, n_q : 2 * n_q] = 2 * impulse
-    out[:, n_q : 2 * n_q, 0] -= p
-    out[:, n_q : 2 * n_q, 1 + n_q : 1 + 2 * n_q] -= np.eye(n_q)
-    for term, tau in enumerate(_taus(losses)):
-        rows, half = slice((2 + term) * n_q, (3 + term) * n_q), dt / (2 * tau)
-        out[:, rows] = dt * full / (1 + half)
-        out[:, rows, 0] += (1 - half) / (1 + half) * memory[:, term]
-        out[:, rows, 1 + rows.start : 1 + rows.stop] += (1 - half) / (1 + half) * np.eye(n_q)
+    out = _states_after(X, place.M, turning, guess, dt, _taus(losses))
     steps = out[:, :, 0], out[:, :, by_z], out[:, :, by_u], out[:, :, by_s]
     if kind == "force":
         return LinearisedSteps(*steps)
     lam = 2 / dt * (by_speed[:, :n_a] @ X - right[:, :n_a])  # what the rows of the actuators lack
     return LinearisedSteps(*steps, lam[:, :, 0], lam[:, :, by_z], lam[:, :, by_u])
+
+
+def _states_after(
+    X: np.ndarray, M: np.ndarray, turning: np.ndarray, guess: Guess, dt: float, taus: Sequence[float]
+) -> np.ndarray:
+    """States (N, n_z, columns of X) after the steps, from the change X of the guessed velocities; turning: slope of M v
+    by the place."""
+    n, n_q = guess.v.shape
+    q, p = guess.state[:, :n_q], guess.state[:, n_q : 2 * n_q]
+    memory = guess.state[:, 2 * n_q :].reshape(n, -1, n_q)
+    # v and q_m, and what follows from them
+    full = X.copy()
+    full[:, :, 0] += guess.v
+    moved = dt / 2 * X
+    moved[:, :, 1 : 1 + n_q] += np.eye(n_q)
+    impulse = M @ full + turning @ moved  # M v
+    out = np.zeros((n, guess.state.shape[1], X.shape[2]))
+    # q' = q + dt v
+    out[:, :n_q] = dt * full
+    out[:, :n_q, 0] += q
+    out[:, :n_q, 1 : 1 + n_q] += np.eye(n_q)
+    # p' = 2 M v - p
+    out[:, n_q : 2 * n_q] = 2 * impulse
+    out[:, n_q : 2 * n_q, 0] -= p
+    out[:, n_q : 2 * n_q, 1 + n_q : 1 + 2 * n_q] -= np.eye(n_q)
+    # strains of the Prony terms
+    for term, tau in enumerate(taus):
+        rows, half = slice((2 + term) * n_q, (3 + term) * n_q), dt / (2 * tau)
+        out[:, rows] = dt * full / (1 + half)
+        out[:, rows, 0] += (1 - half) / (1 + half) * memory[:, term]
+        out[:, rows, 1 + rows.start : 1 + rows.stop] += (1 - half) / (1 + half) * np.eye(n_q)
+    return out
 
 
 def _viscous(

@@ -10,8 +10,8 @@ FILE = "motion.npz"
 
 
 def load_motion(folder: Path) -> MotionModel:
-    """Of a folder of `cfem train` or of an export as arrays. InputError where the model has not learned to move, or a
-    file is damaged."""
+    """Learned motion of a folder of `cfem train` or of an export as arrays. InputError where the model has not learned
+    to move, or a file is damaged."""
     meta, arrays = read_model(folder)
     if not (folder / FILE).exists():
         raise InputError(

@@ -43,7 +43,7 @@ class Loss:
     prony: tuple[tuple[float, float], ...]
 
     def modulus(self, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """What F is multiplied by under vibration at omega, rad/s: storage, and loss."""
+        """Factor of F under vibration at omega, rad/s: storage, and loss."""
         stored, lost = np.zeros_like(omega), self.relaxation * omega
         for share, tau in self.prony:
             stored = stored + share * (omega * tau) ** 2 / (1 + (omega * tau) ** 2)
@@ -53,10 +53,15 @@ class Loss:
 
 @dataclass(frozen=True)
 class MotionTerms:
-    """All at one delta_a. pull (n_a,): grad Psi; stiff (n_a, n_a): its Hessian; e (n_e,) mm; J (n_e, n_a);
-    M (n_q, n_q); inner (n_r, n_r): stiffness of eta, the same everywhere; F (k, n_q, n_q); dM (n_a, n_q, n_q):
-    derivatives by delta_a; H (n_e, n_r): motion of the effectors by eta; dH (n_a, n_e, n_r); E (n_e, n_r, n_r): its
-    slope by eta, dE (n_a, n_e, n_r, n_r), None where they are not known."""
+    """Terms of the equations of motion at one delta_a.
+
+    pull, stiff: (n_a,) and (n_a, n_a), grad Psi and its Hessian
+    e, J: (n_e,) mm and (n_e, n_a), effectors and their slope
+    M, dM: (n_q, n_q) mass and (n_a, n_q, n_q), its derivatives by delta_a
+    inner: (n_r, n_r) stiffness of eta, the same everywhere
+    F: (k, n_q, n_q) loss forms
+    H, dH: (n_e, n_r) motion of the effectors by eta, and (n_a, n_e, n_r)
+    E, dE: (n_e, n_r, n_r) slope of H by eta, and (n_a, n_e, n_r, n_r), None where they are not known"""
 
     pull: np.ndarray
     stiff: np.ndarray
@@ -105,12 +110,13 @@ class MotionModel:
     skin: how the inner motions move effectors and skin, None where that was not learned"""
 
     def __init__(self, static: Any, arrays: dict[str, np.ndarray], viscosity: list[dict[str, Any]]):
+        """Reads the series of motion of a static model. InputError where the model is of another kind."""
         if static.form != "displacement" or static.parameters or not isinstance(static, HasParts):
             raise InputError(
                 "only energy models of form displacement without parameters can move", do="train kind: spectral"
             )
         self.static, self.rows, self.arrays = static, static.rows, arrays
-        self.losses = tuple(Loss(one["relaxation"], tuple(map(tuple, one["prony"]))) for one in viscosity)
+        self.losses = tuple(Loss(loss["relaxation"], tuple(map(tuple, loss["prony"]))) for loss in viscosity)
         n_a, n_e = self.rows.n_a, self.rows.n_e
         self.scale = take(arrays, "scale", (None,))
         self.n_a, self.n_q = n_a, len(self.scale)
@@ -153,15 +159,15 @@ class MotionModel:
         )
 
     def learned(self, delta_a: np.ndarray, slopes: bool = True) -> dict[str, np.ndarray]:
-        """M, F, H and, where it is known, E of `MotionTerms` at delta_a (n_a,) mm, and their slopes where these are
-        asked."""
+        """Learned terms M, F, H and, where it is known, E of `MotionTerms` at delta_a (n_a,) mm, and their slopes where
+        these are asked."""
         terms = self._terms(delta_a, slopes)
         M, dM, F = self._inertia(terms)
         H, E = self._bends(terms)
-        found = {"M": M, "F": F, "H": H[0]} | ({"dM": dM, "dH": H[1:]} if slopes else {})
+        terms_at = {"M": M, "F": F, "H": H[0]} | ({"dM": dM, "dH": H[1:]} if slopes else {})
         if E is None:
-            return found
-        return found | {"E": E[0]} | ({"dE": E[1:]} if slopes else {})
+            return terms_at
+        return terms_at | {"E": E[0]} | ({"dE": E[1:]} if slopes else {})
 
     def paths(self, delta_a: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
         """H and E of `MotionTerms` at delta_a (n_a,) mm."""
@@ -197,6 +203,7 @@ class MotionModel:
         return terms
 
     def _inertia(self, terms: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Mass M, its derivatives dM, and loss forms F from the terms of the series."""
         n = self.n_q
         roots = (terms @ self._M_T).take(self._unpack, axis=1)
         roots /= self.scale
@@ -209,8 +216,8 @@ class MotionModel:
 
 
 def layout(n_q: int, n_r: int, n_e: int, losses: int) -> dict[str, slice]:
-    """Where the outputs of the series hold each part: the upper triangle of the root of M, H row by row, and the upper
-    triangle of the root of each loss form."""
+    """Slices of the outputs of the series: the upper triangle of the root of M, H row by row, and the upper triangle of
+    the root of each loss form."""
     triangle = n_q * (n_q + 1) // 2
     sizes = {"M": triangle, "H": n_e * n_r} | {f"F{index}": triangle for index in range(losses)}
     ends = [0, *accumulate(sizes.values())]

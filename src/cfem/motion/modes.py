@@ -24,7 +24,7 @@ class LearnedModes:
 def natural_modes(
     model: MotionModel, delta_a: np.ndarray, held: bool = True, count: int = 3, payload: Payload | None = None
 ) -> LearnedModes:
-    """The lowest modes about rest at delta_a (n_a,) mm. held: whether the actuators' displacements are kept still;
+    """Lowest modes about rest at delta_a (n_a,) mm. held: whether the actuators' displacements are kept still;
     otherwise their forces are. NumericalError where the robot is unstable there."""
     place = model.at(np.asarray(delta_a, float))
     M, K, first = place.M, place.K, model.n_a if held else 0
@@ -38,17 +38,17 @@ def natural_modes(
         what = f"{int((squares <= 0).sum())} of the {count} lowest modes grow: the robot is unstable at {delta_a} mm"
         raise NumericalError(what, do="hold its actuators, or take another state")
     by_material = [np.einsum("ik,ij,jk->k", shapes, F, shapes) for F in place.F]
-    found, lost = squares, np.zeros_like(squares)
+    squared, lost = squares, np.zeros_like(squares)
     for _ in range(20 if by_material else 0):
-        moduli = [one.modulus(np.sqrt(found)) for one in model.losses]
+        moduli = [loss.modulus(np.sqrt(squared)) for loss in model.losses]
         stored = sum(m[0] * f for m, f in zip(moduli, by_material, strict=True))
         lost = sum(m[1] * f for m, f in zip(moduli, by_material, strict=True))
-        found = squares + stored
-    return LearnedModes(np.sqrt(found) / (2 * np.pi), lost / (2 * found), shapes, place.effectors_by_q @ shapes)
+        squared = squares + stored
+    return LearnedModes(np.sqrt(squared) / (2 * np.pi), lost / (2 * squared), shapes, place.effectors_by_q @ shapes)
 
 
 def prewarp(frequency: float, dt: float) -> float:
-    """What steps of the midpoint rule of dt s slow a vibration of a frequency in Hz by. Mass times its square and
-    viscosity times it make up for that (prewarping, as in Tustin's method)."""
+    """Factor by which steps of the midpoint rule of dt s slow a vibration of a frequency in Hz. Mass times its square
+    and viscosity times it make up for that (prewarping, as in Tustin's method)."""
     half = min(np.pi * frequency * dt, 1.0)
     return float(half / np.tan(half))

@@ -18,9 +18,14 @@ _FAR = 5.0  # lengths of the robot that no tip gets away from its rest
 
 @dataclass
 class SimulatedMotion:
-    """t (k,) s; delta_a (k, n_a); delta_e (k, n_e) mm from rest; lam (k, n_a): forces of the actuators in the step that
-    ends there; slack (k, n_a): cables that carried nothing in it; shortened: (t, dt, why) of steps that were halved;
-    left: s, when the state was first unlike those that the model has learned from, None where it never was."""
+    """Motion over time, at k times.
+
+    t: (k,) s
+    delta_a, delta_e: (k, n_a), and (k, n_e) mm from rest
+    lam: (k, n_a) forces of the actuators in the step that ends there
+    slack: (k, n_a) cables that carried nothing in it
+    shortened: (t, dt, why) of steps that were halved
+    left: s, when the state was first unlike those that the model has learned from, None where it never was"""
 
     t: list[float] = field(default_factory=list)
     delta_a: list[np.ndarray] = field(default_factory=list)
@@ -45,7 +50,7 @@ def simulate(
     payload: Payload | None = None,
     unilateral: np.ndarray | None = None,
 ) -> SimulatedMotion:
-    """From `start` to the time `until`, s, in steps of dt. command: time at the end of a step -> what holds then
+    """Motion from `start` to the time `until`, s, in steps of dt. command: time at the end of a step -> what holds then
     (displacements) or during it (forces). unilateral: (n_a,) cables that go slack instead of pushing, and are held
     again where they would be longer than commanded; none unless given. A step that is not found is taken in halves, and
     `shortened` says so. NumericalError where that does not help; where the learned energy is unstable after the motion
@@ -75,6 +80,7 @@ def _reach(
     run: SimulatedMotion,
     halvings: int,
 ) -> tuple[CondensedMotion, np.ndarray]:
+    """Motion and slack cables at `end`, in one step or, where that fails, in halves."""
     try:
         return advance(now, slack, command(end), end - now.t, payload)
     except NumericalError as error:
@@ -95,26 +101,28 @@ def _advance(
     dt: float,
     payload: Payload | None,
 ) -> tuple[CondensedMotion, np.ndarray]:
-    """One step, and which cables were slack in it: begun with those of the step before, changed one at a time, the
-    worst first. NumericalError where no choice fits."""
+    """Motion after one step, and which cables were slack in it: begun with those of the step before, changed one at a
+    time, the worst first. NumericalError where no choice fits."""
     if command.displacement is None or not unilateral.any():
         return step(model, now, command, dt, payload), slack & False
     slack, tried = slack.copy(), set()
     while tuple(slack) not in tried:
         tried.add(tuple(slack))
-        found = step(model, now, replace(command, slack=slack), dt, payload)
-        force = max(float(np.abs(found.lam).max()), 1e-12)
-        pushes = np.where(unilateral & ~slack, -found.lam / (_ROUNDING * force), 0.0)
-        lacks = np.where(slack, (command.displacement - found.q[: model.n_a]) / (1e-9 * model.static.length), 0.0)
+        stepped = step(model, now, replace(command, slack=slack), dt, payload)
+        force = max(float(np.abs(stepped.lam).max()), 1e-12)
+        pushes = np.where(unilateral & ~slack, -stepped.lam / (_ROUNDING * force), 0.0)
+        lacks = np.where(slack, (command.displacement - stepped.q[: model.n_a]) / (1e-9 * model.static.length), 0.0)
         wrong = np.maximum(pushes, lacks)
         worst = int(np.argmax(wrong))
         if wrong[worst] <= 1.0:
-            return found, slack
+            return stepped, slack
         slack[worst] = not slack[worst]
     raise NumericalError(f"no choice of slack cables fits the step of {dt:g} s at {now.t:g} s", do="take shorter steps")
 
 
 def _note(run: SimulatedMotion, model: MotionModel, motion: CondensedMotion, slack: np.ndarray) -> None:
+    """Notes a state of the run. NumericalError where the energy pushes away or the motion grows far beyond the
+    robot."""
     delta_a = motion.q[: model.n_a]
     place = model.at(delta_a)
     if run.left is None and not model.static.domain.holds(delta_a, place.pull):

@@ -1,5 +1,6 @@
 """`cfem simulate`: a model that moves under commands over time, and full finite elements beside it where asked."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ _STEPS_A_PERIOD = 50
 
 
 def _mesh(spec: SimulateSpec, base: Path) -> Path:
-    """Of the full finite elements."""
+    """Mesh of the full finite elements."""
     from cfem.robot.spec import SceneSpec
 
     scene = base / spec.full.scene
@@ -54,49 +55,58 @@ def _work(folder: Path, spec: SimulateSpec, base: Path) -> dict[str, Any]:
     first = natural_modes(model, start.q[: model.n_a], held, 1, payload).frequency[0]
     dt = 1 / (_STEPS_A_PERIOD * float(first)) if spec.step is None else spec.step
 
-    def told(t: float) -> MotionCommand:
+    def command_at(t: float) -> MotionCommand:
         return MotionCommand(displacement=commands.at(t)) if held else MotionCommand(force=commands.at(t - dt / 2))
 
     doing("simulating")
-    run = simulate(model, start, told, until, dt, payload, unilateral)
-    found = run.arrays()
-    _write(folder / TABLE, model, found)
-    travel = _travel(found["delta_e"])
+    run = simulate(model, start, command_at, until, dt, payload, unilateral)
+    columns = run.arrays()
+    _write(folder / TABLE, model, columns)
     results: dict[str, Any] = {
         "steps": len(run.t) - 1,
         "step_s": dt,
         "first_frequency_Hz": float(first),
         "commanded": commands.kind,
-        "travel_mm": travel,
-        "largest_force": np.abs(found["lam"]).max(axis=0).tolist(),
-        "slack_steps": found["slack"].sum(axis=0).tolist(),
+        "travel_mm": _travel(columns["delta_e"]),
+        "largest_force": np.abs(columns["lam"]).max(axis=0).tolist(),
+        "slack_steps": columns["slack"].sum(axis=0).tolist(),
         "shortened": len(run.shortened),
         "left_s": run.left,
     }
+    if spec.full is not None:
+        motion = (model, commands, payload, unilateral)
+        results["full"] = _beside(folder, spec, base, motion, columns, dt, until)
+    return {"headline": _headline(results, run, model.rows.actuators, until), **results}
+
+
+def _headline(results: dict[str, Any], run: Any, actuators: Sequence[str], until: float) -> list[str]:
+    """Lines about a motion for people; run: `SimulatedMotion`; until: s."""
+    milliseconds, first = 1000 * results["step_s"], results["first_frequency_Hz"]
     headline = [
-        f"{len(run.t) - 1} steps of {1000 * dt:.3g} ms to {until:g} s; first natural frequency {first:.3g} Hz",
-        f"the effectors travel {max(travel):.3g} mm; {TABLE}",
+        f"{results['steps']} steps of {milliseconds:.3g} ms to {until:g} s; first natural frequency {first:.3g} Hz",
+        f"the effectors travel {max(results['travel_mm']):.3g} mm; {TABLE}",
     ]
     if run.left is not None:
         headline.insert(0, f"from {run.left:.4g} s on the motion leaves the training states: its error is unknown")
     if run.shortened:
         t, length, why = run.shortened[0]
         headline.append(f"{len(run.shortened)} steps were halved; the first, of {length:.3g} s at {t:.4g} s: {why}")
-    slack = [name for name, count in zip(model.rows.actuators, results["slack_steps"], strict=True) if count]
+    slack = [name for name, count in zip(actuators, results["slack_steps"], strict=True) if count]
     if slack:
         headline.append(f"cables that were slack for a while: {', '.join(slack)}")
-    if spec.full is not None:
-        results["full"] = beside = _beside(folder, spec, base, (model, commands, payload, unilateral), found, dt, until)
+    full = results.get("full")
+    if full is not None:
         headline.append(
-            f"full finite elements: the effectors differ by {beside['largest_mm']:.3g} mm at most, "
-            f"{beside['percent_of_travel']:.2g} % of their travel"
+            f"full finite elements: the effectors differ by {full['largest_mm']:.3g} mm at most, "
+            f"{full['percent_of_travel']:.2g} % of their travel"
         )
-        if beside["why"]:
-            headline.insert(0, f"full finite elements ended early: {beside['why']}")
-    return {"headline": headline, **results}
+        if full["why"]:
+            headline.insert(0, f"full finite elements ended early: {full['why']}")
+    return headline
 
 
 def _payload(spec: SimulateSpec, model: Any) -> Any:
+    """Payload of the spec, None without one. SpecError where its effector is none of the model's."""
     from cfem.motion.payload import Payload
 
     if spec.payload is None:
@@ -122,22 +132,24 @@ def _travel(delta_e: np.ndarray) -> list[float]:
     return [float(np.linalg.norm(ranges[k : k + 3])) for k in range(0, len(ranges) - 2, 3)]
 
 
-def _write(path: Path, model: Any, found: dict[str, np.ndarray]) -> None:
+def _write(path: Path, model: Any, motion: dict[str, np.ndarray]) -> None:
+    """Writes the motion as a table with its units."""
     from cfem.dataset.writer import write_columns
 
-    columns, units = {"time": found["t"]}, {"time": "s"}
+    table, units = {"time": motion["t"]}, {"time": "s"}
     for i, (name, pair) in enumerate(zip(model.rows.actuators, model.static.actuator_units, strict=True)):
-        columns |= {f"{name}.displacement": found["delta_a"][:, i], f"{name}.force": found["lam"][:, i]}
-        columns[f"{name}.slack"] = found["slack"][:, i]
+        table |= {f"{name}.displacement": motion["delta_a"][:, i], f"{name}.force": motion["lam"][:, i]}
+        table[f"{name}.slack"] = motion["slack"][:, i]
         units |= {f"{name}.displacement": pair[0], f"{name}.force": pair[1]}
     for i, (name, unit) in enumerate(zip(model.rows.effectors, model.rows.effector_units, strict=True)):
-        columns[name], units[name] = found["delta_e"][:, i], unit[0]
-    write_columns(path, columns, {"units": units, "scene": model.static.meta["scene"]})
+        table[name], units[name] = motion["delta_e"][:, i], unit[0]
+    write_columns(path, table, {"units": units, "scene": model.static.meta["scene"]})
 
 
 def _beside(
-    folder: Path, spec: SimulateSpec, base: Path, motion: tuple, found: dict, dt: float, until: float
+    folder: Path, spec: SimulateSpec, base: Path, motion: tuple, columns: dict, dt: float, until: float
 ) -> dict[str, Any]:
+    """Comparison with full finite elements under the same commands."""
     from cfem.motion.fe_motion import simulate_full
     from cfem.robot.build import build_robot
     from cfem.robot.load import load_scene_and_mesh
@@ -154,7 +166,7 @@ def _beside(
     _write(folder / FULL, model, arrays)
     if len(run.t) < 2:
         raise InputError(f"full finite elements did not move: {run.why}", where=str(spec.full.scene))
-    ours = np.stack([np.interp(run.t, found["t"], column) for column in found["delta_e"].T], axis=1)
+    ours = np.stack([np.interp(run.t, columns["t"], column) for column in columns["delta_e"].T], axis=1)
     points = (ours - arrays["delta_e"])[:, : 3 * (ours.shape[1] // 3)].reshape(len(ours), -1, 3)
     largest = float(np.linalg.norm(points, axis=2).max())
     return {

@@ -25,9 +25,15 @@ _DIFFERENCE = 1e-4  # mm: how the payload's inertia turns, by differences
 
 @dataclass(frozen=True)
 class CondensedMotion:
-    """t: s; q (n_q,) mm and amplitudes; p (n_q,): momenta; v (n_q,): mean velocity of the last step; memory
-    (terms, n_q): of the Prony terms of all materials; lam (n_a,): the actuators' forces in the last step; gain (n_q,):
-    the change of v in the last step, a second; None where it is not known."""
+    """State of a learned robot in motion.
+
+    t: s
+    q: (n_q,) mm and amplitudes
+    p: (n_q,) momenta
+    v: (n_q,) mean velocity of the last step
+    memory: (terms, n_q) of the Prony terms of all materials
+    lam: (n_a,) forces of the actuators in the last step
+    gain: (n_q,) change of v in the last step, a second; None where it is not known"""
 
     t: float
     q: np.ndarray
@@ -50,17 +56,17 @@ class MotionCommand:
 
 
 def at_rest(model: MotionModel, delta_a: np.ndarray, payload: Payload | None = None) -> CondensedMotion:
-    """Standing still with the actuators held at delta_a (n_a,) mm, under the payload's weight."""
+    """Motion that stands still with the actuators held at delta_a (n_a,) mm, under the payload's weight."""
     delta_a = np.asarray(delta_a, float)
     place, n_a = model.at(delta_a), model.n_a
     q, lam = np.concatenate([delta_a, np.zeros(model.n_r)]), place.pull.copy()
     if payload is not None:
-        yields = place.inner
+        stiffness = place.inner
         if place.E is not None:
-            yields = yields - np.tensordot(payload.weight, payload.rows_of(place.E), axes=1)
-        q[n_a:] = np.linalg.solve(yields, payload.rows_of(place.H).T @ payload.weight)
+            stiffness = stiffness - np.tensordot(payload.weight, payload.rows_of(place.E), axes=1)
+        q[n_a:] = np.linalg.solve(stiffness, payload.rows_of(place.H).T @ payload.weight)
         lam = lam - (payload.rows_of(place.slopes(q[n_a:])).T @ payload.weight)[:n_a]
-    terms = sum(len(one.prony) for one in model.losses)
+    terms = sum(len(loss.prony) for loss in model.losses)
     none = np.zeros(model.n_q)
     return CondensedMotion(0.0, q, none, none, np.zeros((terms, model.n_q)), lam)
 
@@ -91,7 +97,7 @@ def step(
     payload: Payload | None = None,
     tolerance: float = 1e-8,
 ) -> CondensedMotion:
-    """After dt seconds, to a relative `tolerance` of its motion. NumericalError where its equations are not solved."""
+    """Motion after dt seconds, to a relative `tolerance`. NumericalError where its equations are not solved."""
     n_a, held = model.n_a, np.zeros(model.n_q, dtype=bool)
     held[:n_a] = command.displacement is not None
     if command.slack is not None:
@@ -108,15 +114,15 @@ def step(
         near.known[:n_a] += force
         if carried:
             _carry(near, model, motion.q + dt / 2 * v, v, payload, command.push)
-        found = near.solved(v, free, tolerance)
-        if found is None:
+        solved = near.solved(v, free, tolerance)
+        if solved is None:
             break
-        change, v = found.v - v, found.v
+        change, v = solved.v - v, solved.v
         settled = not carried or np.abs(change / model.scale).max() <= tolerance * near.size(v)
         if settled and model.apart(dt / 2 * change[:n_a]) <= NEAR:
             lam = force
-            lam[held[:n_a]] = -2 / dt * found.rest[held]
-            q, p, gain = motion.q + dt * v, 2 * found.impulse - motion.p, (v - motion.v) / dt
+            lam[held[:n_a]] = -2 / dt * solved.rest[held]
+            q, p, gain = motion.q + dt * v, 2 * solved.impulse - motion.p, (v - motion.v) / dt
             return CondensedMotion(motion.t + dt, q, p, v, _remembered(model, motion, v, dt), lam, gain)
     raise NumericalError(f"the step of {dt:g} s at {motion.t:g} s is not found", do="take shorter steps")
 
@@ -132,8 +138,8 @@ def _carry(
     if payload is not None:
         J, speed = payload.rows_of(slopes), max(float(np.abs(v).max()), 1e-12)
         ahead = middle + _DIFFERENCE / speed * v
-        there = payload.rows_of(model.at(ahead[:n_a]).slopes(ahead[n_a:]))
-        bending = (there - J) * (speed / _DIFFERENCE)
+        slopes_ahead = payload.rows_of(model.at(ahead[:n_a]).slopes(ahead[n_a:]))
+        bending = (slopes_ahead - J) * (speed / _DIFFERENCE)
         near.M += payload.mass * J.T @ J
         near.known += payload.mass * bending.T @ (J @ v) + J.T @ payload.weight
 

@@ -21,13 +21,13 @@ def outwards(model: MotionModel, count: int = PLACES) -> list[np.ndarray]:
 
 
 def vibrations(model: MotionModel, states: Iterable[np.ndarray], free: bool, count: int = 3) -> list[dict[str, Any]]:
-    """A row a state: delta_a, and of the lowest modes frequency in Hz and damping as a share of the critical; none of
-    them, and `why`, where the robot is unstable. free: whether the actuators are, instead of held."""
+    """Vibrations of each state: rows of delta_a, and of the lowest modes frequency in Hz and damping as a share of the
+    critical; none of them, and `why`, where the robot is unstable. free: whether the actuators are, instead of held."""
     rows = []
     for delta in states:
         try:
-            found = natural_modes(model, delta, not free, count)
-            row = {"frequency": found.frequency.tolist(), "damping": found.damping.tolist()}
+            modes = natural_modes(model, delta, not free, count)
+            row = {"frequency": modes.frequency.tolist(), "damping": modes.damping.tolist()}
         except NumericalError as error:
             row = {"frequency": [], "damping": [], "why": error.what}
         rows.append({"delta_a": delta.tolist(), **row})

@@ -44,21 +44,21 @@ def demo(robot: str, folder: Path, options: Options) -> dict[str, Any]:
     def line(number: int, steps: Sequence[Step], why: Sequence[str]) -> str:
         step = steps[number]
         what, about = STAGES.get(step.spec.stem, STAGES.get(step.kind, (step.command, "")))
-        left = "up to date" if not why else f"about {about}" if robot == FINGER and about else ""
-        return f"step {number + 1}/{len(steps)}: {what}" + (f" ({left})" if left else "")
+        time_left = "up to date" if not why else f"about {about}" if robot == FINGER and about else ""
+        return f"step {number + 1}/{len(steps)}: {what}" + (f" ({time_left})" if time_left else "")
 
     outcome = run([place], [], options, line=None if options.quiet else line)
     results = outcome["results"]
-    runs = [read_manifest(Path(one["out"]))["results"] for one in results["stages"] if one["stage"] == "control"]
-    said = [line for one in runs if "trajectories" in one for line in numbers(one)]
-    return outcome | {"results": results | {"numbers": said}}
+    runs = [read_manifest(Path(stage["out"]))["results"] for stage in results["stages"] if stage["stage"] == "control"]
+    figures = [line for result in runs if "trajectories" in result for line in numbers(result)]
+    return outcome | {"results": results | {"numbers": figures}}
 
 
 def numbers(control: Mapping[str, Any]) -> list[str]:
     """Goals reached, tracking error beside the discretisation error, and time per control step beside an FE solve, of
     the first learned controller. control: results of `cfem control`."""
-    name, found = _learned(control["trajectories"])
-    near, mesh, cost = found["distance_to_reachable_goals"], control["discretisation"], control["fe_cost"]
+    name, summary = _learned(control["trajectories"])
+    near, mesh, cost = summary["distance_to_reachable_goals"], control["discretisation"], control["fe_cost"]
     error = f"{length(near['mean'])} on average" if near else "none, as no goal is in reach,"
     error += " on the mesh that the model has learned"
     if "tip_mm" in mesh:
@@ -66,13 +66,14 @@ def numbers(control: Mapping[str, Any]) -> list[str]:
         error = f"{finer} in a robot of a much finer mesh; {error}"
     else:
         error += f"; on a finer mesh it is not known: {mesh['left_out']}"
-    step = found["step_us"]["median"] / 1e6
+    step = summary["step_us"]["median"] / 1e6
     against = ""
     if cost and cost["solves"]:
         solve = cost["seconds"] / cost["solves"]
         against = f"; one FE solve takes {duration(solve)}, {times(solve / step)} times as long"
     return [
-        f"goals reached:      {found['reached']} of {found['goals']} of the curve '{name}', in finite elements (FE)",
+        f"goals reached:      {summary['reached']} of {summary['goals']} of the curve '{name}', "
+        "in finite elements (FE)",
         f"tracking error:     {error}",
         f"time per step:      {duration(step)} with the learned model{against}",
     ]
@@ -80,11 +81,11 @@ def numbers(control: Mapping[str, Any]) -> list[str]:
 
 def _learned(trajectories: Mapping[str, Mapping[str, Any]]) -> tuple[str, Mapping[str, Any]]:
     name, controllers = next(iter(trajectories.items()))
-    return name, next(one for who, one in controllers.items() if who != "fe-based" and "@" not in who)
+    return name, next(summary for who, summary in controllers.items() if who != "fe-based" and "@" not in who)
 
 
 def as_text(outcome: Mapping[str, Any]) -> str:
-    """What is poor about the results, the three numbers and the pages."""
+    """Text on what is poor about the results, the three numbers and the pages."""
     results = outcome["results"]
     pages = [f"report:             {page}" for page in results["pages"]]
     pages += [f"robot to move:      {page}" for page in results["moved"]]

@@ -29,13 +29,13 @@ class Step:
 
 
 def kind_of(spec: Path) -> str | None:
-    """By the file's name: train.yaml and train-large.yaml are of kind train."""
+    """Kind of a spec by the file's name: train.yaml and train-large.yaml are of kind train."""
     kind = spec.stem.split("-")[0]
     return kind if spec.suffix == ".yaml" and kind in KINDS else None
 
 
 def kind_named(word: str) -> str:
-    """Of a kind or of its command: 'design', 'optimize-design'. SpecError where it is neither."""
+    """Kind of this name, or of the command of this name: 'design', 'optimize-design'. SpecError where it is neither."""
     commands, name = {command: kind for kind, (_, _, command) in KINDS.items()}, present(word)
     if name not in KINDS and name not in commands:
         raise SpecError(f"'{word}' is no stage", do=f"use one of {', '.join(commands)}")
@@ -47,14 +47,14 @@ def own_specs(folder: Path) -> list[Path]:
     InputError where there is none."""
     if not folder.is_dir():
         raise InputError("no such folder", where=str(folder), do="name a folder of specs, or a spec")
-    found = [folder / f"{kind}.yaml" for kind in KINDS if (folder / f"{kind}.yaml").is_file()]
-    if not found:
+    specs = [folder / f"{kind}.yaml" for kind in KINDS if (folder / f"{kind}.yaml").is_file()]
+    if not specs:
         raise InputError(
             f"holds none of {', '.join(f'{kind}.yaml' for kind in KINDS)}",
             where=str(folder),
             do="name a folder of specs, such as pipelines/soft-finger",
         )
-    return found
+    return specs
 
 
 def plan(goals: Sequence[Path], overrides: Mapping[Path, Sequence[str]], follow: bool = True) -> list[Step]:
@@ -64,6 +64,7 @@ def plan(goals: Sequence[Path], overrides: Mapping[Path, Sequence[str]], follow:
     outs: dict[Path, dict[str, Path]] = {}
 
     def visit(spec: Path, above: tuple[Path, ...]) -> None:
+        """Adds the step of a spec after those that it needs. SpecError where a spec needs its own result."""
         real = spec.resolve()
         if real in above:
             raise SpecError("needs its own result", where=str(spec), do="look at its inputs and at `out`")
@@ -77,8 +78,8 @@ def plan(goals: Sequence[Path], overrides: Mapping[Path, Sequence[str]], follow:
             raise SpecError(what, where=str(spec), do="rename it, or give it to its own command")
         stage = describe(kind, spec, tuple(overrides.get(spec, ())))
         needs = tuple(_makers(stage, spec, outs)) if follow else ()
-        for other in needs:
-            visit(other, (*above, real))
+        for maker in needs:
+            visit(maker, (*above, real))
         steps[real] = Step(kind, spec, stage, needs)
 
     for goal in goals:
@@ -89,8 +90,8 @@ def plan(goals: Sequence[Path], overrides: Mapping[Path, Sequence[str]], follow:
 def _makers(stage: Stage, spec: Path, outs: dict[Path, dict[str, Path]]) -> Iterator[Path]:
     """The specs that make the inputs: those of the same folder first, then of the folders beside it."""
     for path in stage.inputs.values():
-        found = (_outs(folder, outs).get(os.path.realpath(path)) for folder in (spec.parent, *_beside(spec.parent)))
-        maker = next(filter(None, found), None)
+        makers = (_outs(folder, outs).get(os.path.realpath(path)) for folder in (spec.parent, *_beside(spec.parent)))
+        maker = next(filter(None, makers), None)
         if maker is not None:
             yield maker
         elif not path.exists():
@@ -100,17 +101,17 @@ def _makers(stage: Stage, spec: Path, outs: dict[Path, dict[str, Path]]) -> Iter
 
 def _beside(folder: Path) -> list[Path]:
     above = Path(os.path.relpath(os.path.dirname(os.path.abspath(folder))))
-    return sorted(one for one in above.iterdir() if one.is_dir() and not one.name.startswith("."))
+    return sorted(path for path in above.iterdir() if path.is_dir() and not path.name.startswith("."))
 
 
 def _outs(folder: Path, known: dict[Path, dict[str, Path]]) -> dict[str, Path]:
-    """Where the specs of a folder put their results: real path -> spec. Of two with the same `out`, the one without a
+    """Specs of a folder by where they put their results, a real path. Of two with the same `out`, the one without a
     suffix."""
     if folder not in known:
-        found = known[folder] = {}
+        spec_of = known[folder] = {}
         for spec in sorted(folder.glob("*.yaml"), key=lambda path: ("-" in path.stem, path.name)):
             if kind_of(spec) and spec.is_file():
                 line = _OUT.search(spec.read_text(encoding="utf-8", errors="replace"))
                 text = next(filter(None, line.groups()), None) if line else None
-                found.setdefault(os.path.realpath(folder / text), spec) if text else None
+                spec_of.setdefault(os.path.realpath(folder / text), spec) if text else None
     return known[folder]

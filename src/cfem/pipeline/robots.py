@@ -26,17 +26,17 @@ def copy_robot(robot: str, name: str, folder: Path, force: bool = False) -> dict
     demand_scene_name(name)
     texts: dict[Path, str] = {}
     for step in plan(own_specs(ROBOTS / robot), {}):
-        own = step.spec.parent.name == robot
-        target = folder / (name if own else step.spec.parent.name) / step.spec.name
+        of_this_robot = step.spec.parent.name == robot
+        target = folder / (name if of_this_robot else step.spec.parent.name) / step.spec.name
         text = step.spec.read_text(encoding="utf-8")
-        if own or not target.exists():
-            texts[target] = renamed(text, robot, name) if own else text
-        for other in sorted(step.spec.parent.iterdir()):  # measurements with their licence, objectives
-            if other.is_file() and other.suffix != ".yaml":
-                texts.setdefault(target.with_name(other.name), other.read_text(encoding="utf-8"))
-    there = [path for path, text in texts.items() if path.exists() and path.read_text(encoding="utf-8") != text]
-    if there and not force:
-        raise OutputError("exists", where=str(there[0]), do="choose another name, or --force, which keeps a copy")
+        if of_this_robot or not target.exists():
+            texts[target] = renamed(text, robot, name) if of_this_robot else text
+        for file in sorted(step.spec.parent.iterdir()):  # measurements with their licence, objectives
+            if file.is_file() and file.suffix != ".yaml":
+                texts.setdefault(target.with_name(file.name), file.read_text(encoding="utf-8"))
+    changed = [path for path, text in texts.items() if path.exists() and path.read_text(encoding="utf-8") != text]
+    if changed and not force:
+        raise OutputError("exists", where=str(changed[0]), do="choose another name, or --force, which keeps a copy")
     for path, text in texts.items():
         write_beside(path, text.encode())
     return {"folder": str(folder / name), "files": [str(path) for path in texts]}

@@ -28,10 +28,11 @@ def run(
     line: Callable[[int, Sequence[Step], Sequence[str]], str] | None = None,
     workers: int | None = None,
 ) -> dict[str, Any]:
-    """places: folders, of which the specs without a suffix are run, and specs. What they read is made first, wherever a
-    spec beside them makes it. overrides: 'train.samples=20', by the spec's name. `force` runs nothing that is up to
-    date: it lets samples and hardware's runs of other inputs be moved aside. line: what to print before a step, by its
-    number, all steps and why it is to be run. workers: processes that solve samples, one per core where None.
+    """Runs specs, and what they read first, wherever a spec beside them makes it. places: folders, of which the specs
+    without a suffix are run, and specs. What they read is made first, wherever a spec beside them makes it. overrides:
+    'train.samples=20', by the spec's name. `force` runs nothing that is up to date: it lets samples and hardware's runs
+    of other inputs be moved aside. line: what to print before a step, by its number, all steps and why it is to be run.
+    workers: processes that solve samples, one per core where None.
 
     Returns what a stage returns; results: stages (stage, spec, out, status, why, seconds), judgement, headline. Raises
     GateError under `check` where a stage is stale; SpecError before the first stage where specs do not fit each
@@ -42,7 +43,7 @@ def run(
     begin, line = time.perf_counter(), line or _line
     done: list[dict[str, Any]] = []
     for number, step in enumerate(steps):
-        before = {one["spec"] for one in done if one["status"] == "stale"}
+        before = {entry_done["spec"] for entry_done in done if entry_done["status"] == "stale"}
         why = _why(step, before)
         status = "up to date" if not why else "stale" if options.check else "running"
         if not options.quiet:
@@ -50,16 +51,17 @@ def run(
         manifest = _run(step, options, workers) if status == "running" else {}
         entry = {"stage": step.command, "spec": str(step.spec), "out": str(step.stage.out)}
         done.append(entry | {"status": manifest.get("status", status), "why": why, "seconds": manifest.get("seconds")})
-    left = sum(one["status"] == "stale" for one in done)
-    if left:
-        what = f"{left} of {len(done)} stages are stale"
+    n_stale = sum(stage_done["status"] == "stale" for stage_done in done)
+    if n_stale:
+        what = f"{n_stale} of {len(done)} stages are stale"
         raise GateError(what, do=f"cfem run {' '.join(map(str, places))}")
-    status = "done" if any(one["status"] == "done" for one in done) else "up to date"
+    status = "done" if any(entry_done["status"] == "done" for entry_done in done) else "up to date"
     results = {**_figures(steps), "stages": done}
     return {"stage": "run", "status": status, "results": results, "seconds": time.perf_counter() - begin}
 
 
 def _steps(places: Sequence[Path], overrides: Sequence[str], until: str | None, only: str | None) -> list[Step]:
+    """Steps of these places, cut by `until` and `only`."""
     goals = [spec for place in places for spec in (own_specs(place) if place.is_dir() else [place])]
     kinds = list(KINDS)
     if until is not None:
@@ -75,8 +77,8 @@ def _steps(places: Sequence[Path], overrides: Sequence[str], until: str | None, 
 
 
 def _by_spec(goals: Sequence[Path], overrides: Sequence[str]) -> dict[Path, list[str]]:
-    """'train.samples=20' as 'samples=20' of train.yaml."""
-    found: dict[Path, list[str]] = {}
+    """Overrides by spec: 'train.samples=20' is 'samples=20' of train.yaml."""
+    by_spec: dict[Path, list[str]] = {}
     for text in overrides:
         name, _, rest = text.partition(".")
         mine = [goal for goal in goals if goal.stem == name]
@@ -87,8 +89,8 @@ def _by_spec(goals: Sequence[Path], overrides: Sequence[str]) -> dict[Path, list
             what = f"'{text}' would change the mesh alone: every stage reads the scene again"
             raise SpecError(what, where="--set", do=f"edit {mine[0]}")
         for goal in mine:
-            found.setdefault(goal, []).append(rest)
-    return found
+            by_spec.setdefault(goal, []).append(rest)
+    return by_spec
 
 
 def _why(step: Step, stale_specs: set[str]) -> list[str]:
@@ -100,10 +102,10 @@ def _why(step: Step, stale_specs: set[str]) -> list[str]:
 
 
 def _line(number: int, steps: Sequence[Step], why: Sequence[str]) -> str:
-    step, width = steps[number], max(len(one.command) for one in steps)
+    step, width = steps[number], max(len(each_step.command) for each_step in steps)
     compared = why and why[0] != NOT_MADE and not why[0].startswith(WAITS)
-    said = f"stale: {'; '.join(why)}" if compared else why[0] if why else "up to date"
-    return f"{step.command:<{width}}  {step.spec}  {said}"
+    reason = f"stale: {'; '.join(why)}" if compared else why[0] if why else "up to date"
+    return f"{step.command:<{width}}  {step.spec}  {reason}"
 
 
 def _run(step: Step, options: Options, workers: int | None) -> Mapping[str, Any]:
@@ -119,13 +121,13 @@ def _figures(steps: Sequence[Step]) -> dict[str, Any]:
     """judgement: of all stages; headline: of control, calibration and design, or of the last stage that has one, and
     where the pages are; pages: of reports; moved: beside these, the pages in which the reader moves the robot."""
     results = [(step, read_manifest(step.stage.out)["results"]) for step in steps]
-    told = [(step, one["headline"]) for step, one in results if one.get("headline")]
-    chosen = [(step, lines) for step, lines in told if step.kind in FIGURES] or told[-1:]
+    headlines = [(step, result["headline"]) for step, result in results if result.get("headline")]
+    chosen = [(step, lines) for step, lines in headlines if step.kind in FIGURES] or headlines[-1:]
     several = len(chosen) > 1
-    lines = [line for step, own in chosen for line in ([f"{step.spec}:", *own] if several else own)]
-    pages = [str((step.stage.out / one["page"]).resolve()) for step, one in results if one.get("page")]
-    moved = [str((step.stage.out / one["moved"]).resolve()) for step, one in results if one.get("moved")]
-    judged = {judged["what"]: judged for _, one in reversed(results) for judged in reversed(one.get(KEY, []))}
+    lines = [line for step, headline in chosen for line in ([f"{step.spec}:", *headline] if several else headline)]
+    pages = [str((step.stage.out / result["page"]).resolve()) for step, result in results if result.get("page")]
+    moved = [str((step.stage.out / result["moved"]).resolve()) for step, result in results if result.get("moved")]
+    judged = {judged["what"]: judged for _, result in reversed(results) for judged in reversed(result.get(KEY, []))}
     return ({KEY: list(reversed(judged.values()))} if judged else {}) | {
         "headline": [*lines, *(f"report: {page}" for page in pages), *(f"robot to move: {page}" for page in moved)],
         "pages": pages,

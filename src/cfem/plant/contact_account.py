@@ -30,8 +30,8 @@ class ContactAccount:
         self.worst = max(self.worst, residual)
 
     def account(self) -> dict:
-        """For a results file."""
-        total = {mode: sum(one.get(mode, 0) for one in self.counts) for mode in ("open", "stick", "slip")}
+        """Account of contact for a results file."""
+        total = {mode: sum(modes.get(mode, 0) for modes in self.counts) for mode in ("open", "stick", "slip")}
         return {
             "commands": self.commands,
             "failures": self.failures,
@@ -43,7 +43,8 @@ class ContactAccount:
         }
 
     def judged(self, length: float) -> list[dict[str, Any]]:
-        """Of a robot of this length (mm): POOR where its patches, which alone touch, let the surface through."""
+        """Findings about a robot of this length (mm): POOR where its patches, which alone touch, let the surface
+        through."""
         depth, name = self.deepest
         if depth <= DEEP * length:
             return []
@@ -52,7 +53,7 @@ class ContactAccount:
         ]
 
     def sentence(self) -> str:
-        """For people."""
+        """Sentence about contact for people."""
         points = ", ".join(f"{count} {mode}" for mode, count in self.account()["points"].items())
         return (
             f"contact: {self.commands - self.failures} of {self.commands} commands carried out; contact points at "

@@ -26,6 +26,8 @@ class CoupledPlant:
     def __init__(
         self, holds: Sequence[Holder], held: RigidObject, unilateral: np.ndarray, home: np.ndarray, shape: np.ndarray
     ):
+        """Glues the robots of `holds` to the object `held`; unilateral, home (n_a,): actuators that only pull, and
+        where plans begin; shape: points of the object."""
         self.coupled = Coupled(holds, held, home)
         self._fem: list[FemPatch] = [hold.model for hold in holds]
         self._unilateral, self._t = unilateral, 0
@@ -36,26 +38,26 @@ class CoupledPlant:
 
     @property
     def changing(self) -> Changing:
-        own = [(self, ("_last", "_t", "imbalance", "softest", "updates")), (self.coupled, ("_last", "_slope"))]
-        return [*own, *(pair for one in self._fem for pair in one.changing)]
+        own_state = [(self, ("_last", "_t", "imbalance", "softest", "updates")), (self.coupled, ("_last", "_slope"))]
+        return [*own_state, *(pair for patch in self._fem for pair in patch.changing)]
 
     @property
     def problems(self) -> list[Problem]:
-        return [problem for one in self._fem for problem in one.problems]
+        return [problem for patch in self._fem for problem in patch.problems]
 
     @property
     def solves(self) -> int:
-        return sum(one.solves for one in self._fem)
+        return sum(patch.solves for patch in self._fem)
 
     @property
     def seconds(self) -> float:
-        return sum(one.seconds for one in self._fem)
+        return sum(patch.seconds for patch in self._fem)
 
     @property
     def x(self) -> np.ndarray:
         """(n, 3) mm nodes of all robots, one after the other, and the points of the object."""
         parts = zip(self.coupled.holds, self._fem, strict=True)
-        robots = [one.x @ hold.turn.T + hold.shift for hold, one in parts]
+        robots = [patch.x @ hold.turn.T + hold.shift for hold, patch in parts]
         return np.concatenate([*robots, self._object()])
 
     def at_displacement(self, delta_a: np.ndarray) -> HeldObject:

@@ -21,6 +21,6 @@ class DriftingPlant:
     def step(self, u: np.ndarray, kind: Command = "displacement") -> Measurement:
         self._done += 1
         stiffness = 1.0 + (self.factor - 1.0) * min(self._done / self.ticks, 1.0)
-        found = self.plant.step(np.asarray(u, float) / (stiffness if kind == "force" else 1.0), kind)
-        lam = None if found.lambda_a is None else stiffness * found.lambda_a
-        return replace(found, lambda_a=lam)
+        measurement = self.plant.step(np.asarray(u, float) / (stiffness if kind == "force" else 1.0), kind)
+        lam = None if measurement.lambda_a is None else stiffness * measurement.lambda_a
+        return replace(measurement, lambda_a=lam)

@@ -37,7 +37,7 @@ class FemPatch(FemRobot):
         n_a = self.rows.n_a
         X = delta[n_a:]
         actuation = held(displacement(delta[:n_a]), self.patch.displacement(X))
-        held_alike = self._at is not None and np.array_equal(self._at[0][:n_a], delta[:n_a])
-        found = self._solve(actuation, delta, slack=False, place=delta, again=held_alike)
-        self._at = delta.copy(), onto_patch(found.condensed, self.patch, X)
+        same_actuation = self._at is not None and np.array_equal(self._at[0][:n_a], delta[:n_a])
+        equilibrium = self._solve(actuation, delta, slack=False, place=delta, again=same_actuation)
+        self._at = delta.copy(), onto_patch(equilibrium.condensed, self.patch, X)
         return self._at[1]

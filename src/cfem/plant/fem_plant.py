@@ -25,10 +25,10 @@ APART = 0.01  # of the reach: states nearer to each other than this teach nothin
 
 
 def pushed(robot: Robot, push: np.ndarray, patches: Sequence[PatchLoad] = ()) -> Robot:
-    """The robot under forces push (n_e,) N on its effectors and on patches of its surface: dead loads on the nodes that
+    """Robot under forces push (n_e,) N on its effectors and on patches of its surface: dead loads on the nodes that
     they follow at rest. SpecError where a patch is not on the surface."""
     loads = np.zeros_like(robot.X) if robot.loads is None else robot.loads.copy()
-    push, first = np.concatenate([push, *(one.force for one in patches)]), 0
+    push, first = np.concatenate([push, *(patch.force for patch in patches)]), 0
     for effector in with_patches(robot, patches).effectors:
         rows = slice(first, first + len(effector.rest))
         np.add.at(loads, effector.nodes, np.einsum("r,rki->ki", push[rows], effector.gradient(robot.X)))

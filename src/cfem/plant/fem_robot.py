@@ -47,23 +47,27 @@ class FemRobot:
     def _solve(
         self, actuation: Actuation, near: np.ndarray, slack: bool, place: np.ndarray | None = None, again: bool = False
     ) -> Equilibrium:
-        """near: (n,) about where the robot will be; place: (n,) where it then is, contact points held; None: where its
-        actuators stand; again: so little from the last state that its factor serves on. NumericalError where it does
-        not converge to a stable equilibrium."""
+        """Equilibrium of the robot under an actuation. NumericalError where it does not converge to a stable one.
+
+        near: (n,) about where the robot will be
+        place: (n,) where it then is, contact points held; None: where its actuators stand
+        again: whether it moves so little from the last state that its factor serves on"""
         begin = time.perf_counter()
         base = None if self.state is None else self.state.state
         if slack:
             actuation = pulling_only(actuation, self._problem.robot.unilateral)
         start = predict(self._known, near, actuation)
         tangent = self._problem.latest if again else None
-        found = solve(self._problem, actuation, start, base, settings=self._settings, slack=slack, tangent=tangent)
+        equilibrium = solve(
+            self._problem, actuation, start, base, settings=self._settings, slack=slack, tangent=tangent
+        )
         self.solves += 1
-        self.factorizations += found.factorizations
+        self.factorizations += equilibrium.factorizations
         self.seconds += time.perf_counter() - begin
-        if not found.converged:
-            raise NumericalError(f"FE robot: {found.status.value}")
-        self.state = found
-        candidate = knot(found.delta_a if place is None else place, found, contacts=place is not None)
+        if not equilibrium.converged:
+            raise NumericalError(f"FE robot: {equilibrium.status.value}")
+        self.state = equilibrium
+        candidate = knot(equilibrium.delta_a if place is None else place, equilibrium, contacts=place is not None)
         if is_new(self._known, candidate, self._apart):
             self._known.append(candidate)
-        return found
+        return equilibrium

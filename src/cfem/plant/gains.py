@@ -33,8 +33,8 @@ class Gains:
 
 
 def late_samples(delay: int, ticks_a_sample: float) -> int:
-    """How many samples come to be taken before the one that first shows a correction; delay: ticks from sample to
-    controller, which answers in the tick after."""
+    """Number of samples taken before the one that first shows a correction; delay: ticks from sample to controller,
+    which answers in the tick after."""
     return max(int(np.ceil((delay + 1) / ticks_a_sample)) - 1, 0)
 
 

@@ -51,6 +51,15 @@ class GripPlant(ContactAccount):
         margin: float | None = None,
         table: Pads | None = None,
     ):
+        """Grip of `fingers` about an object, at rest.
+
+        ends: of each robot's part in commands
+        held: the object
+        law, mu: of contact and friction
+        object_points: that are shown
+        grasp: (n_a,) mm that squeezes the object before the first command
+        margin: to slip, None without rows for the grip
+        table: under the object"""
         self.fingers, self._ends, self._held, self._law, self._mu = fingers, ends, held, law, mu
         self._object_points, self._grasp, self._margin = object_points, grasp, margin
         self.table, self.stuck = table, 0
@@ -65,30 +74,31 @@ class GripPlant(ContactAccount):
 
     @property
     def problems(self) -> list[Problem]:
-        return [one.problem for one in self.fingers]
+        return [finger.problem for finger in self.fingers]
 
     @property
     def x(self) -> np.ndarray:
         """(n, 3) mm nodes of all FE robots, one after the other, and the points of the object."""
         last = self.last
         if last is None:
-            nodes = [one.problem.rest @ one.turn.T + one.shift for one in self.fingers]
+            nodes = [finger.problem.rest @ finger.turn.T + finger.shift for finger in self.fingers]
             return np.concatenate([*nodes, self._object_points])
         solved = zip(self.fingers, self.solved, strict=True)
-        nodes = [one.state.x @ finger.turn.T + finger.shift for finger, one in solved]
+        nodes = [state.state.x @ finger.turn.T + finger.shift for finger, state in solved]
         return np.concatenate([*nodes, last.around.now(self._object_points)])
 
     def step(self, u: np.ndarray, kind: Command = "displacement", via: Sequence[np.ndarray] = ()) -> Measurement:
-        """Displacements (n_a,) mm, by way of those in `via`, in quasi-static steps; where a step fails it is halved,
-        and where the shortest fails the state is the last one that was found, and the status says why."""
+        """Measurement after displacements (n_a,) mm, by way of those in `via`, in quasi-static steps; where a step
+        fails it is halved, and where the shortest fails the state is the last that converged, and the status says why.
+        """
         self.commands += 1
-        for one in self.fingers:
-            if isinstance(one, PlacedRobot):
-                one.forget()  # an interrupted run goes on to the same figures
+        for finger in self.fingers:
+            if isinstance(finger, PlacedRobot):
+                finger.forget()  # an interrupted run goes on to the same figures
         status = self.grasp()
         status = CONVERGED if status == CONVERGED else f"grasp: {status}"
-        for there in (*via, u):
-            status = self.towards(np.asarray(there, float)) if status == CONVERGED else status
+        for target in (*via, u):
+            status = self.towards(np.asarray(target, float)) if status == CONVERGED else status
         if status != CONVERGED:
             self.failures += 1
         last = self.last
@@ -98,13 +108,13 @@ class GripPlant(ContactAccount):
         self.seen(last.modes, last.check.largest if last.check else 0.0)
         self.account_of_grip()
         delta_a, lambda_a = (
-            np.concatenate([getattr(one, key) for one in self.solved]) for key in ("delta_a", "lambda_a")
+            np.concatenate([getattr(state, key) for state in self.solved]) for key in ("delta_a", "lambda_a")
         )
         return Measurement(self.effectors(), delta_a, lambda_a, self.commands, status)
 
     @property
     def holds(self) -> bool:
-        """Whether the robots have not let go."""
+        """True as long as the robots have not let go."""
         return self.table is None or bool(self.at.any())
 
     @property
@@ -135,8 +145,8 @@ class GripPlant(ContactAccount):
 
     @property
     def parts(self) -> list[tuple[int, int]]:
-        """Where the points of each robot begin and end."""
-        ends = np.cumsum([0, *(len(one.points) for one in self.fingers)])
+        """Range of the points of each robot."""
+        ends = np.cumsum([0, *(len(finger.points) for finger in self.fingers)])
         return list(pairwise(ends))
 
     def on_table(self) -> float:
@@ -144,7 +154,7 @@ class GripPlant(ContactAccount):
         return float(self.last.posed.force.reshape(-1, 3)[self.parts[-1][1] :, 0].sum())
 
     def pushes(self) -> tuple[np.ndarray, np.ndarray]:
-        """Of each robot: normal force (r,) N on the object, the sum over its points, and friction (r, 3) N."""
+        """Forces of each robot on the object: normal force (r,) N, the sum over its points, and friction (r, 3) N."""
         posed = self.last.posed
         force = posed.force.reshape(-1, 3)
         friction = ((force * [0.0, 1.0, 1.0]).ravel() @ posed.rotation).reshape(-1, 3)
@@ -188,20 +198,22 @@ class GripPlant(ContactAccount):
         return carried_out(begin, wanted, HANDED, lambda share: self._go(self.at, float(share[0])))
 
     def off_table(self) -> "GripPlant | None":
-        """These robots as they stand, and the object without its table, whose load they take over in whole steps; None
-        where they cannot."""
-        air, own = copy(self), self.parts[-1][1]
+        """Robots as they stand, and the object without its table, whose load they take over in whole steps; None where
+        they cannot."""
+        air, n_points = copy(self), self.parts[-1][1]
         air.table, air._grasp = None, self.at
-        air.last = replace(self.last, solved=self.solved, modes=self.last.modes[:own], stuck=self.last.stuck[:own])
+        air.last = replace(
+            self.last, solved=self.solved, modes=self.last.modes[:n_points], stuck=self.last.stuck[:n_points]
+        )
         begin = max(0.0, 1 - self.on_table() / float(np.linalg.norm(self._held.load[:3])))
         shares = np.linspace(begin, 1.0, 1 + int(np.ceil((1 - begin) / HANDED)))
         return air if all(air._go(self.at, share) == CONVERGED for share in shares) else None
 
     def towards(self, u: np.ndarray) -> str:
-        """How the way to u (n_a,) mm ended."""
+        """Status at the end of the way to u (n_a,) mm."""
         if self.table is not None and self.at.any() and not u.any():
             return self.let_go()
-        return carried_out(self.at, u, LONGEST, lambda there: self._go(there, self.load))
+        return carried_out(self.at, u, LONGEST, lambda target: self._go(target, self.load))
 
     def let_go(self) -> str:
         """Back to rest: how that ended. Where the robots do not hold the object any more and the table does not bear it
@@ -217,67 +229,70 @@ class GripPlant(ContactAccount):
         return status
 
     def _slide(self, u: np.ndarray) -> str:
-        """To a balance at u (n_a,) mm that no step leads to: how that ended. The object goes as a viscous drag has it,
-        faster and faster, until it stays; inertia is left out."""
+        """Status after the slide to a balance at u (n_a,) mm that no step leads to. The object goes as a viscous drag
+        has it, faster and faster, until it stays; inertia is left out."""
         before = self.last, self.at
         size = float(np.linalg.norm(self.table.points - self._held.centre, axis=1).max())
         mobility = SLIDES / float(np.linalg.norm(self.load_of_object))
         for _ in range(LASTS):
-            way = mobility * np.array([1.0] * 3 + [1 / size**2] * 3)[: len(self._held.wrench)]
-            found = self._found(u, self.load, way)
-            if not found.converged:
+            mobilities = mobility * np.array([1.0] * 3 + [1 / size**2] * 3)[: len(self._held.wrench)]
+            state = self._found(u, self.load, mobilities)
+            if not state.converged:
                 mobility *= SLOWER
                 continue
-            moved = float(np.linalg.norm(found.around.gone * np.array([1.0] * 3 + [size] * 3)[: len(way)]))
-            self.last, self.at, mobility = found, u, mobility * FASTER
+            moved = float(np.linalg.norm(state.around.gone * np.array([1.0] * 3 + [size] * 3)[: len(mobilities)]))
+            self.last, self.at, mobility = state, u, mobility * FASTER
             if moved < SLIDES and self._go(u, self.load) == CONVERGED:
                 return CONVERGED
         self.last, self.at = before
         return "the object slides off and finds no balance"
 
     def clearance(self) -> float:
-        """mm between the object and the contact point nearest to it."""
+        """Distance (mm) between the object and the contact point nearest to it."""
         delta = zip(self.fingers, self.solved, strict=True)
-        at = np.concatenate([one.points + now.delta_c.reshape(-1, 3) @ one.turn.T for one, now in delta])
-        return float(self.last.around.surface(at)[0].min())
+        points = np.concatenate(
+            [finger.points + state.delta_c.reshape(-1, 3) @ finger.turn.T for finger, state in delta]
+        )
+        return float(self.last.around.surface(points)[0].min())
 
     def alone(self) -> tuple[str, float]:
-        """Whether the object stays on its table when the robots are taken away as they stand: how that balance ended,
-        and how far the object goes, mm."""
-        last, own = self.last, self.parts[-1][1]
-        before = replace(last, solved=last.solved[-1:], modes=last.modes[own:], stuck=last.stuck[own:])
+        """Status and motion (mm) of the object on its table when the robots are taken away as they stand: how that
+        balance ended, and how far the object goes."""
+        last, n_points = self.last, self.parts[-1][1]
+        before = replace(last, solved=last.solved[-1:], modes=last.modes[n_points:], stuck=last.stuck[n_points:])
         held = replace(self._held, load=self.load * self._held.load)
-        found = grasp_step([self.table], [displacement(np.zeros(0))], held, self._law, self._mu, before)
-        return found.status.value, float(np.linalg.norm(found.around.x - last.around.x))
+        state = grasp_step([self.table], [displacement(np.zeros(0))], held, self._law, self._mu, before)
+        return state.status.value, float(np.linalg.norm(state.around.x - last.around.x))
 
     def _go(self, u: np.ndarray, load: float) -> str:
-        found = self._found(u, load)
-        status = found.status.value if not found.converged else self._lost(found, u)
+        """Status of one step, which is kept where it converges."""
+        state = self._found(u, load)
+        status = state.status.value if not state.converged else self._lost(state, u)
         if status == CONVERGED:
-            self.last, self.at, self.load = found, u, load
+            self.last, self.at, self.load = state, u, load
         else:
             self.stuck += 1
         return status
 
     def _found(self, u: np.ndarray, load: float, mobility: np.ndarray | None = None) -> PointsState:
-        """One step from where the plant stands."""
+        """State after one step from where the plant stands."""
         parts = [displacement(u[a:b]) for a, b in zip(self._ends[:-1], self._ends[1:], strict=True)]
         held, all_of_them = replace(self._held, load=load * self._held.load, mobility=mobility), list(self.fingers)
         if self.table is not None:
             parts, all_of_them = [*parts, displacement(np.zeros(0))], [*all_of_them, self.table]
-        found = grasp_step(all_of_them, parts, held, self._law, self._mu, self.last)
+        state = grasp_step(all_of_them, parts, held, self._law, self._mu, self.last)
         self.steps += 1
-        self.iterations += found.iterations
-        return found
+        self.iterations += state.iterations
+        return state
 
-    def _lost(self, found: PointsState, u: np.ndarray) -> str:
-        """Whether what solves the equations is a step from `last`: an object without load may be anywhere once nothing
-        touches it."""
+    def _lost(self, state: PointsState, u: np.ndarray) -> str:
+        """Status of what solves the equations: whether it is a step from `last`, as an object without load may be
+        anywhere once nothing touches it."""
         if self.last is None or all(mode is Mode.OPEN for mode in self.last.modes):
             return CONVERGED
-        if all(mode is Mode.OPEN for mode in found.modes):
+        if all(mode is Mode.OPEN for mode in state.modes):
             return "the robots let go of the object"
-        moved = float(np.linalg.norm(found.around.x[:3] - self.last.around.x[:3]))
+        moved = float(np.linalg.norm(state.around.x[:3] - self.last.around.x[:3]))
         commanded = float(np.abs(u - self.at).max())
         if commanded > 0 and moved > LEVERAGE * commanded:
             return f"the object would jump by {moved:.2g} mm, to where the robots hold it otherwise"

@@ -14,9 +14,13 @@ from cfem.plant.protocol import Command, Measurement, Plant
 
 @dataclass(frozen=True)
 class Imperfection:
-    """noise: mm, standard deviation of each coordinate of a sample; samples_a_tick: in (0, 1], sensor rate over
-    control rate; delay: ticks from sample to controller; quantum: mm (mm^3) or N (MPa) that commands are rounded to,
-    0 for none; low, high: commands beyond are cut off."""
+    """Faults of sensors and drives.
+
+    noise: mm, standard deviation of each coordinate of a sample
+    samples_a_tick: in (0, 1], sensor rate over control rate
+    delay: ticks from sample to controller
+    quantum: mm (mm^3) or N (MPa) that commands are rounded to, 0 for none
+    low, high: commands beyond are cut off"""
 
     noise: float = 0.0
     samples_a_tick: float = 1.0
@@ -42,6 +46,8 @@ class ImperfectPlant:
         since: int = 0,
         camera: MarkerNoise | None = None,
     ):
+        """Puts the faults of sensors and drives before `plant`, or from tick `since` on before `disturbed`; camera:
+        shows markers."""
         self._plants, self._since, self._camera = (plant, disturbed), since, camera
         self._is, self._random = imperfection, np.random.default_rng(seed)
         self._t = 0
@@ -51,6 +57,7 @@ class ImperfectPlant:
         self.actual: Measurement | None = None
 
     def step(self, u: np.ndarray, kind: Command = "displacement") -> Measurement:
+        """Last sample that has arrived after a command."""
         self._t += 1
         plant = self._plants[1] if self._plants[1] and self._t >= self._since else self._plants[0]
         done = np.clip(self._rounded(np.asarray(u, float)), self._is.low, self._is.high)
@@ -74,8 +81,8 @@ class ImperfectPlant:
 
     def _sample(self) -> Measurement:
         x_e = self.actual.x_e
-        found = replace(self.actual, x_e=x_e + self._is.noise * self._random.standard_normal(len(x_e)))
-        return self._camera.seen(found) if self._camera else found
+        sample = replace(self.actual, x_e=x_e + self._is.noise * self._random.standard_normal(len(x_e)))
+        return self._camera.seen(sample) if self._camera else sample
 
     def _nothing(self) -> Measurement:
         unknown = np.full_like(self.actual.x_e, np.nan)

@@ -18,25 +18,25 @@ class MarkedPlant:
     def __init__(self, plant: Plant, robot: Robot, markers: np.ndarray, points: np.ndarray):
         surface = outer_surface(robot.X, robot.facets)
         self._plant, self._nodes = plant, surface.nodes
-        self._weights = [on_triangles(one, surface.rest, surface.triangles)[0] for one in (markers, points)]
+        self._weights = [on_triangles(positions, surface.rest, surface.triangles)[0] for positions in (markers, points)]
 
     @property
     def moves(self) -> bool:
         return getattr(self._plant, "moves", False)
 
     def settle(self, u: np.ndarray, kind: Command = "displacement") -> Measurement:
-        """Of a plant that moves."""
+        """Measurement of a plant that moves, at rest under u."""
         return self._seen(self._plant.settle(u, kind))
 
     def step(self, u: np.ndarray, kind: Command = "displacement") -> Measurement:
         return self._seen(self._plant.step(u, kind))
 
-    def _seen(self, found: Measurement) -> Measurement:
-        if found.status != "converged":
-            return found
+    def _seen(self, measurement: Measurement) -> Measurement:
+        if measurement.status != "converged":
+            return measurement
         x = self._plant.x[self._nodes]
         markers, surface = (weights @ x for weights in self._weights)
-        return replace(found, markers=markers, surface=surface)
+        return replace(measurement, markers=markers, surface=surface)
 
 
 class MarkerNoise:
@@ -53,15 +53,20 @@ class MarkerNoise:
         sensors: Sequence[float | None] = (None, None),
         seed: int = 0,
     ):
+        """Noise and loss of markers.
+
+        noise, astray: mm, standard deviations of markers, and of those that are mistaken
+        lost, wrong: shares of markers that are not seen, or mistaken
+        sensors: mm and N, standard deviations of the actuators' sensors, None where there are none"""
         self._noise, self._lost, self._wrong, self._astray = noise, lost, wrong, astray
         self._sensors, self._random = sensors, np.random.default_rng([seed, 1])  # x_e has a stream of its own
 
     def seen(self, true: Measurement) -> Measurement:
-        """The sample: markers nan where nobody sees them, sensors None where there are none."""
+        """Sample of a measurement: markers nan where nobody sees them, sensors None where there are none."""
         random, markers = self._random, true.markers
         delta_a, lambda_a = (
-            None if sd is None or of is None else of + sd * random.standard_normal(len(of))
-            for sd, of in zip(self._sensors, (true.delta_a, true.lambda_a), strict=True)
+            None if sd is None or values is None else values + sd * random.standard_normal(len(values))
+            for sd, values in zip(self._sensors, (true.delta_a, true.lambda_a), strict=True)
         )
         if markers is not None:
             chance = random.random((2, len(markers)))

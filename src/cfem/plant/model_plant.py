@@ -19,6 +19,7 @@ class ModelPlant:
         self._last: Condensed | None = None
 
     def step(self, u: ArrayLike, kind: Command = "displacement") -> Measurement:
+        """Measurement of the model's state under a command and the push."""
         self._t += 1
         u = np.asarray(u, float)
         try:
@@ -34,8 +35,8 @@ class ModelPlant:
             if kind == "force":
                 delta_a = delta_a + W_ae @ self._push
             else:
-                taken = np.linalg.solve(state.W_aa, W_ae @ self._push)
-                lambda_a, delta_e = lambda_a - taken, delta_e - state.W_ea @ taken
+                reaction = np.linalg.solve(state.W_aa, W_ae @ self._push)
+                lambda_a, delta_e = lambda_a - reaction, delta_e - state.W_ea @ reaction
             delta_e = delta_e + state.W[e, e] @ self._push
         return Measurement(self._rest_e + delta_e, delta_a, lambda_a, self._t, "converged")
 

@@ -31,7 +31,7 @@ class MovingFemPlant:
 
     def __init__(self, robot: Robot, period: float, substeps: int, pushed: Robot | None = None, since: int = 0):
         """period: s of a tick; pushed: the robot's place is taken by it from tick `since` on, in the same motion."""
-        self._problems = [MovingProblem(one) for one in (robot, pushed) if one is not None]
+        self._problems = [MovingProblem(plant_robot) for plant_robot in (robot, pushed) if plant_robot is not None]
         self._period, self._pace = period, StepControl(period / substeps, longest=period, tolerance=None)
         self._since, self._t = since, 0
         self._kept: Kept | None = None
@@ -45,16 +45,17 @@ class MovingFemPlant:
         return self._motion.x
 
     def settle(self, u: ArrayLike, kind: Command = "displacement") -> Measurement:
-        """Stands still under u before the first tick. NumericalError where there is no such equilibrium."""
+        """Measurement at rest under u, before the first tick. NumericalError where there is no such equilibrium."""
         u, problem = np.asarray(u, float), self._problems[0]
-        found = solve(problem, _prescribed(kind, u), slack=True)
-        if not found.converged:
-            raise NumericalError(f"FE robot: {found.status.value}")
-        self._motion, self._told, self._t, self._kept = at_rest(problem, found.state), u, 0, None
-        x_e = problem.robot.rest_e + found.delta_e
-        return Measurement(x_e, found.delta_a, found.lambda_a, 0, "converged")
+        equilibrium = solve(problem, _prescribed(kind, u), slack=True)
+        if not equilibrium.converged:
+            raise NumericalError(f"FE robot: {equilibrium.status.value}")
+        self._motion, self._told, self._t, self._kept = at_rest(problem, equilibrium.state), u, 0, None
+        x_e = problem.robot.rest_e + equilibrium.delta_e
+        return Measurement(x_e, equilibrium.delta_a, equilibrium.lambda_a, 0, "converged")
 
     def step(self, u: ArrayLike, kind: Command = "displacement") -> Measurement:
+        """Measurement at the end of a tick in which the command moves evenly to u."""
         self._t += 1
         u, begin = np.asarray(u, float), self._motion.t
         problem = self._problems[-1 if self._t >= self._since else 0]
@@ -100,18 +101,19 @@ class MovingModelPlant:
         return self._measurement()
 
     def step(self, u: ArrayLike, kind: Command = "displacement") -> Measurement:
+        """Measurement at the end of a tick in which the command moves evenly to u."""
         self._t += 1
-        u, told, now = np.asarray(u, float), self._told, self._motion
+        u, last_command, motion = np.asarray(u, float), self._told, self._motion
         push = self._push if self._push is not None and self._t >= self._since else None
         try:
             for index in range(self._substeps):
                 # a force of its mean over the step, a displacement of its end
                 share = (index + (0.5 if kind == "force" else 1.0)) / self._substeps
-                goal = {kind: told + share * (u - told)}
-                now = condensed.step(self._model, now, condensed.MotionCommand(**goal, push=push), self._dt)
+                goal = {kind: last_command + share * (u - last_command)}
+                motion = condensed.step(self._model, motion, condensed.MotionCommand(**goal, push=push), self._dt)
         except NumericalError as error:
             return Measurement.failed(len(self._model.rest_e), len(u), self._t, str(error))
-        self._motion, self._told = now, u
+        self._motion, self._told = motion, u
         return self._measurement()
 
     def _measurement(self) -> Measurement:

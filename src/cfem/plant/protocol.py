@@ -11,10 +11,14 @@ Changing = list[tuple[object, tuple[str, ...]]]  # objects, and the names of the
 
 @dataclass(frozen=True)
 class Measurement:
-    """x_e: (n_e,) mm absolute positions of the effectors; delta_a (n_a,) mm and lambda_a (n_a,) N, None where
-    no sensor gives them; t: number of the step; status: 'converged', or the sentence that says why not
-    (numbers are then NaN); markers (m, 3) mm: where they are seen, nan for one that is not; surface (k, 3) mm: where
-    other points of it are, known of a simulated robot; both None where nobody asked."""
+    """What a plant answers to a command.
+
+    x_e: (n_e,) mm, absolute positions of the effectors
+    delta_a, lambda_a: (n_a,) mm and N, None where no sensor gives them
+    t: number of the step
+    status: 'converged', or the sentence that says why not (numbers are then NaN)
+    markers: (m, 3) mm where they are seen, nan for one that is not; None where nobody asked
+    surface: (k, 3) mm of other points of the surface, known of a simulated robot; None where nobody asked"""
 
     x_e: np.ndarray
     delta_a: np.ndarray | None
@@ -26,7 +30,7 @@ class Measurement:
 
     @classmethod
     def failed(cls, n_e: int, n_a: int, t: int, why: str) -> "Measurement":
-        """Of a step that has no answer."""
+        """Measurement of a step that has no answer."""
         nothing = np.full(n_a, np.nan)
         return cls(np.full(n_e, np.nan), nothing, nothing, t, why)
 

@@ -41,10 +41,17 @@ class TouchPlant(ContactAccount):
         others: Mapping[str, tuple[SkinnedRobot, ActuatedRobot]] | None = None,
         itself: tuple[str, ...] = (),
     ):
+        """Robot at rest among obstacles.
+
+        pressed, avoided: names of obstacles whose force, or distance, is a row
+        mu: friction
+        courses: of obstacles that move
+        others: robots that may be touched, and the courses of their actuators
+        itself: the name under which the robot touches itself, or none"""
         self._robot, self._obstacles, self._pressed, self._avoided = robot, obstacles, pressed, avoided
         self._courses, self._others, self._itself = courses or {}, others or {}, itself
         self._numbers, self._share, self._blocked = numbers_of(itself, self._others, obstacles), 0.0, CONVERGED
-        robots = [replace(robot, itself=bool(itself)), *(one for one, _ in self._others.values())]
+        robots = [replace(robot, itself=bool(itself)), *(soft_obstacle for soft_obstacle, _ in self._others.values())]
         self._meeting = SurfaceScene(robots, ObstacleSet(tuple(obstacles.values())), mu)
         self._at, self.met = np.zeros(robot.robot.rows.n_a), None
         self._solid = tuple(name for name in obstacles if name not in avoided)
@@ -57,7 +64,7 @@ class TouchPlant(ContactAccount):
 
     @property
     def problems(self) -> list[Problem]:
-        return [one.problem for one in self._meeting.robots]
+        return [skinned.problem for skinned in self._meeting.robots]
 
     @property
     def x(self) -> np.ndarray:
@@ -65,8 +72,8 @@ class TouchPlant(ContactAccount):
         return self._robot.problem.rest if self.met is None else self.met.solved[0].state.x
 
     def step(self, u: np.ndarray, kind: Command = "displacement") -> Measurement:
-        """Displacements (n_a,) mm, in quasi-static steps; where the shortest fails the state is the last one that was
-        found, and the status says why."""
+        """Measurement after displacements (n_a,) mm, in quasi-static steps; where the shortest fails the state is the
+        last that converged, and the status says why."""
         self.commands += 1
         robot = self._robot.robot
         u, longest = np.asarray(u, float), self._meeting.longest[0]
@@ -81,24 +88,24 @@ class TouchPlant(ContactAccount):
         solved = self.met.solved[0]
         forces = [self.met.between(0, self._numbers[name]) for name in self._pressed]
         x_e = np.concatenate([robot.rest_e + solved.delta_e, forces, self._distances(self._avoided)])
-        for name, one in ({name: self._obstacles[name] for name in self._solid} | self._bodies()).items():
-            self.deepest = max(self.deepest, (-self._distance(one), name))
+        for name, body in ({name: self._obstacles[name] for name in self._solid} | self._bodies()).items():
+            self.deepest = max(self.deepest, (-self._distance(body), name))
         for name in self._itself:
             self.deepest = max(self.deepest, (self._depth_in_itself(), name))
         return Measurement(x_e, solved.delta_a, solved.lambda_a, self.commands, status)
 
     def pass_to(self, share: float) -> None:
-        """What moves goes to where it is at this share of the run, the robot giving way with its actuators held. Where
+        """Moves what moves to its place at this share of the run, the robot giving way with its actuators held. Where
         the robot finds no state it stays where there was one, and the next step says why."""
         self._blocked = CONVERGED
-        courses = [*self._courses.values(), *(one for _, one in self._others.values())]
+        courses = [*self._courses.values(), *(actuated for _, actuated in self._others.values())]
         for begin, end in stops(courses, self._share, share, LONGEST * self._meeting.length):
             before = self._obstacles, self._meeting, self.met, self._share
-            self._obstacles = dict(self._obstacles) | {name: one.at(end) for name, one in self._courses.items()}
+            self._obstacles = dict(self._obstacles) | {name: course.at(end) for name, course in self._courses.items()}
             obstacles = ObstacleSet(tuple(self._obstacles.values()))
             self._meeting, self._share = replace(self._meeting, obstacles=obstacles), end
             if self.met is not None:
-                moving = {self._numbers[name]: one for name, one in self._courses.items()}
+                moving = {self._numbers[name]: course for name, course in self._courses.items()}
                 memory = self.met.memory.carried(self.met.pairs, moving, begin, end)
                 self.met = replace(self.met, memory=memory)
             self._blocked = self._go(self._at)
@@ -110,26 +117,26 @@ class TouchPlant(ContactAccount):
         return self._go(u, self._meeting.short_step)
 
     def _go(self, u: np.ndarray, step: Callable[..., SurfacesState] | None = None) -> str:
-        """One quasi-static step; step: of the meeting."""
-        deltas = [u, *(one.deltas(self._share) for _, one in self._others.values())]
-        found = (step or self._meeting.step)(deltas, self.met)
+        """Status of one quasi-static step; step: of the scene."""
+        deltas = [u, *(actuated.deltas(self._share) for _, actuated in self._others.values())]
+        state = (step or self._meeting.step)(deltas, self.met)
         self.steps += 1
-        self.iterations += found.iterations
-        if found.converged:
-            self.met, self._at = found, u
-        return CONVERGED if found.converged else found.status.value
+        self.iterations += state.iterations
+        if state.converged:
+            self.met, self._at = state, u
+        return CONVERGED if state.converged else state.status.value
 
     def _distances(self, names: Sequence[str]) -> np.ndarray:
         """(k,) mm of the whole surface, between the patches too."""
         return np.array([self._distance(self._obstacles[name]) for name in names])
 
     def _bodies(self) -> dict[str, Obstacle]:
-        """The other robots as they are now, but those whose surface overlaps itself, which have no inside."""
-        found = {}
-        for (name, (one, _)), solved in zip(self._others.items(), self.met.solved[1:], strict=True):
+        """Bodies of the other robots as they are now, but those whose surface overlaps itself, which have no inside."""
+        bodies = {}
+        for (name, (skinned, _)), solved in zip(self._others.items(), self.met.solved[1:], strict=True):
             with suppress(InputError):
-                found[name] = ClosedMesh(ClosedSurface(one.surface(solved.state.x), one.triangles))
-        return found
+                bodies[name] = ClosedMesh(ClosedSurface(skinned.surface(solved.state.x), skinned.triangles))
+        return bodies
 
     def _depth_in_itself(self) -> float:
         """mm, at the nodes of patches that are near others."""

@@ -36,27 +36,27 @@ class WalledPlant:
         self._t, self.force, self._softness = 0, 0.0, None
 
     def step(self, u: np.ndarray, kind: Command = "displacement") -> Measurement:
-        """As the robot's own, or, where that ends inside the wall, under the force that keeps it out."""
+        """Measurement of the robot alone, or, where that ends inside the wall, under the force that keeps it out."""
         self._t += 1
-        found, self.force = self._free.step(u, kind), 0.0
-        gap = self._wall.gap(found.x_e) if found.status == "converged" else 0.0
+        measurement, self.force = self._free.step(u, kind), 0.0
+        gap = self._wall.gap(measurement.x_e) if measurement.status == "converged" else 0.0
         if gap >= 0:
-            return self._numbered(found)
+            return self._numbered(measurement)
         known = (0.0, gap)
         trial = 1e-3 if self._softness is None else -gap / self._softness
         for _ in range(ITERATIONS):
             push = np.zeros(self._n_e)
             push[:3] = trial * self._wall.normal
-            found = FemPlant(pushed(self._robot, push)).step(u, kind)
-            if found.status != "converged":
-                return self._numbered(found)
-            gap = self._wall.gap(found.x_e)
+            measurement = FemPlant(pushed(self._robot, push)).step(u, kind)
+            if measurement.status != "converged":
+                return self._numbered(measurement)
+            gap = self._wall.gap(measurement.x_e)
             if abs(gap) <= TOLERANCE:
                 self.force = trial
-                return self._numbered(found)
+                return self._numbered(measurement)
             self._softness = (gap - known[1]) / (trial - known[0])
             known, trial = (trial, gap), max(trial - gap / self._softness, 0.0)
         return Measurement.failed(self._n_e, len(u), self._t, "the wall's force is not found")
 
-    def _numbered(self, found: Measurement) -> Measurement:
-        return Measurement(found.x_e, found.delta_a, found.lambda_a, self._t, found.status)
+    def _numbered(self, measurement: Measurement) -> Measurement:
+        return Measurement(measurement.x_e, measurement.delta_a, measurement.lambda_a, self._t, measurement.status)

@@ -64,21 +64,22 @@ def run(
 
 
 def _work(folder: Path, control: Path, manifest: Mapping[str, Any], spec: AnimateSpec) -> dict[str, Any]:
+    """Writes the films of a run."""
     demand("pyarrow", "matplotlib", "PIL", where="cfem animate")
     from cfem.core.console.progress import progress
     from cfem.report.animation import viewer_of
     from cfem.report.paraview import write_series
     from cfem.report.shape_history import LEARNED, histories
 
-    found = list(histories(control, manifest, spec.frames))
-    if not found or (spec.learned and all(one.kind != LEARNED for one in found)):
+    shapes = list(histories(control, manifest, spec.frames))
+    if not shapes or (spec.learned and all(history.kind != LEARNED for history in shapes)):
         raise _nothing(control, manifest)
     scene = _scene(control, manifest)
     files: dict[str, list[str]] = {}
-    shown = {one.name: one for one in reversed(found)}  # FE, which come first, before the learned
-    shown |= {one.name: one for one in found if spec.learned and one.kind == LEARNED}
-    with progress("animation", len(found)) as advance:
-        for history in found:
+    shown = {history.name: history for history in reversed(shapes)}  # FE, which come first, before the learned
+    shown |= {history.name: history for history in shapes if spec.learned and history.kind == LEARNED}
+    with progress("animation", len(shapes)) as advance:
+        for history in shapes:
             made = files.setdefault(history.name, [])
             if "paraview" in spec.formats:
                 made.append(write_series(folder, f"{history.name}-{history.kind}", history))
@@ -121,7 +122,7 @@ def _durations(history: Any) -> list[int]:
 
 
 def _scene(control: Path, manifest: Mapping[str, Any]) -> SceneSpec | None:
-    """For the cables, where the scene is still there and stands as it was controlled."""
+    """Scene for the cables, where it is still there and stands as it was controlled."""
     if not manifest["source"] or manifest["spec"].get("design"):
         return None
     path = (control / manifest["source"]["spec"]).parent / manifest["spec"]["scene"]

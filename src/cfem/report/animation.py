@@ -17,23 +17,25 @@ CAPTION = "The {} at its goals (circles); red: its way. Shapes between goals are
 WHO = {FE: "finite-element robot", LEARNED: "robot by its learned skin, without finite elements,"}
 
 
-def animation(folder: Path, manifest: Mapping[str, Any], found: Tracking, scene: SceneSpec) -> Viewer | None:
-    """The robot along every trajectory of an artefact of `cfem control`: the FE shapes that it kept, or without any
-    those of the learned skin; None without either."""
+def animation(folder: Path, manifest: Mapping[str, Any], tracking: Tracking, scene: SceneSpec) -> Viewer | None:
+    """Viewer of the robot along every trajectory of an artefact of `cfem control`: the FE shapes that it kept, or
+    without any those of the learned skin; None without either."""
     taken = list(histories(folder, manifest, kinds=(FE,))) or _learned(folder, manifest)
     if not taken:
         return None
-    best = sorted(taken, key=lambda one: -found.summaries[one.name][found.learned(one.name)]["reachable"])
-    return viewer_of("tracked", best, None if found.spec.get("design") else scene)
+    best = sorted(
+        taken, key=lambda history: -tracking.summaries[history.name][tracking.learned(history.name)]["reachable"]
+    )
+    return viewer_of("tracked", best, None if tracking.spec.get("design") else scene)
 
 
 def viewer_of(name: str, taken: Sequence[ShapeHistory], scene: SceneSpec | None) -> Viewer:
-    """Courses of one surface; with the cables of the scene, where it is given and the robot is alone."""
+    """Viewer of courses of one surface; with the cables of the scene, where it is given and the robot is alone."""
     first = taken[0]
     triangles = flat_triangles(first.facets)
     kinds = np.where((triangles >= len(first.rest) - first.objects).all(axis=1), OBJECT, BODY)
     cables = [] if scene is None or first.objects else cables_of(scene)
-    takes = tuple(_take(one, cables) for one in taken)
+    takes = tuple(_take(history, cables) for history in taken)
     return Viewer(name, CAPTION.format(WHO[first.kind]), triangles, kinds, takes)
 
 

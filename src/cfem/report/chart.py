@@ -47,7 +47,7 @@ class Chart:
         return f'<figure class="chart">{self.legend}{shown}</figure>'
 
     def files(self) -> dict[str, bytes]:
-        """By name."""
+        """Files of the chart by name."""
         alone = len(self.panels) == 1
         return {
             f"{self.name}{'' if alone else f'-{place + 1}'}.svg": panel.encode()
@@ -84,7 +84,7 @@ def chart(name: str, caption: str, axes: Sequence[Axes]) -> Chart:
 
 
 def _svg(axis: Axes, salt: str) -> str:
-    """The same panel gives the same text."""
+    """Text of a panel as SVG; the same panel gives the same text."""
     plain_powers(axis)
     buffer = io.StringIO()
     with plt.rc_context({"svg.hashsalt": salt}):
@@ -93,14 +93,15 @@ def _svg(axis: Axes, salt: str) -> str:
 
 
 def _themed(svg: str, name: str) -> str:
-    """For the inside of a page: without prologue and foreign style, in the page's colours and letters."""
+    """Text of a panel for the inside of a page: without prologue and foreign style, in the page's colours and
+    letters."""
     svg = svg[svg.index("<svg") :]
     svg = re.sub(r"<metadata>.*?</metadata>|<style.*?</style>", "", svg, flags=re.DOTALL)
     svg = re.sub(r'<g id="[^"]*"', "<g", svg)
     svg = re.sub(r' (xmlns(:xlink)?|version)="[^"]*"', "", svg).replace("xlink:href", "href")
     svg = re.sub(r' (width|height)="(\d+)pt"', r' \1="\2"', svg)
     svg = re.sub(r"font-family:[^;\"]*;?", "", svg)
-    svg = re.sub(r"#[0-9a-f]{6}", lambda found: _colour(found[0]), svg)
+    svg = re.sub(r"#[0-9a-f]{6}", lambda match: _colour(match[0]), svg)
     return re.sub(r"\n\s*", " ", svg).replace("<svg", f'<svg role="img" aria-label="{escape(name)}"', 1)
 
 

@@ -22,11 +22,12 @@ _PALE = 0.35  # of a colour, the rest white
 
 
 def gif(viewer: Viewer, take: Take, milliseconds: Sequence[int]) -> bytes:
-    """The shapes of a take; milliseconds: (f,) that each is shown. The same shapes give the same bytes."""
-    frames = [Image.fromarray(one) for one in _drawn(viewer, take)]
+    """Moving picture (GIF) of the shapes of a take; milliseconds: (f,) that each is shown. The same shapes give the
+    same bytes."""
+    frames = [Image.fromarray(pixels) for pixels in _drawn(viewer, take)]
     some = np.hstack([np.asarray(frames[i]) for i in sorted({0, len(frames) // 3, 2 * len(frames) // 3})])
     palette = _with_ground(Image.fromarray(some).quantize(COLOURS_KEPT, dither=Image.Dither.NONE))
-    small = [one.quantize(palette=palette, dither=Image.Dither.NONE) for one in frames]
+    small = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
     buffer = io.BytesIO()
     how = {"save_all": True, "append_images": small[1:], "duration": list(milliseconds), "loop": 0, "optimize": True}
     small[0].save(buffer, format="GIF", **how)
@@ -34,7 +35,7 @@ def gif(viewer: Viewer, take: Take, milliseconds: Sequence[int]) -> bytes:
 
 
 def _with_ground(palette: Image.Image) -> Image.Image:
-    """Its colours near to the ground become the ground's own, which a mean with others would tint."""
+    """Palette whose colours near to the ground are the ground's own, which a mean with others would tint."""
     colours = np.array(palette.getpalette()).reshape(-1, 3)
     ground = np.array(to_rgb(GROUND)) * 255
     away = np.abs(colours - ground).sum(axis=1)
@@ -72,7 +73,7 @@ def _stage(
     axes, used = camera_axes(*viewer.camera), np.unique(viewer.triangles)
     everything = [take.x[:, used], take.goals, take.reached, *(line.frames for line in take.lines)]
     everything += [] if rest is None else [rest[used]]
-    flat = np.concatenate([one.reshape(-1, 3) for one in everything]) @ axes.T
+    flat = np.concatenate([points.reshape(-1, 3) for points in everything]) @ axes.T
     low, high = np.nanmin(flat, axis=0)[:2], np.nanmax(flat, axis=0)[:2]
     width, height = np.maximum(high - low, 1e-9) + 0.1 * (high - low).max()
     pixels = np.array([WIDTH, int(np.clip(WIDTH * height / width, LEAST, MOST)) // 2 * 2])
@@ -89,6 +90,7 @@ def _stage(
 
 
 def _frame(axis: Axes, canvas: FigureCanvasAgg, viewer: Viewer, take: Take, axes: np.ndarray, place: int) -> np.ndarray:
+    """Pixels of a shape of the take."""
     body: PolyCollection = painted(take.x[place], viewer.triangles, COLOURS[viewer.kinds], axes)
     drawn = [axis.add_collection(body, autolim=False)]
     for line in take.lines:
@@ -98,11 +100,11 @@ def _frame(axis: Axes, canvas: FigureCanvasAgg, viewer: Viewer, take: Take, axes
         drawn += axis.plot(*points.T[:2], "o-", color=colour, lw=2, ms=4, mfc=colour, mec=GROUND, mew=0.6, zorder=5)
     row = int(take.index[place])
     if len(take.reached):
-        way = take.reached[: row + 1] @ axes.T
-        drawn += axis.plot(*way.T[:2], color=HOT, lw=2, zorder=6)
-        drawn += axis.plot(*way[-1:].T[:2], "o", color=HOT, ms=8, mec=GROUND, zorder=7)
+        path = take.reached[: row + 1] @ axes.T
+        drawn += axis.plot(*path.T[:2], color=HOT, lw=2, zorder=6)
+        drawn += axis.plot(*path[-1:].T[:2], "o", color=HOT, ms=8, mec=GROUND, zorder=7)
     canvas.draw()
     pixels = np.asarray(canvas.buffer_rgba())[..., :3].copy()
-    for one in drawn:
-        one.remove()
+    for artist in drawn:
+        artist.remove()
     return pixels

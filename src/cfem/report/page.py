@@ -29,7 +29,7 @@ class Section:
     facts: dict[str, Any] = field(default_factory=dict)
 
     def key(self, place: int) -> str:
-        """Of its link."""
+        """Key of a section's link."""
         return f"{place + 1}-" + re.sub(r"[^a-z0-9]+", "-", self.title.lower()).strip("-")
 
     def html(self, place: int, unfolded: bool) -> str:
@@ -51,7 +51,7 @@ class Card:
     link: str = ""
 
     def html(self) -> str:
-        facts = "".join(f"<dt>{escape(name)}</dt><dd>{escape(said)}</dd>" for name, said in self.facts.items())
+        facts = "".join(f"<dt>{escape(name)}</dt><dd>{escape(text)}</dd>" for name, text in self.facts.items())
         return f'<section class="card"><h2>The robot</h2>{self.picture.html()}<dl>{facts}</dl>{self.link}</section>'
 
 

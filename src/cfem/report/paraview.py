@@ -35,14 +35,14 @@ def write_series(folder: Path, name: str, history: ShapeHistory) -> str:
 
 
 def vtu(x: np.ndarray, displacement: np.ndarray, facets: np.ndarray, facts: Mapping[str, np.ndarray]) -> bytes:
-    """A surface: x, displacement (m, 3) mm; facets (t, k) nodes of triangles, quads or quadratic triangles; facts:
-    numbers of the whole, as field data."""
+    """Surface as a VTK file: x, displacement (m, 3) mm; facets (t, k) nodes of triangles, quads or quadratic triangles;
+    facts: numbers of the whole, as field data."""
     root = _file("UnstructuredGrid", compressor="vtkZLibDataCompressor", header_type="UInt32")
     grid = ET.SubElement(root, "UnstructuredGrid")
-    told = ET.SubElement(grid, "FieldData")
+    field_data = ET.SubElement(grid, "FieldData")
     for key, values in facts.items():
         row = np.atleast_2d(np.asarray(values, "f8"))
-        _array(told, key, row, NumberOfTuples="1")
+        _array(field_data, key, row, NumberOfTuples="1")
     piece = ET.SubElement(grid, "Piece", NumberOfPoints=str(len(x)), NumberOfCells=str(len(facets)))
     _array(ET.SubElement(piece, "PointData", Vectors="displacement"), "displacement", displacement.astype("f4"))
     _array(ET.SubElement(piece, "Points"), "Points", x.astype("f4"))

@@ -66,33 +66,33 @@ def learned(
 
 
 def compared(spec: ReportSpec, manifests: Manifests) -> list[Section]:
-    """Models of several robots, methods of sampling, and meshes."""
-    found = []
-    for scene, one in spec.surrogates.items():
-        models = {name: manifests[f"{scene}: model {name}"] for name in one.models}
+    """Sections on models of several robots, methods of sampling, and meshes."""
+    sections = []
+    for scene, study in spec.surrogates.items():
+        models = {name: manifests[f"{scene}: model {name}"] for name in study.models}
         samples, beyond = (manifests.get(f"{scene}: {name}", (None,))[0] for name in ("samples", "beyond"))
         trusts, results = _trusts(models, samples, beyond), _results(models)
-        section = models_section(f"Models of {scene}", results, trusts, one.published, one.default, f"{scene}-")
-        found.append(Section(section.title, section.text, section.parts, {scene: section.facts}))
+        section = models_section(f"Models of {scene}", results, trusts, study.published, study.default, f"{scene}-")
+        sections.append(Section(section.title, section.text, section.parts, {scene: section.facts}))
     if spec.sampling:
         rows = []
         for method, models in spec.sampling.items():
             for name, paths in models.items():
                 folders = {i: manifests[f"{method}: {name}, {i + 1}"] for i in range(len(paths))}
                 rows += sampling_rows(method, name, _results(folders).values())
-        found.append(sampling_section(rows))
+        sections.append(sampling_section(rows))
     if spec.meshes:
         rows = []
-        for name, one in spec.meshes.items():
+        for name, study in spec.meshes.items():
             mesh, control = (manifests[f"mesh {name}: {part}"][1]["results"] for part in ("mesh", "control"))
             model = _results({name: manifests[f"mesh {name}: model"]})[name]
-            rows.append(mesh_row(name, mesh, model, control, one.published))
-        found.append(sizes_section(rows))
-    return found + _vibrating({name: manifests[f"moving {name}"][0] for name in spec.moving})
+            rows.append(mesh_row(name, mesh, model, control, study.published))
+        sections.append(sizes_section(rows))
+    return sections + _vibrating({name: manifests[f"moving {name}"][0] for name in spec.moving})
 
 
 def _vibrating(folders: Mapping[str, Path]) -> list[Section]:
-    """Of models that move."""
+    """Section on models that move."""
     from cfem.report.sections.vibrations import vibrations_section
 
     return [vibrations_section({name: load_motion(path) for name, path in folders.items()})] if folders else []
@@ -106,7 +106,7 @@ def over_time(spec: ReportSpec, manifests: Manifests) -> tuple[list[Section], Su
 
 
 def provenance(spec: ReportSpec, manifests: Manifests) -> Section:
-    """What made every artefact, and with which packages."""
+    """Section on what made every artefact, and with which packages."""
     made_with = manifests["control"][1]["versions"] if spec.control else versions()
     artefacts = tabulate(
         manifests.items(),
@@ -129,7 +129,7 @@ def _results(models: Mapping[Any, tuple[Path, dict[str, Any]]]) -> dict[Any, dic
 
 
 def _trusts(models: Manifests, samples: Path | None, beyond: Path | None) -> dict[str, Trust]:
-    """What the flags of each model are worth, by FE states of these datasets."""
+    """Worth of the flags of each model, by FE states of these datasets."""
     if samples is None:
         return {}
     states, outside = (path and read_dataset(artefact_file(path, "test.parquet")) for path in (samples, beyond))

@@ -24,10 +24,19 @@ FE, LEARNED = "fe", "learned"
 
 @dataclass(frozen=True)
 class ShapeHistory:
-    """One trajectory. kind: 'fe' or 'learned'; rest (m, 3) mm; facets (t, 3, 4 or 6) nodes; x (f, m, 3) mm;
-    index: (f,) of each shape among the rows of the run; times: (f,), seconds of a loop, else the number of the goal;
-    in_seconds: which of the two; facts: (f, ...) numbers of each shape by name; goals, reached: (n, 3) mm of all rows;
-    errors: (n,) mm; objects: how many of the last nodes are of an object that robots hold."""
+    """Shapes along one trajectory.
+
+    kind: 'fe' or 'learned'
+    rest: (m, 3) mm
+    facets: (t, 3, 4 or 6) nodes
+    x: (f, m, 3) mm
+    index: (f,) of each shape among the rows of the run
+    times: (f,) seconds of a loop, else the number of the goal
+    in_seconds: which of the two
+    facts: (f, ...) numbers of each shape by name
+    goals, reached: (n, 3) mm of all rows
+    errors: (n,) mm
+    objects: number of the last nodes, which are of an object that robots hold"""
 
     name: str
     kind: str
@@ -46,8 +55,11 @@ class ShapeHistory:
 
 @dataclass(frozen=True)
 class _Way:
-    """What the first controller of a run did on one trajectory. columns: (n, ...) of the run's table; model: its name,
-    None of FE-based control; names: of effector rows, then of actuators."""
+    """Rows of the first controller of a run on one trajectory.
+
+    model: its name, None of FE-based control
+    columns: (n, ...) of the run's table
+    names: of effector rows, then of actuators"""
 
     name: str
     model: str | None
@@ -58,7 +70,8 @@ class _Way:
     def history(
         self, kind: str, rest: np.ndarray, facets: np.ndarray, x: np.ndarray, index: np.ndarray, objects: int = 0
     ) -> ShapeHistory:
-        at = self._first_point()
+        """Shapes x (f, m, 3) mm of a kind, with the columns of the run."""
+        first_row = self._first_point()
         in_seconds = "tick" in self.columns
         return ShapeHistory(
             name=self.name,
@@ -70,8 +83,8 @@ class _Way:
             times=self.columns["seconds" if in_seconds else "goal_index"].astype(float)[index],
             in_seconds=in_seconds,
             facts=self._facts(index),
-            goals=self.columns["goal"][:, at : at + 3],
-            reached=self.columns["x_e"][:, at : at + 3],
+            goals=self.columns["goal"][:, first_row : first_row + 3],
+            reached=self.columns["x_e"][:, first_row : first_row + 3],
             errors=self.columns["error"],
             objects=objects,
         )
@@ -82,43 +95,47 @@ class _Way:
         return next((i for i, name in enumerate(self.names[:n_e]) if name.endswith(".x")), 0)
 
     def _facts(self, index: np.ndarray) -> dict[str, np.ndarray]:
-        at, actuators = self._first_point(), self.names[self.columns["goal"].shape[1] :]
-        found = {"error [mm]": self.columns["error"], "goal [mm]": self.columns["goal"][:, at : at + 3]}
-        found["position [mm]"] = self.columns["x_e"][:, at : at + 3]
+        """Facts beside each shape, by name."""
+        first_row, actuators = self._first_point(), self.names[self.columns["goal"].shape[1] :]
+        facts = {"error [mm]": self.columns["error"], "goal [mm]": self.columns["goal"][:, first_row : first_row + 3]}
+        facts["position [mm]"] = self.columns["x_e"][:, first_row : first_row + 3]
         for key, units in zip(("delta_a", "lambda_a"), self.units, strict=True):
             if key in self.columns:
                 of_each = zip(actuators, units, self.columns[key].T, strict=True)
-                found |= {f"{key} {name} [{unit}]" if unit else f"{key} {name}": row for name, unit, row in of_each}
-        return {name: values[index] for name, values in found.items()}
+                facts |= {f"{key} {name} [{unit}]" if unit else f"{key} {name}": row for name, unit, row in of_each}
+        return {name: values[index] for name, values in facts.items()}
 
 
 def histories(
     folder: Path, manifest: Mapping[str, Any], most: int = 60, kinds: Collection[str] = (FE, LEARNED)
 ) -> Iterator[ShapeHistory]:
-    """Of every trajectory of a run: FE shapes where it kept them, then those of the learned skin where the model has
-    one, at most `most`, evenly spread. kinds: those that are wanted. InputError where the model is no
-    longer the one of the run."""
+    """Shapes of every trajectory of a run: FE shapes where it kept them, then those of the learned skin where the model
+    has one, at most `most`, evenly spread. kinds: those that are wanted. InputError where the model is no longer the
+    one of the run."""
     states = read_npz(artefact_file(folder, "states.npz")) if FE in kinds and "states.npz" in manifest["files"] else {}
     models: dict[str, Predictor | None] = {}
-    for way in _ways(folder, manifest):
-        if f"{way.name}/x" in states:
-            x, objects = states[f"{way.name}/x"].astype(float), int(states.get("object_points", 0))
-            yield way.history(FE, states["X"], states["facets"], x, states[f"{way.name}/index"], objects)
+    for trajectory_rows in _ways(folder, manifest):
+        if f"{trajectory_rows.name}/x" in states:
+            x, objects = states[f"{trajectory_rows.name}/x"].astype(float), int(states.get("object_points", 0))
+            yield trajectory_rows.history(
+                FE, states["X"], states["facets"], x, states[f"{trajectory_rows.name}/index"], objects
+            )
         moved = manifest["spec"].get("object") or manifest["spec"].get("design")
-        if LEARNED not in kinds or way.model is None or moved:
+        if LEARNED not in kinds or trajectory_rows.model is None or moved:
             continue  # which moves or changes the robot that the skin is of
-        if way.model not in models:
-            models[way.model] = _model(folder, manifest, way.model)
-        model = models[way.model]
-        good = np.flatnonzero(np.isfinite(way.columns["delta_a"]).all(axis=1))
+        if trajectory_rows.model not in models:
+            models[trajectory_rows.model] = _model(folder, manifest, trajectory_rows.model)
+        model = models[trajectory_rows.model]
+        good = np.flatnonzero(np.isfinite(trajectory_rows.columns["delta_a"]).all(axis=1))
         if model is None or not len(good):
             continue
         index = good[np.linspace(0, len(good) - 1, min(most, len(good))).round().astype(int)]
-        x = model.shape(way.columns["delta_a"][index])
-        yield way.history(LEARNED, model.skin.rest, model.facets, x, index)
+        x = model.shape(trajectory_rows.columns["delta_a"][index])
+        yield trajectory_rows.history(LEARNED, model.skin.rest, model.facets, x, index)
 
 
 def _ways(folder: Path, manifest: Mapping[str, Any]) -> Iterator[_Way]:
+    """Trajectories of a run, each with its first controller's columns."""
     looped = "loop" in manifest["results"]
     table = read_parquet(artefact_file(folder, "loop.parquet" if looped else "trajectories.parquet"))
     columns = {name: np.array(table[name].to_pylist()) for name in table.column_names}
@@ -151,6 +168,6 @@ def _model(folder: Path, manifest: Mapping[str, Any], name: str) -> Predictor | 
     model, loads = load_model(path), manifest["spec"].get("loads")
     if not loads or model.meta.get("wrench") is not None:
         return model
-    stated = {name: LoadSpec.model_construct(**one) for name, one in loads.items()}  # in mm and N, as recorded
+    stated = {name: LoadSpec.model_construct(**load) for name, load in loads.items()}  # in mm and N, as recorded
     forces, patches = loads_of(stated, model.meta.get("masses", {}))
     return loaded(model, wrench_of(model.rows, forces), patches, trusted=np.inf)  # the run has judged it

@@ -123,6 +123,7 @@ class ReportSpec(Spec):
     Of `models` that move, the page shows them without being asked."""
 
     def check(self) -> None:
+        """Checks that the artefacts of a page are complete."""
         artefacts = {"mesh": self.mesh, "samples": self.samples, "models": self.models, "control": self.control}
         lacking = [name for name, value in artefacts.items() if not value]
         if 0 < len(lacking) < len(artefacts):

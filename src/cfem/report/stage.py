@@ -20,28 +20,28 @@ FOLDERS = {"surrogates": ("models", "samples", "beyond"), "meshes": ("mesh", "mo
 
 def artefacts(spec: ReportSpec, base: Path) -> dict[str, Path]:
     """Every folder that the page reads, by its name among the inputs."""
-    found: dict[str, Path | None] = {}
+    paths: dict[str, Path | None] = {}
     if spec.control:
-        found = {"mesh": spec.mesh, "samples": spec.samples}
-        found |= {f"model {name}": path for name, path in spec.models.items()} | {"control": spec.control}
-        found["page"] = spec.page
-    for scene, one in spec.surrogates.items():
-        found |= {f"{scene}: model {name}": path for name, path in one.models.items()}
-        found |= {f"{scene}: samples": one.samples, f"{scene}: beyond": one.beyond}
+        paths = {"mesh": spec.mesh, "samples": spec.samples}
+        paths |= {f"model {name}": path for name, path in spec.models.items()} | {"control": spec.control}
+        paths["page"] = spec.page
+    for scene, study in spec.surrogates.items():
+        paths |= {f"{scene}: model {name}": path for name, path in study.models.items()}
+        paths |= {f"{scene}: samples": study.samples, f"{scene}: beyond": study.beyond}
     for method, models in spec.sampling.items():
-        found |= {f"{method}: {name}, {i + 1}": path for name, paths in models.items() for i, path in enumerate(paths)}
-    for name, one in spec.meshes.items():
-        found |= {f"mesh {name}: {part}": getattr(one, part) for part in FOLDERS["meshes"]}
-    found |= {f"loop {name}": path for name, path in spec.loops.items()}
-    found |= {f"moving {name}": path for name, path in spec.moving.items()}
-    return {name: base / path for name, path in found.items() if path}
+        paths |= {f"{method}: {name}, {i + 1}": path for name, paths in models.items() for i, path in enumerate(paths)}
+    for name, study in spec.meshes.items():
+        paths |= {f"mesh {name}: {part}": getattr(study, part) for part in FOLDERS["meshes"]}
+    paths |= {f"loop {name}": path for name, path in spec.loops.items()}
+    paths |= {f"moving {name}": path for name, path in spec.moving.items()}
+    return {name: base / path for name, path in paths.items() if path}
 
 
 def _extra(spec: ReportSpec, base: Path) -> dict[str, Any]:
     extra: dict[str, Any] = {"scene": scene_meaning(base / spec.scene)} if spec.scene else {}
     for name, folders in FOLDERS.items():
         if given := getattr(spec, name):
-            extra[name] = {key: meaning(one, folders) for key, one in given.items()}
+            extra[name] = {key: meaning(study, folders) for key, study in given.items()}
     return extra
 
 
@@ -79,7 +79,7 @@ def _work(folder: Path, spec: ReportSpec, base: Path) -> dict[str, Any]:
         judged = {"judgement": [poor(concern) for concern in summary.concerns]}
         first = replace(summary, concerns=tuple(sentences(with_inherited(judged, inputs))))
         write_whole(folder / "report.html", page(title, first, robot, card, sections).encode())
-        parts = [part for section in sections for part in section.parts] + [one for one in (robot,) if one]
+        parts = [part for section in sections for part in section.parts] + [part for part in (robot,) if part]
         files = {name: data for part in parts for name, data in getattr(part, "files", dict)().items()}
         if spec.page:
             write_whole(folder / MOVED, page_of(*manifests["page"]))
@@ -117,7 +117,7 @@ def _demand_one_robot(scene: SceneSpec, scene_path: Path, spec: ReportSpec, mani
 
 
 def _about(spec: ReportSpec) -> str:
-    """Of a page that tracks nothing."""
+    """Title of a page that tracks nothing."""
     if spec.surrogates or spec.sampling or spec.meshes:
         robots = f" of {', '.join(spec.surrogates)}" if spec.surrogates else ""
         return f"Learned models{robots}: their errors, their costs, and whether their warnings can be trusted."

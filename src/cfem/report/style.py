@@ -58,7 +58,7 @@ def grid(count: int, columns: int = 3, height: float = 3.1, **shared: bool) -> t
 
 
 def png(figure: Figure, dpi: int = 160, **look) -> bytes:
-    """The same figure gives the same bytes: no date inside."""
+    """Picture (PNG) of a figure."""
     for axis in figure.axes:
         plain_powers(axis)
     buffer = io.BytesIO()

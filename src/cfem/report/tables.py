@@ -18,7 +18,7 @@ class Table:
     words: bool = False
 
     def html(self) -> str:
-        """In a box that scrolls where the screen is narrow."""
+        """Table in a box that scrolls where the screen is narrow."""
         head = "".join(f'<th scope="col">{escape(cell)}</th>' for cell in self.head)
         rows = "".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in self.rows)
         look = ' class="words"' if self.words else ""
@@ -51,7 +51,7 @@ def spread(values: Mapping[str, float] | None, *keys: str) -> str:
 
 
 def lengths(values: Mapping[str, float] | None, *keys: str) -> str:
-    """Of mm, as `spread`, with the unit that suits the largest: '1.2 / 7.5 nm'."""
+    """Lengths in mm, as `spread`, with the unit that suits the largest: '1.2 / 7.5 nm'."""
     return _with_unit(length, values, keys or ("mean", "max"))
 
 

@@ -45,8 +45,13 @@ class Line:
 
 @dataclass(frozen=True)
 class Take:
-    """name; x: (f, n, 3) shapes; index: (f,) goal of each; goals, reached: (m, 3); errors: (m,) mm, NaN where the robot
-    failed; marks: (3,) points with a CSS variable each."""
+    """Shapes of one course.
+
+    x: (f, n, 3) shapes
+    index: (f,) goal of each
+    goals, reached: (m, 3)
+    errors: (m,) mm, NaN where the robot failed
+    marks: (3,) points with a CSS variable each"""
 
     name: str
     x: np.ndarray
@@ -59,7 +64,7 @@ class Take:
 
     @property
     def closed(self) -> bool:
-        """Whether the goals come back to where they began, and every one of them has a shape."""
+        """True if the goals come back to where they began, and every one of them has a shape."""
         if len(self.goals) < 4:
             return False
         steps = np.linalg.norm(np.diff(self.goals, axis=0), axis=1)
@@ -68,7 +73,11 @@ class Take:
 
 @dataclass(frozen=True)
 class Viewer:
-    """name: of the file of the still picture; triangles: (k, 3); kinds: (k,)."""
+    """Robot that turns and moves in the page.
+
+    name: of the file of the still picture
+    triangles: (k, 3)
+    kinds: (k,)"""
 
     name: str
     caption: str
@@ -79,8 +88,8 @@ class Viewer:
 
     @cached_property
     def camera(self) -> tuple[float, float]:
-        """From where the path of the effector and the length of the body are seen best; of a robot at rest, what is
-        held."""
+        """Camera from which the path of the effector and the length of the body are seen best; of a robot at rest, what
+        is held."""
         take = self.takes[0]
         body = take.x[:, np.unique(self.triangles)].reshape(-1, 3)[::7]
         held = take.x[0][self.triangles[self.kinds == HELD]]
@@ -95,6 +104,7 @@ class Viewer:
         return max(CAMERAS, key=seen)
 
     def html(self) -> str:
+        """Figure with its picture, its data and the keys of its lines."""
         picture = base64.b64encode(self.still).decode()
         caption = escape(self.caption)
         data = json.dumps(self.data(), separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
@@ -112,16 +122,16 @@ class Viewer:
         return {f"{self.name}.png": self.still}
 
     def data(self) -> dict[str, Any]:
-        """What player.js reads: nodes that no triangle uses are left out."""
+        """Data that player.js reads: nodes that no triangle uses are left out."""
         used, triangles = np.unique(self.triangles, return_inverse=True)
         shapes = [take.x[:, used] for take in self.takes]
         low = np.min([x.min(axis=(0, 1)) for x in shapes], axis=0)
         high = np.max([x.max(axis=(0, 1)) for x in shapes], axis=0)
-        again, triangles = sharpened(shapes[0][0], triangles.reshape(-1, 3), len(used))
+        copies, triangles = sharpened(shapes[0][0], triangles.reshape(-1, 3), len(used))
         origin, step = (low + high) / 2, float((high - low).max()) / 65000
         return {
             "triangles": _encoded(triangles, "<u4"),
-            "again": _encoded(again, "<u4"),
+            "again": _encoded(copies, "<u4"),
             "kinds": _encoded(self.kinds, "u1"),
             "origin": origin.tolist(),
             "step": step,
@@ -164,9 +174,9 @@ def camera_axes(azimuth: float, elevation: float) -> np.ndarray:
 def visible(points: np.ndarray, axes: np.ndarray, extents: int) -> float:
     """0 to 1: how little of the largest extents of points (m, 3) is foreshortened by the camera."""
     centred = points - points.mean(axis=0)
-    whole, flat = (np.linalg.svd(each, compute_uv=False)[:extents] for each in (centred, centred @ axes[:2].T))
-    least = 1e-3 * whole[0] + 1e-12  # of a straight path nothing across it can be lost
-    return float(np.prod((flat + least) / (whole + least)))
+    full, flat = (np.linalg.svd(each, compute_uv=False)[:extents] for each in (centred, centred @ axes[:2].T))
+    least = 1e-3 * full[0] + 1e-12  # of a straight path nothing across it can be lost
+    return float(np.prod((flat + least) / (full + least)))
 
 
 def painted(x: np.ndarray, triangles: np.ndarray, colours: np.ndarray, axes: np.ndarray) -> PolyCollection:
@@ -200,6 +210,8 @@ def carried_along(points: np.ndarray, X: np.ndarray, x: np.ndarray) -> np.ndarra
 
 
 def _take(take: Take, frames: np.ndarray) -> dict[str, Any]:
+    """Data of a take."""
+
     def rounded(points: np.ndarray) -> list:
         return np.round(points, 4).tolist()
 
@@ -213,8 +225,8 @@ def _take(take: Take, frames: np.ndarray) -> dict[str, Any]:
         "closed": take.closed and len(frames) == len(take.goals),
         "goals": rounded(take.goals),
         "reached": [None if point is None else rounded(point) for point in reached],
-        "errors": [float(one) if np.isfinite(one) else None for one in take.errors],
-        "lines": [{"name": one.name, "colour": one.colour, "frames": rounded(one.frames)} for one in take.lines],
+        "errors": [float(error) if np.isfinite(error) else None for error in take.errors],
+        "lines": [{"name": line.name, "colour": line.colour, "frames": rounded(line.frames)} for line in take.lines],
         "marks": [{"point": rounded(point), "colour": colour} for point, colour in take.marks],
     }
 

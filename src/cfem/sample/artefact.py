@@ -30,7 +30,7 @@ DEAR = 4.0  # times the mean number of factorisations: a state that is named
 
 
 def fill(folder: Path, spec: SampleSpec, factory: SolverFactory, made_from: str, workers: Workers) -> dict[str, Any]:
-    """Writes one Parquet file a split into `folder`; results for the manifest."""
+    """Writes one Parquet file a split into `folder`; returns results for the manifest."""
     begin = time.perf_counter()
     files = {split: folder / f"{split}.parquet" for split in spec.splits}
     shards = folder / "shards"
@@ -44,14 +44,14 @@ def fill(folder: Path, spec: SampleSpec, factory: SolverFactory, made_from: str,
         for split, table in tables.items():
             write_table(files[split], table)
     shutil.rmtree(shards, ignore_errors=True)
-    found = results(tables, kept_skin(folder))
-    return {**found, "wall_seconds": time.perf_counter() - begin, "content": content_hash(tables)}
+    outcome = results(tables, kept_skin(folder))
+    return {**outcome, "wall_seconds": time.perf_counter() - begin, "content": content_hash(tables)}
 
 
-def keep_skin(found: Path, folder: Path) -> None:
+def keep_skin(shards: Path, folder: Path) -> None:
     """Copies the file of the skin to the dataset's folder, if there is one."""
-    if (found / SKIN).exists():
-        write_whole(folder / SKIN, (found / SKIN).read_bytes())
+    if (shards / SKIN).exists():
+        write_whole(folder / SKIN, (shards / SKIN).read_bytes())
 
 
 def kept_skin(folder: Path) -> Skin | None:
@@ -60,14 +60,14 @@ def kept_skin(folder: Path) -> Skin | None:
 
 
 def results(tables: dict[str, pa.Table], skin: Skin | None = None) -> dict[str, Any]:
-    """What the sampling gave and cost. Raises NumericalError where no row of a split converged."""
+    """Results of the sampling, and its cost. Raises NumericalError where no row of a split converged."""
     for split, table in tables.items():
         if not pc.any(pc.equal(table["status"], CONVERGED)).as_py():
             raise NumericalError(f"no row of '{split}' converged: {table['reason'][0]}", where="sample")
     table = pa.concat_tables(tables.values())
     solved = table.filter(pc.equal(table["status"], CONVERGED))
     failed = len(table) - len(solved)
-    costs, found = cost(table), None if skin is None else skin_results(solved, skin)
+    costs, skin_figures = cost(table), None if skin is None else skin_results(solved, skin)
     worst = pc.max(solved["residual"]).as_py()
     return {
         "headline": [
@@ -76,14 +76,14 @@ def results(tables: dict[str, pa.Table], skin: Skin | None = None) -> dict[str, 
             f"{duration(pc.mean(table['seconds']).as_py())} on one core",
             *dearest(table),
             *drawn_back(table),
-            *skin_line(found),
+            *skin_line(skin_figures),
         ],
         "judgement": failures(table.filter(pc.not_equal(table["status"], CONVERGED)), len(table)),
         "rows": {split: len(table) for split, table in tables.items()},
         "failed": failed,
         **costs,
         "residual_max": worst,
-        "skin": found,
+        "skin": skin_figures,
     }
 
 
@@ -103,14 +103,15 @@ def dearest(table: pa.Table) -> list[str]:
 
 
 def drawn_back(table: pa.Table) -> list[str]:
-    """How far all actuators are pulled at once, where the body bears less than their reach."""
+    """Line about the share of the reach to which all actuators are pulled at once, where the body bears less than their
+    reach."""
     together = metadata(table).get("together", 1.0)
     what = f"all actuators at once are pulled to {100 * together:.0f} % of their reach, as more would buckle the body"
     return [what] if together < 1.0 else []
 
 
 def skin_results(solved: pa.Table, skin: Skin) -> dict[str, Any]:
-    """Of the modes, and of how far they leave the surface of the converged rows from its place."""
+    """Results on the modes of the skin, and on how far they leave the surface of the converged rows from its place."""
     largest, rms = (column_array(solved, name) for name in ("skin_max", "skin_rms"))
     meta = metadata(solved)
     asked = meta["plan"].get("skin") or {}
@@ -130,20 +131,21 @@ def skin_results(solved: pa.Table, skin: Skin) -> dict[str, Any]:
 
 
 def skin_line(skin: dict[str, Any] | None) -> list[str]:
+    """Line about the modes of the skin."""
     if skin is None:
         return []
-    said = f"skin: {skin['modes']} modes describe the surface, with an error of {length(skin['largest_mm'])} at most"
+    line = f"skin: {skin['modes']} modes describe the surface, with an error of {length(skin['largest_mm'])} at most"
     tolerance, reached = skin["tolerance_mm"], skin["left_out_mm"][1]
     if tolerance is None or reached <= tolerance:
-        return [said]
+        return [line]
     return [
-        f"{said}; in states left out {length(reached)}, so the tolerance of {length(tolerance)} is NOT reached: "
+        f"{line}; in states left out {length(reached)}, so the tolerance of {length(tolerance)} is NOT reached: "
         "allow more modes (skin.largest), or a larger skeleton"
     ]
 
 
 def failures(failed: pa.Table, rows: int) -> list[dict[str, Any]]:
-    """What is wrong with so many failed rows."""
+    """Findings about so many failed rows."""
     if len(failed) <= FAILED_SHARE * rows:
         return []
     why, _ = Counter(failed["reason"].to_pylist()).most_common(1)[0]

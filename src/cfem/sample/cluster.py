@@ -24,9 +24,9 @@ _SAME = "install the same versions on all machines"
 
 @contextmanager
 def cluster(address: str) -> Iterator[Executor]:
-    """The workers of the scheduler at `address`. Left by an exception, what they have not begun is withdrawn. Raises
-    SpecError where there is none, WorkersLost where Dask gives a task up or the scheduler ends, InputError where a
-    worker is not like this process."""
+    """Executor of the workers of the scheduler at `address`. Left by an exception, what they have not begun is
+    withdrawn. Raises SpecError where there is none, WorkersLost where Dask gives a task up or the scheduler ends,
+    InputError where a worker is not like this process."""
     demand("distributed", where="--scheduler")
     from distributed import Client, KilledWorker
 
@@ -39,15 +39,15 @@ def cluster(address: str) -> Iterator[Executor]:
         raise SpecError(what, where="--scheduler", do="start one: dask scheduler") from error
     with client:
         try:
-            for worker, error in client.run(_demand_alike, here(), on_error="return").items():
+            for worker, error in client.run(_demand_alike, local_versions(), on_error="return").items():
                 if isinstance(error, InputError):
                     raise error
                 if isinstance(error, Exception) and not isinstance(error, OSError):  # who is gone is not asked
                     raise InputError(f"cannot run cfem: {error}", where=f"worker {worker}", do=_SAME)
             yield _DaskExecutor(client)
         except KilledWorker as killed:
-            died, last = killed.allowed_failures + 1, killed.last_worker.address
-            raise WorkersLost(f"{died} Dask workers died of one shard, the last at {last}") from None
+            deaths, last = killed.allowed_failures + 1, killed.last_worker.address
+            raise WorkersLost(f"{deaths} Dask workers died of one shard, the last at {last}") from None
         except CancelledError:
             raise WorkersLost(f"the Dask scheduler at {address} is gone") from None
 
@@ -60,8 +60,8 @@ class _DaskExecutor(Executor):
         self._sent: dict[bytes, Any] = {}
 
     def submit(self, function: Callable[..., Any], /, *arguments: Any) -> Future:
-        sent = [self._once(one) if isinstance(one, bytes) else one for one in arguments]
-        return self._tasks.submit(_alike, here(), function, *sent)
+        sent = [self._once(argument) if isinstance(argument, bytes) else argument for argument in arguments]
+        return self._tasks.submit(_alike, local_versions(), function, *sent)
 
     def _once(self, value: bytes) -> Any:
         import dask
@@ -73,13 +73,13 @@ class _DaskExecutor(Executor):
 
 
 @lru_cache(maxsize=1)
-def here() -> dict[str, str]:
-    """What the digits of this process depend on."""
+def local_versions() -> dict[str, str]:
+    """Versions on which the digits of this process depend."""
     return versions() | {"solver": solver_name()}
 
 
 def _alike(expected: dict[str, str], function: Callable[..., Any], *arguments: Any) -> Any:
-    """In a worker, which may have joined just now: function(*arguments)."""
+    """Result of function(*arguments) in a worker, which may have joined just now."""
     from distributed import get_worker
 
     _demand_alike(expected, get_worker())
@@ -88,10 +88,10 @@ def _alike(expected: dict[str, str], function: Callable[..., Any], *arguments: A
 
 def _demand_alike(expected: dict[str, str], dask_worker: Any) -> None:
     """Raises InputError where a worker's digits may be others than those of a local run."""
-    where, found = f"worker {dask_worker.address}", here()
-    different = [name for name in sorted({*expected, *found}) if expected.get(name) != found.get(name)]
+    where, versions_here = f"worker {dask_worker.address}", local_versions()
+    different = [name for name in sorted({*expected, *versions_here}) if expected.get(name) != versions_here.get(name)]
     if different:
-        listed = ", ".join(f"{name} {found.get(name)} in place of {expected.get(name)}" for name in different)
+        listed = ", ".join(f"{name} {versions_here.get(name)} in place of {expected.get(name)}" for name in different)
         do = f"start it with CFEM_SOLVER={expected['solver']}" if different == ["solver"] else _SAME
         raise InputError(f"has other versions: {listed}", where=where, do=do)
     if dask_worker.state.nthreads != 1 or any(os.environ.get(name) != "1" for name in THREADS):

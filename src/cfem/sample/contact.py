@@ -26,8 +26,7 @@ class ContactPlan:
     about_rest: tuple[int, ...] = ()
 
     def actuation(self, u: np.ndarray, patch: Patch, compliance: np.ndarray) -> tuple[Actuation, np.ndarray]:
-        """What row u in [0, 1] prescribes, and its pose. compliance (n_a + n, n_a + n): at rest, of actuators and
-        pose."""
+        """Actuation of row u in [0, 1], and its pose. compliance (n_a + n, n_a + n): at rest, of actuators and pose."""
         values = np.array(self.low) + u * (np.array(self.high) - np.array(self.low))
         n_a = len(u) - patch.n
         if self.about_rest:

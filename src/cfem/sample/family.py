@@ -29,15 +29,16 @@ class RobotFamily:
     moduli vary from robot to robot, or places of nodes"""
 
     def __init__(self, scene: SceneSpec, mesh: Mesh, parameters: Sequence[Parameter]):
+        """Robots of a scene whose parameters differ."""
         self.parameters = sampled(parameters)
-        kinds = {one.key.partition(".")[0] for one in self.parameters}
+        kinds = {parameter.key.partition(".")[0] for parameter in self.parameters}
         self._designs = Designs(scene, mesh) if "geometry" in kinds else None
         self.robot = self._designs.reference if self._designs else build_robot(scene, mesh)
-        dense = any(one.key.endswith("density") for one in self.parameters)
+        dense = any(parameter.key.endswith("density") for parameter in self.parameters)
         self._built_anew = not self._designs and (dense or not kinds <= {"material", "materials", "shape"})
         self.alike = not self._built_anew
         self._scene, self._mesh = scene, mesh
-        self._keys = [one.key for one in self.parameters]
+        self._keys = [parameter.key for parameter in self.parameters]
         self._moving: tuple[bytes, dict[int, np.ndarray]] = (b"", {})
         self._form = None
         if "shape" in kinds and not self._designs:
@@ -58,9 +59,11 @@ class RobotFamily:
         robot = replace(robot, body=with_materials(robot.body, materials_of(scene)))
         return on_mesh(scene, robot, mesh) if self._form else robot
 
-    def around(self, p: np.ndarray, index: int, step: float, at: Robot | None = None) -> tuple[Robot, Robot, float]:
-        """The robots on either side of p in the coordinate of parameter `index`, `step` of its range away, and by how
-        much that coordinate differs between them. at: the robot of p itself, of which they then keep what the parameter
+    def around(
+        self, p: np.ndarray, index: int, step: float, robot_at_p: Robot | None = None
+    ) -> tuple[Robot, Robot, float]:
+        """Robots on either side of p in the coordinate of parameter `index`, `step` of its range away, and by how much
+        that coordinate differs between them. at: the robot of p itself, of which they then keep what the parameter
         leaves alone."""
         low, high = range_coordinates(self.parameters)
         middle = coordinates(self.parameters, p)
@@ -69,27 +72,41 @@ class RobotFamily:
         scene = with_values(self._scene, self._keys, p)
         scenes = [with_values(scene, self._keys[index : index + 1], [end]) for end in ends]
         if self._designs:
-            behind, ahead = self._designed(scene, p, index, shift[index], scenes, at)
+            behind, ahead = self._designed(scene, p, index, shift[index], scenes, robot_at_p)
         else:
-            behind, ahead = (self._beside(p, index, end, one, at) for end, one in zip(ends, scenes, strict=True))
+            behind, ahead = (
+                self._beside(p, index, end, scene_beside, robot_at_p)
+                for end, scene_beside in zip(ends, scenes, strict=True)
+            )
         return behind, ahead, float(2 * shift[index])
 
     def _designed(
-        self, scene: SceneSpec, p: np.ndarray, index: int, shift: float, scenes: list[SceneSpec], at: Robot | None
+        self,
+        scene: SceneSpec,
+        p: np.ndarray,
+        index: int,
+        shift: float,
+        scenes: list[SceneSpec],
+        robot_at_p: Robot | None,
     ) -> list[Robot]:
-        """On either side, of designs: the nodes move along their derivative."""
-        if at is not None and self._of_stiffness(index):
-            return [replace(at, body=with_materials(at.body, materials_of(one))) for one in scenes]
+        """Robots on either side of p, of designs: the nodes move along their derivative."""
+        if robot_at_p is not None and self._of_stiffness(index):
+            return [
+                replace(robot_at_p, body=with_materials(robot_at_p.body, materials_of(scene_beside)))
+                for scene_beside in scenes
+            ]
         if self._moving[0] != p.tobytes():
             self._moving = p.tobytes(), self._moves(scene, p)
         move = self._moving[1].get(index)
         base = self._designs.base(scene)
         sides = [0.0, 0.0] if move is None else [-shift * move, shift * move]
-        return [self._designs.beside(one, base, side) for one, side in zip(scenes, sides, strict=True)]
+        return [
+            self._designs.beside(scene_beside, base, side) for scene_beside, side in zip(scenes, sides, strict=True)
+        ]
 
     def _moves(self, scene: SceneSpec, p: np.ndarray) -> dict[int, np.ndarray]:
-        """By the number of each parameter that moves the mesh before its free form: (n, 3) mm a unit of its
-        coordinate, the nodes' derivative."""
+        """Derivatives of the nodes, (n, 3) mm a unit of its coordinate, by the number of each parameter that moves the
+        mesh before its free form."""
         low, high = range_coordinates(self.parameters)
         middle = coordinates(self.parameters, p)
         moving = [i for i, key in enumerate(self._keys) if key.startswith(_MOVES_BASE)]
@@ -99,19 +116,20 @@ class RobotFamily:
             ends = [values(self.parameters, middle + side * h * (np.arange(len(p)) == i))[i] for side in (-1, 1)]
             scenes = [with_values(scene, self._keys[i : i + 1], [end]) for end in ends]
             sums.append(list(zip((-1 / (2 * h), 1 / (2 * h)), scenes, strict=True)))
-        found = self._designs.changes(scene, sums) if moving else []
-        return dict(zip(moving, found, strict=True))
+        derivatives = self._designs.changes(scene, sums) if moving else []
+        return dict(zip(moving, derivatives, strict=True))
 
     def _of_stiffness(self, index: int) -> bool:
         kind, *key = self._keys[index].split(".")
         return kind in ("material", "materials") and key[-1] != "density"
 
-    def _beside(self, p: np.ndarray, index: int, end: float, scene: SceneSpec, at: Robot | None) -> Robot:
-        """Of a scene that differs from that of p in one parameter, which has the value `end`. at: the robot of p."""
+    def _beside(self, p: np.ndarray, index: int, end: float, scene: SceneSpec, robot_at_p: Robot | None) -> Robot:
+        """Robot of a scene that differs from that of p in one parameter, which has the value `end`. at: the robot of
+        p."""
         kind, *key = self._keys[index].split(".")
-        if at is not None and self._built_anew and not self._form:
+        if robot_at_p is not None and self._built_anew and not self._form:
             if self._of_stiffness(index):
-                return replace(at, body=with_materials(at.body, materials_of(scene)))
+                return replace(robot_at_p, body=with_materials(robot_at_p.body, materials_of(scene)))
             if kind == "actuators":
-                return with_actuator(scene, self._mesh, at, int(key[0]))
+                return with_actuator(scene, self._mesh, robot_at_p, int(key[0]))
         return self.at(np.where(np.arange(len(p)) == index, end, p))

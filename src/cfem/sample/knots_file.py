@@ -29,7 +29,7 @@ def knots_bytes(knots: Sequence[Knot]) -> bytes:
 
 
 def read_knots(file: Path | io.BytesIO) -> list[Knot]:
-    """What `knots_bytes` made. Raises InputError where it is missing or damaged."""
+    """Knots that `knots_bytes` wrote. Raises InputError where it is missing or damaged."""
     try:
         with np.load(file, allow_pickle=False) as stacked:
             arrays = {name: stacked[name] for name in Knot.__dataclass_fields__}

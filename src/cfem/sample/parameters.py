@@ -20,13 +20,15 @@ Key = tuple[str | int, ...]
 
 
 def scene_parameters(asked: Mapping[str, ParameterSpec], path: Path) -> tuple[Parameter, ...]:
-    """As the scene at `path` has them. Raises SpecError, naming the parameter, where its key is none of a number that
-    leaves the mesh alone, or its range none of values that the scene accepts there."""
+    """Parameters as the scene at `path` has them. Raises SpecError, naming the parameter, where its key is none of a
+    number that leaves the mesh alone, or its range none of values that the scene accepts there."""
     scene = load_spec(path, SceneSpec)
     return tuple(_parameter(name, spec, scene, path) for name, spec in asked.items())
 
 
 def _parameter(name: str, spec: ParameterSpec, scene: SceneSpec, path: Path) -> Parameter:
+    """Parameter as the scene has it. SpecError where its key is none of a number that leaves the mesh alone, or its
+    range none of values that the scene accepts."""
     key, where = key_path(spec.key), f"parameters.{name}"
     if key[0] not in _FREE or "region" in key:
         what = f"key: '{spec.key}' changes the mesh, or nothing"
@@ -73,6 +75,7 @@ def with_values(scene: SceneSpec, keys: Sequence[str], p: np.ndarray) -> SceneSp
 
 
 def _replaced(node, key: Key, value: float):
+    """Copy of a node with `value` at a key path."""
     if not key:
         return value
     part, rest = key[0], key[1:]

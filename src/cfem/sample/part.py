@@ -37,29 +37,29 @@ class SamplePart:
     index: int
     count: int
 
-    def folder(self, whole: Path) -> Path:
-        """Where it is put unless told otherwise: beside the whole dataset."""
-        return whole.with_name(f"{whole.name}-part-{self.index}-of-{self.count}")
+    def folder(self, dataset: Path) -> Path:
+        """Folder of the part unless another is stated: beside the whole dataset."""
+        return dataset.with_name(f"{dataset.name}-part-{self.index}-of-{self.count}")
 
 
 def parse_part(text: str) -> SamplePart:
-    """'2/8'. Raises SpecError."""
-    found = re.fullmatch(r"(\d{1,6})/(\d{1,6})", text.strip())
-    part = SamplePart(*map(int, found.groups())) if found else None
+    """Part of a text such as '2/8'. Raises SpecError."""
+    match = re.fullmatch(r"(\d{1,6})/(\d{1,6})", text.strip())
+    part = SamplePart(*map(int, match.groups())) if match else None
     if part is None or not 1 <= part.index <= part.count:
         raise SpecError(f"'{text}' is not a part i/n with 1 <= i <= n", where="--shard", do="use e.g. --shard 2/8")
     return part
 
 
 def fill_part(
-    folder: Path, spec: SampleSpec, factory: SolverFactory, whole: str, part: SamplePart, workers: Workers
+    folder: Path, spec: SampleSpec, factory: SolverFactory, made_from: str, part: SamplePart, workers: Workers
 ) -> dict[str, Any]:
-    """Solves the skeleton and the part's shards into `folder`; results for the manifest. whole: what the complete
-    dataset is made from."""
+    """Solves the skeleton and the part's shards into `folder`; returns results for the manifest. whole: what the
+    complete dataset is made from."""
     begin = time.perf_counter()
 
     def solve(executor: Executor) -> int:
-        job = make_job(spec, factory, folder, executor, whole, workers.timeout)
+        job = make_job(spec, factory, folder, executor, made_from, workers.timeout)
         first = tour.skeleton(job.u, spec.skeleton)
         rest = np.setdiff1d(np.arange(len(job.u)), first)
         share = slice(part.index - 1, None, part.count)
@@ -68,13 +68,13 @@ def fill_part(
         return sum(len(piece) for piece in tour.shards(job.u, rest, spec.shard)[share])
 
     rows = with_workers(workers, solve)
-    return {"part": vars(part) | {"of": whole}, "rows": rows, "wall_seconds": time.perf_counter() - begin}
+    return {"part": vars(part) | {"of": made_from}, "rows": rows, "wall_seconds": time.perf_counter() - begin}
 
 
-def fill_merged(folder: Path, spec: SampleSpec, parts: Sequence[Path], whole: str) -> dict[str, Any]:
-    """Writes one Parquet file a split from complete parts; results for the manifest. Raises InputError where a part is
-    missing, damaged, twice there, or of another dataset."""
-    manifests = _check_parts(parts, whole)
+def fill_merged(folder: Path, spec: SampleSpec, parts: Sequence[Path], made_from: str) -> dict[str, Any]:
+    """Writes one Parquet file a split from complete parts; returns results for the manifest. Raises InputError where a
+    part is missing, damaged, twice there, or of another dataset."""
+    manifests = _check_parts(parts, made_from)
     skeletons = [artefact_file(part, SKELETON) for part in parts]
     for part in (part for part, manifest in zip(parts, manifests, strict=True) if SKIN in manifest["files"]):
         artefact_file(part, SKIN)
@@ -100,8 +100,8 @@ def fill_merged(folder: Path, spec: SampleSpec, parts: Sequence[Path], whole: st
     }
 
 
-def _check_parts(parts: Sequence[Path], whole: str) -> list[dict[str, Any]]:
-    """Their manifests."""
+def _check_parts(parts: Sequence[Path], made_from: str) -> list[dict[str, Any]]:
+    """Manifests of the parts."""
     manifests = [read_manifest(part) for part in parts]
     seen: dict[int, Path] = {}
     count = 0
@@ -109,7 +109,7 @@ def _check_parts(parts: Sequence[Path], whole: str) -> list[dict[str, Any]]:
         part = manifest.get("results", {}).get("part")
         if not part:
             raise InputError("is not a part of a dataset", where=str(folder), do="make it with sample --shard")
-        if part["of"] != whole:
+        if part["of"] != made_from:
             do = "run sample --shard with the same spec, scene and mesh everywhere"
             raise InputError("is part of another dataset", where=str(folder), do=do)
         count = count or part["count"]
@@ -135,9 +135,9 @@ def _demand_one_skeleton(files: Sequence[Path]) -> None:
             raise InputError(what, where=str(file), do="use machines of one type and the same package versions")
 
 
-def dataset_parts(whole: Path) -> list[Path]:
-    """The folders of parts beside a dataset. Raises InputError where there is none."""
-    found = sorted(whole.parent.glob(f"{whole.name}-part-*-of-*"))
-    if not found:
-        raise InputError("has no parts beside it", where=str(whole), do="run sample --shard i/n, or name them")
-    return found
+def dataset_parts(dataset: Path) -> list[Path]:
+    """Folders of parts beside a dataset. Raises InputError where there is none."""
+    folders = sorted(dataset.parent.glob(f"{dataset.name}-part-*-of-*"))
+    if not folders:
+        raise InputError("has no parts beside it", where=str(dataset), do="run sample --shard i/n, or name them")
+    return folders

@@ -58,8 +58,8 @@ def actuation(
     forces: np.ndarray | None = None,
     together: float = 1.0,
 ) -> Actuation:
-    """What row u (n_a,) prescribes: a pull in proportion u within reach (n_a, 2) mm, or u of the box of the reach, or
-    of that of the forces (n_a, 2) N, or nothing at rest. compliance: (n_a, n_a) mm/N, W_aa at rest; together: see
+    """Actuation of row u (n_a,): a pull in proportion u within reach (n_a, 2) mm, or u of the box of the reach, or of
+    that of the forces (n_a, 2) N, or nothing at rest. compliance: (n_a, n_a) mm/N, W_aa at rest; together: see
     `borne_together`."""
     if space == "rest":
         return force(np.zeros(len(u)))
@@ -95,7 +95,7 @@ def borne(share: np.ndarray, reach: np.ndarray, compliance: np.ndarray, together
 
 
 def _load(share: np.ndarray, reach: np.ndarray, compliance: np.ndarray) -> float:
-    """Of a pull by an amount of 1, were the robot as compliant as at rest."""
+    """Load of a pull by an amount of 1, were the robot as compliant as at rest."""
     C = share / (share.sum() * reach)
     return float((C * np.diag(compliance) / reach).sum() / (C @ compliance @ C))
 

@@ -46,9 +46,10 @@ def with_workers(workers: Workers, work: Callable[[Executor], T]) -> T:
 
 @contextmanager
 def worker_pool(workers: int | None = None) -> Iterator[Executor]:
-    """`workers` processes (default: one a core), a single one included: the numbers then come from the same environment
-    however many there are. Left by an exception (Ctrl-C too), the workers are killed in the middle of what they do."""
-    others = set(multiprocessing.active_children())
+    """Executor of `workers` processes (default: one a core), a single one included: the numbers then come from the same
+    environment however many there are. Left by an exception (Ctrl-C too), the workers are killed in the middle of what
+    they do."""
+    others_children = set(multiprocessing.active_children())
     context = _WithoutMain()
     # Safe path: no process takes modules from the working folder.
     with _environment({**dict.fromkeys((*ONE_THREAD, "PYTHONSAFEPATH"), "1"), "CFEM_SOLVER": solver_name()}):
@@ -56,7 +57,7 @@ def worker_pool(workers: int | None = None) -> Iterator[Executor]:
         try:
             yield executor
         except BaseException:
-            for process in set(multiprocessing.active_children()) - others:
+            for process in set(multiprocessing.active_children()) - others_children:
                 process.kill()
             raise
         finally:
@@ -89,7 +90,7 @@ class Pool(ProcessPoolExecutor):
         self._counts = counts
 
     def tally(self) -> Tally:
-        """Of all of them so far."""
+        """Tally of all of them so far."""
         return Tally(*self._counts)
 
 
@@ -109,7 +110,7 @@ def _end_with_parent() -> None:
 
 @contextmanager
 def _environment(values: dict[str, str]) -> Iterator[None]:
-    """For processes started meanwhile."""
+    """Sets environment variables for processes started meanwhile."""
     before = {name: os.environ.get(name) for name in values}
     os.environ.update(values)
     try:

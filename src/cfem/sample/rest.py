@@ -13,8 +13,8 @@ from cfem.sample.parameters import with_values
 
 
 def moves_effectors(parameters: Sequence[Parameter]) -> bool:
-    """Whether robots that differ in them rest elsewhere."""
-    return any(one.moves_body or one.key.startswith("effectors") for one in parameters)
+    """True if robots that differ in these parameters rest elsewhere."""
+    return any(parameter.moves_body or parameter.key.startswith("effectors") for parameter in parameters)
 
 
 class Rest:
@@ -23,13 +23,17 @@ class Rest:
     Every effector is a point of the scene, fixed or where the geometry has it; orientations rest at 0."""
 
     def __init__(self, scene: Any, parameters: Sequence[Parameter], rest_e: np.ndarray):
-        self._scene, self._keys = scene, [one.key for one in parameters]
+        """Rest positions at the ends of the parameters' ranges; scene, rest_e: of the reference."""
+        self._scene, self._keys = scene, [parameter.key for parameter in parameters]
         self._moves = moves_effectors(parameters)
         self._rest_e = rest_e
         if not self._moves:
             return
         reference = references(parameters)
-        ends = np.array([one.high for one in parameters]), np.array([one.low for one in parameters])
+        ends = (
+            np.array([parameter.high for parameter in parameters]),
+            np.array([parameter.low for parameter in parameters]),
+        )
         base = self._at(reference)
         self._slope = np.stack(
             [
@@ -44,15 +48,16 @@ class Rest:
         self._affine = np.allclose(self._line(ends[1]), self._at(ends[1]), rtol=0, atol=1e-9)
 
     def __call__(self, p: np.ndarray) -> np.ndarray:
-        """(m, n_p) -> (m, n_e)."""
+        """Rest positions (m, n_e) of robots p (m, n_p)."""
         if not self._moves:
             return np.broadcast_to(self._rest_e, (len(p), len(self._rest_e)))
-        return self._line(p) if self._affine else np.array([self._at(one) for one in p])
+        return self._line(p) if self._affine else np.array([self._at(row) for row in p])
 
     def _line(self, p: np.ndarray) -> np.ndarray:
         return self._base + (p - self._reference) @ self._slope.T
 
     def _at(self, p: np.ndarray) -> np.ndarray:
+        """Positions of the effectors at rest of the scene with p (n_p,)."""
         scene = with_values(self._scene, self._keys, p)
         places = []
         for item in scene.effectors:

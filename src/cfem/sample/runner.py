@@ -109,17 +109,12 @@ def make_job(
     made_from: str = "",
     timeout: float | None = None,
 ) -> Job:
-    """The rows of all splits, to be solved into `folder`."""
+    """Job of the rows of all splits, to be solved into `folder`."""
     robot = pickle.dumps(factory)
     doing("starting the workers and solving the robot at rest")
     facts: Facts
     _, facts = next(_results(executor, timeout, {"facts of the robot": (shard.facts, robot)}))
-    if spec.space == "force" and facts.forces is None:
-        what = f"space: force needs the smallest and largest multiplier of every actuator of scene '{facts.scene}'"
-        raise SpecError(what, do="give each its `pressure`, or draw from another space")
-    if spec.space == "rest" and not sampled(facts.parameters):
-        what = f"space: rest without sampled parameters is one state of scene '{facts.scene}', over and over"
-        raise SpecError(what, do="name `parameters` that the scene's response depends on, or draw from another space")
+    _demand_space(spec, facts)
     together = 1.0
     if spec.space == "pulling" and spec.contact is None:
         doing("finding how far all actuators can be pulled at once")
@@ -141,7 +136,7 @@ def make_job(
         "versions": versions() | {"solver": solver_name()},
     }
     if facts.viscosity is not None:
-        meta["viscosity"] = [plain(vars(one)) for one in facts.viscosity]
+        meta["viscosity"] = [plain(vars(material)) for material in facts.viscosity]
         meta["inner"] = facts.inner
     if facts.masses:
         meta["masses"] = dict(facts.masses)
@@ -164,8 +159,18 @@ def make_job(
     )
 
 
+def _demand_space(spec: SampleSpec, facts: Facts) -> None:
+    """SpecError where the scene lacks what the space to draw from needs."""
+    if spec.space == "force" and facts.forces is None:
+        what = f"space: force needs the smallest and largest multiplier of every actuator of scene '{facts.scene}'"
+        raise SpecError(what, do="give each its `pressure`, or draw from another space")
+    if spec.space == "rest" and not sampled(facts.parameters):
+        what = f"space: rest without sampled parameters is one state of scene '{facts.scene}', over and over"
+        raise SpecError(what, do="name `parameters` that the scene's response depends on, or draw from another space")
+
+
 def contact_plan(spec: SampleSpec, facts: Facts) -> ContactPlan | None:
-    """What the spec's `contact` draws."""
+    """Plan of what the spec's `contact` draws."""
     if spec.contact is None:
         return None
     demand_units(spec, facts.row_units[facts.rows.a])
@@ -178,7 +183,7 @@ def contact_plan(spec: SampleSpec, facts: Facts) -> ContactPlan | None:
 
 
 def solve_skeleton(job: Job, rows: np.ndarray) -> Job:
-    """With the skin that these rows (indices into job.u) show, if one is asked for. Makes the file of the rows, and
+    """Job with the skin that these rows (indices into job.u) show, if one is asked for. Makes the file of the rows, and
     beside it those of their states and of the skin, where they are not there."""
     if not _has_skeleton(job):
         call = (shard.solve_skeleton, job.robot, job.piece(rows), job.asked)
@@ -194,7 +199,7 @@ def solve_skeleton(job: Job, rows: np.ndarray) -> Job:
 
 
 def skinned(job: Job, skin: bytes) -> Job:
-    """With the rows of the skin in this file; as it is where that is empty."""
+    """Job with the rows of the skin in this file; as it is where that is empty."""
     if not skin:
         return job
     names = skin_from(skin).names
@@ -202,7 +207,7 @@ def skinned(job: Job, skin: bytes) -> Job:
 
 
 def solve_rows(job: Job, rows: np.ndarray, size: int, share: slice = slice(None)) -> list[Path]:
-    """The files with these rows (indices into job.u), in shards of `size` at most; those that are there already, of the
+    """Files with these rows (indices into job.u), in shards of `size` at most; those that are there already, of the
     same rows, are kept. Each row depends on job.u, the indices, the size and the skeleton, on nothing else. share:
     which of the shards, all by default."""
     pieces = tour.shards(job.u, rows, size)
@@ -215,8 +220,8 @@ def solve_rows(job: Job, rows: np.ndarray, size: int, share: slice = slice(None)
             for number in waiting
         }
         counter = _counter(job)
-        total, left = (sum(len(pieces[number]) for number in numbers) for numbers in (mine, waiting))
-        with progress("solving states", total, done=total - left, **_shown(counter)) as advance:
+        total, unsolved = (sum(len(pieces[number]) for number in numbers) for numbers in (mine, waiting))
+        with progress("solving states", total, done=total - unsolved, **_shown(counter)) as advance:
             for name, table in _results(job.executor, job.timeout, calls):
                 write_whole(job.folder / name, table)
                 if counter is None:
@@ -250,7 +255,7 @@ def _results(
 
 
 def _holds(job: Job, number: int, piece: np.ndarray) -> bool:
-    """Whether the shard is solved. Rows that were chosen by a model may be others after it was trained again."""
+    """True if the shard is solved. Rows that were chosen by a model may be others after it was trained again."""
     try:
         table = read_table(job.shard_rows(number))
     except InputError:  # missing, or damaged since
@@ -260,7 +265,7 @@ def _holds(job: Job, number: int, piece: np.ndarray) -> bool:
 
 
 def _has_skeleton(job: Job) -> bool:
-    """Whether its rows and its states are there, and whole."""
+    """True if the skeleton's rows and its states are there, and whole."""
     try:
         read_table(job.skeleton_rows)
         read_knots(job.skeleton_states)
@@ -281,7 +286,7 @@ def _counter(job: Job) -> Callable[[], Tally] | None:
 
 
 def _shown(counter: Callable[[], Tally] | None) -> dict[str, Any]:
-    """What progress is told: how many states are solved, and what they cost."""
+    """Arguments of the progress: how many states are solved, and what they cost."""
     if counter is None:
         return {}
     return {"poll": lambda: counter().states, "note": lambda: str(counter())}

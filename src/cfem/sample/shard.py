@@ -69,11 +69,11 @@ def together(robot: bytes) -> float:
 
 @lru_cache(maxsize=1)
 def _watching(robot: bytes, skin: bytes) -> tuple[Solver, Skin | None]:
-    """The robot of this process with the rows of a skin; as it is where that is empty."""
+    """Solver of this process with the rows of a skin; as it is where that is empty."""
     if not skin:
         return _solver(robot), None
-    found = skin_from(skin)
-    return _solver(robot).watching(found), found
+    skin_rows = skin_from(skin)
+    return _solver(robot).watching(skin_rows), skin_rows
 
 
 Record = dict[str, Any]
@@ -120,7 +120,7 @@ def solve_shard(robot: bytes, skin: bytes, skeleton: bytes, piece: Piece) -> byt
 
 
 def solve_alone(robot: bytes, skin: bytes, piece: Piece) -> bytes:
-    """As `solve_shard`, the first row from rest."""
+    """Rows as of `solve_shard`, the first one from rest."""
     return rows_bytes(_solve_rows(*_watching(robot, skin), piece, [])[0], piece.schema)
 
 
@@ -131,7 +131,11 @@ def rows_bytes(records: list[Record], schema: pa.Schema) -> bytes:
 
 @dataclass(frozen=True)
 class SolvedRow:
-    """A row u: asked and X, what it prescribes and its pose, if any; p: its parameters; seconds: that it took."""
+    """A row u of the plan, solved.
+
+    asked, X: what it prescribes, and its pose, if any
+    p: its parameters
+    seconds: that it took"""
 
     u: np.ndarray
     asked: Actuation
@@ -155,6 +159,7 @@ def _solve_rows(solver: Solver, skin: Skin | None, piece: Piece, known: Sequence
 
 
 def _solve_row(solver: Solver, piece: Piece, index: int, knots: Sequence[Knot]) -> SolvedRow:
+    """Row of the plan, solved from the knots nearest to it."""
     begin, facts, u = time.perf_counter(), solver.facts, piece.u[index]
     n_a, parameters = facts.rows.n_a, sampled(facts.parameters)
     if piece.contact:
@@ -213,18 +218,18 @@ def _start(facts: Facts, knots: Sequence[Knot], u: np.ndarray, asked: Actuation,
     return None if len(q) else nearest(knots, u)
 
 
-def _record(facts: Facts, skin: Skin | None, piece: Piece, index: int, found: SolvedRow) -> Record:
-    """One row of the dataset. A failed solve has no state: its columns stay empty and its reason says why."""
-    solved, parameters = found.solved, sampled(facts.parameters)
-    row = _state(piece, index, solved, None if found.X is None else (facts.patch, found.X))
+def _record(facts: Facts, skin: Skin | None, piece: Piece, index: int, row_solved: SolvedRow) -> Record:
+    """Record of one row of the dataset. A failed solve has no state: its columns stay empty and its reason says why."""
+    solved, parameters = row_solved.solved, sampled(facts.parameters)
+    row = _state(piece, index, solved, None if row_solved.X is None else (facts.patch, row_solved.X))
     if parameters:
-        row["p"] = found.p
+        row["p"] = row_solved.p
     if parameters and solved.converged:
-        row |= _slopes(solved.slopes, slopes(parameters, found.p))
+        row |= _slopes(solved.slopes, slopes(parameters, row_solved.p))
     if skin and solved.converged:
         rms, largest = skin.left(solved.state.x[skin.nodes] - skin.rest)
         row |= {"delta_s": solved.delta_s, "skin_rms": rms, "skin_max": largest}
-    return row | {"seconds": found.seconds}
+    return row | {"seconds": row_solved.seconds}
 
 
 def _state(piece: Piece, index: int, solved: Equilibrium, held: tuple[Patch, np.ndarray] | None) -> Record:
@@ -285,7 +290,7 @@ def _motion(inertia: Inertia, rows: Rows) -> Record:
 
 
 def _without_contacts(condensed: Condensed) -> Condensed:
-    """Where nothing holds the contact points."""
+    """Condensed state where nothing holds the contact points."""
     n = condensed.rows.c.start
     rows, n_a = replace(condensed.rows, contacts=()), condensed.rows.n_a
     return Condensed(rows, condensed.W[:n, :n], condensed.delta_free[:n], condensed.lam[:n_a])

@@ -71,7 +71,8 @@ def shown_nodes(surface: Surface, inside: Inside | None) -> tuple[np.ndarray, np
 def find_skin(
     surface: Surface, seen: list[SkinSample], spec: SkinSpec, length: float, inside: Inside | None = None
 ) -> Skin:
-    """length: mm, of the robot; inside: the other nodes that `seen` has, None where it has none."""
+    """Skin with the modes that show the samples to the spec's tolerance. length: mm, of the robot; inside: the other
+    nodes that `seen` has, None where it has none."""
     root, m = np.sqrt(np.maximum(surface.weights, 1e-12 / len(surface.weights))), len(surface.nodes)
     columns, state = _columns(seen, root)
     snapshots = (root[:, None, None] * columns[:m]).reshape(3 * m, -1)
@@ -88,24 +89,24 @@ def find_skin(
     if inside is None:
         return skin
     within = np.moveaxis(columns[m:] @ mixes, -1, 0)  # the same mixture of what the states show
-    moved = np.array([one.displacements for one in seen])
+    moved = np.array([sample.displacements for sample in seen])
     apart = np.linalg.norm(moved[:, m:] - np.tensordot(skin.rows(moved[:, :m]), within, axes=(1, 0)), axis=2)
-    left = np.array([np.sqrt(np.mean(apart**2)), apart.max()])
-    return replace(skin, inner_nodes=inside.nodes, inner_rest=inside.rest, inner_modes=within, inner_left=left)
+    left_out = np.array([np.sqrt(np.mean(apart**2)), apart.max()])
+    return replace(skin, inner_nodes=inside.nodes, inner_rest=inside.rest, inner_modes=within, inner_left=left_out)
 
 
 def _columns(seen: list[SkinSample], root: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(m, 3, c), the displacements of all states first, and the state (c,) that each column is of."""
+    """Columns (m, 3, c), the displacements of all states first, and the state (c,) that each column is of."""
     number = np.arange(len(seen))
-    displaced = np.stack([one.displacements for one in seen], axis=-1)
-    spread = np.std([one.forces for one in seen], axis=0)
-    by_force = np.concatenate([HALF * spread * one.by_force for one in seen], axis=-1)
-    pushed = [number for number, one in enumerate(seen) if one.yields is not None]
+    displaced = np.stack([sample.displacements for sample in seen], axis=-1)
+    spread = np.std([sample.forces for sample in seen], axis=0)
+    by_force = np.concatenate([HALF * spread * sample.by_force for sample in seen], axis=-1)
+    pushed = [number for number, sample in enumerate(seen) if sample.yields is not None]
     columns, state = [displaced, by_force], [number, np.repeat(number, len(spread))]
     if pushed:
-        yields = np.concatenate([seen[one].yields for one in pushed], axis=-1)
-        own = len(root)
-        size, reference = (np.linalg.norm(root[:, None, None] * one[:own]) for one in (yields, displaced))
+        yields = np.concatenate([seen[number].yields for number in pushed], axis=-1)
+        m = len(root)
+        size, reference = (np.linalg.norm(root[:, None, None] * columns_of[:m]) for columns_of in (yields, displaced))
         columns.append(yields * (HUNDREDTH * reference / size if size > 0 else 0.0))
         state.append(np.repeat(pushed, seen[pushed[0]].yields.shape[-1]))
     return np.concatenate(columns, axis=-1), np.concatenate(state)
@@ -128,18 +129,18 @@ def _principal(snapshots: np.ndarray, gram: np.ndarray, chosen: np.ndarray, most
 def _front(
     snapshots: np.ndarray, state: np.ndarray, gram: np.ndarray, root: np.ndarray, states: int, most: int
 ) -> np.ndarray:
-    """(most + 1, 2) as `Skin.front`."""
+    """Errors (most + 1, 2) by the number of modes, as `Skin.front`."""
     square, largest = np.zeros(most + 1), np.zeros(most + 1)
     folds = min(FOLDS, states)
     for fold in range(folds):
         chosen = np.flatnonzero(state % folds != fold) if folds > 1 else np.arange(len(state))
         modes, _ = _principal(snapshots, gram, chosen, most)
-        left = snapshots[:, fold:states:folds].copy()
+        remainder = snapshots[:, fold:states:folds].copy()
         for count in range(most + 1):
             if 0 < count <= modes.shape[1]:
                 mode = modes[:, count - 1]
-                left -= np.outer(mode, mode @ left)
-            apart = (left.reshape(len(root), 3, -1) ** 2).sum(axis=1)
+                remainder -= np.outer(mode, mode @ remainder)
+            apart = (remainder.reshape(len(root), 3, -1) ** 2).sum(axis=1)
             square[count] += apart.sum()
             largest[count] = max(largest[count], np.sqrt((apart / root[:, None] ** 2).max()))
     return np.column_stack([np.sqrt(square / states), largest])

@@ -28,16 +28,26 @@ ROUGH = 1e-5  # relative residual of states that only show the modes of the surf
 
 @dataclass(frozen=True)
 class Facts:
-    """scene: name; reach: (n_a, 2) mm; rest_e: (n_e,) mm; length: mm; parameters: sampled and exact ones; row_units: of
-    each row's displacement and multiplier, empty where all are mm and N; compliance: (n_a, n_a) W_aa at rest, with the
-    pose of the patch behind the actuators where there is one; patch: that holds the contact points, None where they are
-    free. rows: its pose's coordinates are the contacts, if any; forces: (n_a, 2) smallest and largest multipliers, None
-    where the scene does not state them; in_a_row: whether the robot is of rigid sections in a row, each state of which
-    best starts from the nearest. robot: what the scene says of it, None where there is no scene; surface: of the
-    scene's own robot, None where it has none; viscosity: of each viscous material, None where no dynamics are asked
-    for; inner: the number of inner motions whose mass is recorded; masses: t, by the name of the effector that is the
-    centre of that mass; inside: the nodes that are not of the surface, None where there are none; unilateral: (n_a,)
-    actuators that go slack rather than push, (0,) where none does."""
+    """What samples need to know of a scene.
+
+    scene: name
+    rows: its pose's coordinates are the contacts, if any
+    reach: (n_a, 2) mm
+    rest_e: (n_e,) mm
+    length: mm
+    compliance: (n_a, n_a) W_aa at rest, with the pose of the patch behind the actuators where there is one
+    parameters: sampled and exact ones
+    row_units: of each row's displacement and multiplier, empty where all are mm and N
+    patch: that holds the contact points, None where they are free
+    forces: (n_a, 2) smallest and largest multipliers, None where the scene does not state them
+    in_a_row: whether the robot is of rigid sections in a row, each state of which best starts from the nearest
+    robot: what the scene says of it, None where there is no scene
+    surface: of the scene's own robot, None where it has none
+    viscosity: of each viscous material, None where no dynamics are asked for
+    inner: the number of inner motions whose mass is recorded
+    masses: t, by the name of the effector that is the centre of that mass
+    inside: the nodes that are not of the surface, None where there are none
+    unilateral: (n_a,) actuators that go slack rather than push, (0,) where none does"""
 
     scene: str
     rows: Rows
@@ -63,14 +73,14 @@ class Solver(Protocol):
     facts: Facts
 
     def solve(self, actuation: Actuation, start: State | None, p: np.ndarray) -> Equilibrium:
-        """Of the robot at p (n_p,), from `start`; from rest where that is None or fails. Its slopes are by the sampled
-        parameters' coordinates. Depends on its arguments alone, not on earlier calls."""
+        """Equilibrium of the robot at p (n_p,), from `start`; from rest where that is None or fails. Its slopes are by
+        the sampled parameters' coordinates. Depends on its arguments alone, not on earlier calls."""
 
     def watching(self, skin: Skin) -> "Solver":
-        """The same, whose equilibria have the rows of the skin. Needs facts.surface."""
+        """Solver whose equilibria have the rows of the skin. Needs facts.surface."""
 
     def roughly(self, pushed: Skin | None = None) -> "Solver":
-        """The same to a loose tolerance, without derivatives of W; with about how all nodes yield to forces on the rows
+        """Solver to a loose tolerance, without derivatives of W; with about how all nodes yield to forces on the rows
         `pushed`."""
 
 
@@ -80,9 +90,11 @@ SolverFactory = Callable[[], Solver]
 
 @dataclass(frozen=True)
 class FiniteElements:
-    """Factory of the finite-element solver of a scene on its mesh, to a relative residual `tolerance`. turns:
-    whether the patch of its contact points can turn, None where nothing holds them; dynamics: whether mass and
-    viscosity are asked for; slack: whether unilateral actuators go slack rather than push."""
+    """Factory of the finite-element solver of a scene on its mesh, to a relative residual `tolerance`.
+
+    turns: whether the patch of its contact points can turn, None where nothing holds them
+    dynamics: whether mass and viscosity are asked for
+    slack: whether unilateral actuators go slack rather than push"""
 
     scene: SceneSpec
     mesh: Mesh
@@ -95,6 +107,7 @@ class FiniteElements:
     slack: bool = True
 
     def __call__(self) -> Solver:
+        """Solver of the scene in this process."""
         from cfem.condensed.contact_pose import onto_patch
         from cfem.equilibrium.actuation import force
         from cfem.equilibrium.contact.held_patch import contact_points, patch_of
@@ -138,7 +151,7 @@ class FiniteElements:
             problem.kinematics.row is not None,
             robot_of(self.scene),
             surface,
-            tuple(one for one in robot.viscosity if not one.none) if self.dynamics else None,
+            tuple(material for material in robot.viscosity if not material.none) if self.dynamics else None,
             0 if stresses is None else stresses.shape[2],
             robot.masses,
             Inside(within, robot.X[within]) if len(within) else None,
@@ -150,9 +163,13 @@ class FiniteElements:
 
 @dataclass(frozen=True)
 class _FiniteElementSolver:
-    """problem: of the scene's own robot; mass: its own, None where no dynamics are asked for; stresses: of
-    its inner motions, None where it has none; skin: watched too, None
-    where it is not; pushed: see `Solver.roughly`."""
+    """Finite-element solver of a scene.
+
+    problem: of the scene's own robot
+    mass: its own, None where no dynamics are asked for
+    stresses: of its inner motions, None where it has none
+    skin: watched too, None where it is not
+    pushed: see `Solver.roughly`"""
 
     facts: Facts
     family: Any
@@ -174,6 +191,7 @@ class _FiniteElementSolver:
         return replace(self, settings=settings, third_order=False, loads=0, mass=None, pushed=pushed)
 
     def solve(self, actuation: Actuation, start: State | None, p: np.ndarray) -> Equilibrium:
+        """Equilibrium of the robot at p (n_p,), with slopes by the sampled parameters' coordinates."""
         from cfem.equilibrium.derivatives.parameter_slopes import Sides
         from cfem.equilibrium.motion.inertia import mass_of
         from cfem.equilibrium.solve import Wanted, solve
@@ -191,7 +209,7 @@ class _FiniteElementSolver:
         shift = problem.rest - self.problem.rest
         moved = bool(shift.any())
         start = start if start is None or not moved else replace(start, x=start.x + shift)
-        found = solve(
+        equilibrium = solve(
             problem,
             actuation,
             start,
@@ -206,7 +224,11 @@ class _FiniteElementSolver:
                 stresses=self.stresses,
             ),
         )
-        return replace(found, state=replace(found.state, x=found.state.x - shift)) if moved else found
+        return (
+            replace(equilibrium, state=replace(equilibrium.state, x=equilibrium.state.x - shift))
+            if moved
+            else equilibrium
+        )
 
     def _problem(self, robot: Any, skin: Skin | None, like: Any) -> Any:
         from cfem.equilibrium.problem import Problem

@@ -174,7 +174,8 @@ class SampleSpec(Spec):
     """Largest relative residual of a converged state."""
 
     def check(self) -> None:
-        keys = [one.key for one in self.parameters.values()]
+        """Checks that the fields go together."""
+        keys = [parameter.key for parameter in self.parameters.values()]
         if len(set(keys)) < len(keys):
             raise ValueError(f"two parameters have the same key: {keys}")
         if self.loads and self.contact:

@@ -31,7 +31,7 @@ def run(
     timeout: float | None = None,
     shard: str | None = None,
 ) -> dict[str, Any]:
-    """The dataset's manifest. Interrupted, the next run goes on from the shards that were finished.
+    """Manifest of the dataset. Interrupted, the next run goes on from the shards that were finished.
 
     workers: processes, one a core by default; scheduler: address of a Dask scheduler, whose workers solve instead;
     timeout: s without a finished shard after which they are given up. The three change nothing but the time. The scene
@@ -42,7 +42,7 @@ def run(
     scene, mesh = spec_path.parent / spec.scene, spec_path.parent / spec.mesh
     parameters = scene_parameters(spec.parameters, scene)
     made = stage(spec_path, overrides, out)
-    whole, crew = made.made_from(), Workers(workers, scheduler, timeout)
+    made_from, crew = made.made_from(), Workers(workers, scheduler, timeout)
 
     def factory() -> Any:
         from cfem.robot.load import load_scene_and_mesh
@@ -56,7 +56,7 @@ def run(
     def work(folder: Path) -> dict[str, Any]:
         from cfem.sample import artefact
 
-        return (fill or artefact.fill)(folder, placed(spec, spec_path.parent), factory(), whole, crew)
+        return (fill or artefact.fill)(folder, placed(spec, spec_path.parent), factory(), made_from, crew)
 
     if shard is None:
         return run_stage(made, work, options)
@@ -67,7 +67,7 @@ def run(
 
     part = parse_part(shard)
     mine = replace(made, out=out or part.folder(made.out), extra={**made.extra, "part": vars(part)})
-    return run_stage(mine, lambda folder: fill_part(folder, spec, factory(), whole, part, crew), options)
+    return run_stage(mine, lambda folder: fill_part(folder, spec, factory(), made_from, part, crew), options)
 
 
 def merge(
@@ -86,7 +86,7 @@ def merge(
 
 
 def placed(spec: SampleSpec, base: Path) -> SampleSpec:
-    """With the paths of `around` as they are from here."""
+    """Spec with the paths of `around` as they are from here."""
     if spec.around is None:
         return spec
     named = {"task": base / spec.around.task, "base": base / (spec.around.base or spec.out)}
@@ -94,6 +94,7 @@ def placed(spec: SampleSpec, base: Path) -> SampleSpec:
 
 
 def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = None) -> Stage:
+    """Stage of a dataset: the scene enters by its values."""
     spec = load_spec(spec_path, SampleSpec, overrides)
     scene, around = spec_path.parent / spec.scene, placed(spec, spec_path.parent).around
     beside = spec_path.parent / (f"{spec.out}-around" if around and spec.around.base is None else spec.out)

@@ -16,7 +16,7 @@ class Tally:
     factorizations: int = 0
 
     def since(self, before: "Tally") -> "Tally":
-        """What was added to `before`."""
+        """Difference from the tally `before`."""
         return Tally(
             self.states - before.states,
             self.failed - before.failed,

@@ -32,11 +32,11 @@ def shards(u: np.ndarray, indices: np.ndarray, size: int) -> list[np.ndarray]:
 
 
 def walk(u: np.ndarray, indices: np.ndarray) -> np.ndarray:
-    """`indices` from the row nearest to rest on, always to the nearest row not yet visited."""
-    left = list(indices)
-    step = int(np.argmin((u[left] ** 2).sum(axis=1)))
-    path = [left.pop(step)]
-    while left:
-        step = int(np.argmin(((u[left] - u[path[-1]]) ** 2).sum(axis=1)))
-        path.append(left.pop(step))
+    """Path through `indices` from the row nearest to rest on, always to the nearest row not yet visited."""
+    unvisited = list(indices)
+    step = int(np.argmin((u[unvisited] ** 2).sum(axis=1)))
+    path = [unvisited.pop(step)]
+    while unvisited:
+        step = int(np.argmin(((u[unvisited] - u[path[-1]]) ** 2).sum(axis=1)))
+        path.append(unvisited.pop(step))
     return np.array(path)

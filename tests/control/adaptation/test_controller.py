@@ -12,7 +12,7 @@ from cfem.control.adaptation.controller import AdaptiveController
 from cfem.control.adaptation.tracker import Tracker
 from cfem.control.closed_loop.controller import Controller
 from cfem.control.closed_loop.tick import Pilot
-from cfem.control.search.goal_search import Settings
+from cfem.control.search.goal_search import SearchSettings
 from cfem.control.search.inverse import Limits
 from cfem.core.errors import NumericalError
 from cfem.plant.gains import Gains
@@ -48,7 +48,13 @@ def run(model, aims, adapt, p_of, seed=0, noise=NOISE, delay=1, spoil=lambda rng
     limits = Limits(np.array([[0.0, 3 * model.domain.lambda_a[1].max()]] * 2), model.reach * [[1, 1.5]] - [[1, 0]])
     ridge = ridge_of(1e-10, model.reach, model.length)
     pilot = Pilot(
-        AtParameters(model, first(model)), "force", "equilibrium", limits, np.ones(3), ridge, Settings(20, 1e-5, 3.0)
+        AtParameters(model, first(model)),
+        "force",
+        "equilibrium",
+        limits,
+        np.ones(3),
+        ridge,
+        SearchSettings(20, 1e-5, 3.0),
     )
     if adapt:
         controller = AdaptiveController(

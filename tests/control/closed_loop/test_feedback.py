@@ -7,9 +7,9 @@ from support.linear_robot import LinearRobot
 
 from cfem.condensed.strokes import ridge_of
 from cfem.control.closed_loop.feedback import WINDOW, Feedback
-from cfem.control.closed_loop.run import Pace, run_loop
+from cfem.control.closed_loop.run import Pace, run_closed_loop
 from cfem.control.closed_loop.tick import Pilot
-from cfem.control.search.goal_search import Settings
+from cfem.control.search.goal_search import SearchSettings
 from cfem.control.search.inverse import Limits
 from cfem.core.errors import InputError
 from cfem.plant.gains import Gains, integral_for
@@ -30,11 +30,11 @@ def run(interval, delay, robot, gains=DEFAULT, ticks=None):
     """(goals, ticks) mm errors."""
     stiffness, push = ROBOTS[robot]
     limits, ridge = Limits.of(linear_robot.REACH, np.zeros(2, bool)), ridge_of(1e-12, linear_robot.REACH, 120.0)
-    pilot = Pilot(LinearRobot(), "force", "equilibrium", limits, np.ones(2), ridge, Settings(1, 1e-10))
+    pilot = Pilot(LinearRobot(), "force", "equilibrium", limits, np.ones(2), ridge, SearchSettings(1, 1e-10))
     sensor = Imperfection(samples_a_tick=1 / interval, delay=delay)
     plant = ImperfectPlant(ModelPlant(LinearRobot(stiffness), linear_robot.REST_E, push), sensor, 0)
     ticks = ticks or (3 * FOLDS + 2) * (delay + interval)
-    moments = run_loop(GOALS, pilot, plant, linear_robot.REST_E, Pace(0.0, 1, ticks_a_goal=ticks), gains)
+    moments = run_closed_loop(GOALS, pilot, plant, linear_robot.REST_E, Pace(0.0, 1, ticks_a_goal=ticks), gains)
     return np.array([one.error for one in moments]).reshape(len(GOALS), ticks)
 
 
@@ -68,72 +68,72 @@ def test_a_fixed_gain_that_settles_in_time_does_not_five_ticks_late():
 
 
 def test_a_sample_corrects_once():
-    heard = feedback()
+    correction = feedback()
     for x in (1.0, 2.0, 3.0):
-        heard.commanded(np.array([x, 0.0]))
-    assert heard.hear(2, np.array([1.5, 0.0])) and not heard.hear(2, np.array([1.5, 0.0]))
-    np.testing.assert_allclose(heard.moved, [0.25, 0.0])
-    assert not heard.hear(1, np.array([9.0, 9.0]))
-    np.testing.assert_allclose(heard.total, [0.25, 0.0])
+        correction.commanded(np.array([x, 0.0]))
+    assert correction.sample(2, np.array([1.5, 0.0])) and not correction.sample(2, np.array([1.5, 0.0]))
+    np.testing.assert_allclose(correction.moved, [0.25, 0.0])
+    assert not correction.sample(1, np.array([9.0, 9.0]))
+    np.testing.assert_allclose(correction.total, [0.25, 0.0])
 
 
 def test_the_reference_is_that_of_the_sample_s_command_without_its_correction():
-    heard = feedback()
-    heard.commanded(np.array([1.0, 1.0]))
-    assert heard.hear(1, np.zeros(2))
-    heard.commanded(np.array([1.5, 1.5]))  # where the corrected goal led: the reference stays 1
-    heard.commanded(np.array([7.0, 7.0]))
-    assert heard.hear(2, np.array([1.0, 1.0]))
-    np.testing.assert_allclose(heard.moved, [0.5, 0.5])
+    correction = feedback()
+    correction.commanded(np.array([1.0, 1.0]))
+    assert correction.sample(1, np.zeros(2))
+    correction.commanded(np.array([1.5, 1.5]))  # where the corrected goal led: the reference stays 1
+    correction.commanded(np.array([7.0, 7.0]))
+    assert correction.sample(2, np.array([1.0, 1.0]))
+    np.testing.assert_allclose(correction.moved, [0.5, 0.5])
 
 
 @pytest.mark.parametrize("x_e", [[np.nan, 0.0], [np.inf, 0.0]])
 def test_what_is_not_finite_changes_nothing(x_e):
-    heard = feedback()
-    heard.commanded(np.ones(2))
-    assert not heard.hear(1, np.array(x_e)) and not heard.moved.any() and heard.heard == 1
+    correction = feedback()
+    correction.commanded(np.ones(2))
+    assert not correction.sample(1, np.array(x_e)) and not correction.moved.any() and correction.sampled == 1
 
 
 def test_rows_that_nobody_measures_do_not_correct():
-    heard = Feedback(Gains(0.1, 0.5), np.array([True, False]))
-    heard.commanded(np.ones(2))
-    assert heard.hear(1, np.array([0.0, np.nan]))
-    np.testing.assert_allclose(heard.moved, [0.6, 0.0])
+    correction = Feedback(Gains(0.1, 0.5), np.array([True, False]))
+    correction.commanded(np.ones(2))
+    assert correction.sample(1, np.array([0.0, np.nan]))
+    np.testing.assert_allclose(correction.moved, [0.6, 0.0])
 
 
 def test_a_sample_older_than_the_history_changes_nothing():
-    heard = feedback(history=4)
+    correction = feedback(history=4)
     for _ in range(6):
-        heard.commanded(np.ones(2))
-    assert not heard.hear(2, np.zeros(2)) and not heard.moved.any()
-    assert heard.hear(3, np.zeros(2))
+        correction.commanded(np.ones(2))
+    assert not correction.sample(2, np.zeros(2)) and not correction.moved.any()
+    assert correction.sample(3, np.zeros(2))
 
 
 def test_a_sample_of_a_command_that_was_never_given_is_refused():
-    heard = feedback()
-    heard.commanded(np.ones(2))
+    correction = feedback()
+    correction.commanded(np.ones(2))
     with pytest.raises(InputError, match="of tick 2, and 1 commands were given"):
-        heard.hear(2, np.zeros(2))
+        correction.sample(2, np.zeros(2))
 
 
 def test_the_sum_is_bounded():
-    heard = feedback(Gains(0.1, 0.5, bound=2.0))
+    correction = feedback(Gains(0.1, 0.5, bound=2.0))
     for tick in range(1, 21):
-        heard.commanded(np.array([3.0, 4.0]) + heard.moved)
-        heard.hear(tick, np.zeros(2))
-    np.testing.assert_allclose(heard.total, [1.2, 1.6])
-    np.testing.assert_allclose(heard.moved, [1.5, 2.0])
+        correction.commanded(np.array([3.0, 4.0]) + correction.moved)
+        correction.sample(tick, np.zeros(2))
+    np.testing.assert_allclose(correction.total, [1.2, 1.6])
+    np.testing.assert_allclose(correction.moved, [1.5, 2.0])
 
 
-def in_turn(heard, ages, interval=1):
+def in_turn(correction, ages, interval=1):
     """K_I after each sample; ages: of the samples, which are those of every interval-th command."""
     found = []
     for age in ages:
-        tick = heard.heard + interval
-        while heard.given < tick + age - 1:
-            heard.commanded(np.zeros(2))
-        assert heard.hear(tick, np.zeros(2))
-        found.append(heard.integral)
+        tick = correction.sampled + interval
+        while correction.given < tick + age - 1:
+            correction.commanded(np.zeros(2))
+        assert correction.sample(tick, np.zeros(2))
+        found.append(correction.integral)
     return found
 
 

@@ -10,9 +10,9 @@ from support.arc_robot import ArcRobot, tip
 from support.linear_robot import LinearRobot
 
 from cfem.condensed.strokes import ridge_of
-from cfem.control.closed_loop.run import Pace, run_loop
+from cfem.control.closed_loop.run import Pace, run_closed_loop
 from cfem.control.closed_loop.tick import Pilot
-from cfem.control.search.goal_search import Settings
+from cfem.control.search.goal_search import SearchSettings
 from cfem.control.search.inverse import Limits
 from cfem.plant.gains import Gains, integral_for
 from cfem.plant.imperfect_plant import Imperfection, ImperfectPlant, Stiffer
@@ -33,7 +33,7 @@ def pilot(robot=linear_robot, model=None, **changes):
         Limits.of(robot.REACH, unilateral),
         np.ones(n_e),
         ridge_of(1e-12, robot.REACH, length),
-        Settings(iterations=1, tolerance=1e-10),
+        SearchSettings(iterations=1, tolerance=1e-10),
     )
     return replace(made, **changes)
 
@@ -48,7 +48,7 @@ def plant(model, robot=linear_robot, seed=0, **imperfection):
 
 def run(pilot, plant, goals=(GOAL,), gains=None, rest_e=linear_robot.REST_E, ticks=40, **pace):
     pace = Pace(**({"radius": 0.5, "hold": 5, "ticks_a_goal": ticks} | pace))
-    return run_loop(np.array(goals), pilot, plant, np.asarray(rest_e), pace, gains)
+    return run_closed_loop(np.array(goals), pilot, plant, np.asarray(rest_e), pace, gains)
 
 
 @pytest.mark.parametrize("delay", [0, 1, 2])
@@ -230,7 +230,7 @@ def test_iterations_within_a_tick_arrive_sooner():
     goal = arc_robot.REST_E + tip(np.array([12.0, 11.0]))
 
     def first_tick(iterations):
-        now = pilot(arc_robot, settings=Settings(iterations=iterations))
+        now = pilot(arc_robot, settings=SearchSettings(iterations=iterations))
         return errors(run(now, plant(ArcRobot(), arc_robot), (goal,), None, arc_robot.REST_E, ticks=1))[0]
 
     assert first_tick(20) < 1e-3 < first_tick(1)

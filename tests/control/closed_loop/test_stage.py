@@ -14,7 +14,7 @@ from surrogate.stored import train_folder
 from cfem.condensed.strokes import ridge_of
 from cfem.control.closed_loop.stage import run_controllers
 from cfem.control.closed_loop.tick import Pilot
-from cfem.control.search.goal_search import Settings
+from cfem.control.search.goal_search import SearchSettings
 from cfem.control.search.inverse import Limits
 from cfem.control.spec import ControlSpec
 from cfem.core.errors import InputError, SpecError
@@ -73,7 +73,7 @@ def control(folder: Path, spec: ControlSpec, model_folder: Path, course=1.0, for
 
 def search(robot, model):
     limits, ridge = Limits.of(robot.reach, robot.unilateral), ridge_of(1e-10, robot.reach, robot.length)
-    return Pilot(model, "displacement", "equilibrium", limits, np.ones(3), ridge, Settings())
+    return Pilot(model, "displacement", "equilibrium", limits, np.ones(3), ridge, SearchSettings())
 
 
 def test_closed_reaches_what_open_misses(tmp_path, model_folder):

@@ -7,7 +7,7 @@ from support.analytic_robot import ARMS, AnalyticRobot
 from cfem.condensed import Condensed, Rows
 from cfem.condensed.strokes import ridge_of, stroke
 from cfem.control.closed_loop.tick import STOPPED, Belief, Pilot, drive
-from cfem.control.search.goal_search import Settings
+from cfem.control.search.goal_search import SearchSettings
 from cfem.control.search.inverse import Limits
 from cfem.core.errors import InputError
 
@@ -57,7 +57,7 @@ PATH = ARM.length * ARM.arm.effector(np.linspace([0.1, 0.0, 0.1], [0.7, 0.1, 0.5
 
 def statuses(goals, regularisation=1e-10, command="displacement", **more):
     limits = Limits.of(ARM.reach, ARM.unilateral)
-    ridge, settings = ridge_of(regularisation, ARM.reach, ARM.length), Settings.of(ARM.reach, 1)
+    ridge, settings = ridge_of(regularisation, ARM.reach, ARM.length), SearchSettings.of(ARM.reach, 1)
     pilot = Pilot(ARM, command, "equilibrium", limits, np.ones(3), ridge, settings, **more)
     belief, found = Belief.at(pilot, np.zeros(3)), []
     for goal in goals:

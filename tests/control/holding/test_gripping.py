@@ -18,7 +18,7 @@ from cfem.control.closed_loop.tick import Pilot
 from cfem.control.holding.assembly import table_under
 from cfem.control.holding.grasp import from_table, share_that_lifts, squeezed_off_table
 from cfem.control.holding.gripping import STUCK, Grip, Gripping, _opened
-from cfem.control.search.goal_search import ReachStatus, Settings
+from cfem.control.search.goal_search import SearchSettings, SearchStatus
 from cfem.control.search.inverse import Limits
 from cfem.core.errors import NumericalError, SpecError
 from cfem.equilibrium.contact.grasp import FreeObject
@@ -91,7 +91,7 @@ def lifting(up):
 
 def pilot(model, fe):
     limits = Limits(np.tile([-np.inf, np.inf], (4, 1)), np.tile([-0.2, 0.2], (4, 1)))
-    search = Settings(iterations=20, tolerance=1e-6, step=0.05)
+    search = SearchSettings(iterations=20, tolerance=1e-6, step=0.05)
     alone = Pilot(model, "displacement", "equilibrium", limits, np.ones(3), np.full(4, 1e-3), search, preload=-0.004)
     return Grip.of(model, fe).pilot(alone)
 
@@ -202,7 +202,7 @@ def test_a_search_ends_after_so_many_steps_without_a_solution(plans, monkeypatch
     monkeypatch.setattr("cfem.plant.grip_plant.grasp_step", lambda *rest: tried.append(1) or none)
     monkeypatch.setattr(type(model), "settle", lambda *rest: None)
     plan = controller.tick(np.array([65, 5, 5.3, 0, 0])).plan
-    assert STUCK <= len(tried) < STUCK + 10 and plan.distance > 0.1 and plan.status is not ReachStatus.CONVERGED
+    assert STUCK <= len(tried) < STUCK + 10 and plan.distance > 0.1 and plan.status is not SearchStatus.CONVERGED
     np.testing.assert_array_equal(plan.delta_a, lifting(0.02))
     tried.clear()
     with pytest.raises(NumericalError, match="steps had no solution"):
@@ -219,7 +219,7 @@ def test_robots_that_find_no_way_to_put_down_stay_and_say_so(plans):
     controller = Controller(lost, np.array([*CENTRE, 0.0, 0.0]))
     belief = controller.tick(np.array([*CENTRE, 0, 0]), let_go=True)
     assert belief.status == "the object slides off and finds no balance"
-    assert belief.plan.status is ReachStatus.NO_ANSWER
+    assert belief.plan.status is SearchStatus.NO_ANSWER
     np.testing.assert_array_equal(belief.plan.delta_a, GRASP)
 
 

@@ -12,7 +12,7 @@ from cfem.control.closed_loop.controller import Controller
 from cfem.control.closed_loop.tick import Pilot
 from cfem.control.moving.horizon import Bounds, HorizonCost
 from cfem.control.moving.mpc import Mpc, Plan
-from cfem.control.search.goal_search import Settings
+from cfem.control.search.goal_search import SearchSettings
 from cfem.control.search.inverse import Limits
 from cfem.motion.altered import Altered
 from cfem.motion.clocked import Clocked
@@ -63,7 +63,7 @@ def plant(start: float, kind="force", stiffness=1.0, viscosity=1.0, noise=0.0, d
 def pilot(kind: str = "force", highest: float = 5.0) -> Pilot:
     limits = Limits(np.array([[0.0, highest]]), REACH)
     ridge = ridge_of(1e-10, REACH, LENGTH)
-    return Pilot(robot().static, kind, "equilibrium", limits, np.ones(3), ridge, Settings(3))
+    return Pilot(robot().static, kind, "equilibrium", limits, np.ones(3), ridge, SearchSettings(3))
 
 
 def static(start: Condensed, kind="force", integral=None) -> Controller:

@@ -10,11 +10,11 @@ from cfem.control.closed_loop.controller import Controller
 from cfem.control.closed_loop.tick import Pilot
 from cfem.control.open_loop.experiment import follow
 from cfem.control.open_loop.summary import record, summarise
-from cfem.control.search.goal_search import Settings
+from cfem.control.search.goal_search import SearchSettings
 from cfem.control.search.inverse import Limits
 from cfem.plant.model_plant import ModelPlant
 
-FULL = Settings()
+FULL = SearchSettings()
 TRUE, SOFTER = ArcRobot(), ArcRobot(stiffness=0.9)
 GOALS = np.array([REST_E + tip(np.array([s, s - 0.5])) for s in np.linspace(4, 12, 8)])
 

@@ -7,7 +7,7 @@ import pytest
 
 from cfem.control.open_loop.experiment import Tracked
 from cfem.control.open_loop.summary import headline, judged, record, summarise
-from cfem.control.search.goal_search import Reach, ReachStatus
+from cfem.control.search.goal_search import SearchResult, SearchStatus
 from cfem.plant.protocol import Measurement
 
 VERDICTS = ("reached", "reached", "reached", "out of reach")
@@ -47,9 +47,9 @@ def test_the_headline_has_orientation_errors_in_degrees():
 def test_a_goal_is_reached_where_the_orientation_that_it_states_is(yaw, reached):
     goal, there = np.zeros(6), np.array([1e-3, 0, 0, 0.5, 0.5, np.radians(yaw)])
     condensed = SimpleNamespace()
-    plan = Reach(
+    plan = SearchResult(
         *(np.zeros(2),) * 3,
-        *(0.0, ReachStatus.CONVERGED, 1, 1, False, 0.0, 0.0, SimpleNamespace(condensed=condensed), None, None),
+        *(0.0, SearchStatus.CONVERGED, 1, 1, False, 0.0, 0.0, SimpleNamespace(condensed=condensed), None, None),
     )
     measured = Measurement(there, np.zeros(2), np.zeros(2), 1, "converged")
     places, yaw_alone = np.arange(6) < 3, np.arange(6) == 5

@@ -5,7 +5,7 @@ from support.arc_robot import LENGTH, REACH, ArcRobot, tip
 
 from cfem.condensed import Condensed, Rows
 from cfem.condensed.strokes import ridge_of
-from cfem.control.search.goal_search import Iterate, ReachStatus, Settings, reach
+from cfem.control.search.goal_search import Iterate, SearchSettings, SearchStatus, search_goal
 from cfem.control.search.inverse import Aim, Limits
 
 RIDGE = ridge_of(1e-10, REACH, LENGTH)
@@ -40,8 +40,8 @@ def nearest(model, goal):
 @pytest.mark.parametrize("where", [[3.0, 2.5], [12.0, 11.0], [19.0, 18.0], [0.5, 0.5]])
 def test_reachable_goals_are_reached_from_rest(where):
     model = ArcRobot()
-    found = reach(model, aim_at(tip(np.array(where))), PULLING, rest(model))
-    assert found.status is ReachStatus.CONVERGED
+    found = search_goal(model, aim_at(tip(np.array(where))), PULLING, rest(model))
+    assert found.status is SearchStatus.CONVERGED
     assert found.distance < 1e-5
     assert found.iterations <= 9
 
@@ -51,9 +51,9 @@ def test_reachable_goals_are_reached_from_rest(where):
 )
 def test_unreachable_goals_end_at_the_nearest_reachable_point(goal):
     model = ArcRobot()
-    found = reach(model, aim_at(goal), PULLING, rest(model), Settings(iterations=40))
+    found = search_goal(model, aim_at(goal), PULLING, rest(model), SearchSettings(iterations=40))
     expected = nearest(model, np.array(goal))
-    assert found.status is ReachStatus.CONVERGED
+    assert found.status is SearchStatus.CONVERGED
     assert np.linalg.norm(tip(found.delta_a) - goal) <= np.linalg.norm(tip(expected) - goal) + 1e-4
     np.testing.assert_allclose(found.delta_a, expected, atol=5e-3)
     assert (found.lambda_a > -1e-4).all()
@@ -67,8 +67,8 @@ def test_learned_curvature_saves_iterations_along_an_unreachable_arc():
         model = ArcRobot()
         at, counts[keep] = rest(model), 0
         for goal in goals:
-            found = reach(model, aim_at(goal), PULLING, at, Settings(iterations=60))
-            assert found.status is ReachStatus.CONVERGED
+            found = search_goal(model, aim_at(goal), PULLING, at, SearchSettings(iterations=60))
+            assert found.status is SearchStatus.CONVERGED
             counts[keep] += found.queries
             at = found.iterate if keep else Iterate.at(found.iterate.condensed)
     assert counts[True] < 0.8 * counts[False]
@@ -81,24 +81,24 @@ def test_the_step_bound_holds_in_every_iteration():
     original = model.at_displacement
     model.at_displacement = lambda d: (visited.append(np.array(d)), original(d))[1]
     at = rest(model)
-    reach(model, aim_at(tip(np.array([15.0, 15.0]))), PULLING, at, Settings(step=2.0))
+    search_goal(model, aim_at(tip(np.array([15.0, 15.0]))), PULLING, at, SearchSettings(step=2.0))
     assert np.abs(np.diff(visited, axis=0)).max() <= 2.0 + 1e-9
 
 
 def test_states_that_the_model_refuses_are_approached_and_not_entered():
     model = ArcRobot(limit=8.0)
     at = rest(model)
-    found = reach(model, aim_at(tip(np.array([15.0, 15.0]))), PULLING, at, Settings(iterations=60))
+    found = search_goal(model, aim_at(tip(np.array([15.0, 15.0]))), PULLING, at, SearchSettings(iterations=60))
     assert np.abs(found.delta_a).max() <= 8.0
-    assert found.status is ReachStatus.NO_DESCENT
+    assert found.status is SearchStatus.NO_DESCENT
     assert found.queries == model.queries - 1  # those that it refused as well
 
 
 def test_one_iteration_is_one_inverse_step():
     model = ArcRobot()
-    found = reach(model, aim_at(tip(np.array([3.0, 3.0]))), PULLING, rest(model), Settings(iterations=1))
+    found = search_goal(model, aim_at(tip(np.array([3.0, 3.0]))), PULLING, rest(model), SearchSettings(iterations=1))
     assert (found.iterations, found.queries) == (1, 1)
-    assert found.status is ReachStatus.ITERATIONS
+    assert found.status is SearchStatus.ITERATIONS
 
 
 def test_powell_update_meets_the_secant_condition_and_stays_symmetric():
@@ -132,5 +132,7 @@ def test_a_bound_that_no_step_has_met_yet_is_not_given_up_for_the_goal():
         np.array([[-np.inf, np.inf]]), np.array([[-10.0, 10.0]]), np.array([[-np.inf, np.inf], [0, np.inf]])
     )
     aim = Aim(np.array([3.0, 0.0]), np.array([1.0, 0.0]), np.full(1, 1e-6))
-    found = reach(model, aim, limits, Iterate.at(model.at_displacement(np.zeros(1))), Settings(cautious=True))
+    found = search_goal(
+        model, aim, limits, Iterate.at(model.at_displacement(np.zeros(1))), SearchSettings(cautious=True)
+    )
     assert 1.9 < found.delta_a[0] <= 2.0 and found.delta_e[1] > 0

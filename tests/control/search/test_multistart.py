@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cfem.condensed import Condensed, Rows
-from cfem.control.search.goal_search import Iterate, Settings, by_displacement, reach
+from cfem.control.search.goal_search import Iterate, SearchSettings, by_displacement, search_goal
 from cfem.control.search.inverse import Aim, Limits
 from cfem.control.search.multistart import all_over, around, multistart
 from cfem.core.errors import NumericalError
@@ -39,8 +39,8 @@ class Held:
 
 def searched(model, goal, start):
     aim = Aim(np.asarray(goal, float), np.ones(2), np.full(2, 1e-6))
-    settings = Settings(tolerance=1e-9)
-    first = reach(model, aim, LIMITS, Iterate.at(model.at_displacement(np.asarray(start, float))), settings)
+    settings = SearchSettings(tolerance=1e-9)
+    first = search_goal(model, aim, LIMITS, Iterate.at(model.at_displacement(np.asarray(start, float))), settings)
     return first, multistart(model, aim, LIMITS, first, settings, by_displacement, around(first, LIMITS))
 
 
@@ -57,7 +57,7 @@ def test_a_goal_that_was_met_costs_nothing_more():
     asked = model.asked
     assert found is first
     aim, starts = Aim(first.delta_e, np.ones(2), np.zeros(2)), around(first, LIMITS)
-    assert multistart(model, aim, LIMITS, first, Settings(), by_displacement, starts) is first
+    assert multistart(model, aim, LIMITS, first, SearchSettings(), by_displacement, starts) is first
     assert model.asked == asked
 
 
@@ -68,7 +68,7 @@ def test_starts_are_not_computed_for_a_goal_that_was_met():
         raise AssertionError("asked for a start")
         yield
 
-    assert multistart(Held(), first.aim, LIMITS, first, Settings(), by_displacement, starts()) is first
+    assert multistart(Held(), first.aim, LIMITS, first, SearchSettings(), by_displacement, starts()) is first
 
 
 def test_starts_all_over_lie_within_the_course_and_differ():

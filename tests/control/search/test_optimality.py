@@ -5,7 +5,7 @@ import pytest
 from support.analytic_robot import ARMS, AnalyticRobot
 
 from cfem.condensed.strokes import ridge_of
-from cfem.control.search.goal_search import Iterate, ReachStatus, Settings, reach
+from cfem.control.search.goal_search import Iterate, SearchSettings, SearchStatus, search_goal
 from cfem.control.search.inverse import Aim, Limits
 from cfem.control.search.optimality import Optimality, Verdict, arrived
 
@@ -21,9 +21,9 @@ def aim(goal, regularisation=1e-10, damping=0.0):
 
 
 def search(goal, regularisation=1e-10, damping=0.0, **settings):
-    settings = Settings.of(ROBOT.reach, **{"iterations": 40, **settings})
+    settings = SearchSettings.of(ROBOT.reach, **{"iterations": 40, **settings})
     start = Iterate.at(ROBOT.at_displacement(np.zeros(3)))
-    return reach(ROBOT, aim(goal, regularisation, damping), LIMITS, start, settings)
+    return search_goal(ROBOT, aim(goal, regularisation, damping), LIMITS, start, settings)
 
 
 def test_the_nearest_point_is_told_from_all_others():
@@ -64,6 +64,6 @@ def test_damping_slows_a_search_and_changes_no_verdict():
 
 def test_a_search_that_failed_says_nothing_of_its_goal():
     found = Iterate.at(search(BEYOND).iterate.condensed)  # the very optimum
-    for status in (ReachStatus.NO_ANSWER, ReachStatus.QP_FAILED):
+    for status in (SearchStatus.NO_ANSWER, SearchStatus.QP_FAILED):
         stays = type(search(IMAGE)).stays(aim(BEYOND), LIMITS, found, status)
         assert stays.verdict(reached=False) is Verdict.NOT_CONVERGED

@@ -9,7 +9,7 @@ from cfem.condensed.strokes import ridge_of
 from cfem.contact.clearance import nearest_of_surface
 from cfem.contact.obstacle import Plane, Sphere
 from cfem.contact.prescribed_motion import ActuatedRobot, Translation
-from cfem.control.search.goal_search import Iterate, ReachStatus, Settings, reach
+from cfem.control.search.goal_search import Iterate, SearchSettings, SearchStatus, search_goal
 from cfem.control.search.inverse import Aim, Limits
 from cfem.core.errors import NumericalError
 from cfem.equilibrium.contact.patch_compliance import patch_response
@@ -137,8 +137,8 @@ def test_a_goal_of_force_is_reached_by_the_inverse_step(patched, table):
     wanted = world.at_displacement(DELTA).delta_e[-1]
     weights, places = np.array([0.0, 0, 0, 1 / world.stiffness]), np.array([True, True, True, False])
     aim = Aim(np.array([0.0, 0, 0, wanted]), weights, ridge_of(1e-10, patched.model.reach, 60.0), places=places)
-    found = reach(world, aim, limits, Iterate.at(world.at_displacement(np.zeros(1))), Settings(step=1.0))
-    assert found.status is ReachStatus.CONVERGED
+    found = search_goal(world, aim, limits, Iterate.at(world.at_displacement(np.zeros(1))), SearchSettings(step=1.0))
+    assert found.status is SearchStatus.CONVERGED
     assert found.delta_a == pytest.approx(DELTA, abs=1e-3) and found.delta_e[-1] == pytest.approx(wanted, rel=1e-3)
     assert found.distance == 0.0  # no place is asked for
 
@@ -152,8 +152,8 @@ def test_a_distance_to_be_kept_bounds_the_inverse_step(patched, table):
     forces, nothing = np.array([[0.0, np.inf]]), [-np.inf, np.inf]
     for bound, kept in ((0.5, True), (-np.inf, False)):
         bounds = np.array([nothing, nothing, nothing, [bound, np.inf]])
-        found = reach(world, aim, Limits(forces, patched.model.reach, bounds), start, Settings(step=1.0))
-        assert found.status is ReachStatus.CONVERGED
+        found = search_goal(world, aim, Limits(forces, patched.model.reach, bounds), start, SearchSettings(step=1.0))
+        assert found.status is SearchStatus.CONVERGED
         assert (found.delta_e[-1] == pytest.approx(0.5, abs=1e-4)) == kept
         assert (found.distance < 1e-3) != kept
 

@@ -31,7 +31,7 @@ def walked(distance=None):
     }
     spec = {"reached": 0.5, "gait": {"direction": [2.0, 0.0, 0.0], "ground": {"friction": 0.6}, "distance": distance}}
     rows = ["base.x", "base.y", "base.z", "front.left", "rear.left"]
-    return Tracking(columns, rows, {"gait": {"spectral": {}}}, spec, "fem", 635, None, said=("gait: good",))
+    return Tracking(columns, rows, {"gait": {"spectral": {}}}, spec, "fem", 635, None, headline=("gait: good",))
 
 
 def test_the_page_says_how_far_it_goes_by_plan_and_by_finite_elements():

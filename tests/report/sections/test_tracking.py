@@ -99,7 +99,7 @@ def test_pushes_on_an_object_are_drawn(robots):
 
 
 def test_the_page_says_what_the_command_said_of_the_object():
-    section = tracking_section(tracking(said=["let go: the object stands on its table"]), UNITS)
+    section = tracking_section(tracking(headline=["let go: the object stands on its table"]), UNITS)
     assert section.text.endswith("Let go: the object stands on its table. ")
 
 

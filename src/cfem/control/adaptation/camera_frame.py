@@ -16,7 +16,10 @@ AXES = (".x", ".y", ".z")
 
 @dataclass(frozen=True)
 class CameraFrame:
-    """points (k, 3): numbers of the effector rows that are x, y and z of a point; rest_e (n_e,) mm."""
+    """Frame of the camera that sees the effectors, which may have moved.
+
+    points: (k, 3) numbers of the effector rows that are x, y and z of a point
+    rest_e: (n_e,) mm, where the effectors rest"""
 
     points: np.ndarray
     rest_e: np.ndarray
@@ -30,27 +33,28 @@ class CameraFrame:
         return cls(np.array(points, dtype=int).reshape(-1, 3), np.asarray(rest_e, float))
 
     def shown(self, delta_e: np.ndarray, moved: np.ndarray) -> np.ndarray:
-        """(n_e,) mm from rest, as it is seen after the camera has moved by (6,): t in mm, then the rotation."""
+        """Effectors (n_e,) mm from rest as they are seen after the camera has moved by (6,): t in mm, then the
+        rotation."""
         shown = np.array(delta_e, float)
         x = self.rest_e[self.points] + shown[self.points]
         shown[self.points] = Rotation.from_rotvec(moved[3:]).apply(x) + moved[:3] - self.rest_e[self.points]
         return shown
 
     def true(self, delta_e: np.ndarray, moved: np.ndarray) -> np.ndarray:
-        """(n_e,) mm from rest of effectors that are seen at delta_e: the inverse of `shown`."""
+        """Effectors (n_e,) mm from rest that are seen at delta_e: the inverse of `shown`."""
         true = np.array(delta_e, float)
         x = self.rest_e[self.points] + true[self.points] - moved[:3]
         true[self.points] = Rotation.from_rotvec(-moved[3:]).apply(x) - self.rest_e[self.points]
         return true
 
     def turned(self, J: np.ndarray, moved: np.ndarray) -> np.ndarray:
-        """(n_e, k) derivatives of `shown` from those of delta_e."""
+        """Derivatives (n_e, k) of `shown` from those of delta_e."""
         turned, R = J.copy(), Rotation.from_rotvec(moved[3:]).as_matrix()
         turned[self.points] = np.einsum("ij,pjk->pik", R, J[self.points])
         return turned
 
     def slopes(self, delta_e: np.ndarray, moved: np.ndarray) -> np.ndarray:
-        """(n_e, 6) derivatives of `shown` by `moved`."""
+        """Derivatives (n_e, 6) of `shown` by `moved`."""
         slopes = np.zeros((len(delta_e), 6))
         slopes[self.points, :3] = np.eye(3)
         for axis in range(3, 6):

@@ -18,7 +18,10 @@ from cfem.predict.at_parameters import AtParameters
 
 
 class AdaptiveController(Controller):
-    """pilot.model: `AtParameters`, which change here; tracker: what is tracked, and what of it is used."""
+    """Controller that tracks the parameters of its model while it works.
+
+    tracker: the filter of the parameters; the model of the pilot, `AtParameters`, changes with what the tracker lets
+        through"""
 
     def __init__(
         self,
@@ -28,11 +31,13 @@ class AdaptiveController(Controller):
         gains: Gains | None = None,
         start: np.ndarray | None = None,
     ):
+        """Starts the controller of a `pilot` whose model is at the tracker's parameters; the rest as for
+        `Controller`."""
         super().__init__(pilot, rest_e, gains, start)
         self.tracker, self._sent, self._sampled = tracker, {}, 0
 
     def tick(self, goal: ArrayLike, measured: Measurement | None = None, ahead: ArrayLike | None = None) -> Belief:
-        """The command of a tick, as of `Controller.tick`; a new sample first corrects the parameters."""
+        """Command of a tick, with the arguments of `Controller.tick`; a new sample first corrects the parameters."""
         if measured is not None and measured.t > self._sampled and measured.t in self._sent:
             self._sampled = measured.t
             sent, near = self._sent[measured.t]

@@ -73,6 +73,8 @@ class Tracker:
     rejected: int = field(default=0, init=False)
 
     def __post_init__(self) -> None:
+        """Checks the stated numbers and prepares unknowns, bounds and gate. InputError where a number is out of its
+        range."""
         if self.noise <= 0 or self.forget <= 1 or min(self.loss, *self.frame) < 0:
             raise InputError(
                 "noise must be positive, forget above one sample, loss and frame not negative",
@@ -118,7 +120,8 @@ class Tracker:
         return np.sqrt(np.diag(self.known.covariance))
 
     def sample(self, u: np.ndarray, delta_e: np.ndarray, near: Condensed) -> bool:
-        """Whether the values in use change with a sample. Never raises for what the numbers are.
+        """Takes a sample into the estimate and returns True if the values in use change. Never raises for what the
+        numbers are.
 
         u (n_a,): the command that was sent; delta_e (n_e,) mm: where the effectors went, from rest; near: a state of
         the model near it."""
@@ -164,8 +167,8 @@ class Tracker:
         return replace(update, square=spread * update.square)
 
     def _use(self) -> bool:
-        """Whether the values in use change: to the estimate where it is excited and explains the robot, else they stay;
-        to the first values where the estimate is not proved."""
+        """Decides which values are used and returns True if they change: the estimate where it is excited and explains
+        the robot, the values as they are where it does not, and the first ones where the estimate is not proved."""
         kinds, sd = self.unknowns.kinds, self.unknowns.sd
         observed, camera = self.deviation < SEEN * sd, kinds == CAMERA
         excited = np.where(camera, observed, observed[kinds < DRIFT].any())

@@ -21,8 +21,9 @@ from cfem.plant.protocol import Measurement
 class Controller:
     """Open or closed loop control of one robot, tick by tick.
 
-    belief: what the controller knows after its last tick; aimed: (n_e,) mm, the corrected goal of that tick; feedback:
-    the correction, None in open loop."""
+    belief: what the controller knows after its last tick
+    aimed: (n_e,) mm, the corrected goal of that tick
+    feedback: the correction, None in open loop"""
 
     def __init__(
         self,
@@ -32,9 +33,12 @@ class Controller:
         start: np.ndarray | None = None,
         far: np.ndarray | None = None,
     ):
-        """rest_e: (n_e,) mm, where the effectors rest; gains: None for open loop; start: (n_a,) mm where the actuators
-        stand, the model's home or 0 unless given; far: (n_e,) mm from rest, of `far_of`, beyond which goals of others
-        are in another unit, unchecked unless given."""
+        """Starts where the actuators stand.
+
+        rest_e: (n_e,) mm, where the effectors rest
+        gains: of the correction, None for open loop
+        start: (n_a,) mm where the actuators stand, the model's home or 0 unless given
+        far: (n_e,) mm from rest, of `far_of`, beyond which a goal is in another unit; unchecked unless given"""
         self._pilot, self._rest_e = pilot, rest_e
         self.feedback = Feedback(gains, pilot.weights > 0) if gains else None
         self._tick = 0
@@ -44,15 +48,15 @@ class Controller:
         self.aimed = self._rest_e + self.belief.iterate.condensed.delta_e
 
     def pass_to(self, share: float) -> None:
-        """What moves in the model's world goes to where it is at this share of the run. Where the model has no answer,
+        """Moves what moves in the model's world to its place at this share of the run. Where the model has no answer,
         it is what the next tick says."""
-        model, at = self._pilot.model, self.belief.iterate
+        model, iterate = self._pilot.model, self.belief.iterate
         if not getattr(model, "passes", False):
             return
         with suppress(NumericalError):
             model.pass_to(share)
-            condensed = model.at_displacement(at.condensed.delta_a)
-            self.belief = replace(self.belief, iterate=replace(at, condensed=condensed))
+            condensed = model.at_displacement(iterate.condensed.delta_a)
+            self.belief = replace(self.belief, iterate=replace(iterate, condensed=condensed))
 
     def tick(
         self,
@@ -61,10 +65,13 @@ class Controller:
         ahead: ArrayLike | None = None,
         let_go: bool = False,
     ) -> Belief:
-        """goal: (n_e,) mm absolute, rotation vectors in rad; measured: the latest sample, whose t is the number of the
-        command that it followed, 1 for the first; ahead: goals to come, which this controller does not use; let_go: the
-        robots put their object down there and open. The command is `u` of the answer: (n_a,), mm (mm^3) or N (MPa).
-        InputError for a goal so far away that it is in another unit."""
+        """Belief after one tick towards a goal; its `u` is the command: (n_a,), mm (mm^3) or N (MPa). InputError for a
+        goal so far away that it is in another unit.
+
+        goal: (n_e,) mm absolute, rotation vectors in rad
+        measured: the latest sample, whose t is the number of the command that it followed, 1 for the first
+        ahead: goals to come, which this controller does not use
+        let_go: whether the robots put their object down there and open"""
         goal = np.asarray(goal, float)
         if goal.shape != self._rest_e.shape or not np.isfinite(goal).all():
             raise SpecError(f"expected {len(self._rest_e)} finite numbers, got {goal.tolist()}", where="goal")
@@ -75,7 +82,7 @@ class Controller:
         self.aimed = goal
         if self.feedback:
             if measured is not None:
-                self.feedback.hear(measured.t, measured.x_e)
+                self.feedback.sample(measured.t, measured.x_e)
             self.aimed = goal + self.feedback.moved
         pilot = self._pilot
         if self._tick == 1 and pilot.approach is not None:

@@ -26,27 +26,27 @@ from cfem.predict.protocol import Predictor
 
 @dataclass(frozen=True)
 class Estimated(Measurement):
-    """A measurement that is estimated. by_loads (n_e,) mm: the share of x_e that the estimated loads make."""
+    """Measurement that is estimated. by_loads (n_e,) mm: the share of x_e that the estimated loads make."""
 
     by_loads: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
 
 def filter_of(loop: LoopSpec, model: Predictor, motion: MotionModel | None) -> Filter | MarkerFilter:
-    """Of a run with `loop.estimate`. motion: of the same model, where the filter is one on the dynamics."""
-    spec, reach = loop.estimate, float(np.abs(model.reach).max())
+    """Filter for a run with `loop.estimate`. motion: of the same model, where the filter is one on the dynamics."""
+    spec, largest_reach = loop.estimate, float(np.abs(model.reach).max())
     lasts = np.inf if spec.loads is None or spec.loads.lasts is None else spec.loads.lasts
     ticks = min(lasts * loop.rate / loop.ticks_a_sample, 1e9)
-    slip = spec.actuators.slip or SLIP * reach
+    slip = spec.actuators.slip or SLIP * largest_reach
     if motion is not None:
-        slip, offset = slip * np.sqrt(loop.rate / loop.ticks_a_sample), spec.actuators.offset or OFFSET * reach
+        slip, offset = slip * np.sqrt(loop.rate / loop.ticks_a_sample), spec.actuators.offset or OFFSET * largest_reach
         uncertainty = motion_uncertainty(spec.dynamics, slip, offset, lasts, model.length)
         return MarkerFilter(estimator_of(spec, model), motion, loop.command.kind, uncertainty, spec.gate)
-    offset = spec.actuators.offset or OFFSET * reach
+    offset = spec.actuators.offset or OFFSET * largest_reach
     return Filter(estimator_of(spec, model), slip, max(ticks, 0.1), offset, spec.gate)
 
 
 def camera_of(spec: EstimateSpec | None, seed: int) -> MarkerNoise | None:
-    """Of a simulated robot."""
+    """Camera of a simulated robot, which loses and mistakes markers; None without an estimate."""
     if spec is None:
         return None
     sensors = spec.actuators.displacement, spec.actuators.force
@@ -54,16 +54,21 @@ def camera_of(spec: EstimateSpec | None, seed: int) -> MarkerNoise | None:
 
 
 class EstimatingController:
-    """inner: a controller of measured effectors; told: whether commands are displacements; period: s of a tick.
+    """Controller of measured effectors behind an estimator, which takes samples with markers.
 
-    found: the last estimate, None before the first sample; of: the tick of its sample"""
+    inner: the controller
+    estimate: the last estimate, None before the first sample
+    sample_tick: tick of its sample"""
 
-    def __init__(self, inner: Any, filtered: Filter | MarkerFilter, rest_e: np.ndarray, told: bool, period: float):
-        self.inner, self._filter, self._rest_e, self._told = inner, filtered, rest_e, told
+    def __init__(
+        self, inner: Any, filtered: Filter | MarkerFilter, rest_e: np.ndarray, by_displacement: bool, period: float
+    ):
+        """by_displacement: whether commands are displacements; period: s of a tick."""
+        self.inner, self._filter, self._rest_e, self._by_displacement = inner, filtered, rest_e, by_displacement
         self._period = period
         self._sent: dict[int, np.ndarray] = {}
-        self._tick = self.of = 0
-        self.found: Estimate | None = None
+        self._tick = self.sample_tick = 0
+        self.estimate: Estimate | None = None
         self._last: Estimated | None = None
 
     @property
@@ -83,7 +88,7 @@ class EstimatingController:
         return self.inner.feedback
 
     def tick(self, goal: ArrayLike, measured: Measurement | None = None, ahead: ArrayLike | None = None) -> Any:
-        """As `Controller.tick`, of a sample with markers."""
+        """Tick of the inner controller, on a sample with markers."""
         self._tick += 1
         belief = self.inner.tick(goal, None if measured is None else self.estimated(measured), ahead)
         self._sent[self._tick] = belief.u
@@ -91,33 +96,34 @@ class EstimatingController:
         return belief
 
     def estimated(self, measured: Measurement) -> Measurement:
-        """The sample as the inner controller is told of it, estimated when it is asked for first."""
-        if measured.t > self.of and measured.markers is not None:
+        """Sample as the inner controller receives it, estimated when it is first asked for."""
+        if measured.t > self.sample_tick and measured.markers is not None:
             self._last = self._new(measured)
         return self._last or replace(measured, x_e=np.full(len(self._rest_e), np.nan))
 
     def _new(self, measured: Measurement) -> Estimated:
+        """Estimate of a new sample, as a measurement; NaN where it has not converged."""
         tracker, filtered = getattr(self.inner, "tracker", None), self._filter
         if tracker is not None:
             filtered.estimator = filtered.estimator.at(tracker.used_p)
-        self.found = found = self._filtered(measured)
+        self.estimate = estimate = self._filtered(measured)
         self._sent = {tick: u for tick, u in self._sent.items() if tick > measured.t}
-        self.of = measured.t
+        self.sample_tick = measured.t
         nothing = np.full(len(self._rest_e), np.nan)
         x_e, by_loads = nothing, nothing
-        if found.converged:
-            x_e = self._rest_e + found.delta_e
-            at = filtered.estimator.response(found.delta_a)
-            by_loads = (at.locked if self._told else at.held) @ found.loads
-        delta_a = found.delta_a if found.converged else np.full(len(found.delta_a), np.nan)
+        if estimate.converged:
+            x_e = self._rest_e + estimate.delta_e
+            response = filtered.estimator.response(estimate.delta_a)
+            by_loads = (response.locked if self._by_displacement else response.held) @ estimate.loads
+        delta_a = estimate.delta_a if estimate.converged else np.full(len(estimate.delta_a), np.nan)
         plain = vars(replace(measured, x_e=x_e, delta_a=delta_a))
         return Estimated(**plain, by_loads=by_loads)
 
     def _filtered(self, measured: Measurement) -> Estimate:
         filtered, sent = self._filter, self._sent.get(measured.t)
         if isinstance(filtered, Filter):
-            told = {"commanded" if self._told else "driven": sent}
-            return filtered.tick(measured.markers, measured.delta_a, forces=measured.lambda_a, **told)
-        for tick in range(self.of + 1, measured.t + 1):
+            actuation = {"commanded" if self._by_displacement else "driven": sent}
+            return filtered.tick(measured.markers, measured.delta_a, forces=measured.lambda_a, **actuation)
+        for tick in range(self.sample_tick + 1, measured.t + 1):
             filtered.predict(self._sent.get(tick), self._period)
         return filtered.correct(measured.markers, measured.delta_a, sent)

@@ -23,7 +23,8 @@ def judged(model: Predictor) -> np.ndarray:
 
 
 class EstimateAccount:
-    """Estimates against the truth, for the rows of the table. push (n_e,) N: on the effectors from tick `since` on."""
+    """Comparison of estimates with the truth, for the rows of the table. push (n_e,) N: on the effectors from tick
+    `since` on."""
 
     def __init__(self, estimator: Estimator, push: np.ndarray | None, since: int):
         self._estimator, self._push, self._since = estimator, push, since
@@ -34,40 +35,42 @@ class EstimateAccount:
     def row(self, controller: EstimatingController, tick: int, actual: Measurement) -> dict[str, Any]:
         """Columns of a tick, whose estimate may be of an earlier sample; nan where there is no new one."""
         self._actual[tick] = actual
-        rows, found = self._estimator.model.rows, controller.found
-        if found is None or controller.of == self._of:
+        rows, estimate = self._estimator.model.rows, controller.estimate
+        if estimate is None or controller.sample_tick == self._of:
             return self._columns("", *(np.full(n, np.nan) for n in (rows.n_e, *[rows.n_a] * 3)), *self._no_loads, None)
-        self._of = controller.of
-        truth = self._actual.get(controller.of)
-        self._actual = {number: one for number, one in self._actual.items() if number >= controller.of}
+        self._of = controller.sample_tick
+        truth = self._actual.get(controller.sample_tick)
+        self._actual = {number: actual for number, actual in self._actual.items() if number >= controller.sample_tick}
         nothing = np.full(rows.n_a, np.nan)
         known = truth is not None and truth.status == "converged"
         shape = None
-        if known and truth.surface is not None and found.converged:
-            here = self._estimator.model.skin.surface(found.rows)[self._points]
-            shape = ((here - truth.surface) ** 2).sum(axis=1)
-        n_a, deviation = rows.n_a, found.deviation
+        if known and truth.surface is not None and estimate.converged:
+            estimated = self._estimator.model.skin.surface(estimate.rows)[self._points]
+            shape = ((estimated - truth.surface) ** 2).sum(axis=1)
+        n_a, deviation = rows.n_a, estimate.deviation
         return self._columns(
-            found.status.value,
-            self._estimator.model.rest_e + found.delta_e,
-            found.delta_a,
+            estimate.status.value,
+            self._estimator.model.rest_e + estimate.delta_e,
+            estimate.delta_a,
             deviation[:n_a],
             truth.delta_a if known and truth.delta_a is not None else nothing,
-            found.loads,
+            estimate.loads,
             deviation[n_a:],
-            self._true_loads(controller.of),
+            self._true_loads(controller.sample_tick),
             shape,
-            found,
+            estimate,
         )
 
     @property
     def _no_loads(self) -> list[np.ndarray]:
         return [np.full(len(self._estimator.loaded), np.nan)] * 3
 
-    def _columns(self, status, x_e, delta_a, delta_a_sd, delta_a_true, loads, loads_sd, loads_true, shape, found=None):
+    def _columns(
+        self, status, x_e, delta_a, delta_a_sd, delta_a_true, loads, loads_sd, loads_true, shape, estimate=None
+    ):
         """shape: (k,) mm^2 of each point, None where it is not known."""
         return {
-            "estimate_of": self._of if found is not None else 0,
+            "estimate_of": self._of if estimate is not None else 0,
             "estimate_status": status,
             "estimated_e": x_e,
             "estimated_a": delta_a,
@@ -78,10 +81,10 @@ class EstimateAccount:
             "true_loads": loads_true,
             "shape_rms": np.nan if shape is None else float(np.sqrt(shape.mean())),
             "shape_max": np.nan if shape is None else float(np.sqrt(shape.max())),
-            "unseen": "" if found is None else " ".join(found.unseen),
-            "left_out": 0 if found is None else len(found.outliers),
-            "innovation": np.nan if found is None else found.innovation[0],
-            "innovation_numbers": 0 if found is None else found.innovation[1],
+            "unseen": "" if estimate is None else " ".join(estimate.unseen),
+            "left_out": 0 if estimate is None else len(estimate.outliers),
+            "innovation": np.nan if estimate is None else estimate.innovation[0],
+            "innovation_numbers": 0 if estimate is None else estimate.innovation[1],
         }
 
     def _true_loads(self, tick: int) -> np.ndarray:
@@ -94,51 +97,55 @@ class EstimateAccount:
 
 
 def estimate_results(rows: list[Mapping[str, Any]], unknowns: tuple[str, ...]) -> dict[str, Any]:
-    """Of one controller on one trajectory, its rows of all seeds: errors and intervals against the truth."""
-    new = [one for one in rows if one["estimate_of"]]
-    good = [one for one in new if one["estimate_status"] == "converged"]
-    found: dict[str, Any] = {"samples": len(new), "estimated": len(good)}
-    shape = np.array([one["shape_rms"] for one in good], dtype=float)
+    """Errors and intervals of one controller's estimates on one trajectory, against the truth; rows: those of all
+    seeds."""
+    new = [row for row in rows if row["estimate_of"]]
+    good = [row for row in new if row["estimate_status"] == "converged"]
+    results: dict[str, Any] = {"samples": len(new), "estimated": len(good)}
+    shape = np.array([row["shape_rms"] for row in good], dtype=float)
     if np.isfinite(shape).any():
-        worst = np.nanmax([one["shape_max"] for one in good])
-        found["shape"] = {"median": float(np.nanmedian(shape)), "max": float(np.nanmax(shape)), "point": float(worst)}
+        worst = np.nanmax([row["shape_max"] for row in good])
+        results["shape"] = {"median": float(np.nanmedian(shape)), "max": float(np.nanmax(shape)), "point": float(worst)}
     numbers, inside = {}, []
     for name, values in zip(unknowns, _unknowns(good), strict=True):
-        off, sd = values
-        known = np.isfinite(off)
+        errors, sd = values
+        known = np.isfinite(errors)
         if known.any():
-            held = np.abs(off[known]) < COVERED * sd[known]
-            seen = np.array([name not in one["unseen"].split() for one in good])[known]
-            rms = float(np.sqrt(np.mean(off[known] ** 2)))
+            held = np.abs(errors[known]) < COVERED * sd[known]
+            seen = np.array([name not in row["unseen"].split() for row in good])[known]
+            rms = float(np.sqrt(np.mean(errors[known] ** 2)))
             numbers[name] = {"rms": rms, "sd": float(np.median(sd[known])), "covered": float(held.mean())}
             numbers[name] |= {"numbers": int(known.sum()), "observed": int(seen.sum())}
             inside.append((held, seen))
     if inside:
-        held, seen = (np.concatenate(one) for one in zip(*inside, strict=True))
-        found["covered"], found["observed"] = float(held.mean()), float(seen.mean())
-        found["covered_observed"] = float(held[seen].mean()) if seen.any() else None
-    found["innovation"] = innovation_ratio([(one["innovation"], one["innovation_numbers"]) for one in good])
-    return found | {"unknowns": numbers, "left_out": int(sum(one["left_out"] for one in good))}
+        held, seen = (np.concatenate(parts) for parts in zip(*inside, strict=True))
+        results["covered"], results["observed"] = float(held.mean()), float(seen.mean())
+        results["covered_observed"] = float(held[seen].mean()) if seen.any() else None
+    results["innovation"] = innovation_ratio([(row["innovation"], row["innovation_numbers"]) for row in good])
+    return results | {"unknowns": numbers, "left_out": int(sum(row["left_out"] for row in good))}
 
 
 def _unknowns(good: list[Mapping[str, Any]]) -> list[tuple[np.ndarray, np.ndarray]]:
     """(errors, standard deviations) of each unknown, actuators first."""
     columns = []
     for name, true in (("estimated_a", "true_a"), ("loads", "true_loads")):
-        values, truth, sd = (np.array([one[key] for one in good], dtype=float) for key in (name, true, f"{name}_sd"))
+        values, truth, sd = (np.array([row[key] for row in good], dtype=float) for key in (name, true, f"{name}_sd"))
         columns += [(values[:, i] - truth[:, i], sd[:, i]) for i in range(values.shape[1] if len(good) else 0)]
     return columns
 
 
-def estimate_sentence(found: Mapping[str, Any]) -> str:
-    parts = [f"{found['estimated']} of {found['samples']} samples estimated"]
-    if "shape" in found:
-        parts.append(f"shape to {found['shape']['median']:.2g} mm rms, {found['shape']['max']:.2g} at most")
-    if "covered" in found:
-        what = f"95 % intervals hold in {100 * found['covered']:.1f} %"
-        if found["covered_observed"] is not None:
-            what += f", {100 * found['covered_observed']:.1f} % of the {100 * found['observed']:.0f} % that is observed"
+def estimate_sentence(results: Mapping[str, Any]) -> str:
+    """Line of the headline about the estimates."""
+    parts = [f"{results['estimated']} of {results['samples']} samples estimated"]
+    if "shape" in results:
+        parts.append(f"shape to {results['shape']['median']:.2g} mm rms, {results['shape']['max']:.2g} at most")
+    if "covered" in results:
+        what = f"95 % intervals hold in {100 * results['covered']:.1f} %"
+        if results["covered_observed"] is not None:
+            what += (
+                f", {100 * results['covered_observed']:.1f} % of the {100 * results['observed']:.0f} % that is observed"
+            )
         parts.append(what)
-    if found.get("innovation"):
-        parts.append(f"innovations {found['innovation']:.2f} of what is stated")
+    if results.get("innovation"):
+        parts.append(f"innovations {results['innovation']:.2f} of what is stated")
     return "estimate: " + ", ".join(parts)

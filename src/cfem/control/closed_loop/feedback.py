@@ -26,9 +26,14 @@ WINDOW = 8  # samples whose ages and intervals count
 
 
 class Feedback:
-    """total: (n_e,) mm, K_I sum(e); moved: (n_e,) mm by which the goal is moved, K_P e + K_I sum(e); integral: K_I of
-    the last sample; late: samples taken before the one that first shows a correction; given: commands so far; heard:
-    number of the command that the last sample followed, 0 before the first."""
+    """Correction of goals by the samples of the effectors (PI).
+
+    total: (n_e,) mm, K_I sum(e)
+    moved: (n_e,) mm by which the goal is moved, K_P e + K_I sum(e)
+    integral: K_I of the last sample
+    late: samples taken before the one that first shows a correction
+    given: number of commands so far
+    sampled: number of the command that the last sample followed, 0 before the first"""
 
     def __init__(self, gains: Gains, measured: np.ndarray, history: int = HISTORY):
         """measured: (n_e,) bool, rows that correct; history: ticks."""
@@ -37,25 +42,28 @@ class Feedback:
         self._references: deque[np.ndarray] = deque(maxlen=history)
         self._ages: deque[int] = deque(maxlen=WINDOW)
         self._intervals: deque[int] = deque(maxlen=WINDOW)
-        self.given = self.heard = self.late = 0
+        self.given = self.sampled = self.late = 0
         self.integral = gains.integral_at(0)
 
     def commanded(self, expected: np.ndarray) -> None:
-        """After each command; expected: (n_e,) mm, where the model has the effectors under it."""
+        """Notes what a command is expected to lead to, after each command; expected: (n_e,) mm, where the model has the
+        effectors under it."""
         self.given += 1
         self._references.append(expected - self.moved)
 
-    def hear(self, tick: int, x_e: np.ndarray) -> bool:
-        """Whether a sample corrects; tick: number of the command that it followed, from 1 on; x_e: (n_e,) mm. One that
-        was heard before, that is older than the history or that is not finite changes nothing. InputError for a command
-        that was not given yet."""
+    def sample(self, tick: int, x_e: np.ndarray) -> bool:
+        """Takes a sample and returns True if it corrects. One that was taken before, that is older than the history or
+        that is not finite changes nothing. InputError for a command that was not given yet.
+
+        tick: number of the command that the sample followed, from 1 on
+        x_e: (n_e,) mm"""
         if tick > self.given:
             what = f"the sample is of tick {tick}, and {self.given} commands were given"
             raise InputError(what, do="number the samples by the command that they follow, from 1 on")
-        if tick <= self.heard:
+        if tick <= self.sampled:
             return False
-        age, interval = self.given - tick + 1, tick - self.heard
-        first, self.heard = not self.heard, tick
+        age, interval = self.given - tick + 1, tick - self.sampled
+        first, self.sampled = not self.sampled, tick
         if age > len(self._references):
             return False
         error = np.where(self._measured, self._references[-age] - x_e, 0.0)

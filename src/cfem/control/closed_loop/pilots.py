@@ -1,18 +1,38 @@
-"""What a controller of a loop works with, from its spec: model, limits, gains, seeds."""
+"""What a controller of a loop works with, from its spec: model, limits, gains, seeds, and where the robot stands."""
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from cfem.condensed import Condensed
 from cfem.condensed.model import Model
 from cfem.control.closed_loop.spec import ControllerSpec, LoopSpec
 from cfem.control.closed_loop.tick import Pilot
 from cfem.control.run_spec import FE_BASED
-from cfem.control.search.inverse import Limits
+from cfem.control.search.goal_search import Iterate, search_goal
+from cfem.control.search.inverse import Aim, Limits
+from cfem.core.errors import SpecError
 from cfem.equilibrium.robot import Robot
 from cfem.plant.gains import PHASE_MARGIN, Gains
 from cfem.predict.protocol import Predictor
+
+
+@dataclass(frozen=True)
+class Situation:
+    """Facts that all controllers of a run share.
+
+    loop: the spec
+    rest_e: (n_e,) mm
+    reach: (n_a, 2) mm
+    length: mm
+    start: where the robot stands before the first tick, None: at rest"""
+
+    loop: LoopSpec
+    rest_e: np.ndarray
+    reach: np.ndarray
+    length: float
+    start: Condensed | None
 
 
 def moving_model(controller: ControllerSpec, predictors: Mapping[str, Predictor]) -> str:
@@ -78,3 +98,14 @@ def gains_of(controller: ControllerSpec) -> Gains | None:
     if spec is not None and spec.integral is not None:
         return Gains(spec.proportional, spec.integral, bound)
     return Gains(bound=bound, phase_margin=PHASE_MARGIN if spec is None else spec.phase_margin)
+
+
+def standing_at(goal: np.ndarray, search: Pilot, rest_e: np.ndarray) -> Condensed:
+    """State of the static model nearest to a goal (n_e,) mm absolute. SpecError where it finds no way there."""
+    aim = Aim(goal - rest_e, search.weights, search.ridge, search.preload, search.damping)
+    home = getattr(search.model, "home", np.zeros(len(search.ridge)))
+    settings = replace(search.settings, iterations=max(search.settings.iterations, 20))
+    result = search_goal(search.model, aim, search.limits, Iterate.at(search.model.at_displacement(home)), settings)
+    if not np.isfinite(result.distance):
+        raise SpecError(f"no way to the first goal is found: {result.status.value}", where="trajectories")
+    return result.iterate.condensed

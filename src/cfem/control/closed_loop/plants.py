@@ -39,7 +39,7 @@ def plants_of(
     predictors: Mapping[str, Predictor],
     motions: Mapping[str, MotionModel],
 ) -> PlantOf:
-    """What makes the plant of a run: the same robot for all, sensors of its own for each; of a device a new start."""
+    """Factory of plants, one for each run: the same robot for all, with sensors of its own; a device starts anew."""
     loop, rest_e = spec.loop, robot.rest_e
     if spec.plant == "pipe":
         markers = () if loop.estimate is None else tuple(loop.estimate.markers)
@@ -65,16 +65,16 @@ def plants_of(
     imperfection = Imperfection(sensor.noise, 1 / loop.ticks_a_sample, sensor.delay, quantum or 0.0)
 
     @contextmanager
-    def of(seed: int) -> Iterator[Plant]:
+    def plant_for(seed: int) -> Iterator[Plant]:
         both = (plain, pushed)
         if loop.real.drift:  # from the beginning in each run
             both = tuple(
-                one and DriftingPlant(one, loop.real.drift.stiffness, loop.ticks(loop.real.drift.within))
-                for one in both
+                plant and DriftingPlant(plant, loop.real.drift.stiffness, loop.ticks(loop.real.drift.within))
+                for plant in both
             )
         yield ImperfectPlant(both[0], imperfection, seed, both[1], since, camera_of(loop.estimate, seed))
 
-    return of
+    return plant_for
 
 
 def _on_effectors(force: np.ndarray, robot: Robot) -> np.ndarray:
@@ -124,8 +124,11 @@ def _fem_plants(
         normal = np.asarray(real.wall.normal, float)
         wall = FrictionlessWall(real.wall.point, normal / np.linalg.norm(normal))
         robots = [robot] if push is None else [robot, pushed(robot, push)]
-        plants = [WalledPlant(one, wall) for one in robots]
+        plants = [WalledPlant(fe_robot, wall) for fe_robot in robots]
     else:
         robots = [robot] + ([] if push is None else [pushed(robot, push)])
-        plants = [FemPlant(one) if places is None else MarkedPlant(FemPlant(one), one, *places) for one in robots]
+        plants = [
+            FemPlant(fe_robot) if places is None else MarkedPlant(FemPlant(fe_robot), fe_robot, *places)
+            for fe_robot in robots
+        ]
     return plants[0], plants[1] if push is not None else None

@@ -12,7 +12,11 @@ from cfem.control.goals.laps import laps
 
 @dataclass(frozen=True)
 class Reference:
-    """A trajectory to follow: its name in the results; goals (m, n_e) mm absolute; pace: when the next goal is due."""
+    """Trajectory to follow.
+
+    name: in the results
+    goals: (m, n_e) mm absolute
+    pace: when the next goal is due"""
 
     name: str
     goals: np.ndarray

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from cfem.control.closed_loop.controller import Controller
-from cfem.control.closed_loop.tick import Belief, Pilot
-from cfem.control.moving.mpc import Told
+from cfem.control.closed_loop.tick import Belief, MovingBelief, Pilot
 from cfem.plant.gains import Gains
 from cfem.plant.protocol import Measurement, Plant
 
@@ -18,9 +17,13 @@ _FAR = 500  # ticks that a controller is told of ahead
 
 @dataclass(frozen=True)
 class Pace:
-    """When the next goal is due. ticks_a_goal: after so many ticks, None: as soon as the effectors have been within
-    radius (mm) for `hold` ticks, or after at_most ticks; budget: ticks in all, None: enough for every goal; approach:
-    at least so many for the first; run_up: goals that do not count, before those that do."""
+    """When the next goal is due.
+
+    ticks_a_goal: after so many ticks; None: as soon as the effectors have been within `radius` (mm) for `hold` ticks,
+        or after `at_most` ticks
+    budget: ticks in all, None: enough for every goal
+    approach: at least so many ticks for the first goal
+    run_up: goals that do not count, before those that do"""
 
     radius: float
     hold: int
@@ -33,23 +36,28 @@ class Pace:
 
 @dataclass(frozen=True)
 class Moment:
-    """One tick. index: of the goal; goal, aimed: (n_e,) mm absolute, as asked and as corrected; belief: after the tick,
-    with the command u, delta_a and status; measured: what the sensors had said by its end; actual: what the plant
-    really did; error: mm between that and the goal, over the rows that matter; cpu: s of processor time that the
-    controller took."""
+    """One tick of a run.
+
+    index: number of the goal
+    goal, aimed: (n_e,) mm absolute, as asked and as corrected
+    belief: after the tick, with the command u, delta_a and status
+    measured: what the sensors had measured by its end
+    actual: what the plant really did
+    error: mm between that and the goal, over the rows that matter
+    cpu: s of processor time that the controller took"""
 
     tick: int
     index: int
     goal: np.ndarray
     aimed: np.ndarray
-    belief: Belief | Told
+    belief: Belief | MovingBelief
     measured: Measurement
     actual: Measurement
     error: float
     cpu: float
 
 
-def run_loop(
+def run_closed_loop(
     goals: np.ndarray,
     pilot: Pilot,
     plant: Plant,
@@ -60,10 +68,13 @@ def run_loop(
     after: Callable[[Moment], None] = lambda moment: None,
     controller: Any = None,
 ) -> list[Moment]:
-    """goals (m, n_e) mm absolute, one after the other; gains: None for open loop; start: (n_a,) mm where the actuators
-    stand, 0 unless given. plant.actual, where a plant has it, is the truth behind its sensors; goals are then reached
-    or missed by it. after(moment): called at the end of each tick; controller: another one than the static one of
-    pilot, gains and start, ticked with the goals that lie ahead."""
+    """Moments of a run along goals (m, n_e) mm absolute, one after the other.
+
+    plant: its `actual`, where it has one, is the truth behind its sensors; goals are then reached or missed by it
+    gains: of the correction, None for open loop
+    start: (n_a,) mm where the actuators stand, 0 unless given
+    after: called with the moment at the end of each tick
+    controller: another one than the static one of pilot, gains and start, ticked with the goals that lie ahead"""
     matters = pilot.weights > 0
     controller, measured, moments = controller or Controller(pilot, rest_e, gains, start), None, []
     index = spent = held = 0

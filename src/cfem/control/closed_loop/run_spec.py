@@ -44,6 +44,7 @@ class ClosedLoopSpec(FamilySpec):
             raise ValueError("loop.live needs plant: fem or pipe and runtime: arrays, and does not go with loads")
 
     def _plant_fits(self) -> None:
+        """Checks that the plant has what the loop asks of it."""
         loop, real, estimate = self.loop, self.loop.real, self.loop.estimate
         if (self.plant == "pipe") != (loop.device is not None):
             raise ValueError("plant: pipe needs loop.device, and loop.device plant: pipe")

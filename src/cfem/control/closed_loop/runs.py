@@ -5,18 +5,26 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from cfem.control.closed_loop.account import over_time, saturation
 from cfem.control.closed_loop.controllers import at_the_end, controller_of, known
 from cfem.control.closed_loop.estimated_account import EstimateAccount, estimate_results
-from cfem.control.closed_loop.pilots import bounded, gains_of, model_of, moving_model, pilot_of, seeds_of
+from cfem.control.closed_loop.pilots import (
+    Situation,
+    bounded,
+    gains_of,
+    model_of,
+    moving_model,
+    pilot_of,
+    seeds_of,
+    standing_at,
+)
 from cfem.control.closed_loop.plants import PlantOf, push_of
 from cfem.control.closed_loop.reference import Reference
-from cfem.control.closed_loop.run import Moment, run_loop
+from cfem.control.closed_loop.run import Moment, run_closed_loop
 from cfem.control.closed_loop.run_spec import ClosedLoopSpec
 from cfem.control.closed_loop.spec import ControllerSpec, LoopSpec
 from cfem.control.closed_loop.summary import record, summarise
 from cfem.control.closed_loop.tick import Pilot
-from cfem.control.moving.account import over_time, saturation
-from cfem.control.moving.built import Situation, standing_at
 from cfem.equilibrium.robot import Robot
 from cfem.motion.model import MotionModel
 from cfem.plant.gains import Gains
@@ -43,7 +51,7 @@ class Setting:
     n_parameters: int
 
     def situation(self, reference: Reference) -> Situation:
-        """What the controllers know before the first tick."""
+        """Facts that the controllers know before the first tick."""
         loop, robot, start = self.spec.loop, self.robot, None
         if loop.moving or loop.laps:
             standing = replace(self.pilot, limits=bounded(self.pilot.limits, loop))
@@ -75,6 +83,7 @@ def run_controller(
         count, account = _Counter(advance), _account(loop, controller, robot)
 
         def after(moment: Moment, seed=seed, controller=controller, count=count, account=account) -> None:
+            """Writes a row of the table."""
             count(moment.index)
             row = record(reference.name, name, seed, loop.rate, moment) | known(controller, setting.n_parameters)
             if account:
@@ -88,7 +97,7 @@ def run_controller(
             if loop.moving:
                 plant.settle(controller.belief.u, pilot.command)
             runs.append(
-                run_loop(
+                run_closed_loop(
                     reference.goals, pilot, plant, robot.rest_e, reference.pace, after=after, controller=controller
                 )
             )
@@ -104,14 +113,14 @@ def run_controller(
 
 
 def _taken(predictors: Mapping[str, Any]) -> int:
-    """How many models have been taken up, one of this moment included."""
+    """Number of models that have been taken up, one of this moment included."""
     for model in predictors.values():
         model.refresh()
     return sum(model.taken for model in predictors.values())
 
 
 def _account(loop: LoopSpec, controller: Any, robot: Robot) -> EstimateAccount | None:
-    """What compares estimates with the truth, None where nothing is estimated."""
+    """Comparison of estimates with the truth, None where nothing is estimated."""
     if loop.estimate is None:
         return None
     push, since = push_of(loop, robot)

@@ -91,10 +91,11 @@ class ControllerSpec(Spec):
 
     @property
     def moves(self) -> bool:
-        """Whether it asks a model that has learned to move."""
+        """True where the controller asks a model that has learned to move."""
         return self.feedforward or self.shaping is not None or self.mpc is not None
 
     def check(self) -> None:
+        """Checks that the fields go together."""
         if self.mode != "closed" and self.gains is not None:
             raise ValueError(f"gains: mode: {self.mode} takes none")
         if (self.mode == "policy") != (self.policy is not None):
@@ -220,6 +221,7 @@ class LoopSpec(Spec):
     """Time in which the device must answer."""
 
     def check(self) -> None:
+        """Checks that the fields go together."""
         if self.laps is not None and self.goal_every is not None:
             raise ValueError("laps have a goal at each tick: leave out goal_every")
         if self.moving is not None and self.real.wall is not None:
@@ -228,8 +230,12 @@ class LoopSpec(Spec):
             raise ValueError("real.drift does not go with moving yet")
         if self.moving is None and self.real.viscosity != 1:
             raise ValueError("real.viscosity needs moving")
-        others = [one for one in self.controllers.values() if one.adapt or one.policy or one.moves]
-        if self.live and (others or self.estimate is not None or self.moving is not None):
+        learning = [
+            controller
+            for controller in self.controllers.values()
+            if controller.adapt or controller.policy or controller.moves
+        ]
+        if self.live and (learning or self.estimate is not None or self.moving is not None):
             raise ValueError(
                 "live goes with modes open and closed of a robot at rest: leave out adapt, policy, shaping, "
                 "feedforward, mpc, estimate and moving"
@@ -240,18 +246,18 @@ class LoopSpec(Spec):
             return
         if self.real.wall is not None:
             raise ValueError("estimate takes the robot to be free: leave out real.wall")
-        if self.estimates_motion and any(one.adapt for one in self.controllers.values()):
+        if self.estimates_motion and any(controller.adapt for controller in self.controllers.values()):
             raise ValueError("adapt takes the robot to be at rest, and its estimate to move: leave one of them out")
         if self.estimates_motion and self.estimate.actuators.force is not None:
             raise ValueError("load cells measure inertia too, which estimate leaves aside: leave actuators.force out")
-        if any(one.adapt and one.adapt.camera for one in self.controllers.values()):
+        if any(controller.adapt and controller.adapt.camera for controller in self.controllers.values()):
             raise ValueError("estimate needs markers in the scene's frame: leave out adapt.camera")
         if self.sensor.noise:
             raise ValueError("estimate has a noise of its own: leave out sensor.noise")
 
     @property
     def estimates_motion(self) -> bool:
-        """Whether the estimate is a filter on the dynamics."""
+        """True where the estimate is a filter on the dynamics."""
         return self.estimate is not None and (self.moving is not None or self.estimate.dynamics is not None)
 
     def ticks(self, time: float) -> int:

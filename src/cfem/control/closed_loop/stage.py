@@ -58,12 +58,12 @@ def run_controllers(
         _write(folder / "loop.parquet", records, robot, loop)
     # Laps run on whether a goal is reached or not.
     counted = {} if loop.laps else {name: results[name] for name in goals if not meant_beyond(spec.trajectories[name])}
-    said = {"headline": headline(results), KEY: judged(counted)}
-    return {**said, "plant": spec.plant, "loop": results, "length": robot.length}
+    verdict = {"headline": headline(results), KEY: judged(counted)}
+    return {**verdict, "plant": spec.plant, "loop": results, "length": robot.length}
 
 
 def _motions(spec: ClosedLoopSpec, base: Path, predictors: Mapping[str, Predictor]) -> dict[str, MotionModel]:
-    """What has learned to move, of the models that are asked how. InputError where one has not."""
+    """Learned motions of the models that are asked for them. InputError where a model has not learned to move."""
     controllers = spec.loop.controllers.values()
     wanted = {moving_model(item, predictors) for item in controllers if item.moves or spec.loop.estimates_motion}
     if spec.plant == "model" and spec.loop.moving:
@@ -78,6 +78,7 @@ def _visits(references: Sequence[Reference], loop: LoopSpec) -> int:
 
 
 def _write(path: Path, records: list[dict[str, Any]], robot: Robot, loop: LoopSpec) -> None:
+    """Writes the table of ticks with its units."""
     from cfem.dataset.writer import write_records
 
     units = dict.fromkeys(("goal", "aimed", "x_e", "measured_e", "error"), "mm") | {"seconds": "s", "step_us": "us"}

@@ -16,7 +16,7 @@ HELD = {"smallest": "smallest command of", "largest": "largest command of", "rat
 
 
 def record(trajectory: str, controller: str, seed: int, rate: float, moment: Moment) -> dict[str, Any]:
-    """One row, lengths in mm. rate: ticks a second."""
+    """Row of the table of a tick, lengths in mm; rate: ticks a second."""
     return {
         "trajectory": trajectory,
         "controller": controller,
@@ -45,21 +45,21 @@ def summarise(runs: Sequence[Sequence[Moment]], goals: int, pace: Pace, rate: fl
     the first goal's left out where goals come by the clock (the robot is on its way there), error_at_goals: when the
     next one was due; ticks_to_converge: to the first of the ticks that held, of goals that were held; no_position:
     ticks without one from the plant; step_us: CPU."""
-    each = [[list(of) for _, of in groupby(run, key=lambda moment: moment.index)] for run in runs]
+    each = [[list(visit) for _, visit in groupby(run, key=lambda moment: moment.index)] for run in runs]
     timed = pace.ticks_a_goal is not None
     uncounted = pace.run_up or (1 if timed and goals > 1 else 0)
-    ends = [of[-1].error for visits in each for of in visits[pace.run_up :]]
-    way = [moment.error for visits in each for of in visits[uncounted:] for moment in of]
+    ends = [visit[-1].error for visits in each for visit in visits[pace.run_up :]]
+    on_the_way = [moment.error for visits in each for visit in visits[uncounted:] for moment in visit]
     cpu = [1e6 * moment.cpu for run in runs for moment in run]
-    waits = [wait for visits in each for of in visits if (wait := _wait(of, pace)) is not None]
-    reached = [sum(_reached(of, pace) for of in visits[pace.run_up :]) for visits in each]
+    waits = [wait for visits in each for visit in visits if (wait := _wait(visit, pace)) is not None]
+    reached = [sum(_reached(visit, pace) for visit in visits[pace.run_up :]) for visits in each]
     return {
         "runs": len(runs),
         "goals": goals - pace.run_up,
         "reached": {"mean": float(np.mean(reached)), "min": min(reached), "max": max(reached)},
         "ticks": float(np.mean([len(run) for run in runs])),
         "seconds": float(np.mean([len(run) for run in runs]) / rate),
-        "error": _spread(way),
+        "error": _spread(on_the_way),
         "error_at_goals": _spread(ends),
         "ticks_to_converge": None
         if timed
@@ -103,7 +103,8 @@ def headline(results: dict[str, dict[str, dict]]) -> list[str]:
 
 
 def judged(results: Mapping[str, dict[str, dict]]) -> list[dict[str, Any]]:
-    """What makes a run poor: trajectories on which every controller misses most goals. Some may: they are compared."""
+    """Findings that make a run poor: trajectories on which every controller misses most goals. Single controllers may:
+    they are compared."""
     findings = []
     for trajectory, controllers in results.items():
         name, row = max(controllers.items(), key=lambda item: item[1]["reached"]["mean"])
@@ -120,22 +121,22 @@ def _saturated(shares: Mapping[str, float]) -> list[str]:
         name, _, kind = key.rpartition(": ")
         if share >= OFTEN or not name:
             parts.setdefault(HELD.get(kind, kind), []).append(f"{name} in {100 * share:.3g} %".strip())
-    return [f"{kind} {', '.join(of)} of the ticks" for kind, of in parts.items()]
+    return [f"{kind} {', '.join(actuators)} of the ticks" for kind, actuators in parts.items()]
 
 
-def _reached(of: list[Moment], pace: Pace) -> bool:
-    return of[-1].error <= pace.radius if pace.ticks_a_goal is not None else _wait(of, pace) is not None
+def _reached(visit: list[Moment], pace: Pace) -> bool:
+    return visit[-1].error <= pace.radius if pace.ticks_a_goal is not None else _wait(visit, pace) is not None
 
 
-def _wait(of: list[Moment], pace: Pace) -> int | None:
+def _wait(visit: list[Moment], pace: Pace) -> int | None:
     """Ticks until the robot came to stay, None where it did not."""
-    last = of[-pace.hold :]
+    last = visit[-pace.hold :]
     stayed = len(last) == pace.hold and all(moment.error <= pace.radius for moment in last)
-    return len(of) - pace.hold + 1 if stayed else None
+    return len(visit) - pace.hold + 1 if stayed else None
 
 
 def _without_position(moment: Moment) -> bool:
-    """Whether the plant gave no position in a tick."""
+    """True where the plant gave no position in a tick."""
     return moment.actual.status != "converged" and moment.actual.t > 0
 
 

@@ -16,12 +16,12 @@ from cfem.condensed.model import Model, under_force
 from cfem.control.search.goal_search import (
     Iterate,
     Place,
-    Reach,
-    ReachStatus,
-    Settings,
+    SearchResult,
+    SearchSettings,
+    SearchStatus,
     by_displacement,
     by_force,
-    reach,
+    search_goal,
 )
 from cfem.control.search.inverse import Aim, Limits, inverse_step
 from cfem.control.search.multistart import all_over, around, multistart
@@ -30,15 +30,15 @@ from cfem.core.errors import InputError, NumericalError
 from cfem.plant.protocol import Command, Measurement
 
 Observer = Literal["measured", "previous_step", "equilibrium"]
-ONCE = Settings(iterations=1)
+ONCE = SearchSettings(iterations=1)
 TRACKING = "tracking"  # of a tick that used its inverse steps, as it should
 STOPPED = "the search stopped where the effectors could come nearer: its tolerance or regularisation is too large"
 
 
-# As `reach`: a search for a goal.
-Search = Callable[[Model, Aim, Limits, Iterate, Settings, Place], Reach]
-# A search for actuations that put an object down at a goal and let it go.
-PutDown = Callable[[Model, Aim, Limits, Iterate, Settings], Reach]
+# Search for a goal, with the arguments of `search_goal`.
+GoalSearch = Callable[[Model, Aim, Limits, Iterate, SearchSettings, Place], SearchResult]
+# Search for actuations that put an object down at a goal and let it go.
+PutDown = Callable[[Model, Aim, Limits, Iterate, SearchSettings], SearchResult]
 
 
 @dataclass(frozen=True)
@@ -63,14 +63,14 @@ class Pilot:
     limits: Limits
     weights: np.ndarray
     ridge: np.ndarray
-    settings: Settings = ONCE
+    settings: SearchSettings = ONCE
     rate: np.ndarray | float = np.inf
     preload: np.ndarray | float = 0.0
     damping: np.ndarray | float = 0.0
-    approach: Settings | None = None
+    approach: SearchSettings | None = None
     places: np.ndarray | None = None
     restarts: int = 0
-    search: Search = reach
+    search: GoalSearch = search_goal
     put_down: PutDown | None = None
 
 
@@ -86,7 +86,7 @@ class Belief:
     iterate: Iterate
     u: np.ndarray
     status: str
-    plan: Reach | None = None
+    plan: SearchResult | None = None
 
     @property
     def delta_a(self) -> np.ndarray:
@@ -98,15 +98,36 @@ class Belief:
         """Belief before the first tick, the robot standing at delta_a (n_a,) mm."""
         condensed = pilot.model.at_displacement(delta_a)
         u = condensed.delta_a if pilot.command == "displacement" else condensed.lambda_a
-        return cls(Iterate.at(condensed), u, ReachStatus.CONVERGED.value)
+        return cls(Iterate.at(condensed), u, SearchStatus.CONVERGED.value)
+
+
+@dataclass(frozen=True)
+class MovingBelief:
+    """Belief of a controller that knows how the robot moves, after a tick.
+
+    u: (n_a,) the command
+    status: 'converged' or why not
+    delta_a: (n_a,) mm where it takes the actuators to be at its end
+    softened: it could not keep what the robot does within bounds
+    astray: the last sample is far beyond what its observer expected
+    rejected: the sample of this tick does not fit, and corrected nothing
+    restarted: too many did not fit, and the observer began again"""
+
+    u: np.ndarray
+    status: str
+    delta_a: np.ndarray
+    softened: bool = False
+    astray: bool = False
+    rejected: bool = False
+    restarted: bool = False
 
 
 def drive(
     pilot: Pilot, belief: Belief, goal: np.ndarray, measured: Measurement | None = None, let_go: bool = False
 ) -> Belief:
-    """One tick towards goal (n_e,) mm from rest; measured: the latest, for the observer that needs it; let_go: robots
-    put their object down there and open. Where the model has no answer the command stays, and the status says why.
-    InputError where that observer's sensor is missing."""
+    """Belief after one tick towards goal (n_e,) mm from rest; measured: the latest, for the observer that needs it;
+    let_go: robots put their object down there and open. Where the model has no answer the command stays, and the status
+    says why. InputError where that observer's sensor is missing."""
     aim = Aim(goal, pilot.weights, pilot.ridge, pilot.preload, pilot.damping, pilot.places)
     limits = _this_tick(pilot, belief.u)
     try:
@@ -123,7 +144,7 @@ def drive(
         forces = pilot.command == "force" and getattr(pilot.model, "form", "displacement") == "force"
         place = by_force if forces else by_displacement
         result = pilot.search(pilot.model, aim, limits, iterate, pilot.settings, place)
-        if result.status is ReachStatus.QP_FAILED:
+        if result.status is SearchStatus.QP_FAILED:
             return replace(belief, status=result.status.value, plan=result)
         kinked = getattr(pilot.model, "kinked", False)
         if kinked or pilot.restarts:
@@ -133,11 +154,11 @@ def drive(
         # Whether a goal is out of reach is a matter of the robot, not of what one tick may change.
         return _within(pilot, replace(result, limits=pilot.limits, tried=kinked), limits)
     except NumericalError as error:
-        return replace(belief, status=str(error), plan=Reach.stays(aim, pilot.limits, belief.iterate))
+        return replace(belief, status=str(error), plan=SearchResult.stays(aim, pilot.limits, belief.iterate))
 
 
-def _within(pilot: Pilot, result: Reach, limits: Limits) -> Belief:
-    """The command that leads to what was found, cut down to its limits, and where that leads."""
+def _within(pilot: Pilot, result: SearchResult, limits: Limits) -> Belief:
+    """Belief with the command that leads to what was found, cut down to its limits, and where that leads."""
     if pilot.command == "displacement":
         return Belief(result.iterate, np.clip(result.delta_a, *limits.delta_a.T), _status(result, limits), result)
     iterate, u = result.iterate, np.clip(result.lambda_a, *limits.lambda_a.T)
@@ -146,14 +167,14 @@ def _within(pilot: Pilot, result: Reach, limits: Limits) -> Belief:
     return Belief(iterate, u, _status(result, limits), result)
 
 
-def _status(result: Reach, limits: Limits) -> str:
+def _status(result: SearchResult, limits: Limits) -> str:
     """Status of a belief after a search; limits: of this tick."""
-    if result.status not in (ReachStatus.CONVERGED, ReachStatus.NO_DESCENT):
-        return TRACKING if result.status is ReachStatus.ITERATIONS else result.status.value
+    if result.status not in (SearchStatus.CONVERGED, SearchStatus.NO_DESCENT):
+        return TRACKING if result.status is SearchStatus.ITERATIONS else result.status.value
     verdict = result.verdict()
     if verdict is not Verdict.NOT_CONVERGED:
-        return ReachStatus.CONVERGED.value if verdict is Verdict.REACHED else verdict.value
-    if result.status is ReachStatus.NO_DESCENT:
+        return SearchStatus.CONVERGED.value if verdict is Verdict.REACHED else verdict.value
+    if result.status is SearchStatus.NO_DESCENT:
         return result.status.value
     return STOPPED if _same(limits, result.limits) else TRACKING
 
@@ -172,7 +193,7 @@ def _seen(pilot: Pilot, iterate: Iterate, measured: Measurement) -> Iterate:
 
 
 def _this_tick(pilot: Pilot, u: np.ndarray) -> Limits:
-    """The amplitudes, cut down to what a command that follows u may be."""
+    """Amplitudes, cut down to what a command that follows u may be."""
     if pilot.command == "displacement":
         return pilot.limits.within(u, pilot.rate)
     if np.all(pilot.rate == np.inf):
@@ -183,7 +204,8 @@ def _this_tick(pilot: Pilot, u: np.ndarray) -> Limits:
 
 
 def _as_published(pilot: Pilot, iterate: Iterate, aim: Aim, limits: Limits) -> Belief:
-    """The forces of the inverse step as they are, and its linearised displacements for where they lead."""
+    """Belief as published: the forces of the inverse step as they are, and its linearised displacements for where they
+    lead."""
     for _ in range(pilot.settings.iterations):
         nearby = limits.within(iterate.condensed.delta_a, pilot.settings.step)
         step = inverse_step(iterate.condensed, aim, nearby, None, pilot.settings.backend)

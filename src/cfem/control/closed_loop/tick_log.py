@@ -30,6 +30,7 @@ def tick_log(folder: Path) -> Iterator[Callable[[dict[str, Any]], None]]:
     with file:
 
         def append(row: dict[str, Any]) -> None:
+            """Adds a row to the file, at once."""
             nonlocal count, synced
             with disk_errors(path):
                 file.write(json.dumps(_known(plain(row))) + "\n")

@@ -24,7 +24,10 @@ MOST = 100  # cycles that a stated distance may need
 
 @dataclass(frozen=True)
 class Course:
-    """What the spec says of a gait. mirrored: of each leg; n_a: actuators of a leg."""
+    """Gait of a spec, as it is planned and judged.
+
+    mirrored: of each leg
+    n_a: actuators of a leg"""
 
     spec: GaitSpec
     mirrored: Sequence[bool]
@@ -32,19 +35,20 @@ class Course:
 
     @cached_property
     def direction(self) -> np.ndarray:
-        """(3,) unit."""
-        way = np.asarray(self.spec.direction, float)
-        return way / np.linalg.norm(way)
+        """Direction (3,) of the walk, of unit length."""
+        direction = np.asarray(self.spec.direction, float)
+        return direction / np.linalg.norm(direction)
 
     def walk(self, crawler: Crawler, gait: Gait, cycles: int | None = None, friction: float | None = None) -> Walk:
-        """As many cycles as the spec says, at its friction, unless given."""
+        """Walk of a gait, as many cycles as the spec says and at its friction unless given."""
         spec = self.spec
         u = commands_of(gait, self.mirrored, tuple(spec.pulls), spec.steps, cycles or spec.cycles)
         doing(f"walking {len(u)} commands")
         return crawler.walk(u, spec.ground.friction if friction is None else friction)
 
     def tried(self, learned: Crawler, gait: Gait) -> tuple[float, float]:
-        """mm a cycle, NaN where it ends before, and the smallest force of an actuator (N), 0 at most."""
+        """Distance of a gait in mm a cycle, NaN where it ends before, and the smallest force of an actuator (N), 0 at
+        most."""
         walk = self.walk(learned, gait, FEW)
         return walk.per_cycle(self.spec.steps, self.direction), float(walk.least.min(initial=0.0))
 
@@ -65,25 +69,25 @@ class Course:
 
     def plan(self, learned: Crawler, gait: Gait) -> Walk:
         """The walk that finite elements are to repeat. NumericalError where a stated distance is not gone."""
-        spec, way = self.spec, self.direction
+        spec, direction = self.spec, self.direction
         if spec.distance is None:
             return self.walk(learned, gait)
         u = commands_of(gait, self.mirrored, tuple(spec.pulls), spec.steps, MOST)
         doing(f"walking {spec.distance:g} mm")
         start = learned.centre
-        found = learned.walk(u, spec.ground.friction, lambda base: float((base - start) @ way) >= spec.distance)
-        if found.status == CONVERGED and not found.gone(way) >= spec.distance:
-            what = f"the gait goes {found.gone(way):.3g} mm in {MOST} cycles, not {spec.distance:g} mm"
+        walk = learned.walk(u, spec.ground.friction, lambda base: float((base - start) @ direction) >= spec.distance)
+        if walk.status == CONVERGED and not walk.gone(direction) >= spec.distance:
+            what = f"the gait goes {walk.gone(direction):.3g} mm in {MOST} cycles, not {spec.distance:g} mm"
             raise NumericalError(what, where="gait.distance", do="take a smaller one, or more evaluations")
-        return found
+        return walk
 
     def repeat(self, fe: Crawler, planned: Walk) -> Walk:
-        """By finite elements."""
+        """Walk of the planned commands by finite elements."""
         doing(f"walking {len(planned.commands)} commands by finite elements")
         return fe.walk(planned.commands, self.spec.ground.friction)
 
     def far(self, walk: Walk) -> float:
-        """What judges it: mm since rest where the spec states a distance, else mm a cycle."""
+        """Distance that judges a walk: mm since rest where the spec states a distance, else mm a cycle."""
         if self.spec.distance is None:
             return walk.per_cycle(self.spec.steps, self.direction)
         return walk.gone(self.direction)
@@ -93,20 +97,21 @@ class Course:
         return "mm a cycle" if self.spec.distance is None else "mm"
 
     def planned_at(self, friction: float, gait: Gait, learned: Crawler) -> dict[str, Any]:
-        """mm a cycle of the same gait, planned alone."""
+        """Distance of the same gait at a friction, in mm a cycle, planned alone."""
         walk = self.walk(learned, gait, FEW, friction)
         planned = known(walk.per_cycle(self.spec.steps, self.direction))
         return {"friction": friction, "planned": planned, "status": walk.status}
 
     def at_friction(self, friction: float, gait: Gait, learned: Crawler, fe: Crawler) -> dict[str, Any]:
-        """mm a cycle, planned and by finite elements, of the same gait."""
-        walks = [self.walk(one, gait, FEW, friction) for one in (learned, fe)]
-        planned, found = (known(one.per_cycle(self.spec.steps, self.direction)) for one in walks)
-        return {"friction": friction, "planned": planned, "fe": found, "status": walks[1].status}
+        """Distance of the same gait at a friction, in mm a cycle, planned and by finite elements."""
+        walks = [self.walk(crawler, gait, FEW, friction) for crawler in (learned, fe)]
+        planned, by_fe = (known(each.per_cycle(self.spec.steps, self.direction)) for each in walks)
+        return {"friction": friction, "planned": planned, "fe": by_fe, "status": walks[1].status}
 
 
 def account_of(walk: Walk) -> dict[str, Any]:
-    """Of contact by finite elements: points at the ends of commands, and the largest residual of law and balance."""
+    """Account of contact by finite elements: points at the ends of commands, and the largest residual of law and
+    balance."""
     points = Counter(mode.value for touch in walk.touches for mode in touch.modes)
     worst = max((touch.check.largest for touch in walk.touches), default=0.0)
     return {"commands": len(walk.commands), "points": dict(points), "law_residual": worst, "status": walk.status}
@@ -118,16 +123,18 @@ def known(value: float) -> float | None:
 
 
 def judged(far: Mapping[str, float], unit: str, ratio: float = 0.0) -> list[dict[str, Any]]:
-    """Whether finite elements go as far as the plan, nobody should trust it otherwise, and whether the legs bear what
-    they carry: ratio, the largest of `cfem.predict.loads.wrench_series.Loaded.ratio` in the plan."""
+    """Findings about a gait: finite elements do not go as far as the plan, or the legs hardly bear what they carry.
+    ratio: the largest of `cfem.predict.loads.wrench_series.Loaded.ratio` in the plan."""
     planned, fe = far["planned"], far["fe"]
-    found = []
+    findings = []
     if not abs(fe - planned) <= APART * abs(planned):
         gone = "do not finish the gait" if np.isnan(fe) else f"go {fe:.2g} {unit}"
-        found.append(poor(f"the plan of the gait does not hold: it goes {planned:.2g} {unit}, finite elements {gone}"))
+        findings.append(
+            poor(f"the plan of the gait does not hold: it goes {planned:.2g} {unit}, finite elements {gone}")
+        )
     if ratio > NEAR:
-        found.append(poor("a leg is nearer to buckling under what it carries than the model can know"))
-    return found
+        findings.append(poor("a leg is nearer to buckling under what it carries than the model can know"))
+    return findings
 
 
 def headline(
@@ -140,8 +147,8 @@ def headline(
     outside: int,
     alone: Sequence[Mapping] = (),
 ) -> list[str]:
-    """For people. outside: planned states that are not like those that the model was trained on; alone: frictions at
-    which the model alone walks."""
+    """Lines about a gait for people. outside: planned states that are not like those that the model was trained on;
+    alone: frictions at which the model alone walks."""
     planned, fe = walks["planned"], walks["fe"]
     n = min(len(planned.base), len(fe.base))
     apart = float(np.linalg.norm(planned.base[:n] - fe.base[:n], axis=1).max())
@@ -155,15 +162,15 @@ def headline(
     if outside:
         line += f"; {outside} of {len(planned.commands)} plans OUTSIDE what the model was trained on"
     lines = [line]
-    for one in sweep:
-        planned, by_fe = ("no whole cycle" if one[key] is None else f"{one[key]:.3g} mm" for key in ("planned", "fe"))
-        lines.append(f"friction {one['friction']:g}, a cycle: {planned} planned, {by_fe} by FE")
+    for row in sweep:
+        planned, by_fe = ("no whole cycle" if row[key] is None else f"{row[key]:.3g} mm" for key in ("planned", "fe"))
+        lines.append(f"friction {row['friction']:g}, a cycle: {planned} planned, {by_fe} by FE")
     if alone:
-        gone = ((one["friction"], one["planned"]) for one in alone)
-        said = ", ".join(f"{'no whole cycle' if far is None else format(far, '.3g')} at {mu:g}" for mu, far in gone)
-        lines.append(f"planned alone, mm a cycle at a friction: {said}")
+        gone = ((row["friction"], row["planned"]) for row in alone)
+        text = ", ".join(f"{'no whole cycle' if far is None else format(far, '.3g')} at {mu:g}" for mu, far in gone)
+        lines.append(f"planned alone, mm a cycle at a friction: {text}")
     points = ", ".join(f"{count} {mode}" for mode, count in sorted(account["points"].items()))
-    said = f"contact: {account['commands']} commands carried out; contact points at their ends: {points}"
+    text = f"contact: {account['commands']} commands carried out; contact points at their ends: {points}"
     if fe.status != CONVERGED:
-        said += f"; then: {fe.status}"
-    return [*lines, f"{said}; the law is met to {account['law_residual']:.1e}"]
+        text += f"; then: {fe.status}"
+    return [*lines, f"{text}; the law is met to {account['law_residual']:.1e}"]

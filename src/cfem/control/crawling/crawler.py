@@ -21,10 +21,15 @@ INSIDE = 1e-6  # mm
 
 @dataclass(frozen=True)
 class Walk:
-    """commands (n, n_a) mm that were carried out; base (n + 1, 3) mm: the base's centre over the ground, at first and
-    after each; turns (n + 1, 3, 3): of the base; least (n,) N: smallest force of an actuator; touches: the states;
-    seconds (n,): each took;
-    status: 'converged', or why it ended."""
+    """Commands that a crawler has carried out, and where they took it.
+
+    commands: (n, n_a) mm
+    base: (n + 1, 3) mm, the base's centre over the ground, at first and after each command
+    turns: (n + 1, 3, 3) of the base
+    least: (n,) N, smallest force of an actuator
+    touches: the contact states
+    seconds: (n,) that each command took
+    status: 'converged', or why the walk ended"""
 
     commands: np.ndarray
     base: np.ndarray
@@ -35,20 +40,25 @@ class Walk:
     status: str
 
     def per_cycle(self, steps: int, direction: np.ndarray) -> float:
-        """mm along `direction` in a cycle of `steps` commands, the mean of all but the first; NaN where it ended."""
+        """Distance (mm) along `direction` in a cycle of `steps` commands, the mean of all but the first; NaN where the
+        walk ended."""
         cycles = (len(self.base) - 1) // steps
         if self.status != CONVERGED or cycles < 2:
             return float("nan")
         return float((self.base[cycles * steps] - self.base[steps]) @ direction) / (cycles - 1)
 
     def gone(self, direction: np.ndarray) -> float:
-        """mm along `direction` since rest; NaN where it ended before."""
+        """Distance (mm) along `direction` since rest; NaN where the walk ended before."""
         return float((self.base[-1] - self.base[0]) @ direction) if self.status == CONVERGED else float("nan")
 
 
 @dataclass(frozen=True)
 class LegWeight:
-    """Of a leg. size: N; rest (3,) mm: its centre of mass, at rest, in the scene; turn: of the leg."""
+    """Weight of a leg.
+
+    size: N
+    rest: (3,) mm, its centre of mass at rest, in the scene
+    turn: (3, 3) of the leg"""
 
     size: float
     rest: np.ndarray
@@ -57,8 +67,12 @@ class LegWeight:
 
 @dataclass(frozen=True)
 class Crawler:
-    """pads: of the base; centre (3,) mm of the base; ground: under the base alone; weights: of the legs, none where
-    they have none."""
+    """Legs on a base that stands on the ground.
+
+    pads: of the base
+    centre: (3,) mm of the base
+    ground: under the base alone
+    weights: of the legs, none where they have none"""
 
     legs: tuple[PointRobot, ...]
     pads: Pads
@@ -67,46 +81,47 @@ class Crawler:
     weights: tuple[LegWeight, ...] = ()
 
     def _ground(self, last: PointsState | None) -> Ground:
-        """With the weight of all at the centre of its mass, where the state `last` has the legs."""
+        """Ground with the weight of all at the centre of its mass, where the state `last` has the legs."""
         if not self.weights:
             return self.ground
         solved = [None] * len(self.weights) if last is None else last.solved
         centres = [
-            one.rest if leg is None else one.rest + one.turn @ leg.delta_e
-            for one, leg in zip(self.weights, solved, strict=False)
+            weight.rest if leg is None else weight.rest + weight.turn @ leg.delta_e
+            for weight, leg in zip(self.weights, solved, strict=False)
         ]
         base = float(np.linalg.norm(self.ground.load[:3]))
-        sizes = np.array([base, *(one.size for one in self.weights)])
-        whole = sizes.sum()
-        mass_at = sizes @ np.array([self.centre, *centres]) / whole
-        return replace(self.ground, load=self.ground.load * whole / base, mass_at=mass_at)
+        sizes = np.array([base, *(weight.size for weight in self.weights)])
+        total = sizes.sum()
+        mass_at = sizes @ np.array([self.centre, *centres]) / total
+        return replace(self.ground, load=self.ground.load * total / base, mass_at=mass_at)
 
     def walk(self, commands: np.ndarray, mu: float, enough: Callable[[np.ndarray], bool] | None = None) -> Walk:
         """Carries out commands (n, legs n_a) mm from rest, in quasi-static steps, until one after which the base
         is where it is `enough`."""
-        at, last = np.zeros(commands.shape[1]), None
+        sent, last = np.zeros(commands.shape[1]), None
         touches, places, turns, least, seconds = [], [self.centre], [np.eye(3)], [], []
 
         def go(u: np.ndarray) -> str:
-            nonlocal at, last
+            """One step to commands u, kept where it converges."""
+            nonlocal sent, last
             parts = [displacement(part) for part in (*np.split(u, len(self.legs)), np.zeros(0))]
-            found = grasp_step((*self.legs, self.pads), parts, self._ground(last), "coulomb", mu, last)
-            if found.converged:
-                at, last = u, found
-            return found.status.value
+            state = grasp_step((*self.legs, self.pads), parts, self._ground(last), "coulomb", mu, last)
+            if state.converged:
+                sent, last = u, state
+            return state.status.value
 
-        status = go(at)
+        status = go(sent)
         for command in commands:
             begin = perf_counter()
             if status == CONVERGED:
-                status = carried_out(at, command, LONGEST, go)
+                status = carried_out(sent, command, LONGEST, go)
             if status != CONVERGED:
                 break
             touches.append(last)
             seconds.append(perf_counter() - begin)
             places.append(last.around.base_at(self.centre[None])[0])
             turns.append(last.around.R.T)
-            least.append(min(one.lambda_a.min() for one in last.solved[:-1]))
+            least.append(min(leg.lambda_a.min() for leg in last.solved[:-1]))
             if enough is not None and enough(places[-1]):
                 break
         done = np.array(commands[: len(touches)])
@@ -116,7 +131,8 @@ class Crawler:
 def crawler_of(
     gait: GaitSpec, legs: Sequence[PointRobot], names: Sequence[str], weights: Sequence[LegWeight] = ()
 ) -> Crawler:
-    """SpecError where the crawler starts inside the ground, or its base does not stand on it."""
+    """Crawler of these legs on the spec's base and ground. SpecError where it starts inside the ground, or its base
+    does not stand on it."""
     n = np.asarray(gait.ground.normal, float)
     n /= np.linalg.norm(n)
     plane = Plane(R=_standing(n), t=np.array(gait.ground.point))

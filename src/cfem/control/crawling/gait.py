@@ -21,7 +21,7 @@ FAILED = 1e3  # mm: what a gait costs that cannot be walked
 
 @dataclass(frozen=True)
 class Gait:
-    """mean, amplitude, phase (n_a,): dimensionless, and in turns."""
+    """Cyclic command of a leg: mean and amplitude (n_a,) as shares of the pulls, phase (n_a,) in turns."""
 
     mean: np.ndarray
     amplitude: np.ndarray
@@ -29,13 +29,13 @@ class Gait:
 
     @classmethod
     def of(cls, shares: np.ndarray) -> "Gait":
-        """From 3 n_a - 1 numbers in [0, 1]; the first phase is 0, as a cycle begins anywhere."""
+        """Gait of 3 n_a - 1 numbers in [0, 1]; the first phase is 0, as a cycle begins anywhere."""
         n_a = (len(shares) + 1) // 3
         mean, amplitude, phase = shares[:n_a], shares[n_a : 2 * n_a], shares[2 * n_a :]
         return cls(mean, amplitude, np.concatenate([[0.0], phase]))
 
     def leg(self, steps: int) -> np.ndarray:
-        """(steps, n_a) shares of a cycle."""
+        """Shares (steps, n_a) of a cycle."""
         phi = np.arange(1, steps + 1)[:, None] / steps - self.phase
         return np.clip(self.mean + self.amplitude * np.cos(2 * np.pi * phi), 0.0, 1.0)
 
@@ -49,7 +49,7 @@ class Gait:
 def commands_of(
     gait: Gait, mirrored: Sequence[bool], pulls: tuple[float, float], steps: int, cycles: int
 ) -> np.ndarray:
-    """(cycles steps, legs n_a) mm: of all legs, the mirrored ones with their actuators in reverse order."""
+    """Commands (cycles steps, legs n_a) mm of all legs, the mirrored ones with their actuators in reverse order."""
     share = gait.leg(steps)
     both = np.hstack([share[:, ::-1] if turned else share for turned in mirrored])
     return np.tile(pulls[0] + (pulls[1] - pulls[0]) * both, (cycles, 1))
@@ -58,7 +58,7 @@ def commands_of(
 def best_gait(
     distance: Callable[[Gait], tuple[float, float]], n_a: int, steps: int, evaluations: int, seed: int = 1
 ) -> tuple[Gait, float]:
-    """The gait of so many steps that goes farthest, and how far (mm a cycle). The one that goes farthest backwards is
+    """Gait of so many steps that goes farthest, and its distance (mm a cycle). The one that goes farthest backwards is
     tried in reverse as well. distance: of a gait, NaN where it cannot be walked, and the smallest force of an actuator
     (N), where it is below 0. seed: of the gaits that are drawn."""
     n = 3 * n_a - 1
@@ -75,16 +75,16 @@ def best_gait(
     if cost(back) < costs.min():
         best = back
     options = {"maxfev": max(1, evaluations - first - 1), "initial_simplex": _around(best)}
-    found = minimize(cost, best, method="Nelder-Mead", bounds=[(0.0, 1.0)] * n, options=options)
-    return Gait.of(np.clip(found.x, 0.0, 1.0)), -float(found.fun)
+    result = minimize(cost, best, method="Nelder-Mead", bounds=[(0.0, 1.0)] * n, options=options)
+    return Gait.of(np.clip(result.x, 0.0, 1.0)), -float(result.fun)
 
 
 def _reversed(shares: np.ndarray, n_a: int) -> np.ndarray:
-    """(n,) the gait backwards in time, which takes a crawler about as far the other way."""
+    """Shares (n,) of the gait backwards in time, which takes a crawler about as far the other way."""
     return np.concatenate([shares[: 2 * n_a], (1.0 - shares[2 * n_a :]) % 1.0])
 
 
 def _around(best: np.ndarray) -> np.ndarray:
-    """(n + 1, n) corners of the first simplex, within [0, 1]."""
+    """Corners (n + 1, n) of the first simplex, within [0, 1]."""
     steps = np.where(best < 0.5, SIMPLEX, -SIMPLEX)
     return np.vstack([best, best + np.diag(steps)])

@@ -14,9 +14,9 @@ from cfem.equilibrium.robot import Robot
 def own_weight(
     gait: GaitSpec, robot: Robot, places: Sequence[tuple[np.ndarray, np.ndarray]]
 ) -> tuple[list[np.ndarray], list[LegWeight]]:
-    """Of the legs at places, (turn, shift) each: forces (3,) N on the centre of mass in the leg's frame, (0,) where the
-    robot has no such effector; and the weights, none without gravity. The forces keep their direction in the base,
-    which tilts by little. InputError where the robot's last effector is not its centre of mass."""
+    """Weight of the legs at places, (turn, shift) each: forces (3,) N on the centre of mass in the leg's frame, (0,)
+    where the robot has no such effector, and the weights, none without gravity. The forces keep their direction in the
+    base, which tilts by little. InputError where the robot's last effector is not its centre of mass."""
     masses, last = robot.masses, robot.effectors[-1]
     if gait.gravity is None and not masses:
         return [np.zeros(0)] * len(places), []

@@ -34,7 +34,8 @@ Place = tuple[np.ndarray, np.ndarray]
 
 @dataclass(frozen=True)
 class Setting:
-    """What a spec says, made: one leg and the model of it, by its name; where the legs are; the crawler twice."""
+    """Gait run as the spec has it: one leg, the model of it by its name, the places of the legs, and the crawler twice,
+    learned and by finite elements."""
 
     robot: Robot
     name: str
@@ -46,47 +47,50 @@ class Setting:
 
 
 def setting_of(spec: CrawlingSpec, base: Path, mesh: Path, models: Mapping[str, Path]) -> Setting:
-    """base: folder of the spec; mesh and models: artefacts."""
+    """Setting of a spec; base: its folder; mesh and models: artefacts."""
     scene_and_mesh, gait = load_scene_and_mesh(base / spec.scene, mesh), spec.gait
     robot, predictors, _ = robot_and_models(spec, base, scene_and_mesh, models)
     demand_same_rows(robot, predictors, models)
     name, model = next(iter(predictors.items()))
-    places, names = [place_of(one) for one in spec.robots], [one.name for one in spec.robots]
+    places, names = (
+        [place_of(robot_spec) for robot_spec in spec.robots],
+        [robot_spec.name for robot_spec in spec.robots],
+    )
     loads, weights = own_weight(gait, robot, places)
     feet = [_with_feet(robot, load) for load in loads]
-    rest = np.array([one.rest for one in feet[0].contacts])
+    rest = np.array([contact.rest for contact in feet[0].contacts])
     standing = [PlacedRobot(Problem(leg), *place) for leg, place in zip(feet, places, strict=True)]
     held = held_by(model, models[name])
     learning = [
         LearnedLeg(held, robot.unilateral, rest, *place, load) for place, load in zip(places, loads, strict=True)
     ]
     learned, fe = (crawler_of(gait, legs, names, weights) for legs in (learning, standing))
-    on = Course(gait, [one in gait.mirrored for one in names], robot.rows.n_a)
-    return Setting(robot, name, model, places, on, learned, fe)
+    course = Course(gait, [leg in gait.mirrored for leg in names], robot.rows.n_a)
+    return Setting(robot, name, model, places, course, learned, fe)
 
 
 def crawl(folder: Path, spec: CrawlingSpec, base: Path, mesh: Path, models: Mapping[str, Path]) -> dict[str, Any]:
     """Writes trajectories.parquet, a row a command, and states.npz; returns the results."""
-    at, gait = setting_of(spec, base, mesh, models), spec.gait
-    on, learned, fe, robot = at.on, at.learned, at.fe, at.robot
-    best = on.best(learned)
-    planned = on.plan(learned, best)
-    walks = {"planned": planned, "fe": on.repeat(fe, planned)}
-    far = {key: on.far(one) for key, one in walks.items()}
-    sweep = [on.at_friction(other, best, learned, fe) for other in gait.frictions]
-    alone = [on.planned_at(other, best, learned) for other in gait.planned_frictions]
-    rows = _records(at.name, planned, walks["fe"], spec.reached, at.model)
+    setting, gait = setting_of(spec, base, mesh, models), spec.gait
+    course, learned, fe, robot = setting.on, setting.learned, setting.fe, setting.robot
+    best = course.best(learned)
+    planned = course.plan(learned, best)
+    walks = {"planned": planned, "fe": course.repeat(fe, planned)}
+    far = {key: course.far(walk) for key, walk in walks.items()}
+    sweep = [course.at_friction(friction, best, learned, fe) for friction in gait.frictions]
+    alone = [course.planned_at(friction, best, learned) for friction in gait.planned_frictions]
+    rows = _records(setting.name, planned, walks["fe"], spec.reached, setting.model)
     outside = sum(not row["inside"] for row in rows)
-    ratio = max((one.ratio for touch in planned.touches for one in touch.solved[:-1]), default=0.0)
-    _write(folder / "trajectories.parquet", rows, robot, [one.name for one in spec.robots], fe.centre)
-    np.savez_compressed(folder / "states.npz", **_pictures(fe, walks["fe"], at.places, robot, gait))
+    ratio = max((leg.ratio for touch in planned.touches for leg in touch.solved[:-1]), default=0.0)
+    _write(folder / "trajectories.parquet", rows, robot, [robot_spec.name for robot_spec in spec.robots], fe.centre)
+    np.savez_compressed(folder / "states.npz", **_pictures(fe, walks["fe"], setting.places, robot, gait))
     account = account_of(walks["fe"])
     return {
-        KEY: judged(far, on.unit, ratio),
-        "headline": headline(far, on.unit, sweep, walks, account, gait.ground.friction, outside, alone),
+        KEY: judged(far, course.unit, ratio),
+        "headline": headline(far, course.unit, sweep, walks, account, gait.ground.friction, outside, alone),
         "gait": {key: getattr(best, key).tolist() for key in ("mean", "amplitude", "phase")},
-        "per_cycle": {key: known(one.per_cycle(gait.steps, on.direction)) for key, one in walks.items()},
-        "distance": {key: known(one.gone(on.direction)) for key, one in walks.items()},
+        "per_cycle": {key: known(walk.per_cycle(gait.steps, course.direction)) for key, walk in walks.items()},
+        "distance": {key: known(walk.gone(course.direction)) for key, walk in walks.items()},
         "frictions": sweep,
         "planned_frictions": alone,
         "contact": account,
@@ -103,21 +107,24 @@ def _with_feet(robot: Robot, load: np.ndarray) -> Robot:
     """The robot with contact points for effectors, but for the last where it is its centre of mass, which carries the
     load (3,) N. InputError where one is no point of the body."""
     n = len(robot.effectors) - (len(load) > 0)
-    if not n or not all(isinstance(one, PointEffector) for one in robot.effectors[:n]):
+    if not n or not all(isinstance(effector, PointEffector) for effector in robot.effectors[:n]):
         what = "a leg touches the ground by effectors, and one of them is no point of its body"
         raise InputError(what, where="scene", do="leave out effectors that turn or lie outside")
-    contacts, watched = tuple(ContactPoint(one.attachment) for one in robot.effectors[:n]), robot.rows.effectors
+    contacts, watched = (
+        tuple(ContactPoint(effector.attachment) for effector in robot.effectors[:n]),
+        robot.rows.effectors,
+    )
     rows = replace(robot.rows, effectors=watched[3 * n :], contacts=watched[: 3 * n])
     heavy = pushed(robot, np.concatenate([np.zeros(3 * n), load])) if load.any() else robot
     return replace(heavy, effectors=robot.effectors[n:], contacts=contacts, rows=rows)
 
 
 def _records(name: str, planned: Walk, fe: Walk, reached: float, model: Any) -> list[dict]:
-    """One row a command, as open-loop control has them: the goal is where the plan sees the base."""
+    """Rows of the table, one a command, as open-loop control has them: the goal is where the plan sees the base."""
     rows, nan = [], float("nan")
     for index, u in enumerate(planned.commands):
-        there = index < len(fe.commands)
-        goal, x = planned.base[index + 1], fe.base[index + 1] if there else np.full(3, nan)
+        carried_out = index < len(fe.commands)
+        goal, x = planned.base[index + 1], fe.base[index + 1] if carried_out else np.full(3, nan)
         error = float(np.linalg.norm(x - goal))
         states = [model.at_displacement(leg.delta_a) for leg in planned.touches[index].solved[:-1]]
         rows.append(
@@ -130,16 +137,16 @@ def _records(name: str, planned: Walk, fe: Walk, reached: float, model: Any) -> 
                 "error": error,
                 "error_to_fe_based": nan,
                 "delta_a": u,
-                "lambda_a": np.concatenate([one.lambda_a for one in planned.touches[index].solved[:-1]]),
+                "lambda_a": np.concatenate([leg.lambda_a for leg in planned.touches[index].solved[:-1]]),
                 "predicted_e": goal - planned.base[0],
                 "predicted_distance": 0.0,
                 "verdict": Verdict.REACHED.value,
                 "reachable": True,
                 "reached": error < reached,
-                "inside": all(model.inside(one) for one in states),
-                "distance_to_data": max(model.distance(one) for one in states),
+                "inside": all(model.inside(state) for state in states),
+                "distance_to_data": max(model.distance(state) for state in states),
                 "status": planned.status,
-                "plant_status": CONVERGED if there else fe.status,
+                "plant_status": CONVERGED if carried_out else fe.status,
                 "iterations": planned.touches[index].iterations,
                 "queries": planned.touches[index].iterations,
                 "softened": False,
@@ -171,8 +178,8 @@ def _pictures(fe: Crawler, walk: Walk, places: Sequence[Place], robot: Robot, ga
 
     def seen(solved: Sequence[Any], index: int) -> np.ndarray:
         bodies = [
-            (one.state.x if one else mesh.X)[surface] @ turn.T + shift
-            for one, (turn, shift) in zip(solved, places, strict=True)
+            (leg.state.x if leg else mesh.X)[surface] @ turn.T + shift
+            for leg, (turn, shift) in zip(solved, places, strict=True)
         ]
         points = np.concatenate([*bodies, box])
         return walk.base[index] + (points - fe.centre) @ walk.turns[index].T

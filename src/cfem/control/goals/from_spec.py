@@ -12,12 +12,12 @@ from cfem.plant.fem_plant import FemPlant
 
 
 def goals_of(name: str, trajectory: TrajectorySpec, robot: Robot, fem: FemPlant, shift: np.ndarray) -> np.ndarray:
-    """(m, n_e) mm absolute. robot: or what stands for several and their object; shift: (n_e,) mm by how much they move
-    with a design, empty without one."""
+    """Goals (m, n_e) mm absolute of a trajectory. robot: or what stands for several and their object; shift: (n_e,) mm
+    by how much they move with a design, empty without one."""
     if isinstance(trajectory, ArcSpec):
-        around = arc(*(getattr(trajectory, key) for key in ("centre", "radius", "start", "end", "plane", "goals")))
-        around = _fit(name, around, robot, shift)
-        return with_approach(around, robot.rest_e, trajectory.from_rest)
+        on_arc = arc(*(getattr(trajectory, key) for key in ("centre", "radius", "start", "end", "plane", "goals")))
+        on_arc = _fit(name, on_arc, robot, shift)
+        return with_approach(on_arc, robot.rest_e, trajectory.from_rest)
     if isinstance(trajectory, HalfSphereSpec):
         points = half_sphere(trajectory.centre, trajectory.radius, trajectory.turns, trajectory.goals)
         return _fit(name, points, robot, shift)
@@ -26,12 +26,12 @@ def goals_of(name: str, trajectory: TrajectorySpec, robot: Robot, fem: FemPlant,
         return _fit(name, np.hstack([trajectory.points, *oriented]), robot, shift)
     centre, radii = _shares(name, trajectory, robot.rows.n_a)
     shares = loop_of_shares(centre, radii, trajectory.goals, trajectory.shape)
-    found = []
+    goals = []
     with progress(f"solving the goals of {name} by FE", len(shares)) as advance:
         for share in shares:
-            found.append(fem.pull(share).x_e)
+            goals.append(fem.pull(share).x_e)
             advance(1)
-    return np.array(found)
+    return np.array(goals)
 
 
 def demand_fits(name: str, trajectory: TrajectorySpec, n_a: int, n_e: int, aims: int) -> None:

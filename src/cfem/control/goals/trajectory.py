@@ -9,7 +9,7 @@ PLANES = {"xy": (0, 1), "yz": (1, 2), "zx": (2, 0)}
 
 
 def arc(centre: np.ndarray, radius: float, start: float, end: float, plane: str, goals: int) -> np.ndarray:
-    """(goals, 3) mm, evenly spaced on a circle about centre (3,) mm, both ends included. start, end: rad from
+    """Points (goals, 3) mm, evenly spaced on a circle about centre (3,) mm, both ends included. start, end: rad from
     the plane's first axis towards its second; in 'yz', -pi/2 is straight down and 0 towards +y."""
     first, second = PLANES[plane]
     angle = np.linspace(start, end, goals)
@@ -20,14 +20,14 @@ def arc(centre: np.ndarray, radius: float, start: float, end: float, plane: str,
 
 
 def with_approach(goals: np.ndarray, start: np.ndarray, count: int) -> np.ndarray:
-    """(count + m, n_e) mm: before the goals (m, n_e) as many as `count` on the straight line to them from start, which
-    is the first."""
+    """Goals (count + m, n_e) mm: before the goals (m, n_e) as many as `count` on the straight line to them from start,
+    which is the first."""
     return np.vstack([np.linspace(start, goals[0], count, endpoint=False), goals])
 
 
 def half_sphere(centre: np.ndarray, radius: float, turns: float, goals: int) -> np.ndarray:
-    """(goals, 3) mm on a sphere about centre (3,) mm, from its top down to its equator, both included, by equal angles
-    from the z axis and, `turns` in all, by equal angles about it."""
+    """Points (goals, 3) mm on a sphere about centre (3,) mm, from its top down to its equator, both included, by equal
+    angles from the z axis and, `turns` in all, by equal angles about it."""
     share = np.linspace(0, 1, goals)
     polar, around = share * np.pi / 2, share * 2 * np.pi * turns
     out = np.sin(polar)
@@ -37,8 +37,8 @@ def half_sphere(centre: np.ndarray, radius: float, turns: float, goals: int) -> 
 def loop_of_shares(
     centre: np.ndarray, radii: np.ndarray, goals: int, shape: Literal["ellipse", "figure-eight"] = "ellipse"
 ) -> np.ndarray:
-    """(goals, n_a) a closed curve in the pulling cube [0, 1]^n_a. ellipse: each share follows the one before by a
-    quarter turn. figure-eight: all swing together twice a turn, and against each other once. Its image by FE is a
+    """Shares (goals, n_a) on a closed curve in the pulling cube [0, 1]^n_a. ellipse: each share follows the one before
+    by a quarter turn. figure-eight: all swing together twice a turn, and against each other once. Its image by FE is a
     curve that the robot can follow."""
     if shape == "figure-eight":
         turn = np.arange(goals)[:, None] * 2 * np.pi / goals

@@ -105,16 +105,16 @@ class ImageSpec(Spec):
             raise ValueError("the curve leaves the range [0, 1] of the shares of reach")
 
     def shares(self, n_a: int) -> tuple[list[float], list[float]]:
-        """centre and radii (n_a,) of so many actuators. ValueError where they state another number of them."""
-        found = [each if isinstance(each, list) else [each] * n_a for each in (self.centre, self.radii)]
-        for key, each in zip(("centre", "radii"), found, strict=True):
+        """Centre and radii (n_a,) of so many actuators. ValueError where they state another number of them."""
+        shares = [each if isinstance(each, list) else [each] * n_a for each in (self.centre, self.radii)]
+        for key, each in zip(("centre", "radii"), shares, strict=True):
             if len(each) != n_a:
                 raise ValueError(f"{key} has {len(each)} numbers, the robot {n_a} actuators")
-        return found[0], found[1]
+        return shares[0], shares[1]
 
 
 def meant_beyond(trajectory: object) -> bool:
-    """Whether goals of a trajectory may lie out of reach."""
+    """True where goals of a trajectory may lie out of reach."""
     return bool(getattr(trajectory, "beyond_reach", False))
 
 

@@ -36,9 +36,9 @@ TOUCHES = 1e-6  # mm between a contact point and the object at rest
 
 @dataclass(frozen=True)
 class RobotsAndObject:
-    """What control asks of a robot, for several and what they hold: see `cfem.equilibrium.robot.Robot`. X (n, 3) and
-    facets are of all robots, one after the other, at rest, and of the object, whose points are the last. forces: no
-    bounds stated."""
+    """Several robots and what they hold, with the interface that control asks of one (`cfem.equilibrium.robot.Robot`).
+    X (n, 3) and facets are of all robots, one after the other, at rest, and of the object, whose points are the last.
+    forces: no bounds stated."""
 
     rows: Rows
     rest_e: np.ndarray
@@ -53,14 +53,15 @@ class RobotsAndObject:
 
     @property
     def aims(self) -> np.ndarray:
-        """(n_e,) which effector rows every goal is set for: the object's place."""
+        """Mask (n_e,) of the effector rows that every goal is set for: the object's place."""
         return ~np.array(self.rows.turns)
 
 
 def assembled(
     spec: HoldingSpec, robot: Robot, predictors: Mapping[str, Predictor], models: Mapping[str, Path]
 ) -> tuple[RobotsAndObject, dict[str, Model], CoupledPlant]:
-    """InputError where a model is not of the scene's robot with its contact points held."""
+    """Robots and their object, models of them, and the FE plant, for points that are glued. InputError where a model is
+    not of the scene's robot with its contact points held."""
     n_pose = {name: _pose_rows(predictor, robot, models[name]) for name, predictor in predictors.items()}
     turns = spec.object.turns
     if turns and min(n_pose.values()) < 6:
@@ -70,13 +71,13 @@ def assembled(
     n = 6 if turns else 3
     force = np.zeros(3) if spec.object.force is None else spec.object.force
     held = RigidObject(spec.object.centre, turns, np.concatenate([force, np.zeros(n - 3)]), spec.oriented)
-    places = [place_of(one) for one in spec.robots]
+    places = [place_of(robot_spec) for robot_spec in spec.robots]
     n_a, count = robot.rows.n_a, len(places)
 
     def holds(models_of: list[Model], n_of: int, origin: np.ndarray) -> list[Holder]:
         return [
-            Holder(one.name, model, n_a, n_of, turn, shift, origin)
-            for one, model, (turn, shift) in zip(spec.robots, models_of, places, strict=True)
+            Holder(robot_spec.name, model, n_a, n_of, turn, shift, origin)
+            for robot_spec, model, (turn, shift) in zip(spec.robots, models_of, places, strict=True)
         ]
 
     home, coupled = None, {}
@@ -107,14 +108,14 @@ def assembled(
 def touching(
     spec: HoldingSpec, robot: Robot, models: Mapping[str, Coupled]
 ) -> tuple[Grip, dict[str, Gripping], GripPlant]:
-    """Where contact points open and slide: what plans know of it, and the FE robots. InputError where a contact point
-    does not touch the object at rest, SpecError where the robots cannot hold it."""
+    """Grip, models and FE plant, for contact points that open and slide. InputError where a contact point does not
+    touch the object at rest, SpecError where the robots cannot hold it."""
     about, law, mu = spec.object, spec.object.law, spec.object.friction if spec.object.law == "coulomb" else 0.0
     shape = Box(about.half_size, t=about.centre)
     force = np.zeros(3) if about.force is None else about.force
     held = FreeObject(shape, about.centre, np.concatenate([force, np.zeros(3)]), about.turns, oriented=spec.oriented)
     n_a, count = robot.rows.n_a, len(spec.robots)
-    fingers = [PlacedRobot(Problem(robot), *place_of(one)) for one in spec.robots]
+    fingers = [PlacedRobot(Problem(robot), *place_of(robot_spec)) for robot_spec in spec.robots]
     _demand_touch(spec, robot, shape, fingers)
     points, _ = box_surface(about.centre, about.half_size, robot.body.mesh.facets.shape[1])
     ends, preload = n_a * np.arange(count + 1), spec.search.preload
@@ -128,7 +129,7 @@ def touching(
             "points that open one by one turn their patch, and the model was sampled with one that cannot", do=do
         )
     patch = patch_of(contact_points(fingers[0].problem), turns=True)
-    within, found = WithinPatch(*within_patch(robot, patch)), {}
+    within, plans_by_name = WithinPatch(*within_patch(robot, patch)), {}
     table = table_under(about.centre, about.half_size, force) if about.table else None
     for name, glued in models.items():
         learned = [LearnedFinger(hold.model, patch, within, hold.turn, hold.shift) for hold in glued.holds]
@@ -138,14 +139,14 @@ def touching(
             plans = from_table(robots, glued, mu, about.margin, grasp, preload)
         else:
             plans = Gripping(robots, glued, mu, about.margin, grasp, taken(robots))
-        found[name] = plans
-    first = next(iter(found.values()))
+        plans_by_name[name] = plans
+    first = next(iter(plans_by_name.values()))
     fe = grip(fingers, first.home, table)
-    return Grip.of(first, fe), found, fe
+    return Grip.of(first, fe), plans_by_name, fe
 
 
 def table_under(centre: np.ndarray, half_size: np.ndarray, force: np.ndarray) -> Pads:
-    """A table under the side of a box that `force` points to, four points of it."""
+    """Table under the side of a box that `force` points to, as four points of it."""
     axis = int(np.abs(force).argmax())
     signs = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)], float)
     below = signs[signs[:, axis] == np.sign(force[axis])] * np.where(np.arange(3) == axis, 1.0, WITHIN)
@@ -153,7 +154,8 @@ def table_under(centre: np.ndarray, half_size: np.ndarray, force: np.ndarray) ->
 
 
 def _demand_touch(spec: HoldingSpec, robot: Robot, shape: Box, fingers: Sequence[PlacedRobot]) -> None:
-    """InputError where a contact point stands within the object, or away from one that nothing but the robots holds."""
+    """Raises InputError where a contact point stands within the object, or away from one that nothing but the robots
+    holds."""
     gaps = np.array([shape.distance(finger.points) for finger in fingers])
     do = "choose object.centre and object.half_size so that all contact points touch it"
     for wrong, what in (
@@ -163,8 +165,8 @@ def _demand_touch(spec: HoldingSpec, robot: Robot, shape: Box, fingers: Sequence
         number, point = np.unravel_index(wrong.argmax(), gaps.shape)
         if wrong.max() > TOUCHES:
             name = robot.rows.contacts[3 * point].rsplit(".", 1)[0]
-            said = what.format(wrong.max())
-            raise InputError(f"contact point '{name}' of robot '{spec.robots[number].name}' {said}", do=do)
+            fault = what.format(wrong.max())
+            raise InputError(f"contact point '{name}' of robot '{spec.robots[number].name}' {fault}", do=do)
 
 
 def box_surface(centre: np.ndarray, half_size: np.ndarray, width: int) -> tuple[np.ndarray, np.ndarray]:
@@ -182,20 +184,21 @@ def box_surface(centre: np.ndarray, half_size: np.ndarray, width: int) -> tuple[
     return both.reshape(-1, 3), np.arange(72).reshape(12, 6)
 
 
-def place_of(one: RobotSpec) -> tuple[np.ndarray, np.ndarray]:
-    turn, shift = np.eye(3), np.zeros(3)
-    if one.rotate is not None:
-        axis = np.asarray(one.rotate.axis, float)
-        turn = Rotation.from_rotvec(one.rotate.angle * axis / np.linalg.norm(axis)).as_matrix()
-    if one.translate is not None:
-        shift = np.asarray(one.translate, float)
-    return turn, shift
+def place_of(robot_spec: RobotSpec) -> tuple[np.ndarray, np.ndarray]:
+    """Rotation (3, 3) and translation (3,) mm of a robot in the scene."""
+    rotation, shift = np.eye(3), np.zeros(3)
+    if robot_spec.rotate is not None:
+        axis = np.asarray(robot_spec.rotate.axis, float)
+        rotation = Rotation.from_rotvec(robot_spec.rotate.angle * axis / np.linalg.norm(axis)).as_matrix()
+    if robot_spec.translate is not None:
+        shift = np.asarray(robot_spec.translate, float)
+    return rotation, shift
 
 
 def _pose_rows(predictor: Predictor, robot: Robot, where: Path) -> int:
     n_pose = int(predictor.meta.get("n_c", 0))
     if not n_pose or predictor.rows.actuators[: robot.rows.n_a] != robot.rows.actuators:
-        known, needed = (", ".join(one.rows.actuators) for one in (predictor, robot))
+        known, needed = (", ".join(rows_of.rows.actuators) for rows_of in (predictor, robot))
         what = f"the model has the inputs {known}; an object needs {needed} and the pose of the contact points"
         raise InputError(what, where=str(where), do="train it on samples with `contact`")
     return n_pose

@@ -16,8 +16,8 @@ HALVINGS = 3  # between the last that fails and the first that holds
 
 
 def taken(grip: GripPlant) -> float | None:
-    """The learned grip takes the object; how many times its load it would hold, at most MOST, None without load.
-    SpecError where it cannot hold the object: the reason, before anything is carried out."""
+    """Margin of the learned grip that takes the object: how many times its load it would hold, at most MOST; None
+    without load. SpecError where it cannot hold the object: the reason, before anything is carried out."""
     load = float(np.linalg.norm(grip.load_of_object))
     status, cannot = grip.squeeze(), "the grip cannot hold the object"
     do = "squeeze harder (search.preload), raise object.friction, or take a lighter object"
@@ -33,8 +33,8 @@ def taken(grip: GripPlant) -> float | None:
 
 
 def least_squeeze(grip: GripPlant, grasp: np.ndarray, margin: float) -> float | None:
-    """The least share of `grasp` (n_a,) mm at which robots carry the object's load in the air, with `margin` to slip;
-    None up to the largest of SHARES. grip: at rest, the object on its table."""
+    """Least share of `grasp` (n_a,) mm at which robots carry the object's load in the air, with `margin` to slip; None
+    up to the largest of SHARES. grip: at rest, the object on its table."""
 
     def holds(share: float) -> bool:
         air = squeezed_off_table(grip, share * grasp)
@@ -51,14 +51,14 @@ def least_squeeze(grip: GripPlant, grasp: np.ndarray, margin: float) -> float | 
 
 
 def squeezed_off_table(grip: GripPlant, grasp: np.ndarray) -> GripPlant | None:
-    """The robots that have squeezed the object on its table by `grasp` (n_a,) mm, and carry it without the table; None
+    """Robots that have squeezed the object on its table by `grasp` (n_a,) mm, and carry it without the table; None
     where they cannot. grip: at rest."""
     stands = copy(grip)
     return stands.off_table() if stands.towards(grasp) == CONVERGED else None
 
 
 def share_that_lifts(grip: GripPlant, grasp: np.ndarray, margin: float | None) -> float:
-    """The least share of `grasp` at which robots lift the object (`least_squeeze`). SpecError where there is none."""
+    """Least share of `grasp` at which robots lift the object (`least_squeeze`). SpecError where there is none."""
     if not grasp.any():
         raise SpecError("nothing squeezes the object on its table", where="search.preload", do="give one, as 1.5 mm")
     share = least_squeeze(grip, grasp, margin or 1.0)
@@ -73,7 +73,7 @@ def from_table(
     stands: GripPlant, glued: Coupled, mu: float, margin: float | None, grasp: np.ndarray, preload: float
 ) -> Gripping:
     """Plans of robots that find the object on a table. stands: these robots at rest; grasp: (n_a,) mm, how they squeeze
-    it there, `preload` mm each; the others: see `Gripping`."""
+    it there, `preload` mm each; the other arguments: see `Gripping`."""
     share, wrong = share_that_lifts(stands, grasp, margin), "the robots cannot squeeze the object on its table"
     home = max(share, 1.0) * grasp
     air = squeezed_off_table(stands, home)

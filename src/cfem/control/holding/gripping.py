@@ -36,7 +36,11 @@ STUCK = 50  # quasi-static steps without a solution after which the search for a
 
 @dataclass(frozen=True)
 class Gripped(Condensed):
-    """parts: the robots' own states; forces: (robots, 3) N by which each pushes the object; borne: N by the table."""
+    """Condensed state of robots that grip an object.
+
+    parts: the robots' own states
+    forces: (robots, 3) N by which each pushes the object
+    borne: N by the table"""
 
     parts: tuple[HolderState, ...]
     forces: np.ndarray
@@ -45,12 +49,17 @@ class Gripped(Condensed):
 
 @dataclass
 class Gripping:
-    """`Model`. grip: of learned robots, which holds the object at `home`; glued: the same robots with points that are
-    glued, which knows names and domains; mu, margin: see above, None without rows for the grip; holds: how many times
-    its load the grip would hold at home; air: the same without a table, where there is one
-    (`cfem.control.holding.lifting`); needs: mm, the least preload that lifts. before, at: nothing remembered unless
-    given (`settle`); margins: to slip, and borne: N by the table, where it has settled so far; stuck: steps without a
-    solution since it has settled."""
+    """Model of robots that grip an object, whose contact points may open and slide.
+
+    grip: learned robots that hold the object at `home`
+    glued: the same robots with points that are glued, which knows names and domains
+    mu, margin: see above, None without rows for the grip
+    holds: how many times its load the grip would hold at home
+    air: the same without a table, where there is one (`cfem.control.holding.lifting`)
+    needs: mm, the least preload that lifts
+    before, at: nothing remembered unless given (`settle`)
+    margins, borne: to slip, and N by the table, where it has settled so far
+    stuck: steps without a solution since it has settled"""
 
     grip: GripPlant
     glued: Coupled
@@ -73,11 +82,12 @@ class Gripping:
 
     @property
     def rows(self) -> Rows:
-        own = self.glued.rows
+        glued_rows = self.glued.rows
         more = () if self.margin is None else tuple(f"{hold.name}.grip" for hold in self.glued.holds)
-        return Rows((*own.effectors, *more), own.actuators)
+        return Rows((*glued_rows.effectors, *more), glued_rows.actuators)
 
     def _walked(self, delta_a: np.ndarray) -> GripPlant:
+        """Grip after the robots have gone to delta_a (n_a,) mm. NumericalError where there is no contact state."""
         if self.stuck >= STUCK:
             raise NumericalError(f"learned contact: {STUCK} steps had no solution")
         before = self.grip if self.before is None else self.before
@@ -89,7 +99,7 @@ class Gripping:
         return stands
 
     def settle(self, delta_a: np.ndarray) -> None:
-        """The robots stand at delta_a (n_a,) mm now: further steps begin there."""
+        """Takes delta_a (n_a,) mm for where the robots stand now: further steps begin there."""
         self.begin_search()
         self.at = np.asarray(delta_a, float)
         self.before = self._walked(self.at)
@@ -99,24 +109,25 @@ class Gripping:
         self.begin_search()
 
     def begin_search(self) -> None:
-        """The next search may fail as often as any."""
+        """Lets the next search fail as often as any."""
         self.stuck = 0
         if self.air is not None:
             self.air.stuck = 0
 
     def let_go(self, above: np.ndarray) -> tuple[Gripped, GripPlant]:
-        """Where the object stands when the robots have held it at `above` (n_a,) mm and gone back to rest from there.
+        """State of the object when the robots have held it at `above` (n_a,) mm and gone back to rest from there.
         NumericalError where there is no contact state."""
         stands = replace(self, before=self._walked(above))._walked(np.zeros_like(above))
         return self._seen(stands), stands
 
     def at_displacement(self, delta_a: np.ndarray) -> Gripped:
-        """NumericalError where there is no contact state."""
+        """Condensed state at delta_a (n_a,) mm. NumericalError where there is no contact state."""
         return self._seen(self._walked(np.asarray(delta_a, float)))
 
     def _seen(self, stands: GripPlant) -> Gripped:
+        """Condensed state of the grip as it is."""
         J, K = self._slopes(stands)
-        lam = np.concatenate([one.lambda_a for one in stands.solved])
+        lam = np.concatenate([state.lambda_a for state in stands.solved])
         e, rows = stands.effectors(), self.rows
         e[:3] -= self.glued.object.centre
         W_aa = np.linalg.inv((K + K.T) / 2)
@@ -124,23 +135,23 @@ class Gripping:
         W = np.block([[W_ea @ J.T, W_ea], [W_ea.T, W_aa]])
         delta = np.concatenate([e, stands.at])
         parts = [
-            state_of(hold.model, np.concatenate([one.delta_a, one.X]))
-            for hold, one in zip(self.glued.holds, stands.solved, strict=True)
+            state_of(hold.model, np.concatenate([state.delta_a, state.X]))
+            for hold, state in zip(self.glued.holds, stands.solved, strict=True)
         ]
         return Gripped(rows, W, delta - W[:, rows.a] @ lam, lam, tuple(parts), stands.forces(), stands.on_table())
 
     def _slopes(self, stands: GripPlant) -> tuple[np.ndarray, np.ndarray]:
-        """Of the effectors (n_e, n_a) and of the actuators' forces (n_a, n_a) N/mm by the actuators."""
+        """Slopes by the actuators: of the effectors (n_e, n_a), and of the actuators' forces (n_a, n_a) N/mm."""
         last, posed = stands.last, stands.last.posed
         by_gap, moves = sensitivity(posed.problem, last.modes, posed.force, np.zeros(posed.problem.k))
         robots = list(zip(stands.fingers, stands.solved, strict=True))
         turns = [np.kron(np.eye(len(finger.points)), finger.turn) for finger, _ in robots]
-        moved = block_diag(*[turn @ one.by_actuators for turn, (_, one) in zip(turns, robots, strict=True)])
+        moved = block_diag(*[turn @ state.by_actuators for turn, (_, state) in zip(turns, robots, strict=True)])
         free = posed.rotation @ np.pad(
             moved, ((0, len(posed.rotation) - len(moved)), (0, 0))
         )  # a table stays where it is
         pressed = by_gap @ free
-        K = block_diag(*[one.stiffness for _, one in robots]) - free.T @ pressed
+        K = block_diag(*[state.stiffness for _, state in robots]) - free.T @ pressed
         J = moves @ free
         n_e = self.glued.rows.n_e
         if n_e > 3:
@@ -149,32 +160,32 @@ class Gripping:
         return (J if self.margin is None else np.vstack([J, self._grips(stands, pressed)])), K
 
     def _grips(self, stands: GripPlant, pressed: np.ndarray) -> np.ndarray:
-        """(r, n_a) slopes of what each robot's grip has left, pressed (3 m, n_a) N/mm of the points' forces."""
-        into = stands.last.posed.rotation
+        """Slopes (r, n_a) of what each robot's grip has left; pressed (3 m, n_a): N/mm of the points' forces."""
+        rotation = stands.last.posed.rotation
         _, friction = stands.pushes()
-        found = []
+        slopes = []
         for (a, b), pulls in zip(stands.parts, friction, strict=True):
             mine = np.zeros((len(pressed), pressed.shape[1]))
             mine[3 * a : 3 * b] = pressed[3 * a : 3 * b]
-            tangential = into.T @ (mine * np.tile([0.0, 1.0, 1.0], len(mine) // 3)[:, None])
+            tangential = rotation.T @ (mine * np.tile([0.0, 1.0, 1.0], len(mine) // 3)[:, None])
             along = tangential.reshape(-1, 3, mine.shape[1])
             size = float(np.linalg.norm(pulls))
             slope = along.sum(axis=0).T @ (pulls / size if size > 0 else np.zeros(3))
-            found.append(self.mu * mine[::3].sum(axis=0) - self.margin * slope)
-        return np.array(found)
+            slopes.append(self.mu * mine[::3].sum(axis=0) - self.margin * slope)
+        return np.array(slopes)
 
     def inside(self, gripped: Gripped) -> bool:
-        """Whether every robot's state is like those that its model was trained on."""
+        """True if every robot's state is like those that its model was trained on."""
         return all(hold.model.inside(part) for hold, part in zip(self.glued.holds, gripped.parts, strict=True))
 
     def distance(self, gripped: Gripped) -> float:
-        """The largest of the robots' distances from their training states."""
+        """Largest of the robots' distances from their training states."""
         return max(hold.model.distance(part) for hold, part in zip(self.glued.holds, gripped.parts, strict=True))
 
 
 @dataclass(frozen=True)
 class Grip(World):
-    """What plans know of a grip: the robots' own grips stay above 0. fe: the plant; model: that plans first."""
+    """World of plans with a grip: the robots' own grips stay above 0. fe: the plant; model: that plans first."""
 
     fe: GripPlant
     model: Gripping
@@ -185,21 +196,21 @@ class Grip(World):
         return cls(model.rows, np.zeros(k), np.zeros(k), np.tile([0.0, np.inf], (k, 1)), fe, model)
 
     def pilot(self, pilot: Pilot) -> Pilot:
-        """Its actuators tend to the squeeze, and it knows how to lift an object off its table and put it down."""
+        """Pilot whose actuators tend to the squeeze, and which can lift an object off its table and put it down."""
         search = lifted if self.model.air else pilot.search
         return replace(super().pilot(pilot), preload=self.model.home, search=search, put_down=put_down)
 
-    def said(self, spec: HoldingSpec, records: Sequence[Mapping]) -> tuple[dict, list[str]]:
+    def results(self, spec: HoldingSpec, records: Sequence[Mapping]) -> tuple[dict, list[str]]:
         """Margins to slip, planned and by finite elements: figures, and a line for people."""
         model = self.model
-        planned, found = (min(one.margins, default=np.nan) for one in (model, self.fe))
-        line = f"grip: the margin to slip is {found:.2f} at least, {planned:.2f} planned"
+        planned, margin = (min(plant.margins, default=np.nan) for plant in (model, self.fe))
+        line = f"grip: the margin to slip is {margin:.2f} at least, {planned:.2f} planned"
         if model.margin is not None:
             line += f", {model.margin:.3g} asked for"
         if model.holds is not None:
             more = "more than " if model.holds >= MOST else ""
             line += f"; the grasp holds {more}{model.holds:.2g} times the load"
-        figures, lines = {"margin": found, "margin_planned": planned, "holds": model.holds}, [line]
+        figures, lines = {"margin": margin, "margin_planned": planned, "holds": model.holds}, [line]
         if spec.object.table:
             figures |= {"borne": self.fe.borne, "borne_planned": model.borne, "least_preload": model.needs}
             lines.append(
@@ -220,13 +231,13 @@ class Grip(World):
 
 
 def _at_goals(borne: Sequence[float]) -> str:
-    """borne: N by the table at each goal."""
+    """Goals at which the table bears force, in words; borne: N by the table at each goal."""
     stands = [str(goal) for goal, force in enumerate(borne) if force > 0]
     return f"at goals {', '.join(stands)} of 0 to {len(borne) - 1}" if stands else "at no goal"
 
 
 def _opened(plant: GripPlant, ended: str, moves: float) -> str:
-    """Whether the robots have let the object go, and it stands by itself."""
+    """Sentence about the object after the robots have opened."""
     if ended != CONVERGED:
         return f"let go: the object does NOT stand without the robots: {ended}"
     clear, pressed = plant.clearance(), plant.pushes()[0].max()

@@ -6,23 +6,23 @@ walk from the table leads to with those actuators, the search that knows the tab
 
 import numpy as np
 
-from cfem.control.search.goal_search import Iterate, Place, Reach, ReachStatus, Settings, reach
+from cfem.control.search.goal_search import Iterate, Place, SearchResult, SearchSettings, SearchStatus, search_goal
 from cfem.control.search.inverse import Aim, Limits
 from cfem.core.errors import NumericalError
 
 NEAR = 1e-3  # of the largest course: where an object on its table is this near to its goal, it stays
 
 
-def lifted(model, aim: Aim, limits: Limits, iterate: Iterate, settings: Settings, place: Place) -> Reach:
-    """A search for a goal of an object that may stand on its table, from where it may begin. model: a `Gripping` with
+def lifted(model, aim: Aim, limits: Limits, iterate: Iterate, settings: SearchSettings, place: Place) -> SearchResult:
+    """Search for a goal of an object that may stand on its table, from where it may begin. model: a `Gripping` with
     `air`."""
     now = iterate.condensed
     if now.borne > 0:
         if aim.missed(now.delta_e) <= NEAR * float(np.abs(limits.delta_a).max()):
-            return Reach.stays(aim, limits, iterate, ReachStatus.CONVERGED, kkt=0.0)
+            return SearchResult.stays(aim, limits, iterate, SearchStatus.CONVERGED, kkt=0.0)
         try:
-            above = reach(model.air, aim, limits, Iterate.at(model.air.at_displacement(model.air.home)), settings)
+            above = search_goal(model.air, aim, limits, Iterate.at(model.air.at_displacement(model.air.home)), settings)
             iterate = Iterate.at(model.at_displacement(above.delta_a))
         except NumericalError:  # no way from the table to there
             pass
-    return reach(model, aim, limits, iterate, settings, place)
+    return search_goal(model, aim, limits, iterate, settings, place)

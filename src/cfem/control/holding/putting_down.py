@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from cfem.control.search.goal_search import Iterate, Reach, Settings, reach
+from cfem.control.search.goal_search import Iterate, SearchResult, SearchSettings, search_goal
 from cfem.control.search.inverse import Aim, Limits
 from cfem.core.errors import NumericalError
 
@@ -18,9 +18,10 @@ NEAR = 1e-3  # mm from the place: nearer is not asked for
 ALIKE = 0.1  # of its weight, that the height of a hold is that of the first: it may rise where the margin wants it
 
 
-def put_down(model, aim: Aim, limits: Limits, iterate: Iterate, settings: Settings) -> Reach:
-    """The best of a few tries, with the actuators at rest in the end; `via`: where the robots hold the object before.
-    NumericalError where there is none. model: a `Gripping` with a table."""
+def put_down(model, aim: Aim, limits: Limits, iterate: Iterate, settings: SearchSettings) -> SearchResult:
+    """Search for the place to put an object down, the best of a few tries, with the actuators at rest in the end;
+    `via`: where the robots hold the object before. NumericalError where there is none. model: a `Gripping` with a
+    table."""
     n_o, up = model.glued.rows.n_e, model.upwards
     weights, goal = aim.weights.copy(), aim.goal.copy()
     free = np.zeros(n_o, dtype=bool)
@@ -33,7 +34,7 @@ def put_down(model, aim: Aim, limits: Limits, iterate: Iterate, settings: Settin
     cost = {"iterations": 0, "queries": 0, "seconds": 0.0}
     for _ in range(ROUNDS):
         model.begin_search()
-        above = reach(model, replace(aim, goal=goal, weights=weights), limits, iterate, settings)
+        above = search_goal(model, replace(aim, goal=goal, weights=weights), limits, iterate, settings)
         cost = {key: value + getattr(above, key) for key, value in cost.items()}
         try:
             now, stands = model.let_go(above.delta_a)
@@ -46,7 +47,7 @@ def put_down(model, aim: Aim, limits: Limits, iterate: Iterate, settings: Settin
         if missed < least:
             least, state = missed, (now.delta_a, now.lambda_a, now.delta_e, aim.distance(now.delta_e))
             rest = above.softened, above.kkt, 0.0, Iterate.at(now), aim, limits, (above.delta_a,)
-            best, opened = Reach(*state, above.status, 0, 0, *rest), stands
+            best, opened = SearchResult(*state, above.status, 0, 0, *rest), stands
         if missed <= NEAR:
             break
         held, stood = above.delta_e[steered], now.delta_e[steered]

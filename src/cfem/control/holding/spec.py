@@ -79,7 +79,7 @@ class HoldingSpec(PlannedSpec):
 
     @property
     def oriented(self) -> bool:
-        """Whether the object's orientation is controlled: a goal states it, or a weight asks for it."""
+        """True where the object's orientation is controlled: a goal states it, or a weight asks for it."""
         goals = [item for item in self.trajectories.values() if isinstance(item, GoalsSpec)]
         weighed = self.object.turns and len(self.search.weights or []) == 6
         return weighed or any(item.rotation is not None for item in goals)

@@ -19,8 +19,8 @@ LEAST = 0.1  # of the mean normal force: a squeeze that leaves a robot with less
 
 
 def balanced(fingers: Sequence[LearnedFinger], held: FreeObject, preload: float) -> np.ndarray:
-    """(n_a,) mm: a squeeze of `preload` each on average over the robots, shared so that normal forces balance on the
-    object where it is. `preload` for all where they cannot, each robot with its part."""
+    """Squeeze (n_a,) mm of `preload` on average over the robots, shared so that normal forces balance on the object
+    where it is. `preload` for all where they cannot, each robot with its part."""
     pushes, robots = [], []
     length = max(float(np.linalg.norm(finger.points - held.centre, axis=1).max()) for finger in fingers)
     for finger in fingers:
@@ -29,16 +29,16 @@ def balanced(fingers: Sequence[LearnedFinger], held: FreeObject, preload: float)
         inwards = -frames[:, 0].mean(axis=0)
         arm = finger.points.mean(axis=0) - held.centre
         pushes.append(np.concatenate([inwards, np.cross(arm, inwards) / length]))
-        along = np.concatenate([inwards @ finger.turn, np.zeros(3)])
+        direction = np.concatenate([inwards @ finger.turn, np.zeros(3)])
         hessian = state_of(finger.model, np.zeros(n_a + 6)).hessian
-        yields = np.linalg.solve(hessian[n_a:, n_a:], along)
-        robots.append((n_a, -yields @ hessian[n_a:, :n_a].sum(axis=1), gap.mean(), along @ yields))
-    counts, closes, gaps, soft = (np.array(one) for one in zip(*robots, strict=True))
-    alike = np.full(counts.sum(), preload)
+        response = np.linalg.solve(hessian[n_a:, n_a:], direction)
+        robots.append((n_a, -response @ hessian[n_a:, :n_a].sum(axis=1), gap.mean(), direction @ response))
+    counts, closes, gaps, soft = (np.array(column) for column in zip(*robots, strict=True))
+    equal = np.full(counts.sum(), preload)
     force = (closes * preload - gaps) / soft
     G = np.array(pushes).T[: len(held.wrench)]
     kept = force - np.linalg.pinv(G, rcond=1e-6) @ (G @ force)
     if not kept.min() > LEAST * force.mean():
-        return alike
+        return equal
     pulls, begins = kept * soft / closes, gaps / closes
     return np.repeat(begins + pulls * (preload - begins.mean()) / pulls.mean(), counts)

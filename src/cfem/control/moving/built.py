@@ -1,20 +1,18 @@
 """Controllers from their spec: the static one, alone or shaped, a computed feed-forward, and the predictive one."""
 
-from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from cfem.condensed import Condensed
 from cfem.control.closed_loop.controller import Controller
-from cfem.control.closed_loop.spec import ControllerSpec, LoopSpec
+from cfem.control.closed_loop.pilots import Situation
+from cfem.control.closed_loop.spec import ControllerSpec
 from cfem.control.closed_loop.tick import Pilot
 from cfem.control.moving.feedforward import Computed, Shaped
 from cfem.control.moving.horizon import Bounds, HalfSpace, HorizonCost
 from cfem.control.moving.mpc import Mpc, Plan
 from cfem.control.moving.observer import Doubt
-from cfem.control.search.goal_search import Iterate, reach
-from cfem.control.search.inverse import Aim
 from cfem.core.errors import SpecError
 from cfem.motion.clocked import Clocked
 from cfem.motion.model import MotionModel
@@ -24,77 +22,58 @@ from cfem.plant.gains import Gains
 _NO_NOISE = 0.01  # mm, of a sensor without
 
 
-@dataclass(frozen=True)
-class Situation:
-    """What all controllers of a run share. rest_e (n_e,) mm; reach (n_a, 2) mm; length: mm; start: where the robot
-    stands before the first tick, None: at rest."""
-
-    loop: LoopSpec
-    rest_e: np.ndarray
-    reach: np.ndarray
-    length: float
-    start: Condensed | None
-
-
 def controller_of(
-    spec: ControllerSpec, pilot: Pilot, gains: Gains | None, motion: MotionModel | None, at: Situation
+    spec: ControllerSpec, pilot: Pilot, gains: Gains | None, motion: MotionModel | None, situation: Situation
 ) -> Any:
-    """pilot: of the static controller; motion: None where nothing asks for it."""
-    start = None if at.start is None else at.start.delta_a
-    dt = 1 / at.loop.rate
+    """Controller that knows how the robot moves, or the static one; pilot: of the static controller; motion: None where
+    nothing asks for it."""
+    start = None if situation.start is None else situation.start.delta_a
+    dt = 1 / situation.loop.rate
     if spec.mpc is not None:
-        condensed = at.start or pilot.model.at_displacement(np.zeros(len(pilot.ridge)))
-        return _mpc(spec, pilot, motion, at, condensed)
+        condensed = situation.start or pilot.model.at_displacement(np.zeros(len(pilot.ridge)))
+        return _mpc(spec, pilot, motion, situation, condensed)
     if spec.feedforward:
-        return Computed(pilot, motion, at.rest_e, np.zeros(len(pilot.ridge)) if start is None else start, dt)
-    static = Controller(pilot, at.rest_e, gains, start)
+        return Computed(pilot, motion, situation.rest_e, np.zeros(len(pilot.ridge)) if start is None else start, dt)
+    static = Controller(pilot, situation.rest_e, gains, start)
     if spec.shaping is None:
         return static
     return Shaped(static, motion, pilot.command == "displacement", spec.shaping.kind, spec.shaping.modes, dt)
 
 
-def standing_at(goal: np.ndarray, search: Pilot, rest_e: np.ndarray) -> Condensed:
-    """Where the static model stands nearest to a goal (n_e,) mm absolute. SpecError where it finds no way there."""
-    aim = Aim(goal - rest_e, search.weights, search.ridge, search.preload, search.damping)
-    home = getattr(search.model, "home", np.zeros(len(search.ridge)))
-    settings = replace(search.settings, iterations=max(search.settings.iterations, 20))
-    found = reach(search.model, aim, search.limits, Iterate.at(search.model.at_displacement(home)), settings)
-    if not np.isfinite(found.distance):
-        raise SpecError(f"no way to the first goal is found: {found.status.value}", where="trajectories")
-    return found.iterate.condensed
-
-
-def _mpc(spec: ControllerSpec, pilot: Pilot, motion: MotionModel, at: Situation, start: Condensed) -> Mpc:
-    own: MpcSpec = spec.mpc
-    estimate = at.loop.estimate
+def _mpc(spec: ControllerSpec, pilot: Pilot, motion: MotionModel, situation: Situation, start: Condensed) -> Mpc:
+    """Predictive controller of the spec, starting at rest in the state `start`."""
+    mpc: MpcSpec = spec.mpc
+    estimate = situation.loop.estimate
     forces, known = pilot.command == "force", motion.static.domain
     command, course = pilot.limits.lambda_a, pilot.limits.delta_a
     if not forces:
         command, course = course, command
-    full = np.abs(known.lambda_a if forces else at.reach.T).max(axis=0)
-    size = at.length / full
-    cost = HorizonCost(pilot.weights, np.sqrt(own.smooth) * size, np.sqrt(own.effort) * size)
-    bounds = Bounds(command, np.full(len(full), pilot.rate), course, _planes(own, len(at.rest_e)))
-    plan = Plan(own.horizon, cost, bounds, pilot.settings.backend, own.moves)
-    clocked = Clocked(motion, pilot.command, 1 / at.loop.rate, start.delta_a)
+    full = np.abs(known.lambda_a if forces else situation.reach.T).max(axis=0)
+    size = situation.length / full
+    cost = HorizonCost(pilot.weights, np.sqrt(mpc.smooth) * size, np.sqrt(mpc.effort) * size)
+    bounds = Bounds(command, np.full(len(full), pilot.rate), course, _planes(mpc, len(situation.rest_e)))
+    plan = Plan(mpc.horizon, cost, bounds, pilot.settings.backend, mpc.moves)
+    clocked = Clocked(motion, pilot.command, 1 / situation.loop.rate, start.delta_a)
     doubt = (
-        None if spec.mode == "open" else doubt_of(own, at.loop.sensor.noise or (estimate.noise if estimate else 0.0))
+        None
+        if spec.mode == "open"
+        else doubt_of(mpc, situation.loop.sensor.noise or (estimate.noise if estimate else 0.0))
     )
-    return Mpc(clocked, plan, at.rest_e, start, doubt)
+    return Mpc(clocked, plan, situation.rest_e, start, doubt)
 
 
 def doubt_of(spec: MpcSpec, noise: float) -> Doubt:
-    """noise: mm, of the sensor."""
-    own = spec.doubt
-    known = noise or _NO_NOISE if own.noise is None else own.noise
-    return Doubt(known, own.stiffness, own.viscosity, own.wander, own.offset, own.push, spec.gate)
+    """Uncertainty that the spec states, or the sensor has; noise: mm, of the sensor."""
+    stated = spec.doubt
+    known = noise or _NO_NOISE if stated.noise is None else stated.noise
+    return Doubt(known, stated.stiffness, stated.viscosity, stated.wander, stated.offset, stated.push, spec.gate)
 
 
 def _planes(spec: MpcSpec, n_e: int) -> tuple[HalfSpace, ...]:
-    found = []
-    for one in spec.obstacles:
+    planes = []
+    for obstacle in spec.obstacles:
         if n_e < 3:
             raise SpecError("needs an effector with rows x, y, z", where="loop.controllers")
-        normal = np.asarray(one.normal, float) / np.linalg.norm(one.normal)
-        found.append(HalfSpace(np.concatenate([normal, np.zeros(n_e - 3)]), float(normal @ one.point)))
-    return tuple(found)
+        normal = np.asarray(obstacle.normal, float) / np.linalg.norm(obstacle.normal)
+        planes.append(HalfSpace(np.concatenate([normal, np.zeros(n_e - 3)]), float(normal @ obstacle.point)))
+    return tuple(planes)

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cfem.control.closed_loop.controller import Controller
-from cfem.control.closed_loop.tick import Belief, Pilot, drive
-from cfem.control.moving.mpc import Told
+from cfem.control.closed_loop.tick import Belief, MovingBelief, Pilot, drive
 from cfem.control.moving.shaping import Kind, Shaper, shaper
 from cfem.motion.model import MotionModel, MotionTerms
 from cfem.motion.modes import natural_modes
@@ -34,7 +33,8 @@ class Shaped:
         self.belief, self.aimed, self.feedback = controller.belief, controller.aimed, controller.feedback
 
     def tick(self, goal: ArrayLike, measured: Measurement | None = None, ahead: ArrayLike | None = None) -> Any:
-        """As `Controller.tick`; ahead (k, n_e): goals at the ends of this tick and the next ones."""
+        """Belief of the static controller after a tick; ahead (k, n_e): goals at the ends of this tick and the next
+        ones."""
         goals = np.atleast_2d(np.asarray(goal if ahead is None else ahead, float))
         delta_a = self._controller.belief.iterate.condensed.delta_a
         modes = natural_modes(self._model, delta_a, self._held, self._modes)
@@ -76,16 +76,20 @@ class Computed:
         self._search = replace(pilot, command="displacement", rate=np.inf)
         first = Belief.at(self._search, start)
         self._place = [first, first]
-        at = first.iterate.condensed
-        self.belief = Told(at.lambda_a if pilot.command == "force" else at.delta_a, "converged", at.delta_a)
-        self.aimed = rest_e + at.delta_e
+        condensed = first.iterate.condensed
+        self.belief = MovingBelief(
+            condensed.lambda_a if pilot.command == "force" else condensed.delta_a, "converged", condensed.delta_a
+        )
+        self.aimed = rest_e + condensed.delta_e
         none = np.zeros(model.n_r)
-        self._goals, self._planned = _three(at.delta_e), [_three(at.delta_a), _three(at.delta_a)]
-        self._inner, self._forces = _three(none), _three(at.lambda_a)
+        self._goals, self._planned = _three(condensed.delta_e), [_three(condensed.delta_a), _three(condensed.delta_a)]
+        self._inner, self._forces = _three(none), _three(condensed.lambda_a)
         self._behind = True
 
-    def tick(self, goal: ArrayLike, measured: Measurement | None = None, ahead: ArrayLike | None = None) -> Told:
-        """As `Controller.tick`; ahead (k, n_e): goals at the ends of this tick and the next ones."""
+    def tick(
+        self, goal: ArrayLike, measured: Measurement | None = None, ahead: ArrayLike | None = None
+    ) -> MovingBelief:
+        """Belief after a tick; ahead (k, n_e): goals at the ends of this tick and the next ones."""
         goals = np.atleast_2d(np.asarray(goal if ahead is None else ahead, float))
         for k in range(0 if self._behind else _LATE, _LATE + 1):
             u = self._next(goals[min(k, len(goals) - 1)] - self._rest_e)
@@ -93,12 +97,12 @@ class Computed:
         limits, last = self._pilot.limits, self.belief.u
         u = np.clip(u, *(limits.lambda_a if self._pilot.command == "force" else limits.delta_a).T)
         u = np.clip(u, last - self._pilot.rate, last + self._pilot.rate)
-        self.belief = Told(u, "converged", self._planned[1][0])
+        self.belief = MovingBelief(u, "converged", self._planned[1][0])
         return self.belief
 
     def _next(self, goal: np.ndarray) -> np.ndarray:
-        """The command (n_a,) of three ticks ago, of a goal (n_e,) mm from rest; each queue is a tick behind the one
-        before it."""
+        """Command (n_a,) of three ticks ago, of a goal (n_e,) mm from rest; each queue is a tick behind the one before
+        it."""
         self._goals.append(goal)
         self._planned[0].append(self._static(0, goal))
         eta, _ = self._excited(self._planned[0])
@@ -124,18 +128,18 @@ class Computed:
         return eta, forces
 
     def _lost(self, place: MotionTerms) -> np.ndarray:
-        """(n_q, n_q) resistance to slow motion."""
-        taus = [one.relaxation + sum(share * tau for share, tau in one.prony) for one in self._model.losses]
+        """Resistance to slow motion, (n_q, n_q)."""
+        taus = [loss.relaxation + sum(share * tau for share, tau in loss.prony) for loss in self._model.losses]
         return np.tensordot(taus, place.F, 1) if taus else np.zeros_like(place.M)
 
     def _static(self, stage: int, goal: np.ndarray) -> np.ndarray:
-        """(n_a,) mm that lead to a goal (n_e,) mm from rest, from the one before of that stage."""
+        """Displacements (n_a,) mm that lead to a goal (n_e,) mm from rest, from those before of that stage."""
         self._place[stage] = drive(self._search, self._place[stage], goal)
         return self._place[stage].delta_a
 
 
-def _three(one: np.ndarray) -> deque[np.ndarray]:
-    return deque([one] * 3, maxlen=3)
+def _three(value: np.ndarray) -> deque[np.ndarray]:
+    return deque([value] * 3, maxlen=3)
 
 
 def _rates(x: deque[np.ndarray], dt: float) -> tuple[np.ndarray, np.ndarray]:

@@ -22,7 +22,7 @@ _SOFT = 1e3  # price of missing a bound on what the robot does, over that of mis
 
 @dataclass(frozen=True)
 class HalfSpace:
-    """The side of a plane on which the effectors may be: normal (n_e,), level mm: normal . x_e >= level, absolute."""
+    """Side of a plane on which the effectors may be: normal (n_e,), level mm: normal . x_e >= level, absolute."""
 
     normal: np.ndarray
     level: float
@@ -30,8 +30,11 @@ class HalfSpace:
 
 @dataclass(frozen=True)
 class HorizonCost:
-    """weights (n_e,) of the effectors; smooth, effort (n_a,): mm per unit of a change of command in a tick, and of a
-    command."""
+    """Cost of a horizon.
+
+    weights: (n_e,) of the effectors
+    smooth: (n_a,) mm per unit of a change of command in a tick
+    effort: (n_a,) mm per unit of a command"""
 
     weights: np.ndarray
     smooth: np.ndarray
@@ -40,8 +43,12 @@ class HorizonCost:
 
 @dataclass(frozen=True)
 class Bounds:
-    """command (n_a, 2); rate (n_a,): largest change a tick; course (n_a, 2): of displacements where forces are
-    commanded, of forces where displacements are; planes: in effectors from rest."""
+    """Bounds on a horizon.
+
+    command: (n_a, 2)
+    rate: (n_a,) largest change a tick
+    course: (n_a, 2) of displacements where forces are commanded, of forces where displacements are
+    planes: in effectors from rest"""
 
     command: np.ndarray
     rate: np.ndarray
@@ -51,42 +58,48 @@ class Bounds:
 
 @dataclass(frozen=True)
 class Predicted:
-    """Affine in the commands: value (N, k) + slope (N, k, N n_a) U."""
+    """Prediction that is affine in the commands: value (N, k) + slope (N, k, N n_a) U."""
 
     value: np.ndarray
     slope: np.ndarray
 
     def at(self, U: np.ndarray) -> np.ndarray:
-        """(N, k)."""
+        """Values (N, k) under the commands U."""
         return self.value + self.slope @ U
 
 
 def condensed_states(
-    steps: LinearisedSteps, z: np.ndarray, guess_z: np.ndarray, guess_w: np.ndarray, told: np.ndarray, mean: bool
+    steps: LinearisedSteps,
+    z: np.ndarray,
+    guess_z: np.ndarray,
+    guess_w: np.ndarray,
+    last_command: np.ndarray,
+    mean: bool,
 ) -> Predicted:
-    """States (N, n_z) after each tick, from z (n_z,) and the command told (n_a,) that has been reached. mean: a tick
-    acts with the mean of the commands at its ends, else with the one at its end; guesses: what `steps` are about."""
+    """States (N, n_z) after each tick, from z (n_z,) and the command `last_command` (n_a,) that has been reached. mean:
+    a tick acts with the mean of the commands at its ends, else with the one at its end; guesses: what `steps` are
+    about."""
     n, n_z, n_a = steps.B.shape
     value, slope = np.empty((n, n_z)), np.zeros((n, n_z, n * n_a))
-    at, by_u = z, np.zeros((n_z, n * n_a))
+    state, by_u = z, np.zeros((n_z, n * n_a))
     share = 0.5 if mean else 1.0
     for k in range(n):
         B, now = share * steps.B[k], slice(k * n_a, (k + 1) * n_a)
-        at = steps.end[k] + steps.A[k] @ (at - guess_z[k]) - steps.B[k] @ guess_w[k]
+        state = steps.end[k] + steps.A[k] @ (state - guess_z[k]) - steps.B[k] @ guess_w[k]
         by_u = steps.A[k] @ by_u
         by_u[:, now] += B
         if mean and k == 0:
-            at = at + B @ told
+            state = state + B @ last_command
         elif mean:
             by_u[:, now.start - n_a : now.start] += B
-        value[k], slope[k] = at, by_u
+        value[k], slope[k] = state, by_u
     return Predicted(value, slope)
 
 
 def condensed_forces(
     steps: LinearisedSteps, states: Predicted, z: np.ndarray, guess_z: np.ndarray, guess_w: np.ndarray
 ) -> Predicted:
-    """Forces (N, n_a) of actuators whose displacements are commanded."""
+    """Forces (N, n_a) of actuators whose displacements are commanded, affine in the commands."""
     n, n_a = steps.lam.shape
     before = np.concatenate([z[None], states.value[:-1]])
     by_before = np.concatenate([np.zeros_like(states.slope[:1]), states.slope[:-1]])
@@ -100,7 +113,8 @@ def condensed_forces(
 
 @dataclass(frozen=True)
 class HorizonCommands:
-    """U (N, n_a); qp: the program's own account; softened: bounds on what the robot does had to be widened."""
+    """Commands U (N, n_a) of a horizon. qp: the program's own account; softened: whether bounds on what the robot does
+    had to be widened."""
 
     U: np.ndarray
     qp: QpSolution
@@ -111,24 +125,28 @@ def best_commands(
     effectors: Predicted,
     course: Predicted | None,
     goals: np.ndarray,
-    told: np.ndarray,
+    last_command: np.ndarray,
     rest: np.ndarray,
     cost: HorizonCost,
     bounds: Bounds,
     backend: Backend = "active_set",
     begins: np.ndarray | None = None,
 ) -> HorizonCommands:
-    """effectors (N, n_e) and course (N, n_a) as predicted; goals (N, n_e) mm from rest; told (n_a,): the command
-    before; rest (n_a,): what effort is counted from; begins (m,): ticks at which the command changes, the first of
-    them 0, None: all."""
-    ticks, n_a = len(goals), len(told)
+    """Commands of a horizon that cost least within their bounds.
+
+    effectors, course: (N, n_e) and (N, n_a) as predicted
+    goals: (N, n_e) mm from rest
+    last_command: (n_a,) the command before
+    rest: (n_a,) what effort is counted from
+    begins: (m,) ticks at which the command changes, the first of them 0, None: all"""
+    ticks, n_a = len(goals), len(last_command)
     begins = np.arange(ticks) if begins is None else begins
     effectors, course = _held(effectors, begins, n_a), None if course is None else _held(course, begins, n_a)
     lasting = np.diff(np.append(begins, ticks))
     n = len(begins)  # of commands
     D = np.kron(np.eye(n) - np.eye(n, k=-1), np.eye(n_a))
     first = np.zeros(n * n_a)
-    first[:n_a] = told
+    first[:n_a] = last_command
     M = [(cost.weights[:, None] * effectors.slope).reshape(-1, n * n_a)[np.tile(cost.weights > 0, ticks)]]
     d = [(cost.weights * (goals - effectors.value)).ravel()[np.tile(cost.weights > 0, ticks)]]
     M.append(np.tile(cost.smooth, n)[:, None] * D)
@@ -154,12 +172,12 @@ def best_commands(
     return HorizonCommands(np.repeat(qp.x[: n * n_a].reshape(n, n_a), lasting, axis=0), qp, softened)
 
 
-def _held(found: Predicted, begins: np.ndarray, n_a: int) -> Predicted:
-    """Affine in the commands of the blocks."""
-    if len(begins) == len(found.value):
-        return found
-    by_tick = found.slope.reshape(*found.slope.shape[:2], -1, n_a)
-    return Predicted(found.value, np.add.reduceat(by_tick, begins, axis=2).reshape(*found.slope.shape[:2], -1))
+def _held(predicted: Predicted, begins: np.ndarray, n_a: int) -> Predicted:
+    """Prediction that is affine in the commands of the blocks."""
+    if len(begins) == len(predicted.value):
+        return predicted
+    by_tick = predicted.slope.reshape(*predicted.slope.shape[:2], -1, n_a)
+    return Predicted(predicted.value, np.add.reduceat(by_tick, begins, axis=2).reshape(*predicted.slope.shape[:2], -1))
 
 
 def _rows(D: np.ndarray, centre: np.ndarray, below: np.ndarray, above: np.ndarray) -> tuple[np.ndarray, ...]:
@@ -181,7 +199,8 @@ def _softened(
     hard: int,
     backend: Backend,
 ) -> QpSolution:
-    """With one more variable for each row after the first `hard`, by which it is missed, at a price."""
+    """Solution of the program with one more variable for each row after the first `hard`, by which it is missed, at a
+    price."""
     n, soft = M.shape[1], len(A) - hard
     missed = np.zeros((len(A), soft))
     missed[hard:] = np.eye(soft)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cfem.condensed import Condensed
+from cfem.control.closed_loop.tick import MovingBelief
 from cfem.control.moving.horizon import (
     Bounds,
     HalfSpace,
@@ -32,25 +33,13 @@ from cfem.predict.estimation.gate import Verdict
 
 
 @dataclass(frozen=True)
-class Told:
-    """What a controller says at a tick: u (n_a,) the command; status: 'converged' or why not; delta_a (n_a,) mm: where
-    it takes the actuators to be at its end; softened: it could not keep what the robot does within bounds; astray: the
-    last sample is far beyond what its observer expected; rejected: the sample of this tick does not fit, and
-    corrected nothing; restarted: too many did not, and the observer began again."""
-
-    u: np.ndarray
-    status: str
-    delta_a: np.ndarray
-    softened: bool = False
-    astray: bool = False
-    rejected: bool = False
-    restarted: bool = False
-
-
-@dataclass(frozen=True)
 class Plan:
-    """How a horizon is planned. ticks: N; cost, bounds: see `horizon`; backend: of the quadratic program; moves:
-    commands that differ, None: all."""
+    """How a horizon is planned.
+
+    ticks: N
+    cost, bounds: see `horizon`
+    backend: of the quadratic program
+    moves: number of commands that differ, None: all"""
 
     ticks: int
     cost: HorizonCost
@@ -65,13 +54,16 @@ AGAIN = 20  # ticks without a plan, after which the observer begins again once m
 
 
 class Mpc:
-    """A controller to be ticked. belief: what it said last; aimed: (n_e,) mm, the goal of that tick; observer: None
-    without sensors."""
+    """Predictive controller, ticked.
+
+    belief: of the last tick
+    aimed: (n_e,) mm, the goal of that tick
+    observer: None without sensors"""
 
     def __init__(self, clocked: Clocked, plan: Plan, rest_e: np.ndarray, start: Condensed, doubt: Doubt | None = None):
         """start: where the robot stands still before the first tick; doubt: None for a feed-forward without sensors."""
         self._clocked, self._rest_e = clocked, rest_e
-        shifted = [HalfSpace(one.normal, one.level - float(one.normal @ rest_e)) for one in plan.bounds.planes]
+        shifted = [HalfSpace(plane.normal, plane.level - float(plane.normal @ rest_e)) for plane in plan.bounds.planes]
         self._plan = replace(plan, bounds=replace(plan.bounds, planes=tuple(shifted)))
         self._begins = None if plan.moves is None else blocks(plan.ticks, plan.moves)
         state = clocked.at_rest(start)
@@ -80,12 +72,17 @@ class Mpc:
         self._ahead = np.repeat(state.u[None], plan.ticks, axis=0)
         self._states = np.repeat(state.z[None], plan.ticks + 1, axis=0)
         self._lost = 0  # ticks in a row without a plan about these states
-        self.belief = Told(state.u, QpStatus.OPTIMAL.value, start.delta_a)
+        self.belief = MovingBelief(state.u, QpStatus.OPTIMAL.value, start.delta_a)
         self.aimed = rest_e + start.delta_e
 
-    def tick(self, goal: ArrayLike, measured: Measurement | None = None, ahead: ArrayLike | None = None) -> Told:
-        """goal (n_e,) mm absolute, where the effectors should be at the end of the tick; ahead (k, n_e): at the ends of
-        this tick and the next ones, of which the last holds on; measured: the latest sample."""
+    def tick(
+        self, goal: ArrayLike, measured: Measurement | None = None, ahead: ArrayLike | None = None
+    ) -> MovingBelief:
+        """Belief after a tick.
+
+        goal: (n_e,) mm absolute, where the effectors should be at the end of the tick
+        measured: the latest sample
+        ahead: (k, n_e) goals at the ends of this tick and the next ones, of which the last holds on"""
         goals = np.atleast_2d(np.asarray(goal if ahead is None else ahead, float))
         goals = goals[np.minimum(np.arange(self._plan.ticks), len(goals) - 1)] - self._rest_e
         self.aimed = goals[0] + self._rest_e
@@ -94,29 +91,29 @@ class Mpc:
             now, verdict = self._present(measured)
             if self._lost:
                 self._states = np.repeat(now.z[None], self._plan.ticks + 1, axis=0)
-            found, states, place = self._solve(now, goals)
-            why = found.qp.status
+            commands, states, place = self._solve(now, goals)
+            why = commands.qp.status
         except (NumericalError, np.linalg.LinAlgError) as error:
-            found, why, place = None, str(error), None
-        if found is None or why is not QpStatus.OPTIMAL:
+            commands, why, place = None, str(error), None
+        if commands is None or why is not QpStatus.OPTIMAL:
             status, softened = getattr(why, "value", why), False
             self._lost = self._lost + 1 if np.isfinite(goals).all() else 0
             u = self._without_plan()
         else:
-            u, status, softened = found.U[0], "converged", found.softened
-            self._ahead = np.concatenate([found.U[1:], found.U[-1:]])
+            u, status, softened = commands.U[0], "converged", commands.softened
+            self._ahead = np.concatenate([commands.U[1:], commands.U[-1:]])
             self._states, self._lost = states, 0
         self._states = np.concatenate([self._states[-self._plan.ticks :], 2 * self._states[-1:] - self._states[-2:-1]])
         self._sent(u, place)
         astray = self.observer is not None and self.observer.astray
-        apart = verdict is Verdict.REJECTED, verdict is Verdict.RESTART or self._resets
-        self.belief = Told(u, status, self._states[0, : self._clocked.n_a].copy(), softened, astray, *apart)
+        outcome = verdict is Verdict.REJECTED, verdict is Verdict.RESTART or self._resets
+        self.belief = MovingBelief(u, status, self._states[0, : self._clocked.n_a].copy(), softened, astray, *outcome)
         return self.belief
 
     def _without_plan(self) -> np.ndarray:
-        """(n_a,) the command: what was planned before, found from within the bounds. After PATIENCE ticks in a
-        row it retreats towards that at home, within the rate: where the command led to is perhaps beyond what the model
-        knows, and no plan is found as long as it stays."""
+        """Command (n_a,) without a plan: what was planned before, taken from within the bounds. After PATIENCE ticks in
+        a row it retreats towards that at home, within the rate: where the command led to is perhaps beyond what the
+        model knows, and no plan is found as long as it stays."""
         if self._lost <= PATIENCE:
             u = self._ahead[0]
             self._ahead = np.concatenate([self._ahead[1:], self._ahead[-1:]])
@@ -130,11 +127,11 @@ class Mpc:
 
     @property
     def _resets(self) -> bool:
-        """Whether the observer begins again in this tick because there has been no plan for long."""
+        """True if the observer begins again in this tick because there has been no plan for long."""
         return self.observer is not None and self._lost > PATIENCE and (self._lost - PATIENCE) % AGAIN == 1
 
     def _present(self, measured: Measurement | None) -> tuple[ClockedState, Verdict | None]:
-        """Where the robot is now, and what became of the sample."""
+        """State of the robot now, and the verdict on the sample."""
         if self.observer is None:
             return self._state, None
         verdict = self.observer.correct(measured, self._rest_e)
@@ -151,8 +148,7 @@ class Mpc:
         return MaterialShares() if self.observer is None else self.observer.material
 
     def _solve(self, now: ClockedState, goals: np.ndarray) -> tuple[HorizonCommands, np.ndarray, MotionTerms]:
-        """The commands of the horizon, the states (N, n_z) that they lead to, and what the model says at its first
-        tick."""
+        """Commands of the horizon, the states (N, n_z) that they lead to, and what the model says at its first tick."""
         clocked, plan = self._clocked, self._plan
         offset = 0.0 if self.observer is None else self.observer.offset
         z, U = self._states, self._ahead
@@ -169,7 +165,7 @@ class Mpc:
             course = Predicted(states.value[:, : clocked.n_a], states.slope[:, : clocked.n_a])
         else:
             course = condensed_forces(steps, states, now.z, guess.state, acting)
-        found = best_commands(
+        commands = best_commands(
             effectors, course, goals, now.u, self._rest, plan.cost, plan.bounds, plan.backend, self._begins
         )
-        return found, states.at(found.U.ravel()), first_of(near)
+        return commands, states.at(commands.U.ravel()), first_of(near)

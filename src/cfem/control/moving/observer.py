@@ -112,18 +112,18 @@ class Observer:
 
     @property
     def astray(self) -> bool:
-        """Whether the last sample is far beyond what was expected: then nobody should trust a plan."""
+        """True if the last sample is far beyond what was expected: then nobody should trust a plan."""
         return self.innovation > _ASTRAY
 
     def command(self, u: np.ndarray, place: MotionTerms | None = None) -> None:
-        """Appends the command (n_a,) of the next tick; place: whose inertia is taken for it, None: asked of the
-        model."""
+        """Appends the command (n_a,) of the next tick; place: whose inertia is taken for it, the model's unless
+        given."""
         self._commands.append(np.asarray(u, float))
         self._places.append(place)
 
     def correct(self, measured: Measurement | None, rest_e: np.ndarray) -> Verdict | None:
-        """The verdict on a sample, with the number of its tick. None of one that was used before, which changes
-        nothing, and of one without a position, which does not correct."""
+        """Verdict on a sample, with the number of its tick. None for one that was used before, which changes nothing,
+        and for one without a position, which does not correct."""
         if measured is None or measured.t <= self.sampled:
             return None
         if measured.t > self.sampled + len(self._commands):
@@ -158,7 +158,7 @@ class Observer:
         return Verdict.RESTART if self._restart_if_lost(self._command) else verdict
 
     def _repeats(self, sample: np.ndarray, expected: np.ndarray) -> bool:
-        """Whether a sample repeats the one before to the last bit although the robot should have moved."""
+        """True if a sample repeats the one before to the last bit although the robot should have moved."""
         if not np.array_equal(sample, self._sample):
             self._sample, self._expected = sample, expected
         moved = expected - self._expected
@@ -166,7 +166,7 @@ class Observer:
         return bool(np.sqrt(np.mean(moved**2)) > _FROZEN * self._doubt.noise)
 
     def _update(self, known: Gaussian, sample: np.ndarray, expected: np.ndarray, slope: np.ndarray) -> Update:
-        """The update by a sample (k,) mm from rest; expected (k,) mm, slope (k, n): as of `_expected_rows`."""
+        """Update by a sample (k,) mm from rest; expected (k,) mm, slope (k, n): as of `_expected_rows`."""
         noise = self._doubt.noise**2 * np.eye(len(sample))
         update = known.updated(slope, sample - expected, noise)
         mean, largest = update.posterior.mean.copy(), _KNOWN * self._log_deviation
@@ -174,14 +174,14 @@ class Observer:
         return replace(update, posterior=replace(update.posterior, mean=mean))
 
     def _expected_rows(self, known: Gaussian) -> tuple[np.ndarray, np.ndarray]:
-        """The measured rows (k,) mm from rest as `known` leads one to expect them, and their slope (k, n) by it."""
+        """Measured rows (k,) mm from rest that `known` leads one to expect, and their slope (k, n) by it."""
         delta_e, C = self._clocked.effectors(known.mean[None, : self._n_z], self._place)
         slope = np.zeros((len(self._measured), len(known.mean)))
         slope[:, : self._n_z], slope[:, self._offsets] = C[0], np.eye(len(slope))
         return (delta_e[0] + known.mean[self._offsets])[self._measured], slope[self._measured]
 
     def _first(self, sample: np.ndarray, expected: np.ndarray) -> Gaussian:
-        """The distribution at the model's equilibrium, so wide that it allows for the sample (k,) mm; expected (k,) mm:
+        """Distribution at the model's equilibrium, so wide that it allows for the sample (k,) mm; expected (k,) mm:
         before the restart."""
         self.restart(self._command)
         at_rest, _ = self._expected_rows(self._known)
@@ -200,8 +200,8 @@ class Observer:
         self._places = [None] * len(self._commands)
 
     def _equilibrium(self, u: np.ndarray) -> np.ndarray:
-        """(n_a,) mm under forces u (n_a,), searched from where the robot was taken to be; the middle of what the model
-        was trained on where it has none."""
+        """Displacements (n_a,) mm under forces u (n_a,), searched from where the robot was taken to be; the middle of
+        what the model was trained on where it has none."""
         static, delta_a = self._clocked.model.static, self.state.z[: self._clocked.n_a]
         low, high = static.domain.delta_a
         near = np.clip(np.where(np.isfinite(delta_a), delta_a, (low + high) / 2), low, high)
@@ -211,7 +211,8 @@ class Observer:
             return (low + high) / 2
 
     def now(self) -> ClockedState:
-        """Where the commands given since the last sample have led. NumericalError where the model has no answer."""
+        """State to which the commands given since the last sample have led. NumericalError where the model has no
+        answer."""
         try:
             return self._present()
         except (NumericalError, np.linalg.LinAlgError):
@@ -228,7 +229,7 @@ class Observer:
         return state
 
     def _predict(self, u: np.ndarray, place: MotionTerms | None) -> bool:
-        """Whether the estimate was carried over a tick in which the command moves to u; else it began again."""
+        """Carries the estimate over a tick in which the command moves to u; False where it began again."""
         try:
             self._step(u, place)
         except (NumericalError, np.linalg.LinAlgError):
@@ -237,7 +238,7 @@ class Observer:
         return not self._restart_if_lost(u)
 
     def _restart_if_lost(self, u: np.ndarray) -> bool:
-        """Whether the estimate was not finite, and began again."""
+        """Begins again where the estimate is not finite, and returns True if so."""
         lost = not np.isfinite(self._known.mean[: self._n_z].sum() + self.covariance.sum())
         if lost:
             self.restart(u)
@@ -259,7 +260,7 @@ class Observer:
         self._velocity, self._command = state.v, state.u
 
     def _widened(self, square: float) -> Gaussian:
-        """The distribution with an offset of mean square `square` (mm^2) in each coordinate added, and a swing of the
+        """Distribution with an offset of mean square `square` (mm^2) in each coordinate added, and a swing of the
         effectors of a share of that, with as much energy in each motion."""
         n_q, free, place = self._clocked.n_q, self._free, self._clocked.warped(self._place)
         K = place.K[0, free, free]

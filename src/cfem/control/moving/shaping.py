@@ -18,18 +18,18 @@ Kind = Literal["zv", "zvd"]
 
 @dataclass(frozen=True)
 class Shaper:
-    """amplitude (k,), of sum 1, and time (k,) s of its impulses."""
+    """Impulses of a shaper: amplitude (k,), of sum 1, and time (k,) s."""
 
     amplitude: np.ndarray
     time: np.ndarray
 
     @property
     def delay(self) -> float:
-        """s by which a slow command comes late."""
+        """Delay (s) by which a slow command comes late."""
         return float(self.amplitude @ self.time)
 
     def left(self, frequency: float, damping: float) -> float:
-        """The share of its vibration that a mode (Hz, share of the critical) keeps."""
+        """Share of its vibration that a mode (Hz, share of the critical) keeps."""
         omega = 2 * np.pi * frequency
         decay, turn = damping * omega, omega * np.sqrt(1 - damping**2)
         last = self.time.max()
@@ -39,23 +39,23 @@ class Shaper:
     def ticks(self, dt: float) -> tuple[np.ndarray, int]:
         """Weights of commands at ticks of dt s around the present one, and how many of them lie ahead: the shaper
         advanced by its delay. An impulse between two ticks is shared by them."""
-        at = (self.time - self.delay) / dt
-        first = int(np.floor(at.min()))
-        weights = np.zeros(int(np.floor(at.max())) - first + 2)
-        below = np.floor(at).astype(int)
-        np.add.at(weights, below - first, self.amplitude * (1 - (at - below)))
-        np.add.at(weights, below - first + 1, self.amplitude * (at - below))
+        ticks = (self.time - self.delay) / dt
+        first = int(np.floor(ticks.min()))
+        weights = np.zeros(int(np.floor(ticks.max())) - first + 2)
+        below = np.floor(ticks).astype(int)
+        np.add.at(weights, below - first, self.amplitude * (1 - (ticks - below)))
+        np.add.at(weights, below - first + 1, self.amplitude * (ticks - below))
         return weights, -first
 
 
 def shaper(kind: Kind, frequency: np.ndarray, damping: np.ndarray) -> Shaper:
-    """Of modes (k,) in Hz and shares of the critical damping, below 1."""
-    found = Shaper(np.ones(1), np.zeros(1))
+    """Shaper of modes (k,), frequencies in Hz and damping as shares of the critical one, below 1."""
+    train = Shaper(np.ones(1), np.zeros(1))
     for f, zeta in zip(frequency, damping, strict=True):
         root = np.sqrt(1 - zeta**2)
         K, half = np.exp(-zeta * np.pi / root), 0.5 / (f * root)
         amplitude = np.array([1.0, K] if kind == "zv" else [1.0, 2 * K, K**2])
         amplitude /= amplitude.sum()
         time = half * np.arange(len(amplitude))
-        found = Shaper(np.outer(found.amplitude, amplitude).ravel(), np.add.outer(found.time, time).ravel())
-    return found
+        train = Shaper(np.outer(train.amplitude, amplitude).ravel(), np.add.outer(train.time, time).ravel())
+    return train

@@ -15,7 +15,7 @@ INSIDE = 1e-6  # of the length: how far the robot may reach into an obstacle at 
 
 
 def demand_apart(model: ContactModel) -> None:
-    """SpecError where robots overlap at rest, InputError where there is no contact state."""
+    """Raises SpecError where robots overlap at rest, InputError where there is no contact state."""
     if not model.others and not model.itself:
         return
     try:
@@ -27,7 +27,7 @@ def demand_apart(model: ContactModel) -> None:
 
 
 def demand_outside(robot: Robot, nodes: np.ndarray, obstacles: Mapping[str, Obstacle]) -> None:
-    """SpecError where the robot at rest reaches into an obstacle."""
+    """Raises SpecError where the robot at rest reaches into an obstacle."""
     surface = robot.X[nodes]
     for name, obstacle in obstacles.items():
         distance = obstacle.distance(surface)
@@ -44,7 +44,7 @@ def demand_outside(robot: Robot, nodes: np.ndarray, obstacles: Mapping[str, Obst
 
 
 def demand_way(robot: Robot, nodes: np.ndarray, courses: Mapping[str, PrescribedMotion]) -> None:
-    """SpecError where an obstacle comes to where the robot is held, which cannot give way."""
+    """Raises SpecError where an obstacle comes to where the robot is held, which cannot give way."""
     held = robot.X[nodes[np.isin(nodes, robot.fixed)]]
     for name, motion in courses.items():
         for share in np.linspace(0.0, 1.0, STOPS):

@@ -37,8 +37,8 @@ class OtherRobot:
 def with_obstacles(
     spec: ObstaclesSpec, base: Path, robot: Robot, predictors: Mapping[str, Predictor], models: Mapping[str, Path]
 ) -> tuple[World, dict[str, ContactModel], TouchPlant]:
-    """What is asked, the models with contact by name, and the FE robot. InputError where a model has no skin or its
-    form does not fit, SpecError where the robot starts inside something."""
+    """World that the spec asks for, the models with contact by name, and the FE robot. InputError where a model has no
+    skin or its form does not fit, SpecError where the robot starts inside something."""
     obstacles = read_obstacles(spec, base)
     for name, model in predictors.items():  # before finite elements take a while
         with naming(models[name]):
@@ -70,7 +70,7 @@ def _contact_model(
         {name: obstacles.rigid[name] for name in obstacles.avoided},
         spec.contact.friction,
         courses=obstacles.moving,
-        others={name: (other.learned, other.course) for name, other in others.items()},
+        others={name: (soft_obstacle.learned, soft_obstacle.course) for name, soft_obstacle in others.items()},
         itself=obstacles.itself,
         unilateral=robot.unilateral,
     )
@@ -87,7 +87,7 @@ def _fe_plant(
         obstacles.avoided,
         spec.contact.friction,
         obstacles.moving,
-        {name: (other.fe, other.course) for name, other in others.items()},
+        {name: (soft_obstacle.fe, soft_obstacle.course) for name, soft_obstacle in others.items()},
         obstacles.itself,
     )
 

@@ -47,7 +47,7 @@ class Obstacles:
 
 
 def read_obstacles(spec: ObstaclesSpec, base: Path) -> Obstacles:
-    """base: folder of the spec. InputError where a file or a model does not fit."""
+    """Obstacles of the spec; base: its folder. InputError where a file or a model does not fit."""
     robots, motions = {}, {}
     for name, obstacle in spec.obstacles.items():
         if isinstance(obstacle, RobotObstacle):
@@ -65,14 +65,14 @@ def read_obstacles(spec: ObstaclesSpec, base: Path) -> Obstacles:
 
 
 def course_of(obstacle: RobotObstacle, folder: Path) -> ActuatedRobot:
-    """The course of another robot's actuators; folder: of its model."""
+    """Course of another robot's actuators; folder: of its model."""
     with naming(folder):
         return obstacle.actuated(load_model(folder))
 
 
 @contextmanager
 def naming(model: Path) -> Iterator[None]:
-    """An InputError that says not where it is has this model in its place."""
+    """Names this model in an InputError that does not say where it is."""
     try:
         yield
     except InputError as error:

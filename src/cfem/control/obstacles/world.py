@@ -16,8 +16,12 @@ PRESSED = 0.05  # of the force that is wanted: how far off it may be where a goa
 
 @dataclass(frozen=True)
 class World:
-    """What control knows of obstacles. rows: of the models, the robot's and one for each that is pressed or avoided;
-    goal (k,): of the latter rows, weights (k,) mm/N or 0, and bounds (k, 2)."""
+    """Obstacles as plans know them.
+
+    rows: of the models, the robot's and one for each obstacle that is pressed or avoided
+    goal: (k,) of the latter rows
+    weights: (k,) mm/N or 0
+    bounds: (k, 2)"""
 
     rows: Rows
     goal: np.ndarray
@@ -25,11 +29,11 @@ class World:
     bounds: np.ndarray
 
     def rest(self, rest_e: np.ndarray) -> np.ndarray:
-        """(n_e,) -> (n_e + k,)."""
+        """Rest positions (n_e,) with the rows of obstacles, (n_e + k,)."""
         return np.concatenate([rest_e, np.zeros(len(self.goal))])
 
     def goals(self, points: np.ndarray) -> np.ndarray:
-        """(m, n_e) -> (m, n_e + k)."""
+        """Goals (m, n_e) with the rows of obstacles, (m, n_e + k)."""
         return np.hstack([points, np.tile(self.goal, (len(points), 1))])
 
     def pilot(self, pilot: Pilot) -> Pilot:
@@ -42,15 +46,15 @@ class World:
         return replace(pilot, limits=replace(pilot.limits, delta_e=bounds), weights=weights, places=places)
 
     def met(self, e: np.ndarray, near: float) -> bool:
-        """Whether forces are as wanted or allowed, within PRESSED, and distances within `near` (mm). e: (n_e + k,)."""
+        """True if forces are as wanted or allowed, within PRESSED, and distances within `near` (mm). e: (n_e + k,)."""
         values, forces = e[self.rows.n_e - len(self.goal) :], self.weights > 0
         as_wanted = np.abs(values - self.goal)[forces] <= PRESSED * self.goal[forces]
         low, high = self.bounds.T
         above, below = forces | (values >= low - near), values <= (1 + PRESSED) * high
         return bool(as_wanted.all() and above.all() and below.all())
 
-    def said(self, spec: ObstaclesSpec, records: Sequence[Mapping]) -> tuple[dict[str, dict], list[str]]:
-        """What the plant had of each obstacle in the rows of a table: figures, and lines for people."""
+    def results(self, spec: ObstaclesSpec, records: Sequence[Mapping]) -> tuple[dict[str, dict], list[str]]:
+        """Results of each obstacle over the rows of a table: figures, and lines for people."""
         figures, lines, n_e = {}, [], self.rows.n_e - len(self.goal)
         x = np.array([row["x_e"] for row in records])[:, n_e:]
         for row, name in enumerate(self.rows.effectors[n_e:]):
@@ -76,7 +80,8 @@ class World:
 
 
 def world_of(spec: ObstaclesSpec, obstacles: Obstacles, model: ContactModel) -> World:
-    """What the spec asks at its obstacles; model: says how stiff the robot is, which weighs forces against places."""
+    """World that the spec asks for at its obstacles; model: says how stiff the robot is, which weighs forces against
+    places."""
     pressed = [spec.obstacles[name] for name in obstacles.pressed]
     avoided = [spec.obstacles[name] for name in obstacles.avoided]
     rest = [0.0] * len(avoided)

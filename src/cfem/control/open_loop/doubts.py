@@ -11,8 +11,9 @@ _ONE_POINT = 1e-6  # of the robot's length
 
 
 def doubts(goals: Mapping[str, np.ndarray], refined: Mapping[str, Any], length: float) -> list[dict[str, Any]]:
-    """goals: (m, n_e) mm of each trajectory; refined: of `mesh_error.discretisation`; length: mm of the robot."""
-    found = [
+    """Findings about goals and mesh that leave the results in doubt. goals: (m, n_e) mm of each trajectory; refined: of
+    `mesh_error.discretisation`; length: mm of the robot."""
+    findings = [
         poor(f"the {len(points)} goals of '{name}' are one point: nothing is tracked")
         for name, points in goals.items()
         if len(points) > 1 and np.ptp(points, axis=0).max() <= _ONE_POINT * length
@@ -20,5 +21,5 @@ def doubts(goals: Mapping[str, np.ndarray], refined: Mapping[str, Any], length: 
     share = refined.get("force_percent", 0.0) / 100
     if not share <= FORCE_SHARE:
         what = f"the mesh of {refined['cells']} cells leaves {100 * share:.2g} % of the actuator forces uncertain"
-        found.append(poor(f"{what}: use a finer mesh"))
-    return found
+        findings.append(poor(f"{what}: use a finer mesh"))
+    return findings

@@ -8,20 +8,26 @@ import numpy as np
 from cfem.condensed.model import KnowsDomain, Timed
 from cfem.control.closed_loop.controller import Controller
 from cfem.control.closed_loop.tick import Pilot
-from cfem.control.search.goal_search import Reach
+from cfem.control.search.goal_search import SearchResult
 from cfem.plant.protocol import Measurement, Plant
 
 
 @dataclass(frozen=True)
 class Tracked:
-    """One goal, absolute (n_e,) mm, by one pilot: what it planned, what the plant did, whether the plan
-    stayed inside the model's domain and how far from the training states it is (NaN where nothing was learned); which
-    rows (n_e,) matter as places, and which as rotations."""
+    """One goal by one pilot.
+
+    controller: name of the pilot
+    goal: (n_e,) mm absolute
+    plan: what the pilot planned
+    measured: what the plant did
+    inside: whether the plan stayed inside the model's domain
+    distance: of the plan from the training states, NaN where nothing was learned
+    matters, turning: (n_e,) the rows that matter as places, and as rotations"""
 
     controller: str
     index: int
     goal: np.ndarray
-    plan: Reach
+    plan: SearchResult
     measured: Measurement
     inside: bool
     distance: float
@@ -30,14 +36,14 @@ class Tracked:
 
     @property
     def error(self) -> float:
-        """mm between the effectors that the plant reached and the goal, over the rows that matter; NaN where the plant
-        failed."""
+        """Error (mm) between the effectors that the plant reached and the goal, over the rows that matter; NaN where
+        the plant failed."""
         return float(np.linalg.norm((self.measured.x_e - self.goal)[self.matters]))
 
     @property
     def rotation_error(self) -> float | None:
-        """rad between the rotation vectors that the plant reached and the goal's, over the rows that matter; None where
-        none does."""
+        """Error (rad) between the rotation vectors that the plant reached and the goal's, over the rows that matter;
+        None where none does."""
         if not self.turning.any():
             return None
         return float(np.linalg.norm((self.measured.x_e - self.goal)[self.turning]))
@@ -85,7 +91,7 @@ def follow(
         yield tracked
 
 
-def _planned(controller: Controller, goals: np.ndarray, shares: np.ndarray, let_go: bool) -> list[Reach]:
+def _planned(controller: Controller, goals: np.ndarray, shares: np.ndarray, let_go: bool) -> list[SearchResult]:
     """Every goal, with what moves in the model's world where it is at that share of the run."""
     plans = []
     for index, (goal, share) in enumerate(zip(goals, shares, strict=True)):

@@ -36,10 +36,11 @@ ORDER = 2.0
 
 @dataclass(frozen=True)
 class Difference:
-    """Between the robot on the finer mesh and the robot at hand, under the same actuator displacements.
+    """Difference between the robot on the finer mesh and the robot at hand, under the same actuator displacements.
 
-    tip: mm, largest distance of an effector point; reach: mm, change of how far the effectors are from rest, of `moved`
-    mm; force: largest change of an actuator force, the largest of which is `carried`"""
+    tip: mm, largest distance of an effector point
+    reach: mm, change of how far the effectors are from rest, of `moved` mm
+    force: largest change of an actuator force, the largest of which is `carried`"""
 
     tip: float
     reach: float
@@ -53,7 +54,7 @@ def states_to_refine(goals: Mapping[str, np.ndarray], spec: PlannedSpec, rest_e:
     if _left_out(spec):
         return set()
     every = [(name, index) for name, points in goals.items() for index in range(len(points))]
-    return {every[one] for one in chosen(np.concatenate(list(goals.values())), rest_e, spec.mesh_error.states)}
+    return {every[number] for number in chosen(np.concatenate(list(goals.values())), rest_e, spec.mesh_error.states)}
 
 
 def discretisation(
@@ -67,7 +68,7 @@ def discretisation(
 
 
 def _left_out(spec: PlannedSpec) -> str:
-    """Why nothing is to be estimated."""
+    """Reason why nothing is to be estimated, empty where there is none."""
     if isinstance(spec, ObstaclesSpec):
         return "the estimate does not know contact"
     if not isinstance(spec, OpenLoopSpec) or spec.design:
@@ -78,14 +79,15 @@ def _left_out(spec: PlannedSpec) -> str:
 
 
 def chosen(goals: Sequence[np.ndarray], rest_e: np.ndarray, count: int) -> list[int]:
-    """`count` indices: the goal farthest from rest, then again and again the goal farthest from those chosen."""
-    points, found = np.array(goals), []
+    """Indices of `count` goals: the one farthest from rest, then again and again the goal farthest from those
+    chosen."""
+    points, indices = np.array(goals), []
     distance = np.linalg.norm(points - rest_e, axis=1)
     for _ in range(min(count, len(points))):
-        found.append(int(np.argmax(distance)))
-        apart = np.linalg.norm(points - points[found[-1]], axis=1)
-        distance = apart if len(found) == 1 else np.minimum(distance, apart)
-    return found
+        indices.append(int(np.argmax(distance)))
+        apart = np.linalg.norm(points - points[indices[-1]], axis=1)
+        distance = apart if len(indices) == 1 else np.minimum(distance, apart)
+    return indices
 
 
 def mesh_error(
@@ -97,13 +99,13 @@ def mesh_error(
     spec: MeshErrorSpec,
     load: Callable[[Robot], Robot] = lambda robot: robot,
 ) -> dict[str, Any]:
-    """The estimated discretisation error, for the manifest. states: of the robot on `mesh`, at the commands chosen;
-    load: puts the loads of these states on the robot of the finer mesh.
+    """Estimated discretisation error, for the manifest. states: of the robot on `mesh`, at the commands chosen; load:
+    puts the loads of these states on the robot of the finer mesh.
 
     states, cells, finer_cells, order: how it was estimated. tip_mm, tip_percent: error of the effectors' position, of
-    the scene's length too; reach_percent: of how far the effectors move; force_percent: of the actuator forces, of the
-    largest one; all the largest of the states, extrapolated. Where it could not be estimated, only `left_out`: the
-    sentence that says why."""
+        the scene's length too; reach_percent: of how far the effectors move; force_percent: of the actuator forces, of
+        the largest one; all the largest of the states, extrapolated. Where it could not be estimated, only `left_out`:
+        the sentence that says why."""
     expected = growth(scene, spec.cells) * len(mesh.cells)
     if expected > spec.largest:
         return {"left_out": f"the finer mesh would have {expected:.0f} cells, and mesh_error.largest is {spec.largest}"}
@@ -113,34 +115,35 @@ def mesh_error(
         refined = load(build_robot(scene, finer))
     except CfemError as error:
         return {"left_out": f"there is no finer mesh: {error}"}
-    problem, found = Problem(refined), []
+    problem, differences = Problem(refined), []
     with progress("commands on the finer mesh", len(states)) as advance:
-        for one in states:
+        for state in states:
             hexahedra = mesh.cells.shape[1] == 8
-            start = None if hexahedra else State(carried_over(mesh, one.state.x, finer), np.empty(0), one.state.lam)
-            solved = solve(problem, displacement(one.delta_a), start, wanted=Wanted(condense=False))
+            start = None if hexahedra else State(carried_over(mesh, state.state.x, finer), np.empty(0), state.state.lam)
+            solved = solve(problem, displacement(state.delta_a), start, wanted=Wanted(condense=False))
             advance(1)
             if solved.converged:
-                found.append(_difference(robot, one, solved))
-    if not found:
+                differences.append(_difference(robot, state, solved))
+    if not differences:
         return {"left_out": "no state converged on the finer mesh"}
     smaller = (len(finer.cells) / len(mesh.cells)) ** (1 / dimensions(scene))
     return {
-        "states": len(found),
+        "states": len(differences),
         "cells": len(mesh.cells),
         "finer_cells": len(finer.cells),
         "order": ORDER,
-        **extrapolated(found, smaller, robot.length),
+        **extrapolated(differences, smaller, robot.length),
     }
 
 
-def extrapolated(found: Sequence[Difference], smaller: float, length: float) -> dict[str, float]:
+def extrapolated(differences: Sequence[Difference], smaller: float, length: float) -> dict[str, float]:
     """Errors of the mesh at hand from the largest differences to a mesh of cells `smaller` times as small. Percentages
     are of the largest of all states: near rest there is next to nothing to compare with."""
     gain = smaller**ORDER
     factor = gain / (gain - 1)
     tip, reach, force, moved, carried = (
-        max(getattr(one, key) for one in found) for key in ("tip", "reach", "force", "moved", "carried")
+        max(getattr(difference, key) for difference in differences)
+        for key in ("tip", "reach", "force", "moved", "carried")
     )
     tip, moved, carried = factor * tip, max(moved, np.finfo(float).tiny), max(carried, np.finfo(float).tiny)
     return {
@@ -151,14 +154,14 @@ def extrapolated(found: Sequence[Difference], smaller: float, length: float) -> 
     }
 
 
-def _difference(robot: Robot, here: Equilibrium, finer: Equilibrium) -> Difference:
-    """Orientations of effectors are left out: they are no lengths."""
+def _difference(robot: Robot, coarse: Equilibrium, finer: Equilibrium) -> Difference:
+    """Difference between two meshes of one state; orientations of effectors are left out, as they are no lengths."""
     places = [index for index, name in enumerate(robot.rows.effectors) if not name.split(".")[-1].startswith("r")]
-    moved, differently = here.delta_e[places], finer.delta_e[places]
+    moved, differently = coarse.delta_e[places], finer.delta_e[places]
     return Difference(
         tip=float(np.linalg.norm(differently - moved)),
         reach=float(abs(np.linalg.norm(differently) - np.linalg.norm(moved))),
-        force=float(np.abs(finer.lambda_a - here.lambda_a).max()),
+        force=float(np.abs(finer.lambda_a - coarse.lambda_a).max()),
         moved=float(np.linalg.norm(moved)),
-        carried=float(np.abs(here.lambda_a).max()),
+        carried=float(np.abs(coarse.lambda_a).max()),
     )

@@ -14,7 +14,7 @@ from cfem.control.holding.spec import HoldingSpec
 from cfem.control.obstacles.spec import ObstaclesSpec
 from cfem.control.obstacles.world import World
 from cfem.control.run_spec import FE_BASED, PlannedSpec, TrackingSpec
-from cfem.control.search.goal_search import Settings
+from cfem.control.search.goal_search import SearchSettings
 from cfem.control.search.inverse import Limits
 from cfem.control.search.multistart import RESTARTS
 from cfem.core.errors import SpecError
@@ -23,7 +23,7 @@ from cfem.predict.protocol import Predictor
 
 
 def pilot_of(spec: TrackingSpec, robot: Any, model: Any) -> Pilot:
-    """What searches for a goal with `model`, as the spec says."""
+    """Pilot that searches for goals with `model`, as the spec says."""
     search = spec.search
     return Pilot(
         model,
@@ -32,7 +32,7 @@ def pilot_of(spec: TrackingSpec, robot: Any, model: Any) -> Pilot:
         _limits(spec, robot),
         weights_of(spec, robot),
         ridge_of(search.regularisation, robot.reach, robot.length),
-        Settings.of(
+        SearchSettings.of(
             robot.reach, search.iterations, search.tolerance, search.step, backend=search.qp, cautious=search.cautious
         ),
         preload=search.preload,
@@ -45,7 +45,7 @@ def pilot_of(spec: TrackingSpec, robot: Any, model: Any) -> Pilot:
 def pilots_of(
     spec: PlannedSpec, robot: Any, predictors: Mapping[str, Predictor], fem: Any, world: World | None = None
 ) -> dict[str, Pilot]:
-    """Of every controller of an open-loop run, by its name: each model, the first one with fewer iterations, and FE
+    """Pilots of every controller of an open-loop run, by name: each model, the first one with fewer iterations, and FE
     matrices where the spec asks for them."""
     first, predictor = next(iter(predictors.items()))
     searched = pilot_of(spec, robot, predictor)
@@ -75,7 +75,8 @@ def _on_its_own_way(model: ContactModel | Gripping) -> ContactModel | Gripping:
 
 
 def _updated_once(model: Any) -> Any:
-    """With one update of the object's pose at each inverse step, as the paper has it, where there is an object."""
+    """Model with one update of the object's pose at each inverse step, as the paper has it, where there is an
+    object."""
     if isinstance(model, ContactModel):
         return _on_its_own_way(model)
     return Coupled(model.holds, model.object, model.home, 1) if isinstance(model, Coupled) else model
@@ -100,8 +101,8 @@ def counted_rows(spec: TrackingSpec, robot: Any) -> list[str] | None:
 
 
 def weights_of(spec: TrackingSpec, robot: Any) -> np.ndarray:
-    """(n_e,) of the effector rows, mm/rad for those of an object's rotation. SpecError where the spec states another
-    number of them."""
+    """Weights (n_e,) of the effector rows, mm/rad for those of an object's rotation. SpecError where the spec states
+    another number of them."""
     stated, weights = spec.search.weights, robot.aims.astype(float)
     if isinstance(spec, HoldingSpec):
         weights[:] = 1.0

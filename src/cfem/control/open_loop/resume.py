@@ -36,8 +36,12 @@ PLAIN = {
 
 @dataclass
 class Done:
-    """By trajectory: how many goals are finished, their rows, and shapes (s, 3) mm of the surface by goal. solved:
-    states whose commands are carried out once more on a finer mesh."""
+    """Part of a run that is done, by trajectory.
+
+    goals: number of goals that are finished
+    rows: of these goals
+    shapes: (s, 3) mm of the surface by goal
+    solved: states whose commands are carried out once more on a finer mesh"""
 
     goals: dict[str, int] = field(default_factory=dict)
     rows: dict[str, list[dict]] = field(default_factory=dict)
@@ -45,13 +49,15 @@ class Done:
     solved: list[Any] = field(default_factory=list)
 
     def finished(self, name: str) -> int:
-        """Goals of a trajectory."""
+        """Number of goals of a trajectory that are finished."""
         return self.goals.get(name, 0)
 
 
 class SoFar:
-    """goals: (m, n_e) mm by trajectory as an interrupted run has found them, None without one; done: what it and this
-    run have done."""
+    """Part of a run that is done, kept on the disk for the next run.
+
+    goals: (m, n_e) mm by trajectory as an interrupted run has set them, None without one
+    done: what it and this run have done"""
 
     def __init__(self, folder: Path, keep: bool = True):
         """folder: where the output is built; keep: whether what is done is worth keeping."""
@@ -64,12 +70,12 @@ class SoFar:
             self._read()
 
     def of(self, plant: Any, goals: Mapping[str, np.ndarray]) -> None:
-        """The plant whose state is kept, as it stands before its first goal, and the goals."""
+        """Takes the plant whose state is kept, as it stands before its first goal, and the goals."""
         if not self._keep:
             return
         self._plant, self.goals = plant, dict(goals)
-        self._fixed = [one for problem in plant.problems for one in (problem, problem.robot)]
-        self._known = {id(one): number for number, one in enumerate(self._fixed)}
+        self._fixed = [fixed for problem in plant.problems for fixed in (problem, problem.robot)]
+        self._known = {id(fixed): number for number, fixed in enumerate(self._fixed)}
         if not self._state:
             self._write_when_due(None)
             return
@@ -82,7 +88,7 @@ class SoFar:
         say(f"control: going on after {count} of {total} goals, which an interrupted run has finished")
 
     def restore(self, judge: Controller | None = None) -> None:
-        """Plant and judge, the controller whose model is the plant, as they stood after the last goal that an
+        """Puts plant and judge, the controller whose model is the plant, where they stood after the last goal that an
         interrupted run has finished; once."""
         if not self._state:
             return
@@ -93,15 +99,16 @@ class SoFar:
             _set(_changing(judge), controller)
 
     def finished(self, name: str, judge: Controller | None) -> None:
-        """One goal more of a trajectory is: written to the disk now and then."""
+        """Counts one goal more of a trajectory: written to the disk now and then."""
         self.done.goals[name] = self.done.finished(name) + 1
         self._write_when_due(judge)
 
     def remove(self) -> None:
-        """The run is at its end."""
+        """Removes what was kept, at the end of the run."""
         self._file.unlink(missing_ok=True)
 
     def _write_when_due(self, judge: Controller | None) -> None:
+        """Writes what is done to the disk where enough time has passed; gives up where that fails."""
         begin = time.monotonic()
         if not self._keep or begin < self._next:
             return
@@ -128,10 +135,11 @@ class SoFar:
         say(f"control: {why}: after an interruption this run starts over")
 
     def _read(self) -> None:
-        whole = self._file.read_bytes()
-        data = io.BytesIO(whole[32:])
+        """Reads what an interrupted run has kept; starts over where the file is damaged or of other versions."""
+        stored = self._file.read_bytes()
+        data = io.BytesIO(stored[32:])
         try:
-            if sha256(whole[32:]).digest() != whole[:32]:
+            if sha256(stored[32:]).digest() != stored[:32]:
                 raise pickle.UnpicklingError("it is damaged")
             by, goals = _Reader(data, []).load()
             if by != versions():
@@ -174,20 +182,20 @@ class _Reader(pickle.Unpickler):
         if name in PLAIN.get(module, ()):
             return super().find_class(module, name)
         if module.startswith("cfem."):
-            found = getattr(import_module(module), name, None)
-            if isinstance(found, type) and (is_dataclass(found) or issubclass(found, Enum | tuple)):
-                return found
+            value = getattr(import_module(module), name, None)
+            if isinstance(value, type) and (is_dataclass(value) or issubclass(value, Enum | tuple)):
+                return value
         raise pickle.UnpicklingError(f"{module}.{name} is no value of cfem")
 
 
 def _changing(judge: Controller) -> Changing:
-    return [(judge, ("belief", "aimed", "_moved", "_expected", "_tick", "_heard"))]
+    return [(judge, ("belief", "aimed", "_tick"))]
 
 
 def _get(changing: Changing) -> list[dict[str, Any]]:
-    return [{name: getattr(one, name) for name in names if hasattr(one, name)} for one, names in changing]
+    return [{name: getattr(owner, name) for name in names if hasattr(owner, name)} for owner, names in changing]
 
 
 def _set(changing: Changing, values: Sequence[Mapping[str, Any]]) -> None:
-    for (one, _), attributes in zip(changing, values, strict=True):
-        vars(one).update(attributes)
+    for (owner, _), attributes in zip(changing, values, strict=True):
+        vars(owner).update(attributes)

@@ -22,17 +22,17 @@ from cfem.core.console.progress import progress
 from cfem.dataset.writer import write_records
 
 
-def carry_out(folder: Path, spec: PlannedSpec, base: Path, at: Prepared, so_far: SoFar) -> dict[str, Any]:
+def carry_out(folder: Path, spec: PlannedSpec, base: Path, prepared: Prepared, so_far: SoFar) -> dict[str, Any]:
     """Writes trajectories.parquet and states.npz; returns the results. so_far: what an interrupted run has done."""
     holding = isinstance(spec, HoldingSpec)
-    robot, fem = at.robot, at.fem
+    robot, fem = prepared.robot, prepared.fem
     surface, places = np.unique(robot.facets, return_inverse=True)
-    so_far.of(at.plant, at.goals)
-    done, total = so_far.done, sum(map(len, at.goals.values()))
+    so_far.of(prepared.plant, prepared.goals)
+    done, total = so_far.done, sum(map(len, prepared.goals.values()))
     with progress("the robot carries out the commands", total, done=sum(done.goals.values())) as advance:
-        for name in at.goals:
-            if done.finished(name) < len(at.goals[name]):
-                _follow(name, spec, at, surface, so_far, advance)
+        for name in prepared.goals:
+            if done.finished(name) < len(prepared.goals[name]):
+                _follow(name, spec, prepared, surface, so_far, advance)
     so_far.restore()
     counted = counted_rows(spec, robot)
     results = {name: summarise(rows, robot.length, counted) for name, rows in done.rows.items()}
@@ -43,36 +43,36 @@ def carry_out(folder: Path, spec: PlannedSpec, base: Path, at: Prepared, so_far:
             f"{name}/index": np.array(sorted(shapes)),
             f"{name}/x": np.array([shapes[i] for i in sorted(shapes)]),
         }
-    refined = discretisation(spec, at.scene, at.mesh, robot, (base / spec.scene).parent, done.solved)
+    refined = discretisation(spec, prepared.scene, prepared.mesh, robot, (base / spec.scene).parent, done.solved)
     if holding:
         states["object_points"] = np.sum(surface >= len(robot.X) - robot.object_points)
     np.savez_compressed(folder / "states.npz", **states)
-    _write_table(folder / "trajectories.parquet", records, at)
+    _write_table(folder / "trajectories.parquet", records, prepared)
     costs = ("solves", "factorizations", "seconds")
     cost = {key: getattr(fem, key) for key in costs if hasattr(fem, key)} if fem else None
     lines, held, met = headline(results, refined, cost), None, None
     if isinstance(spec, LoadedSpec) and spec.loads:
-        lines.append(f"estimated error of the models under the loads: {at.load_error:.2g} mm")
+        lines.append(f"estimated error of the models under the loads: {prepared.load_error:.2g} mm")
     if holding:
-        held, said = _account(fem, at.touched)
-        lines += said
-    if at.world:
-        figures, said = at.world.said(spec, records)
-        lines = [*said, *lines]
+        held, account = _account(fem, prepared.touched)
+        lines += account
+    if prepared.world:
+        figures, sentences = prepared.world.results(spec, records)
+        lines = [*sentences, *lines]
         held, met = (held | figures, None) if holding else (None, figures)
-    if at.touched and at.touched.commands:  # none where the model is its own plant
-        lines.append(at.touched.sentence())
+    if prepared.touched and prepared.touched.commands:  # none where the model is its own plant
+        lines.append(prepared.touched.sentence())
     so_far.remove()
     return {
         "headline": lines,
         KEY: [
             *judged(results, {name: meant_beyond(trajectory) for name, trajectory in spec.trajectories.items()}),
-            *doubts(at.goals, refined, robot.length),
-            *(at.touched.judged(robot.length) if at.touched else []),
+            *doubts(prepared.goals, refined, robot.length),
+            *(prepared.touched.judged(robot.length) if prepared.touched else []),
         ],
         "object": held,
         "obstacles": met,
-        "load_error": at.load_error,
+        "load_error": prepared.load_error,
         "plant": spec.plant,
         "trajectories": results,
         "discretisation": refined,
@@ -83,7 +83,7 @@ def carry_out(folder: Path, spec: PlannedSpec, base: Path, at: Prepared, so_far:
 
 
 def _account(fem, touched) -> tuple[dict[str, Any], list[str]]:
-    """How well the object is held and touched: figures of the manifest, lines of the headline."""
+    """Account of how the object is held and touched: figures of the manifest, lines of the headline."""
     held, lines = {}, []
     if fem.solves:
         held = {"imbalance": fem.imbalance, "softest": fem.softest, "updates": fem.updates}
@@ -97,39 +97,41 @@ def _account(fem, touched) -> tuple[dict[str, Any], list[str]]:
 
 
 def _follow(
-    name: str, spec: PlannedSpec, at: Prepared, surface: np.ndarray, so_far: SoFar, advance: Callable[[int], None]
+    name: str, spec: PlannedSpec, prepared: Prepared, surface: np.ndarray, so_far: SoFar, advance: Callable[[int], None]
 ) -> None:
-    """The goals of one trajectory that are not done: their rows, and the deformed nodes of the surface at them."""
-    done, goals = so_far.done, at.goals[name]
+    """Carries out the goals of one trajectory that are not done: their rows, and the deformed nodes of the surface at
+    them."""
+    done, goals = so_far.done, prepared.goals[name]
     begun = done.finished(name)
     if not begun:
         so_far.restore()
-        if isinstance(spec, HoldingSpec) and at.touched:
-            at.touched.reset()  # friction depends on the way, and plans begin at rest
-    pilots = pilots_of(spec, at.robot, at.predictors, at.fem, at.world)
-    judge = Controller(pilots[FE_BASED], at.rest_e) if FE_BASED in pilots else None
+        if isinstance(spec, HoldingSpec) and prepared.touched:
+            prepared.touched.reset()  # friction depends on the way, and plans begin at rest
+    pilots = pilots_of(spec, prepared.robot, prepared.predictors, prepared.fem, prepared.world)
+    judge = Controller(pilots[FE_BASED], prepared.rest_e) if FE_BASED in pilots else None
     so_far.restore(judge)
-    wanted = states_to_refine(at.goals, spec, at.robot.rest_e)
+    wanted = states_to_refine(prepared.goals, spec, prepared.robot.rest_e)
     chosen = set(np.linspace(0, len(goals) - 1, min(spec.pictures, len(goals))).round().astype(int).tolist())
     rows = done.rows.setdefault(name, [])
 
     def after(index: int) -> None:
         advance(1)
-        if (name, index) in wanted and at.plant.state is not None:
-            done.solved.append(at.plant.state)
-        if at.fem and index in chosen:
-            done.shapes.setdefault(name, {})[index] = at.plant.x[surface].astype(np.float32)
+        if (name, index) in wanted and prepared.plant.state is not None:
+            done.solved.append(prepared.plant.state)
+        if prepared.fem and index in chosen:
+            done.shapes.setdefault(name, {})[index] = prepared.plant.x[surface].astype(np.float32)
 
     let_go = getattr(spec.trajectories[name], "let_go", False)
-    by = (FE_BASED, judge) if judge else None
-    for tracked in follow(goals, pilots, at.plant, at.rest_e, by, after, let_go, begun):
-        fe = next((one for one in tracked if one.controller == FE_BASED), None)
-        rows += [record(name, one, spec.reached, fe, at.world, spec.reached_rotation) for one in tracked]
+    judging = (FE_BASED, judge) if judge else None
+    for tracked in follow(goals, pilots, prepared.plant, prepared.rest_e, judging, after, let_go, begun):
+        fe = next((result for result in tracked if result.controller == FE_BASED), None)
+        rows += [record(name, result, spec.reached, fe, prepared.world, spec.reached_rotation) for result in tracked]
         so_far.finished(name, judge)
 
 
-def _write_table(path: Path, records: list[dict], at: Prepared) -> None:
-    displacements, forces = zip(*at.robot.actuator_units, strict=True)
+def _write_table(path: Path, records: list[dict], prepared: Prepared) -> None:
+    """Writes the table of goals with its units."""
+    displacements, forces = zip(*prepared.robot.actuator_units, strict=True)
     units = {
         "error": "mm",
         "goal": "mm",
@@ -142,6 +144,6 @@ def _write_table(path: Path, records: list[dict], at: Prepared) -> None:
         "step_us": "us",
         "seconds": "s",
     }
-    rows = (at.world or at.robot).rows.names
-    meta = {"rows": list(rows), "rest_e": at.rest_e.tolist(), "length": at.robot.length, "units": units}
+    rows = (prepared.world or prepared.robot).rows.names
+    meta = {"rows": list(rows), "rest_e": prepared.rest_e.tolist(), "length": prepared.robot.length, "units": units}
     write_records(path, records, meta)

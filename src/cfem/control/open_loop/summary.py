@@ -70,12 +70,12 @@ def summarise(records: Sequence[dict], length: float, counted: Sequence[str] | N
     for row in records:
         by_controller.setdefault(row["controller"], []).append(row)
     judge = by_controller.get(FE_BASED)
-    found = {}
+    results = {}
     for name, rows in by_controller.items():
         reachable = [row["reachable"] for row in (judge or rows)]
         near = [row["error"] for row, can in zip(rows, reachable, strict=True) if can]
         far = [row["error"] for row, can in zip(rows, reachable, strict=True) if not can]
-        found[name] = {
+        results[name] = {
             "goals": len(rows),
             "counted": None if counted is None else list(counted),
             "reachable": sum(reachable),
@@ -99,7 +99,7 @@ def summarise(records: Sequence[dict], length: float, counted: Sequence[str] | N
             },
             "kkt_max": max(row["kkt"] for row in rows),
         }
-    return found
+    return results
 
 
 def headline(
@@ -121,15 +121,15 @@ def headline(
         for row in controllers.values()
         for what in ("reachable", "unreachable")
     ]
-    tracking = max((one["max"] for one in errors if one), default=0.0)
+    tracking = max((error["max"] for error in errors if error), default=0.0)
     return [sentence, *lines] if discretisation.get("tip_mm", 0.0) > tracking else [*lines, sentence]
 
 
 def judged(trajectories: Mapping[str, dict], beyond: Mapping[str, bool]) -> list[dict]:
-    """What makes a run poor: searches that ended anywhere, and goals that are missed for the most part. beyond: of a
-    trajectory, whether goals out of reach are meant, which then do not count. Those with fewer iterations (name@n) are
-    left out."""
-    found = []
+    """Findings that make a run poor: searches that ended anywhere, and goals that are missed for the most part. beyond:
+    of a trajectory, whether goals out of reach are meant, which then do not count. Those with fewer iterations (name@n)
+    are left out."""
+    findings = []
     for trajectory, controllers in trajectories.items():
         for name, row in controllers.items():
             if "@" in name:
@@ -137,36 +137,43 @@ def judged(trajectories: Mapping[str, dict], beyond: Mapping[str, bool]) -> list
             who, goals, out = f"{trajectory}, {name}", row["goals"], row["goals"] - row["reachable"]
             lost, missed = row["not_converged"], goals - row["reached"]
             if lost:
-                said = f"{who}: the search for {lost} of {goals} goals did not converge, and nothing is known of them"
-                found.append(poor(f"{said}; check search.step, tolerance and regularisation, or allow more iterations"))
+                sentence = (
+                    f"{who}: the search for {lost} of {goals} goals did not converge, and nothing is known of them"
+                )
+                findings.append(
+                    poor(f"{sentence}; check search.step, tolerance and regularisation, or allow more iterations")
+                )
             if 2 * (row["missed"] if beyond[trajectory] else missed) > (
                 row["reachable"] if beyond[trajectory] else goals
             ):
-                found.append(poor(f"{who}: {missed} of {goals} goals are missed, and {out} of them are out of reach"))
-    return found
+                findings.append(
+                    poor(f"{who}: {missed} of {goals} goals are missed, and {out} of them are out of reach")
+                )
+    return findings
 
 
-def discretisation_sentence(found: dict) -> str:
-    """What the mesh itself leaves uncertain."""
-    if "left_out" in found:
-        return f"discretisation error: not estimated ({found['left_out']})"
+def discretisation_sentence(error: dict) -> str:
+    """Sentence about what the mesh itself leaves uncertain."""
+    if "left_out" in error:
+        return f"discretisation error: not estimated ({error['left_out']})"
     return (
-        f"discretisation error: the mesh itself leaves {length(found['tip_mm'], digits=2)} uncertain at the tip "
-        f"({found['tip_percent']:.2g} % of the length), {found['force_percent']:.2g} % of the actuator forces and "
-        f"{found['reach_percent']:.2g} % of the reach (estimated: {found['states']} state{'s' * (found['states'] > 1)} "
-        f"on {found['finer_cells']} "
-        f"instead of {found['cells']} cells)"
+        f"discretisation error: the mesh itself leaves {length(error['tip_mm'], digits=2)} uncertain at the tip "
+        f"({error['tip_percent']:.2g} % of the length), {error['force_percent']:.2g} % of the actuator forces and "
+        f"{error['reach_percent']:.2g} % of the reach (estimated: {error['states']} state{'s' * (error['states'] > 1)} "
+        f"on {error['finer_cells']} "
+        f"instead of {error['cells']} cells)"
     )
 
 
 def _parts(row: dict, fe_cost: dict | None) -> list[str]:
+    """Parts of the sentence about one controller on one trajectory."""
     near, far, fe = (row[f"distance_to_{what}"] for what in ("reachable_goals", "unreachable_goals", "fe_based"))
     parts = [f"{row['reached']} of {row['goals']} goals reached"]
     if near:
         counted = row["counted"]
-        of = "" if counted is None else f" of {', '.join(counted) or 'no place'} alone (search.weights)"
+        what = "" if counted is None else f" of {', '.join(counted) or 'no place'} alone (search.weights)"
         parts.append(
-            f"tracking error{of} mean {length(near['mean'])}, max {length(near['max'])}, on the mesh of the model"
+            f"tracking error{what} mean {length(near['mean'])}, max {length(near['max'])}, on the mesh of the model"
         )
     if row.get("rotation_error"):
         parts.append("orientation error mean {mean:.2g} deg, max {max:.2g} deg".format(**row["rotation_error"]))

@@ -15,9 +15,16 @@ _CHANGES = 20  # of the active set, allowed a constraint
 
 
 class ActiveSet:
-    """y (n,); which: (k,) the constraints that hold it; sign: +1 at the low bound, -1 at the high one; Q (n, k): with
-    their signed normals as columns, N = Q R; T (k, k): R^-1; force: (k,) >= 0, of each on y; feasible: whether there is
-    a y at all; changes: of the set."""
+    """Active constraints of a least-length program.
+
+    y: (n,)
+    which: (k,) the constraints that hold it
+    sign: (k,) +1 at the low bound, -1 at the high one
+    Q: (n, k) with their signed normals as columns, N = Q R
+    T: (k, k) R^-1
+    force: (k,) >= 0, of each on y
+    feasible: whether there is a y at all
+    changes: number of changes of the set"""
 
     def __init__(self, N: np.ndarray, low: np.ndarray, high: np.ndarray, terms: np.ndarray) -> None:
         n = N.shape[1]
@@ -44,10 +51,10 @@ class ActiveSet:
         return self._T[:k, :k]
 
     def hold(self, k: int, sign: float) -> bool:
-        """Make constraint k active, and drop those that it relieves; False where it cannot be, its bound and the active
-        ones excluding each other: by more than rounding, then it is infeasible, or by no more."""
+        """Makes constraint k active, and drops those that it relieves; False where it cannot be, its bound and the
+        active ones excluding each other: by more than rounding, then it is infeasible, or by no more."""
         normal, bound = sign * self._N[k], self._signed(k, sign)
-        by, own = bound - normal @ self.y, 0.0
+        gap, push = bound - normal @ self.y, 0.0
         while True:
             share, rest = self._split(normal)
             square = float(rest @ rest)
@@ -59,23 +66,23 @@ class ActiveSet:
                     partial, slot = force / r, i
             if not independent and slot < 0:
                 size = np.abs(self._bound) + self._terms[self._which]
-                self.feasible = bool(by <= _APART * (abs(bound) + self._terms[k] + np.abs(relief) @ size))
+                self.feasible = bool(gap <= _APART * (abs(bound) + self._terms[k] + np.abs(relief) @ size))
                 return False
-            full = by / square if independent else np.inf
+            full = gap / square if independent else np.inf
             step = min(full, partial)
-            self.force, own = self.force - step * relief, own + step
+            self.force, push = self.force - step * relief, push + step
             if independent:
-                self.y, by = self.y + step * rest, by - step * square
+                self.y, gap = self.y + step * rest, gap - step * square
             if step == full:
                 self.changes += 1
                 self._append(k, sign, share, rest / np.sqrt(square), np.sqrt(square))
-                self.force = np.append(self.force, own)
+                self.force = np.append(self.force, push)
                 return True
             self._drop(slot)
 
     def settle(self) -> bool:
-        """y and forces from scratch, which removes what rounding has left; False where a constraint that need not hold
-        had to be dropped."""
+        """Solves for y and forces from scratch, which removes what rounding has left; False where a constraint that
+        need not hold had to be dropped."""
         along = self._bound @ self.T
         self.y, self.force = self.Q @ along, self.T @ along
         if self._which and self.force.min() < 0:
@@ -87,22 +94,23 @@ class ActiveSet:
         return float(self._low[k] if sign > 0 else -self._high[k])
 
     def _split(self, normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Its shares in Q and what remains, by Gram and Schmidt done twice."""
+        """Splits a normal into its shares in Q and what remains, by Gram and Schmidt done twice."""
         share = normal @ self.Q
         rest = normal - self.Q @ share
         again = rest @ self.Q
         return share + again, rest - self.Q @ again
 
     def _append(self, k: int, sign: float, share: np.ndarray, direction: np.ndarray, length: float) -> None:
-        at = len(self._which)
-        self._Q[:, at] = direction
-        self._T[:at, at] = self.T @ share / -length
-        self._T[at, at] = 1 / length
+        last = len(self._which)
+        self._Q[:, last] = direction
+        self._T[:last, last] = self.T @ share / -length
+        self._T[last, last] = 1 / length
         self._which.append(k)
         self._sign.append(sign)
         self._bound.append(self._signed(k, sign))
 
     def _drop(self, slot: int) -> None:
+        """Drops the constraint in this slot, and takes those after it in again."""
         self.changes += 1
         self.force = np.delete(self.force, slot)
         later = list(zip(self._which, self._sign, strict=True))[slot + 1 :]
@@ -114,16 +122,16 @@ class ActiveSet:
 
 
 def least_length(N: np.ndarray, low: np.ndarray, high: np.ndarray, terms: np.ndarray) -> ActiveSet | None:
-    """N (m, n), low and high (m,), +-inf where open; terms: (m,) the size of what these are differences of. None where
-    the changes allowed were not enough."""
+    """Active set of the shortest y (n,) with low <= N y <= high. N (m, n), low and high (m,), +-inf where open; terms:
+    (m,) the size of what these are differences of. None where the changes allowed were not enough."""
     now, settled = ActiveSet(N, low, high, terms), True
     if low.max() <= 0.0 <= high.min():  # as most often: nothing holds y
         return now
     lowest, highest = low - _ROUNDING * (np.abs(low) + terms), high + _ROUNDING * (np.abs(high) + terms)
     passed = np.zeros(len(N), dtype=bool)  # met to rounding, and dependent on others
     while now.changes <= _CHANGES * (len(N) + 1):
-        at = N @ now.y
-        below, above = lowest - at, at - highest
+        values = N @ now.y
+        below, above = lowest - values, values - highest
         violation = np.maximum(below, above)
         violation[passed] = -np.inf
         violation[now._which] = -np.inf

@@ -45,7 +45,7 @@ def by_force(model: Model, state: Condensed, step: InverseStep, share: float) ->
     return under_force(model, state.lambda_a + share * (step.lambda_a - state.lambda_a), state)
 
 
-class ReachStatus(Enum):
+class SearchStatus(Enum):
     """How the search ended; the value is the sentence that the user reads."""
 
     CONVERGED = "converged"
@@ -56,7 +56,7 @@ class ReachStatus(Enum):
 
 
 @dataclass(frozen=True)
-class Settings:
+class SearchSettings:
     """How a search for a goal goes.
 
     iterations: inverse steps allowed a goal, 1 is the paper's
@@ -83,7 +83,7 @@ class Settings:
         tolerance: float | None = None,
         step: float | None = None,
         **more: Any,
-    ) -> "Settings":
+    ) -> "SearchSettings":
         """Settings for actuators of this reach (n_a, 2): what is None becomes a share of each stroke."""
         step = stated_or_share(step, STEP, reach)
         return cls(iterations, stated_or_share(tolerance, TOLERANCE, reach), step, stroke(reach), **more)
@@ -115,8 +115,8 @@ class Iterate:
         return Iterate(to, self.hessian + cross + cross.swapaxes(1, 2) - twice)
 
     def curvature_root(self, aim: Aim, scale: np.ndarray | float = 1.0) -> np.ndarray | None:
-        """R (k, n_a) with R^T R the positive part of S in shares of `scale` (n_a,): the convex share, which is all of
-        it where the goal lies outside a convex set. None where there is none."""
+        """Root R (k, n_a) with R^T R the positive part of S in shares of `scale` (n_a,): the convex share, which is all
+        of it where the goal lies outside a convex set. None where there is none."""
         if not self.hessian.any():
             return None
         n_e, n_a, _ = self.hessian.shape
@@ -128,7 +128,7 @@ class Iterate:
 
 
 @dataclass(frozen=True)
-class Reach:
+class SearchResult:
     """The actuation found for one goal, as the model sees it.
 
     delta_a, lambda_a: (n_a,) mm, N
@@ -149,7 +149,7 @@ class Reach:
     lambda_a: np.ndarray
     delta_e: np.ndarray
     distance: float
-    status: ReachStatus
+    status: SearchStatus
     iterations: int
     queries: int
     softened: bool
@@ -167,12 +167,12 @@ class Reach:
         return Optimality.of(self.iterate.condensed, self.aim, self.limits)
 
     def verdict(self, reached: bool | None = None) -> Verdict:
-        """What the search says of its goal. reached: whether the goal counts as reached; unless given, by a miss that
+        """Verdict of the search on its goal. reached: whether the goal counts as reached; unless given, by a miss that
         hardly matters."""
         if arrived(self.iterate.condensed, self.aim, self.limits) if reached is None else reached:
             return Verdict.REACHED
-        stuck = self.tried and self.status is ReachStatus.NO_DESCENT
-        searched = self.status not in (ReachStatus.NO_ANSWER, ReachStatus.QP_FAILED)
+        stuck = self.tried and self.status is SearchStatus.NO_DESCENT
+        searched = self.status not in (SearchStatus.NO_ANSWER, SearchStatus.QP_FAILED)
         return Verdict.OUT_OF_REACH if searched and (stuck or self.optimality.holds) else Verdict.NOT_CONVERGED
 
     @classmethod
@@ -181,28 +181,28 @@ class Reach:
         aim: Aim,
         limits: Limits,
         iterate: Iterate,
-        status: ReachStatus = ReachStatus.NO_ANSWER,
+        status: SearchStatus = SearchStatus.NO_ANSWER,
         kkt: float = np.nan,
-    ) -> "Reach":
-        """The actuation of `iterate`, without a search."""
+    ) -> "SearchResult":
+        """Result that keeps the actuation of `iterate`, without a search."""
         condensed = iterate.condensed
         state = condensed.delta_a, condensed.lambda_a, condensed.delta_e, aim.distance(condensed.delta_e)
         return cls(*state, status, 0, 0, False, kkt, 0.0, iterate, aim, limits)
 
 
-def reach(
+def search_goal(
     model: Model,
     aim: Aim,
     limits: Limits,
     start: Iterate,
-    settings: Settings = Settings(),
+    settings: SearchSettings = SearchSettings(),
     place: Place = by_displacement,
-) -> Reach:
+) -> SearchResult:
     """Search from `start` for the actuation that brings the effectors nearest to the goal; place: whether steps are
     taken in displacements or in forces. Never raises for a numerical failure: the best state found comes back with
     its status."""
     begin = time.perf_counter()
-    iterate, status = start, ReachStatus.ITERATIONS
+    iterate, status = start, SearchStatus.ITERATIONS
     iterations = queries = 0
     softened, kkt, penalty, course_penalty = False, 0.0, 0.0, 0.0
     while iterations < settings.iterations:
@@ -212,12 +212,12 @@ def reach(
             root = iterate.curvature_root(aim, settings.scale)
             step = inverse_step(condensed, aim, nearby, root, settings.backend)
         except NumericalError:
-            status = ReachStatus.QP_FAILED
+            status = SearchStatus.QP_FAILED
             break
         iterations += 1
         softened, kkt = softened or step.softened, step.qp.kkt.missed
         if (np.abs(step.delta_a - condensed.delta_a) < settings.tolerance).all():
-            status = ReachStatus.CONVERGED
+            status = SearchStatus.CONVERGED
             break
         force_price, course_price = _prices(step, nearby, limits, settings.scale)
         penalty = max(penalty if settings.cautious else 0.0, 2.0 * force_price)
@@ -234,14 +234,14 @@ def reach(
         )
         queries += used
         if trial is None:
-            status = ReachStatus.NO_DESCENT
+            status = SearchStatus.NO_DESCENT
             break
         iterate = iterate.moved(trial, settings.scale)
     condensed = iterate.condensed
     seconds = time.perf_counter() - begin
     distance = aim.distance(condensed.delta_e)
     state = condensed.delta_a, condensed.lambda_a, condensed.delta_e, distance
-    return Reach(*state, status, iterations, queries, softened, kkt, seconds, iterate, aim, limits)
+    return SearchResult(*state, status, iterations, queries, softened, kkt, seconds, iterate, aim, limits)
 
 
 def _descend(
@@ -250,7 +250,7 @@ def _descend(
     limits: Limits,
     state: Condensed,
     penalties: tuple[float, float],
-    settings: Settings,
+    settings: SearchSettings,
 ) -> tuple[Condensed | None, int]:
     """The state at the end of the step, half way to it, ... whose merit is below the present one; None where
     none is."""
@@ -266,8 +266,8 @@ def _descend(
 
 
 def _least_penalty(condensed: Condensed, aim: Aim, limits: Limits) -> float:
-    """Of effector rows outside their bounds, which have no price before they have met them: what an actuator changes
-    there on its way x costs UNMET times x times what is missed."""
+    """Least penalty on effector rows outside their bounds, which have no price before they have met them: what an
+    actuator changes there on its way x costs UNMET times x times what is missed."""
     if limits.delta_e is None:
         return 0.0
     bounded = np.isfinite(limits.delta_e).any(axis=1)
@@ -288,7 +288,7 @@ def _prices(step: InverseStep, nearby: Limits, limits: Limits, scale: np.ndarray
 
 
 def _at_course(delta_a: np.ndarray, nearby: Limits, limits: Limits) -> np.ndarray:
-    """(n_a,) bool: whether the bound that a step (n_a,) met is one of the course, not of the step alone."""
+    """Mask (n_a,): True where the bound that a step (n_a,) met is one of the course, not of the step alone."""
     upper = np.abs(delta_a - nearby.delta_a[:, 1]) <= np.abs(delta_a - nearby.delta_a[:, 0])
     return np.where(upper, *(nearby.delta_a[:, side] == limits.delta_a[:, side] for side in (1, 0)))
 

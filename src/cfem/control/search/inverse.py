@@ -22,8 +22,11 @@ from cfem.core.errors import NumericalError
 
 @dataclass(frozen=True)
 class Limits:
-    """Bounds (n_a, 2), low and high, +-inf where there is none. lambda_a: N; delta_a: mm, the course of the
-    actuators; delta_e: (n_e, 2) of the effector rows, None without any."""
+    """Bounds (n_a, 2), low and high, +-inf where there is none.
+
+    lambda_a: N
+    delta_a: mm, the course of the actuators
+    delta_e: (n_e, 2) of the effector rows, None without any"""
 
     lambda_a: np.ndarray
     delta_a: np.ndarray
@@ -65,7 +68,7 @@ class Limits:
 
     @cached_property
     def course(self) -> np.ndarray:
-        """(n_a,) length of each actuator's course, up to 0 where it has no end."""
+        """Length (n_a,) of each actuator's course, up to 0 where it has no end."""
         low, high = np.where(np.isfinite(self.delta_a), self.delta_a, 0.0).T
         return high - low
 
@@ -76,10 +79,14 @@ def _beyond(values: np.ndarray, bounds: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Aim:
-    """What the effectors should do. goal: (n_e,) mm from rest; weights: (n_e,), 0 for rows that do not matter;
-    ridge: (n_a,) dimensionless, the regularisation r; preload: mm, the course that it draws the actuators to;
-    damping: (n_a,) dimensionless, d, which holds them where they are; places: (n_e,) True for rows in mm, all unless
-    given (forces have weights in mm/N)."""
+    """Task of the effectors.
+
+    goal: (n_e,) mm from rest
+    weights: (n_e,), 0 for rows that do not matter
+    ridge: (n_a,) dimensionless, the regularisation r
+    preload: mm, the course that it draws the actuators to
+    damping: (n_a,) dimensionless, d, which holds them where they are
+    places: (n_e,) True for rows in mm, all unless given (forces have weights in mm/N)"""
 
     goal: np.ndarray
     weights: np.ndarray
@@ -89,25 +96,27 @@ class Aim:
     places: np.ndarray | None = None
 
     def distance(self, delta_e: np.ndarray) -> float:
-        """mm between effectors (n_e,) and goal over the rows that matter."""
+        """Distance (mm) between effectors (n_e,) and goal over the rows that matter."""
         matters = self.weights > 0 if self.places is None else (self.weights > 0) & self.places
         return float(np.linalg.norm((delta_e - self.goal)[matters]))
 
     def missed(self, delta_e: np.ndarray) -> float:
-        """mm, the weighted distance from the goal, of all rows."""
+        """Weighted distance (mm) from the goal, of all rows."""
         return float(np.linalg.norm(self.weights * (delta_e - self.goal)))
 
     def cost(self, delta_e: np.ndarray, delta_a: np.ndarray) -> float:
-        """mm^2, what the inverse step minimises, at a state."""
+        """Cost (mm^2) that the inverse step minimises, at a state."""
         missing, effort = self.weights * (delta_e - self.goal), self.ridge * (delta_a - self.preload)
         return 0.5 * float(missing @ missing + effort @ effort)
 
 
 @dataclass(frozen=True)
 class InverseStep:
-    """lambda_a (n_a,) N and delta_a (n_a,) mm that the linearisation asks for; `softened` where no lambda
-    within its bounds keeps the course, which was then widened by as little as possible; qp: the program's own
-    account."""
+    """Step to which the linearisation leads.
+
+    lambda_a, delta_a: (n_a,) N and mm
+    softened: whether no lambda within its bounds keeps the course, which was then widened by as little as possible
+    qp: the program's own account"""
 
     lambda_a: np.ndarray
     delta_a: np.ndarray
@@ -118,7 +127,7 @@ class InverseStep:
 def inverse_step(
     now: Condensed, aim: Aim, limits: Limits, curvature_root: np.ndarray | None = None, backend: Backend = "active_set"
 ) -> InverseStep:
-    """The actuation that brings the effectors nearest to their goal by the condensed model `now` of the present state,
+    """Actuation that brings the effectors nearest to their goal by the condensed model `now` of the present state,
     effectors from rest. curvature_root: R (k, n_a), S = R^T R.
 
     Raises NumericalError where the program has no trustworthy answer."""
@@ -144,8 +153,8 @@ def inverse_step(
 
 
 def _nearest(A: np.ndarray, low: np.ndarray, high: np.ndarray, box: np.ndarray, backend: Backend) -> np.ndarray:
-    """(m,) A lambda, lambda in its box, that leaves [low, high] by the least: one program in lambda and the place s
-    within the bounds, minimising |A lambda - s|^2."""
+    """Values (m,) A lambda, lambda in its box, that leave [low, high] by the least: one program in lambda and the place
+    s within the bounds, minimising |A lambda - s|^2."""
     (m, n), nothing = A.shape, np.zeros(0)
     # Where any s with its lambda is as good, the program is flat: the solver takes one of them.
     apart = np.hstack([A, -np.eye(m)])

@@ -10,7 +10,7 @@ from itertools import product
 import numpy as np
 
 from cfem.condensed.model import Model
-from cfem.control.search.goal_search import Iterate, Place, Reach, ReachStatus, Settings, reach
+from cfem.control.search.goal_search import Iterate, Place, SearchResult, SearchSettings, SearchStatus, search_goal
 from cfem.control.search.inverse import Aim, Limits
 from cfem.control.search.optimality import arrived
 from cfem.core.errors import NumericalError
@@ -22,7 +22,7 @@ BETTER = 1e-6  # of the cost: less is rounding, for which no robot takes another
 BEYOND = 1e-9  # of a force's work along a stroke: how far a bound may be exceeded, by rounding
 
 
-def around(first: Reach, limits: Limits) -> list[np.ndarray]:
+def around(first: SearchResult, limits: Limits) -> list[np.ndarray]:
     """Displacements (n_a,) beside those of a search."""
     course = np.minimum(np.ptp(limits.delta_a, axis=1), np.abs(limits.delta_a).max(axis=1))
     aside = [ASIDE * course * direction for direction in _directions(len(course))]
@@ -30,8 +30,8 @@ def around(first: Reach, limits: Limits) -> list[np.ndarray]:
 
 
 def all_over(limits: Limits, count: int) -> Iterator[np.ndarray]:
-    """`count` displacements (n_a,) spread over the course (Halton's sequence), none where it has no end. Nothing is
-    computed before the first is asked for."""
+    """Starts: `count` displacements (n_a,) spread over the course (Halton's sequence), none where it has no end.
+    Nothing is computed before the first is asked for."""
     if np.isfinite(limits.delta_a).all():
         from scipy.stats import qmc
 
@@ -43,20 +43,19 @@ def multistart(
     model: Model,
     aim: Aim,
     limits: Limits,
-    first: Reach,
-    settings: Settings,
+    first: SearchResult,
+    settings: SearchSettings,
     place: Place,
     starts: Iterable[np.ndarray],
-) -> Reach:
-    """The best of `first` and of searches from `starts` (n_a,), which end with the first that does not miss the
-    goal."""
+) -> SearchResult:
+    """Best of `first` and of searches from `starts` (n_a,), which end with the first that does not miss the goal."""
     if arrived(first.iterate.condensed, aim, limits):
         return first
     best, cost = first, aim.cost(first.delta_e, first.delta_a)
     beyond = max(_beyond(first, limits, settings), BEYOND * float(np.abs(settings.scale * first.lambda_a).sum()))
     for start in starts:
         try:
-            result = reach(model, aim, limits, Iterate.at(model.at_displacement(start)), settings, place)
+            result = search_goal(model, aim, limits, Iterate.at(model.at_displacement(start)), settings, place)
         except NumericalError:
             continue
         best = replace(
@@ -65,7 +64,7 @@ def multistart(
             queries=best.queries + result.queries + 1,
             seconds=best.seconds + result.seconds,
         )
-        if result.status is ReachStatus.QP_FAILED or aim.cost(result.delta_e, result.delta_a) >= (1 - BETTER) * cost:
+        if result.status is SearchStatus.QP_FAILED or aim.cost(result.delta_e, result.delta_a) >= (1 - BETTER) * cost:
             continue
         if _beyond(result, limits, settings) > beyond:
             continue
@@ -76,7 +75,7 @@ def multistart(
     return best
 
 
-def _beyond(result: Reach, limits: Limits, settings: Settings) -> float:
+def _beyond(result: SearchResult, limits: Limits, settings: SearchSettings) -> float:
     return limits.outside(result.delta_e, result.lambda_a, settings.scale)
 
 

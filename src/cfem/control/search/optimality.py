@@ -35,8 +35,8 @@ class Verdict(Enum):
 
 @dataclass(frozen=True)
 class Optimality:
-    """missed: mm from the goal, weighted; nearest: mm to which the linearised robot could come, 0 where its program has
-    no answer, which shows nothing."""
+    """Condition of first order for a state of a search. missed: mm from the goal, weighted; nearest: mm to which the
+    linearised robot could come, 0 where its program has no answer, which shows nothing."""
 
     missed: float
     nearest: float
@@ -56,12 +56,12 @@ class Optimality:
 
     @property
     def holds(self) -> bool:
-        """Whether, to first order, no move within the bounds brings the effectors nearer by more than a share NEARER of
+        """True if, to first order, no move within the bounds brings the effectors nearer by more than a share NEARER of
         what is missed. It says nothing of minima elsewhere."""
         return self.missed - self.nearest <= NEARER * self.missed
 
 
 def arrived(condensed: Condensed, aim: Aim, limits: Limits) -> bool:
-    """Whether the effectors are at the goal, but for a share of how far a full stroke moves them here."""
+    """True if the effectors are at the goal, but for a share of how far a full stroke moves them here."""
     moved = np.linalg.norm(aim.weights[:, None] * condensed.effector_jacobian, axis=0) * limits.course
     return aim.missed(condensed.delta_e) <= ARRIVED * float(moved.max())

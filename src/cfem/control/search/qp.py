@@ -35,8 +35,12 @@ class QpStatus(Enum):
 
 @dataclass(frozen=True)
 class QpSolution:
-    """x (n,), y (m,) multipliers of the rows, z (n,) of the box, all in the user's units; NaN where there is
-    no answer. iterations: changes of the active set, or of splitting."""
+    """Solution of a quadratic program, all in the user's units; NaN where there is none.
+
+    x: (n,)
+    y: (m,) multipliers of the rows
+    z: (n,) multipliers of the box
+    iterations: changes of the active set, or of splitting"""
 
     x: np.ndarray
     y: np.ndarray
@@ -55,7 +59,8 @@ def solve_qp(
     box: np.ndarray,
     backend: Backend = "active_set",
 ) -> QpSolution:
-    """M (rows, n), d (rows,), A (m, n), lower and upper (m,), box (n, 2).
+    """Minimum of |M x - d|^2 with lower <= A x <= upper and x in its box: M (rows, n), d (rows,), A (m, n), lower and
+    upper (m,), box (n, 2).
 
     `active_set`: exact, refined until only rounding is left. `osqp`: operator splitting with polish, a second opinion
     that costs a hundred times as much. Where M is flat the answer is one of those that are as good."""
@@ -91,14 +96,14 @@ def residuals(
     y: np.ndarray,
     z: np.ndarray,
 ) -> Kkt:
-    """Of any x and multipliers of a program that has a solution."""
+    """Residuals of any x and multipliers of a program that has a solution."""
     low, high = np.concatenate([box[:, 0], lower]), np.concatenate([box[:, 1], upper])
     program, variables, multipliers = scaled(M, d, A, low, high)
     return program.judged(x / variables, np.concatenate([z, y]) / multipliers).kkt.of(program.unit)
 
 
 def _complaint(M: np.ndarray, d: np.ndarray, A: np.ndarray, low: np.ndarray, high: np.ndarray) -> QpStatus:
-    """What is wrong with a program that cannot be solved as it stands."""
+    """Status of a program that cannot be solved as it stands: what is wrong with it."""
     if not all(np.isfinite(each).all() for each in (M, d, A)) or np.isnan(low).any() or np.isnan(high).any():
         return QpStatus.NOT_FINITE
     closed = (low > high).any() or (low == np.inf).any() or (high == -np.inf).any()
@@ -111,20 +116,21 @@ def _no_answer(m: int, n: int, status: QpStatus, iterations: int) -> QpSolution:
 
 
 def _active_set(p: Program) -> tuple[Answer | None, int]:
-    """By rounds: each solves for the step from the last answer, with the gradient there and bounds from there on. One
-    is enough unless M is flat or nearly so. None where there is no answer, and the changes of the active set."""
+    """Answer of the active set by rounds: each solves for the step from the last answer, with the gradient there and
+    bounds from there on. One is enough unless M is flat or nearly so. None where there is no answer, and the changes of
+    the active set."""
     none, total = np.zeros(len(p.low)), 0
     x, shadow, best = np.zeros(len(p.S)), p.shadow, None
     for _ in range(_ROUNDS):
-        at, shift = p.G @ x, p.normals @ shadow
-        low, high, blur = (p.low - at) / p.length - shift, (p.high - at) / p.length - shift, np.abs(shift)
-        found = least_length(p.normals, low, high, blur)
-        if found is None:
+        values, shift = p.G @ x, p.normals @ shadow
+        low, high, blur = (p.low - values) / p.length - shift, (p.high - values) / p.length - shift, np.abs(shift)
+        active = least_length(p.normals, low, high, blur)
+        if active is None:
             break
-        total += found.changes
-        if not found.feasible:
+        total += active.changes
+        if not active.feasible:
             return None, total
-        now = _refined(p, found, x + p.V @ ((shadow + found.y) / p.S))
+        now = _refined(p, active, x + p.V @ ((shadow + active.y) / p.S))
         slow = best is not None and not now.error < 0.5 * best.error
         best = now if best is None or now.error < best.error else best
         if slow or now.error <= _ROUNDED:
@@ -133,9 +139,9 @@ def _active_set(p: Program) -> tuple[Answer | None, int]:
     return best or p.judged(x, none), total
 
 
-def _refined(p: Program, found: ActiveSet, x: np.ndarray) -> Answer:
+def _refined(p: Program, active: ActiveSet, x: np.ndarray) -> Answer:
     """x and multipliers on the active constraints, by iterative refinement with the factors at hand."""
-    n, which, sign, force = len(x), found.which, found.sign, found.force
+    n, which, sign, force = len(x), active.which, active.sign, active.force
     bound = np.where(sign > 0, p.low[which], p.high[which])
     boxed, best = which < n, None
     for _ in range(_REFINEMENTS + 1):
@@ -150,13 +156,14 @@ def _refined(p: Program, found: ActiveSet, x: np.ndarray) -> Answer:
             break
         step = -p.gradient(x, multipliers)
         left = sign * (bound - p.G[which] @ x) / p.length[which]
-        change = left @ found.T - step @ found.Q
-        force = np.maximum(force + found.T @ change, 0.0)
-        x = x + p.V @ ((step + found.Q @ change) / p.S)
+        change = left @ active.T - step @ active.Q
+        force = np.maximum(force + active.T @ change, 0.0)
+        x = x + p.V @ ((step + active.Q @ change) / p.S)
     return best
 
 
 def _osqp(p: Program) -> tuple[Answer | None, int]:
+    """Answer of OSQP, polished, and its iterations; None where the program has no solution."""
     from contextlib import redirect_stdout
     from io import StringIO
 

@@ -25,23 +25,25 @@ class Kkt:
     feasibility: float
 
     def of(self, unit: float) -> "Kkt":
-        """In a unit of M x that is `unit` times smaller."""
+        """Residuals in a unit of M x that is `unit` times smaller."""
         return Kkt(self.stationarity * unit, self.complementarity * unit, self.feasibility)
 
     @property
     def missed(self) -> float:
-        """How far M x is from the optimum, to first order."""
+        """Distance of M x from the optimum, to first order."""
         return max(self.stationarity, self.complementarity)
 
 
 @dataclass(frozen=True)
 class Program:
-    """The program in units in which M's columns, the rows of G (the box, then A) and the sizes of d and of what bounds
+    """Program in units in which M's columns, the rows of G (the box, then A) and the sizes of d and of what bounds
     demand are one.
 
-    S (n,), V (n, n): M V = U S, where M is flat with S of their own; shadow: (n,) U^T d; normals: (n + m, n) of unit
-    length, of the constraints on S V^T x; length: (n + m,) they had before; unit: that of
-    d and M x"""
+    S, V: (n,), (n, n) with M V = U S, where M is flat with S of their own
+    shadow: (n,) U^T d
+    normals: (n + m, n) of unit length, of the constraints on S V^T x
+    length: (n + m,) they had before
+    unit: that of d and M x"""
 
     M: np.ndarray
     d: np.ndarray
@@ -56,23 +58,23 @@ class Program:
     unit: float
 
     def gradient(self, x: np.ndarray, multipliers: np.ndarray) -> np.ndarray:
-        """(n,) in the unit of M x: of objective and constraints on S V^T x."""
+        """Gradient (n,) in the unit of M x: of objective and constraints on S V^T x."""
         return ((self.M @ x - self.d) @ self.M + multipliers @ self.G) @ self.V / self.S
 
     def judged(self, x: np.ndarray, multipliers: np.ndarray) -> "Answer":
-        """With its residuals."""
-        at, moved = self.G @ x, self.M @ x
+        """Answer x with its residuals."""
+        values, moved = self.G @ x, self.M @ x
         balance = ((moved - self.d) @ self.M + multipliers @ self.G) @ self.V / self.S
         complementarity = feasibility = 0.0
         held = multipliers.nonzero()[0]
         if len(held):
             claimed, length = multipliers[held], self.length[held]
-            apart = np.abs(at[held] - np.where(claimed > 0, self.high[held], self.low[held]))
+            apart = np.abs(values[held] - np.where(claimed > 0, self.high[held], self.low[held]))
             complementarity = float(np.minimum(np.abs(claimed) * length, apart / length).max())
-        outside = np.maximum(self.low - at, at - self.high)
+        outside = np.maximum(self.low - values, values - self.high)
         broken = (outside > 0).nonzero()[0]
         if len(broken):
-            nearest = np.where(self.low > at, self.low, self.high)[broken]
+            nearest = np.where(self.low > values, self.low, self.high)[broken]
             terms = np.abs(self.G[broken]) @ np.abs(x)
             # A length of 1e-14 in M x is rounding, whatever the terms.
             size = np.maximum(np.maximum(np.abs(nearest), terms), 1e-14 / TOLERANCE * self.length[broken])
@@ -84,8 +86,7 @@ class Program:
 
 @dataclass(frozen=True)
 class Answer:
-    """x (n,) and the multipliers (n + m,) of a program, with their residuals; error: the largest, relative to d and
-    M x."""
+    """Candidate x (n,) with multipliers (n + m,), and their residuals; error: the largest, relative to d and M x."""
 
     x: np.ndarray
     multipliers: np.ndarray
@@ -96,8 +97,8 @@ class Answer:
 def scaled(
     M: np.ndarray, d: np.ndarray, A: np.ndarray, low: np.ndarray, high: np.ndarray
 ) -> tuple[Program | None, np.ndarray, np.ndarray]:
-    """The program, None where it cannot be one, and the units of its x and multipliers. Scaled by largest entries:
-    their squares need not be numbers."""
+    """Program, None where it cannot be one, and the units of its x and multipliers. Scaled by largest entries: their
+    squares need not be numbers."""
     n = A.shape[1]
     column = np.abs(M).max(axis=0, initial=0.0)
     if not column.all():  # a variable without part in the objective: its box is its measure
@@ -118,11 +119,12 @@ def scaled(
 def _program(
     M: np.ndarray, d: np.ndarray, A: np.ndarray, low: np.ndarray, high: np.ndarray, unit: float = 1.0
 ) -> Program:
+    """Program of a scaled problem, whose objective is reduced by the singular values of M."""
     n = M.shape[1]
-    U, found, Vt = np.linalg.svd(M, full_matrices=len(M) < n)
-    k = int((found > _FLAT * found[0]).sum()) if len(found) else 0
-    S, shadow = np.full(n, _HELD * found[0] if k else 1.0), np.zeros(n)
-    S[:k], shadow[:k] = found[:k], d @ U[:, :k]
+    U, singular_values, Vt = np.linalg.svd(M, full_matrices=len(M) < n)
+    k = int((singular_values > _FLAT * singular_values[0]).sum()) if len(singular_values) else 0
+    S, shadow = np.full(n, _HELD * singular_values[0] if k else 1.0), np.zeros(n)
+    S[:k], shadow[:k] = singular_values[:k], d @ U[:, :k]
     G = np.concatenate([np.eye(n), A])
     normals = G @ Vt.T / S
     length = np.sqrt((normals * normals).sum(axis=1))

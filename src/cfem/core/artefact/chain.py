@@ -22,7 +22,8 @@ _KIND_OF = {command: kind for kind, (_, _, command) in KINDS.items()}
 
 
 def stage_module(kind: str) -> Any:
-    """Of the package that a kind of spec belongs to: `stage` describes a command's run, `run` runs it."""
+    """Module `stage` of the package that a kind of spec belongs to: `stage` describes a command's run, `run` runs
+    it."""
     return import_module(f"{KINDS[kind][0].rpartition('.')[0]}.stage")
 
 
@@ -83,8 +84,8 @@ def demand_current(artefact: Path, seen: set[str] | None = None) -> None:
 
 
 def command(stage: str, spec: Path, overrides: Sequence[str], out: Path) -> str:
-    """As it would be typed."""
-    words = ["cfem", stage, str(spec), *(word for one in overrides for word in ("--set", one))]
+    """Command as it would be typed."""
+    words = ["cfem", stage, str(spec), *(word for override in overrides for word in ("--set", override))]
     if os.path.realpath(out) != os.path.realpath(describe(_KIND_OF[stage], spec, overrides).out):
         words += ["--out", os.path.normpath(out)]
     return shlex.join(words)

@@ -16,8 +16,8 @@ def changes(old: Any, new: Any, specs: Mapping[str, Spec]) -> list[str]:
     'spec' and 'scene' as they are now, for units and defaults."""
     if old is None:
         return ["made by an older version of cfem"]
-    found = list(dict.fromkeys(_words(path, one, other, specs) for path, one, other in differences(old, new)))
-    return found[:MOST] + ([f"and {len(found) - MOST} more"] if len(found) > MOST else [])
+    words = list(dict.fromkeys(_words(path, before, after, specs) for path, before, after in differences(old, new)))
+    return words[:MOST] + ([f"and {len(words) - MOST} more"] if len(words) > MOST else [])
 
 
 def differences(old: Any, new: Any, path: tuple = ()) -> Iterator[tuple[tuple, Any, Any]]:
@@ -26,8 +26,8 @@ def differences(old: Any, new: Any, path: tuple = ()) -> Iterator[tuple[tuple, A
         for key in [*old, *(key for key in new if key not in old)]:
             yield from differences(old.get(key), new.get(key), (*path, key))
     elif isinstance(old, list) and isinstance(new, list) and len(old) == len(new):
-        for index, (one, other) in enumerate(zip(old, new, strict=True)):
-            yield from differences(one, other, (*path, index))
+        for index, (before, after) in enumerate(zip(old, new, strict=True)):
+            yield from differences(before, after, (*path, index))
     elif old != new:
         yield path, old, new
 

@@ -83,7 +83,7 @@ def write_npz(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
 
 
 def remove_unfinished(folder: Path) -> None:
-    """What a process that was killed in the middle of `write_whole` left behind."""
+    """Removes what a process that was killed in the middle of `write_whole` left behind."""
     for path in folder.rglob(".*.tmp"):
         path.unlink(missing_ok=True)
 

@@ -44,7 +44,7 @@ def with_inherited(results: Mapping[str, Any], inputs: Mapping[str, Path]) -> di
     """The results, judged as their stage did and as the artefacts that they were made from were."""
     judged = list(results.get(KEY, []))
     for path in inputs.values():
-        judged += [one for one in _of_artefact(path) if one not in judged]
+        judged += [finding for finding in _of_artefact(path) if finding not in judged]
     rest = {key: value for key, value in results.items() if key != KEY}
     return {KEY: judged, **rest} if judged else rest
 
@@ -54,35 +54,35 @@ def _of_artefact(path: Path) -> list[dict[str, Any]]:
         manifest = read_manifest(path) if path.is_dir() else {}
     except InputError:
         return []
-    found = _judged(manifest.get("results"))
-    return [{"what": one["what"], "from": one.get("from", manifest["stage"])} for one in found]
+    findings = _judged(manifest.get("results"))
+    return [{"what": finding["what"], "from": finding.get("from", manifest["stage"])} for finding in findings]
 
 
 def _judged(results: Any) -> list[dict[str, Any]]:
-    """A manifest may come from anywhere: what is no judgement is none."""
-    found = results.get(KEY) if isinstance(results, Mapping) else None
+    """Findings of results, which may come from anywhere: what is no judgement is none."""
+    findings = results.get(KEY) if isinstance(results, Mapping) else None
     return [
-        one
-        for one in (found if isinstance(found, list) else [])
-        if isinstance(one, dict) and isinstance(one.get("what"), str)
+        finding
+        for finding in (findings if isinstance(findings, list) else [])
+        if isinstance(finding, dict) and isinstance(finding.get("what"), str)
     ]
 
 
 def sentences(results: Mapping[str, Any]) -> list[str]:
-    """The first lines of whatever shows these results."""
-    return [_sentence(one) for one in _judged(results)]
+    """Sentences for the first lines of whatever shows these results."""
+    return [_sentence(finding) for finding in _judged(results)]
 
 
-def _sentence(one: Mapping[str, Any]) -> str:
-    if "from" in one:
-        return f"POOR input, by cfem {present(one['from'])}: {one['what']}"
-    return f"{'WRONG' if one.get('contradicted') else 'POOR'}: {one['what']}"
+def _sentence(finding: Mapping[str, Any]) -> str:
+    if "from" in finding:
+        return f"POOR input, by cfem {present(finding['from'])}: {finding['what']}"
+    return f"{'WRONG' if finding.get('contradicted') else 'POOR'}: {finding['what']}"
 
 
 def demand_trust(results: Mapping[str, Any], strict: bool) -> None:
     """NumericalError where something is contradicted or, if `strict`, poor. The results are kept."""
-    against = [one for one in _judged(results) if strict or one.get("contradicted")]
+    against = [finding for finding in _judged(results) if strict or finding.get("contradicted")]
     if against:
         more = f"; and {len(against) - 1} more" if len(against) > 1 else ""
-        why = "" if any(one.get("contradicted") for one in against) else "; without --strict the exit code is 0"
+        why = "" if any(finding.get("contradicted") for finding in against) else "; without --strict the exit code is 0"
         raise NumericalError(f"{_sentence(against[0])}{more}", do=f"the output is kept{why}")

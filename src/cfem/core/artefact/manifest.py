@@ -60,8 +60,8 @@ _ABSENT = _Manifest(content="").model_dump() | {"results": {}}
 
 
 def write_manifest(folder: Path, manifest: dict[str, Any]) -> None:
-    """With its format's version first and, last, the SHA-256 of all bytes before that line: a flipped bit anywhere in
-    the file shows, be it in a digit or in a blank."""
+    """Writes the manifest with its format's version first and, last, the SHA-256 of all bytes before that line: a
+    flipped bit anywhere in the file shows, be it in a digit or in a blank."""
     data = {"format": FORMAT} | {key: value for key, value in manifest.items() if key not in ("format", "checksum")}
     head = json.dumps(plain(data), indent=2, allow_nan=False).encode().removesuffix(b"\n}")
     write_whole(folder / MANIFEST, head + _SEAL + hashlib.sha256(head).hexdigest().encode() + _END)
@@ -115,8 +115,8 @@ def stamp(path: Path) -> list[int]:
 
 
 def harm(folder: Path, manifest: dict[str, Any]) -> str:
-    """What is wrong with the first file that is missing or not as it was written, in a few words; empty where all are.
-    Only files whose stamp is another are read."""
+    """Fault of the first file that is missing or not as it was written, in a few words; empty where all are whole. Only
+    files whose stamp is another are read."""
     for name, expected in manifest["files"].items():
         path = folder / name
         if not path.is_file():
@@ -127,7 +127,7 @@ def harm(folder: Path, manifest: dict[str, Any]) -> str:
 
 
 def is_inside(name: str) -> bool:
-    """Whether a relative name stays below the folder that it is in."""
+    """True if a relative name stays below the folder that it is in."""
     path = PurePosixPath(name)
     return bool(path.parts) and not path.is_absolute() and ".." not in path.parts and "\0" not in name
 

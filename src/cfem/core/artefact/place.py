@@ -48,7 +48,7 @@ def demand_replaceable(out: Path, stage: str, made_from: str, precious: bool, fo
 
 
 def set_aside(out: Path, precious: bool) -> Path | None:
-    """Where the old content of `out` goes, told in a sentence; None where it is cfem's own, cheap and may be
+    """Place for the old content of `out`, stated in a sentence; None where it is cfem's own, cheap and may be
     deleted."""
     if not out.is_dir() or not any(out.iterdir()):
         return None
@@ -61,23 +61,23 @@ def set_aside(out: Path, precious: bool) -> Path | None:
         why = f"cfem did not make {foreign[0]} in it" if foreign else wrong or "it cost much to make"
     except InputError:
         why = "its manifest is damaged"
-    return told(out, free_name(out), why)
+    return announced(out, free_name(out), why)
 
 
 def write_beside(path: Path, data: bytes) -> None:
     """Writes a file that a person may have changed: one with other content that is there is moved aside."""
     if path.exists() and path.read_bytes() != data:
         with disk_errors(path):
-            os.replace(path, told(path, free_name(path), "it would be overwritten"))
+            os.replace(path, announced(path, free_name(path), "it would be overwritten"))
     write_whole(path, data)
 
 
 def foreign_files(folder: Path, manifest: dict[str, Any]) -> list[str]:
     """Names of what lies in an artefact folder and is not in its manifest, in order."""
-    there = {
+    present = {
         path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_symlink() or not path.is_dir()
     }
-    return sorted(there - set(manifest["files"]) - {MANIFEST})
+    return sorted(present - set(manifest["files"]) - {MANIFEST})
 
 
 def free_name(name: Path) -> Path:
@@ -88,7 +88,7 @@ def free_name(name: Path) -> Path:
     return aside
 
 
-def told(folder: Path, aside: Path, why: str) -> Path:
+def announced(folder: Path, aside: Path, why: str) -> Path:
     """`aside`, after a sentence to the user that what is in `folder` goes there, and how much room it takes with what
     went before it."""
     shown = [os.path.normpath(path) for path in (folder, aside)]
@@ -106,12 +106,12 @@ def disk_size(path: Path) -> int:
 
 
 def is_dear(manifest: dict[str, Any], unless_told: bool) -> bool:
-    """Whether an artefact cost much to make; `unless_told`, where its manifest does not say."""
+    """True if an artefact cost much to make; `unless_told`, where its manifest does not say."""
     return unless_told if manifest["precious"] is None else manifest["precious"]
 
 
 def is_foreign(out: Path) -> bool:
-    """Whether there is no manifest, or one that another program wrote. A manifest that no parser reads may be ours."""
+    """True if there is no manifest, or one that another program wrote. A manifest that no parser reads may be ours."""
     path = out / MANIFEST
     if not path.is_file():
         return True

@@ -11,10 +11,10 @@ _PACKAGES = ("numpy", "scipy", "numba", *_SOLVERS, "gmsh", "torch", "onnxruntime
 
 def versions() -> dict[str, str]:
     """Installed versions by package; absent ones are left out."""
-    found = {"cfem": VERSION, "python": platform.python_version(), "machine": platform.machine()}
+    by_package = {"cfem": VERSION, "python": platform.python_version(), "machine": platform.machine()}
     for name in _PACKAGES:
         try:
-            found[name] = version(name)
+            by_package[name] = version(name)
         except PackageNotFoundError:
             continue
-    return found
+    return by_package

@@ -35,7 +35,8 @@ def replace_folder(new: Path, target: Path, aside: Path | None = None) -> None:
 
 
 def _swapped(new: Path, target: Path, old: Path) -> bool:
-    """Whether `target` was replaced in one step, its old content now at `old`. Nothing has changed where it was not."""
+    """Replaces `target` in one step, its old content now at `old`, and returns True; False where nothing has changed.
+    Nothing has changed where it was not."""
     if not target.is_dir() or target.is_symlink():
         return False
     os.replace(new, old)

@@ -52,7 +52,7 @@ def _below(folder: Path) -> Iterator[Path]:
 
 
 def _judged(path: Path) -> tuple[str, str]:
-    """Its worth, and why."""
+    """Worth of what was set aside, and the reason."""
     name = _OLD.fullmatch(path.name)["name"]
     if path.is_dir() and name.endswith(".partial") and read_mark(mark_of(path)):
         return COSTLY, "unfinished work, which goes on when its spec is back"

@@ -9,7 +9,7 @@ import shutil
 from pathlib import Path
 
 from cfem.core.artefact.files import disk_errors, refuse_link, remove_unfinished, write_whole
-from cfem.core.artefact.place import free_name, told
+from cfem.core.artefact.place import announced, free_name
 from cfem.core.errors import OutputError
 
 CHEAP = 60.0  # s of work, below which what is unfinished is deleted rather than moved aside
@@ -17,7 +17,7 @@ _DISCARDED = "discarded"
 
 
 def partial_folder(out: Path) -> Path:
-    """Where a stage builds its output; kept after an interruption so that a resumable stage can go on."""
+    """Folder in which a stage builds its output; kept after an interruption so that a resumable stage can go on."""
     return out.with_name(f".{out.name}.partial")
 
 
@@ -43,20 +43,20 @@ def begin(out: Path, made_from: str, precious: bool) -> Path:
 
 
 def finish(out: Path) -> None:
-    """To be called when the folder has taken the artefact's place."""
+    """Removes the mark; to be called when the folder has taken the artefact's place."""
     with disk_errors(mark_of(out)):
         mark_of(out).unlink(missing_ok=True)
 
 
 def _clear(out: Path, partial: Path, mark: Path, precious: bool) -> None:
-    """Nothing stands at `partial` afterwards."""
+    """Clears the place `partial`."""
     if partial.is_dir() and any(partial.iterdir()):
         if not read_mark(mark):
             what = "holds files that cfem did not make, at the place where it works"
             raise OutputError(what, where=os.path.normpath(partial), do="move them, or choose another --out")
         if precious and read_mark(mark) != _DISCARDED and _seconds(partial, mark) > CHEAP:
             aside = free_name(out.with_name(f"{out.name}.partial"))
-            told(partial, aside, "it was made from other inputs, and cost much; of the same inputs it goes on")
+            announced(partial, aside, "it was made from other inputs, and cost much; of the same inputs it goes on")
             os.replace(partial, aside)
             os.replace(mark, mark_of(aside))
     if partial.is_dir():
@@ -67,8 +67,8 @@ def _clear(out: Path, partial: Path, mark: Path, precious: bool) -> None:
 def _aside(out: Path, made_from: str) -> Path | None:
     """Unfinished work of these inputs that was moved aside."""
     pattern = re.compile(rf"{re.escape(out.name)}\.partial\.old-[0-9]+")
-    there = sorted(out.parent.iterdir()) if out.parent.is_dir() else []
-    folders = (path for path in there if pattern.fullmatch(path.name) and path.is_dir())
+    siblings = sorted(out.parent.iterdir()) if out.parent.is_dir() else []
+    folders = (path for path in siblings if pattern.fullmatch(path.name) and path.is_dir())
     return next((path for path in folders if read_mark(mark_of(path)) == made_from), None)
 
 
@@ -78,7 +78,7 @@ def mark_of(out: Path) -> Path:
 
 
 def read_mark(mark: Path) -> str:
-    """What a mark says, empty where there is none of cfem's."""
+    """Text of a mark, empty where there is none of cfem's."""
     if mark.is_symlink() or not mark.is_file():
         return ""
     text = mark.read_text(encoding="utf-8", errors="replace")
@@ -86,6 +86,6 @@ def read_mark(mark: Path) -> str:
 
 
 def _seconds(partial: Path, mark: Path) -> float:
-    """From the beginning of the work to the last file that it wrote."""
+    """Duration (s) of the work, from its beginning to the last file that it wrote."""
     times = [path.stat().st_mtime for path in (mark, *partial.rglob("*")) if path.is_file()]
     return max(times) - min(times)

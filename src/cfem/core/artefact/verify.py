@@ -15,8 +15,12 @@ ROOTS = (Path("data"), Path("models"))
 
 @dataclass(frozen=True)
 class VerifiedArtefact:
-    """Of one folder. stage: that made it; files: how many agree with their SHA-256; format: of its manifest, None where
-    cfem wrote it before manifests had one; damage: a sentence each, which names the file."""
+    """Verdict on one artefact folder.
+
+    stage: that made it
+    files: number of those that agree with their SHA-256
+    format: of its manifest, None where cfem wrote it before manifests had one
+    damage: a sentence each, which names the file"""
 
     folder: Path
     stage: str
@@ -32,10 +36,10 @@ def verify(folders: Sequence[Path] = ()) -> list[VerifiedArtefact]:
     for root in roots:
         if not root.is_dir():
             raise InputError("no such folder", where=str(root), do="check the path")
-    found = [judge(folder) for root in roots for folder in artefacts(root)]
-    if not found:
+    verified = [judge(folder) for root in roots for folder in artefacts(root)]
+    if not verified:
         raise InputError("found no artefact", where=", ".join(map(str, roots or ROOTS)), do="name a folder")
-    return found
+    return verified
 
 
 def artefacts(root: Path) -> Iterator[Path]:
@@ -44,7 +48,7 @@ def artefacts(root: Path) -> Iterator[Path]:
     children = [path for path in sorted(root.iterdir()) if not path.name.startswith(".")]
     folders = [path for path in children if path.is_dir() and not path.is_symlink()]
     loose = len(folders) < len(children)
-    below = (path for one in folders for path in one.rglob(MANIFEST))
+    below = (path for child in folders for path in child.rglob(MANIFEST))
     if (root / MANIFEST).exists() or (loose and not any(below)):
         yield root
     else:
@@ -62,16 +66,16 @@ def judge(folder: Path) -> VerifiedArtefact:
     damage = [sentence for name, expected in known.items() if (sentence := _damage(folder / name, expected))]
     foreign = foreign_files(folder, manifest)
     damage += [f"{folder / name}: is foreign: the manifest does not name it" for name in foreign]
-    whole = len(known) - (len(damage) - len(foreign))
-    return VerifiedArtefact(folder, str(manifest.get("stage", "")), whole, manifest.get("format"), tuple(damage))
+    sound = len(known) - (len(damage) - len(foreign))
+    return VerifiedArtefact(folder, str(manifest.get("stage", "")), sound, manifest.get("format"), tuple(damage))
 
 
 def _damage(path: Path, expected: str) -> str:
-    """A sentence, empty where the file is whole."""
+    """Sentence about a damaged file, empty where the file is whole."""
     if not os.path.lexists(path):
         return f"{path}: is missing"
     try:
-        same = file_sha256(path) == expected
+        unchanged = file_sha256(path) == expected
     except InputError as error:
         return str(error)
-    return "" if same else f"{path}: is damaged: its SHA-256 differs from the manifest"
+    return "" if unchanged else f"{path}: is damaged: its SHA-256 differs from the manifest"

@@ -77,11 +77,11 @@ class Display:
         self._lock = threading.RLock()
 
     def tick(self) -> None:
-        """Called often: writes where it is time to."""
+        """Writes where it is time to; called often."""
         with self._lock:
             now = self._clock()
-            for one in self.counted:
-                one.look(now)
+            for counted in self.counted:
+                counted.look(now)
             if self._width:
                 self._turn += 1
                 line = f"{SPINNER[self._turn % len(SPINNER)]} {self.line()}"
@@ -94,15 +94,15 @@ class Display:
         """'control: solving the goals by FE, 4/24, 12 s, about 30 s left'."""
         now = self._clock()
         parts = [f"{self.label}: {self.text or 'working'}"]
-        left = None
+        remaining = None
         if self.counted:
             inner = self.counted[-1]
             parts.append(f"{inner.count}/{inner.total}")
             parts += [inner.note()] if inner.note is not None and inner.count > inner.begun else []
-            left = inner.left(now)
+            remaining = inner.left(now)
         parts.append(f"{now - self.begin:.0f} s so far")
-        if left is not None and left >= 1:
-            parts.append(f"about {left:.0f} s left")
+        if remaining is not None and remaining >= 1:
+            parts.append(f"about {remaining:.0f} s left")
         return printable(", ".join(parts))
 
     def relabel(self, label: str) -> tuple[str, str, float]:
@@ -111,10 +111,10 @@ class Display:
         self.label, self.text, self.begin = label, "", self._clock()
         return before
 
-    def advance(self, one: Counted, n: int) -> None:
-        """n parts more of it are done."""
+    def advance(self, counted: Counted, n: int) -> None:
+        """Counts n parts more as done."""
         with self._lock:
-            one.advance(n, self._clock())
+            counted.advance(n, self._clock())
 
     def say(self, text: str) -> None:
         """A line that stays."""
@@ -133,7 +133,7 @@ _display: Display | None = None
 
 @contextmanager
 def shown(label: str, quiet: bool = False) -> Iterator[None]:
-    """What runs within is shown on stderr, by the label of its command; within another, only the label changes."""
+    """Shows what runs within on stderr, by the label of its command; within another, only the label changes."""
     global _display
     if quiet or _display is not None:
         with labelled(label):
@@ -182,7 +182,7 @@ def labelled(label: str) -> Iterator[None]:
 
 
 def doing(text: str) -> None:
-    """From now on this is what is being done."""
+    """States what is being done from now on."""
     if _display is not None:
         _display.text = text
 
@@ -219,11 +219,11 @@ def progress(
     if display is None or total <= done:
         yield lambda n: None
         return
-    one = Counted(total, done, estimate, poll, note)
+    counted = Counted(total, done, estimate, poll, note)
     before, display.text = display.text, what
-    display.counted.append(one)
+    display.counted.append(counted)
     try:
-        yield lambda n: display.advance(one, n)
+        yield lambda n: display.advance(counted, n)
     finally:
-        display.counted.remove(one)
+        display.counted.remove(counted)
         display.text = before

@@ -32,19 +32,19 @@ def length_unit(mm: float) -> tuple[str, float]:
 
 
 def stress(mpa: float) -> str:
-    """Of MPa: '22.2 kPa', four digits."""
+    """Stress of MPa in words: '22.2 kPa', four digits."""
     size = abs(mpa)
     unit = _unit(size, (("GPa", 1e3), ("MPa", 1.0))) if size >= 1 else _unit(size, (("kPa", 1e-3), ("Pa", 1e-6)), 0.1)
     return _scaled((mpa,), unit if mpa else ("kPa", 1e-3), 4)
 
 
 def size(count: float) -> str:
-    """Of bytes: '14.8 kB'."""
+    """Size of so many bytes in words: '14.8 kB'."""
     return _scaled((count,), _unit(count, (("GB", 1e9), ("MB", 1e6), ("kB", 1e3), ("bytes", 1.0))))
 
 
 def times(ratio: float) -> str:
-    """How many times as long or large, two digits: '830', '2.5'."""
+    """Ratio in words, two digits: '830', '2.5'."""
     return _digits(ratio, 2)
 
 

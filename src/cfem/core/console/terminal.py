@@ -2,7 +2,7 @@
 
 
 def printable(text: str) -> str:
-    """With what a terminal would not show, or would obey, as escape sequences: '\\x1b[2J'. Ends of lines stay."""
+    """Text with what a terminal would not show, or would obey, as escape sequences: '\\x1b[2J'. Ends of lines stay."""
     if text.replace("\n", "").isprintable():
         return text
     return "".join(char if char == "\n" or char.isprintable() else _escaped(char) for char in text)

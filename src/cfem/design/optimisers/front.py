@@ -15,11 +15,15 @@ _TILT = 1e-5  # weight of the other objectives at an end of the front
 
 @dataclass(frozen=True)
 class Front:
-    """names: of the objectives; of (k,): their numbers; designs: in the order of the first objective; corners: their
-    places: the ends, the knee between them, where the front is farthest below the line between its ends, and either
-    side of where it jumps to other designs (two objectives). volume, grid_volume: hypervolumes of the front and of the
-    grid's own (shares of the box between the best and the worst of the grid's); beaten: points of the grid that beat a
-    design of the front."""
+    """Designs of which none is better than another in all objectives.
+
+    names, of: of the objectives, and (k,) their numbers
+    designs: in the order of the first objective
+    corners: places of the ends, of the knee between them, where the front is farthest below the line between its ends,
+        and of either side of where it jumps to other designs (two objectives)
+    volume, grid_volume: hypervolumes of the front and of the grid's own (shares of the box between the best and the
+        worst of the grid's)
+    beaten: points of the grid that beat a design of the front"""
 
     names: tuple[str, ...]
     of: tuple[int, ...]
@@ -33,37 +37,40 @@ class Front:
 def pareto_front(
     problem: DesignProblem, grid: Grid, names: Sequence[str], points: int, ends: Sequence[Design]
 ) -> Front:
-    """ends: the best designs by each objective alone."""
-    of = [problem.names.index(name) for name in names]
-    unit = np.eye(len(problem.objectives))[of]
+    """Front of designs. ends: the best designs by each objective alone."""
+    indices = [problem.names.index(name) for name in names]
+    unit = np.eye(len(problem.objectives))[indices]
     # of designs that are equally good at one objective, the end is the best at the others
     tilted = unit + _TILT * unit.sum(axis=0)
-    ends = [best(problem, grid, Scalar.weighted(row), 1, [one.z]) for row, one in zip(tilted, ends, strict=True)]
-    corner = np.array([grid.hat(one.objectives)[of] for one in ends])
+    ends = [best(problem, grid, Scalar.weighted(row), 1, [end.z]) for row, end in zip(tilted, ends, strict=True)]
+    corner = np.array([grid.hat(end.objectives)[indices] for end in ends])
     low, high = corner.min(axis=0), corner.max(axis=0)
     width = np.where(high > low, high - low, 1.0)
-    hats = grid.hat(grid.scores.objectives)[:, of]
+    hats = grid.hat(grid.scores.objectives)[:, indices]
     feasible = np.flatnonzero(grid.scores.feasible)
-    found = list(ends)
+    designs_found = list(ends)
     last = ends[0].z
-    for share in _lattice(points, len(of)):
+    for share in _lattice(points, len(indices)):
         # through the point of the simplex between the ends, along (1, ..., 1) in units of the ends' box
         scalar = Scalar(unit / width[:, None], (low / width) + share)
         start = grid.z[feasible[np.argmin(scalar(grid.hat(grid.scores.objectives[feasible])))]]
-        one = min((refine(problem, grid, scalar, z) for z in (start, last)), key=lambda design: design.value)
-        found.append(one)
-        last = one.z
-    objectives = np.array([one.objectives for one in found])[:, of]
-    keep = [i for i in np.flatnonzero(non_dominated(objectives)) if not _repeats(objectives, i, grid.width[of])]
+        refined = min((refine(problem, grid, scalar, z) for z in (start, last)), key=lambda design: design.value)
+        designs_found.append(refined)
+        last = refined.z
+    objectives = np.array([design.objectives for design in designs_found])[:, indices]
+    keep = [i for i in np.flatnonzero(non_dominated(objectives)) if not _repeats(objectives, i, grid.width[indices])]
     keep.sort(key=lambda i: objectives[i, 0])
-    designs = tuple(found[i] for i in keep)
-    hat = grid.hat(np.array([one.objectives for one in designs]))[:, of]
-    z = np.array([one.z for one in designs])
-    two = len(of) == 2
-    better = [((hats[feasible] <= one).all(axis=1) & (hats[feasible] < one - 1e-9).any(axis=1)).sum() for one in hat]
+    designs = tuple(designs_found[i] for i in keep)
+    hat = grid.hat(np.array([design.objectives for design in designs]))[:, indices]
+    z = np.array([design.z for design in designs])
+    two = len(indices) == 2
+    better = [
+        ((hats[feasible] <= hat_of_design).all(axis=1) & (hats[feasible] < hat_of_design - 1e-9).any(axis=1)).sum()
+        for hat_of_design in hat
+    ]
     return Front(
         tuple(names),
-        tuple(of),
+        tuple(indices),
         designs,
         _corners(hat, z) if two else {name: int(np.argmin(hat[:, i])) for i, name in enumerate(names)},
         hypervolume(hat),
@@ -77,10 +84,10 @@ def best_of_each(problem: DesignProblem, grid: Grid, starts: int) -> list[Design
 
 
 def non_dominated(objectives: np.ndarray) -> np.ndarray:
-    """(m, k) -> (m,) True where no other row is as good in all and better in one."""
+    """Mask (m,): True for rows of objectives (m, k) than which no other row is as good in all and better in one."""
     keep = np.ones(len(objectives), dtype=bool)
-    for i, one in enumerate(objectives):
-        keep[i] = not ((objectives <= one).all(axis=1) & (objectives < one).any(axis=1)).any()
+    for i, row in enumerate(objectives):
+        keep[i] = not ((objectives <= row).all(axis=1) & (objectives < row).any(axis=1)).any()
     return keep
 
 
@@ -100,7 +107,7 @@ def hypervolume(hat: np.ndarray) -> float:
 
 
 def _repeats(objectives: np.ndarray, index: int, width: np.ndarray) -> bool:
-    """Whether an earlier row is the same to 1e-6 of the spread."""
+    """True if an earlier row is the same to 1e-6 of the spread."""
     return bool((np.abs(objectives[:index] - objectives[index]) < 1e-6 * width).all(axis=1).any())
 
 
@@ -110,15 +117,16 @@ def jumps(z: np.ndarray) -> np.ndarray:
 
 
 def _corners(hat: np.ndarray, z: np.ndarray) -> dict[str, int]:
+    """Numbers of the designs at the ends, the knee and the gaps of a front of two objectives."""
     first, last = hat[0], hat[-1]
     line = last - first
     below = line[0] * (hat[:, 1] - first[1]) - line[1] * (hat[:, 0] - first[0])
     knee = int(np.argmin(below))
-    found = {"first": 0, "last": len(hat) - 1} | ({"knee": knee} if 0 < knee < len(hat) - 1 else {})
+    corners = {"first": 0, "last": len(hat) - 1} | ({"knee": knee} if 0 < knee < len(hat) - 1 else {})
     for number, place in enumerate(jumps(z)):
         label = f" {number + 1}" if number else ""
-        found |= {f"before gap{label}": int(place) - 1, f"after gap{label}": int(place)}
-    return {name: place for i, (name, place) in enumerate(found.items()) if place not in list(found.values())[:i]}
+        corners |= {f"before gap{label}": int(place) - 1, f"after gap{label}": int(place)}
+    return {name: place for i, (name, place) in enumerate(corners.items()) if place not in list(corners.values())[:i]}
 
 
 def _lattice(points: int, k: int) -> list[np.ndarray]:

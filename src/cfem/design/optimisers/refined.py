@@ -11,7 +11,7 @@ from cfem.core.artefact.judgement import contradicted
 from cfem.core.console.shown import duration
 from cfem.core.errors import NumericalError
 from cfem.design.fe import FeProblem
-from cfem.design.objectives import said
+from cfem.design.objectives import with_unit
 from cfem.design.optimisers.search import Grid, Scalar, best, starts_apart
 from cfem.design.optimisers.trust_region import Optimum, TrustRegionSettings, best_of, optimum
 from cfem.design.problem import DesignProblem
@@ -30,28 +30,31 @@ class Refined:
 
     @property
     def agree(self) -> int:
-        """Starts that ended at the best design."""
-        return sum(bool(np.abs(one.z - self.best.z).max() <= _SAME) for one in self.ends)
+        """Number of starts that ended at the best design."""
+        return sum(bool(np.abs(end.z - self.best.z).max() <= _SAME) for end in self.ends)
 
 
 def refine_all(spec: DesignSpec, problem: DesignProblem, exact: FeProblem, grid: Grid) -> dict[str, Refined]:
-    """By objective and blend. exact: the same problem by finite elements. NumericalError where they solve no start."""
+    """Refined designs by objective and blend. exact: the same problem by finite elements. NumericalError where they
+    solve no start."""
     asked = spec.refine
     limits = TrustRegionSettings(asked.radius, asked.tolerance, asked.solves)
     rows = dict(zip(problem.names, np.eye(len(problem.names)), strict=True))
     for name, weights in spec.blends.items():
-        rows[name] = np.array([weights.get(one, 0.0) for one in problem.names])
+        rows[name] = np.array([weights.get(objective, 0.0) for objective in problem.names])
     return {name: _refined(problem, exact, grid, weights, asked.starts, limits) for name, weights in rows.items()}
 
 
 def _refined(
     problem: DesignProblem, exact: FeProblem, grid: Grid, weights: np.ndarray, starts: int, limits: TrustRegionSettings
 ) -> Refined:
+    """Refined design of several starts, the best of the model and others that lie apart. NumericalError where finite
+    elements solve none of them."""
     begin, scalar = time.process_time(), Scalar.weighted(weights)
     first = best(problem, grid, scalar, starts)
     chosen = [first.z]
     for z in starts_apart(grid, scalar, 4 * starts):
-        if len(chosen) < starts and all(np.abs(z - one).max() > _SAME for one in chosen):
+        if len(chosen) < starts and all(np.abs(z - start).max() > _SAME for start in chosen):
             chosen.append(z)
     ends, error = [], None
     for z in chosen:
@@ -64,11 +67,13 @@ def _refined(
     return Refined(best_of(ends), ends, time.process_time() - begin)
 
 
-def told(problem: DesignProblem, found: dict[str, Refined]) -> tuple[dict[str, Any], list[str], list[Any]]:
-    """For design.json; lines for a person; where a search did not end at an optimum."""
+def account_of(
+    problem: DesignProblem, refined_by_name: dict[str, Refined]
+) -> tuple[dict[str, Any], list[str], list[Any]]:
+    """Results for design.json, lines for a person, and findings where a search did not end at an optimum."""
     results, lines, doubts = {}, [], []
-    for name, one in found.items():
-        top, shown = one.best, [name] if name in problem.names else problem.names
+    for name, refined in refined_by_name.items():
+        top, shown = refined.best, [name] if name in problem.names else problem.names
         p = problem.p(top.z)
         parameters = problem.family.parameters
         results[name] = {
@@ -79,23 +84,23 @@ def told(problem: DesignProblem, found: dict[str, Refined]) -> tuple[dict[str, A
             ],
             "objectives": dict(zip(problem.names, top.objectives.tolist(), strict=True)),
             "constraints": dict(zip(problem.constraints, top.constraints.tolist(), strict=True)),
-            "of_the_models_design": dict(zip(problem.names, one.ends[0].first.tolist(), strict=True)),
+            "of_the_models_design": dict(zip(problem.names, refined.ends[0].first.tolist(), strict=True)),
             "residual": top.residual,
             "certified": top.certified,
             "why": top.why,
             "starts": [
                 {"value": each.value, "certified": each.certified, "solves": each.solves, "why": each.why}
-                for each in one.ends
+                for each in refined.ends
             ],
-            "starts_that_agree": one.agree,
-            "seconds": one.seconds,
+            "starts_that_agree": refined.agree,
+            "seconds": refined.seconds,
         }
-        values = ", ".join(_pair(problem, key, top.objectives, one.ends[0].first) for key in shown)
-        solves = sum(each.solves for each in one.ends)
+        values = ", ".join(_pair(problem, key, top.objectives, refined.ends[0].first) for key in shown)
+        solves = sum(each.solves for each in refined.ends)
         lines.append(
             f"{name} by finite elements (the model's best design in brackets): {values}; "
             f"{'an optimum' if top.certified else 'no optimum: ' + top.why}, first-order residual {top.residual:.1e}; "
-            f"{one.agree} of {len(one.ends)} starts, {solves} solves, {duration(one.seconds)} of CPU time"
+            f"{refined.agree} of {len(refined.ends)} starts, {solves} solves, {duration(refined.seconds)} of CPU time"
         )
         if not top.held:
             doubts.append(contradicted(f"design {name}: its constraints do not hold by finite elements"))
@@ -104,5 +109,5 @@ def told(problem: DesignProblem, found: dict[str, Refined]) -> tuple[dict[str, A
 
 def _pair(problem: DesignProblem, key: str, fe: np.ndarray, model: np.ndarray) -> str:
     """An objective by finite elements, and in brackets that of the model's best design."""
-    i, one = problem.names.index(key), problem.objectives[key]
-    return f"{key} {said(one, fe[i])} ({said(one, model[i])})"
+    i, objective = problem.names.index(key), problem.objectives[key]
+    return f"{key} {with_unit(objective, fe[i])} ({with_unit(objective, model[i])})"

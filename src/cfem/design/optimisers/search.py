@@ -28,8 +28,11 @@ LARGEST_GRID = 1_000_000  # designs
 
 @dataclass(frozen=True)
 class Grid:
-    """shape (n,): points along each parameter, empty where designs are scattered; z (m, n), scores of all; low, width
-    (n_f,): smallest objective among the feasible, and how far they spread."""
+    """First designs, judged.
+
+    shape: (n,) points along each parameter, empty where designs are scattered
+    z, scores: (m, n), and of all
+    low, width: (n_f,) smallest objective among the feasible, and how far they spread"""
 
     shape: tuple[int, ...]
     z: np.ndarray
@@ -60,8 +63,12 @@ class Scalar:
 
 @dataclass(frozen=True)
 class Design:
-    """z (n,), objectives (n_f,) and constraints (n_g,); value: of what was minimised; iterations: of the gradient
-    search from the start that won; message: of how it ended."""
+    """Design that a search has found.
+
+    z, objectives, constraints: (n,), (n_f,) and (n_g,)
+    value: of what was minimised
+    iterations: of the gradient search from the start that won
+    message: of how it ended"""
 
     z: np.ndarray
     objectives: np.ndarray
@@ -72,8 +79,8 @@ class Design:
 
 
 def first_designs(problem: DesignProblem, asked: Any) -> Grid:
-    """As design.yaml asks: points along each parameter, one number or a list, or a number of scattered designs.
-    SpecError where a grid has another number of parameters, or far too many designs."""
+    """First designs as design.yaml asks: points along each parameter, one number or a list, or a number of scattered
+    designs. SpecError where a grid has another number of parameters, or far too many designs."""
     if isinstance(asked, Scattered):
         return evaluate_scattered(problem, asked.designs)
     n = len(problem.free)
@@ -97,7 +104,7 @@ def evaluate_grid(problem: DesignProblem, shape: Sequence[int]) -> Grid:
 
 
 def evaluate_scattered(problem: DesignProblem, count: int) -> Grid:
-    """As `evaluate_grid`, of designs that lie evenly scattered, and their middle."""
+    """Grid of designs that lie evenly scattered, and their middle."""
     n = len(problem.free)
     spread = qmc.Sobol(n, rng=np.random.default_rng(0)).random_base2(max(int(np.ceil(np.log2(count))), 1))
     return _evaluated(problem, (), np.vstack([np.full((1, n), 0.5), spread[: count - 1]]))
@@ -105,7 +112,7 @@ def evaluate_scattered(problem: DesignProblem, count: int) -> Grid:
 
 def _evaluated(problem: DesignProblem, shape: tuple[int, ...], z: np.ndarray) -> Grid:
     parts = [problem(z[first : first + AT_ONCE]) for first in range(0, len(z), AT_ONCE)]
-    scores = Scores(*(np.concatenate(one) for one in zip(*parts, strict=True)))
+    scores = Scores(*(np.concatenate(part) for part in zip(*parts, strict=True)))
     return judged(problem, shape, z, scores)
 
 
@@ -114,7 +121,7 @@ def judged(problem: DesignProblem, shape: tuple[int, ...], z: np.ndarray, scores
     good = scores.objectives[scores.feasible]
     if not len(good):
         least = scores.constraints.max(axis=0)
-        names = [name for name, one in zip(problem.constraints, least, strict=True) if one < 0] or [
+        names = [name for name, slack in zip(problem.constraints, least, strict=True) if slack < 0] or [
             *problem.constraints
         ]
         raise NumericalError(
@@ -128,9 +135,9 @@ def judged(problem: DesignProblem, shape: tuple[int, ...], z: np.ndarray, scores
 def best(
     problem: DesignProblem, grid: Grid, scalar: Scalar, starts: int = 3, near: Sequence[np.ndarray] = ()
 ) -> Design:
-    """From the best feasible points of the grid that lie apart, and from those `near` (n,)."""
-    found = [refine(problem, grid, scalar, z) for z in [*near, *starts_apart(grid, scalar, starts)]]
-    return min(found, key=lambda one: one.value)
+    """Best design from the best feasible points of the grid that lie apart, and from those `near` (n,)."""
+    designs = [refine(problem, grid, scalar, z) for z in [*near, *starts_apart(grid, scalar, starts)]]
+    return min(designs, key=lambda design: design.value)
 
 
 def refine(
@@ -141,31 +148,31 @@ def refine(
     within: tuple[np.ndarray, np.ndarray] | None = None,
     from_outside: bool = False,
 ) -> Design:
-    """By gradients from a feasible start (n,); the start itself where they lead nowhere better. within: ends (n,) of
-    the search, all of the ranges unless given. from_outside: the start violates constraints, so that any design that
-    satisfies them, or violates them by less, is better."""
+    """Design refined by gradients from a feasible start (n,); the start itself where they lead nowhere better. within:
+    ends (n,) of the search, all of the ranges unless given. from_outside: the start violates constraints, so that any
+    design that satisfies them, or violates them by less, is better."""
     n_f, n = len(problem.objectives), len(start)
     low, high = (np.zeros(n), np.ones(n)) if within is None else within
     seen: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
 
-    def at(z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def values_at(z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         key = z.tobytes()
         if key not in seen:
             seen[key] = problem.with_slopes(z)
         return seen[key]
 
     def slack(v: np.ndarray) -> np.ndarray:
-        values, _ = at(v[:n])
+        values, _ = values_at(v[:n])
         return np.concatenate([v[n] - (scalar.weights @ grid.hat(values[:n_f]) - scalar.shift), values[n_f:] / scale])
 
     def slack_slopes(v: np.ndarray) -> np.ndarray:
-        _, slopes = at(v[:n])
+        _, slopes = values_at(v[:n])
         rows = -scalar.weights @ (slopes[:n_f] / grid.width[:, None])
         rows = np.hstack([rows, np.ones((len(rows), 1))])
-        others = np.hstack([slopes[n_f:] / scale[:, None], np.zeros((len(slopes) - n_f, 1))])
-        return np.vstack([rows, others])
+        of_constraints = np.hstack([slopes[n_f:] / scale[:, None], np.zeros((len(slopes) - n_f, 1))])
+        return np.vstack([rows, of_constraints])
 
-    first, slopes = at(start)
+    first, slopes = values_at(start)
     scale = np.maximum(np.abs(slopes[n_f:]).max(axis=1, initial=0.0), 1e-12)
     begin = Design(start, first[:n_f], first[n_f:], float(scalar(grid.hat(first[None, :n_f]))[0]), 0, "the start")
     gradient = np.append(np.zeros(n), 1.0)
@@ -179,9 +186,9 @@ def refine(
         options={"maxiter": 100, "ftol": 1e-10},
     )
     z = np.clip(answer.x[:n], low, high)
-    values, _ = at(z)
+    values, _ = values_at(z)
     value = float(scalar(grid.hat(values[None, :n_f]))[0])
-    least, before = ((one / scale).min(initial=0.0) for one in (values[n_f:], first[n_f:]))
+    least, before = ((slacks / scale).min(initial=0.0) for slacks in (values[n_f:], first[n_f:]))
     better = least > before if from_outside else least >= -_FEASIBLE and value < begin.value
     if not better:
         return begin
@@ -189,13 +196,13 @@ def refine(
 
 
 def starts_apart(grid: Grid, scalar: Scalar, count: int) -> list[np.ndarray]:
-    """The best feasible points of the grid of which no two are neighbours."""
+    """Best feasible points of the grid of which no two are neighbours."""
     feasible = np.flatnonzero(grid.scores.feasible)
     order = feasible[np.argsort(scalar(grid.hat(grid.scores.objectives[feasible])), kind="stable")]
-    gap = 1.5 / max(min(max(one - 1, 1) for one in grid.shape), 1) if grid.shape else _SCATTERED_APART
+    gap = 1.5 / max(min(max(points - 1, 1) for points in grid.shape), 1) if grid.shape else _SCATTERED_APART
     chosen: list[np.ndarray] = []
     for index in order:
-        if all(np.abs(grid.z[index] - one).max() > gap for one in chosen):
+        if all(np.abs(grid.z[index] - start).max() > gap for start in chosen):
             chosen.append(grid.z[index])
         if len(chosen) == count:
             break

@@ -14,34 +14,35 @@ from cfem.core.errors import NumericalError
 from cfem.design.problem import DesignProblem
 
 
-def shares(of: Callable[[np.ndarray], np.ndarray], n: int, designs: int, seed: int = 0) -> dict[str, np.ndarray]:
-    """of: (m, n) in [0, 1] -> (m, k). first, total: (k, n). designs: a power of two; costs designs (n + 2) evaluations.
+def shares(values_of: Callable[[np.ndarray], np.ndarray], n: int, designs: int, seed: int = 0) -> dict[str, np.ndarray]:
+    """Sobol indices of values_of: (m, n) in [0, 1] -> (m, k). first, total: (k, n). designs: a power of two; costs
+    designs (n + 2) evaluations. first, total: (k, n). designs: a power of two; costs designs (n + 2) evaluations.
 
     NumericalError where a value is not finite."""
 
     def values(z: np.ndarray) -> np.ndarray:
-        found = of(z.T).T
-        if not np.isfinite(found).all():
+        values = values_of(z.T).T
+        if not np.isfinite(values).all():
             raise NumericalError("an objective is not finite at some designs", where="sensitivity")
-        return found
+        return values
 
-    found = sobol_indices(func=values, n=designs, dists=[uniform()] * n, rng=np.random.default_rng(seed))
-    return {"first": np.atleast_2d(found.first_order), "total": np.atleast_2d(found.total_order)}
+    sobol = sobol_indices(func=values, n=designs, dists=[uniform()] * n, rng=np.random.default_rng(seed))
+    return {"first": np.atleast_2d(sobol.first_order), "total": np.atleast_2d(sobol.total_order)}
 
 
-def told(problem: DesignProblem, designs: int) -> tuple[dict[str, Any], list[str]]:
-    """By objective and kind of share, the parameters' shares; and lines for a person."""
-    names = [one.name for one in problem.parameters]
-    found = shares(lambda z: problem(z).objectives, len(names), designs)
+def account_of(problem: DesignProblem, designs: int) -> tuple[dict[str, Any], list[str]]:
+    """Parameters' shares by objective and kind of share; and lines for a person."""
+    names = [parameter.name for parameter in problem.parameters]
+    indices = shares(lambda z: problem(z).objectives, len(names), designs)
     results = {
-        objective: {kind: dict(zip(names, values[index].tolist(), strict=True)) for kind, values in found.items()}
+        objective: {kind: dict(zip(names, values[index].tolist(), strict=True)) for kind, values in indices.items()}
         for index, objective in enumerate(problem.names)
     }
-    return results, [line(one, names, found["total"][index]) for index, one in enumerate(problem.names)]
+    return results, [line(objective, names, indices["total"][index]) for index, objective in enumerate(problem.names)]
 
 
 def line(objective: str, names: list[str], total: np.ndarray, shown: int = 4) -> str:
-    """For a person: the parameters (n,) that matter most, and how many hardly matter."""
+    """Line for a person: the parameters (n,) that matter most, and how many hardly matter."""
     order = np.argsort(-total, kind="stable")
     most = ", ".join(f"{names[i]} {100 * max(total[i], 0):.0f} %" for i in order[:shown])
     little = int((total < 0.01).sum())

@@ -53,9 +53,16 @@ class TrustRegionSettings:
 
 @dataclass(frozen=True)
 class Optimum:
-    """By finite elements: z (n,), objectives (n_f,), constraints (n_g,) and the scalar's value; residual: of the
-    first-order conditions; held: whether the constraints hold; stationary: whether the residual is below the tolerance;
-    first: objectives (n_f,) of the start; solves; why: it ended."""
+    """Design at which a search by finite elements has ended.
+
+    z, objectives, constraints: (n,), (n_f,) and (n_g,)
+    value: of the scalar
+    residual: of the first-order conditions
+    held: whether the constraints hold
+    stationary: whether the residual is below the tolerance
+    first: (n_f,) objectives of the start
+    solves: number of them
+    why: it ended"""
 
     z: np.ndarray
     objectives: np.ndarray
@@ -70,7 +77,7 @@ class Optimum:
 
     @property
     def certified(self) -> bool:
-        """Whether it is a first-order optimum by finite elements."""
+        """True if it is a first-order optimum by finite elements."""
         return self.held and self.stationary
 
 
@@ -98,8 +105,8 @@ class _Corrected:
 def optimum(
     model: Slopes, exact: Slopes, grid: Grid, weights: np.ndarray, start: np.ndarray, limits: TrustRegionSettings
 ) -> Optimum:
-    """weights: (n_f,) of the objectives between 0 and 1 on the grid. start: (n,). NumericalError where finite elements
-    do not solve the start."""
+    """Optimum of the corrected model, by finite elements. weights: (n_f,) of the objectives between 0 and 1 on the
+    grid. start: (n,). NumericalError where finite elements do not solve the start."""
     n_f, radius = len(exact.objectives), limits.radius
     scalar = Scalar.weighted(weights)
     z = np.clip(start, 0.0, 1.0)
@@ -117,29 +124,31 @@ def optimum(
             break
         led = _Corrected(model, z, values, slopes)
         low, high = np.maximum(z - radius, 0.0), np.minimum(z + radius, 1.0)
-        found = refine(led, grid, scalar, z, (low, high), from_outside=violated > 0.1 * _HELD)
+        candidate = refine(led, grid, scalar, z, (low, high), from_outside=violated > 0.1 * _HELD)
         penalty = 2 * max(largest, 1.0)
 
-        def merit(given: np.ndarray, penalty: float = penalty, scales: np.ndarray = slopes[n_f:]) -> float:
-            return float(scalar(grid.hat(given[None, :n_f]))[0]) + penalty * _violation(given[n_f:], scales)
+        def merit(design_values: np.ndarray, penalty: float = penalty, scales: np.ndarray = slopes[n_f:]) -> float:
+            return float(scalar(grid.hat(design_values[None, :n_f]))[0]) + penalty * _violation(
+                design_values[n_f:], scales
+            )
 
-        promised = merit(values) - merit(np.concatenate([found.objectives, found.constraints]))
+        promised = merit(values) - merit(np.concatenate([candidate.objectives, candidate.constraints]))
         if promised <= _LEAST_GAIN or radius < _SMALLEST:
             why = "the corrected model promises no gain" if radius >= _SMALLEST else "the steps became too small"
             break
         try:
-            there, turned = exact.with_slopes(found.z)
-            ratio = (merit(values) - merit(there)) / promised
+            exact_values, turned = exact.with_slopes(candidate.z)
+            ratio = (merit(values) - merit(exact_values)) / promised
         except NumericalError:
             ratio = -np.inf
         solves += 1
-        step = float(np.abs(found.z - z).max())
+        step = float(np.abs(candidate.z - z).max())
         if not ratio >= _SHRINK:
             radius = 0.4 * step
         elif ratio > _GROW and step > 0.9 * radius:
             radius = min(2 * radius, 1.0)
         if ratio > 0:
-            z, values, slopes = found.z, there, turned
+            z, values, slopes = candidate.z, exact_values, turned
     held = violated <= _HELD
     value = float(scalar(grid.hat(values[None, :n_f]))[0])
     return Optimum(
@@ -147,16 +156,16 @@ def optimum(
     )
 
 
-def best_of(found: Sequence[Optimum]) -> Optimum:
-    """Of several starts: the best whose constraints hold."""
-    return min(found, key=lambda one: (not one.held, one.value))
+def best_of(optima: Sequence[Optimum]) -> Optimum:
+    """Best of several starts whose constraints hold."""
+    return min(optima, key=lambda reached: (not reached.held, reached.value))
 
 
 def first_order(
     grid: Grid, weights: np.ndarray, n_f: int, z: np.ndarray, values: np.ndarray, slopes: np.ndarray
 ) -> tuple[float, float]:
-    """The residual of the first-order conditions at z, and the largest multiplier of a constraint in units in which
-    its slopes have the size 1."""
+    """Residual of the first-order conditions at z, and the largest multiplier of a constraint in units in which its
+    slopes have the size 1."""
     gradient = weights @ (slopes[:n_f] / grid.width[:, None])
     scale = _scale(slopes[n_f:])
     active = values[n_f:] / scale <= _ACTIVE
@@ -165,8 +174,8 @@ def first_order(
     normals += [*np.eye(len(z))[z <= _ENDS], *-np.eye(len(z))[z >= 1 - _ENDS]]
     if not normals:
         return float(np.linalg.norm(gradient)), 0.0
-    multipliers, left = nnls(np.array(normals).T, gradient)
-    return float(left), float(multipliers[:count].max(initial=0.0))
+    multipliers, residual = nnls(np.array(normals).T, gradient)
+    return float(residual), float(multipliers[:count].max(initial=0.0))
 
 
 def _scale(slopes: np.ndarray) -> np.ndarray:

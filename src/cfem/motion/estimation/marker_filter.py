@@ -82,6 +82,7 @@ class MarkerFilter:
         uncertainty: MotionUncertainty,
         gate: GateSpec | None = None,
     ):
+        """Filter of markers on the learned dynamics of `motion`; kind: of the commands."""
         self.gate = Gate.of(gate or GateSpec())
         self.estimator, self.motion, self.kind, self.uncertainty = estimator, motion, kind, uncertainty
         self.markers = MovingMarkers(estimator, motion)
@@ -177,7 +178,7 @@ class MarkerFilter:
         return MarkerCorrection(state, prior, minimum)
 
     def _likely(self, minimum: Minimum) -> bool:
-        """Whether the gate would accept the frame."""
+        """True if the gate would accept the frame."""
         return self.gate.accepts(*minimum.innovation)
 
     def _displacement_rows(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

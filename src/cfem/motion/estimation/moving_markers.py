@@ -24,6 +24,8 @@ class MovingMarkers:
     """
 
     def __init__(self, estimator: Estimator, motion: MotionModel):
+        """Maps of the markers of `estimator` on what the skin of `motion` has learned. InputError where that does not
+        fit."""
         if motion.skin is None:
             what = "the model has not learned how its skin moves"
             raise InputError(what, do="sample with dynamics: true and a skin, and train again with this version")

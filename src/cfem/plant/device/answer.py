@@ -38,7 +38,7 @@ def answer_of(line: str) -> dict[str, Any]:
 
 
 def nesting(line: str) -> int:
-    """How many brackets are open at most, those in strings left out."""
+    """Largest number of brackets that are open in a line, those in strings left out."""
     depth = most = 0
     quoted = escaped = False
     for character in line:
@@ -57,23 +57,23 @@ def nesting(line: str) -> int:
 def numbers(
     answer: dict[str, Any], name: str, rest: np.ndarray, farthest: np.ndarray | float = np.inf
 ) -> np.ndarray | None:
-    """(n,) as rest, or None where the device says null or nothing. Malformed where these are not finite numbers, or one
-    is farther from rest (n,) than farthest (n,)."""
+    """Numbers (n,) as `rest`, or None where the device says null or nothing. Malformed where these are not finite
+    numbers, or one is farther from rest (n,) than farthest (n,)."""
     value = answer.get(name)
     if value is None:
         return None
     count = len(rest)
-    listed = isinstance(value, list) and len(value) == count and all(type(one) in (int, float) for one in value)
-    found = np.array([_float(one) for one in value] if listed else [np.nan])
-    if not np.isfinite(found).all():
+    listed = isinstance(value, list) and len(value) == count and all(type(number) in (int, float) for number in value)
+    read = np.array([_float(number) for number in value] if listed else [np.nan])
+    if not np.isfinite(read).all():
         raise Malformed(f"answered {name} = {shown(value)}, expected {count} finite numbers or null")
-    beyond = np.abs(found - rest) > farthest
+    beyond = np.abs(read - rest) > farthest
     if beyond.any():
         k = int(beyond.argmax())
-        what = f"{abs(found[k] - rest[k]):.3g} from rest, at most {np.broadcast_to(farthest, count)[k]:.3g}"
+        what = f"{abs(read[k] - rest[k]):.3g} from rest, at most {np.broadcast_to(farthest, count)[k]:.3g}"
         do = "are its units mm, mm^3, rad, N and MPa?"
         raise Malformed(f"answered {name} = {shown(value)}: number {k + 1} is {what}: {do}")
-    return found
+    return read
 
 
 def step_of(answer: dict[str, Any], step: int, last: int) -> int:

@@ -60,6 +60,7 @@ def _fail(how: str) -> None:
 
 
 def _options() -> argparse.Namespace:
+    """Options of the command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("model", type=Path, help="folder of cfem train or cfem export")
     parser.add_argument("--stiffer", type=float, default=1.0, help="Young's modulus over the model's")

@@ -41,6 +41,15 @@ class PipePlant:
         length: float = np.inf,
         reach: np.ndarray | None = None,
     ):
+        """Names the device's program and what its answers must fit.
+
+        command: the program and its arguments
+        rows, rest_e: of the robot, (n_e,) mm
+        timeout: s for an answer
+        period: s of a tick
+        folder: where the program starts
+        markers: names that answers may have
+        length, reach: mm and (n_a, 2), beyond multiples of which numbers are in another unit"""
         self._command, self._rows, self._rest_e = tuple(command), rows, rest_e
         self._timeout, self._period = timeout, period
         self._folder, self._markers = folder, tuple(markers)
@@ -53,10 +62,12 @@ class PipePlant:
 
     @property
     def returncode(self) -> int | None:
-        """Of the device, None while it runs."""
+        """Exit code of the device, None while it runs."""
         return self._process.returncode
 
     def __enter__(self) -> "PipePlant":
+        """Starts the device and says hello. InputError where it cannot be started or answers otherwise than the
+        protocol has it."""
         try:
             self._process = DeviceProcess(self._command, self._folder)
         except OSError as error:
@@ -86,6 +97,7 @@ class PipePlant:
         self._process.end(GOODBYE)
 
     def step(self, u: np.ndarray, kind: Command = "displacement") -> Measurement:
+        """Measurement after a command, sent at the next tick of the clock."""
         now = time.monotonic()
         if self._due > now:
             time.sleep(self._due - now)
@@ -101,13 +113,13 @@ class PipePlant:
         return self._last
 
     def _measured(self, answer: dict[str, Any]) -> Measurement:
-        """Malformed where the answer is none."""
+        """Measurement of an answer. Malformed where the answer is none."""
         t = step_of(answer, self._t, self._last.t)
         x_e = numbers(answer, "x_e", self._rest_e, self._farthest_e)
         none = np.zeros(self._rows.n_a)
         delta_a, lambda_a = numbers(answer, "delta_a", none, self._farthest_a), numbers(answer, "lambda_a", none)
         unseen = x_e is None
-        found = Measurement(
+        measurement = Measurement(
             np.full(self._rows.n_e, np.nan) if unseen else x_e,
             delta_a,
             lambda_a,
@@ -115,24 +127,25 @@ class PipePlant:
             "the device does not see the effectors" if unseen and not self._markers else "converged",
             self._seen(answer) if self._markers else None,
         )
-        if t and t == self._last.t and not _same_sample(found, self._last):
+        if t and t == self._last.t and not _same_sample(measurement, self._last):
             raise Malformed(
                 f"answered another sample for t = {t}, which it has used before: each sample has its own step"
             )
-        return found
+        return measurement
 
     def _seen(self, answer: dict[str, Any]) -> np.ndarray:
-        """(m, 3) mm, nan for a marker that is null or left out."""
+        """Markers (m, 3) mm of an answer, nan for one that is null or left out."""
         places = answer.get("markers")
         if not isinstance(places, dict) or set(places) - set(self._markers):
             raise Malformed(
                 f"answered markers = {shown(places)}, expected an object of some of {', '.join(self._markers)}"
             )
         nothing, rest = np.full(3, np.nan), self._rest_e[:3] if len(self._rest_e) >= 3 else np.zeros(3)
-        found = (numbers(places, name, rest, self._length) for name in self._markers)
-        return np.array([nothing if one is None else one for one in found])
+        positions = (numbers(places, name, rest, self._length) for name in self._markers)
+        return np.array([nothing if position is None else position for position in positions])
 
     def _ask(self, message: dict[str, Any], timeout: float) -> dict[str, Any]:
+        """Answer to a message. InputError of `_wrong` where the device gives none that can be read."""
         try:
             early = self._process.line(0.0)
             if early is not None:
@@ -151,7 +164,13 @@ class PipePlant:
         )
 
 
-def _same_sample(found: Measurement, last: Measurement) -> bool:
-    """As far as both have numbers."""
-    pairs = [(found.x_e, last.x_e)] + ([] if found.markers is None else [(found.markers, last.markers)])
-    return all(((one == other) | np.isnan(one) | np.isnan(other)).all() for one, other in pairs if other is not None)
+def _same_sample(measurement: Measurement, last: Measurement) -> bool:
+    """True if both samples have the same numbers, as far as both have any."""
+    pairs = [(measurement.x_e, last.x_e)] + (
+        [] if measurement.markers is None else [(measurement.markers, last.markers)]
+    )
+    return all(
+        ((values == last_values) | np.isnan(values) | np.isnan(last_values)).all()
+        for values, last_values in pairs
+        if last_values is not None
+    )

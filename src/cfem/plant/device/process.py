@@ -21,6 +21,7 @@ class DeviceProcess:
     Ctrl-C ends us and we end it. OSError where it cannot be started."""
 
     def __init__(self, command: Sequence[str], folder: Path | None = None):
+        """Starts the device's program in `folder`, with threads that read its lines and write ours."""
         # the user's own program
         self._process = subprocess.Popen(  # nosec B603
             command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, cwd=folder, bufsize=0, start_new_session=True
@@ -28,8 +29,8 @@ class DeviceProcess:
         self._said: Queue[str | Malformed | None] = Queue(UNREAD)
         self._told: Queue[str | None] = Queue()
         self._threads = [threading.Thread(target=work, daemon=True) for work in (self._listen, self._tell)]
-        for one in self._threads:
-            one.start()
+        for thread in self._threads:
+            thread.start()
 
     @property
     def returncode(self) -> int | None:
@@ -41,23 +42,23 @@ class DeviceProcess:
         self._told.put(line)
 
     def line(self, timeout: float) -> str | None:
-        """The next line that it said, None where it says none within timeout (s). Malformed where a line is too long or
-        nothing comes any more."""
+        """Next line from the device, or None after `timeout` seconds. Malformed where a line is too long or nothing
+        comes any more."""
         try:
-            said = self._said.get(timeout=timeout) if timeout else self._said.get_nowait()
+            line = self._said.get(timeout=timeout) if timeout else self._said.get_nowait()
         except Empty:
             return None
-        if said is CLOSED:
+        if line is CLOSED:
             with suppress(subprocess.TimeoutExpired):
                 raise Malformed(f"ended (exit code {self._process.wait(LET_END)}) instead of answering")
             raise Malformed("closed its output and lives on instead of answering")
-        if isinstance(said, Malformed):
-            raise said
-        return said
+        if isinstance(line, Malformed):
+            raise line
+        return line
 
     def end(self, last: str) -> None:
-        """Sends a last line and closes. One that has not ended soon after gets SIGTERM, then SIGKILL, its children
-        too."""
+        """Sends a last line and closes the device. One that has not ended soon after gets SIGTERM, then SIGKILL, its
+        children too."""
         self.tell(last)
         self._told.put(CLOSED)
         try:
@@ -72,8 +73,8 @@ class DeviceProcess:
                     self._process.wait(LET_END)
             if not isinstance(cause, subprocess.TimeoutExpired):
                 raise
-        for one in self._threads:
-            one.join(timeout=LET_END)
+        for thread in self._threads:
+            thread.join(timeout=LET_END)
         if not self._threads[0].is_alive():  # else a child of the device still holds the other end
             self._process.stdout.close()
 
@@ -85,11 +86,12 @@ class DeviceProcess:
                 self._process.kill()
 
     def _listen(self) -> None:
+        """Puts lines of the device into the queue until it closes its output."""
         line = b""
         while block := self._process.stdout.read(2**16):
-            *whole, rest = (line[: LONGEST + 1] + block).split(b"\n")
-            for one in whole:
-                self._heard(one)
+            *lines, rest = (line[: LONGEST + 1] + block).split(b"\n")
+            for complete in lines:
+                self._heard(complete)
             line = rest
             if len(line) > LONGEST:
                 self._heard(line)
@@ -100,14 +102,14 @@ class DeviceProcess:
 
     def _heard(self, line: bytes) -> None:
         with suppress(Full):
-            said = TOO_LONG if len(line) > LONGEST else line.decode("utf-8", "replace")
-            self._said.put_nowait(said)
+            text = TOO_LONG if len(line) > LONGEST else line.decode("utf-8", "replace")
+            self._said.put_nowait(text)
 
     def _tell(self) -> None:
         with suppress(OSError):  # it has closed its ears: the end of its answers says so
             while (line := self._told.get()) is not CLOSED:
-                left = memoryview(line.encode() + b"\n")
-                while left:
-                    left = left[self._process.stdin.write(left) :]
+                unwritten = memoryview(line.encode() + b"\n")
+                while unwritten:
+                    unwritten = unwritten[self._process.stdin.write(unwritten) :]
         with suppress(OSError):
             self._process.stdin.close()

@@ -37,12 +37,12 @@ def choice_table(models: Mapping[str, Mapping[str, Any]]) -> Table:
 def _chosen(results: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     for name, value in results.items():
         if name not in COMMON and value not in (None, {}, []):
-            said, show = SAID.get(name, (_words(name), _plain))
-            yield said, show(value)
+            label, show = SAID.get(name, (_words(name), _plain))
+            yield label, show(value)
 
 
 def _by_quantity(values: Mapping[str, Any]) -> str:
-    return "; ".join(f"{QUANTITIES.get(name, _words(name))}: {_plain(one)}" for name, one in values.items())
+    return "; ".join(f"{QUANTITIES.get(name, _words(name))}: {_plain(value)}" for name, value in values.items())
 
 
 def _skin(skin: Mapping[str, Any]) -> str:
@@ -53,19 +53,19 @@ def _skin(skin: Mapping[str, Any]) -> str:
     )
 
 
-def _search(found: Mapping[str, Any]) -> str:
-    return f"{_plain(found['choice'])}; the best of {len(found['trials'])} trials"
+def _search(search: Mapping[str, Any]) -> str:
+    return f"{_plain(search['choice'])}; the best of {len(search['trials'])} trials"
 
 
-def _motion(found: Mapping[str, Any]) -> str:
-    return f"{found['inner']} inner motions; terms: {_by_quantity(found['terms'])}"
+def _motion(motion: Mapping[str, Any]) -> str:
+    return f"{motion['inner']} inner motions; terms: {_by_quantity(motion['terms'])}"
 
 
 def _plain(value: Any) -> str:
     if isinstance(value, Mapping):
-        return ", ".join(f"{_words(name)} {_plain(one)}" for name, one in value.items())
+        return ", ".join(f"{_words(name)} {_plain(part)}" for name, part in value.items())
     if isinstance(value, list | tuple):
-        return ", ".join(_plain(one) for one in value)
+        return ", ".join(_plain(part) for part in value)
     return number(value, 2) if isinstance(value, float) else str(value)
 
 

@@ -19,8 +19,11 @@ _NEIGHBOUR = 0.95
 
 @dataclass(frozen=True)
 class Solved:
-    """tip: (k, n_e) mm and W: (k, n, n_a) in each state; sample_seconds: CPU, one state from a neighbour with its
-    condensation, median; factorizations: of a cold solve of each state, mean."""
+    """States of a robot on a mesh, and their cost.
+
+    tip, W: (k, n_e) mm and (k, n, n_a) in each state
+    sample_seconds: CPU, one state from a neighbour with its condensation, median
+    factorizations: of a cold solve of each state, mean"""
 
     nodes: int
     cells: int
@@ -33,7 +36,6 @@ class Solved:
 
 def study(scene: SceneSpec, folder: Path, spec: Discretisation) -> dict:
     """Rows (plain data) of all meshes at every Poisson's ratio, of all tolerances, and of the orders of convergence.
-
     Errors are relative to the reference: the tip's by the largest displacement of any state, W's by its norm, the
     forces' by the largest. Raises NumericalError where a state does not converge."""
     from cfem.robot.mesh.grading import scene_mesh
@@ -50,14 +52,14 @@ def study(scene: SceneSpec, folder: Path, spec: Discretisation) -> dict:
                 rows.append(_row(case, nu, solved, reference.setdefault(nu, solved)))
                 advance(1)
     for row in rows:
-        row["front"] = not any(_beats(other, row) for other in rows if other["poisson"] == row["poisson"])
+        row["front"] = not any(_beats(another, row) for another in rows if another["poisson"] == row["poisson"])
     return {"meshes": rows, "orders": orders(rows), "tolerances": _tolerances(scene, folder, spec)}
 
 
 def orders(rows: Sequence[dict]) -> list[dict]:
     """Order of W's error in h ~ cells^(-1/3), by least squares over three meshes or more of one kind, none with more
     than half of the reference's cells: near it, the difference says little of the error."""
-    found = []
+    by_kind = []
     finest = max((row["cells"] for row in rows if row["reference"]), default=np.inf)
     elements = {row["element"] for row in rows if row["reference"]}
     rows = [row for row in rows if row["element"] not in elements or row["cells"] <= finest / 2]
@@ -71,8 +73,8 @@ def orders(rows: Sequence[dict]) -> list[dict]:
         if len(mine) >= 3:
             h, error = (np.log([row[key] for row in mine]) for key in ("cells", "W"))
             slope = -3 * np.polyfit(h, error, 1)[0]
-            found.append(dict(zip(("poisson", "element", "graded", "radius"), kind, strict=True), order=float(slope)))
-    return found
+            by_kind.append(dict(zip(("poisson", "element", "graded", "radius"), kind, strict=True), order=float(slope)))
+    return by_kind
 
 
 def headline(meshes: Sequence[dict]) -> list[str]:
@@ -86,16 +88,17 @@ def headline(meshes: Sequence[dict]) -> list[str]:
 
 
 def kind(row: dict) -> str:
-    """Of a mesh, whatever its number of cells."""
+    """Kind of a mesh, whatever its number of cells."""
     return f"{row['element']}, {'graded' if row['graded'] else 'even'}"
 
 
 def label(row: dict) -> str:
-    """Of a mesh, for a reader."""
+    """Label of a mesh, for a reader."""
     return f"{kind(row)}, {row['cells']} cells" + ("" if row["radius"] is None else f", radius {row['radius']:g} mm")
 
 
 def _row(case: MeshCase, nu: float, solved: Solved, reference: Solved) -> dict:
+    """Row of a mesh: errors and costs, beside the reference."""
     apart = np.linalg.norm(solved.tip - reference.tip, axis=1).max()
     W_apart = np.linalg.norm(solved.W - reference.W, axis=(1, 2)) / np.linalg.norm(reference.W, axis=(1, 2))
     return {
@@ -117,11 +120,12 @@ def _row(case: MeshCase, nu: float, solved: Solved, reference: Solved) -> dict:
     }
 
 
-def _beats(one: dict, other: dict) -> bool:
-    return one["sample_seconds"] < other["sample_seconds"] and one["W"] < other["W"]
+def _beats(row: dict, another: dict) -> bool:
+    return row["sample_seconds"] < another["sample_seconds"] and row["W"] < another["W"]
 
 
 def _at(scene: SceneSpec, case: MeshCase) -> SceneSpec:
+    """Scene with the mesh of a case."""
     ratio = 1.0 if case.size is None else case.size / scene.mesh.size
     refine = [part.model_copy(update={"size": part.size * ratio}) for part in scene.mesh.refine]
     size = scene.mesh.size if case.size is None else case.size
@@ -135,6 +139,7 @@ def _at(scene: SceneSpec, case: MeshCase) -> SceneSpec:
 
 
 def _solve(scene: SceneSpec, mesh: Mesh, shares: Sequence[Sequence[float]]) -> Solved:
+    """Solved states of a robot on a mesh. NumericalError where one does not converge."""
     from cfem.equilibrium.actuation import pull
     from cfem.equilibrium.predictor import knot, predict
     from cfem.equilibrium.problem import Problem
@@ -150,14 +155,16 @@ def _solve(scene: SceneSpec, mesh: Mesh, shares: Sequence[Sequence[float]]) -> S
             raise NumericalError(f"discretisation, {scene.mesh.element}, {len(mesh.cells)} cells: {near.status.value}")
         start = predict([knot(_NEIGHBOUR * share, near)], share, pull(share, reach))
         begin = time.process_time()
-        found = solve(problem, pull(share, reach), start, near.state)
+        solved = solve(problem, pull(share, reach), start, near.state)
         seconds.append(time.process_time() - begin)
-        if not found.converged:
-            raise NumericalError(f"discretisation, {scene.mesh.element}, {len(mesh.cells)} cells: {found.status.value}")
+        if not solved.converged:
+            raise NumericalError(
+                f"discretisation, {scene.mesh.element}, {len(mesh.cells)} cells: {solved.status.value}"
+            )
         factorizations.append(near.factorizations)
-        tips.append(found.delta_e)
-        lams.append(found.lambda_a)
-        Ws.append(found.condensed.W[:, robot.rows.a])
+        tips.append(solved.delta_e)
+        lams.append(solved.lambda_a)
+        Ws.append(solved.condensed.W[:, robot.rows.a])
     return Solved(
         len(mesh.X),
         len(mesh.cells),
@@ -188,17 +195,17 @@ def _tolerances(scene: SceneSpec, folder: Path, spec: Discretisation) -> list[di
     rows = []
     for tolerance in spec.tolerances:
         begin = time.process_time()
-        found = solve(problem, how, start, settings=NewtonSettings(tolerance=tolerance))
+        solved = solve(problem, how, start, settings=NewtonSettings(tolerance=tolerance))
         seconds = time.process_time() - begin
-        W, expected = found.condensed.W, exact.condensed.W
+        W, expected = solved.condensed.W, exact.condensed.W
         rows.append(
             {
                 "tolerance": tolerance,
-                "residual": found.residual,
-                "tip_mm": float(np.linalg.norm(found.delta_e - exact.delta_e)),
+                "residual": solved.residual,
+                "tip_mm": float(np.linalg.norm(solved.delta_e - exact.delta_e)),
                 "W": float(np.linalg.norm(W - expected) / np.linalg.norm(expected)),
-                "iterations": found.iterations,
-                "factorizations": found.factorizations,
+                "iterations": solved.iterations,
+                "factorizations": solved.factorizations,
                 "seconds": seconds,
             }
         )

@@ -15,11 +15,13 @@ WIDE = 1.959964  # standard deviations of a 95 % interval
 
 def estimate_table(results: Mapping[str, Mapping[str, dict]], loaded: list[str]) -> Table:
     """One row a trajectory and controller. loaded: names of the rows with unknown forces."""
-    rows = [(name, who, result["estimate"]) for name, one in results.items() for who, result in one.items()]
+    rows = [
+        (name, who, result["estimate"]) for name, controllers in results.items() for who, result in controllers.items()
+    ]
 
-    def force(found: Mapping[str, Any], name: str) -> str:
-        one = found["unknowns"].get(name)
-        return "" if one is None else f"{1e3 * one['rms']:.2g} / {1e3 * one['sd']:.2g}"
+    def force(estimate: Mapping[str, Any], name: str) -> str:
+        unknown = estimate["unknowns"].get(name)
+        return "" if unknown is None else f"{1e3 * unknown['rms']:.2g} / {1e3 * unknown['sd']:.2g}"
 
     return tabulate(
         rows,
@@ -39,19 +41,20 @@ def estimate_table(results: Mapping[str, Mapping[str, dict]], loaded: list[str])
     )
 
 
-def _covered(found: Mapping[str, Any]) -> str:
-    if "covered" not in found:
+def _covered(estimate: Mapping[str, Any]) -> str:
+    if "covered" not in estimate:
         return ""
-    shares = [found["covered"], found["covered_observed"]]  # None where nothing is observed
-    return " / ".join("–" if one is None else f"{100 * one:.1f} %" for one in shares)
+    shares = [estimate["covered"], estimate["covered_observed"]]  # None where nothing is observed
+    return " / ".join("–" if share is None else f"{100 * share:.1f} %" for share in shares)
 
 
-def _shape(found: Mapping[str, Any]) -> str:
-    return f"{number(found['shape']['median'])} / {number(found['shape']['max'])}" if "shape" in found else ""
+def _shape(estimate: Mapping[str, Any]) -> str:
+    return f"{number(estimate['shape']['median'])} / {number(estimate['shape']['max'])}" if "shape" in estimate else ""
 
 
-def estimate_chart(name: str, rows: Mapping[str, np.ndarray], loaded: list[str], said: str) -> Chart:
-    """rows: columns of one trajectory of `loop.parquet`; of several controllers and seeds the last and the first."""
+def estimate_chart(name: str, rows: Mapping[str, np.ndarray], loaded: list[str], trajectory: str) -> Chart:
+    """Chart of what is estimated; rows: columns of one trajectory of `loop.parquet`; of several controllers and seeds
+    the last and the first."""
     who = rows["controller"][-1]
     mine = (rows["controller"] == who) & (rows["estimate_of"] > 0) & (rows["estimate_status"] == "converged")
     mine &= rows["seed"] == rows["seed"][rows["controller"] == who][0]
@@ -67,4 +70,4 @@ def estimate_chart(name: str, rows: Mapping[str, np.ndarray], loaded: list[str],
     shape = panel("error of the shape (mm rms)", "time of the sample (s)")
     shape.plot(seconds, rows["shape_rms"][mine], color=LEARNED[0], lw=1.0)
     panels.append(shape)
-    return chart(name, f"{said}, {who}: what is estimated from the markers.", panels)
+    return chart(name, f"{trajectory}, {who}: what is estimated from the markers.", panels)

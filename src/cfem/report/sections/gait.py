@@ -16,29 +16,33 @@ NAME = "gait"  # of the one trajectory
 FRICTION = "friction"
 
 
-def gait_section(found: Tracking, results: Mapping[str, Any], units: Mapping[str, tuple[str, str]]) -> Section:
-    """results: of `cfem control`; units: of the displacement and of the force of every actuator, by its name."""
+def gait_section(tracking: Tracking, results: Mapping[str, Any], units: Mapping[str, tuple[str, str]]) -> Section:
+    """Section on the gait. results: of `cfem control`; units: of the displacement and of the force of every actuator,
+    by its name."""
     text = (
         "A search on the learned model of one leg found the gait. The model plans the commands, and the finite-element "
-        f"robot ({found.nodes} nodes a leg) carries them out, without feedback. "
+        f"robot ({tracking.nodes} nodes a leg) carries them out, without feedback. "
     )
-    text += "".join(f"{line[0].upper()}{line[1:]}. " for line in found.said)
-    rows = found.of(NAME)
-    charts = [way_chart(found, results), *carried(found, NAME, rows, [found.learned(NAME)], units)]
-    return Section("The gait", text, (*friction_tables(found, results), *charts), facts={"tracking": found.summaries})
+    text += "".join(f"{line[0].upper()}{line[1:]}. " for line in tracking.headline)
+    rows = tracking.of(NAME)
+    charts = [way_chart(tracking, results), *carried(tracking, NAME, rows, [tracking.learned(NAME)], units)]
+    return Section(
+        "The gait", text, (*friction_tables(tracking, results), *charts), facts={"tracking": tracking.summaries}
+    )
 
 
-def way_chart(found: Tracking, results: Mapping[str, Any]) -> Chart:
-    """The base's way along the direction and its distance from the plan, over the commands; distances over friction."""
-    rows = found.of(NAME)
-    way = np.asarray(found.spec["gait"]["direction"], float)
-    way /= np.linalg.norm(way)
+def way_chart(tracking: Tracking, results: Mapping[str, Any]) -> Chart:
+    """Chart of the base's way along the direction and its distance from the plan, over the commands; distances over
+    friction."""
+    rows = tracking.of(NAME)
+    direction = np.asarray(tracking.spec["gait"]["direction"], float)
+    direction /= np.linalg.norm(direction)
     begin = rows["goal"][0] - rows["predicted_e"][0]
     commands = np.arange(1, len(rows["goal"]) + 1)
     gone = panel("way of the base (mm)", "command", count=True)
     for key, look in _looks().items():
         places = rows["goal" if key == "plan" else "x_e"]
-        gone.plot([0, *commands], [0.0, *((places - begin) @ way)], **look)
+        gone.plot([0, *commands], [0.0, *((places - begin) @ direction)], **look)
     unit, mm = length_unit(np.nanmax(rows["error"], initial=FLOOR))
     apart = panel(f"from the plan ({unit})", "command", count=True)
     apart.plot(commands, rows["error"] / mm, color="C0")
@@ -46,7 +50,7 @@ def way_chart(found: Tracking, results: Mapping[str, Any]) -> Chart:
     caption = "Way of the base since rest, and how far from its plan finite elements take it."
     axes = [gone, apart]
     if results["frictions"] or results["planned_frictions"]:
-        axes.append(_over_friction(found, results))
+        axes.append(_over_friction(tracking, results))
         caption += " Right: the same gait at other coefficients of friction."
     return chart("gait", caption, axes)
 
@@ -58,16 +62,20 @@ def _looks() -> dict[str, dict]:
     }
 
 
-def distances(found: Tracking, results: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """mm a cycle by friction: planned, and by finite elements (fe) where they walked; None where a walk ended."""
-    own = {FRICTION: found.spec["gait"]["ground"][FRICTION], **results["per_cycle"]}
-    return sorted([own, *results["frictions"], *results["planned_frictions"]], key=lambda one: one[FRICTION])
+def distances(tracking: Tracking, results: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Distances in mm a cycle by friction: planned, and by finite elements (fe) where they walked; None where a walk
+    ended."""
+    at_its_friction = {FRICTION: tracking.spec["gait"]["ground"][FRICTION], **results["per_cycle"]}
+    return sorted(
+        [at_its_friction, *results["frictions"], *results["planned_frictions"]], key=lambda row: row[FRICTION]
+    )
 
 
-def _over_friction(found: Tracking, results: Mapping[str, Any]) -> Any:
+def _over_friction(tracking: Tracking, results: Mapping[str, Any]) -> Any:
+    """Panel of the distance a cycle over the coefficient of friction."""
     axis = panel("mm a cycle", "coefficient of friction")
     for key, look in zip(("planned", "fe"), _looks().values(), strict=True):
-        known = [(one[FRICTION], one[key]) for one in distances(found, results) if one.get(key) is not None]
+        known = [(row[FRICTION], row[key]) for row in distances(tracking, results) if row.get(key) is not None]
         if known:
             axis.plot(*zip(*known, strict=True), **look)
     axis.margins(y=0.1)
@@ -75,23 +83,23 @@ def _over_friction(found: Tracking, results: Mapping[str, Any]) -> Any:
     return axis
 
 
-def friction_tables(found: Tracking, results: Mapping[str, Any]) -> list[Table]:
-    """One, where finite elements walked at several frictions."""
-    walked = [one for one in distances(found, results) if "fe" in one]
+def friction_tables(tracking: Tracking, results: Mapping[str, Any]) -> list[Table]:
+    """Table of friction, where finite elements walked at several."""
+    walked = [row for row in distances(tracking, results) if "fe" in row]
     if len(walked) < 2:
         return []
-    said = {"planned": "planned (mm a cycle)", "fe": "finite elements (mm a cycle)"}
-    columns = {label: lambda one, key=key: _far(one[key]) for key, label in said.items()}
-    return [tabulate(walked, {FRICTION: lambda one: number(one[FRICTION], 2)} | columns)]
+    labels = {"planned": "planned (mm a cycle)", "fe": "finite elements (mm a cycle)"}
+    columns = {label: lambda row, key=key: _far(row[key]) for key, label in labels.items()}
+    return [tabulate(walked, {FRICTION: lambda row: number(row[FRICTION], 2)} | columns)]
 
 
 def _far(mm: float | None) -> str:
     return "no whole cycle" if mm is None else number(mm, 3)
 
 
-def gait_summary(found: Tracking, results: Mapping[str, Any]) -> Summary:
-    """How far it goes, how near to the plan, and what a command of the plan takes."""
-    cyclic, rows = found.spec["gait"].get("distance") is None, found.of(NAME)
+def gait_summary(tracking: Tracking, results: Mapping[str, Any]) -> Summary:
+    """Summary of how far it goes, how near to the plan, and what a command of the plan takes."""
+    cyclic, rows = tracking.spec["gait"].get("distance") is None, tracking.of(NAME)
     far, per = (results["per_cycle"], " a cycle") if cyclic else (results["distance"], "")
     planned, fe = (None if far[key] is None else length(far[key]) + per for key in ("planned", "fe"))
     numbers = [Number(duration(float(np.median(1e-6 * rows["step_us"]))), "per command of the plan (median)")]

@@ -22,11 +22,11 @@ COLUMNS = ["trajectory", "controller", "seed", "seconds", "goal_index", "goal", 
 
 
 def loop_section(name: str, folder: Path, manifest: Mapping[str, Any]) -> Section:
-    """manifest: of `cfem control` with a loop. InputError where it has none."""
+    """Section on a run over time. manifest: of `cfem control` with a loop. InputError where it has none."""
     results = manifest["results"].get("loop")
     if results is None:
         raise InputError("holds no run over time", where=str(folder), do="name it under `control`")
-    estimated = any("estimate" in one for controllers in results.values() for one in controllers.values())
+    estimated = any("estimate" in result for controllers in results.values() for result in controllers.values())
     wanted = [*COLUMNS, *(estimates.COLUMNS if estimated else [])]
     table = read_parquet(artefact_file(folder, "loop.parquet"), wanted)
     columns = {key: np.array(table[key].to_pylist()) for key in wanted}
@@ -35,10 +35,10 @@ def loop_section(name: str, folder: Path, manifest: Mapping[str, Any]) -> Sectio
     for trajectory in results:
         mine = columns["trajectory"] == trajectory
         rows = {key: values[mine] for key, values in columns.items()}
-        said = trajectory.replace("-", " ")
-        charts.append(loop_chart(f"loop-{name}-{trajectory}", rows, said))
+        title = trajectory.replace("-", " ")
+        charts.append(loop_chart(f"loop-{name}-{trajectory}", rows, title))
         if estimated:
-            charts.append(estimate_chart(f"estimate-{name}-{trajectory}", rows, loaded, said))
+            charts.append(estimate_chart(f"estimate-{name}-{trajectory}", rows, loaded, title))
     text = (
         "At each tick a controller takes the last measurement and sends one command: of an inverse step from the "
         "estimated state, or of a trained policy. Errors are distances of the true position from the goal."
@@ -50,7 +50,7 @@ def loop_section(name: str, folder: Path, manifest: Mapping[str, Any]) -> Sectio
 
 def loop_table(results: Mapping[str, Mapping[str, dict]]) -> Table:
     """One row a trajectory and controller of a run over time."""
-    rows = [(name, who, result) for name, one in results.items() for who, result in one.items()]
+    rows = [(name, who, result) for name, controllers in results.items() for who, result in controllers.items()]
     return tabulate(
         rows,
         {
@@ -66,8 +66,9 @@ def loop_table(results: Mapping[str, Mapping[str, dict]]) -> Table:
     )
 
 
-def loop_chart(name: str, rows: Mapping[str, np.ndarray], said: str) -> Chart:
-    """rows: columns of one trajectory of `loop.parquet`; of several seeds the first is drawn."""
+def loop_chart(name: str, rows: Mapping[str, np.ndarray], title: str) -> Chart:
+    """Chart of a run over time. rows: columns of one trajectory of `loop.parquet`; of several seeds the first is
+    drawn."""
     names = list(dict.fromkeys(rows["controller"]))
     goals = rows["goal"][np.unique(rows["goal_index"], return_index=True)[1]]
     i, j = planes(goals[:, :3])[0]
@@ -81,4 +82,4 @@ def loop_chart(name: str, rows: Mapping[str, np.ndarray], said: str) -> Chart:
         path.plot(x[:, i], x[:, j], color=colour, lw=1.0, label=who)
         error.plot(rows["seconds"][mine], np.maximum(rows["error"][mine], FLOOR), color=colour, lw=1.0, label=who)
     path.set_aspect("equal", adjustable="datalim")
-    return chart(name, f"{said}: the way of the effector, and its distance from the goal at each tick.", [path, error])
+    return chart(name, f"{title}: the way of the effector, and its distance from the goal at each tick.", [path, error])

@@ -42,9 +42,9 @@ def models_section(
     prefix: str = "",
     force: str = "N",
 ) -> Section:
-    """trusts: what the flags of each model are worth, where that was judged; prefix: of the names of the pictures;
-    force: the unit of what the actuators carry."""
-    summaries = {name: trust_summary(found) for name, found in trusts.items()}
+    """Section on models. trusts: what the flags of each model are worth, where that was judged; prefix: of the names of
+    the pictures; force: the unit of what the actuators carry."""
+    summaries = {name: trust_summary(judged) for name, judged in trusts.items()}
     parts = [model_table(models, published, default, force)]
     parts += error_charts(models, published, default, prefix, force)
     parts += [definite_table(models), choice_table(models), training_chart(models, prefix)]
@@ -88,19 +88,19 @@ def _time(value: float | None, unit: float = 1.0) -> str:
 
 
 def definite_table(models: Models) -> Table:
-    """One row a model: at how many random states between the samples its W is not positive definite."""
+    """Table of the models: at how many random states between the samples W is not positive definite."""
 
     def where(results: Mapping[str, Any]) -> str:
-        found = results["positive_definite"]
-        if found["share"] == 1:
+        definite = results["positive_definite"]
+        if definite["share"] == 1:
             return ""
         unit = "N" if results.get("form") == "force" else "mm"
-        p = found["where"]["p"]
-        said = f"({', '.join(number(value) for value in found['where']['s'])}) {unit}"
-        return said + (f", p = ({', '.join(number(value) for value in p)})" if p else "")
+        p = definite["where"]["p"]
+        place = f"({', '.join(number(value) for value in definite['where']['s'])}) {unit}"
+        return place + (f", p = ({', '.join(number(value) for value in p)})" if p else "")
 
-    def lacking(found: Mapping[str, Any]) -> str:
-        return f"{round(found['queries'] * (1 - found['share']))} of {found['queries']}"
+    def lacking(definite: Mapping[str, Any]) -> str:
+        return f"{round(definite['queries'] * (1 - definite['share']))} of {definite['queries']}"
 
     return tabulate(
         models.items(),
@@ -116,27 +116,27 @@ def definite_table(models: Models) -> Table:
 
 
 def looks(models: Models) -> dict[str, dict[str, Any]]:
-    """One look a model: a colour a kind, a dashed line for models of forces, another mark where these are shared."""
-    found, seen = {}, []
+    """Look of each model: a colour a kind, a dashed line for models of forces, another mark where these are shared."""
+    look_of, seen = {}, []
     for name, results in models.items():
         form = results.get("form", "displacement")
         twins = seen.count((results["kind"], form))
         seen.append((results["kind"], form))
-        found[name] = {
+        look_of[name] = {
             "color": KINDS.get(results["kind"], INK),
             "ls": "-" if form == "displacement" else "--",
             "marker": MARKS[twins % len(MARKS)],
             "mfc": "white" if form == "force" else None,
         }
-    return found
+    return look_of
 
 
 def error_charts(
     models: Models, published: Published | None = None, default: str | None = None, prefix: str = "", force: str = "N"
 ) -> list[Chart]:
-    """Errors against samples, and against seconds where several models make that a comparison; a line joins a model's
-    numbers of samples. Nothing where no model has three of them: the table says that."""
-    if all(len(one["learning_curve"]) < 3 for one in models.values()):
+    """Charts of errors against samples, and against seconds where several models make that a comparison; a line joins a
+    model's numbers of samples. Nothing where no model has three of them: the table says that."""
+    if all(len(results["learning_curve"]) < 3 for results in models.values()):
         return []
     costs = {"samples": ("FE samples", lambda point: point["samples"])}
     if len(models) > 1:
@@ -161,7 +161,7 @@ def error_charts(
 
 
 def _published(axis, cost: str, published: Published) -> None:
-    """Its loss, at its own number of samples where that is known."""
+    """Draws the published loss, at its own number of samples where that is known."""
     many = f", {published.samples} samples" if published.samples else ""
     look = {"color": INK, "label": published.source + many}
     if cost == "samples" and published.samples:
@@ -175,10 +175,12 @@ def label(name: str, default: str | None) -> str:
 
 
 def training_chart(models: Models, prefix: str = "") -> Chart:
-    """Error of states held out, against terms or epochs. One panel a model."""
-    axes = [(_terms if "terms" in one["history"][0] else _epochs)(name, one) for name, one in models.items()]
+    """Chart of the error of states held out, against terms or epochs. One panel a model."""
+    axes = [
+        (_terms if "terms" in results["history"][0] else _epochs)(name, results) for name, results in models.items()
+    ]
     text = "Error at states held out while the models learn."
-    if any("terms" in one["history"][0] for one in models.values()):
+    if any("terms" in results["history"][0] for results in models.values()):
         text += (
             " Solid lines: the degree of the series counts alike along all input directions. Dashed lines: the "
             "directions have weights found by search; dotted lines: weights from the decay of the coefficients. A ring "
@@ -188,17 +190,17 @@ def training_chart(models: Models, prefix: str = "") -> Chart:
 
 
 def _terms(name: str, results: Mapping[str, Any]):
-    """A colour a quantity; solid where all coordinates count alike, dashed and dotted where their weights were searched
-    for or are of a first fit; a ring marks what was chosen."""
+    """Panel of a model, a colour a quantity; solid where all coordinates count alike, dashed and dotted where their
+    weights were searched for or are of a first fit; a ring marks what was chosen."""
     axis = panel(f"{name}: relative error", "terms", log="xy")
     for colour, quantity in zip(LEARNED, dict.fromkeys(row["quantity"] for row in results["history"]), strict=False):
-        told = QUANTITIES.get(quantity, quantity)
+        label_text = QUANTITIES.get(quantity, quantity)
         for weights, style in (("equal", "o-"), ("searched", "s--"), ("decay", "D:")):
             rows = [row for row in results["history"] if (row["quantity"], row["weights"]) == (quantity, weights)]
             if rows:
                 terms, errors = [row["terms"] for row in rows], [row["error"] for row in rows]
-                axis.plot(terms, errors, style, ms=2.5, lw=1.1, color=colour, label=told)
-                told = None
+                axis.plot(terms, errors, style, ms=2.5, lw=1.1, color=colour, label=label_text)
+                label_text = None
         best = min((row for row in results["history"] if row["quantity"] == quantity), key=lambda row: row["error"])
         axis.plot(best["terms"], best["error"], "o", ms=9, mfc="none", color=colour)
     return axis

@@ -26,13 +26,13 @@ LINES = ("--c3", "--c1", "--c2", "--fe", "--c5", "--c6")
 
 
 def cables_of(scene: SceneSpec) -> list[tuple[str, np.ndarray, int]]:
-    """Name, points, and how many of the first of these stay where they are."""
-    found = []
+    """Cables of a scene: name, points, and how many of the first of these stay where they are."""
+    cables = []
     for item in scene.actuators:
         if isinstance(item, Cable):
             held = [] if item.pull_point is None else [item.pull_point]
-            found.append((item.name, np.array([*held, *cable_points(scene, item)], dtype=float), len(held)))
-    return found
+            cables.append((item.name, np.array([*held, *cable_points(scene, item)], dtype=float), len(held)))
+    return cables
 
 
 def moved_with(points: np.ndarray, held: int, X: np.ndarray, x: np.ndarray) -> np.ndarray:
@@ -42,7 +42,7 @@ def moved_with(points: np.ndarray, held: int, X: np.ndarray, x: np.ndarray) -> n
 
 
 def card(scene: SceneSpec, mesh: Mesh, data: Dataset) -> Card:
-    """data: states of it, for the places of its effectors."""
+    """Card of the robot. data: states of it, for the places of its effectors."""
     fixed = np.zeros(len(mesh.X), dtype=bool)
     fixed[mesh.node_sets.get("fixed", [])] = True
     triangles = flat_triangles(mesh.facets)
@@ -51,7 +51,9 @@ def card(scene: SceneSpec, mesh: Mesh, data: Dataset) -> Card:
     lines = tuple(Line(name, LINES[place % len(LINES)], points[None]) for place, (name, points, _) in enumerate(cables))
     rest = np.asarray(data.meta["rest_e"], dtype=float)
     watched = [rest[i : i + 3] for i, name in enumerate(data.rows.effectors) if name.endswith(".x")]
-    marks = [(point, "--hot") for point in watched] + [(np.asarray(one.point), "--c0") for one in scene.contacts]
+    marks = [(point, "--hot") for point in watched] + [
+        (np.asarray(contact.point), "--c0") for contact in scene.contacts
+    ]
     take = Take("rest", mesh.X[None], lines=lines, marks=tuple(marks))
     drawn = ["dark: held faces"] + (["coloured lines: cables"] if lines else []) + ["red dots: watched points"]
     drawn += ["blue dots: contact points"] if scene.contacts else []
@@ -61,26 +63,27 @@ def card(scene: SceneSpec, mesh: Mesh, data: Dataset) -> Card:
 
 
 def facts(scene: SceneSpec, mesh: Mesh, held: int) -> dict[str, str]:
-    """What it is, in words, by what is told."""
+    """Facts of the robot, in words, by name."""
     size = np.ptp(mesh.X, axis=0)
-    found = {
-        "size": f"{' × '.join(number(one) for one in size)} mm; volume {number(float(mesh.volumes.sum()) / 1000)} cm³",
+    extents, volume = " × ".join(number(extent) for extent in size), float(mesh.volumes.sum()) / 1000
+    words = {
+        "size": f"{extents} mm; volume {number(volume)} cm³",
         "material": _material(scene.material),
     }
     if scene.materials:
-        found["other materials"] = "; ".join(_material(item.material) for item in scene.materials)
-    found["held"] = f"{held} of {len(mesh.X)} nodes"
-    found["actuators"] = _actuators(scene)
-    found["watched"] = ", ".join(item.name for item in scene.effectors)
+        words["other materials"] = "; ".join(_material(item.material) for item in scene.materials)
+    words["held"] = f"{held} of {len(mesh.X)} nodes"
+    words["actuators"] = _actuators(scene)
+    words["watched"] = ", ".join(item.name for item in scene.effectors)
     if scene.contacts:
-        found["contact points"] = ", ".join(item.name for item in scene.contacts)
+        words["contact points"] = ", ".join(item.name for item in scene.contacts)
     if scene.gravity:
-        found["gravity"] = f"{number(float(np.linalg.norm(scene.gravity.acceleration)) / 1000)} m/s²"
+        words["gravity"] = f"{number(float(np.linalg.norm(scene.gravity.acceleration)) / 1000)} m/s²"
     if scene.loads:
-        found["loads"] = "; ".join(f"{number(float(np.linalg.norm(load.force)))} N" for load in scene.loads)
+        words["loads"] = "; ".join(f"{number(float(np.linalg.norm(load.force)))} N" for load in scene.loads)
     element = scene.mesh.element
-    found["mesh"] = f"{len(mesh.X)} nodes, {len(mesh.cells)} cells: {ELEMENTS[element]} ({element})"
-    return found
+    words["mesh"] = f"{len(mesh.X)} nodes, {len(mesh.cells)} cells: {ELEMENTS[element]} ({element})"
+    return words
 
 
 def _material(material: Any) -> str:

@@ -20,8 +20,8 @@ def read_splits(folder: Path, manifest: Mapping[str, Any]) -> dict[str, Dataset]
 def units_of(data: Dataset) -> dict[str, tuple[str, str]]:
     """Units of the displacement and of the force of each actuator, by its name."""
     pairs = data.meta.get("row_units") or [("mm", "N")] * data.rows.n
-    said = [(length.replace("^3", "³"), force) for length, force in pairs[-data.rows.n_a :]]
-    return dict(zip(data.rows.actuators, said, strict=True))
+    pairs_of_units = [(length.replace("^3", "³"), force) for length, force in pairs[-data.rows.n_a :]]
+    return dict(zip(data.rows.actuators, pairs_of_units, strict=True))
 
 
 def samples_section(splits: Mapping[str, Dataset], results: Mapping[str, Any]) -> Section:
@@ -33,10 +33,10 @@ def samples_section(splits: Mapping[str, Dataset], results: Mapping[str, Any]) -
 
 
 def coverage_chart(splits: Mapping[str, Dataset]) -> Chart:
-    """The first two actuators in the plane of their displacements and of their forces; one actuator: force
+    """Chart of the first two actuators in the plane of their displacements and of their forces; one actuator: force
     over displacement."""
-    one = next(iter(splits.values()))
-    names, units = one.rows.actuators, units_of(one)
+    any_split = next(iter(splits.values()))
+    names, units = any_split.rows.actuators, units_of(any_split)
     alone = len(names) == 1
     if alone:
         (length, force), name = units[names[0]], names[0]

@@ -33,12 +33,13 @@ def mesh_row(
     control: Mapping[str, Any],
     published: Published | None,
 ) -> dict[str, Any]:
-    """From results of `cfem mesh`, `cfem train` and `cfem control`. steps: inverse steps per second, query or FE solve
-    included, the median; missed_mm: mean distance to the goals in reach."""
+    """Row of a mesh from results of `cfem mesh`, `cfem train` and `cfem control`. steps: inverse steps per second,
+    query or FE solve included, the median; missed_mm: mean distance to the goals in reach. steps: inverse steps per
+    second, query or FE solve included, the median; missed_mm: mean distance to the goals in reach."""
     controllers = list(control["trajectories"].values())
-    if not all(FE_BASED in one for one in controllers):
+    if not all(FE_BASED in controller_rows for controller_rows in controllers):
         raise InputError("lacks FE-based control", where=f"meshes: {name}", do="control it with fe_based: true")
-    learned = next(one for one in controllers[0] if one != FE_BASED and "@" not in one)
+    learned = next(who for who in controllers[0] if who != FE_BASED and "@" not in who)
     return {
         "name": name,
         "cells": mesh["cells"],
@@ -54,11 +55,11 @@ def mesh_row(
 
 
 def _steps(controllers: list[Mapping[str, Any]], name: str) -> float:
-    return 1e6 / float(np.median([one[name]["step_us"]["median"] for one in controllers]))
+    return 1e6 / float(np.median([trajectory[name]["step_us"]["median"] for trajectory in controllers]))
 
 
 def _missed(controllers: list[Mapping[str, Any]], name: str) -> float | None:
-    spreads = [one[name]["distance_to_reachable_goals"] for one in controllers]
+    spreads = [trajectory[name]["distance_to_reachable_goals"] for trajectory in controllers]
     means = [spread["mean"] for spread in spreads if spread]
     return float(np.mean(means)) if means else None
 
@@ -101,23 +102,26 @@ def sampling_table(rows: Sequence[Mapping[str, Any]]) -> Table:
 
 
 def sizes_section(rows: Sequence[Mapping[str, Any]]) -> Section:
-    """rows: of `mesh_row`. Loss, and steps of control per second, against cells."""
-    left, right = panel("loss", "cells", log="xy"), panel("control steps per second", "cells", log="xy")
+    """Section on loss, and steps of control per second, against cells. rows: of `mesh_row`. Loss, and steps of control
+    per second, against cells."""
+    loss_panel, right = panel("loss", "cells", log="xy"), panel("control steps per second", "cells", log="xy")
     cells = [row["cells"] for row in rows]
     counts = sorted({point["samples"] for row in rows for point in row["curve"]})
     for count, mark, shade in zip(counts, MARKS, np.linspace(0.45, 1, len(counts)), strict=False):
         mine = [(row["cells"], p["errors"]["loss"]) for row in rows for p in row["curve"] if p["samples"] == count]
         name = f"{rows[0]['kind']}, {count} samples"
-        left.plot(*zip(*mine, strict=True), "-", marker=mark, ms=6, color=LEARNED[0], alpha=shade, label=name)
+        loss_panel.plot(*zip(*mine, strict=True), "-", marker=mark, ms=6, color=LEARNED[0], alpha=shade, label=name)
     known = [(row["cells"], row["published"]) for row in rows if row["published"] and row["published"].get("loss")]
     if known:
-        one = known[0][1]
-        many = f", {one['samples']} samples" if one.get("samples") else ""
+        published_first = known[0][1]
+        many = f", {published_first['samples']} samples" if published_first.get("samples") else ""
         losses = [published["loss"] for _, published in known]
-        left.plot([place for place, _ in known], losses, "*", ms=12, color=INK, label=one["source"] + many)
+        loss_panel.plot(
+            [place for place, _ in known], losses, "*", ms=12, color=INK, label=published_first["source"] + many
+        )
     right.plot(cells, [row["steps_learned"] for row in rows], "-o", ms=6, color=LEARNED[0], label="learned model")
     right.plot(cells, [row["steps_fe"] for row in rows], "-s", ms=6, color=FE, label="FE-based")
-    for axis in (left, right):
+    for axis in (loss_panel, right):
         ticks_at(axis, cells)
         axis.margins(y=0.25)
     text = (
@@ -125,7 +129,7 @@ def sizes_section(rows: Sequence[Mapping[str, Any]]) -> Section:
         "the quadratic program; the median is stated."
     )
     caption = "What a finer mesh asks of the model, and of control with the model or with the mesh itself."
-    pictures = [chart("meshes", caption, [left, right])] if len(rows) > 2 else []  # of two the table says as much
+    pictures = [chart("meshes", caption, [loss_panel, right])] if len(rows) > 2 else []  # of two the table says as much
     return Section("From coarse meshes to fine ones", text, (*pictures, sizes_table(rows)), {"meshes": list(rows)})
 
 

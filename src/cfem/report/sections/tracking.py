@@ -26,11 +26,17 @@ SHOWN = ("goals reached", "discretisation error")  # lines of the command whose 
 
 @dataclass(frozen=True)
 class Tracking:
-    """A run of `cfem control` goal by goal. columns: of `trajectories.parquet`, (m, ...) each; rows: names of the
-    effector rows, then of the actuators; summaries: results by trajectory and controller; spec: of the run; nodes: of
-    the robot that judges, plant: 'fem' or 'model'; fe_seconds: CPU seconds of one FE solve, None without any;
-    discretisation: what `cfem control` found of the error of the mesh itself, None where it did not look; said: what it
-    printed of objects, obstacles and contact."""
+    """A run of `cfem control`, goal by goal.
+
+    columns: of `trajectories.parquet`, (m, ...) each
+    rows: names of the effector rows, then of the actuators
+    summaries: results by trajectory and controller
+    spec: of the run
+    plant: 'fem' or 'model'
+    nodes: of the robot that judges
+    fe_seconds: CPU seconds of one FE solve, None without any
+    discretisation: error of the mesh itself as `cfem control` estimates it, None where it did not look
+    headline: lines that it printed of objects, obstacles and contact"""
 
     columns: Mapping[str, np.ndarray]
     rows: Sequence[str]
@@ -40,7 +46,7 @@ class Tracking:
     nodes: int
     fe_seconds: float | None
     discretisation: Mapping[str, Any] | None = None
-    said: Sequence[str] = ()
+    headline: Sequence[str] = ()
 
     @property
     def actuators(self) -> Sequence[str]:
@@ -64,7 +70,7 @@ class Tracking:
 
 
 def read_tracking(folder: Path, manifest: Mapping[str, Any]) -> Tracking:
-    """From an artefact of `cfem control` without a loop."""
+    """Tracking of an artefact of `cfem control` without a loop."""
     table = read_parquet(artefact_file(folder, "trajectories.parquet"))
     results = manifest["results"]
     cost = results.get("fe_cost") or {}
@@ -77,7 +83,7 @@ def read_tracking(folder: Path, manifest: Mapping[str, Any]) -> Tracking:
         nodes=results["nodes"],
         fe_seconds=cost["seconds"] / cost["solves"] if cost.get("solves") else None,
         discretisation=results.get("discretisation"),
-        said=[line for line in results.get("headline", []) if not any(part in line for part in SHOWN)],
+        headline=[line for line in results.get("headline", []) if not any(part in line for part in SHOWN)],
     )
 
 
@@ -86,47 +92,51 @@ def places(tracking: Tracking) -> list[int]:
     return [i for i, name in enumerate(tracking.rows[: tracking.columns["goal"].shape[1]]) if name.endswith(".x")]
 
 
-def tracking_section(found: Tracking, units: Mapping[str, tuple[str, str]]) -> Section:
-    """units: of the displacement and of the force of every actuator, by its name."""
+def tracking_section(tracking: Tracking, units: Mapping[str, tuple[str, str]]) -> Section:
+    """Section on tracking. units: of the displacement and of the force of every actuator, by its name."""
     text = (
         "Each controller turns a goal into actuator displacements with its own model. "
-        f"The finite-element robot ({found.nodes} nodes) then carries them out, without feedback. "
+        f"The finite-element robot ({tracking.nodes} nodes) then carries them out, without feedback. "
         "For a goal out of reach it ends at the nearest point that it can reach. "
     )
-    if found.plant == "model":
+    if tracking.plant == "model":
         text = (
             "Each controller turns a goal into actuator displacements. The first model carries them out; no FE robot "
             "is involved. "
         )
-    cut = next((who for one in found.summaries.values() for who in one if "@" in who), None)
+    cut = next((who for controllers in tracking.summaries.values() for who in controllers if "@" in who), None)
     if cut:
         text += f"{cut} is {cut.partition('@')[0]} with no more steps per goal than the number behind the @. "
-    text += "".join(f"{line[0].upper()}{line[1:]}. " for line in found.said)
-    table = [mesh_error_table(found.discretisation)] if "tip_mm" in (found.discretisation or {}) else []
-    shown = [name for name in found.summaries if len(set(found.of(name)["goal_index"])) >= FEW]
-    charts = [one for name in shown for one in trajectory_charts(found, name, units)]
+    text += "".join(f"{line[0].upper()}{line[1:]}. " for line in tracking.headline)
+    table = [mesh_error_table(tracking.discretisation)] if "tip_mm" in (tracking.discretisation or {}) else []
+    shown = [name for name in tracking.summaries if len(set(tracking.of(name)["goal_index"])) >= FEW]
+    charts = [each_chart for name in shown for each_chart in trajectory_charts(tracking, name, units)]
     return Section(
         "Tracking",
-        text + looser(found, next(iter(units.values()))[0]),
-        (tracking_table(found), *table, *charts, *effort_charts(found)),
-        facts={"tracking": found.summaries},
+        text + looser(tracking, next(iter(units.values()))[0]),
+        (tracking_table(tracking), *table, *charts, *effort_charts(tracking)),
+        facts={"tracking": tracking.summaries},
     )
 
 
-def looser(found: Tracking, unit: str) -> str:
-    """Why FE-based control misses by more than the learned one, where it does; unit: of an actuator's displacement."""
+def looser(tracking: Tracking, unit: str) -> str:
+    """Sentence on why FE-based control misses by more than the learned one, where it does; unit: of an actuator's
+    displacement."""
     pairs = [
-        (one[FE_BASED]["distance_to_reachable_goals"], one[found.learned(name)]["distance_to_reachable_goals"])
-        for name, one in found.summaries.items()
-        if FE_BASED in one
+        (
+            controllers[FE_BASED]["distance_to_reachable_goals"],
+            controllers[tracking.learned(name)]["distance_to_reachable_goals"],
+        )
+        for name, controllers in tracking.summaries.items()
+        if FE_BASED in controllers
     ]
     if not any(fe and learned and fe["mean"] > learned["mean"] for fe, learned in pairs):
         return ""
     fe, learned = (
         f"{100 * share:g} % of their stroke" if stated is None else f"{stated:g} {unit}"
         for stated, share in (
-            (found.spec["fe_tolerance"], FE_TOLERANCE),
-            (found.spec["search"]["tolerance"], TOLERANCE),
+            (tracking.spec["fe_tolerance"], FE_TOLERANCE),
+            (tracking.spec["search"]["tolerance"], TOLERANCE),
         )
     )
     return (
@@ -136,15 +146,17 @@ def looser(found: Tracking, unit: str) -> str:
     )
 
 
-def tracking_table(found: Tracking) -> Table:
+def tracking_table(tracking: Tracking) -> Table:
     """One row a trajectory and controller."""
-    rows = [(name, who, result) for name, one in found.summaries.items() for who, result in one.items()]
+    rows = [
+        (name, who, result) for name, controllers in tracking.summaries.items() for who, result in controllers.items()
+    ]
     return tabulate(
         rows,
         {
             "trajectory": lambda row: row[0],
             "controller": lambda row: row[1],
-            "goals reached": lambda row: f"{found.reached(row[0], row[1])} of {row[2]['goals']}",
+            "goals reached": lambda row: f"{tracking.reached(row[0], row[1])} of {row[2]['goals']}",
             "goals not out of reach": lambda row: str(row[2]["reachable"]),
             "searches that did not converge": lambda row: str(row[2]["not_converged"]),
             "tracking error, goals in reach, mean / max": lambda row: lengths(row[2]["distance_to_reachable_goals"]),
@@ -156,10 +168,10 @@ def tracking_table(found: Tracking) -> Table:
     )
 
 
-def mesh_error_table(found: Mapping[str, Any]) -> Table:
-    """How far the robot of a finer mesh is from this one, the commands being the same."""
+def mesh_error_table(error: Mapping[str, Any]) -> Table:
+    """Table of the distance of the robot of a finer mesh from this one, the commands being the same."""
     return tabulate(
-        [found],
+        [error],
         {
             "discretisation error, estimated": lambda row: f"{row['cells']} cells against {row['finer_cells']}",
             "states": lambda row: str(row["states"]),
@@ -171,21 +183,21 @@ def mesh_error_table(found: Mapping[str, Any]) -> Table:
     )
 
 
-def trajectory_charts(found: Tracking, name: str, units: Mapping[str, tuple[str, str]]) -> list[Chart]:
-    """Where the effector went and how far from its goals it was; what the actuators carry."""
-    rows, said = found.of(name), name.replace("-", " ")
+def trajectory_charts(tracking: Tracking, name: str, units: Mapping[str, tuple[str, str]]) -> list[Chart]:
+    """Charts of where the effector went and how far from its goals it was, and of what the actuators carry."""
+    rows, title = tracking.of(name), name.replace("-", " ")
     names = list(dict.fromkeys(rows["controller"]))
     first = rows["controller"] == names[0]
-    at = (places(found) or [0])[0]
-    free = free_coordinates(found, at)
-    goal = rows["goal"][first][:, at : at + 3].copy()
-    goal[:, free] = rows["x_e"][first][:, at : at + 3][:, free]
+    first_row = (places(tracking) or [0])[0]
+    free = free_coordinates(tracking, first_row)
+    goal = rows["goal"][first][:, first_row : first_row + 3].copy()
+    goal[:, free] = rows["x_e"][first][:, first_row : first_row + 3][:, free]
     axes = []
     for i, j in planes(goal):
         axis = panel(f"{'xyz'[j]} (mm)", f"{'xyz'[i]} (mm)")
         axis.plot(goal[:, i], goal[:, j], "o", ms=5, mfc="none", color=GOAL, label="goal")
         for who in names:
-            x = rows["x_e"][rows["controller"] == who][:, at : at + 3]
+            x = rows["x_e"][rows["controller"] == who][:, first_row : first_row + 3]
             look = {"lw": 5, "alpha": 0.45} if who == FE_BASED else {"lw": 1.3, "marker": ".", "ms": 4}
             axis.plot(x[:, i], x[:, j], color=colour_of(who, names), label=who, **look)
         axis.set_aspect("equal", adjustable="datalim")
@@ -197,22 +209,23 @@ def trajectory_charts(found: Tracking, name: str, units: Mapping[str, tuple[str,
         distance = np.maximum(rows["error"][mine], FLOOR) / mm
         look = {"lw": 5, "alpha": 0.45} if who == FE_BASED else {"lw": 1.3}
         error.plot(rows["goal_index"][mine], distance, color=colour_of(who, names), label=who, **look)
-    caption = f"{said}: goals, the positions that the robot reached, and its distance from each goal."
+    caption = f"{title}: goals, the positions that the robot reached, and its distance from each goal."
     if free:
         caption += f" No goal states {' or '.join('xyz'[i] for i in free)}: it is drawn where the robot is."
-    return [chart(f"tracking-{name}", caption, [*axes, error]), *carried(found, name, rows, names, units)]
+    return [chart(f"tracking-{name}", caption, [*axes, error]), *carried(tracking, name, rows, names, units)]
 
 
-def free_coordinates(found: Tracking, at: int) -> list[int]:
-    """Which of x, y, z of the point whose rows begin at `at` the search leaves free: those without weight."""
-    weights = found.spec["search"].get("weights")
-    return [i for i in range(3) if weights and weights[at + i] == 0]
+def free_coordinates(tracking: Tracking, first_row: int) -> list[int]:
+    """Numbers of the coordinates x, y, z of the point whose rows begin at `first_row` that the search leaves free:
+    those without weight."""
+    weights = tracking.spec["search"].get("weights")
+    return [i for i in range(3) if weights and weights[first_row + i] == 0]
 
 
-def carried(found: Tracking, name: str, rows: Mapping, names: Sequence[str], units: Mapping) -> list[Chart]:
-    """Forces of the actuators, pressures of chambers, and the push on what is held."""
+def carried(tracking: Tracking, name: str, rows: Mapping, names: Sequence[str], units: Mapping) -> list[Chart]:
+    """Charts of the forces of the actuators, pressures of chambers, and the push on what is held."""
     kinds: dict[str, list[int]] = {}
-    for place, actuator in enumerate(found.actuators):
+    for place, actuator in enumerate(tracking.actuators):
         kinds.setdefault(unit_of(actuator, units)[1], []).append(place)
     axes = []
     for unit, mine in kinds.items():
@@ -220,13 +233,15 @@ def carried(found: Tracking, name: str, rows: Mapping, names: Sequence[str], uni
         if unit == "N" and np.abs(rows["lambda_a"][:, mine]).max(initial=0) >= 1:
             scale, shown = 1.0, "N"
         axis = panel(f"{'pressure' if unit == 'MPa' else 'force'} ({shown})", "goal", count=True)
-        _lines(axis, rows, names, scale * rows["lambda_a"][:, mine], [found.actuators[place] for place in mine])
+        _lines(axis, rows, names, scale * rows["lambda_a"][:, mine], [tracking.actuators[place] for place in mine])
         axes.append(axis)
     text = "what each actuator carries, as each controller plans it"
     charts = [chart(f"forces-{name}", f"{name.replace('-', ' ')}: {text}.", axes)]
     contact = rows.get("contact")
     if contact is not None:
-        robots = dict.fromkeys(one.split(".")[0] for one in found.actuators) if contact.shape[1] > 3 else [""]
+        robots = (
+            dict.fromkeys(actuator.split(".")[0] for actuator in tracking.actuators) if contact.shape[1] > 3 else [""]
+        )
         parts = [f"{robot} {axis}".strip() for robot in robots for axis in "xyz"]
         axis = panel("force on the object (mN)", "goal", count=True)
         _lines(axis, rows, names, 1e3 * contact, parts, 3)
@@ -238,9 +253,9 @@ def carried(found: Tracking, name: str, rows: Mapping, names: Sequence[str], uni
 
 
 def unit_of(actuator: str, units: Mapping[str, tuple[str, str]]) -> tuple[str, str]:
-    """Of displacement and force; several robots carry their name before that of the actuator."""
-    own = actuator if actuator in units else actuator.partition(".")[2]
-    return units.get(own, ("mm", "N"))
+    """Units (displacement, force) of an actuator; strips a leading robot name."""
+    name = actuator if actuator in units else actuator.partition(".")[2]
+    return units.get(name, ("mm", "N"))
 
 
 def _lines(
@@ -261,20 +276,20 @@ def _lines(
 
 
 def planes(points: np.ndarray) -> list[tuple[int, int]]:
-    """The plane along whose axes points (m, 3) spread most, and a second one where they leave the first."""
+    """Axes of the plane along which points (m, 3) spread most, and of a second one where they leave the first."""
     size = np.ptp(points, axis=0)
     low, first, second = np.argsort(size)
-    found = [tuple(sorted((int(first), int(second))))]
+    pairs = [tuple(sorted((int(first), int(second))))]
     if size[low] > 0.02 * size[second]:
-        found.append((0, 1) if found[0] != (0, 1) else (0, 2))
-    return found
+        pairs.append((0, 1) if pairs[0] != (0, 1) else (0, 2))
+    return pairs
 
 
-def effort_charts(found: Tracking) -> list[Chart]:
-    """Error against the time that a goal takes, where three controllers or more, cut short (`name@iterations`) or not,
-    leave something to compare."""
+def effort_charts(tracking: Tracking) -> list[Chart]:
+    """Charts of error against the time that a goal takes, where three controllers or more, cut short
+    (`name@iterations`) or not, leave something to compare."""
     axes = []
-    for trajectory, controllers in found.summaries.items():
+    for trajectory, controllers in tracking.summaries.items():
         goals_count = all(2 * result["reachable"] > result["goals"] for result in controllers.values())
         key = "distance_to_reachable_goals" if goals_count else "distance_to_fe_based"
         shown = {name: result for name, result in controllers.items() if result[key]}

@@ -44,17 +44,17 @@ def trust(predictor: Predictor, states: Dataset, beyond: Dataset | None = None) 
 
 
 def _trust(predictor: Predictor, states: Dataset, beyond: bool) -> Trust:
-
+    """Errors, distances and flags of a model at solved states."""
     _demand_same_rows(predictor, states)
     error, distance, inside = (np.full(len(states), value) for value in (np.nan, np.nan, False))
     for i, p in enumerate(completed(predictor.parameters, states.p)):
         try:
-            found = predictor.at_displacement(states.delta_a[i], p)
+            predicted = predictor.at_displacement(states.delta_a[i], p)
         except NumericalError:  # a model of forces may know none that leads there: it then says so by itself
             continue
-        apart = found.delta_e - states.delta_e[i]
+        apart = predicted.delta_e - states.delta_e[i]
         error[i] = np.linalg.norm(apart.reshape(-1, 3), axis=1).max()
-        distance[i], inside[i] = predictor.distance(found, p), predictor.inside(found, p)
+        distance[i], inside[i] = predictor.distance(predicted, p), predictor.inside(predicted, p)
     return Trust(error, distance, inside, np.full(len(states), beyond))
 
 
@@ -64,19 +64,19 @@ def _demand_same_rows(predictor: Predictor, states: Dataset) -> None:
         raise InputError(f"a model is of another robot: it {difference}")
 
 
-def trust_summary(found: Trust) -> dict[str, Any]:
+def trust_summary(judged: Trust) -> dict[str, Any]:
     """Counts, errors (median and largest, mm) of what is flagged and what is not, and Spearman's rank correlation of
     error and distance, None where one of the two does not vary."""
-    known = np.isfinite(found.error)
+    known = np.isfinite(judged.error)
     return {
-        "states": int((~found.beyond).sum()),
-        "flagged": int((~found.inside & ~found.beyond).sum()),
-        "beyond": int(found.beyond.sum()),
-        "beyond_flagged": int((~found.inside & found.beyond).sum()),
+        "states": int((~judged.beyond).sum()),
+        "flagged": int((~judged.inside & ~judged.beyond).sum()),
+        "beyond": int(judged.beyond.sum()),
+        "beyond_flagged": int((~judged.inside & judged.beyond).sum()),
         "without_answer": int((~known).sum()),
-        "unflagged_mm": _spread(found.error[known & found.inside]),
-        "flagged_mm": _spread(found.error[known & ~found.inside]),
-        "rank_correlation": _rank_correlation(found.distance[known], found.error[known]),
+        "unflagged_mm": _spread(judged.error[known & judged.inside]),
+        "flagged_mm": _spread(judged.error[known & ~judged.inside]),
+        "rank_correlation": _rank_correlation(judged.distance[known], judged.error[known]),
     }
 
 
@@ -84,21 +84,22 @@ def _spread(values: np.ndarray) -> dict[str, float] | None:
     return {"median": float(np.median(values)), "max": float(values.max())} if len(values) else None
 
 
-def _rank_correlation(one: np.ndarray, other: np.ndarray) -> float | None:
-    """Spearman's: the correlation of the ranks, equal values sharing theirs. (scipy.stats takes a second to import.)"""
-    if len(one) < 3 or np.ptp(one) == 0 or np.ptp(other) == 0:
+def _rank_correlation(first: np.ndarray, second: np.ndarray) -> float | None:
+    """Rank correlation (Spearman's): the correlation of the ranks, equal values sharing theirs. (scipy.stats takes a
+    second to import.)"""
+    if len(first) < 3 or np.ptp(first) == 0 or np.ptp(second) == 0:
         return None
     ranks = []
-    for values in (one, other):
+    for values in (first, second):
         _, place, count = np.unique(values, return_inverse=True, return_counts=True)
         ranks.append((np.cumsum(count) - (count - 1) / 2)[place])
     return float(np.corrcoef(ranks)[0, 1])
 
 
-def trust_table(found: Mapping[str, Mapping[str, Any]]) -> Table:
+def trust_table(summaries: Mapping[str, Mapping[str, Any]]) -> Table:
     """One row a model, of `trust_summary`."""
     return tabulate(
-        found.items(),
+        summaries.items(),
         {
             "model": lambda row: row[0],
             "test states flagged": lambda row: f"{row[1]['flagged']} of {row[1]['states']}",
@@ -112,20 +113,25 @@ def trust_table(found: Mapping[str, Mapping[str, Any]]) -> Table:
     )
 
 
-def trust_chart(found: Mapping[str, Trust], prefix: str = "") -> Chart:
+def trust_chart(judged_by_name: Mapping[str, Trust], prefix: str = "") -> Chart:
     """A panel a model: tip error of states that FE solved, against the distance that the model states."""
     axes = []
-    for name, one in found.items():
-        unit, mm = length_unit(np.nanmax(one.error, initial=FLOOR))
+    for name, judged in judged_by_name.items():
+        unit, mm = length_unit(np.nanmax(judged.error, initial=FLOOR))
         axis = panel(f"{name}: true tip error ({unit})", "stated distance from the training states", log="xy")
         for inside in (True, False):
             for beyond in (False, True):
-                mine = (one.inside == inside) & (one.beyond == beyond) & np.isfinite(one.error)
-                said = f"{'state out of reach' if beyond else 'test state'}, {'not flagged' if inside else 'flagged'}"
-                look = {"marker": "^" if beyond else "o", "mfc": "none" if beyond else None, "label": said}
+                mine = (judged.inside == inside) & (judged.beyond == beyond) & np.isfinite(judged.error)
+                meaning = (
+                    f"{'state out of reach' if beyond else 'test state'}, {'not flagged' if inside else 'flagged'}"
+                )
+                look = {"marker": "^" if beyond else "o", "mfc": "none" if beyond else None, "label": meaning}
                 colour = LEARNED[0] if inside else LEARNED[3]
                 if mine.any():
-                    distance, error = np.maximum(one.distance[mine], 1e-2), np.maximum(one.error[mine], FLOOR) / mm
+                    distance, error = (
+                        np.maximum(judged.distance[mine], 1e-2),
+                        np.maximum(judged.error[mine], FLOOR) / mm,
+                    )
                     axis.plot(distance, error, lw=0, ms=4, alpha=0.7, color=colour, **look)
         axis.axvline(FAR, color=FAINT, lw=1.2, ls="--")
         axes.append(axis)

@@ -16,17 +16,17 @@ KINDS = {"held": False, "free": True}
 def vibrations_section(models: Mapping[str, MotionModel]) -> Section:
     """A chart and a table a model."""
     parts: list[Chart | Table] = []
-    found: dict[str, dict[str, list[dict[str, Any]]]] = {}
+    vibrations_of: dict[str, dict[str, list[dict[str, Any]]]] = {}
     for name, model in models.items():
         states = outwards(model)
-        found[name] = {kind: vibrations(model, states, free) for kind, free in KINDS.items()}
+        vibrations_of[name] = {kind: vibrations(model, states, free) for kind, free in KINDS.items()}
         units = dict(zip(model.rows.actuators, (pair[0] for pair in model.static.actuator_units), strict=True))
-        parts += [vibrations_chart(name, found[name]), vibrations_table(found[name], units)]
+        parts += [vibrations_chart(name, vibrations_of[name]), vibrations_table(vibrations_of[name], units)]
     text = (
         "The lowest natural frequencies at five training states, from the nearest to rest to the farthest. Held "
         "actuators keep their displacements; free ones keep their forces. Damping is a share of the critical."
     )
-    return Section("How it vibrates", text, tuple(parts), {"vibrations": found})
+    return Section("How it vibrates", text, tuple(parts), {"vibrations": vibrations_of})
 
 
 def vibrations_chart(name: str, rows: Mapping[str, list[dict[str, Any]]]) -> Chart:
@@ -47,7 +47,7 @@ def vibrations_chart(name: str, rows: Mapping[str, list[dict[str, Any]]]) -> Cha
 def vibrations_table(rows: Mapping[str, list[dict[str, Any]]], units: Mapping[str, str]) -> Table:
     """A row a state; units: of each actuator's displacement, by its name."""
 
-    def told(row: Mapping[str, Any]) -> str:
+    def in_words(row: Mapping[str, Any]) -> str:
         pairs = zip(row["frequency"], row["damping"], strict=True)
         return ", ".join(f"{number(f)} ({number(100 * d, 2)} %)" for f, d in pairs) or "unstable"
 
@@ -56,7 +56,7 @@ def vibrations_table(rows: Mapping[str, list[dict[str, Any]]], units: Mapping[st
     for place, (name, unit) in enumerate(units.items()):
         columns[f"{name} ({unit})"] = lambda row, place=place: number(row[1][0]["delta_a"][place])
     columns |= {
-        "held: Hz (damping)": lambda row: told(row[1][0]),
-        "free: Hz (damping)": lambda row: told(row[1][1]),
+        "held: Hz (damping)": lambda row: in_words(row[1][0]),
+        "free: Hz (damping)": lambda row: in_words(row[1][1]),
     }
     return tabulate(both, columns)

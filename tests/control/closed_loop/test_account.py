@@ -3,7 +3,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from cfem.control.moving.account import over_time, saturation
+from cfem.control.closed_loop.account import over_time, saturation
 from cfem.control.search.inverse import Limits
 
 
