@@ -30,9 +30,18 @@ class Feedback:
     the last sample; late: samples taken before the one that first shows a correction; given: commands so far; heard:
     number of the command that the last sample followed, 0 before the first."""
 
-    def __init__(self, gains: Gains, measured: np.ndarray, history: int = HISTORY):
-        """measured: (n_e,) bool, rows that correct; history: ticks."""
+    def __init__(
+        self,
+        gains: Gains,
+        measured: np.ndarray,
+        history: int = HISTORY,
+        rest_e: np.ndarray | float = 0.0,
+        far: np.ndarray | float = np.inf,
+    ):
+        """measured: (n_e,) bool, rows that correct; history: ticks; far: (n_e,) mm from rest_e (n_e,) mm, beyond which
+        no sample can be."""
         self._gains, self._measured = gains, measured
+        self._rest_e, self._far = rest_e, far
         self.total, self.moved = np.zeros(len(measured)), np.zeros(len(measured))
         self._references: deque[np.ndarray] = deque(maxlen=history)
         self._ages: deque[int] = deque(maxlen=WINDOW)
@@ -47,8 +56,8 @@ class Feedback:
 
     def hear(self, tick: int, x_e: np.ndarray) -> bool:
         """Whether a sample corrects; tick: number of the command that it followed, from 1 on; x_e: (n_e,) mm. One that
-        was heard before, that is older than the history or that is not finite changes nothing. InputError for a command
-        that was not given yet."""
+        was heard before, that is older than the history, not finite or too far from rest changes nothing. InputError
+        for a command that was not given yet."""
         if tick > self.given:
             what = f"the sample is of tick {tick}, and {self.given} commands were given"
             raise InputError(what, do="number the samples by the command that they follow, from 1 on")
@@ -59,7 +68,7 @@ class Feedback:
         if age > len(self._references):
             return False
         error = np.where(self._measured, self._references[-age] - x_e, 0.0)
-        if not np.isfinite(error).all():
+        if not np.isfinite(error).all() or (np.abs(x_e - self._rest_e) > self._far)[self._measured].any():
             return False
         self._ages.append(age)
         if not first:
