@@ -1,6 +1,6 @@
 """Every kind of C export under the sanitisers, with good, bad and mixed inputs in turns (hostile/driver.c): no
-undefined behaviour, commands and estimates within their bounds, no tick that costs many times what a good one costs, and soon
-after the last bad input all is as before."""
+undefined behaviour, commands and estimates within their bounds, no tick that costs many times what a good one costs,
+and soon after the last bad input all is as before."""
 
 import re
 import shutil
@@ -27,7 +27,6 @@ FREE = {"unilateral": False}
 MODELS = {
     "double": (spectral, {"full": True}),
     "forces": (lambda: spectral("force"), {"scalar": "float", "controller": FORCES}),
-    "measured": (spectral, {"controller": {"observer": "measured"}}),
     "modules": (serial, {"scalar": "float", "controller": {"damping": 1e-7, **FREE}}),
     "network": (network, {"scalar": "float", "hidden_weights": "int16"}),
     "row": (row, {"scalar": "float", "controller": {"weights": [1.0] * 3 + [0.0] * 3, **FREE}}),
@@ -51,7 +50,7 @@ def survived(place, folder, kind, ticks):
 
 def demand_survival(place, folder, kind, ticks, costly=COSTLY):
     counted, lost, longest, good, most = survived(place, folder, kind, ticks)
-    assert counted == ticks and 0 < lost < 0.9 * ticks
+    assert counted == ticks and 0 < lost < 0.75 * ticks
     assert longest <= RECOVERY
     assert most <= costly * good
 
