@@ -21,7 +21,8 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-# Files of the core, and the tests that answer for them beside those of the same name.
+# Files of the core, and the tests that answer for them beside those of the same name; none named: those of the
+# nearest folder. The first that fits counts.
 CORE = {
     "condensed/": ["tests/condensed"],
     "constraint/": ["tests/constraint"],
@@ -40,6 +41,9 @@ CORE = {
     "control/search/goal_search.py": ["tests/control"],
     "control/closed_loop/tick.py": ["tests/control"],
     "control/closed_loop/controller.py": ["tests/control"],
+    "control/": [],
+    "motion/": [],
+    "predict/": [],
     "core/artefact/files.py": ["tests/core/artefact/test_files.py"],
     "robot/checks/soundness.py": ["tests/robot/checks/test_soundness.py"],
     "identify/fit/uncertainty.py": ["tests/identify/fit/test_uncertainty.py"],
@@ -145,6 +149,15 @@ def compiled_with(file: Path) -> set[Path]:
         found |= more
 
 
+def tests_of(file: Path) -> list[str]:
+    """The tests that answer for a file below src/cfem, that of the same name first."""
+    named = next(paths for prefix, paths in CORE.items() if file.as_posix().startswith(prefix))
+    beside = Path("tests", file.parent, f"test_{file.name}")
+    folders = (sorted(folder.glob("test_*.py")) for folder in (ROOT / beside).parents)
+    others = named or [str(one.relative_to(ROOT)) for one in next(filter(None, folders))]
+    return [str(beside)] * (ROOT / beside).exists() + others
+
+
 def attempt(file: Path, index: int, timeout: float) -> bool:
     """One change of a file below src/cfem: whether a test noticed."""
     source = (ROOT / "src/cfem" / file).read_text()
@@ -155,11 +168,8 @@ def attempt(file: Path, index: int, timeout: float) -> bool:
         package = Path(place, "cfem")
         shutil.copytree(ROOT / "src/cfem", package, ignore=shutil.ignore_patterns(*stale))
         (package / file).write_text(changed)
-        tests = next(paths for prefix, paths in CORE.items() if file.as_posix().startswith(prefix))
-        beside = file.parent / f"test_{file.name}"
-        tests = [str(one) for one in [Path("tests", beside)] if (ROOT / one).exists()] + tests
         environment = os.environ | {"PYTHONPATH": f"{place}{os.pathsep}{ROOT / 'tests'}", "OPENBLAS_NUM_THREADS": "1"}
-        command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *tests]
+        command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *tests_of(file)]
         try:
             done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, timeout=timeout)
         except subprocess.TimeoutExpired:

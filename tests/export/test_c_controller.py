@@ -337,6 +337,19 @@ def test_a_sample_of_a_command_not_given_yet_is_not_heard(tmp_path):
         assert controller.step(goal, model.rest_e, tick).status & REJECTED and not controller.moved.any()
 
 
+def test_an_outlier_where_the_robot_cannot_be_is_rejected(tmp_path):
+    """One of 1e7 mm moved the goal so far that the program had no answer: the command was held for ever."""
+    model = build(*spectral())
+    controller = compiled(tmp_path, command="force", observer="equilibrium")
+    goal = curve(model, 3)[0]
+    for away, rejected in ((1.9 * model.length, False), (2.1 * model.length, True), (1e7, True)):
+        controller.reset()
+        first = controller.step(goal)
+        found = controller.step(goal, model.rest_e + np.array([0.0, away, 0.0]), first.tick)
+        assert bool(found.status & REJECTED) == rejected and not found.status & HELD
+        assert controller.moved.any() != rejected
+
+
 @pytest.fixture(scope="module")
 def default_controller(tmp_path_factory):
     options = {"command": "force", "observer": "equilibrium", "late": 50, "iterations": 8}

@@ -94,6 +94,14 @@ def test_what_is_not_finite_changes_nothing(x_e):
     assert not correction.sample(1, np.array(x_e)) and not correction.moved.any() and correction.sampled == 1
 
 
+@pytest.mark.parametrize(("place", "heard"), [(29.0, True), (31.0, False), (-29.0, False)])
+def test_a_sample_where_the_robot_cannot_be_changes_nothing(place, heard):
+    """One outlier of 1e7 mm moved the goal so far that later goals had no answer."""
+    said = feedback(rest_e=np.array([10.0, 0.0]), far=np.array([20.0, 20.0]))
+    said.commanded(np.ones(2))
+    assert said.hear(1, np.array([place, 0.0])) == heard == said.moved.any()
+
+
 def test_rows_that_nobody_measures_do_not_correct():
     correction = Feedback(Gains(0.1, 0.5), np.array([True, False]))
     correction.commanded(np.ones(2))

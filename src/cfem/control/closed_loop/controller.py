@@ -38,11 +38,12 @@ class Controller:
         rest_e: (n_e,) mm, where the effectors rest
         gains: of the correction, None for open loop
         start: (n_a,) mm where the actuators stand, the model's home or 0 unless given
-        far: (n_e,) mm from rest, of `far_of`, beyond which a goal is in another unit; unchecked unless given"""
+        far: (n_e,) mm from rest, of `far_of`, beyond which a goal is in another unit and a sample is rejected;
+            unchecked unless given"""
         self._pilot, self._rest_e = pilot, rest_e
-        self.feedback = Feedback(gains, pilot.weights > 0) if gains else None
         self._tick = 0
         self._far = np.full(len(rest_e), np.inf) if far is None else far
+        self.feedback = Feedback(gains, pilot.weights > 0, rest_e=rest_e, far=self._far) if gains else None
         home = getattr(pilot.model, "home", np.zeros(len(pilot.ridge)))
         self.belief = Belief.at(pilot, home if start is None else np.asarray(start, float))
         self.aimed = self._rest_e + self.belief.iterate.condensed.delta_e

@@ -35,9 +35,18 @@ class Feedback:
     given: number of commands so far
     sampled: number of the command that the last sample followed, 0 before the first"""
 
-    def __init__(self, gains: Gains, measured: np.ndarray, history: int = HISTORY):
-        """measured: (n_e,) bool, rows that correct; history: ticks."""
+    def __init__(
+        self,
+        gains: Gains,
+        measured: np.ndarray,
+        history: int = HISTORY,
+        rest_e: np.ndarray | float = 0.0,
+        far: np.ndarray | float = np.inf,
+    ):
+        """measured: (n_e,) bool, rows that correct; history: ticks; far: (n_e,) mm from rest_e (n_e,) mm, beyond which
+        no sample can be."""
         self._gains, self._measured = gains, measured
+        self._rest_e, self._far = rest_e, far
         self.total, self.moved = np.zeros(len(measured)), np.zeros(len(measured))
         self._references: deque[np.ndarray] = deque(maxlen=history)
         self._ages: deque[int] = deque(maxlen=WINDOW)
@@ -52,8 +61,8 @@ class Feedback:
         self._references.append(expected - self.moved)
 
     def sample(self, tick: int, x_e: np.ndarray) -> bool:
-        """Takes a sample and returns True if it corrects. One that was taken before, that is older than the history or
-        that is not finite changes nothing. InputError for a command that was not given yet.
+        """Takes a sample and returns True if it corrects. One that was taken before, that is older than the history,
+        not finite or too far from rest changes nothing. InputError for a command that was not given yet.
 
         tick: number of the command that the sample followed, from 1 on
         x_e: (n_e,) mm"""
@@ -67,7 +76,7 @@ class Feedback:
         if age > len(self._references):
             return False
         error = np.where(self._measured, self._references[-age] - x_e, 0.0)
-        if not np.isfinite(error).all():
+        if not np.isfinite(error).all() or (np.abs(x_e - self._rest_e) > self._far)[self._measured].any():
             return False
         self._ages.append(age)
         if not first:

@@ -38,8 +38,10 @@ unsigned cfem_feedback_hear(cfem_feedback *f, uint32_t tick, const cfem_real *x_
     if (age > CFEM_LATE) return CFEM_REJECTED;
     const double *const reference = f->references[(f->next + CFEM_LATE - (int)age) % CFEM_LATE];
     for (int e = 0; e < CFEM_NE; e++) {
-        error[e] = cfem_effector_weight[e] > 0.0 ? reference[e] - (double)x_e[e] : 0.0;
+        const double place = (double)x_e[e];
+        error[e] = cfem_effector_weight[e] > 0.0 ? reference[e] - place : 0.0;
         if (!cfem_finite(error[e])) return CFEM_REJECTED;
+        if (cfem_effector_weight[e] > 0.0 && fabs(place - cfem_rest_e[e]) > cfem_far[e]) return CFEM_REJECTED;
     }
     into(f->ages, &f->samples, age);
     if (!first) into(f->intervals, &f->gaps, interval);

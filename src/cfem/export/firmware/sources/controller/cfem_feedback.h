@@ -26,7 +26,8 @@ typedef struct {
 void cfem_feedback_init(cfem_feedback *f);
 
 /* A sample x_e (CFEM_NE,) mm that followed the command of that number; 0: none. One heard before changes nothing. CFEM_OK, or
- * CFEM_REJECTED for one that is not finite, older than CFEM_LATE commands, or of a command not given yet. */
+ * CFEM_REJECTED for one that is not finite, farther from rest than goals may be (cfem_far), older than CFEM_LATE commands, or of a
+ * command not given yet. */
 unsigned cfem_feedback_hear(cfem_feedback *f, uint32_t tick, const cfem_real *x_e);
 
 /* After each command; expected (CFEM_NE,) mm, absolute: where the model has the effectors under it. */
