@@ -55,6 +55,19 @@ def test_a_pull_keeps_each_cable_within_its_reach():
     assert free.any() and not free.all()  # the curve is cut only where it leaves the reach
 
 
+def test_a_pull_holds_cables_that_others_make_pay_out_at_their_lower_reach():
+    """Two cables on opposite sides: control may command neither below its reach, and so may no goal ask for it."""
+    robot = bar()
+    plant = FemPlant(robot)
+    for share in ([0.8, 0.1], [0.9, 0.0], [0.1, 0.5]):
+        measured = plant.pull(np.array(share))
+        assert (measured.delta_a >= robot.reach[:, 0] - 1e-6).all() and (measured.lambda_a >= 0.0).all()
+        assert measured.delta_a.max() > 4.0  # the robot is still pulled as far by the other
+        np.testing.assert_allclose(FemPlant(robot).step(measured.delta_a).x_e, measured.x_e, atol=1e-5)
+    loose = FemPlant(replace(robot, reach=np.array([[-5.0, 8.0], [-5.0, 8.0]])))
+    assert loose.pull(np.array([0.8, 0.1])).delta_a[1] < -1.0  # a reach that leaves room to pay out is used
+
+
 def test_a_displacement_that_is_no_number_is_reported(plant):
     measured = plant.step(np.array([np.nan]))
     assert measured.status != "converged" and np.isnan(measured.x_e).all()

@@ -73,7 +73,7 @@ def _agrees(spec: RunSpec, base: Path) -> None:
 
 COMMAND = Command(
     "control",
-    10,
+    11,
     ControlSpec,
     _work,
     ("mesh",),

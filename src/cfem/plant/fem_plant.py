@@ -21,6 +21,7 @@ from cfem.sample.plan import borne, borne_together
 
 MEMORY = 200  # solved states that predictions draw on
 _LESS, _WITHIN = 8, 0.99  # pulls tried that become less, the last of them to this share of the reach
+_NOTHING = 1e-6  # of the reach, by which a displacement may lie below it
 APART = 0.01  # of the reach: states nearer to each other than this teach nothing new
 
 
@@ -70,8 +71,9 @@ class FemPlant(FemRobot):
 
     def pull(self, share: np.ndarray) -> Measurement:
         """The state of one point of the pulling cube [0, 1]^n_a: the share-weighted mean displacement is the
-        share-weighted mean share, or less where an actuator would leave its reach, as one does against which others pay
-        out, or the body would not bear so much of all at once. NumericalError where there is no such state."""
+        share-weighted mean share, or less where an actuator would go beyond its reach, as one does against which others
+        pay out, or the body would not bear so much of all at once. An actuator that would pay out beyond its lower
+        reach is held there. NumericalError where there is no such state."""
         reach_max = self._problem.robot.reach[:, 1]
         self._t += 1
         amount = 0.0
@@ -79,11 +81,23 @@ class FemPlant(FemRobot):
             amount = borne(share, reach_max, *self._together, float(share @ share / share.sum()))
         for _ in range(_LESS):
             self._solve(pull(share, reach_max, amount), share * reach_max, slack=True)
-            most = float((self.state.delta_a / reach_max).max())
-            if most <= 1.0:
+            if self._used() <= 1.0:
+                self._hold_at_lower_reach()
+            if self._used() <= 1.0:
                 return self._measurement()
-            amount *= _WITHIN / most
+            amount *= _WITHIN / self._used()
         raise NumericalError(f"FE robot: a pull in the shares {np.round(share, 3).tolist()} leaves the reach")
+
+    def _used(self) -> float:
+        """The largest displacement now, as a share of the upper reach."""
+        return float((self.state.delta_a / self._problem.robot.reach[:, 1]).max())
+
+    def _hold_at_lower_reach(self) -> None:
+        """The state whose actuators stand where they do now, those below their reach excepted, which are at its end."""
+        low, high = self._problem.robot.reach.T
+        held = np.maximum(self.state.delta_a, low)
+        if (held - self.state.delta_a > _NOTHING * (high - low)).any():
+            self._solve(displacement(held), held, slack=True)
 
     @cached_property
     def _together(self) -> tuple[np.ndarray, float]:
