@@ -45,7 +45,7 @@ def write_c_estimate(folder: Path, model: Predictor, spec: CSpec) -> Filter:
     made = filter_of(spec.estimate, model, p)
     with disk_errors(folder):
         folder.mkdir(parents=True, exist_ok=True)
-        for path in (*SOURCES.iterdir(), *(c_export.SOURCES / name for name in ("cost.h", "cfem_gate.h"))):
+        for path in (*SOURCES.iterdir(), *(c_export.SOURCES / name for name in ("cost.h", "cfem_chebyshev.h", "cfem_gate.h"))):
             shutil.copyfile(path, folder / path.name)
     sizes, constants = estimate_constants(made)
     names = " ".join(spec.estimate.markers)
