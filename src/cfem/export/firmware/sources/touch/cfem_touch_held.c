@@ -15,7 +15,7 @@ static const double TRUSTED = 0.3; /* to which a body that softens is followed; 
 #define DEGREES (CFEM_PATCH_DEGREE + 1)
 #define LOCAL 4 /* polynomials in what the modes leave, whose degree is 3 at most */
 
-static const cfem_box box = {NA, NA, NA, CFEM_PATCH_DEGREE, NA, DEGREES, cfem_patch_to_box[0], cfem_patch_offset};
+#define BOX {NA, NA, NA, CFEM_PATCH_DEGREE, NA, DEGREES, cfem_patch_to_box[0], cfem_patch_offset}
 static const cfem_box local_box = {.n = NA, .rows = NA, .across = LOCAL};
 
 /* Polynomials, and their derivatives by delta_a, in the box of the patches. */
@@ -34,6 +34,7 @@ unsigned cfem_touch_hold(const double delta_a[NA], cfem_touched *now, cfem_touch
     if (cfem_model(delta_a, &m)) return CFEM_TOUCH_NO_MODEL;
     for (int e = 0; e < NE; e++) now->delta_e[e] = m.free_e[e] + cfem_dot(NA, m.W_ea[e], m.lambda_a);
     for (int i = 0; i < NA; i++) now->lambda_a[i] = m.lambda_a[i], room->s[i] = now->delta_a[i] = delta_a[i];
+    const cfem_box box = BOX;
     cfem_polynomials(&box, delta_a, 1, t[0]);
     local_polynomials(delta_a, local);
     for (int k = 0; k < K; k++) room->rows[k] = 0.0;
@@ -218,6 +219,7 @@ void cfem_touch_loaded(cfem_touched *now, cfem_touch_room *room) {
     if (!now->count) return;
     move_tip(now, room);
     /* lambda = grad (Psi - w . s_0 - Phi), see cfem.predict.loads.high_order */
+    const cfem_box box = BOX;
     cfem_polynomials(&box, room->s, 2, t[0][0]);
     local_polynomials(room->s, local);
     for (int l = 0; l < CFEM_PATCH_TERMS; l++) {
