@@ -76,7 +76,7 @@ static void skin_rows(const double *s, double *out) {
     const int N = cfem_here.skin_n_z, outputs = f->outputs;
     const cfem_box box = {N, cfem_here.n_a, CFEM_MOST_NA, cfem_here.skin_degree, CFEM_MOST_NZ, CFEM_MOST_DEGREE + 1,
                           cfem_here.skin_to_box[0], cfem_here.skin_offset};
-    cfem_polynomials(&box, s, 1, T[0]);
+    cfem_polynomials(box, s, 1, T[0]);
     for (int i = 0; i < N; i++)
         for (int o = 0; o < outputs; o++) sum[i][o] = 0.0;
     for (int g = 0, m = 0; g < f->groups; g++) {

@@ -36,30 +36,30 @@ CFEM_INLINE void cfem_chebyshev(double z, int degree, double *value, double *slo
 }
 
 /* Fills the first `orders` of a table, at s. */
-CFEM_INLINE void cfem_polynomials(const cfem_box *box, const double *s, int orders, double *table) {
-    const int size = box->rows * box->across;
-    for (int i = 0; i < box->n; i++) {
-        double z = box->offset[i], *value = table + i * box->across;
-        for (int j = 0; j < box->inputs; j++) z += box->to_box[i * box->stride + j] * s[j];
-        cfem_chebyshev(z, box->degree, value, orders > 1 ? value + size : 0, orders > 2 ? value + 2 * size : 0);
+CFEM_INLINE void cfem_polynomials(const cfem_box box, const double *s, int orders, double *table) {
+    const int size = box.rows * box.across;
+    for (int i = 0; i < box.n; i++) {
+        double z = box.offset[i], *value = table + i * box.across;
+        for (int j = 0; j < box.inputs; j++) z += box.to_box[i * box.stride + j] * s[j];
+        cfem_chebyshev(z, box.degree, value, orders > 1 ? value + size : 0, orders > 2 ? value + 2 * size : 0);
     }
 }
 
 /* The term of these degrees (n,), derived by z_i and by z_j; -1: by none. */
-CFEM_INLINE double cfem_term(const cfem_box *box, const double *table, const uint8_t *degrees, int i, int j) {
+CFEM_INLINE double cfem_term(const cfem_box box, const double *table, const uint8_t *degrees, int i, int j) {
     double term = 1.0;
-    for (int k = 0; k < box->n; k++) term *= table[(((k == i) + (k == j)) * box->rows + k) * box->across + degrees[k]];
+    for (int k = 0; k < box.n; k++) term *= table[(((k == i) + (k == j)) * box.rows + k) * box.across + degrees[k]];
     return term;
 }
 
 /* values (outputs,) += the sum of terms, of coefficients c (terms, outputs) and degrees (terms, n); slopes (n, outputs), unless NULL, += its
  * derivatives by z. */
-CFEM_INLINE void cfem_add_terms(const cfem_box *box, const double *table, int terms, const uint8_t *degrees, int outputs, const double *c,
+CFEM_INLINE void cfem_add_terms(const cfem_box box, const double *table, int terms, const uint8_t *degrees, int outputs, const double *c,
                                 double *values, double *slopes) {
-    for (int m = 0; m < terms; m++, degrees += box->n, c += outputs) {
+    for (int m = 0; m < terms; m++, degrees += box.n, c += outputs) {
         const double term = cfem_term(box, table, degrees, -1, -1);
         for (int o = 0; o < outputs; o++) values[o] += c[o] * term;
-        for (int i = 0; slopes && i < box->n; i++) {
+        for (int i = 0; slopes && i < box.n; i++) {
             if (!degrees[i]) continue;
             const double slope = cfem_term(box, table, degrees, i, -1);
             for (int o = 0; o < outputs; o++) slopes[i * outputs + o] += c[o] * slope;

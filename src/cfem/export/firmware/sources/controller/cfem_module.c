@@ -33,10 +33,10 @@ static void term(const cfem_held *held, int m, double *out) {
     const int n = box.n;
     const uint8_t *const degrees = held->model->degrees + m * n;
     double *next = out + 1 + n;
-    out[0] = cfem_term(&box, table, degrees, -1, -1);
+    out[0] = cfem_term(box, table, degrees, -1, -1);
     for (int i = 0; i < n; i++) {
-        out[1 + i] = cfem_term(&box, table, degrees, i, -1);
-        for (int j = i; j < n; j++) *next++ = cfem_term(&box, table, degrees, i, j);
+        out[1 + i] = cfem_term(box, table, degrees, i, -1);
+        for (int j = i; j < n; j++) *next++ = cfem_term(box, table, degrees, i, j);
     }
 }
 
@@ -77,7 +77,7 @@ void cfem_module_at(const cfem_module *model, const double *s, cfem_held *held) 
     double packed[PACKED] = {0};
     int of_e = 0, of_C = 0, of_D = 0, of_E = 0;
     held->model = model;
-    cfem_polynomials(&box, s, 3, held->polynomials[0][0]);
+    cfem_polynomials(box, s, 3, held->polynomials[0][0]);
     for (int r = 0; r < P; r++) held->pose[r] = 0.0;
     for (int i = 0; i < CHANGES; i++) held->D[i] = 0.0;
     for (int i = 0; i < CURVATURES; i++) held->E[i] = 0.0;
@@ -85,7 +85,7 @@ void cfem_module_at(const cfem_module *model, const double *s, cfem_held *held) 
         const cfem_real *const e = of_term(&model->effector, P, m, &of_e), *const C = of_term(&model->compliance, PACKED, m, &of_C);
         const cfem_real *const D = of_term(&model->change, CHANGES, m, &of_D);
         const cfem_real *const E = of_term(&model->curvature, CURVATURES, m, &of_E);
-        const double by = cfem_term(&box, held->polynomials[0][0], model->degrees + m * box.n, -1, -1);
+        const double by = cfem_term(box, held->polynomials[0][0], model->degrees + m * box.n, -1, -1);
         for (int r = 0; e && r < P; r++) held->pose[r] += (double)e[r] * by;
         for (int i = 0; C && i < PACKED; i++) packed[i] += (double)C[i] * by;
         for (int i = 0; D && i < CHANGES; i++) held->D[i] += (double)D[i] * by;

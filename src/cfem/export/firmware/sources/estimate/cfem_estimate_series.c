@@ -14,12 +14,12 @@
 void cfem_estimate_places(const double *x, double y[ROWS], double by[ROWS][N]) {
     double by_z[NZ][ROWS], t[2][NZ][DEGREES];
     const cfem_box box = BOX;
-    cfem_polynomials(&box, x, 2, t[0][0]);
+    cfem_polynomials(box, x, 2, t[0][0]);
     memset(y, 0, sizeof(double) * ROWS), memset(by, 0, sizeof(double) * ROWS * N), memset(by_z, 0, sizeof by_z);
-    cfem_add_terms(&box, t[0][0], CFEM_ESTIMATE_TERMS, cfem_estimate_degrees[0], ROWS, cfem_estimate_markers[0], y, by_z[0]);
+    cfem_add_terms(box, t[0][0], CFEM_ESTIMATE_TERMS, cfem_estimate_degrees[0], ROWS, cfem_estimate_markers[0], y, by_z[0]);
     for (int m = 0; NW && m < CFEM_ESTIMATE_SOFT_TERMS; m++) {
         const uint8_t *degrees = cfem_estimate_soft_degrees[m];
-        const double phi = cfem_term(&box, t[0][0], degrees, -1, -1);
+        const double phi = cfem_term(box, t[0][0], degrees, -1, -1);
         double moved[ROWS] = {0.0};
         for (int w = 0; w < NW; w++) {
             const double *c = cfem_estimate_soft[m][w], load = x[NA + w];
@@ -28,7 +28,7 @@ void cfem_estimate_places(const double *x, double y[ROWS], double by[ROWS][N]) {
         for (int o = 0; o < ROWS; o++) y[o] += moved[o] * phi;
         for (int i = 0; i < NZ; i++) {
             if (!degrees[i]) continue;
-            const double slope = cfem_term(&box, t[0][0], degrees, i, -1);
+            const double slope = cfem_term(box, t[0][0], degrees, i, -1);
             for (int o = 0; o < ROWS; o++) by_z[i][o] += moved[o] * slope;
         }
     }
@@ -41,7 +41,7 @@ void cfem_estimate_places(const double *x, double y[ROWS], double by[ROWS][N]) {
 void cfem_estimate_tensions(const double *x, double y[NA], double by[NA][N]) {
     double by_z[NZ] = {0.0}, curve[NZ][NZ] = {{0.0}}, across[NZ][NW + 1] = {{0.0}}, t[3][NZ][DEGREES];
     const cfem_box box = BOX;
-    cfem_polynomials(&box, x, 3, t[0][0]);
+    cfem_polynomials(box, x, 3, t[0][0]);
     for (int m = 0; m < CFEM_ESTIMATE_FORCE_TERMS; m++) {
         const uint8_t *degrees = cfem_estimate_force_degrees[m];
         const double *c = cfem_estimate_force[m], *pair = c + 1 + NW, *w = x + NA;
@@ -54,10 +54,10 @@ void cfem_estimate_tensions(const double *x, double y[NA], double by[NA][N]) {
                 if (k != j) row[k] += *pair * w[j];
             }
         for (int i = 0; i < NZ; i++) {
-            const double slope = cfem_term(&box, t[0][0], degrees, i, -1);
+            const double slope = cfem_term(box, t[0][0], degrees, i, -1);
             by_z[i] += pi * slope;
             for (int j = 0; j < NW; j++) across[i][j] -= row[j] * slope;
-            for (int j = 0; j < NZ; j++) curve[i][j] += pi * cfem_term(&box, t[0][0], degrees, i, j);
+            for (int j = 0; j < NZ; j++) curve[i][j] += pi * cfem_term(box, t[0][0], degrees, i, j);
         }
     }
     for (int a = 0; a < NA; a++) {
@@ -77,10 +77,10 @@ void cfem_estimate_tensions(const double *x, double y[NA], double by[NA][N]) {
 static void sum(const double *x, int terms, int outputs, const double *series, const uint8_t *degrees, double *out) {
     double t[NZ][DEGREES];
     const cfem_box box = BOX;
-    cfem_polynomials(&box, x, 1, t[0]);
+    cfem_polynomials(box, x, 1, t[0]);
     for (int o = 0; o < outputs; o++) out[o] = 0.0;
     for (int m = 0; m < terms; m++, degrees += NZ) {
-        const double phi = cfem_term(&box, t[0], degrees, -1, -1);
+        const double phi = cfem_term(box, t[0], degrees, -1, -1);
         for (int o = 0; o < outputs; o++) {
             double value = *series++;
             for (int w = 0; w < NW; w++) value += *series++ * x[NA + w];

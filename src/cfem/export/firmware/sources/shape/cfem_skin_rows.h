@@ -10,9 +10,9 @@ static void cfem_skin_rows(int inputs, const double *s, double rows[CFEM_SKIN_RO
     const cfem_box box = {CFEM_SKIN_NZ, inputs, inputs, CFEM_SKIN_DEGREE, CFEM_SKIN_NZ, CFEM_SKIN_DEGREE + 1,
                           cfem_skin_to_box[0], cfem_skin_offset};
     double t[CFEM_SKIN_NZ][CFEM_SKIN_DEGREE + 1];
-    cfem_polynomials(&box, s, 1, t[0]);
+    cfem_polynomials(box, s, 1, t[0]);
     for (int k = 0; k < CFEM_SKIN_ROWS; k++) rows[k] = 0.0;
-    cfem_add_terms(&box, t[0], CFEM_SKIN_TERMS, cfem_skin_degrees[0], CFEM_SKIN_ROWS, cfem_skin_series[0], rows, 0);
+    cfem_add_terms(box, t[0], CFEM_SKIN_TERMS, cfem_skin_degrees[0], CFEM_SKIN_ROWS, cfem_skin_series[0], rows, 0);
 }
 
 #endif

@@ -43,18 +43,18 @@ void cfem_swing_places(const double *x, double y[ROWS], double by[ROWS][N]) {
     split(x, &inner, at_rest, swing);
     cfem_estimate_places(at_rest, y, by_rest);
     const cfem_box box = BOX;
-    cfem_polynomials(&box, x, 2, t[0][0]);
+    cfem_polynomials(box, x, 2, t[0][0]);
     memset(R, 0, sizeof R), memset(slope_z, 0, sizeof slope_z), memset(held, 0, sizeof held);
     for (int m = 0; m < CFEM_SWING_TERMS; m++) {
         const uint8_t *degrees = cfem_swing_degrees[m];
-        const double *c = cfem_swing_markers[m], phi = cfem_term(&box, t[0][0], degrees, -1, -1);
+        const double *c = cfem_swing_markers[m], phi = cfem_term(box, t[0][0], degrees, -1, -1);
         double moved[ROWS];
         for (int o = 0; o < ROWS; o++) {
             moved[o] = 0.0;
             for (int r = 0; r < NR; r++) R[o][r] += phi * c[o * NR + r], moved[o] += c[o * NR + r] * swing[r];
         }
         for (int i = 0; i < NA; i++) {
-            const double slope = cfem_term(&box, t[0][0], degrees, i, -1);
+            const double slope = cfem_term(box, t[0][0], degrees, i, -1);
             for (int o = 0; o < ROWS; o++) slope_z[i][o] += slope * moved[o];
         }
     }
@@ -95,9 +95,9 @@ void cfem_swing_modes(const double x[N], double modes[MODES]) {
     split(x, &inner, at_rest, swing);
     cfem_estimate_modes(at_rest, modes);
     const cfem_box box = BOX;
-    cfem_polynomials(&box, x, 1, t[0]);
+    cfem_polynomials(box, x, 1, t[0]);
     for (int m = 0; m < CFEM_SWING_TERMS; m++) {
-        const double phi = cfem_term(&box, t[0], cfem_swing_degrees[m], -1, -1);
+        const double phi = cfem_term(box, t[0], cfem_swing_degrees[m], -1, -1);
         for (int k = 0; k < MODES; k++)
             for (int r = 0; r < NR; r++) modes[k] += phi * cfem_swing_modes_series[m][k * NR + r] * swing[r];
     }

@@ -35,18 +35,18 @@ unsigned cfem_touch_hold(const double delta_a[NA], cfem_touched *now, cfem_touch
     for (int e = 0; e < NE; e++) now->delta_e[e] = m.free_e[e] + cfem_dot(NA, m.W_ea[e], m.lambda_a);
     for (int i = 0; i < NA; i++) now->lambda_a[i] = m.lambda_a[i], room->s[i] = now->delta_a[i] = delta_a[i];
     const cfem_box box = BOX;
-    cfem_polynomials(&box, delta_a, 1, t[0]);
+    cfem_polynomials(box, delta_a, 1, t[0]);
     local_polynomials(delta_a, local);
     for (int k = 0; k < K; k++) room->rows[k] = 0.0;
-    cfem_add_terms(&box, t[0], CFEM_PATCH_TERMS, cfem_patch_degrees[0], K, cfem_patch_series[0], room->rows, 0);
-    cfem_add_terms(&box, t[0], CFEM_PATCH_COMPLIANCE_TERMS, cfem_patch_compliance_degrees[0], PACKED, cfem_patch_compliance[0], packed, 0);
+    cfem_add_terms(box, t[0], CFEM_PATCH_TERMS, cfem_patch_degrees[0], K, cfem_patch_series[0], room->rows, 0);
+    cfem_add_terms(box, t[0], CFEM_PATCH_COMPLIANCE_TERMS, cfem_patch_compliance_degrees[0], PACKED, cfem_patch_compliance[0], packed, 0);
     for (int e = 0; e < NE; e++)
         for (int k = 0; k < K; k++) room->C_es[e][k] = packed[e * K + k];
     for (int i = 0, at = NE * K; i < K; i++)
         for (int j = i; j < K; j++, at++) room->C_ss[i][j] = room->C_ss[j][i] = packed[at];
     for (int i = 0; i < CFEM_PATCH_BENT; i++) room->D[i] = 0.0;
     for (int l = 0; l < CFEM_PATCH_LOCAL_TERMS; l++) {
-        const double term = room->terms[l] = cfem_term(&local_box, local[0][0], cfem_patch_local_degrees[l], -1, -1);
+        const double term = room->terms[l] = cfem_term(local_box, local[0][0], cfem_patch_local_degrees[l], -1, -1);
         for (int i = 0; i < CFEM_PATCH_BENT; i++) room->D[i] += term * (double)cfem_patch_bent[l][i];
     }
     for (int p = 0; p < CFEM_PATCHES; p++)
@@ -220,11 +220,11 @@ void cfem_touch_loaded(cfem_touched *now, cfem_touch_room *room) {
     move_tip(now, room);
     /* lambda = grad (Psi - w . s_0 - Phi), see cfem.predict.loads.high_order */
     const cfem_box box = BOX;
-    cfem_polynomials(&box, room->s, 2, t[0][0]);
+    cfem_polynomials(box, room->s, 2, t[0][0]);
     local_polynomials(room->s, local);
     for (int l = 0; l < CFEM_PATCH_TERMS; l++) {
         const double load = cfem_dot(K, cfem_patch_series[l], w);
-        for (int i = 0; i < NA; i++) slope[i] += load * cfem_term(&box, t[0][0], cfem_patch_degrees[l], i, -1);
+        for (int i = 0; i < NA; i++) slope[i] += load * cfem_term(box, t[0][0], cfem_patch_degrees[l], i, -1);
     }
     for (int l = 0; l < CFEM_PATCH_COMPLIANCE_TERMS; l++) {
         const double *C = cfem_patch_compliance[l] + NE * K;
@@ -232,7 +232,7 @@ void cfem_touch_loaded(cfem_touched *now, cfem_touch_room *room) {
         for (int i = 0; i < K; i++)
             for (int j = i; j < K; j++) load += (i == j ? 0.5 : 1.0) * w[i] * w[j] * *C++;
         load *= room->by_modes.first;
-        for (int i = 0; i < NA; i++) slope[i] += load * cfem_term(&box, t[0][0], cfem_patch_compliance_degrees[l], i, -1);
+        for (int i = 0; i < NA; i++) slope[i] += load * cfem_term(box, t[0][0], cfem_patch_compliance_degrees[l], i, -1);
     }
     for (int i = 0; i < M; i++)
         for (int j = i; j < M; j++) {
@@ -243,7 +243,7 @@ void cfem_touch_loaded(cfem_touched *now, cfem_touch_room *room) {
     for (int l = 0; l < CFEM_PATCH_LOCAL_TERMS; l++) {
         const double third = weighted(CUBES, cfem_patch_bent[l], cubes);
         for (int j = 0; j < NA; j++)
-            now->lambda_a[j] -= room->by_modes.second * third / 6.0 * cfem_term(&local_box, local[0][0], cfem_patch_local_degrees[l], j, -1);
+            now->lambda_a[j] -= room->by_modes.second * third / 6.0 * cfem_term(local_box, local[0][0], cfem_patch_local_degrees[l], j, -1);
     }
     for (int j = 0; j < NA; j++)
         for (int i = 0; i < NA; i++) now->lambda_a[j] -= cfem_patch_to_box[i][j] * slope[i];
