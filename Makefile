@@ -5,7 +5,7 @@ PYTHON := .venv/bin/python
 SCENES := $(filter-out surrogates soft-gripper stiff-flop-experiments,$(patsubst pipelines/%/report.yaml,%,$(wildcard pipelines/*/report.yaml)))
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: demo test smoke test-slow mutate bench wheel docs notebooks lint audit coverage schemas soft-finger-paper figures discretisation mechanics surrogates clean embedded embedded-stiff-flop soft-gripper stiff-flop stiff-flop-experiments parametric-finger parametric-finger-paper finger-shapes regenerate pages wasm $(SCENES)
+.PHONY: demo test smoke test-slow mutate bench wheel docs notebooks lint audit coverage schemas soft-finger-paper figures discretisation mechanics surrogates clean embedded embedded-stiff-flop soft-gripper stiff-flop stiff-flop-experiments parametric-finger parametric-finger-paper finger-shapes regenerate pages pictures wasm $(SCENES)
 
 # The soft finger through all its stages, three numbers and a page.
 demo: .venv/all
@@ -140,11 +140,13 @@ embedded-stiff-flop: stiff-flop
 	$(CFEM) run pipelines/$</export-c.yaml pipelines/$</export-c-serial.yaml
 	for model in spectral serial; do $(MAKE) -C models/$</$$model-embedded/c test measure size || exit; done
 
-# A page of each robot that any browser opens, and a gallery of them: build/pages/index.html.
-PAGES := soft-finger/export-page bar/export-page diamond/export-page trunk/export-page stiff-flop/export-page stiff-flop/export-page-serial
+# A page of each robot that any browser opens; `make docs` puts those that are there into the site's gallery.
 pages: .venv/all
-	$(CFEM) run $(PAGES:%=pipelines/%.yaml)
-	$(PYTHON) scripts/pages.py $(foreach robot,soft-finger bar diamond trunk stiff-flop,models/$(robot)/page) models/stiff-flop/page-serial
+	$(CFEM) run $(wildcard pipelines/*/export-page*.yaml)
+
+# The pictures of robots in docs/pictures, drawn from their pages; needs Playwright and a Chromium.
+pictures: pages
+	$(PYTHON) scripts/pictures.py
 
 # The program of the page that `cfem export` writes, compiled again after its C code has changed; the compiler is a wheel of 80 MB.
 wasm: .venv/dev

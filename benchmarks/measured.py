@@ -43,7 +43,7 @@ from cfem.dynamics.modes import natural_modes
 from cfem.dynamics.problem import MovingProblem
 from cfem.equilibrium.actuation import force
 from cfem.equilibrium.problem import Problem
-from cfem.equilibrium.solve import solve
+from cfem.equilibrium.solve import Wanted, solve
 from cfem.robot.build import build_robot
 from cfem.robot.mesh.meshing import make_mesh
 from cfem.robot.spec import SceneSpec
@@ -151,7 +151,7 @@ effectors: [{watched}]
 
 def _curvature(problem: Problem, tension: float) -> tuple[float, float]:
     """1/m, between the two places; mm from the axis to the cable between them, nan of a rod."""
-    found = solve(problem, force(np.array([tension])), condense=False)
+    found = solve(problem, force(np.array([tension])), wanted=Wanted(condense=False))
     if not found.converged:
         raise SystemExit(f"no equilibrium at {tension:g} N: {found.status.value}")
     turn, rest = np.split(found.delta_e, [12])
@@ -196,7 +196,7 @@ def _oscillation(young: float, size: float, overrides: list[str]) -> tuple[float
         mesh, _ = make_mesh(scene, Path(folder))
     problem = MovingProblem(build_robot(scene, mesh))
     free = force(np.zeros(1))
-    found = solve(problem, free, condense=False)
+    found = solve(problem, free, wanted=Wanted(condense=False))
     if not found.converged:
         raise SystemExit(f"no equilibrium under its weight: {found.status.value}")
     modes = natural_modes(problem, found.state, 2, held=free)
@@ -246,7 +246,7 @@ def _markers(problem: Problem, tension: float) -> tuple[np.ndarray, np.ndarray]:
     """(4, 3) mm, and (n, 3) mm of the nodes."""
     state = None
     for share in (0.5, 1.0):
-        found = solve(problem, force(np.array([share * tension, 0.0])), state, condense=False)
+        found = solve(problem, force(np.array([share * tension, 0.0])), state, wanted=Wanted(condense=False))
         if not found.converged:
             raise SystemExit(f"no equilibrium at {share * tension:g} N: {found.status.value}")
         state = found.state

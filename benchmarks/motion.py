@@ -35,7 +35,7 @@ from cfem.dynamics.simulate import simulate as full_simulate
 from cfem.dynamics.start import at_rest as full_at_rest
 from cfem.equilibrium.actuation import displacement, force
 from cfem.equilibrium.motion.inner_motions import rod_stresses
-from cfem.equilibrium.solve import solve
+from cfem.equilibrium.solve import Wanted, solve
 from cfem.export.compiled.controller import CORE, compiler, library
 from cfem.export.firmware import motion as c_motion
 from cfem.export.firmware.folder import write_c
@@ -200,7 +200,7 @@ def sampling(problem: MovingProblem, test: Any) -> dict[str, Any]:
         times = []
         for _ in range(REPEATS):
             begin = time.process_time()
-            found = solve(problem, displacement(0.98 * test.delta_a[0]), near.state, slack=False, **more)
+            found = solve(problem, displacement(0.98 * test.delta_a[0]), near.state, slack=False, wanted=Wanted(**more))
             times.append(time.process_time() - begin)
         return min(times), found.factorizations
 

@@ -17,7 +17,7 @@ import numpy as np
 from cfem.core.spec import load_spec
 from cfem.equilibrium.actuation import force
 from cfem.equilibrium.problem import Problem
-from cfem.equilibrium.solve import solve
+from cfem.equilibrium.solve import Wanted, solve
 from cfem.robot.build import build_robot
 from cfem.robot.mesh.meshing import make_mesh
 from cfem.robot.spec import SceneSpec
@@ -43,7 +43,7 @@ def contracting_rod(slices: int) -> Problem:
 
 def tip(problem: Problem, pressures: np.ndarray) -> np.ndarray:
     """(3,) mm, NaN where there is no equilibrium."""
-    solved = solve(problem, force(pressures), condense=False)
+    solved = solve(problem, force(pressures), wanted=Wanted(condense=False))
     return solved.delta_e if solved.converged else np.full(3, np.nan)
 
 

@@ -7,15 +7,17 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from docs_gallery import front_row, gallery, robot_pages
 from mkdocs.structure.files import File
 
-OUTSIDE = re.compile(r"\[([^\]]*)\]\(\.\./([^)]+)\)")
+OUTSIDE = r"\[([^\]]*)\]\(\.\./{}([^)]+)\)"  # a link to a file outside docs/, of a page so many folders down
 
 PICTURE = re.compile(r'<img src="tracked-finger.gif"[^>]*>')  # of the front page, where no live robot is there
 LIVE = (
     '<iframe src="robots/soft-finger.html" title="The soft finger, live: drag its tip" loading="lazy" '
     'style="width: 100%; height: 34rem; border: 1px solid #ccc; border-radius: 8px"></iframe>'
 )
+IN_MOTION = re.compile(r"<!-- in motion: (.*) -->")  # on the front page: these robots, each a link into the gallery
 KIND = re.compile(r"(.*?)(?: \(([^()]*e\.g\. [^()]*)\))?")  # a description, and the quantity that it is
 WORDS = {"string": "text", "integer": "whole number", "boolean": "true or false"}
 
@@ -31,29 +33,20 @@ def on_config(config):
 def on_files(files, config):
     for path, text in pages().items():
         files.append(File.generated(config, path, content=text))
-    for name, path in robots().items():
+    for name, path in robot_pages().items():
         files.append(File.generated(config, f"robots/{name}.html", abs_src_path=str(path.resolve())))
     return files
 
 
-def robots() -> dict[str, Path]:
-    """The pages of robots that `make pages` has made, by name, and that of the finger on the front page."""
-    front = Path("models/soft-finger/page/page.html")
-    made = {path.stem: path for path in sorted(Path("build/pages").glob("*.html")) if path.stem != "index"}
-    return made | ({"soft-finger": front} if front.is_file() else {})
-
-
 def on_page_markdown(markdown, page, config, files):
     """Links to files of the repository outside docs/ lead to its web page; without one, only their path is shown."""
-    if "/" in page.file.src_uri:  # one level down, `../` is docs/
-        return markdown
-    if page.file.src_uri == "index.md" and "soft-finger" in robots():
+    if page.file.src_uri == "index.md" and "soft-finger" in robot_pages():
         markdown = PICTURE.sub(LIVE, markdown, count=1)
+    markdown = IN_MOTION.sub(lambda found: front_row(found[1].split(", ")), markdown)
     if page.file.src_uri == "gallery.md":
-        markdown += "\n".join(
-            ["", "Pages of this site:", "", *(f"- [{name}](robots/{name}.html)" for name in robots())]
-        )
-    return OUTSIDE.sub(rf"[\1]({config.repo_url}/blob/main/\2)" if config.repo_url else r"\1 (`\2`)", markdown)
+        markdown += gallery()
+    outside = re.compile(OUTSIDE.format(r"\.\./" * page.file.src_uri.count("/")))
+    return outside.sub(rf"[\1]({config.repo_url}/blob/main/\2)" if config.repo_url else r"\1 (`\2`)", markdown)
 
 
 def pages() -> dict[str, str]:

@@ -152,7 +152,7 @@ def timed(command: list[str]) -> float:
     return time.perf_counter() - begin
 
 
-FILES = ("README.md", "docs/figures.md", "docs/mechanics.md", "docs/surrogates.md", "docs/gripping.md")
+FILES = ("README.md", "docs/figures.md", "docs/mechanics.md", "docs/figures/surrogates.md", "docs/figures/gripping.md")
 
 
 def with_tables(text: str, figures: dict) -> str:

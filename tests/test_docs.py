@@ -6,6 +6,8 @@ from pathlib import Path
 
 from support.script import script
 
+from cfem.pipeline.robots import robots
+
 ROOT = Path(__file__).parents[1]
 
 
@@ -59,6 +61,40 @@ def test_the_front_page_has_a_place_for_the_live_robot():
     pages = script("docs_pages")
     assert len(pages.PICTURE.findall((ROOT / "docs" / "index.md").read_text())) == 1
     assert 'src="robots/soft-finger.html"' in pages.LIVE
+
+
+def test_the_gallery_has_every_robot_that_can_be_copied_and_says_what_it_is(monkeypatch):
+    monkeypatch.chdir(ROOT)
+    pages = script("docs_gallery")
+    assert sorted(pages.catalogue()) == robots()
+    text = pages.gallery()
+    for name in robots():
+        assert re.search(rf"id=[\"']{name}[\"']", text), name
+        assert pages.description(name), name
+
+
+def test_every_robot_with_a_page_has_a_moving_picture_that_is_small(monkeypatch):
+    monkeypatch.chdir(ROOT)
+    pages = script("docs_gallery")
+    shown = [name for name in pages.catalogue() if pages.page_specs(name)]
+    assert len(shown) > 6
+    assert [name for name in shown if not pages.moving_picture(name)] == []
+    assert sum(path.stat().st_size for path in pages.PICTURES.iterdir()) < 1.5e6
+
+
+def test_the_front_page_has_six_robots_in_motion_that_the_gallery_has(monkeypatch):
+    monkeypatch.chdir(ROOT)
+    site, pages = script("docs_pages"), script("docs_gallery")
+    [names] = site.IN_MOTION.findall((ROOT / "docs" / "index.md").read_text())
+    row = pages.front_row(names.split(", "))
+    assert row.count("<img") == 6
+    assert set(re.findall(r"gallery.html#([\w-]+)", row)) <= set(robots())
+
+
+def test_generated_pages_are_in_the_navigation(monkeypatch):
+    monkeypatch.chdir(ROOT)
+    text = (ROOT / "mkdocs.yml").read_text()
+    assert [path for path in script("docs_pages").pages() if path not in text] == []
 
 
 def test_the_architecture_names_files_that_are_there():

@@ -11,6 +11,7 @@ from test_benchmarks import LONG, QUICK
 from cfem.cli.app import app
 from cfem.core.kinds import KINDS, model_of
 from cfem.core.spec import load_spec
+from cfem.pipeline.plan import own_specs
 
 ROOT = Path(__file__).parents[1]
 FIRMWARE = ROOT / "src/cfem/export/firmware/sources"
@@ -111,5 +112,9 @@ def cfem(words: list[str]) -> None:
             value = next(rest, "")
             if flag == "--set":
                 overrides.append(value)
+    if name == "run":
+        places = [ROOT / one for one in arguments if not OWN.search(one)]
+        goals = [spec for place in places for spec in (own_specs(place) if place.is_dir() else [place])]
+        assert {one.partition(".")[0] for one in overrides if places} <= {goal.stem for goal in goals}, overrides
     if name in STAGES and arguments and not OWN.search(arguments[0]) and not any("$" in one for one in overrides):
         load_spec(ROOT / arguments[0], model_of(STAGES[name]), [one for one in overrides if not OWN.search(one)])

@@ -12,7 +12,7 @@ from cfem.equilibrium.actuation import Actuation, displacement, force, pulling_o
 from cfem.equilibrium.newton import NewtonSettings
 from cfem.equilibrium.predictor import knot, predict
 from cfem.equilibrium.problem import Problem
-from cfem.equilibrium.solve import solve
+from cfem.equilibrium.solve import Wanted, solve
 from cfem.robot.build import build_robot
 from cfem.robot.mesh.grading import scene_mesh
 from cfem.robot.spec import SceneSpec
@@ -158,7 +158,7 @@ def test_cables_that_may_push_do():
 def test_derivatives_are_those_with_the_taut_cables_held():
     problem = problem_of("trunk-4")
     target = np.array([8.0, 0.0, -2.0, 0.0])
-    state = solve(problem, displacement(target), settings=TIGHT, keep=True)
+    state = solve(problem, displacement(target), settings=TIGHT, wanted=Wanted(keep=True))
     taut, h = ~state.slack, 1e-3
     assert 0 < taut.sum() < 4
     np.testing.assert_array_equal(np.abs(state.linear.C).sum(axis=0) > 0, taut)

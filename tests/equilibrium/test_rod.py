@@ -11,7 +11,7 @@ from cfem.constraint.contact import ContactPoint
 from cfem.constraint.section_point import attach_to_sections
 from cfem.equilibrium.actuation import Actuation, displacement, force
 from cfem.equilibrium.solution import Status
-from cfem.equilibrium.solve import solve
+from cfem.equilibrium.solve import Wanted, solve
 from cfem.mechanics.assembly import symmetric_product
 from cfem.mechanics.body import response
 
@@ -138,7 +138,7 @@ def test_a_cable_bends_a_rod_as_far_as_it_is_shortened():
 def test_W_and_its_slope_are_derivatives_of_whole_solves():
     problem = rod_problem(6, chambers((0.0, 2.0), (2.0, -1.0)), tip_force([0.0, 2e-3, 1e-3]))
     lam, h = np.array([0.06, 0.03]), 1e-4
-    here = solve(problem, force(lam), third_order=True)
+    here = solve(problem, force(lam), wanted=Wanted(third_order=True))
     assert here.converged
     for k in range(2):
         ahead, behind = (solve(problem, force(lam + sign * h * np.eye(2)[k])) for sign in (1, -1))

@@ -18,7 +18,7 @@ from cfem.equilibrium.newton import NewtonSettings, judged, newton
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.robot import Robot
 from cfem.equilibrium.solution import State, Status
-from cfem.equilibrium.solve import rest_state, solve
+from cfem.equilibrium.solve import Wanted, rest_state, solve
 from cfem.mechanics.element import ELEMENTS
 from cfem.mechanics.material import LAWS
 
@@ -258,4 +258,4 @@ def test_a_column_beyond_its_buckling_load_is_never_called_stable_while_straight
     assert below.converged and np.abs(below.delta_e[1:]).max() < 1.0
     bent = np.abs(above.delta_e[1:]).max() > 5.0
     assert above.status in (Status.UNSTABLE, Status.BIFURCATION) or (above.converged and bent)
-    assert solve(problem, actuation.force([1.2 * euler]), condense=False).status is above.status
+    assert solve(problem, actuation.force([1.2 * euler]), wanted=Wanted(condense=False)).status is above.status

@@ -13,7 +13,7 @@ from cfem.constraint.effector import make_effector
 from cfem.equilibrium.actuation import Actuation
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.robot import Robot
-from cfem.equilibrium.solve import solve
+from cfem.equilibrium.solve import Wanted, solve
 from cfem.init import stroke
 from cfem.init.stroke import strokes
 from cfem.mechanics.body import make_body
@@ -34,7 +34,7 @@ def test_at_its_stroke_an_actuator_is_at_a_limit(found):
     assert len(each) == 2 and all(one.force > 0 for one in each)
     problem = Problem(robot)
     target = Actuation(np.eye(2)[[0]], np.array([each[0].reach]), np.zeros(2))
-    ended = solve(problem, target, condense=False, slack=False)
+    ended = solve(problem, target, slack=False, wanted=Wanted(condense=False))
     tip = robot.X[:, 0] > 54
     X, x = robot.X[tip], ended.state.x[tip]
     turn = Rotation.align_vectors(x - x.mean(axis=0), X - X.mean(axis=0))[0].magnitude()

@@ -8,7 +8,7 @@ from dynamics.moving import moving_bar
 
 from cfem.condensed.packing import pack_symmetric3
 from cfem.equilibrium.actuation import displacement
-from cfem.equilibrium.solve import solve
+from cfem.equilibrium.solve import Wanted, solve
 from cfem.mechanics.viscosity import Viscosity
 from cfem.motion.model import MotionModel
 from cfem.predict.chebyshev import Basis
@@ -55,7 +55,7 @@ def problem():
 def states():
     full, found, start = problem(), [], None
     for delta in np.linspace(0.0, LARGEST, 13):
-        solved = solve(full, displacement([delta]), start, mass=full.mass, slack=False, loads=True)
+        solved = solve(full, displacement([delta]), start, slack=False, wanted=Wanted(mass=full.mass, loads=True))
         assert solved.converged
         found.append(solved)
         start = solved.state

@@ -17,7 +17,7 @@ def test_values_and_slopes_are_the_skin_s(model):
     skin, none = model.skin, np.zeros(0)
     rng = np.random.default_rng(0)
     T, at, w = rng.normal(size=(4, len(skin))), np.array([2.7]), np.array([0.01, -0.02, 0.03])
-    y, by = ModeSeries(skin, 1, T, 3, np.array([0, 2, 4]))(at, w)  # tip.x, tip.z and the second mode
+    y, by = ModeSeries.of(skin, 1, T, 3, np.array([0, 2, 4]))(at, w)  # tip.x, tip.z and the second mode
     C_es, C_ss = skin.compliance(at, none)
     C = np.column_stack([C_es[0], C_es[2], C_ss[:, 1]])
     assert y == pytest.approx(T @ (skin.rows(at, none) + C @ w))
@@ -31,7 +31,9 @@ def test_values_and_slopes_are_the_skin_s(model):
 
 
 def test_without_loads_it_is_the_shape_alone(model):
-    y, by = ModeSeries(model.skin, 1, np.eye(len(model.skin)), 3, np.array([], dtype=int))(np.array([1.5]), np.zeros(0))
+    y, by = ModeSeries.of(model.skin, 1, np.eye(len(model.skin)), 3, np.array([], dtype=int))(
+        np.array([1.5]), np.zeros(0)
+    )
     assert y == pytest.approx(model.skin.rows(np.array([1.5]), np.zeros(0)))
     assert by == pytest.approx(model.skin.gradient(np.array([1.5]), np.zeros(0)))
 
@@ -49,4 +51,4 @@ def test_a_model_of_forces_is_refused(model):
         form, arrays = "force", model.skin.arrays
 
     with pytest.raises(InputError, match="form displacement"):
-        ModeSeries(Held(), 1, np.eye(2), 3, np.array([0]))
+        ModeSeries.of(Held(), 1, np.eye(2), 3, np.array([0]))

@@ -13,7 +13,7 @@ from cfem.equilibrium.actuation import force
 from cfem.equilibrium.contact.held_patch import contact_points, patch_of
 from cfem.equilibrium.newton import NewtonSettings
 from cfem.equilibrium.problem import Problem
-from cfem.equilibrium.solve import solve
+from cfem.equilibrium.solve import Wanted, solve
 from cfem.sample.runner import sample
 from cfem.sample.solver import Facts, row_units
 from cfem.sample.spec import SampleSpec
@@ -43,7 +43,9 @@ class BarSolver:
         self.facts = Facts("bar", rows, robot.reach, robot.rest_e, robot.length, W, (), units, patch)
 
     def solve(self, actuation, start, p):
-        return solve(self.problem, actuation, start, settings=NewtonSettings(tolerance=1e-11), third_order=True)
+        return solve(
+            self.problem, actuation, start, settings=NewtonSettings(tolerance=1e-11), wanted=Wanted(third_order=True)
+        )
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from cfem.equilibrium.actuation import displacement
 from cfem.equilibrium.motion.inertia import mass_of
 from cfem.equilibrium.newton import NewtonSettings
 from cfem.equilibrium.problem import Problem
-from cfem.equilibrium.solve import solve
+from cfem.equilibrium.solve import Wanted, solve
 from cfem.robot import stage as mesh_stage
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh
@@ -53,7 +53,10 @@ def test_the_rows_of_all_have_their_mass_and_viscosity(folder):
     scene, mesh = folder / "pipelines" / "bar" / "scene.yaml", folder / "data" / "bar" / "mesh"
     robot = build_robot(*load_scene_and_mesh(scene, mesh))
     found = solve(
-        Problem(robot), displacement(data.delta_a[0]), settings=NewtonSettings(tolerance=1e-10), mass=mass_of(robot)
+        Problem(robot),
+        displacement(data.delta_a[0]),
+        settings=NewtonSettings(tolerance=1e-10),
+        wanted=Wanted(mass=mass_of(robot)),
     )
     own = np.r_[0:3, 5:6]
     for name in ("V", "V2", "V3"):

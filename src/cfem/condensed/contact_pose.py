@@ -52,11 +52,11 @@ def slopes_onto_patch(condensed: Condensed, dW: np.ndarray, patch: Patch, X: np.
     second[n_a:, n_a:, n_a:] = [patch.curvature(X, unit) for unit in units]
     lam = condensed.lam
     third = np.zeros((n, n, n))
-    third[n_a:, n_a:, n_a:] = _slope(lambda at: patch.curvature(at, lam[n_a:]), X)
+    third[n_a:, n_a:, n_a:] = _slope(lambda pose: patch.curvature(pose, lam[n_a:]), X)
     K = np.linalg.inv(condensed.W[act, act])
     W_ea = condensed.W[e, act]
     G = W_ea @ K
-    d_K, d_G, d_C = (one[0] for one in by_displacement(dW[None], e, act, K[None], G[None], W_ea[None]))
+    d_K, d_G, d_C = (slope[0] for slope in by_displacement(dW[None], e, act, K[None], G[None], W_ea[None]))
     KT = K @ T
     bent = np.einsum("iuw,iv->wuv", second, KT)
     by_hessian = np.einsum("lij,lw,iu,jv->wuv", d_K, T, T, T, optimize=True)
@@ -76,9 +76,9 @@ def slopes_onto_patch(condensed: Condensed, dW: np.ndarray, patch: Patch, X: np.
     return np.einsum("wk,wij->kij", W_act, d_W)
 
 
-def _slope(of, X: np.ndarray, h: float = 1e-4) -> np.ndarray:
-    """(n, ...) central differences of `of` by X (n,)."""
-    return np.stack([(of(X + step) - of(X - step)) / (2 * h) for step in h * np.eye(len(X))])
+def _slope(function, X: np.ndarray, h: float = 1e-4) -> np.ndarray:
+    """Central differences (n, ...) of a function by X (n,)."""
+    return np.stack([(function(X + step) - function(X - step)) / (2 * h) for step in h * np.eye(len(X))])
 
 
 def from_energy(

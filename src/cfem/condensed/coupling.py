@@ -33,8 +33,12 @@ ITERATIONS = 30
 
 @dataclass(frozen=True)
 class RigidObject:
-    """centre (3,) mm at rest; turns: whether it can turn, else it is guided; wrench: (3,) N constant force on it, or
-    (6,) with the moment by theta (N mm); oriented: whether its rotation vector is an effector, as its place is."""
+    """An object that several robots hold.
+
+    centre: (3,) mm at rest
+    turns: whether it can turn, else it is guided
+    wrench: (3,) N constant force on it, or (6,) with the moment by theta (N mm)
+    oriented: whether its rotation vector is an effector, as its place is"""
 
     centre: np.ndarray
     turns: bool
@@ -53,8 +57,12 @@ class RigidObject:
 
 @dataclass(frozen=True)
 class Holder:
-    """One robot that holds the object: its model, of (its actuators, the pose of its patch); n_a of its actuators;
-    turn (3, 3) and shift (3,) mm from its frame to that of the object; origin (3,) mm of its patch, in its frame."""
+    """One robot that holds the object.
+
+    model: of (its actuators, the pose of its patch)
+    n_a: number of its actuators
+    turn, shift: (3, 3) and (3,) mm from its frame to that of the object
+    origin: (3,) mm of its patch, in its frame"""
 
     name: str
     model: Model
@@ -70,8 +78,10 @@ class Holder:
 
 
 class HolderState(NamedTuple):
-    """Of one robot: delta_a, lambda_a (n_a + n_pose,) of its actuators and of its patch; hessian of its energy by the
-    first. What is asked of a robot that holds something, and no more: its own effectors are not."""
+    """State of one robot, as far as one that holds something is asked for it: its own effectors are not.
+
+    delta_a, lambda_a: (n_a + n_pose,) of its actuators and of its patch
+    hessian: of its energy by delta_a"""
 
     delta_a: np.ndarray
     lambda_a: np.ndarray
@@ -82,10 +92,13 @@ class HolderState(NamedTuple):
 class HeldObject(Condensed):
     """The condensed model of all actuators, with the object as effector, where it rests.
 
-    X: (n,) its pose; parts: the robots' own states; balance: (2,) sum of the forces and of the moments on the
-    object, relative to the largest of either; stiffness: (n, n) K_XX; softest: its smallest eigenvalue over the
-    largest, lengths scaled by that of the levers; updates: Newton steps that it took; forces: (robots, 3) N by which
-    each robot pushes the object."""
+    X: (n,) its pose
+    parts: the robots' own states
+    balance: (2,) sum of the forces and of the moments on the object, relative to the largest of either
+    stiffness: (n, n) K_XX
+    softest: its smallest eigenvalue over the largest, lengths scaled by that of the levers
+    updates: Newton steps that it took
+    forces: (robots, 3) N by which each robot pushes the object"""
 
     X: np.ndarray
     parts: tuple[HolderState, ...]
@@ -102,6 +115,7 @@ class Coupled:
     def __init__(
         self, holds: Sequence[Holder], held: RigidObject, home: np.ndarray | None = None, updates: int | None = None
     ):
+        """Places the robots about the object, and names the rows."""
         self.holds, self.object = tuple(holds), held
         self._levers = np.array([hold.lever(held.centre) for hold in holds])
         self._back = np.array([hold.turn.T for hold in holds])
@@ -148,7 +162,7 @@ class Coupled:
         raise NumericalError(f"the object does not come to rest: a force balance of {max(balance):.1e}")
 
     def inside(self, held: HeldObject) -> bool:
-        """Whether every robot's state is like those that its model was trained on."""
+        """True where every robot's state is like those that its model was trained on."""
         return all(
             not isinstance(hold.model, KnowsDomain) or hold.model.inside(part)
             for hold, part in zip(self.holds, held.parts, strict=True)
@@ -206,7 +220,7 @@ class Coupled:
         return parts, g, (K + K.T) / 2, (force, moment)
 
     def _poses(self, X: np.ndarray, now: RotationDerivatives | None) -> tuple[list[np.ndarray], list[np.ndarray]]:
-        """Of every robot's patch in its frame, (n_pose,) each, and their derivatives (n_pose, n) by X."""
+        """Pose of every robot's patch in its frame, (n_pose,) each, and their derivatives (n_pose, n) by X."""
         moved = np.tile(X[:3], (len(self.holds), 1))
         slope = np.zeros((len(self.holds), 6, len(X)))
         slope[:, :3, :3] = self._back
@@ -219,15 +233,15 @@ class Coupled:
         if now is not None:
             poses[:, 3:] = self._back @ X[3:]
         sizes = [hold.n_pose for hold in self.holds]
-        return [one[:n] for one, n in zip(poses, sizes, strict=True)], [
-            one[:n] for one, n in zip(slope, sizes, strict=True)
+        return [pose[:n] for pose, n in zip(poses, sizes, strict=True)], [
+            by_X[:n] for by_X, n in zip(slope, sizes, strict=True)
         ]
 
     def _states(self, asked: list[np.ndarray]) -> tuple[HolderState, ...]:
-        """Every robot's, at once where all have the same learned model."""
+        """States of the robots at these displacements, at once where all have the same learned model."""
         if self._alike:
             return tuple(map(HolderState, asked, *self.holds[0].model.slopes(np.array(asked))))
-        return tuple(state_of(hold.model, at) for hold, at in zip(self.holds, asked, strict=True))
+        return tuple(state_of(hold.model, delta) for hold, delta in zip(self.holds, asked, strict=True))
 
     def _softest(self, K_XX: np.ndarray) -> float:
         size = np.array([1.0] * 3 + [self._length] * (len(K_XX) - 3))
@@ -235,6 +249,7 @@ class Coupled:
         return float(values[0] / np.abs(values).max())
 
     def _condense(self, delta_a, X, parts, g, K, balance, updates) -> HeldObject:
+        """Condensed model at the pose X, which follows the actuators: dX / d delta_a = -K_XX^-1 K_Xa."""
         n_a, n_e = len(delta_a), self.rows.n_e
         flexible = np.linalg.inv(K[n_a:, n_a:])
         slope = -flexible @ K[n_a:, :n_a]
@@ -243,7 +258,7 @@ class Coupled:
         plain = from_energy(self.rows, delta, g[:n_a], hessian, slope[:n_e], flexible[:n_e, :n_e])
         stiffness = K[n_a:, n_a:]
         forces = -np.array(
-            [hold.turn @ one.lambda_a[hold.n_a :][:3] for hold, one in zip(self.holds, parts, strict=True)]
+            [hold.turn @ part.lambda_a[hold.n_a :][:3] for hold, part in zip(self.holds, parts, strict=True)]
         )
         held = HeldObject(
             plain.rows,
@@ -263,10 +278,10 @@ class Coupled:
 
 
 def state_of(model: Model, delta_a: np.ndarray) -> HolderState:
-    """Of one robot at delta_a (n_a + n_pose,)."""
+    """State of one robot at delta_a (n_a + n_pose,)."""
     if isinstance(model, KnowsSlopes):
         lam, hessian = model.slopes(delta_a[None])
         return HolderState(delta_a, lam[0], hessian[0])
-    at = model.at_displacement(delta_a)
-    act = at.rows.active
-    return HolderState(delta_a, at.lam, np.linalg.inv(at.W[act, act]))
+    condensed = model.at_displacement(delta_a)
+    act = condensed.rows.active
+    return HolderState(delta_a, condensed.lam, np.linalg.inv(condensed.W[act, act]))

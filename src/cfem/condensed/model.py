@@ -43,7 +43,7 @@ class KnowsDomain(Protocol):
     """A model that can tell how far a state is from those that it was trained on."""
 
     def inside(self, condensed: Condensed) -> bool:
-        """Whether a state is like those of the training."""
+        """True where a state is like those of the training."""
         ...
 
     def distance(self, condensed: Condensed) -> float:
@@ -56,7 +56,7 @@ class KnowsSlopes(Protocol):
     """A model that answers forces and stiffness of many states at once."""
 
     def slopes(self, delta_a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """lambda_a (B, n_a) and d lambda_a / d delta_a (B, n_a, n_a) at delta_a (B, n_a) mm."""
+        """Forces lambda_a (B, n_a) and d lambda_a / d delta_a (B, n_a, n_a) at delta_a (B, n_a) mm."""
         ...
 
 
@@ -64,16 +64,16 @@ def under_force(model: Model, lambda_a: np.ndarray, near: Condensed) -> Condense
     """The model under lambda_a (n_a,) N or MPa, searched from the state `near`. NumericalError where it has none."""
     if getattr(model, "form", "displacement") == "force":
         return model.at_force(lambda_a)
-    here, scale = near, np.full(len(lambda_a), np.finfo(float).tiny)  # scale: of each actuator on the way, in its unit
+    state, scale = near, np.full(len(lambda_a), np.finfo(float).tiny)  # scale: of each actuator on the way, in its unit
     for _ in range(ITERATIONS):
-        missing = lambda_a - here.lambda_a
-        delta = here.delta_a
-        step = here.W_aa @ missing
-        strong = np.maximum(np.abs(here.lambda_a), np.abs(lambda_a))
-        scale = np.maximum(scale, np.maximum(np.abs(delta), np.abs(here.W_aa) @ strong))
+        residual = lambda_a - state.lambda_a
+        delta = state.delta_a
+        step = state.W_aa @ residual
+        strong = np.maximum(np.abs(state.lambda_a), np.abs(lambda_a))
+        scale = np.maximum(scale, np.maximum(np.abs(delta), np.abs(state.W_aa) @ strong))
         size = float((np.abs(step) / scale).max())
         if size <= EXACT:
-            return here
+            return state
         trial = None
         for share in 0.5 ** np.arange(HALVINGS):
             try:
@@ -81,13 +81,13 @@ def under_force(model: Model, lambda_a: np.ndarray, near: Condensed) -> Condense
             except NumericalError:  # beyond what the model knows: a shorter step may be within it
                 trial = None
                 continue
-            if np.linalg.norm(lambda_a - trial.lambda_a) < np.linalg.norm(missing):
+            if np.linalg.norm(lambda_a - trial.lambda_a) < np.linalg.norm(residual):
                 break
         else:
             if size <= NEAR:
-                return here
+                return state
             trial = None
         if trial is None:
             break
-        here = trial
+        state = trial
     raise NumericalError(f"the model has no state under the forces {np.asarray(lambda_a).tolist()} N")

@@ -15,7 +15,7 @@ Value = Annotated[Any, WithJsonSchema({"type": ["string", "number"]})]
 
 
 def value_of(parameter: Parameter, given: Any, where: str) -> float:
-    """In the parameter's unit. SpecError where it is none, or out of the parameter's range."""
+    """Value in the parameter's unit. SpecError where it has another unit, or is out of the parameter's range."""
     try:
         value = float(given) if parameter.unit == "1" else parse_quantity(given, parameter.unit)
     except (TypeError, ValueError) as error:
@@ -27,18 +27,20 @@ def value_of(parameter: Parameter, given: Any, where: str) -> float:
 
 
 def vector(parameters: Sequence[Parameter], given: Mapping[str, Any], where: str) -> np.ndarray:
-    """(n_p,) the reference, with the values given. SpecError where a name is unknown."""
+    """Values (n_p,) of the parameters: those given, the others at the reference. SpecError where a name is unknown."""
     demand_known(parameters, given, where)
     return np.array(
         [
-            value_of(one, given[one.name], f"{where}.{one.name}") if one.name in given else one.reference
-            for one in parameters
+            value_of(parameter, given[parameter.name], f"{where}.{parameter.name}")
+            if parameter.name in given
+            else parameter.reference
+            for parameter in parameters
         ]
     )
 
 
 def demand_known(parameters: Sequence[Parameter], names: Any, where: str) -> None:
-    known = [one.name for one in parameters]
+    known = [parameter.name for parameter in parameters]
     unknown = [name for name in names if name not in known]
     if unknown:
         raise SpecError(f"unknown parameter {unknown[0]!r}", where=where, do=f"known are {', '.join(known) or 'none'}")

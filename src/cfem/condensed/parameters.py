@@ -13,10 +13,14 @@ Coordinate = Literal["linear", "log", "log(1-2p)"]
 class Parameter:
     """One number that varies from robot to robot.
 
-    key: where the scene has it ('material.poisson'); unit: of its numbers ('1', 'MPa', 'mm'); low, high: its range;
-    reference: the scene's own value; coordinate: the function of it in which the robot's response is smooth (log(1-2p)
-    for Poisson's ratio: the bulk modulus is about its exponential); exact: Young's modulus of a homogeneous robot that
-    carries no load. Its effect is W ~ 1/E, lambda ~ E, with delta_free unchanged: never sampled, never learned."""
+    key: where the scene has it ('material.poisson')
+    unit: of its numbers ('1', 'MPa', 'mm')
+    low, high: its range
+    reference: the scene's own value
+    coordinate: the function of it in which the robot's response is smooth (log(1-2p) for Poisson's ratio: the bulk
+    modulus is about its exponential)
+    exact: Young's modulus of a homogeneous robot that carries no load. Its effect is W ~ 1/E, lambda ~ E, with
+    delta_free unchanged: never sampled, never learned"""
 
     name: str
     key: str
@@ -29,7 +33,7 @@ class Parameter:
 
     @property
     def moves_body(self) -> bool:
-        """Whether the body itself differs: its geometry, or its free form."""
+        """True where the body itself differs: its geometry, or its free form."""
         return self.key.startswith(("geometry", "shape"))
 
 
@@ -51,7 +55,7 @@ def slopes(parameters: Sequence[Parameter], p: np.ndarray) -> np.ndarray:
 def _each(parameters: Sequence[Parameter], functions: Mapping[str, Callable], x: np.ndarray) -> np.ndarray:
     """(..., n_p) the function of each one's coordinate, of its own column of x."""
     x = np.asarray(x, float)
-    columns = [functions[one.coordinate](x[..., i]) for i, one in enumerate(parameters)]
+    columns = [functions[parameter.coordinate](x[..., i]) for i, parameter in enumerate(parameters)]
     return np.stack(columns, axis=-1) if columns else x[..., :0]
 
 
@@ -69,33 +73,33 @@ def from_shares(parameters: Sequence[Parameter], z: np.ndarray) -> np.ndarray:
 
 def range_coordinates(parameters: Sequence[Parameter]) -> tuple[np.ndarray, np.ndarray]:
     """(n_p,) coordinates of the lower and of the higher end of each range."""
-    low, high = np.array([[one.low, one.high] for one in parameters]).reshape(-1, 2).T
+    low, high = np.array([[parameter.low, parameter.high] for parameter in parameters]).reshape(-1, 2).T
     return coordinates(parameters, low), coordinates(parameters, high)
 
 
 def to_json(parameters: Sequence[Parameter]) -> list[dict[str, Any]]:
-    return [asdict(one) for one in parameters]
+    return [asdict(parameter) for parameter in parameters]
 
 
 def from_json(data: Sequence[dict[str, Any]]) -> tuple[Parameter, ...]:
-    return tuple(Parameter(**one) for one in data)
+    return tuple(Parameter(**entry) for entry in data)
 
 
 def sampled(parameters: Sequence[Parameter]) -> tuple[Parameter, ...]:
-    """Those that a dataset has columns for."""
-    return tuple(one for one in parameters if not one.exact)
+    """Parameters that a dataset has columns for."""
+    return tuple(parameter for parameter in parameters if not parameter.exact)
 
 
 def references(parameters: Sequence[Parameter]) -> np.ndarray:
-    """(n_p,) the scene's own values."""
-    return np.array([one.reference for one in parameters], dtype=float)
+    """The scene's own values (n_p,)."""
+    return np.array([parameter.reference for parameter in parameters], dtype=float)
 
 
 def completed(parameters: Sequence[Parameter], p: np.ndarray) -> np.ndarray:
     """(..., n_q) values of the sampled parameters -> (..., n_p) of all, exact ones at their reference."""
     p = np.asarray(p, float)
     every = np.tile(references(parameters), (*p.shape[:-1], 1))
-    every[..., [not one.exact for one in parameters]] = p
+    every[..., [not parameter.exact for parameter in parameters]] = p
     return every
 
 

@@ -12,8 +12,11 @@ SHARP = np.radians(30.0)
 
 @dataclass(frozen=True)
 class Patches:
-    """of (m,): number of the patch that each surface node belongs to; shares (m,): of the node in its patch, of sum 1
-    in each; rest (N, 3) mm: places of the patches."""
+    """A surface cut into N patches.
+
+    of: (m,) number of the patch that each surface node belongs to
+    shares: (m,) of the node in its patch, of sum 1 in each
+    rest: (N, 3) mm, places of the patches"""
 
     of: np.ndarray
     shares: np.ndarray
@@ -23,14 +26,14 @@ class Patches:
         return len(self.rest)
 
     def mean(self, values: np.ndarray) -> np.ndarray:
-        """(m, ...) of surface nodes -> (N, ...) of patches."""
-        found = np.zeros((len(self), *values.shape[1:]))
-        np.add.at(found, self.of, self.shares.reshape(-1, *[1] * (values.ndim - 1)) * values)
-        return found
+        """Means (N, ...) over the patches of values (m, ...) of surface nodes."""
+        means = np.zeros((len(self), *values.shape[1:]))
+        np.add.at(means, self.of, self.shares.reshape(-1, *[1] * (values.ndim - 1)) * values)
+        return means
 
     @cached_property
     def spacing(self) -> float:
-        """mm: the distance of neighbours at rest, the median."""
+        """Distance of neighbours at rest, mm, the median."""
         apart = np.linalg.norm(self.rest[:, None] - self.rest, axis=2) + 1e9 * np.eye(len(self))
         return float(np.median(apart.min(axis=1)))
 
@@ -55,30 +58,30 @@ def cut(
     about `apart` mm from each other. What does not hang together along the surface is not one patch. sharp_edges: such
     edges have patches of their own, as what is beside them first touches there, and the mean of a patch that goes round
     one lies in the body."""
-    graph, of, count = edges(rest, triangles).tocoo(), np.zeros(len(rest), dtype=np.int64), 0
-    parts = _connected(on_sharp_edges(rest, triangles).astype(np.int64), graph) if sharp_edges else of
+    graph, patch, count = edges(rest, triangles).tocoo(), np.zeros(len(rest), dtype=np.int64), 0
+    parts = _connected(on_sharp_edges(rest, triangles).astype(np.int64), graph) if sharp_edges else patch
     for part in np.unique(parts):
         mine = np.flatnonzero(parts == part)
-        of[mine] = count + _nearest_centre(rest[mine], apart)
-        count = int(of[mine].max()) + 1
-    of = _connected(of, graph)
+        patch[mine] = count + _nearest_centre(rest[mine], apart)
+        count = int(patch[mine].max()) + 1
+    patch = _connected(patch, graph)
     area = np.maximum(weights, 1e-12 / len(weights))
-    shares = area / np.bincount(of, area)[of]
-    patches = Patches(of, shares, np.zeros((int(of.max()) + 1, 3)))
-    return Patches(of, shares, patches.mean(rest))
+    shares = area / np.bincount(patch, area)[patch]
+    patches = Patches(patch, shares, np.zeros((int(patch.max()) + 1, 3)))
+    return Patches(patch, shares, patches.mean(rest))
 
 
 def _nearest_centre(nodes: np.ndarray, apart: float) -> np.ndarray:
-    """(m,) number of the centre that is nearest to each of nodes (m, 3) mm. Each centre is the node farthest from those
+    """Number (m,) of the centre that is nearest to each of nodes (m, 3) mm. Each centre is the node farthest from those
     before (Gonzalez 1985), until every node is within `apart` mm of one."""
-    nearest, of = np.full(len(nodes), np.inf), np.zeros(len(nodes), dtype=np.int64)
+    nearest, nearest_number = np.full(len(nodes), np.inf), np.zeros(len(nodes), dtype=np.int64)
     centre, count = int(np.argmax(np.linalg.norm(nodes - nodes.mean(axis=0), axis=1))), 0
     while nearest.max() > apart:
         away = np.linalg.norm(nodes - nodes[centre], axis=1)
         closer = away < nearest
-        of[closer], nearest[closer] = count, away[closer]
+        nearest_number[closer], nearest[closer] = count, away[closer]
         centre, count = int(np.argmax(nearest)), count + 1
-    return of
+    return nearest_number
 
 
 def on_sharp_edges(rest: np.ndarray, triangles: np.ndarray) -> np.ndarray:
@@ -87,24 +90,24 @@ def on_sharp_edges(rest: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-300)[:, None]
     start, end, opposite = (triangles[:, np.roll([0, 1, 2], -i)].ravel() for i in range(3))
-    key, of = start * len(rest) + end, np.repeat(np.arange(len(triangles)), 3)
+    key, triangle = start * len(rest) + end, np.repeat(np.arange(len(triangles)), 3)
     order = np.argsort(key)
     twin = order[np.minimum(np.searchsorted(key[order], end * len(rest) + start), len(key) - 1)]
-    turned = np.einsum("ei,ei->e", normals[of], normals[of[twin]]) < np.cos(SHARP)
-    below = np.einsum("ei,ei->e", rest[opposite[twin]] - rest[start], normals[of]) < 0
+    turned = np.einsum("ei,ei->e", normals[triangle], normals[triangle[twin]]) < np.cos(SHARP)
+    below = np.einsum("ei,ei->e", rest[opposite[twin]] - rest[start], normals[triangle]) < 0
     sharp = turned & below & (start[twin] == end) & (end[twin] == start)
     return np.isin(np.arange(len(rest)), [start[sharp], end[sharp]])
 
 
-def _connected(of: np.ndarray, graph: coo_array) -> np.ndarray:
-    """(m,) patches, in each of which edges lead from any node to any other: the largest piece of each of `of` keeps its
-    number, the others get new ones."""
-    within = of[graph.row] == of[graph.col]
+def _connected(numbers: np.ndarray, graph: coo_array) -> np.ndarray:
+    """Patches (m,), in each of which edges lead from any node to any other: the largest piece of each of `numbers`
+    keeps its number, the others get new ones."""
+    within = numbers[graph.row] == numbers[graph.col]
     inner = csr_array((graph.data[within], (graph.row[within], graph.col[within])), shape=graph.shape)
     pieces, piece = connected_components(inner, directed=False)
     size, patch = np.bincount(piece), np.empty(pieces, dtype=np.int64)
-    patch[piece] = of
+    patch[piece] = numbers
     order = np.lexsort((-size, patch))
     extra = order[1:][patch[order[1:]] == patch[order[:-1]]]
-    patch[extra] = of.max() + 1 + np.arange(len(extra))
+    patch[extra] = numbers.max() + 1 + np.arange(len(extra))
     return patch[piece]

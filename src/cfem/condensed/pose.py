@@ -22,7 +22,7 @@ def _derivatives(coefficients: list[float]) -> list[list[float]]:
     """Coefficients of a power series and of its first two derivatives, the highest first."""
     once = [k * c for k, c in enumerate(coefficients)][1:]
     twice = [k * c for k, c in enumerate(once)][1:]
-    return [one[::-1] for one in (coefficients, once, twice)]
+    return [series[::-1] for series in (coefficients, once, twice)]
 
 
 _A = _derivatives([(-1) ** k / factorial(2 * k + 1) for k in range(_TERMS)])
@@ -31,8 +31,8 @@ _B = _derivatives([(-1) ** k / factorial(2 * k + 2) for k in range(_TERMS)])
 
 def _at(coefficients: list[float], s: float) -> float:
     value = 0.0
-    for one in coefficients:
-        value = value * s + one
+    for coefficient in coefficients:
+        value = value * s + coefficient
     return value
 
 
@@ -42,8 +42,8 @@ def cross_matrix(v: np.ndarray) -> np.ndarray:
 
 
 class RotationDerivatives(NamedTuple):
-    """R (3, 3); first (3, 3, 3) and second (3, 3, 3, 3) derivatives by the rotation vector, whose indices come
-    first."""
+    """A rotation R (3, 3), and its first (3, 3, 3) and second (3, 3, 3, 3) derivatives by the rotation vector, whose
+    indices come first."""
 
     R: np.ndarray
     first: np.ndarray
@@ -51,10 +51,10 @@ class RotationDerivatives(NamedTuple):
 
 
 def turn(theta: np.ndarray) -> RotationDerivatives:
-    """exp[theta] and its derivatives, theta (3,) rad."""
+    """Rotation exp[theta] and its derivatives, theta (3,) rad."""
     s = float(theta @ theta)
-    a, a1, a2 = (_at(one, s) for one in _A)
-    b, b1, b2 = (_at(one, s) for one in _B)
+    a, a1, a2 = (_at(series, s) for series in _A)
+    b, b1, b2 = (_at(series, s) for series in _B)
     S = cross_matrix(theta)
     SS = S @ S
     by_square = np.tensordot(theta, _EE, 1)  # derivatives of [theta]^2
@@ -69,8 +69,11 @@ def turn(theta: np.ndarray) -> RotationDerivatives:
 
 @dataclass(frozen=True)
 class Patch:
-    """Points of a robot that move as one rigid body. points (k, 3) mm at rest; origin (3,) mm, the point whose
-    displacement is u; turns: whether it can turn, so that a pose X has six coordinates (u, theta), else three."""
+    """Points of a robot that move as one rigid body.
+
+    points: (k, 3) mm at rest
+    origin: (3,) mm, the point whose displacement is u
+    turns: whether it can turn, so that a pose X has six coordinates (u, theta), else three"""
 
     points: np.ndarray
     origin: np.ndarray

@@ -22,12 +22,12 @@ class Rows:
 
     @property
     def effector_units(self) -> tuple[tuple[str, str], ...]:
-        """Of each effector row's displacement and of the force that works on it; rows end in x, y, z, rx, ry or rz."""
+        """Units (displacement, force that works on it) of each effector row; rows end in x, y, z, rx, ry or rz."""
         return tuple(("rad", "N mm") if turns else ("mm", "N") for turns in self.turns)
 
     @property
     def turns(self) -> tuple[bool, ...]:
-        """Of each effector row: whether it is of a rotation vector."""
+        """True for each effector row that is of a rotation vector."""
         return tuple(name.rpartition(".")[2].startswith("r") for name in self.effectors)
 
     @cached_property
@@ -76,15 +76,19 @@ class Rows:
         """Rows that carry a multiplier: actuators and contacts."""
         return slice(self.watched.stop, self.n)
 
-    def difference(self, other: "Rows", whose: str) -> str:
-        """In words, of another robot's rows: 'drives left and right, the scene cable'."""
+    def difference(self, theirs: "Rows", whose: str) -> str:
+        """Difference from another robot's rows in words: 'drives left and right, the scene cable'."""
         kinds = (
-            ("drives", self.actuators, other.actuators),
-            ("watches", self.effectors, other.effectors),
-            ("may be touched at", self.contacts, other.contacts),
+            ("drives", self.actuators, theirs.actuators),
+            ("watches", self.effectors, theirs.effectors),
+            ("may be touched at", self.contacts, theirs.contacts),
         )
-        said = [f"{verb} {_listed(mine)}, {whose} {_listed(theirs)}" for verb, mine, theirs in kinds if mine != theirs]
-        return "; it ".join(said)
+        phrases = [
+            f"{verb} {_listed(my_names)}, {whose} {_listed(their_names)}"
+            for verb, my_names, their_names in kinds
+            if my_names != their_names
+        ]
+        return "; it ".join(phrases)
 
 
 def _listed(names: tuple[str, ...]) -> str:

@@ -23,14 +23,20 @@ UNITS = ("mm", "N")  # of every row and of its multiplier
 
 @dataclass(frozen=True)
 class Skin:
-    """nodes: (m,) numbers in the mesh; rest: (m, 3) mm; triangles: (t, 3) indices into nodes, normals outward; weights:
-    (m,) shares of the surface, of sum 1; modes: (k, m, 3), the strongest first; front: (j, 2) mm, root mean square and
-    largest distance of a surface node from its place by the first 0, 1, ... modes, in states that had no part in them
-    (j - 1 may be more than k: what more modes would have given).
+    """Modes of a surface.
 
-    Where the inside was asked for: inner_nodes (p,) all other nodes of the mesh, inner_rest (p, 3) mm and inner_modes
-    (k, p, 3), by which they move as the modes do; inner_left (2,) mm, root mean square and largest distance of an inner
-    node from its place by the modes, in the states that they are made from."""
+    nodes: (m,) numbers in the mesh
+    rest: (m, 3) mm
+    triangles: (t, 3) indices into nodes, normals outward
+    weights: (m,) shares of the surface, of sum 1
+    modes: (k, m, 3), the strongest first
+    front: (j, 2) mm, root mean square and largest distance of a surface node from its place by the first 0, 1, ...
+    modes, in states that had no part in them (j - 1 may be more than k: what more modes would have given)
+    inner_nodes: (p,) all other nodes of the mesh, where the inside was asked for, as in all that follows
+    inner_rest: (p, 3) mm
+    inner_modes: (k, p, 3), by which they move as the modes do
+    inner_left: (2,) mm, root mean square and largest distance of an inner node from its place by the modes, in the
+    states that they are made from"""
 
     nodes: np.ndarray
     rest: np.ndarray
@@ -76,7 +82,7 @@ def skin_bytes(skin: Skin) -> bytes:
 
 
 def skin_from(data: bytes) -> Skin:
-    """What `skin_bytes` made in this run. ValueError where it is damaged."""
+    """Skin from bytes that `skin_bytes` made in this run. ValueError where they are damaged."""
     try:
         with np.load(io.BytesIO(data), allow_pickle=False) as stored:
             return Skin(**{name: stored[name] for name in Skin.__dataclass_fields__})
@@ -85,7 +91,7 @@ def skin_from(data: bytes) -> Skin:
 
 
 def read_skin(path: Path) -> Skin:
-    """Of a file of a dataset. InputError where it is damaged, or its arrays do not fit each other."""
+    """Skin of a file of a dataset. InputError where it is damaged, or its arrays do not fit each other."""
     arrays = read_npz(path)
     try:
         return checked_skin(arrays)

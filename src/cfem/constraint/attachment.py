@@ -28,7 +28,9 @@ _NEWTON, _FAR = 30, 4.0  # steps at most to the coordinates in a hexahedron, and
 class Attachment:
     """A point that follows the body: y = weights @ x[nodes].
 
-    nodes (k,) indices; weights (k,) sum 1; point (3,) mm its position at rest."""
+    nodes: (k,) indices
+    weights: (k,) of sum 1
+    point: (3,) mm, its position at rest"""
 
     nodes: np.ndarray
     weights: np.ndarray
@@ -91,7 +93,7 @@ def distance_outside(mesh: Mesh, points: np.ndarray, cells: np.ndarray | None = 
 
 
 def tolerance_outside(mesh: Mesh, radius: float) -> float:
-    """mm that a point of such a radius may lie outside, as on the curved side of a coarse mesh."""
+    """Distance, mm, that a point of such a radius may lie outside, as on the curved side of a coarse mesh."""
     return max(0.5 * radius, 1e-3 * mesh.size)
 
 
@@ -121,9 +123,9 @@ def _near(mesh: Mesh, points: np.ndarray, among: np.ndarray) -> tuple[np.ndarray
 def _coordinates(mesh: Mesh, cells: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Reference coordinates of points (k, 3) in cells (k,), and how deep inside they lie, negative outside."""
     if mesh.cells.shape[1] == 8:
-        xi, found = _inverse_trilinear(mesh.X[mesh.cells[cells]], points)
+        xi, converged = _inverse_trilinear(mesh.X[mesh.cells[cells]], points)
         depth = (1 - np.abs(xi).max(axis=1)) / 2
-        return xi, np.where(found, depth, np.minimum(depth, -1.0))
+        return xi, np.where(converged, depth, np.minimum(depth, -1.0))
     unique, place = np.unique(cells, return_inverse=True)
     offset = points - mesh.X[_corners(mesh, unique)].mean(axis=1)[place]
     barycentric = 0.25 + np.einsum("kd,kad->ka", offset, barycentric_gradients(mesh.X, mesh.cells[unique])[place])
@@ -131,26 +133,26 @@ def _coordinates(mesh: Mesh, cells: np.ndarray, points: np.ndarray) -> tuple[np.
 
 
 def _inverse_trilinear(corners: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """xi (k, 3) of points (k, 3) in hexahedra (k, 8, 3) by Newton's method from the centre, and whether it converged:
-    it does inside a cell that is not folded, and need not far outside."""
+    """Coordinates xi (k, 3) of points (k, 3) in hexahedra (k, 8, 3) by Newton's method from the centre, and whether it
+    converged: it does inside a cell that is not folded, and need not far outside."""
     xi = np.zeros_like(points)
     small = 1e-13 * (np.ptp(corners, axis=1).max(axis=1) + np.abs(points).max(axis=1))
     left = np.arange(len(points))
     for _ in range(_NEWTON):
-        here = corners[left]
-        missing = points[left] - np.einsum("kn,knd->kd", shape(8, xi[left]), here)
-        off = np.abs(missing).max(axis=1) > small[left]
-        left, here, missing = left[off], here[off], missing[off]
+        cells = corners[left]
+        missing = points[left] - np.einsum("kn,knd->kd", shape(8, xi[left]), cells)
+        unsettled = np.abs(missing).max(axis=1) > small[left]
+        left, cells, missing = left[unsettled], cells[unsettled], missing[unsettled]
         if len(left) == 0:
             break
-        jacobian = np.swapaxes(shape_derivatives(8, xi[left]), 1, 2) @ here  # rows dx / dxi_a
+        jacobian = np.swapaxes(shape_derivatives(8, xi[left]), 1, 2) @ cells  # rows dx / dxi_a
         minors = np.cross(jacobian[:, [1, 2, 0]], jacobian[:, [2, 0, 1]])
         volume = np.einsum("kd,kd->k", jacobian[:, 0], minors[:, 0])
         step = np.einsum("kad,kd->ka", minors, missing) / np.where(volume == 0, np.inf, volume)[:, None]
         xi[left] = np.clip(xi[left] + np.clip(step, -1, 1), -_FAR, _FAR)
-    found = np.ones(len(points), dtype=bool)
-    found[left] = False
-    return xi, found
+    converged = np.ones(len(points), dtype=bool)
+    converged[left] = False
+    return xi, converged
 
 
 def _gap(mesh: Mesh, cells: np.ndarray, coordinates: np.ndarray, points: np.ndarray) -> np.ndarray:

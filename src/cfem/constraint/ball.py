@@ -18,7 +18,7 @@ _EDGES = ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))
 def points_in_ball(
     mesh: Mesh, point: np.ndarray, radius: float, cells: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Of the points of the rule strictly within `radius` mm of `point` (3,), in `cells` (m,): their cells (k,), their
+    """Points of the rule strictly within `radius` mm of `point` (3,), in `cells` (m,): their cells (k,), their
     coordinates there, barycentric (k, 4) or (k, 3) in [-1, 1]^3, their places (k, 3) mm and volumes (k,) mm^3."""
     count = 8 if mesh.cells.shape[1] == 8 else 4
     rule, shares = _RULES[count]
@@ -28,8 +28,8 @@ def points_in_ball(
     volumes, N = shares * _densities(count, rule, ends), shape(count, rule)
     places = N @ ends
     inside = squares(places - point) < radius**2
-    at = (N @ parts)[inside] @ _IN_REFERENCE[count]
-    return np.repeat(cell, len(rule))[inside.ravel()], at, places[inside], volumes[inside]
+    coordinates = (N @ parts)[inside] @ _IN_REFERENCE[count]
+    return np.repeat(cell, len(rule))[inside.ravel()], coordinates, places[inside], volumes[inside]
 
 
 def _parts(
@@ -50,7 +50,7 @@ def _parts(
         coarse = near & ~fine
         cell = np.repeat(cell[coarse], 8)
         parts = (_CHILDREN[count] @ parts[coarse, None]).reshape(-1, count, count)
-    return np.concatenate([one for one, _ in small]), np.concatenate([one for _, one in small])
+    return np.concatenate([piece for piece, _ in small]), np.concatenate([piece for _, piece in small])
 
 
 def squares(vectors: np.ndarray) -> np.ndarray:

@@ -19,9 +19,16 @@ from cfem.core.errors import SpecError
 
 @dataclass(frozen=True)
 class Cable:
-    """nodes (k,); along (s, k): segment vectors are d = along @ x[nodes] + start; start (s, 3) mm is minus the pull
-    point for the first segment where there is one, else 0; rest_lengths (s,) mm; cliques: one a segment; rest (1,) is
-    0; shares (s,): tension in each segment, of that in the first; friction: coefficient between cable and guides."""
+    """A cable of s segments d = along @ x[nodes] + start.
+
+    nodes: (k,)
+    along: (s, k)
+    start: (s, 3) mm, minus the pull point for the first segment where there is one, else 0
+    rest_lengths: (s,) mm
+    cliques: one a segment
+    rest: (1,) 0
+    shares: (s,) tension in each segment, of that in the first
+    friction: coefficient between cable and guides"""
 
     nodes: np.ndarray
     along: np.ndarray
@@ -70,6 +77,7 @@ class Cable:
         return replace(self, rest_lengths=self._segments(x)[1])
 
     def curvature(self, x: np.ndarray) -> Sequence[np.ndarray]:
+        """Hessian of delta, a block for each segment: -(1 - t t^T) / l on its ends."""
         d, length = self._segments(x)
         t = d / length[:, None]
         across = -(np.eye(3) - t[:, :, None] * t[:, None, :]) * (self.shares / length)[:, None, None]

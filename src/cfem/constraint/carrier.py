@@ -16,7 +16,12 @@ from cfem.mechanics.mesh import Mesh
 
 @dataclass(frozen=True)
 class Carrier:
-    """nodes (k,); weights (k,) sum 1; centre (3,) mm: C; arm (k, 3) mm: X_i - C."""
+    """A region of the body that carries something.
+
+    nodes: (k,)
+    weights: (k,) of sum 1
+    centre: (3,) mm, C
+    arm: (k, 3) mm, X_i - C"""
 
     nodes: np.ndarray
     weights: np.ndarray
@@ -63,7 +68,7 @@ def make_carrier(mesh: Mesh, points: np.ndarray, radius: float, name: str, cells
 
 def _node_volumes(mesh: Mesh, cells: np.ndarray | None) -> np.ndarray:
     """(n,) mm^3: each cell's volume shared equally by its nodes, so that the weights tend to an integral."""
-    own = slice(None) if cells is None else cells
-    nodes = mesh.cells[own]
-    share = np.repeat(mesh.volumes[own] / nodes.shape[1], nodes.shape[1])
+    chosen = slice(None) if cells is None else cells
+    nodes = mesh.cells[chosen]
+    share = np.repeat(mesh.volumes[chosen] / nodes.shape[1], nodes.shape[1])
     return np.bincount(nodes.ravel(), share, len(mesh.X))

@@ -33,9 +33,14 @@ _FACE = {3: (4, [0, 1, 2]), 6: (10, [0, 1, 2, 4, 5, 6]), 4: (8, [0, 1, 2, 3])}
 
 @dataclass(frozen=True)
 class Cavity:
-    """nodes (k,); cliques: one batch, the facets (g, 3 | 6 | 4) of nodes; place (g, 3 | 6 | 4): the facets' nodes by
-    their place in `nodes`; form (a, b, c): A, negated where the facets' normals point into the cavity;
-    rest_volume mm^3; rest (1,) is 0."""
+    """A closed cavity.
+
+    nodes: (k,)
+    cliques: one batch, the facets (g, 3 | 6 | 4) of nodes
+    place: (g, 3 | 6 | 4) the facets' nodes by their place in `nodes`
+    form: (a, b, c) A, negated where the facets' normals point into the cavity
+    rest_volume: mm^3
+    rest: (1,) 0"""
 
     nodes: np.ndarray
     cliques: tuple[np.ndarray]
@@ -56,6 +61,7 @@ class Cavity:
         return np.stack(sums, axis=-1)[None]
 
     def curvature(self, x: np.ndarray) -> Sequence[np.ndarray]:
+        """Hessian of the volume, a block (3 k, 3 k) for each facet: 6 A_abc x_c in the skew entries."""
         y = _local(x, self.nodes, self.place)
         _, g, k = y.shape
         spin = (y.reshape(-1, k) @ (6 * self.form).reshape(k * k, k).T).reshape(3, g, k, k)  # 6 A_abc x_c
@@ -89,7 +95,7 @@ def make_cavity(X: np.ndarray, facets: np.ndarray, name: str) -> Cavity:
 
 
 def is_skin(X: np.ndarray, facets: np.ndarray) -> bool:
-    """Whether closed facets of a body's boundary, their normals out of the material, have the material inside: the
+    """True where closed facets of a body's boundary, their normals out of the material, have the material inside: the
     outer skin, and no wall of a chamber."""
     nodes, place = np.unique(facets, return_inverse=True)
     return _volume(_local(X, nodes, place.reshape(facets.shape)), _form(facets.shape[1])) > 0
@@ -147,8 +153,8 @@ def _form(k: int) -> np.ndarray:
 def _local(x: np.ndarray, nodes: np.ndarray, place: np.ndarray) -> np.ndarray:
     """(3, g, k) positions of the facets' nodes from the middle of all, which keeps the digits of a small cavity far
     from the origin (a closed surface has the same volume seen from anywhere)."""
-    own = x[nodes]
-    return np.ascontiguousarray((own - own.mean(axis=0)).T)[:, place]
+    places = x[nodes]
+    return np.ascontiguousarray((places - places.mean(axis=0)).T)[:, place]
 
 
 def _forces(y: np.ndarray, form: np.ndarray) -> np.ndarray:
@@ -160,7 +166,7 @@ def _forces(y: np.ndarray, form: np.ndarray) -> np.ndarray:
 
 
 def _volume(y: np.ndarray, form: np.ndarray) -> float:
-    """mm^3; of third degree in y, so a third of y . dV/dy."""
+    """Volume, mm^3: of third degree in y, so a third of y . dV/dy."""
     return float((y * _forces(y, form)).sum() / 3)
 
 

@@ -11,8 +11,13 @@ from cfem.mechanics.load import gravity
 
 @dataclass(frozen=True)
 class CentreOfMass:
-    """c = sum_i m_i x_i / m with the nodal masses m_i (n,) that weight acts on (`cfem.mechanics.load.gravity`). nodes
-    (n,); shares (n,) of sum 1; rest (3,) mm; mass: t."""
+    """The centre c = sum_i m_i x_i / m with the nodal masses m_i (n,) that weight acts on
+    (`cfem.mechanics.load.gravity`).
+
+    nodes: (n,)
+    shares: (n,) of sum 1
+    rest: (3,) mm
+    mass: t"""
 
     nodes: np.ndarray
     shares: np.ndarray
@@ -27,7 +32,8 @@ class CentreOfMass:
 
 
 def centre_of_mass(body: Body, density: np.ndarray | None, name: str) -> CentreOfMass:
-    """density: t/mm^3, one a cell of the mesh (m,), None where not all materials state it: SpecError."""
+    """Centre of mass of a body. density: t/mm^3, one a cell of the mesh (m,), None where not all materials state it:
+    SpecError."""
     if density is None:
         what = f"effector '{name}': the centre of mass needs the density of each material"
         raise SpecError(what, do="state it, such as density: 1070 kg/m^3")

@@ -16,7 +16,7 @@ from cfem.mechanics.rod.region import Rod
 
 @dataclass(frozen=True)
 class RodChambers(RodRow):
-    """weights (m, 6): d delta / d e, mm^2 and mm^3."""
+    """Chambers along a rod. weights (m, 6): d delta / d e, mm^2 and mm^3."""
 
     weights: np.ndarray
     units: ClassVar[tuple[str, str]] = ("mm^3", "MPa")

@@ -18,7 +18,12 @@ OFF = 0.5  # of the radius: how far from the surface its point may lie
 
 @dataclass(frozen=True)
 class PatchLoad:
-    """at: (3,) mm, a point of the surface at rest; radius: mm; force: (3,) N; name: for messages."""
+    """A force on a patch of a surface.
+
+    at: (3,) mm, a point of the surface at rest
+    radius: mm
+    force: (3,) N
+    name: for messages"""
 
     at: np.ndarray
     radius: float
@@ -26,6 +31,7 @@ class PatchLoad:
     name: str = "patch"
 
     def __post_init__(self) -> None:
+        """Takes `at` and `force` as arrays. InputError where a number is not finite, or the radius not positive."""
         for key in ("at", "force"):
             value = np.asarray(getattr(self, key), float)
             object.__setattr__(self, key, value)
@@ -37,32 +43,32 @@ class PatchLoad:
             raise InputError(f"the radius of the load on {self.name!r} must be above 0 mm, got {self.radius}")
 
     def __str__(self) -> str:
-        force, at = (", ".join(f"{one:g}" for one in values) for values in (self.force, self.at))
-        return f"{force} N on {self.name!r} at ({at}) mm, radius {self.radius:g} mm"
+        force, place = (", ".join(f"{value:g}" for value in values) for values in (self.force, self.at))
+        return f"{force} N on {self.name!r} at ({place}) mm, radius {self.radius:g} mm"
 
     def same(self, other: "PatchLoad") -> bool:
-        """But for the name and rounding."""
-        one, two = (np.r_[load.at, load.radius, load.force] for load in (self, other))
-        return np.allclose(one, two, rtol=1e-9, atol=0.0)
+        """True where both loads agree but for the name and rounding."""
+        mine, theirs = (np.r_[load.at, load.radius, load.force] for load in (self, other))
+        return np.allclose(mine, theirs, rtol=1e-9, atol=0.0)
 
     def to_json(self) -> dict[str, Any]:
         """Whose keys are those of the constructor."""
         return {**vars(self), "at": self.at.tolist(), "force": self.force.tolist()}
 
     def shares(self, rest: np.ndarray, triangles: np.ndarray, weights: np.ndarray) -> np.ndarray:
-        """(m,) of the force, of sum 1, on the nodes rest (m, 3) mm of a surface; triangles (t, 3); weights (m,): shares
-        of the area. SpecError where the point is not on the surface, or the radius catches too few nodes."""
+        """Shares (m,) of the force, of sum 1, on the nodes rest (m, 3) mm of a surface; triangles (t, 3); weights (m,):
+        shares of the area. SpecError where the point is not on the surface, or the radius catches too few nodes."""
         bary, distance = closest(rest[triangles], self.at)
         nearest = int(np.argmin(distance))
-        here, where = ", ".join(f"{one:g}" for one in self.at), f"loads.{self.name}"
+        place, where = ", ".join(f"{value:g}" for value in self.at), f"loads.{self.name}"
         if distance[nearest] > OFF * self.radius:
-            there = ", ".join(f"{one:.4g}" for one in bary[nearest] @ rest[triangles[nearest]])
-            what = f"({here}) mm is {distance[nearest]:.3g} mm off the surface, more than half of the radius"
-            raise SpecError(what, where=where, do=f"take the nearest point of the surface, ({there}) mm")
+            nearest_place = ", ".join(f"{value:.4g}" for value in bary[nearest] @ rest[triangles[nearest]])
+            what = f"({place}) mm is {distance[nearest]:.3g} mm off the surface, more than half of the radius"
+            raise SpecError(what, where=where, do=f"take the nearest point of the surface, ({nearest_place}) mm")
         apart = np.linalg.norm(rest - self.at, axis=1)
         if (apart < self.radius).sum() < LEAST:
             count, needed = (apart < self.radius).sum(), np.sort(apart)[LEAST - 1]
-            what = f"a radius of {self.radius:g} mm about ({here}) mm holds {count} nodes of the surface, not {LEAST}"
+            what = f"a radius of {self.radius:g} mm about ({place}) mm holds {count} nodes of the surface, not {LEAST}"
             raise SpecError(what, where=where, do=f"take a radius of more than {1.05 * needed:.2g} mm")
-        found = weights * np.maximum(1 - (apart / self.radius) ** 2, 0.0) ** 2
-        return found / found.sum()
+        shares = weights * np.maximum(1 - (apart / self.radius) ** 2, 0.0) ** 2
+        return shares / shares.sum()

@@ -15,7 +15,12 @@ from cfem.constraint.protocol import LinearConstraint
 
 @dataclass(frozen=True)
 class Push(LinearConstraint):
-    """nodes (k,); weights (k,) of sum 1; direction (3,), a unit vector; rest (1,) mm."""
+    """A force in a fixed direction on a region.
+
+    nodes: (k,)
+    weights: (k,) of sum 1
+    direction: (3,) a unit vector
+    rest: (1,) mm"""
 
     nodes: np.ndarray
     weights: np.ndarray

@@ -25,8 +25,13 @@ _POINTS = np.array([-1, 1]) / np.sqrt(3)  # of Gauss's rule on each piece
 
 @dataclass(frozen=True)
 class RodCable(RodRow):
-    """q points along the cable: element (q,) that each lies in; weight (q,) mm; along (q, 3) = (1, r') and B (q, 3, 6)
-    1/mm: t = along + B e. shares (q,): tension there, of that at the start; friction: coefficient in the channel."""
+    """A cable in a channel of a rod, at q points along it.
+
+    element: (q,) that each lies in
+    weight: (q,) mm
+    along, B: (q, 3) = (1, r') and (q, 3, 6) 1/mm, t = along + B e
+    shares: (q,) tension there, of that at the start
+    friction: coefficient in the channel"""
 
     element: np.ndarray
     weight: np.ndarray
@@ -63,9 +68,9 @@ class RodCable(RodRow):
     @property
     def segments(self) -> tuple["RodCable", ...]:
         """The cable around each of its points as a cable of its own, without friction."""
-        one = (slice(i, i + 1) for i in range(len(self.weight)))
+        points = (slice(i, i + 1) for i in range(len(self.weight)))
         return tuple(
-            RodCable(self.rod, self.element[i], self.weight[i], self.along[i], self.B[i], np.ones(1)) for i in one
+            RodCable(self.rod, self.element[i], self.weight[i], self.along[i], self.B[i], np.ones(1)) for i in points
         )
 
     def _tangent(self, e: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

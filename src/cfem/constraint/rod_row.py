@@ -12,8 +12,11 @@ from cfem.mechanics.rod.region import Rod, response
 
 @dataclass(frozen=True)
 class Strained:
-    """Of one row at strains e (m, 6): its value; by_e (m, 6), its derivative; second (m, 6, 6), None where the row is
-    linear."""
+    """One row at strains e (m, 6).
+
+    value: of the row
+    by_e: (m, 6) its derivative
+    second: (m, 6, 6), None where the row is linear"""
 
     value: float
     by_e: np.ndarray

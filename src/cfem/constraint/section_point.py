@@ -32,8 +32,8 @@ def attach_to_sections(X: np.ndarray, sections: list[np.ndarray], point: np.ndar
 def make_section_effector(
     X: np.ndarray, sections: list[np.ndarray], points: np.ndarray, name: str, orientation: bool = False
 ) -> Watched:
-    """As cfem.constraint.effector.make_effector, of points that sections carry; the orientation is that of the section
-    nearest to their mean."""
+    """Effector of points that sections carry, as `cfem.constraint.effector.make_effector` makes it of others; the
+    orientation is that of the section nearest to their mean."""
     points = np.atleast_2d(np.asarray(points, dtype=float))
     label = f"effector '{name}'"
     parts: list[Watched] = [PointEffector(attach_to_sections(X, sections, point, label)) for point in points]

@@ -11,8 +11,12 @@ _TRIANGLES = {3: [0, 1, 2], 6: [0, 3, 5, 3, 1, 4, 5, 4, 2, 3, 4, 5], 4: [0, 1, 2
 
 @dataclass(frozen=True)
 class Surface:
-    """The outer surface of a body. nodes: (m,) numbers in the mesh; rest: (m, 3) mm; triangles: (t, 3) indices into
-    nodes, normals outward; weights: (m,) each node's share of the area, of sum 1."""
+    """The outer surface of a body.
+
+    nodes: (m,) numbers in the mesh
+    rest: (m, 3) mm
+    triangles: (t, 3) indices into nodes, normals outward
+    weights: (m,) each node's share of the area, of sum 1"""
 
     nodes: np.ndarray
     rest: np.ndarray
@@ -21,7 +25,8 @@ class Surface:
 
 
 def outer_surface(X: np.ndarray, facets: np.ndarray) -> Surface:
-    """Of facets (k, 3 | 6 | 4) at nodes X (n, 3) mm: all but closed cavities. Quadratic triangles become four."""
+    """Surface of facets (k, 3 | 6 | 4) at nodes X (n, 3) mm: all but closed cavities. Quadratic triangles become
+    four."""
     triangles = triangulated(facets)
     _, part = components(triangles)
     corners = X[triangles] - X[triangles].mean(axis=(0, 1))

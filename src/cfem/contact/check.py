@@ -12,7 +12,7 @@ from cfem.contact.problem import ContactProblem, Law
 
 @dataclass(frozen=True)
 class Residuals:
-    """Of B states at once. Each (B, m) but balance (B,).
+    """Violations of the law by B states at once, dimensionless; each is (B, m) except balance (B,).
 
     gap: how far a point lies inside, or, bilateral, is anywhere but at 0
     force: how strongly a point is pulled, or carries friction that the law does not know
@@ -59,15 +59,15 @@ class Check:
 
 
 def check(problem: ContactProblem, law: Law, lam: np.ndarray, xi: np.ndarray | None = None) -> Check:
-    """lam (3m,) N, xi (k,) of the object, None without one."""
+    """Residuals of one state: forces lam (3m,) N, motion xi (k,) of the object, None without one."""
     u = problem.units
     xi = np.zeros(0) if xi is None else xi
-    found = residuals(problem.normalised, law, lam[None] / u.force, xi[None] / u.motion)
-    return Check(*(float(getattr(found, each.name).max()) for each in fields(Residuals)))
+    violations = residuals(problem.normalised, law, lam[None] / u.force, xi[None] / u.motion)
+    return Check(*(float(getattr(violations, each.name).max()) for each in fields(Residuals)))
 
 
 def residuals(problem: ContactProblem, law: Law, lam: np.ndarray, xi: np.ndarray) -> Residuals:
-    """Of a normalised problem, states lam (B, 3m) and xi (B, k)."""
+    """Residuals of states lam (B, 3m) and xi (B, k) of a normalised problem."""
     gap = problem.gap(lam, xi)
     length = np.maximum(1.0, np.abs(gap).max(axis=1))[:, None]
     force = np.maximum(1.0, np.abs(lam).max(axis=1))[:, None]

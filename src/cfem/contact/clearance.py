@@ -20,9 +20,12 @@ _SPLIT = np.array([*([corner, *_MIDDLES[[i, i - 1]]] for i, corner in enumerate(
 
 @dataclass(frozen=True)
 class Nearest:
-    """distance: mm, the smallest that was found, negative inside; no point of the surface is nearer than at_least (mm).
-    place (3,) mm: there, in the surface's triangle number `triangle` at barycentric coordinates `shares` (3,);
-    normal (3,): unit gradient of the distance by the place."""
+    """The point of a surface that is nearest to an obstacle.
+
+    distance: mm, the smallest that was found, negative inside
+    at_least: mm; no point of the surface is nearer
+    place: (3,) mm, in the surface's triangle number `triangle` at barycentric coordinates `shares` (3,)
+    normal: (3,) unit gradient of the distance by the place"""
 
     distance: float
     at_least: float
@@ -35,8 +38,9 @@ class Nearest:
 def nearest_of_surface(
     nodes: np.ndarray, triangles: np.ndarray, obstacle: Obstacle, tolerance: float = TOLERANCE
 ) -> Nearest:
-    """nodes (m, 3) mm, triangles (t, 3). The distance is within `tolerance` mm of the smallest, unless more than MOST
-    triangles at a time cannot be told apart, as where a surface lies flat on a mesh: at_least says what is certain."""
+    """Nearest point of a surface of nodes (m, 3) mm and triangles (t, 3). Its distance is within `tolerance` mm of the
+    smallest, unless more than MOST triangles at a time cannot be told apart, as where a surface lies flat on a mesh:
+    at_least says what is certain."""
     distance = obstacle.distance(nodes)
     at_node = np.full(len(nodes), -1)
     at_node[triangles] = np.arange(len(triangles))[:, None]
@@ -44,30 +48,30 @@ def nearest_of_surface(
     first = used[np.argmin(distance[used])]
     best, triangle = float(distance[first]), int(at_node[first])
     shares = (triangles[triangle] == first).astype(float)
-    of, parts = np.arange(len(triangles)), np.tile(np.eye(3), (len(triangles), 1, 1))
+    parents, parts = np.arange(len(triangles)), np.tile(np.eye(3), (len(triangles), 1, 1))
     floor = np.inf  # below what is left out
-    while len(of):
-        corners = parts @ nodes[triangles[of]]
+    while len(parents):
+        corners = parts @ nodes[triangles[parents]]
         value, bound = obstacle.at_least(corners, best - tolerance)
         least = int(np.argmin(value))
         if value[least] < best:
-            best, triangle, shares = float(value[least]), int(of[least]), parts[least].mean(axis=0)
+            best, triangle, shares = float(value[least]), int(parents[least]), parts[least].mean(axis=0)
         near = bound < best - tolerance
         floor = min(floor, bound[~near].min(initial=np.inf))
-        of, parts, bound = of[near], parts[near], bound[near]
-        if len(of) > max(MOST, len(triangles)):
+        parents, parts, bound = parents[near], parts[near], bound[near]
+        if len(parents) > max(MOST, len(triangles)):
             floor = min(floor, bound.min())
             break
         parts = (_SPLIT @ parts[:, None]).reshape(-1, 3, 3)
-        of = np.repeat(of, 4)
+        parents = np.repeat(parents, 4)
     place = shares @ nodes[triangles[triangle]]
     return Nearest(best, min(best, float(floor)), place, triangle, shares, obstacle.normals(place[None])[0])
 
 
 def depth_in_itself(nodes: np.ndarray, triangles: np.ndarray, tried: np.ndarray) -> float:
-    """mm: how far a closed surface of nodes (m, 3) mm and triangles (t, 3) has gone through itself, at the nodes of
-    numbers `tried`, 0 where it has not. What is next to such a node's outer side is within the body; the way out is to
-    the nearest triangle that faces the node."""
+    """Depth, mm, by which a closed surface of nodes (m, 3) mm and triangles (t, 3) has gone through itself, at the
+    nodes of numbers `tried`, 0 where it has not. What is next to such a node's outer side is within the body; the way
+    out is to the nearest triangle that faces the node."""
     corners = nodes[triangles]
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     outward = np.zeros(nodes.shape)

@@ -24,13 +24,17 @@ TRIED = 200  # triangles at which it is seen whether the surface encloses
 
 @dataclass(frozen=True, eq=False)
 class ClosedSurface:
-    """vertices (v, 3) mm; triangles (t, 3), normals outward; of one solid or of several that do not overlap, with or
-    without cavities. InputError where it does not enclose; overlaps are looked for at TRIED triangles only."""
+    """A surface that bounds one solid or several that do not overlap, with or without cavities. InputError where it
+    does not enclose; overlaps are looked for at TRIED triangles only.
+
+    vertices: (v, 3) mm
+    triangles: (t, 3), normals outward"""
 
     vertices: np.ndarray
     triangles: np.ndarray
 
     def __post_init__(self) -> None:
+        """Checks the arrays, that the surface is closed, and that its normals point outward."""
         vertices, triangles = self.vertices, self.triangles
         if vertices.ndim != 2 or vertices.shape[1] != 3 or not np.isfinite(vertices).all():
             raise InputError("closed mesh: vertices must be finite numbers in three dimensions")
@@ -42,7 +46,7 @@ class ClosedSurface:
         self._demand_outward()
 
     def distance(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(k,) mm, negative inside, and (k, 3) unit gradients of it, at points (k, 3)."""
+        """Distances (k,) mm of points (k, 3), negative inside, and their unit gradients (k, 3)."""
         distance, normal = np.empty(len(points)), np.empty((len(points), 3))
         reach = self._vertex_tree.query(points)[0] * (1 + 1e-12)
         for some in _portions(points, 100 if len(self.triangles) > 2000 else 1000):
@@ -50,30 +54,30 @@ class ClosedSurface:
         return distance, normal
 
     def at_least(self, corners: np.ndarray, wanted: float = np.inf) -> tuple[np.ndarray, np.ndarray]:
-        """(k,) mm: distance of the centroids of other triangles (k, 3, 3), and bounds that no point of each is nearer
-        than; those above `wanted` need not be sharp. A distance changes by no more than the way. Where a triangle is
-        all outside, its distance is the smallest of those to our triangles, and each of these is a convex function, so
-        nowhere below its tangent."""
+        """Distances (k,) mm of the centroids of other triangles (k, 3, 3), and bounds that no point of each is nearer
+        than; those above `wanted` need not be sharp.
+
+        A distance changes by no more than the point moves. Where a triangle is all outside, its distance is the
+        smallest of those to our triangles, and each of these is a convex function, so nowhere below its tangent."""
         centroid = corners.mean(axis=1)
         distance, _ = self.distance(centroid)
-        ways = corners - centroid[:, None]
-        radius = np.linalg.norm(ways, axis=2).max(axis=1)
+        arms = corners - centroid[:, None]
+        radius = np.linalg.norm(arms, axis=2).max(axis=1)
         bound = distance - radius
         out = np.flatnonzero((bound > 0) & (bound < wanted))
         for some in _portions(out, 100 if len(self.triangles) > 2000 else 1000):
             mine = out[some]
             which, triangle = self._within(centroid[mine], distance[mine] + 2 * radius[mine])
             bary, apart = self._pairs(centroid[mine], which, triangle)
-            way = centroid[mine[which]] - np.einsum("kc,kci->ki", bary, self._corners[triangle])
-            along = np.einsum("kci,ki->kc", ways[mine[which]], way / np.maximum(apart, 1e-300)[:, None])
+            offset = centroid[mine[which]] - np.einsum("kc,kci->ki", bary, self._corners[triangle])
+            along = np.einsum("kci,ki->kc", arms[mine[which]], offset / np.maximum(apart, 1e-300)[:, None])
             tangent = np.full(len(mine), np.inf)
             np.minimum.at(tangent, which, apart + along.min(axis=1))
             bound[mine] = np.maximum(bound[mine], np.minimum(tangent, distance[mine]))
         return distance, bound
 
     def on(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Of the points of the surface that are nearest: the corners (k, 3) of their triangles, and their shares (k, 3)
-        in these."""
+        """Nearest points of the surface: the corners (k, 3) of their triangles, and their shares (k, 3) in these."""
         reach = np.abs(self.distance(points)[0]) * (1 + 1e-9) + 1e-12 * self.size
         triangle, bary, _ = self._nearest(points, reach)
         return self.triangles[triangle], bary
@@ -84,7 +88,7 @@ class ClosedSurface:
 
     @cached_property
     def size(self) -> float:
-        """mm: the diagonal of its box."""
+        """Diagonal of the surface's box, mm."""
         return float(np.linalg.norm(np.ptp(self.vertices[np.unique(self.triangles)], axis=0)))
 
     @cached_property
@@ -100,12 +104,12 @@ class ClosedSurface:
         """Triangles by classes of radii, each with its largest radius and the tree of its centroids."""
         centroids = self._corners.mean(axis=1)
         radii = np.linalg.norm(self._corners - centroids[:, None], axis=2).max(axis=1)
-        of = np.floor(np.log2(np.maximum(radii, 1e-6 * self.size))).astype(int)
-        classes = [np.flatnonzero(of == one) for one in np.unique(of)]
+        size_class = np.floor(np.log2(np.maximum(radii, 1e-6 * self.size))).astype(int)
+        classes = [np.flatnonzero(size_class == number) for number in np.unique(size_class)]
         return [(mine, float(radii[mine].max()), cKDTree(centroids[mine])) for mine in classes]
 
     def _nearest(self, points: np.ndarray, reach: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Of each point: triangle (k,) that is nearest, barycentric coordinates (k, 3) there, and distance (k,)."""
+        """Nearest triangle (k,) of each point, barycentric coordinates (k, 3) there, and distance (k,)."""
         point, triangle = self._within(points, reach)
         bary, apart = self._pairs(points, point, triangle)
         order = np.lexsort((triangle, apart, point))
@@ -116,9 +120,9 @@ class ClosedSurface:
         """Numbers of points and of triangles, all pairs that may be within `reach` (k,) mm of each other, and more."""
         point, triangle = [], []
         for mine, radius, tree in self._trees:
-            found = tree.query_ball_point(points, reach + radius * (1 + 1e-9), return_sorted=False)
-            point.append(np.repeat(np.arange(len(points)), [len(one) for one in found]))
-            triangle.append(mine[np.fromiter((i for one in found for i in one), dtype=int)])
+            near = tree.query_ball_point(points, reach + radius * (1 + 1e-9), return_sorted=False)
+            point.append(np.repeat(np.arange(len(points)), [len(numbers) for numbers in near]))
+            triangle.append(mine[np.fromiter((i for numbers in near for i in numbers), dtype=int)])
         return np.concatenate(point), np.concatenate(triangle)
 
     def _pairs(self, points: np.ndarray, point: np.ndarray, triangle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -131,19 +135,21 @@ class ClosedSurface:
     def _signed(
         self, points: np.ndarray, triangle: np.ndarray, bary: np.ndarray, apart: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
+        """Signed distances (k,) mm and normals (k, 3) of points whose nearest points lie in `triangle` at `bary`,
+        `apart` mm away: the sign is that of the pseudonormal, or of the winding number where that is not known."""
         corners, zero = self._corners[triangle], bary == 0.0
         count = zero.sum(axis=1)
         part = np.choose(count, [0, 1 + zero.argmax(axis=1), 4 + (~zero).argmax(axis=1)])
         pseudo, known = self._normals[0][triangle, part], self._normals[1][triangle, part]
-        way = points - np.einsum("kc,kci->ki", bary, corners)
-        across = np.einsum("ki,ki->k", way, pseudo)
+        offset = points - np.einsum("kc,kci->ki", bary, corners)
+        across = np.einsum("ki,ki->k", offset, pseudo)
         sign = np.where(across < 0, -1.0, 1.0)
         if not known.all():
             sign[~known] = np.where(self.winding(points[~known]) > 0.5, -1.0, 1.0)
         face = known & (part == 0)
         distance = np.where(face, across, sign * apart)
         clear = ~face & (apart > ON * self.size)
-        normal = np.where(clear[:, None], sign[:, None] * way / np.where(clear, apart, 1.0)[:, None], pseudo)
+        normal = np.where(clear[:, None], sign[:, None] * offset / np.where(clear, apart, 1.0)[:, None], pseudo)
         return distance, normal
 
     @cached_property
@@ -156,7 +162,7 @@ class ClosedSurface:
         area = np.linalg.norm(normal, axis=1)
         sound = area > FLAT * (sides**2).sum(axis=2).max(axis=1)
         normal = np.where(sound[:, None], normal / np.where(sound, area, 1.0)[:, None], 0.0)
-        start, end = (one.ravel() for one in edges(triangles))  # of edges 01, 12, 20, opposite to corners 2, 0, 1
+        start, end = (nodes.ravel() for nodes in edges(triangles))  # of edges 01, 12, 20, opposite to corners 2, 0, 1
         base = int(triangles.max()) + 1
         order = np.argsort(start * base + end)
         twin = order[np.searchsorted((start * base + end)[order], end * base + start)] // 3
@@ -170,17 +176,18 @@ class ClosedSurface:
         spoilt[triangles[~sound]] = True
         parts = np.concatenate([normal[:, None], normal[:, None] + normal[twin], at_vertex[triangles]], axis=1)
         size = np.linalg.norm(parts, axis=2)
-        own = np.concatenate([sound[:, None], sound[:, None] & sound[twin], ~spoilt[triangles]], axis=1)
-        known = own & (size > 1e-9)
+        sound_parts = np.concatenate([sound[:, None], sound[:, None] & sound[twin], ~spoilt[triangles]], axis=1)
+        known = sound_parts & (size > 1e-9)
         unit = parts / np.maximum(size, 1e-300)[..., None]
         some = np.where(sound[:, None], normal, [1.0, 0.0, 0.0])[:, None]
         return np.where((size > 1e-9)[..., None], unit, some), known
 
     def _demand_closed(self) -> None:
+        """Raises InputError where edges do not join exactly two triangles of opposite sense."""
         loose = unmatched_edges(self.triangles.astype(np.int64))
         if not len(loose):
             return
-        rims = np.sort(np.column_stack([one.ravel() for one in edges(self.triangles)]), axis=1)
+        rims = np.sort(np.column_stack([nodes.ravel() for nodes in edges(self.triangles)]), axis=1)
         rims, uses = np.unique(rims, axis=0, return_counts=True)
         if (uses == 1).any():
             loose = rims[uses == 1]
@@ -195,8 +202,9 @@ class ClosedSurface:
         raise InputError(what, do="repair it in the program that made it")
 
     def _demand_outward(self) -> None:
-        """In the middle of a triangle the others wind by 1/2, between 0 outside and 1 inside. Tried at the largest
-        of each piece and at some more."""
+        """Raises InputError unless every tried triangle has its outside on the side of its normal. In the middle of a
+        triangle the others wind by 1/2, between 0 outside and 1 inside. Tried are the largest of each piece and some
+        more."""
         count, piece = components(self.triangles)
         sides = np.roll(self._corners, -1, axis=1) - self._corners
         area = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
@@ -205,8 +213,10 @@ class ClosedSurface:
         spread = np.linspace(0, len(area) - 1, min(TRIED, len(area))).astype(int)
         tried = np.union1d(largest, spread[area[spread] > FLAT * self.size**2])
         middle = self._corners[tried].mean(axis=1)
-        own = np.array([solid_angles(self._corners[[one]] - at)[0] for one, at in zip(tried, middle, strict=True)])
-        around = np.round(self.winding(middle) - own / (4 * np.pi), 6)
+        own_angle = np.array(
+            [solid_angles(self._corners[[number]] - point)[0] for number, point in zip(tried, middle, strict=True)]
+        )
+        around = np.round(self.winding(middle) - own_angle / (4 * np.pi), 6)
         if (around == -0.5).all():
             do = "turn its normals outward in the program that made it"
             raise InputError("closed mesh: the surface is turned inside out: its normals point inward", do=do)
@@ -220,11 +230,11 @@ class ClosedSurface:
 
 def winding(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
     """(k,) how often closed surfaces, of triangles with corners (t, 3, 3), wind around points (k, 3)."""
-    found = np.empty(len(points))
+    angles = np.empty(len(points))
     for some in _portions(points, max(1, PAIRS // len(corners))):
         apart = corners[None] - points[some][:, None, None]
-        found[some] = solid_angles(apart.reshape(-1, 3, 3)).reshape(-1, len(corners)).sum(axis=1)
-    return found / (4 * np.pi)
+        angles[some] = solid_angles(apart.reshape(-1, 3, 3)).reshape(-1, len(corners)).sum(axis=1)
+    return angles / (4 * np.pi)
 
 
 def _portions(items: np.ndarray, most: int) -> list[slice]:

@@ -47,12 +47,12 @@ def detect(
     points, w, gaps, frames, spread, kept = _facing(places, normals, may_meet, spacing, faces)
     relative = -w
     relative[np.arange(len(points)), points] = 1.0
-    found = (spread >= RANK) & (np.abs(w).sum(axis=1) <= FLAT) & (gaps >= -DEEPEST * spacing) | kept
-    return points[found], relative[found], frames[found]
+    facing = (spread >= RANK) & (np.abs(w).sum(axis=1) <= FLAT) & (gaps >= -DEEPEST * spacing) | kept
+    return points[facing], relative[facing], frames[facing]
 
 
 def separation(places: np.ndarray, normals: np.ndarray, may_meet: np.ndarray, spacing: float) -> float:
-    """mm, the smallest gap, where nothing is pressed: continuous in places and normals, as `detect` is not, which drops
+    """Smallest gap, mm, where nothing is pressed: continuous in places and normals, as `detect` is not, which drops
     pairs. A point whose faces it would drop is farther by as much as they fall short; and nothing is farther than the
     nearest two patches that may meet."""
     apart = np.linalg.norm(places[:, None] - places, axis=2)
@@ -113,26 +113,26 @@ def kernel(squares: np.ndarray) -> np.ndarray:
     return np.maximum((np.exp(-squares) - end) / (1 - end), LEAST)
 
 
-def patch_normals(surface: np.ndarray, triangles: np.ndarray, of: np.ndarray, count: int) -> np.ndarray:
-    """(count, 3) outward unit normals of patches: surface (m, 3) mm, triangles (t, 3), of (m,) the patch of each node;
-    each corner of a triangle gives its area to its own patch."""
+def patch_normals(surface: np.ndarray, triangles: np.ndarray, patch: np.ndarray, count: int) -> np.ndarray:
+    """Outward unit normals (count, 3) of patches of a surface (m, 3) mm with triangles (t, 3); patch (m,): number of
+    each node's patch. Each corner of a triangle gives its area to its own patch."""
     a, b, c = (surface[triangles[:, i]].T for i in range(3))
     (x, y, z), (u, v, w) = b - a, c - a
-    corners = of[triangles].ravel()
-    area = (np.repeat(one, 3) for one in (y * w - z * v, z * u - x * w, x * v - y * u))
-    found = np.stack([np.bincount(corners, one, count) for one in area], axis=1)
-    return found / np.maximum(np.linalg.norm(found, axis=1), 1e-300)[:, None]
+    corners = patch[triangles].ravel()
+    area = (np.repeat(component, 3) for component in (y * w - z * v, z * u - x * w, x * v - y * u))
+    total = np.stack([np.bincount(corners, component, count) for component in area], axis=1)
+    return total / np.maximum(np.linalg.norm(total, axis=1), 1e-300)[:, None]
 
 
 def may_meet(alongs: Sequence[np.ndarray], apart: Sequence[float]) -> np.ndarray:
     """(N, N) of the patches of all bodies: OTHER, of another body, or of a part of its own that no surface joins to it;
     OWN, of its own and more than `apart` mm away along the surface; NEVER. Of each body the distances `along` its
     surface, and `apart`, infinite where it does not touch itself."""
-    own = [
-        np.where(one > far, np.where(np.isinf(one), OTHER, OWN), NEVER) - OTHER
-        for one, far in zip(alongs, apart, strict=True)
+    blocks = [
+        np.where(along > least, np.where(np.isinf(along), OTHER, OWN), NEVER) - OTHER
+        for along, least in zip(alongs, apart, strict=True)
     ]
-    return block_diag(*own) + OTHER
+    return block_diag(*blocks) + OTHER
 
 
 def along(rest: np.ndarray, triangles: np.ndarray, patches: Patches) -> np.ndarray:

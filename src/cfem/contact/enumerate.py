@@ -15,7 +15,8 @@ MOST = 4  # points
 
 @dataclass(frozen=True)
 class ContactState:
-    """lam (3m,) N, xi (k,) mm or rad, one mode a point, and the account of `check`."""
+    """One state that obeys the law: forces lam (3m,) N, motion xi (k,) mm or rad, one mode a point, and its
+    residuals."""
 
     lam: np.ndarray
     xi: np.ndarray
@@ -31,13 +32,13 @@ def all_modes(problem: ContactProblem, law: Law) -> list[ContactState]:
         raise SpecError(f"contact: {problem.m} points have too many modes to try all", do=f"at most {MOST}")
     u, states = problem.units, []
     for modes in product(modes_of(problem, law), repeat=problem.m):
-        found = solve_mode(problem, law, modes)
-        if found.valid:
+        solution = solve_mode(problem, law, modes)
+        if solution.valid:
             states += [
                 ContactState(lam, xi, modes, check(problem, law, lam, xi))
-                for lam, xi in zip(found.lam, found.xi, strict=True)
+                for lam, xi in zip(solution.lam, solution.xi, strict=True)
             ]
     if not states:
         return []
-    numbers = np.array([np.concatenate([each.lam / u.force, each.xi / u.motion]) for each in states])
+    numbers = np.array([np.concatenate([state.lam / u.force, state.xi / u.motion]) for state in states])
     return [states[i] for i in distinct(numbers)]

@@ -9,7 +9,7 @@ _RIM = {3: [0, 1, 2], 6: [0, 3, 1, 4, 2, 5], 4: [0, 1, 2, 3]}
 
 
 def components(groups: np.ndarray) -> tuple[int, np.ndarray]:
-    """How many components groups (m, k) of items form by the items that they share, and each group's number (m,)."""
+    """Number of the components that groups (m, k) form by the items that they share, and the component (m,) of each."""
     _, place = np.unique(groups, return_inverse=True)
     m = len(groups)
     size = m + place.max(initial=-1) + 1

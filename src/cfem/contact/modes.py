@@ -27,7 +27,7 @@ _STARTS = {1: 96, 2: 144, 3: 216}
 
 
 class Mode(Enum):
-    """Of one point. Without friction `SLIP` is touching, and there is no stick."""
+    """Mode of one point. Without friction `SLIP` is touching, and there is no stick."""
 
     OPEN = "open"
     STICK = "stick"
@@ -44,9 +44,12 @@ class ModeStatus(Enum):
 
 @dataclass(frozen=True)
 class ModeSolution:
-    """lam (c, 3m) N and xi (c, k): of the equations' distinct solutions those that satisfy the law, or else the one
-    that violates it least; none where the equations have no solution. violation (c, m): each point's worst residual
-    (see `check`); residual (c,) the worst of all."""
+    """Solutions of the equations of the modes: the distinct ones that satisfy the law, or else the one that violates it
+    least; none where the equations have no solution.
+
+    lam, xi: (c, 3m) N and (c, k)
+    violation: (c, m) worst residual of each point (see `check`)
+    residual: (c,) the worst of all points"""
 
     lam: np.ndarray
     xi: np.ndarray
@@ -77,19 +80,18 @@ def understood(problem: ContactProblem, law: Law, modes: Sequence[Mode]) -> tupl
 def solve_mode(
     problem: ContactProblem, law: Law, modes: Sequence[Mode], quick: bool = False, angles: np.ndarray | None = None
 ) -> ModeSolution:
-    """modes: one for each point. quick: fewer starts where directions of slip are unknown; angles: of the friction of
-    the slipping points, about, from which is started too."""
+    """States in which each point has its mode of `modes`. quick: fewer starts where directions of slip are unknown;
+    angles: approximate ones of the friction of the slipping points, an additional start."""
     p, modes = problem.normalised, understood(problem, law, modes)
     kept, status = np.zeros((0, len(p.free) + p.k)), ModeStatus.INCONSISTENT
-    for found, regular in _solutions(p, law, modes, quick, angles):
-        if not len(found):
+    for states, regular in _solutions(p, law, modes, quick, angles):
+        if not len(states):
             continue
         status = ModeStatus.SOLVED if regular else ModeStatus.SINGULAR
-        kept = _best(p, law, np.vstack([kept, found]))
+        kept = _best(p, law, np.vstack([kept, states]))
     lam, xi = np.split(kept, [len(p.free)], axis=1)
-    found = residuals(p, law, lam, xi)
-    u = problem.units
-    return ModeSolution(lam * u.force, xi * u.motion, found.points, found.largest, status)
+    violations, u = residuals(p, law, lam, xi), problem.units
+    return ModeSolution(lam * u.force, xi * u.motion, violations.points, violations.largest, status)
 
 
 def _best(p: ContactProblem, law: Law, states: np.ndarray) -> np.ndarray:
@@ -127,7 +129,8 @@ def _solutions(
 
 
 def _pieces(p: ContactProblem, modes: tuple[Mode, ...]) -> Iterator[tuple[int, ...]]:
-    """For each slipping point 2j, corner j of its pyramid, or 2j + 1, the face that follows it."""
+    """Choices of a piece of the pyramid for each slipping point: 2j is its corner j, 2j + 1 the face that follows
+    it."""
     return product(range(2 * p.sides), repeat=modes.count(Mode.SLIP))
 
 
@@ -174,8 +177,8 @@ def linear_equations(
 
 
 def _solve(M: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """z (P, n); which are solutions (P,); which systems are regular (P,). Of a singular system that has solutions the
-    smallest one."""
+    """Solutions z (P, n) of M z = c; which of them solve it (P,); which systems are regular (P,). Of a singular system
+    that has solutions the smallest one."""
     try:
         inverse = np.linalg.inv(M)
         regular = np.abs(M).sum(axis=2).max(axis=1) * np.abs(inverse).sum(axis=2).max(axis=1) < CONDITION
@@ -202,9 +205,9 @@ def slip_equations(
     J = np.zeros((len(y), n, n))
     angles, alphas = y[:, n3 + p.k : n3 + p.k + s], y[:, n3 + p.k + s :]
     for i, mode in enumerate(modes):
-        at = range(3 * i, 3 * i + 3)
+        diagonal = range(3 * i, 3 * i + 3)
         which = T if mode is Mode.OPEN else S
-        which[at, at] = 1.0
+        which[diagonal, diagonal] = 1.0
     T[n3 : n3 + p.k] = p.motion.T
     for j, i in enumerate(sliding):
         t = np.arange(3 * i + 1, 3 * i + 3)
@@ -252,10 +255,10 @@ def with_angles(p: ContactProblem, modes: Sequence[Mode], angles: np.ndarray) ->
 
 
 def _balanced(p: ContactProblem, modes: tuple[Mode, ...]) -> bool:
-    """Whether any forces on the points that touch balance the load."""
-    bears = p.motion[np.repeat([mode is not Mode.OPEN for mode in modes], 3)]
-    missing = p.load - bears.T @ (np.linalg.pinv(bears.T) @ p.load)
-    return bool(np.abs(missing).max(initial=0.0) <= SAME)
+    """True where some forces on the points that touch balance the load."""
+    wrenches = p.motion[np.repeat([mode is not Mode.OPEN for mode in modes], 3)]
+    unbalanced = p.load - wrenches.T @ (np.linalg.pinv(wrenches.T) @ p.load)
+    return bool(np.abs(unbalanced).max(initial=0.0) <= SAME)
 
 
 def _newton(p: ContactProblem, modes: tuple[Mode, ...], quick: bool, angles: np.ndarray | None) -> np.ndarray:
@@ -275,9 +278,9 @@ def _newton(p: ContactProblem, modes: tuple[Mode, ...], quick: bool, angles: np.
         turn = np.abs(step[:, n3 + p.k : n3 + p.k + s]).max(axis=1)
         y = y + step / np.maximum(1.0, turn)[:, None]
         size = 1 + np.abs(y).max(axis=1)
-        there = np.abs(step).max(axis=1) < 1e-13 * size
-        done.append(y[there])
-        y = y[~there & np.isfinite(size) & (size < 1e12)]
+        converged = np.abs(step).max(axis=1) < 1e-13 * size
+        done.append(y[converged])
+        y = y[~converged & np.isfinite(size) & (size < 1e12)]
         if not len(y):
             break
     y = np.vstack([*done, y])

@@ -110,33 +110,33 @@ def _project(p, mu, D):
 def _step(A, F, D, mu, J, step):
     """Newton's step (I - D A) step = -F. Rows without derivative need no system: without friction those along the
     surface, and all of open points. J: room. False where it is singular."""
-    n, c, of, known = len(F), 0, np.empty(len(F), dtype=np.int64), False
+    n, c, kept, known = len(F), 0, np.empty(len(F), dtype=np.int64), False
     for a in range(n):
         if D[a // 3, 0, 0] > 0 and (mu > 0 or a % 3 == 0):
-            of[c] = a
+            kept[c] = a
             c += 1
             step[a] = 0.0
         else:
             step[a] = -F[a]
             known |= F[a] != 0
-    at = np.zeros(n)  # A step, of what is known
+    fixed = np.zeros(n)  # A step, of what is known
     if known:
         for a in range(n):
             for b in range(n):
-                at[a] += A[a, b] * step[b]
-    by = np.empty(c)
+                fixed[a] += A[a, b] * step[b]
+    right = np.empty(c)
     for row in range(c):
-        a = of[row]
+        a = kept[row]
         i, d = a - a % 3, D[a // 3, a % 3]
-        by[row] = -F[a] + d[0] * at[i] + d[1] * at[i + 1] + d[2] * at[i + 2]
+        right[row] = -F[a] + d[0] * fixed[i] + d[1] * fixed[i + 1] + d[2] * fixed[i + 2]
         for column in range(c):
-            b = of[column]
+            b = kept[column]
             J[row, column] = -(d[0] * A[i, b] + d[1] * A[i + 1, b] + d[2] * A[i + 2, b])
         J[row, row] += 1.0
-    if not _eliminate(J, by):
+    if not _eliminate(J, right):
         return False
     for row in range(c):
-        step[of[row]] = by[row]
+        step[kept[row]] = right[row]
     return True
 
 
@@ -177,15 +177,17 @@ def scaled(W: np.ndarray, free: np.ndarray) -> tuple[np.ndarray, np.ndarray] | N
 
 @njit(cache=True, error_model="numpy")
 def _scaled(W, free):
+    """A = I - diag(r) W and r free, r the inverse of the largest compliance of each point; False where a point has
+    none, or a number is not finite."""
     A, constant = np.empty_like(W), np.empty_like(free)
     for i in range(0, len(free), 3):
-        yields = max(W[i, i], W[i + 1, i + 1], W[i + 2, i + 2])
-        if not yields > 0:
+        compliance = max(W[i, i], W[i + 1, i + 1], W[i + 2, i + 2])
+        if not compliance > 0:
             return A, constant, False
         for a in range(i, i + 3):
-            constant[a] = free[a] / yields
+            constant[a] = free[a] / compliance
             for b in range(len(free)):
-                A[a, b] = -W[a, b] / yields
+                A[a, b] = -W[a, b] / compliance
                 if not np.isfinite(A[a, b]):
                     return A, constant, False
             A[a, a] += 1.0
@@ -196,29 +198,29 @@ def normal_forces(W: np.ndarray, free: np.ndarray) -> np.ndarray | None:
     """(m, 3) N without friction: where Newton's method fails, those that minimise lambda . W_nn lambda / 2 + lambda .
     free_n over lambda >= 0 (Lawson and Hanson, *Solving Least Squares Problems*, 1974, chapter 23). None where W is not
     positive definite."""
-    found, _ = newton(W, free, 0.0)
-    if found is None:
+    forces, _ = newton(W, free, 0.0)
+    if forces is None:
         try:
             root = np.linalg.cholesky(W[::3, ::3]).T
         except np.linalg.LinAlgError:
             return None
-        found = np.zeros((len(free) // 3, 3))
-        found[:, 0] = nnls(root, -np.linalg.solve(root.T, free[::3]))[0]
-    return found
+        forces = np.zeros((len(free) // 3, 3))
+        forces[:, 0] = nnls(root, -np.linalg.solve(root.T, free[::3]))[0]
+    return forces
 
 
 def newton_with_object(
     problem: ContactProblem, mu: float, start: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray, int] | None:
-    """lam (m, 3) and xi (k,) of a normalised problem with an object, and how many systems it solved; None where it does
-    not converge. start (3 m,): forces, the smallest that balance the load unless given.
+    """Forces lam (m, 3) and motion xi (k,) of a normalised problem with an object, and how many systems it solved; None
+    where it does not converge. start (3 m,): forces, the smallest that balance the load unless given.
 
     The unknowns are the forces and the motion of the object, the equations the law as above and its balance."""
     W, G, m = problem.W, problem.motion, problem.m
-    yields = np.diag(W).reshape(m, 3).max(axis=1)
-    if not (yields > 0).all():
+    compliance = np.diag(W).reshape(m, 3).max(axis=1)
+    if not (compliance > 0).all():
         return None
-    rate, n = np.repeat(1.0 / yields, 3), 3 * m
+    rate, n = np.repeat(1.0 / compliance, 3), 3 * m
     A = np.hstack([np.eye(n) - rate[:, None] * W, rate[:, None] * G])  # p = A (lam, xi) - r free
     constant = rate * problem.free
     if start is None:
@@ -228,12 +230,12 @@ def newton_with_object(
         y = np.concatenate([start, np.zeros(problem.k)])
 
     def equations(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        found, D = projected(A @ y - constant, mu)
+        lawful, D = projected(A @ y - constant, mu)
         J = np.zeros((len(y), len(y)))
         J[:n] = -(D @ A.reshape(m, 3, -1)).reshape(n, -1)
         J[:n, :n] += np.eye(n)
         J[n:, :n] = G.T
-        return np.concatenate([y[:n] - found.ravel(), G.T @ y[:n] - problem.load]), J
+        return np.concatenate([y[:n] - lawful.ravel(), G.T @ y[:n] - problem.load]), J
 
     F, J = equations(y)
     for iteration in range(1, ITERATIONS + 1):
@@ -271,11 +273,11 @@ def _projected(p, mu):
 
 def by_friction(p: np.ndarray, mu: float) -> np.ndarray:
     """(3 m,) derivative of P by mu."""
-    p, found = p.reshape(-1, 3), np.zeros((len(p) // 3, 3))
+    p, slope = p.reshape(-1, 3), np.zeros((len(p) // 3, 3))
     length = np.hypot(p[:, 1], p[:, 2])
     slips = (p[:, 0] > 0) & (length > mu * p[:, 0])
-    found[slips, 1:] = (p[slips, 0] / length[slips])[:, None] * p[slips, 1:]
-    return found.ravel()
+    slope[slips, 1:] = (p[slips, 0] / length[slips])[:, None] * p[slips, 1:]
+    return slope.ravel()
 
 
 @njit(cache=True, error_model="numpy")
@@ -297,7 +299,7 @@ def _clean(lam, mu):
 
 
 def modes_from(lam: np.ndarray, mu: float) -> tuple[Mode, ...]:
-    """Of forces (m, 3) N that obey the law: without friction to touch is to slip."""
+    """Modes of points under forces (m, 3) N that obey the law: without friction to touch is to slip."""
     slips = np.hypot(lam[:, 1], lam[:, 2]) >= mu * lam[:, 0] * (1 - 1e-9)
     pressed = lam[:, 0] > 0
     return tuple(

@@ -17,7 +17,7 @@ AXES = np.eye(3)
 
 
 class Obstacle(Protocol):
-    """points (k, 3) mm."""
+    """A rigid body of which the signed distance is known; points are (k, 3) mm."""
 
     def at_least(self, corners: np.ndarray, wanted: float = np.inf) -> tuple[np.ndarray, np.ndarray]:
         """(k,) mm: at the centroids of triangles (k, 3, 3), and a bound each that none of its points is nearer than.
@@ -39,7 +39,7 @@ class Obstacle(Protocol):
 
 @dataclass(frozen=True)
 class _Posed(ABC):
-    """R (3, 3) a rotation, t (3,) mm."""
+    """An obstacle with a pose: rotation R (3, 3) and place t (3,) mm."""
 
     R: np.ndarray = field(default_factory=lambda: np.eye(3), kw_only=True)
     t: np.ndarray = field(default_factory=lambda: np.zeros(3), kw_only=True)
@@ -90,7 +90,7 @@ class Plane(Rounded):
 
 @dataclass(frozen=True)
 class Sphere(Rounded):
-    """About its own origin; radius mm."""
+    """The points within `radius` mm of its own origin."""
 
     radius: float
     core = np.zeros(3)
@@ -127,7 +127,7 @@ class Capsule(Rounded):
 
 @dataclass(frozen=True)
 class Box(Rounded):
-    """half (3,) mm: half extents about its own origin."""
+    """A box about its own origin with half extents `half` (3,) mm."""
 
     half: np.ndarray
     rounding = 0.0
@@ -183,8 +183,8 @@ def tangents(normals: np.ndarray) -> np.ndarray:
     sign = np.where(z < -0.99, -1.0, 1.0)
     a = -1.0 / (sign + z)
     b = x * y * a
-    found = np.empty((len(normals), 3, 3))
-    found[:, 0] = normals
-    found[:, 1, 0], found[:, 1, 1], found[:, 1, 2] = 1.0 + sign * x * x * a, sign * b, -sign * x
-    found[:, 2, 0], found[:, 2, 1], found[:, 2, 2] = b, sign + y * y * a, -y
-    return found
+    frames = np.empty((len(normals), 3, 3))
+    frames[:, 0] = normals
+    frames[:, 1, 0], frames[:, 1, 1], frames[:, 1, 2] = 1.0 + sign * x * x * a, sign * b, -sign * x
+    frames[:, 2, 0], frames[:, 2, 1], frames[:, 2, 2] = b, sign + y * y * a, -y
+    return frames

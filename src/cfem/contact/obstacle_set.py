@@ -14,7 +14,7 @@ from cfem.contact.obstacle import Obstacle, Rounded
 
 @dataclass(frozen=True, eq=False)
 class ObstacleSet:
-    """obstacles (n,): none is a point of two of them."""
+    """Obstacles (n,) of which no two share a point."""
 
     obstacles: tuple[Obstacle, ...]
 
@@ -28,47 +28,49 @@ class ObstacleSet:
         distance, place = rounded_boxes.nearest(self._boxes, np.ascontiguousarray(points, float), float(farthest))
         which = self._round[place] if len(self._round) else place
         for number in self._others:
-            other = self.obstacles[number].distance(points)
-            nearer = other < distance
-            distance[nearer], which[nearer] = other[nearer], number
+            candidate = self.obstacles[number].distance(points)
+            nearer = candidate < distance
+            distance[nearer], which[nearer] = candidate[nearer], number
         return distance, which
 
     def frames(self, which: np.ndarray, points: np.ndarray) -> np.ndarray:
         """(c, 3, 3) rows n, t1, t2 of the obstacles `which` (c,) at points (c, 3) mm."""
-        found = np.empty((len(points), 3, 3))
+        frames = np.empty((len(points), 3, 3))
         for mine, place in self._groups(which):
             if place is None:
-                found[mine] = self.obstacles[which[mine][0]].frames(points[mine])
+                frames[mine] = self.obstacles[which[mine][0]].frames(points[mine])
             else:
-                found[mine] = rounded_boxes.frames(self._boxes, place, np.ascontiguousarray(points[mine], float))
-        return found
+                frames[mine] = rounded_boxes.frames(self._boxes, place, np.ascontiguousarray(points[mine], float))
+        return frames
 
     @cached_property
     def curved(self) -> bool:
-        """Whether any has a curvature that `bends` knows."""
+        """True where any obstacle has a curvature that `bends` knows."""
         return bool(self._boxes.rounding.any())
 
     def bends(self, which: np.ndarray, points: np.ndarray) -> np.ndarray:
         """(c, 3, 3) 1/mm: derivative of the normal by the place. 0 on flat faces, and at edges, where there is none."""
-        found = np.zeros((len(points), 3, 3))
+        slopes = np.zeros((len(points), 3, 3))
         for mine, place in self._groups(which):
             if place is not None:
-                found[mine] = rounded_boxes.bends(self._boxes, place, np.ascontiguousarray(points[mine], float))
-        return found
+                slopes[mine] = rounded_boxes.bends(self._boxes, place, np.ascontiguousarray(points[mine], float))
+        return slopes
 
     def _groups(self, which: np.ndarray) -> list[tuple[np.ndarray | slice, np.ndarray | None]]:
         """Points that are asked together, and which rounded boxes (c,) they meet, None for a point's own obstacle."""
         if not len(self._others):
             return [(slice(None), self._place[which])] if len(which) else []
         mine = np.flatnonzero(self._place[which] >= 0)
-        found = [(mine, self._place[which[mine]])] if len(mine) else []
+        groups = [(mine, self._place[which[mine]])] if len(mine) else []
         alone = [np.flatnonzero(which == number) for number in self._others]
-        return found + [(one, None) for one in alone if len(one)]
+        return groups + [(points, None) for points in alone if len(points)]
 
     @cached_property
     def _round(self) -> np.ndarray:
         """Numbers of the rounded boxes."""
-        return np.array([i for i, one in enumerate(self.obstacles) if isinstance(one, Rounded)], dtype=np.int64)
+        return np.array(
+            [i for i, obstacle in enumerate(self.obstacles) if isinstance(obstacle, Rounded)], dtype=np.int64
+        )
 
     @cached_property
     def _others(self) -> np.ndarray:
@@ -78,9 +80,9 @@ class ObstacleSet:
     @cached_property
     def _place(self) -> np.ndarray:
         """(n,) of each obstacle among the rounded boxes, -1 of others."""
-        found = np.full(len(self.obstacles), -1)
-        found[self._round] = np.arange(len(self._round))
-        return found
+        place = np.full(len(self.obstacles), -1)
+        place[self._round] = np.arange(len(self._round))
+        return place
 
     @cached_property
     def _boxes(self) -> rounded_boxes.Boxes:

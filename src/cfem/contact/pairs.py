@@ -29,9 +29,13 @@ APART = 0.3  # of the length: patches of one body that are nearer along its surf
 
 @dataclass(frozen=True)
 class Pairs:
-    """Of N patches. slots (p,): number of the patch, plus N where it meets an obstacle; relative (p, N); frames (p, 3,
-    3) rows n, t1, t2; gaps (p,) mm; partners (p,): number of the body that is met, or that of all bodies plus that of
-    the obstacle."""
+    """Pairs of patches, of N in all, with the surface before them.
+
+    slots: (p,) number of the patch, plus N where it meets an obstacle
+    relative: (p, N) rows r of the patches' places
+    frames: (p, 3, 3) rows n, t1, t2
+    gaps: (p,) mm
+    partners: (p,) number of the body that is met, or that of all bodies plus that of the obstacle"""
 
     slots: np.ndarray
     relative: np.ndarray
@@ -54,17 +58,17 @@ class Pairs:
 
     @classmethod
     def none(cls, count: int) -> "Pairs":
-        """Of so many patches."""
+        """No pairs, of `count` patches."""
         empty = np.zeros(0, dtype=np.int64)
         return cls(empty, np.zeros((0, count)), np.zeros((0, 3, 3)), np.zeros(0), empty)
 
     @property
     def faces(self) -> dict[int, np.ndarray]:
-        """(N,) bool of each point that has faces."""
+        """Faces of each point that has some: (N,) bool by the number of the point."""
         count = self.relative.shape[1]
-        own = np.arange(count)
+        patches = np.arange(count)
         rows = zip(self.slots.tolist(), self.relative, strict=True)
-        return {slot: (row != 0) & (own != slot) for slot, row in rows if slot < count}
+        return {slot: (row != 0) & (patches != slot) for slot, row in rows if slot < count}
 
     def some(self, which: np.ndarray) -> "Pairs":
         """Those of `which` (p,) bool alone."""
@@ -78,8 +82,10 @@ class Pairs:
 
 @dataclass(frozen=True)
 class Pressing:
-    """What a state tells of its pairs: push (p, 3) N of each on its own patch, 0 where it is open; bodies (N,): number
-    of the body of each patch."""
+    """Forces of the pairs in one state.
+
+    push: (p, 3) N of each on its own patch, 0 where it is open
+    bodies: (N,) number of the body of each patch"""
 
     pairs: Pairs
     push: np.ndarray
@@ -87,17 +93,17 @@ class Pressing:
 
     @property
     def gap(self) -> float:
-        """mm, the smallest."""
+        """Smallest gap, mm."""
         return float(self.pairs.gaps.min(initial=np.inf))
 
     @property
     def pressing(self) -> np.ndarray:
-        """(p,) N: normal forces."""
+        """Normal forces (p,) N."""
         return (self.push * self.pairs.frames[:, 0]).sum(axis=1)
 
     @property
     def pressed(self) -> float:
-        """N, the sum of all normal forces."""
+        """Sum of all normal forces, N."""
         return float(self.pressing.sum())
 
     def among(self, body: int, other: int) -> np.ndarray:
@@ -111,13 +117,15 @@ class Pressing:
 
 
 def numbers_of(itself: Sequence[str], others: Iterable[str], obstacles: Iterable[str]) -> dict[str, int]:
-    """By name, the numbers of what a robot, the body 0, meets: itself, other robots, rigid obstacles."""
+    """Numbers, by name, of what a robot, the body 0, meets: itself, other robots, rigid obstacles."""
     return dict.fromkeys(itself, 0) | {name: 1 + i for i, name in enumerate([*others, *obstacles])}
 
 
 class Skin(Protocol):
-    """A body whose surface is cut into patches; along (N, N) mm between them along it; held_still (N,) bool: those
-    where the body is held, which meet nothing."""
+    """A body whose surface is cut into patches.
+
+    along: (N, N) mm between patches along the surface
+    held_still: (N,) bool, patches where the body is held, which meet nothing"""
 
     patches: Patches
     along: np.ndarray
@@ -126,8 +134,12 @@ class Skin(Protocol):
 
 @dataclass(frozen=True)
 class Surroundings:
-    """Who meets whom. bodies (N,): number of the body of each patch; may_meet (N, N), see `cfem.contact.detection`;
-    spacing: mm of patches; still (N,) bool: patches that meet nothing."""
+    """The bodies and obstacles of a scene, and who may meet whom.
+
+    bodies: (N,) number of the body of each patch
+    may_meet: (N, N), see `cfem.contact.detection`
+    spacing: mm between patches
+    still: (N,) bool, patches that meet nothing"""
 
     bodies: np.ndarray
     may_meet: np.ndarray
@@ -137,14 +149,15 @@ class Surroundings:
 
     @classmethod
     def of(cls, skins: Sequence[Skin], itself: Sequence[bool], length: float, obstacles: ObstacleSet) -> "Surroundings":
-        """itself: which of them may touch themselves, patches APART of `length` mm or more from each other."""
+        """Surroundings of bodies with these skins. itself: which of them may touch themselves, patches APART of
+        `length` mm or more from each other."""
         apart = [APART * length if touches else np.inf for touches in itself]
-        still = np.concatenate([one.held_still for one in skins])
-        who = may_meet([one.along for one in skins], apart)
+        still = np.concatenate([skin.held_still for skin in skins])
+        allowed = may_meet([skin.along for skin in skins], apart)
         return cls(
-            np.repeat(np.arange(len(skins)), [len(one.patches) for one in skins]),
-            np.where(still[:, None] | still, NEVER, who),
-            max(one.patches.spacing for one in skins),
+            np.repeat(np.arange(len(skins)), [len(skin.patches) for skin in skins]),
+            np.where(still[:, None] | still, NEVER, allowed),
+            max(skin.patches.spacing for skin in skins),
             still,
             obstacles,
         )
@@ -152,13 +165,13 @@ class Surroundings:
     def pairs(
         self, places: np.ndarray, normals: np.ndarray, faces: Mapping[int, np.ndarray] | None = None, moved: float = 0.0
     ) -> Pairs:
-        """Of patches at places (N, 3) mm with outward unit normals (N, 3): all that are near; faces: see `detect`, of
-        what has touched in this step. moved: mm by which patches last moved: as long as that is much, faces are kept
-        only by points that would have none."""
+        """All pairs of patches at places (N, 3) mm with outward unit normals (N, 3) and what is near. faces: see
+        `detect`, of what has touched in this step. moved: mm by which patches last moved: as long as that is much,
+        faces are kept only by points that would have none."""
         if faces and moved > SETTLING * self.spacing:
-            found = self.pairs(places, normals)
-            lost = {point: mine for point, mine in faces.items() if point not in found.slots}
-            return self.pairs(places, normals, lost) if lost else found
+            pairs = self.pairs(places, normals)
+            lost = {point: mine for point, mine in faces.items() if point not in pairs.slots}
+            return self.pairs(places, normals, lost) if lost else pairs
         points, relative, frames = detect(places, normals, self.may_meet, self.spacing, faces)
         gaps = (frames[:, 0] * (relative @ places)).sum(axis=1)
         partners = self.bodies[relative.argmin(axis=1)] if len(points) else np.zeros(0, dtype=np.int64)
@@ -179,10 +192,11 @@ class Surroundings:
         outside = _gaps_at(pairs, places, begin) > -ENTERED * self.spacing
         return outside | (pairs.slots >= len(places)) | np.isin(pairs.slots, list(memory.rows))
 
-    def _with_obstacles(self, found: Pairs, places: np.ndarray) -> Pairs:
+    def _with_obstacles(self, soft: Pairs, places: np.ndarray) -> Pairs:
+        """Pairs between surfaces, and those of patches at places (N, 3) mm near a rigid obstacle."""
         N = len(places)
         if not self.obstacles.obstacles:
-            return found
+            return soft
         distance, which = self.obstacles.nearest(places)
         near = np.flatnonzero((distance < WITHIN * self.spacing) & ~self.still)
         more = Pairs(
@@ -192,12 +206,12 @@ class Surroundings:
             distance[near],
             which[near] + self.bodies[-1] + 1,
         )
-        return found.joined(more)
+        return soft.joined(more)
 
 
 @dataclass(frozen=True)
 class Memory:
-    """From where slip is counted: of slots, the rows r (N,) and the origins o (3,) mm."""
+    """Origin of slip by slot: the rows r (N,) and the origins o (3,) mm."""
 
     rows: Mapping[int, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
 
@@ -213,7 +227,7 @@ class Memory:
         if not new:
             return self
         some, rows = pairs.some(np.isin(np.arange(len(pairs)), new)), dict(self.rows)
-        first, last = (_gaps_at(some, places, at) for at in (begin, coming))
+        first, last = (_gaps_at(some, places, moment) for moment in (begin, coming))
         share = np.where(last < 0, first / np.maximum(first - last, 1e-300), 1.0)
         share = np.where(first <= 0, 0.0, share)
         for i, slot in enumerate(some.slots.tolist()):
@@ -232,7 +246,7 @@ class Memory:
         return Memory(rows)
 
     def carried(self, pairs: Pairs, courses: Mapping[int, PrescribedMotion], begin: float, end: float) -> "Memory":
-        """What is held by obstacles goes with those that move, by their number among the partners of pairs."""
+        """Memory with the origins on moving obstacles moved along. courses: by number among the partners of pairs."""
         rows = dict(self.rows)
         for slot, partner in zip(pairs.slots.tolist(), pairs.partners.tolist(), strict=True):
             if partner in courses and slot in rows:
@@ -248,9 +262,9 @@ class Memory:
         return (pairs.frames[:, 1:] @ moved[:, :, None])[..., 0]
 
 
-def _gaps_at(pairs: Pairs, places: np.ndarray, at: np.ndarray) -> np.ndarray:
+def _gaps_at(pairs: Pairs, places: np.ndarray, moved: np.ndarray) -> np.ndarray:
     """(p,) mm of pairs that are known at `places`, were the patches at `at` (N, 3) mm, on the same planes."""
-    return pairs.gaps + (pairs.frames[:, 0] * (pairs.relative @ (at - places))).sum(axis=1)
+    return pairs.gaps + (pairs.frames[:, 0] * (pairs.relative @ (moved - places))).sum(axis=1)
 
 
 def _held(row: np.ndarray, frame: np.ndarray, slot: int, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -262,6 +276,6 @@ def _held(row: np.ndarray, frame: np.ndarray, slot: int, places: np.ndarray) -> 
     faces = np.setdiff1d(np.flatnonzero(row), slot)
     along = np.column_stack([np.ones(len(faces)), places[faces] @ frame[1:].T])
     aside = np.concatenate([[0.0], frame[1:] @ (row @ places)])
-    found = row.copy()
-    found[faces] -= np.linalg.pinv(along.T) @ aside
-    return found, np.zeros(3)
+    held = row.copy()
+    held[faces] -= np.linalg.pinv(along.T) @ aside
+    return held, np.zeros(3)

@@ -12,20 +12,30 @@ from cfem.contact.problem import ContactProblem
 from cfem.contact.solve import ContactStatus, solve_contact
 
 
-def turned(compliance: np.ndarray, turning: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-    """Of patches whose forces turn by B = `turning` (c, 3, 3) N/mm with their places: the compliance (3 c, 3 c) mm/N
-    with that in it, (C^-1 - B)^-1, and by how much forces turn, B (C^-1 - B)^-1. None where the former is not positive
-    definite."""
+@dataclass(frozen=True, eq=False)
+class TurningCompliance:
+    """What becomes of c patches' compliance C where the forces on them turn with their places, df/dx = B.
+
+    compliance: (3 c, 3 c) mm/N, (C^-1 - B)^-1: motion by the forces before they turn
+    turning: (3 c, 3 c), B (C^-1 - B)^-1: change of the forces, for the same forces"""
+
+    compliance: np.ndarray
+    turning: np.ndarray
+
+
+def turned(compliance: np.ndarray, turning: np.ndarray) -> TurningCompliance | None:
+    """Compliance of patches with `compliance` C (3 c, 3 c) mm/N whose forces turn by B = `turning` (c, 3, 3) N/mm with
+    their places; None where it is not positive definite."""
     c = len(turning)
     B = np.zeros((c, 3, c, 3))
     B[np.arange(c), :, np.arange(c)] = turning
     B = B.reshape(3 * c, 3 * c)
-    found = np.linalg.solve(np.eye(3 * c) - compliance @ B, compliance)
+    effective = np.linalg.solve(np.eye(3 * c) - compliance @ B, compliance)
     try:
-        np.linalg.cholesky((found + found.T) / 2)
+        np.linalg.cholesky((effective + effective.T) / 2)
     except np.linalg.LinAlgError:
         return None
-    return found, B @ found
+    return TurningCompliance(effective, B @ effective)
 
 
 def pressed(
@@ -53,7 +63,7 @@ def pressed(
 
 
 def violation(forces: np.ndarray, gap: np.ndarray, compliance: np.ndarray, mu: float) -> float:
-    """mm: the largest distance of patches from the law of contact, at forces (c, 3) N and gaps (c, 3) mm, both in the
+    """Largest distance, mm, of patches from the law of contact, at forces (c, 3) N and gaps (c, 3) mm, both in the
     frames of the surfaces there: by how much forces differ from their projection (`cfem.contact.newton`), times what a
     patch yields, of compliance (3 c, 3 c) mm/N. A force of 0 has no violation where its gap is open."""
     flexibility = compliance.diagonal().reshape(-1, 3).max(axis=1)[:, None]
@@ -63,11 +73,14 @@ def violation(forces: np.ndarray, gap: np.ndarray, compliance: np.ndarray, mu: f
 
 @dataclass(frozen=True, eq=False)
 class Balance:
-    """The law on one linearisation.
+    """Forces that obey the law on one linearisation.
 
-    local (p, 3) N: forces of the pairs in their frames, and `push` (p, 3) N on the pairs' patches in the scene
-    forces (c, 3) N: on the patches, and by how much they have changed, `change` (c, 3) N
-    compliance (3 c, 3 c) mm/N: of the patches"""
+    modes: of the p pairs
+    local: (p, 3) N, forces of the pairs in their frames
+    push: (p, 3) N, the same in the scene, on the pairs' patches
+    forces: (c, 3) N, on the patches
+    change: (c, 3) N, of these forces
+    compliance: (3 c, 3 c) mm/N, of the patches"""
 
     modes: tuple[Mode, ...]
     local: np.ndarray
@@ -99,17 +112,17 @@ def balance(
     push (p, 3) N: a guess in the scene; `forces` where relative is None"""
     if not len(frames):
         return Balance((), np.zeros((0, 3)), np.zeros((0, 3)), 0 * forces, -forces, compliance)
-    guess, of_pairs = (frames @ push[:, :, None])[..., 0], compliance
+    guess, pair_compliance = (frames @ push[:, :, None])[..., 0], compliance
     if relative is not None:
         B = np.kron(relative, np.eye(3))
         by_patches = B @ compliance
-        of_pairs = by_patches @ B.T
-        other = by_patches @ (forces.ravel() - B.T @ push.ravel())  # by forces that are not of the guess
-        gaps = gaps - (frames @ other.reshape(-1, 3, 1))[..., 0]
-    answer = pressed(of_pairs, gaps, frames, guess, mu)
+        pair_compliance = by_patches @ B.T
+        unguessed = by_patches @ (forces.ravel() - B.T @ push.ravel())  # mm, by forces that are not of the guess
+        gaps = gaps - (frames @ unguessed.reshape(-1, 3, 1))[..., 0]
+    answer = pressed(pair_compliance, gaps, frames, guess, mu)
     if answer is None:
         return None
     modes, local = answer
-    wanted = (local[:, None] @ frames)[:, 0]
-    on = wanted if relative is None else (B.T @ wanted.ravel()).reshape(-1, 3)
-    return Balance(modes, local, wanted, on, on - forces, compliance)
+    pushes = (local[:, None] @ frames)[:, 0]
+    balanced = pushes if relative is None else (B.T @ pushes.ravel()).reshape(-1, 3)
+    return Balance(modes, local, pushes, balanced, balanced - forces, compliance)

@@ -35,19 +35,19 @@ def along_friction(W: np.ndarray, free: np.ndarray, mu: float) -> tuple[np.ndarr
     z, step = np.append(begin.ravel() / size, 0.0), FIRST
     tangent = curve.tangent(z, None)
     while curve.systems < STEPS:
-        found = curve.near(z, tangent, step)
-        if found is None and step > SHORTEST:
+        candidate = curve.near(z, tangent, step)
+        if candidate is None and step > SHORTEST:
             step /= 2
             continue
-        if found is None:  # a corner, at which the curve turns by more than a right angle
+        if candidate is None:  # a corner, at which the curve turns by more than a right angle
             tangent = curve.tangent(z + ACROSS * tangent, tangent)
-            found = None if tangent is None else curve.near(z, tangent, ONWARDS)
+            candidate = None if tangent is None else curve.near(z, tangent, ONWARDS)
             step = ONWARDS
-            if found is None:
+            if candidate is None:
                 break
-        if found[-1] >= mu:
-            share = (mu - z[-1]) / (found[-1] - z[-1])
-            lam, systems = newton(W, free, mu, (z + share * (found - z))[:-1].reshape(-1, 3) * size)
+        if candidate[-1] >= mu:
+            share = (mu - z[-1]) / (candidate[-1] - z[-1])
+            lam, systems = newton(W, free, mu, (z + share * (candidate - z))[:-1].reshape(-1, 3) * size)
             curve.systems += systems
             if lam is not None:
                 return lam, curve.systems
@@ -55,7 +55,7 @@ def along_friction(W: np.ndarray, free: np.ndarray, mu: float) -> tuple[np.ndarr
                 break
             step /= 4
             continue
-        z, step = found, min(1.5 * step, LONGEST)
+        z, step = candidate, min(1.5 * step, LONGEST)
         tangent = curve.tangent(z, tangent)
         if tangent is None or z[-1] < 0:
             break
@@ -63,7 +63,7 @@ def along_friction(W: np.ndarray, free: np.ndarray, mu: float) -> tuple[np.ndarr
 
 
 def definite(W: np.ndarray) -> bool:
-    """Whether W is positive definite."""
+    """True where W is positive definite."""
     try:
         np.linalg.cholesky(W)
     except np.linalg.LinAlgError:
@@ -92,28 +92,28 @@ class _Curve:
         bordered = np.vstack([J, along if last is None else last])
         self.systems += 1
         try:
-            found = np.linalg.solve(bordered, along)
+            direction = np.linalg.solve(bordered, along)
         except np.linalg.LinAlgError:
             return None
-        found /= np.linalg.norm(found)
-        bordered[-1] = found
+        direction /= np.linalg.norm(direction)
+        bordered[-1] = direction
         sign = np.linalg.slogdet(bordered)[0]
         self.sign = self.sign or sign
-        return found * sign * self.sign
+        return direction * sign * self.sign
 
     def near(self, z: np.ndarray, tangent: np.ndarray, step: float) -> np.ndarray | None:
         """The point of the curve whose way from z has `step` along the tangent, None where Newton finds none near."""
-        found = z + step * tangent
+        point = z + step * tangent
         for _ in range(CORRECTIONS):
-            F, J = self._at(found)
-            missing = np.append(F, tangent @ (found - z) - step)
-            if np.abs(missing).max() < CLOSE:
-                return found
+            F, J = self._at(point)
+            residual = np.append(F, tangent @ (point - z) - step)
+            if np.abs(residual).max() < CLOSE:
+                return point
             self.systems += 1
             try:
-                found = found - np.linalg.solve(np.vstack([J, tangent]), missing)
+                point = point - np.linalg.solve(np.vstack([J, tangent]), residual)
             except np.linalg.LinAlgError:
                 return None
-            if not np.linalg.norm(found - z) <= FARTHEST * step:
+            if not np.linalg.norm(point - z) <= FARTHEST * step:
                 return None
         return None

@@ -17,12 +17,12 @@ Stop = tuple[float, float]  # shares of the run from which and to which a step g
 
 
 class PrescribedMotion(Protocol):
-    """Share 0 is the first goal, 1 the last."""
+    """Motion of an obstacle over a run: share 0 is the first goal, 1 the last."""
 
     def at(self, share: float) -> Obstacle: ...
 
     def way(self, begin: float, end: float) -> float:
-        """mm that no point of it moves more than."""
+        """Largest way, mm: no point of it moves more."""
         ...
 
     def carried(self, points: np.ndarray, begin: float, end: float) -> np.ndarray:
@@ -32,8 +32,10 @@ class PrescribedMotion(Protocol):
 
 @dataclass(frozen=True)
 class Translation:
-    """A rigid body. places (k, 3) mm: its displacements, evenly spread over the run, straight from one to the next; one
-    stands still."""
+    """A rigid body that moves without turning.
+
+    places: (k, 3) mm, its displacements, evenly spread over the run, straight from one to the next; a single one stands
+    still"""
 
     obstacle: Obstacle
     places: np.ndarray
@@ -43,17 +45,17 @@ class Translation:
 
     def way(self, begin: float, end: float) -> float:
         stops = [begin, *corners(len(self.places), begin, end), end]
-        found = np.array([between(self.places, one) for one in stops])
-        return float(np.linalg.norm(np.diff(found, axis=0), axis=1).sum())
+        displacements = np.array([between(self.places, share) for share in stops])
+        return float(np.linalg.norm(np.diff(displacements, axis=0), axis=1).sum())
 
     def carried(self, points: np.ndarray, begin: float, end: float) -> np.ndarray:
         return points + between(self.places, end) - between(self.places, begin)
 
 
 class ActuatedRobot:
-    """A learned robot with a skin, whose actuators go through deltas (k, n_a) mm as `Translation` does through places;
-    R (3, 3) and t (3,) mm place it. What it is as an obstacle does not yield. make: an obstacle of its surface (m, 3)
-    mm; it has `surface`, which knows the nearest triangles."""
+    """A learned robot with a skin as an obstacle that does not yield. Its actuators go through deltas (k, n_a) mm as
+    `Translation` does through places; R (3, 3) and t (3,) mm place it. make: an obstacle of its surface (m, 3) mm; it
+    has `surface`, which knows the nearest triangles."""
 
     def __init__(self, model: Any, deltas: np.ndarray, make: Any, R: np.ndarray, t: np.ndarray):
         self.model, self._deltas, self._make, self.R, self.t = model, deltas, make, R, t
@@ -71,21 +73,21 @@ class ActuatedRobot:
 
     def way(self, begin: float, end: float) -> float:
         stops = [begin, *corners(len(self._deltas), begin, end), end]
-        found = np.array([self._shape(one) for one in stops])
-        return float(np.linalg.norm(np.diff(found, axis=0), axis=2).sum(axis=0).max())
+        surfaces = np.array([self._shape(share) for share in stops])
+        return float(np.linalg.norm(np.diff(surfaces, axis=0), axis=2).sum(axis=0).max())
 
     def carried(self, points: np.ndarray, begin: float, end: float) -> np.ndarray:
         corner, shares = self.at(begin).surface.on(points)
-        before, after = (np.einsum("kc,kci->ki", shares, self._shape(one)[corner]) for one in (begin, end))
+        before, after = (np.einsum("kc,kci->ki", shares, self._shape(share)[corner]) for share in (begin, end))
         return points + after - before
 
 
 def between(values: np.ndarray, share: float) -> np.ndarray:
-    """(...) of values (k, ...) at a share of the run."""
-    at = np.clip(share, 0.0, 1.0) * (len(values) - 1)
-    first = min(int(at), max(len(values) - 2, 0))
+    """Value (...) at a share of the run, linear between values (k, ...)."""
+    position = np.clip(share, 0.0, 1.0) * (len(values) - 1)
+    first = min(int(position), max(len(values) - 2, 0))
     last = min(first + 1, len(values) - 1)
-    return values[first] + (at - first) * (values[last] - values[first])
+    return values[first] + (position - first) * (values[last] - values[first])
 
 
 def corners(count: int, begin: float, end: float) -> list[float]:
@@ -93,14 +95,14 @@ def corners(count: int, begin: float, end: float) -> list[float]:
     if count < 2:
         return []
     low, high = sorted((begin, end))
-    found = [i / (count - 1) for i in range(count) if low < i / (count - 1) < high]
-    return found if begin <= end else found[::-1]
+    shares = [i / (count - 1) for i in range(count) if low < i / (count - 1) < high]
+    return shares if begin <= end else shares[::-1]
 
 
 def stops(courses: Iterable[PrescribedMotion], begin: float, end: float, longest: float) -> Sequence[Stop]:
     """Steps from one share to another in which nothing moves more than `longest` mm."""
-    way = max((one.way(begin, end) for one in courses), default=0.0)
-    if way == 0.0:
+    length = max((course.way(begin, end) for course in courses), default=0.0)
+    if length == 0.0:
         return []
-    shares = np.linspace(begin, end, int(np.ceil(way / longest)) + 1).tolist()
+    shares = np.linspace(begin, end, int(np.ceil(length / longest)) + 1).tolist()
     return list(pairwise(shares))

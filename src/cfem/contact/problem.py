@@ -25,11 +25,14 @@ largest friction: lambda_t = -mu lambda_n slip / |slip|."""
 
 @dataclass(frozen=True)
 class ContactProblem:
-    """W (3m, 3m) mm/N, symmetric, positive semidefinite; free (3m,) mm: normal gaps and, counted from where each
-    point last stuck, tangential slips at zero contact force; mu: friction coefficient; cone: `exact` circle, or
-    `pyramid`, the regular polygon with `sides` corners inscribed in it, the first along t1 (friction then does
-    the most work that the polygon allows). G (3m, k) and wrench (k,) N or N mm of an object with coordinates xi
-    (k,) mm or rad; None without object."""
+    """The contact problem of m points, three rows each.
+
+    W: (3m, 3m) mm/N, symmetric, positive semidefinite
+    free: (3m,) mm, normal gaps and, counted from where each point last stuck, tangential slips at zero contact force
+    G, wrench: (3m, k) and (k,) N or N mm of an object with coordinates xi (k,) mm or rad; None without object
+    mu: friction coefficient
+    cone: `exact` circle, or `pyramid`, the regular polygon with `sides` corners inscribed in it, the first along t1
+    (friction then does the most work that the polygon allows)"""
 
     W: np.ndarray
     free: np.ndarray
@@ -40,6 +43,7 @@ class ContactProblem:
     sides: int = 8
 
     def __post_init__(self) -> None:
+        """Checks shapes, finiteness, friction and the sides of the cone."""
         n = len(self.free)
         if n == 0 or n % 3 or self.W.shape != (n, n):
             raise SpecError(f"contact: W is {self.W.shape} and free ({n},)", do="give three rows for every point")
@@ -47,7 +51,7 @@ class ContactProblem:
             raise SpecError("contact: of an object both G and wrench are needed")
         if self.G is not None and (len(self.G) != n or self.G.shape[1:] != self.wrench.shape):
             raise SpecError(f"contact: G is {self.G.shape}, {n} rows and wrench {self.wrench.shape} are there")
-        if not all(np.isfinite(each).all() for each in (self.W, self.free, self.motion, self.load)):
+        if not all(np.isfinite(array).all() for array in (self.W, self.free, self.motion, self.load)):
             raise SpecError("contact: the problem holds numbers that are not finite")
         demand_friction(self.mu)
         if self.sides < 4 or self.sides % 2:
@@ -86,7 +90,7 @@ class ContactProblem:
 
     @cached_property
     def normalised(self) -> "ContactProblem":
-        """The same problem in its own units."""
+        """This problem in its own units."""
         u = self.units
         if self.G is None:
             return replace(self, W=self.W * (u.force / u.length), free=self.free / u.length)
@@ -97,9 +101,11 @@ class ContactProblem:
 
 @dataclass(frozen=True)
 class Units:
-    """What makes a problem dimensionless: length mm, force N, motion (k,) mm or rad. length is the largest of
-    |free| and of what the load alone does to the compliance; force is length over the largest compliance; unit
-    motions shift the rows by one length."""
+    """Units that make a problem dimensionless.
+
+    length: mm, the largest of |free| and of what the load alone does to the compliance
+    force: N, length over the largest compliance
+    motion: (k,) mm or rad; unit motions shift the rows by one length"""
 
     length: float
     force: float
@@ -107,6 +113,7 @@ class Units:
 
     @classmethod
     def of(cls, problem: ContactProblem) -> "Units":
+        """Units of a problem; where nothing yields, those of its gaps and its load."""
         compliance = float(np.diag(problem.W).max())
         column = np.sqrt((problem.motion**2).sum(axis=0))
         column[column == 0.0] = 1.0

@@ -11,8 +11,12 @@ from cfem.contact.obstacle import Rounded
 
 
 class Boxes(NamedTuple):
-    """R (n, 3, 3), t (n, 3) mm, core (n, 3) mm, rounding (n,) mm; below (n,): half spaces; reach (n,) mm from t to the
-    farthest point."""
+    """Arrays of n rounded boxes.
+
+    R, t: (n, 3, 3) rotations and (n, 3) mm places
+    core, rounding: (n, 3) mm and (n,) mm
+    below: (n,) half spaces
+    reach: (n,) mm from t to the farthest point"""
 
     R: np.ndarray
     t: np.ndarray
@@ -23,10 +27,10 @@ class Boxes(NamedTuple):
 
     @classmethod
     def of(cls, obstacles: list[Rounded]) -> "Boxes":
-        R = np.array([one.R for one in obstacles], float).reshape(-1, 3, 3)
-        t = np.array([one.t for one in obstacles], float).reshape(-1, 3)
-        core = np.array([one.core for one in obstacles], float).reshape(-1, 3)
-        rounding = np.array([one.rounding for one in obstacles], float)
+        R = np.array([obstacle.R for obstacle in obstacles], float).reshape(-1, 3, 3)
+        t = np.array([obstacle.t for obstacle in obstacles], float).reshape(-1, 3)
+        core = np.array([obstacle.core for obstacle in obstacles], float).reshape(-1, 3)
+        rounding = np.array([obstacle.rounding for obstacle in obstacles], float)
         return cls(R, t, core, rounding, np.isinf(core[:, 0]), np.sqrt((core**2).sum(axis=1)) + rounding)
 
 
@@ -42,51 +46,52 @@ def nearest(boxes, points, farthest):
             for i in range(3):
                 apart += (x[i] - boxes.t[o, i]) ** 2
             if beyond > 0 and apart < beyond * beyond:  # farther from its middle it cannot be nearer than what is known
-                here = _local(boxes, o, x, normal)
-                if here < distance[p]:
-                    distance[p], which[p] = here, o
+                candidate = _local(boxes, o, x, normal)
+                if candidate < distance[p]:
+                    distance[p], which[p] = candidate, o
     return distance, which
 
 
 @njit(cache=True, error_model="numpy")
-def frames(boxes, of, points):
-    """(c, 3, 3) rows n, t1, t2 of the boxes `of` (c,) at points (c, 3) mm: see `cfem.contact.obstacle.tangents`."""
-    found, n, own = np.zeros((len(points), 3, 3)), np.empty(3), np.empty((3, 3))
+def frames(boxes, numbers, points):
+    """(c, 3, 3) rows n, t1, t2 of the boxes `numbers` (c,) at points (c, 3) mm: see
+    `cfem.contact.obstacle.tangents`."""
+    frames, n, local = np.zeros((len(points), 3, 3)), np.empty(3), np.empty((3, 3))
     for p in range(len(points)):
-        _local(boxes, of[p], points[p], n)
+        _local(boxes, numbers[p], points[p], n)
         sign = -1.0 if n[2] < -0.99 else 1.0
         a = -1.0 / (sign + n[2])
         b = n[0] * n[1] * a
-        own[0, 0], own[0, 1], own[0, 2] = n[0], n[1], n[2]
-        own[1, 0], own[1, 1], own[1, 2] = 1.0 + sign * n[0] * n[0] * a, sign * b, -sign * n[0]
-        own[2, 0], own[2, 1], own[2, 2] = b, sign + n[1] * n[1] * a, -n[1]
+        local[0, 0], local[0, 1], local[0, 2] = n[0], n[1], n[2]
+        local[1, 0], local[1, 1], local[1, 2] = 1.0 + sign * n[0] * n[0] * a, sign * b, -sign * n[0]
+        local[2, 0], local[2, 1], local[2, 2] = b, sign + n[1] * n[1] * a, -n[1]
         for i in range(3):
             for j in range(3):
                 for k in range(3):
-                    found[p, i, j] += own[i, k] * boxes.R[of[p], j, k]
-    return found
+                    frames[p, i, j] += local[i, k] * boxes.R[numbers[p], j, k]
+    return frames
 
 
 @njit(cache=True, error_model="numpy")
-def bends(boxes, of, points):
-    """(c, 3, 3) 1/mm: derivative of the normal by the place."""
-    found, n, own, half = np.zeros((len(points), 3, 3)), np.empty(3), np.empty((3, 3)), np.empty((3, 3))
+def bends(boxes, numbers, points):
+    """Derivative (c, 3, 3) 1/mm of the normals of the boxes `numbers` (c,) by the places `points` (c, 3) mm."""
+    slopes, n, local, half = np.zeros((len(points), 3, 3)), np.empty(3), np.empty((3, 3)), np.empty((3, 3))
     for p in range(len(points)):
-        o = of[p]
+        o = numbers[p]
         R = boxes.R[o]
         away = _local(boxes, o, points[p], n) + boxes.rounding[o]
         if not (boxes.rounding[o] > 0 and away > 0):
             continue
         for i in range(3):
             for j in range(3):
-                own[i, j] = ((1.0 if i == j and n[i] != 0 else 0.0) - n[i] * n[j]) / away
+                local[i, j] = ((1.0 if i == j and n[i] != 0 else 0.0) - n[i] * n[j]) / away
         for i in range(3):
             for j in range(3):
-                half[i, j] = own[i, 0] * R[j, 0] + own[i, 1] * R[j, 1] + own[i, 2] * R[j, 2]
+                half[i, j] = local[i, 0] * R[j, 0] + local[i, 1] * R[j, 1] + local[i, 2] * R[j, 2]
         for i in range(3):
             for j in range(3):
-                found[p, i, j] = R[i, 0] * half[0, j] + R[i, 1] * half[1, j] + R[i, 2] * half[2, j]
-    return found
+                slopes[p, i, j] = R[i, 0] * half[0, j] + R[i, 1] * half[1, j] + R[i, 2] * half[2, j]
+    return slopes
 
 
 @njit(cache=True, error_model="numpy")

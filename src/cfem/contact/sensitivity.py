@@ -20,9 +20,9 @@ def sensitivity(
     p, u, n3 = problem.normalised, problem.units, len(problem.free)
     if problem.mu > 0:
         y = _unknowns(p, modes, lam / u.force, xi / u.motion)
-        _, J, S = (one[0] if one.ndim == 3 else one for one in slip_equations(p, modes, y[None]))
+        _, J, S = (array[0] if array.ndim == 3 else array for array in slip_equations(p, modes, y[None]))
     else:
-        J, _, S = (one[0] for one in linear_equations(p, modes, np.zeros((1, 0)), np.zeros((1, 0), bool)))
+        J, _, S = (array[0] for array in linear_equations(p, modes, np.zeros((1, 0)), np.zeros((1, 0), bool)))
     try:
         slope = -np.linalg.solve(J, S)
     except np.linalg.LinAlgError:
@@ -31,7 +31,7 @@ def sensitivity(
 
 
 def _unknowns(p: ContactProblem, modes: Sequence[Mode], lam: np.ndarray, xi: np.ndarray) -> np.ndarray:
-    """Of `slip_equations`, from a normalised state."""
+    """Unknowns of `slip_equations` (n,) at a normalised state."""
     sliding = [i for i, mode in enumerate(modes) if mode is Mode.SLIP]
     friction, gap = lam.reshape(-1, 3)[sliding, 1:], p.gap(lam, xi).reshape(-1, 3)[sliding, 1:]
     angles = np.arctan2(friction[:, 1], friction[:, 0])

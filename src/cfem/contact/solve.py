@@ -37,8 +37,10 @@ class ContactStatus(Enum):
 
 @dataclass(frozen=True)
 class ContactSolution:
-    """lam (3m,) N, xi (k,) mm or rad, NaN where there is no answer, then without modes too; tried: choices of
-    modes that were solved; solutions: every valid state where they were counted, else the one found."""
+    """Answer of a solve. lam (3m,) N and xi (k,) mm or rad are NaN where there is no answer, then without modes too.
+
+    tried: choices of modes that were solved
+    solutions: every valid state where they were counted, else the first"""
 
     lam: np.ndarray
     xi: np.ndarray
@@ -93,6 +95,7 @@ def solve_contact(
 def _answer(
     problem: ContactProblem, states: Sequence[ContactState], status: ContactStatus, tried: int
 ) -> ContactSolution:
+    """Solution that reports the first of `states` and how the solve ended, NaN without states."""
     if not states:
         nothing = Check(*[float("nan")] * 6)
         return ContactSolution(
@@ -102,19 +105,20 @@ def _answer(
     return ContactSolution(first.lam, first.xi, first.modes, first.check, status, tuple(states), tried)
 
 
-def _state(problem: ContactProblem, law: Law, modes: tuple[Mode, ...], found: ModeSolution) -> ContactState:
-    lam, xi = found.lam[0], found.xi[0]
+def _state(problem: ContactProblem, law: Law, modes: tuple[Mode, ...], solution: ModeSolution) -> ContactState:
+    lam, xi = solution.lam[0], solution.xi[0]
     return ContactState(lam, xi, modes, check(problem, law, lam, xi))
 
 
 def _of_many(problem: ContactProblem, law: Law, start_modes: Sequence[Mode] | None) -> tuple[ContactState | None, int]:
-    """Of a problem without object: the modes that are given, Newton's method, then the way along growing friction."""
+    """State of a problem without object: tries the modes that are given, Newton's method, then the path along growing
+    friction."""
     tried = 0
     if start_modes:
         modes = understood(problem, law, start_modes)
-        found, tried = solve_mode(problem, law, modes, quick=True), 1
-        if found.valid:
-            return _state(problem, law, modes, found), tried
+        solution, tried = solve_mode(problem, law, modes, quick=True), 1
+        if solution.valid:
+            return _state(problem, law, modes, solution), tried
     if law == "coulomb" and problem.mu > 0 and problem.cone != "exact":
         return None, tried
     mu = problem.mu if law == "coulomb" else 0.0
@@ -123,10 +127,12 @@ def _of_many(problem: ContactProblem, law: Law, start_modes: Sequence[Mode] | No
         force, more = along_friction(problem.W, problem.free, mu)
         systems += more
     if force is not None:
-        lam, none = force.ravel(), np.zeros(0)
-        account = check(problem, law, lam, none)
+        lam, no_motion = force.ravel(), np.zeros(0)
+        account = check(problem, law, lam, no_motion)
         if account.valid():
-            return ContactState(lam, none, understood(problem, law, modes_from(force, mu)), account), tried + systems
+            return ContactState(
+                lam, no_motion, understood(problem, law, modes_from(force, mu)), account
+            ), tried + systems
     return None, tried + systems
 
 
@@ -134,13 +140,13 @@ def _with_object(problem: ContactProblem, start: np.ndarray | None) -> tuple[Con
     """Newton's method from the forces that are given, then from the smallest that balance the load."""
     p, u, tried, mu = problem.normalised, problem.units, 0, problem.mu
     for guess in ([] if start is None else [start / u.force]) + [None]:
-        found = newton_with_object(p, mu, guess)
-        tried += 1 if found is None else found[2]
-        if found is not None:
-            lam, xi = found[0].ravel() * u.force, found[1] * u.motion
+        forces_and_motion = newton_with_object(p, mu, guess)
+        tried += 1 if forces_and_motion is None else forces_and_motion[2]
+        if forces_and_motion is not None:
+            lam, xi = forces_and_motion[0].ravel() * u.force, forces_and_motion[1] * u.motion
             account = check(problem, "coulomb", lam, xi)
             if account.valid():
-                return ContactState(lam, xi, modes_from(found[0], mu), account), tried
+                return ContactState(lam, xi, modes_from(forces_and_motion[0], mu), account), tried
     return None, tried
 
 
@@ -150,30 +156,32 @@ def _unstable(problem: ContactProblem) -> bool:
 
 
 def _pivot(problem: ContactProblem, law: Law, modes: tuple[Mode, ...]) -> tuple[ContactState | None, int]:
+    """State reached by changing the modes of violated points, all at once, or the worst alone where that choice was
+    tried."""
     seen: set[tuple[Mode, ...]] = set()
     for tried in range(1, _PIVOTS + 1):
         seen.add(modes)
-        found = solve_mode(problem, law, modes, quick=True)
-        if found.valid:
-            return _state(problem, law, modes, found), tried
-        other = _others(problem, law, modes, found)
-        worst = np.argsort(-found.violation[0]) if len(found.violation) else np.arange(problem.m)
-        proposals = [other] + [(*modes[:i], other[i], *modes[i + 1 :]) for i in worst]
-        fresh = [each for each in proposals if each not in seen]
+        solution = solve_mode(problem, law, modes, quick=True)
+        if solution.valid:
+            return _state(problem, law, modes, solution), tried
+        suggested = _others(problem, law, modes, solution)
+        worst = np.argsort(-solution.violation[0]) if len(solution.violation) else np.arange(problem.m)
+        proposals = [suggested] + [(*modes[:i], suggested[i], *modes[i + 1 :]) for i in worst]
+        fresh = [choice for choice in proposals if choice not in seen]
         if not fresh:
             return None, tried
         modes = fresh[0]
     return None, _PIVOTS
 
 
-def _others(problem: ContactProblem, law: Law, modes: tuple[Mode, ...], found: ModeSolution) -> tuple[Mode, ...]:
+def _others(problem: ContactProblem, law: Law, modes: tuple[Mode, ...], solution: ModeSolution) -> tuple[Mode, ...]:
     """The modes with every violated point's changed, to what its violation suggests."""
-    if not len(found.lam):  # undetermined or contradictory: let the object be held
+    if not len(solution.lam):  # undetermined or contradictory: let the object be held
         return understood(problem, law, [Mode.STICK] * problem.m)
-    normal = found.lam[0][::3]
+    normal = solution.lam[0][::3]
     changed = list(modes)
     for i, mode in enumerate(modes):
-        if found.violation[0, i] <= VALID:
+        if solution.violation[0, i] <= VALID:
             continue
         if mode is Mode.OPEN:
             changed[i] = Mode.STICK
@@ -193,16 +201,16 @@ def _search(
     queued, order, tried = {start}, 0, 0
     while queue and tried < limit:
         _, _, modes = heappop(queue)
-        found = solve_mode(problem, law, modes, quick=quick)
+        solution = solve_mode(problem, law, modes, quick=quick)
         tried += 1
-        if found.valid:
-            return _state(problem, law, modes, found), tried
-        residual = float(found.residual[0]) if len(found.residual) else 1e3
+        if solution.valid:
+            return _state(problem, law, modes, solution), tried
+        residual = float(solution.residual[0]) if len(solution.residual) else 1e3
         for i, mode in enumerate(modes):
-            violated = not len(found.violation) or found.violation[0, i] > VALID
-            for other in known:
-                neighbour = (*modes[:i], other, *modes[i + 1 :])
-                if other is not mode and neighbour not in queued:
+            violated = not len(solution.violation) or solution.violation[0, i] > VALID
+            for replacement in known:
+                neighbour = (*modes[:i], replacement, *modes[i + 1 :])
+                if replacement is not mode and neighbour not in queued:
                     queued.add(neighbour)
                     order += 1
                     heappush(queue, (residual if violated else 1e6 + residual, order, neighbour))

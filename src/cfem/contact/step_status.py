@@ -4,7 +4,7 @@ from enum import Enum
 
 
 class StepStatus(Enum):
-    """The value is the sentence that the user reads."""
+    """How a step ended; the value is the sentence that the user reads."""
 
     CONVERGED = "converged"
     NO_MODE = "no combination of open, sticking and sliding points is in equilibrium"

@@ -14,15 +14,15 @@ def closest(corners: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.nda
     b1, b2, c1, c2 = p1 - d11, p2 - d12, p1 - d12, p2 - d22  # of the ways from b and from c
     of_c, of_b, of_a = p1 * b2 - b1 * p2, c1 * p2 - p1 * c2, b1 * c2 - c1 * b2
     along = b2 - b1
-    zero, one = np.zeros(len(ab)), np.ones(len(ab))
+    zeros, ones = np.zeros(len(ab)), np.ones(len(ab))
     with np.errstate(divide="ignore", invalid="ignore"):
         on_ab, on_ac, on_bc, area = p1 / d11, p2 / d22, along / (along + c1 - c2), of_a + of_b + of_c
         cases = [
-            ((p1 <= 0) & (p2 <= 0), zero, zero),
-            ((b1 >= 0) & (b2 <= b1), one, zero),
-            ((of_c <= 0) & (p1 >= 0) & (b1 <= 0), on_ab, zero),
-            ((c2 >= 0) & (c1 <= c2), zero, one),
-            ((of_b <= 0) & (p2 >= 0) & (c2 <= 0), zero, on_ac),
+            ((p1 <= 0) & (p2 <= 0), zeros, zeros),
+            ((b1 >= 0) & (b2 <= b1), ones, zeros),
+            ((of_c <= 0) & (p1 >= 0) & (b1 <= 0), on_ab, zeros),
+            ((c2 >= 0) & (c1 <= c2), zeros, ones),
+            ((of_b <= 0) & (p2 >= 0) & (c2 <= 0), zeros, on_ac),
             ((of_a <= 0) & (along >= 0) & (c1 >= c2), 1 - on_bc, on_bc),
         ]
         conditions = [case[0] for case in cases]

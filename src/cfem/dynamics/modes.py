@@ -19,8 +19,11 @@ from cfem.mechanics.assembly import symmetric_product
 
 @dataclass(frozen=True)
 class Modes:
-    """frequency: (k,) Hz, lowest first, undamped where there is no viscosity; damping: (k,) share of the critical;
-    shapes: (n, 3, k) mm of the nodes, of kinetic energy 1/2 at 1 mm/s, and mass 1 t."""
+    """Small vibrations, lowest first.
+
+    frequency: (k,) Hz, undamped where there is no viscosity
+    damping: (k,) share of the critical
+    shapes: (n, 3, k) mm of the nodes, of kinetic energy 1/2 at 1 mm/s, and mass 1 t"""
 
     frequency: np.ndarray
     damping: np.ndarray
@@ -30,18 +33,18 @@ class Modes:
 def natural_modes(
     problem: MovingProblem, state: State, count: int = 3, held: Actuation | None = None, cost: SolveCost | None = None
 ) -> Modes:
-    """The `count` lowest modes about an equilibrium. held: whose rows C are held still (all active rows unless given;
+    """Modes about an equilibrium, the `count` lowest. held: whose rows C are held still (all active rows unless given;
     `force(...)` leaves all free). NumericalError where the equilibrium is unstable with those rows held."""
-    at = problem.evaluate(state.x, np.empty(0), state.load)
+    evaluation = problem.evaluate(state.x, np.empty(0), state.load)
     C = (displacement(np.zeros(problem.n_active)) if held is None else held.padded(problem.n_active)).C
-    solve = problem.factor(at, state.lam, cost or SolveCost()).factor.solve
-    mass = problem.mass_data(at.x)
+    solve = problem.factor(evaluation, state.lam, cost or SolveCost()).factor.solve
+    mass = problem.mass_data(evaluation.x)
     n = problem.pattern.n_dof
 
     def heavy(b: np.ndarray) -> np.ndarray:
         return symmetric_product(problem.pattern, mass, b.reshape(n, -1))
 
-    squares, shapes, _ = lowest_modes(solve, at.H @ C.T, heavy, n, count)
+    squares, shapes, _ = lowest_modes(solve, evaluation.H @ C.T, heavy, n, count)
     count = len(squares)
     if not (squares > 0).all():
         raise NumericalError(
@@ -49,24 +52,25 @@ def natural_modes(
             "unstable",
             do="hold the actuators that it is stable with, or take another state",
         )
-    squares, lost = _with_viscosity(problem, at, squares, shapes)
+    squares, lost = _with_viscosity(problem, evaluation, squares, shapes)
     omega = np.sqrt(squares)
-    return Modes(omega / (2 * np.pi), lost / (2 * squares), problem.kinematics.spread(at.x, shapes))
+    return Modes(omega / (2 * np.pi), lost / (2 * squares), problem.kinematics.spread(evaluation.x, shapes))
 
 
 def _with_viscosity(
-    problem: MovingProblem, at: Evaluation, squares: np.ndarray, shapes: np.ndarray
+    problem: MovingProblem, evaluation: Evaluation, squares: np.ndarray, shapes: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """omega^2 (k,) with the stiffness that viscosity stores at each frequency, and phi . loss . phi (k,), 1/s^2."""
+    """Squares omega^2 (k,) with the stiffness that viscosity stores at each frequency, and phi . loss . phi (k,),
+    1/s^2."""
     if not problem.viscosity:
         return squares, np.zeros_like(squares)
     by_material = []
     for number in range(len(problem.viscosity)):
-        data = problem.overstress_data(at, viscous.damping(problem.body, at.response, number))
+        data = problem.overstress_data(evaluation, viscous.damping(problem.body, evaluation.response, number))
         by_material.append((shapes * symmetric_product(problem.pattern, data, shapes)).sum(axis=0))
-    found = squares
+    stiffer = squares
     for _ in range(20):
-        moduli = [one.modulus(np.sqrt(found)) for one in problem.viscosity]
+        moduli = [material.modulus(np.sqrt(stiffer)) for material in problem.viscosity]
         stored, lost = sum(m * q for m, q in zip(moduli, by_material, strict=True))
-        found = squares + stored
-    return found, lost
+        stiffer = squares + stored
+    return stiffer, lost

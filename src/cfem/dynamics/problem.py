@@ -26,7 +26,12 @@ from cfem.mechanics.viscosity import Overstress
 
 @dataclass(frozen=True)
 class TimeStep:
-    """inertia: c, 1/s^2; origin: y (n, 3) mm; offset: h (n, 3) mm/s^2; overstress: None without viscosity."""
+    """One implicit step, x'' = c (x - y) + h.
+
+    inertia: c, 1/s^2
+    origin: y (n, 3) mm
+    offset: h (n, 3) mm/s^2
+    overstress: None without viscosity"""
 
     inertia: float
     origin: np.ndarray
@@ -36,7 +41,8 @@ class TimeStep:
 
 @dataclass(frozen=True)
 class MovingEvaluation(Evaluation):
-    """moving: (n, 3) N on the nodes, of inertia and the solids' overstress; moving_size: N, of their parts."""
+    """Equations of a step at one x. moving: (n, 3) N on the nodes, of inertia and the solids' overstress; moving_size:
+    N, of their parts."""
 
     moving: np.ndarray
     moving_size: float
@@ -48,12 +54,13 @@ class MovingProblem(Problem):
     Without a step it is the problem of equilibrium; `during` gives the equations of one."""
 
     def __init__(self, robot: Robot, payloads: Sequence["NodalPayload"] = ()):
+        """Assembles the mass of the robot and of its payloads."""
         mass = mass_of(robot)
         super().__init__(robot, coupled=[payload.nodes[None] for payload in payloads])
         self.mass = mass
         for payload in payloads:
             self.mass = sp.csr_array(self.mass + payload.matrix(len(self.rest)))
-        self.viscosity = () if all(one.none for one in robot.viscosity) else robot.viscosity
+        self.viscosity = () if all(material.none for material in robot.viscosity) else robot.viscosity
         self.step: TimeStep | None = None
         self._mass_places = _Places(self)
 
@@ -71,63 +78,67 @@ class MovingProblem(Problem):
         return self._mass_places.data(self.kinematics, self.mass, x)
 
     def evaluate(self, x: np.ndarray, pressure: np.ndarray, load: float = 1.0) -> Evaluation:
-        at, step = super().evaluate(x, pressure, load), self.step
+        """Evaluation at x (n, 3) mm, with inertia and overstress during a step."""
+        evaluation, step = super().evaluate(x, pressure, load), self.step
         if step is None:
-            return at
+            return evaluation
         moving = self.mass @ (step.inertia * (x - step.origin) + step.offset)
         added = [np.linalg.norm(moving)]
-        force = at.force.copy()
+        force = evaluation.force.copy()
         if step.overstress is not None:
-            by_solids = viscous.solid_force(self.body, at.response, step.overstress)
+            by_solids = viscous.solid_force(self.body, evaluation.response, step.overstress)
             moving = moving + by_solids
             added.append(np.linalg.norm(by_solids))
-            if at.response.rod is not None:
-                stress = viscous.rod_stress(self.body, at.response, step.overstress)
-                by_rod = self._on_unknowns((stress[:, None] @ at.response.rod.gradient).swapaxes(1, 2))[:, 0]
+            if evaluation.response.rod is not None:
+                stress = viscous.rod_stress(self.body, evaluation.response, step.overstress)
+                by_rod = self._on_unknowns((stress[:, None] @ evaluation.response.rod.gradient).swapaxes(1, 2))[:, 0]
                 force += by_rod
                 added.append(np.linalg.norm(by_rod))
         force += self.kinematics.reduce(x, moving)
-        return MovingEvaluation(**{**vars(at), "force": force}, moving=moving, moving_size=float(max(added)))
+        return MovingEvaluation(**{**vars(evaluation), "force": force}, moving=moving, moving_size=float(max(added)))
 
     def stiffness(
-        self, at: Evaluation, lam: np.ndarray, before: Evaluation | None = None
+        self, evaluation: Evaluation, lam: np.ndarray, before: Evaluation | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
-        data, dtheta = super().stiffness(at, lam, before)
+        """Lower triangle of the tangent, with c M and the overstress' stiffness during a step, and dtheta
+        (`Problem.stiffness`)."""
+        data, dtheta = super().stiffness(evaluation, lam, before)
         if self.step is None:
             return data, dtheta
-        data = data + self.step.inertia * self.mass_data(at.x)
+        data = data + self.step.inertia * self.mass_data(evaluation.x)
         if self.step.overstress is not None:
-            data += self.overstress_data(at, self.step.overstress)
+            data += self.overstress_data(evaluation, self.step.overstress)
         if self.robot.rigid and not self._nodal:
-            data += self.kinematics.stiffness(at.x, np.empty(0), at.moving)
+            data += self.kinematics.stiffness(evaluation.x, np.empty(0), evaluation.moving)
         return data, dtheta
 
-    def overstress_data(self, at: Evaluation, over: Overstress) -> np.ndarray:
+    def overstress_data(self, evaluation: Evaluation, over: Overstress) -> np.ndarray:
         """Lower triangle, on the unknowns, of the overstress' stiffness, N/mm."""
         full, kinematics = self.kinematics.full, self.kinematics
         if self.body.solids:
             nodal = np.zeros(full.nnz)
-            viscous.add_solid_stiffness(self.body, at.response, over, full.slots[0], nodal)
-            data = kinematics.stiffness(at.x, nodal, np.zeros_like(at.x))
+            viscous.add_solid_stiffness(self.body, evaluation.response, over, full.slots[0], nodal)
+            data = kinematics.stiffness(evaluation.x, nodal, np.zeros_like(evaluation.x))
         else:
             data = np.zeros(self.pattern.nnz)
-        if at.response.rod is not None:
-            add_blocks(viscous.rod_stiffness(self.body, at.response, over), kinematics.joint_slots, data)
+        if evaluation.response.rod is not None:
+            add_blocks(viscous.rod_stiffness(self.body, evaluation.response, over), kinematics.joint_slots, data)
         return data
 
-    def scale(self, at: Evaluation, lam: np.ndarray) -> float:
-        """N: as in equilibrium, of the internal force alone, and no less than inertia's and viscosity's."""
+    def scale(self, evaluation: Evaluation, lam: np.ndarray) -> float:
+        """Force, N, to which residuals are relative: as in equilibrium, of the internal force alone, and no less than
+        inertia's and viscosity's."""
         if self.step is None:
-            return super().scale(at, lam)
+            return super().scale(evaluation, lam)
         still = Evaluation(
-            **{name: value for name, value in vars(at).items() if not name.startswith("moving")}
-            | {"force": at.force - self.kinematics.reduce(at.x, at.moving)}
+            **{name: value for name, value in vars(evaluation).items() if not name.startswith("moving")}
+            | {"force": evaluation.force - self.kinematics.reduce(evaluation.x, evaluation.moving)}
         )
-        return max(super().scale(still, lam), at.moving_size)
+        return max(super().scale(still, lam), evaluation.moving_size)
 
-    def _unbalanced(self, at: Evaluation, lam: np.ndarray) -> np.ndarray:
-        nodal = super()._unbalanced(at, lam)
-        return nodal + at.moving if isinstance(at, MovingEvaluation) else nodal
+    def _unbalanced(self, evaluation: Evaluation, lam: np.ndarray) -> np.ndarray:
+        nodal = super()._unbalanced(evaluation, lam)
+        return nodal + evaluation.moving if isinstance(evaluation, MovingEvaluation) else nodal
 
 
 @dataclass(frozen=True)
@@ -146,7 +157,7 @@ class NodalPayload:
 
 
 class _Places:
-    """Where T^T M T goes in the pattern of the unknowns; constant where no node is rigid."""
+    """Places of T^T M T in the pattern of the unknowns; constant where no node is rigid."""
 
     def __init__(self, problem: MovingProblem):
         pattern = problem.pattern
@@ -155,19 +166,20 @@ class _Places:
         self._constant: np.ndarray | None = None
 
     def data(self, kinematics, mass: sp.csr_array, x: np.ndarray) -> np.ndarray:
+        """Lower triangle of T^T M T, at positions x (n, 3) mm."""
         if self._constant is not None:
             return self._constant
         T = kinematics.transfer_matrix(x)
         nodal = sp.kron(mass, sp.eye_array(3), format="csr")
-        found = sp.coo_array(sp.tril(T.T @ (nodal @ T)))
-        rows, columns = found.coords
+        product = sp.coo_array(sp.tril(T.T @ (nodal @ T)))
+        rows, columns = product.coords
         keys = columns.astype(np.int64) * T.shape[1] + rows
         place = np.minimum(np.searchsorted(self._keys, keys), len(self._keys) - 1)
-        there = (self._keys[place] == keys) | (found.data == 0.0)
-        if not there.all():
-            raise AssertionError(f"{(~there).sum()} masses couple unknowns that the stiffness does not")
+        placed = (self._keys[place] == keys) | (product.data == 0.0)
+        if not placed.all():
+            raise AssertionError(f"{(~placed).sum()} masses couple unknowns that the stiffness does not")
         data = np.zeros(len(self._keys))
-        np.add.at(data, place, found.data)
+        np.add.at(data, place, product.data)
         if kinematics.groups is None:
             self._constant = data
         return data

@@ -17,8 +17,14 @@ from cfem.mechanics.viscosity import ViscousMemory
 
 @dataclass(frozen=True)
 class Motion:
-    """t: s; x (n, 3) mm, v mm/s, a mm/s^2 of the nodes; lag: a* of the scheme; pressure: (m,) MPa of the elements;
-    lam: (n_active,) multipliers; memory: of the overstress, None without viscosity."""
+    """State of a motion.
+
+    t: s
+    x, v, a: (n, 3) mm, mm/s, mm/s^2 of the nodes
+    lag: a* of the scheme
+    pressure: (m,) MPa of the elements
+    lam: (n_active,) multipliers
+    memory: of the overstress, None without viscosity"""
 
     t: float
     x: np.ndarray
@@ -32,7 +38,8 @@ class Motion:
 
 @dataclass(frozen=True)
 class Scheme:
-    """rho: spectral radius at frequencies far above 1/dt, 1 (nothing is damped) to 0 (all of it in one step)."""
+    """The scheme. rho: spectral radius at frequencies far above 1/dt, 1 (nothing is damped) to 0 (all of it in one
+    step)."""
 
     rho: float = 0.8
 
@@ -52,21 +59,21 @@ class Scheme:
     def beta(self) -> float:
         return (0.5 + self.gamma) ** 2 / 4
 
-    def acceleration(self, at: Motion, dt: float) -> tuple[float, np.ndarray, np.ndarray]:
-        """c (1/s^2), y (n, 3) mm and h (n, 3) mm/s^2 with a' = c (x' - y) + h."""
-        known = at.x + dt * at.v + dt**2 * (0.5 - self.beta) * at.lag
+    def acceleration(self, motion: Motion, dt: float) -> tuple[float, np.ndarray, np.ndarray]:
+        """Terms c (1/s^2), y (n, 3) mm and h (n, 3) mm/s^2 of a' = c (x' - y) + h."""
+        known = motion.x + dt * motion.v + dt**2 * (0.5 - self.beta) * motion.lag
         c = (1 - self.alpha_m) / (1 - self.alpha_f) / (self.beta * dt**2)
-        return c, known, (self.alpha_m * at.lag - self.alpha_f * at.a) / (1 - self.alpha_f)
+        return c, known, (self.alpha_m * motion.lag - self.alpha_f * motion.a) / (1 - self.alpha_f)
 
-    def after(self, at: Motion, dt: float, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """v', a' and a*' of the step that ends at positions x (n, 3)."""
-        c, known, h = self.acceleration(at, dt)
+    def after(self, motion: Motion, dt: float, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Velocities v', accelerations a' and a*' of the step that ends at positions x (n, 3)."""
+        c, known, h = self.acceleration(motion, dt)
         lag = (x - known) / (self.beta * dt**2)
-        v = at.v + dt * ((1 - self.gamma) * at.lag + self.gamma * lag)
+        v = motion.v + dt * ((1 - self.gamma) * motion.lag + self.gamma * lag)
         return v, c * (x - known) + h, lag
 
-    def error(self, at: Motion, dt: float, lag: np.ndarray) -> float:
-        """mm: what the step has left out of the positions, about, at the node where it is largest: the change of the
-        acceleration (Zienkiewicz and Xie, Earthquake Eng. Struct. Dyn. 20, 1991)."""
-        change = np.sqrt(((lag - at.lag) ** 2).sum(axis=1).max())
+    def error(self, motion: Motion, dt: float, lag: np.ndarray) -> float:
+        """Estimate, mm, of what the step has left out of the positions, at the node where it is largest: the change of
+        the acceleration (Zienkiewicz and Xie, Earthquake Eng. Struct. Dyn. 20, 1991)."""
+        change = np.sqrt(((lag - motion.lag) ** 2).sum(axis=1).max())
         return float(dt**2 * max(abs(self.beta - 1 / 6), 1 / 12) * change)

@@ -27,8 +27,12 @@ _STEP = NewtonSettings(tolerance=1e-8, max_iterations=12)
 
 @dataclass(frozen=True)
 class StepControl:
-    """first: s of the first step, and of each after a kink; longest, shortest: s; tolerance: mm that a step may leave
-    out, at the node where it is most, None for steps of `first` throughout; newton: of each step."""
+    """Lengths of the steps.
+
+    first: s of the first step, and of each after a kink
+    longest, shortest: s
+    tolerance: mm that a step may leave out, at the node where it is most, None for steps of `first` throughout
+    newton: of each step"""
 
     first: float = 1e-3
     longest: float = 0.1
@@ -61,9 +65,15 @@ class Sample:
 
 @dataclass
 class Run:
-    """samples: at the start and after each step; refused: steps that were tried in vain; why: the motion ended before
-    its time, None where it did not; end: the last motion; cost: of all; power: N mm/s of the overstress at the end;
-    kept: the factored tangent, for a run that goes on from here."""
+    """A simulated motion.
+
+    samples: at the start and after each step
+    refused: steps that were tried in vain
+    why: the motion ended before its time, None where it did not
+    end: the last motion
+    cost: of all
+    power: N mm/s of the overstress at the end
+    kept: the factored tangent, for a run that goes on from here"""
 
     samples: list[Sample]
     end: Motion
@@ -94,8 +104,9 @@ def simulate(
     watch: Callable[[Motion], None] | None = None,
     kept: "Kept | None" = None,
 ) -> Run:
-    """From `start` to the time `until`, s. command: time -> what is prescribed to the active rows; kinks: times at
-    which it is not smooth. watch: is told of every motion reached; kept: of the run that ended at `start`."""
+    """Simulates the motion from `start` to the time `until`, s. command: time -> what is prescribed to the active rows;
+    kinks: times at which it is not smooth. watch: is called with every motion reached; kept: of the run that ended at
+    `start`."""
     run, pace, scheme = Run([], start), pace or StepControl(), scheme or Scheme()
     run.samples.append(_sample(problem, start, energies.at_start(problem, start), None))
     ends = [*sorted(t for t in kinks if start.t < t < until), until]
@@ -149,19 +160,19 @@ class Kept:
 def _step(
     problem: MovingProblem,
     scheme: Scheme,
-    at: Motion,
+    begin: Motion,
     command: Command,
     dt: float,
     pace: StepControl,
     cost: SolveCost,
     kept: Kept | None,
 ) -> tuple[_Taken | None, Kept | None, str]:
-    """One step, or None and why."""
-    c, origin, offset = scheme.acceleration(at, dt)
-    over = None if at.memory is None else viscous.overstress(problem.body, problem.viscosity, at.memory, dt)
+    """Takes one step; None and the cause where it fails."""
+    c, origin, offset = scheme.acceleration(begin, dt)
+    over = None if begin.memory is None else viscous.overstress(problem.body, problem.viscosity, begin.memory, dt)
     moving = problem.during(TimeStep(c, origin, offset, over))
-    actuation = pulling_only(command(at.t + dt).padded(problem.n_active), problem.robot.unilateral)
-    start = State(at.x + dt * at.v + dt**2 / 2 * at.a, at.pressure, at.lam, actuation.load)
+    actuation = pulling_only(command(begin.t + dt).padded(problem.n_active), problem.robot.unilateral)
+    start = State(begin.x + dt * begin.v + dt**2 / 2 * begin.a, begin.pressure, begin.lam, actuation.load)
     cost.steps += 1
     usable = kept.tangent if kept is not None and abs(kept.inertia / c - 1) < 0.05 else None
     result = newton(moving, start, actuation, pace.newton, cost, usable)
@@ -171,34 +182,34 @@ def _step(
     if result.status is not Status.CONVERGED:
         return None, kept, f"Newton's method: {result.status.value}"
     end = result.at
-    v, a, lag = scheme.after(at, dt, end.x)
+    v, a, lag = scheme.after(begin, dt, end.x)
     if not (np.isfinite(a).all() and np.isfinite(end.x).all()):
         return None, None, "numbers that are not finite"
     memory = None
-    if at.memory is not None:
-        memory = viscous.remembered(problem.body, problem.viscosity, at.memory, dt, end.response)
-    motion = Motion(at.t + dt, end.x, v, a, lag, end.pressure, result.lam, memory)
+    if begin.memory is not None:
+        memory = viscous.remembered(problem.body, problem.viscosity, begin.memory, dt, end.response)
+    motion = Motion(begin.t + dt, end.x, v, a, lag, end.pressure, result.lam, memory)
     slack = actuation.C[~result.held].any(axis=0)[: problem.robot.rows.n_a]
     return _Taken(motion, moving, result, slack), kept, ""
 
 
 def _sample(problem: MovingProblem, motion: Motion, energy: Energy, taken: _Taken | None) -> Sample:
     robot = problem.robot
-    at = problem.evaluate(motion.x, np.empty(0)) if taken is None else taken.result.at
+    evaluation = problem.evaluate(motion.x, np.empty(0)) if taken is None else taken.result.at
     slack = np.zeros(robot.rows.n_a, dtype=bool) if taken is None else taken.slack
-    return Sample(motion.t, at.delta, motion.lam, effector_displacements(robot, motion.x), slack, energy)
+    return Sample(motion.t, evaluation.delta, motion.lam, effector_displacements(robot, motion.x), slack, energy)
 
 
 def _energy(problem: MovingProblem, run: Run, before: Motion, taken: _Taken) -> Energy:
-    """Work since the last sample by the trapezoidal rule."""
-    last, motion, at = run.samples[-1], taken.motion, taken.result.at
-    work = float((last.lam + motion.lam) @ (at.delta - last.delta)) / 2
+    """Energy after a step: work since the last sample by the trapezoidal rule."""
+    last, motion, evaluation = run.samples[-1], taken.motion, taken.result.at
+    work = float((last.lam + motion.lam) @ (evaluation.delta - last.delta)) / 2
     lost = 0.0
-    if isinstance(at, MovingEvaluation) and problem.viscosity:
+    if isinstance(evaluation, MovingEvaluation) and problem.viscosity:
         # the overstress at the end on the motion of the step: of second order with that at its beginning
-        power = energies.viscous_power(taken.moving, at, motion.v)
+        power = energies.viscous_power(taken.moving, evaluation, motion.v)
         lost = (motion.t - before.t) * (power + run.power) / 2
         run.power = power
     kinetic = energies.kinetic(problem, motion.v)
-    potential = problem.potential(at)
+    potential = problem.potential(evaluation)
     return Energy(kinetic, potential, last.energy.viscous + lost, last.energy.actuators + work)

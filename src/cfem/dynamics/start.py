@@ -15,7 +15,7 @@ def at_rest(problem: MovingProblem, state: State, t: float = 0.0) -> Motion:
 
 
 def settled_memory(problem: MovingProblem, x: np.ndarray) -> viscous.ViscousMemory | None:
-    """Of a robot that has stood at positions x (n, 3) mm for long; None without viscosity."""
+    """Memory of a robot that has stood at positions x (n, 3) mm for long; None without viscosity."""
     if not problem.viscosity:
         return None
     return viscous.settled(problem.body, problem.viscosity, problem.evaluate(x, np.empty(0)).response)

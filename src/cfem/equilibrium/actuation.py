@@ -14,9 +14,13 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Actuation:
-    """C: (m, n) rows, dimensionless; target: (m,) mm (mm^3 for chambers); offset: (n,) N (MPa); load: share of the
-    scene's constant loads that acts; one_sided: the rows that cannot push, each of one actuator alone, whose multiplier
-    is mu."""
+    """What is prescribed to n active rows: C delta = target, lam = C^T mu + offset.
+
+    C: (m, n) rows, dimensionless
+    target: (m,) mm (mm^3 for chambers)
+    offset: (n,) N (MPa)
+    load: share of the scene's constant loads that acts
+    one_sided: the rows that cannot push, each of one actuator alone, whose multiplier is mu"""
 
     C: np.ndarray
     target: np.ndarray
@@ -30,7 +34,7 @@ class Actuation:
         return len(self.offset)
 
     def padded(self, n: int) -> "Actuation":
-        """For n active rows, of which those after mine (contacts) are left free: their multipliers are 0."""
+        """Actuation of n active rows, of which those after mine (contacts) are left free: their multipliers are 0."""
         extra = n - self.n
         if extra == 0:
             return self
@@ -45,7 +49,7 @@ class Actuation:
         return rows
 
     def only(self, held: np.ndarray) -> "Actuation":
-        """With these of its rows (m,) bool alone, held from both sides."""
+        """Actuation by these of its rows (m,) bool alone, held from both sides."""
         return replace(self, C=self.C[held], target=self.target[held], one_sided=())
 
 
@@ -62,8 +66,8 @@ def force(lam: np.ndarray) -> Actuation:
 
 
 def pulling_only(actuation: Actuation, unilateral: np.ndarray) -> Actuation:
-    """The same of a robot some of whose actuators pull and cannot push, unilateral (n_a,) bool: of forces that they are
-    given none is negative, and rows that prescribe one of them alone are one-sided."""
+    """Actuation of a robot some of whose actuators pull and cannot push, unilateral (n_a,) bool: of forces that they
+    are given none is negative, and rows that prescribe one of them alone are one-sided."""
     C, target, offset = actuation.C.copy(), actuation.target.copy(), actuation.offset.copy()
     prescribed, one_sided = C[:, : len(unilateral)] != 0, []
     given = np.flatnonzero(unilateral & ~prescribed.any(axis=0))

@@ -38,7 +38,7 @@ def change(
 def _solves(
     S: np.ndarray, gap: np.ndarray, mu: np.ndarray, unilateral: np.ndarray, held: np.ndarray, slop: np.ndarray
 ) -> bool:
-    """Whether nothing pushes and nothing lacks with the rows `held`."""
+    """True where nothing pushes and nothing lacks with the rows `held`."""
     if not unilateral.any():
         return True
     try:

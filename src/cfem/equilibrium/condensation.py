@@ -20,8 +20,13 @@ EXACT = 1e-11  # for what has the error of Z itself
 
 @dataclass(frozen=True)
 class Condensation:
-    """condensed: W and delta_free; Z: (n_dof, n) = A^-1 H^T of all rows, what the unknowns do with the multipliers;
-    y: (n_dof, k) = A^-1 of other right-hand sides; factor: that gave them; data: lower triangle of A."""
+    """The condensed robot, and what made it.
+
+    condensed: W and delta_free
+    Z: (n_dof, n) = A^-1 H^T of all rows, motion of the unknowns by the multipliers
+    y: (n_dof, k) = A^-1 of other right-hand sides
+    factor: that gave them
+    data: lower triangle of A"""
 
     condensed: Condensed
     Z: np.ndarray
@@ -32,27 +37,27 @@ class Condensation:
 
 def condense(
     problem: Problem,
-    at: Evaluation,
+    evaluation: Evaluation,
     lam: np.ndarray,
     tangent: Tangent,
     cost: SolveCost,
     others: np.ndarray,
     enough: float = ENOUGH,
 ) -> Condensation:
-    """At an equilibrium; others: (n_dof, k) further right-hand sides; enough: relative error of Z. Raises
+    """Condensation at an equilibrium. others: (n_dof, k) further right-hand sides; enough: relative error of Z. Raises
     SingularMatrixError where A has to be factorised again and is singular."""
     robot, n = problem.robot, problem.robot.rows.n
-    B = np.hstack([problem.gradients(robot.watched, at.x), at.H, others])
-    data, _ = problem.stiffness(at, lam)
+    B = np.hstack([problem.gradients(robot.watched, evaluation.x), evaluation.H, others])
+    data, _ = problem.stiffness(evaluation, lam)
     factor = tangent.factor
     Z, rest, error = refined(problem, data, factor, B, enough)
     if error > enough:
-        factor = problem.factor(at, lam, cost).factor
+        factor = problem.factor(evaluation, lam, cost).factor
         Z, rest, error = refined(problem, data, factor, B, enough)
     Z, y, rest, B = Z[:, :n], Z[:, n:], rest[:, :n], B[:, :n]
     W = B.T @ Z + Z.T @ rest  # = B^T Z + Z^T B - Z^T A Z, symmetric but for the rounding of A Z (1.5e-12 on the finger)
     W = (W + W.T) / 2
-    delta = np.concatenate([watched_displacements(robot, at.x), at.delta])
+    delta = np.concatenate([watched_displacements(robot, evaluation.x), evaluation.delta])
     condensed = Condensed(robot.rows, W, delta - W[:, robot.rows.active] @ lam, lam.copy())
     return Condensation(condensed, Z, y, factor, data)
 
@@ -77,9 +82,9 @@ def refined(
     return Z, rest, error
 
 
-def response(problem: Problem, at: Evaluation, Z: np.ndarray, rows: slice) -> np.ndarray:
-    """(n, 3, k) mm/N: how the nodes move with the multipliers of these k rows."""
-    return problem.kinematics.spread(at.x, Z[:, rows])
+def response(problem: Problem, evaluation: Evaluation, Z: np.ndarray, rows: slice) -> np.ndarray:
+    """Motion (n, 3, k) mm/N of the nodes by the multipliers of these k rows."""
+    return problem.kinematics.spread(evaluation.x, Z[:, rows])
 
 
 def _relative(rest: np.ndarray, B: np.ndarray) -> float:

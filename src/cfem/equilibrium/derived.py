@@ -10,7 +10,7 @@ import scipy.sparse as sp
 from cfem.condensed import Condensed
 from cfem.constraint.protocol import Watched
 from cfem.equilibrium.actuation import Actuation
-from cfem.equilibrium.condensation import ENOUGH, condense, response
+from cfem.equilibrium.condensation import condense, response
 from cfem.equilibrium.derivatives.fourth_order import load_curvatures
 from cfem.equilibrium.derivatives.parameter_slopes import ParameterSlopes, Sides, differences, parameter_slopes
 from cfem.equilibrium.derivatives.third_order import compliance_derivatives, load_derivatives
@@ -23,7 +23,16 @@ from cfem.equilibrium.solution import Linearisation
 
 @dataclass(frozen=True)
 class Wanted:
-    """See `solve`; enough: `Settings.condensed`."""
+    """What is asked of a converged state beside itself.
+
+    condense: W and delta_free
+    third_order: the derivatives of W
+    sides: the slopes by the parameters in which these problems differ from that of the state
+    mass: (n, n) t of the nodes, for what the rows need to move (motion/inertia.py)
+    pushed: rows; about how all nodes yield to forces on them, by the factor at hand
+    keep: what further derivatives start from
+    loads: so many derivatives, of at most two, of the effectors' compliance by loads on them
+    stresses: with mass, of the inner motions of a robot of sections in a row (motion/inner_motions.py)"""
 
     condense: bool = True
     third_order: bool = False
@@ -33,12 +42,14 @@ class Wanted:
     keep: bool = False
     loads: int = 0
     stresses: np.ndarray | None = None
-    enough: float = ENOUGH
+
+
+W_ALONE = Wanted()
 
 
 @dataclass(frozen=True)
 class Derived:
-    """The fields of `Equilibrium` with these names; None where not asked for."""
+    """Fields of `Equilibrium` with these names; None where not asked for."""
 
     condensed: Condensed | None = None
     response: np.ndarray | None = None
@@ -52,36 +63,38 @@ class Derived:
 
 
 def derive(
-    problem: Problem, result: NewtonResult, actuation: Actuation, wanted: Wanted, cost: SolveCost
+    problem: Problem, result: NewtonResult, actuation: Actuation, wanted: Wanted, enough: float, cost: SolveCost
 ) -> tuple[Derived, bool]:
-    """And whether the state is stable with the rows of the actuation held; W alone where it is not. Raises
-    SingularMatrixError."""
-    at, lam, active = result.at, result.lam, problem.robot.rows.active
-    by_q = differences(problem, at, lam, wanted.sides) if wanted.sides else None
+    """Derived quantities of a converged state, and whether it is stable with the rows of the actuation held; W alone
+    where it is not. enough: relative error of A^-1 H^T. Raises SingularMatrixError."""
+    evaluation, lam, active = result.at, result.lam, problem.robot.rows.active
+    by_q = differences(problem, evaluation, lam, wanted.sides) if wanted.sides else None
     by_sides = by_q.residual if by_q else np.zeros((problem.pattern.n_dof, 0))
-    pulls = by_sides[:, :0] if wanted.stresses is None else problem.rod_forces(at, wanted.stresses)
-    found = condense(problem, at, lam, result.tangent, cost, np.hstack([by_sides, pulls]), wanted.enough)
-    W, moved_by_sides, answers = found.condensed.W, *np.split(found.y, [by_sides.shape[1]], axis=1)
+    pulls = by_sides[:, :0] if wanted.stresses is None else problem.rod_forces(evaluation, wanted.stresses)
+    condensation = condense(problem, evaluation, lam, result.tangent, cost, np.hstack([by_sides, pulls]), enough)
+    W, moved_by_sides, answers = condensation.condensed.W, *np.split(condensation.y, [by_sides.shape[1]], axis=1)
     pushed = None
     if wanted.pushed is not None:
-        moved = found.factor.solve(problem.gradients((wanted.pushed,), at.x))
-        pushed = problem.kinematics.spread(at.x, moved)
-    derived = Derived(found.condensed, response(problem, at, found.Z, active), pushed)
+        moved = condensation.factor.solve(problem.gradients((wanted.pushed,), evaluation.x))
+        pushed = problem.kinematics.spread(evaluation.x, moved)
+    derived = Derived(condensation.condensed, response(problem, evaluation, condensation.Z, active), pushed)
     # stable with those rows held if A has no more negative eigenvalues than C W C^T (Haynsworth's inertia)
     held = actuation.C @ W[active, active] @ actuation.C.T
-    if found.factor.negative > (np.linalg.eigvalsh(held) < 0).sum():
+    if condensation.factor.negative > (np.linalg.eigvalsh(held) < 0).sum():
         return derived, False
     moves = Y = dW = dC = None
     if wanted.mass is not None:
         stressed = None if wanted.stresses is None else (pulls, answers)
-        moves, Y = inertia(problem, wanted.mass, at, found, stressed, wanted.third_order)
+        moves, Y = inertia(problem, wanted.mass, evaluation, condensation, stressed, wanted.third_order)
     if wanted.third_order:
-        dW, dV = compliance_derivatives(problem, at, lam, found.Z, Y, wanted.mass)
+        dW, dV = compliance_derivatives(problem, evaluation, lam, condensation.Z, Y, wanted.mass)
         moves = moves and replace(moves, dV=dV)
     if wanted.loads:
-        dC = load_derivatives(problem, at, lam, found.Z, W)
-    slopes = parameter_slopes(problem, at, W, found.Z, by_q, moved_by_sides) if by_q else None
-    linear = Linearisation(problem, at, lam, found.Z, found.factor, found.data, actuation.C, W)
+        dC = load_derivatives(problem, evaluation, lam, condensation.Z, W)
+    slopes = parameter_slopes(problem, evaluation, W, condensation.Z, by_q, moved_by_sides) if by_q else None
+    linear = Linearisation(
+        problem, evaluation, lam, condensation.Z, condensation.factor, condensation.data, actuation.C, W
+    )
     d2C = load_curvatures(linear) if wanted.loads > 1 else None
     kept = linear if wanted.keep else None
     return replace(derived, dW=dW, dC=dC, d2C=d2C, slopes=slopes, inertia=moves, linear=kept), True

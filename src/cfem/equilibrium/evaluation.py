@@ -11,7 +11,7 @@ from cfem.mechanics.factorization import Factor
 
 @dataclass
 class SolveCost:
-    """What a solve has cost so far."""
+    """Work that a solve has done so far."""
 
     iterations: int = 0
     factorizations: int = 0

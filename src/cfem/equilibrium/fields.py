@@ -42,46 +42,46 @@ class Field(ABC):
     def slopes(self, part: Solid, D: np.ndarray) -> np.ndarray:
         """(k, 3, 3) by the deformation gradient F = D + I."""
 
-    def value(self, problem: Problem, at: Evaluation) -> float:
-        """J."""
-        parts = _points(problem, at)
-        values = [self.at_points(part, there.D) for part, there in parts]
-        most = max(float(one.max()) for one in values)
+    def value(self, problem: Problem, evaluation: Evaluation) -> float:
+        """Mean J of the field over the body."""
+        parts = _points(problem, evaluation)
+        values = [self.at_points(part, points.D) for part, points in parts]
+        most = max(float(part_values.max()) for part_values in values)
         if most == 0.0:
             return 0.0
         volume = sum(float(part.weights.sum()) for part, _ in parts)
         powers = (part.weights.ravel() @ (m / most) ** self.power for (part, _), m in zip(parts, values, strict=True))
         return most * (sum(powers) / volume) ** (1 / self.power)
 
-    def gradient(self, problem: Problem, at: Evaluation) -> np.ndarray:
-        """(n, 3) of J by the positions of the nodes."""
-        mean, found = self.value(problem, at), np.zeros_like(at.x)
+    def gradient(self, problem: Problem, evaluation: Evaluation) -> np.ndarray:
+        """Gradient (n, 3) of J by the positions of the nodes."""
+        mean, gradient = self.value(problem, evaluation), np.zeros_like(evaluation.x)
         if mean == 0.0:
-            return found
-        parts = _points(problem, at)
+            return gradient
+        parts = _points(problem, evaluation)
         volume = sum(float(part.weights.sum()) for part, _ in parts)
-        for part, there in parts:
-            share = (self.at_points(part, there.D) / mean) ** (self.power - 1) / volume  # over each point's weight
-            add_stress(part, there, share[:, None, None] * self.slopes(part, there.D), found)
-        return found
+        for part, points in parts:
+            share = (self.at_points(part, points.D) / mean) ** (self.power - 1) / volume  # over each point's weight
+            add_stress(part, points, share[:, None, None] * self.slopes(part, points.D), gradient)
+        return gradient
 
-    def changes(self, problem: Problem, at: Evaluation) -> Callable[[Side, Side], float]:
-        """Of J (explicit.py): of the points' volumes and of m, whose power is differentiated by hand, as differences
-        of J would lose the power's square to truncation."""
-        mean, parts = self.value(problem, at), _points(problem, at)
+    def changes(self, problem: Problem, evaluation: Evaluation) -> Callable[[Side, Side], float]:
+        """Change of J (explicit.py) from the points' volumes and from m, whose power is differentiated by hand, as
+        differences of J would lose the power's square to truncation."""
+        mean, parts = self.value(problem, evaluation), _points(problem, evaluation)
         if mean == 0.0:
             return lambda behind, ahead: 0.0
         volume = sum(float(part.weights.sum()) for part, _ in parts)
-        shares = [self.at_points(part, there.D) / mean for part, there in parts]
-        between = [self.between(part, there.D) for part, there in parts]
+        shares = [self.at_points(part, points.D) / mean for part, points in parts]
+        between = [self.between(part, points.D) for part, points in parts]
 
         def change(behind: Side, ahead: Side) -> float:
             total = 0.0
             sides = zip(parts, shares, between, _points(*behind), _points(*ahead), strict=True)
-            for (part, _), share, of, (b, at_b), (a, at_a) in sides:
+            for (part, _), share, difference, (b, at_b), (a, at_a) in sides:
                 grown = (a.weights - b.weights).ravel()
                 total += mean / self.power * (grown @ (share**self.power - 1))
-                total += part.weights.ravel() @ (share ** (self.power - 1) * of((b, at_b.D), (a, at_a.D)))
+                total += part.weights.ravel() @ (share ** (self.power - 1) * difference((b, at_b.D), (a, at_a.D)))
             return float(total / volume)
 
         return change
@@ -90,9 +90,9 @@ class Field(ABC):
         """(k,) m of one less m of another, of solids that hardly differ from `part` at D (k, 3, 3)."""
         return lambda behind, ahead: self.at_points(*ahead) - self.at_points(*behind)
 
-    def largest(self, problem: Problem, at: Evaluation) -> float:
-        """At any quadrature point."""
-        return max(float(self.at_points(part, there.D).max()) for part, there in _points(problem, at))
+    def largest(self, problem: Problem, evaluation: Evaluation) -> float:
+        """Largest value at any quadrature point."""
+        return max(float(self.at_points(part, points.D).max()) for part, points in _points(problem, evaluation))
 
 
 @dataclass(frozen=True)
@@ -128,17 +128,17 @@ class Stress(Field):
         return np.sqrt(1.5 * (deviator**2).sum(axis=(1, 2)))
 
     def slopes(self, part: Solid, D: np.ndarray) -> np.ndarray:
-        """(k, 3, 3) by F, by central differences."""
-        found = np.empty_like(D)
+        """Derivatives (k, 3, 3) by F, by central differences."""
+        slopes = np.empty_like(D)
         for i in range(3):
             for j in range(3):
                 step = np.zeros((3, 3))
                 step[i, j] = _STEP
-                found[:, i, j] = (self.at_points(part, D + step) - self.at_points(part, D - step)) / (2 * _STEP)
-        return found
+                slopes[:, i, j] = (self.at_points(part, D + step) - self.at_points(part, D - step)) / (2 * _STEP)
+        return slopes
 
 
-def _points(problem: Problem, at: Evaluation) -> list[tuple[Solid, SolidResponse]]:
+def _points(problem: Problem, evaluation: Evaluation) -> list[tuple[Solid, SolidResponse]]:
     if problem.body.rod is not None:
         raise InputError("strain and stress are those of solids, not of a rod", do="use another mesh.element")
-    return list(zip(problem.body.solids, at.response.solids, strict=True))
+    return list(zip(problem.body.solids, evaluation.response.solids, strict=True))

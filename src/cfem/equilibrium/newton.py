@@ -32,7 +32,9 @@ _NO_PUSH = 1e-9  # of the largest multiplier: what a one-sided row that holds ma
 
 @dataclass(frozen=True)
 class NewtonSettings:
-    """tolerance:      of the relative residual, where rounding lets it be reached
+    """Settings of Newton's method and of the continuation.
+
+    tolerance:      of the relative residual, where rounding lets it be reached
     max_iterations: of one load step
     slow:           contraction above which the tangent is factorised again (0.4: fewest seconds on the finger)
     max_growth:     fresh corrections in a row that may be larger than the one before
@@ -51,10 +53,15 @@ class NewtonSettings:
 
 @dataclass(frozen=True)
 class NewtonResult:
-    """at, lam: last iterate; tangent: the last factored one; residual: relative, at the last iterate, and the level
-    that rounding sets it; beyond: negative eigenvalues of A beyond those that the actuation holds, 0 where the
-    equilibrium is stable, by the last factor: of a state nearby, so that a doubt wants `judged`; held (m,) bool: the
-    rows of the actuation that hold."""
+    """Last iterate of a solve, and how it ended.
+
+    at, lam: last iterate
+    tangent: the last factored one
+    residual: relative, at the last iterate
+    rounding: the relative residual that rounding makes
+    beyond: negative eigenvalues of A beyond those that the actuation holds, 0 where the equilibrium is stable, by the
+    last factor: of a state nearby, so that a doubt wants `judged`
+    held: (m,) bool, the rows of the actuation that hold"""
 
     status: Status
     at: Evaluation
@@ -86,8 +93,12 @@ class _Border:
 
 @dataclass(frozen=True)
 class Correction:
-    """step (n_dof,) mm, pressure (m,) MPa, multipliers (n,) N: the change that the factor at hand proposes; held (m,)
-    bool: the rows of the actuation that hold after it."""
+    """The change that the factor at hand proposes.
+
+    step: (n_dof,) mm
+    pressure: (m,) MPa
+    multipliers: (n,) N
+    held: (m,) bool, the rows of the actuation that hold after it"""
 
     step: np.ndarray
     pressure: np.ndarray
@@ -110,15 +121,14 @@ def newton(
     """Solve for `actuation` from `start`, first with `tangent` where one of a state nearby is given. Never raises for
     numerical failure: see `status`."""
     lam = _admissible(start.lam, actuation)
-    at = problem.evaluate(problem.kinematics.hold(start.x), start.pressure, actuation.load)
-    held = holding(problem, actuation, at, lam)
+    evaluation = problem.evaluate(problem.kinematics.hold(start.x), start.pressure, actuation.load)
+    held = holding(problem, actuation, evaluation, lam)
     smallest = _EXACT * problem.robot.body.mesh.size  # mm a node
     border, residual, rounding, status = None, np.inf, 0.0, Status.TOO_MANY_ITERATIONS
     before, last, growth = None, np.inf, 0
     if tangent is not None:
         try:
-            border = _border(at, tangent, actuation)
-            correction = _correct(problem, at, lam, tangent, actuation, border, held)
+            border, correction = _proposed(problem, evaluation, lam, tangent, actuation, held)
         except np.linalg.LinAlgError:
             tangent = None
     begin = cost.iterations
@@ -126,22 +136,21 @@ def newton(
         fresh = tangent is None
         if fresh:
             try:
-                tangent = problem.factor(at, start.lam if before is None else lam, cost, before)
-                border = _border(at, tangent, actuation)
-                correction = _correct(problem, at, lam, tangent, actuation, border, held)
+                tangent = problem.factor(evaluation, start.lam if before is None else lam, cost, before)
+                border, correction = _proposed(problem, evaluation, lam, tangent, actuation, held)
             except (SingularMatrixError, np.linalg.LinAlgError) as error:
                 status = Status.NO_SLACK_SET if isinstance(error, NoActiveSetError) else Status.SINGULAR
                 tangent = None
                 break
             growth = growth + 1 if correction.size > last else 0
             last = correction.size
-        stalled, residual = residual, problem.relative_residual(at, lam, tangent)
-        rounding = problem.rounding(at, lam)
+        stalled, residual = residual, problem.relative_residual(evaluation, lam, tangent)
+        rounding = problem.rounding(evaluation, lam)
         stalled = residual <= rounding and residual > 0.5 * stalled
-        if closed(problem, actuation, at, lam, held) and (residual <= settings.tolerance or stalled):
+        if closed(problem, actuation, evaluation, lam, held) and (residual <= settings.tolerance or stalled):
             status = Status.CONVERGED
             break
-        trial, part = advanced(problem, at, correction)
+        trial, part = advanced(problem, evaluation, correction)
         if trial is None and not fresh:
             tangent = None
             continue
@@ -149,9 +158,9 @@ def newton(
             status = Status.STEP_TOO_SMALL
             break
         cost.iterations += 1
-        before, at, lam, held = at, trial, lam + part * correction.multipliers, correction.held
+        before, evaluation, lam, held = evaluation, trial, lam + part * correction.multipliers, correction.held
         try:
-            following = _correct(problem, at, lam, tangent, actuation, border, held)
+            following = _correct(problem, evaluation, lam, tangent, actuation, border, held)
         except np.linalg.LinAlgError:  # of rows as they are now, and a factor of where they were
             tangent = None
             continue
@@ -159,7 +168,15 @@ def newton(
             tangent = None
         correction = following
     beyond = 0 if tangent is None else tangent.factor.negative - border.negative(held)
-    return NewtonResult(status, at, lam, tangent, residual, rounding, cost.iterations - begin, held, beyond)
+    return NewtonResult(status, evaluation, lam, tangent, residual, rounding, cost.iterations - begin, held, beyond)
+
+
+def _proposed(
+    problem: Problem, evaluation: Evaluation, lam: np.ndarray, tangent: Tangent, actuation: Actuation, held: np.ndarray
+) -> tuple[_Border, Correction]:
+    """Border of the actuation at a factored tangent, and the correction that both propose (`_correct`)."""
+    border = _border(evaluation, tangent, actuation)
+    return border, _correct(problem, evaluation, lam, tangent, actuation, border, held)
 
 
 def judged(problem: Problem, result: NewtonResult, actuation: Actuation, cost: SolveCost) -> NewtonResult:
@@ -174,65 +191,65 @@ def judged(problem: Problem, result: NewtonResult, actuation: Actuation, cost: S
         return replace(result, status=Status.SINGULAR, tangent=None)
 
 
-def advanced(problem: Problem, at: Evaluation, correction: Correction) -> tuple[Evaluation | None, float]:
+def advanced(problem: Problem, evaluation: Evaluation, correction: Correction) -> tuple[Evaluation | None, float]:
     """The state after the step, halved as often as it inverts an element, and the part taken; None where it cannot."""
     for halvings in range(6):
         part = 0.5**halvings
-        x = problem.kinematics.advance(at.x, part * correction.step)
-        trial = problem.evaluate(x, at.pressure + part * correction.pressure, at.load)
+        x = problem.kinematics.advance(evaluation.x, part * correction.step)
+        trial = problem.evaluate(x, evaluation.pressure + part * correction.pressure, evaluation.load)
         if trial.response.min_J > 0.0:
             return trial, part
     return None, 0.0
 
 
-def holding(problem: Problem, actuation: Actuation, at: Evaluation, lam: np.ndarray) -> np.ndarray:
+def holding(problem: Problem, actuation: Actuation, evaluation: Evaluation, lam: np.ndarray) -> np.ndarray:
     """(m,) bool: the rows that hold at a state: all but one-sided ones without a multiplier beyond their targets."""
-    gap = actuation.C @ at.delta - actuation.target
-    return ~actuation.unilateral | (actuation.C @ lam > 0) | (gap <= _NO_GAP * _move(problem, actuation, at))
+    gap = actuation.C @ evaluation.delta - actuation.target
+    return ~actuation.unilateral | (actuation.C @ lam > 0) | (gap <= _NO_GAP * _move(problem, actuation, evaluation))
 
 
-def closed(problem: Problem, actuation: Actuation, at: Evaluation, lam: np.ndarray, held: np.ndarray) -> bool:
-    """Whether C delta is what it should be, to the rounding of positions: no one-sided row pushes, and none that does
-    not hold, (m,) bool of all, lacks anything or carries a multiplier."""
-    gap, exact = actuation.C @ at.delta - actuation.target, _move(problem, actuation, at)
+def closed(problem: Problem, actuation: Actuation, evaluation: Evaluation, lam: np.ndarray, held: np.ndarray) -> bool:
+    """True where C delta is what it should be, to the rounding of positions: no one-sided row pushes, and none that
+    does not hold, (m,) bool of all, lacks anything or carries a multiplier."""
+    gap, exact = actuation.C @ evaluation.delta - actuation.target, _move(problem, actuation, evaluation)
     mu, push = actuation.C @ lam, _NO_PUSH * max(float(np.abs(lam).max(initial=0.0)), problem.force_floor)
     holds = (np.abs(gap) <= _EXACT * exact) & ~(actuation.unilateral & (mu < -push))
     loose = (gap >= -_NO_LACK * exact) & (mu == 0)
     return bool(np.where(held, holds, loose).all())
 
 
-def _move(problem: Problem, actuation: Actuation, at: Evaluation) -> np.ndarray:
-    """(m,) mm: by what C delta changes at most where every node moves by the size of the body."""
-    return problem.robot.body.mesh.size * (np.abs(actuation.C) @ np.abs(at.H).sum(axis=0))
+def _move(problem: Problem, actuation: Actuation, evaluation: Evaluation) -> np.ndarray:
+    """Largest change (m,) mm of C delta where every node moves by the size of the body."""
+    return problem.robot.body.mesh.size * (np.abs(actuation.C) @ np.abs(evaluation.H).sum(axis=0))
 
 
-def _border(at: Evaluation, tangent: Tangent, actuation: Actuation) -> _Border:
-    HC = at.H @ actuation.C.T
+def _border(evaluation: Evaluation, tangent: Tangent, actuation: Actuation) -> _Border:
+    HC = evaluation.H @ actuation.C.T
     ZC = tangent.factor.solve(HC) if len(actuation.C) else HC
     return _Border(ZC, HC.T @ ZC)
 
 
 def _correct(
     problem: Problem,
-    at: Evaluation,
+    evaluation: Evaluation,
     lam: np.ndarray,
     tangent: Tangent,
     actuation: Actuation,
     border: _Border,
     held: np.ndarray,
 ) -> Correction:
-    """The (chord) Newton correction at `at` with the factor of `tangent`, to which `border` belongs; held (m,) bool:
-    the rows that hold there. Raises LinAlgError where rows that hold depend on each other, NoActiveSetError."""
+    """The (chord) Newton correction at `evaluation` with the factor of `tangent`, to which `border` belongs; held (m,)
+    bool: the rows that hold there. Raises LinAlgError where rows that hold depend on each other, NoActiveSetError."""
     C = actuation.C
-    imbalance = at.residual(lam) + problem.pressure_residual(at, tangent)
+    imbalance = evaluation.residual(lam) + problem.pressure_residual(evaluation, tangent)
     free = -tangent.factor.solve(imbalance[:, None])[:, 0]
     dmu = np.zeros(0)
     if len(C):
-        gap = C @ (at.delta + at.H.T @ free) - actuation.target
-        S, none = C @ at.H.T @ border.ZC, _NO_GAP * _move(problem, actuation, at)
+        gap = C @ (evaluation.delta + evaluation.H.T @ free) - actuation.target
+        S, none = C @ evaluation.H.T @ border.ZC, _NO_GAP * _move(problem, actuation, evaluation)
         dmu, held = complementarity.change(S, gap, C @ lam, actuation.unilateral, held, none)
     step = free + border.ZC @ dmu
-    return Correction(step, problem.pressure_step(at, tangent, step), C.T @ dmu, held)
+    return Correction(step, problem.pressure_step(evaluation, tangent, step), C.T @ dmu, held)
 
 
 def _admissible(lam: np.ndarray, actuation: Actuation) -> np.ndarray:

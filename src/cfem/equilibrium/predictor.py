@@ -48,12 +48,13 @@ class Knot:
 
 
 def is_new(knots: Sequence[Knot], candidate: Knot, distance: float) -> bool:
-    """Whether no known state is within `distance` of the candidate: states that crowd together add cost, and noise."""
+    """True where no known state is within `distance` of the candidate: states that crowd together add cost, and
+    noise."""
     return all(float(np.linalg.norm(known.place - candidate.place)) > distance for known in knots)
 
 
 def knot(place: np.ndarray, solved: Equilibrium, contacts: bool = False, q: np.ndarray = NO_PARAMETERS) -> Knot:
-    """Of a converged, condensed equilibrium, with slopes by q where there is any; contacts: whether their rows are
+    """Knot of a converged, condensed equilibrium, with slopes by q where there is any; contacts: whether their rows are
     involved, or free of force."""
     rows = solved.condensed.rows.active if contacts else solved.condensed.rows.a
     stiffness = np.linalg.inv(solved.condensed.W[rows, rows])
@@ -91,8 +92,8 @@ def nearest(knots: Sequence[Knot], place: np.ndarray) -> State | None:
     step from it in their relative motions, farther than a polynomial of positions reaches."""
     if not knots:
         return None
-    known = min(knots, key=lambda one: float(((one.place - place) ** 2).sum()))
-    return State(known.x, np.empty(0), known.lam)
+    closest = min(knots, key=lambda known: float(((known.place - place) ** 2).sum()))
+    return State(closest.x, np.empty(0), closest.lam)
 
 
 @dataclass(frozen=True)

@@ -39,6 +39,7 @@ class Problem:
     loads: (n, 3) N of the robot, None without any; finite: whether they are numbers (they count as none where not)"""
 
     def __init__(self, robot: Robot, like: "Problem | None" = None, coupled: Sequence[np.ndarray] = ()):
+        """Prepares the kinematics, the symbolic factorisation and the rows that act on a rod."""
         self.robot = robot
         owner = np.full(len(robot.body.mesh.X), -1)
         for number, nodes in enumerate(robot.rigid):
@@ -86,26 +87,26 @@ class Problem:
         return self.robot.body.mesh.X
 
     def evaluate(self, x: np.ndarray, pressure: np.ndarray, load: float = 1.0) -> Evaluation:
-        """An empty pressure stands for the one that x itself demands."""
-        at = response(self.body, x, pressure)
-        nodal = at.force if self.loads is None else at.force - load * self.loads
+        """Evaluation at x (n, 3) mm. An empty pressure stands for the one that x itself demands."""
+        body_response = response(self.body, x, pressure)
+        nodal = body_response.force if self.loads is None else body_response.force - load * self.loads
         force = self.kinematics.reduce(x, nodal) if self._nodal else np.zeros(self.pattern.n_dof)
         H = self.gradients(self.robot.active, x)
-        if at.rod is not None:
-            force += self._on_unknowns(at.rod.force[:, :, None])[:, 0]
-        strained = tuple(row.strained(at.rod.strain.e) for row in self._rod_rows)
+        if body_response.rod is not None:
+            force += self._on_unknowns(body_response.rod.force[:, :, None])[:, 0]
+        strained = tuple(row.strained(body_response.rod.strain.e) for row in self._rod_rows)
         if strained:
             pulls = np.stack([row.by_e for row in strained], axis=-1)
-            H[:, self._strained] += self._on_unknowns(at.rod.gradient.swapaxes(1, 2) @ pulls)
+            H[:, self._strained] += self._on_unknowns(body_response.rod.gradient.swapaxes(1, 2) @ pulls)
         delta = [None if isinstance(row, RodRow) else row.value(x) - row.rest for row in self.robot.active]
         growths = iter(strained)
         delta = np.concatenate([np.zeros(0), *([next(growths).value] if each is None else each for each in delta)])
-        return Evaluation(x, at.pressure, load, at, force, delta, H, strained=strained)
+        return Evaluation(x, body_response.pressure, load, body_response, force, delta, H, strained=strained)
 
-    def potential(self, at: Evaluation) -> float:
-        """N mm: U - f_ext . u."""
-        work = 0.0 if self.loads is None else at.load * float(np.sum(self.loads * (at.x - self.rest)))
-        return at.response.energy - work
+    def potential(self, evaluation: Evaluation) -> float:
+        """Potential U - f_ext . u, N mm."""
+        work = 0.0 if self.loads is None else evaluation.load * float(np.sum(self.loads * (evaluation.x - self.rest)))
+        return evaluation.response.energy - work
 
     def gradients(self, rows: tuple[Watched, ...], x: np.ndarray) -> np.ndarray:
         """(n_dof, sum of rows) on the unknowns."""
@@ -121,69 +122,73 @@ class Problem:
         return self.kinematics.reduce(x, nodal)
 
     def stiffness(
-        self, at: Evaluation, lam: np.ndarray, before: Evaluation | None = None
+        self, evaluation: Evaluation, lam: np.ndarray, before: Evaluation | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
         """Lower triangle of A = d f_int/dx - sum_j lambda_j hess delta_j, and dtheta of the elements. before: where the
-        linear step to `at` began, whose predicted stress then stiffens or softens A (body.tangent)."""
+        linear step to `evaluation` began, whose predicted stress then stiffens or softens A (body.tangent)."""
         if not self._nodal:
             data, none = np.zeros(self.pattern.nnz), np.zeros((0, self.body.element.n_nodes, 3))
-            return self._with_rod(at, lam, data), none
+            return self._with_rod(evaluation, lam, data), none
         full = self.kinematics.full
         data = np.zeros(full.nnz)
-        dtheta = tangent(self.body, at.response, full.slots[0], data, before and before.response)
+        dtheta = tangent(self.body, evaluation.response, full.slots[0], data, before and before.response)
         slots, column = iter(full.slots[1:]), 0
         for row in self.robot.active:
             mine = [next(slots) for _ in row.cliques]
             if mine and lam[column] != 0.0:
-                for slot, blocks in zip(mine, row.curvature(at.x), strict=True):
+                for slot, blocks in zip(mine, row.curvature(evaluation.x), strict=True):
                     add_blocks(-lam[column] * blocks, slot, data)
             column += len(row.rest)
         if not self.robot.rigid:
             return data, dtheta
-        return self._with_rod(at, lam, self.kinematics.stiffness(at.x, data, self._unbalanced(at, lam))), dtheta
+        return self._with_rod(
+            evaluation, lam, self.kinematics.stiffness(evaluation.x, data, self._unbalanced(evaluation, lam))
+        ), dtheta
 
-    def _with_rod(self, at: Evaluation, lam: np.ndarray, data: np.ndarray) -> np.ndarray:
-        if at.response.rod is not None:
-            add_blocks(self._rod_blocks(at, lam), self.kinematics.joint_slots, data)
+    def _with_rod(self, evaluation: Evaluation, lam: np.ndarray, data: np.ndarray) -> np.ndarray:
+        if evaluation.response.rod is not None:
+            add_blocks(self._rod_blocks(evaluation, lam), self.kinematics.joint_slots, data)
         return data
 
-    def form(self, at: Evaluation, lam: np.ndarray, q: np.ndarray) -> np.ndarray:
-        """(k, k) N mm: q^T A q of changes q (n_dof, k) of the unknowns, without A."""
+    def form(self, evaluation: Evaluation, lam: np.ndarray, q: np.ndarray) -> np.ndarray:
+        """Quadratic form q^T A q (k, k) N mm of changes q (n_dof, k) of the unknowns, without A."""
         if not self._nodal:
-            return self._form_of_rod(at, lam, q)
-        motions = self.kinematics.spread(at.x, q)
-        out = tangent_form(self.body, at.response, motions)
+            return self._form_of_rod(evaluation, lam, q)
+        motions = self.kinematics.spread(evaluation.x, q)
+        out = tangent_form(self.body, evaluation.response, motions)
         column = 0
         for row in self.robot.active:
             if row.cliques and lam[column] != 0.0:
-                out -= lam[column] * curvature_form(row, at.x, motions)
+                out -= lam[column] * curvature_form(row, evaluation.x, motions)
             column += len(row.rest)
         if self.robot.rigid:
-            out = out + self.kinematics.turning_form(at.x, q, self._unbalanced(at, lam))
-        return out + self._form_of_rod(at, lam, q)
+            out = out + self.kinematics.turning_form(evaluation.x, q, self._unbalanced(evaluation, lam))
+        return out + self._form_of_rod(evaluation, lam, q)
 
-    def _form_of_rod(self, at: Evaluation, lam: np.ndarray, q: np.ndarray) -> np.ndarray | float:
-        if at.response.rod is None:
+    def _form_of_rod(self, evaluation: Evaluation, lam: np.ndarray, q: np.ndarray) -> np.ndarray | float:
+        if evaluation.response.rod is None:
             return 0.0
-        return self.rod_form(self._rod_blocks(at, lam), q)
+        return self.rod_form(self._rod_blocks(evaluation, lam), q)
 
     def rod_form(self, blocks: np.ndarray, q: np.ndarray) -> np.ndarray:
         """(k, k) N mm: of changes q (n_dof, k) of the unknowns in blocks (m, 12, 12) of the rod's elements."""
         mine = np.concatenate([q, np.zeros((1, q.shape[1]))])[self._joined]
         return np.tensordot(mine, blocks @ mine, axes=((0, 1), (0, 1)))
 
-    def rod_strains(self, at: Evaluation, q: np.ndarray) -> np.ndarray:
-        """(m, 6, k) mm and rad: how changes q (n_dof, k) of the unknowns strain the rod's elements."""
+    def rod_strains(self, evaluation: Evaluation, q: np.ndarray) -> np.ndarray:
+        """Strains (m, 6, k) mm and rad of the rod's elements by changes q (n_dof, k) of the unknowns."""
         mine = np.concatenate([q, np.zeros((1, q.shape[1]))])[self._joined]
-        return at.response.rod.gradient @ mine
+        return evaluation.response.rod.gradient @ mine
 
-    def rod_forces(self, at: Evaluation, stress: np.ndarray) -> np.ndarray:
-        """(n_dof, k) N on the unknowns, of stresses (m, 6, k) of the rod's elements, N and N mm."""
-        return self._on_unknowns(at.response.rod.gradient.swapaxes(1, 2) @ stress)
+    def rod_forces(self, evaluation: Evaluation, stress: np.ndarray) -> np.ndarray:
+        """Forces (n_dof, k) N on the unknowns by stresses (m, 6, k) of the rod's elements, N and N mm."""
+        return self._on_unknowns(evaluation.response.rod.gradient.swapaxes(1, 2) @ stress)
 
-    def factor(self, at: Evaluation, lam: np.ndarray, cost: SolveCost, before: Evaluation | None = None) -> Tangent:
-        """Raises SingularMatrixError."""
-        data, dtheta = self.stiffness(at, lam, before)
+    def factor(
+        self, evaluation: Evaluation, lam: np.ndarray, cost: SolveCost, before: Evaluation | None = None
+    ) -> Tangent:
+        """Factors the tangent at a state. Raises SingularMatrixError."""
+        data, dtheta = self.stiffness(evaluation, lam, before)
         cost.factorizations += 1
         self._made[:] = []
         self._made[:] = [Tangent(self._factor(data), dtheta)]
@@ -195,53 +200,58 @@ class Problem:
         None before any."""
         return self._made[0] if self._made else None
 
-    def pressure_residual(self, at: Evaluation, tangent: Tangent) -> np.ndarray:
-        """(n_dof,) N: force of the pressure that the elements have yet to gain."""
-        if len(at.response.mismatch) == 0:
+    def pressure_residual(self, evaluation: Evaluation, tangent: Tangent) -> np.ndarray:
+        """Residual force (n_dof,) N from pressures that have not converged."""
+        if len(evaluation.response.mismatch) == 0:
             return np.zeros(self.pattern.n_dof)
-        return self.kinematics.reduce(at.x, pressure_force(self.body, tangent.dtheta, at.response.mismatch))
+        return self.kinematics.reduce(
+            evaluation.x, pressure_force(self.body, tangent.dtheta, evaluation.response.mismatch)
+        )
 
-    def pressure_step(self, at: Evaluation, tangent: Tangent, step: np.ndarray) -> np.ndarray:
-        """(m,) MPa change of the element pressures that goes with the change `step` (n_dof,) of the unknowns."""
-        if len(at.response.mismatch) == 0:
+    def pressure_step(self, evaluation: Evaluation, tangent: Tangent, step: np.ndarray) -> np.ndarray:
+        """Change (m,) MPa of the element pressures that goes with the change `step` (n_dof,) of the unknowns."""
+        if len(evaluation.response.mismatch) == 0:
             return np.empty(0)
-        moved = self.kinematics.spread(at.x, step)
+        moved = self.kinematics.spread(evaluation.x, step)
         work = np.einsum("mai,mai->m", tangent.dtheta, moved[self.body.cells])
-        return at.response.mismatch + self._bulk_over_volume * work
+        return evaluation.response.mismatch + self._bulk_over_volume * work
 
-    def scale(self, at: Evaluation, lam: np.ndarray) -> float:
-        """N: what residuals are relative to, the largest of |f_int|, |f_ext|, |H lambda| and the floor."""
-        load = 0.0 if self._loads is None else at.load * float(np.linalg.norm(self._loads))
-        internal = at.force if self._loads is None else at.force + at.load * self._loads
-        return max(float(np.linalg.norm(internal)), load, float(np.linalg.norm(at.H @ lam)), self.force_floor)
+    def scale(self, evaluation: Evaluation, lam: np.ndarray) -> float:
+        """Force, N, to which residuals are relative: the largest of |f_int|, |f_ext|, |H lambda| and the floor."""
+        load = 0.0 if self._loads is None else evaluation.load * float(np.linalg.norm(self._loads))
+        internal = evaluation.force if self._loads is None else evaluation.force + evaluation.load * self._loads
+        return max(float(np.linalg.norm(internal)), load, float(np.linalg.norm(evaluation.H @ lam)), self.force_floor)
 
-    def rounding(self, at: Evaluation, lam: np.ndarray) -> float:
+    def rounding(self, evaluation: Evaluation, lam: np.ndarray) -> float:
         """Relative residual that rounding of the positions alone makes."""
-        return float(self._rounding_force * np.abs(at.x).max() / self.scale(at, lam))
+        return float(self._rounding_force * np.abs(evaluation.x).max() / self.scale(evaluation, lam))
 
     @cached_property
     def _rounding_force(self) -> float:
-        """N a mm of |x|: eps |diag A| at rest, and eight times that where the positions of rigid groups, which several
-        operations round, make it up."""
-        at = self.evaluate(self.rest, np.empty(0), 0.0)
-        stiffest = np.linalg.norm(self.stiffness(at, np.zeros(self.n_active))[0][self.pattern.indptr[:-1]])
+        """Force, N a mm of |x|, that rounding makes: eps |diag A| at rest, and eight times that where the positions of
+        rigid groups, which several operations round, make it up."""
+        evaluation = self.evaluate(self.rest, np.empty(0), 0.0)
+        stiffest = np.linalg.norm(self.stiffness(evaluation, np.zeros(self.n_active))[0][self.pattern.indptr[:-1]])
         return float((8 if self.robot.rigid else 1) * np.finfo(float).eps * stiffest)
 
-    def relative_residual(self, at: Evaluation, lam: np.ndarray, tangent: Tangent | None = None) -> float:
-        """|R with the demanded pressures| over `scale`; the tangent is needed where pressures lag behind."""
-        parts = np.linalg.norm(at.residual(lam)) + (
-            np.linalg.norm(self.pressure_residual(at, tangent)) if len(at.response.mismatch) and tangent else 0.0
+    def relative_residual(self, evaluation: Evaluation, lam: np.ndarray, tangent: Tangent | None = None) -> float:
+        """Relative residual |R with the demanded pressures| over `scale`; the tangent is needed where pressures lag
+        behind."""
+        parts = np.linalg.norm(evaluation.residual(lam)) + (
+            np.linalg.norm(self.pressure_residual(evaluation, tangent))
+            if len(evaluation.response.mismatch) and tangent
+            else 0.0
         )
-        return float(parts / self.scale(at, lam))
+        return float(parts / self.scale(evaluation, lam))
 
-    def _rod_blocks(self, at: Evaluation, lam: np.ndarray) -> np.ndarray:
+    def _rod_blocks(self, evaluation: Evaluation, lam: np.ndarray) -> np.ndarray:
         """(m, 12, 12) N/mm tangent stiffness of the rod under the rows that pull at its strains."""
         tensions = lam[self._strained]
-        pulled = sum((t * row.by_e for t, row in zip(tensions, at.strained, strict=True)), 0.0)
-        blocks = rods.stiffness(self.body.rod, at.response.rod, pulled)
-        bent = [t * row.second for t, row in zip(tensions, at.strained, strict=True) if row.second is not None]
+        pulled = sum((t * row.by_e for t, row in zip(tensions, evaluation.strained, strict=True)), 0.0)
+        blocks = rods.stiffness(self.body.rod, evaluation.response.rod, pulled)
+        bent = [t * row.second for t, row in zip(tensions, evaluation.strained, strict=True) if row.second is not None]
         if bent:
-            gradient = at.response.rod.gradient
+            gradient = evaluation.response.rod.gradient
             blocks = blocks - gradient.swapaxes(1, 2) @ sum(bent) @ gradient
         return blocks
 
@@ -251,15 +261,15 @@ class Problem:
         np.add.at(out, self._joined, joined)
         return out[:-1]
 
-    def _unbalanced(self, at: Evaluation, lam: np.ndarray) -> np.ndarray:
+    def _unbalanced(self, evaluation: Evaluation, lam: np.ndarray) -> np.ndarray:
         """(n, 3) N nodal residual."""
-        nodal = at.response.force.copy()
+        nodal = evaluation.response.force.copy()
         if self.loads is not None:
-            nodal -= at.load * self.loads
+            nodal -= evaluation.load * self.loads
         column = 0
         for row in self.robot.active:
             end = column + len(row.rest)
-            nodal[row.nodes] -= np.einsum("j,jki->ki", lam[column:end], row.gradient(at.x))
+            nodal[row.nodes] -= np.einsum("j,jki->ki", lam[column:end], row.gradient(evaluation.x))
             column = end
         return nodal
 

@@ -14,7 +14,9 @@ from cfem.mechanics.viscosity import Viscosity
 
 @dataclass(frozen=True)
 class Robot:
-    """name:      of the scene
+    """What the equations know of a robot.
+
+    name:       of the scene
     body:       the elastic body at rest
     fixed:      indices of held nodes
     actuators:  one constraint a row, in the order of rows.actuators
@@ -60,30 +62,34 @@ class Robot:
 
     @property
     def active(self) -> tuple[Constraint, ...]:
-        """What carries multipliers: actuators, then contacts."""
+        """Constraints that carry multipliers: actuators, then contacts."""
         return self.actuators + self.contacts
 
     @property
     def watched(self) -> tuple[Watched, ...]:
-        """What carries no multiplier: effectors, then the skin."""
+        """Rows that carry no multiplier: effectors, then the skin."""
         return self.effectors if self.skin is None else (*self.effectors, self.skin)
 
     @property
     def actuator_units(self) -> tuple[tuple[str, str], ...]:
-        """Of each actuator's displacement and multiplier."""
-        return tuple(one.units for one in self.actuators)
+        """Units (displacement, multiplier) of each actuator."""
+        return tuple(actuator.units for actuator in self.actuators)
 
     @property
     def aims(self) -> np.ndarray:
-        """(n_e,) which effector rows goals are set for: all but those of a centre of mass."""
-        return np.concatenate([np.full(len(one.rest), not isinstance(one, CentreOfMass)) for one in self.effectors])
+        """Effector rows (n_e,) bool that goals are set for: all but those of a centre of mass."""
+        return np.concatenate(
+            [np.full(len(effector.rest), not isinstance(effector, CentreOfMass)) for effector in self.effectors]
+        )
 
     @property
     def masses(self) -> dict[str, float]:
-        """t, by the name of the effector that is the centre of that mass."""
+        """Masses, t, by the name of the effector that is the centre of that mass."""
         names = list(dict.fromkeys(row.rpartition(".")[0] for row in self.rows.effectors))
         return {
-            name: one.mass for name, one in zip(names, self.effectors, strict=True) if isinstance(one, CentreOfMass)
+            name: effector.mass
+            for name, effector in zip(names, self.effectors, strict=True)
+            if isinstance(effector, CentreOfMass)
         }
 
     @property
@@ -101,8 +107,8 @@ def demand_without_friction(robot: Robot) -> None:
     """SpecError where a cable rubs in its guides: then no energy stands behind the forces, and W is not symmetric."""
     rubbing = [
         name
-        for name, one in zip(robot.rows.actuators, robot.actuators, strict=True)
-        if getattr(one, "friction", 0.0) > 0
+        for name, actuator in zip(robot.rows.actuators, robot.actuators, strict=True)
+        if getattr(actuator, "friction", 0.0) > 0
     ]
     if rubbing:
         what = f"cable '{rubbing[0]}' has friction, with which the robot has no condensed energy"

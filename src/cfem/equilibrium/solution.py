@@ -37,8 +37,10 @@ class Status(Enum):
 class State:
     """All that a solve can start from.
 
-    x: (n, 3) mm nodal positions; pressure: (n_elements,) MPa, empty where the element has none, or to be found from x;
-    lam: (n,) N multipliers of the active rows, actuators then contacts; load: share of the constant loads."""
+    x: (n, 3) mm nodal positions
+    pressure: (n_elements,) MPa, empty where the element has none, or to be found from x
+    lam: (n,) N multipliers of the active rows, actuators then contacts
+    load: share of the constant loads"""
 
     x: np.ndarray
     pressure: np.ndarray
@@ -48,8 +50,14 @@ class State:
 
 @dataclass(frozen=True)
 class ParameterSlopes:
-    """By each of the robot's parameters, at constant delta_a and contacts free: psi (n_q,) N mm, lam (n_a, n_q) N,
-    delta_e (n_e, n_q), x (n, 3, n_q) and delta_s (n_s, n_q) mm, each a unit of the parameter."""
+    """Derivatives by each of the robot's parameters, at constant delta_a and contacts free, each a unit of the
+    parameter.
+
+    psi: (n_q,) N mm
+    lam: (n_a, n_q) N
+    delta_e: (n_e, n_q) mm
+    x: (n, 3, n_q) mm
+    delta_s: (n_s, n_q) mm"""
 
     psi: np.ndarray
     lam: np.ndarray
@@ -63,8 +71,11 @@ class Linearisation:
     """What a solve leaves for derivatives of its state, until its problem, or one on the same symbolic factorisation,
     is factorised again.
 
-    at, lam: the state; Z (n_dof, n) = A^-1 H^T of all rows; factor, data: of A; C (m, n_active): the rows that are
-    held, dlambda = C^T dmu; W (n, n)."""
+    at, lam: the state
+    Z: (n_dof, n) = A^-1 H^T of all rows
+    factor, data: of A
+    C: (m, n_active) the rows that are held, dlambda = C^T dmu
+    W: (n, n)"""
 
     problem: "Problem"
     at: "Evaluation"
@@ -80,19 +91,25 @@ class Linearisation:
 class Equilibrium:
     """One solved (or failed) state.
 
-    delta: (n,) active displacements, those of the n_a actuators first; delta_e: (n_e,) mm from the rest position;
-    slack: (n_a,) cables that carry nothing; energy: Psi = U - f_ext . u (N mm) in the state;
-    residual: relative, recomputed after convergence; rounding: the relative residual that double precision resolves
-    here, below which nothing is asked; tolerance: of the residual of a converged state, as asked for or as rounding
-    allows;
-    path: share of the way to the actuation at which stability was lost or no further step was found, 1 where neither;
-    iterations, factorizations, steps: counts over the whole solve; condensed: W and delta_free, None where it failed;
-    response: (n, 3, n_active) mm/N of the nodes to the active multipliers, for predictors;
-    dW: (n_active, n, n) dW/dlambda along the equilibrium path, slopes: by the robot's parameters, inertia: what the
-    rows need to move, dC: (n_e, n_e, n_e) dC/dw of the effectors' compliance with the actuators held by a wrench on
-    them, d2C: the second derivative, packed (fourth_order.py), linear: what further derivatives start from, where asked
-    for; delta_s: (n_s,) mm of the skin's rows;
-    push_response: (n, 3, k) mm/N of the nodes to forces on k other rows, about, where asked for."""
+    delta: (n,) active displacements, those of the n_a actuators first
+    delta_e: (n_e,) mm from the rest position
+    slack: (n_a,) cables that carry nothing
+    energy: Psi = U - f_ext . u (N mm) in the state
+    residual: relative, recomputed after convergence
+    rounding: the relative residual that double precision resolves here, below which nothing is asked
+    tolerance: of the residual of a converged state, as asked for or as rounding allows
+    path: share of the way to the actuation at which stability was lost or no further step was found, 1 where neither
+    iterations, factorizations, steps: counts over the whole solve
+    condensed: W and delta_free, None where it failed
+    response: (n, 3, n_active) mm/N of the nodes to the active multipliers, for predictors
+    delta_s: (n_s,) mm of the skin's rows
+    push_response: (n, 3, k) mm/N of the nodes to forces on k other rows, about, where asked for
+    dW: (n_active, n, n) dW/dlambda along the equilibrium path, where asked for, as all that follow
+    slopes: by the robot's parameters
+    inertia: what the rows need to move
+    dC: (n_e, n_e, n_e) dC/dw of the effectors' compliance with the actuators held by a wrench on them
+    d2C: the second derivative, packed (fourth_order.py)
+    linear: what further derivatives start from"""
 
     status: Status
     state: State

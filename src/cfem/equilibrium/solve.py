@@ -6,17 +6,13 @@ status says of which kind the critical point is. A cable that is told its length
 Newton's method finds which ones are slack."""
 
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.sparse as sp
 
-from cfem.constraint.protocol import Watched
 from cfem.equilibrium.actuation import Actuation, pulling_only
 from cfem.equilibrium.criticality import classify, softest_mode
-from cfem.equilibrium.derivatives.parameter_slopes import Sides
-from cfem.equilibrium.derived import Derived, Wanted, derive
+from cfem.equilibrium.derived import W_ALONE, Derived, Wanted, derive
 from cfem.equilibrium.evaluation import SolveCost, Tangent
 from cfem.equilibrium.newton import NewtonResult, NewtonSettings, judged, newton
 from cfem.equilibrium.problem import Problem
@@ -43,45 +39,37 @@ def solve(
     start: State | None = None,
     base: State | None = None,
     settings: NewtonSettings = DEFAULT,
-    condense: bool = True,
     slack: bool = True,
-    third_order: bool = False,
-    sides: Sequence[Sides] = (),
-    mass: sp.csr_array | None = None,
-    pushed: Watched | None = None,
-    keep: bool = False,
-    loads: int = 0,
-    stresses: np.ndarray | None = None,
     tangent: Tangent | None = None,
+    wanted: Wanted = W_ALONE,
 ) -> Equilibrium:
     """Equilibrium under `actuation`: by Newton's method from `start` where one is given; failing that by continuation
     from the equilibrium `base`; failing that from rest. An actuation of the actuators alone leaves contacts free.
 
-    slack: let unilateral actuators go slack rather than push. condense: also W and delta_free; third_order: and the
-    derivatives of W; sides: and the slopes by the parameters in which these differ from the problem; mass: (n, n) t of
-    the nodes, and what the rows need to move (inertia.py); pushed: and about how all nodes yield to forces on these
-    rows, by the factor at hand; keep: and what further derivatives start from; loads: and so many
-    derivatives, of at most two, of the effectors' compliance by loads on them; stresses: with mass, of the inner
-    motions of a robot of sections in a row (inner.py); tangent: of a state near the start, with which Newton's method
-    begins.
+    slack: let unilateral actuators go slack rather than push
+    tangent: of a state near the start, with which Newton's method begins
+    wanted: what is asked of the state beside itself
+
     Never raises for numerical failure: `status` says how it ended and the state is the last one reached."""
     demand_without_friction(problem.robot)
     begin, cost = time.perf_counter(), SolveCost()
     actuation = actuation.padded(problem.n_active)
     if not _finite(problem, actuation, start, base):
-        return _answer(problem, _not_finite(problem, actuation), actuation, settings, cost, begin, Wanted())
+        return _answer(problem, _not_finite(problem, actuation), actuation, settings, cost, begin, wanted)
     if slack:
         actuation = pulling_only(actuation, problem.robot.unilateral)
     path = _reach(problem, actuation, start, base, settings, cost, tangent)
-    wanted = Wanted(condense, third_order, sides, mass, pushed, keep, loads, stresses, settings.condensed)
     return _answer(problem, path, actuation, settings, cost, begin, wanted)
 
 
 @dataclass(frozen=True)
 class _Path:
-    """result: of the last Newton solve; lost: (stable, unstable) shares of the way between which stability was lost,
-    None where it never was; stable: the last converged result on the way, a stable one where there was any; share:
-    reached."""
+    """A followed load path.
+
+    result: of the last Newton solve
+    lost: (stable, unstable) shares of the way between which stability was lost, None where it never was
+    stable: the last converged result on the way, a stable one where there was any
+    share: reached"""
 
     result: NewtonResult
     lost: tuple[float, float] | None = None
@@ -116,6 +104,8 @@ def _reach(
 def _continuation(
     problem: Problem, actuation: Actuation, start: State, settings: NewtonSettings, cost: SolveCost
 ) -> _Path:
+    """Follows the actuation from `start` in steps that double where Newton's method is quick, and halve where it
+    fails."""
     C = actuation.C
     first = np.concatenate([row.value(start.x) - row.rest for row in problem.robot.active])
     mu = np.linalg.lstsq(C.T, start.lam, rcond=None)[0]
@@ -164,9 +154,9 @@ def _finite(problem: Problem, actuation: Actuation, *states: State | None) -> bo
 
 
 def _not_finite(problem: Problem, actuation: Actuation) -> _Path:
-    at = problem.evaluate(problem.rest, np.empty(0), 0.0)
+    evaluation = problem.evaluate(problem.rest, np.empty(0), 0.0)
     held = np.ones(len(actuation.C), dtype=bool)
-    return _Path(NewtonResult(Status.NOT_FINITE, at, np.zeros(actuation.n), None, np.inf, 0.0, 0, held))
+    return _Path(NewtonResult(Status.NOT_FINITE, evaluation, np.zeros(actuation.n), None, np.inf, 0.0, 0, held))
 
 
 def _answer(
@@ -178,11 +168,13 @@ def _answer(
     begin: float,
     wanted: Wanted,
 ) -> Equilibrium:
+    """Equilibrium from the end of a path: what is derived from it, its residual at the pressures that x demands, its
+    status."""
     result, robot, x = path.result, problem.robot, path.result.at.x
     status, derived = result.status, Derived()
     if status is Status.CONVERGED and wanted.condense:
         try:
-            derived, stable = derive(problem, result, actuation.only(result.held), wanted, cost)
+            derived, stable = derive(problem, result, actuation.only(result.held), wanted, settings.condensed, cost)
             status = status if stable else Status.UNSTABLE
         except SingularMatrixError:
             status = Status.SINGULAR
@@ -220,12 +212,14 @@ def _answer(
 
 
 def _cause(problem: Problem, path: _Path, actuation: Actuation, status: Status, cost: SolveCost) -> Status:
-    """The name of what the path ended at: a body that is not held even at rest; a critical point, by the softest mode
-    of the last stable state against that at rest; else the end of what can be reached."""
+    """Cause of the path's end: a body that is not held even at rest; a critical point, by the softest mode of the last
+    stable state against that at rest; else the end of what can be reached."""
     try:
-        at, none = problem.evaluate(problem.rest, np.empty(0), 0.0), np.zeros(actuation.n)
+        evaluation, none = problem.evaluate(problem.rest, np.empty(0), 0.0), np.zeros(actuation.n)
         held = np.ones(len(actuation.C), dtype=bool)
-        rest = NewtonResult(Status.CONVERGED, at, none, problem.factor(at, none, cost), 0.0, 0.0, 0, held)
+        rest = NewtonResult(
+            Status.CONVERGED, evaluation, none, problem.factor(evaluation, none, cost), 0.0, 0.0, 0, held
+        )
         stiffness = softest_mode(problem, rest, actuation)[0]
         near = path.stable
         if near is None or near.tangent is None:
@@ -233,7 +227,7 @@ def _cause(problem: Problem, path: _Path, actuation: Actuation, status: Status, 
         fresh = replace(near, tangent=problem.factor(near.at, near.lam, cost))
     except (SingularMatrixError, np.linalg.LinAlgError):
         return Status.SINGULAR
-    found = classify(problem, fresh, actuation.only(near.held), stiffness)
-    if found is not None:
-        return found
+    cause = classify(problem, fresh, actuation.only(near.held), stiffness)
+    if cause is not None:
+        return cause
     return status if status in (Status.UNSTABLE, Status.NO_SLACK_SET) else Status.OUT_OF_REACH

@@ -17,7 +17,7 @@ from cfem.equilibrium.newton import NewtonSettings
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.robot import Robot
 from cfem.equilibrium.solution import Equilibrium, Status
-from cfem.equilibrium.solve import solve
+from cfem.equilibrium.solve import Wanted, solve
 from cfem.init.drive import Drive
 from cfem.init.question import Answer, Ask, Question, positive
 from cfem.init.texts import short
@@ -60,7 +60,7 @@ def strokes(robot: Robot, advance: Callable[[int], None] = lambda _: None) -> li
         return found
     reach = np.array([each.reach for each in found])
     for share in _ALL:
-        ended = solve(problem, pull(np.ones(len(reach)), share * reach), settings=_LOOSE, condense=False)
+        ended = solve(problem, pull(np.ones(len(reach)), share * reach), settings=_LOOSE, wanted=Wanted(condense=False))
         advance(1)
         if ended.status in _REACHED and not _meets_itself(problem, ended):
             break
@@ -111,7 +111,7 @@ def _alone(problem: Problem, index: int, tip: np.ndarray, advance: Callable[[int
     done, force, before, state = 0.0, 0.0, 0.0, None
     while True:
         target = Actuation(C, np.array([amount]), np.zeros(robot.rows.n_a))
-        ended = solve(problem, target, state, state, _LOOSE, condense=False, slack=False)
+        ended = solve(problem, target, state, state, _LOOSE, slack=False, wanted=Wanted(condense=False))
         advance(1)
         if ended.status is not Status.CONVERGED:
             if done == 0.0 and amount > _LEAST * _FIRST[unit] * whole:

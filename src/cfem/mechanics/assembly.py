@@ -11,12 +11,14 @@ from cfem.mechanics import compiling  # noqa: F401 - says so where a kernel is c
 
 @dataclass(frozen=True)
 class Pattern:
-    """free: (k,) indices of the free nodes; number: (n,) place of each node among the free, -1 where held;
-    indptr, indices: of the lower triangle in compressed columns, rows ascending;
-    slots: for each group of nodes (g, k) that was coupled, (g, k, k, 3).
+    """Sparsity pattern of the tangent stiffness. A slot is the place in the data array where column j of the 3 x 3
+    block (a, b) begins, such that entry (i, j) lies at slot + i (for a diagonal block, i >= j); -1 where the block is
+    above the diagonal or a node is held.
 
-    A slot is the place in the data array where column j of the 3 x 3 block (a, b) begins, such that entry (i, j) lies
-    at slot + i (for a diagonal block, i >= j); -1 where the block is above the diagonal or a node is held."""
+    free: (k,) indices of the free nodes
+    number: (n,) place of each node among the free, -1 where held
+    indptr, indices: of the lower triangle in compressed columns, rows ascending
+    slots: for each group of nodes (g, k) that was coupled, (g, k, k, 3)"""
 
     free: np.ndarray
     number: np.ndarray
@@ -33,7 +35,7 @@ class Pattern:
         return len(self.indices)
 
     def blocks(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Of every nodal block: its nodes of the row a (m,) and of the column b (m,), and its slot (m, 3)."""
+        """Nodes and slot of every nodal block: the node of its row (m,), that of its column (m,), and (m, 3)."""
         column = np.repeat(np.arange(len(self.free)), np.diff(self.indptr)[::3] // 3)
         slot = _slots_of_blocks(self.indptr, column, np.arange(len(column)) - np.searchsorted(column, column))
         return self.free[self.indices[slot[:, 0]] // 3], self.free[column], slot
@@ -81,10 +83,10 @@ def _keys(groups: np.ndarray, n: int) -> np.ndarray:
 
 def _slots(groups: np.ndarray, n: int, keys: np.ndarray, slot: np.ndarray) -> np.ndarray:
     wanted = _keys(groups, n)
-    found = (
+    slots = (
         slot[np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)] if len(keys) else np.zeros((*wanted.shape, 3))
     )
-    return np.where(wanted[..., None] >= 0, found, -1).astype(np.int32)
+    return np.where(wanted[..., None] >= 0, slots, -1).astype(np.int32)
 
 
 def add_blocks(matrices: np.ndarray, slots: np.ndarray, data: np.ndarray) -> None:
@@ -94,6 +96,7 @@ def add_blocks(matrices: np.ndarray, slots: np.ndarray, data: np.ndarray) -> Non
 
 @njit(cache=True)
 def _add_blocks(matrices, slots, data):
+    """Adds matrices (g, 3 k, 3 k) to the lower triangle `data` at their slots (g, k, k, 3)."""
     g, k = slots.shape[:2]
     for e in range(g):
         for a in range(k):
@@ -113,6 +116,7 @@ def symmetric_product(pattern: Pattern, data: np.ndarray, B: np.ndarray) -> np.n
 
 @njit(cache=True)
 def _symmetric_product(indptr, indices, data, B, out):
+    """Adds A B to out (n, k), A by its lower triangle."""
     for j in range(len(indptr) - 1):
         for p in range(indptr[j], indptr[j + 1]):
             i, a = indices[p], data[p]

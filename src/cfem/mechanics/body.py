@@ -26,9 +26,14 @@ _STIFFEST_WITH_BUBBLES = 0.499
 
 @dataclass(frozen=True)
 class Body:
-    """mesh: at rest; element: whose nodes the mesh has; solids: its regions; cells: (m, n_nodes) of all of them, one
-    region after the other: the order of element pressures; sections: rigid ones in a row, where the body is of these;
-    rod: that joins them."""
+    """The elastic regions on one set of nodes.
+
+    mesh: at rest
+    element: whose nodes the mesh has
+    solids: its regions
+    cells: (m, n_nodes) of all of them, one region after the other: the order of element pressures
+    sections: rigid ones in a row, where the body is of these
+    rod: that joins them"""
 
     mesh: Mesh
     element: Element
@@ -58,9 +63,13 @@ class Body:
 
 @dataclass(frozen=True)
 class BodyResponse:
-    """Of a body at positions x and element pressures p: energy N mm; force (n, 3) N internal of the solids, with the
-    given p; mismatch, pressure (m,) MPa and min_J as of its regions (solid.py), 0 or less also where sections of the
-    rod touch; rod: its own response, whose forces act on the sections' frames (rod.py)."""
+    """Response of a body at positions x and element pressures p.
+
+    energy: N mm
+    force: (n, 3) N internal of the solids, with the given p
+    mismatch, pressure, min_J: (m,) MPa and number as of its regions (solid.py), min_J 0 or less also where sections of
+    the rod touch
+    rod: its own response, whose forces act on the sections' frames (rod.py)"""
 
     energy: float
     force: np.ndarray
@@ -90,7 +99,7 @@ def make_body(
     owner = np.zeros(len(mesh.cells), dtype=int)
     for number, (cells, _) in enumerate(regions, 1):
         owner[cells] = number
-    materials = [material, *(other for _, other in regions)]
+    materials = [material, *(region_material for _, region_material in regions)]
     for each in materials:
         _check(each, element)
     try:
@@ -126,7 +135,7 @@ def make_rod_body(
     place[sections.nodes] = np.arange(len(sections.nodes))[:, None]
     lowest = place[mesh.cells].min(axis=1)
     numbers = [int(np.bincount(owner[lowest == each]).argmax()) for each in range(len(sections.apart))]
-    materials = [material, *(other for _, other in regions)]
+    materials = [material, *(region_material for _, region_material in regions)]
     for each in materials:
         _check(each, element)
     moduli, rubber = [(each.young, each.poisson) for each in materials], [each.law.name in RUBBER for each in materials]
@@ -182,45 +191,45 @@ def without(body: Body, cells_within: np.ndarray) -> Body:
 
 
 def response(body: Body, x: np.ndarray, pressure: np.ndarray | None = None) -> BodyResponse:
-    """At positions x (n, 3) mm and element pressures (m,) MPa, by default (or empty) what x itself demands."""
+    """Response at positions x (n, 3) mm and element pressures (m,) MPa, by default (or empty) what x itself demands."""
     force = np.zeros_like(x)
     given = np.empty(0) if pressure is None else pressure
-    found = tuple(
+    solids = tuple(
         region.response(part, x, given[place] if len(given) else given, force) for part, place in body.parts()
     )
     rod = None if body.rod is None else rods.response(body.rod, x)
     none = np.empty(0)
     return BodyResponse(
-        energy=sum(each.energy for each in found) + (rod.energy if rod else 0.0),
+        energy=sum(each.energy for each in solids) + (rod.energy if rod else 0.0),
         force=force,
-        mismatch=np.concatenate([none, *(each.mismatch for each in found)]),
-        pressure=np.concatenate([none, *(each.pressure for each in found)]),
-        min_J=float(np.min([each.min_J for each in found] + ([rod.shortest] if rod else []))),
-        solids=found,
+        mismatch=np.concatenate([none, *(each.mismatch for each in solids)]),
+        pressure=np.concatenate([none, *(each.pressure for each in solids)]),
+        min_J=float(np.min([each.min_J for each in solids] + ([rod.shortest] if rod else []))),
+        solids=solids,
         rod=rod,
     )
 
 
 def tangent(
-    body: Body, at: BodyResponse, slots: np.ndarray, data: np.ndarray, before: BodyResponse | None = None
+    body: Body, state: BodyResponse, slots: np.ndarray, data: np.ndarray, before: BodyResponse | None = None
 ) -> np.ndarray:
     """Adds the solids' tangent stiffness (N/mm) to the lower triangle `data`, slots (m, n_nodes, n_nodes, 3) of
     assembly.py. Returns dtheta (m, n_nodes, 3) mm^2, the gradients of theta_mean V; empty without element pressures.
 
-    before: where the linear step to `at` began; the geometric part then uses the stress predicted there."""
+    before: where the linear step to `state` began; the geometric part then uses the stress predicted there."""
     lags = [None] * len(body.solids)
     if before is not None:
-        lags = [region.stress_lag(*each) for each in zip(body.solids, before.solids, at.solids, strict=True)]
-    found = [
+        lags = [region.stress_lag(*each) for each in zip(body.solids, before.solids, state.solids, strict=True)]
+    dtheta = [
         region.tangent(part, each, slots[place], data, lag)
-        for (part, place), each, lag in zip(body.parts(), at.solids, lags, strict=True)
+        for (part, place), each, lag in zip(body.parts(), state.solids, lags, strict=True)
     ]
-    return np.concatenate([np.zeros((0, body.element.n_nodes, 3)), *found])
+    return np.concatenate([np.zeros((0, body.element.n_nodes, 3)), *dtheta])
 
 
-def tangent_form(body: Body, at: BodyResponse, motions: np.ndarray) -> np.ndarray:
-    """(k, k) N mm: M^T A M of the solids' tangent stiffness A and motions M (n, 3, k) mm."""
-    parts = zip(body.solids, at.solids, strict=True)
+def tangent_form(body: Body, state: BodyResponse, motions: np.ndarray) -> np.ndarray:
+    """Form M^T A M (k, k) N mm of the solids' tangent stiffness A and motions M (n, 3, k) mm."""
+    parts = zip(body.solids, state.solids, strict=True)
     none = np.zeros((motions.shape[2], motions.shape[2]))
     return sum((region.tangent_form(part, each, motions) for part, each in parts), none)
 

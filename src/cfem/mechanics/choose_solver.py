@@ -30,14 +30,15 @@ Analyze = Callable[[Pattern, str], Callable]
 
 @lru_cache(maxsize=1)
 def fastest(analyze: Analyze) -> str:
-    """'pardiso' where it is installed and clearly faster here, otherwise 'rslab'. analyze: factorization.analyze.
+    """Name of the solver: 'pardiso' where it is installed and clearly faster here, otherwise 'rslab'. analyze:
+    factorization.analyze.
 
     Where no measurement can be kept, the processor's maker decides: two runs on one machine use the same solver."""
-    there = [name for name, package in PACKAGES.items() if installed(package)]
-    if "pardiso" not in there or "rslab" not in there:
-        return there[0] if there else "rslab"
+    available = [name for name, package in PACKAGES.items() if installed(package)]
+    if "pardiso" not in available or "rslab" not in available:
+        return available[0] if available else "rslab"
     machine = f"{processor()}; rslab {version('rslab')}; py-mkl-pardiso {version('py-mkl-pardiso')}"
-    seconds = kept(machine, lambda: {name: seconds_of(analyze, name) for name in there})
+    seconds = kept(machine, lambda: {name: seconds_of(analyze, name) for name in available})
     if seconds is None:
         return "pardiso" if "intel" in machine.lower() else "rslab"
     return "pardiso" if seconds["pardiso"] < CLEARLY * seconds["rslab"] else "rslab"
@@ -50,8 +51,8 @@ def kept(machine: str, measure: Callable[[], dict[str, float]]) -> dict[str, flo
     if folder is None:
         return None
     path = folder / f"solvers-{sha256(machine.encode()).hexdigest()[:16]}.json"
-    found = _read(path)
-    if found is None:
+    measured = _read(path)
+    if measured is None:
         partial = path.with_name(f".{path.name}.{os.getpid()}.tmp")
         try:
             path.unlink(missing_ok=True)  # damaged
@@ -62,8 +63,8 @@ def kept(machine: str, measure: Callable[[], dict[str, float]]) -> dict[str, flo
             return None
         finally:
             partial.unlink(missing_ok=True)
-        found = _read(path)
-    return found
+        measured = _read(path)
+    return measured
 
 
 def _read(path: Path) -> dict[str, float] | None:
@@ -90,7 +91,7 @@ def seconds_of(analyze: Analyze, solver: str) -> float:
 
 
 def block_pattern() -> Pattern:
-    """Of a block of hexahedra."""
+    """Pattern of a block of hexahedra."""
     node = np.arange(SIDE**3).reshape(SIDE, SIDE, SIDE)
     corners = [
         node[x : SIDE - 1 + x, y : SIDE - 1 + y, z : SIDE - 1 + z] for x in (0, 1) for y in (0, 1) for z in (0, 1)

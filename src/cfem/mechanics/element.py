@@ -28,8 +28,13 @@ _ONE_ALONG = _GAUSS[[0, 3, 7, 4]] * [0.0, 1.0, 1.0]
 
 @dataclass(frozen=True)
 class Element:
-    """name as in specs; n_nodes; points (q, 4) barycentric or (q, 3) in [-1, 1]^3, of equal weight; pressure: whether
-    it has one; bubbles: how many incompatible modes."""
+    """An element.
+
+    name: as in specs
+    n_nodes: number of nodes
+    points: (q, 4) barycentric or (q, 3) in [-1, 1]^3, of equal weight
+    pressure: whether it has one
+    bubbles: how many incompatible modes"""
 
     name: str
     n_nodes: int

@@ -33,7 +33,8 @@ class SingularMatrixError(ArithmeticError):
 
 @dataclass(frozen=True)
 class Factor:
-    """solve: B (n, k) -> A^-1 B (n, k); negative: number of negative eigenvalues of A (Sylvester's law of inertia)."""
+    """A factorised matrix. solve: B (n, k) -> A^-1 B (n, k); negative: number of negative eigenvalues of A (Sylvester's
+    law of inertia)."""
 
     solve: Callable[[np.ndarray], np.ndarray]
     negative: int
@@ -53,24 +54,26 @@ def analyze(pattern: Pattern, solver: str | None = None) -> Numeric:
     probe = np.cos(np.arange(pattern.n_dof))[:, None]
 
     def factor(data: np.ndarray) -> Factor:
+        """Factor of a data array, after its checks."""
         if not np.isfinite(data).all():
             raise SingularMatrixError("the stiffness matrix holds numbers that are not finite")
         if not data.any():
             raise SingularMatrixError("the stiffness matrix is zero")
         try:
-            found = numeric(data)
+            factorised = numeric(data)
         except RuntimeError as error:
             raise SingularMatrixError(str(error)) from error
-        answer = found.solve(probe)
+        answer = factorised.solve(probe)
         if not np.isfinite(answer).all() or np.abs(answer).max() * np.abs(data).max() > 1e14:
             raise SingularMatrixError("the stiffness matrix is singular to within rounding")
-        return found
+        return factorised
 
     return factor
 
 
 def solver_name() -> str:
-    """That of the environment, else the fastest on this machine. InputError where CFEM_SOLVER is not one."""
+    """Name of the solver that the environment asks for, else of the fastest on this machine. InputError where
+    CFEM_SOLVER is not one."""
     wanted = os.environ.get("CFEM_SOLVER", "")
     if wanted and wanted not in SOLVERS:
         raise InputError(f"CFEM_SOLVER={wanted} is not a known solver", do=f"use one of {sorted(SOLVERS)}")
@@ -80,11 +83,13 @@ def solver_name() -> str:
 
 
 def _rslab(pattern: Pattern) -> Numeric:
+    """Symbolic phase of rslab."""
     n = pattern.n_dof
     ones = sp.csc_matrix((np.ones(pattern.nnz), pattern.indices, pattern.indptr), shape=(n, n))
     symbolic = rslab.analyze(ones, path="ldlt", threads=1)
 
     def factor(data: np.ndarray) -> Factor:
+        """Factor of a data array."""
         numeric = symbolic.factor(data)
         negative = int(numeric.diagnostics()["numeric"]["inertia"][1])
         return Factor(lambda B: numeric.solve_many(np.ascontiguousarray(B)), negative)
@@ -93,6 +98,7 @@ def _rslab(pattern: Pattern) -> Numeric:
 
 
 def _pardiso(pattern: Pattern) -> Numeric:
+    """Symbolic phase of PARDISO, whose factors share one memory."""
     os.environ.setdefault("MKL_NUM_THREADS", "1")
     import pymklpardiso as mkl
 
@@ -106,6 +112,7 @@ def _pardiso(pattern: Pattern) -> Numeric:
     latest = [0]
 
     def factor(data: np.ndarray) -> Factor:
+        """Factor of a data array, which the next one replaces."""
         solver.refactor(data)
         latest[0] += 1
         mine = latest[0]

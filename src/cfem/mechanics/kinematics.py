@@ -23,12 +23,15 @@ NO_JOINTS = np.zeros((0, 2), dtype=int)
 
 @dataclass(frozen=True)
 class Kinematics:
-    """pattern: of the unknowns, whose slots are those of the groups of nodes given, where no node is rigid;
-    full: the same for all nodes as if none were rigid (the same object where there is no group);
-    groups: the rigid ones; transfer: how blocks of `full` reach `pattern` (both None where no node is rigid);
+    """Motion of the nodes with the unknowns.
+
+    pattern: of the unknowns, whose slots are those of the groups of nodes given, where no node is rigid
+    full: the same for all nodes as if none were rigid (the same object where there is no group)
+    groups: the rigid ones, None where no node is rigid
+    transfer: how blocks of `full` reach `pattern`, None where no node is rigid
     joint_slots: (m, 4, 4, 3) of the joints between groups, their unknowns (translation a, rotation a, translation b,
-    rotation b); row: sections that move together, of which the first is held and the others are groups, in this
-    order."""
+    rotation b)
+    row: sections that move together, of which the first is held and the others are groups, in this order"""
 
     X: np.ndarray
     pattern: Pattern
@@ -84,7 +87,8 @@ class Kinematics:
         return moved
 
     def advance(self, x: np.ndarray, q: np.ndarray) -> np.ndarray:
-        """As `move`, to first order: where sections are in a row, each follows the one before (sections.py)."""
+        """Positions after changes q of the unknowns, as `move` to first order: where sections are in a row, each
+        follows the one before (sections.py)."""
         if self.row is None:
             return self.move(x, q)
         groups, blocks = self.groups, q.reshape(-1, 3)
@@ -114,9 +118,9 @@ class Kinematics:
             T[:, range(3), range(3)] = 1.0  # a node of no group: its own motion in the first three columns
             T[self.groups.nodes] = self.groups.nodal_motion(x)
             self.transfer.fill(T, data, out)
-        own = np.zeros((len(self.groups.start), 6, 6))
-        own[:, 3:, 3:] = self.groups.turning_stiffness(x, unbalanced)
-        add_blocks(own, self.transfer.own, out)
+        turning = np.zeros((len(self.groups.start), 6, 6))
+        turning[:, 3:, 3:] = self.groups.turning_stiffness(x, unbalanced)
+        add_blocks(turning, self.transfer.own, out)
         return out
 
     def transfer_matrix(self, x: np.ndarray) -> sp.csr_array:
@@ -127,12 +131,12 @@ class Kinematics:
         columns = (3 * plain[:, None] + np.arange(3)).ravel()
         values = np.ones(len(rows))
         if self.groups is not None:
-            own = self.groups.nodal_motion(x)
+            group_motion = self.groups.nodal_motion(x)
             mine = self.unknowns(self.groups.owner)
             place = (3 * self.groups.nodes[:, None] + np.arange(3))[:, :, None]
-            rows = np.concatenate([rows, np.broadcast_to(place, own.shape).ravel()])
-            columns = np.concatenate([columns, np.broadcast_to(mine[:, None], own.shape).ravel()])
-            values = np.concatenate([values, own.ravel()])
+            rows = np.concatenate([rows, np.broadcast_to(place, group_motion.shape).ravel()])
+            columns = np.concatenate([columns, np.broadcast_to(mine[:, None], group_motion.shape).ravel()])
+            values = np.concatenate([values, group_motion.ravel()])
         return sp.csr_array(sp.coo_array((values, (rows, columns)), shape=(3 * len(self.X), self.n_dof)))
 
     def turning_form(self, x: np.ndarray, q: np.ndarray, unbalanced: np.ndarray) -> np.ndarray:
@@ -165,9 +169,9 @@ def make_kinematics(
     joints: np.ndarray = NO_JOINTS,
     row: Sections | None = None,
 ) -> Kinematics:
-    """groups: of nodes (g, k) that the stiffness couples; rigid: disjoint groups (k,) of free nodes, not all on one
-    line; joints: (m, 2) pairs of rigid groups whose unknowns are coupled, -1 for one that is held;
-    row: as in Kinematics, of all nodes."""
+    """Kinematics of nodes at rest at X (n, 3) mm. groups: of nodes (g, k) that the stiffness couples; rigid: disjoint
+    groups (k,) of free nodes, not all on one line; joints: (m, 2) pairs of rigid groups whose unknowns are coupled, -1
+    for one that is held; row: as in Kinematics, of all nodes."""
     full = make_pattern(len(X), groups, fixed)
     if not rigid:
         return Kinematics(X, full, full, None, fixed, None, np.zeros((0, 4, 4, 3), dtype=np.int32))
@@ -187,12 +191,12 @@ def make_kinematics(
     coupled = [pairs, movers[a[same]], np.hstack([movers[a[across]], movers[b[across]]]), pseudo, joined]
     held = np.concatenate([fixed, np.flatnonzero(owner >= 0)])
     pattern = make_pattern(len(X) + pseudo.size, coupled, held)
-    pair_slots, within_slots, across_slots, own, joint_slots = pattern.slots
+    pair_slots, within_slots, across_slots, group_slots, joint_slots = pattern.slots
     transfer = Transfer(
         *copies(slot[plain], a[plain] == b[plain], pair_slots),
         (a[same], b[same], slot[same], within_slots),
         (a[across], b[across], slot[across], across_slots),
-        own,
+        group_slots,
     )
     made = make_rigid_groups(X, rigid, pattern.number[pseudo])
     return Kinematics(X, pattern, full, made, fixed, transfer, joint_slots, row)

@@ -17,10 +17,13 @@ HEX_TETS = np.array([[0, 1, 2, 6], [0, 2, 3, 6], [0, 3, 7, 6], [0, 7, 4, 6], [0,
 
 @dataclass(frozen=True)
 class Mesh:
-    """X: (n, 3) mm; cells: (m, 4) or (m, 10) tetrahedra, mid-edge nodes at the middle of straight edges, or (m, 8)
-    hexahedra; facets: (k, 3), (k, 6) or (k, 4) of the boundary, normals outward; node_sets, facet_sets, cell_sets:
-    name -> indices of nodes, facets, cells; unshaped: (n, 3) mm the nodes before the scene's free form moved them,
-    None where it has none."""
+    """A mesh at rest.
+
+    X: (n, 3) mm
+    cells: (m, 4) or (m, 10) tetrahedra, mid-edge nodes at the middle of straight edges, or (m, 8) hexahedra
+    facets: (k, 3), (k, 6) or (k, 4) of the boundary, normals outward
+    node_sets, facet_sets, cell_sets: name -> indices of nodes, facets, cells
+    unshaped: (n, 3) mm the nodes before the scene's free form moved them, None where it has none"""
 
     X: np.ndarray
     cells: np.ndarray

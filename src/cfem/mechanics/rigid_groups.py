@@ -14,8 +14,11 @@ from scipy.spatial.transform import Rotation
 class RigidGroups:
     """g groups, their N nodes one group after the other.
 
-    nodes:  (N,), and each one's group `owner` (N,); start: (g,) where a group begins; count: (g, 1) nodes it has
-    arm:    (N, 3) mm from the group's mean, at rest; radius: (g, 1) mm, of gyration
+    nodes: (N,)
+    owner: (N,) group of each node
+    start, count: (g,) where a group begins, and (g, 1) nodes it has
+    arm: (N, 3) mm from the group's mean, at rest
+    radius: (g, 1) mm, of gyration
     translation, rotation: (g,) places of the two pseudo-nodes among the free nodes"""
 
     nodes: np.ndarray
@@ -33,9 +36,9 @@ class RigidGroups:
 
     def arms(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Means (g, 3) of the groups' nodes at x (n, 3), and the nodes (N, 3) from there, mm."""
-        own = x[self.nodes]
-        centre = self.sums(own) / self.count
-        return centre, own - centre[self.owner]
+        places = x[self.nodes]
+        centre = self.sums(places) / self.count
+        return centre, places - centre[self.owner]
 
     def chosen(self, x: np.ndarray, only: np.ndarray | None) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Nodes of groups, their arms, owners, and where each group begins: all of them, or those that `only` says."""
@@ -82,7 +85,7 @@ class RigidGroups:
 
 
 def make_rigid_groups(X: np.ndarray, groups: Sequence[np.ndarray], pseudo: np.ndarray) -> RigidGroups:
-    """Of disjoint groups of nodes (k,) at rest positions X (n, 3) mm; pseudo: (g, 2) as in RigidGroups."""
+    """Rigid groups of disjoint nodes (k,) at rest positions X (n, 3) mm; pseudo: (g, 2) as in RigidGroups."""
     counts = np.array([len(nodes) for nodes in groups])
     arms = [X[nodes] - X[nodes].mean(axis=0) for nodes in groups]
     return RigidGroups(

@@ -66,14 +66,15 @@ class Solid:
 
 @dataclass(frozen=True)
 class SolidResponse:
-    """Of a solid at positions x and element pressures p.
+    """Response of a solid at positions x and element pressures p.
 
     energy:   N mm, of the displacement alone (p eliminated)
     mismatch: (m,) MPa, bulk theta_mean - p: what the pressure has yet to gain; empty without element pressures
     pressure: (m,) MPa, p itself; empty likewise
     min_J:    smallest det F over the quadrature points; <= 0 where an element is inverted, NaN where bubbles have no
-              equilibrium
-    D, P, g: (m q, 3, 3) displacement gradient, d psi_rest / dF, d theta / dF; point_pressure: (m q,) p there"""
+    equilibrium
+    D, P, g:  (m q, 3, 3) displacement gradient, d psi_rest / dF, d theta / dF
+    point_pressure: (m q,) p at the quadrature points"""
 
     energy: float
     mismatch: np.ndarray
@@ -120,36 +121,36 @@ def pressure_force(solid: Solid, dtheta: np.ndarray, pressure: np.ndarray, force
 
 
 def tangent(
-    solid: Solid, at: SolidResponse, slots: np.ndarray, data: np.ndarray, lag: np.ndarray | None = None
+    solid: Solid, state: SolidResponse, slots: np.ndarray, data: np.ndarray, lag: np.ndarray | None = None
 ) -> np.ndarray:
     """Adds the tangent stiffness (N/mm), element pressure and bubbles condensed, to the lower triangle stored in
     `data`, where slots (m, n_nodes, n_nodes, 3) says where each nodal block's columns begin (assembly.py), -1 for none.
 
     lag: (m q, 3, 3) MPa of `stress_lag`, added to the stress that the geometric part is made of.
     Returns dtheta (m, n_nodes, 3) mm^2, the gradient of theta_mean V; empty without element pressures."""
-    C = curvature(solid.law, at.D, solid.parameters, at.point_pressure)
+    C = curvature(solid.law, state.D, solid.parameters, state.point_pressure)
     if lag is not None:
         add_geometric(C, lag)
     if solid.element.bubbles:
-        add_blocks(_condensed(point_stiffness(solid, C, at.g), solid.element.n_nodes), slots, data)
+        add_blocks(_condensed(point_stiffness(solid, C, state.g), solid.element.n_nodes), slots, data)
         return np.zeros((0, solid.element.n_nodes, 3))
     mixed = solid.element.pressure
     dtheta = np.zeros((*solid.cells.shape, 3)) if mixed else np.zeros((0, solid.element.n_nodes, 3))
-    scatter_stiffness(C, at.g, solid.bulk, mixed, solid.gradients, solid.weights, slots, data, dtheta)
+    scatter_stiffness(C, state.g, solid.bulk, mixed, solid.gradients, solid.weights, slots, data, dtheta)
     return dtheta
 
 
-def tangent_form(solid: Solid, at: SolidResponse, motions: np.ndarray) -> np.ndarray:
-    """(k, k) N mm: M^T A M of the tangent stiffness A and motions M (n, 3, k) mm, from strains: faster than by A, and
-    exact to rounding of the strains' work, where the entries of A cancel in a motion that is almost rigid."""
-    C = curvature(solid.law, at.D, solid.parameters, at.point_pressure)
+def tangent_form(solid: Solid, state: SolidResponse, motions: np.ndarray) -> np.ndarray:
+    """Form M^T A M (k, k) N mm of the tangent stiffness A and motions M (n, 3, k) mm, from strains: faster than by A,
+    and exact to rounding of the strains' work, where the entries of A cancel in a motion that is almost rigid."""
+    C = curvature(solid.law, state.D, solid.parameters, state.point_pressure)
     if solid.element.bubbles:
-        K = _condensed(point_stiffness(solid, C, at.g), solid.element.n_nodes)
+        K = _condensed(point_stiffness(solid, C, state.g), solid.element.n_nodes)
         mine = motions[solid.cells].reshape(len(K), K.shape[1], -1)
         return np.einsum("mik,mil->kl", mine, K @ mine)
     form = np.zeros((motions.shape[2], motions.shape[2]))
     add = add_form_of_few if motions.shape[2] <= FEW else add_form
-    add(C, at.g, solid.bulk, solid.element.pressure, solid.gradients, solid.weights, solid.cells, motions, form)
+    add(C, state.g, solid.bulk, solid.element.pressure, solid.gradients, solid.weights, solid.cells, motions, form)
     return form
 
 
@@ -170,9 +171,9 @@ def stress_lag(solid: Solid, before: SolidResponse, now: SolidResponse) -> np.nd
     return (predicted + predicted.transpose(0, 2, 1)) / 2 - _second_stress(now)
 
 
-def _second_stress(at: SolidResponse) -> np.ndarray:
-    """(m q, 3, 3) MPa: S = F^-1 P."""
-    return np.linalg.solve(np.eye(3) + at.D, at.P + at.point_pressure[:, None, None] * at.g)
+def _second_stress(state: SolidResponse) -> np.ndarray:
+    """Second Piola-Kirchhoff stress S = F^-1 P (m q, 3, 3) MPa."""
+    return np.linalg.solve(np.eye(3) + state.D, state.P + state.point_pressure[:, None, None] * state.g)
 
 
 def add_geometric(C: np.ndarray, S: np.ndarray) -> None:

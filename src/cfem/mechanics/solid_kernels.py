@@ -6,6 +6,7 @@ from numba import njit
 
 @njit(cache=True)
 def smallest_J(D):
+    """Smallest det F of the points, NaN where any is."""
     min_J = np.inf
     for k in range(len(D)):
         d = D[k]
@@ -39,6 +40,7 @@ def displacement_gradients(u, cells, gradients):
 
 @njit(cache=True)
 def scatter_force(P, g, pressure, gradients, weights, cells, force):
+    """Adds to force (n, 3) the nodal forces of the stress P + pressure g (m q, 3, 3)."""
     m, q = weights.shape
     n = cells.shape[1]
     S = np.empty((3, 3))
@@ -60,7 +62,7 @@ def scatter_force(P, g, pressure, gradients, weights, cells, force):
 
 @njit(cache=True)
 def add_bubbles(alpha, gradients, D):
-    """To D what amplitudes alpha (m, bubbles, 3) of the last shape functions make of it."""
+    """Adds to D what amplitudes alpha (m, bubbles, 3) of the last shape functions make of it."""
     m, q, n, _ = gradients.shape
     count = alpha.shape[1]
     for e in range(m):
@@ -114,9 +116,11 @@ def element_stiffness(C, g, bulk, gradients, weights, first, K):
                 for a in range(first, n):
                     dN = gradients[e, point, a]
                     for i in range(3):
-                        r, at = 3 * i, 3 * (a - first) + i
+                        r, place = 3 * i, 3 * (a - first) + i
                         for j in range(3):
-                            K[e, at, 3 * (b - first) + j] += dN[0] * T[r, j] + dN[1] * T[r + 1, j] + dN[2] * T[r + 2, j]
+                            K[e, place, 3 * (b - first) + j] += (
+                                dN[0] * T[r, j] + dN[1] * T[r + 1, j] + dN[2] * T[r + 2, j]
+                            )
 
 
 @njit(cache=True)
@@ -130,6 +134,8 @@ def scatter_pressure(dtheta, pressure, cells, force):
 
 @njit(cache=True)
 def scatter_stiffness(C, g, bulk, mixed, gradients, weights, slots, data, dtheta):
+    """Adds the element stiffness dN (C + bulk g g^T) dN, lower triangle, to `data` at its slots. mixed: bulk acts on
+    the mean of theta, whose gradient dtheta (m, n, 3) it fills."""
     m, q, n, _ = gradients.shape
     K = np.empty((n, n, 3, 3))
     T = np.empty((9, 3))
@@ -181,6 +187,7 @@ def scatter_stiffness(C, g, bulk, mixed, gradients, weights, slots, data, dtheta
 
 @njit(cache=True)
 def add_form(C, g, bulk, mixed, gradients, weights, cells, motions, form):
+    """Adds to form (k, k) the work M^T A M of motions (n, 3, k), strain by strain."""
     m, q = weights.shape
     n, count = cells.shape[1], motions.shape[2]
     M, CM = np.empty((9, count)), np.empty((9, count))
@@ -225,10 +232,11 @@ def add_form(C, g, bulk, mixed, gradients, weights, cells, motions, form):
 
 @njit(cache=True)
 def add_form_of_few(C, g, bulk, mixed, gradients, weights, cells, motions, form):
+    """Adds the same form as `add_form`, with loops that suit few motions."""
     m, q = weights.shape
     n, count = cells.shape[1], motions.shape[2]
     M, CM = np.empty((count, 9)), np.empty((9, count))
-    own = np.empty((count, n, 3))
+    moved = np.empty((count, n, 3))
     theta, theta_sum = np.empty(count), np.empty(count)
     for e in range(m):
         theta_sum[:] = 0.0
@@ -236,7 +244,7 @@ def add_form_of_few(C, g, bulk, mixed, gradients, weights, cells, motions, form)
         for a in range(n):
             for i in range(3):
                 for c in range(count):
-                    own[c, a, i] = motions[cells[e, a], i, c]
+                    moved[c, a, i] = motions[cells[e, a], i, c]
         for point in range(q):
             k = e * q + point
             w = weights[e, point]
@@ -245,7 +253,7 @@ def add_form_of_few(C, g, bulk, mixed, gradients, weights, cells, motions, form)
                 for i in range(3):
                     x, y, z = 0.0, 0.0, 0.0
                     for a in range(n):
-                        u = own[c, a, i]
+                        u = moved[c, a, i]
                         x += u * gradients[e, point, a, 0]
                         y += u * gradients[e, point, a, 1]
                         z += u * gradients[e, point, a, 2]

@@ -9,9 +9,12 @@ from cfem.mechanics.assembly import add_blocks
 
 @dataclass(frozen=True)
 class Transfer:
-    """From nodal blocks to blocks of the unknowns. copy_from, copy_to: entries between nodes of no group; then blocks
-    (row node a, column node b, slot (3,) in `full`) that touch a group, within one group and across; own: (g, 2, 2, 3)
-    slots of each group's own block."""
+    """Map from nodal blocks to blocks of the unknowns.
+
+    copy_from, copy_to: entries between nodes of no group
+    within, across: blocks (row node a, column node b, slot (3,) in `full`) that touch a group, within one group and
+    across
+    own: (g, 2, 2, 3) slots of each group's own block"""
 
     copy_from: np.ndarray
     copy_to: np.ndarray

@@ -9,16 +9,16 @@ from cfem.mechanics.kinematics import Kinematics
 
 
 def levers(kinematics: Kinematics, x: np.ndarray, nodes: np.ndarray, forces: np.ndarray) -> np.ndarray:
-    """(k, g, 3, 3) N mm: L of each rigid group, r the arms from its mean at positions x (n, 3), of k sets of forces
-    (k, m, 3) on nodes (m,)."""
+    """Levers L (k, g, 3, 3) N mm of each rigid group, r the arms from its mean at positions x (n, 3), of k sets of
+    forces (k, m, 3) on nodes (m,)."""
     groups = kinematics.groups
     place = np.full(len(x), -1)
     place[nodes] = np.arange(len(nodes))
     mine = np.flatnonzero(place[groups.nodes] >= 0)
-    arms, own = groups.arms(x)[1][mine], forces.transpose(1, 0, 2)[place[groups.nodes[mine]]].reshape(len(mine), -1)
+    arms, loads = groups.arms(x)[1][mine], forces.transpose(1, 0, 2)[place[groups.nodes[mine]]].reshape(len(mine), -1)
     ends = np.searchsorted(groups.owner[mine], np.arange(len(groups.start) + 1))
-    found = np.stack([arms[a:b].T @ own[a:b] for a, b in pairwise(ends)])
-    outer = np.ascontiguousarray(found.reshape(len(found), 3, len(forces), 3).transpose(2, 0, 1, 3))
+    moments = np.stack([arms[a:b].T @ loads[a:b] for a, b in pairwise(ends)])
+    outer = np.ascontiguousarray(moments.reshape(len(moments), 3, len(forces), 3).transpose(2, 0, 1, 3))
     return outer - np.trace(outer, axis1=2, axis2=3)[:, :, None, None] * np.eye(3)
 
 

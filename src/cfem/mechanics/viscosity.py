@@ -23,7 +23,8 @@ from cfem.mechanics.rod import region as rods
 
 @dataclass(frozen=True)
 class Viscosity:
-    """relaxation: tau of Kelvin-Voigt, s; prony: (g, tau) of each term, g a share of the modulus after a long time."""
+    """Viscosity of a material. relaxation: tau of Kelvin-Voigt, s; prony: (g, tau) of each term, g a share of the
+    modulus after a long time."""
 
     relaxation: float = 0.0
     prony: tuple[tuple[float, float], ...] = ()
@@ -44,8 +45,12 @@ class Viscosity:
 
 @dataclass(frozen=True)
 class ViscousMemory:
-    """What the overstress remembers at the end of a step, of each region of a body (its solids, then its rod): S, S
-    one step before (None at first), and Q_i of the Prony terms (terms, ...); dt: s of that step."""
+    """Memory of the overstress at the end of a step, of each region of a body (its solids, then its rod).
+
+    S: at the end of the step
+    before: S one step before, None at first
+    terms: Q_i of the Prony terms (terms, ...)
+    dt: s of that step"""
 
     S: tuple[np.ndarray, ...]
     before: tuple[np.ndarray, ...] | None
@@ -61,28 +66,28 @@ class Overstress:
     parts: tuple[tuple[float | np.ndarray, np.ndarray] | None, ...]
 
 
-def settled(body: Body, viscosity: Sequence[Viscosity], at: BodyResponse) -> ViscousMemory:
-    """Of a body that has been at `at` for long. viscosity: of each material, in the order of the body's."""
-    S = stresses(body, at)
+def settled(body: Body, viscosity: Sequence[Viscosity], state: BodyResponse) -> ViscousMemory:
+    """Memory of a body that has been in `state` for long. viscosity: of each material, in the order of the body's."""
+    S = stresses(body, state)
     counts = [max((len(viscosity[number].prony) for number in numbers), default=0) for numbers in _numbers(body)]
     return ViscousMemory(S, None, tuple(np.zeros((count, *each.shape)) for count, each in zip(counts, S, strict=True)))
 
 
-def stresses(body: Body, at: BodyResponse) -> tuple[np.ndarray, ...]:
-    """S of each region, MPa at the quadrature points (m q, 3, 3); N and N mm of a rod's elements (m, 6)."""
-    solids = tuple(np.linalg.solve(np.eye(3) + each.D, each.P) for each in at.solids)
-    return solids if at.rod is None else (*solids, at.rod.stress)
+def stresses(body: Body, state: BodyResponse) -> tuple[np.ndarray, ...]:
+    """Stress S of each region, MPa at the quadrature points (m q, 3, 3); N and N mm of a rod's elements (m, 6)."""
+    solids = tuple(np.linalg.solve(np.eye(3) + each.D, each.P) for each in state.solids)
+    return solids if state.rod is None else (*solids, state.rod.stress)
 
 
 def overstress(body: Body, viscosity: Sequence[Viscosity], memory: ViscousMemory, dt: float) -> Overstress:
-    """Of a step of dt seconds after `memory`."""
+    """Overstress of a step of dt seconds after `memory`."""
     parts: list[tuple[float | np.ndarray, np.ndarray] | None] = []
     solids = len(body.solids)
     for index, (numbers, S) in enumerate(zip(_numbers(body), memory.S, strict=True)):
         before = S if memory.before is None else memory.before[index]
         if index < solids:
-            one = viscosity[numbers[0]]
-            parts.append(None if one.none else _of_step(one, S, before, memory.terms[index], dt, memory.dt))
+            material = viscosity[numbers[0]]
+            parts.append(None if material.none else _of_step(material, S, before, memory.terms[index], dt, memory.dt))
             continue
         a, B = np.zeros((len(S), 1)), np.zeros_like(S)
         for number in numbers:
@@ -96,6 +101,8 @@ def overstress(body: Body, viscosity: Sequence[Viscosity], memory: ViscousMemory
 def _of_step(
     viscosity: Viscosity, S: np.ndarray, before: np.ndarray, terms: np.ndarray, dt: float, last: float
 ) -> tuple[float, np.ndarray]:
+    """Factor a and constant B of one region: Kelvin-Voigt by differences of second order, Prony terms by exact
+    integration of linear S."""
     r = dt / last if last else 0.0  # the first step takes the difference of first order
     a = viscosity.relaxation / dt * (1 + 2 * r) / (1 + r)
     B = viscosity.relaxation / dt * (r**2 / (1 + r) * before - (1 + r) * S)
@@ -107,10 +114,10 @@ def _of_step(
 
 
 def remembered(
-    body: Body, viscosity: Sequence[Viscosity], memory: ViscousMemory, dt: float, at: BodyResponse
+    body: Body, viscosity: Sequence[Viscosity], memory: ViscousMemory, dt: float, state: BodyResponse
 ) -> ViscousMemory:
-    """After a step of dt seconds that ended at `at`."""
-    S = stresses(body, at)
+    """Memory after a step of dt seconds that ended in `state`."""
+    S = stresses(body, state)
     terms = []
     for index, (numbers, now, was) in enumerate(zip(_numbers(body), S, memory.S, strict=True)):
         Q = memory.terms[index].copy()
@@ -123,49 +130,49 @@ def remembered(
     return ViscousMemory(S, memory.S, tuple(terms), dt)
 
 
-def solid_force(body: Body, at: BodyResponse, over: Overstress) -> np.ndarray:
-    """(n, 3) N on the nodes, of the solids' overstress."""
+def solid_force(body: Body, state: BodyResponse, over: Overstress) -> np.ndarray:
+    """Nodal forces (n, 3) N of the solids' overstress."""
     force = np.zeros_like(body.mesh.X)
-    for solid, each, part in zip(body.solids, at.solids, over.parts, strict=False):
+    for solid, each, part in zip(body.solids, state.solids, over.parts, strict=False):
         if part is not None and each.min_J > 0:
             a, B = part
             add_stress(solid, each, a * each.P + (np.eye(3) + each.D) @ B, force)
     return force
 
 
-def add_solid_stiffness(body: Body, at: BodyResponse, over: Overstress, slots: np.ndarray, data: np.ndarray) -> None:
+def add_solid_stiffness(body: Body, state: BodyResponse, over: Overstress, slots: np.ndarray, data: np.ndarray) -> None:
     """Adds d force / dx of the solids' overstress to the lower triangle `data`, slots as in body.tangent."""
-    for (solid, place), each, part in zip(body.parts(), at.solids, over.parts, strict=False):
+    for (solid, place), each, part in zip(body.parts(), state.solids, over.parts, strict=False):
         if part is not None:
             add_stress_stiffness(solid, each, *part, slots[place], data)
 
 
-def solid_form(body: Body, at: BodyResponse, over: Overstress, motions: np.ndarray) -> np.ndarray:
-    """(k, k) N mm: of motions (n, 3, k) mm in the stiffness of the solids' overstress."""
+def solid_form(body: Body, state: BodyResponse, over: Overstress, motions: np.ndarray) -> np.ndarray:
+    """Form (k, k) N mm of motions (n, 3, k) mm in the stiffness of the solids' overstress."""
     form = np.zeros((motions.shape[2], motions.shape[2]))
-    for solid, each, part in zip(body.solids, at.solids, over.parts, strict=False):
+    for solid, each, part in zip(body.solids, state.solids, over.parts, strict=False):
         if part is not None:
             form += stress_form(solid, each, *part, motions)
     return form
 
 
-def rod_stress(body: Body, at: BodyResponse, over: Overstress) -> np.ndarray:
-    """(m, 6) N and N mm: Q of the rod."""
+def rod_stress(body: Body, state: BodyResponse, over: Overstress) -> np.ndarray:
+    """Overstress Q (m, 6) N and N mm of the rod."""
     a, B = over.parts[-1]
-    return a * at.rod.stress + B
+    return a * state.rod.stress + B
 
 
-def rod_stiffness(body: Body, at: BodyResponse, over: Overstress) -> np.ndarray:
-    """(m, 12, 12) N/mm, of the rod's overstress alone."""
+def rod_stiffness(body: Body, state: BodyResponse, over: Overstress) -> np.ndarray:
+    """Stiffness (m, 12, 12) N/mm of the rod's overstress alone."""
     a, _ = over.parts[-1]
-    return rods.stiffness_of(body.rod.stiffness * a, rod_stress(body, at, over), body.rod, at.rod)
+    return rods.stiffness_of(body.rod.stiffness * a, rod_stress(body, state, over), body.rod, state.rod)
 
 
-def damping(body: Body, at: BodyResponse, number: int) -> Overstress:
+def damping(body: Body, state: BodyResponse, number: int) -> Overstress:
     """The overstress whose stiffness is that of S's material part in the regions of one material: dQ = dS there, with
     no stress; times Viscosity.modulus it is storage and loss."""
     parts: list[tuple[float | np.ndarray, np.ndarray] | None] = []
-    for index, S in enumerate(stresses(body, at)):
+    for index, S in enumerate(stresses(body, state)):
         if index < len(body.solids):
             parts.append((1.0, -S) if body.solids[index].number == number else None)
         else:

@@ -14,7 +14,7 @@ _WEIGHTS = {2: [1 / 2], 4: [2 / 3, -1 / 12], 6: [3 / 4, -3 / 20, 1 / 60]}
 
 @dataclass(frozen=True)
 class Stencil:
-    """order: 2, 4 or 6; step: as a share of each coordinate's scale."""
+    """Central differences. order: 2, 4 or 6; step: as a share of each coordinate's scale."""
 
     order: int
     step: float
@@ -32,7 +32,9 @@ class Stencil:
         return np.moveaxis(np.tensordot(weights, ahead - behind, (0, 1)), 0, -1)
 
 
-def with_slopes(of: Callable[[np.ndarray], np.ndarray], z: np.ndarray, stencil: Stencil) -> tuple[np.ndarray, ...]:
-    """of: (k, n) -> (k, ...), called once. Value (...) and derivatives (..., n) at z (n,)."""
-    values = of(stencil.points(z))
+def with_slopes(
+    function: Callable[[np.ndarray], np.ndarray], z: np.ndarray, stencil: Stencil
+) -> tuple[np.ndarray, ...]:
+    """Value (...) and derivatives (..., n) at z (n,) of a function (k, n) -> (k, ...), which is called once."""
+    values = function(stencil.points(z))
     return values[0], stencil.slopes(values)

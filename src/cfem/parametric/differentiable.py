@@ -23,8 +23,14 @@ _NOISE = 1e-9  # of what cancels in a number that depends on displacements, not 
 
 @dataclass(frozen=True)
 class Outputs:
-    """Derivatives of a number by what one state gives: W (n, n) symmetric, free (n,), lam (n_a,), rest (n_e,), numbers
-    by name. Or of what the state gives by parameters, whose axis is then the last."""
+    """Derivatives of a number by what one state gives, or of what the state gives by parameters, whose axis is then the
+    last.
+
+    W: (n, n) symmetric
+    free: (n,)
+    lam: (n_a,)
+    rest: (n_e,)
+    numbers: by name"""
 
     W: np.ndarray
     free: np.ndarray
@@ -34,9 +40,9 @@ class Outputs:
 
 
 class Differentiable(FiniteElementFamily):
-    """fields: names of numbers that are computed from the deformed body, of FIELDS or VIBRATIONS, beside `volume`
-    (mm^3) and, where the scene has densities, `mass` (t). Every parameter is varied, Young's modulus of a homogeneous
-    robot too."""
+    """Family of finite elements with derivatives by its parameters. fields: names of numbers that are computed from the
+    deformed body, of FIELDS or VIBRATIONS, beside `volume` (mm^3) and, where the scene has densities, `mass` (t). Every
+    parameter is varied, Young's modulus of a homogeneous robot too."""
 
     def __init__(
         self,
@@ -46,10 +52,11 @@ class Differentiable(FiniteElementFamily):
         fields: Sequence[str] = (),
         folder: Path | None = None,
     ):
-        super().__init__(scene, mesh, [replace(one, exact=False) for one in parameters], folder)
+        """Builds the family with every parameter varied. InputError where a cable rubs in its guides."""
+        super().__init__(scene, mesh, [replace(parameter, exact=False) for parameter in parameters], folder)
         from cfem.equilibrium.fields import Strain, Stress
 
-        rubbing = next((one for one in self.robot.actuators if getattr(one, "friction", 0.0)), None)
+        rubbing = next((actuator for actuator in self.robot.actuators if getattr(actuator, "friction", 0.0)), None)
         if rubbing is not None:
             what = "gradients of a robot whose cables rub in their guides are not implemented"
             raise InputError(what, where="by: fe", do="set friction to 0, or use a model")
@@ -58,28 +65,30 @@ class Differentiable(FiniteElementFamily):
 
     @property
     def mass_unknown(self) -> bool:
-        """Whether a material has no density."""
+        """True where a material has no density."""
         return self.robot.density is None
 
     def at(self, kind: Kind, u: np.ndarray, p: np.ndarray, push: np.ndarray | None = None) -> States:
         if push is not None:
             return super().at(kind, u, p, push)
         u = np.broadcast_to(u, (len(p), self.rows.n_a))
-        each = [self._state(one, *self.solve(kind, ask, one, keep=True)) for ask, one in zip(u, p, strict=True)]
+        each = [
+            self._state(design, *self.solve(kind, ask, design, keep=True)) for ask, design in zip(u, p, strict=True)
+        ]
         return stacked([state for state, _ in each])
 
-    def _state(self, p: np.ndarray, found: Any, problem: Any) -> tuple[States, dict[str, Any]]:
-        """One state, the numbers of the body beside it; and its vibrations."""
+    def _state(self, p: np.ndarray, equilibrium: Any, problem: Any) -> tuple[States, dict[str, Any]]:
+        """State, with the numbers of the body beside it; and its vibrations."""
         from cfem.equilibrium.motion.inertia import mass_of
         from cfem.equilibrium.motion.vibration import lowest
 
-        c, vibrations = found.condensed, {}
+        c, vibrations = equilibrium.condensed, {}
         if self.vibrations:
             mass = mass_of(problem.robot)
-            vibrations = {name: lowest(found.linear, mass, held) for name, held in self.vibrations.items()}
+            vibrations = {name: lowest(equilibrium.linear, mass, held) for name, held in self.vibrations.items()}
         numbers = body_numbers(problem.robot)
-        numbers |= {name: field.value(problem, found.linear.at) for name, field in self.fields.items()}
-        numbers |= {name: one.frequency for name, one in vibrations.items()}
+        numbers |= {name: field.value(problem, equilibrium.linear.at) for name, field in self.fields.items()}
+        numbers |= {name: vibration.frequency for name, vibration in vibrations.items()}
         given = {name: np.array([value]) for name, value in numbers.items()}
         rest = problem.robot.rest_e[None]
         return States(self.rows, p[None], c.W[None], c.delta_free[None], c.lam[None], rest, given), vibrations
@@ -97,50 +106,56 @@ class Differentiable(FiniteElementFamily):
         equilibrium, no factorisation beside."""
         from cfem.equilibrium.derivatives.adjoint import Weights, gradients
 
-        found, problem = self.solve(kind, u, p, keep=True)
-        state, vibrations = self._state(p, found, problem)
+        equilibrium, problem = self.solve(kind, u, p, keep=True)
+        state, vibrations = self._state(p, equilibrium, problem)
         values, asked = slopes(state)
         if problem.robot.rigid or problem.body.rod is not None:
             if self.fields or self.vibrations:
                 what = "strain, stress and frequency of a robot with rigid groups have no derivatives yet"
                 raise InputError(what, where="by: fe")
-            return state, values, self._chained(found, problem, p, free, asked)
-        W, lam, act = found.condensed.W, found.condensed.lam, self.rows.active
+            return state, values, self._chained(equilibrium, problem, p, free, asked)
+        W, lam, act = equilibrium.condensed.W, equilibrium.condensed.lam, self.rows.active
         weights = []
-        for one in asked:
-            G = one.W.copy()
-            G[:, act] -= np.outer(one.free, lam)
-            G[np.abs(G) <= _NOISE * np.maximum(np.abs(one.W), np.abs(one.W - G))] = 0.0
-            l = one.lam - W[:, act].T @ one.free
-            of = tuple((float(one.numbers[name]), field) for name, field in self.fields.items())
-            forms = tuple((each.share * float(one.numbers[name]), each.columns) for name, each in vibrations.items())
-            weights.append(Weights((G + G.T) / 2, one.free, l, one.rest, of, forms))
+        for weights_of in asked:
+            G = weights_of.W.copy()
+            G[:, act] -= np.outer(weights_of.free, lam)
+            G[np.abs(G) <= _NOISE * np.maximum(np.abs(weights_of.W), np.abs(weights_of.W - G))] = 0.0
+            l = weights_of.lam - W[:, act].T @ weights_of.free
+            field_weights = tuple((float(weights_of.numbers[name]), field) for name, field in self.fields.items())
+            forms = tuple(
+                (each.share * float(weights_of.numbers[name]), each.columns) for name, each in vibrations.items()
+            )
+            weights.append(Weights((G + G.T) / 2, weights_of.free, l, weights_of.rest, field_weights, forms))
         sides, still = self._sides(problem, p, free)
-        found = gradients(found.linear, weights, sides).dJ
-        return state, values, found + np.array([sum(one.numbers[k] * still[k] for k in still) for one in asked])
+        equilibrium = gradients(equilibrium.linear, weights, sides).dJ
+        return (
+            state,
+            values,
+            equilibrium + np.array([sum(weights_of.numbers[k] * still[k] for k in still) for weights_of in asked]),
+        )
 
     def jacobian(self, kind: Kind, u: np.ndarray, p: np.ndarray, free: Sequence[int]) -> tuple[States, Outputs]:
-        """One state at p, and the derivatives of its outputs by the shares of the parameters `free`."""
-        found, problem = self.solve(kind, u, p, keep=True)
-        return self._state(p, found, problem)[0], self._outputs(found, problem, p, free)
+        """State at p, and the derivatives of its outputs by the shares of the parameters `free`."""
+        equilibrium, problem = self.solve(kind, u, p, keep=True)
+        return self._state(p, equilibrium, problem)[0], self._outputs(equilibrium, problem, p, free)
 
-    def _outputs(self, found: Any, problem: Any, p: np.ndarray, free: Sequence[int]) -> Outputs:
+    def _outputs(self, equilibrium: Any, problem: Any, p: np.ndarray, free: Sequence[int]) -> Outputs:
         from cfem.equilibrium.derivatives.jacobian import jacobian
 
         sides, still = self._sides(problem, p, free)
-        by = jacobian(found.linear, sides)
-        W, lam, act = found.condensed.W, found.condensed.lam, self.rows.active
+        by = jacobian(equilibrium.linear, sides)
+        W, lam, act = equilibrium.condensed.W, equilibrium.condensed.lam, self.rows.active
         delta_free = by.delta - np.einsum("ijq,j->iq", by.W[:, act], lam) - W[:, act] @ by.lam
         return Outputs(by.W, delta_free, by.lam, by.rest_e, still)
 
     def _chained(
-        self, found: Any, problem: Any, p: np.ndarray, free: Sequence[int], asked: Sequence[Outputs]
+        self, equilibrium: Any, problem: Any, p: np.ndarray, free: Sequence[int], asked: Sequence[Outputs]
     ) -> np.ndarray:
-        by = self._outputs(found, problem, p, free)
-        return np.array([chain(one, by) for one in asked])
+        by = self._outputs(equilibrium, problem, p, free)
+        return np.array([chain(number, by) for number in asked])
 
     def _sides(self, problem: Any, p: np.ndarray, free: Sequence[int]) -> tuple[list[Any], dict[str, np.ndarray]]:
-        """Of each parameter in `free`, by its share; and the derivatives of volume and mass."""
+        """Robots on either side in each parameter of `free`, by its share; and the derivatives of volume and mass."""
         from cfem.equilibrium.derivatives.parameter_slopes import Sides
         from cfem.equilibrium.problem import Problem
 
@@ -150,10 +165,10 @@ class Differentiable(FiniteElementFamily):
         for number, i in enumerate(free):
             behind, ahead, width = family.around(p, i, _STEP, problem.robot)
             width /= high[i] - low[i]
-            sides.append(Sides(*(Problem(one, like=problem) for one in (behind, ahead)), width))
-            there = [body_numbers(one) for one in (behind, ahead)]
+            sides.append(Sides(*(Problem(robot, like=problem) for robot in (behind, ahead)), width))
+            beside = [body_numbers(robot) for robot in (behind, ahead)]
             for name, slope in still.items():
-                slope[number] = (there[1][name] - there[0][name]) / width
+                slope[number] = (beside[1][name] - beside[0][name]) / width
         return sides, still
 
     def _place(self, kind: Kind, u: np.ndarray, p: np.ndarray) -> np.ndarray:
@@ -161,26 +176,26 @@ class Differentiable(FiniteElementFamily):
 
 
 def body_numbers(robot: Any) -> dict[str, float]:
-    """Of the body at rest."""
+    """Volume, and mass where it is known, of the body at rest."""
     volumes = robot.body.mesh.volumes
-    found = {"volume": float(volumes.sum())}
+    numbers = {"volume": float(volumes.sum())}
     if robot.density is not None:
-        found["mass"] = float(np.sum(robot.density * volumes))
-    return found
+        numbers["mass"] = float(np.sum(robot.density * volumes))
+    return numbers
 
 
 def chain(number: Outputs, by: Outputs) -> np.ndarray:
-    """(n,): derivatives by parameters of a number of the outputs, from those of the outputs."""
-    found = np.tensordot(number.W, by.W, 2) + number.free @ by.free + number.lam @ by.lam + number.rest @ by.rest
-    return found + sum((number.numbers[name] * slope for name, slope in by.numbers.items()), np.zeros_like(found))
+    """Derivatives (n,) by parameters of a number of the outputs, from those of the outputs."""
+    slopes = np.tensordot(number.W, by.W, 2) + number.free @ by.free + number.lam @ by.lam + number.rest @ by.rest
+    return slopes + sum((number.numbers[name] * slope for name, slope in by.numbers.items()), np.zeros_like(slopes))
 
 
 def stacked(states: Sequence[States]) -> States:
     """Many states as one value."""
     arrays = (
-        np.concatenate([getattr(one, name) for one in states]) for name in ("p", "W", "delta_free", "lam", "rest_e")
+        np.concatenate([getattr(state, name) for state in states]) for name in ("p", "W", "delta_free", "lam", "rest_e")
     )
     names = states[0].numbers or {}
     return States(
-        states[0].rows, *arrays, {name: np.concatenate([one.numbers[name] for one in states]) for name in names}
+        states[0].rows, *arrays, {name: np.concatenate([state.numbers[name] for state in states]) for name in names}
     )

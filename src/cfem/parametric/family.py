@@ -17,7 +17,8 @@ Kind = Literal["displacement", "force"]
 
 
 class Family(Protocol):
-    """stencil: how its responses are differenced by the parameters' coordinates, in shares of their ranges."""
+    """A family of robots. stencil: how its responses are differenced by the parameters' coordinates, in shares of their
+    ranges."""
 
     rows: Rows
     actuator_units: tuple[tuple[str, str], ...]
@@ -37,10 +38,11 @@ class LearnedFamily:
     model's own do unless given. InputError where the model has no parameters, or shapes whose rest is not given."""
 
     def __init__(self, predictor: Predictor, rest: Callable[[np.ndarray], np.ndarray] | None = None):
+        """Takes over the predictor's rows, ranges and parameters."""
         if not predictor.parameters:
             do = "sample with `parameters:` and train again"
             raise InputError("the model has no parameters: it knows one robot only", do=do)
-        if rest is None and any(one.moves_body for one in predictor.parameters):
+        if rest is None and any(parameter.moves_body for parameter in predictor.parameters):
             do = "give the scene in the spec"
             raise InputError("the model is of several shapes, and does not say where each one's effectors rest", do=do)
         self.predictor = predictor
@@ -52,6 +54,8 @@ class LearnedFamily:
         self.stencil = Stencil(4, 0.05) if predictor.meta["kind"] == "mlp" else Stencil(6, 0.01)
 
     def at(self, kind: Kind, u: np.ndarray, p: np.ndarray) -> States:
+        """States with these displacements or forces u of robots p (m, n_p), all at once where the model is of that
+        form."""
         model, a = self.predictor, self.rows.a
         u, p = np.broadcast_to(u, (len(p), self.rows.n_a)), np.asarray(p, float)
         if kind == model.form:
@@ -59,8 +63,10 @@ class LearnedFamily:
             lam = u if kind == "force" else np.linalg.solve(W[:, a, a], (u - free[:, a])[..., None])[..., 0]
         else:
             find = model.at_displacement if kind == "displacement" else model.at_force
-            found = [find(one, at) for one, at in zip(u, p, strict=True)]
-            W, free, lam = (np.array([getattr(one, name) for one in found]) for name in ("W", "delta_free", "lam"))
+            condensed = [find(prescribed, design) for prescribed, design in zip(u, p, strict=True)]
+            W, free, lam = (
+                np.array([getattr(state, name) for state in condensed]) for name in ("W", "delta_free", "lam")
+            )
         return States(self.rows, p, W, free, lam, self.rest(p))
 
     def outside(self, states: States) -> list[int]:
@@ -78,6 +84,7 @@ class FiniteElementFamily:
     stencil = Stencil(2, 1e-3)
 
     def __init__(self, scene: Any, mesh: Any, parameters: Sequence[Parameter], folder: Path | None = None):
+        """Prepares the meshes of the scene's designs."""
         from cfem.parametric.meshes import Meshes
 
         self.parameters = tuple(parameters)
@@ -87,24 +94,27 @@ class FiniteElementFamily:
             raise InputError("a scene with contact points cannot be calibrated or designed yet", where=robot.name)
         self.rows, self.reach, self.length = robot.rows, robot.reach, robot.length
         self.actuator_units = robot.actuator_units
-        self._exact = np.array([one.exact for one in self.parameters], dtype=bool)
+        self._exact = np.array([parameter.exact for parameter in self.parameters], dtype=bool)
         self._reference = references(self.parameters)
         self._built: dict[bytes, tuple[Any, Any]] = {}
         self._solved: list[tuple[np.ndarray, Any, np.ndarray, Any]] = []
         self.solves = 0
 
     def at(self, kind: Kind, u: np.ndarray, p: np.ndarray, push: np.ndarray | None = None) -> States:
-        """push: (n_e,) N dead loads on the effectors."""
+        """States with these displacements or forces u of robots p (m, n_p), solved one by one. push: (n_e,) N dead
+        loads on the effectors."""
         p = np.asarray(p, float)
         u = np.broadcast_to(u, (len(p), self.rows.n_a))
         softer = np.prod((self._reference / p)[:, self._exact], axis=1)
-        found, rest = [], []
-        for one, design, soft in zip(u, p, softer, strict=True):
+        answers, rest = [], []
+        for prescribed, design, soft in zip(u, p, softer, strict=True):
             pushed = None if push is None else push * soft
-            answer, problem = self.solve(kind, one * soft if kind == "force" else one, design[~self._exact], pushed)
-            found.append(answer.condensed)
+            answer, problem = self.solve(
+                kind, prescribed * soft if kind == "force" else prescribed, design[~self._exact], pushed
+            )
+            answers.append(answer.condensed)
             rest.append(problem.robot.rest_e)
-        W, free, lam = (np.array([getattr(one, name) for one in found]) for name in ("W", "delta_free", "lam"))
+        W, free, lam = (np.array([getattr(state, name) for state in answers]) for name in ("W", "delta_free", "lam"))
         return States(self.rows, p, W * softer[:, None, None], free, lam / softer[:, None], np.array(rest))
 
     @property
@@ -124,7 +134,7 @@ class FiniteElementFamily:
         from cfem.equilibrium import actuation
         from cfem.equilibrium.problem import Problem
         from cfem.equilibrium.solution import State
-        from cfem.equilibrium.solve import solve
+        from cfem.equilibrium.solve import Wanted, solve
         from cfem.plant.fem_plant import pushed
 
         family, problem = self._problem(p)
@@ -137,13 +147,13 @@ class FiniteElementFamily:
         if alike:
             _, state, X_there, _ = min(alike, key=lambda known: float(np.abs(known[0] - place).max()))
             start = State(X + (state.x - X_there), state.pressure, state.lam)
-        found = solve(problem, getattr(actuation, kind)(u), start, slack=False, keep=keep)
+        equilibrium = solve(problem, getattr(actuation, kind)(u), start, slack=False, wanted=Wanted(keep=keep))
         self.solves += 1
-        if not found.converged:
-            named = {one.name: float(value) for one, value in zip(self._learned, p, strict=True)}
-            raise NumericalError(f"finite elements at {named}, {kind} {u.tolist()}: {found.status.value}")
-        self._solved = [*self._solved[-60:], (place, found.state, X, family)]
-        return found, problem
+        if not equilibrium.converged:
+            named = {parameter.name: float(value) for parameter, value in zip(self._learned, p, strict=True)}
+            raise NumericalError(f"finite elements at {named}, {kind} {u.tolist()}: {equilibrium.status.value}")
+        self._solved = [*self._solved[-60:], (place, equilibrium.state, X, family)]
+        return equilibrium, problem
 
     def _problem(self, p: np.ndarray) -> tuple[Any, Any]:
         """The family of robots on one mesh, and the problem."""
@@ -152,7 +162,7 @@ class FiniteElementFamily:
         key = p.tobytes()
         if key not in self._built:
             family, robot = self.meshes.of(p)
-            same = (problem for other, problem in self._built.values() if other is family)
+            same = (problem for built_family, problem in self._built.values() if built_family is family)
             like = next(same, None) if family.alike else None
             if len(self._built) > 8:
                 self._built.pop(list(self._built)[1])
@@ -160,40 +170,41 @@ class FiniteElementFamily:
         return self._built[key]
 
     def jumps(self, kind: Kind, u: np.ndarray) -> list[dict[str, Any]]:
-        """Of each mesh of a design's own: p of the design, cells; and at the edge of what the scene's mesh stretches
-        to, by how much W (Frobenius norm, rows and columns in units of the roots of W's diagonal) and the effectors'
-        places on either mesh differ, None where the other mesh does not stretch to there."""
-        names = [one.name for one in self.meshes.parameters]
-        found = []
-        for own in self.meshes.own:
-            record = {"p": dict(zip(names, own.p.tolist(), strict=True)), "cells": own.cells}
+        """Records of each mesh of a design's own: p of the design, cells; and at the edge of what the scene's mesh
+        stretches to, by how much W (Frobenius norm, rows and columns in units of the roots of W's diagonal) and the
+        effectors' places on either mesh differ, None where the other mesh does not stretch to there."""
+        names = [parameter.name for parameter in self.meshes.parameters]
+        records = []
+        for remeshed in self.meshes.own:
+            record = {"p": dict(zip(names, remeshed.p.tolist(), strict=True)), "cells": remeshed.cells}
             try:
-                found.append(record | self._jump(own, kind, u))
+                records.append(record | self._jump(remeshed, kind, u))
             except NumericalError:
-                found.append(record | {"W_share": None, "effector_distance": None})
-        return found
+                records.append(record | {"W_share": None, "effector_distance": None})
+        return records
 
-    def _jump(self, own: Any, kind: Kind, u: np.ndarray) -> dict[str, float]:
+    def _jump(self, remeshed: Any, kind: Kind, u: np.ndarray) -> dict[str, float]:
+        """Differences of W and of the effectors' places between both meshes at the edge."""
         from cfem.equilibrium import actuation
         from cfem.equilibrium.problem import Problem
         from cfem.equilibrium.solve import solve
 
-        edge, answers = self.meshes.edge(own), []
-        for family in (self.meshes.main, own.family):
+        edge, answers = self.meshes.edge(remeshed), []
+        for family in (self.meshes.main, remeshed.family):
             robot = family.at(edge)
-            one = solve(Problem(robot), getattr(actuation, kind)(u), slack=False)
-            if not one.converged:
-                raise NumericalError(f"no equilibrium at the edge: {one.status.value}")
-            answers.append((one.condensed.W, robot.rest_e + one.delta_e))
-        (W, x), (other, x_other) = answers
+            equilibrium = solve(Problem(robot), getattr(actuation, kind)(u), slack=False)
+            if not equilibrium.converged:
+                raise NumericalError(f"no equilibrium at the edge: {equilibrium.status.value}")
+            answers.append((equilibrium.condensed.W, robot.rest_e + equilibrium.delta_e))
+        (W, x), (W_remeshed, x_remeshed) = answers
         size = np.sqrt(np.abs(np.diag(W)))
-        scaled, true = (other - W) / np.outer(size, size), W / np.outer(size, size)
+        scaled, true = (W_remeshed - W) / np.outer(size, size), W / np.outer(size, size)
         apart = float(np.linalg.norm(scaled) / np.linalg.norm(true))
-        return {"W_share": apart, "effector_distance": float(np.linalg.norm(x_other - x))}
+        return {"W_share": apart, "effector_distance": float(np.linalg.norm(x_remeshed - x))}
 
     @property
     def _learned(self) -> list[Parameter]:
-        return [one for one in self.parameters if not one.exact]
+        return [parameter for parameter in self.parameters if not parameter.exact]
 
     def _place(self, kind: Kind, u: np.ndarray, p: np.ndarray) -> np.ndarray:
         """Actuation and design in shares of their ranges."""
@@ -202,8 +213,8 @@ class FiniteElementFamily:
 
 
 class Varied:
-    """For problems over some of a family's parameters: a family, values p0 (n_p,) of all, and which of them are `free`;
-    z (..., n) are their shares of the ranges."""
+    """Problems over some of a family's parameters: values p0 (n_p,) of all, and which of them are `free`; z (..., n)
+    are their shares of the ranges."""
 
     family: Family
     p0: np.ndarray

@@ -18,7 +18,7 @@ from cfem.sample.spec import ParameterSpec
 
 
 def learned(model: Path, scene: Path | None = None) -> LearnedFamily:
-    """Of a model folder; scene: of a model of several shapes."""
+    """Family of a model folder; scene: of a model of several shapes."""
     predictor = load_model(model)
     if scene is None:
         return LearnedFamily(predictor, None)
@@ -30,7 +30,8 @@ def learned(model: Path, scene: Path | None = None) -> LearnedFamily:
 def finite_elements(
     scene: Path, mesh: Path, parameters: Sequence[Parameter], remesh: bool = False
 ) -> FiniteElementFamily:
-    """Of a scene on a mesh artefact. remesh: whether designs to which the mesh does not stretch get their own."""
+    """Family of a scene on a mesh artefact. remesh: whether designs to which the mesh does not stretch get their
+    own."""
     folder = scene.parent if remesh else None
     return FiniteElementFamily(*load_scene_and_mesh(scene, mesh), parameters, folder)
 
@@ -38,11 +39,11 @@ def finite_elements(
 def differentiable(
     scene: Path, mesh: Path, parameters: Mapping[str, ParameterSpec], kinds: Sequence[str] = ()
 ) -> Differentiable:
-    """Of a scene on a mesh artefact, with derivatives by these of its numbers. kinds: of numbers of the body that are
-    asked for: volume, mass, those of FIELDS and VIBRATIONS."""
-    spec, there = load_scene_and_mesh(scene, mesh)
+    """Family of a scene on a mesh artefact, with derivatives by these of its numbers. kinds: of numbers of the body
+    that are asked for: volume, mass, those of FIELDS and VIBRATIONS."""
+    spec, mesh_there = load_scene_and_mesh(scene, mesh)
     fields = [name for name in (*FIELDS, *VIBRATIONS) if name in kinds]
-    made = Differentiable(spec, there, scene_parameters(parameters, scene), fields, scene.parent)
+    made = Differentiable(spec, mesh_there, scene_parameters(parameters, scene), fields, scene.parent)
     heavy = next((name for name in ("mass", *VIBRATIONS) if name in kinds), None)
     if heavy and made.mass_unknown:
         what = f"{heavy.split()[-1]} needs the density of each material"

@@ -34,7 +34,8 @@ class Own:
 
 
 class Meshes:
-    """folder: that of the scene; None: a design to which the scene's mesh does not stretch is refused."""
+    """Meshes of a scene's designs. folder: that of the scene; None: a design to which the scene's mesh does not stretch
+    is refused."""
 
     def __init__(self, scene: Any, mesh: Any, parameters: Sequence[Parameter], folder: Path | None = None):
         self._scene, self._folder = scene, folder
@@ -49,9 +50,9 @@ class Meshes:
         except Unreachable:
             if self._folder is None:
                 raise
-        for one in sorted(self.own, key=lambda each: self._apart(each.p, p)):
+        for remeshed in sorted(self.own, key=lambda candidate: self._apart(candidate.p, p)):
             try:
-                return one.family, one.family.at(p)
+                return remeshed.family, remeshed.family.at(p)
             except Unreachable:
                 continue
         if len(self.own) >= MOST:
@@ -63,30 +64,33 @@ class Meshes:
         self.own.append(made)
         return made.family, made.family.at(p)
 
-    def edge(self, own: Own) -> np.ndarray:
-        """(n_p,) the last design on the straight way from the scene's own to that of `own` to which the scene's mesh
+    def edge(self, remeshed: Own) -> np.ndarray:
+        """Last design (n_p,) on the straight way from the scene's own to that of `remeshed` to which the scene's mesh
         stretches."""
         begin = references(self.parameters)
         low, high = 0.0, 1.0
         for _ in range(_HALVINGS):
             middle = (low + high) / 2
             try:
-                self.main.at(begin + middle * (own.p - begin))
+                self.main.at(begin + middle * (remeshed.p - begin))
                 low = middle
             except NumericalError:
                 high = middle
-        return begin + low * (own.p - begin)
+        return begin + low * (remeshed.p - begin)
 
     def _made(self, p: np.ndarray) -> Own:
-        scene = with_values(self._scene, [one.key for one in self.parameters], p)
+        """A mesh of the design p (n_p,). NumericalError where its geometry cannot be meshed."""
+        scene = with_values(self._scene, [parameter.key for parameter in self.parameters], p)
         doing("meshing a design again")
         try:
             mesh, _ = scene_mesh(scene, self._folder)
             return Own(p.copy(), RobotFamily(scene, mesh, self.parameters), len(mesh.cells))
         except SpecError as error:  # a geometry that is no body, or whose surfaces are others than the scene's
-            named = ", ".join(f"{one.name} {value:.4g}" for one, value in zip(self.parameters, p, strict=True))
+            named = ", ".join(
+                f"{parameter.name} {value:.4g}" for parameter, value in zip(self.parameters, p, strict=True)
+            )
             raise NumericalError(f"cannot be meshed again: {error}", where=f"design {named}") from None
 
-    def _apart(self, one: np.ndarray, other: np.ndarray) -> float:
-        width = np.array([each.high - each.low for each in self.parameters])
-        return float((np.abs(one - other) / width).max())
+    def _apart(self, p: np.ndarray, q: np.ndarray) -> float:
+        width = np.array([parameter.high - parameter.low for parameter in self.parameters])
+        return float((np.abs(p - q) / width).max())

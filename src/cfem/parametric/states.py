@@ -10,9 +10,13 @@ from cfem.condensed import Condensed, Rows
 
 @dataclass(frozen=True)
 class States:
-    """m states: p (m, n_p) of their robots; W (m, n, n), delta_free (m, n), lam (m, n_a) as `Condensed`; rest_e (m,
-    n_e) mm rest positions of the effectors, of each robot its own; numbers: (m,) by name, of the whole bodies, where
-    finite elements give them: volume mm^3, mass t, strain, stress MPa."""
+    """m states of robots.
+
+    p: (m, n_p) of their robots
+    W, delta_free, lam: (m, n, n), (m, n) and (m, n_a) as `Condensed`
+    rest_e: (m, n_e) mm rest positions of the effectors, of each robot its own
+    numbers: (m,) by name, of the whole bodies, where finite elements give them: volume mm^3, mass t, strain, stress
+    MPa"""
 
     rows: Rows
     p: np.ndarray

@@ -39,7 +39,7 @@ class PatchLoadCard(Data):
 
 
 class DatasetSummary(Data):
-    """What it was trained on."""
+    """The data that the model was trained on."""
 
     content: str = ""
     samples: int = Field(0, ge=0)
@@ -49,12 +49,17 @@ ABSENT = {"errors": {}, "history": [], "versions": {}, "dataset": {}}
 
 
 class ModelCard(Data):
-    """robot: what the scene said of it. wrench: a constant load that the samples did not carry, on each effector row,
-    patch_loads: others on patches of the surface, and the estimated error that they make, mm.
-    semidefinite: of each effector row, see `cfem.predict.semidefinite`.
-    masses: t, by the name of the effector that is their centre. modules, row: of modules in a row.
-    motion: of mass and viscosity, see `cfem.motion`.
-    activation, at_rest: of a network of entries."""
+    """Content of model.json.
+
+    robot: what the scene said of it
+    wrench: constant load that the samples did not carry, on each effector row
+    patch_loads: others, on patches of the surface
+    wrench_error: estimated error that these loads make, mm
+    semidefinite: of each effector row, see `cfem.predict.semidefinite`
+    masses: t, by the name of the effector that is their centre
+    modules, row: of modules in a row
+    motion: of mass and viscosity, see `cfem.motion`
+    activation, at_rest: of a network of entries"""
 
     format: Literal[FORMAT]
     kind: str
@@ -88,13 +93,14 @@ class ModelCard(Data):
     @property
     def learned(self) -> list[tuple[str, str]]:
         """Keys and coordinates of the parameters that are inputs."""
-        return [(one.key, one.coordinate) for one in self.parameters if not one.exact]
+        return [(parameter.key, parameter.coordinate) for parameter in self.parameters if not parameter.exact]
 
     def check(self) -> None:
+        """ValueError where sizes do not agree with each other, or keys do not go with the kind."""
         n_e, n_a = len(self.rows.effectors), len(self.rows.actuators)
         n_q = len(self.learned)
         domain = self.domain
-        for what, found, expected in (
+        for what, lengths, expected in (
             ("n_c", [self.n_c], {min(self.n_c, n_a - 1)}),
             ("row_units", [len(self.row_units)], {n_e + n_a}),
             ("rest_e", [len(self.rest_e)], {n_e}),
@@ -106,7 +112,7 @@ class ModelCard(Data):
             ("domain.p", map(len, domain.p), {n_q}),
             ("domain.states", map(len, domain.states), {2 * n_a + n_q}),
         ):
-            if not set(found) <= expected:
+            if not set(lengths) <= expected:
                 raise ValueError(f"{what} does not have the numbers that the rows ask for")
         if any(not low < high for low, high in self.reach):
             raise ValueError("reach: the smaller number comes first")
@@ -131,13 +137,19 @@ class ModelCard(Data):
         return kind
 
     def _demand_modules(self) -> None:
-        if any(one.model >= len(self.modules) for one in self.row):
+        """ValueError where the modules of a row do not make up the robot."""
+        if any(place.model >= len(self.modules) for place in self.row):
             raise ValueError("row: names a model that is not there")
-        ends, used = len(self.rows.effectors), [self.modules[one.model] for one in self.row]
-        heavy = [len(one.rows.effectors) == 9 and len(one.masses) == 1 for one in used]
-        sizes = {len(one.rows.effectors) for one in used} <= {6, 9} and (ends == 3 or (ends == 6 and all(heavy)))
-        whole = sum(len(one.rows.actuators) for one in used)
-        if not sizes or whole != len(self.rows.actuators) or self.parameters or any(one.parameters for one in used):
+        ends, used = len(self.rows.effectors), [self.modules[place.model] for place in self.row]
+        heavy = [len(card.rows.effectors) == 9 and len(card.masses) == 1 for card in used]
+        sizes = {len(card.rows.effectors) for card in used} <= {6, 9} and (ends == 3 or (ends == 6 and all(heavy)))
+        actuators = sum(len(card.rows.actuators) for card in used)
+        if (
+            not sizes
+            or actuators != len(self.rows.actuators)
+            or self.parameters
+            or any(card.parameters for card in used)
+        ):
             raise ValueError("its modules do not make up the whole")
-        if {self.form, *(one.form for one in used)} != {"displacement"}:
+        if {self.form, *(card.form for card in used)} != {"displacement"}:
             raise ValueError("modules in a row are of form displacement")

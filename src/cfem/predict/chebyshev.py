@@ -21,9 +21,9 @@ def polynomials(z: np.ndarray, degree: int) -> np.ndarray:
 
 
 def _of_one(z: list[float], degree: int) -> np.ndarray:
-    """As `polynomials`, flat, of a few numbers: arrays would take longer."""
+    """Values of `polynomials` at a few numbers, as one flat array: arrays would take longer."""
     before, now = [1.0] * len(z), z
-    table, twice = before + now, [2.0 * one for one in z]
+    table, twice = before + now, [2.0 * value for value in z]
     for _ in range(degree - 1):
         before, now = now, [a * b - c for a, b, c in zip(twice, now, before, strict=True)]
         table += now
@@ -37,6 +37,7 @@ class Basis:
     indices: (M, n)"""
 
     def __init__(self, indices: np.ndarray):
+        """Collects the distinct factors of the functions, in both halves of the coordinates."""
         self.indices, n = indices, indices.shape[1]
         self._degree = int(indices.max(initial=0))
         ends = [0, n] if n < 4 else [0, n // 2, n]
@@ -47,19 +48,19 @@ class Basis:
             self._of_one.append((np.ascontiguousarray(part.T) * n + np.arange(first, end)[:, None], place.ravel()))
 
     def __call__(self, z: np.ndarray) -> np.ndarray:
-        """(..., n) -> (..., M)."""
+        """Values (..., M) of the functions at z (..., n)."""
         if z.ndim == 1:
             table = _of_one(z.tolist(), self._degree)
-            one, *others = (np.multiply.reduce(table.take(part)).take(place) for part, place in self._of_one)
-            return one * others[0] if others else one
+            first_factor, *others = (np.multiply.reduce(table.take(part)).take(place) for part, place in self._of_one)
+            return first_factor * others[0] if others else first_factor
         if z.shape[:-1] == (1,):
             return self(z[0])[None]
         table = polynomials(z.T, self._degree)
-        found = None
+        values = None
         for first, part, place in self._factors:
             factor = _product(table, part, first)[place]
-            found = factor if found is None else found * factor
-        return found.T
+            values = factor if values is None else values * factor
+        return values.T
 
 
 def basis(z: np.ndarray, indices: np.ndarray) -> np.ndarray:
@@ -77,5 +78,5 @@ def _product(table: np.ndarray, indices: np.ndarray, first: int) -> np.ndarray:
 
 def union(*bases: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
     """(M, n) degrees that are in any of the bases, and the place of each of theirs."""
-    found, place = np.unique(np.vstack(bases), axis=0, return_inverse=True)
-    return found, np.split(place.ravel(), np.cumsum([len(one) for one in bases])[:-1])
+    degrees, place = np.unique(np.vstack(bases), axis=0, return_inverse=True)
+    return degrees, np.split(place.ravel(), np.cumsum([len(basis) for basis in bases])[:-1])

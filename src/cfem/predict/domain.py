@@ -14,11 +14,12 @@ FAR = 2.0  # gaps: a state farther than this from all of them is not among the d
 
 @dataclass(frozen=True)
 class Domain:
-    """delta_a, lambda_a: (2, n_a) smallest and largest of the training states, with a margin; p: (2, n_p) the same of
-    the parameters' coordinates; states: (k, 2 n_a + n_p) some of the training states, spread over all of them.
+    """The states that a model was trained on. Pulling states fill a wedge of the displacements, whose box would be
+    mostly empty: the box of the multipliers cuts the wedge out of it.
 
-    Pulling states fill a wedge of the displacements, whose box would be mostly empty: the box of the multipliers cuts
-    the wedge out of it."""
+    delta_a, lambda_a: (2, n_a) smallest and largest of the training states, with a margin
+    p: (2, n_p) the same of the parameters' coordinates
+    states: (k, 2 n_a + n_p) some of the training states, spread over all of them"""
 
     delta_a: np.ndarray
     lambda_a: np.ndarray
@@ -27,7 +28,8 @@ class Domain:
 
     @classmethod
     def of(cls, delta_a: np.ndarray, lambda_a: np.ndarray, p: np.ndarray | None = None) -> "Domain":
-        """From states (m, n_a), (m, n_a) and the coordinates (m, n_p) of their parameters."""
+        """Domain of training states: displacements and multipliers (m, n_a), and coordinates (m, n_p) of the
+        parameters."""
         p = np.zeros((len(delta_a), 0)) if p is None else p
         states = np.hstack([delta_a, lambda_a, p])
         return cls(_box(delta_a), _box(lambda_a), _box(p), states[_spread(states / _range(_box(states)), STATES)])
@@ -58,17 +60,17 @@ class Domain:
         return _plain(within & np.less_equal(self.distance(delta_a, lambda_a, p), FAR))
 
     def nearest(self, s: np.ndarray, form: Form, p: np.ndarray | None = None) -> np.ndarray:
-        """(n_a,) the multipliers (form 'displacement') or displacements ('force') of the kept state whose displacements
+        """Multipliers (n_a,) (form 'displacement') or displacements ('force') of the kept state whose displacements
         (multipliers) and parameters are nearest to s (n_a,), p (n_p,)."""
         n_a = len(s)
-        mine, other = slice(n_a), slice(n_a, 2 * n_a)
+        mine, answer = slice(n_a), slice(n_a, 2 * n_a)
         if form == "force":
-            mine, other = other, mine
+            mine, answer = answer, mine
         known, width = self.states, _range(self._box)
         apart = (((known[:, mine] - s) / width[mine]) ** 2).sum(axis=1)
         if p is not None and len(p):
             apart += (((known[:, 2 * n_a :] - p) / width[2 * n_a :]) ** 2).sum(axis=1)
-        return known[np.argmin(apart), other]
+        return known[np.argmin(apart), answer]
 
     @cached_property
     def _box(self) -> np.ndarray:

@@ -25,8 +25,8 @@ Parts = dict[str, np.ndarray]
 
 
 def layout(n_a: int, n_e: int) -> dict[str, slice]:
-    """Where a flat vector of outputs holds each part: the potential, its gradient and Hessian by s (delta_a or
-    lambda_a), e, grad e (row-major), C; symmetric matrices as their upper triangle."""
+    """Slices of a flat vector of outputs: the potential, its gradient and Hessian by s (delta_a or lambda_a), e, grad e
+    (row-major), C; symmetric matrices as their upper triangle."""
     sizes = {
         "energy": 1,
         "gradient": n_a,
@@ -55,19 +55,19 @@ FOURTH, FOURTH_INDICES = "fourth", "fourth_indices"
 
 
 def unpacking3(n: int) -> np.ndarray:
-    """(n, n, n) position of each entry of a symmetric tensor among those with i <= j <= k."""
+    """Positions (n, n, n) of the entries of a symmetric tensor among those with i <= j <= k."""
     position = np.empty((n, n, n), dtype=np.int64)
-    for number, one in enumerate(symmetric3_indices(n).T.tolist()):
-        for place in permutations(one):
+    for number, indices in enumerate(symmetric3_indices(n).T.tolist()):
+        for place in permutations(indices):
             position[place] = number
     return position
 
 
 def unpacking4(n: int) -> np.ndarray:
-    """(n, n, n, n) likewise."""
+    """Positions (n, n, n, n) of the entries of a symmetric tensor among those with i <= j <= k <= l."""
     position = np.empty((n, n, n, n), dtype=np.int64)
-    for number, one in enumerate(symmetric4_indices(n).T.tolist()):
-        for place in permutations(one):
+    for number, indices in enumerate(symmetric4_indices(n).T.tolist()):
+        for place in permutations(indices):
             position[place] = number
     return position
 

@@ -20,19 +20,20 @@ class LiveModel:
         return getattr(vars(self)["now"], name)
 
     def refresh(self) -> bool:
-        """Whether another model answers from now on. One look at a file where nothing has changed."""
+        """Takes up the folder's model if it was replaced; True where another model answers from now on. Looks at one
+        file where nothing has changed."""
         if stamp(self._folder) in (self._stamp, None):
             return False
         try:
-            self._stamp, found = self._read()
+            self._stamp, model = self._read()
         except InputError:
             return False
-        names = [[one.name for one in model.parameters] for model in (found, self.now)]
-        if found.rows != self.now.rows or names[0] != names[1]:
+        names = [[parameter.name for parameter in version.parameters] for version in (model, self.now)]
+        if model.rows != self.now.rows or names[0] != names[1]:
             return False
-        self.now, self.taken = found, self.taken + 1
+        self.now, self.taken = model, self.taken + 1
         return True
 
     def _read(self) -> tuple[Any, Predictor]:
-        at = stamp(self._folder)  # one that is replaced while it is read is looked at again next time
-        return at, load_model(self._folder, self._runtime, whole=True)
+        version = stamp(self._folder)  # one that is replaced while it is read is looked at again next time
+        return version, load_model(self._folder, self._runtime, whole=True)

@@ -35,28 +35,29 @@ def load_model(folder: Path, runtime: Runtime = "arrays", whole: bool = False) -
     for _ in range(TRIES):
         known = stamp(folder)
         try:
-            found = _load(folder, runtime)
+            predictor = _load(folder, runtime)
             if whole and (has_skin(folder) or has_file(folder, serial_skin.FILE)):
-                found.skin  # noqa: B018 - kept there
+                predictor.skin  # noqa: B018 - kept there
         except InputError:
             if known == stamp(folder):
                 raise
             continue
         if known == stamp(folder):
-            return found
+            return predictor
     raise InputError("is being replaced again and again", where=str(folder), do="wait until the training ends")
 
 
 def stamp(folder: Path) -> tuple[int, int] | None:
-    """Differs between the folders that a name leads to, one after the other."""
+    """Stamp that differs between the folders that a name leads to, one after the other; None without a folder."""
     try:
-        found = (folder / MANIFEST).stat()
+        status = (folder / MANIFEST).stat()
     except OSError:
         return None
-    return found.st_ino, found.st_ctime_ns  # a number is used again, and copies keep their mtime
+    return status.st_ino, status.st_ctime_ns  # a number is used again, and copies keep their mtime
 
 
 def _load(folder: Path, runtime: Runtime) -> Predictor:
+    """The model that is in the folder now, on NumPy arrays or through ONNX Runtime."""
     if runtime == "arrays":
         return with_skin(build(*read_model(folder)), folder)
     demand("onnx", "onnxruntime", where="runtime: onnx")
@@ -79,22 +80,22 @@ def with_skin(predictor: Predictor, folder: Path) -> Predictor:
         if not has_file(folder, name):
             return None
         with _blaming(folder / name):
-            found = (skins_of if row else skin_of)(predictor, read_arrays(folder, name))
+            skin = (skins_of if row else skin_of)(predictor, read_arrays(folder, name))
         if known != stamp(folder):
             raise InputError("was replaced since the model was read", where=str(folder), do="read the model again")
-        return found
+        return skin
 
     predictor.skin_source = read
     return predictor
 
 
 def has_skin(folder: Path) -> bool:
-    """Whether the model of a folder has one."""
+    """True where the model of a folder has a skin."""
     return has_file(folder, FILE)
 
 
 def has_file(folder: Path, name: str) -> bool:
-    """Whether the manifest of a model folder names this file."""
+    """True where the manifest of a model folder names this file."""
     return name in read_manifest(folder)["files"]
 
 
@@ -105,12 +106,12 @@ def skin_of(predictor: Predictor, arrays: dict[str, np.ndarray]) -> LearnedSkin:
 
 
 def skins_of(predictor: serial.SerialPredictor, arrays: dict[str, np.ndarray]) -> list[LearnedSkin]:
-    """As `skin_of`, of each model of a module."""
-    return [skin_of(one, serial.module_arrays(arrays, number)) for number, one in enumerate(predictor.models)]
+    """Skins of the models of a row's modules."""
+    return [skin_of(model, serial.module_arrays(arrays, number)) for number, model in enumerate(predictor.models)]
 
 
 def read_model(folder: Path) -> tuple[dict, dict[str, np.ndarray]]:
-    """What model.json says and the arrays, of which a predictor can be built. InputError where they are missing or
+    """Content of model.json and the arrays, of which a predictor can be built. InputError where they are missing or
     damaged, or do not fit each other."""
     meta, arrays = read_meta(folder), read_arrays(folder)
     with _blaming(folder / WEIGHTS):
@@ -142,11 +143,11 @@ def _blaming(path: Path) -> Iterator[None]:
 def demand_finite(predictor: Predictor) -> None:
     """InputError where a model gives no finite numbers at some of the states that it was trained on."""
     n_a, states = predictor.rows.n_a, predictor.domain.states
-    own = slice(0, n_a) if predictor.form == "displacement" else slice(n_a, 2 * n_a)
+    inputs = slice(0, n_a) if predictor.form == "displacement" else slice(n_a, 2 * n_a)
     with np.errstate(all="ignore"):
         try:
-            asked = [predictor.at(one[own]) for one in states[:: -(-len(states) // ASKED)]]
-            finite = all(np.isfinite(one.W).all() and np.isfinite(one.delta).all() for one in asked)
+            asked = [predictor.at(row[inputs]) for row in states[:: -(-len(states) // ASKED)]]
+            finite = all(np.isfinite(state.W).all() and np.isfinite(state.delta).all() for state in asked)
         except np.linalg.LinAlgError:
             finite = False
     if not finite:
@@ -154,7 +155,8 @@ def demand_finite(predictor: Predictor) -> None:
 
 
 def read_meta(folder: Path) -> dict:
-    """model.json; InputError where it is missing, damaged or of a kind or format that this version does not know."""
+    """Content of model.json. InputError where it is missing, damaged or of a kind or format that this version does not
+    know."""
     path = artefact_file(folder, "model.json")
     meta = {**ABSENT, **read_json(path)}
     if meta.get("format") != FORMAT:

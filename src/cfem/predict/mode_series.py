@@ -8,7 +8,8 @@ Both brackets are Chebyshev series of the model's inputs t, as s_0 and C are, an
 once, an answer costs one evaluation of the basis and one product with a small matrix. Values of the model's parameters
 only shift t and scale C."""
 
-import copy
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,59 +20,99 @@ from cfem.predict.series import input_derivatives
 from cfem.predict.skin import LearnedSkin
 
 
-class ModeSeries:
-    """skin: of form displacement; n_a: number of actuators; T: (r, k); effectors: number of the model's effector rows;
-    loaded: (n_w,) numbers of the rows with loads, effectors first, then modes. `at` gives the values of the parameters
-    of a model that has some."""
+@dataclass(frozen=True, eq=False)
+class BoxMap:
+    """Box coordinates z = t to_box_T + offset of displacements t (n_a,), at one value of a model's parameters.
 
-    def __init__(self, skin: LearnedSkin, n_a: int, T: np.ndarray, effectors: int, loaded: np.ndarray):
+    to_box_T: (n_a, n)
+    offset: (n,) at these parameters
+    softer: compliance of the robot over that of the reference
+    reference: (n,) offset at parameters q = 0
+    by_q: (n, n_q) derivative of the offset"""
+
+    to_box_T: np.ndarray
+    offset: np.ndarray
+    softer: float
+    reference: np.ndarray
+    by_q: np.ndarray
+
+    @classmethod
+    def of(cls, arrays: Mapping[str, np.ndarray], n_a: int) -> "BoxMap":
+        """Map of a model with these arrays, at q = 0."""
+        to_box, offset = arrays["to_box"], arrays["offset"]
+        return cls(np.ascontiguousarray(to_box[:, :n_a].T), offset, 1.0, offset, to_box[:, n_a:])
+
+    def at(self, q: np.ndarray, softer: float) -> "BoxMap":
+        """Map at parameters q (n_q,), in the model's coordinates, of a robot `softer` times as compliant."""
+        return replace(self, offset=self.reference + self.by_q @ q, softer=softer)
+
+    def __call__(self, t: np.ndarray) -> np.ndarray:
+        return t @ self.to_box_T + self.offset
+
+
+@dataclass(frozen=True, eq=False)
+class ModeSeries:
+    """Series of T s, s the modes of a skin, by displacements and loads.
+
+    box: of the model's inputs, at the parameters of the robot
+    basis: of all series
+    coefficients: (M, (1 + n_w) r (1 + n_a)) of T s_0 and T C with their derivatives by delta_a
+    shape: (r, 1 + n_w, 1 + n_a)"""
+
+    box: BoxMap
+    basis: Basis
+    coefficients: np.ndarray
+    shape: tuple[int, int, int]
+
+    @classmethod
+    def of(cls, skin: LearnedSkin, n_a: int, T: np.ndarray, effectors: int, loaded: np.ndarray) -> "ModeSeries":
+        """Joined series of T s and of T C of the loaded rows, T (r, k), of a skin of form displacement. effectors:
+        number of the model's effector rows; loaded: (n_w,) numbers of the rows with loads, effectors first, then
+        modes."""
         arrays = skin.arrays
         if skin.form != "displacement":
             raise InputError("series of markers need a model of form displacement")
-        self._to_box_T, self._first = np.ascontiguousarray(arrays["to_box"][:, :n_a].T), arrays["offset"]
-        self._by_q, self._offset, self._softer = arrays["to_box"][:, n_a:], self._first, 1.0
         r, n_w = len(T), len(loaded)
-        self._shape = (r, 1 + n_w, 1 + n_a)
         columns = compliance_columns(len(skin), effectors, loaded)
         parts = [(arrays["indices"], T @ arrays["series"])]
         parts += [(arrays["compliance_indices"], T @ arrays["compliance"][column]) for column in columns]
         indices, series = joined(parts)  # (M, n), (1 + n_w, r, M)
         slopes = input_derivatives(indices, arrays["to_box"], n_a)
         flat = series.reshape(-1, len(indices)).T
-        found = np.stack([flat, *(D @ flat for D in slopes)], axis=-1)  # (M, (1 + n_w) r, 1 + n_a)
-        found = found.reshape(len(indices), 1 + n_w, r, 1 + n_a).swapaxes(1, 2)
-        self._basis, self._series = Basis(indices), np.ascontiguousarray(found.reshape(len(indices), -1))
+        with_slopes = np.stack([flat, *(D @ flat for D in slopes)], axis=-1)  # (M, (1 + n_w) r, 1 + n_a)
+        with_slopes = with_slopes.reshape(len(indices), 1 + n_w, r, 1 + n_a).swapaxes(1, 2)
+        coefficients = np.ascontiguousarray(with_slopes.reshape(len(indices), -1))
+        return cls(BoxMap.of(arrays, n_a), Basis(indices), coefficients, (r, 1 + n_w, 1 + n_a))
 
     def at(self, q: np.ndarray, softer: float) -> "ModeSeries":
-        """Of the robot with parameters q (n_q,), in the model's coordinates, and `softer` times its compliance."""
-        found = copy.copy(self)
-        found._offset, found._softer = self._first + self._by_q @ q, softer
-        return found
+        """Series of the robot with parameters q (n_q,), in the model's coordinates, and `softer` times its
+        compliance."""
+        return replace(self, box=self.box.at(q, softer))
 
     def __call__(self, t: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """t (n_a,) mm, w (n_w,) N -> T s (r,) and its derivatives (r, n_a + n_w) by t, then w."""
-        r, width, deep = self._shape
-        found = (self._basis(t @ self._to_box_T + self._offset) @ self._series).reshape(r, width, deep)
+        """T s (r,) and its derivatives (r, n_a + n_w) by t, then w, at t (n_a,) mm and w (n_w,) N."""
+        r, width, deep = self.shape
+        terms = (self.basis(self.box(t)) @ self.coefficients).reshape(r, width, deep)
         if width == 1:
-            return found[:, 0, 0], found[:, 0, 1:]
-        summed = found[:, 0] + self._softer * w @ found[:, 1:]
-        return summed[:, 0], np.concatenate([summed[:, 1:], self._softer * found[:, 1:, 0]], axis=1)
+            return terms[:, 0, 0], terms[:, 0, 1:]
+        summed = terms[:, 0] + self.box.softer * w @ terms[:, 1:]
+        return summed[:, 0], np.concatenate([summed[:, 1:], self.box.softer * terms[:, 1:, 0]], axis=1)
 
 
 def compliance_columns(k: int, effectors: int, loaded: np.ndarray) -> list[np.ndarray]:
     """(k,) places in a skin's array `compliance` of the k modes' compliance to each loaded row."""
     place = unpacking(k)
     return [
-        np.arange(one * k, (one + 1) * k) if one < effectors else effectors * k + place[one - effectors]
-        for one in loaded
+        np.arange(row * k, (row + 1) * k) if row < effectors else effectors * k + place[row - effectors]
+        for row in loaded
     ]
 
 
 def joined(parts: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
     """Series (r, M_i) over index sets (M_i, n), each over all indices (M, n) that one of them has: (parts, r, M)."""
-    indices, places = np.unique(np.concatenate([one for one, _ in parts]), axis=0, return_inverse=True)
-    found, first = np.zeros((len(parts), len(parts[0][1]), len(indices))), 0
-    for number, (own, series) in enumerate(parts):
-        found[number][:, places.ravel()[first : first + len(own)]] = series
-        first += len(own)
-    return indices.astype(np.int64), found
+    indices, places = np.unique(np.concatenate([index_set for index_set, _ in parts]), axis=0, return_inverse=True)
+    coefficients, first = np.zeros((len(parts), len(parts[0][1]), len(indices))), 0
+    for number, (index_set, series) in enumerate(parts):
+        coefficients[number][:, places.ravel()[first : first + len(index_set)]] = series
+        first += len(index_set)
+    return indices.astype(np.int64), coefficients

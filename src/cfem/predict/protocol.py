@@ -30,16 +30,21 @@ class Predictor(ABC):
     form:   what it is a function of: 'displacement', s = delta_a, or 'force', s = lambda_a
     actuator_units: of each actuator's displacement and force: mm and N of a cable, mm^3 and MPa of a chamber
     parameters: the design and material parameters p that it takes as well; the scene's own values where none are given
-    rest_e: (n_e,) mm rest positions of the effectors; reach: (n_a, 2) mm; length: mm, what '% of length' refers to
-    sizes: (n_e,) in whose squares its locked compliance is made semidefinite (semidefinite.py), None where it is not
+    rest_e: (n_e,) mm rest positions of the effectors
+    reach:  (n_a, 2) mm
+    length: mm, what '% of length' refers to
+    sizes:  (n_e,) in whose squares its locked compliance is made semidefinite (semidefinite.py), None where it is not
     domain: where it was trained"""
 
     def __init__(self, meta: dict):
+        """Takes over what model.json says; the skin comes from `skin_source` once it is set."""
         self.meta = meta
         self.rows = Rows(tuple(meta["rows"]["effectors"]), tuple(meta["rows"]["actuators"]))
         self.form: Form = meta["form"]
         ends = self.rows.n_e, self.rows.n - meta.get("n_c", 0)  # the pose of a held patch is driven by no actuator
-        self.actuator_units = tuple((one, other) for one, other in meta["row_units"][slice(*ends)])
+        self.actuator_units = tuple(
+            (parameter, force_unit) for parameter, force_unit in meta["row_units"][slice(*ends)]
+        )
         self.parameters = from_json(meta["parameters"])
         self.rest_e = np.asarray(meta["rest_e"], float)
         self.reach = np.asarray(meta["reach"], float)
@@ -47,18 +52,18 @@ class Predictor(ABC):
         self.sizes = None if meta.get("semidefinite") is None else np.asarray(meta["semidefinite"], float)
         self.domain = Domain.from_json(meta["domain"])
         self._reference = references(self.parameters)
-        self._learned = [i for i, one in enumerate(self.parameters) if not one.exact]
-        self._exact = [i for i, one in enumerate(self.parameters) if one.exact]
+        self._learned = [i for i, parameter in enumerate(self.parameters) if not parameter.exact]
+        self._exact = [i for i, parameter in enumerate(self.parameters) if parameter.exact]
         self.skin_source: Callable[[], LearnedSkin | None] = lambda: None
 
     @cached_property
     def skin(self) -> LearnedSkin:
         """The model's skin, read when it is first asked for. InputError where it has none."""
-        found = self.skin_source()
-        if found is None:
+        skin = self.skin_source()
+        if skin is None:
             do = "sample it with `skin: {}` in sample.yaml, and train again"
             raise InputError(f"the model of scene '{self.meta['scene']}' has no skin", do=do)
-        return found
+        return skin
 
     @property
     def facets(self) -> np.ndarray:
@@ -76,19 +81,19 @@ class Predictor(ABC):
         return self.skin.all_nodes(self._skin_rows(delta_a, p))
 
     def _skin_rows(self, delta_a: ArrayLike, p: ArrayLike | None) -> np.ndarray:
-        moved = [one.name for one in self.parameters if one.moves_body]
+        moved = [parameter.name for parameter in self.parameters if parameter.moves_body]
         if p is not None and moved:
             what = f"the shape of other designs is not known: '{moved[0]}' changes where the surface rests"
             raise InputError(what, do="leave the parameters out, for the scene's own design")
         return self.skin.rows(*self.learned_inputs(delta_a, p))
 
     def whole(self, delta_a: ArrayLike, p: ArrayLike | None = None) -> Condensed:
-        """As `at_displacement`, with the rows of the skin between effectors and actuators."""
+        """The condensed robot at displacements, with the rows of the skin between effectors and actuators."""
         softer = float(self.softer(self._p(p))) if self.parameters else 1.0
         return self.skin.joined(self.at_displacement(delta_a, p), *self.learned_inputs(delta_a, p), softer)
 
     def learned_inputs(self, delta_a: ArrayLike, p: ArrayLike | None) -> tuple[np.ndarray, np.ndarray]:
-        """s (..., n_a) of the form at the reference of exact parameters, and q (..., n_q), at displacements."""
+        """Inputs s (..., n_a) of the form at the reference of exact parameters, and q (..., n_q), at displacements."""
         s = np.asarray(delta_a, float)
         if s.shape[-1:] != (self.rows.n_a,) or not np.isfinite(s).all():
             raise self._not_one_each(delta_a, "a state of displacements")
@@ -96,13 +101,13 @@ class Predictor(ABC):
         if self.form == "force":
             flat = s.reshape(-1, s.shape[-1])
             places = zip(flat, p.reshape(len(flat), p.shape[-1]), strict=True)  # p may have no columns
-            s = np.array([self.at_displacement(*one).lambda_a for one in places]).reshape(s.shape)
+            s = np.array([self.at_displacement(*place).lambda_a for place in places]).reshape(s.shape)
             s = s * self.softer(p)[..., None]
         return s, self.q(p)
 
     @property
     def n_inputs(self) -> int:
-        """Of what is learned: actuators, and coordinates of the parameters that are not exact."""
+        """Number of learned inputs: actuators, and coordinates of the parameters that are not exact."""
         return self.rows.n_a + len(self._learned)
 
     @abstractmethod
@@ -231,11 +236,11 @@ class Predictor(ABC):
         )
 
     def inside(self, condensed: Condensed, p: ArrayLike | None = None) -> bool | np.ndarray:
-        """Whether each state found with this model is like those that it was trained on."""
+        """True for each state found with this model that is like those that it was trained on."""
         return self.domain.holds(*self._where(condensed, p))
 
     def distance(self, condensed: Condensed, p: ArrayLike | None = None) -> float | np.ndarray:
-        """How far each state is from the training states: about 1 or less among them (`Domain.distance`)."""
+        """Distance of each state from the training states: about 1 or less among them (`Domain.distance`)."""
         return self.domain.distance(*self._where(condensed, p))
 
     def _where(self, condensed: Condensed, p: np.ndarray | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -243,6 +248,7 @@ class Predictor(ABC):
         return condensed.delta_a, condensed.lambda_a * softer, self.q(p)
 
     def __repr__(self) -> str:
+        """Kind, scene, actuators with their reach, rows and parameters, for a person."""
         samples = self.meta.get("dataset", {}).get("samples", 0)
         taught = [f"{samples} training states"] if samples else []
         actuators = ", ".join(
@@ -256,11 +262,15 @@ class Predictor(ABC):
         return f"<{self.meta['kind']} model of '{self.meta['scene']}': {'; '.join(parts)}>"
 
     def _p(self, p: np.ndarray | None) -> np.ndarray:
+        """Values (..., n_p) of the parameters, the reference where none are given. InputError where the count is
+        wrong."""
         if p is None:
             return self._reference
         p = np.asarray(p, float)
         if p.shape[-1] != len(self.parameters):
-            raise InputError(f"{p.shape[-1]} parameters given, the model has {[one.name for one in self.parameters]}")
+            raise InputError(
+                f"{p.shape[-1]} parameters given, the model has {[parameter.name for parameter in self.parameters]}"
+            )
         return p
 
 

@@ -35,6 +35,7 @@ class LearnedSkin:
     nodes; nodes (m,): their numbers in the mesh; names (k,): of the rows."""
 
     def __init__(self, form: Form, n_e: int, n_a: int, n_inputs: int, arrays: dict[str, np.ndarray]):
+        """Reads the arrays, and demands that their shapes fit each other."""
         self.form, self._n_e, self._n_a = form, n_e, n_a
         self.arrays = arrays
         self.rest = take(arrays, "rest", (None, 3)).astype(float)
@@ -60,7 +61,7 @@ class LearnedSkin:
 
     @property
     def watched(self) -> Skin:
-        """Its rows, for finite elements to watch."""
+        """Rows of the skin, for finite elements to watch."""
         return Skin(self.nodes, self.rest, self.triangles, self.weights, self.modes, np.zeros((1, 2)))
 
     def rows(self, s: np.ndarray, q: np.ndarray) -> np.ndarray:
@@ -72,8 +73,8 @@ class LearnedSkin:
         return (rows @ self._flat).reshape(*rows.shape[:-1], *self.rest.shape) + self.rest
 
     def all_nodes(self, rows: np.ndarray) -> np.ndarray:
-        """(..., k) mm -> (..., n, 3) mm positions of all nodes, in the order of the mesh. InputError where the samples
-        had the surface alone."""
+        """Positions (..., n, 3) mm of all nodes from rows (..., k) mm, in the order of the mesh. InputError where the
+        samples had the surface alone."""
         if "inner_nodes" not in self.arrays:
             do = "sample it with `skin: {inner: true}` in sample.yaml, and train again"
             raise InputError("the skin has no nodes inside the body", do=do)
@@ -83,38 +84,38 @@ class LearnedSkin:
         n = len(self.nodes) + len(inner)
         if not np.array_equal(np.sort(np.concatenate([self.nodes, inner])), np.arange(n)):
             raise InputError("array 'inner_nodes' has others than the nodes that the surface leaves")
-        found = np.empty((*rows.shape[:-1], n, 3))
-        found[..., self.nodes, :] = self.surface(rows)
-        found[..., inner, :] = np.tensordot(rows, modes, axes=(-1, 0)) + rest
-        return found
+        places = np.empty((*rows.shape[:-1], n, 3))
+        places[..., self.nodes, :] = self.surface(rows)
+        places[..., inner, :] = np.tensordot(rows, modes, axes=(-1, 0)) + rest
+        return places
 
     def gradient(self, s: np.ndarray, q: np.ndarray) -> np.ndarray:
-        """(..., k, n_a) of the rows by s."""
-        found = self._at(self._basis, s, q) @ self._slopes_T
-        return found.reshape(*found.shape[:-1], len(self), s.shape[-1])
+        """Derivatives (..., k, n_a) of the rows by s."""
+        slopes = self._at(self._basis, s, q) @ self._slopes_T
+        return slopes.reshape(*slopes.shape[:-1], len(self), s.shape[-1])
 
     def compliance(self, s: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(..., n_e, k) C_es and (..., k, k) C_ss, mm/N."""
-        found, k = self._at(self._compliance_basis, s, q) @ self._compliance.T, len(self)
+        """C_es (..., n_e, k) and C_ss (..., k, k), mm/N."""
+        packed, k = self._at(self._compliance_basis, s, q) @ self._compliance.T, len(self)
         across = self._n_e * k
-        C_es = found[..., :across].reshape(*found.shape[:-1], self._n_e, k)
-        return C_es, found[..., across:][..., unpacking(k)]
+        C_es = packed[..., :across].reshape(*packed.shape[:-1], self._n_e, k)
+        return C_es, packed[..., across:][..., unpacking(k)]
 
     def compliance_work(self, s: np.ndarray, q: np.ndarray, w: np.ndarray) -> np.ndarray:
-        """(n_a,) derivatives by s of w . C_ss w, w (k,) N."""
+        """Derivatives (n_a,) by s of w . C_ss w, w (k,) N."""
         across = self._n_e * len(self)
         rows, columns = upper_indices(len(self))
         weights = np.where(rows == columns, 1.0, 2.0) * w[rows] * w[columns]
-        series, at = weights @ self._compliance[across:], self._at(self._compliance_basis, s, q)
-        return (self._compliance_slopes @ series).reshape(-1, len(series)) @ at
+        series, values = weights @ self._compliance[across:], self._at(self._compliance_basis, s, q)
+        return (self._compliance_slopes @ series).reshape(-1, len(series)) @ values
 
     def joined(self, condensed: Condensed, s: np.ndarray, q: np.ndarray, softer: float = 1.0) -> Condensed:
         """The condensed robot with the rows of the skin. s, q: inputs of the reference at which it is; softer: how much
         more compliant it is than that, where Young's modulus is exact."""
         old, rows = condensed.rows, replace(condensed.rows, skin=self.names)
-        own = np.r_[rows.e, rows.active]
+        kept = np.r_[rows.e, rows.active]
         W = np.empty((rows.n, rows.n))
-        W[np.ix_(own, own)] = condensed.W
+        W[np.ix_(kept, kept)] = condensed.W
         gradient, (C_es, C_ss) = self.gradient(s, q), self.compliance(s, q)
         locked = self.form == "displacement"
         W_sa = gradient @ condensed.W[old.a, old.a] if locked else softer * gradient
@@ -125,7 +126,7 @@ class LearnedSkin:
         watched = rows.active.start
         W = with_nearest(W, watched, np.sqrt(np.abs(np.diag(W)[:watched])))  # locked, so many rows hardly comply
         free = np.empty(rows.n)
-        free[own] = condensed.delta_free
+        free[kept] = condensed.delta_free
         free[rows.s] = self.rows(s, q) - W_sa @ condensed.lam
         return Condensed(rows, W, free, condensed.lam)
 

@@ -24,52 +24,52 @@ def with_slack(
     target: np.ndarray,
     before: tuple[np.ndarray, np.ndarray] | None,
 ) -> tuple[Any, np.ndarray, bool]:
-    """The state in which those of the actuators that are `unilateral` (n_a,) bool pull or are slack, and which are,
-    (n_a,) bool; False where none was found. step: to a state whose actuators, robot after robot, are held at (n_a,) mm
-    and pull with `pull` (n_a,) N; target (n_a,) mm: of theirs; before: delta_a and lambda_a of the last state, 0 N of a
+    """State in which those of the actuators that are `unilateral` (n_a,) bool pull or are slack, and which are, (n_a,)
+    bool; False where none was found. step: to a state whose actuators, robot after robot, are held at (n_a,) mm and
+    pull with `pull` (n_a,) N; target (n_a,) mm: of theirs; before: delta_a and lambda_a of the last state, 0 N of a
     cable that is slack."""
-    slack, at = np.zeros(len(target), dtype=bool), target
+    slack, delta = np.zeros(len(target), dtype=bool), target
     if before is not None:
         slack = unilateral & (before[1] == 0.0)
-        at = np.where(slack, np.maximum(before[0], target), target)
-    found = step(at)
-    if not found.converged or not (slack | unilateral & (found.pull < 0)).any():
-        return found, slack, True
+        delta = np.where(slack, np.maximum(before[0], target), target)
+    state = step(delta)
+    if not state.converged or not (slack | unilateral & (state.pull < 0)).any():
+        return state, slack, True
 
-    cuts = np.cumsum([one.rows.n_a for one in models])[:-1]
-    free = [one.at_displacement(mine) for one, mine in zip(models, np.split(target, cuts), strict=True)]
-    K = block_diag(*(np.linalg.inv(one.W[one.rows.a, one.rows.a]) for one in free))
-    none = NONE * np.diag(K) * np.concatenate([np.abs(one.reach).max(axis=1) for one in models])
+    cuts = np.cumsum([model.rows.n_a for model in models])[:-1]
+    free = [model.at_displacement(mine) for model, mine in zip(models, np.split(target, cuts), strict=True)]
+    K = block_diag(*(np.linalg.inv(condensed.W[condensed.rows.a, condensed.rows.a]) for condensed in free))
+    none = NONE * np.diag(K) * np.concatenate([np.abs(model.reach).max(axis=1) for model in models])
     for _ in range(2 * len(target) + 1):
-        found, at, settled = _let_go(step, K, found, at, slack, none)
-        if not settled or not found.converged:
-            return found, slack, settled
-        pushes = unilateral & ~slack & (found.pull < -none)
-        taken_up = slack & (at < target)
+        state, delta, settled = _let_go(step, K, state, delta, slack, none)
+        if not settled or not state.converged:
+            return state, slack, settled
+        pushes = unilateral & ~slack & (state.pull < -none)
+        taken_up = slack & (delta < target)
         if not (pushes | taken_up).any():
-            return found, slack, True
+            return state, slack, True
         slack = (slack | pushes) & ~taken_up
         if taken_up.any():
-            at = np.where(slack, at, target)
-            found = step(at)
-    return found, slack, False
+            delta = np.where(slack, delta, target)
+            state = step(delta)
+    return state, slack, False
 
 
 def _let_go(
-    step: Callable[[np.ndarray], Any], K: np.ndarray, found: Any, at: np.ndarray, slack: np.ndarray, none: np.ndarray
+    step: Callable[[np.ndarray], Any], K: np.ndarray, state: Any, delta: np.ndarray, slack: np.ndarray, none: np.ndarray
 ) -> tuple[Any, np.ndarray, bool]:
     """The state in which slack actuators (n_a,) bool carry less than `none` (n_a,) N, where it is, and whether it is
     one, from `found` at delta_a `at` (n_a,) mm; K (n_a, n_a) N/mm, near the derivative of forces."""
-    B, lam = np.linalg.inv(K[np.ix_(slack, slack)]), found.pull[slack]
+    B, lam = np.linalg.inv(K[np.ix_(slack, slack)]), state.pull[slack]
     for _ in range(ITERATIONS):
-        if not found.converged or (np.abs(lam) <= none[slack]).all():
-            return found, at, True
-        way, at = -B @ lam, at.copy()
-        at[slack] += way
-        found, last = step(at), lam
-        lam = found.pull[slack]
-        across, size = B @ (lam - last), way @ B @ (lam - last)
+        if not state.converged or (np.abs(lam) <= none[slack]).all():
+            return state, delta, True
+        change, delta = -B @ lam, delta.copy()
+        delta[slack] += change
+        state, last = step(delta), lam
+        lam = state.pull[slack]
+        across, size = B @ (lam - last), change @ B @ (lam - last)
         if size == 0.0:
             break
-        B = B + np.outer(way - across, way @ B) / size
-    return found, at, False
+        B = B + np.outer(change - across, change @ B) / size
+    return state, delta, False

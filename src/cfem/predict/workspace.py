@@ -19,7 +19,7 @@ _ROUNDS = 20  # draws of as many states as are asked for, at most
 
 
 class Queried(Protocol):
-    """What a workspace asks of a model: see `cfem.predict.protocol.Predictor`."""
+    """What a workspace needs of a model: see `cfem.predict.protocol.Predictor`."""
 
     rows: Rows
     form: Form

@@ -176,7 +176,7 @@ class _FiniteElementSolver:
     def solve(self, actuation: Actuation, start: State | None, p: np.ndarray) -> Equilibrium:
         from cfem.equilibrium.derivatives.parameter_slopes import Sides
         from cfem.equilibrium.motion.inertia import mass_of
-        from cfem.equilibrium.solve import solve
+        from cfem.equilibrium.solve import Wanted, solve
 
         problem, sides, mass = self.problem, (), self.mass
         if len(p):
@@ -197,12 +197,14 @@ class _FiniteElementSolver:
             start,
             settings=self.settings,
             slack=self.slack,
-            third_order=self.third_order,
-            loads=self.loads,
-            sides=sides,
-            pushed=None if self.pushed is None else SkinRows(self.pushed, problem.robot.X),
-            mass=mass,
-            stresses=self.stresses,
+            wanted=Wanted(
+                third_order=self.third_order,
+                loads=self.loads,
+                sides=sides,
+                pushed=None if self.pushed is None else SkinRows(self.pushed, problem.robot.X),
+                mass=mass,
+                stresses=self.stresses,
+            ),
         )
         return replace(found, state=replace(found.state, x=found.state.x - shift)) if moved else found
 

@@ -45,19 +45,22 @@ def box(
 
 
 def in_element(mesh: Mesh, element: str) -> Mesh:
-    """The same cells with the nodes that the element needs: in the middle of every edge of a tetrahedron, or none
-    there. A node in the middle is in the node sets that both ends are in."""
+    """Mesh of the same cells with the nodes that the element needs: in the middle of every edge of a tetrahedron, or
+    none there. A node in the middle is in the node sets that both ends are in."""
     if ELEMENTS[element].order == mesh.order:
         return mesh
     sets = {"facet_sets": mesh.facet_sets, "cell_sets": mesh.cell_sets}
     if mesh.order == 2:
         corners, cells = np.unique(mesh.cells[:, :4], return_inverse=True)
         number = np.searchsorted(corners, mesh.facets[:, :3])
-        nodes = {name: np.flatnonzero(np.isin(corners, own)) for name, own in mesh.node_sets.items()}
+        nodes = {name: np.flatnonzero(np.isin(corners, members)) for name, members in mesh.node_sets.items()}
         return Mesh(mesh.X[corners], cells.reshape(-1, 4), number, nodes, **sets)
     X, cells, facets = quadratic(mesh.X, mesh.cells, mesh.facets)
     edges, middles = cells[:, TET_EDGES], cells[:, 4:]
-    nodes = {name: np.union1d(own, middles[np.isin(edges, own).all(axis=2)]) for name, own in mesh.node_sets.items()}
+    nodes = {
+        name: np.union1d(members, middles[np.isin(edges, members).all(axis=2)])
+        for name, members in mesh.node_sets.items()
+    }
     return Mesh(X, cells, facets, nodes, **sets)
 
 

@@ -14,10 +14,13 @@ Definite = Literal["positive", "semidefinite", "any"]
 
 @dataclass(frozen=True)
 class Expectation:
-    """What is right. statuses: names of those that a solve may end with; error, word: of the CfemError that must be
-    raised instead, and what its message must say; definite: what W must be where an answer is claimed (semidefinite:
-    rows depend on each other; any: the actuation holds what W alone does not); also: of the trial, a sentence that says
-    what is wrong with it, None where nothing is."""
+    """What is right for a case.
+
+    statuses: names of those that a solve may end with
+    error, word: of the CfemError that must be raised instead, and what its message must say
+    definite: what W must be where an answer is claimed (semidefinite: rows depend on each other; any: the actuation
+    holds what W alone does not)
+    also: of the trial, a sentence that says what is wrong with it, None where nothing is"""
 
     statuses: frozenset[str] = frozenset()
     error: type[CfemError] | None = None
@@ -58,8 +61,11 @@ def refuses(error: type[CfemError], word: str) -> Expectation:
 
 @dataclass(frozen=True)
 class Case:
-    """name: family/what; attempt: makes the body and solves, and returns a trial (trial.py, program.py); heavy: takes
-    minutes or gigabytes, and runs on request only."""
+    """A named situation.
+
+    name: family/what
+    attempt: makes the body and solves, and returns a trial (trial.py, program.py)
+    heavy: takes minutes or gigabytes, and runs on request only"""
 
     name: str
     expect: Expectation

@@ -16,9 +16,9 @@ def select(scene: Path | None = None, only: str | None = None, heavy: bool = Fal
     cases = built_in()
     if scene is not None:
         from cfem.robot.load import load_scene_and_mesh
-        from cfem.stability.families import scene as own
+        from cfem.stability.families import scene as family
 
-        cases += own.cases(*load_scene_and_mesh(scene))
+        cases += family.cases(*load_scene_and_mesh(scene))
     left = chosen(cases, only, heavy)
     if not left:
         raise SpecError(f"no case matches '{only}'", do="cfem stability --list names them")

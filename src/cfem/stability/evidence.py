@@ -31,11 +31,16 @@ class LimitCheck:
 
 @dataclass(frozen=True)
 class Evidence:
-    """Of one answer. status: its name; claimed: whether it says to be an answer; checks: all that must hold of it;
-    the rest is for the table, None where there is none: residual (relative, recomputed), tolerance (what the answer
-    states that its residual may be, as asked for or as rounding allows), rounding (as stated), of W its asymmetry
-    before it is symmetrised, and its smallest eigenvalue and condition number, scaled to a unit diagonal so that units
-    do not matter."""
+    """Measurements of one answer; those after `checks` are for the table, None where there is none.
+
+    status: its name
+    claimed: whether it says to be an answer
+    checks: all that must hold of it
+    residual: relative, recomputed
+    tolerance: what the answer states that its residual may be, as asked for or as rounding allows
+    rounding: as stated
+    asymmetry: of W, before it is symmetrised
+    smallest_eigenvalue, condition: of W scaled to a unit diagonal, so that units do not matter"""
 
     status: str
     claimed: bool
@@ -55,27 +60,27 @@ class Examinable(Protocol):
     """What an attempt of a case returns: a trial that says what was measured of its answer."""
 
     def evidence(self) -> Evidence:
-        """What was measured of the answer."""
+        """Measurements of the answer."""
         ...
 
 
-def misbehaviours(case: Case, found: Evidence) -> list[str]:
-    """One sentence each; none where the answer is right and as expected."""
+def misbehaviours(case: Case, evidence: Evidence) -> list[str]:
+    """Sentences about what is wrong; none where the answer is right and as expected."""
     expect = case.expect
-    wrong = [str(check) for check in found.checks if not check.passed]
+    wrong = [str(check) for check in evidence.checks if not check.passed]
     if expect.error is not None:
-        wrong.append(f"{expect} was due, and it went on to {found.status}")
-    elif found.status not in expect.statuses:
-        wrong.append(f"{' or '.join(sorted(expect.statuses))} was due, not {found.status}")
-    if found.claimed and found.smallest_eigenvalue is not None:
+        wrong.append(f"{expect} was due, and it went on to {evidence.status}")
+    elif evidence.status not in expect.statuses:
+        wrong.append(f"{' or '.join(sorted(expect.statuses))} was due, not {evidence.status}")
+    if evidence.claimed and evidence.smallest_eigenvalue is not None:
         floor, what = _DEFINITE[expect.definite]
-        if not found.smallest_eigenvalue > floor:
-            wrong.append(f"W is not {what}: its smallest eigenvalue is {found.smallest_eigenvalue:.2g}")
+        if not evidence.smallest_eigenvalue > floor:
+            wrong.append(f"W is not {what}: its smallest eigenvalue is {evidence.smallest_eigenvalue:.2g}")
     return wrong
 
 
 def error_misbehaviours(case: Case, error: BaseException) -> list[str]:
-    """The same of an exception: right only where it is the error expected and names its cause."""
+    """Sentences about what is wrong with an exception: none where it is the error expected and names its cause."""
     expect = case.expect
     if expect.error is None or not isinstance(error, expect.error):
         return [f"{expect} was due, not {type(error).__name__}: {error}"]

@@ -24,7 +24,7 @@ _STEP = 1e-5  # of the size of the body: of differences
 
 @dataclass(frozen=True)
 class Trial:
-    """slack: whether unilateral actuators could go slack."""
+    """A solve that was tried. slack: whether unilateral actuators could go slack."""
 
     robot: Robot
     actuation: Actuation
@@ -53,6 +53,7 @@ def attempt(
 
 
 def examine(trial: Trial) -> Evidence:
+    """Evidence of an equilibrium: checks of state, actuation, compliance and stability where an answer is claimed."""
     answer = trial.answer
     begin = Evidence(
         answer.status.name,
@@ -89,15 +90,16 @@ def _finite(answer: Equilibrium) -> LimitCheck:
 
 
 def _state_checks(trial: Trial) -> list[LimitCheck]:
+    """Checks of the state: residual, stated rounding, inverted elements, held and rigid nodes."""
     robot, answer = trial.robot, trial.answer
     x, lam = answer.state.x, answer.state.lam
-    found = forces(robot, x, lam, trial.actuation.load)
-    scale = force_scale(robot, found)
+    balance = forces(robot, x, lam, trial.actuation.load)
+    scale = force_scale(robot, balance)
     digit = np.finfo(float).eps * np.abs(x).max() * np.random.default_rng(0).uniform(-1, 1, x.shape)
     digit[robot.fixed] = 0.0
-    noise = np.linalg.norm(forces(robot, x + digit, lam, trial.actuation.load).residual - found.residual) / scale
+    noise = np.linalg.norm(forces(robot, x + digit, lam, trial.actuation.load).residual - balance.residual) / scale
     return [
-        LimitCheck("residual, recomputed", float(np.linalg.norm(found.residual) / scale), max(1e-8, answer.rounding)),
+        LimitCheck("residual, recomputed", float(np.linalg.norm(balance.residual) / scale), max(1e-8, answer.rounding)),
         LimitCheck("stated rounding level", answer.rounding, max(1e-8, 100 * float(noise))),
         LimitCheck("elements inverted", float(not response(robot.body, x).min_J > 0), 0),
         LimitCheck("motion of held nodes or within rigid bodies", strayed(robot, x), 1e-11),
@@ -105,6 +107,7 @@ def _state_checks(trial: Trial) -> list[LimitCheck]:
 
 
 def _actuation_checks(trial: Trial) -> list[LimitCheck]:
+    """Checks of the actuation: prescribed displacements and forces, and that no cable pushes."""
     robot, actuation, lam = trial.robot, trial.actuation, trial.answer.state.lam
     gap, loose = _gaps(trial), _let_go(trial)
     largest = float(np.abs(lam).max(initial=0.0)) or 1.0
@@ -139,21 +142,25 @@ def _let_go(trial: Trial) -> np.ndarray:
 
 
 def _compliance_checks(trial: Trial) -> list[LimitCheck]:
+    """Checks of W: symmetry, and W = H^T q with q the response of the nodes, whose stiffness is differenced from the
+    residual."""
     robot, answer, condensed = trial.robot, trial.answer, trial.answer.condensed
     x, lam, W, rows = answer.state.x, answer.state.lam, condensed.W, condensed.rows
     H = np.hstack([gradients(robot, robot.effectors, x), gradients(robot, robot.active, x)])
     q = np.stack([motion(robot, x, column) for column in np.moveaxis(answer.response, 2, 0)], axis=1)
     slopes = np.stack([_slope(trial, column) for column in np.moveaxis(answer.response, 2, 0)], axis=1)
     raw = H.T @ q
-    own, raw_own = W[rows.active, rows.active], raw[rows.active]
+    active_block, raw_active = W[rows.active, rows.active], raw[rows.active]
     full_delta = np.concatenate([*(each.value(x) - each.rest for each in robot.effectors), _delta(trial)])
     apart = full_delta - (W[:, rows.active] @ lam + condensed.delta_free)
     return [
-        LimitCheck("asymmetry of W", _relative(raw_own - raw_own.T, own), 1e-5),
+        LimitCheck("asymmetry of W", _relative(raw_active - raw_active.T, active_block), 1e-5),
         LimitCheck("asymmetry of W as given", _relative(W - W.T, W), 1e-14),
         LimitCheck("W against H^T q", _relative(raw - W[:, rows.active], W[:, rows.active]), 1e-5),
         LimitCheck(
-            "W against differences of the residual", _relative(q.T @ slopes - own, own), 1e-4 + 10 * answer.rounding
+            "W against differences of the residual",
+            _relative(q.T @ slopes - active_block, active_block),
+            1e-4 + 10 * answer.rounding,
         ),
         LimitCheck("delta against W lambda + delta_free", float(np.abs(apart).max() / robot.body.mesh.size), 1e-9),
     ]
@@ -179,8 +186,8 @@ def _stability(trial: Trial) -> LimitCheck:
     what = "directions in which the equilibrium is unstable"
     if n > _DENSE:
         return LimitCheck(what + " (body too large to tell)", 0, 0)
-    at = problem.evaluate(answer.state.x, np.empty(0), trial.actuation.load)
-    A = symmetric_product(problem.pattern, problem.stiffness(at, lam)[0], np.eye(n))
+    evaluation = problem.evaluate(answer.state.x, np.empty(0), trial.actuation.load)
+    A = symmetric_product(problem.pattern, problem.stiffness(evaluation, lam)[0], np.eye(n))
     scale = 1 / np.sqrt(np.abs(np.diag(A)))
     A *= scale[:, None] * scale
     try:
@@ -207,6 +214,6 @@ def _unit_diagonal(W: np.ndarray) -> np.ndarray:
     return W / np.outer(scale, scale)
 
 
-def _relative(error: np.ndarray, of: np.ndarray) -> float:
-    """Largest entry, over the largest of `of`; rows may differ in their units only by a factor that W keeps."""
-    return float(np.abs(error).max(initial=0.0) / max(float(np.abs(of).max(initial=0.0)), 1e-300))
+def _relative(error: np.ndarray, reference: np.ndarray) -> float:
+    """Largest entry, over the largest of `reference`; rows may differ in their units only by a factor that W keeps."""
+    return float(np.abs(error).max(initial=0.0) / max(float(np.abs(reference).max(initial=0.0)), 1e-300))

@@ -15,8 +15,8 @@ SMALL = 1e-6  # of the checks
 
 @dataclass(frozen=True)
 class HardProgram:
-    """minimise |M x - d|^2 / 2 subject to lower <= A x <= upper and box[:, 0] <= x <= box[:, 1]. unit: (n,) of each
-    variable, for the checks: of the size of what it may be."""
+    """The program: minimise |M x - d|^2 / 2 subject to lower <= A x <= upper and box[:, 0] <= x <= box[:, 1]. unit:
+    (n,) of each variable, for the checks: of the size of what it may be."""
 
     M: np.ndarray
     d: np.ndarray
@@ -33,6 +33,7 @@ class ProgramTrial:
     answer: QpSolution
 
     def evidence(self) -> Evidence:
+        """Evidence of the answer: its optimality conditions, or that no point is feasible where it says so."""
         status = self.answer.status
         if status is QpStatus.OPTIMAL:
             checks = _optimality(self.program, self.answer)
@@ -61,14 +62,14 @@ def _optimality(program: HardProgram, answer: QpSolution) -> list[LimitCheck]:
     curved, pull = unit * (program.M.T @ (program.M @ answer.x)), -unit * (program.M.T @ program.d)
     rows, walls = unit * (program.A.T @ answer.y), unit * answer.z
     size = max(*(float(np.abs(part).max()) for part in (curved, pull, rows, walls)), 1e-300)
-    at = np.concatenate([x, program.A @ answer.x / row])
+    constrained = np.concatenate([x, program.A @ answer.x / row])
     low = np.concatenate([program.box[:, 0] / unit, program.lower / row])
     high = np.concatenate([program.box[:, 1] / unit, program.upper / row])
     multiplier = np.concatenate([walls, answer.y * row]) / size
-    outside = np.maximum(np.maximum(low - at, at - high), 0).max()
+    outside = np.maximum(np.maximum(low - constrained, constrained - high), 0).max()
     held = multiplier != 0
-    loose = np.abs(multiplier[held] * (at - np.where(multiplier > 0, high, low))[held])
-    largest = max(1.0, float(np.abs(at).max()))
+    loose = np.abs(multiplier[held] * (constrained - np.where(multiplier > 0, high, low))[held])
+    largest = max(1.0, float(np.abs(constrained).max()))
     return [
         LimitCheck(
             "numbers that are not finite", float((~np.isfinite(np.concatenate([x, answer.y, answer.z]))).sum()), 0
@@ -80,7 +81,7 @@ def _optimality(program: HardProgram, answer: QpSolution) -> list[LimitCheck]:
 
 
 def _has_a_point(program: HardProgram) -> bool:
-    """By linear programming."""
+    """True where some point satisfies the constraints, by linear programming."""
     if (program.box[:, 0] > program.box[:, 1]).any() or (program.lower > program.upper).any():
         return False
     unit = program.unit
@@ -88,5 +89,5 @@ def _has_a_point(program: HardProgram) -> bool:
     A = program.A * unit / row[:, None]
     rows, limits = np.vstack([A, -A]), np.concatenate([program.upper / row, -program.lower / row])
     bounded = np.isfinite(limits)
-    found = linprog(np.zeros(len(unit)), rows[bounded], limits[bounded], bounds=program.box / unit[:, None])
-    return found.status == 0
+    solution = linprog(np.zeros(len(unit)), rows[bounded], limits[bounded], bounds=program.box / unit[:, None])
+    return solution.status == 0

@@ -15,7 +15,7 @@ from cfem.mechanics.body import response
 
 @dataclass(frozen=True)
 class Forces:
-    """(n_dof,) N each: internal, constant external, and those of the constraints' multipliers."""
+    """Nodal forces (n_dof,) N: internal, constant external, and those of the constraints' multipliers."""
 
     internal: np.ndarray
     external: np.ndarray
@@ -64,10 +64,11 @@ def gradients(robot: Robot, rows: Sequence[Watched], x: np.ndarray) -> np.ndarra
     return np.stack(columns, axis=1) if columns else np.zeros((len(reduced(robot, x, np.zeros_like(x))), 0))
 
 
-def force_scale(robot: Robot, found: Forces) -> float:
-    """N: the largest of internal, external and multipliers' forces, and of a strain of 1e-10 over the whole body."""
+def force_scale(robot: Robot, forces: Forces) -> float:
+    """Force, N, to compare with: the largest of internal, external and multipliers' forces, and of a strain of 1e-10
+    over the whole body."""
     floor = 1e-10 * min(part.shear for part in robot.body.solids) * robot.body.mesh.size**2
-    return max(floor, *(float(np.linalg.norm(part)) for part in (found.internal, found.external, found.pulled)))
+    return max(floor, *(float(np.linalg.norm(part)) for part in (forces.internal, forces.external, forces.pulled)))
 
 
 def strayed(robot: Robot, x: np.ndarray) -> float:

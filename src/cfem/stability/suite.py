@@ -13,8 +13,11 @@ from cfem.stability.evidence import Evidence, Examinable, error_misbehaviours, m
 
 @dataclass(frozen=True)
 class Result:
-    """Of one case. evidence: None where an error was raised, which `raised` names; wrong: one sentence each, none where
-    the case is right; seconds: of making the body and solving, checks left out."""
+    """Result of one case.
+
+    evidence: None where an error was raised, which `raised` names
+    wrong: one sentence each, none where the case is right
+    seconds: of making the body and solving, checks left out"""
 
     case: Case
     evidence: Evidence | None

@@ -50,7 +50,7 @@ def as_text(results: Sequence[Result]) -> str:
 
 
 def as_data(results: Sequence[Result]) -> dict[str, Any]:
-    """For JSON: what is not there, or not finite, is None."""
+    """Results as data for JSON: what is missing, or not finite, is None."""
     return {
         "cases": len(results),
         "misbehaving": [result.case.name for result in misbehaving(results)],

@@ -36,25 +36,25 @@ def measure(dataset: Any, W: np.ndarray, delta_free: np.ndarray) -> dict[str, An
 
 
 def of_loads(dataset: Any, arrays: dict[str, np.ndarray], z: np.ndarray) -> dict[str, Any]:
-    """Of the compliance's derivatives by loads that a series has: the error over the size, root mean squares over the
-    states z (m, n), in box coordinates."""
-    found = {}
+    """Relative errors of the compliance's derivatives by loads that a series has: root mean square of the error over
+    that of the size, over the states z (m, n), in box coordinates."""
+    errors = {}
     for name, series, indices in (("dC", THIRD, "indices"), ("d2C", FOURTH, FOURTH_INDICES)):
         true = getattr(dataset, name)
         if true is not None and series in arrays and true.any():
             model = basis(z, arrays[indices].astype(np.int64)) @ arrays[series].T
-            found[name] = float(np.linalg.norm(model - true) / np.linalg.norm(true))
-    return {"of_loads": found} if found else {}
+            errors[name] = float(np.linalg.norm(model - true) / np.linalg.norm(true))
+    return {"of_loads": errors} if errors else {}
 
 
 def beyond_buckling(dataset: Any, W: np.ndarray, delta_free: np.ndarray) -> dict[str, Any]:
-    """Where a patch holds the robot in states in which it would buckle under the same wrench, how many these are and
-    the frame loss of the others. W is unbounded where a robot begins to buckle, and indefinite beyond."""
+    """Number of states that a patch holds though the robot would buckle under the same wrench, and the frame loss of
+    the others. W is unbounded where a robot begins to buckle, and indefinite beyond."""
     if not dataset.n_c:
         return {}
     active = dataset.rows.active
     stable = np.linalg.eigvalsh(dataset.W[:, active, active])[:, 0] > 0
-    stable_only = (one[stable] for one in (dataset.W, dataset.delta_free, W, delta_free))
+    stable_only = (array[stable] for array in (dataset.W, dataset.delta_free, W, delta_free))
     return {
         "buckled_states": int((~stable).sum()),
         "loss_of_stable": frame_loss(dataset.rows, *stable_only) if stable.any() else float("nan"),
@@ -62,7 +62,8 @@ def beyond_buckling(dataset: Any, W: np.ndarray, delta_free: np.ndarray) -> dict
 
 
 def state(rows: Rows, W: np.ndarray, delta_free: np.ndarray, delta_a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """lambda_a = W_aa^-1 (delta_a - delta_free_a) (m, n_a) and delta_e = W_ea lambda_a + delta_free_e (m, n_e)."""
+    """State of a model, lambda_a = W_aa^-1 (delta_a - delta_free_a) (m, n_a) and delta_e = W_ea lambda_a + delta_free_e
+    (m, n_e)."""
     e, a = rows.e, rows.a
     lambda_a = np.linalg.solve(W[:, a, a], (delta_a - delta_free[:, a])[..., None])
     return lambda_a[..., 0], (W[:, e, a] @ lambda_a)[..., 0] + delta_free[:, e]
@@ -92,14 +93,14 @@ def frame_loss(
     of three and of each entry between actuators over the variance of that block, counted as its entries. A scene that
     is turned has the same one."""
     groups, total, count = vectors(rows), 0.0, 0
-    wholes = [(W, W_model, groups[i], other) for i in range(len(groups)) for other in groups[i:]]
-    pairs = [(true[:, g, h], model[:, g, h], g == h) for true, model, g, h in wholes]
+    blocks = [(W, W_model, groups[i], column_group) for i in range(len(groups)) for column_group in groups[i:]]
+    pairs = [(true[:, g, h], model[:, g, h], g == h) for true, model, g, h in blocks]
     pairs += [(delta_free[:, g, None], delta_free_model[:, g, None], False) for g in groups]
-    largest = [max(np.abs(one).max(), least) for one, least in ((W, 0.0), (delta_free, SIZE))]
+    largest = [max(np.abs(array).max(), least) for array, least in ((W, 0.0), (delta_free, SIZE))]
     for index, (true, model, diagonal) in enumerate(pairs):
         m, k, width = true.shape
         variance = ((true - true.mean(axis=0)) ** 2).sum(axis=(1, 2)).mean()
-        if variance > k * width * (CONSTANT * largest[index >= len(wholes)]) ** 2:
+        if variance > k * width * (CONSTANT * largest[index >= len(blocks)]) ** 2:
             entries_of = k * (k + 1) // 2 if diagonal else k * width
             total += entries_of * ((model - true) ** 2).sum() / m / variance
             count += entries_of
@@ -108,15 +109,15 @@ def frame_loss(
 
 def vectors(rows: Rows) -> list[slice]:
     """The rows that turn together, x, y, z or rx, ry, rz of one point, and every other row by itself."""
-    found: list[slice] = []
+    groups: list[slice] = []
     first = 0
     while first < rows.n:
         point, _, axis = rows.names[first].rpartition(".")
         three = tuple(f"{point}.{'r' * axis.startswith('r')}{each}" for each in "xyz")
         width = 3 if rows.names[first : first + 3] == three else 1
-        found.append(slice(first, first + width))
+        groups.append(slice(first, first + width))
         first += width
-    return found
+    return groups
 
 
 def sizes(values: np.ndarray, n: int) -> np.ndarray:

@@ -28,10 +28,13 @@ INDEPENDENT = 1e-9  # of the largest eigenvalue of the scaled stiffness of (Z, Y
 
 @dataclass(frozen=True)
 class Chosen:
-    """m states, k inner motions of stiffness 1 N mm each, independent of each other in it. M (m, n, n), n = n_a + k:
-    mass of the actuators' quasi-static motions and these; loss (m, j, n, n) of each material; e (m, n_e, k) mm; curve
-    (m, n_e, k, k) mm: second derivative of the effectors' places by the amplitudes; skin (m, n_s, k) mm: how they move
-    the rows of the skin; both None where they are not known."""
+    """k inner motions at m states, of stiffness 1 N mm each, independent of each other in it; n = n_a + k.
+
+    M: (m, n, n) mass of the actuators' quasi-static motions and these
+    loss: (m, j, n, n) of each material
+    e: (m, n_e, k) mm
+    curve: (m, n_e, k, k) mm, second derivative of the effectors' places by the amplitudes; None where not known
+    skin: (m, n_s, k) mm, motion of the rows of the skin; None where not known"""
 
     M: np.ndarray
     loss: np.ndarray
@@ -54,8 +57,11 @@ def inner_motions(moving: Any, D: np.ndarray | None = None) -> Chosen:
 
 @dataclass(frozen=True)
 class _State:
-    """Of one state, in vibrations of the rows' motions with the actuators held, p of them, of unit mass: squares (p,)
-    1/s^2; fields (p, f) of all that may be chosen from; M, loss, e, skin as in `Chosen`, with all p."""
+    """One state, in p vibrations of the rows' motions with the actuators held, of unit mass.
+
+    squares: (p,) 1/s^2
+    fields: (p, f) of all that may be chosen from
+    M, loss, e, skin: as in `Chosen`, with all p"""
 
     squares: np.ndarray
     fields: np.ndarray
@@ -66,29 +72,33 @@ class _State:
 
 
 def _of_rows(moving: Any, D: np.ndarray | None) -> Chosen:
+    """Inner motions from vibrations of the rows' motions with the actuators held, the same combination of wrenches at
+    all states. D: dC/dw, for the curve."""
     states = [_state(moving, index) for index in range(len(moving.W))]
     n_a = moving.rows.n_a
-    p = min(len(one.squares) for one in states)
-    squares = np.array([one.squares[:p] for one in states])
-    fields = np.array([one.fields[:p] for one in states])
+    p = min(len(state.squares) for state in states)
+    squares = np.array([state.squares[:p] for state in states])
+    fields = np.array([state.fields[:p] for state in states])
     of_wrenches = fields[:, :, n_a : n_a + moving.rows.n_e]
     # in units of the stiffness, filtered by A^-1 M
     fields = fields * (squares.mean(axis=0)[0] / np.sqrt(squares))[:, :, None]
     Q = _alike(fields) / np.sqrt(squares)[:, :, None]
     T = np.zeros((len(states), n_a + p, n_a + Q.shape[2]))
     T[:, :n_a, :n_a], T[:, n_a:, n_a:] = np.eye(n_a), Q
-    own = slice(0, n_a + p)
-    M = T.swapaxes(1, 2) @ np.array([one.M[own, own] for one in states]) @ T
-    loss = T.swapaxes(1, 2)[:, None] @ np.array([one.loss[:, own, own] for one in states]) @ T[:, None]
+    columns = slice(0, n_a + p)
+    M = T.swapaxes(1, 2) @ np.array([state.M[columns, columns] for state in states]) @ T
+    loss = T.swapaxes(1, 2)[:, None] @ np.array([state.loss[:, columns, columns] for state in states]) @ T[:, None]
     curve = None
     if D is not None:
         w = _wrenches(of_wrenches, Q)
         curve = np.einsum("mie,mejk,mjl,mkn->miln", _stiff(moving), D, w, w, optimize=True)
-    e, skin = (np.array([getattr(one, name)[:, :p] for one in states]) @ Q for name in ("e", "skin"))
+    e, skin = (np.array([getattr(state, name)[:, :p] for state in states]) @ Q for name in ("e", "skin"))
     return Chosen(M, loss, e, curve, skin if skin.shape[1] else None)
 
 
 def _state(moving: Any, index: int) -> _State:
+    """Vibrations of one state: the motions (Z, Y) of its rows, made to leave the actuators alone, independent in K and
+    M."""
     rows, n = moving.rows, moving.rows.n
     W, V, V2, V3 = (getattr(moving, name)[index] for name in ("W", "V", "V2", "V3"))
     a, e = np.arange(n)[rows.a], np.arange(n)[rows.e]

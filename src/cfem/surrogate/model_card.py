@@ -13,7 +13,8 @@ QUANTITIES = ("delta_a", "lambda_a", "delta_e", "W", "delta_free", "energy")
 
 
 def model_card(kind: str, dataset: Any, form: Form = "displacement", **more: Any) -> dict[str, Any]:
-    """dataset: the training states (cfem.dataset.reader.Dataset); more: errors, history, what the kind needs to run."""
+    """Content of model.json. dataset: the training states (cfem.dataset.reader.Dataset); more: errors, history, what
+    the kind needs to run."""
     meta = dataset.meta
     _, q = inputs(dataset, form)
     return plain(

@@ -23,9 +23,9 @@ ENOUGH = 4.2e-3
 def fit_motion(
     dataset: Any, max_degree: int = 16, max_terms: int = 1000, folds: int = 5
 ) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-    """The arrays of `cfem.motion.model.MotionModel`, and facts: terms and held-out error of each part (the root of the
-    mean square over that of the part's variation), inner motions, and the viscosity that each loss form is multiplied
-    by. InputError where the dataset has parameters or no mass."""
+    """Arrays of `cfem.motion.model.MotionModel`, and facts: terms and held-out error of each part (the root of the mean
+    square over that of the part's variation), inner motions, and the viscosity that each loss form is multiplied by.
+    InputError where the dataset has parameters or no mass."""
     if dataset.moving is None:
         raise InputError("the dataset has no mass of its rows", do="sample it with dynamics: true")
     if dataset.p.shape[1]:
@@ -33,8 +33,8 @@ def fit_motion(
     n_a, s = dataset.rows.n_a, dataset.delta_a
     D = None if dataset.dC is None else dataset.dC[:, unpacking3(dataset.rows.n_e)]
     chosen, viscosity = inner_motions(dataset.moving, D), dataset.moving.viscosity
-    different = [one for index, one in enumerate(viscosity) if viscosity.index(one) == index]
-    losses = [sum(chosen.loss[:, i] for i, one in enumerate(viscosity) if one == each) for each in different]
+    different = [damping for index, damping in enumerate(viscosity) if viscosity.index(damping) == index]
+    losses = [sum(chosen.loss[:, i] for i, damping in enumerate(viscosity) if damping == each) for each in different]
     reach = np.sqrt((chosen.e**2).sum(axis=1).mean())  # mm by which a motion of energy 1/2 moves the effectors
     reach = float(reach) if reach > 0 else 1.0
     k = chosen.M.shape[1] - n_a
@@ -48,14 +48,14 @@ def fit_motion(
         parts["curve"] = pack_upper(chosen.curve).reshape(len(s), -1) / reach**2
     to_box, offset = box_coordinates(s, np.zeros((len(s), 0)), np.eye(n_a))
     z = s @ to_box.T + offset
-    found: dict[str, Series] = {}
+    fitted: dict[str, Series] = {}
     facts: dict[str, Any] = {"inner": k, "terms": {}, "held_out": {}, "viscosity": different}
     for name, values in parts.items():
         observed = Observations(((),), values.reshape(len(z), 1, -1), n_a)
-        found[name], _, records = fit_quantity(z, observed, max_degree, max_terms, folds, enough=ENOUGH)
-        facts["terms"][name] = len(found[name].indices)
+        fitted[name], _, records = fit_quantity(z, observed, max_degree, max_terms, folds, enough=ENOUGH)
+        facts["terms"][name] = len(fitted[name].indices)
         facts["held_out"][name] = min((record["error"] for record in records), default=None)
-    indices, series = _union(found)
+    indices, series = _union(fitted)
     scale = np.concatenate([unit[:n_a], np.full(k, reach)])
     arrays = {"to_box": to_box, "offset": offset, "indices": indices, "series": series, "scale": scale}
     if "curve" in parts:
@@ -78,12 +78,12 @@ def _root(A: np.ndarray) -> np.ndarray:
 
 def _union(chosen: dict[str, Series]) -> tuple[np.ndarray, np.ndarray]:
     """One index set (M, n) for all parts, and their series (n_out, M)."""
-    union = {tuple(k) for one in chosen.values() for k in one.indices.tolist()}
+    union = {tuple(k) for part in chosen.values() for k in part.indices.tolist()}
     indices = np.array(sorted(union, key=lambda k: (sum(k), k)), dtype=np.int64)
     position = {tuple(k): i for i, k in enumerate(indices.tolist())}
     series = []
-    for one in chosen.values():
-        full = np.zeros((one.coefficients.shape[1], len(indices)))
-        full[:, [position[tuple(k)] for k in one.indices.tolist()]] = one.coefficients.T
+    for part in chosen.values():
+        full = np.zeros((part.coefficients.shape[1], len(indices)))
+        full[:, [position[tuple(k)] for k in part.indices.tolist()]] = part.coefficients.T
         series.append(full)
     return indices, np.concatenate(series)

@@ -15,8 +15,8 @@ NEAR = 1e-4  # smallest eigenvalue of C, each row in units of its own compliance
 
 
 def locked_compliance(predictor: Predictor, dataset: Any) -> dict[str, Any]:
-    """least: the smallest eigenvalue of C, in units of `sizes`, as the model gives it between the samples; sizes (n_e,)
-    for `cfem.predict.semidefinite`, or None where it is far from singular."""
+    """Judgement of the locked compliance. least: the smallest eigenvalue of C, in units of `sizes`, as the model gives
+    it between the samples; sizes (n_e,) for `cfem.predict.semidefinite`, or None where it is far from singular."""
     e, a = predictor.rows.e, predictor.rows.a
     W, _ = predictor.evaluate(*between(predictor, dataset, STATES, SEED))
     sizes = np.sqrt(np.abs(np.einsum("mii->mi", W[:, e, e])).mean(axis=0))

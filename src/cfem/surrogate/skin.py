@@ -23,7 +23,7 @@ COMPLIANCE_NUMBERS = 200_000  # largest number of coefficients of all compliance
 
 @dataclass(frozen=True)
 class SkinFront:
-    """What the first 0, 1, ... modes of a model leave of the surface, in test states. rms, largest: mm, the second a
+    """Error of the surface in test states with the first 0, 1, ... modes of a model. rms, largest: mm, the second a
     bound: what the modes leave and the error of the model, each at its largest, are added."""
 
     rms: list[float]
@@ -68,16 +68,16 @@ def fit_skin(dataset: Any, skin: Skin, form: Form, core: dict[str, np.ndarray]) 
 
 def joined(dataset: Any) -> Any:
     """The dataset with the rows of the skin as effectors behind its own."""
-    whole, rows = dataset.whole, dataset.rows
-    by_p = whole.ddelta_s_dp
+    with_skin, rows = dataset.whole, dataset.rows
+    by_p = with_skin.ddelta_s_dp
     return replace(
         dataset,
-        rows=Rows((*rows.effectors, *whole.rows.skin), rows.actuators),
-        W=whole.W,
-        dW=whole.dW,
+        rows=Rows((*rows.effectors, *with_skin.rows.skin), rows.actuators),
+        W=with_skin.W,
+        dW=with_skin.dW,
         dC=None,
         d2C=None,
-        delta_e=np.hstack([dataset.delta_e, whole.delta_s]),
+        delta_e=np.hstack([dataset.delta_e, with_skin.delta_s]),
         ddelta_e_dp=None if by_p is None else np.concatenate([dataset.ddelta_e_dp, by_p], axis=1),
         whole=None,
     )
@@ -86,27 +86,27 @@ def joined(dataset: Any) -> Any:
 def of_skin(n_e: int, k: int) -> np.ndarray:
     """Places in the packed upper triangle (n_e + k rows) of C_es, row by row, then of the upper triangle of C_ss."""
     first, second = upper_indices(n_e + k)
-    across, own = (first < n_e) & (second >= n_e), first >= n_e
-    return np.concatenate([np.flatnonzero(across), np.flatnonzero(own)])
+    across, within = (first < n_e) & (second >= n_e), first >= n_e
+    return np.concatenate([np.flatnonzero(across), np.flatnonzero(within)])
 
 
 def _part(observed: Observations, components: np.ndarray) -> Observations:
     return replace(observed, values=observed.values[:, :, components])
 
 
-def judge(skin: LearnedSkin, whole: Any, s: np.ndarray, q: np.ndarray) -> SkinFront:
-    """At the states of a test set, inputs s (m, n_a) and q (m, n_q); whole: their WithSkin. As the modes are
-    orthonormal in the surface's weights, what they leave is at right angles to the error of the model in them: the root
-    mean square is exact but for rounding."""
-    found, true = skin.rows(s, q), whole.delta_s
+def judge(skin: LearnedSkin, with_skin: Any, s: np.ndarray, q: np.ndarray) -> SkinFront:
+    """Errors of a skin at the states of a test set, inputs s (m, n_a) and q (m, n_q); with_skin: their WithSkin. As the
+    modes are orthonormal in the surface's weights, what they leave is at right angles to the error of the model in
+    them: the root mean square is exact but for rounding."""
+    predicted, true = skin.rows(s, q), with_skin.delta_s
     wrong = np.tensordot(-true, skin.modes, axes=(1, 0))  # (m, nodes, 3) by which the model's surface is off in modes
     farthest = np.linalg.norm(skin.modes, axis=2).max(axis=1)
     rounding = np.finfo(np.float32).eps / 2 * np.abs(true) @ farthest  # of the stored modes
     rms, largest = [], []
     for count in range(len(skin) + 1):
         if count:
-            wrong += np.tensordot(found[:, count - 1 : count], skin.modes[count - 1 : count], axes=(1, 0))
+            wrong += np.tensordot(predicted[:, count - 1 : count], skin.modes[count - 1 : count], axes=(1, 0))
         square = (wrong**2).sum(axis=2)
-        rms.append(float(np.sqrt(np.mean(square @ skin.weights + whole.left[:, 0] ** 2))))
-        largest.append(float((np.sqrt(square.max(axis=1)) + whole.left[:, 1] + rounding).max()))
+        rms.append(float(np.sqrt(np.mean(square @ skin.weights + with_skin.left[:, 0] ** 2))))
+        largest.append(float((np.sqrt(square.max(axis=1)) + with_skin.left[:, 1] + rounding).max()))
     return SkinFront(rms, largest)

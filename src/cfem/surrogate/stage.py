@@ -37,7 +37,7 @@ QUERIES = 100_000  # at which W has to be positive definite
 def _placed(model: ModelSpec, base: Path) -> ModelSpec:
     """The spec with the paths of the models that this one is made of as they are from here."""
     if isinstance(model, SerialSpec):
-        modules = tuple(one.model_copy(update={"model": base / one.model}) for one in model.modules)
+        modules = tuple(module.model_copy(update={"model": base / module.model}) for module in model.modules)
         return model.model_copy(update={"modules": modules})
     at_rest = getattr(model, "at_rest", None)
     return model.model_copy(update={"at_rest": base / at_rest}) if at_rest else model
@@ -46,7 +46,7 @@ def _placed(model: ModelSpec, base: Path) -> ModelSpec:
 def _models(model: ModelSpec) -> dict[str, Path]:
     """Folders of the models that this one is made of, by their place in the spec."""
     if isinstance(model, SerialSpec):
-        return {f"modules.{number}": one.model for number, one in enumerate(model.modules)}
+        return {f"modules.{number}": module.model for number, module in enumerate(model.modules)}
     at_rest = getattr(model, "at_rest", None)
     return {"at_rest": at_rest} if at_rest else {}
 
@@ -94,8 +94,8 @@ def work(folder: Path, spec: TrainSpec, dataset_folder: Path) -> dict[str, Any]:
     if spec.skin and isinstance(spec.model, SerialSpec):
         from cfem.surrogate.rows.serial_skin import add_serial_skin
 
-        found = add_serial_skin(folder, predictor, spec.model, test, dataset_folder)
-        results |= {} if found is None else {"skin": found}
+        skin = add_serial_skin(folder, predictor, spec.model, test, dataset_folder)
+        results |= {} if skin is None else {"skin": skin}
     elif spec.skin and training.whole is not None:
         results["skin"] = add_skin(folder, predictor, arrays, training, test, dataset_folder)
     results["judgement"] = judged(results)
@@ -105,7 +105,7 @@ def work(folder: Path, spec: TrainSpec, dataset_folder: Path) -> dict[str, Any]:
 
 
 def moves(training: Any, model: ModelSpec) -> bool:
-    """Whether the samples have mass, and the model is of a kind that can move."""
+    """True where the samples have mass, and the model is of a kind that can move."""
     return training.moving is not None and isinstance(model, SpectralSpec) and model.form == "displacement"
 
 
@@ -129,14 +129,14 @@ def add_skin(
         what = "has rows of another skin than its file holds"
         raise InputError(what, where=str(dataset_folder), do="sample it again with --force")
     doing("fitting the skin")
-    found = fit_skin(training, read_skin(path), predictor.form, arrays)
-    skin = skin_of(predictor, found)
+    fitted = fit_skin(training, read_skin(path), predictor.form, arrays)
+    skin = skin_of(predictor, fitted)
     front = judge(skin, test.whole, *inputs(test, predictor.form))
-    write_npz(folder / FILE, found)
+    write_npz(folder / FILE, fitted)
     return {
         "modes": len(skin),
         "nodes": len(skin.rest),
-        "terms": {"rows": len(found["indices"]), "compliance": len(found["compliance_indices"])},
+        "terms": {"rows": len(fitted["indices"]), "compliance": len(fitted["compliance_indices"])},
         "rms_mm": front.rms[-1],
         "largest_mm": front.largest[-1],
         "largest_percent_of_length": 100 * front.largest[-1] / predictor.length,
@@ -148,7 +148,8 @@ def add_skin(
 def train_and_judge(
     training: Any, test: Any, spec: ModelSpec, folder: Path | None = None
 ) -> tuple[dict[str, Any], dict[str, np.ndarray], dict[str, Any]]:
-    """model.json, arrays, results (errors on the test rows, history, seconds). folder: for checkpoints, if any."""
+    """Content of model.json, arrays, and results (errors on the test rows, history, seconds). folder: for checkpoints,
+    if any."""
     from cfem.surrogate.error_measures import measure, of_loads
     from cfem.surrogate.model_card import model_card
     from cfem.surrogate.semidefinite import locked_compliance
@@ -191,8 +192,8 @@ Fitted = tuple[dict[str, np.ndarray], dict[str, Any], list[dict[str, Any]]]  # a
 def fit_spectral(training: Any, spec: SpectralSpec, folder: Path | None) -> Fitted:
     from cfem.surrogate.series.spectral import fit
 
-    found = fit(training, spec.form, spec.max_degree, spec.max_terms, spec.folds)
-    return found.arrays, {"form": spec.form, "terms": found.terms, "weights": found.weights}, found.held_out
+    fitted = fit(training, spec.form, spec.max_degree, spec.max_terms, spec.folds)
+    return fitted.arrays, {"form": spec.form, "terms": fitted.terms, "weights": fitted.weights}, fitted.held_out
 
 
 def fit_energy_net(training: Any, spec: EnergyNetSpec, folder: Path | None) -> Fitted:
@@ -245,7 +246,7 @@ def check_definite(predictor: Predictor, training: Any) -> dict[str, Any]:
 
 
 def model_inputs(predictor: Predictor, test: Any) -> tuple[np.ndarray, np.ndarray]:
-    """s (m, n_a) by the model's form, p (m, n_p) of the test states."""
+    """Inputs s (m, n_a) by the model's form, p (m, n_p) of the test states."""
     s = test.delta_a if predictor.form == "displacement" else test.lambda_a
     return s, completed(predictor.parameters, test.p)
 
@@ -255,8 +256,10 @@ def predictions(predictor: Predictor, test: Any) -> tuple[np.ndarray, np.ndarray
     p = completed(predictor.parameters, test.p)
     if predictor.form == "displacement":
         return predictor.evaluate(test.delta_a, p)
-    found = [predictor.at_displacement(*state) for state in zip(test.delta_a, p, strict=True)]
-    return np.array([one.W for one in found]), np.array([one.delta_free for one in found])
+    condensed = [predictor.at_displacement(*state) for state in zip(test.delta_a, p, strict=True)]
+    return np.array([robot_state.W for robot_state in condensed]), np.array(
+        [robot_state.delta_free for robot_state in condensed]
+    )
 
 
 def query_microseconds(predictor: Predictor, test: Any) -> float:

@@ -34,15 +34,15 @@ class Parametric(nn.Module):
 
 
 class LearnedInputs(nn.Module):
-    """s and p to s at the reference of exact parameters, the coordinates q of the others, and how much softer the robot
-    is than the reference (B, 1)."""
+    """Map of s and p to s at the reference of exact parameters, the coordinates q of the others, and how much softer
+    the robot is than the reference (B, 1)."""
 
     def __init__(self, form: Form, parameters: tuple[Parameter, ...]):
         super().__init__()
         self.form = form
-        self.coordinates = [one.coordinate for one in parameters if not one.exact]
-        self.columns = [i for i, one in enumerate(parameters) if not one.exact]
-        self.exact = [(i, one.reference) for i, one in enumerate(parameters) if one.exact]
+        self.coordinates = [parameter.coordinate for parameter in parameters if not parameter.exact]
+        self.columns = [i for i, parameter in enumerate(parameters) if not parameter.exact]
+        self.exact = [(i, parameter.reference) for i, parameter in enumerate(parameters) if parameter.exact]
 
     def forward(self, s: Tensor, p: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         softer = torch.ones_like(p[:, :1])
@@ -69,6 +69,7 @@ class Condense(nn.Module):
         self.register_buffer("unpack_e", torch.as_tensor(unpacking(rows.n_e).ravel()))
 
     def forward(self, s: Tensor, out: Tensor) -> tuple[Tensor, Tensor]:
+        """W (B, n, n) and delta_free (B, n) from outputs out (B, k) at inputs s (B, n_a) of the form."""
         _, gradient, hessian, effector, effector_gradient, compliance = torch.split(out, self.sizes, dim=1)
         hessian = hessian[:, self.unpack_a].reshape(-1, self.n_a, self.n_a)
         W_ee = compliance[:, self.unpack_e].reshape(-1, self.n_e, self.n_e)
@@ -106,6 +107,7 @@ class NearestSemidefinite(nn.Module):
         self.register_buffer("one", torch.eye(len(units), dtype=torch.float64))
 
     def forward(self, C: Tensor) -> Tensor:
+        """Nearest semidefinite matrices (B, k, k) to C (B, k, k)."""
         scaled = C / self.units
         size = torch.sqrt((scaled * scaled).sum(dim=2, keepdim=True).sum(dim=1, keepdim=True)) + FLOOR
         X = scaled / size
@@ -190,6 +192,7 @@ class Mlp(nn.Module):
     delta_free; an entry with out_scale 0 is constant."""
 
     def __init__(self, rows: Rows, k: int, width: int, depth: int, activation: str, dropout: float = 0.0):
+        """Builds the layers; `in_*` and `out_*` are 0 until a fit sets them."""
         super().__init__()
         self.n = rows.n
         inputs, outputs = rows.n_a + k, rows.n * (rows.n + 1) // 2 + rows.n

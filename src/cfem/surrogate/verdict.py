@@ -42,19 +42,21 @@ def headline(results: dict[str, Any], units: dict[str, Any]) -> list[str]:
 
 
 def judged(results: dict[str, Any]) -> list[dict[str, Any]]:
-    """Why the model should not be trusted, if so."""
-    errors, definite, found = results["errors"], results["positive_definite"], []
+    """Reasons why the model should not be trusted, empty where it may be."""
+    errors, definite, reasons = results["errors"], results["positive_definite"], []
     if _unjudged(errors):
-        found.append(poor(f"the {errors['states']} test states do not differ, and nothing tells how good the model is"))
+        reasons.append(
+            poor(f"the {errors['states']} test states do not differ, and nothing tells how good the model is")
+        )
     if not (loss := errors["frame_loss"]) <= LOSS:
         tip = f"the tip is {errors['tip_mm']['max']:.2g} mm away at the worst test state"
-        found.append(poor(f"loss of whole vectors {loss:.2e}, where a usable model stays below {LOSS:g}: {tip}"))
+        reasons.append(poor(f"loss of whole vectors {loss:.2e}, where a usable model stays below {LOSS:g}: {tip}"))
     if not definite["share"] >= 1 - INDEFINITE_SHARE:
         share = f"{100 * (1 - definite['share']):.2g} % of {definite['queries']} random states"
-        found.append(poor(f"W is not positive definite at {share}: control may find no command there"))
-    return found
+        reasons.append(poor(f"W is not positive definite at {share}: control may find no command there"))
+    return reasons
 
 
 def _unjudged(errors: dict[str, Any]) -> bool:
-    """Whether the test states are one state, in whose variance the losses have no unit."""
+    """True where the test states are one state, in whose variance the losses have no unit."""
     return errors.get("entries") == 0

@@ -15,7 +15,7 @@ from cfem.equilibrium.derivatives.parameter_slopes import Sides
 from cfem.equilibrium.fields import Strain, Stress
 from cfem.equilibrium.newton import NewtonSettings
 from cfem.equilibrium.problem import Problem
-from cfem.equilibrium.solve import solve
+from cfem.equilibrium.solve import Wanted, solve
 from cfem.mechanics.body import with_materials
 from cfem.mechanics.material import LAWS
 from cfem.mechanics.material.law import Material
@@ -83,7 +83,7 @@ def either_side(family, base, p, problem, h=1e-5):
 def test_they_are_those_of_whole_solves(family, p, options, kind):
     base = bar(divisions=(5, 1, 1), **options)
     problem = Problem(family(base, p))
-    state = solve(problem, HELD[kind], settings=EXACT, keep=True)
+    state = solve(problem, HELD[kind], settings=EXACT, wanted=Wanted(keep=True))
     asked = numbers(problem)
     found = gradients(state.linear, asked, [either_side(family, base, p, problem)])
     assert found.refined <= 10 * ENOUGH
@@ -102,7 +102,7 @@ def test_a_cable_that_alone_changes_costs_no_response_of_the_body(kind, monkeypa
         return replace(robot, actuators=(replace(first, start=start).at_rest(robot.X), robot.actuators[1]))
 
     problem = Problem(family(base, 0.2))
-    state = solve(problem, HELD[kind], settings=EXACT, keep=True)
+    state = solve(problem, HELD[kind], settings=EXACT, wanted=Wanted(keep=True))
     asked = numbers(problem)
     side = either_side(family, base, 0.2, problem)
     expected = by_solves(family, base, 0.2, HELD[kind], asked, state.state, step=1e-2)
@@ -118,7 +118,7 @@ def test_a_cable_that_alone_changes_costs_no_response_of_the_body(kind, monkeypa
 def test_strain_and_stress(field, kind, element):
     base = bar(element, divisions=(5, 1, 1), poisson=0.45)
     problem = Problem(of_poisson(base, 0.42))
-    state = solve(problem, HELD[kind], settings=EXACT, keep=True)
+    state = solve(problem, HELD[kind], settings=EXACT, wanted=Wanted(keep=True))
     n, n_a, n_e = problem.robot.rows.n, problem.n_active, problem.robot.rows.n_e
     asked = [Weights(np.zeros((n, n)), np.zeros(n), np.zeros(n_a), np.zeros(n_e), ((1.7, field),))]
     found = gradients(state.linear, asked, [either_side(of_poisson, base, 0.42, problem)])
@@ -148,7 +148,7 @@ def test_strain_of_a_uniform_stretch_and_stress_of_a_simple_shear():
 def test_the_jacobian_is_that_of_whole_solves_rigid_groups_included(options, kind):
     base, p = bar(divisions=(5, 1, 1), **options), 0.42
     problem = Problem(of_poisson(base, p))
-    state = solve(problem, HELD[kind], settings=EXACT, keep=True)
+    state = solve(problem, HELD[kind], settings=EXACT, wanted=Wanted(keep=True))
     found = jacobian(state.linear, [either_side(of_poisson, base, p, problem)])
     asked = numbers(problem)
     mine = [
@@ -165,7 +165,7 @@ def test_the_jacobian_is_that_of_whole_solves_rigid_groups_included(options, kin
 def test_neither_costs_a_factorisation(monkeypatch):
     base = bar(divisions=(4, 1, 1))
     problem = Problem(of_poisson(base, 0.42))
-    plain, kept = (solve(problem, HELD["displacement"], keep=keep) for keep in (False, True))
+    plain, kept = (solve(problem, HELD["displacement"], wanted=Wanted(keep=keep)) for keep in (False, True))
     assert plain.linear is None and kept.factorizations == plain.factorizations
     monkeypatch.setattr(Problem, "factor", None)
     side = either_side(of_poisson, base, 0.42, problem)
@@ -175,6 +175,6 @@ def test_neither_costs_a_factorisation(monkeypatch):
 
 def test_the_adjoint_refuses_what_it_cannot_do():
     problem = Problem(bar(divisions=(4, 1, 1), rigid_end=True))
-    state = solve(problem, HELD["displacement"], keep=True)
+    state = solve(problem, HELD["displacement"], wanted=Wanted(keep=True))
     with pytest.raises(InputError, match="rigid groups"):
         gradients(state.linear, numbers(problem), [])

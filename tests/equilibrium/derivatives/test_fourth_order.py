@@ -12,7 +12,7 @@ from cfem.constraint.cable import make_cable
 from cfem.equilibrium import actuation
 from cfem.equilibrium.newton import NewtonSettings
 from cfem.equilibrium.problem import Problem
-from cfem.equilibrium.solve import solve
+from cfem.equilibrium.solve import Wanted, solve
 from cfem.plant.fem_plant import pushed
 
 EXACT = NewtonSettings(tolerance=1e-12)
@@ -27,7 +27,7 @@ ROBOTS = {
 @pytest.mark.parametrize("robot", ROBOTS.values(), ids=ROBOTS)
 def test_it_is_the_derivative_of_that_of_loaded_solves(robot):
     problem = Problem(bar(divisions=(4, 1, 1), **robot))
-    at = solve(problem, actuation.displacement([2.0, 3.5]), settings=EXACT, loads=2, slack=False)
+    at = solve(problem, actuation.displacement([2.0, 3.5]), settings=EXACT, slack=False, wanted=Wanted(loads=2))
     assert at.converged
     packed, size = at.d2C, np.abs(at.d2C).max()
     i, j, k, m = symmetric4_indices(3)
@@ -39,8 +39,8 @@ def test_it_is_the_derivative_of_that_of_loaded_solves(robot):
             at.state,
             None,
             EXACT,
-            loads=1,
             slack=False,
+            wanted=Wanted(loads=1),
         )
         assert loaded.converged
         return loaded.dC
@@ -61,12 +61,14 @@ def test_a_row_that_the_actuators_lock_has_that_of_loaded_solves_too():
     end = attach(robot.body.mesh, np.array([60.0, 5.0, 5.0]), 2.0, "cable-0")
     robot = replace(robot, actuators=(make_cable([end], np.array([0.0, 5.0, 5.0]), "cable-0"),))
     held = dict(settings=EXACT, slack=False)
-    at = solve(Problem(robot), actuation.displacement([0.0]), loads=2, **held)
+    at = solve(Problem(robot), actuation.displacement([0.0]), wanted=Wanted(loads=2), **held)
     W = at.condensed.W
     assert (W[0, 0] - W[0, 3] ** 2 / W[3, 3]) / W[0, 0] < 1e-10
     step = 0.05 / W[1, 1] * np.eye(3)[1]
     ahead, behind = (
-        solve(Problem(pushed(robot, side * step)), actuation.displacement([0.0]), at.state, loads=1, **held).dC
+        solve(
+            Problem(pushed(robot, side * step)), actuation.displacement([0.0]), at.state, wanted=Wanted(loads=1), **held
+        ).dC
         for side in (1, -1)
     )
     slope, size = (ahead - behind) / (2 * step[1]), np.sqrt(np.diag(W)[:3])

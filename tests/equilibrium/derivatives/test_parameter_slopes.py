@@ -10,7 +10,7 @@ from cfem.equilibrium import actuation
 from cfem.equilibrium.derivatives.parameter_slopes import Sides
 from cfem.equilibrium.newton import NewtonSettings
 from cfem.equilibrium.problem import Problem
-from cfem.equilibrium.solve import solve
+from cfem.equilibrium.solve import Wanted, solve
 from cfem.mechanics.body import with_materials
 from cfem.mechanics.material import LAWS
 from cfem.mechanics.material.law import Material
@@ -47,7 +47,7 @@ def test_they_are_those_of_whole_solves_at_constant_displacement(family, p, opti
     base = bar(divisions=(5, 1, 1), **options)
     problem, h = Problem(family(base, p)), 1e-5
     sides = Sides(*(Problem(family(base, p + sign * h), like=problem) for sign in (-1, 1)), 2 * h)
-    state = solve(problem, ASKED, settings=EXACT, sides=[sides])
+    state = solve(problem, ASKED, settings=EXACT, wanted=Wanted(sides=[sides]))
     assert state.converged
 
     def ends(step):
@@ -83,5 +83,5 @@ def test_a_robot_of_another_material_on_the_same_factorisation_is_the_robot_buil
 def test_they_cost_no_factorisation():
     problem = Problem(bar(divisions=(4, 1, 1)))
     sides = Sides(*(Problem(of_poisson(problem.robot, nu), like=problem) for nu in (0.449, 0.451)), 0.002)
-    plain, more = (solve(problem, ASKED, sides=given) for given in ([], [sides]))
+    plain, more = (solve(problem, ASKED, wanted=Wanted(sides=given)) for given in ([], [sides]))
     assert plain.slopes is None and more.factorizations == plain.factorizations

@@ -17,7 +17,7 @@ from cfem.equilibrium.motion.inertia import mass_of
 from cfem.equilibrium.newton import NewtonSettings
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.skinned import skinned
-from cfem.equilibrium.solve import solve
+from cfem.equilibrium.solve import Wanted, solve
 from cfem.mechanics.viscosity import Viscosity
 from cfem.plant.fem_plant import pushed
 
@@ -34,7 +34,7 @@ ROBOTS = {
 @pytest.fixture(scope="module", params=ROBOTS.values(), ids=ROBOTS)
 def solved(request):
     problem = Problem(bar(divisions=(5, 1, 1), **request.param))
-    state = solve(problem, actuation.displacement([2.0, 3.5]), settings=EXACT, third_order=True)
+    state = solve(problem, actuation.displacement([2.0, 3.5]), settings=EXACT, wanted=Wanted(third_order=True))
     assert state.converged
     return problem, state
 
@@ -86,7 +86,7 @@ def test_so_it_is_of_the_rows_of_a_skin_and_of_mass(name):
     ).robot
     problem = Problem(with_skin(robot))
     lam, mass = np.array([0.02, 0.01] if name == "rod" else [0.5, 0.2])[: robot.rows.n_a], mass_of(robot)
-    options = {"settings": EXACT, "mass": mass, "third_order": True}
+    options = {"settings": EXACT, "wanted": Wanted(mass=mass, third_order=True)}
     state = solve(problem, actuation.force(lam), **options)
     assert state.converged and len(state.condensed.rows.skin) == 3
     for k in range(len(lam)):
@@ -105,7 +105,10 @@ def test_so_it_is_of_the_rows_of_a_skin_and_of_mass(name):
 
 def test_it_costs_no_factorisation_and_changes_nothing_else():
     problem = Problem(bar(divisions=(5, 1, 1)))
-    plain, more = (solve(problem, actuation.displacement([2.0, 3.5]), third_order=wanted) for wanted in (False, True))
+    plain, more = (
+        solve(problem, actuation.displacement([2.0, 3.5]), wanted=Wanted(third_order=wanted))
+        for wanted in (False, True)
+    )
     assert plain.dW is None and more.dW.shape == (2, 5, 5)
     assert (more.factorizations, more.iterations) == (plain.factorizations, plain.iterations)
     np.testing.assert_array_equal(more.condensed.W, plain.condensed.W)
@@ -114,7 +117,11 @@ def test_it_costs_no_factorisation_and_changes_nothing_else():
 def test_stiffness_scales_it_by_its_inverse_square():
     """No outside formula, but one of units: W ~ 1/E and lambda ~ E at the same delta."""
     soft, stiff = (
-        solve(Problem(bar(young=young, divisions=(4, 1, 1))), actuation.displacement([2.0, 3.0]), third_order=True)
+        solve(
+            Problem(bar(young=young, divisions=(4, 1, 1))),
+            actuation.displacement([2.0, 3.0]),
+            wanted=Wanted(third_order=True),
+        )
         for young in (1.0, 100.0)
     )
     np.testing.assert_allclose(1e4 * stiff.dW, soft.dW, rtol=0, atol=1e-6 * np.abs(soft.dW).max())
@@ -129,14 +136,18 @@ def test_a_cable_that_moves_nothing_changes_nothing():
     idle = make_cable(points, None, "idle")
     assert np.isin(idle.nodes, held).all()
     problem = Problem(replace(robot, fixed=held, actuators=(robot.actuators[0], idle)))
-    state = solve(problem, actuation.force([0.5, 0.2]), third_order=True)
+    state = solve(problem, actuation.force([0.5, 0.2]), wanted=Wanted(third_order=True))
     assert state.converged and not state.dW[1].any() and state.dW[0].any()
 
 
 def test_how_locked_compliance_changes_with_loads_is_that_of_loaded_solves(solved):
     problem, state = solved
     found = solve(
-        problem, actuation.displacement(state.delta_a), settings=EXACT, third_order=True, loads=True, slack=False
+        problem,
+        actuation.displacement(state.delta_a),
+        settings=EXACT,
+        slack=False,
+        wanted=Wanted(third_order=True, loads=True),
     )
     D, e, a = found.dC, problem.robot.rows.e, problem.robot.rows.a
     assert D.shape == (3, 3, 3)
@@ -160,7 +171,12 @@ def test_loads_on_a_skin_change_compliance_as_loaded_solves_say(solved):
     problem, state = solved
     robot = with_skin(problem.robot)
     rows, wanted = robot.rows, actuation.displacement(state.delta_a)
-    at = solve(Problem(replace(robot, contacts=(), rows=replace(rows, contacts=()))), wanted, slack=False, keep=True)
+    at = solve(
+        Problem(replace(robot, contacts=(), rows=replace(rows, contacts=()))),
+        wanted,
+        slack=False,
+        wanted=Wanted(keep=True),
+    )
     D = skin_load_derivatives(at.linear)
     assert D.shape == (3, 6, 6)
     within = D[:, 3:, 3:]

@@ -12,7 +12,7 @@ from cfem.equilibrium.actuation import force
 from cfem.equilibrium.friction.guides import slipping, solve_slipping
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solution import Status
-from cfem.equilibrium.solve import solve
+from cfem.equilibrium.solve import Wanted, solve
 
 POINTS = np.array([[0, 0, 0.6], [100, 0, 0.6]])
 
@@ -33,7 +33,7 @@ def height(found):
 def test_loading_bends_less_and_unloading_more(rods):
     free, rubbing = rods
     lam = force(np.array([0.05]))
-    without = height(solve(free, lam, condense=False))
+    without = height(solve(free, lam, wanted=Wanted(condense=False)))
     loading, shares = solve_slipping(rubbing, lam)
     unloading, _ = solve_slipping(rubbing, lam, ways=-1.0)
     assert height(loading) < without < height(unloading)

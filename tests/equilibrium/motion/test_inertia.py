@@ -14,7 +14,7 @@ from cfem.dynamics.modes import natural_modes
 from cfem.equilibrium.actuation import displacement, force
 from cfem.equilibrium.motion.inertia import mass_of
 from cfem.equilibrium.problem import Problem
-from cfem.equilibrium.solve import solve
+from cfem.equilibrium.solve import Wanted, solve
 from cfem.mechanics.viscosity import Viscosity
 
 TAU = 2e-3
@@ -27,7 +27,7 @@ ROBOTS = {
 
 
 def solved(problem, lam, **options):
-    found = solve(Problem(problem.robot), force(lam), mass=mass_of(problem.robot), **options)
+    found = solve(Problem(problem.robot), force(lam), wanted=Wanted(mass=mass_of(problem.robot), **options))
     assert found.converged
     return found
 
@@ -110,7 +110,7 @@ def test_it_costs_no_factorisation():
     problem = Problem(ROBOTS["solid"]().robot)
     bare, moving = (
         solve(problem, displacement([2.0, 1.0])),
-        solve(problem, displacement([2.0, 1.0]), mass=mass_of(problem.robot), third_order=True),
+        solve(problem, displacement([2.0, 1.0]), wanted=Wanted(mass=mass_of(problem.robot), third_order=True)),
     )
     assert bare.inertia is None and moving.inertia is not None
     assert moving.factorizations == bare.factorizations

@@ -10,7 +10,7 @@ from cfem.equilibrium.actuation import force
 from cfem.equilibrium.motion.inertia import mass_of
 from cfem.equilibrium.motion.inner_motions import rod_stresses
 from cfem.equilibrium.problem import Problem
-from cfem.equilibrium.solve import solve
+from cfem.equilibrium.solve import Wanted, solve
 from cfem.mechanics.viscosity import Viscosity
 
 TAU = 2e-3
@@ -22,7 +22,9 @@ def known():
     moving = moving_rod(8, [Viscosity(TAU)], ((0.3, 0.5), (-0.5, 0.1)))
     problem, mass = Problem(moving.robot), mass_of(moving.robot)
     stresses = rod_stresses(problem, mass)
-    found = [solve(problem, force(lam), mass=mass, stresses=stresses) for lam in ([0.0, 0.0], [0.04, 0.02])]
+    found = [
+        solve(problem, force(lam), wanted=Wanted(mass=mass, stresses=stresses)) for lam in ([0.0, 0.0], [0.04, 0.02])
+    ]
     assert all(one.converged for one in found)
     return moving, stresses, found
 

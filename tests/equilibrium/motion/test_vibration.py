@@ -17,7 +17,7 @@ from cfem.equilibrium.derivatives.parameter_slopes import Sides
 from cfem.equilibrium.motion.inertia import mass_of, times_mass
 from cfem.equilibrium.motion.vibration import lowest
 from cfem.equilibrium.problem import Problem
-from cfem.equilibrium.solve import solve
+from cfem.equilibrium.solve import Wanted, solve
 from cfem.mechanics.body import on_nodes
 from cfem.mechanics.mass import kinetic_form, mass_matrix
 
@@ -30,7 +30,7 @@ def dense(robot):
 
 def pulled(robot, held=HELD["displacement"], start=None):
     problem = Problem(robot)
-    state = solve(problem, held, start, settings=EXACT, keep=True)
+    state = solve(problem, held, start, settings=EXACT, wanted=Wanted(keep=True))
     assert state.converged
     return problem, state
 

@@ -9,7 +9,7 @@ from cfem.core.spec import load_spec
 from cfem.core.stage import Options
 from cfem.equilibrium.actuation import force
 from cfem.equilibrium.problem import Problem
-from cfem.equilibrium.solve import solve
+from cfem.equilibrium.solve import Wanted, solve
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh
 from cfem.robot.spec import SceneSpec
@@ -78,7 +78,7 @@ def rows(folder, tensions, rng, name="given"):
     problem = Problem(build_robot(load_spec(folder / "scene.yaml", SceneSpec, [f"material.young={YOUNG} MPa"]), mesh))
     turn, found = Rotation.from_rotvec([ROLL, 0, 0]).as_matrix(), []
     for number, tension in enumerate(tensions):
-        at = solve(problem, force(np.array([tension])), condense=False)
+        at = solve(problem, force(np.array([tension])), wanted=Wanted(condense=False))
         rows = (at.delta_e + problem.robot.rest_e).reshape(2, 6)
         for marker, (which, off) in STAND_OFF.items():
             place = rows[which, :3] + Rotation.from_rotvec(rows[which, 3:]).as_matrix() @ off

@@ -12,7 +12,7 @@ from identify.recordings.recordings import PLACES, SHIFT, TURN, write_c3d, write
 from cfem.core.stage import Options
 from cfem.equilibrium.actuation import force
 from cfem.equilibrium.problem import Problem
-from cfem.equilibrium.solve import solve
+from cfem.equilibrium.solve import Wanted, solve
 from cfem.identify.cases.stage import run as calibrate
 from cfem.identify.recordings.stage import run as reduce
 from cfem.robot.build import build_robot
@@ -27,7 +27,7 @@ YOUNG = 264.0  # kPa, of the scene
 def fallen(folder, weight):
     """(6, 3) mm: where the markers are under the weight."""
     problem = Problem(build_robot(*load_scene_and_mesh(folder / "scene.yaml")))
-    at = solve(problem, force(np.array([weight])), condense=False)
+    at = solve(problem, force(np.array([weight])), wanted=Wanted(condense=False))
     assert at.converged
     moved = at.delta_e.reshape(3, 3)
     places = np.array(list(PLACES.values()))

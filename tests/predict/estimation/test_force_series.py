@@ -23,7 +23,7 @@ def test_a_push_at_locked_actuators_changes_their_forces_as_in_finite_elements(b
         plant = FemPlant(pushed(robot, load))
         plant.at_displacement(delta_a)
         forces.append(plant.state.lambda_a)
-    series = ForceSeries(model, np.arange(3))
+    series = ForceSeries.of(model, np.arange(3))
     found = series(delta_a, push)[0] - series(delta_a, np.zeros(3))[0]
     assert abs(forces[1] - forces[0]) > 1e-4
     assert found == pytest.approx(forces[1] - forces[0], rel=0.05)
@@ -31,11 +31,11 @@ def test_a_push_at_locked_actuators_changes_their_forces_as_in_finite_elements(b
 
 def test_without_loads_they_are_the_model_s(model):
     at = np.array([2.5])
-    assert ForceSeries(model, np.array([1, 4]))(at, np.zeros(2))[0] == pytest.approx(model.at_displacement(at).lam)
+    assert ForceSeries.of(model, np.array([1, 4]))(at, np.zeros(2))[0] == pytest.approx(model.at_displacement(at).lam)
 
 
 def test_derivatives_against_differences(model):
-    series, x, h = ForceSeries(model, np.array([0, 2, 3, 5])), np.array([3.0, 0.01, -0.02, 0.005, 0.004]), 1e-5
+    series, x, h = ForceSeries.of(model, np.array([0, 2, 3, 5])), np.array([3.0, 0.01, -0.02, 0.005, 0.004]), 1e-5
     slope = series(x[:1], x[1:])[1]
     for n, unit in enumerate(np.eye(5)):
         ahead, behind = ((x + sign * h * unit) for sign in (1, -1))
@@ -46,5 +46,5 @@ def test_derivatives_against_differences(model):
 def test_work_of_loads_is_reciprocal(model):
     """d lambda / d w = - d (displacement of the loaded row) / d delta_a, by the skin's own series."""
     at, none = np.array([3.0]), np.zeros(0)
-    slope = ForceSeries(model, np.array([4]))(at, np.zeros(1))[1][:, 1]
+    slope = ForceSeries.of(model, np.array([4]))(at, np.zeros(1))[1][:, 1]
     assert slope == pytest.approx(-model.skin.gradient(at, none)[1], rel=1e-9)

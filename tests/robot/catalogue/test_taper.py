@@ -8,7 +8,7 @@ from scipy.optimize import minimize
 from cfem.core.errors import SpecError
 from cfem.equilibrium.actuation import force
 from cfem.equilibrium.problem import Problem
-from cfem.equilibrium.solve import solve
+from cfem.equilibrium.solve import Wanted, solve
 from cfem.robot.build import build_robot
 from cfem.robot.catalogue.taper import volume
 from cfem.robot.mesh.meshing import make_mesh
@@ -30,7 +30,7 @@ def problem(folder, **changes):
 
 
 def tip(problem, lam):
-    found = solve(problem, force(np.array([lam])), condense=False)
+    found = solve(problem, force(np.array([lam])), wanted=Wanted(condense=False))
     assert found.converged
     return found.delta_e[:3]
 
@@ -84,7 +84,7 @@ def test_an_eccentric_cable_bends_a_straight_rod_to_the_arc_of_least_energy(tmp_
         geometry="{kind: taper, places: {mm: [0, 100]}, radii: {mm: [8, 8]}}",
         actuators="[{kind: cable, name: c, points: {mm: [[0, 0, 5], [100, 0, 5]]}, reach: {mm: [0, 30]}}]",
     )
-    found = solve(made, force(np.array([tension])), condense=False)
+    found = solve(made, force(np.array([tension])), wanted=Wanted(condense=False))
     r, phi = (np.arange(100) + 0.5) / 100 * 8, (np.arange(60) + 0.5) / 60 * 2 * np.pi
     z, ring = np.outer(r, np.sin(phi)), 2 * np.pi * r * 8 / 100
 

@@ -25,7 +25,7 @@ from cfem.equilibrium.actuation import displacement
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.robot import Robot
 from cfem.equilibrium.solution import Equilibrium, State
-from cfem.equilibrium.solve import solve
+from cfem.equilibrium.solve import Wanted, solve
 from cfem.mechanics.mesh import Mesh
 from cfem.robot.build import build_robot
 from cfem.robot.mesh.finer import carried_over, dimensions, finer_mesh, growth
@@ -118,7 +118,7 @@ def mesh_error(
         for one in states:
             hexahedra = mesh.cells.shape[1] == 8
             start = None if hexahedra else State(carried_over(mesh, one.state.x, finer), np.empty(0), one.state.lam)
-            solved = solve(problem, displacement(one.delta_a), start, condense=False)
+            solved = solve(problem, displacement(one.delta_a), start, wanted=Wanted(condense=False))
             advance(1)
             if solved.converged:
                 found.append(_difference(robot, one, solved))

@@ -15,11 +15,16 @@ from cfem.equilibrium.contact.points import PlacedRobot, PointsState, points_ste
 
 @dataclass(frozen=True)
 class FreeObject:
-    """`Around`: the object. shape: placed as at rest; centre (3,) mm then; load (6,) N and N mm about the centre,
-    constant; turns: whether it can turn, else it is guided; oriented: whether its rotation vector counts as an
-    effector; R (3, 3), x (3,) mm: rotation and displacement since.
+    """`Partner`: a free rigid object.
+
+    shape: placed as at rest
+    centre: (3,) mm at rest
+    load: (6,) N and N mm about the centre, constant
+    turns: True where it can turn, else it is guided
+    R, x: (3, 3) and (3,) mm, rotation and displacement since rest
     mobility: (k,) mm and rad for each N and N mm that nothing balances, by which a viscous drag lets it go on from
-    `begin` in one step; None: in balance."""
+    `begin` in one step; None: in balance
+    oriented: True where its rotation vector counts as an effector"""
 
     shape: Obstacle
     centre: np.ndarray
@@ -46,15 +51,15 @@ class FreeObject:
     def wrench(self) -> np.ndarray:
         return self.load if self.turns else self.load[:3]
 
-    def surface(self, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def surface(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         placed = replace(self.shape, R=self.R @ self.shape.R, t=self.now(self.shape.t))
-        return placed.distance(at), placed.frames(at)
+        return placed.distance(points), placed.frames(points)
 
-    def motion(self, at: np.ndarray) -> np.ndarray:
-        shift = np.tile(np.eye(3), (len(at), 1))
+    def motion(self, points: np.ndarray) -> np.ndarray:
+        shift = np.tile(np.eye(3), (len(points), 1))
         if not self.turns:
             return shift
-        return np.hstack([shift, -np.concatenate([cross_matrix(arm) for arm in at - self.centre - self.x])])
+        return np.hstack([shift, -np.concatenate([cross_matrix(arm) for arm in points - self.centre - self.x])])
 
     def moved(self, xi: np.ndarray) -> "FreeObject":
         R = Rotation.from_rotvec(xi[3:]).as_matrix() @ self.R if self.turns else self.R
@@ -63,8 +68,8 @@ class FreeObject:
     def now(self, places: np.ndarray) -> np.ndarray:
         return (places - self.centre) @ self.R.T + self.centre + self.x
 
-    def places(self, at: np.ndarray) -> np.ndarray:
-        return (at - self.centre - self.x) @ self.R + self.centre
+    def places(self, points: np.ndarray) -> np.ndarray:
+        return (points - self.centre - self.x) @ self.R + self.centre
 
 
 def grasp_step(

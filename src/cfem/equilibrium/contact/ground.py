@@ -17,8 +17,8 @@ from cfem.equilibrium.contact.grasp import FreeObject
 class Ground(FreeObject):
     """A `FreeObject` whose load is the weight, (3,) N out of the ground and no moment.
 
-    mass_at (3,) mm: of the base, where the weight acts
-    centre (3,) mm: a point of the ground"""
+    mass_at: (3,) mm of the base, where the weight acts
+    centre: (3,) mm, a point of the ground"""
 
     mass_at: np.ndarray = field(default_factory=lambda: np.zeros(3))
 
@@ -34,7 +34,7 @@ class Ground(FreeObject):
 
 @dataclass(frozen=True)
 class PadState:
-    """As `Equilibrium` has it, of pads: no actuators."""
+    """State of pads, as `Equilibrium` has it: no actuators."""
 
     delta_c: np.ndarray
     lambda_c: np.ndarray
@@ -46,7 +46,7 @@ class PadState:
 
 @dataclass(frozen=True)
 class Pads:
-    """`Touching`: points (k, 3) mm of the base on elastic pads, compliance mm/N each in every direction."""
+    """`PointRobot`: points (k, 3) mm of the base on elastic pads, compliance mm/N each in every direction."""
 
     points: np.ndarray
     compliance: float

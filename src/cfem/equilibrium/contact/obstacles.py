@@ -17,18 +17,18 @@ from cfem.equilibrium.solve import solve
 
 @dataclass(frozen=True)
 class Obstacles:
-    """`Around`: one obstacle a point, whose pose is given."""
+    """`Partner`: one obstacle a point, whose pose is given."""
 
     of_points: tuple[Obstacle, ...]
     wrench = np.zeros(0)
 
-    def surface(self, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        alone = [(one, x[None]) for one, x in zip(self.of_points, at, strict=True)]
-        distance = np.concatenate([one.distance(x) for one, x in alone])
-        return distance, np.concatenate([one.frames(x) for one, x in alone])
+    def surface(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        alone = [(obstacle, point[None]) for obstacle, point in zip(self.of_points, points, strict=True)]
+        distance = np.concatenate([obstacle.distance(point) for obstacle, point in alone])
+        return distance, np.concatenate([obstacle.frames(point) for obstacle, point in alone])
 
-    def motion(self, at: np.ndarray) -> np.ndarray:
-        return np.zeros((at.size, 0))
+    def motion(self, points: np.ndarray) -> np.ndarray:
+        return np.zeros((points.size, 0))
 
     def moved(self, xi: np.ndarray) -> "Obstacles":
         return self
@@ -36,8 +36,8 @@ class Obstacles:
     def now(self, places: np.ndarray) -> np.ndarray:
         return places
 
-    def places(self, at: np.ndarray) -> np.ndarray:
-        return at
+    def places(self, points: np.ndarray) -> np.ndarray:
+        return points
 
 
 def obstacle_step(
@@ -68,5 +68,5 @@ def obstacle_step(
             return before
     elif carried is not None:
         before = replace(before, stuck=carried)
-    found = points_step([robot], [actuators], around, before, law, mu, cone, tolerance, iterations)
-    return replace(found, factorizations=found.factorizations + cost)
+    state = points_step([robot], [actuators], around, before, law, mu, cone, tolerance, iterations)
+    return replace(state, factorizations=state.factorizations + cost)

@@ -2,7 +2,6 @@
 rigid patch, leave of them."""
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -20,8 +19,8 @@ from cfem.equilibrium.derivatives.third_order import load_derivatives, skin_load
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.robot import Robot
 from cfem.equilibrium.skinned import skinned
-from cfem.equilibrium.solution import Equilibrium, Linearisation
-from cfem.equilibrium.solve import solve
+from cfem.equilibrium.solution import Equilibrium, Linearisation, State
+from cfem.equilibrium.solve import Wanted, solve
 
 
 def with_patches(robot: Robot, nodes: np.ndarray, patches: Patches, numbers: np.ndarray) -> Robot:
@@ -38,10 +37,15 @@ def with_patches(robot: Robot, nodes: np.ndarray, patches: Patches, numbers: np.
 
 @dataclass(frozen=True)
 class PatchResponse:
-    """How patches of the surface yield to forces on them, actuators held. At states (J, n_a) mm: own (J, 3 N, 3 N)
-    mm/N the patches, tip (J, n_e, 3 N) mm/N the effectors; bent (J, k, n_e + k, n_e + k) mm/N^2: how the compliance of
-    effectors and rows of the skin changes with loads on the latter; dented (J, N, 3, 3, 3 + n_e) mm/N^2: how that of
-    each patch, and between it and the effectors, changes with a force on it."""
+    """Response of patches of the surface to forces on them, actuators held.
+
+    states: (J, n_a) mm
+    own: (J, 3 N, 3 N) mm/N compliance of the patches
+    tip: (J, n_e, 3 N) mm/N, motion of the effectors by the forces
+    bent: (J, k, n_e + k, n_e + k) mm/N^2, change of the compliance of effectors and rows of the skin with loads on the
+    latter
+    dented: (J, N, 3, 3, 3 + n_e) mm/N^2, change of the compliance of each patch, and between it and the effectors, with
+    a force on it"""
 
     states: np.ndarray
     own: np.ndarray
@@ -51,52 +55,54 @@ class PatchResponse:
 
 
 def patch_response(robot: Robot, skin: Skin, patches: Patches, states: np.ndarray) -> PatchResponse:
-    """One equilibrium and one block of right-hand sides a state, no further factorisation for what is bent.
-    NumericalError where there is no equilibrium."""
+    """Response of the patches at states (J, n_a) mm: one equilibrium and one block of right-hand sides each, no further
+    factorisation for what is bent. NumericalError where there is no equilibrium."""
     touched = with_patches(robot, skin.nodes, patches, np.arange(len(patches)))
     shown, problem, rows = Problem(skinned(robot, skin)), Problem(touched), touched.rows
-    own, tip = np.empty((len(states), rows.n_c, rows.n_c)), np.empty((len(states), rows.n_e, rows.n_c))
+    compliance, tip = np.empty((len(states), rows.n_c, rows.n_c)), np.empty((len(states), rows.n_e, rows.n_c))
     start, bent, dented = None, [], []
     with progress(f"pushing {len(patches)} patches of the surface by FE, in bent states", len(states)) as advance:
         for j, delta in enumerate(states):
-            moved = _solved(shown, delta, base=start, keep=True)
+            moved = _solved(shown, delta, base=start)
             start = moved.state
             bent.append(skin_load_derivatives(moved.linear))
             lam = np.concatenate([start.lam, np.zeros(rows.n_c)])
-            pushed = _solved(problem, delta, start=replace(start, lam=lam), keep=True).linear
+            pushed = _solved(problem, delta, start=replace(start, lam=lam)).linear
             dented.append(_dented(pushed))
             W = pushed.W
             across = W[rows.c, rows.a]
             G = np.linalg.solve(W[rows.a, rows.a], across.T).T
-            own[j] = W[rows.c, rows.c] - G @ across.T
+            compliance[j] = W[rows.c, rows.c] - G @ across.T
             tip[j] = W[rows.e, rows.c] - W[rows.e, rows.a] @ G.T
             advance(1)
-    return PatchResponse(states, own, tip, np.stack(bent), np.stack(dented))
+    return PatchResponse(states, compliance, tip, np.stack(bent), np.stack(dented))
 
 
-def _dented(at: Linearisation) -> np.ndarray:
-    """(N, 3, 3, 3 + n_e) mm/N^2: how the compliance of each contact point, with itself and with the effectors, changes
-    with a force on it, actuators held."""
-    robot, rows, found = at.problem.robot, at.problem.robot.rows, []
+def _dented(linear: Linearisation) -> np.ndarray:
+    """Change (N, 3, 3, 3 + n_e) mm/N^2 of the compliance of each contact point, with itself and with the effectors, by
+    a force on it, actuators held."""
+    robot, rows, changes = linear.problem.robot, linear.problem.robot.rows, []
     for number, point in enumerate(robot.contacts):
         mine = rows.c.start + 3 * number + np.arange(3)
         seen = Rows(("x", "y", "z", *rows.effectors), rows.actuators)
         watched = replace(robot, effectors=(point, *robot.effectors), contacts=(), rows=seen)
-        of = np.concatenate([mine, np.arange(rows.n)[rows.e], np.arange(rows.n)[rows.a]])
-        alone, W = Problem(watched, like=at.problem), at.W[np.ix_(of, of)]
-        found.append(load_derivatives(alone, at.at, at.lam[: rows.n_a], at.Z[:, of], W, loaded=3))
-    return np.stack(found)
+        kept = np.concatenate([mine, np.arange(rows.n)[rows.e], np.arange(rows.n)[rows.a]])
+        alone, W = Problem(watched, like=linear.problem), linear.W[np.ix_(kept, kept)]
+        changes.append(load_derivatives(alone, linear.at, linear.lam[: rows.n_a], linear.Z[:, kept], W, loaded=3))
+    return np.stack(changes)
 
 
-def _solved(problem: Problem, delta: np.ndarray, **how: Any) -> Equilibrium:
-    found = solve(problem, displacement(delta), slack=False, **how)
-    if not found.converged:
-        raise NumericalError(f"patches of the surface: {found.status.value}")
-    return found
+def _solved(problem: Problem, delta: np.ndarray, start: State | None = None, base: State | None = None) -> Equilibrium:
+    """Equilibrium at delta (n_a,) mm, with its linearisation, from `start` or else from `base`.
+    NumericalError where there is none."""
+    equilibrium = solve(problem, displacement(delta), start, base, slack=False, wanted=Wanted(keep=True))
+    if not equilibrium.converged:
+        raise NumericalError(f"patches of the surface: {equilibrium.status.value}")
+    return equilibrium
 
 
 def within_patch(robot: Robot, patch: Patch) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """How the contact points yield, at rest, to forces that are in balance within their patch: shapes (3 k, n) of
+    """Compliance of the contact points, at rest, to forces that are in balance within their patch: shapes (3 k, n) of
     displacement, n = 3 k - 6, the compliance (n, n) mm/N by their sizes, and those sizes by the actuators (n, n_a).
 
     W of the points is J C J^T + N D N^T, C of the rigid patch: with Q the forces in balance, J^T Q = 0, N is W Q and D
@@ -104,9 +110,9 @@ def within_patch(robot: Robot, patch: Patch) -> tuple[np.ndarray, np.ndarray, np
     rest = solve(Problem(robot), held(displacement(np.zeros(robot.rows.n_a)), np.zeros(robot.rows.n_c)), slack=False)
     if not rest.converged:
         raise NumericalError(f"contact points at rest: {rest.status.value}")
-    rows, whole = rest.condensed.rows, rest.condensed.W
-    moved = np.linalg.solve(whole[rows.a, rows.a], whole[rows.a, rows.c]).T
-    W = whole[rows.c, rows.c] - moved @ whole[rows.a, rows.c]
+    rows, compliance = rest.condensed.rows, rest.condensed.W
+    moved = np.linalg.solve(compliance[rows.a, rows.a], compliance[rows.a, rows.c]).T
+    W = compliance[rows.c, rows.c] - moved @ compliance[rows.a, rows.c]
     J = patch.jacobian(np.zeros(6))
     Q = np.linalg.svd(J.T)[2][6:].T
     N = W @ Q

@@ -14,7 +14,7 @@ from cfem.core.errors import NumericalError
 from cfem.equilibrium.actuation import displacement
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.robot import Robot
-from cfem.equilibrium.solve import solve
+from cfem.equilibrium.solve import Wanted, solve
 
 
 def with_patches(robot: Robot, patches: Sequence[PatchLoad]) -> Robot:
@@ -22,8 +22,8 @@ def with_patches(robot: Robot, patches: Sequence[PatchLoad]) -> Robot:
     if not patches:
         return robot
     surface, points = outer_surface(robot.X, robot.body.mesh.facets), []
-    for one in patches:
-        shares = one.shares(surface.rest, surface.triangles, surface.weights)
+    for patch in patches:
+        shares = patch.shares(surface.rest, surface.triangles, surface.weights)
         mine = np.flatnonzero(shares)
         point = Attachment(surface.nodes[mine], shares[mine], shares @ surface.rest)
         points.append(PointEffector(point))
@@ -34,9 +34,11 @@ def with_patches(robot: Robot, patches: Sequence[PatchLoad]) -> Robot:
 
 @dataclass(frozen=True)
 class PatchYield:
-    """At states (J, n_a) mm of a robot without these loads, actuators held: e (J, 3 P) mm, displacements of the
-    patches; C (J, r, r) mm/N compliance of effectors and patches, and D (J, r, r, r) mm/N^2, how it changes with forces
-    on them."""
+    """Response of patches at states (J, n_a) mm of a robot without these loads, actuators held.
+
+    e: (J, 3 P) mm, displacements of the patches
+    C: (J, r, r) mm/N, compliance of effectors and patches
+    D: (J, r, r, r) mm/N^2, change of C with forces on them"""
 
     states: np.ndarray
     e: np.ndarray
@@ -45,16 +47,19 @@ class PatchYield:
 
 
 def patch_yield(robot: Robot, patches: Sequence[PatchLoad], states: np.ndarray) -> PatchYield:
-    """One equilibrium a state, from near rest on, no further factorisation. NumericalError where there is none."""
+    """Response of the patches at states (J, n_a) mm: one equilibrium each, from near rest on, no further factorisation.
+    NumericalError where there is none."""
     states = states[np.argsort(np.linalg.norm(states, axis=1))]
-    problem, n_e, start, found = Problem(with_patches(robot, patches)), robot.rows.n_e, None, []
+    problem, n_e, start, columns = Problem(with_patches(robot, patches)), robot.rows.n_e, None, []
     with progress("FE states under a force on the surface", len(states)) as advance:
         for delta in states:
-            solved = solve(problem, displacement(delta), start, slack=False, loads=True)
+            solved = solve(problem, displacement(delta), start, slack=False, wanted=Wanted(loads=True))
             if not solved.converged:
                 raise NumericalError(f"patches under loads: {solved.status.value}")
-            start, at = solved.state, solved.condensed
-            C = at.W[at.rows.e, at.rows.e] - at.W_ea @ np.linalg.solve(at.W_aa, at.W_ea.T)  # contacts free
-            found.append((solved.delta_e[n_e:], C, solved.dC))
+            start, condensed = solved.state, solved.condensed
+            C = condensed.W[condensed.rows.e, condensed.rows.e] - condensed.W_ea @ np.linalg.solve(
+                condensed.W_aa, condensed.W_ea.T
+            )  # contacts free
+            columns.append((solved.delta_e[n_e:], C, solved.dC))
             advance(1)
-    return PatchYield(states, *(np.stack(each) for each in zip(*found, strict=True)))
+    return PatchYield(states, *(np.stack(each) for each in zip(*columns, strict=True)))

@@ -25,7 +25,7 @@ from cfem.equilibrium.evaluation import Tangent
 from cfem.equilibrium.newton import NewtonSettings
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solution import Equilibrium
-from cfem.equilibrium.solve import solve
+from cfem.equilibrium.solve import Wanted, solve
 
 EXACT, ROUGH = 1e-11, 1e-5  # relative residuals of a robot: of the last state, and far from it
 NEARLY = 1e-4  # of law and balance: from here on robots are solved exactly
@@ -48,16 +48,19 @@ class PointRobot(Protocol):
     def respond(
         self, actuators: Actuation, delta_c: np.ndarray, before: Any, tolerance: float = EXACT
     ) -> tuple[Any, np.ndarray]:
-        """With its contact points held at delta_c (3k,) mm from rest, in its frame, or nearby: its state, like
-        `Equilibrium` (delta_c: where they are, lambda_c, delta_a, lambda_a, converged, factorizations), and how they
-        yield (3k, 3k) mm/N. before: the last such state, None at first; tolerance: of its residual, relative."""
+        """State with the contact points held at delta_c (3k,) mm from rest, in its frame, or nearby, like `Equilibrium`
+        (delta_c: where they are, lambda_c, delta_a, lambda_a, converged, factorizations), and the compliance (3k, 3k)
+        mm/N of the points. before: the last such state, None at first; tolerance: of its residual, relative."""
         ...
 
 
 @dataclass
 class _Known:
-    """Of the latest states of a robot: the factor; and how its points yielded (n_c, n_c) mm/N in one of them, which was
-    `asked` for, slack (n_a,) the actuators that carried nothing there."""
+    """Knowledge of the latest states of a robot.
+
+    tangent: the factor
+    yielding: (n_c, n_c) mm/N, compliance of its points in the state that was `asked` for
+    slack: (n_a,) actuators that carried nothing there"""
 
     tangent: Tangent | None = None
     yielding: np.ndarray | None = None
@@ -65,7 +68,7 @@ class _Known:
     slack: np.ndarray | None = None
 
     def near(self, asked: Actuation, length: float) -> bool:
-        """Whether the points would yield alike, the same actuators slack."""
+        """True where the points would yield alike, the same actuators slack."""
         if self.yielding is None or len(asked.target) != len(self.asked.target):
             return False
         moved = np.abs(asked.target - self.asked.target).max(initial=0.0)
@@ -94,21 +97,27 @@ class PlacedRobot:
     def respond(
         self, actuators: Actuation, delta_c: np.ndarray, before: Equilibrium | None, tolerance: float = EXACT
     ) -> tuple[Equilibrium, np.ndarray]:
+        """State and compliance of the points (`PointRobot.respond`). The compliance of the last state serves again
+        where the actuation is near it and the same cables are slack."""
         problem, known, asked = self.problem, self._known, held(actuators, delta_c)
         start = None if before is None else before.state
         tangent = known.tangent if known.tangent is problem.latest else None
         near = start is not None and known.near(asked, problem.robot.length)
         settings = NewtonSettings(tolerance=tolerance, condensed=CONDENSED)
-        found = solve(problem, asked, start, start, settings, condense=not near, tangent=tangent)
-        if near and found.converged and (found.slack != known.slack).any():
-            near, start = False, found.state
-            found = solve(problem, asked, start, start, settings, tangent=problem.latest)
-        if not found.converged:
-            return found, np.zeros((0, 0))
+        equilibrium = solve(problem, asked, start, start, settings, tangent=tangent, wanted=Wanted(condense=not near))
+        if near and equilibrium.converged and (equilibrium.slack != known.slack).any():
+            near, start = False, equilibrium.state
+            equilibrium = solve(problem, asked, start, start, settings, tangent=problem.latest)
+        if not equilibrium.converged:
+            return equilibrium, np.zeros((0, 0))
         if not near:
-            known.yielding, known.asked, known.slack = point_compliance(found, actuators), asked, found.slack
+            known.yielding, known.asked, known.slack = (
+                point_compliance(equilibrium, actuators),
+                asked,
+                equilibrium.slack,
+            )
         known.tangent = problem.latest
-        return found, known.yielding
+        return equilibrium, known.yielding
 
 
 class Partner(Protocol):
@@ -121,33 +130,39 @@ class Partner(Protocol):
     mobility: np.ndarray | None
     """(k,) None, or by how much what nothing balances moves it in this step, so far `gone` (k,)."""
 
-    def surface(self, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Of points at (m, 3) mm: distances (m,) mm, and frames (m, 3, 3) with rows n, t1, t2."""
+    def surface(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Distances (m,) mm of points (m, 3) mm, and frames (m, 3, 3) with rows n, t1, t2."""
         ...
 
-    def motion(self, at: np.ndarray) -> np.ndarray:
-        """(3 m, k) how it moves there by its own coordinates."""
+    def motion(self, points: np.ndarray) -> np.ndarray:
+        """Motion (3 m, k) of the points (m, 3) mm by its own coordinates."""
         ...
 
     def moved(self, xi: np.ndarray) -> "Partner":
-        """By xi (k,) mm and rad."""
+        """The partner moved by xi (k,) mm and rad."""
         ...
 
     def now(self, places: np.ndarray) -> np.ndarray:
         """(m, 3) mm where its places are."""
         ...
 
-    def places(self, at: np.ndarray) -> np.ndarray:
-        """(m, 3) mm the places that are at `at`."""
+    def places(self, points: np.ndarray) -> np.ndarray:
+        """Places (m, 3) mm that are at the points (m, 3) mm now."""
         ...
 
 
 @dataclass(frozen=True)
 class PointsState:
-    """One state. solved: of each robot, with multipliers of its contact points in its own frame (N), None where it was
-    not solved; modes: of all points, robot after robot; around: what they meet, where it is; stuck (m, 3) mm: the
-    places on it where the points stick or would; check: of law and balance at the state itself; iterations: rounds of
-    FE solves; factorizations: of them all; posed: the contact problem there, None before any."""
+    """One state of robots and their partner.
+
+    solved: of each robot, with multipliers of its contact points in its own frame (N), None where it was not solved
+    modes: of all points, robot after robot
+    around: what they meet, where it is
+    stuck: (m, 3) mm, the places on it where the points stick or would
+    check: of law and balance at the state itself
+    iterations: rounds of FE solves
+    factorizations: of them all
+    posed: the contact problem there, None before any"""
 
     status: StepStatus
     solved: tuple[Equilibrium | None, ...]
@@ -166,9 +181,13 @@ class PointsState:
 
 @dataclass(frozen=True)
 class Posed:
-    """The contact problem of one state. compliance (3m, 3m) mm/N of the points in the scene's axes; rotation (3m, 3m):
-    from those to the surface's; force (3m,) N on the points, in the latter. dragged: of what moves with a drag, how it
-    goes without contact (k,), and by how much forces on the points hold it back (k, 3m); None in balance."""
+    """The contact problem of one state.
+
+    compliance: (3m, 3m) mm/N of the points in the scene's axes
+    rotation: (3m, 3m) from those to the surface's
+    force: (3m,) N on the points, in the latter
+    dragged: of what moves with a drag, how it goes without contact (k,), and by how much forces on the points hold it
+    back (k, 3m); None in balance"""
 
     problem: ContactProblem
     compliance: np.ndarray
@@ -202,10 +221,10 @@ def points_step(
     turns = block_diag(*[np.kron(np.eye(len(robot.points)), robot.turn) for robot in robots])
     ends = np.cumsum([0, *(3 * len(robot.points) for robot in robots)])
     if before is None:
-        at, stuck, modes = points.copy(), around.places(points), ()
+        places, stuck, modes = points.copy(), around.places(points), ()
         solved: list[Equilibrium | None] = [None] * len(robots)
     else:
-        at = points + (turns @ np.concatenate([one.delta_c for one in before.solved])).reshape(-1, 3)
+        places = points + (turns @ np.concatenate([state.delta_c for state in before.solved])).reshape(-1, 3)
         stuck, modes, solved = before.stuck, before.modes, list(before.solved)
     verdict, posed, cost, last = None, None, 0, None
 
@@ -213,7 +232,7 @@ def points_step(
         return PointsState(status, tuple(solved), modes, around, stuck, verdict, count, cost, posed)
 
     for iteration in range(1, iterations + 1):
-        moved, soft = turns.T @ (at - points).ravel(), []
+        moved, soft = turns.T @ (places - points).ravel(), []
         asked = EXACT if verdict is not None and verdict.largest < NEARLY else ROUGH
         for i, (robot, actuation) in enumerate(zip(robots, actuators, strict=True)):
             solved[i], yielding = robot.respond(actuation, moved[ends[i] : ends[i + 1]], solved[i], asked)
@@ -221,37 +240,37 @@ def points_step(
             cost += solved[i].factorizations
             if not solved[i].converged:
                 return ended(StepStatus.NO_EQUILIBRIUM, iteration)
-        came = points + (turns @ np.concatenate([one.delta_c for one in solved])).reshape(-1, 3)
-        if np.abs(came - at).max() > STAYED:
-            at = came
+        came = points + (turns @ np.concatenate([state.delta_c for state in solved])).reshape(-1, 3)
+        if np.abs(came - places).max() > STAYED:
+            places = came
         compliance = turns @ block_diag(*soft) @ turns.T
-        push = turns @ np.concatenate([one.lambda_c for one in solved])
-        posed = _posed(around, at, stuck, compliance, push, mu, cone)
+        push = turns @ np.concatenate([state.lambda_c for state in solved])
+        posed = _posed(around, places, stuck, compliance, push, mu, cone)
         verdict = check(posed.problem, law, posed.force, np.zeros(posed.problem.k))
         if verdict.largest <= tolerance and modes and asked == EXACT:
             sticks = np.array([mode is Mode.STICK for mode in modes])[:, None]
-            stuck = np.where(sticks, stuck, around.places(at))
+            stuck = np.where(sticks, stuck, around.places(places))
             return ended(StepStatus.CONVERGED, iteration)
         answer = solve_contact(posed.problem, law, modes or None, budget=FEW, start=posed.force)
         if answer.status not in (ContactStatus.SOLVED, ContactStatus.SEVERAL):
             return ended(StepStatus.NO_MODE, iteration)
         goes, xi = compliance @ posed.rotation.T @ (answer.lam - posed.force), posed.motion(answer)
-        way = np.concatenate([goes, around.motion(at) @ xi])
-        share = _share(last, way) if answer.modes == modes else 1.0
-        last = way if share == 1.0 else None
+        correction = np.concatenate([goes, around.motion(places) @ xi])
+        share = _share(last, correction) if answer.modes == modes else 1.0
+        last = correction if share == 1.0 else None
         modes, around = answer.modes, around.moved(share * xi)
-        at = at + share * goes.reshape(-1, 3)
+        places = places + share * goes.reshape(-1, 3)
     return ended(StepStatus.ITERATIONS, iterations)
 
 
-def _share(last: np.ndarray | None, way: np.ndarray) -> float:
-    """By what to multiply the correction `way` (n,) mm after one, `last`, that was taken as it was. The linearisation
-    leaves out that arms and weights turn with what moves. Corrections may so shrink slowly, all along one direction:
-    this is the sum of their series (Aitken). It has a sum beyond a ratio of -1 too, where the robot is stiffer than its
-    linearisation. At a ratio of 1 the state is unstable, and is not to be found."""
+def _share(last: np.ndarray | None, correction: np.ndarray) -> float:
+    """Factor for the correction (n,) mm after one, `last`, that was taken as it was. The linearisation leaves out that
+    arms and weights turn with what moves. Corrections may so shrink slowly, all along one direction: this is the sum of
+    their series (Aitken). It has a sum beyond a ratio of -1 too, where the robot is stiffer than its linearisation. At
+    a ratio of 1 the state is unstable, and is not to be found."""
     if last is None:
         return 1.0
-    ratio = float(last @ way) / float(last @ last)
+    ratio = float(last @ correction) / float(last @ last)
     return 1 / (1 - ratio) if abs(ratio) > QUICK and ratio < BUCKLES else 1.0
 
 
@@ -265,16 +284,22 @@ def point_compliance(solved: Equilibrium, actuators: Actuation) -> np.ndarray:
 
 
 def _posed(
-    around: Partner, at: np.ndarray, stuck: np.ndarray, compliance: np.ndarray, push: np.ndarray, mu: float, cone: str
+    around: Partner,
+    places: np.ndarray,
+    stuck: np.ndarray,
+    compliance: np.ndarray,
+    push: np.ndarray,
+    mu: float,
+    cone: str,
 ) -> Posed:
-    """Of points at (m, 3) mm that yield by `compliance` (3m, 3m) mm/N and carry `push` (3m,) N, both in the scene's
-    axes."""
-    distance, frames = around.surface(at)
-    gap = np.einsum("kij,kj->ki", frames, at - around.now(stuck))
+    """Contact problem of points at places (m, 3) mm with `compliance` (3m, 3m) mm/N under `push` (3m,) N, both in the
+    scene's axes."""
+    distance, frames = around.surface(places)
+    gap = np.einsum("kij,kj->ki", frames, places - around.now(stuck))
     gap[:, 0] = distance
     rotation = block_diag(*frames)
     W, force = rotation @ compliance @ rotation.T, rotation @ push
-    motion = around.motion(at)
+    motion = around.motion(places)
     G, wrench = (rotation @ motion, around.wrench) if motion.shape[1] else (None, None)
     W, free = (W + W.T) / 2, gap.ravel() - W @ force
     if G is None or around.mobility is None:

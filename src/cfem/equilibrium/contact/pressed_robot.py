@@ -16,21 +16,25 @@ from cfem.equilibrium.evaluation import Evaluation, SolveCost, Tangent
 from cfem.equilibrium.newton import Correction, NewtonSettings, advanced, closed
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solution import Equilibrium, State
-from cfem.equilibrium.solve import solve
+from cfem.equilibrium.solve import Wanted, solve
 
 STRICT = NewtonSettings(tolerance=1e-11)
 _NONE = 1e-9  # of the largest multiplier, or of the body's size: a cable that pushes, or lacks, by less does not
 
 
 class PressedRobot:
-    """A robot on its way from the state `before` to delta (n_a,) mm. patches (c,): those that may carry forces, by
-    their numbers in the robot; lam: N of actuators and of these, in its frame; taut (n_a,): which actuators hold."""
+    """A robot on its way from the state `before` to delta (n_a,) mm.
 
-    def __init__(self, of: SkinnedRobot, delta: np.ndarray, before: Equilibrium, cost: SolveCost):
-        self.of, self.delta, self.cost = of, delta, cost
+    patches: (c,) those that may carry forces, by their numbers in the robot
+    lam: N of actuators and of these, in its frame
+    taut: (n_a,) which actuators hold"""
+
+    def __init__(self, robot: SkinnedRobot, delta: np.ndarray, before: Equilibrium, cost: SolveCost):
+        """Begins at the state `before`, without patches; cost counts the factorisations."""
+        self.of, self.delta, self.cost = robot, delta, cost
         self.taut = ~(before.slack & (delta <= before.delta_a))
         self._tried = {tuple(self.taut)}
-        self.patches, self.problem, state = np.zeros(0, dtype=np.int64), of.problem, before.state
+        self.patches, self.problem, state = np.zeros(0, dtype=np.int64), robot.problem, before.state
         self.lam = np.where(self.taut, before.lambda_a, 0.0)
         self.x, self.at = state.x, self._evaluate(state.x, state.pressure, state.load)
         self._size, self._part, self._fresh = np.inf, 1.0, False
@@ -67,7 +71,8 @@ class PressedRobot:
             self._Z = self._tangent.factor.solve(H) if H.size else H
 
     def linear(self) -> tuple[np.ndarray, np.ndarray]:
-        """shift (3 c,) mm and C (3 c, 3 c) mm/N, by the factor at hand. Raises SingularMatrixError and LinAlgError."""
+        """Linearisation of the patches, shift (3 c,) mm and C (3 c, 3 c) mm/N, by the factor at hand. Raises
+        SingularMatrixError and LinAlgError."""
         self._fresh = self._tangent is None
         if self._tangent is None:
             self._tangent = self.problem.factor(self.at, self.lam, self.cost, self._begin)
@@ -92,7 +97,8 @@ class PressedRobot:
         )
 
     def advance(self) -> bool:
-        """Whether the correction could be taken: corrections of new factors fall, and no element is inverted."""
+        """Takes the correction. False where it could not be taken: corrections of new factors grow, or an element is
+        inverted."""
         size = self._correction.size
         if self._fresh:
             self._growth = self._growth + 1 if size > self._last else 0
@@ -105,7 +111,7 @@ class PressedRobot:
         return True
 
     def worn(self) -> bool:
-        """Whether the factor no longer serves, so that the next correction makes its own."""
+        """Drops a factor that no longer serves, so that the next correction makes its own; True where it did."""
         smallest = 1e-13 * self.of.robot.body.mesh.size
         serves = self._part == 1.0 and self._correction.size <= max(STRICT.slow * self._size, smallest)
         if self._fresh or serves:
@@ -115,7 +121,7 @@ class PressedRobot:
 
     @property
     def balanced(self) -> bool:
-        """Whether this is a state of the robot under these forces."""
+        """True where this is a state of the robot under these forces."""
         asked = displacement(self.delta).padded(len(self.lam)).only(self.taut)
         if not closed(self.problem, asked, self.at, self.lam, np.ones(len(asked.C), dtype=bool)):
             return False
@@ -123,7 +129,7 @@ class PressedRobot:
         return residual <= max(STRICT.tolerance, self.problem.rounding(self.at, self.lam))
 
     def change_slack(self) -> bool | None:
-        """Whether a cable has been let go or taken up, as this state wants it; None where that leads nowhere."""
+        """Lets a cable go or takes one up, as this state wants it; True where it did, None where that leads nowhere."""
         n, size = len(self.delta), self.of.robot.body.mesh.size
         largest = max(float(np.abs(self.lam).max()), self.problem.force_floor)
         pushes = np.where(self.taut & self.of.robot.unilateral, -self.lam[:n] / largest, 0.0)
@@ -140,7 +146,7 @@ class PressedRobot:
         return True
 
     def solved(self) -> Equilibrium:
-        """Its state, found again with the patches held where they are."""
-        there = held(displacement(self.delta), self.at.delta[len(self.delta) :])
+        """The state, solved again with the patches held where they are."""
+        actuation = held(displacement(self.delta), self.at.delta[len(self.delta) :])
         start = State(self.at.x, self.at.pressure, self.lam, self.at.load)
-        return solve(self.problem, there, start=start, base=start, settings=STRICT, condense=False)
+        return solve(self.problem, actuation, start=start, base=start, settings=STRICT, wanted=Wanted(condense=False))

@@ -27,7 +27,7 @@ from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
 from cfem.equilibrium.evaluation import SolveCost
 from cfem.equilibrium.quasi_static import all_carried_out
 from cfem.equilibrium.solution import Equilibrium
-from cfem.equilibrium.solve import solve
+from cfem.equilibrium.solve import Wanted, solve
 from cfem.mechanics.factorization import SingularMatrixError
 
 NEAR = 0.4  # distances of patches: of pairs whose gap is less the patches are contact points
@@ -40,9 +40,14 @@ SAME = 1e-6  # of the largest force: by how much any may change in the last step
 
 @dataclass(frozen=True)
 class SurfacesState(Pressing):
-    """One state. solved: of each robot. Of all N patches, robot after robot: points (c,) the contact points, with
-    forces (c, 3) N in the scene. residual: mm, the last step of any contact point; iterations: corrections;
-    factorizations: of all robots."""
+    """One state of the scene.
+
+    solved: of each robot
+    points: (c,) the contact points, of all N patches, robot after robot
+    forces: (c, 3) N on these, in the scene
+    residual: mm, the last step of any contact point
+    iterations: corrections
+    factorizations: of all robots"""
 
     status: StepStatus
     solved: tuple[Equilibrium, ...]
@@ -61,7 +66,7 @@ class SurfacesState(Pressing):
 
 @dataclass(frozen=True, eq=False)
 class SurfaceScene:
-    """robots, the obstacles that all of them meet, and one coefficient of friction."""
+    """Robots, the obstacles that all of them meet, and one coefficient of friction."""
 
     robots: Sequence[SkinnedRobot]
     obstacles: ObstacleSet = field(default_factory=lambda: ObstacleSet(()))
@@ -76,47 +81,48 @@ class SurfaceScene:
 
     @cached_property
     def ends(self) -> list[tuple[int, int]]:
-        """Where the patches of each robot begin and end among all."""
-        return list(pairwise(np.cumsum([0, *(len(one.patches) for one in self.robots)]).tolist()))
+        """First and last patch of each robot among all, the last excluded."""
+        return list(pairwise(np.cumsum([0, *(len(robot.patches) for robot in self.robots)]).tolist()))
 
     @cached_property
     def surroundings(self) -> Surroundings:
-        return Surroundings.of(self.robots, [one.itself for one in self.robots], self.length, self.obstacles)
+        return Surroundings.of(self.robots, [robot.itself for robot in self.robots], self.length, self.obstacles)
 
     def go(self, deltas: Sequence[np.ndarray], before: SurfacesState | None = None) -> SurfacesState:
-        """To deltas, (n_a,) mm each, from the state `before` (none: actuators at 0), in steps, which are halved
+        """Goes to deltas, (n_a,) mm each, from the state `before` (none: actuators at 0), in steps, which are halved
         where one fails. Never raises for numerical failure: the state where it ended says why."""
-        ends = [np.asarray(one, float) for one in deltas]
+        ends = [np.asarray(delta, float) for delta in deltas]
         if before is None:
             begins = [0.0 * end for end in ends]
             before = self.step(begins, None)
         else:  # a slack cable is where no target above it has been
             each = zip(before.solved, ends, strict=True)
-            begins = [np.where(one.slack, np.minimum(one.delta_a, end), one.delta_a) for one, end in each]
+            begins = [np.where(solved.slack, np.minimum(solved.delta_a, end), solved.delta_a) for solved, end in each]
         return all_carried_out(begins, ends, self.longest, before, self.short_step)
 
     @cached_property
     def longest(self) -> list[np.ndarray]:
         """(n_a,) mm of each robot: the longest way of its actuators in one step."""
-        return [SHARE * np.abs(one.robot.reach).max(axis=1) for one in self.robots]
+        return [SHARE * np.abs(robot.robot.reach).max(axis=1) for robot in self.robots]
 
     def short_step(self, deltas: Sequence[np.ndarray], before: SurfacesState | None) -> SurfacesState:
         """`step`, which is to be halved where one patch begins to press while another lets go: the slip of the new one
         counts from where it has touched, on a way that turns where the other one lets go."""
-        found = self.step(deltas, before)
-        if before is None or not self.mu or not found.converged:
-            return found
-        ways = [
-            (there - one.delta_a) / far for there, one, far in zip(deltas, before.solved, self.longest, strict=True)
+        state = self.step(deltas, before)
+        if before is None or not self.mu or not state.converged:
+            return state
+        shares = [
+            (target - solved.delta_a) / far
+            for target, solved, far in zip(deltas, before.solved, self.longest, strict=True)
         ]
-        was, now = (set(one.pairs.slots[one.push.any(axis=1)].tolist()) for one in (before, found))
-        swapped = bool(was - now and now - was) and np.abs(np.concatenate(ways)).max() > SHORT
-        return replace(found, status=StepStatus.SWAPPED) if swapped else found
+        was, now = (set(each.pairs.slots[each.push.any(axis=1)].tolist()) for each in (before, state))
+        swapped = bool(was - now and now - was) and np.abs(np.concatenate(shares)).max() > SHORT
+        return replace(state, status=StepStatus.SWAPPED) if swapped else state
 
     def step(self, deltas: Sequence[np.ndarray], before: SurfacesState | None) -> SurfacesState:
         """One quasi-static step to deltas from the state `before` (none: at rest)."""
-        work = _Step(self, [np.asarray(one, float) for one in deltas], before)
-        status = None if all(one.converged for one in work.solved) else StepStatus.NO_EQUILIBRIUM
+        work = _Step(self, [np.asarray(delta, float) for delta in deltas], before)
+        status = None if all(solved.converged for solved in work.solved) else StepStatus.NO_EQUILIBRIUM
         try:
             while status is None:
                 status = work.round() if work.iterations < ITERATIONS else StepStatus.ITERATIONS
@@ -126,35 +132,39 @@ class SurfaceScene:
 
 
 class _Step:
-    """Of all N patches, in a state that is none yet: places (N, 3) mm, forces (N, 3) N, and which are contact points,
-    points (c,)."""
+    """One step on its way: of all N patches, places (N, 3) mm, forces (N, 3) N, and which are contact points, points
+    (c,)."""
 
-    def __init__(self, of: SurfaceScene, deltas: Sequence[np.ndarray], before: SurfacesState | None):
-        self.of, self.iterations, self._cost = of, 0, SolveCost()
+    def __init__(self, scene: SurfaceScene, deltas: Sequence[np.ndarray], before: SurfacesState | None):
+        """Begins at the state `before`, None: at the robots alone at these actuators."""
+        self.of, self.iterations, self._cost = scene, 0, SolveCost()
         self.memory, self.modes, self.residual = Memory(), {}, np.inf
         self.points, self.found = np.zeros(0, dtype=np.int64), None
-        self.forces = np.zeros((of.ends[-1][1], 3))
+        self.forces = np.zeros((scene.ends[-1][1], 3))
         self.faces: dict[int, np.ndarray] = {}  # of what has touched in this step
         self._pushed: dict[int, np.ndarray] = {}
         self._begin: np.ndarray | None = None  # places (N, 3) mm of the state before
         self._from_state = before is not None
         if before is None:
-            each = zip(of.robots, deltas, strict=True)
-            self.solved = [solve(one.problem, displacement(at), settings=STRICT, condense=False) for one, at in each]
-            self._cost.factorizations = sum(one.factorizations for one in self.solved)
-            if not all(one.converged for one in self.solved):
+            each = zip(scene.robots, deltas, strict=True)
+            self.solved = [
+                solve(robot.problem, displacement(delta), settings=STRICT, wanted=Wanted(condense=False))
+                for robot, delta in each
+            ]
+            self._cost.factorizations = sum(solved.factorizations for solved in self.solved)
+            if not all(solved.converged for solved in self.solved):
                 return
         else:
             self.memory, self.solved = before.memory, list(before.solved)
             self.forces[before.points] = before.forces
             self._pushed = dict(zip(before.pairs.slots.tolist(), before.push, strict=True))
-        each = zip(of.robots, deltas, self.solved, strict=True)
-        self.robots = [PressedRobot(one, at, solved, self._cost) for one, at, solved in each]
+        each = zip(scene.robots, deltas, self.solved, strict=True)
+        self.robots = [PressedRobot(robot, delta, solved, self._cost) for robot, delta, solved in each]
 
     def round(self) -> StepStatus | None:
         """One correction; None: another one is needed."""
         self.iterations += 1
-        self._look([one.at.x for one in self.robots])
+        self._look([robot.at.x for robot in self.robots])
         if self.iterations == 1 and self._from_state:
             self._begin = self.places
         self.pairs = self.pairs.some(self.of.surroundings.entered(self.pairs, self.places, self._begin, self.memory))
@@ -165,22 +175,22 @@ class _Step:
         self._choose(points)
         if not self._correct():
             return StepStatus.NO_MODE
-        if any([one.worn() for one in self.robots]) and not self._correct():
+        if any([robot.worn() for robot in self.robots]) and not self._correct():
             return StepStatus.NO_MODE
         if self._settled():
-            changes = [one.change_slack() for one in self.robots]
+            changes = [robot.change_slack() for robot in self.robots]
             if None in changes:
                 return StepStatus.NO_EQUILIBRIUM
             return None if any(changes) else self._solve()
-        if not all([one.advance() for one in self.robots]):
+        if not all([robot.advance() for robot in self.robots]):
             return StepStatus.NO_EQUILIBRIUM
         self._take()
         return None
 
     def _correct(self) -> bool:
-        """How all go on by the law on their linearisations. False where nothing obeys it."""
-        linear = [one.linear() for one in self.robots]
-        turns = [np.kron(np.eye(len(one.patches)), one.of.R) for one in self.robots]
+        """Corrects all robots by the law on their linearisations. False where nothing obeys it."""
+        linear = [robot.linear() for robot in self.robots]
+        turns = [np.kron(np.eye(len(robot.patches)), robot.of.R) for robot in self.robots]
         each = list(zip(turns, linear, strict=True))
         C = block_diag(*(turn @ C @ turn.T for turn, (_, C) in each))
         shift = np.concatenate([turn @ shift for turn, (shift, _) in each]).reshape(-1, 3)
@@ -200,39 +210,40 @@ class _Step:
         change = self.found.forces - self.forces[self.points]
         self._change = float(np.abs(change).max(initial=0.0))
         self.residual = float(np.abs(shift + self.found.step).max(initial=0.0))
-        for one, mine in zip(self.robots, self._mine(self.points), strict=True):
-            one.correct((change[mine] @ one.of.R).ravel())
+        for robot, mine in zip(self.robots, self._mine(self.points), strict=True):
+            robot.correct((change[mine] @ robot.of.R).ravel())
         self._touching = touching
         return True
 
     def _settled(self) -> bool:
-        largest = max(np.abs(self.forces).max(initial=0.0), *(one.problem.force_floor for one in self.robots))
+        largest = max(np.abs(self.forces).max(initial=0.0), *(robot.problem.force_floor for robot in self.robots))
         still = self.residual <= TOLERANCE * self.of.length and self._change <= SAME * largest
-        return still and all(one.balanced for one in self.robots)
+        return still and all(robot.balanced for robot in self.robots)
 
     def _take(self) -> None:
-        """The robots have gone on."""
+        """Takes over the forces of robots that have gone on."""
         pushed = self.found.push.any(axis=1)
         self._pushed = dict(zip(self._touching.slots.tolist(), self.found.push, strict=True))
         self.faces |= self._touching.some((self._touching.gaps <= 0) | pushed).faces
-        for one, own in zip(self.robots, self.of.ends, strict=True):
-            self.forces[own[0] + one.patches] = one.forces @ one.of.R.T
+        for robot, ends in zip(self.robots, self.of.ends, strict=True):
+            self.forces[ends[0] + robot.patches] = robot.forces @ robot.of.R.T
 
     def _solve(self) -> StepStatus:
         """Each robot alone, its patches held, has to carry the forces that were found."""
         self.modes = dict(zip(self._touching.slots.tolist(), self.found.modes, strict=True))
-        self.solved, largest = [one.solved() for one in self.robots], np.abs(self.forces).max(initial=0.0)
-        self._cost.factorizations += sum(one.factorizations for one in self.solved)
-        for one, solved in zip(self.robots, self.solved, strict=True):
-            residual = np.abs(solved.lambda_c - one.forces.ravel()).max(initial=0.0)
-            if not solved.converged or residual > SAME * largest + one.problem.force_floor:
+        self.solved, largest = [robot.solved() for robot in self.robots], np.abs(self.forces).max(initial=0.0)
+        self._cost.factorizations += sum(solved.factorizations for solved in self.solved)
+        for robot, solved in zip(self.robots, self.solved, strict=True):
+            residual = np.abs(solved.lambda_c - robot.forces.ravel()).max(initial=0.0)
+            if not solved.converged or residual > SAME * largest + robot.problem.force_floor:
                 return StepStatus.NO_EQUILIBRIUM
         return StepStatus.CONVERGED
 
     def result(self, status: StepStatus) -> SurfacesState:
+        """State in which the step ends; without pairs where it failed."""
         count, memory = self.of.ends[-1][1], self.memory
         if status is StepStatus.CONVERGED:
-            self._look([one.state.x for one in self.solved])
+            self._look([equilibrium.state.x for equilibrium in self.solved])
             known = dict(zip(self._touching.slots.tolist(), self.found.push, strict=True))
             push = np.array([known.get(slot, np.zeros(3)) for slot in self.pairs.slots.tolist()]).reshape(-1, 3)
             memory = memory.after(self.pairs, self.places, self.modes)
@@ -254,21 +265,21 @@ class _Step:
         )
 
     def _look(self, nodes: Sequence[np.ndarray]) -> None:
-        """Where all patches are, and what is before them; nodes: x (n, 3) mm of each robot."""
+        """Updates the places of all patches, and what is before them; nodes: x (n, 3) mm of each robot."""
         places, normals = [], []
-        for one, x in zip(self.of.robots, nodes, strict=True):
-            surface = one.surface(x)
-            places.append(one.patches.mean(surface))
-            normals.append(patch_normals(surface, one.triangles, one.patches.of, len(one.patches)))
+        for robot, x in zip(self.of.robots, nodes, strict=True):
+            surface = robot.surface(x)
+            places.append(robot.patches.mean(surface))
+            normals.append(patch_normals(surface, robot.triangles, robot.patches.of, len(robot.patches)))
         self.places = np.concatenate(places)
         self.pairs = self.of.surroundings.pairs(self.places, np.concatenate(normals), self.faces, self.residual)
 
     def _mine(self, numbers: np.ndarray) -> list[np.ndarray]:
-        """Of each robot, which of these patches are its own, bool."""
+        """Patches of each robot among these numbers (c,), bool."""
         return [(numbers >= first) & (numbers < last) for first, last in self.of.ends]
 
     def _choose(self, points: np.ndarray) -> None:
         self.points = points
         each = zip(self.robots, self._mine(points), self.of.ends, strict=True)
-        for one, mine, (first, _) in each:
-            one.choose(points[mine] - first, self.forces[points[mine]] @ one.of.R)
+        for robot, mine, (first, _) in each:
+            robot.choose(points[mine] - first, self.forces[points[mine]] @ robot.of.R)

@@ -43,16 +43,21 @@ _ROUNDING = 1e-9
 class DifferentiableField(Changing, Protocol):
     """A number of the whole deformed body, such as its largest strain."""
 
-    def gradient(self, problem: Problem, at: Evaluation) -> np.ndarray:
-        """(n, 3) by the positions of the nodes."""
+    def gradient(self, problem: Problem, evaluation: Evaluation) -> np.ndarray:
+        """Gradient (n, 3) by the positions of the nodes."""
         ...
 
 
 @dataclass(frozen=True)
 class Weights:
-    """Of one number J: G (n, n) = dJ/dW, symmetric; d (n,) = dJ/d delta of all rows e, a, c, displacements from where
-    each rests; rest (n_e,) = dJ/d of where the effectors rest; l (n_active,) = dJ/d lambda; fields: (dJ/d of its value,
-    the field); forms: (dJ/d of each, the forms)."""
+    """Derivatives of one number J.
+
+    G: (n, n) = dJ/dW, symmetric
+    d: (n,) = dJ/d delta of all rows e, a, c, displacements from where each rests
+    rest: (n_e,) = dJ/d of where the effectors rest
+    l: (n_active,) = dJ/d lambda
+    fields: (dJ/d of its value, the field)
+    forms: (dJ/d of each, the forms)"""
 
     G: np.ndarray
     d: np.ndarray
@@ -64,100 +69,108 @@ class Weights:
 
 @dataclass(frozen=True)
 class Gradients:
-    """dJ (k, n_q): by each parameter, of k numbers; refined: relative residual of the adjoint solves."""
+    """Gradients of k numbers. dJ (k, n_q): by each parameter; refined: relative residual of the adjoint solves."""
 
     dJ: np.ndarray
     refined: float
 
 
 def gradients(linear: Linearisation, asked: Sequence[Weights], sides: Sequence[Sides]) -> Gradients:
-    """sides: of each parameter. No factorisation."""
-    problem, at, lam, Z = linear.problem, linear.at, linear.lam, linear.Z
+    """Gradients of the numbers that are asked, by the adjoint method, without factorisation. sides: of each
+    parameter."""
+    problem, evaluation, lam, Z = linear.problem, linear.at, linear.lam, linear.Z
     if problem.robot.rigid or problem.body.rod is not None:
         raise InputError("adjoint gradients of a robot with rigid groups are not implemented", do="use `jacobian`")
     act, n_w = problem.robot.rows.active, problem.robot.rows.watched.stop
-    shares, of = _columns(linear, asked)
-    bent = np.stack([_along(linear, *each) for each in zip(of.v.T, of.z.T, strict=True)], axis=1) if len(of.m) else None
-    g_x = np.stack([_by_state(linear, one) for one in asked], axis=1)
-    g_lam = np.stack([one.l for one in asked], axis=1)
+    shares, forms = _columns(linear, asked)
+    bent = (
+        np.stack([_along(linear, *each) for each in zip(forms.v.T, forms.z.T, strict=True)], axis=1)
+        if len(forms.m)
+        else None
+    )
+    g_x = np.stack([_by_state(linear, weights) for weights in asked], axis=1)
+    g_lam = np.stack([weights.l for weights in asked], axis=1)
     if bent is not None:
         g_x = g_x + bent @ shares.T
-        g_lam = g_lam + _by_multipliers(linear, of.z) @ shares.T
+        g_lam = g_lam + _by_multipliers(linear, forms.z) @ shares.T
     s, _, _ = refined(problem, linear.data, linear.factor, g_x, EXACT)
     C = linear.C
     m = np.zeros((len(lam), len(asked)))
     if len(C):
-        m = C.T @ np.linalg.solve(C @ linear.W[act, act] @ C.T, C @ (at.H.T @ s + g_lam))
-    w, _, left = refined(problem, linear.data, linear.factor, g_x - at.H @ m, EXACT, s - Z[:, act] @ m)
-    fields = list({field: None for one in asked for c, field in one.fields if c != 0.0})
-    many = len(of.m) > len(linear.W)  # forms: then all of W costs less
-    found = explicit(linear, sides, fields, _beyond(of) if many else of, whole=many)
-    by = np.array([[sum(c for c, each in one.fields if each is field) for field in fields] for one in asked])
-    dJ = np.stack([one.d @ found.delta + one.rest @ found.rest_e for one in asked])
-    dJ += by.reshape(len(asked), len(fields)) @ found.numbers
+        m = C.T @ np.linalg.solve(C @ linear.W[act, act] @ C.T, C @ (evaluation.H.T @ s + g_lam))
+    w, _, left = refined(problem, linear.data, linear.factor, g_x - evaluation.H @ m, EXACT, s - Z[:, act] @ m)
+    fields = list({field: None for weights in asked for c, field in weights.fields if c != 0.0})
+    many = len(forms.m) > len(linear.W)  # forms: then all of W costs less
+    explicit_part = explicit(linear, sides, fields, _beyond(forms) if many else forms, with_phi=many)
+    by = np.array([[sum(c for c, each in weights.fields if each is field) for field in fields] for weights in asked])
+    dJ = np.stack([weights.d @ explicit_part.delta + weights.rest @ explicit_part.rest_e for weights in asked])
+    dJ += by.reshape(len(asked), len(fields)) @ explicit_part.numbers
     if many:
-        dJ += np.stack([np.tensordot(one.G, found.phi, 2) for one in asked])
-        shares = shares[:, of.m != 0.0]
-    return Gradients(dJ + shares @ found.forms - w.T @ found.residual - m.T @ found.delta[n_w:], left)
+        dJ += np.stack([np.tensordot(weights.G, explicit_part.phi, 2) for weights in asked])
+        shares = shares[:, forms.m != 0.0]
+    return Gradients(
+        dJ + shares @ explicit_part.forms - w.T @ explicit_part.residual - m.T @ explicit_part.delta[n_w:], left
+    )
 
 
-def _beyond(of: Columns) -> Columns:
-    """Those that are not W's own."""
-    own = of.m != 0.0
-    return Columns(of.v[:, own], of.z[:, own], of.m[own])
+def _beyond(forms: Columns) -> Columns:
+    """The forms that are not W's own."""
+    beyond_W = forms.m != 0.0
+    return Columns(forms.v[:, beyond_W], forms.z[:, beyond_W], forms.m[beyond_W])
 
 
 def _columns(linear: Linearisation, asked: Sequence[Weights]) -> tuple[np.ndarray, Columns]:
-    """dJ by each form (k, c), and the c forms: of the eigenvectors of each G in units of W, then those asked for."""
+    """Derivatives dJ (k, c) by each form, and the c forms: of the eigenvectors of each G in units of W, then those
+    asked for."""
     size = np.sqrt(np.abs(np.diag(linear.W)))
     parts, owners, factors = [], [], []
-    for number, one in enumerate(asked):
-        g, V = np.linalg.eigh(one.G * np.outer(size, size))
+    for number, weights in enumerate(asked):
+        g, V = np.linalg.eigh(weights.G * np.outer(size, size))
         kept = np.abs(g) > _ROUNDING * np.abs(g).max(initial=0.0)
         v = V[:, kept] / np.where(size > 0, size, 1.0)[:, None]
         parts.append(Columns(v, linear.Z @ v, np.zeros(v.shape[1])))
         owners += [number] * v.shape[1]
         factors += [*g[kept]]
-        for factor, forms in one.forms:
+        for factor, forms in weights.forms:
             if factor != 0.0:
                 parts.append(forms)
                 owners += [number] * len(forms.m)
                 factors += [factor] * len(forms.m)
     shares = np.zeros((len(asked), len(owners)))
     shares[owners, np.arange(len(owners))] = factors
-    arrays = (np.concatenate([getattr(one, name) for one in parts], axis=-1) for name in ("v", "z", "m"))
+    arrays = (np.concatenate([getattr(part, name) for part in parts], axis=-1) for name in ("v", "z", "m"))
     return shares, Columns(*arrays)
 
 
-def _by_state(linear: Linearisation, one: Weights) -> np.ndarray:
-    """(n_dof,) g_x."""
-    problem, at = linear.problem, linear.at
-    B = np.hstack([problem.gradients(problem.robot.watched, at.x), at.H])
-    found = B @ one.d
-    for factor, field in one.fields:
+def _by_state(linear: Linearisation, weights: Weights) -> np.ndarray:
+    """Gradient g_x (n_dof,) of a number by the unknowns."""
+    problem, evaluation = linear.problem, linear.at
+    B = np.hstack([problem.gradients(problem.robot.watched, evaluation.x), evaluation.H])
+    gradient = B @ weights.d
+    for factor, field in weights.fields:
         if factor == 0.0:
             continue
-        found = found + factor * problem.kinematics.reduce(at.x, field.gradient(problem, at))
-    return found
+        gradient = gradient + factor * problem.kinematics.reduce(evaluation.x, field.gradient(problem, evaluation))
+    return gradient
 
 
 def _along(linear: Linearisation, v: np.ndarray, z: np.ndarray) -> np.ndarray:
-    """(n_dof,): 2 d(B v) - d^2 R along z."""
-    problem, at = linear.problem, linear.at
-    most = steepest(problem, problem.kinematics.spread(at.x, z))
+    """Second derivative (n_dof,) along z: 2 d(B v) - d^2 R."""
+    problem, evaluation = linear.problem, linear.at
+    most = steepest(problem, problem.kinematics.spread(evaluation.x, z))
     if most == 0.0:
         return np.zeros(len(z))
     h = _STEP / most
 
     def parts(k: int) -> tuple[np.ndarray, np.ndarray]:
-        there = problem.evaluate(problem.kinematics.move(at.x, k * h * z), np.empty(0), at.load)
-        rows = problem.gradients(problem.robot.watched, there.x)
-        return np.hstack([rows, there.H]) @ v, there.residual(linear.lam)
+        moved = problem.evaluate(problem.kinematics.move(evaluation.x, k * h * z), np.empty(0), evaluation.load)
+        rows = problem.gradients(problem.robot.watched, moved.x)
+        return np.hstack([rows, moved.H]) @ v, moved.residual(linear.lam)
 
     (B2, R2), (B1, R1), (b1, r1), (b2, r2) = (parts(k) for k in (2, 1, -1, -2))
-    here = problem.evaluate(at.x, np.empty(0), at.load).residual(linear.lam)
+    middle = problem.evaluate(evaluation.x, np.empty(0), evaluation.load).residual(linear.lam)
     first = (8 * (B1 - b1) - (B2 - b2)) / (12 * h)
-    second = (16 * (R1 + r1) - (R2 + r2) - 30 * here) / (12 * h * h)
+    second = (16 * (R1 + r1) - (R2 + r2) - 30 * middle) / (12 * h * h)
     return 2 * first - second
 
 

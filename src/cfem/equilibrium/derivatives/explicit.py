@@ -31,14 +31,19 @@ Side = tuple[Problem, Evaluation]
 class Changing(Protocol):
     """A number of the whole deformed body that knows how it changes from robot to robot."""
 
-    def changes(self, problem: Problem, at: Evaluation) -> Callable[[Side, Side], float]:
-        """By how much it differs, to first order, between two robots near to that of `problem`, in states near `at`."""
+    def changes(self, problem: Problem, evaluation: Evaluation) -> Callable[[Side, Side], float]:
+        """Difference of the number, to first order, between two robots near to that of `problem`, in states near
+        `evaluation`."""
         ...
 
 
 @dataclass(frozen=True)
 class Columns:
-    """c forms 2 (B v) . z - z^T A z + m z^T M z: v (n, c) of all rows e, a, c, z (n_dof, c), m (c,) 1/s^2."""
+    """c forms 2 (B v) . z - z^T A z + m z^T M z.
+
+    v: (n, c) of all rows e, a, c
+    z: (n_dof, c)
+    m: (c,) 1/s^2"""
 
     v: np.ndarray
     z: np.ndarray
@@ -47,8 +52,14 @@ class Columns:
 
 @dataclass(frozen=True)
 class Explicit:
-    """By each of n_q parameters: phi (n, n, n_q), forms (c, n_q) of columns, delta (n, n_q) of all rows, residual
-    (n_dof, n_q), rest_e (n_e, n_q) where the effectors rest, numbers (k, n_q) of the whole body."""
+    """Derivatives by each of n_q parameters, the state held.
+
+    phi: (n, n, n_q)
+    forms: (c, n_q) of columns
+    delta: (n, n_q) of all rows
+    residual: (n_dof, n_q)
+    rest_e: (n_e, n_q), where the effectors rest
+    numbers: (k, n_q) of the whole body"""
 
     phi: np.ndarray
     forms: np.ndarray
@@ -62,86 +73,94 @@ def explicit(
     linear: Linearisation,
     sides: Sequence[Sides],
     numbers: Sequence[Changing] = (),
-    of: Columns | None = None,
-    whole: bool = True,
+    forms: Columns | None = None,
+    with_phi: bool = True,
 ) -> Explicit:
-    """By central differences. of: columns whose forms are wanted; whole: whether phi is, which else is 0 x 0."""
-    here, n = (linear.problem, linear.at), linear.Z.shape[1]
-    of = Columns(np.zeros((n, 0)), linear.Z[:, :0], np.zeros(0)) if of is None else of
-    q = np.hstack([linear.Z, of.z]) if whole else of.z
+    """Derivatives at the fixed state, by central differences. forms: columns whose forms are wanted; with_phi: whether
+    phi is, which else is 0 x 0."""
+    state, n = (linear.problem, linear.at), linear.Z.shape[1]
+    forms = Columns(np.zeros((n, 0)), linear.Z[:, :0], np.zeros(0)) if forms is None else forms
+    q = np.hstack([linear.Z, forms.z]) if with_phi else forms.z
     motions = linear.problem.kinematics.spread(linear.at.x, q)
-    columns, around = [], _deformations(*here)
-    changes = [one.changes(*here) for one in numbers]
+    columns, around = [], _deformations(*state)
+    changes = [number.changes(*state) for number in numbers]
     for side in sides:
         (*behind, at_b), (*ahead, at_a) = (
-            _parts(linear, one, q, motions, around, of) for one in (side.behind, side.ahead)
+            _parts(linear, robot, q, motions, around, forms) for robot in (side.behind, side.ahead)
         )
         mine = [(b - a) / side.width for a, b in zip(behind, ahead, strict=True)]
-        found = np.zeros(len(numbers))
+        slopes = np.zeros(len(numbers))
         if at_b is not None:
             both = (side.behind, at_b), (side.ahead, at_a)
-            found = np.array([one(*both) / side.width for one in changes])
-        columns.append([*mine, found])
+            slopes = np.array([change_of(*both) / side.width for change_of in changes])
+        columns.append([*mine, slopes])
     return Explicit(*(np.stack(column, axis=-1) for column in zip(*columns, strict=True)))
 
 
 def row_curvatures(problem: Problem, x: np.ndarray, motions: np.ndarray) -> list[np.ndarray | None]:
-    """Of each active row M^T hess delta_j M (k, k), M the motions (n, 3, k); None where it has no curvature."""
+    """Curvature M^T hess delta_j M (k, k) of each active row, M the motions (n, 3, k); None where it has none."""
     forms: list[np.ndarray | None] = []
     for row in problem.robot.active:
         forms += [curvature_form(row, x, motions) if row.cliques else None] * len(row.rest)
     return forms
 
 
-def _deformations(problem: Problem, at: Evaluation) -> np.ndarray:
+def _deformations(problem: Problem, evaluation: Evaluation) -> np.ndarray:
     """(n, 3, 3): mean of F over the cells of each node; 1 where there are none, or frames move the nodes."""
-    D, count = np.zeros((*at.x.shape, 3)), np.zeros(len(at.x))
+    D, count = np.zeros((*evaluation.x.shape, 3)), np.zeros(len(evaluation.x))
     if problem.robot.rigid or problem.body.rod is not None:
         return D + np.eye(3)
-    for part, there in zip(problem.body.solids, at.response.solids, strict=True):
-        mean = there.D.reshape(*part.weights.shape, 3, 3).mean(axis=1)
+    for part, points in zip(problem.body.solids, evaluation.response.solids, strict=True):
+        mean = points.D.reshape(*part.weights.shape, 3, 3).mean(axis=1)
         np.add.at(D, part.cells, mean[:, None])
         np.add.at(count, part.cells, 1.0)
     return D / np.maximum(count, 1.0)[:, None, None] + np.eye(3)
 
 
-def _carried(problem: Problem, at: Evaluation, shift: np.ndarray, around: np.ndarray) -> np.ndarray:
+def _carried(problem: Problem, evaluation: Evaluation, shift: np.ndarray, around: np.ndarray) -> np.ndarray:
     """(n, 3) mm: the state's nodes where their rest moves by `shift` (n, 3)."""
     moved = np.einsum("nij,nj->ni", around, shift)
     moved[problem.robot.fixed] = shift[problem.robot.fixed]
-    return at.x + moved
+    return evaluation.x + moved
 
 
 def _parts(
-    linear: Linearisation, side: Problem, q: np.ndarray, motions: np.ndarray, around: np.ndarray, of: Columns
+    linear: Linearisation, side: Problem, q: np.ndarray, motions: np.ndarray, around: np.ndarray, columns: Columns
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, Evaluation | None]:
-    """Of another robot in the state that is carried along; where it has the same body, less what that gives."""
-    problem, at, lam = linear.problem, linear.at, linear.lam
-    k, there = q.shape[1], None
+    """Phi, forms, delta, residual and rest of another robot in the state that is carried along; where it has the same
+    body, less what that gives."""
+    problem, evaluation, lam = linear.problem, linear.at, linear.lam
+    k, carried = q.shape[1], None
     if _same_body(problem, side):
-        x, rows = at.x, side.robot.active
+        x, rows = evaluation.x, side.robot.active
         H = side.gradients(rows, x)
         delta = np.concatenate([row.value(x) - row.rest for row in rows])
         curved = zip(lam, row_curvatures(side, x, motions), strict=True)
-        A = -sum((one * form for one, form in curved if form is not None), np.zeros((k, k)))
+        A = -sum((multiplier * form for multiplier, form in curved if form is not None), np.zeros((k, k)))
         residual = -H @ lam
     else:
-        x = at.x if side.rest is problem.rest else _carried(problem, at, side.rest - problem.rest, around)
-        there = side.evaluate(x, np.empty(0), at.load)
-        H, delta, residual = there.H, there.delta, there.residual(lam)
-        A = side.form(there, lam, q) if k else np.zeros((0, 0))
+        x = (
+            evaluation.x
+            if side.rest is problem.rest
+            else _carried(problem, evaluation, side.rest - problem.rest, around)
+        )
+        carried = side.evaluate(x, np.empty(0), evaluation.load)
+        H, delta, residual = carried.H, carried.delta, carried.residual(lam)
+        A = side.form(carried, lam, q) if k else np.zeros((0, 0))
     Bq = np.hstack([side.gradients(side.robot.watched, x), H]).T @ q
-    n, c = k - len(of.m), len(of.m)
+    n, c = k - len(columns.m), len(columns.m)
     phi = Bq[:n, :n] + Bq[:n, :n].T - A[:n, :n]
-    forms = 2 * (of.v * Bq[:, n:]).sum(axis=0) - np.diag(A)[n:]
-    heavy = np.flatnonzero(of.m)
+    forms = 2 * (columns.v * Bq[:, n:]).sum(axis=0) - np.diag(A)[n:]
+    heavy = np.flatnonzero(columns.m)
     if len(heavy) and not (_same_body(problem, side) and side.robot.density is problem.robot.density):
         mine = motions[:, :, k - c :][:, :, heavy]
-        forms[heavy] += of.m[heavy] * kinetic_form(side.robot.body, side.robot.density, mine)
+        forms[heavy] += columns.m[heavy] * kinetic_form(side.robot.body, side.robot.density, mine)
     delta = np.concatenate([watched_displacements(side.robot, x), delta])
-    return phi, forms, delta, residual, side.robot.rest_e, there
+    return phi, forms, delta, residual, side.robot.rest_e, carried
 
 
 def _same_body(problem: Problem, side: Problem) -> bool:
-    mine, other = problem.robot, side.robot
-    return other.body is mine.body and other.loads is mine.loads and not mine.rigid and mine.body.rod is None
+    mine, other_robot = problem.robot, side.robot
+    return (
+        other_robot.body is mine.body and other_robot.loads is mine.loads and not mine.rigid and mine.body.rod is None
+    )

@@ -25,30 +25,32 @@ ENOUGH = 1e-5  # of what is left of the motions: the residual of their correctio
 LOCKED = 1e-3  # of what a wrench on a row strains with the actuators free: steps are of no less, as Q may be rounding
 
 
-def load_curvatures(at: Linearisation) -> np.ndarray:
-    """(n_e (n_e + 1) (n_e + 2) (n_e + 3) / 24,) mm/N^3: d2C/dw2, symmetric in all four indices, as the entries
-    i <= j <= k <= l (`packing.symmetric4_indices`); at: what a solve without contacts has kept."""
-    pulled, n = _Pulled(at), at.problem.robot.rows.n_e
-    found = np.full((n, n, n, n), np.nan)
+def load_curvatures(linear: Linearisation) -> np.ndarray:
+    """Second derivatives (n_e (n_e + 1) (n_e + 2) (n_e + 3) / 24,) mm/N^3, d2C/dw2, symmetric in all four indices, as
+    the entries i <= j <= k <= l (`packing.symmetric4_indices`); linear: what a solve without contacts has kept."""
+    pulled, n = _Pulled(linear), linear.problem.robot.rows.n_e
+    changes = np.full((n, n, n, n), np.nan)
     for row, h in enumerate(pulled.steps * OUTER / INNER):
-        found[row, : row + 1] = 0.0
+        changes[row, : row + 1] = 0.0
         if h > 0:
-            found[row, : row + 1] = (pulled.change(row, h) - pulled.change(row, -h)) / (2 * h)
-    each = np.stack([found.transpose(order) for order in permutations(range(4))])
+            changes[row, : row + 1] = (pulled.change(row, h) - pulled.change(row, -h)) / (2 * h)
+    each = np.stack([changes.transpose(order) for order in permutations(range(4))])
     return np.nanmean(each[:, *symmetric4_indices(n)], axis=0)
 
 
 class _Pulled:
-    """States under a small wrench on one row each. Q (n_dof, n_e): motions that a wrench makes, actuators held, which
-    pull with `pulls` (n_a, n_e) more; steps (n_e,) N: of inner differences, 0 for a row that moves nothing even with
-    the actuators free."""
+    """States under a small wrench on one row each.
 
-    def __init__(self, at: Linearisation):
-        self.at, rows, W = at, at.problem.robot.rows, at.W
+    Q: (n_dof, n_e) motions that a wrench makes, actuators held
+    pulls: (n_a, n_e) additional forces of the actuators
+    steps: (n_e,) N of inner differences, 0 for a row that moves nothing even with the actuators free"""
+
+    def __init__(self, linear: Linearisation):
+        self.at, rows, W = linear, linear.problem.robot.rows, linear.W
         self.stiffness = np.linalg.inv(W[rows.a, rows.a])
         self.pulls = self.stiffness @ W[rows.a, rows.e]
-        self.Q = at.Z[:, rows.e] - at.Z[:, rows.a] @ self.pulls
-        steepness = np.maximum(self._steepness(self.Q), LOCKED * self._steepness(at.Z[:, rows.e]))
+        self.Q = linear.Z[:, rows.e] - linear.Z[:, rows.a] @ self.pulls
+        steepness = np.maximum(self._steepness(self.Q), LOCKED * self._steepness(linear.Z[:, rows.e]))
         self.steps = np.divide(INNER, steepness, out=np.zeros(rows.n_e), where=steepness > 0)
 
     def _steepness(self, motions: np.ndarray) -> np.ndarray:
@@ -59,12 +61,12 @@ class _Pulled:
         """(row + 1, n_e, n_e): D[k] of k <= row, under h N on the row."""
         x, lam = self._moved(self.at.at.x, self.Q, row, h), self._forces(self.at.lam, self.pulls, row, h)
         Q, pulls = self._motions(row, h, x, lam)
-        found = self._bends(x, Q)[: row + 1]
+        changes = self._bends(x, Q)[: row + 1]
         for k, step in enumerate(self.steps[: row + 1]):
             if step > 0:
                 ahead, behind = (self._compliance(x, lam, Q, pulls, k, side * step) for side in (1, -1))
-                found[k] += (ahead - behind) / (2 * step) + h * self._twisting[k, row]
-        return found
+                changes[k] += (ahead - behind) / (2 * step) + h * self._twisting[k, row]
+        return changes
 
     def _motions(self, row: int, h: float, x: np.ndarray, lam: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Q and pulls at x, by one correction with the factor of the middle."""
@@ -87,29 +89,29 @@ class _Pulled:
     def _compliance(
         self, x: np.ndarray, lam: np.ndarray, Q: np.ndarray, pulls: np.ndarray, k: int, h: float
     ) -> np.ndarray:
-        """As in `third_order.load_derivatives`, h N further along row k."""
-        there = self._evaluated(self._moved(x, Q, k, h))
-        BQ = self._gradients(there.x).T @ Q - pulls.T @ (there.H[:, : len(pulls)].T @ Q)
-        return BQ + BQ.T - self.at.problem.form(there, self._forces(lam, pulls, k, h), Q)
+        """Compliance of `third_order.load_derivatives`, h N further along row k."""
+        moved = self._evaluated(self._moved(x, Q, k, h))
+        BQ = self._gradients(moved.x).T @ Q - pulls.T @ (moved.H[:, : len(pulls)].T @ Q)
+        return BQ + BQ.T - self.at.problem.form(moved, self._forces(lam, pulls, k, h), Q)
 
     def _bends(self, x: np.ndarray, Q: np.ndarray) -> np.ndarray:
         """(n_e, n_e, n_e): [m, i, j] the second derivative of row m along Q_i and Q_j."""
         n = Q.shape[1]
-        found = np.zeros((n, n, n))
+        curvatures = np.zeros((n, n, n))
         for k, step in enumerate(self.steps):
             if step > 0:
                 ahead, behind = (self._gradients(self._moved(x, Q, k, side * step)) for side in (1, -1))
-                found[:, k] = (ahead - behind).T @ Q / (2 * step)
-        return (found + found.swapaxes(1, 2)) / 2
+                curvatures[:, k] = (ahead - behind).T @ Q / (2 * step)
+        return (curvatures + curvatures.swapaxes(1, 2)) / 2
 
     @cached_property
     def _twisting(self) -> np.ndarray:
         """(n_e, n_e, n_e, n_e): [k, m, i, j] the third derivative of row m."""
-        found, x = [], self.at.at.x
+        thirds, x = [], self.at.at.x
         for k, step in enumerate(self.steps * OUTER / INNER):
             ahead, behind = (self._bends(self._moved(x, self.Q, k, side * step), self.Q) for side in (1, -1))
-            found.append((ahead - behind) / (2 * step) if step > 0 else np.zeros_like(ahead))
-        return np.stack(found)
+            thirds.append((ahead - behind) / (2 * step) if step > 0 else np.zeros_like(ahead))
+        return np.stack(thirds)
 
     def _moved(self, x: np.ndarray, Q: np.ndarray, row: int, h: float) -> np.ndarray:
         return self.at.problem.kinematics.move(x, h * Q[:, row])

@@ -20,7 +20,8 @@ from cfem.equilibrium.solution import Linearisation
 
 @dataclass(frozen=True)
 class Jacobian:
-    """By each of n_q parameters: W (n, n, n_q), delta (n, n_q) of all rows, lam (n_active, n_q), rest_e (n_e, n_q)."""
+    """Derivatives by each of n_q parameters: W (n, n, n_q), delta (n, n_q) of all rows, lam (n_active, n_q), rest_e
+    (n_e, n_q)."""
 
     W: np.ndarray
     delta: np.ndarray
@@ -29,17 +30,19 @@ class Jacobian:
 
 
 def jacobian(linear: Linearisation, sides: Sequence[Sides]) -> Jacobian:
-    """No factorisation."""
-    problem, at, Z, C = linear.problem, linear.at, linear.Z, linear.C
+    """Derivatives of a state by its robot's parameters, without factorisation."""
+    problem, evaluation, Z, C = linear.problem, linear.at, linear.Z, linear.C
     act, n_w = problem.robot.rows.active, problem.robot.rows.watched.stop
-    found = explicit(linear, sides)
-    y, _, _ = refined(problem, linear.data, linear.factor, found.residual, EXACT)
+    explicit_part = explicit(linear, sides)
+    y, _, _ = refined(problem, linear.data, linear.factor, explicit_part.residual, EXACT)
     lam = np.zeros((len(linear.lam), len(sides)))
     if len(C):
-        lam = -C.T @ np.linalg.solve(C @ linear.W[act, act] @ C.T, C @ (found.delta[n_w:] - at.H.T @ y))
-    right = at.H @ lam - found.residual
+        lam = -C.T @ np.linalg.solve(C @ linear.W[act, act] @ C.T, C @ (explicit_part.delta[n_w:] - evaluation.H.T @ y))
+    right = evaluation.H @ lam - explicit_part.residual
     motion, _, _ = refined(problem, linear.data, linear.factor, right, EXACT, Z[:, act] @ lam - y)
-    B = np.hstack([problem.gradients(problem.robot.watched, at.x), at.H])
-    skin, ways = SkinRowsChange(problem, at), zip(lam.T, motion.T, strict=True)
-    along = [derivative_along(problem, at, linear.lam, Z, *each, skin=skin) for each in ways]
-    return Jacobian(found.phi + np.stack(along, axis=2), found.delta + B.T @ motion, lam, found.rest_e)
+    B = np.hstack([problem.gradients(problem.robot.watched, evaluation.x), evaluation.H])
+    skin, directions = SkinRowsChange(problem, evaluation), zip(lam.T, motion.T, strict=True)
+    along = [derivative_along(problem, evaluation, linear.lam, Z, *each, skin=skin) for each in directions]
+    return Jacobian(
+        explicit_part.phi + np.stack(along, axis=2), explicit_part.delta + B.T @ motion, lam, explicit_part.rest_e
+    )

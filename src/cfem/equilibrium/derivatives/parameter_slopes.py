@@ -30,8 +30,12 @@ class Sides:
 
 @dataclass(frozen=True)
 class Differences:
-    """At the fixed state: of R (n_dof, n_q), delta (n_active, n_q), the effectors and the skin (n_e + n_s, n_q) and the
-    Lagrangian (n_q,), by each parameter."""
+    """Derivatives at the fixed state by each parameter.
+
+    residual: (n_dof, n_q) of R
+    delta: (n_active, n_q)
+    watched: (n_e + n_s, n_q) of the effectors and the skin
+    lagrangian: (n_q,)"""
 
     residual: np.ndarray
     delta: np.ndarray
@@ -39,14 +43,15 @@ class Differences:
     lagrangian: np.ndarray
 
 
-def differences(problem: Problem, at: Evaluation, lam: np.ndarray, sides: Sequence[Sides]) -> Differences:
-    """By central differences of the robots on either side, at the same displacements of the nodes from their rest."""
+def differences(problem: Problem, evaluation: Evaluation, lam: np.ndarray, sides: Sequence[Sides]) -> Differences:
+    """Derivatives at the fixed state, by central differences of the robots on either side, at the same displacements of
+    the nodes from their rest."""
 
     def parts(side: Problem) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
-        x = at.x if side.rest is problem.rest else at.x + (side.rest - problem.rest)
-        there = side.evaluate(x, np.empty(0), at.load)
-        lagrangian = side.potential(there) - float(lam @ there.delta)
-        return there.residual(lam), there.delta, watched_displacements(side.robot, x), lagrangian
+        x = evaluation.x if side.rest is problem.rest else evaluation.x + (side.rest - problem.rest)
+        moved = side.evaluate(x, np.empty(0), evaluation.load)
+        lagrangian = side.potential(moved) - float(lam @ moved.delta)
+        return moved.residual(lam), moved.delta, watched_displacements(side.robot, x), lagrangian
 
     pairs = [(parts(side.behind), parts(side.ahead), side.width) for side in sides]
     columns = [
@@ -57,13 +62,14 @@ def differences(problem: Problem, at: Evaluation, lam: np.ndarray, sides: Sequen
 
 
 def parameter_slopes(
-    problem: Problem, at: Evaluation, W: np.ndarray, Z: np.ndarray, found: Differences, y: np.ndarray
+    problem: Problem, evaluation: Evaluation, W: np.ndarray, Z: np.ndarray, fixed: Differences, y: np.ndarray
 ) -> ParameterSlopes:
-    """W (n, n) and Z (n_dof, n) = A^-1 H^T of all rows; y (n_dof, n_q) = A^-1 of the differences of R."""
+    """Slopes of an equilibrium by parameters. W (n, n) and Z (n_dof, n) = A^-1 H^T of all rows; y (n_dof, n_q) = A^-1
+    of the differences of R."""
     a = problem.robot.rows.a
     n_a = a.stop - a.start
-    lam = -np.linalg.solve(W[a, a], found.delta[:n_a] - at.H[:, :n_a].T @ y)
+    lam = -np.linalg.solve(W[a, a], fixed.delta[:n_a] - evaluation.H[:, :n_a].T @ y)
     motion = Z[:, a] @ lam - y
-    watched = found.watched + problem.gradients(problem.robot.watched, at.x).T @ motion
+    watched = fixed.watched + problem.gradients(problem.robot.watched, evaluation.x).T @ motion
     delta_e, delta_s = np.split(watched, [problem.robot.rows.n_e])
-    return ParameterSlopes(found.lagrangian, lam, delta_e, problem.kinematics.spread(at.x, motion), delta_s)
+    return ParameterSlopes(fixed.lagrangian, lam, delta_e, problem.kinematics.spread(evaluation.x, motion), delta_s)

@@ -22,32 +22,34 @@ _STEP = 2e-5
 
 def compliance_derivatives(
     problem: Problem,
-    at: Evaluation,
+    evaluation: Evaluation,
     lam: np.ndarray,
     Z: np.ndarray,
     Y: np.ndarray | None = None,
     mass: sp.csr_array | None = None,
 ) -> tuple[np.ndarray, np.ndarray | None]:
-    """(n_active, n, n): dW/dlambda_k of all rows at an equilibrium, total, other multipliers constant; mm/N^2
-    for cables. Z (n_dof, n) = A^-1 H^T of all rows there, to 1e-7 or better. With Y = A^-1 M Z and the mass M also
-    dV/dlambda_k of V = Z^T M Z, whose expression Z^T M Z + Y^T (B - A Z) + (B - A Z)^T Y is stationary in Z."""
+    """Derivatives dW/dlambda_k (n_active, n, n) of all rows at an equilibrium, total, other multipliers constant;
+    mm/N^2 for cables. Z (n_dof, n) = A^-1 H^T of all rows there, to 1e-7 or better. With Y = A^-1 M Z and the mass M
+    also dV/dlambda_k of V = Z^T M Z, whose expression Z^T M Z + Y^T (B - A Z) + (B - A Z)^T Y is stationary in Z."""
     motions = Z[:, problem.robot.rows.active].T
-    units, skin = np.eye(len(motions)), SkinRowsChange(problem, at)
-    found = [derivative_along(problem, at, lam, Z, *each, Y, mass, skin) for each in zip(units, motions, strict=True)]
+    units, skin = np.eye(len(motions)), SkinRowsChange(problem, evaluation)
+    along = [
+        derivative_along(problem, evaluation, lam, Z, *each, Y, mass, skin) for each in zip(units, motions, strict=True)
+    ]
     n = Z.shape[1]
-    dW = np.stack([each[:, :n] for each in found])
-    return dW, None if Y is None else np.stack([each[:, n:] for each in found])
+    dW = np.stack([each[:, :n] for each in along])
+    return dW, None if Y is None else np.stack([each[:, n:] for each in along])
 
 
 class SkinRowsChange:
     """Rows of a skin in the derivative: their forces on nodes are constant, so that their columns of B change by the
     turning of rigid groups alone, exactly."""
 
-    def __init__(self, problem: Problem, at: Evaluation):
+    def __init__(self, problem: Problem, evaluation: Evaluation):
         self.rows, self._kinematics, skin = problem.robot.rows.s, problem.kinematics, problem.robot.skin
         self.levers = None
         if skin is not None and problem.robot.rigid:
-            self.levers = levers(problem.kinematics, at.x, skin.nodes, skin.gradient(at.x))
+            self.levers = levers(problem.kinematics, evaluation.x, skin.nodes, skin.gradient(evaluation.x))
 
     def change(self, motion: np.ndarray, q: np.ndarray) -> np.ndarray | float:
         """(n_s, c): of B_s^T q with the motion (n_dof,) of the unknowns; q (n_dof, c)."""
@@ -55,7 +57,7 @@ class SkinRowsChange:
 
 
 def load_derivatives(
-    problem: Problem, at: Evaluation, lam: np.ndarray, Z: np.ndarray, W: np.ndarray, loaded: int | None = None
+    problem: Problem, evaluation: Evaluation, lam: np.ndarray, Z: np.ndarray, W: np.ndarray, loaded: int | None = None
 ) -> np.ndarray:
     """(l, l, n_e) mm/N^2: D = dC/dw, how the effectors' compliance C, actuators held and contacts free, changes with a
     wrench w on the first `loaded` of their rows (all unless given); symmetric, as the third derivative of an energy
@@ -68,7 +70,7 @@ def load_derivatives(
     Q = Z[:, rows.e] - Z[:, rows.a] @ pulls
 
     def moved(k: int, h: float) -> np.ndarray:
-        return kinematics.move(at.x, h * Q[:, k])
+        return kinematics.move(evaluation.x, h * Q[:, k])
 
     def gradients(x: np.ndarray) -> np.ndarray:
         return problem.gradients(problem.robot.effectors, x).T @ Q
@@ -76,14 +78,14 @@ def load_derivatives(
     def compliance(k: int, h: float) -> np.ndarray:
         forces = lam.copy()
         forces[: rows.n_a] -= h * pulls[:, k]
-        there = problem.evaluate(moved(k, h), np.empty(0), at.load)
-        BQ = gradients(there.x) - pulls.T @ (there.H[:, : rows.n_a].T @ Q)
-        return BQ + BQ.T - problem.form(there, forces, Q)
+        state = problem.evaluate(moved(k, h), np.empty(0), evaluation.load)
+        BQ = gradients(state.x) - pulls.T @ (state.H[:, : rows.n_a].T @ Q)
+        return BQ + BQ.T - problem.form(state, forces, Q)
 
     many = rows.n_e if loaded is None else loaded
     D, turned = np.zeros((many, rows.n_e, rows.n_e)), np.zeros((many, rows.n_e, rows.n_e))
     for k in range(rows.n_e):
-        most = steepest(problem, kinematics.spread(at.x, Q[:, k]))
+        most = steepest(problem, kinematics.spread(evaluation.x, Q[:, k]))
         if most == 0.0:
             continue  # attached to held nodes only
         h = _STEP / most
@@ -91,33 +93,35 @@ def load_derivatives(
         if k < many:
             D[k] = (compliance(k, h) - compliance(k, -h)) / (2 * h)
     D += (turned + turned.swapaxes(1, 2)) / 2
-    own, seen = np.split(D[:, :many], [many], axis=2)
-    own = sum(own.transpose(order) for order in permutations(range(3))) / 6
-    return np.concatenate([own, (seen + seen.swapaxes(0, 1)) / 2], axis=2)
+    loaded_rows, seen = np.split(D[:, :many], [many], axis=2)
+    loaded_rows = sum(loaded_rows.transpose(order) for order in permutations(range(3))) / 6
+    return np.concatenate([loaded_rows, (seen + seen.swapaxes(0, 1)) / 2], axis=2)
 
 
-def skin_load_derivatives(at: Linearisation) -> np.ndarray:
-    """(n_s, n_e + n_s, n_e + n_s) mm/N^2: how the compliance of effectors and skin, actuators held, changes with a load
-    on each row of the skin; at: what a solve without contacts has kept."""
-    rows = at.problem.robot.rows
-    seen, a, change = slice(0, rows.a.start), rows.a, SkinRowsChange(at.problem, at.at)
-    K = np.linalg.inv(at.W[a, a])
-    G, found, turning = at.W[seen, a] @ K, [], None
+def skin_load_derivatives(linear: Linearisation) -> np.ndarray:
+    """Change (n_s, n_e + n_s, n_e + n_s) mm/N^2 of the compliance of effectors and skin, actuators held, with a load on
+    each row of the skin; linear: what a solve without contacts has kept."""
+    rows = linear.problem.robot.rows
+    seen, a, change = slice(0, rows.a.start), rows.a, SkinRowsChange(linear.problem, linear.at)
+    K = np.linalg.inv(linear.W[a, a])
+    G, changes, turning = linear.W[seen, a] @ K, [], None
     if change.levers is not None:  # of rigid groups: the load's own curvature joins A
-        turning = np.stack([change.change(z, at.Z) for z in at.Z.T], axis=1)
+        turning = np.stack([change.change(z, linear.Z) for z in linear.Z.T], axis=1)
     for number, k in enumerate(range(rows.s.start, rows.s.stop)):
-        taken = -K @ at.W[a, k]  # the actuators take up forces so that they stay
-        dW = derivative_along(at.problem, at.at, at.lam, at.Z, taken, at.Z[:, k] + at.Z[:, a] @ taken, skin=change)
+        taken = -K @ linear.W[a, k]  # the actuators take up forces so that they stay
+        dW = derivative_along(
+            linear.problem, linear.at, linear.lam, linear.Z, taken, linear.Z[:, k] + linear.Z[:, a] @ taken, skin=change
+        )
         if turning is not None:
             dW += (turning[number] + turning[number].T) / 2
         across = dW[seen, a] @ G.T
-        found.append(dW[seen, seen] - across - across.T + G @ dW[a, a] @ G.T)
-    return np.stack(found)
+        changes.append(dW[seen, seen] - across - across.T + G @ dW[a, a] @ G.T)
+    return np.stack(changes)
 
 
 def derivative_along(
     problem: Problem,
-    at: Evaluation,
+    evaluation: Evaluation,
     lam: np.ndarray,
     Z: np.ndarray,
     changing: np.ndarray | float,
@@ -126,41 +130,41 @@ def derivative_along(
     mass: sp.csr_array | None = None,
     skin: SkinRowsChange | None = None,
 ) -> np.ndarray:
-    """(n, n) of W, or (n, 2 n) of W and V: where the multipliers change by `changing` (n_active,) and the unknowns move
-    by `motion` (n_dof,). Z (n_dof, n) of the effectors, of the skin's rows where `skin` is given, and of as many
-    active rows as are wanted."""
+    """Derivative (n, n) of W, or (n, 2 n) of W and V, where the multipliers change by `changing` (n_active,) and the
+    unknowns move by `motion` (n_dof,). Z (n_dof, n) of the effectors, of the skin's rows where `skin` is given, and of
+    as many active rows as are wanted."""
     n, q = Z.shape[1], Z if Y is None else np.hstack([Z, Y])
     e, s = problem.robot.rows.e, slice(0, 0) if skin is None else skin.rows
-    own = np.r_[e, max(e.stop, s.stop) : n]
+    kept = np.r_[e, max(e.stop, s.stop) : n]
 
     def compliance(h: float) -> np.ndarray:
         """B^T Z + Z^T B - Z^T A Z, with the element pressures that x demands; and that of V."""
-        there = problem.evaluate(problem.kinematics.move(at.x, h * motion), np.empty(0), at.load)
+        state = problem.evaluate(problem.kinematics.move(evaluation.x, h * motion), np.empty(0), evaluation.load)
         changed = lam + h * changing
-        B = np.hstack([problem.gradients(problem.robot.effectors, there.x), there.H])[:, : len(own)]
-        BZ, form = np.zeros((n, n)), problem.form(there, changed, q)
-        BZ[own] = B.T @ Z
+        B = np.hstack([problem.gradients(problem.robot.effectors, state.x), state.H])[:, : len(kept)]
+        BZ, form = np.zeros((n, n)), problem.form(state, changed, q)
+        BZ[kept] = B.T @ Z
         W = BZ + BZ.T - form[:n, :n]
         if Y is None:
             return W
         YB = -form[n:, :n]
-        YB[:, own] += Y.T @ B
-        moved = problem.kinematics.spread(there.x, Z)
+        YB[:, kept] += Y.T @ B
+        moved = problem.kinematics.spread(state.x, Z)
         heavy = np.tensordot(moved, (mass @ moved.reshape(len(moved), -1)).reshape(moved.shape), axes=((0, 1), (0, 1)))
         return np.hstack([W, heavy + YB + YB.T])
 
-    most = steepest(problem, problem.kinematics.spread(at.x, motion))
+    most = steepest(problem, problem.kinematics.spread(evaluation.x, motion))
     if most == 0.0:
         return np.zeros((n, q.shape[1]))  # attached to held nodes only
     h = _STEP / most
-    found = (compliance(h) - compliance(-h)) / (2 * h)
+    slope = (compliance(h) - compliance(-h)) / (2 * h)
     if skin is not None:
         change = skin.change(motion, q)
         for part in range(0, q.shape[1], n):  # of W, and of V
             block = change[:, part : part + n] if np.ndim(change) else change
-            found[s, part : part + n] += block
-            found[:, part : part + n][:, s] += np.transpose(block)
-    return found
+            slope[s, part : part + n] += block
+            slope[:, part : part + n][:, s] += np.transpose(block)
+    return slope
 
 
 def steepest(problem: Problem, moved: np.ndarray) -> float:

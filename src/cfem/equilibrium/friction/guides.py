@@ -16,7 +16,7 @@ from cfem.equilibrium.actuation import Actuation
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.robot import Robot
 from cfem.equilibrium.solution import Equilibrium, State, Status
-from cfem.equilibrium.solve import solve
+from cfem.equilibrium.solve import Wanted, solve
 
 _TURNS = 60
 _ENOUGH = 1e-7  # change of any share
@@ -24,8 +24,8 @@ Shares = tuple[np.ndarray | None, ...]
 
 
 def has_friction(robot: Robot) -> bool:
-    """Whether any cable has."""
-    return any(getattr(one, "friction", 0.0) > 0 for one in robot.actuators)
+    """True where any cable has friction."""
+    return any(getattr(actuator, "friction", 0.0) > 0 for actuator in robot.actuators)
 
 
 def solve_slipping(
@@ -39,47 +39,47 @@ def solve_slipping(
     start from. Status INACCURATE where shape and shares do not settle."""
     robot = problem.robot
     if not has_friction(robot):
-        return solve(problem, actuation, start, condense=False), _own(robot)
+        return solve(problem, actuation, start, wanted=Wanted(condense=False)), _own(robot)
     ways = np.broadcast_to(ways, len(robot.actuators))
     now = shares or _own(robot)
     weight, last = 1.0, None
     for _ in range(_TURNS):
         held = Problem(replace(robot, actuators=_with(robot, now)), like=problem)
-        found = solve(held, actuation, start, condense=False)
-        if found.status is not Status.CONVERGED:
-            return found, now
-        start, wanted = found.state, _slipping(robot, found.state.x, ways, now)
+        equilibrium = solve(held, actuation, start, wanted=Wanted(condense=False))
+        if equilibrium.status is not Status.CONVERGED:
+            return equilibrium, now
+        start, wanted = equilibrium.state, _slipping(robot, equilibrium.state.x, ways, now)
         lacks = np.concatenate([b - a for a, b in zip(now, wanted, strict=True) if a is not None])
         if np.abs(lacks).max() <= _ENOUGH:
-            return found, now
+            return equilibrium, now
         # Aitken's relaxation of a vector iteration (Irons and Tuck, IJNME 1, 1969)
         if last is not None and np.any(lacks != last):
             weight = float(np.clip(-weight * last @ (lacks - last) / np.sum((lacks - last) ** 2), 0.1, 2.0))
         last = lacks
         now = tuple(a if a is None else a + weight * (b - a) for a, b in zip(now, wanted, strict=True))
-    return replace(found, status=Status.INACCURATE), now
+    return replace(equilibrium, status=Status.INACCURATE), now
 
 
-def slipping(cable: Cable | RodCable, x: np.ndarray, way: float) -> np.ndarray:
-    """(s,) shares of the tension where the cable slips in all its guides, nodes at x (n, 3) mm."""
-    return np.exp(-way * cable.friction * np.cumsum(cable.turned(x)))
+def slipping(cable: Cable | RodCable, x: np.ndarray, direction: float) -> np.ndarray:
+    """Shares (s,) of the tension where the cable slips in all its guides, nodes at x (n, 3) mm."""
+    return np.exp(-direction * cable.friction * np.cumsum(cable.turned(x)))
 
 
 def _own(robot: Robot) -> Shares:
-    """Those that the robot's cables have, None of other actuators."""
-    return tuple(getattr(one, "shares", None) for one in robot.actuators)
+    """Shares of the robot's cables, None of other actuators."""
+    return tuple(getattr(actuator, "shares", None) for actuator in robot.actuators)
 
 
 def _with(robot: Robot, shares: Shares) -> tuple:
     """The actuators with these shares held."""
     return tuple(
-        one if share is None else replace(one, shares=share, friction=0.0)
-        for one, share in zip(robot.actuators, shares, strict=True)
+        actuator if share is None else replace(actuator, shares=share, friction=0.0)
+        for actuator, share in zip(robot.actuators, shares, strict=True)
     )
 
 
 def _slipping(robot: Robot, x: np.ndarray, ways: np.ndarray, before: Shares) -> Shares:
     return tuple(
-        None if share is None else slipping(one, x, way)
-        for one, way, share in zip(robot.actuators, ways, before, strict=True)
+        None if share is None else slipping(actuator, x, direction)
+        for actuator, direction, share in zip(robot.actuators, ways, before, strict=True)
     )

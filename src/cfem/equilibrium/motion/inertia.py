@@ -8,7 +8,8 @@ On the motions (Z, Y) stiffness is [[W, V], [V, V2]] and mass [[V, V2], [V2, V3]
 frequencies are from above, exact to the fourth moment (Craig, Int. J. Numer. Methods Eng. 1968; Bai, Appl. Numer. Math.
 43, 2002). Y costs as many triangular solves as Z, and no factorisation.
 
-A robot of sections in a row has inner motions instead (inner.py), which cost a few solves, and V alone of the rows."""
+A robot of sections in a row has inner motions instead (inner_motions.py), which cost a few solves, and V alone of the
+rows."""
 
 from dataclasses import dataclass
 
@@ -28,10 +29,13 @@ ROUGHLY = 1e-5  # residual of Y: V2 has the square of its error, V3 its error
 
 @dataclass(frozen=True)
 class Inertia:
-    """V, V2, V3: (n, n) symmetric, of rows e, a, c; an entry has the unit of W's times s^2, s^4, s^6.
+    """Mass and viscosity of the condensed model.
+
+    V, V2, V3: (n, n) symmetric, of rows e, a, c; an entry has the unit of W's times s^2, s^4, s^6
     loss: (k, 2 n, 2 n), for each viscous material the stiffness that resists shear, on the motions (Z, Y): times
-    Viscosity.modulus it is storage and loss. dV: (n_active, n, n) dV/dlambda along the equilibrium path, None where it
-    was not asked for. V2, V3, loss: None where there are inner motions."""
+    Viscosity.modulus it is storage and loss
+    dV: (n_active, n, n) dV/dlambda along the equilibrium path, None where it was not asked for
+    V2, V3, loss: None where there are inner motions"""
 
     V: np.ndarray
     V2: np.ndarray | None
@@ -44,8 +48,12 @@ class Inertia:
 @dataclass(frozen=True)
 class Inner:
     """Quasi-static motions of the actuators, a unit of displacement each, and k inner motions that leave the actuators
-    alone. K (k, k) N mm: stiffness of the latter, M (n_a + k, n_a + k) mass of both, loss (j, n_a + k, n_a + k) of each
-    viscous material, as in `Inertia`; e (n_e, k) mm: how the inner ones move the effectors."""
+    alone.
+
+    K: (k, k) N mm, stiffness of the inner motions
+    M: (n_a + k, n_a + k), mass of both
+    loss: (j, n_a + k, n_a + k) of each viscous material, as in `Inertia`
+    e: (n_e, k) mm, motion of the effectors by the inner ones"""
 
     K: np.ndarray
     M: np.ndarray
@@ -66,33 +74,33 @@ def mass_of(robot: Robot) -> sp.csr_array:
 def inertia(
     problem: Problem,
     mass: sp.csr_array,
-    at: Evaluation,
+    evaluation: Evaluation,
     condensation: Condensation,
     stressed: tuple[np.ndarray, np.ndarray] | None = None,
     derivatives: bool = False,
 ) -> tuple[Inertia, np.ndarray | None]:
-    """Of the equilibrium that was condensed, without a factorisation, and Y (n_dof, n), None where nothing needs it.
-    mass: of `mass_of`; stressed: for inner motions, the forces (n_dof, k) of the stresses of `inner.rod_stresses` and
-    A^-1 of them; derivatives: whether dV will be asked for."""
+    """Inertia of the equilibrium that was condensed, without a factorisation, and Y (n_dof, n), None where nothing
+    needs it. mass: of `mass_of`; stressed: for inner motions, the forces (n_dof, k) of the stresses of
+    `inner_motions.rod_stresses` and A^-1 of them; derivatives: whether dV will be asked for."""
     Z, Y, symmetric = condensation.Z, None, lambda each: (each + each.T) / 2
-    G = None if stressed is None else _answers(problem, at, condensation, *stressed)
-    heavy = times_mass(problem, mass, at.x, Z if G is None else np.hstack([Z, G.motions]))
+    G = None if stressed is None else _answers(problem, evaluation, condensation, *stressed)
+    heavy = times_mass(problem, mass, evaluation.x, Z if G is None else np.hstack([Z, G.motions]))
     by_rows = heavy[:, : Z.shape[1]]
     if G is None or derivatives:
         enough = ENOUGH if derivatives else ROUGHLY
         Y, rest, _ = refined(problem, condensation.data, condensation.factor, by_rows, enough)
     V = symmetric(Z.T @ by_rows)
     if G is not None:
-        return Inertia(V, None, None, None, inner=_inner(problem, at, condensation, G, heavy)), Y
+        return Inertia(V, None, None, None, inner=_inner(problem, evaluation, condensation, G, heavy)), Y
     V2 = Y.T @ (heavy + rest)  # stationary in Y, as W is in Z
-    V3 = Y.T @ times_mass(problem, mass, at.x, Y)
-    return Inertia(V, symmetric(V2), symmetric(V3), loss_forms(problem, at, np.hstack([Z, Y]))), Y
+    V3 = Y.T @ times_mass(problem, mass, evaluation.x, Y)
+    return Inertia(V, symmetric(V2), symmetric(V3), loss_forms(problem, evaluation, np.hstack([Z, Y]))), Y
 
 
 @dataclass(frozen=True)
 class _Answers:
-    """motions (n_dof, k) that leave the actuators alone, under the forces (n_dof, k) of stresses; quasi (n_dof, n_a):
-    quasi-static motions of the actuators."""
+    """Answers to stresses: motions (n_dof, k) that leave the actuators alone, under the forces (n_dof, k) of stresses;
+    quasi (n_dof, n_a): quasi-static motions of the actuators."""
 
     motions: np.ndarray
     pulls: np.ndarray
@@ -100,21 +108,23 @@ class _Answers:
 
 
 def _answers(
-    problem: Problem, at: Evaluation, condensation: Condensation, pulls: np.ndarray, G: np.ndarray
+    problem: Problem, evaluation: Evaluation, condensation: Condensation, pulls: np.ndarray, G: np.ndarray
 ) -> _Answers:
     rows, W = problem.robot.rows, condensation.condensed.W
     X = condensation.Z[:, rows.a] @ np.linalg.inv(W[rows.a, rows.a])
-    return _Answers(G - X @ (at.H[:, : rows.n_a].T @ G), pulls, X)
+    return _Answers(G - X @ (evaluation.H[:, : rows.n_a].T @ G), pulls, X)
 
 
-def _inner(problem: Problem, at: Evaluation, condensation: Condensation, found: _Answers, heavy: np.ndarray) -> Inner:
-    """heavy: mass times Z of all rows and the inner motions."""
+def _inner(
+    problem: Problem, evaluation: Evaluation, condensation: Condensation, answers: _Answers, heavy: np.ndarray
+) -> Inner:
+    """Quasi-static and inner motions. heavy: mass times Z of all rows and the inner motions."""
     rows, n = problem.robot.rows, condensation.Z.shape[1]
     K_aa = np.linalg.inv(condensation.condensed.W[rows.a, rows.a])
-    both = np.hstack([found.quasi, found.motions])
-    M, K = both.T @ np.hstack([heavy[:, rows.a] @ K_aa, heavy[:, n:]]), found.pulls.T @ found.motions
-    e = problem.gradients(problem.robot.effectors, at.x).T @ found.motions
-    return Inner((K + K.T) / 2, (M + M.T) / 2, loss_forms(problem, at, both), e)
+    both = np.hstack([answers.quasi, answers.motions])
+    M, K = both.T @ np.hstack([heavy[:, rows.a] @ K_aa, heavy[:, n:]]), answers.pulls.T @ answers.motions
+    e = problem.gradients(problem.robot.effectors, evaluation.x).T @ answers.motions
+    return Inner((K + K.T) / 2, (M + M.T) / 2, loss_forms(problem, evaluation, both), e)
 
 
 def times_mass(problem: Problem, mass: sp.csr_array, x: np.ndarray, q: np.ndarray) -> np.ndarray:
@@ -124,18 +134,18 @@ def times_mass(problem: Problem, mass: sp.csr_array, x: np.ndarray, q: np.ndarra
     return problem.kinematics.reduce(x, (mass @ motions.reshape(len(x), -1)).reshape(motions.shape), heavy)
 
 
-def loss_forms(problem: Problem, at: Evaluation, q: np.ndarray) -> np.ndarray:
-    """(k, m, m) N mm: of changes q (n_dof, m) in each viscous material's resistance to shear."""
+def loss_forms(problem: Problem, evaluation: Evaluation, q: np.ndarray) -> np.ndarray:
+    """Forms (k, m, m) N mm of changes q (n_dof, m) in each viscous material's resistance to shear."""
     body, numbers = problem.body, viscous_materials(problem.robot)
     forms = np.zeros((len(numbers), q.shape[1], q.shape[1]))
     if not len(numbers):
         return forms
-    motions = problem.kinematics.spread(at.x, q) if body.solids else np.zeros((0, 3, q.shape[1]))
+    motions = problem.kinematics.spread(evaluation.x, q) if body.solids else np.zeros((0, 3, q.shape[1]))
     for index, number in enumerate(numbers):
-        unit = viscous.damping(body, at.response, number)
-        forms[index] = viscous.solid_form(body, at.response, unit, motions)
-        if at.response.rod is not None:
-            forms[index] += problem.rod_form(viscous.rod_stiffness(body, at.response, unit), q)
+        unit = viscous.damping(body, evaluation.response, number)
+        forms[index] = viscous.solid_form(body, evaluation.response, unit, motions)
+        if evaluation.response.rod is not None:
+            forms[index] += problem.rod_form(viscous.rod_stiffness(body, evaluation.response, unit), q)
     return forms
 
 

@@ -15,7 +15,7 @@ from cfem.equilibrium.motion.inertia import times_mass
 from cfem.equilibrium.motion.vibration import lowest_modes
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solution import Equilibrium
-from cfem.equilibrium.solve import solve
+from cfem.equilibrium.solve import Wanted, solve
 
 STATES, MODES = 16, 3  # equilibria besides that at rest, and vibrations of each
 LEAST = 1e-3  # of the strongest component's energy
@@ -31,9 +31,9 @@ def rod_stresses(problem: Problem, mass: sp.csr_array) -> np.ndarray:
     weights = np.sqrt(rod.stiffness / rod.length[:, None])
     seen = []
     for share in np.vstack([np.zeros(n_a), qmc.Halton(n_a, seed=0).random(STATES)]):
-        found = solve(problem, _actuation(problem, share), keep=True)
-        if found.converged:
-            seen.append(_strains(problem, mass, found) * weights[:, :, None])
+        equilibrium = solve(problem, _actuation(problem, share), wanted=Wanted(keep=True))
+        if equilibrium.converged:
+            seen.append(_strains(problem, mass, equilibrium) * weights[:, :, None])
     snapshots = np.concatenate(seen, axis=2).reshape(weights.size, -1)
     snapshots /= np.linalg.norm(snapshots, axis=0)
     U, size, _ = np.linalg.svd(snapshots, full_matrices=False)
@@ -48,9 +48,9 @@ def _actuation(problem: Problem, share: np.ndarray) -> Actuation:
     return pull(share, robot.reach[:, 1]) if share.any() else force(share)
 
 
-def _strains(problem: Problem, mass: sp.csr_array, found: Equilibrium) -> np.ndarray:
+def _strains(problem: Problem, mass: sp.csr_array, equilibrium: Equilibrium) -> np.ndarray:
     """(m, 6, MODES) of the lowest vibrations about it, the actuators held."""
-    linear = found.linear
+    linear = equilibrium.linear
     _, shapes, _ = lowest_modes(
         lambda b: refined(problem, linear.data, linear.factor, b, EXACT)[0],
         linear.at.H[:, : problem.robot.rows.n_a],

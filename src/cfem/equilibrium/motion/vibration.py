@@ -30,8 +30,8 @@ _COUNT = 4  # modes that are computed, so that those of one frequency are among 
 
 @dataclass(frozen=True)
 class Vibration:
-    """frequency: Hz, the lowest; columns: of the k modes that have it, each of weight `share` in the frequency's
-    derivative."""
+    """The lowest natural frequency. frequency: Hz; columns: of the k modes that have it, each of weight `share` in the
+    frequency's derivative."""
 
     frequency: float
     columns: Columns
@@ -39,23 +39,25 @@ class Vibration:
 
 
 def lowest(linear: Linearisation, mass: sp.csr_array, held: bool) -> Vibration:
-    """held: whether the actuators stand still, or pull with constant forces. Undamped. mass: (n, n) t, of `mass_of`.
-    NumericalError where the equilibrium is unstable so."""
-    problem, at = linear.problem, linear.at
+    """Lowest undamped vibration. held: whether the actuators stand still, or pull with constant forces; mass: (n, n) t,
+    of `mass_of`. NumericalError where the equilibrium is unstable so."""
+    problem, evaluation = linear.problem, linear.at
     n_a = problem.robot.rows.n_a if held else 0
-    H = at.H[:, :n_a]
+    H = evaluation.H[:, :n_a]
     n = problem.pattern.n_dof
 
     def heavy(q: np.ndarray) -> np.ndarray:
-        return times_mass(problem, mass, at.x, q.reshape(n, -1))
+        return times_mass(problem, mass, evaluation.x, q.reshape(n, -1))
 
     def solve(b: np.ndarray) -> np.ndarray:
         return refined(problem, linear.data, linear.factor, b, EXACT)[0]  # the factor may be of a state nearby
 
     squares, shapes, pulls = lowest_modes(solve, H, heavy, n, _COUNT)
     if not squares[0] > 0:
-        way = "stand still" if held else "pull with constant forces"
-        raise NumericalError(f"the equilibrium is unstable while its actuators {way}: it has no natural frequency")
+        actuators = "stand still" if held else "pull with constant forces"
+        raise NumericalError(
+            f"the equilibrium is unstable while its actuators {actuators}: it has no natural frequency"
+        )
     k = int((squares <= squares[0] + _TOGETHER * abs(squares[0])).sum())
     square = float(squares[:k].mean())
     watched = problem.robot.rows.watched.stop
@@ -73,8 +75,8 @@ def lowest_modes(
     n: int,
     count: int,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """squares (k,) 1/s^2, lowest first, shapes (n, k) of mass 1, and the multipliers nu (c, k) of the rows held, whose
-    gradients are H (n, c); solve: A^-1 of (n, k); heavy: M times (n, k)."""
+    """Lowest modes: squares (k,) 1/s^2, lowest first, shapes (n, k) of mass 1, and the multipliers nu (c, k) of the
+    rows held, whose gradients are H (n, c); solve: A^-1 of (n, k); heavy: M times (n, k)."""
     ZH = solve(H) if H.shape[1] else H
     S = H.T @ ZH
 

@@ -35,6 +35,7 @@ def _rotation(D: np.ndarray, R: np.ndarray) -> None:
 
 @njit(cache=True)
 def response(D, parameters, psi, theta, P, g):
+    """Fills psi_rest, theta, P_rest and g = R as `Law.response` states them."""
     shear = parameters[0]
     for k in range(D.shape[0]):
         R = g[k]
@@ -52,6 +53,7 @@ def response(D, parameters, psi, theta, P, g):
 
 @njit(cache=True)
 def curvature(D, parameters, pressure, C):
+    """Fills C as `Law.curvature` states it: 2 mu (1 - d R / dF) and the turn of theta's gradient R."""
     shear = parameters[0]
     R, S, G, G_inverse = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     axial, omega = np.empty(3), np.empty(3)

@@ -15,7 +15,9 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Law:
-    """name:    as in specs
+    """A hyperelastic law.
+
+    name:       as in specs
     parameters: (young MPa, poisson, shape) -> (parameters (n_p,), bulk MPa), what the kernels take; ValueError where
                 the law has no such shape numbers
     response:   (D (k, 3, 3), parameters, out psi_rest (k,), out theta (k,), out P_rest (k, 3, 3), out g (k, 3, 3)) with
@@ -36,7 +38,7 @@ class Law:
 
 @dataclass(frozen=True)
 class Material:
-    """young in MPa; shape: the law's default where None."""
+    """A law with its constants: young MPa, Poisson's ratio, and shape, the law's default where None."""
 
     law: Law
     young: float
@@ -63,7 +65,7 @@ def shear_and_bulk(young: float, poisson: float, shape: tuple[float, ...] = ()) 
 
 
 def evaluate(law: Law, D: np.ndarray, parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """psi_rest (k,), theta (k,), P_rest (k, 3, 3), g (k, 3, 3) at displacement gradients D (k, 3, 3)."""
+    """Values psi_rest (k,), theta (k,), P_rest (k, 3, 3), g (k, 3, 3) at displacement gradients D (k, 3, 3)."""
     k = len(D)
     out = np.empty(k), np.empty(k), np.empty((k, 3, 3)), np.empty((k, 3, 3))
     law.response(D, parameters, *out)

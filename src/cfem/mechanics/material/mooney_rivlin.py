@@ -27,6 +27,7 @@ def parameters(young: float, poisson: float, shape: tuple[float, ...]) -> tuple[
 
 @njit(cache=True, error_model="numpy")
 def response(D, parameters, psi, theta, P, g):
+    """Fills psi_rest, theta, P_rest and g as `Law.response` states them, NaN where det F <= 0."""
     c10, c01 = parameters[0], parameters[1]
     volumetric = 4.0 / 3.0 * (c10 + c01)  # 2 mu / 3
     M, T = np.empty((3, 3)), np.empty((3, 3))  # T serves for cof D first
@@ -56,6 +57,7 @@ def response(D, parameters, psi, theta, P, g):
 
 @njit(cache=True, error_model="numpy")
 def curvature(D, parameters, pressure, C):
+    """Fills C as `Law.curvature` states it, NaN where det F <= 0."""
     c10, c01 = parameters[0], parameters[1]
     volumetric = 4.0 / 3.0 * (c10 + c01)
     F, G, X, right, left = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))

@@ -17,6 +17,7 @@ from cfem.mechanics.material.tensor import add_identity, cofactor, cofactor_chan
 
 @njit(cache=True)
 def response(D, parameters, psi, theta, P, g):
+    """Fills psi_rest, theta, P_rest and g as `Law.response` states them."""
     shear = parameters[0]
     cof_D = np.empty((3, 3))
     for k in range(D.shape[0]):
@@ -35,6 +36,7 @@ def response(D, parameters, psi, theta, P, g):
 
 @njit(cache=True)
 def curvature(D, parameters, pressure, C):
+    """Fills C as `Law.curvature` states it."""
     shear = parameters[0]
     F, cof = np.empty((3, 3)), np.empty((3, 3))
     for k in range(D.shape[0]):

@@ -17,6 +17,7 @@ from cfem.mechanics.material.tensor import add_identity, cofactor_change, invers
 
 @njit(cache=True, error_model="numpy")
 def response(D, parameters, psi, theta, P, g):
+    """Fills psi_rest, theta, P_rest and g as `Law.response` states them, NaN where det F <= 0."""
     shear = parameters[0]
     cof_D = np.empty((3, 3))
     for k in range(D.shape[0]):
@@ -41,6 +42,7 @@ def response(D, parameters, psi, theta, P, g):
 
 @njit(cache=True, error_model="numpy")
 def curvature(D, parameters, pressure, C):
+    """Fills C as `Law.curvature` states it, NaN where det F <= 0."""
     shear = parameters[0]
     F, G = np.empty((3, 3)), np.empty((3, 3))
     for k in range(D.shape[0]):

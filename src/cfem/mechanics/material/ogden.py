@@ -50,6 +50,7 @@ def _principal(D, M, stretch2, vectors, h, hbar):
 
 @njit(cache=True, error_model="numpy")
 def response(D, parameters, psi, theta, P, g):
+    """Fills psi_rest, theta, P_rest and g as `Law.response` states them, NaN where det F <= 0."""
     volumetric = 2.0 / 3.0 * parameters[0]
     M, N, n = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))  # n serves for cof D first
     stretch2, h, hbar, tau, power = np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3)
@@ -94,7 +95,31 @@ def _sinhc(x: float) -> float:
 
 
 @njit(cache=True, error_model="numpy")
+def _stress_in_logarithms(parameters, slope, hessian, h, hbar, tau, dtau, ratio, power):
+    """Fills tau_i = d psi / d h_i, dtau = d tau_i / d h_j, and ratio_r = (tau_i - tau_j) / sinh(h_i - h_j) of the other
+    two. slope, hessian: of the volumetric energy by ln J; power (3,) is scratch."""
+    tau[:] = slope
+    dtau[:, :] = hessian
+    ratio[:] = 0.0
+    for p in range(1, len(parameters), 2):
+        mu, alpha = parameters[p], parameters[p + 1]
+        for i in range(3):
+            power[i] = math.exp(alpha * hbar[i])
+        mean = (power[0] + power[1] + power[2]) / 3.0
+        for i in range(3):
+            tau[i] += mu * (power[i] - mean)
+            dtau[i, i] += mu * alpha * power[i]
+            for j in range(3):
+                dtau[i, j] -= mu * alpha / 3.0 * (power[i] + power[j] - mean)
+            i1, i2 = (i + 1) % 3, (i + 2) % 3
+            between = math.sqrt(power[i1] * power[i2])
+            ratio[i] += mu * alpha * between * _sinhc(0.5 * alpha * (h[i1] - h[i2]))
+
+
+@njit(cache=True, error_model="numpy")
 def curvature(D, parameters, pressure, C):
+    """Fills C as `Law.curvature` states it, NaN where det F <= 0, from the axes V_r = F N_r N_r^T and the pairs W_r of
+    the other two."""
     volumetric = 2.0 / 3.0 * parameters[0]
     M, N, n, S = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     stretch2, h, hbar, tau, power = np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3)
@@ -107,24 +132,8 @@ def curvature(D, parameters, pressure, C):
             C[k] = np.nan
             continue
         _principal(D[k], M, stretch2, N, h, hbar)
-        # tau_i = d psi / d h_i, dtau = d tau_i / d h_j, ratio_r = (tau_i - tau_j) / sinh(h_i - h_j) for the other two
         slope = J * (pressure[k] + volumetric * (J - 1.0))
-        tau[:] = slope
-        dtau[:, :] = slope + volumetric * J * J
-        ratio[:] = 0.0
-        for p in range(1, len(parameters), 2):
-            mu, alpha = parameters[p], parameters[p + 1]
-            for i in range(3):
-                power[i] = math.exp(alpha * hbar[i])
-            mean = (power[0] + power[1] + power[2]) / 3.0
-            for i in range(3):
-                tau[i] += mu * (power[i] - mean)
-                dtau[i, i] += mu * alpha * power[i]
-                for j in range(3):
-                    dtau[i, j] -= mu * alpha / 3.0 * (power[i] + power[j] - mean)
-                i1, i2 = (i + 1) % 3, (i + 2) % 3
-                between = math.sqrt(power[i1] * power[i2])
-                ratio[i] += mu * alpha * between * _sinhc(0.5 * alpha * (h[i1] - h[i2]))
+        _stress_in_logarithms(parameters, slope, slope + volumetric * J * J, h, hbar, tau, dtau, ratio, power)
         add_identity(D[k], M)
         for i in range(3):
             for j in range(3):

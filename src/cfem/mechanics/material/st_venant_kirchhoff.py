@@ -15,6 +15,7 @@ from cfem.mechanics.material.tensor import add_identity, double_strain
 
 @njit(cache=True)
 def response(D, parameters, psi, theta, P, g):
+    """Fills psi_rest, theta = tr E, P_rest = F S and g = F as `Law.response` states them."""
     shear = parameters[0]
     M = np.empty((3, 3))  # 2 E
     for k in range(D.shape[0]):
@@ -31,6 +32,7 @@ def response(D, parameters, psi, theta, P, g):
 
 @njit(cache=True)
 def curvature(D, parameters, pressure, C):
+    """Fills C as `Law.curvature` states it."""
     shear = parameters[0]
     M, F = np.empty((3, 3)), np.empty((3, 3))
     for k in range(D.shape[0]):

@@ -26,6 +26,7 @@ def parameters(young: float, poisson: float, shape: tuple[float, ...]) -> tuple[
 
 @njit(cache=True, error_model="numpy")
 def response(D, parameters, psi, theta, P, g):
+    """Fills psi_rest, theta, P_rest and g as `Law.response` states them, NaN where det F <= 0."""
     c1, c2, c3 = parameters[0], parameters[1], parameters[2]
     volumetric = 4.0 / 3.0 * c1  # 2 mu / 3
     M, cof_D = np.empty((3, 3)), np.empty((3, 3))
@@ -48,6 +49,7 @@ def response(D, parameters, psi, theta, P, g):
 
 @njit(cache=True, error_model="numpy")
 def curvature(D, parameters, pressure, C):
+    """Fills C as `Law.curvature` states it, NaN where det F <= 0."""
     c1, c2, c3 = parameters[0], parameters[1], parameters[2]
     volumetric = 4.0 / 3.0 * c1
     F, X, S = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))

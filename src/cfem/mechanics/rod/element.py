@@ -37,8 +37,12 @@ _SERIES = np.stack(
 
 @dataclass(frozen=True)
 class RodStrain:
-    """e (m, 6): mm, rad; gradient (m, 6, 12) by the motions of both sections; the rest is what `curvature` needs: Ra,
-    Rb, theta, p, and c, c', c'' (m, 3)."""
+    """Strain of m elements. The fields after `gradient` are what `curvature` needs.
+
+    e: (m, 6) mm, rad
+    gradient: (m, 6, 12) by the motions of both sections
+    Ra, Rb, theta, p: rotations (m, 3, 3), their relative vector and the place (m, 3)
+    c: c, c', c'' (m, 3)"""
 
     e: np.ndarray
     gradient: np.ndarray
@@ -50,7 +54,8 @@ class RodStrain:
 
 
 def stretch(ca: np.ndarray, Ra: np.ndarray, cb: np.ndarray, Rb: np.ndarray, h: np.ndarray) -> RodStrain:
-    """Of sections at ca, cb (m, 3) mm with rotations Ra, Rb (m, 3, 3), h (m,) mm apart at rest."""
+    """Strain of elements between sections at ca, cb (m, 3) mm with rotations Ra, Rb (m, 3, 3), h (m,) mm apart at
+    rest."""
     m = len(h)
     e, gradient = np.empty((m, 6)), np.zeros((m, 6, 12))
     theta, p, c = np.empty((m, 3)), np.empty((m, 3)), np.empty((m, 3))
@@ -58,19 +63,19 @@ def stretch(ca: np.ndarray, Ra: np.ndarray, cb: np.ndarray, Rb: np.ndarray, h: n
     return RodStrain(e, gradient, Ra, Rb, theta, p, c)
 
 
-def curvature(at: RodStrain, weights: np.ndarray) -> np.ndarray:
+def curvature(strain: RodStrain, weights: np.ndarray) -> np.ndarray:
     """(m, 12, 12) second derivative of weights . e, weights (m, 6), by the motions of both sections: of straight lines
     (dc, omega), R -> exp[omega] R. With (alpha, beta) = (Ra^T omega_a, Rb^T omega_b) and tau = Ra^T (dcb - dca),
 
         theta' = Jr^-1 beta - Jl^-1 alpha            theta'' = Jr^-1' beta - Jl^-1' alpha
         p' = tau - alpha x p                         p'' = alpha x (alpha x p) - 2 alpha x tau"""
     out = np.empty((len(weights), 12, 12))
-    _curvature(at.Ra, at.Rb, at.theta, at.p, at.c, weights, out)
+    _curvature(strain.Ra, strain.Rb, strain.theta, strain.p, strain.c, weights, out)
     return out
 
 
 def screw(e: np.ndarray, h: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """p (m, 3) mm and rotation (m, 3, 3) of the relative motions with stretch e (m, 6): the inverse of `stretch`."""
+    """Relative motions, p (m, 3) mm and rotation (m, 3, 3), with stretch e (m, 6): the inverse of `stretch`."""
     theta, u = e[:, 3:], e[:, :3].copy()
     u[:, 0] += h
     turn = Rotation.from_rotvec(theta).as_matrix()
@@ -99,7 +104,7 @@ def _cross_into(v, scale, out):
 
 @njit(cache=True)
 def _inverse_jacobian(theta, c, side, out):
-    """out (3, 3) = 1 + side [theta] / 2 + c [theta]^2: side -1 the left one, +1 the right one."""
+    """Fills out (3, 3) = 1 + side [theta] / 2 + c [theta]^2: side -1 the left one, +1 the right one."""
     s = theta[0] ** 2 + theta[1] ** 2 + theta[2] ** 2
     for i in range(3):
         for j in range(3):
@@ -110,7 +115,7 @@ def _inverse_jacobian(theta, c, side, out):
 
 @njit(cache=True)
 def _slope(theta, v, c, half, out):
-    """out (3, 3): derivative by theta of -half theta x v + c theta x (theta x v)."""
+    """Fills out (3, 3) with the derivative by theta of -half theta x v + c theta x (theta x v)."""
     s, along = 0.0, 0.0
     for i in range(3):
         s += theta[i] * theta[i]
@@ -125,7 +130,8 @@ def _slope(theta, v, c, half, out):
 
 @njit(cache=True)
 def _second(theta, n, p, c, out):
-    """out (3, 3): second derivative by theta of n . V^-1 p, which is that of c Q, Q = n . (theta x (theta x p))."""
+    """Fills out (3, 3) with the second derivative by theta of n . V^-1 p, which is that of c Q, Q = n . (theta x (theta
+    x p))."""
     s, n_theta, p_theta, n_p = 0.0, 0.0, 0.0, 0.0
     for i in range(3):
         s += theta[i] * theta[i]
@@ -144,6 +150,7 @@ def _second(theta, n, p, c, out):
 
 @njit(cache=True)
 def _stretch(ca, Ra, cb, Rb, h, series, e, gradient, theta, p, c):
+    """Fills e and its gradient: theta = log(Ra^T Rb), p = Ra^T (cb - ca), e = (V^-1 p - h, theta)."""
     Q, left, right = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     G, by_turn = np.empty((3, 3)), np.empty((3, 3))
     for k in range(len(h)):
@@ -199,6 +206,8 @@ def _stretch(ca, Ra, cb, Rb, h, series, e, gradient, theta, p, c):
 
 @njit(cache=True)
 def _curvature(Ra, Rb, theta, p, c, weights, out):
+    """Fills the second derivatives of weights . e by (tau, alpha, beta), then by the motions of both sections
+    (`curvature`)."""
     left, right, G, S = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     early, late = np.empty((3, 3)), np.empty((3, 3))
     by_p, by_theta = np.empty(3), np.empty(3)
@@ -258,8 +267,8 @@ def _curvature(Ra, Rb, theta, p, c, weights, out):
 
 @njit(cache=True)
 def _to_motions(Ra, Rb, H, L, out):
-    """out (12, 12): H (9, 9), by (tau, alpha, beta) in the axes of the sections, by the motions in the axes at rest. H
-    and L are overwritten."""
+    """Fills out (12, 12) with H (9, 9), by (tau, alpha, beta) in the axes of the sections, by the motions in the axes
+    at rest. H and L are overwritten."""
     for i in range(9):
         for block in range(3):
             R = Rb if block == 2 else Ra

@@ -21,8 +21,11 @@ _SHORTEST = 0.05  # stretch below which a fibre is taken further by its tangent
 
 @dataclass(frozen=True)
 class NonlinearResponse:
-    """What fibres of rubber give beyond the linear law, at strains (eps, kappa_y, kappa_z): energy (m,) N; force (m, 3)
-    N, N mm; tangent (m, 3, 3)."""
+    """Response of fibres of rubber beyond the linear law, at strains (eps, kappa_y, kappa_z).
+
+    energy: (m,) N
+    force: (m, 3) N, N mm
+    tangent: (m, 3, 3)"""
 
     energy: np.ndarray
     force: np.ndarray
@@ -32,7 +35,8 @@ class NonlinearResponse:
 def beyond_linear(
     eps: np.ndarray, kappa: np.ndarray, young: np.ndarray, area: np.ndarray, radius: np.ndarray
 ) -> NonlinearResponse:
-    """eps (m,), kappa (m, 2) 1/mm; young (m,) MPa; area (m,) mm^2 and radius (m,) mm of the section."""
+    """Response of fibres at eps (m,), kappa (m, 2) 1/mm; young (m,) MPa; area (m,) mm^2 and radius (m,) mm of the
+    section."""
     k = np.linalg.norm(kappa, axis=1)
     arm = radius[:, None] * _T
     W, first, second = (young[:, None] * part for part in _law(1 + eps[:, None] + k[:, None] * arm))
@@ -40,7 +44,7 @@ def beyond_linear(
     bending = area * radius**2 / 4
     straight = k * radius < _STRAIGHT
     safe = np.where(straight, 1.0, k)
-    way = kappa / safe[:, None]
+    direction = kappa / safe[:, None]
     by_eps, by_k = (scale * first).sum(axis=1), (scale * first * arm).sum(axis=1)
     eps_eps, eps_k, k_k = ((scale * second * arm**power).sum(axis=1) for power in (0, 1, 2))
     over_k = np.where(straight, k_k, by_k / safe)
@@ -49,15 +53,17 @@ def beyond_linear(
     force[:, 0], force[:, 1:] = by_eps - young * area * eps, (over_k - young * bending)[:, None] * kappa
     tangent = np.zeros((len(eps), 3, 3))
     tangent[:, 0, 0] = eps_eps - young * area
-    tangent[:, 0, 1:] = tangent[:, 1:, 0] = eps_k[:, None] * way
+    tangent[:, 0, 1:] = tangent[:, 1:, 0] = eps_k[:, None] * direction
     tangent[:, 1:, 1:] = (over_k - young * bending)[:, None, None] * np.eye(2)
-    tangent[:, 1:, 1:] += np.where(straight, 0.0, k_k - over_k)[:, None, None] * way[:, :, None] * way[:, None]
+    tangent[:, 1:, 1:] += (
+        np.where(straight, 0.0, k_k - over_k)[:, None, None] * direction[:, :, None] * direction[:, None]
+    )
     return NonlinearResponse(energy, force, tangent)
 
 
 def _law(lam: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """W / E and its two derivatives; below the shortest stretch as the parabola that continues it there."""
-    at = np.maximum(lam, _SHORTEST)
-    W, first, second = (at**2 + 2 / at - 3) / 6, (at - at**-2) / 3, (1 + 2 * at**-3) / 3
-    past = lam - at
+    lam_held = np.maximum(lam, _SHORTEST)
+    W, first, second = (lam_held**2 + 2 / lam_held - 3) / 6, (lam_held - lam_held**-2) / 3, (1 + 2 * lam_held**-3) / 3
+    past = lam - lam_held
     return W + first * past + second * past**2 / 2, first + second * past, second

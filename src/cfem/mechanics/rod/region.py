@@ -20,9 +20,13 @@ _FIBRES = [0, 4, 5]  # of a strain e: stretch and the two bendings
 
 @dataclass(frozen=True)
 class CrossSection:
-    """area A mm^2; bending I = I_y = I_z about the centroid, mm^4; torsion J mm^4; each one number, or (m,) one an
-    element. contracts: whether the section may contract sideways where its fibres are stretched; shear: share of G A
-    that resists shear (Cowper, J. Appl. Mech. 33, 1966)."""
+    """A cross-section; each of the first three is one number, or (m,) one an element.
+
+    area: A mm^2
+    bending: I = I_y = I_z about the centroid, mm^4
+    torsion: J mm^4
+    contracts: whether the section may contract sideways where its fibres are stretched
+    shear: share of G A that resists shear (Cowper, J. Appl. Mech. 33, 1966)"""
 
     area: float | np.ndarray
     bending: float | np.ndarray
@@ -41,9 +45,14 @@ class CrossSection:
 
 @dataclass(frozen=True)
 class Rod:
-    """sections: that the rod joins, neighbours by m elements; shape: of all; stiffness: (m, 6) of C, N and N mm^2;
-    shear: (m,) MPa; numbers: (m,) of each element's material among the body's; rubber (m,): Young's modulus (MPa) of
-    the elements whose fibres are neo-Hookean, 0 of others; None without any."""
+    """A rod of rigid sections.
+
+    sections: that the rod joins, neighbours by m elements
+    shape: of all
+    stiffness: (m, 6) of C, N and N mm^2
+    shear: (m,) MPa
+    numbers: (m,) of each element's material among the body's
+    rubber: (m,) Young's modulus (MPa) of the elements whose fibres are neo-Hookean, 0 of others; None without any"""
 
     sections: Sections
     shape: CrossSection
@@ -60,9 +69,15 @@ class Rod:
 
 @dataclass(frozen=True)
 class RodResponse:
-    """energy N mm; strain: of the elements; stress (m, 6): N, N mm; gradient (m, 6, 12): of e by the unknowns of both
-    sections; scale (m, 12): of the motions by the unknowns; shortest: least stretch of the outermost fibres, <= 0 where
-    sections touch; bent (m, 3, 3): stiffness of fibres of rubber beyond C / h, by the strains 0, 4 and 5 of e."""
+    """Response of a rod at one place of its sections.
+
+    energy: N mm
+    strain: of the elements
+    stress: (m, 6) N, N mm
+    gradient: (m, 6, 12) of e by the unknowns of both sections
+    scale: (m, 12) of the motions by the unknowns
+    shortest: least stretch of the outermost fibres, <= 0 where sections touch
+    bent: (m, 3, 3) stiffness of fibres of rubber beyond C / h, by the strains 0, 4 and 5 of e"""
 
     energy: float
     strain: RodStrain
@@ -85,9 +100,9 @@ def make_rod(
     numbers: np.ndarray,
     rubber: Sequence[bool] = (),
 ) -> Rod:
-    """moduli: Young's (MPa) and Poisson's of each material; numbers (m,): which one an element is of; rubber: whether
-    each material is, none unless given."""
-    each = np.array([np.broadcast_to(shape.stiffness(*one), (len(numbers), 6)) for one in moduli])
+    """Rod of sections. moduli: Young's (MPa) and Poisson's of each material; numbers (m,): which material an element
+    has; rubber: whether each material is, none unless given."""
+    each = np.array([np.broadcast_to(shape.stiffness(*pair), (len(numbers), 6)) for pair in moduli])
     stiffness = each[numbers, np.arange(len(numbers))]
     shear = np.array([lame(*each)[1] for each in moduli])[numbers]
     fibres = None
@@ -104,38 +119,38 @@ def with_moduli(rod: Rod, moduli: Sequence[tuple[float, float]]) -> Rod:
 
 
 def response(rod: Rod, x: np.ndarray) -> RodResponse:
-    """At positions x (n, 3) mm that keep the sections rigid."""
+    """Response at positions x (n, 3) mm that keep the sections rigid."""
     c, R = rod.sections.frames(x)
     h, radius = rod.length, rod.sections.radius
-    found = stretch(c[:-1], R[:-1], c[1:], R[1:], h)
-    stress = rod.stiffness * found.e / h[:, None]
+    strain = stretch(c[:-1], R[:-1], c[1:], R[1:], h)
+    stress = rod.stiffness * strain.e / h[:, None]
     scale = np.ones((len(h), 12))
     scale[:, 3:6], scale[:, 9:] = 1 / radius[:-1, None], 1 / radius[1:, None]
-    bend = np.sqrt((found.e[:, 4:] ** 2).sum(axis=1))
+    bend = np.sqrt((strain.e[:, 4:] ** 2).sum(axis=1))
     outer = np.maximum(rod.sections.outer[:-1], rod.sections.outer[1:])
-    shortest = float((1 + (found.e[:, 0] - outer * bend) / h).min())
-    energy, bent = float((stress * found.e).sum() / 2), None
+    shortest = float((1 + (strain.e[:, 0] - outer * bend) / h).min())
+    energy, bent = float((stress * strain.e).sum() / 2), None
     if rod.rubber is not None:
-        strains = found.e[:, _FIBRES] / h[:, None]
+        strains = strain.e[:, _FIBRES] / h[:, None]
         radius = 2 * np.sqrt(rod.shape.bending / rod.shape.area)
         extra = beyond_linear(strains[:, 0], strains[:, 1:], rod.rubber, rod.shape.area, radius)
         stress[:, _FIBRES] += extra.force
         energy, bent = energy + float(extra.energy @ h), extra.tangent / h[:, None, None]
-    return RodResponse(energy, found, stress, found.gradient * scale[:, None], scale, shortest, bent)
+    return RodResponse(energy, strain, stress, strain.gradient * scale[:, None], scale, shortest, bent)
 
 
-def stiffness(rod: Rod, at: RodResponse, pulled: np.ndarray | float = 0.0) -> np.ndarray:
+def stiffness(rod: Rod, state: RodResponse, pulled: np.ndarray | float = 0.0) -> np.ndarray:
     """(m, 12, 12) N/mm on the unknowns of both sections of each element, of the energy less pulled . e, with `pulled`
     (m, 6) held."""
-    blocks = stiffness_of(rod.stiffness, at.stress - pulled, rod, at)
-    if at.bent is not None:
-        mine = at.gradient[:, _FIBRES]
-        blocks = blocks + mine.swapaxes(1, 2) @ at.bent @ mine
+    blocks = stiffness_of(rod.stiffness, state.stress - pulled, rod, state)
+    if state.bent is not None:
+        mine = state.gradient[:, _FIBRES]
+        blocks = blocks + mine.swapaxes(1, 2) @ state.bent @ mine
     return blocks
 
 
-def stiffness_of(moduli: np.ndarray, stress: np.ndarray, rod: Rod, at: RodResponse) -> np.ndarray:
+def stiffness_of(moduli: np.ndarray, stress: np.ndarray, rod: Rod, state: RodResponse) -> np.ndarray:
     """(m, 12, 12) N/mm on the unknowns, of elements with these moduli (m, 6) as in C under this stress (m, 6)."""
     material = moduli / rod.length[:, None]
-    bent = curvature(at.strain, stress) * at.scale[:, :, None] * at.scale[:, None]
-    return (at.gradient.swapaxes(1, 2) * material[:, None]) @ at.gradient + bent
+    bent = curvature(state.strain, stress) * state.scale[:, :, None] * state.scale[:, None]
+    return (state.gradient.swapaxes(1, 2) * material[:, None]) @ state.gradient + bent

@@ -15,7 +15,8 @@ from cfem.mechanics.rod.element import screw, stretch
 
 @dataclass(frozen=True)
 class Sections:
-    """X: (n, 3) mm all nodes at rest; nodes: (s, k) those of each section, in planes across x, from the base on."""
+    """Rigid plane sections in a row. X: (n, 3) mm all nodes at rest; nodes: (s, k) those of each section, in planes
+    across x, from the base on."""
 
     X: np.ndarray
     nodes: np.ndarray
@@ -53,10 +54,10 @@ class Sections:
 
     def frames(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Centres (s, 3) mm and rotations (s, 3, 3) since rest, of positions x (n, 3) that keep the sections rigid."""
-        own = x[self.nodes]
-        y, z = (self.across @ own).swapaxes(0, 1)
+        places = x[self.nodes]
+        y, z = (self.across @ places).swapaxes(0, 1)
         first = np.stack([y[:, i] * z[:, j] - y[:, j] * z[:, i] for i, j in ((1, 2), (2, 0), (0, 1))], axis=1)
-        return own.mean(axis=1), np.stack([first, y, z], axis=2)
+        return places.mean(axis=1), np.stack([first, y, z], axis=2)
 
     def advanced(self, x: np.ndarray, motions: np.ndarray) -> np.ndarray:
         """Positions (s, k, 3) after motions (s, 6), mm and rad, of the sections from x: the first stays where it is,

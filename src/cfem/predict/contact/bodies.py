@@ -17,9 +17,12 @@ from cfem.predict.contact.state import ContactState
 
 @dataclass(frozen=True)
 class PlacedModel:
-    """A learned robot; R (3, 3) and t (3,) mm from its frame to the scene's; itself: whether it may touch itself;
-    unilateral (n_a,) bool: actuators that go slack where they would push (`cfem.predict.slack`), none where it is None:
-    the others are held."""
+    """A learned robot and its place in the scene.
+
+    R, t: (3, 3) and (3,) mm from its frame to the scene's
+    itself: True where it may touch itself
+    unilateral: (n_a,) bool, actuators that go slack where they would push (`cfem.predict.slack`); the others are held.
+    None: all are held"""
 
     patched: PatchedModel
     R: np.ndarray = field(default_factory=lambda: np.eye(3))
@@ -29,14 +32,14 @@ class PlacedModel:
 
     @cached_property
     def in_scene(self) -> bool:
-        """Whether its frame is the scene's."""
+        """True where its frame is the scene's."""
         return not self.t.any() and np.array_equal(self.R, np.eye(3))
 
 
 @dataclass(frozen=True, eq=False)
 class Bodies:
-    """robots, the obstacles that all of them may touch, and the coefficient of friction mu. SpecError where mu is
-    none."""
+    """Robots, the obstacles that all of them may touch, and the coefficient of friction mu. SpecError where mu is no
+    coefficient of friction."""
 
     robots: Sequence[PlacedModel]
     obstacles: ObstacleSet = field(default_factory=lambda: ObstacleSet(()))
@@ -47,7 +50,7 @@ class Bodies:
 
     @cached_property
     def soft(self) -> bool:
-        """Whether soft surfaces may touch: of two robots, or of one that may touch itself."""
+        """True where soft surfaces may touch: of two robots, or of one that may touch itself."""
         return len(self.robots) > 1 or self.robots[0].itself
 
     @cached_property
@@ -92,9 +95,9 @@ class Bodies:
             normals.append(patch_normals(surface, skin.triangles, patches.of, len(patches)) @ robot.R.T)
         return np.concatenate(normals)
 
-    def separation(self, state: ContactState, body: int, other: int) -> float:
-        """mm, the smallest gap of two bodies, or of one and itself, that do not press each other."""
-        first, second = (self.bodies == number for number in (body, other))
+    def separation(self, state: ContactState, body: int, second_body: int) -> float:
+        """Smallest gap, mm, of two bodies, or of a body and itself, that do not press each other."""
+        first, second = (self.bodies == number for number in (body, second_body))
         both = first[:, None] & second | second[:, None] & first
         may = np.where(both, self.surroundings.may_meet, NEVER)
         return separation(state.places, self.normals(state.rows), may, self.surroundings.spacing)

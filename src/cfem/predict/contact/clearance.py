@@ -16,7 +16,8 @@ from cfem.predict.rows.serial import SerialPredictor
 
 @dataclass(frozen=True)
 class Clearance(Nearest):
-    """gradient (n_a,): mm a mm, or a mm^3, of the distance by the displacements of the actuators."""
+    """Nearest point of a robot's surface to an obstacle. gradient (n_a,): derivatives of the distance by the
+    displacements of the actuators, mm per mm or per mm^3."""
 
     gradient: np.ndarray
 
@@ -28,12 +29,12 @@ def clearance(
     p: ArrayLike | None = None,
     tolerance: float = TOLERANCE,
 ) -> Clearance:
-    """The smallest signed distance of the surface, with the actuators at delta_a (n_a,) mm, to an obstacle in the frame
-    of the scene, to `tolerance` mm (`nearest_of_surface`). InputError as `Predictor.shape`."""
+    """Smallest signed distance of the surface, with the actuators at delta_a (n_a,) mm, to an obstacle in the frame of
+    the scene, to `tolerance` mm (`nearest_of_surface`). InputError as `Predictor.shape`."""
     delta_a = np.asarray(delta_a, float)
-    found = nearest_of_surface(model.shape(delta_a, p), model.facets, obstacle, tolerance)
-    moved = surface_gradient(model, delta_a, model.facets[found.triangle], p)
-    return Clearance(**vars(found), gradient=np.einsum("c,cin,i->n", found.shares, moved, found.normal))
+    nearest = nearest_of_surface(model.shape(delta_a, p), model.facets, obstacle, tolerance)
+    moved = surface_gradient(model, delta_a, model.facets[nearest.triangle], p)
+    return Clearance(**vars(nearest), gradient=np.einsum("c,cin,i->n", nearest.shares, moved, nearest.normal))
 
 
 def surface_gradient(
@@ -46,8 +47,10 @@ def surface_gradient(
 
 
 def row_gradient(model: Predictor, delta_a: np.ndarray, p: ArrayLike | None = None) -> np.ndarray:
-    """(k, n_a): how the rows of the skin change with the displacements of the actuators, no contact held."""
+    """Derivatives (k, n_a) of the rows of the skin by the displacements of the actuators, no contact held."""
     if model.form == "displacement":
         return model.skin.gradient(*model.learned_inputs(delta_a, p))
-    whole = model.whole(delta_a, p)
-    return np.linalg.solve(whole.W[whole.rows.a, whole.rows.a], whole.W[whole.rows.a, whole.rows.s]).T
+    with_skin = model.whole(delta_a, p)
+    return np.linalg.solve(
+        with_skin.W[with_skin.rows.a, with_skin.rows.a], with_skin.W[with_skin.rows.a, with_skin.rows.s]
+    ).T

@@ -134,7 +134,7 @@ def _dents(patches, R, basis, dented):
 
 @njit(cache=True, error_model="numpy")
 def load_response(forces, C_ss, bends, D, U, flexibility, dents):
-    """Of forces (c, 3) N on patches; bends (k, r); D (r, n_e + r, r) mm/N^2; U, flexibility and dents of
+    """Response to forces (c, 3) N on patches. bends (k, r); D (r, n_e + r, r) mm/N^2; U, flexibility and dents of
     `PatchCompliance`."""
     c, (k, r), seen = len(forces), bends.shape, D.shape[1]
     w, v, change, by_mixture = np.zeros(k), np.zeros(r), np.zeros((seen, r)), np.zeros(r)

@@ -25,8 +25,11 @@ ITERATIONS, TOLERANCE = 30, 1e-12
 
 @dataclass(frozen=True)
 class WithinPatch:
-    """shapes N (3 k, n), n = 3 k - 6: displacements of k points in the frame of the patch, without unit; compliance D
-    (n, n) mm/N; by_actuators c (n, n_a): how actuators that move deform the patch."""
+    """Deformation of a patch of k points about its pose; n = 3 k - 6.
+
+    shapes: N (3 k, n), displacements of the points in the frame of the patch, without unit
+    compliance: D (n, n) mm/N
+    by_actuators: c (n, n_a), how actuators that move deform the patch"""
 
     shapes: np.ndarray
     compliance: np.ndarray
@@ -35,8 +38,11 @@ class WithinPatch:
 
 @dataclass(frozen=True)
 class Response:
-    """One state, as `Equilibrium` has it. X (6,): of the patch; by_actuators (3 k, n_a): how the points move with the
-    actuators under constant forces; stiffness (n_a, n_a) N/mm: of the actuators under them."""
+    """One state, as `Equilibrium` has it.
+
+    X: (6,) pose of the patch
+    by_actuators: (3 k, n_a), how the points move with the actuators under constant forces
+    stiffness: (n_a, n_a) N/mm of the actuators under constant forces"""
 
     X: np.ndarray
     delta_a: np.ndarray
@@ -51,7 +57,8 @@ class Response:
 
 @dataclass(frozen=True)
 class LearnedFinger:
-    """`Touching`, placed by turn (3, 3) and shift (3,) mm. model: of (its actuators, the pose of `patch`)."""
+    """`PointRobot`: a learned robot placed by turn (3, 3) and shift (3,) mm. model: of (its actuators, the pose of
+    `patch`)."""
 
     model: Model
     patch: Patch
@@ -66,7 +73,8 @@ class LearnedFinger:
     def respond(
         self, actuators, delta_c: np.ndarray, before: Response | None, tolerance: float = 0.0
     ) -> tuple[Response, np.ndarray]:
-        """actuators: held at their targets, whether they pull or push."""
+        """State and compliance (3 k, 3 k) mm/N of the points held at delta_c (3 k,) mm. actuators: held at their
+        targets, whether they pull or push."""
         delta_a = actuators.target
         X, size, M = self._placed(delta_c, np.zeros(6) if before is None else before.X)
         c = self.within.by_actuators
@@ -85,8 +93,8 @@ class LearnedFinger:
         compliance[:6, :6], compliance[6:, 6:] = np.linalg.inv(K), self.within.compliance
         follows = -compliance[:6, :6] @ hessian[n_a:, :n_a]
         stiffness = hessian[:n_a, :n_a] + hessian[:n_a, n_a:] @ follows - c.T @ stiff @ c
-        found = Response(X, delta_a, lam_a, delta_c, f, M @ np.vstack([follows, c]), stiffness, True)
-        return found, M @ compliance @ M.T
+        response = Response(X, delta_a, lam_a, delta_c, f, M @ np.vstack([follows, c]), stiffness, True)
+        return response, M @ compliance @ M.T
 
     def _placed(self, delta_c: np.ndarray, X: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """X (6,) and sizes (n,) of the shapes at which the points stand at delta_c (3 k,) mm from rest, and the

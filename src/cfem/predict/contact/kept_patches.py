@@ -37,13 +37,13 @@ def patched_model_of(
 ) -> PatchedModel:
     """A model, of `folder`, that may be touched at patches about `apart` mm from each other (`patches_of`). made_of:
     plain data from which the robot was made. Finite elements are solved where nothing is kept."""
-    patches, own = patches_of(model, apart, sharp_edges), model.skin
+    patches, skin = patches_of(model, apart, sharp_edges), model.skin
     states = patch_states(model.domain, robot.rows.n_a)
-    asked = {"nodes": own.nodes, "of": patches.of, "shares": patches.shares, "states": states, "modes": own.modes}
+    asked = {"nodes": skin.nodes, "of": patches.of, "shares": patches.shares, "states": states, "modes": skin.modes}
     key = content_sha256({"version": VERSION, "robot": dict(made_of), **asked})[:16]
 
     def solved() -> PatchResponse:
-        return patch_response(robot, own.watched, patches, states)
+        return patch_response(robot, skin.watched, patches, states)
 
     return PatchedModel(model, patches, _kept(folder.parent / f"patches-{key}.npz", PatchResponse, solved))
 
@@ -51,14 +51,15 @@ def patched_model_of(
 def yield_of(
     model: Predictor, folder: Path, robot: Robot, made_of: Mapping[str, Any], patches: Sequence[PatchLoad]
 ) -> PatchYield | None:
-    """How the patches yield, whatever the forces on them. robot: without loads; None where few states
-    do not tell it: the model is of form force or has parameters. SpecError where a patch is not on the surface."""
+    """Response of the patches to forces by finite elements, whatever the forces are. robot: without loads; None where
+    few states do not tell it: the model is of form force or has parameters. SpecError where a patch is not on the
+    surface."""
     if not isinstance(model, SpectralPredictor) or model.form != "displacement" or model.parameters:
         return None
     on_modes(model.skin, patches)  # says what is wrong, before finite elements take a while
     states = patch_states(model.domain, robot.rows.n_a)
-    where = [[*one.at, one.radius] for one in patches]
-    asked = {"states": states, "where": np.array(where), "effectors": robot.rows.effectors}
+    regions = [[*patch.at, patch.radius] for patch in patches]
+    asked = {"states": states, "where": np.array(regions), "effectors": robot.rows.effectors}
     key = content_sha256({"version": VERSION, "robot": dict(made_of), **asked})[:16]
 
     def solved() -> PatchYield:
@@ -68,16 +69,17 @@ def yield_of(
 
 
 def _kept(path: Path, kind: type[T], solve: Callable[[], T]) -> T:
-    """What the file holds, solved where there is none or a damaged one."""
-    found = _read(path, kind)
-    if found is None:
-        found = solve()
+    """Content of the file, solved again where there is none or a damaged one."""
+    result = _read(path, kind)
+    if result is None:
+        result = solve()
         with suppress(OSError, DiskError), confined(path.parent):  # else it is solved again next time
-            write_npz(path, vars(found))
-    return found
+            write_npz(path, vars(result))
+    return result
 
 
 def _read(path: Path, kind: type[T]) -> T | None:
+    """Content of the file, None where it is missing, damaged or of other fields."""
     if not path.is_file():
         return None
     try:

@@ -26,8 +26,11 @@ NONE = 1e-9  # N: a cable that pushes by less does not
 
 @dataclass(frozen=True)
 class LegState:
-    """As `Equilibrium` has it. slack (n_a,): cables that carry nothing; ratio: `Loaded.ratio`; delta_e (m,) mm: of the
-    rows behind those of the points."""
+    """One state, as `Equilibrium` has it.
+
+    slack: (n_a,) cables that carry nothing
+    ratio: `Loaded.ratio`
+    delta_e: (m,) mm of the rows behind those of the points"""
 
     delta_a: np.ndarray
     lambda_a: np.ndarray
@@ -58,9 +61,12 @@ class Carrying:
 
 @dataclass(frozen=True)
 class LearnedLeg:
-    """`Touching`, placed by turn (3, 3) and shift (3,) mm. held: what the model knows at delta_a (n_a,) mm; unilateral
-    (n_a,): actuators that can go slack; rest (k, 3) mm: of the points, in its own frame; load (m,) N: on the rows
-    behind those of the points, such as the weight on the centre of mass, in its own frame too."""
+    """`PointRobot`: a learned robot placed by turn (3, 3) and shift (3,) mm.
+
+    held: the model's quantities at delta_a (n_a,) mm
+    unilateral: (n_a,) actuators that can go slack
+    rest: (k, 3) mm of the points, in its own frame
+    load: (m,) N on the rows behind those of the points, such as the weight on the centre of mass, in its own frame"""
 
     held: Callable[[np.ndarray], Held]
     unilateral: np.ndarray
@@ -79,7 +85,8 @@ class LearnedLeg:
     def respond(
         self, actuators: Any, delta_c: np.ndarray, before: Any, tolerance: float = 0.0
     ) -> tuple[LegState, np.ndarray]:
-        """actuators: held at their targets, but for slack cables."""
+        """State and compliance mm/N of the points held at delta_c mm. actuators: held at their targets, except slack
+        cables."""
         target, slack = actuators.target, np.zeros(len(actuators.target), dtype=bool)
         f, delta_a = np.zeros(len(delta_c)), target
         if before is not None:
@@ -96,12 +103,13 @@ class LearnedLeg:
             return LegState(delta_a, now.lam, now.e, f, slack, False), now.C
         G = now.G[:, slack]
         C = now.C + G @ np.linalg.solve(now.K[np.ix_(slack, slack)], G.T)
-        other = self._at(delta_a).loaded(f)
-        return LegState(delta_a, now.lam, now.e, f, slack, ratio=now.ratio, delta_e=other), C
+        behind = self._at(delta_a).loaded(f)
+        return LegState(delta_a, now.lam, now.e, f, slack, ratio=now.ratio, delta_e=behind), C
 
 
 def held_by(model: Predictor, where: Path | None = None) -> Callable[[np.ndarray], Held]:
-    """Of a trained model, from the folder `where`. InputError where it is no series of the displacements."""
+    """Quantities of a trained model at given displacements, for any load. where: the model's folder. InputError where
+    it is no series of the displacements."""
     if not isinstance(model, SpectralPredictor) or model.form != "displacement" or model.parameters:
         what = "a leg needs a model of kind spectral and form displacement without parameters"
         raise InputError(what, where=str(where) if where else None, do="train one")
@@ -111,30 +119,30 @@ def held_by(model: Predictor, where: Path | None = None) -> Callable[[np.ndarray
 def holding(
     held: Callable[[np.ndarray], Carrying], delta_a: np.ndarray, slack: np.ndarray, x: np.ndarray, f: np.ndarray
 ) -> tuple[Loaded, np.ndarray, np.ndarray]:
-    """The state whose points are at x (n_e,) mm and whose slack actuators carry nothing, or as near as steps come that
+    """State whose points are at x (n_e,) mm and whose slack actuators carry nothing, or as near as steps come that
     leave the robot stable; delta_a (n_a,) mm and the forces f (n_e,) N there. Newton's method from those given."""
     n = len(x)
     now = held(delta_a).under(f)
     for _ in range(ITERATIONS):
-        missing = np.concatenate([x - now.e, now.lam[slack]])
-        step = np.linalg.solve(_system(now, slack), missing)
+        residual = np.concatenate([x - now.e, now.lam[slack]])
+        step = np.linalg.solve(_system(now, slack), residual)
         for share in 0.5 ** np.arange(HALVINGS):
             a, g = delta_a.copy(), f + share * step[:n]
             a[slack] += share * step[n:]
-            there = held(a).under(g)
-            if definite(there.C) and definite(there.K[np.ix_(slack, slack)]):
-                left = np.concatenate([x - there.e, there.lam[slack]])
-                if left @ step >= -abs(missing @ step):
+            trial = held(a).under(g)
+            if definite(trial.C) and definite(trial.K[np.ix_(slack, slack)]):
+                left = np.concatenate([x - trial.e, trial.lam[slack]])
+                if left @ step >= -abs(residual @ step):
                     break
         else:
             break
-        delta_a, f, now = a, g, there
+        delta_a, f, now = a, g, trial
         if np.linalg.norm(left) <= EXACT * max(1.0, float(np.linalg.norm(x))):
             break
     return now, delta_a, f
 
 
 def _system(now: Loaded, slack: np.ndarray) -> np.ndarray:
-    """d(e, -lambda of the slack) / d(f, delta_a of the slack); d lambda_a / d f = -(d e / d delta_a)^T."""
+    """Matrix d(e, -lambda of the slack) / d(f, delta_a of the slack); d lambda_a / d f = -(d e / d delta_a)^T."""
     G = now.G[:, slack]
     return np.block([[now.C, G], [G.T, -now.K[np.ix_(slack, slack)]]])

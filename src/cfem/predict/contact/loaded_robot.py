@@ -24,6 +24,7 @@ class LoadedRobot:
     bending: second order of what loads do to the modes over the first, the largest of all `load`"""
 
     def __init__(self, model: PatchedModel, delta: np.ndarray):
+        """Evaluates the model's series at delta (n_a,) mm, without forces."""
         skin, k = model.model.skin, len(model.model.skin)
         self.model, self.delta, self.unloaded = model, delta, skin.rows(delta, NONE)
         self.C_es, self.C_ss = skin.compliance(delta, NONE)
@@ -98,6 +99,8 @@ class LoadedRobot:
         return linear + modes.second / 6 * (self._basis @ slopes @ (series @ (v[i] * v[j] * v[k])))
 
     def _compliance_of(self, patches: np.ndarray) -> PatchCompliance:
+        """Compliance of patches (c,) without forces, kept for the next call. Where it is not positive definite, the
+        nearest semidefinite matrix takes its place."""
         key = patches.tobytes()
         if self._known is None or self._known[0] != key:
             model, R = self.model, self.model.turns(self.unloaded, patches)
@@ -109,14 +112,16 @@ class LoadedRobot:
                 sizes, axes = np.linalg.eigh(total)
                 nearest = (axes * np.maximum(sizes, 0.0)) @ axes.T
                 local, total = local + (nearest - total), nearest
-            c, each = len(patches), np.arange(len(patches))
-            flexibility = stiff_flexibility(total.reshape(c, 3, c, 3)[each, :, each])
+            c, diagonal = len(patches), np.arange(len(patches))
+            flexibility = stiff_flexibility(total.reshape(c, 3, c, 3)[diagonal, :, diagonal])
             self._known = key, PatchCompliance(U, local, total, flexibility, R, dents)
         return self._known[1]
 
 
-def stiff_flexibility(own: np.ndarray) -> np.ndarray:
-    """(c,) harmonic means of the eigenvalues of own (c, 3, 3) mm/N, near those of what is local: a soft body yields in
-    one or two directions, and is dented in all; 0 where the body is held."""
-    minors = sum(own[:, i, i] * own[:, j, j] - own[:, i, j] ** 2 for i, j in ((0, 1), (0, 2), (1, 2)))
-    return 3 * np.linalg.det(own) / np.where(minors > 0, minors, np.inf)
+def stiff_flexibility(compliance: np.ndarray) -> np.ndarray:
+    """Harmonic means (c,) of the eigenvalues of `compliance` (c, 3, 3) mm/N, near those of what is local: a soft body
+    yields in one or two directions, and is dented in all; 0 where the body is held."""
+    minors = sum(
+        compliance[:, i, i] * compliance[:, j, j] - compliance[:, i, j] ** 2 for i, j in ((0, 1), (0, 2), (1, 2))
+    )
+    return 3 * np.linalg.det(compliance) / np.where(minors > 0, minors, np.inf)

@@ -10,7 +10,9 @@ from cfem.predict.contact.loaded_robot import LoadedRobot
 
 
 class LoadedRobots:
-    """known (c,): patches, among all N of the scene, whose local motion is known, and that may bear forces
+    """Loaded robots of a scene.
+
+    known (c,): patches, among all N of the scene, whose local motion is known, and that may bear forces
     forces (N, 3) N: on all patches, in the scene's axes"""
 
     def __init__(self, scene: Bodies, deltas: Sequence[np.ndarray], known: np.ndarray, forces: np.ndarray):
@@ -60,7 +62,7 @@ class LoadedRobots:
         return blocks[0] if len(blocks) == 1 else block_diag(*blocks)
 
     def outputs(self) -> tuple[list[np.ndarray], list[np.ndarray]]:
-        """delta_e (n_e,) mm and lambda_a (n_a,) N of each robot."""
+        """Displacements delta_e (n_e,) mm and forces lambda_a (n_a,) N of each robot."""
         delta_e, lambda_a = [], []
         for robot, loaded in zip(self.scene.robots, self.loaded, strict=True):
             free, pressed = robot.patched.model.at_displacement(loaded.delta), loaded.forces.any()
@@ -70,8 +72,8 @@ class LoadedRobots:
 
     def _each(self) -> Iterator[tuple[PlacedModel, LoadedRobot, np.ndarray, int]]:
         """Robots, the known patches of each, and the number of its first patch."""
-        for robot, loaded, own in zip(self.scene.robots, self.loaded, self.scene.slices, strict=True):
+        for robot, loaded, patches in zip(self.scene.robots, self.loaded, self.scene.slices, strict=True):
             known = self.known
             if len(self.loaded) > 1:
-                known = known[(known >= own.start) & (known < own.stop)]
-            yield robot, loaded, known, own.start
+                known = known[(known >= patches.start) & (known < patches.stop)]
+            yield robot, loaded, known, patches.start

@@ -36,20 +36,26 @@ LONGEST = 0.005  # of the length: the longest way of an obstacle in one quasi-st
 
 @dataclass(frozen=True)
 class InContact(Condensed):
-    """bending: as `ContactState` has it."""
+    """Condensed robot in contact. bending: as `ContactState` has it."""
 
     bending: float
 
 
 @dataclass
 class ContactModel:
-    """`Model`. solid: rigid obstacles that the robot may touch, by name; others: robots that it may touch, by name,
-    each placed and with the course of its actuators; itself: the name under which it touches itself, or none; pressed:
-    those of all these whose force is a row, in their order; avoided: obstacles whose distance is a row. It remembers
-    the contact state `before` in which the robot stands, actuators `at` (n_a,) mm (`settle`): there a step begins, as
-    friction and the side of an edge depend on the way. courses: of obstacles that move, by name; share: of the run,
-    where they are now (`pass_to`); unilateral (n_a,) bool: actuators that go slack then, where they would push: plans
-    hold them."""
+    """`Model` of a robot among others. It remembers the contact state in which the robot stands: there a step begins,
+    as friction and the side of an edge depend on the path.
+
+    solid: rigid obstacles that the robot may touch, by name
+    pressed: names of those, of `others` and of `itself` whose force is a row, in their order
+    avoided: obstacles whose distance is a row
+    mu: coefficient of friction
+    before, at: contact state in which the robot stands, and its actuators (n_a,) mm (`settle`)
+    courses: motions of obstacles, by name
+    share: of the run, where moving things are now (`pass_to`)
+    others: robots that it may touch, by name, each placed and with the course of its actuators
+    itself: the name under which it touches itself, or none
+    unilateral: (n_a,) bool, actuators that go slack at `pass_to` where they would push; plans hold them"""
 
     patched: PatchedModel
     solid: Mapping[str, Obstacle]
@@ -66,9 +72,9 @@ class ContactModel:
 
     @cached_property
     def rows(self) -> Rows:
-        own = self.patched.model.rows
+        robot_rows = self.patched.model.rows
         more = (*(f"{name}.force" for name in self.pressed), *(f"{name}.distance" for name in self.avoided))
-        return Rows((*own.effectors, *more), own.actuators)
+        return Rows((*robot_rows.effectors, *more), robot_rows.actuators)
 
     @cached_property
     def stiffness(self) -> float:
@@ -82,12 +88,12 @@ class ContactModel:
 
     @property
     def touches(self) -> bool:
-        """Whether there is anything that it may touch."""
+        """True where there is anything that it may touch."""
         return bool(self.numbers)
 
     @property
     def passes(self) -> bool:
-        """Whether anything that it meets or avoids moves."""
+        """True where anything that it meets or avoids moves."""
         return bool(self.courses or self.others)
 
     @cached_property
@@ -100,12 +106,12 @@ class ContactModel:
 
     @property
     def depends_on_way(self) -> bool:
-        """Whether the way between two states is gone in steps."""
+        """True where the path between two states is followed in steps."""
         return self.mu > 0 or self.scene.soft
 
     @property
     def kinked(self) -> bool:
-        """Whether friction may hold the robot, so that answers lie on either side of where it does."""
+        """True where friction may hold the robot, so that answers lie on either side of where it does."""
         return self.mu > 0 and self.touches
 
     def touched(self, delta_a: np.ndarray) -> ContactState | None:
@@ -113,7 +119,7 @@ class ContactModel:
         return self._walked(np.asarray(delta_a, float))[1]
 
     def _walked(self, delta_a: np.ndarray) -> tuple[ContactState | None, ContactState | None]:
-        """The states in which the last step to delta_a (n_a,) mm begins and ends."""
+        """States in which the last step to delta_a (n_a,) mm begins and ends."""
         if not self.touches:
             return None, None
         if not self.depends_on_way:
@@ -121,8 +127,8 @@ class ContactModel:
         begin = np.zeros(len(delta_a)) if self.before is None else self.before.deltas[0]
         states = [self._step(begin, None)] if self.before is None else [self.before]
 
-        def go(there: np.ndarray) -> str:
-            state = self._stepped(there, states[-1])
+        def go(target: np.ndarray) -> str:
+            state = self._stepped(target, states[-1])
             if state.converged:
                 states.append(state)
             return CONVERGED if state.converged else state.status.value
@@ -157,15 +163,17 @@ class ContactModel:
         self.before, self.at = self.touched(delta_a), delta_a
 
     def pass_to(self, share: float) -> None:
-        """What moves goes to where it is at this share of the run, the robot giving way with its actuators held,
-        or slack. NumericalError where there is no contact state: then it stays where there was one."""
-        longest, others = LONGEST * self.patched.model.length, [one for _, one in self.others.values()]
+        """Moves everything that moves to where it is at this share of the run, the robot giving way with its actuators
+        held, or slack. NumericalError where there is no contact state: then it stays where there was one."""
+        longest, others = LONGEST * self.patched.model.length, [course for _, course in self.others.values()]
         for begin, end in stops([*self.courses.values(), *others], self.share, share, longest):
             last = self.share
             self._stand(end)
             try:
                 if self.at is not None and self.touches:
-                    courses = {self.numbers[name]: one for name, one in self.courses.items() if name in self.numbers}
+                    courses = {
+                        self.numbers[name]: course for name, course in self.courses.items() if name in self.numbers
+                    }
                     state = self.before and self.before.carried(courses, begin, end)
                     self.before = self._step(self.at, state, self.unilateral)
             except NumericalError:
@@ -174,49 +182,49 @@ class ContactModel:
 
     def standing(self, share: float) -> "ContactModel":
         """A robot at rest, that has touched nothing yet, with what moves where it is at this share of the run."""
-        found = replace(self, before=None, at=None)
-        found._stand(share)
-        return found
+        model = replace(self, before=None, at=None)
+        model._stand(share)
+        return model
 
     def _stand(self, share: float) -> None:
-        now = {name: one.at(share) for name, one in self.courses.items()}
-        self.solid = {name: now.get(name, one) for name, one in self.solid.items()}
-        self.avoided = {name: now.get(name, one) for name, one in self.avoided.items()}
+        now = {name: thing.at(share) for name, thing in self.courses.items()}
+        self.solid = {name: now.get(name, thing) for name, thing in self.solid.items()}
+        self.avoided = {name: now.get(name, thing) for name, thing in self.avoided.items()}
         self.share = share
         self.__dict__.pop("scene", None)
 
     def at_displacement(self, delta_a: np.ndarray) -> Condensed:
-        """NumericalError where there is no contact state."""
+        """The condensed robot in contact at delta_a (n_a,) mm. NumericalError where there is no contact state."""
         delta_a = np.asarray(delta_a, float)
-        before, here = self._walked(delta_a)
-        near = here if before is None else here.slipping_from(before)
-        e, lam = self._values(delta_a, here)
+        before, state = self._walked(delta_a)
+        near = state if before is None else state.slipping_from(before)
+        e, lam = self._values(delta_a, state)
         n_a = len(delta_a)
         J, K = np.zeros((len(e), n_a)), np.zeros((n_a, n_a))
         for axis, reach in enumerate(self.patched.model.reach):
             step = STEP * np.abs(reach).max() * np.eye(n_a)[axis]
             (ahead, behind), width = self._sides(delta_a, step, near, (e, lam))
             J[:, axis], K[:, axis] = ((a - b) / (width * step[axis]) for a, b in zip(ahead, behind, strict=True))
-        for one in self.avoided.values():
-            apart = clearance(self.patched.model, delta_a, one)
+        for obstacle in self.avoided.values():
+            apart = clearance(self.patched.model, delta_a, obstacle)
             e, J = np.append(e, apart.distance), np.vstack([J, apart.gradient])
         rows, W_aa = self.rows, np.linalg.inv((K + K.T) / 2)
         W, W_ea = np.empty((rows.n, rows.n)), J @ W_aa
         W[rows.e, rows.e], W[rows.e, rows.a], W[rows.a, rows.e], W[rows.a, rows.a] = W_ea @ J.T, W_ea, W_ea.T, W_aa
         delta = np.concatenate([e, delta_a])
-        return InContact(rows, W, delta - W[:, rows.a] @ lam, lam, 0.0 if here is None else here.bending)
+        return InContact(rows, W, delta - W[:, rows.a] @ lam, lam, 0.0 if state is None else state.bending)
 
     def _sides(
-        self, delta_a: np.ndarray, step: np.ndarray, near: ContactState, here: tuple[np.ndarray, np.ndarray]
+        self, delta_a: np.ndarray, step: np.ndarray, near: ContactState, middle: tuple[np.ndarray, np.ndarray]
     ) -> tuple[list[tuple[np.ndarray, np.ndarray]], int]:
-        """What `_values` says ahead and behind, and how many steps lie between: `here` in the place of a side that has
-        no contact state. NumericalError where neither has one."""
-        sides, width = [here, here], 0
+        """Values of `_values` ahead and behind, and the number of steps between them: `middle` in the place of a side
+        that has no contact state. NumericalError where neither has one."""
+        sides, width = [middle, middle], 0
         failed: NumericalError | None = None
         for side, sign in enumerate((1, -1)):
             try:
-                there = delta_a + sign * step
-                sides[side] = self._values(there, self._step(there, near))
+                target = delta_a + sign * step
+                sides[side] = self._values(target, self._step(target, near))
                 width += 1
             except NumericalError as error:
                 failed = error
@@ -225,7 +233,8 @@ class ContactModel:
         return sides, width
 
     def inside(self, condensed: Condensed) -> bool:
-        """Whether forces bend the robot no further than a model of second order knows, too."""
+        """True where the model knows the state, and forces bend the robot no further than a model of second order can
+        say."""
         known = not isinstance(condensed, InContact) or condensed.bending <= TRUSTED
         return known and self.patched.model.inside(condensed)
 

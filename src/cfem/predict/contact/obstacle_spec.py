@@ -43,11 +43,11 @@ class _Any(Spec):
         return self.press is not None or self.largest_force is not None
 
     def course(self, folder: Path) -> PrescribedMotion:
-        """How it moves; folder: of the control.yaml."""
+        """Motion of the obstacle over the run; folder: of the control.yaml."""
         return Translation(self.made(folder), np.zeros((1, 3)) if self.path is None else np.asarray(self.path, float))
 
     def made(self, folder: Path) -> Obstacle:
-        """Where it stands."""
+        """The obstacle where it stands; folder: of the control.yaml."""
         raise NotImplementedError
 
 
@@ -164,7 +164,8 @@ class RobotObstacle(_Any):
             raise ValueError("path: another robot moves by its actuators, state `shares`")
 
     def actuated(self, model: Predictor) -> ActuatedRobot:
-        """How its actuators move; model: its own. InputError where `shares` do not fit it, or it has no skin."""
+        """Motion of the obstacle that the robot is, by its actuators; model: its own. InputError where `shares` do not
+        fit it, or it has no skin."""
         n_a = model.rows.n_a
         if any(len(row) != n_a for row in self.shares):
             raise InputError(f"the model has {n_a} actuators, and each row of `shares` needs as many numbers")
@@ -209,7 +210,8 @@ class ContactSpec(Spec):
 
     @property
     def cut(self) -> tuple[float | None, bool]:
-        """How the surface is cut into patches (`cfem.predict.contact.patched_model.patches_of`)."""
+        """Spacing of the patches and whether sharp edges have their own
+        (`cfem.predict.contact.patched_model.patches_of`)."""
         return self.patches, self.sharp_edges
 
 

@@ -9,7 +9,7 @@ SIDE = 0.7  # product of normals: less is another side of an obstacle
 
 
 def begins_deep(obstacles: ObstacleSet, places: np.ndarray, distance: np.ndarray, which: np.ndarray) -> bool:
-    """Whether a patch, at places (N, 3) mm, is so far within its obstacle `which` (N,), by -distance (N,) mm, that,
+    """True where a patch, at places (N, 3) mm, is so far within its obstacle `which` (N,), by -distance (N,) mm, that,
     twice as far in, another side of it is nearer."""
     within = distance < 0
     if not within.any():

@@ -47,8 +47,8 @@ class PatchedModel:
     def __post_init__(self) -> None:
         if self.model.form != "displacement" or self.model.parameters:
             raise InputError("contact anywhere needs a model of form displacement without parameters")
-        J, n, own = len(self.by_fe.states), 3 * len(self.patches), self.by_fe.own
-        if own.shape != (J, n, n) or not np.isfinite(own).all():
+        J, n, compliance = len(self.by_fe.states), 3 * len(self.patches), self.by_fe.own
+        if compliance.shape != (J, n, n) or not np.isfinite(compliance).all():
             raise InputError(f"expected the finite compliance of {n // 3} patches at {J} states")
 
     @cached_property
@@ -71,9 +71,9 @@ class PatchedModel:
     def spread(self) -> tuple[np.ndarray, np.ndarray]:
         """(N, 3, 3) and (k, N, 3, 3): sum of (x - mean x) (X - mean X)^T over the nodes of each patch and of its
         triangles, at rest and by each row of the skin."""
-        skin, of = self.model.skin, self.patches.of
+        skin, patch = self.model.skin, self.patches.of
         rest, by_row = np.zeros((len(self.patches), 3, 3)), np.zeros((len(skin), len(self.patches), 3, 3))
-        corners = of[skin.triangles]
+        corners = patch[skin.triangles]
         for number in range(len(self.patches)):
             nodes = np.unique(skin.triangles[(corners == number).any(axis=1)])
             X = skin.rest[nodes] - skin.rest[nodes].mean(axis=0)
@@ -94,12 +94,12 @@ class PatchedModel:
 
     @cached_property
     def degrees(self) -> np.ndarray:
-        """Of the series of L."""
+        """Degrees (terms, n_a) of the series of L."""
         return degrees(self.model.rows.n_a)[: len(self.by_fe.states)]
 
     @cached_property
     def basis(self) -> Basis:
-        """Of these series, at what `in_box` gives."""
+        """Basis of the series of L, at what `in_box` gives."""
         return Basis(self.degrees)
 
     @cached_property
@@ -116,22 +116,26 @@ class PatchedModel:
     def dented(self) -> np.ndarray:
         """(terms, N, 3, 3, 3 + n_e) mm/N^2, series of E and F: what modes leave of how the compliance of each patch,
         with itself and with the effectors, changes with a force on it; symmetric, and rounded like L."""
-        model, N, found, n_e = self.model, len(self.patches), [], self.model.rows.n_e
+        model, N, left, n_e = self.model, len(self.patches), [], self.model.rows.n_e
         V = self.U @ self.bends
         for delta, bent, dented in zip(self.by_fe.states, self._bent, self.by_fe.dented, strict=True):
             by_modes = np.einsum("pai,pbj,irj->pabr", V, V, bent, optimize=True)
             by_modes = np.concatenate([by_modes[..., n_e:] @ V.swapaxes(1, 2)[:, None], by_modes[..., :n_e]], 3)
             R = self.turns(model.skin.rows(delta, NONE), np.arange(N))
-            found.append(turn_cubic(dented - by_modes, R.swapaxes(1, 2)))
-        return np.tensordot(self._inverse, np.stack(found), axes=1).astype(np.float32).astype(float)
+            left.append(turn_cubic(dented - by_modes, R.swapaxes(1, 2)))
+        return np.tensordot(self._inverse, np.stack(left), axes=1).astype(np.float32).astype(float)
 
     @cached_property
     def _left(self) -> tuple[np.ndarray, np.ndarray]:
+        """Series of L (terms, N, N, 3, 3) and of the effectors' part (terms, n_e, N, 3): compliance by finite elements
+        less that of the modes, in frames that turn with the patches."""
         model, N, J = self.model, len(self.patches), len(self.by_fe.states)
         left, tip = np.empty((J, N, N, 3, 3)), np.empty((J, model.rows.n_e, N, 3))
-        for j, (delta, own, to_tip) in enumerate(zip(self.by_fe.states, self.by_fe.own, self.by_fe.tip, strict=True)):
+        for j, (delta, compliance, to_tip) in enumerate(
+            zip(self.by_fe.states, self.by_fe.own, self.by_fe.tip, strict=True)
+        ):
             C_es, C = model.skin.compliance(delta, NONE)
-            apart = (own - self.flat @ C @ self.flat.T).reshape(N, 3, N, 3).swapaxes(1, 2)
+            apart = (compliance - self.flat @ C @ self.flat.T).reshape(N, 3, N, 3).swapaxes(1, 2)
             R = self.turns(model.skin.rows(delta, NONE), np.arange(N))
             left[j] = np.einsum("pba,pqbc,qcd->pqad", R, apart, R, optimize=True)
             tip[j] = ((to_tip - C_es @ self.flat.T).reshape(-1, N, 1, 3) @ R)[:, :, 0]
@@ -152,10 +156,10 @@ class PatchedModel:
         """(terms, c) mm/N^2, series of how the compliance of effectors and of mixtures `bends` of the modes changes
         with loads on these, as symmetric as the derivatives of an energy are, and rounded like L: of i <= j <= k what
         mixtures have, and then of each effector what it has of i <= j."""
-        (i, j, k), (one, other) = symmetric3_indices(self.bends.shape[1]), np.triu_indices(self.bends.shape[1])
-        seen, own = np.split(self._bent, [self.model.rows.n_e], axis=2)
-        seen = seen[:, one, :, other].transpose(1, 2, 0).reshape(len(own), -1)
-        return (self._inverse @ np.hstack([own[:, i, j, k], seen])).astype(np.float32).astype(float)
+        (i, j, k), (first, second) = symmetric3_indices(self.bends.shape[1]), np.triu_indices(self.bends.shape[1])
+        seen, mixtures = np.split(self._bent, [self.model.rows.n_e], axis=2)
+        seen = seen[:, first, :, second].transpose(1, 2, 0).reshape(len(mixtures), -1)
+        return (self._inverse @ np.hstack([mixtures[:, i, j, k], seen])).astype(np.float32).astype(float)
 
     @cached_property
     def bent_at(self) -> np.ndarray:
@@ -163,41 +167,40 @@ class PatchedModel:
         on the first."""
         r, n_e = self.bends.shape[1], self.model.rows.n_e
         cube, square = symmetric3_indices(r), np.array(np.triu_indices(r))
-        own, seen = np.empty((r, r, r), dtype=np.int64), np.empty((r, r), dtype=np.int64)
+        mixtures, seen = np.empty((r, r, r), dtype=np.int64), np.empty((r, r), dtype=np.int64)
         for order in permutations(range(3)):
-            own[tuple(cube[list(order)])] = np.arange(cube.shape[1])
+            mixtures[tuple(cube[list(order)])] = np.arange(cube.shape[1])
         seen[tuple(square)] = seen[tuple(square[::-1])] = np.arange(square.shape[1])
         apart = cube.shape[1] + square.shape[1] * np.arange(n_e)
-        return np.concatenate([seen[:, None] + apart[:, None], own], axis=1)
+        return np.concatenate([seen[:, None] + apart[:, None], mixtures], axis=1)
 
     @cached_property
     def cubic(self) -> tuple[np.ndarray, tuple[np.ndarray, ...], np.ndarray]:
-        """Of the series of bent[v, v, v], v loads on the mixtures, a symmetric cubic form: coefficients (terms, c)
-        mm/N^2, the three mixtures (c,) that each goes with, and derivatives (n_a, terms, terms) 1/mm of the series by
-        delta_a."""
+        """Series of bent[v, v, v], v loads on the mixtures, a symmetric cubic form: coefficients (terms, c) mm/N^2, the
+        three mixtures (c,) that each goes with, and derivatives (n_a, terms, terms) 1/mm of the series by delta_a."""
         from cfem.predict.series import input_derivatives
 
         low, high = self.model.domain.delta_a
         i, j, k = symmetric3_indices(self.bends.shape[1])
         orders = np.where((i == j) & (j == k), 1.0, np.where((i == j) | (j == k), 3.0, 6.0))
         by_delta = input_derivatives(self.degrees, np.diag(2 / (high - low)), len(low))
-        slopes = np.stack([one.toarray() for one in by_delta])
+        slopes = np.stack([slope.toarray() for slope in by_delta])
         return orders * self.bent[:, : len(i)], (i, j, k), slopes
 
     @cached_property
     def _of_modes(self) -> tuple[np.ndarray, np.ndarray]:
         """(J, k, n_e, k) and (J, k, k, k) mm/N^2 by finite elements: how loads on the modes change the compliance of
         the effectors and of the rows."""
-        seen, own = np.split(self.by_fe.bent[..., self.model.rows.n_e :], [self.model.rows.n_e], axis=2)
-        own = sum(own.transpose(0, *order) for order in permutations((1, 2, 3))) / 6
-        return (seen + seen.transpose(0, 3, 2, 1)) / 2, own
+        seen, modes = np.split(self.by_fe.bent[..., self.model.rows.n_e :], [self.model.rows.n_e], axis=2)
+        modes = sum(modes.transpose(0, *order) for order in permutations((1, 2, 3))) / 6
+        return (seen + seen.transpose(0, 3, 2, 1)) / 2, modes
 
     @cached_property
     def _bent(self) -> np.ndarray:
         """(J, r, n_e + r, r) mm/N^2: `bent` at the states of finite elements."""
-        Q, (seen, own) = self.bends, self._of_modes
+        Q, (seen, modes) = self.bends, self._of_modes
         seen = np.einsum("skel,ka,lb->saeb", seen, Q, Q, optimize=True)
-        return np.concatenate([seen, np.einsum("sklm,ka,lb,mc->sabc", own, Q, Q, Q, optimize=True)], axis=2)
+        return np.concatenate([seen, np.einsum("sklm,ka,lb,mc->sabc", modes, Q, Q, Q, optimize=True)], axis=2)
 
     @cached_property
     def _inverse(self) -> np.ndarray:
@@ -214,9 +217,9 @@ class PatchedModel:
         return 2 * (delta - low) / (high - low) - 1
 
 
-def turn_cubic(of: np.ndarray, R: np.ndarray) -> np.ndarray:
-    """(c, 3, 3, 3 + n_e) of each turned by R (c, 3, 3), which the effectors are not."""
-    half = np.einsum("pai,pijk->pajk", R, of)
+def turn_cubic(tensor: np.ndarray, R: np.ndarray) -> np.ndarray:
+    """Tensors (c, 3, 3, 3 + n_e) turned by R (c, 3, 3) each, which the effectors are not."""
+    half = np.einsum("pai,pijk->pajk", R, tensor)
     half[..., :3] = half[..., :3] @ R.swapaxes(1, 2)[:, None]
     return np.einsum("pbj,pajk->pabk", R, half)
 
@@ -224,13 +227,13 @@ def turn_cubic(of: np.ndarray, R: np.ndarray) -> np.ndarray:
 def degrees(n_a: int) -> np.ndarray:
     """(terms, n_a) degrees of the polynomial through L, the lower ones first: of the highest total degree, MOST at
     most, that has no more than TERMS."""
-    found = [np.zeros(n_a, dtype=np.int64)]
+    rows = [np.zeros(n_a, dtype=np.int64)]
     for degree in range(1, MOST + 1):
         more = [np.bincount(axes, minlength=n_a) for axes in combinations_with_replacement(range(n_a), degree)]
-        if degree > 1 and len(found) + len(more) > TERMS:
+        if degree > 1 and len(rows) + len(more) > TERMS:
             break
-        found += more
-    return np.array(found)
+        rows += more
+    return np.array(rows)
 
 
 def patch_states(domain: Domain, n_a: int) -> np.ndarray:
@@ -238,8 +241,8 @@ def patch_states(domain: Domain, n_a: int) -> np.ndarray:
     a QR factorisation: Sommariva and Vianello, *Computing approximate Fekete points*, 2009)."""
     states = domain.states[:, :n_a]
     low, high = domain.delta_a
-    at = basis(2 * (states - low) / (high - low) - 1, degrees(n_a))
-    chosen = qr(at.T, mode="r", pivoting=True)[1][: min(at.shape)]
+    values = basis(2 * (states - low) / (high - low) - 1, degrees(n_a))
+    chosen = qr(values.T, mode="r", pivoting=True)[1][: min(values.shape)]
     return states[np.sort(chosen)]
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from cfem.contact.modes import Mode
 from cfem.contact.pairs import Memory, Pairs
-from cfem.contact.patch_forces import Balance, balance, turned, violation
+from cfem.contact.patch_forces import Balance, TurningCompliance, balance, turned, violation
 from cfem.contact.step_status import StepStatus
 from cfem.predict.contact.bodies import Bodies
 from cfem.predict.contact.loaded_robots import LoadedRobots
@@ -30,15 +30,19 @@ NOTHING = np.zeros(0, dtype=np.int64)
 
 
 class Rounds:
-    """Of all N patches, in the scene at places (N, 3) mm:
+    """State of N patches in the scene during one step.
 
-    near (d,): patches that may touch an obstacle, and `push` (N, 3) N what obstacles press on them
-    distance (N,) mm from obstacles, or less where that is far above 0, and which (N,) obstacle
-    stuck (N, 3) mm: from where slip along obstacles counts
+    places: (N, 3) mm
+    near: (d,) patches that may touch an obstacle
+    push: (N, 3) N, force of obstacles on the patches
+    distance: (N,) mm from obstacles, or less where that is far above 0
+    which: (N,) nearest obstacle
+    stuck: (N, 3) mm, from where slip along obstacles counts
     soft: pairs of soft surfaces, None where none may touch
     modes: of the patches near obstacles, then of the soft pairs that touch"""
 
     def __init__(self, scene: Bodies, deltas: Sequence[np.ndarray], before: ContactState | None):
+        """Begins at the actuators `deltas` with the contacts of the state `before`, None: without any."""
         self.scene, self.iterations, count = scene, 0, len(scene.bodies)
         self.near, self.push = NOTHING, np.zeros((count, 3))
         self.modes: tuple[Mode, ...] = ()
@@ -59,7 +63,7 @@ class Rounds:
         self.soft = SoftPairs(self.robots, before, self.places) if scene.soft else None
 
     def _take_up(self, before: ContactState) -> None:
-        """What obstacles pressed in the state before."""
+        """Takes up the forces of obstacles of the state before."""
         on_obstacles, count = before.on_obstacles, len(before.places)
         patches = before.pairs.points[on_obstacles]
         self.near, self.push[patches] = before.near, before.push[on_obstacles]
@@ -67,7 +71,7 @@ class Rounds:
 
     @property
     def gap(self) -> float:
-        """mm, the smallest of all."""
+        """Smallest gap of all, mm."""
         soft = np.inf if self.soft is None else self.soft.pairs.gaps.min(initial=np.inf)
         return float(min(soft, self.distance.min(initial=np.inf)))
 
@@ -79,7 +83,7 @@ class Rounds:
         return self._state(status)
 
     def _round(self) -> StepStatus | None:
-        """None: another one is needed."""
+        """Status in which the step ends, None where another round is needed."""
         self.iterations += 1
         near = self.distance <= 0
         if self.soft is None:
@@ -101,7 +105,7 @@ class Rounds:
         return StepStatus.CONVERGED if self._move(*answer) else None
 
     def _free(self) -> StepStatus | None:
-        """Nothing touches."""
+        """Status of a round in which nothing touches."""
         free = not self.robots.forces.any()
         self._let_go()
         if self.soft is None:
@@ -135,11 +139,11 @@ class Rounds:
         return True
 
     def _law(self) -> tuple[Balance, np.ndarray | None] | None:
-        """What the law says, linear about the places, and by how much forces turn there with the places of patches,
-        (3 c, 3 c), None where they do not. None where nothing obeys the law."""
+        """Forces that obey the law, linear about the places, and the change (3 c, 3 c) of forces as they turn with the
+        places of patches, None where they do not turn. None where nothing obeys the law."""
         frames, mu = self._frames_of_near(), self.scene.mu
         compliance = self.robots.compliance(under_forces=True)
-        softer, turning = self._turned(compliance, frames) or (None, None)
+        turning = self._turned(compliance, frames)
         gaps, push, relative = self._gaps(frames), self.push[self.near], None
         if self.soft is not None:
             touching = self.soft.touching
@@ -150,15 +154,17 @@ class Rounds:
             frames = np.concatenate([frames, touching.frames])
             push = np.concatenate([push, self.soft.push_of(touching)])
         given = gaps, self.robots.on_known, push, mu
-        answer = None if softer is None else balance(relative, frames, softer, *given)
-        if answer is None:
-            turning, answer = None, balance(relative, frames, compliance, *given)
+        if turning is not None:
+            answer = balance(relative, frames, turning.compliance, *given)
+            if answer is not None:
+                return answer, turning.turning
+        answer = balance(relative, frames, compliance, *given)
         if answer is None:  # under large forces the derivative may be indefinite, which this is not
             answer = balance(relative, frames, self.robots.compliance(under_forces=False), *given)
-        return None if answer is None else (answer, turning)
+        return None if answer is None else (answer, None)
 
-    def _turned(self, compliance: np.ndarray, frames: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-        """`turned` by the curvature of obstacles, None where there is none; frames (d, 3, 3)."""
+    def _turned(self, compliance: np.ndarray, frames: np.ndarray) -> TurningCompliance | None:
+        """Compliance with forces that turn by the curvature of obstacles, None without curvature; frames (d, 3, 3)."""
         if not self.scene.obstacles.curved or not len(self.near):
             return None
         pressing = np.where(self._sticks[self.near], 0.0, (frames[:, 0] * self.push[self.near]).sum(axis=1))
@@ -177,7 +183,7 @@ class Rounds:
         return gaps
 
     def _move(self, answer: Balance, turning: np.ndarray | None) -> bool:
-        """To where the forces bring the patches. True where the law holds there too."""
+        """Loads the forces of the answer, which move the patches. True where the law holds there too."""
         d, forces, self.modes = len(self.near), answer.forces, answer.modes
         local, push = answer.local[:d], answer.push[:d]
         sticks = [i for i, mode in enumerate(answer.modes[:d]) if mode is Mode.STICK]
@@ -225,20 +231,20 @@ class Rounds:
             self.push[self.near] = push
 
     def _of_near(self) -> np.ndarray | slice:
-        """Where `near` stands among the known patches: these are the same without soft pairs."""
+        """Positions of `near` among the known patches: these are the same without soft pairs."""
         return slice(None) if self.soft is None else np.searchsorted(self.robots.known, self.near)
 
-    def _on_known(self, of_near: np.ndarray) -> np.ndarray:
-        """(c, ...) of known patches: what those near obstacles have (d, ...), 0 of the others."""
+    def _on_known(self, values: np.ndarray) -> np.ndarray:
+        """Values (c, ...) of known patches: those of the patches near obstacles (d, ...), 0 of the others."""
         if self.soft is None:
-            return of_near
-        values = np.zeros((len(self.robots.known), *of_near.shape[1:]))
-        values[self._of_near()] = of_near
-        return values
+            return values
+        result = np.zeros((len(self.robots.known), *values.shape[1:]))
+        result[self._of_near()] = values
+        return result
 
     def _look(self, farthest: float) -> None:
-        """What is before the patches, none of which has moved by more than `farthest` mm along an axis. Those that
-        cannot have come near an obstacle keep the distance that is certain."""
+        """Updates distances and soft pairs after no patch has moved by more than `farthest` mm along an axis. Patches
+        that cannot have come near an obstacle keep the distance that is certain."""
         self.distance = self.distance - 2 * farthest  # more than the root of 3
         near = self.distance <= 0
         near[self.near] = True
@@ -247,12 +253,13 @@ class Rounds:
             self.soft.detect(self.places)
 
     def _frames_of_near(self) -> np.ndarray:
-        """(d, 3, 3) of the obstacles at patches near them."""
+        """Frames (d, 3, 3) of the obstacles at patches near them."""
         if self._frames is None or len(self._frames) != len(self.near):
             self._frames = self.scene.obstacles.frames(self.which[self.near], self.places[self.near])
         return self._frames
 
     def _state(self, status: StepStatus) -> ContactState:
+        """The state in which the step ends: pairs, forces and memory, with patches known to the next step."""
         near, soft, loaded = self.near, self.soft, self.robots.loaded
         touches = self.push[near].any(axis=1) | (self.distance[near] <= 0)
         next_near = known = near[touches | (self.distance[near] < NEAR * self.scene.length)]
@@ -287,7 +294,7 @@ class Rounds:
         )
 
     def _pairs(self, touches: np.ndarray) -> Pairs:
-        """Of the patches near obstacles those that touch, (d,) bool."""
+        """Pairs of the patches near obstacles that touch, (d,) bool."""
         patches, frames = self.near[touches], self._frames_of_near()[touches]
         partners = self.which[patches] + len(self.scene.robots)
         return pairs_with_obstacles(patches, frames, self.distance[patches], partners, len(self.places))

@@ -35,9 +35,9 @@ class ContactScene(Bodies):
     """`Bodies` that go on in quasi-static steps."""
 
     def go(self, deltas: Sequence[np.ndarray], before: ContactState | None = None) -> ContactState:
-        """To deltas, (n_a,) mm each, in steps from the state `before` (none: actuators at 0); one that fails is halved.
-        Never raises for numerical failure: the state where it ended says why. InputError where robots overlap at the
-        begin."""
+        """Goes to deltas, (n_a,) mm each, in steps from the state `before` (none: actuators at 0); one that fails is
+        halved. Never raises for numerical failure: the state where it ended says why. InputError where robots overlap
+        at the begin."""
         before = self.start([np.zeros(len(delta)) for delta in deltas]) if before is None else before
         longest = [SHARE * np.abs(robot.patched.model.reach).max(axis=1) for robot in self.robots]
         ends = [np.asarray(delta, float) for delta in deltas]
@@ -48,7 +48,7 @@ class ContactScene(Bodies):
         return all_carried_out(begins, ends, longest, before, self.step)
 
     def start(self, deltas: Sequence[np.ndarray]) -> ContactState:
-        """Where they begin, with nothing pressed yet. InputError where soft surfaces may touch, and overlap there."""
+        """First state, with nothing pressed yet. InputError where soft surfaces may touch, and overlap there."""
         rounds = Rounds(self, deltas, None)
         if self.soft and rounds.gap < -INSIDE * self.length:
             where = "are at 0" if not any(np.any(delta) for delta in deltas) else "begin"
@@ -68,7 +68,7 @@ class ContactScene(Bodies):
         deltas = [np.asarray(delta, float) for delta in deltas]
         if not unilateral.any():
             return Rounds(self, deltas, before).run()
-        cuts, models = np.cumsum([len(delta) for delta in deltas])[:-1], [one.patched.model for one in self.robots]
+        cuts, models = np.cumsum([len(delta) for delta in deltas])[:-1], [robot.patched.model for robot in self.robots]
 
         def held(target: np.ndarray) -> ContactState:
             return Rounds(self, np.split(target, cuts), before).run()

@@ -15,10 +15,16 @@ NEAR = 0.1  # distances of patches: of pairs that are farther apart nothing loca
 
 
 class SoftPairs:
-    """pairs: that are near each other; touching: those of the law of this round; push: (3,) N by slot of those that are
-    pressed; memory: from where slip counts; step: mm by which patches last moved."""
+    """Pairs of soft surfaces during one step.
+
+    pairs: that are near each other
+    touching: those of the law of this round
+    push: (3,) N by slot of those that are pressed
+    memory: from where slip counts
+    step: mm by which patches last moved"""
 
     def __init__(self, robots: LoadedRobots, before: ContactState | None, places: np.ndarray):
+        """Begins with the pairs of the state `before`, None: with those that are near at places (N, 3) mm."""
         self.robots, self.surroundings, self.length = robots, robots.scene.surroundings, robots.scene.length
         self.memory, self.push, self.step = Memory(), {}, np.inf
         self.touching, self._settled_slots = Pairs.none(len(places)), frozenset()
@@ -36,7 +42,7 @@ class SoftPairs:
         self.pairs = self.surroundings.pairs(places, self.robots.normals(), self._faces, self.step)
 
     def onwards(self, places: np.ndarray) -> None:
-        """The same pairs, of patches at places (N, 3) mm."""
+        """Moves the same pairs along with patches to places (N, 3) mm."""
         self.pairs = self.surroundings.onwards(self.pairs, places)
 
     def touch(self, places: np.ndarray) -> Pairs:
@@ -65,7 +71,7 @@ class SoftPairs:
         self.push, self.step = _by_slot(self.touching.slots[pressed], push[pressed]), step
 
     def settled(self, places: np.ndarray, on_obstacles: np.ndarray) -> bool:
-        """Whether what touches, on_obstacles (k,) patches too, is what did in the last round, and hardly moves any
+        """True where what touches, on_obstacles (k,) patches too, is what did in the last round, and hardly moves any
         more."""
         slots = frozenset([*self.touching.slots.tolist(), *(on_obstacles + len(places)).tolist()])
         same, self._settled_slots = slots == self._settled_slots, slots
@@ -74,7 +80,7 @@ class SoftPairs:
         return same and clear and self.step <= SETTLED * self.length
 
     def apart(self, places: np.ndarray) -> bool:
-        """Whether none touches."""
+        """True where no pair touches."""
         return bool((self.pairs.gaps[self._entered(places)] > 0).all())
 
     def to_be_known(self, places: np.ndarray, obstacles: ObstacleSet) -> np.ndarray:
@@ -85,7 +91,7 @@ class SoftPairs:
         return known[near]
 
     def memory_after(self, places: np.ndarray, modes: dict[int, Mode]) -> Memory:
-        """From where slip counts in the next step; modes by slot."""
+        """Memory from where slip counts in the next step; modes by slot."""
         return self.memory.after(self.pairs, places, modes)
 
     def _entered(self, places: np.ndarray) -> np.ndarray:

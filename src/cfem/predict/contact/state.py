@@ -52,9 +52,9 @@ class ContactState(Pressing):
 
     @property
     def trusted(self) -> bool:
-        """Whether the step was no longer than what it is linear about allows. Beyond, forces may be wrong, a patch may
-        lie on another side than the one on which it came in, and rounding may choose between states that all obey the
-        law: take shorter steps."""
+        """True where the step was no longer than what it is linear about allows. Beyond, forces may be wrong, a patch
+        may lie on another side than the one on which it came in, and rounding may choose between states that all obey
+        the law: take shorter steps."""
         return self.bending <= TRUSTED and not self.deep
 
     @property

@@ -62,6 +62,8 @@ class Estimator:
     reference: ReferenceSeries | None = field(default=None, repr=False, compare=False)
 
     def __post_init__(self) -> None:
+        """InputError where the model cannot estimate, a deviation is not positive, or a marker is not on the
+        surface."""
         if self.model.form != "displacement":
             raise InputError("estimation needs a model of form displacement")
         moved = [parameter.name for parameter in self.model.parameters if parameter.moves_body]
@@ -79,7 +81,8 @@ class Estimator:
             raise InputError(what, do="give markers at rest, in mm, in the frame of the scene")
 
     def at(self, p: np.ndarray) -> "Estimator":
-        """The same markers and sensors on the robot with parameters p (n_p,); cheap, as the series are shared."""
+        """Estimator of the same markers and sensors on the robot with parameters p (n_p,); cheap, as the series are
+        shared."""
         return replace(self, p=np.asarray(p, float), reference=self.series)
 
     @property
@@ -277,7 +280,7 @@ class Estimator:
         )
 
     def split(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """delta_a (n_a,) mm and loads (n_w,) N of unknowns x (n_a + n_w,)."""
+        """Displacements delta_a (n_a,) mm and loads (n_w,) N of unknowns x (n_a + n_w,)."""
         return x[: self.model.rows.n_a], x[self.model.rows.n_a :]
 
     def effectors(self, delta_a: np.ndarray, loads: np.ndarray) -> np.ndarray:

@@ -59,6 +59,7 @@ class Filter:
     def __init__(
         self, estimator: Estimator, slip: float, ticks: float, offset: float = 1.0, gate: GateSpec | None = None
     ):
+        """Checks the deviations; the first frame begins the filter."""
         if slip <= 0 or ticks <= 0 or offset <= 0:
             raise InputError("slip, the ticks for which a load lasts and the offset must be positive")
         self.estimator, self.slip, self.ticks, self.offset = estimator, slip, ticks, offset

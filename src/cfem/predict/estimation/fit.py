@@ -20,7 +20,7 @@ FIT = 2.57  # standard deviations of a coordinate, root mean square of three: 1 
 
 
 class EstimateStatus(Enum):
-    """How it ended; the value is the sentence that the user reads."""
+    """How an estimate ended; the value is the sentence that the user reads."""
 
     CONVERGED = "converged"
     ITERATIONS = "the estimate keeps changing: the iterations allowed were used up"
@@ -141,7 +141,7 @@ class Search:
     iterations: int = FIRST
 
     def bounded(self, x: np.ndarray) -> np.ndarray:
-        """x (n,) within the box."""
+        """Point x (n,) moved into the box."""
         return np.clip(x, *self.box.T)
 
 
@@ -165,7 +165,7 @@ class Minimum:
 
     @property
     def converged(self) -> bool:
-        """Whether it may be carried forward."""
+        """True where the minimum may be carried forward."""
         return self.status is EstimateStatus.CONVERGED and bool(np.isfinite(self.J).all())
 
     @property
@@ -285,5 +285,5 @@ def _status(done: bool) -> EstimateStatus:
 
 
 def _fits(size: np.ndarray) -> bool:
-    """Whether every marker is within FIT standard deviations."""
+    """True where every marker is within FIT standard deviations."""
     return not len(size) or float(size.max()) < FIT

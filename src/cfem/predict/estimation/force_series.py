@@ -8,48 +8,63 @@ With the displacements e of the loaded rows and their compliance C at locked act
 agree by Maxwell's theorem of reciprocity). A tension that changes at a fixed displacement thus tells of a push, where
 the markers hardly move. A softer robot, whose Young's modulus is exact, has a smaller Psi and a larger C."""
 
-import copy
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from cfem.predict.chebyshev import Basis
 from cfem.predict.energy import layout, unpacking
 from cfem.predict.kinds.spectral import SpectralPredictor
-from cfem.predict.mode_series import joined
+from cfem.predict.mode_series import BoxMap, joined
 from cfem.predict.series import input_derivatives
 
 
+@dataclass(frozen=True, eq=False)
 class ForceSeries:
-    """model: spectral, of form displacement; loaded: (n_w,) numbers of rows, effectors first, then modes of its skin.
-    `at` gives the values of the parameters of a model that has some."""
+    """Forces of the actuators by displacements and loads.
 
-    def __init__(self, model: SpectralPredictor, loaded: np.ndarray):
+    box: of the model's inputs, at the parameters of the robot
+    basis: of all series
+    coefficients: (M, (n_a + n_a^2) (1 + n_w + pairs)) first and second derivatives of Psi, e and C by delta_a
+    n_a, n_w: numbers of actuators and of loaded rows
+    pairs: rows i <= j of the entries of C"""
+
+    box: BoxMap
+    basis: Basis
+    coefficients: np.ndarray
+    n_a: int
+    n_w: int
+    pairs: tuple[np.ndarray, ...]
+
+    @classmethod
+    def of(cls, model: SpectralPredictor, loaded: np.ndarray) -> "ForceSeries":
+        """Series of a model of form displacement. loaded (n_w,): numbers of rows, effectors first, then modes of its
+        skin."""
         arrays, n_a = model.arrays, model.rows.n_a
         indices, series, pairs = potential_series(model, loaded)
         flat = series.T  # (M, 1 + n_w + pairs)
         by = input_derivatives(indices, arrays["to_box"], n_a)
         first = [D @ flat for D in by]
         second = [by[j] @ first[i] for i in range(n_a) for j in range(n_a)]
-        self._to_box_T, self._first = np.ascontiguousarray(arrays["to_box"][:, :n_a].T), arrays["offset"]
-        self._by_q, self._offset, self._softer = arrays["to_box"][:, n_a:], self._first, 1.0
-        self._basis = Basis(indices)
-        self._series = np.ascontiguousarray(np.stack([*first, *second], axis=1).reshape(len(indices), -1))
-        self._n_a, self._n_w = n_a, len(loaded)
-        self._pairs = tuple(np.array(pairs, dtype=int).reshape(-1, 2).T)
-        self._unpack = unpacking(len(loaded))
+        coefficients = np.ascontiguousarray(np.stack([*first, *second], axis=1).reshape(len(indices), -1))
+        entries = tuple(np.array(pairs, dtype=int).reshape(-1, 2).T)
+        return cls(BoxMap.of(arrays, n_a), Basis(indices), coefficients, n_a, len(loaded), entries)
+
+    @cached_property
+    def _unpack(self) -> np.ndarray:
+        return unpacking(self.n_w)
 
     def at(self, q: np.ndarray, softer: float) -> "ForceSeries":
         """The series of the robot with parameters q (n_q,), in the model's coordinates, and `softer` times its
         compliance."""
-        series = copy.copy(self)
-        series._offset, series._softer = self._first + self._by_q @ q, softer
-        return series
+        return replace(self, box=self.box.at(q, softer))
 
     def __call__(self, t: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """t (n_a,) mm, w (n_w,) N -> lambda_a (n_a,) and its derivatives (n_a, n_a + n_w) by t, then w."""
-        n_a, n_w, softer = self._n_a, self._n_w, self._softer
-        terms = (self._basis(t @ self._to_box_T + self._offset) @ self._series).reshape(n_a + n_a * n_a, -1)
-        i, j = self._pairs
+        """Forces lambda_a (n_a,) and their derivatives (n_a, n_a + n_w) by t, then w, at t (n_a,) mm and w (n_w,) N."""
+        n_a, n_w, softer = self.n_a, self.n_w, self.box.softer
+        terms = (self.basis(self.box(t)) @ self.coefficients).reshape(n_a + n_a * n_a, -1)
+        i, j = self.pairs
         twice = np.where(i == j, 0.5, 1.0) * w[i] * w[j]
         value = terms[:, 0] / softer - terms[:, 1 : 1 + n_w] @ w - softer * terms[:, 1 + n_w :] @ twice
         by_C = softer * terms[:n_a, 1 + n_w :][:, self._unpack]  # (n_a, n_w, n_w)

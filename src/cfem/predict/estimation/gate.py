@@ -85,7 +85,7 @@ class Gate:
         return sqrt(2.0 * square / self.spread) - sqrt(2.0 * numbers - 1.0)
 
     def accepts(self, square: float, numbers: int) -> bool:
-        """Whether a sample with this innovation would be accepted; changes nothing."""
+        """True where a sample with this innovation would be accepted; changes nothing."""
         return numbers < 1 or self.deviate(square, numbers) <= self.sigmas
 
     def judge(self, square: float, numbers: int) -> Verdict:
@@ -119,7 +119,7 @@ class Gate:
         self.spread, self.agreeing, self.last = self.first, 0, 0.0
 
     def _agrees(self, square: float) -> bool:
-        """Whether a rejected square is about as large as the last one, or neither is finite."""
+        """True where a rejected square is about as large as the last one, or neither is finite."""
         if not (isfinite(square) and isfinite(self.last)):
             return True
         return max(square, self.last) <= self.alike * min(square, self.last)

@@ -127,12 +127,12 @@ class Update:
 
     @property
     def innovation(self) -> tuple[float, int]:
-        """For the gate, to which a negative square says that the filter is lost."""
+        """Square and number of measurements for the gate, to which a negative square says that the filter is lost."""
         return self.square if self.square >= 0 else -np.inf, self.numbers
 
 
 class Correction(Protocol):
-    """What an update says."""
+    """The result of an update."""
 
     @property
     def innovation(self) -> tuple[float, int]:

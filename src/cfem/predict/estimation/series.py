@@ -56,8 +56,8 @@ class ReferenceSeries:
         if not isinstance(self._model, SpectralPredictor):
             what = f"actuator forces need a model of kind spectral, got '{self._model.meta['kind']}'"
             raise InputError(what, do="leave the forces out, or train a spectral model")
-        return ForceSeries(self._model, self.loaded_rows)
+        return ForceSeries.of(self._model, self.loaded_rows)
 
     def _modes(self, T: np.ndarray) -> ModeSeries:
         rows = self._model.rows
-        return ModeSeries(self._model.skin, rows.n_a, T, rows.n_e, self.loaded_rows)
+        return ModeSeries.of(self._model.skin, rows.n_a, T, rows.n_e, self.loaded_rows)

@@ -68,8 +68,8 @@ class ActuatorSensorsSpec(Spec):
 
 
 def estimator_of(spec: Any, model: "Predictor", p: np.ndarray | None = None) -> "Estimator":
-    """Of a spec with markers, noise, loads and actuators; p (n_p,): parameters of the model. InputError where the model
-    cannot tell."""
+    """Estimator of a spec with markers, noise, loads and actuators; p (n_p,): parameters of the model. InputError where
+    the model cannot tell."""
     from cfem.predict.estimation.estimate import Estimator
 
     loads, sensors = spec.loads, spec.actuators

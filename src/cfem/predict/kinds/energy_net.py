@@ -15,12 +15,16 @@ ORDERS = {"potential": 2, "effector": 1, "effector_compliance": 0}
 
 
 class EnergyNetPredictor(PotentialPredictor, kind="energy_net"):
-    """arrays: to_box (n, n) and offset (n,) with z = to_box t + offset in [-1, 1] on the data, t = (s, q) the inputs of
-    the form and the coordinates of the learned parameters; polynomial (1 + n + n (n + 1) / 2, n_out): coefficients of
-    1, z_i and z_i z_j, i <= j, in the order of `layout`; for every quantity, and hidden layer i, quantity_weight_i
-    (width, inputs) and quantity_bias_i (width,), and quantity_output (width, outputs)."""
+    """Predictor of networks of sines. Its arrays:
+
+    to_box, offset: (n, n) and (n,) with z = to_box t + offset in [-1, 1] on the data, t = (s, q) the inputs of the form
+    and the coordinates of the learned parameters
+    polynomial: (1 + n + n (n + 1) / 2, n_out) coefficients of 1, z_i and z_i z_j, i <= j, in the order of `layout`
+    quantity_weight_i, quantity_bias_i: (width, inputs) and (width,) of hidden layer i of each quantity
+    quantity_output: (width, outputs)"""
 
     def __init__(self, meta: dict, arrays: dict[str, np.ndarray]):
+        """Reads the arrays, and demands that their shapes fit the model card."""
         super().__init__(meta)
         n_a, n_e, n = self.rows.n_a, self.rows.n_e, self.n_inputs
         outputs = layout(n_a, n_e)["effector_compliance"].stop
@@ -46,6 +50,7 @@ class SineNetwork:
     """The part of one quantity that its hidden units make, with its derivatives by s up to an order."""
 
     def __init__(self, name: str, arrays: dict[str, np.ndarray], order: int, n_a: int, outputs: int):
+        """Reads the layers of one quantity. order: of the derivatives by s that are wanted, 0 to 2."""
         self._n, self._order = (n_a if order else 0), order
         self._first, self._second = np.triu_indices(n_a if order == 2 else 0)
         depth = max(sum(key.startswith(f"{name}_weight_") for key in arrays), 1)

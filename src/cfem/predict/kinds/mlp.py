@@ -33,11 +33,16 @@ def rest_entries(model: ArrayPredictor, q: np.ndarray) -> np.ndarray:
 
 
 class MlpPredictor(ArrayPredictor, kind="mlp"):
-    """arrays: in_mean, in_scale (n_a + k,) of s and of what is `beside` it; out_mean, out_scale; weight_i (outputs,
-    inputs) and bias_i of layer i, float32 as trained; those of G, behind AT_REST. Outputs are the packed upper triangle
-    of W, then delta_free. meta: at_rest, model.json of G, where there is one."""
+    """Predictor of the network of entries. Outputs are the packed upper triangle of W, then delta_free. meta: at_rest,
+    model.json of G, where there is one. Its arrays:
+
+    in_mean, in_scale: (n_a + k,) of s and of what is `beside` it
+    out_mean, out_scale: of the outputs
+    weight_i, bias_i: (outputs, inputs) and (outputs,) of layer i, float32 as trained
+    those of G: behind AT_REST"""
 
     def __init__(self, meta: dict, arrays: dict[str, np.ndarray]):
+        """Reads the layers, and demands that their shapes fit the model card."""
         super().__init__(meta)
         self._at_rest = build(meta["at_rest"], rest_arrays(arrays)) if meta.get("at_rest") else None
         self._activation = ACTIVATIONS[meta["activation"]]
@@ -61,6 +66,7 @@ class MlpPredictor(ArrayPredictor, kind="mlp"):
         return q if self._at_rest is None else rest_entries(self._at_rest, q)
 
     def learned(self, s: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """W (..., n, n) and delta_free (..., n) by the network at s (..., n_a) and q (..., n_q)."""
         mean, scale = self._in
         hidden = ((np.concatenate([s, self.beside(q)], axis=-1) - mean) / scale).astype(self._layers[0][0].dtype)
         for weight, bias in self._layers[:-1]:

@@ -56,21 +56,21 @@ def checked_graph(path: Path) -> bytes:
 
 
 def _foreign(model: Any) -> str:
-    """What in a graph cfem would not have written, or empty."""
+    """Description of what a graph has that cfem would not have written, or empty."""
     graph = model.graph
     strange = sorted({node.op_type for node in graph.node} - OPERATORS)
-    domains = {node.domain for node in graph.node} | {one.domain for one in model.opset_import}
+    domains = {node.domain for node in graph.node} | {imported.domain for imported in model.opset_import}
     if strange or domains - {"", "ai.onnx"} or model.functions or model.training_info:
         return f"has operators that cfem does not write: {', '.join(strange[:3]) or 'of other domains'}"
-    attributes = [one for node in graph.node for one in node.attribute]
-    lists = any(one.graphs or one.tensors or one.sparse_tensors for one in attributes)
+    attributes = [attribute for node in graph.node for attribute in node.attribute]
+    lists = any(attribute.graphs or attribute.tensors or attribute.sparse_tensors for attribute in attributes)
     if (
         lists
         or graph.sparse_initializer
-        or any(one.HasField("g") or one.HasField("sparse_tensor") for one in attributes)
+        or any(attribute.HasField("g") or attribute.HasField("sparse_tensor") for attribute in attributes)
     ):
         return "has graphs or sparse tensors inside, which cfem does not write"
-    tensors = [*graph.initializer, *(one.t for one in attributes)]
+    tensors = [*graph.initializer, *(attribute.t for attribute in attributes)]
     if any(tensor.external_data or tensor.data_location != 0 for tensor in tensors):
         return "reads its numbers from other files"
     if any(math.prod(tensor.dims) > LARGEST for tensor in tensors):
@@ -81,7 +81,7 @@ def _foreign(model: Any) -> str:
 def _oversized(model: Any) -> str:
     """Which of the tensors whose size follows from the graph is too large, or empty."""
     for value in [*model.graph.value_info, *model.graph.output]:
-        dims = [one.dim_value for one in value.type.tensor_type.shape.dim if one.HasField("dim_value")]
+        dims = [axis.dim_value for axis in value.type.tensor_type.shape.dim if axis.HasField("dim_value")]
         if math.prod(dims) > LARGEST or any(size < 0 for size in dims):
             return f"makes a tensor of {math.prod(dims)} numbers, '{value.name[:50]}'"
     return ""
@@ -89,7 +89,8 @@ def _oversized(model: Any) -> str:
 
 @cache
 def _limit_memory() -> None:
-    """Of all graphs of this process together: sizes that follow from the input are known when it runs, no sooner."""
+    """Bounds the memory of all graphs of this process together: sizes that follow from the input are known when it
+    runs, no sooner."""
     import onnxruntime as ort
 
     where = ort.OrtMemoryInfo("Cpu", ort.OrtAllocatorType.ORT_ARENA_ALLOCATOR, 0, ort.OrtMemType.DEFAULT)
@@ -132,6 +133,7 @@ class OnnxPredictor(Predictor):
     W (B, n, n), delta_free (B, n), float64."""
 
     def __init__(self, meta: dict, path: Path):
+        """Checks the graph of the file, and loads it into a session of one thread."""
         import onnxruntime as ort
 
         super().__init__(meta)
@@ -150,13 +152,14 @@ class OnnxPredictor(Predictor):
                 f"ONNX Runtime cannot load it: {error}", where=str(path), do="export it again with --force"
             ) from error
         self._options = ort.RunOptions()
-        self._inputs = tuple(one.name for one in self._session.get_inputs())
-        outputs = [one.name for one in self._session.get_outputs()]
+        self._inputs = tuple(tensor.name for tensor in self._session.get_inputs())
+        outputs = [tensor.name for tensor in self._session.get_outputs()]
         if len(self._inputs) != 1 + bool(self.parameters) or not {"W", "delta_free"} <= set(outputs):
             what = f"has inputs {', '.join(self._inputs)} and outputs {', '.join(outputs)}, which are not the model's"
             raise InputError(what, where=str(path), do="export it again with --force")
 
     def evaluate(self, s: np.ndarray, p: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """W (..., n, n) and delta_free (..., n) at inputs s (..., n_a), in batches."""
         s = np.asarray(s, float)
         inputs = {self._inputs[0]: s.reshape(-1, s.shape[-1])}
         if self.parameters:
@@ -170,6 +173,7 @@ class OnnxPredictor(Predictor):
         return W.reshape(*s.shape[:-1], n, n), delta_free.reshape(*s.shape[:-1], n)
 
     def _run(self, inputs: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+        """One run of the graph. InputError where it takes too long, fails, or returns other shapes."""
         m, n, do = len(inputs[self._inputs[0]]), self.rows.n, "export it again with --force"
         try:
             with _WATCH.over(self._options):

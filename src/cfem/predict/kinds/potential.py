@@ -27,11 +27,11 @@ class PotentialPredictor(ArrayPredictor):
         return Condensed(self.rows, W, delta_free, s if self.form == "force" else part["gradient"])
 
     def slopes(self, delta_a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(B, n_a) mm -> lambda_a (B, n_a) and d lambda_a / d delta_a (B, n_a, n_a), at the scene's own parameters: all
-        that those want to know who have nothing to do with the effectors."""
+        """Forces lambda_a (B, n_a) and d lambda_a / d delta_a (B, n_a, n_a) at delta_a (B, n_a) mm and the scene's own
+        parameters, for users who need nothing of the effectors."""
         if self.parameters or self.form == "force":
-            found = [self.at_displacement(one) for one in delta_a]
-            return np.array([one.lam for one in found]), np.array([np.linalg.inv(one.W_aa) for one in found])
+            states = [self.at_displacement(delta) for delta in delta_a]
+            return np.array([state.lam for state in states]), np.array([np.linalg.inv(state.W_aa) for state in states])
         return self.gradient_and_hessian(delta_a)
 
     def gradient_and_hessian(self, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -18,11 +18,15 @@ LARGEST_DEGREE = 255  # what a byte of the C export holds
 
 
 class SpectralPredictor(PotentialPredictor, kind="spectral"):
-    """arrays: to_box (n, n) and offset (n,) with z = to_box t + offset in [-1, 1] on the data, t = (s, q) the inputs of
-    the form and the coordinates of the learned parameters; indices (M, n) degrees of the basis functions; series
-    (n_out, M) as `cfem.predict.energy.layout`."""
+    """Predictor of Chebyshev series. Its arrays:
+
+    to_box, offset: (n, n) and (n,) with z = to_box t + offset in [-1, 1] on the data, t = (s, q) the inputs of the form
+    and the coordinates of the learned parameters
+    indices: (M, n) degrees of the basis functions
+    series: (n_out, M) as `cfem.predict.energy.layout`"""
 
     def __init__(self, meta: dict, arrays: dict[str, np.ndarray]):
+        """Reads the arrays, and demands that their shapes fit the model card."""
         super().__init__(meta)
         n_a, n_e, n = self.rows.n_a, self.rows.n_e, self.n_inputs
         indices = take(arrays, "indices", (None, n), "iu")
@@ -51,9 +55,9 @@ class SpectralPredictor(PotentialPredictor, kind="spectral"):
 
     def gradient_and_hessian(self, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         basis, slopes_T = self._slopes
-        found = basis(s @ self._to_box_T + self._offset) @ slopes_T
+        slopes = basis(s @ self._to_box_T + self._offset) @ slopes_T
         n = self.rows.n_a
-        return found[..., :n], found[..., n:][..., self._unpack]
+        return slopes[..., :n], slopes[..., n:][..., self._unpack]
 
     @cached_property
     def _slopes(self) -> tuple[Basis, np.ndarray]:

@@ -18,13 +18,14 @@ from cfem.predict.series import input_derivatives
 
 
 class CurvatureSeries:
-    """Of the first `watched` of the effector rows of a model with d2C."""
+    """Series of d2C/dw2 of the first `watched` effector rows of a model that has learned it."""
 
     def __init__(self, model: SpectralPredictor, watched: int):
+        """Prepares the basis with its first and second derivatives, and the monomials of wrenches."""
         indices, n_a = model.arrays[FOURTH_INDICES].astype(np.int64), model.rows.n_a
         by_s = input_derivatives(indices, model.arrays["to_box"], n_a)
         second = [by_s[j] @ by_s[i] for i in range(n_a) for j in range(n_a)]
-        self._slopes = np.hstack([np.eye(len(indices)), *(one.toarray() for one in (*by_s, *second))])
+        self._slopes = np.hstack([np.eye(len(indices)), *(slope.toarray() for slope in (*by_s, *second))])
         self._basis, self._box = Basis(indices), model.box
         self._coefficients = np.ascontiguousarray(model.arrays[FOURTH].T)
         self.watched = watched
@@ -34,7 +35,7 @@ class CurvatureSeries:
         self._of_pair = places[:, :, *self._pairs.rows]
 
     def at(self, delta_a: np.ndarray) -> "HeldCurvature":
-        """delta_a: (n_a,) mm."""
+        """Curvature at delta_a (n_a,) mm, for any wrench."""
         values = self._basis(self._box(delta_a))
         return HeldCurvature(self, (values @ self._slopes).reshape(-1, len(values)), values @ self._coefficients)
 
@@ -69,13 +70,13 @@ class HeldCurvature:
 
 
 class _Monomials:
-    """w_i w_j ... of n numbers, i <= j <= ..., each over the factorials of how often its numbers occur: the terms of
-    a symmetric form of that degree over the factorial of the degree."""
+    """Monomials w_i w_j ... of n numbers, i <= j <= ..., each over the factorials of how often its numbers occur: the
+    terms of a symmetric form of that degree over the factorial of the degree."""
 
     def __init__(self, n: int, degree: int):
-        found = list(combinations_with_replacement(range(n), degree))
-        self.rows = np.array(found).T
-        self._over = np.array([prod(factorial(often) for often in Counter(one).values()) for one in found])
+        terms = list(combinations_with_replacement(range(n), degree))
+        self.rows = np.array(terms).T
+        self._over = np.array([prod(factorial(often) for often in Counter(term).values()) for term in terms])
 
     def __call__(self, w: np.ndarray) -> np.ndarray:
         return w[self.rows].prod(axis=0) / self._over

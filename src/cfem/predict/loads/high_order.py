@@ -22,8 +22,11 @@ TRUSTED = 0.3  # r to which a body that softens is followed
 
 
 class HighOrderMotion(NamedTuple):
-    """Of a load (n,) N. motion (n,) mm; first, second: a and b, what is taken of either order; across (n,) mm and rank
-    1/(N mm): of the derivative, the part rank across across^T."""
+    """Motion under a load (n,) N.
+
+    motion: (n,) mm
+    first, second: a and b, what is taken of either order
+    across, rank: (n,) mm and 1/(N mm), of the derivative the part rank across across^T"""
 
     motion: np.ndarray
     first: float
@@ -55,11 +58,15 @@ def beyond(load, first, second):
 
 
 @njit(cache=True, error_model="numpy")
-def slope(of, C, change):
-    """(n, n) mm/N: derivative of the motion `of` a load by it; change: D[w]."""
+def slope(motion, C, change):
+    """Derivative (n, n) mm/N of a motion by its load; change: D[w]."""
     n = len(C)
-    found = np.empty((n, n))
+    derivative = np.empty((n, n))
     for i in range(n):
         for j in range(n):
-            found[i, j] = of.first * C[i, j] + of.second * change[i, j] + of.rank * (of.across[i] * of.across[j])
-    return found
+            derivative[i, j] = (
+                motion.first * C[i, j]
+                + motion.second * change[i, j]
+                + motion.rank * (motion.across[i] * motion.across[j])
+            )
+    return derivative

@@ -70,30 +70,30 @@ def loaded(
     of the robot's length; SpecError where a patch is not on the surface."""
     wrench = np.zeros(model.rows.n_e) if wrench is None else np.asarray(wrench, float)
     serial = isinstance(model, SerialPredictor)
-    other = next((one.meta["kind"] for one in _models(model) if not isinstance(one, SpectralPredictor)), None)
-    if other is not None:
-        what = f"loads need a model of kind spectral, or of kind serial made of such, not {other}"
+    foreign = next((part.meta["kind"] for part in _models(model) if not isinstance(part, SpectralPredictor)), None)
+    if foreign is not None:
+        what = f"loads need a model of kind spectral, or of kind serial made of such, not {foreign}"
         raise InputError(what, do="train one")
     if wrench.shape != (model.rows.n_e,) or not np.isfinite(wrench).all():
         raise InputError(f"a wrench must have {model.rows.n_e} finite numbers, one for each effector row")
     if serial:
         meta = {**model.meta, "wrench": wrench.tolist()}
-        found = LoadedSerialPredictor(meta, model.arrays, row_patches(model, patches))
-        error = found.error()
+        under_load = LoadedSerialPredictor(meta, model.arrays, row_patches(model, patches))
+        error = under_load.error()
         _demand_trusted(model.length, trusted, error, lambda share: share**2 * error)
     else:
         rows, w = rows_of(model, patches, by_fe), _all_rows(wrench, patches)
         error = _error(model, rows, w)
         _demand_trusted(model.length, trusted, error, lambda share: _error(model, rows, share * w))
-        found = _loaded(model, rows, w)
-    found.meta = {**found.meta, "wrench": wrench.tolist(), "wrench_error": error}
+        under_load = _loaded(model, rows, w)
+    under_load.meta = {**under_load.meta, "wrench": wrench.tolist(), "wrench_error": error}
     if patches:
-        found.meta["patch_loads"] = [one.to_json() for one in patches]
-    found.domain = _domain(model, found)
-    found.meta["domain"] = found.domain.to_json()
+        under_load.meta["patch_loads"] = [patch.to_json() for patch in patches]
+    under_load.domain = _domain(model, under_load)
+    under_load.meta["domain"] = under_load.domain.to_json()
     # modules bear the wrench each for itself
-    found.skin_source = model.skin_source if serial else lambda: skin_under(model, wrench, patches)
-    return found
+    under_load.skin_source = model.skin_source if serial else lambda: skin_under(model, wrench, patches)
+    return under_load
 
 
 def _models(model: Predictor) -> list[Predictor]:
@@ -101,6 +101,7 @@ def _models(model: Predictor) -> list[Predictor]:
 
 
 def _demand_trusted(length: float, trusted: float, error: float, of_share: Callable[[float], float]) -> None:
+    """InputError where the error is larger than is trusted; it says how much of the loads would do."""
     allowed = trusted * length
     if error > allowed:
         share = np.floor(100 * np.sqrt(allowed / error)) / 100
@@ -120,7 +121,7 @@ def wrench_error(
     patches: Sequence[PatchLoad] = (),
     by_fe: PatchYield | None = None,
 ) -> float:
-    """mm: about how far the loaded model is wrong where that is worst among the training states. Without D: a slender
+    """Estimated error, mm, of the loaded model, where that is worst among the training states. Without D: a slender
     body that a force moves by d is stiffer or softer after it by a share of about d over its length, d^2 / length. With
     D: the terms of e_w fall like a geometric series, so that the first left out is the square of the last over the one
     before. Of patches, a share of what they move the effectors by comes on top: LEFT by the modes of the skin, FITTED
@@ -129,6 +130,7 @@ def wrench_error(
 
 
 def _error(model: SpectralPredictor, rows: LoadedRows, w: np.ndarray) -> float:
+    """Estimated error, mm: the order that follows the last one known, and what patches leave (`wrench_error`)."""
     basis, n_e = _basis_of_states(model, rows.indices), model.rows.n_e
     C = np.tensordot(basis, rows.C, 1)
     first = _farthest(C @ w, rows.moves)
@@ -147,11 +149,11 @@ def _farthest(moved: np.ndarray, moves: np.ndarray) -> np.ndarray:
 
 
 def _all_rows(wrench: np.ndarray, patches: Sequence[PatchLoad]) -> np.ndarray:
-    return np.concatenate([wrench, *(one.force for one in patches)])
+    return np.concatenate([wrench, *(patch.force for patch in patches)])
 
 
 def _loaded(model: SpectralPredictor, rows: LoadedRows, w: np.ndarray) -> SpectralPredictor:
-    """w (r,): on all rows."""
+    """Model under w (r,) N on all rows."""
     n_e = model.rows.n_e
     C, moved = rows.C, rows.C @ w  # (M, r)
     work = (rows.e + moved / 2) @ w[:, None]
@@ -168,17 +170,20 @@ def _loaded(model: SpectralPredictor, rows: LoadedRows, w: np.ndarray) -> Spectr
         arrays.pop(THIRD, None)
         if rows.D is not None:
             arrays[THIRD] = rows.D[:, *symmetric3_indices(n_e)].T.copy()
-    parameters = [one for one in model.meta["parameters"] if not one["exact"]]
+    parameters = [parameter for parameter in model.meta["parameters"] if not parameter["exact"]]
     return SpectralPredictor({**model.meta, "parameters": parameters}, arrays)
 
 
-def _domain(model: Predictor, found: Predictor) -> Domain:
-    """Where the model was trained, moved by what the wrench changes: the forces at the same displacements, or the
-    displacements under the same forces."""
+def _domain(model: Predictor, under_load: Predictor) -> Domain:
+    """Domain of the loaded model: the trained states moved by what the wrench changes: the forces at the same
+    displacements, or the displacements under the same forces."""
     old, n_a, by_displacement = model.domain, model.rows.n_a, model.form == "displacement"
     s = old.states[:, :n_a] if by_displacement else old.states[:, n_a : 2 * n_a]
     change = np.array(
-        [_dual(found, one, q) - _dual(model, one, q) for one, q in zip(s, old.states[:, 2 * n_a :], strict=True)]
+        [
+            _dual(under_load, inputs, q) - _dual(model, inputs, q)
+            for inputs, q in zip(s, old.states[:, 2 * n_a :], strict=True)
+        ]
     )
     lowest, highest = change.min(axis=0), change.max(axis=0)
     states, boxes = old.states.copy(), {"delta_a": old.delta_a, "lambda_a": old.lambda_a}

@@ -28,9 +28,13 @@ HELD = 1e-6  # of the largest mode: where they are smaller, the body is held
 
 @dataclass(frozen=True)
 class LoadedRows:
-    """Series in the basis indices (M, n): psi (M, 1) of the potential, e (M, r) and C (M, r, r) of the rows, D of four
-    axes of dC/dw where it is known. second: whether D is known of all rows, as it is 0 where it is not; moves (g, r)
-    bool: rows of each effector, or patch, that are displacements."""
+    """Series of the rows that a wrench works on, in the basis indices (M, n).
+
+    psi: (M, 1) of the potential
+    e, C: (M, r) and (M, r, r) of the rows
+    D: of four axes, dC/dw where it is known
+    second: whether D is known of all rows, as it is 0 where it is not
+    moves: (g, r) bool, rows of each effector, or patch, that are displacements"""
 
     indices: np.ndarray
     psi: np.ndarray
@@ -44,21 +48,22 @@ class LoadedRows:
 def rows_of(
     model: SpectralPredictor, patches: Sequence[PatchLoad] = (), by_fe: "PatchYield | None" = None
 ) -> LoadedRows:
-    """The effectors, then the patches; by_fe: how these yield by finite elements. InputError where the model has no
-    skin, or one of another geometry; SpecError where a patch is not on it."""
-    rows, series = layout(model.rows.n_a, model.rows.n_e), model.arrays["series"]
-    psi, e, C = (series[rows[name]].T for name in ("energy", "effector", "effector_compliance"))
+    """Rows of the effectors, then of the patches; by_fe: how these yield by finite elements. InputError where the model
+    has no skin, or one of another geometry; SpecError where a patch is not on it."""
+    parts, series = layout(model.rows.n_a, model.rows.n_e), model.arrays["series"]
+    psi, e, C = (series[parts[name]].T for name in ("energy", "effector", "effector_compliance"))
     third = model.arrays.get(THIRD)
     D = None if third is None else third.T[:, unpacking3(model.rows.n_e)]
     moves = np.array([[unit == "mm" for unit, _ in model.rows.effector_units]])
-    own = LoadedRows(model.arrays["indices"], psi, e, C[:, unpacking(model.rows.n_e)], D, D is not None, moves)
+    effectors = LoadedRows(model.arrays["indices"], psi, e, C[:, unpacking(model.rows.n_e)], D, D is not None, moves)
     if not patches:
-        return own
-    found = _with_patches(model, own, patches)
-    return found if by_fe is None else _corrected(model, found, by_fe)
+        return effectors
+    rows = _with_patches(model, effectors, patches)
+    return rows if by_fe is None else _corrected(model, rows, by_fe)
 
 
 def _corrected(model: SpectralPredictor, rows: LoadedRows, by_fe: "PatchYield") -> LoadedRows:
+    """Rows with what finite elements say of the patches, to the second order of the forces."""
     from cfem.predict.contact.patched_model import (
         degrees,  # what finite elements need, and the export of a row does not
     )
@@ -67,7 +72,7 @@ def _corrected(model: SpectralPredictor, rows: LoadedRows, by_fe: "PatchYield") 
     z = model.box(by_fe.states)
     inverse, known = np.linalg.pinv(basis(z, terms)), basis(z, rows.indices)
     indices, (old, new) = union(rows.indices, terms)
-    psi, e, C = (np.zeros((len(indices), *one.shape[1:])) for one in (rows.psi, rows.e, rows.C))
+    psi, e, C = (np.zeros((len(indices), *series.shape[1:])) for series in (rows.psi, rows.e, rows.C))
     psi[old], e[old], C[old] = rows.psi, rows.e, rows.C
     e[new, n_e:] += inverse @ (by_fe.e - (known @ rows.e)[:, n_e:])
     left = by_fe.C - np.tensordot(known, rows.C, 1)
@@ -81,8 +86,9 @@ def _corrected(model: SpectralPredictor, rows: LoadedRows, by_fe: "PatchYield") 
     return LoadedRows(indices, psi, e, C, D, True, rows.moves)
 
 
-def _with_patches(model: SpectralPredictor, own: LoadedRows, patches: Sequence[PatchLoad]) -> LoadedRows:
-    changing = next((one.name for one in model.parameters if one.moves_body), None)
+def _with_patches(model: SpectralPredictor, effectors: LoadedRows, patches: Sequence[PatchLoad]) -> LoadedRows:
+    """Rows of the effectors, then those of patches by the modes of the skin, to the first order of the forces."""
+    changing = next((parameter.name for parameter in model.parameters if parameter.moves_body), None)
     if changing:
         what = f"the surface of other designs is not known: '{changing}' changes where it rests"
         raise InputError(what, where=f"loads.{patches[0].name}", do="train a model without this parameter")
@@ -91,29 +97,29 @@ def _with_patches(model: SpectralPredictor, own: LoadedRows, patches: Sequence[P
     if not all(np.array_equal(skin[name], model.arrays[name]) for name in ("to_box", "offset")):
         raise InputError("the skin is of another model", do="train the model again")
     C_es, C_ss = np.split(skin["compliance"].T, [n_e * k], axis=1)
-    indices, (a, b, c) = union(own.indices, skin["indices"], skin["compliance_indices"])
+    indices, (a, b, c) = union(effectors.indices, skin["indices"], skin["compliance_indices"])
     psi, e, C = np.zeros((len(indices), 1)), np.zeros((len(indices), r)), np.zeros((len(indices), r, r))
-    psi[a], e[a, :n_e], C[a, :n_e, :n_e] = own.psi, own.e, own.C
+    psi[a], e[a, :n_e], C[a, :n_e, :n_e] = effectors.psi, effectors.e, effectors.C
     e[b, n_e:] = skin["series"].T @ U
     C[c, :n_e, n_e:] = C_es.reshape(-1, n_e, k) @ U
     C[:, n_e:, :n_e] = C[:, :n_e, n_e:].swapaxes(1, 2)
     C[c, n_e:, n_e:] = U.T @ C_ss[:, unpacking(k)] @ U
     each = np.repeat(np.eye(len(patches), dtype=bool), 3, axis=1)
-    moves = np.block([[own.moves, np.zeros((1, r - n_e), bool)], [np.zeros((len(patches), n_e), bool), each]])
+    moves = np.block([[effectors.moves, np.zeros((1, r - n_e), bool)], [np.zeros((len(patches), n_e), bool), each]])
     D = None
-    if own.D is not None:
+    if effectors.D is not None:
         D = np.zeros((len(indices), r, r, r))
-        D[a, :n_e, :n_e, :n_e] = own.D
+        D[a, :n_e, :n_e, :n_e] = effectors.D
     return LoadedRows(indices, psi, e, C, D, False, moves)
 
 
 def on_modes(skin: LearnedSkin, patches: Sequence[PatchLoad]) -> np.ndarray:
-    """(k, 3 P) the modes, means over patches. SpecError where one is not on the surface, or is held."""
-    found, largest = [], np.abs(skin.modes).max()
-    for one in patches:
-        shares = one.shares(skin.rest, skin.triangles, skin.weights)
-        found.append(np.tensordot(skin.modes, shares, axes=(1, 0)))
-        if np.abs(found[-1]).max() < HELD * largest:
+    """Modes (k, 3 P) of the skin as means over patches. SpecError where a patch is not on the surface, or is held."""
+    columns, largest = [], np.abs(skin.modes).max()
+    for patch in patches:
+        shares = patch.shares(skin.rest, skin.triangles, skin.weights)
+        columns.append(np.tensordot(skin.modes, shares, axes=(1, 0)))
+        if np.abs(columns[-1]).max() < HELD * largest:
             what = "the body is held here, so that no force moves it"
-            raise SpecError(what, where=f"loads.{one.name}", do="take a place where it is free")
-    return np.hstack(found)
+            raise SpecError(what, where=f"loads.{patch.name}", do="take a place where it is free")
+    return np.hstack(columns)

@@ -27,18 +27,18 @@ def loaded_skin(
     C_es, C_ss = np.split(arrays["compliance"], [n_e * k])
     moved = np.tensordot(np.asarray(wrench, float), C_es.reshape(n_e, k, -1), axes=1)  # (k, L)
     if patches:
-        on = on_modes(_of(model, arrays), patches) @ np.concatenate([one.force for one in patches])
+        on = on_modes(_of(model, arrays), patches) @ np.concatenate([patch.force for patch in patches])
         moved = moved + np.tensordot(on, C_ss[unpacking(k)], axes=1)
-    indices, (own, more) = union(arrays["indices"], arrays["compliance_indices"])
+    indices, (rows, more) = union(arrays["indices"], arrays["compliance_indices"])
     series = np.zeros((k, len(indices)))
-    series[:, own] = arrays["series"]
+    series[:, rows] = arrays["series"]
     series[:, more] += moved
     return {**arrays, "indices": indices, "series": series}
 
 
 def skin_under_loads_of(model: Predictor, arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     """The arrays of the unloaded skin, under the loads that the model has."""
-    patches = [PatchLoad(**one) for one in model.meta.get("patch_loads") or ()]
+    patches = [PatchLoad(**patch) for patch in model.meta.get("patch_loads") or ()]
     return loaded_skin(model, arrays, model.meta["wrench"], patches)
 
 

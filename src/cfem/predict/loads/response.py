@@ -11,8 +11,12 @@ from cfem.predict.protocol import Predictor
 
 @dataclass(frozen=True)
 class LoadResponse:
-    """model: of form displacement, with a skin; here: the robot without the forces; q (n_q,), softer: its material, as
-    `Predictor` has it; loaded (n_w,): numbers of rows, effectors first, then modes of the skin."""
+    """Response of a robot at one state to forces on chosen rows.
+
+    model: of form displacement, with a skin
+    here: the robot without the forces
+    q, softer: (n_q,) and factor, its material as `Predictor` has it
+    loaded: (n_w,) numbers of rows, effectors first, then modes of the skin"""
 
     model: Predictor
     here: Condensed

@@ -36,9 +36,9 @@ class LoadSpec(Spec):
         if (self.at is None) != (self.radius is None):
             raise ValueError("a patch of the surface has both at and radius")
 
-    def newtons(self, own: float | None = None) -> np.ndarray | None:
-        """(3,) N; own: t, the mass whose centre the effector is. None where no mass is known."""
-        mass = own if self.mass is None else self.mass
+    def newtons(self, own_mass: float | None = None) -> np.ndarray | None:
+        """Force (3,) N; own_mass: t, the mass whose centre the effector is. None where no mass is known."""
+        mass = own_mass if self.mass is None else self.mass
         if self.force is not None:
             return np.asarray(self.force, float)
         return None if mass is None else mass * np.array(self.gravity)
@@ -47,10 +47,10 @@ class LoadSpec(Spec):
 def loads_of(
     loads: Mapping[str, LoadSpec], masses: Mapping[str, float]
 ) -> tuple[dict[str, np.ndarray], tuple[PatchLoad, ...]]:
-    """(3,) N by the name of the effector, and those on patches. masses: t, of robots by the name of the effector that
-    is their centre. SpecError where gravity acts on no mass."""
-    found = {name: load.newtons(None if load.at is not None else masses.get(name)) for name, load in loads.items()}
-    for name, force in found.items():
+    """Forces (3,) N by the name of the effector, and those on patches. masses: t, of robots by the name of the effector
+    that is their centre. SpecError where gravity acts on no mass."""
+    forces = {name: load.newtons(None if load.at is not None else masses.get(name)) for name, load in loads.items()}
+    for name, force in forces.items():
         if force is None:
             raise SpecError(
                 f"'{name}' has no mass that gravity could act on",
@@ -58,5 +58,5 @@ def loads_of(
                 do="state a mass, or give the scene an effector with `at: centre-of-mass` and sample it",
             )
     on = {name: load for name, load in loads.items() if load.at is not None}
-    patches = tuple(PatchLoad(load.at, load.radius, found[name], name) for name, load in on.items())
-    return {name: force for name, force in found.items() if name not in on}, patches
+    patches = tuple(PatchLoad(load.at, load.radius, forces[name], name) for name, load in on.items())
+    return {name: force for name, force in forces.items() if name not in on}, patches

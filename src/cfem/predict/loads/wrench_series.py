@@ -36,8 +36,14 @@ TINY = 1e-30  # N mm: what C w works less than is rounding
 
 @dataclass(frozen=True)
 class Loaded:
-    """One state under a wrench, actuators held. lam (n_a,): the forces that hold them; K (n_a, n_a) their derivative;
-    e (n_e,) displacements, G (n_e, n_a) by delta_a, C (n_e, n_e) by the wrench; ratio: r."""
+    """One state under a wrench, actuators held.
+
+    lam: (n_a,) forces that hold the actuators
+    K: (n_a, n_a) derivative of lam by delta_a
+    e: (n_e,) displacements
+    G: (n_e, n_a) derivative of e by delta_a
+    C: (n_e, n_e) derivative of e by the wrench
+    ratio: r"""
 
     lam: np.ndarray
     K: np.ndarray
@@ -48,18 +54,22 @@ class Loaded:
 
 
 class WrenchSeries:
-    """Of a model of form displacement, without parameters, for wrenches on the first `watched` of its effector rows and
-    on patches of its skin, behind these. D and E do not know the patches; where there are fewer than `places`, rows
-    follow that do not move."""
+    """Series of a model of form displacement, without parameters, for wrenches on the first `watched` of its effector
+    rows and on patches of its skin, behind these. D and E do not know the patches; where there are fewer than `places`,
+    rows follow that do not move."""
 
     def __init__(self, model: SpectralPredictor, watched: int, patches: Sequence[PatchLoad] = (), places: int = 0):
+        """Joins the series of psi, e, C and D, and differentiates them twice by delta_a."""
         n_a, rows, size = model.rows.n_a, rows_of(model, patches), watched + 3 * places
-        own = np.r_[:watched, model.rows.n_e : rows.e.shape[1]]
-        still = (0, size - len(own))
-        e, C = np.pad(rows.e[:, own], ((0, 0), still)), np.pad(rows.C[:, own][:, :, own], ((0, 0), still, still))
+        columns = np.r_[:watched, model.rows.n_e : rows.e.shape[1]]
+        still = (0, size - len(columns))
+        e, C = (
+            np.pad(rows.e[:, columns], ((0, 0), still)),
+            np.pad(rows.C[:, columns][:, :, columns], ((0, 0), still, still)),
+        )
         parts = [rows.psi, e, pack_upper(C)]
         if rows.D is not None:
-            D = np.pad(rows.D[:, own][:, :, own][:, :, :, own], ((0, 0), still, still, still))
+            D = np.pad(rows.D[:, columns][:, :, columns][:, :, :, columns], ((0, 0), still, still, still))
             parts.append(D[:, *symmetric3_indices(size)])
         parts = np.concatenate(parts, axis=1)  # (M, q)
         by_s = input_derivatives(rows.indices, model.arrays["to_box"], n_a)
@@ -74,7 +84,7 @@ class WrenchSeries:
         self._curvature = CurvatureSeries(model, watched) if FOURTH in model.arrays and rows.D is not None else None
 
     def at(self, delta_a: np.ndarray) -> "Held":
-        """delta_a: (n_a,) mm."""
+        """Quantities at delta_a (n_a,) mm, for any wrench."""
         n = self._n_a
         flat = (self._basis(self._box(delta_a)) @ self._coefficients).reshape(1 + n + n * n, -1)
         D = None if self._unpack3 is None else flat[:, self._unpack3]
@@ -84,7 +94,7 @@ class WrenchSeries:
 
 @dataclass(frozen=True)
 class Held:
-    """The quantities at one delta_a: value, n first and n n second derivatives, in this order along the first axis."""
+    """Quantities at one delta_a: value, n first and n n second derivatives, in this order along the first axis."""
 
     psi: np.ndarray
     e: np.ndarray
@@ -94,7 +104,7 @@ class Held:
     E: HeldCurvature | None = None
 
     def under(self, w: np.ndarray) -> Loaded:
-        """w: (n_e,) N and N mm."""
+        """State under w (n_e,) N and N mm."""
         n, Cw = self.n_a, self.C @ w
         psi, e = self.psi - self.e @ w, self.e
         u = Cw @ w / 2
@@ -102,29 +112,29 @@ class Held:
             psi = psi - u
             return Loaded(psi[1 : 1 + n], psi[1 + n :].reshape(n, n), (e + Cw)[0], (e + Cw)[1 : 1 + n].T, self.C[0])
         Dw = self.D @ w
-        ways, softer = [Cw, Dw @ w / 2], [self.C[0], Dw[0]]  # and their derivatives by w, at the value
+        orders, softer = [Cw, Dw @ w / 2], [self.C[0], Dw[0]]  # and their derivatives by w, at the value
         if self.E is not None:
             c, square, known = np.zeros_like(Cw), np.zeros_like(self.C[0]), self.E.watched
             c[:, :known], square[:known, :known] = self.E.cubic(w[:known]), self.E.square(w[:known])
-            ways, softer = [*ways, c], [*softer, square]
-        terms = [way @ w / (2 + number) for number, way in enumerate(ways)]  # u, v, q, and derivatives by delta_a
-        r, f, F = continued(*(float(one[0]) for one in terms))
+            orders, softer = [*orders, c], [*softer, square]
+        terms = [order @ w / (2 + number) for number, order in enumerate(orders)]  # u, v, q, and derivatives by delta_a
+        r, f, F = continued(*(float(term[0]) for term in terms))
         both = np.stack(terms, axis=1)
-        by_s, by_w = both[1 : 1 + n], np.stack([one[0] for one in ways])  # (n, 2 or 3), (2 or 3, n_e)
+        by_s, by_w = both[1 : 1 + n], np.stack([order[0] for order in orders])  # (n, 2 or 3), (2 or 3, n_e)
         psi = psi - both @ f
-        moved = e + sum(share * way for share, way in zip(f, ways, strict=True))
+        moved = e + sum(share * order for share, order in zip(f, orders, strict=True))
         return Loaded(
             psi[1 : 1 + n],
             psi[1 + n :].reshape(n, n) - by_s @ F @ by_s.T,
             moved[0],
             moved[1 : 1 + n].T + by_w.T @ F @ by_s.T,
-            sum(share * one for share, one in zip(f, softer, strict=True)) + by_w.T @ F @ by_w,
+            sum(share * compliance for share, compliance in zip(f, softer, strict=True)) + by_w.T @ F @ by_w,
             r,
         )
 
 
 def continued(u: float, v: float, q: float | None = None) -> tuple[float, np.ndarray, np.ndarray]:
-    """r, and the first and second derivatives of u h(r) by u and v, and q where it is known."""
+    """The ratio r, and the first and second derivatives of u h(r) by u and v, and q where it is known."""
     r = v / u
     if q is None:
         slope, bend = np.array([-r, 1.0]) / u, np.array([[2 * r, -1.0], [-1.0, 0.0]]) / u**2
@@ -140,7 +150,7 @@ def continued(u: float, v: float, q: float | None = None) -> tuple[float, np.nda
 
 
 def softening(r: float) -> tuple[float, float, float]:
-    """h(r) and its first two derivatives."""
+    """The function h(r) and its first two derivatives."""
     near = min(max(r, STIFF), NEAR)
     s, more = 1.0 / (1.0 - near), r - near
     h, h1, h2 = s, s * s, 2.0 * s**3

@@ -40,8 +40,10 @@ TOLERANCE = 1e-11  # of a module's length and of a radian: largest Newton step o
 
 @dataclass(frozen=True)
 class RowKinematics:
-    """The effectors of the whole. y (n_e,) mm; B (n_e, N), H (n_e, N, N): first and second derivatives by all N
-    coordinates e."""
+    """Effectors of the whole robot and their derivatives by all N coordinates e.
+
+    y: (n_e,) mm
+    B, H: (n_e, N) and (n_e, N, N), first and second derivatives"""
 
     y: np.ndarray
     B: np.ndarray
@@ -49,25 +51,31 @@ class RowKinematics:
 
 
 def row_of(e: np.ndarray, rests: np.ndarray, shares: np.ndarray | None = None, places: int = 0) -> RowKinematics:
-    """e (k, p): displacement of each module's end from rest and rotation vector, in the frame at its base, that of its
-    centre of mass, and those of `places` patches; rests (k, p) mm; shares (k,) of the modules in the mass, None where
-    it is not asked."""
+    """Kinematics of a row of k modules. e (k, p): displacement of each module's end from rest and rotation vector, in
+    the frame at its base, that of its centre of mass, and those of `places` patches; rests (k, p) mm; shares (k,) of
+    the modules in the mass, None where it is not asked."""
     (k, p), N, patches = e.shape, e.size, []
     A, dA, d2A = np.eye(3), np.zeros((N, 3, 3)), np.zeros((N, N, 3, 3))
     end, centre = _nowhere(N), _nowhere(N)
-    for i, (one, rest, share) in enumerate(zip(e, rests, np.zeros(k) if shares is None else shares, strict=True)):
+    for i, (local, rest, share) in enumerate(zip(e, rests, np.zeros(k) if shares is None else shares, strict=True)):
         first = p * i
-        place, angle, own = (slice(first + at, first + at + 3) for at in (0, 3, END))
+        place, angle, centre_columns = (slice(first + column, first + column + 3) for column in (0, 3, END))
         if shares is not None:
-            inner = _placed(A, dA, d2A, rest[END:][:3] + one[END:][:3], own)
+            inner = _placed(A, dA, d2A, rest[END:][:3] + local[END:][:3], centre_columns)
             for total, before, more in zip(centre, end, inner, strict=True):
                 total += share * (before + more)
-        for at in range(p - 3 * places, p, 3):
-            inner = _placed(A, dA, d2A, rest[at : at + 3] + one[at : at + 3], slice(first + at, first + at + 3))
+        for column in range(p - 3 * places, p, 3):
+            inner = _placed(
+                A,
+                dA,
+                d2A,
+                rest[column : column + 3] + local[column : column + 3],
+                slice(first + column, first + column + 3),
+            )
             patches.append([before + more for before, more in zip(end, inner, strict=True)])
-        for total, more in zip(end, _placed(A, dA, d2A, rest[:3] + one[:3], place), strict=True):
+        for total, more in zip(end, _placed(A, dA, d2A, rest[:3] + local[:3], place), strict=True):
             total += more
-        R, slope, bent = turn(one[3:END])
+        R, slope, bent = turn(local[3:END])
         new, new2 = dA @ R, d2A @ R
         both = np.einsum("nab,jbc->njac", dA, slope)
         new2[:, angle] += both
@@ -83,56 +91,58 @@ def _nowhere(N: int) -> list[np.ndarray]:
     return [np.zeros(3), np.zeros((3, N)), np.zeros((3, N, N))]
 
 
-def _placed(A: np.ndarray, dA: np.ndarray, d2A: np.ndarray, x: np.ndarray, at: slice) -> list[np.ndarray]:
-    """A x with its derivatives, where A has its own and x is moved by the coordinates `at`."""
+def _placed(A: np.ndarray, dA: np.ndarray, d2A: np.ndarray, x: np.ndarray, columns: slice) -> list[np.ndarray]:
+    """Place A x with its derivatives, where A has its own and x is moved by the coordinates `columns`."""
     first, second = (dA @ x).T, np.moveaxis(d2A @ x, -1, 0).copy()
-    first[:, at] += A
+    first[:, columns] += A
     mixed = np.moveaxis(dA, 0, 1)  # (3, N, 3): by any coordinate, and by x
-    second[:, :, at] += mixed
-    second[:, at, :] += mixed.swapaxes(1, 2)
+    second[:, :, columns] += mixed
+    second[:, columns, :] += mixed.swapaxes(1, 2)
     return [A @ x, first, second]
 
 
 class LoadedSerialPredictor(SerialPredictor):
-    """meta has `wrench` (n_e,) N on the effectors of the whole too. patches: forces on its surface, which the modules'
-    own skins bear: rows behind those of the pose. An exported one has them in `meta`, and these skins in `arrays`."""
+    """Predictor of modules in a row under loads. meta has `wrench` (n_e,) N on the effectors of the whole too. patches:
+    forces on its surface, which the modules' own skins bear: rows behind those of the pose. An exported one has them in
+    `meta`, and these skins in `arrays`."""
 
     def __init__(self, meta: dict, arrays: dict[str, np.ndarray], patches: RowPatches | None = None):
+        """Builds the modules' series with the rows of their patches."""
         super().__init__(meta, arrays)
         self.wrench = np.asarray(meta["wrench"], float)
         if patches is None and meta.get("patch_loads"):
             self.skin_source = lambda: skins_within(self.models, arrays)
-            patches = row_patches(self, [PatchLoad(**one) for one in meta["patch_loads"]])
+            patches = row_patches(self, [PatchLoad(**load) for load in meta["patch_loads"]])
         self.patches, on = patches, patches or RowPatches.none(len(self.which))
         if patches is None:
-            series = [WrenchSeries(one, self.pose) for one in self.models]
+            series = [WrenchSeries(model, self.pose) for model in self.models]
             self._series = [series[number] for number in self.which]
         else:
             self._series = []
-            for model, skin, own in zip(self.modules, patches.skins, patches.each, strict=True):
+            for model, skin, module_patches in zip(self.modules, patches.skins, patches.each, strict=True):
                 model.skin_source = lambda skin=skin: skin
-                self._series.append(WrenchSeries(model, self.pose, own, patches.places))
+                self._series.append(WrenchSeries(model, self.pose, module_patches, patches.places))
         self._on, self._forces = on, np.concatenate([self.wrench, on.forces.ravel()])
         self._all_rests = np.hstack([self.rests, on.rests])
 
     def learned(self, s: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        found = [self._one(one) for one in s.reshape(-1, s.shape[-1])]
-        W, free = (np.array(each).reshape(*s.shape[:-1], *each[0].shape) for each in zip(*found, strict=True))
+        states = [self._one(state) for state in s.reshape(-1, s.shape[-1])]
+        W, free = (np.array(each).reshape(*s.shape[:-1], *each[0].shape) for each in zip(*states, strict=True))
         return W, free
 
     def error(self) -> float:
-        """mm: about how far the tip is wrong where that is worst among the training states. Those are left out in which
-        an actuator that only pulled in training (a chamber: only pushed) would have to do the other under the loads,
+        """Estimated error of the tip, mm, where that is worst among the training states. Those are left out in which an
+        actuator that only pulled in training (a chamber: only pushed) would have to do the other under the loads,
         unless it is so in all: no robot goes there."""
         n_a, known = self.rows.n_a, self.domain.states
         states = known[:: max(1, len(known) // STATES), :n_a]
-        errors = np.array([self.error_at(one) for one in states])
+        errors = np.array([self.error_at(state) for state in states])
         one_sided = known[:, n_a : 2 * n_a].min(axis=0) >= 0
-        kept = np.array([(self.at(one).lam >= 0)[one_sided].all() for one in states])
+        kept = np.array([(self.at(state).lam >= 0)[one_sided].all() for state in states])
         return float((errors[kept] if kept.any() else errors).max())
 
     def error_at(self, delta_a: ArrayLike) -> float:
-        """mm: about how far the tip is wrong at one state, n_a actuators. Without D as
+        """Estimated error of the tip, mm, at one state, n_a actuators. Without D as
         `cfem.predict.loads.loaded.wrench_error`.
 
         With it, each module leaves out what follows its last term. With E that is the third, and what follows is
@@ -142,82 +152,87 @@ class LoadedSerialPredictor(SerialPredictor):
         sum, of all rows of all modules, is at the safe side of most (docs/loads.md)."""
         modules = self._held(np.asarray(delta_a, float))
         row, parts = self._settle(modules)
-        if any(one.D is None for one in modules):
-            unloaded = self._watched(*self._places([one.e[0, : self.pose] for one in modules])[::2])
+        if any(module.D is None for module in modules):
+            unloaded = self._watched(*self._places([module.e[0, : self.pose] for module in modules])[::2])
             moved = float(np.linalg.norm(row.y[:3] - unloaded[:3]))
             return moved**2 / self.length + self._error_of_patches(row, parts)
-        V, C = -np.tensordot(self._forces, row.H, 1), block_diag(*(one.C for one in parts))
+        V, C = -np.tensordot(self._forces, row.H, 1), block_diag(*(part.C for part in parts))
         carried = (row.B[:3] @ np.linalg.inv(np.eye(len(V)) + C @ V)).reshape(3, len(parts), -1)
         wrenches, total = self.softer[:, None] * (self._forces @ row.B).reshape(len(parts), -1), 0.0
-        for i, (one, w) in enumerate(zip(modules, wrenches, strict=True)):
+        for i, (module, w) in enumerate(zip(modules, wrenches, strict=True)):
             errors = self.models[self.which[i]].meta.get("errors", {})
             fits = [FITTED * errors.get("of_loads", {}).get(name, 0.0) for name in ("dC", "d2C")]
-            terms = [one.C[0] @ w, one.D[0] @ w @ w / 2]
-            if one.E is not None:
+            terms = [module.C[0] @ w, module.D[0] @ w @ w / 2]
+            if module.E is not None:
                 terms.append(np.zeros_like(w))
-                terms[2][: one.E.watched] = one.E.cubic(w[: one.E.watched])[0]
+                terms[2][: module.E.watched] = module.E.cubic(w[: module.E.watched])[0]
             sizes = [np.linalg.norm(each / self._units) for each in terms]
             ratio = (sizes[-1] / max(sizes[0], 1e-300)) ** (1 / (len(terms) - 1))
             parts_left = [ratio * terms[-1], 2.0 * np.sqrt(errors.get("frame_loss", 0.0)) * terms[0]]
             parts_left += [fit * term for fit, term in zip(fits, terms[1:], strict=False)]
-            if one.E is None:
+            if module.E is None:
                 parts_left.append(terms[0] * (terms[0][3:END] @ terms[0][3:END]))
             total += sum(np.linalg.norm(carried[:, i] * left, axis=0).sum() for left in parts_left)
         return float(total) + self._error_of_patches(row, parts)
 
     def _error_of_patches(self, row: RowKinematics, parts: list[Loaded]) -> float:
-        """mm: as `cfem.predict.loads.loaded.wrench_error` without D, of what a patch moves its own module by."""
-        C = block_diag(*(one.C[:, self.pose :] for one in parts))
+        """Estimated error, mm, as `cfem.predict.loads.loaded.wrench_error` without D, of what a patch moves its own
+        module by."""
+        C = block_diag(*(part.C[:, self.pose :] for part in parts))
         w = (self._forces @ row.B).reshape(len(parts), -1)[:, self.pose :].ravel()
         moved = float(np.linalg.norm(row.B[:3] @ (C @ w)))
         return moved**2 / self.length + LEFT * moved
 
     @property
     def _units(self) -> np.ndarray:
-        """Of the rows of a module: its length, and radians."""
+        """Units of the rows of a module: its length, and radians."""
         length = self.length / len(self.which)
-        own = np.repeat([length, 1.0, length], 3)[: self.pose]
-        return np.concatenate([own, np.full(3 * self._on.places, length)])
+        pose = np.repeat([length, 1.0, length], 3)[: self.pose]
+        return np.concatenate([pose, np.full(3 * self._on.places, length)])
 
     def shape(self, delta_a: ArrayLike, p: ArrayLike | None = None) -> np.ndarray:
-        """As that of the unloaded row; the modules' own surfaces to first order in the wrenches on their rows."""
+        """Positions (..., m, 3) mm of the surface nodes, as of the unloaded row; the modules' own surfaces to first
+        order in the wrenches on their rows."""
         delta = np.asarray(delta_a, float)
-        found = [self._shape(one) for one in delta.reshape(-1, delta.shape[-1])]
-        return np.array(found).reshape(*delta.shape[:-1], *self.surface.rest.shape)
+        surfaces = [self._shape(state) for state in delta.reshape(-1, delta.shape[-1])]
+        return np.array(surfaces).reshape(*delta.shape[:-1], *self.surface.rest.shape)
 
     def _shape(self, delta: np.ndarray) -> np.ndarray:
+        """Positions (m, 3) mm of the surface nodes at delta (n_a,) mm."""
         row, parts = self._settle(self._held(delta))
         wrenches = (self._forces @ row.B).reshape(len(parts), -1)
         patches, rows = self._on.each, []
         modules = zip(self.surface.modules, self.own, wrenches, self.softer, patches, strict=True)
-        for skin, own, w, softer, on in modules:
-            at = delta[own], np.zeros(0)
-            C_es, C_ss = skin.compliance(*at)
+        for skin, columns, w, softer, on in modules:
+            inputs = delta[columns], np.zeros(0)
+            C_es, C_ss = skin.compliance(*inputs)
             moved = w[: self.pose] @ C_es[: self.pose]
             if on:
                 moved = moved + C_ss @ on_modes(skin, on) @ w[self.pose :][: 3 * len(on)]
-            rows.append(skin.rows(*at) + softer * moved)
-        P, R, _ = self._places([one.e[: self.pose] for one in parts])
+            rows.append(skin.rows(*inputs) + softer * moved)
+        P, R, _ = self._places([part.e[: self.pose] for part in parts])
         return self.surface.surface(rows, P[:-1], R)
 
     def surface_gradient(self, delta_a: ArrayLike, nodes: np.ndarray) -> np.ndarray:
-        """By central differences of `shape`."""
-        delta, found = np.asarray(delta_a, float), []
+        """Derivatives (c, 3, n_a) of `shape` at nodes (c,), by central differences."""
+        delta, columns = np.asarray(delta_a, float), []
         for step in np.diag(STEP * np.abs(self.reach).max(axis=1)):
             ahead, behind = (self.shape(delta + side * step)[nodes] for side in (1, -1))
-            found.append((ahead - behind) / (2 * step.max()))
-        return np.stack(found, axis=-1)
+            columns.append((ahead - behind) / (2 * step.max()))
+        return np.stack(columns, axis=-1)
 
     def _held(self, delta: np.ndarray) -> list[Held]:
-        return [series.at(delta[own]) for series, own in zip(self._series, self.own, strict=True)]
+        return [series.at(delta[columns]) for series, columns in zip(self._series, self.own, strict=True)]
 
     def _one(self, delta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """W and delta_free at delta (n_a,) mm: the modules' compliance joined by the stiffness V of the loads that
+        turn."""
         row, parts = self._settle(self._held(delta))
         V, B = -np.tensordot(self._forces, row.H, 1), row.B[: self.rows.n_e]
-        C, G, K = (block_diag(*(getattr(one, name) for one in parts)) for name in "CGK")
+        C, G, K = (block_diag(*(getattr(state, name) for state in parts)) for name in "CGK")
         S = np.linalg.inv(np.eye(len(V)) + C @ V)
         part = {
-            "gradient": np.concatenate([one.lam for one in parts]),
+            "gradient": np.concatenate([state.lam for state in parts]),
             "hessian": _symmetric(K + G.T @ V @ S @ G),
             "effector": row.y[: self.rows.n_e] - self.rest_e,
             "effector_gradient": B @ S @ G,
@@ -228,22 +243,22 @@ class LoadedSerialPredictor(SerialPredictor):
     @property
     def _sizes(self) -> np.ndarray | None:
         """(n_e,) those of the modules' ends and centres of mass, None where a model has none."""
-        if any(one.sizes is None for one in self.models):
+        if any(model.sizes is None for model in self.models):
             return None
         rows = [0, 1, 2, 6, 7, 8][: self.rows.n_e]
-        return np.max([one.sizes[rows] for one in self.models], axis=0)
+        return np.max([model.sizes[rows] for model in self.models], axis=0)
 
     def _settle(self, modules: list[Held]) -> tuple[RowKinematics, list[Loaded]]:
         """The row in equilibrium, from the poses of its unloaded modules."""
-        e = np.array([one.e[0] for one in modules])
+        e = np.array([module.e[0] for module in modules])
         for _ in range(ITERATIONS):
             row = row_of(e, self._all_rests, self.shares if self.heavy else None, self._on.places)
             w = (self._forces @ row.B).reshape(e.shape)
             parts = [self._under(*each) for each in zip(modules, w, self.softer, strict=True)]
             V = -np.tensordot(self._forces, row.H, 1)
-            missing = (np.array([one.e for one in parts]) - e).ravel()
-            C = block_diag(*(one.C for one in parts))
-            step = np.linalg.solve(np.eye(len(missing)) + C @ V, missing)
+            residual = (np.array([part.e for part in parts]) - e).ravel()
+            C = block_diag(*(part.C for part in parts))
+            step = np.linalg.solve(np.eye(len(residual)) + C @ V, residual)
             step = step.reshape(e.shape)
             e = e + step
             if np.abs(step / self._units).max() <= TOLERANCE:
@@ -255,16 +270,16 @@ class LoadedSerialPredictor(SerialPredictor):
 
     @staticmethod
     def _demand_far(parts: list[Loaded]) -> None:
-        worst = max(one.ratio for one in parts)
+        worst = max(part.ratio for part in parts)
         if worst > NEAR:
             what = "a module in the row is too near to buckling under these loads for what it knows of them"
             raise NumericalError(what, do="take smaller loads")
 
     @staticmethod
     def _under(module, w: np.ndarray, softer: float) -> Loaded:
-        """Of a module `softer` times as compliant as the one that was sampled: W ~ 1/E is exact."""
-        found = module.under(softer * w)
-        return replace(found, lam=found.lam / softer, K=found.K / softer, C=found.C * softer)
+        """State of a module `softer` times as compliant as the one that was sampled: W ~ 1/E is exact."""
+        state = module.under(softer * w)
+        return replace(state, lam=state.lam / softer, K=state.K / softer, C=state.C * softer)
 
 
 def _symmetric(M: np.ndarray) -> np.ndarray:

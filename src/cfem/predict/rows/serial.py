@@ -29,8 +29,11 @@ END, CENTRE = 6, 3  # rows of a module: the pose of its end, and the place of it
 
 @dataclass(frozen=True)
 class ModuleState:
-    """One module of a row where the whole is asked. pose (..., 6 or 9): of its end, and of its centre of mass, from
-    rest, in the frame at its base; W_ee, W_ea, W_aa: blocks of W, rows of rotation as spins; lam (..., n)."""
+    """State of one module of a row.
+
+    pose: (..., 6 or 9) of its end, and of its centre of mass, from rest, in the frame at its base
+    W_ee, W_ea, W_aa: blocks of W, rows of rotation as spins
+    lam: (..., n)"""
 
     pose: np.ndarray
     W_ee: np.ndarray
@@ -40,38 +43,44 @@ class ModuleState:
 
 
 class SerialPredictor(ArrayPredictor):
-    """meta: modules, model.json of each model of a module, whose effectors are its end with its orientation and
-    perhaps its centre of mass; row, of each module from the base on: which of these models it is, and how much softer.
-    arrays: of the models, by the names of `module_arrays`. patches: forces on its surface, None without any."""
+    """Predictor of modules in a row.
+
+    meta: modules, model.json of each model of a module, whose effectors are its end with its orientation and perhaps
+    its centre of mass; row, of each module from the base on: which of these models it is, and how much softer
+    arrays: of the models, by the names of `module_arrays`
+    patches: forces on its surface, None without any"""
 
     patches: RowPatches | None = None
 
     def __init__(self, meta: dict, arrays: dict[str, np.ndarray]):
+        """Builds the models, and places the modules of the row."""
         super().__init__(meta)
         self.arrays = arrays
         self.models: list[Predictor] = [
             build(card, module_arrays(arrays, number)) for number, card in enumerate(meta["modules"])
         ]
-        self.which = [one["model"] for one in meta["row"]]
-        self.softer = np.array([one["softer"] for one in meta["row"]])
+        self.which = [place["model"] for place in meta["row"]]
+        self.softer = np.array([place["softer"] for place in meta["row"]])
         self.heavy = self.rows.n_e > 3  # whether the centre of mass of the whole is an effector
         self.pose = END + CENTRE * self.heavy
-        ends = np.cumsum([0, *(one.rows.n_a for one in self.modules)])
+        ends = np.cumsum([0, *(module.rows.n_a for module in self.modules)])
         self.own = [slice(int(a), int(b)) for a, b in pairwise(ends)]
-        self.rests = np.array([one.rest_e[: self.pose] for one in self.modules])
-        masses = np.array([sum(one.meta.get("masses", {}).values()) for one in self.modules])
+        self.rests = np.array([module.rest_e[: self.pose] for module in self.modules])
+        masses = np.array([sum(module.meta.get("masses", {}).values()) for module in self.modules])
         self.shares = masses / masses.sum() if self.heavy else np.zeros(len(masses))
 
     @property
     def modules(self) -> list[Predictor]:
-        """Of each module, from the base on."""
+        """Model of each module, from the base on."""
         return [self.models[number] for number in self.which]
 
     def learned(self, s: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """W and delta_free of the row: the modules' blocks, moved to the effectors by the rigid motions of those
+        behind."""
         parts = self._parts(s)
-        P, R, c = self._places([one.pose for one in parts])
+        P, R, c = self._places([part.pose for part in parts])
         n_e, n = self.rows.n_e, self.rows.n
-        out, lam = np.zeros((*s.shape[:-1], n, n)), np.concatenate([one.lam for one in parts], axis=-1)
+        out, lam = np.zeros((*s.shape[:-1], n, n)), np.concatenate([part.lam for part in parts], axis=-1)
         for i, (part, T) in enumerate(zip(parts, self._moving(P, R, c), strict=True)):
             mine = slice(n_e + self.own[i].start, n_e + self.own[i].stop)
             out[..., :n_e, :n_e] += T @ part.W_ee @ T.swapaxes(-1, -2)
@@ -82,10 +91,10 @@ class SerialPredictor(ArrayPredictor):
         return out, delta - (out[..., n_e:] @ lam[..., None])[..., 0]
 
     def _parts(self, s: np.ndarray) -> list[ModuleState]:
-        """Of the modules at s (..., n_a); those of one model are asked together."""
-        found: list[ModuleState] = [None] * len(self.which)
+        """States of the modules at s (..., n_a); those of one model are asked together."""
+        states: list[ModuleState] = [None] * len(self.which)
         for number, model in enumerate(self.models):
-            places = [i for i, one in enumerate(self.which) if one == number]
+            places = [i for i, model_number in enumerate(self.which) if model_number == number]
             each = np.stack([s[..., self.own[i]] for i in places])
             W, free = model.evaluate(each)
             p, e, a = self.pose, slice(0, self.pose), model.rows.a
@@ -96,10 +105,10 @@ class SerialPredictor(ArrayPredictor):
             W_ee, W_ea = L @ W[..., e, e] @ L.swapaxes(-1, -2), L @ W[..., e, a]
             for k, i in enumerate(places):
                 soft = self.softer[i]
-                found[i] = ModuleState(
+                states[i] = ModuleState(
                     pose[k], soft * W_ee[k], soft * W_ea[k], soft * W[k][..., a, a], lam[k, ..., 0] / soft
                 )
-        return found
+        return states
 
     def _places(self, poses: list[np.ndarray]) -> tuple[list[np.ndarray], list[np.ndarray], list[np.ndarray]]:
         """P: (..., 3) mm of the base and of each end; R: (..., 3, 3) frames at the modules' bases; c: (..., 3) mm of
@@ -116,13 +125,17 @@ class SerialPredictor(ArrayPredictor):
 
     def _watched(self, P: list[np.ndarray], c: list[np.ndarray]) -> np.ndarray:
         """(..., n_e) mm places of the tip, and of the centre of mass."""
-        centre = [sum(share * one for share, one in zip(self.shares, c, strict=True))] if self.heavy else []
+        centre = (
+            [sum(share * centre_of_mass for share, centre_of_mass in zip(self.shares, c, strict=True))]
+            if self.heavy
+            else []
+        )
         return np.concatenate([P[-1], *centre], axis=-1)
 
     def _moving(self, P: list[np.ndarray], R: list[np.ndarray], c: list[np.ndarray]) -> list[np.ndarray]:
         """(..., n_e, 6 or 9) of each module: how the effectors move with the rows of its end, spins among them, and of
         its centre of mass, in the frame at its base."""
-        found = []
+        motions = []
         for i, frame in enumerate(R):
             T = np.zeros((*frame.shape[:-2], self.rows.n_e, self.pose))
             T[..., :3, :3], T[..., :3, 3:END] = frame, -frame @ cross(_turned_back(frame, P[-1] - P[i + 1]))
@@ -132,8 +145,8 @@ class SerialPredictor(ArrayPredictor):
                 T[..., 3:, :3] = self.shares[i + 1 :].sum() * frame
                 T[..., 3:, 3:END] = -frame @ cross(_turned_back(frame, arm))
                 T[..., 3:, END:] = self.shares[i] * frame
-            found.append(T)
-        return found
+            motions.append(T)
+        return motions
 
     @property
     def skin(self) -> LearnedSkin:
@@ -143,12 +156,12 @@ class SerialPredictor(ArrayPredictor):
 
     @cached_property
     def surface(self) -> SerialSkin:
-        """Of all modules. InputError where a module's model has no skin."""
-        found = self.skin_source()
-        if found is None:
+        """Surface of all modules. InputError where a module's model has no skin."""
+        skins = self.skin_source()
+        if skins is None:
             do = "train each module's model on samples with `skin: {}`, then this one again"
             raise InputError(f"the model of scene '{self.meta['scene']}' has no skin", do=do)
-        return in_a_row([found[number] for number in self.which], self.rests[:, :3])
+        return in_a_row([skins[number] for number in self.which], self.rests[:, :3])
 
     @property
     def facets(self) -> np.ndarray:
@@ -156,37 +169,37 @@ class SerialPredictor(ArrayPredictor):
 
     def shape(self, delta_a: ArrayLike, p: ArrayLike | None = None) -> np.ndarray:
         s = np.asarray(delta_a, float)
-        P, R, _ = self._places([one.pose for one in self._parts(s)])
+        P, R, _ = self._places([part.pose for part in self._parts(s)])
         none = s[..., :0]
-        rows = [skin.rows(s[..., own], none) for skin, own in zip(self.surface.modules, self.own, strict=True)]
+        rows = [skin.rows(s[..., columns], none) for skin, columns in zip(self.surface.modules, self.own, strict=True)]
         return self.surface.surface(rows, P[:-1], R)
 
     def surface_gradient(self, delta_a: ArrayLike, nodes: np.ndarray) -> np.ndarray:
         """(c, 3, n_a) of the places of nodes (c,) of `shape` by the displacements (n_a,) of the actuators."""
-        s, whole, none = np.asarray(delta_a, float), self.surface, np.zeros(0)
+        s, row_skin, none = np.asarray(delta_a, float), self.surface, np.zeros(0)
         parts = self._parts(s)
-        P, R, _ = self._places([one.pose for one in parts])
-        place, owner = self.shape(s)[nodes], whole.owner[nodes]
-        found = np.zeros((len(nodes), 3, len(s)))
-        for i, (part, skin, own) in enumerate(zip(parts, whole.modules, self.own, strict=True)):
+        P, R, _ = self._places([part.pose for part in parts])
+        place, owner = self.shape(s)[nodes], row_skin.owner[nodes]
+        gradients = np.zeros((len(nodes), 3, len(s)))
+        for i, (part, skin, columns) in enumerate(zip(parts, row_skin.modules, self.own, strict=True)):
             mine, after = owner == i, owner > i
             gradient = part.W_ea[:END] @ np.linalg.inv(part.W_aa)  # by spins
-            moved = np.einsum("rcj,rn->cjn", skin.modes[:, whole.own[nodes[mine]]], skin.gradient(s[own], none))
-            found[mine, :, own] = R[i] @ moved
+            moved = np.einsum("rcj,rn->cjn", skin.modes[:, row_skin.own[nodes[mine]]], skin.gradient(s[columns], none))
+            gradients[mine, :, columns] = R[i] @ moved
             arm = (place[after] - P[i + 1]) @ R[i]
-            found[after, :, own] = R[i] @ (gradient[:3] - cross(arm) @ gradient[3:])
-        return found
+            gradients[after, :, columns] = R[i] @ (gradient[:3] - cross(arm) @ gradient[3:])
+        return gradients
 
 
 def module_arrays(arrays: dict[str, np.ndarray], number: int | str) -> dict[str, np.ndarray]:
-    """Those of one model of a module: `<number>.<name>` among the arrays of the row."""
+    """Arrays of one model of a module: `<number>.<name>` among the arrays of the row."""
     start = f"{number}."
-    return {name.removeprefix(start): one for name, one in arrays.items() if name.startswith(start)}
+    return {name.removeprefix(start): array for name, array in arrays.items() if name.startswith(start)}
 
 
 def joined(parts: list[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
     """Arrays of a row from those of its models: the inverse of `module_arrays`."""
-    return {f"{number}.{name}": one for number, arrays in enumerate(parts) for name, one in arrays.items()}
+    return {f"{number}.{name}": array for number, arrays in enumerate(parts) for name, array in arrays.items()}
 
 
 def turns(phi: np.ndarray) -> np.ndarray:

@@ -14,36 +14,36 @@ from cfem.predict.skin import LearnedSkin
 
 
 def row_patches(row: SerialPredictor, patches: Sequence[PatchLoad]) -> RowPatches | None:
-    """A patch is borne by the module whose surface is nearest; None without any. InputError where a module has no
-    skin, SpecError where a patch is not on it."""
+    """Patches of a row, each borne by the module whose surface is nearest; None without any. InputError where a module
+    has no skin, SpecError where a patch is not on it."""
     k = len(row.which)
     if not patches:
         return None
-    whole, bases = row.surface, np.cumsum([np.zeros(3), *row.rests[:-1, :3]], axis=0)
+    surface, bases = row.surface, np.cumsum([np.zeros(3), *row.rests[:-1, :3]], axis=0)
     each: list[list[PatchLoad]] = [[] for _ in range(k)]
-    for one in patches:
-        owner = int(whole.owner[np.argmin(np.linalg.norm(whole.rest - one.at, axis=1))])
-        each[owner].append(replace(one, at=one.at - bases[owner]))
+    for patch in patches:
+        owner = int(surface.owner[np.argmin(np.linalg.norm(surface.rest - patch.at, axis=1))])
+        each[owner].append(replace(patch, at=patch.at - bases[owner]))
     places = max(map(len, each))
     rests, forces = np.zeros((k, 3 * places)), np.zeros((k, 3 * places))
-    for i, (mine, skin) in enumerate(zip(each, whole.modules, strict=True)):
-        for j, one in enumerate(mine):
-            on_modes(skin, [one])  # it is on the surface, and free
-            shares = one.shares(skin.rest, skin.triangles, skin.weights)
-            rests[i, 3 * j : 3 * j + 3], forces[i, 3 * j : 3 * j + 3] = shares @ skin.rest, one.force
-    return RowPatches(tuple(map(tuple, each)), whole.modules, places, rests, forces)
+    for i, (mine, skin) in enumerate(zip(each, surface.modules, strict=True)):
+        for j, patch in enumerate(mine):
+            on_modes(skin, [patch])  # it is on the surface, and free
+            shares = patch.shares(skin.rest, skin.triangles, skin.weights)
+            rests[i, 3 * j : 3 * j + 3], forces[i, 3 * j : 3 * j + 3] = shares @ skin.rest, patch.force
+    return RowPatches(tuple(map(tuple, each)), surface.modules, places, rests, forces)
 
 
 def with_skins(arrays: dict[str, np.ndarray], skins: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     """The arrays of a row, and those of its models' skins, for `skins_within`."""
-    return arrays | {name.replace(".", ".skin.", 1): one for name, one in skins.items()}
+    return arrays | {name.replace(".", ".skin.", 1): array for name, array in skins.items()}
 
 
 def skins_within(models: Sequence[Predictor], arrays: dict[str, np.ndarray]) -> list[LearnedSkin]:
-    found = []
-    for number, one in enumerate(models):
+    skins = []
+    for number, model in enumerate(models):
         mine = {
             name.removeprefix("skin."): a for name, a in module_arrays(arrays, number).items() if name[:5] == "skin."
         }
-        found.append(LearnedSkin(one.form, one.rows.n_e, one.rows.n_a, one.n_inputs, mine))
-    return found
+        skins.append(LearnedSkin(model.form, model.rows.n_e, model.rows.n_a, model.n_inputs, mine))
+    return skins

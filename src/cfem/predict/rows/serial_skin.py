@@ -18,8 +18,13 @@ SAME = 1e-6  # of the module's length: nodes that are one
 
 @dataclass(frozen=True)
 class SerialSkin:
-    """modules (k,): the skin of each. owner (m,): the module that each node of the whole moves with, own (m,): its
-    number there; rest (m, 3) mm; triangles (t, 3), normals outward."""
+    """Surface of modules in a row.
+
+    modules: (k,) skin of each
+    owner: (m,) the module that each node of the whole moves with
+    own: (m,) number of the node in its module
+    rest: (m, 3) mm
+    triangles: (t, 3), normals outward"""
 
     modules: tuple[LearnedSkin, ...]
     owner: np.ndarray
@@ -28,38 +33,39 @@ class SerialSkin:
     triangles: np.ndarray
 
     def surface(self, rows: Sequence[np.ndarray], P: Sequence[np.ndarray], R: Sequence[np.ndarray]) -> np.ndarray:
-        """(..., m, 3) mm: of each module rows (..., k) mm of its skin, P (..., 3) mm and R (..., 3, 3) at its base."""
-        found = np.empty((*P[0].shape[:-1], len(self.owner), 3))
+        """Places (..., m, 3) mm of the nodes. rows: (..., k) mm of the skin of each module; P (..., 3) mm and R (...,
+        3, 3): place and frame at its base."""
+        places = np.empty((*P[0].shape[:-1], len(self.owner), 3))
         for i, (skin, row, base, frame) in enumerate(zip(self.modules, rows, P, R, strict=True)):
             mine = self.owner == i
             placed = skin.surface(row)[..., self.own[mine], :] @ frame.swapaxes(-1, -2)
-            found[..., mine, :] = placed + base[..., None, :]
-        return found
+            places[..., mine, :] = placed + base[..., None, :]
+        return places
 
 
 def in_a_row(modules: Sequence[LearnedSkin], ends: np.ndarray) -> SerialSkin:
-    """ends (k, 3) mm: where each module ends at rest, from its base."""
+    """Surface of modules whose ends at rest are `ends` (k, 3) mm from their bases."""
     from scipy.spatial import cKDTree  # here, as a model of one module is read without SciPy
 
     numbers, triangles, first = [], [], 0
     bases = np.cumsum([np.zeros(3), *ends[:-1]], axis=0)
-    inner = [np.zeros(len(one.triangles), dtype=bool) for one in modules]
-    for i, one in enumerate(modules):
-        numbers.append(np.arange(first, first + len(one.rest)))  # of all modules' nodes
-        first += len(one.rest)
+    inner = [np.zeros(len(skin.triangles), dtype=bool) for skin in modules]
+    for i, skin in enumerate(modules):
+        numbers.append(np.arange(first, first + len(skin.rest)))  # of all modules' nodes
+        first += len(skin.rest)
         if i == 0:
             continue
         before, end = modules[i - 1], ends[i - 1]
-        distance, at_end = cKDTree(before.rest).query(one.rest + end)
+        distance, at_end = cKDTree(before.rest).query(skin.rest + end)
         base = np.flatnonzero(distance <= SAME * np.linalg.norm(end))  # nodes that become those of the end before
         numbers[i][base] = numbers[i - 1][at_end[base]]
-        inner[i] |= np.isin(one.triangles, base).all(axis=1)
+        inner[i] |= np.isin(skin.triangles, base).all(axis=1)
         inner[i - 1] |= np.isin(before.triangles, at_end[base]).all(axis=1)
-    for one, number, hidden in zip(modules, numbers, inner, strict=True):
-        triangles.append(number[one.triangles[~hidden]])
+    for skin, number, hidden in zip(modules, numbers, inner, strict=True):
+        triangles.append(number[skin.triangles[~hidden]])
     used, triangles = np.unique(np.concatenate(triangles), return_inverse=True)
-    starts = np.cumsum([0, *(len(one.rest) for one in modules)])
+    starts = np.cumsum([0, *(len(skin.rest) for skin in modules)])
     owner = np.searchsorted(starts, used, side="right") - 1
-    own = used - starts[owner]
-    rest = np.array([modules[i].rest[node] + bases[i] for i, node in zip(owner, own, strict=True)])
-    return SerialSkin(tuple(modules), owner, own, rest, triangles.reshape(-1, 3))
+    local = used - starts[owner]
+    rest = np.array([modules[i].rest[node] + bases[i] for i, node in zip(owner, local, strict=True)])
+    return SerialSkin(tuple(modules), owner, local, rest, triangles.reshape(-1, 3))

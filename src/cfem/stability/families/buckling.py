@@ -23,10 +23,11 @@ EULER = np.pi**2 * SIDE**4 / 12 / LENGTH**2  # N, at 1 MPa
 
 
 def cases() -> list[Case]:
-    found = []
+    """Cases of arches and columns below and beyond their critical loads."""
+    listed = []
     for element in ELEMENTS_HERE:
         arch_of, column_of = partial(arch, element), partial(column, element)
-        found += [
+        listed += [
             Case(
                 f"buckling/arch/{element}/half its limit load", converges(also=_above), attempt(arch_of, force([0.002]))
             ),
@@ -47,12 +48,12 @@ def cases() -> list[Case]:
         for factor in (0.5, 0.9, 1.2, 2.0):
             expect = converges(also=_straight) if factor < 1 else either("BIFURCATION", "UNSTABLE", also=_bent)
             name = f"buckling/column/{element}/{factor} of Euler's load"
-            found.append(Case(name, expect, attempt(column_of, force([factor * EULER]))))
+            listed.append(Case(name, expect, attempt(column_of, force([factor * EULER]))))
         expect = either("BIFURCATION", "UNSTABLE", definite="any", also=_bent)
-        found.append(
+        listed.append(
             Case(f"buckling/column/{element}/end displaced by 5 mm", expect, attempt(column_of, displacement([5.0])))
         )
-    return found
+    return listed
 
 
 def arch(element: str) -> Robot:

@@ -41,12 +41,17 @@ SLACK = {
 
 
 def cases() -> list[Case]:
-    found = [
+    """Cases of cables, from pulled to refused."""
+    return [*_pulled(), *_slack_or_routed(), *_special()]
+
+
+def _pulled() -> list[Case]:
+    """Cables pulled to a part of what there is to pull, and beyond."""
+    return [
         Case(f"cables/pulled {label}/{law}", expect, attempt(partial(_single, law=law), displacement([amount])))
         for law in LAWS
         for label, (amount, expect) in PULLS.items()
-    ]
-    found += [
+    ] + [
         Case(
             f"cables/both pulled to half/{element}",
             either(*AWAY),
@@ -54,16 +59,23 @@ def cases() -> list[Case]:
         )
         for element in ELEMENTS
     ]
-    found += [
+
+
+def _slack_or_routed() -> list[Case]:
+    """Cables that go slack, and cables on every route."""
+    return [
         Case(f"cables/slack/{label}", converges(also=partial(_slack, which)), attempt(bar, displacement(target)))
         for label, (target, which) in SLACK.items()
-    ]
-    found += [
+    ] + [
         Case(f"cables/{label}/{how}", converges(), attempt(partial(_routed, label), actuation))
         for label in ROUTES
         for how, actuation in {"displacement": displacement([2.0]), "force": force([0.2])}.items()
     ]
-    found += [
+
+
+def _special() -> list[Case]:
+    """Cables drawn to their pull points, alike, pushing, or without a place to go."""
+    return [
         Case("cables/tip drawn almost to its pull point", converges(), attempt(_to_pull_point, displacement([14.9]))),
         Case(
             "cables/tip drawn onto its pull point",
@@ -105,7 +117,6 @@ def cases() -> list[Case]:
         Case("cables/one point alone", refuses(SpecError, "two points"), partial(_refused, [(30.0, 5.0, 2.0)], None)),
         Case("cables/no point", refuses(SpecError, "two points"), partial(_refused, [], (0.0, 5.0, 2.0))),
     ]
-    return found
 
 
 def _slack(which: Sequence[bool], trial: Trial) -> str | None:

@@ -39,17 +39,19 @@ VOLUMES: dict[str, tuple[float, Expectation]] = {
 
 
 def cases() -> list[Case]:
-    ways: list[tuple[str, Actuation, Expectation]] = [
+    """Cases of the hollow block for each element, pressure and volume."""
+    actuations: list[tuple[str, Actuation, Expectation]] = [
         *((label, force([value]), expect) for label, (value, expect) in PRESSURES.items()),
         *((label, displacement([value]), expect) for label, (value, expect) in VOLUMES.items()),
     ]
     return [
         Case(f"chambers/{label}/{element}", expect, attempt(partial(hollow, element), actuation))
-        for element, (label, actuation, expect) in product(ELEMENTS, ways)
+        for element, (label, actuation, expect) in product(ELEMENTS, actuations)
     ]
 
 
 def hollow_mesh(element: str) -> Mesh:
+    """Mesh of a block with a void, its cells drawn to the walls."""
     size, wall = np.array(SIZE), (np.array(SIZE) - VOID) / 2
     cell = size / CELLS[element]
 

@@ -29,16 +29,24 @@ ONE = {  # with the effector at the cable's point
 }
 
 
+SEMIDEFINITE = converges("semidefinite")
+
+
 def cases() -> list[Case]:
-    semidefinite = converges("semidefinite")
-    found = [
-        Case("effectors/two alike", semidefinite, attempt(partial(_effectors, [TIP, TIP]), PULLED)),
+    """Cases of effectors, contacts and single elements."""
+    return [*_effector_cases(), *_contact_cases(), *_single_elements()]
+
+
+def _effector_cases() -> list[Case]:
+    """Effectors alike, on a line, in the held region, outside the body."""
+    return [
+        Case("effectors/two alike", SEMIDEFINITE, attempt(partial(_effectors, [TIP, TIP]), PULLED)),
         Case(
             "effectors/four on a line",
-            semidefinite,
+            SEMIDEFINITE,
             attempt(partial(_effectors, [(x, 5.0, 5.0) for x in (50.0, 52.0, 54.0, 56.0)], 0.0), PULLED),
         ),
-        Case("effectors/in the held region", semidefinite, attempt(partial(_effectors, [TIP, HELD], 0.0), PULLED)),
+        Case("effectors/in the held region", SEMIDEFINITE, attempt(partial(_effectors, [TIP, HELD], 0.0), PULLED)),
         Case(
             "effectors/next to the held region",
             converges(),
@@ -49,9 +57,15 @@ def cases() -> list[Case]:
         Case("effectors/with orientation", converges(), attempt(partial(_effectors, [TIP], orientation=True), PULLED)),
         Case(
             "effectors/two orientations alike",
-            semidefinite,
+            SEMIDEFINITE,
             attempt(partial(_effectors, [TIP, TIP], orientation=True), PULLED),
         ),
+    ]
+
+
+def _contact_cases() -> list[Case]:
+    """Contacts free, held, pushed, alike, in the held region, outside the body."""
+    return [
         Case("contacts/free", converges(), attempt(partial(_contacts, [TOUCH]), PULLED)),
         Case(
             "contacts/held where it is", converges(), attempt(partial(_contacts, [TOUCH]), _all([3.0, 0.0], [0.0] * 3))
@@ -66,7 +80,7 @@ def cases() -> list[Case]:
             named(*AWAY),
             attempt(partial(_contacts, [TOUCH]), _all([0.0, 0.0], [0.0, 0.0, -1e3])),
         ),
-        Case("contacts/on top of each other, free", semidefinite, attempt(partial(_contacts, [TOUCH, TOUCH]), PULLED)),
+        Case("contacts/on top of each other, free", SEMIDEFINITE, attempt(partial(_contacts, [TOUCH, TOUCH]), PULLED)),
         Case(
             "contacts/on top of each other, held",
             named("SINGULAR"),
@@ -85,7 +99,7 @@ def cases() -> list[Case]:
                 _all([3.0, 0.0], [0.0] * 12),
             ),
         ),
-        Case("contacts/in the held region, free", semidefinite, attempt(partial(_contacts, [HELD], 0.0), PULLED)),
+        Case("contacts/in the held region, free", SEMIDEFINITE, attempt(partial(_contacts, [HELD], 0.0), PULLED)),
         Case(
             "contacts/in the held region, held",
             named("SINGULAR"),
@@ -96,15 +110,18 @@ def cases() -> list[Case]:
             named("SINGULAR"),
             attempt(partial(_contacts, [HELD], 0.0), _all([3.0, 0.0], [0.0, 0.0, 1.0])),
         ),
-        Case("contacts/at the effector", semidefinite, attempt(partial(_contacts, [TIP]), PULLED)),
+        Case("contacts/at the effector", SEMIDEFINITE, attempt(partial(_contacts, [TIP]), PULLED)),
         Case("contacts/outside the body", refuses(SpecError, "outside"), partial(_contacts, [(30.0, 50.0, 5.0)])),
     ]
-    found += [
+
+
+def _single_elements() -> list[Case]:
+    """Bodies of one element."""
+    return [
         Case(f"one element/{element}/{how}", expect, attempt(partial(_one, element), actuation))
         for element in ELEMENTS
         for how, (actuation, expect) in ONE.items()
     ]
-    return found
 
 
 def _all(delta_a: list[float], delta_c: list[float]) -> Actuation:

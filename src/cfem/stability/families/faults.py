@@ -29,25 +29,36 @@ LOOSE = {  # nodes (n, 3) that are held
 GENTLE = force([1e-3, 0.0])
 
 
+SINGULAR, UNREAL = named("SINGULAR"), named("NOT_FINITE")
+
+
 def cases() -> list[Case]:
-    singular, unreal = named("SINGULAR"), named("NOT_FINITE")
-    found = [
+    """Cases of bodies, numbers and starts that are wrong, or nearly so."""
+    return [*_loose(), *_bad_bodies(), *_not_finite(), *_bad_stiffness_and_starts()]
+
+
+def _loose() -> list[Case]:
+    """Bodies that are not held enough."""
+    return [
         Case(f"faults/held {how}/{element}/{kind}", expect, attempt(partial(_held, how, element), actuation))
         for how in LOOSE
         for element in ELEMENTS
-        for kind, actuation, expect in (("at rest", force([0.0, 0.0]), singular), ("drawn", GENTLE, either("SINGULAR")))
-    ]
-    found += [
+        for kind, actuation, expect in (("at rest", force([0.0, 0.0]), SINGULAR), ("drawn", GENTLE, either("SINGULAR")))
+    ] + [
         Case(
-            f"faults/held {how}/displaced", singular, attempt(partial(_held, how, "tet10p0"), displacement([2.0, 1.0]))
+            f"faults/held {how}/displaced", SINGULAR, attempt(partial(_held, how, "tet10p0"), displacement([2.0, 1.0]))
         )
         for how in LOOSE
     ]
-    found += [
+
+
+def _bad_bodies() -> list[Case]:
+    """Bodies, cavities and cable points that no robot can have."""
+    return [
         Case(
-            "faults/a second body that nothing holds", singular, attempt(partial(_pieces, _second), force([0.0, 0.0]))
+            "faults/a second body that nothing holds", SINGULAR, attempt(partial(_pieces, _second), force([0.0, 0.0]))
         ),
-        Case("faults/two halves that share an edge", singular, attempt(partial(_pieces, _hinged), force([0.0, 0.0]))),
+        Case("faults/two halves that share an edge", SINGULAR, attempt(partial(_pieces, _hinged), force([0.0, 0.0]))),
         Case("faults/a node of no cell", refuses(InputError, "no cell"), attempt(_lonely, GENTLE)),
         *(
             Case(f"faults/inverted cell/{element}", refuses(InputError, "inverted"), partial(_spoilt, element, -1.0))
@@ -80,8 +91,12 @@ def cases() -> list[Case]:
             partial(_attached, (NAN, 5.0, 5.0), 2.0),
         ),
     ]
-    found += [
-        Case(f"not finite/{label}", unreal, attempt(make, actuation, start=start))
+
+
+def _not_finite() -> list[Case]:
+    """Numbers that are not finite."""
+    return [
+        Case(f"not finite/{label}", UNREAL, attempt(make, actuation, start=start))
         for label, make, actuation, start in (
             ("displacement NaN", bar, displacement([NAN, 1.0]), None),
             ("displacement infinite", bar, displacement([INF, 1.0]), None),
@@ -94,11 +109,14 @@ def cases() -> list[Case]:
             ("load share NaN", partial(bar, weight=1.0), replace(GENTLE, load=NAN), None),
         )
     ]
-    found += [
+
+
+def _bad_stiffness_and_starts() -> list[Case]:
+    """Moduli that no material has, and starts far from any equilibrium."""
+    return [
         Case(f"faults/stiffness {young:g}", refuses(InputError, "moduli"), partial(_of_young, young))
         for young in (0.0, -1.0, NAN, INF)
-    ]
-    found += [
+    ] + [
         Case(f"faults/start from {label}", converges(), attempt(bar, displacement([4.0, 2.0]), start=start))
         for label, start in (
             ("rest", _start(0.0, 0.0)),
@@ -107,7 +125,6 @@ def cases() -> list[Case]:
             ("a mirror image", lambda made: State(made.body.mesh.X * [-1, 1, 1], np.empty(0), np.zeros(2))),
         )
     ]
-    return found
 
 
 def _start(x: float, lam: float) -> Callable[[Robot], State]:
@@ -145,7 +162,7 @@ def _pieces(join: Callable[[Mesh], Mesh]) -> Robot:
 
 
 def _second(mesh: Mesh) -> Mesh:
-    """The same bar again, 20 mm beside."""
+    """The mesh with a second bar like it, 20 mm beside."""
     n = len(mesh.X)
     return Mesh(
         np.vstack([mesh.X, mesh.X + [5.0, 20.0, 0.0]]),
@@ -155,7 +172,7 @@ def _second(mesh: Mesh) -> Mesh:
 
 
 def _hinged(mesh: Mesh) -> Mesh:
-    """With another bar at its end, joined along the edge x = 60, z = 0 alone."""
+    """The mesh with another bar at its end, joined along the edge x = 60, z = 0 alone."""
     twin = mesh.X * [1, 1, -1] + [60.0, 0.0, 0.0]
     cells = mesh.cells[:, [0, 2, 1, 3]] + len(mesh.X)
     X = np.vstack([mesh.X, twin])

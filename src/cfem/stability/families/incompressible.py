@@ -15,6 +15,7 @@ POISSON = (0.3, 0.4, 0.45, 0.49, 0.499, 0.4999)
 
 
 def cases() -> list[Case]:
+    """Cases of a bar for each element, law and Poisson's ratio."""
     return [
         Case(
             f"incompressible/{element}/{law}/{poisson}",

@@ -31,19 +31,20 @@ WEIGHTS = {
 
 
 def cases() -> list[Case]:
-    found = [
+    """Cases of cable forces and hanging weights."""
+    listed = [
         Case(f"loads/cable {tension:g} N", expect, attempt(bar, force([tension, 0.0])))
         for tension, expect in TENSIONS.items()
     ]
-    found += [
+    listed += [
         Case(f"loads/both cables {tension:g} N", expect, attempt(bar, force([tension, tension])))
         for tension, expect in TENSIONS.items()
     ]
-    found += [
+    listed += [
         Case(f"loads/weight {weight:g} N/{kind}", expect, attempt(partial(_hanging, weight, kind), force([0.0, 0.0])))
         for (weight, expect), kind in product(WEIGHTS.items(), ("soft", "rigid end"))
     ]
-    return found
+    return listed
 
 
 def _hanging(weight: float, kind: str) -> Robot:

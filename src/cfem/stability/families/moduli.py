@@ -29,15 +29,16 @@ ACTUATIONS = {"displacement": displacement([5.0, 3.0]), "force": force([0.5, 0.2
 
 
 def cases() -> list[Case]:
-    found = []
+    """Cases of one modulus, of contrasts between regions, and of rigid regions."""
+    listed = []
     for (label, young), (how, actuation) in product(YOUNG.items(), ACTUATIONS.items()):
         scaled = force(young * actuation.offset) if how == "force" else actuation
-        found.append(Case(f"moduli/{label}/{how}", converges(), attempt(partial(_bar, young=young), scaled)))
+        listed.append(Case(f"moduli/{label}/{how}", converges(), attempt(partial(_bar, young=young), scaled)))
     for place, contrast, element in product(PLACES, CONTRASTS, ELEMENTS):
         make = partial(_contrast, place, contrast, element)
         drawn = displacement([2.0] if place == "layer" else [3.0, 2.0])
-        found.append(Case(f"contrast/{place}/{contrast:g}/{element}", converges(), attempt(make, drawn)))
-    found += [
+        listed.append(Case(f"contrast/{place}/{contrast:g}/{element}", converges(), attempt(make, drawn)))
+    listed += [
         Case(f"contrast/cable in a {kind} layer/{element}", either(*AWAY), attempt(make, displacement([3.0, 2.0])))
         for element in ELEMENTS
         for kind, make in {
@@ -47,8 +48,8 @@ def cases() -> list[Case]:
     ]
     for place, element, (how, actuation) in product(RIGID, ELEMENTS, ACTUATIONS.items()):
         make = partial(_rigid, place, element)
-        found.append(Case(f"contrast/rigid-{place}/{element}/{how}", converges(), attempt(make, actuation)))
-    return found
+        listed.append(Case(f"contrast/rigid-{place}/{element}/{how}", converges(), attempt(make, actuation)))
+    return listed
 
 
 def _bar(**material) -> Robot:

@@ -16,6 +16,7 @@ NAN, INF = float("nan"), float("inf")
 
 
 def cases() -> list[Case]:
+    """Cases of quadratic programs, each by both solvers."""
     tables: dict[str, tuple[Expectation, Callable[[], HardProgram]]] = {
         "well posed": (OPTIMAL, _inverse),
         "out of reach": (OPTIMAL, partial(_inverse, goal=(60.0, 20.0, 5.0))),

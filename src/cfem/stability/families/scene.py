@@ -42,6 +42,7 @@ def cases(scene: SceneSpec, mesh: Mesh) -> list[Case]:
 
 
 def _materials(scene: SceneSpec, mesh: Mesh) -> list[Case]:
+    """Cases of the scene in other materials, elements and contrasts."""
     changes: dict[str, tuple[Expectation, Callable[[], Robot]]] = {
         "as it is": (converges(), partial(remade, scene, mesh))
     }
@@ -61,10 +62,11 @@ def _materials(scene: SceneSpec, mesh: Mesh) -> list[Case]:
 
 
 def _actuations(scene: SceneSpec, mesh: Mesh) -> list[Case]:
+    """Cases of the scene under actuations from nothing to absurd."""
     make = partial(remade, scene, mesh)
     n = len(scene.actuators)
     loose, beyond = either(*AWAY), named(*AWAY)
-    ways: dict[str, tuple[Expectation, Callable[[Robot], Actuation]]] = {
+    actuations: dict[str, tuple[Expectation, Callable[[Robot], Actuation]]] = {
         "at rest": (converges(), lambda robot: force(np.zeros(n))),
         "to the reach of all": (loose, lambda robot: displacement(_reach(robot))),
         "to ten times the reach of all": (loose, lambda robot: displacement(10 * _reach(robot))),
@@ -76,10 +78,10 @@ def _actuations(scene: SceneSpec, mesh: Mesh) -> list[Case]:
     }
     for index, actuator in enumerate(scene.actuators):
         alone = np.arange(n) == index
-        ways[f"{actuator.name} alone"] = loose, partial(_alone, alone)
+        actuations[f"{actuator.name} alone"] = loose, partial(_alone, alone)
     if all(actuator.unilateral for actuator in scene.actuators):
-        ways["all slack"] = converges(), lambda robot: displacement(-_reach(robot))
-    return [Case(f"scene/{label}", expect, attempt(make, way)) for label, (expect, way) in ways.items()]
+        actuations["all slack"] = converges(), lambda robot: displacement(-_reach(robot))
+    return [Case(f"scene/{label}", expect, attempt(make, actuate)) for label, (expect, actuate) in actuations.items()]
 
 
 def _loads(scene: SceneSpec, mesh: Mesh) -> list[Case]:
@@ -95,8 +97,9 @@ def _loads(scene: SceneSpec, mesh: Mesh) -> list[Case]:
 
 
 def _faults(scene: SceneSpec, mesh: Mesh) -> list[Case]:
+    """Cases of the scene with a fault put in."""
     far = mesh.X.max(axis=0) + 10 * mesh.size
-    found = [
+    listed = [
         Case(
             "scene/held by nothing",
             named("SINGULAR"),
@@ -110,8 +113,8 @@ def _faults(scene: SceneSpec, mesh: Mesh) -> list[Case]:
         ),
     ]
     if any(actuator.kind == "cavity" for actuator in scene.actuators):
-        found.append(Case("scene/open cavity", refuses(SpecError, "not closed"), partial(_opened, scene, mesh)))
-    return found
+        listed.append(Case("scene/open cavity", refuses(SpecError, "not closed"), partial(_opened, scene, mesh)))
+    return listed
 
 
 def remade(

@@ -19,7 +19,8 @@ LOADS = {"displacement": displacement([8.0]), "force": force([1e-3])}
 
 
 def cases() -> list[Case]:
-    found = [
+    """Cases of squeezed layers and of a thin plate."""
+    listed = [
         Case(
             f"slivers/{aspect:g}/{element}/{how}",
             converges(),
@@ -29,11 +30,11 @@ def cases() -> list[Case]:
             ASPECTS, ELEMENTS, {"displacement": displacement([4.0, 2.0]), "force": force([0.5, 0.2])}.items()
         )
     ]
-    found += [
+    listed += [
         Case(f"slivers/plate 100:1/{element}/{how}", converges(), attempt(partial(_plate, element), actuation))
         for element, (how, actuation) in product(THIN, LOADS.items())
     ]
-    return found
+    return listed
 
 
 def _squeezed(aspect: float, element: str) -> Robot:

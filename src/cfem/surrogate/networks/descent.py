@@ -67,11 +67,11 @@ def optimisers(net: nn.Module, spec: MlpSpec) -> list[torch.optim.Optimizer]:
     of Adam's, so that one learning rate serves both."""
     rate = spec.learning_rate
     square = [layer.weight for layer in net if isinstance(layer, nn.Linear)][1:-1] if spec.optimiser == "muon" else []
-    rest = [weight for weight in net.parameters() if all(weight is not other for other in square)]
-    found: list[torch.optim.Optimizer] = [torch.optim.Adam(rest, rate, fused=True)]
+    rest = [weight for weight in net.parameters() if all(weight is not hidden for hidden in square)]
+    chosen: list[torch.optim.Optimizer] = [torch.optim.Adam(rest, rate, fused=True)]
     if square:
-        found.append(torch.optim.Muon(square, rate, weight_decay=0.0, adjust_lr_fn="match_rms_adamw"))
-    return found
+        chosen.append(torch.optim.Muon(square, rate, weight_decay=0.0, adjust_lr_fn="match_rms_adamw"))
+    return chosen
 
 
 def schedule(optimiser: torch.optim.Optimizer, spec: MlpSpec) -> Any:
@@ -113,8 +113,8 @@ def descend(
             record["history"].append({"epoch": record["epoch"], **losses, "learning_rate": rate})
             if report is not None:
                 report(record["epoch"], validation)
-        for one in state.schedules:
-            one.step(*([validation] if spec.schedule == "plateau" else []))
+        for schedule in state.schedules:
+            schedule.step(*([validation] if spec.schedule == "plateau" else []))
         if checkpoint is not None and (state.ended or time.monotonic() - kept > CHECKPOINT_SECONDS):
             state.save(checkpoint)
             kept = time.monotonic()

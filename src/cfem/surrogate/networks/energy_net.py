@@ -39,19 +39,19 @@ def fit(
     arrays, polynomials, best, history = {"to_box": to_box, "offset": offset}, [], {}, []
     for name, order in ORDERS.items():
         checkpoint = None if folder is None else folder / f"energy-net-{identity(dataset, spec)}-{name}.npz"
-        network, theta, found = fit_quantity(z, in_box(known[name], to_box), spec, checkpoint)
+        network, theta, state = fit_quantity(z, in_box(known[name], to_box), spec, checkpoint)
         *hidden, (output, constant) = network.layers(theta)
         for i, (weight, bias) in enumerate(hidden):
             arrays[f"{name}_weight_{i}"], arrays[f"{name}_bias_{i}"] = weight, bias
         arrays[f"{name}_output"] = output[:, : network.width].T.copy()
         coefficients = np.vstack([constant, output[:, network.width :].T])
         polynomials.append(polynomial_parts(coefficients, to_box[:, : s.shape[1]], order))
-        best[name] = found.best_iteration
+        best[name] = state.best_iteration
         every = max(spec.iterations // 100, 1)
         history += [
-            {"quantity": name, **one}
-            for one in found.history
-            if one["iteration"] % every == 0 or one is found.history[-1]
+            {"quantity": name, **record}
+            for record in state.history
+            if record["iteration"] % every == 0 or record is state.history[-1]
         ]
     arrays["polynomial"] = np.hstack(polynomials)
     return arrays, {"form": spec.form, "best_iteration": best}, history
@@ -74,22 +74,22 @@ def fit_quantity(
 
     validation = residuals(held_out) if held_out.any() else None
     start = network.start(spec.seed)
-    found = minimise(residuals(~held_out), validation, start, spec.iterations, spec.patience, checkpoint)
-    theta = found.best_theta.copy()
+    state = minimise(residuals(~held_out), validation, start, spec.iterations, spec.patience, checkpoint)
+    theta = state.best_theta.copy()
     output, constant = network.layers(theta)[-1]
     output *= unit[:, None]
     constant *= unit
     constant += mean
-    return network, theta, found
+    return network, theta, state
 
 
 def standard_deviations(observed: Observations) -> np.ndarray:
     """(k, q) of each component, those of one order together; derivatives by parameters apart from those by s. What does
     not vary counts as if it varied by a `CONSTANT` share of the largest entry of its order."""
-    groups = [(len(one), max(one, default=0) >= observed.n_s) for one in observed.derivatives]
+    groups = [(len(axes), max(axes, default=0) >= observed.n_s) for axes in observed.derivatives]
     divisors, largest = np.empty(observed.values.shape[1:]), np.abs(observed.values).max()
     for group in set(groups):
-        members = [i for i, other in enumerate(groups) if other == group]
+        members = [i for i, candidate in enumerate(groups) if candidate == group]
         values = observed.values[:, members]
         spread = np.sqrt(values.var(axis=0).mean(axis=0))
         size = np.abs(values).max()

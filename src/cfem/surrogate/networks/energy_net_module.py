@@ -11,10 +11,11 @@ from cfem.surrogate.torch_model import Condense
 
 
 class EnergyNet(nn.Module):
-    """forward(s (B, n_a), q (B, n_q)) -> W (B, n, n), delta_free (B, n); arrays as
+    """Torch module of the energy model, forward(s (B, n_a), q (B, n_q)) -> W (B, n, n), delta_free (B, n); arrays as
     cfem.predict.kinds.energy_net.EnergyNetPredictor."""
 
     def __init__(self, form: Form, rows: Rows, arrays: dict[str, np.ndarray], sizes: list[float] | None = None):
+        """Registers the arrays, and one module for each quantity."""
         super().__init__()
         self.condense = Condense(form, rows, sizes)
         self.networks = nn.ModuleList(
@@ -38,6 +39,7 @@ class SineNetworkModule(nn.Module):
     """One quantity's hidden units, as cfem.predict.kinds.energy_net.SineNetwork."""
 
     def __init__(self, name: str, arrays: dict[str, np.ndarray], order: int, n_a: int):
+        """Registers the layers of one quantity. order: of the derivatives by s that are wanted, 0 to 2."""
         super().__init__()
         self.n = 1 + (n_a if order else 0)
         self.depth = sum(key.startswith(f"{name}_weight_") for key in arrays)
@@ -51,6 +53,7 @@ class SineNetworkModule(nn.Module):
             self.register_buffer(key, torch.as_tensor(value))
 
     def forward(self, z: Tensor) -> Tensor:
+        """Part of the quantity and of its derivatives by s that the hidden units make, at z (B, n)."""
         a = (z @ self.weight_0.T + self.bias_0)[:, None]
         sine, cosine = torch.sin(a), torch.cos(a)
         rows = torch.cat([sine, cosine * self.slopes, -sine * self.slope_products], dim=1)

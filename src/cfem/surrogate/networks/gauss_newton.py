@@ -30,8 +30,8 @@ CHECKPOINT_SECONDS = 20.0
 class LeastSquaresState:
     """All that the rest of a minimisation depends on, besides its residuals.
 
-    best, best_theta, best_iteration: the least mean square of the held-out residuals, where and when; history: one
-    record an iteration, root mean squares."""
+    best, best_theta, best_iteration: the least mean square of the held-out residuals, where and when
+    history: one record an iteration, root mean squares"""
 
     theta: np.ndarray
     damping: float = DAMPING
@@ -44,7 +44,7 @@ class LeastSquaresState:
 
     def save(self, path: Path) -> None:
         buffer = io.BytesIO()
-        columns = {f"history_{name}": [one[name] for one in self.history] for name in (self.history or [{}])[0]}
+        columns = {f"history_{name}": [record[name] for record in self.history] for name in (self.history or [{}])[0]}
         np.savez(buffer, **{name: value for name, value in vars(self).items() if name != "history"}, **columns)
         write_whole(path, buffer.getvalue())
 
@@ -109,12 +109,12 @@ def _step(fitted: DerivativeResiduals, state: LeastSquaresState) -> float:
     for attempt in range(ATTEMPTS):
         damped = matrix.copy()
         damped[diagonal] += state.damping * scale
-        found, theta = _trial(fitted, state.theta, r, gradient, damped)
-        if found < now:
+        reached, theta = _trial(fitted, state.theta, r, gradient, damped)
+        if reached < now:
             state.theta = theta
             if attempt == 0:
                 state.damping = max(state.damping / 3, LEAST_DAMPING)
-            return found
+            return reached
         state.damping *= growth
         growth *= 2
     state.ended = True
@@ -137,6 +137,6 @@ def _trial(
     acceleration = -cho_solve(factor, curvature)
     if 2 * np.linalg.norm(acceleration) <= LARGEST_ACCELERATION * np.linalg.norm(step):
         choices.append(theta + step + acceleration / 2)
-    squares = [fitted.square(one) for one in choices]
+    squares = [fitted.square(choice) for choice in choices]
     best = int(np.argmin(squares))
     return squares[best], choices[best]

@@ -38,8 +38,11 @@ VALIDATION_STRIDE = 10
 
 @dataclass(frozen=True)
 class Training:
-    """model: at its best epoch, on the CPU; validation: its standardised loss on the validation rows; history: one
-    record a hundredth of the epochs."""
+    """A trained network.
+
+    model: at its best epoch, on the CPU
+    validation: its standardised loss on the validation rows
+    history: one record a hundredth of the epochs"""
 
     model: Mlp
     best_epoch: int
@@ -61,13 +64,13 @@ def fit(
         table = None if files is None else files.with_suffix(".json")
         facts["search"] = search(partial(judge, dataset, trial), spec.search, spec.seed, table)
         spec = spec.model_copy(update={"search": None, **facts["search"]["choice"]})
-    found = train(dataset, spec, None if files is None else files.with_suffix(".pt"))
-    arrays, own = found.model.arrays(), {name: getattr(spec, name) for name in ("form", "activation")}
+    training = train(dataset, spec, None if files is None else files.with_suffix(".pt"))
+    arrays, facts_of_model = training.model.arrays(), {name: getattr(spec, name) for name in ("form", "activation")}
     if spec.at_rest is not None:
-        own["at_rest"], rest = rest_model(spec.at_rest, dataset)
+        facts_of_model["at_rest"], rest = rest_model(spec.at_rest, dataset)
         arrays |= {AT_REST + name: values for name, values in rest.items()}
-    validated = {"best_epoch": found.best_epoch, "validation_loss": found.validation}
-    return arrays, {**own, **validated, "device": device_of(spec).type, **facts}, found.history
+    validated = {"best_epoch": training.best_epoch, "validation_loss": training.validation}
+    return arrays, {**facts_of_model, **validated, "device": device_of(spec).type, **facts}, training.history
 
 
 def judge(dataset: Any, spec: MlpSpec, choice: dict[str, Any], report: Report) -> float:
@@ -98,7 +101,7 @@ def train(dataset: Any, spec: MlpSpec, checkpoint: Path | None = None, report: R
 
 
 def device_of(spec: MlpSpec) -> torch.device:
-    """Where to train. InputError where the spec asks for a GPU and there is none."""
+    """Device to train on. InputError where the spec asks for a GPU and there is none."""
     gpu = torch.cuda.is_available()
     if spec.device == "cuda" and not gpu:
         raise InputError("PyTorch finds no GPU on this machine", where="model.device: cuda", do="set it to auto or cpu")
@@ -116,14 +119,17 @@ def network_inputs(dataset: Any, spec: MlpSpec) -> tuple[np.ndarray, np.ndarray]
 
 
 def rest_model(folder: Path, dataset: Any) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """model.json and arrays of the model at rest. InputError where it is of other robots or does not know rest."""
+    """Content of model.json and arrays of the model at rest. InputError where it is of other robots or does not know
+    rest."""
     meta, arrays = read_model(folder)
     meta.pop("history", None)
     model = build(meta, arrays)
-    own, asked = ([(one.key, one.coordinate) for one in sampled(given.parameters)] for given in (model, dataset))
-    if not asked or own != asked or model.rows != dataset.rows:
+    known, asked = (
+        [(parameter.key, parameter.coordinate) for parameter in sampled(given.parameters)] for given in (model, dataset)
+    )
+    if not asked or known != asked or model.rows != dataset.rows:
         raise InputError(
-            f"is of parameters {[key for key, _ in own]} and rows {', '.join(model.rows.names)}, the dataset of "
+            f"is of parameters {[key for key, _ in known]} and rows {', '.join(model.rows.names)}, the dataset of "
             f"{[key for key, _ in asked]} and {', '.join(dataset.rows.names)}",
             where=str(folder),
             do="train it on rest rows of the same scene and parameters",

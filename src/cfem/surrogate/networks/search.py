@@ -20,7 +20,8 @@ Judge = Callable[[dict[str, Any], Report], float]
 
 
 def search(judge: Judge, spec: MlpSearch, seed: int, table: Path | None = None) -> dict[str, Any]:
-    """choice: the best one; trials: number, choice, state (complete, pruned, diverged) and loss of each.
+    """Result of a search. choice: the best one; trials: number, choice, state (complete, pruned, diverged) and loss of
+    each.
 
     judge(choice, report): the loss of a choice, on validation rows. It calls report(epoch, loss) on its way, which ends
     the trials that are worse than half of the earlier ones were, and raises NumericalError where training diverges.
@@ -42,6 +43,7 @@ def search(judge: Judge, spec: MlpSearch, seed: int, table: Path | None = None) 
 
 
 def _trial(judge: Judge, spec: MlpSearch, seed: int, finished: list[dict]) -> dict[str, Any]:
+    """Record of one trial: the sampler's choice, judged; pruned where its path is worse than the median."""
     import optuna
 
     optuna.logging.set_verbosity(optuna.logging.WARNING)
@@ -88,20 +90,20 @@ def _frozen(trial: dict[str, Any], ranges: dict[str, Any]) -> Any:
 
 
 def _distributions(over: MlpRanges) -> dict[str, Any]:
-    """optuna's form of the ranges that are given."""
+    """Ranges that are given, in optuna's form."""
     from optuna.distributions import CategoricalDistribution, FloatDistribution, IntDistribution
 
-    found: dict[str, Any] = {}
+    distributions: dict[str, Any] = {}
     for name in type(over).model_fields:
         values = getattr(over, name)
         if values is None:
             continue
         if isinstance(values[0], str):
-            found[name] = CategoricalDistribution(values)
+            distributions[name] = CategoricalDistribution(values)
         else:
             kind = IntDistribution if isinstance(values[0], int) else FloatDistribution
-            found[name] = kind(*values, log=name in LOGARITHMIC)
-    return found
+            distributions[name] = kind(*values, log=name in LOGARITHMIC)
+    return distributions
 
 
 def _read(table: Path | None) -> tuple[list[dict], float]:

@@ -16,7 +16,8 @@ BLOCK = 4_000_000  # entries of a block of the Jacobian
 
 
 class Network:
-    """n inputs, `depth` hidden layers of `width` sines, q outputs; its weights are one vector theta (size,)."""
+    """Network of n inputs, `depth` hidden layers of `width` sines, q outputs; its weights are one vector theta
+    (size,)."""
 
     def __init__(self, n: int, width: int, depth: int, q: int):
         self.shapes = [(width, n), *[(width, width)] * (depth - 1), (q, width + n + n * (n + 1) // 2)]
@@ -25,7 +26,7 @@ class Network:
         self._starts = [0, *(int(end) for end in ends[:-1])]
 
     def slices(self) -> list[tuple[slice, slice]]:
-        """Where theta holds the matrix (row-major) and the bias of every layer."""
+        """Slices of theta that hold the matrix (row-major) and the bias of every layer."""
         middle = [start + rows * columns for start, (rows, columns) in zip(self._starts, self.shapes, strict=True)]
         ends = [end + rows for end, (rows, _) in zip(middle, self.shapes, strict=True)]
         return [(slice(a, b), slice(b, c)) for a, b, c in zip(self._starts, middle, ends, strict=True)]
@@ -49,10 +50,13 @@ class Network:
 
 
 class DerivativeResiduals:
-    """weights * (derivatives of u - targets) at m states: what `cfem.surrogate.networks.gauss_newton` minimises the
-    squares of.
+    """Residuals weights * (derivatives of u - targets) at m states, whose squares
+    `cfem.surrogate.networks.gauss_newton` minimises.
 
-    z (m, n); derivatives: k of them, by axes of z; targets (m, k, q); weights (k, q)."""
+    z: (m, n)
+    derivatives: k of them, by axes of z
+    targets: (m, k, q)
+    weights: (k, q)"""
 
     def __init__(
         self,
@@ -62,15 +66,16 @@ class DerivativeResiduals:
         targets: np.ndarray,
         weights: np.ndarray,
     ):
+        """Prepares the inputs' own series, z and its products."""
         self.network, self.taylor = network, Taylor(derivatives)
         self.count = targets.size
         self._weights = (weights * self.taylor.factorials[:, None])[:, None, :]
         self._targets = (targets * weights).swapaxes(0, 1)
         self._z = np.zeros((len(derivatives), *z.shape))
         self._z[0] = z
-        for i, one in enumerate(derivatives):
-            if len(one) == 1:
-                self._z[i, :, one[0]] = 1.0
+        for i, axes in enumerate(derivatives):
+            if len(axes) == 1:
+                self._z[i, :, axes[0]] = 1.0
         first, second = np.triu_indices(z.shape[1])
         products = self.taylor.multiply(self._z[:, :, first], self._z[:, :, second])
         self._monomials = np.concatenate([self._z, products], axis=2)
@@ -85,36 +90,38 @@ class DerivativeResiduals:
         return float(np.sum(self(theta) ** 2))
 
     def pull_back(self, theta: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """(size,) J^T v for v (k, m, q)."""
+        """J^T v (size,) for v (k, m, q), by adjoints through the layers."""
         inputs, cosines = self._run(theta, slice(None))
         layers = self.network.layers(theta)
-        found = np.empty(self.network.size)
+        gradient = np.empty(self.network.size)
         adjoint = v * self._weights
         for number in range(len(layers) - 1, -1, -1):
             matrix, bias = self.network.slices()[number]
             flat, h = adjoint.reshape(-1, adjoint.shape[2]), inputs[number]
-            found[matrix] = (flat.T @ h.reshape(len(flat), -1)).ravel()
-            found[bias] = adjoint[0].sum(axis=0)
+            gradient[matrix] = (flat.T @ h.reshape(len(flat), -1)).ravel()
+            gradient[bias] = adjoint[0].sum(axis=0)
             if number:
                 weights = layers[number][0][:, : self.network.width]
                 adjoint = self.taylor.correlate(cosines[number - 1], adjoint @ weights)
-        return found
+        return gradient
 
     def normal_matrix(self, theta: np.ndarray) -> np.ndarray:
-        """(size, size) J^T J."""
-        found = np.zeros((self.network.size, self.network.size))
+        """J^T J (size, size)."""
+        matrix = np.zeros((self.network.size, self.network.size))
         for rows in self.jacobian(theta):
-            found += rows.T @ rows
-        return found
+            matrix += rows.T @ rows
+        return matrix
 
     def jacobian(self, theta: np.ndarray) -> Iterator[np.ndarray]:
-        """Its rows (rows, size), some states at a time."""
+        """Rows (rows, size) of J, some states at a time."""
         k, m, q = self._targets.shape
         at_once = max(1, BLOCK // (k * q * self.network.size))
         for first in range(0, m, at_once):
             yield self._rows(theta, slice(first, first + at_once))
 
     def _rows(self, theta: np.ndarray, part: slice) -> np.ndarray:
+        """Rows (m k q, size) of J of the states `part`: series of the outputs by each layer's weights, from the last
+        layer back."""
         inputs, cosines = self._run(theta, part)
         layers, slices = self.network.layers(theta), self.network.slices()
         k, m, q = inputs[0].shape[0], inputs[0].shape[1], self._targets.shape[2]

@@ -9,24 +9,27 @@ from cfem.surrogate.torch_model import spd_inverse
 
 
 class Serial(nn.Module):
-    """models: of the modules, each at delta_a (B, n) -> W (B, p + n, p + n), delta_free (B, p + n), p of 6 or 9 rows;
-    row: what they make up."""
+    """Torch module of modules in a row. models: of the modules, each at delta_a (B, n) -> W (B, p + n, p + n),
+    delta_free (B, p + n), p of 6 or 9 rows; row: what they make up."""
 
     def __init__(self, models: list[nn.Module], row: SerialPredictor):
+        """Takes over what the row knows of its modules."""
         super().__init__()
         self.models = nn.ModuleList([models[number] for number in row.which])
         self.softer, self.heavy, self.pose = row.softer.tolist(), row.heavy, row.pose
-        self.own = [(one.start, one.stop) for one in row.own]
-        self.watched = [one.rows.n_e for one in row.modules]
+        self.own = [(columns.start, columns.stop) for columns in row.own]
+        self.watched = [module.rows.n_e for module in row.modules]
         self.shares = row.shares.tolist()
         self.register_buffer("rests", torch.as_tensor(row.rests))
         self.register_buffer("rest", torch.as_tensor(np.array(row.rest_e)))
         self.register_buffer("one", torch.eye(3, dtype=torch.float64))
 
     def forward(self, s: Tensor) -> tuple[Tensor, Tensor]:
+        """W and delta_free of the row at s (B, n_a), as `SerialPredictor.learned`: base by base, then the effectors'
+        motion with each module."""
         k, p = len(self.softer), self.pose
         R, P = self.one[None].expand(s.shape[0], 3, 3), torch.zeros_like(s[:, :1]).expand(s.shape[0], 3)
-        found, centres = [], []
+        placed, centres = [], []
         for i, model in enumerate(self.models):
             each, n_e, softer = s[:, self.own[i][0] : self.own[i][1]], self.watched[i], self.softer[i]
             W, free = model(each)
@@ -40,12 +43,12 @@ class Serial(nn.Module):
             P = P + (R @ (self.rests[i, :3] + pose[:, :3])[:, :, None])[:, :, 0]
             W = W * softer
             own_ee, own_ea = L @ W[:, :p, :p] @ L.transpose(1, 2), L @ W[:, :p, n_e:]
-            found.append((R, P, own_ee, own_ea, W[:, n_e:, n_e:], lam / softer))
+            placed.append((R, P, own_ee, own_ea, W[:, n_e:, n_e:], lam / softer))
             R = R @ (self.one + spin @ J)
         place = torch.cat([P, self.mean(centres, P)], dim=1) if self.heavy else P
         W_ee = torch.zeros_like(place[:, :, None] * place[:, None, :])
         pulled, blocks = [], []
-        for i, (base, end, own_ee, own_ea, own_aa, _) in enumerate(found):
+        for i, (base, end, own_ee, own_ea, own_aa, _) in enumerate(placed):
             T = self.moving(base, P - end, 1.0, 0.0)
             if self.heavy:
                 arm = torch.zeros_like(P)
@@ -60,13 +63,13 @@ class Serial(nn.Module):
         W_ea = torch.cat(pulled, dim=2)
         W_a = torch.cat([W_ea, torch.cat(blocks, dim=1)], dim=1)
         W = torch.cat([torch.cat([W_ee, W_ea.transpose(1, 2)], dim=1), W_a], dim=2)
-        lam = torch.cat([one[5] for one in found], dim=1)
+        lam = torch.cat([values[5] for values in placed], dim=1)
         return W, torch.cat([place - self.rest, s], dim=1) - (W_a @ lam)[:, :, 0]
 
     def mean(self, centres: list[Tensor], like: Tensor) -> Tensor:
         total = torch.zeros_like(like)
-        for share, one in zip(self.shares, centres, strict=True):
-            total = total + share * one
+        for share, centre in zip(self.shares, centres, strict=True):
+            total = total + share * centre
         return total
 
     def moving(self, base: Tensor, arm: Tensor, end: float, centre: float) -> Tensor:
@@ -76,9 +79,9 @@ class Serial(nn.Module):
         return torch.cat([end * base, turned] + ([centre * base] if self.heavy else []), dim=2)
 
     def diagonal(self, J: Tensor) -> Tensor:
-        """(B, p, p): one, but J where rotation vectors become spins."""
-        one, zero = self.one + torch.zeros_like(J), torch.zeros_like(J)
-        blocks = [one, J, one] if self.heavy else [one, J]
+        """Matrix (B, p, p): the identity, but J where rotation vectors become spins."""
+        identity, zero = self.one + torch.zeros_like(J), torch.zeros_like(J)
+        blocks = [identity, J, identity] if self.heavy else [identity, J]
         rows = [torch.cat([block if j == i else zero for j in range(len(blocks))], dim=2)
                 for i, block in enumerate(blocks)]  # fmt: skip
         return torch.cat(rows, dim=1)

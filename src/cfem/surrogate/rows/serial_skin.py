@@ -26,7 +26,7 @@ def add_serial_skin(
     the same; in the last two cases the model still has a shape, which nobody has judged."""
     if not all(map(has_skin, folders(spec))):
         return None
-    arrays = joined([read_arrays(one, OF_MODULE) for one in folders(spec)])
+    arrays = joined([read_arrays(path, OF_MODULE) for path in folders(spec)])
     write_npz(folder / FILE, arrays)
     predictor.skin_source = lambda: skins_of(predictor, arrays)
     if test.whole is None:
@@ -36,8 +36,8 @@ def add_serial_skin(
     same = np.flatnonzero(distance <= SAME * predictor.length)
     if not len(same):
         return None
-    at = true.rest + true.displacements(test.whole.delta_s)
-    apart = np.linalg.norm(predictor.shape(test.delta_a)[:, mine[same]] - at[:, same], axis=2)
+    places = true.rest + true.displacements(test.whole.delta_s)
+    apart = np.linalg.norm(predictor.shape(test.delta_a)[:, mine[same]] - places[:, same], axis=2)
     weights, (left_rms, left_max) = true.weights[same] / true.weights[same].sum(), test.whole.left.T
     rms = float(np.sqrt(np.mean(apart**2 @ weights + left_rms**2)))
     largest = float((apart.max(axis=1) + left_max).max())

@@ -14,10 +14,10 @@ def index_set(weights: np.ndarray, max_terms: int, max_degree: int) -> tuple[np.
     degree = 1.0
     best = np.zeros((1, len(weights)), dtype=np.int64)
     while degree <= max_degree and reached:
-        found = _within(weights, degree, max_terms)
-        if found is None:
+        wider = _within(weights, degree, max_terms)
+        if wider is None:
             break
-        best = found
+        best = wider
         degree += 1.0
     order = best @ weights
     sorting = np.lexsort((*best.T[::-1], np.round(order, 9)))
@@ -25,18 +25,18 @@ def index_set(weights: np.ndarray, max_terms: int, max_degree: int) -> tuple[np.
 
 
 def _within(weights: np.ndarray, degree: float, max_terms: int) -> np.ndarray | None:
-    """All k with weights . k <= degree, None where they are more than max_terms."""
-    found = np.zeros((1, 0), dtype=np.int64)
+    """All k (M, n) with weights . k <= degree, None where they are more than max_terms."""
+    indices = np.zeros((1, 0), dtype=np.int64)
     left = np.full(1, degree + 1e-9)
     for weight in weights:
         counts = (left / weight).astype(int) + 1
         if counts.sum() > max_terms:
             return None
-        parents = np.repeat(np.arange(len(found)), counts)
+        parents = np.repeat(np.arange(len(indices)), counts)
         powers = np.concatenate([np.arange(count) for count in counts])
-        found = np.column_stack([found[parents], powers])
+        indices = np.column_stack([indices[parents], powers])
         left = left[parents] - weight * powers
-    return found
+    return indices
 
 
 def design_rows(
@@ -45,8 +45,8 @@ def design_rows(
     """(m, k, M) the stated derivatives of the basis at z (m, n)."""
     D = D or derivative_matrices(indices)
     known = {(): basis(z, indices)}
-    for one in sorted(derivatives, key=len):
-        for end in range(1, len(one) + 1):
-            if one[:end] not in known:
-                known[one[:end]] = known[one[: end - 1]] @ D[one[end - 1]]
-    return np.stack([known[one] for one in derivatives], axis=1)
+    for axes in sorted(derivatives, key=len):
+        for end in range(1, len(axes) + 1):
+            if axes[:end] not in known:
+                known[axes[:end]] = known[axes[: end - 1]] @ D[axes[end - 1]]
+    return np.stack([known[axes] for axes in derivatives], axis=1)

@@ -57,18 +57,20 @@ def greedy_set(
 
 def neighbours(indices: np.ndarray, max_degree: int) -> np.ndarray:
     """(M', n) multi-indices one above a closed set (M, n), all of whose smaller neighbours are in it."""
-    known, found = set(map(tuple, indices.tolist())), {}
+    known, above = set(map(tuple, indices.tolist())), {}
     for k in indices.tolist():
         if sum(k) >= max_degree:
             continue
         for axis in range(len(k)):
-            one = (*k[:axis], k[axis] + 1, *k[axis + 1 :])
-            if one in known or one in found:
+            candidate = (*k[:axis], k[axis] + 1, *k[axis + 1 :])
+            if candidate in known or candidate in above:
                 continue
-            below = ((*one[:j], one[j] - 1, *one[j + 1 :]) for j in range(len(one)) if one[j])
+            below = (
+                (*candidate[:j], candidate[j] - 1, *candidate[j + 1 :]) for j in range(len(candidate)) if candidate[j]
+            )
             if all(each in known for each in below):
-                found[one] = None
-    return np.array(list(found), dtype=np.int64).reshape(-1, indices.shape[1])
+                above[candidate] = None
+    return np.array(list(above), dtype=np.int64).reshape(-1, indices.shape[1])
 
 
 def _solve(G: np.ndarray, right: np.ndarray) -> np.ndarray:

@@ -19,13 +19,13 @@ def least_norm(z: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarra
     """Indices (M, n), coefficients (M, q), and the root mean square error of states left out over that of the values;
     z (m, n), values (m, q)."""
     indices, order = index_set(np.ones(z.shape[1]), TERMS, DEGREE)
-    A, found = basis(z, indices), []
+    A, trials = basis(z, indices), []
     for decay in DECAYS:
         weighted = A * decay**order
         K = weighted @ weighted.T
         inverse = np.linalg.inv(K + ROUNDING * K.max() * np.eye(len(z)))
         solved = inverse @ values
         left = np.linalg.norm(solved / np.diag(inverse)[:, None])
-        found.append((float(left), (decay**order)[:, None] * (weighted.T @ solved)))
-    error, coefficients = min(found, key=lambda one: one[0])
+        trials.append((float(left), (decay**order)[:, None] * (weighted.T @ solved)))
+    error, coefficients = min(trials, key=lambda trial: trial[0])
     return indices, coefficients, error / max(float(np.linalg.norm(values)), 1e-300)

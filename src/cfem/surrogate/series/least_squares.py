@@ -25,11 +25,11 @@ def solve_nested(R: np.ndarray, outputs: int, counts: Sequence[int]) -> list[np.
     [A b] with b the last `outputs` columns."""
     columns = R.shape[1] - outputs
     diagonal = np.abs(np.diag(R[:, :columns]))
-    found = []
+    solutions = []
     for M in counts:
         sound = len(diagonal) >= M and diagonal[:M].min() > SINGULAR * diagonal[:M].max()
-        found.append(solve_triangular(R[:M, :M], R[:M, columns:], check_finite=False) if sound else None)
-    return found
+        solutions.append(solve_triangular(R[:M, :M], R[:M, columns:], check_finite=False) if sound else None)
+    return solutions
 
 
 def residual_square(R: np.ndarray, outputs: int, solution: np.ndarray) -> float:

@@ -16,7 +16,9 @@ FEW_TERMS = 600  # up to which every fold judges
 def level_counts(order: np.ndarray, smooth: bool) -> list[int]:
     """Sizes of the nested sets to try, of indices sorted by `order` (M,): whole degrees, or, for weighted ones, steps
     of a quarter in number."""
-    ends = [i + 1 for i, (one, other) in enumerate(pairwise(order)) if other > one + 1e-9] + [len(order)]
+    ends = [
+        i + 1 for i, (order_below, order_above) in enumerate(pairwise(order)) if order_above > order_below + 1e-9
+    ] + [len(order)]
     if not smooth:
         return ends
     counts = [ends[0]]

@@ -22,8 +22,10 @@ Derivative = tuple[int, ...]  # the axes by which is derived, ascending: () the 
 
 @dataclass(frozen=True)
 class Observations:
-    """Of one quantity with q components. derivatives: k of them, by axes of t = (s, q), s having n_s of these; values:
-    (m, k, q)."""
+    """What states know of one quantity with q components.
+
+    derivatives: k of them, by axes of t = (s, q), s having n_s of these
+    values: (m, k, q)"""
 
     derivatives: tuple[Derivative, ...]
     values: np.ndarray
@@ -35,9 +37,9 @@ class Observations:
         deviation = self.values.std(axis=0).max(axis=1)
         size = np.abs(self.values).max(axis=(0, 2))
         divisors = np.empty(len(self.derivatives))
-        groups = [(len(one), max(one, default=0) >= self.n_s) for one in self.derivatives]
+        groups = [(len(axes), max(axes, default=0) >= self.n_s) for axes in self.derivatives]
         for group in set(groups):
-            members = [i for i, other in enumerate(groups) if other == group]
+            members = [i for i, candidate in enumerate(groups) if candidate == group]
             largest = size[members].max()
             if largest <= CONSTANT * size.max():  # rounding, or nothing
                 largest = size.max() or 1.0
@@ -47,7 +49,8 @@ class Observations:
 
 
 def inputs(dataset: Any, form: Form) -> tuple[np.ndarray, np.ndarray]:
-    """s (m, n_a), the displacements or multipliers, and q (m, n_q), the coordinates of the sampled parameters."""
+    """Inputs s (m, n_a), the displacements or multipliers, and q (m, n_q), the coordinates of the sampled
+    parameters."""
     s = dataset.delta_a if form == "displacement" else dataset.lambda_a
     return s, coordinates(parameters_of(dataset), dataset.p)
 
@@ -82,7 +85,9 @@ def observations(dataset: Any, form: Form) -> dict[str, Observations]:
     locked = [(((),), upper[:, None, :])]
     if third is not None:
         by_hessian, by_gradient, by_compliance = third  # (m, k, i, j): derivatives by s_k
-        potential.append((triple, np.stack([_symmetric(by_hessian, one) for one in triple], axis=1)[..., None]))
+        potential.append(
+            (triple, np.stack([_symmetric(by_hessian, axes_triple) for axes_triple in triple], axis=1)[..., None])
+        )
         pairs = [(by_gradient[:, k, :, j] + by_gradient[:, j, :, k]) / 2 for j, k in second]
         effector.append((second, np.stack(pairs, axis=1)))
         locked.append((first, pack_upper(by_compliance)))
@@ -107,22 +112,23 @@ def observations(dataset: Any, form: Form) -> dict[str, Observations]:
 
 
 def _by_q(dataset: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Of Psi (m, n_q), lambda (m, n_a, n_q) and delta_e (m, n_e, n_q), at fixed displacements of the actuators, by the
-    parameters' coordinates."""
+    """Derivatives of Psi (m, n_q), lambda (m, n_a, n_q) and delta_e (m, n_e, n_q), at fixed displacements of the
+    actuators, by the parameters' coordinates."""
     dq_dp = slopes(parameters_of(dataset), dataset.p)
     lam_q, e_q = (values / dq_dp[:, None] for values in (dataset.dlambda_dp, dataset.ddelta_e_dp))
     return dataset.dpsi_dp / dq_dp, lam_q, e_q
 
 
 def in_box(observed: Observations, to_box: np.ndarray) -> Observations:
-    """The same derivatives by z = to_box t + offset; to_box is block diagonal in s and q, as the derivatives are."""
+    """Observations with derivatives by z = to_box t + offset; to_box is block diagonal in s and q, as the derivatives
+    are."""
     from_box = np.linalg.inv(to_box)
-    position = {one: i for i, one in enumerate(observed.derivatives)}
+    position = {derivative: i for i, derivative in enumerate(observed.derivatives)}
     n = len(to_box)
     values = np.empty_like(observed.values)
-    orders = {len(one) for one in observed.derivatives}
+    orders = {len(derivative) for derivative in observed.derivatives}
     for order in orders:
-        axes = sorted({axis for one in observed.derivatives if len(one) == order for axis in one})
+        axes = sorted({axis for derivative in observed.derivatives if len(derivative) == order for axis in derivative})
         full = np.zeros((len(values), *[n] * order, values.shape[2]))
         for index in np.ndindex(*[len(axes)] * order):
             place = tuple(axes[i] for i in index)
@@ -130,22 +136,22 @@ def in_box(observed: Observations, to_box: np.ndarray) -> Observations:
                 full[(slice(None), *place)] = observed.values[:, position[tuple(sorted(place))]]
         for axis in range(order):
             full = np.moveaxis(np.tensordot(full, from_box, axes=(1 + axis, 0)), -1, 1 + axis)
-        for one, i in position.items():
-            if len(one) == order:
-                values[:, i] = full[(slice(None), *one)]
+        for derivative, i in position.items():
+            if len(derivative) == order:
+                values[:, i] = full[(slice(None), *derivative)]
     return replace(observed, values=values)
 
 
 def mean_hessian(potential: Observations) -> np.ndarray:
-    """(n_s, n_s) of the potential over the states."""
+    """Mean Hessian (n_s, n_s) of the potential over the states."""
     mean = np.zeros((potential.n_s, potential.n_s))
-    for i, one in enumerate(potential.derivatives):
-        if len(one) == 2 and max(one) < potential.n_s:
-            mean[one] = mean[one[::-1]] = potential.values[:, i, 0].mean()
+    for i, axes in enumerate(potential.derivatives):
+        if len(axes) == 2 and max(axes) < potential.n_s:
+            mean[axes] = mean[axes[::-1]] = potential.values[:, i, 0].mean()
     return mean
 
 
-def _symmetric(third: np.ndarray, one: Derivative) -> np.ndarray:
+def _symmetric(third: np.ndarray, axes: Derivative) -> np.ndarray:
     """(m,) entry of a tensor (m, k, i, j) that is symmetric in all three, but for rounding: the mean of its equals."""
-    i, j, k = one
+    i, j, k = axes
     return (third[:, i, j, k] + third[:, j, i, k] + third[:, k, i, j]) / 3

@@ -32,7 +32,7 @@ PILOT_TERMS = 600  # whole degrees that are tried first, of three or more coordi
 
 @dataclass(frozen=True)
 class Series:
-    """indices (M, n), coefficients (M, q) of one quantity in box coordinates."""
+    """Series of one quantity in box coordinates: indices (M, n), coefficients (M, q)."""
 
     indices: np.ndarray
     coefficients: np.ndarray
@@ -40,9 +40,13 @@ class Series:
 
 @dataclass(frozen=True)
 class Fit:
-    """arrays: what SpectralPredictor evaluates; terms: chosen, by quantity; weights: of the coordinates, by quantity;
+    """A fitted energy model.
+
+    arrays: what SpectralPredictor evaluates
+    terms: chosen, by quantity
+    weights: of the coordinates, by quantity
     held_out: one record a quantity, weighting and degree: terms and the root mean square error of states left out,
-    relative."""
+    relative"""
 
     arrays: dict[str, np.ndarray]
     terms: dict[str, int]
@@ -75,8 +79,8 @@ def fit(dataset: Any, form: Form = "displacement", max_degree: int = 16, max_ter
         held_out.append({"quantity": FOURTH, "weights": "least norm", "terms": len(indices), "error": error})
     return Fit(
         {"to_box": to_box, "offset": offset, **series(chosen, to_box, s.shape[1]), **curvature},
-        {name: len(one.indices) for name, one in chosen.items()},
-        {name: one.tolist() for name, one in weights.items()},
+        {name: len(part.indices) for name, part in chosen.items()},
+        {name: values.tolist() for name, values in weights.items()},
         held_out,
     )
 
@@ -129,57 +133,89 @@ def fit_quantity(
     coordinates; and one record a trial. active: weights to try besides equal ones, those that a search finds and those
     of the coefficients' decay."""
     n = z.shape[1]
-    targets, divisors = observed.scaled()
-    folds = min(folds, len(z))
-    most = int(len(divisors) * (len(z) - -(-len(z) // folds)) / ROWS_A_TERM)
-    most = max(1, min(max_terms, most))
-    found, records = [], []
+    trials = _Trials(z, observed, max_degree, min(folds, len(z)), max_terms, enough)
+    if n > MANY:
+        trials.try_greedy()
+        return trials.result()
+    most = trials.most
+    pilot = trials.attempt("equal", np.ones(n), min(most, PILOT_TERMS) if n > 2 else most)
+    candidates = {}
+    if n > 1:
+        searched = trials.searched_weights(min(most // 2, SEARCH_TERMS))
+        candidates = {"searched": searched, "decay": decay_weights(pilot.indices, pilot.coefficients), "active": active}
+    for name, weights in candidates.items():
+        if weights is not None and not np.allclose(weights, 1.0, atol=0.1):
+            trials.attempt(name, weights, most)
+    trials.try_higher_degrees(len(pilot.indices))
+    return trials.result()
 
-    def attempt(name: str, weights: np.ndarray, limit: int) -> Series:
-        indices, order = index_set(weights, limit, max_degree)
-        return judge(name, weights, indices, order, level_counts(order, smooth=name != "equal"))
 
-    def judge(name: str, weights: np.ndarray, indices: np.ndarray, order: np.ndarray, counts: list[int]) -> Series:
-        trials = try_counts(z, observed.derivatives, targets, divisors, indices, counts, folds)
-        records.extend(
-            {"weights": name, "degree": float(order[count - 1]), "terms": count, "error": error}
-            for count, (error, _) in zip(counts, trials, strict=True)
-            if np.isfinite(error)
-        )
-        ranks = [(max(error, enough), count) for count, (error, _) in zip(counts, trials, strict=True)]
-        at = ranks.index(min(ranks))
-        series = Series(indices[: counts[at]], trials[at][1])
-        found.append((ranks[at], series, weights))
-        return series
+class _Trials:
+    """Fits of one quantity with index sets that compete for the least error on states left out.
 
-    def further(terms: int) -> None:
-        """Equal weights that are the best so far, at the pilot's largest degree: higher ones while each is better."""
+    most: terms that the states can determine
+    records: one a set tried, with weights, degree, terms and error
+    ranked: (rank, series, weights) of each trial's best set; a rank is (error, but no less than `enough`; terms)"""
+
+    def __init__(
+        self, z: np.ndarray, observed: Observations, max_degree: int, folds: int, max_terms: int, enough: float
+    ):
+        """Scales the observations, and counts the terms that they determine."""
+        self._z, self._derivatives, self._max_degree, self._folds = z, observed.derivatives, max_degree, folds
+        self._enough, self._targets, self._divisors = enough, *observed.scaled()
+        most = int(len(self._divisors) * (len(z) - -(-len(z) // folds)) / ROWS_A_TERM)
+        self.most = max(1, min(max_terms, most))
+        self.ranked: list[tuple[tuple[float, int], Series, np.ndarray]] = []
+        self.records: list[dict[str, Any]] = []
+
+    def attempt(self, name: str, weights: np.ndarray, limit: int) -> Series:
+        """The best of the nested sets by these weights, of at most `limit` terms."""
+        indices, order = index_set(weights, limit, self._max_degree)
+        return self._judge(name, weights, indices, order, level_counts(order, smooth=name != "equal"))
+
+    def try_greedy(self) -> None:
+        """Tries sets that grow term by term."""
+        n, known = self._z.shape[1], (self._derivatives, self._divisors)
+        indices, sizes = greedy_set(*_fewer(self._z, self._targets, self.most), *known, self.most, self._max_degree)
+        greatest = np.maximum.accumulate(indices.sum(axis=1))
+        self._judge("greedy", np.ones(n), indices, greatest, [size for size in sizes if size >= len(indices) / 8])
+
+    def try_higher_degrees(self, terms: int) -> None:
+        """Tries higher degrees of equal weights while each is the best so far, from the pilot's `terms` on, if these
+        are all terms of a degree."""
+        n, max_degree = self._z.shape[1], self._max_degree
         degree = next(k for k in range(max_degree + 1) if comb(n + k, n) >= terms)
-        while terms == comb(n + degree, n) and degree < max_degree and comb(n + degree + 1, n) <= most:
-            best, degree = min(rank for rank, *_ in found), degree + 1
-            if best[0] <= enough or best[1] != terms:
+        while terms == comb(n + degree, n) and degree < max_degree and comb(n + degree + 1, n) <= self.most:
+            best, degree = min(rank for rank, *_ in self.ranked), degree + 1
+            if best[0] <= self._enough or best[1] != terms:
                 return
             terms = comb(n + degree, n)
-            judge("equal", np.ones(n), *index_set(np.ones(n), terms, max_degree), [terms])
+            self._judge("equal", np.ones(n), *index_set(np.ones(n), terms, max_degree), [terms])
 
-    if n > MANY:
-        indices, sizes = greedy_set(*_fewer(z, targets, most), observed.derivatives, divisors, most, max_degree)
-        greatest = np.maximum.accumulate(indices.sum(axis=1))
-        judge("greedy", np.ones(n), indices, greatest, [size for size in sizes if size >= len(indices) / 8])
-        _, series, weights = min(found, key=lambda one: one[0])
-        return series, weights, records
-    pilot = attempt("equal", np.ones(n), min(most, PILOT_TERMS) if n > 2 else most)
-    others = {}
-    if n > 1:
-        limit = min(most // 2, SEARCH_TERMS)
-        searched = searched_weights(z, observed.derivatives, targets, divisors, limit, max_degree)
-        others = {"searched": searched, "decay": decay_weights(pilot.indices, pilot.coefficients), "active": active}
-    for name, weights in others.items():
-        if weights is not None and not np.allclose(weights, 1.0, atol=0.1):
-            attempt(name, weights, most)
-    further(len(pilot.indices))
-    _, series, weights = min(found, key=lambda one: one[0])
-    return series, weights, records
+    def searched_weights(self, limit: int) -> np.ndarray:
+        """Weights (n,) by which at most `limit` terms come closest to states that are left out."""
+        return searched_weights(self._z, self._derivatives, self._targets, self._divisors, limit, self._max_degree)
+
+    def result(self) -> tuple[Series, np.ndarray, list[dict[str, Any]]]:
+        """The series of the lowest rank, its weights, and all records."""
+        _, series, weights = min(self.ranked, key=lambda trial: trial[0])
+        return series, weights, self.records
+
+    def _judge(
+        self, name: str, weights: np.ndarray, indices: np.ndarray, order: np.ndarray, counts: list[int]
+    ) -> Series:
+        """The best of the first `counts` of indices (M, n), by the error on states left out."""
+        fits = try_counts(self._z, self._derivatives, self._targets, self._divisors, indices, counts, self._folds)
+        self.records.extend(
+            {"weights": name, "degree": float(order[count - 1]), "terms": count, "error": error}
+            for count, (error, _) in zip(counts, fits, strict=True)
+            if np.isfinite(error)
+        )
+        ranks = [(max(error, self._enough), count) for count, (error, _) in zip(counts, fits, strict=True)]
+        place = ranks.index(min(ranks))
+        series = Series(indices[: counts[place]], fits[place][1])
+        self.ranked.append((ranks[place], series, weights))
+        return series
 
 
 def _fewer(z: np.ndarray, targets: np.ndarray, terms: int) -> tuple[np.ndarray, np.ndarray]:
@@ -189,15 +225,15 @@ def _fewer(z: np.ndarray, targets: np.ndarray, terms: int) -> tuple[np.ndarray, 
 
 
 def series(chosen: dict[str, Series], to_box: np.ndarray, n_a: int) -> dict[str, np.ndarray]:
-    """indices (M, n), the union of the index sets; series (n_out, M), coefficients of every part of
-    `cfem.predict.energy.layout`, derivatives by s (n_a,); and of D where it was fitted."""
-    union = {tuple(k) for one in chosen.values() for k in one.indices.tolist()}
+    """Arrays of the series: indices (M, n), the union of the index sets; series (n_out, M), coefficients of every part
+    of `cfem.predict.energy.layout`, derivatives by s (n_a,); and of D where it was fitted."""
+    union = {tuple(k) for part in chosen.values() for k in part.indices.tolist()}
     indices = np.array(sorted(union, key=lambda k: (sum(k), k)), dtype=np.int64)
     position = {tuple(k): i for i, k in enumerate(indices.tolist())}
 
-    def padded(one: Series) -> np.ndarray:
-        full = np.zeros((len(indices), one.coefficients.shape[1]))
-        full[[position[tuple(k)] for k in one.indices.tolist()]] = one.coefficients
+    def padded(part: Series) -> np.ndarray:
+        full = np.zeros((len(indices), part.coefficients.shape[1]))
+        full[[position[tuple(k)] for k in part.indices.tolist()]] = part.coefficients
         return full
 
     psi, e, compliance = (padded(chosen[name]) for name in ("potential", "effector", "effector_compliance"))

@@ -20,10 +20,11 @@ class Taylor:
     factorials: (k,); terms: (k, k) at [i, k] the j whose product with k counts towards i, or k where there is none."""
 
     def __init__(self, derivatives: tuple[Derivative, ...]):
+        """Finds which products of two derivatives count towards which."""
         if max(map(len, derivatives)) > HIGHEST_ORDER:
             raise ValueError(f"{derivatives}: series end at order {HIGHEST_ORDER}")
-        position = {one: i for i, one in enumerate(derivatives)}
-        self.factorials = np.array([float(prod(factorial(one.count(i)) for i in set(one))) for one in derivatives])
+        position = {axes: i for i, axes in enumerate(derivatives)}
+        self.factorials = np.array([float(prod(factorial(axes.count(i)) for i in set(axes))) for axes in derivatives])
         terms = {
             (position[joined], j, k)
             for (j, f), (k, g) in product(enumerate(derivatives), repeat=2)
@@ -32,8 +33,8 @@ class Taylor:
         self.terms = np.full((len(derivatives), len(derivatives)), len(derivatives))
         for i, j, k in terms:
             self.terms[i, k] = j
-        self._beyond_value = sorted(one for one in terms if one[1])
-        self._nilpotent = [one for one in self._beyond_value if one[2]]
+        self._beyond_value = sorted(term for term in terms if term[1])
+        self._nilpotent = [term for term in self._beyond_value if term[2]]
 
     def multiply(self, f: np.ndarray, g: np.ndarray) -> np.ndarray:
         """The series (k, ...) of f g."""

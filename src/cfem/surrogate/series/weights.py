@@ -41,8 +41,8 @@ def searched_weights(
             for factor in (step, 1 / step):
                 trial = best * np.where(np.arange(len(best)) == axis, factor, 1.0)
                 trial /= trial.min()
-                if trial.max() <= 8 and (found := error(trial)) < 0.98 * least:
-                    best, least, helped = trial, found, True
+                if trial.max() <= 8 and (reached := error(trial)) < 0.98 * least:
+                    best, least, helped = trial, reached, True
                     break
         step = step if helped else np.sqrt(step)
     return best
