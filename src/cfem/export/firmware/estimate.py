@@ -21,6 +21,7 @@ from cfem.predict.mode_series import compliance_columns, joined
 from cfem.predict.protocol import Predictor
 
 SOURCES = Path(__file__).parent / "sources" / "estimate"
+SHARED = ("cost.h", "cfem_chebyshev.h", "cfem_gate.h")  # of the controller
 MOST = 32  # markers, and unknowns: bits of a status
 FRAMES = 60  # of the test
 TOLERANCE = 1e-8  # of each unknown's scale
@@ -45,7 +46,7 @@ def write_c_estimate(folder: Path, model: Predictor, spec: CSpec) -> Filter:
     made = filter_of(spec.estimate, model, p)
     with disk_errors(folder):
         folder.mkdir(parents=True, exist_ok=True)
-        for path in (*SOURCES.iterdir(), *(c_export.SOURCES / name for name in ("cost.h", "cfem_gate.h"))):
+        for path in (*SOURCES.iterdir(), *(c_export.SOURCES / name for name in SHARED)):
             shutil.copyfile(path, folder / path.name)
     sizes, constants = estimate_constants(made)
     names = " ".join(spec.estimate.markers)

@@ -8,6 +8,7 @@ import numpy as np
 from cfem.condensed.parameter_values import vector
 from cfem.core.artefact.files import disk_errors
 from cfem.export.firmware import c_text
+from cfem.export.firmware import folder as c_export
 from cfem.export.spec import CSpec
 from cfem.predict.protocol import Predictor
 from cfem.predict.rows.serial import SerialPredictor
@@ -35,7 +36,7 @@ def write_c_row_skin(folder: Path, row: SerialPredictor, spec: CSpec) -> int:
 def _write(folder: Path, constants: dict[str, np.ndarray], nodes: int, sources: tuple[Path, ...]) -> int:
     """Of `nodes` surface nodes; a later folder of sources replaces files of an earlier one."""
     with disk_errors(folder):
-        for path in (path for place in sources for path in place.iterdir()):
+        for path in (c_export.SOURCES / "cfem_chebyshev.h", *(path for place in sources for path in place.iterdir())):
             shutil.copyfile(path, folder / path.name)
     degrees, modes = constants["degrees"], constants["modes"]
     sizes = {

@@ -2,6 +2,8 @@
  * that its skin has there. No heap and no imports: the page lays its data behind __heap_base. */
 #include "cfem_page.h"
 
+#include "cfem_chebyshev.h"
+
 #define SHORTEST (1.0 / 64.0) /* step of what is set by hand, as a share of the way */
 
 cfem_robot cfem_here;
@@ -72,12 +74,11 @@ static void skin_rows(const double *s, double *out) {
     const cfem_series *const f = &cfem_here.skin;
     double T[CFEM_MOST_NZ][CFEM_MOST_DEGREE + 1], sum[CFEM_MOST_NZ][CFEM_MOST_SKIN];
     const int N = cfem_here.skin_n_z, outputs = f->outputs;
-    for (int i = 0; i < N; i++) {
-        const double z = cfem_here.skin_offset[i] + cfem_dot(cfem_here.n_a, cfem_here.skin_to_box[i], s);
-        T[i][0] = 1.0, T[i][1] = z;
-        for (int k = 2; k <= cfem_here.skin_degree; k++) T[i][k] = 2.0 * z * T[i][k - 1] - T[i][k - 2];
+    const cfem_box box = {N, cfem_here.n_a, CFEM_MOST_NA, cfem_here.skin_degree, CFEM_MOST_NZ, CFEM_MOST_DEGREE + 1,
+                          cfem_here.skin_to_box[0], cfem_here.skin_offset};
+    cfem_polynomials(box, s, 1, T[0]);
+    for (int i = 0; i < N; i++)
         for (int o = 0; o < outputs; o++) sum[i][o] = 0.0;
-    }
     for (int g = 0, m = 0; g < f->groups; g++) {
         const cfem_group *group = f->group + g;
         for (; m < group->end; m++)

@@ -9,6 +9,7 @@
 
 #include "cfem_forms.h"
 
+#include "cfem_chebyshev.h"
 #include "cfem_linear.h"
 
 #define P CFEM_ROW_EACH
@@ -21,20 +22,21 @@
 #define PACKED (P * (P + 1) / 2)
 #define MOST CFEM_MODULE_NA
 
+static cfem_box box_of(const cfem_module *model) {
+    return (cfem_box){model->n_a, model->n_a, model->n_a, model->degree, MOST, CFEM_MODULE_DEGREE + 1, model->to_box, model->offset};
+}
+
 /* A term of the basis, and its first and (packed) second derivatives by z. */
 static void term(const cfem_held *held, int m, double *out) {
-    const int n = held->model->n_a;
-    const uint8_t *const degree = held->model->degrees + m * n;
+    const cfem_box box = box_of(held->model);
+    const double *const table = held->polynomials[0][0];
+    const int n = box.n;
+    const uint8_t *const degrees = held->model->degrees + m * n;
     double *next = out + 1 + n;
-    out[0] = 1.0;
-    for (int k = 0; k < n; k++) out[0] *= held->polynomials[0][k][degree[k]];
+    out[0] = cfem_term(box, table, degrees, -1, -1);
     for (int i = 0; i < n; i++) {
-        out[1 + i] = 1.0;
-        for (int k = 0; k < n; k++) out[1 + i] *= held->polynomials[k == i][k][degree[k]];
-        for (int j = i; j < n; j++, next++) {
-            *next = 1.0;
-            for (int k = 0; k < n; k++) *next *= held->polynomials[(k == i) + (k == j)][k][degree[k]];
-        }
+        out[1 + i] = cfem_term(box, table, degrees, i, -1);
+        for (int j = i; j < n; j++) *next++ = cfem_term(box, table, degrees, i, j);
     }
 }
 
@@ -71,21 +73,11 @@ static void second_by_s(const cfem_module *model, double *second) {
 }
 
 void cfem_module_at(const cfem_module *model, const double *s, cfem_held *held) {
-    const int n = model->n_a;
+    const cfem_box box = box_of(model);
     double packed[PACKED] = {0};
     int of_e = 0, of_C = 0, of_D = 0, of_E = 0;
     held->model = model;
-    for (int i = 0; i < n; i++) {
-        double z = model->offset[i];
-        double *const t = held->polynomials[0][i], *const first = held->polynomials[1][i], *const second = held->polynomials[2][i];
-        for (int j = 0; j < n; j++) z += model->to_box[i * n + j] * s[j];
-        t[0] = 1.0, t[1] = z, first[0] = 0.0, first[1] = 1.0, second[0] = second[1] = 0.0;
-        for (int k = 2; k <= model->degree; k++) {
-            t[k] = 2.0 * z * t[k - 1] - t[k - 2];
-            first[k] = 2.0 * t[k - 1] + 2.0 * z * first[k - 1] - first[k - 2];
-            second[k] = 4.0 * first[k - 1] + 2.0 * z * second[k - 1] - second[k - 2];
-        }
-    }
+    cfem_polynomials(box, s, 3, held->polynomials[0][0]);
     for (int r = 0; r < P; r++) held->pose[r] = 0.0;
     for (int i = 0; i < CHANGES; i++) held->D[i] = 0.0;
     for (int i = 0; i < CURVATURES; i++) held->E[i] = 0.0;
@@ -93,8 +85,7 @@ void cfem_module_at(const cfem_module *model, const double *s, cfem_held *held) 
         const cfem_real *const e = of_term(&model->effector, P, m, &of_e), *const C = of_term(&model->compliance, PACKED, m, &of_C);
         const cfem_real *const D = of_term(&model->change, CHANGES, m, &of_D);
         const cfem_real *const E = of_term(&model->curvature, CURVATURES, m, &of_E);
-        double by = 1.0;
-        for (int k = 0; k < n; k++) by *= held->polynomials[0][k][model->degrees[m * n + k]];
+        const double by = cfem_term(box, held->polynomials[0][0], model->degrees + m * box.n, -1, -1);
         for (int r = 0; e && r < P; r++) held->pose[r] += (double)e[r] * by;
         for (int i = 0; C && i < PACKED; i++) packed[i] += (double)C[i] * by;
         for (int i = 0; D && i < CHANGES; i++) held->D[i] += (double)D[i] * by;

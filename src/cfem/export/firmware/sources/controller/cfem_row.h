@@ -17,7 +17,7 @@
  * D = dC/dw and E = d2C/dw2 (packed, i <= j <= k <= l). */
 typedef struct {
     const cfem_module *model;
-    double polynomials[3][CFEM_MODULE_NA][CFEM_MODULE_DEGREE + 2];
+    double polynomials[3][CFEM_MODULE_NA][CFEM_MODULE_DEGREE + 1];
     double pose[CFEM_ROW_EACH], C[CFEM_ROW_EACH][CFEM_ROW_EACH], D[CFEM_ROW_CHANGES], E[CFEM_ROW_CURVATURES];
 } cfem_held;
 

@@ -3,6 +3,8 @@
  * summed from its leaves. What terms share they are multiplied by once. */
 #include "cfem_parts.h"
 
+#include "cfem_chebyshev.h"
+
 #if CFEM_SPECTRAL
 
 #define NA CFEM_SERIES_NA
@@ -10,12 +12,6 @@
 #define OUTPUTS CFEM_SERIES_OUTPUTS /* the effectors; with CFEM_FULL their compliance too */
 #define MOST CFEM_MOST_NZ
 #define MOST_OUTPUTS CFEM_MOST_SERIES_OUTPUTS
-/* The sizes are arguments, so that loops unroll where these are constants. */
-#if defined(__GNUC__)
-#define INLINE static inline __attribute__((always_inline))
-#else
-#define INLINE static inline
-#endif
 #if defined(__GNUC__) && !defined(__clang__)
 #define EACH(o) _Pragma("GCC unroll 8") for (int o = 0; o < outputs; o++)
 #else
@@ -27,17 +23,11 @@ typedef struct {
     cfem_real value[CFEM_MOST_DEGREE + 1], first[CFEM_MOST_DEGREE + 1], second[CFEM_MOST_DEGREE + 1];
 } polynomials;
 
-/* By T_{k+1} = 2 z T_k - T_{k-1} and its derivatives, in double: their rounding grows with the degree. */
 static void evaluate(double z, polynomials *t) {
-    double value[2] = {1.0, z}, first[2] = {0.0, 1.0}, second[2] = {0.0, 0.0};
-    for (int k = 0; k <= CFEM_DEGREE; k++) {
-        t->value[k] = (cfem_real)value[0], t->first[k] = (cfem_real)first[0], t->second[k] = (cfem_real)second[0];
-        const double next_second = 4.0 * first[1] + 2.0 * z * second[1] - second[0];
-        const double next_first = 2.0 * value[1] + 2.0 * z * first[1] - first[0];
-        const double next = 2.0 * z * value[1] - value[0];
-        value[0] = value[1], first[0] = first[1], second[0] = second[1];
-        value[1] = next, first[1] = next_first, second[1] = next_second;
-    }
+    double value[CFEM_MOST_DEGREE + 1], first[CFEM_MOST_DEGREE + 1], second[CFEM_MOST_DEGREE + 1];
+    cfem_chebyshev(z, CFEM_DEGREE, value, first, second);
+    for (int k = 0; k <= CFEM_DEGREE; k++)
+        t->value[k] = (cfem_real)value[k], t->first[k] = (cfem_real)first[k], t->second[k] = (cfem_real)second[k];
 }
 
 /* Value, gradient and Hessian (upper triangle) of the potential: sum[0]. A sum of depth d is over the terms that share the degrees of the
@@ -55,7 +45,7 @@ static inline void clear(quadratic *q, int d, const int n) {
     }
 }
 
-INLINE void potential(const polynomials *t, const int n, quadratic sum[MOST]) {
+CFEM_INLINE void potential(const polynomials *t, const int n, quadratic sum[MOST]) {
     const cfem_group *group = cfem_potential_groups;
     for (int d = 0; d < n; d++) clear(&sum[d], d, n);
     for (int g = 0, m = 0; g < CFEM_POTENTIAL_GROUPS; g++, group++) {
@@ -86,7 +76,7 @@ INLINE void potential(const polynomials *t, const int n, quadratic sum[MOST]) {
 }
 
 /* out[i], i < n: derivative of the outputs by z_i; out[n]: their values. */
-INLINE void effectors(const polynomials *t, const int n, const int outputs, cfem_real out[MOST + 1][MOST_OUTPUTS]) {
+CFEM_INLINE void effectors(const polynomials *t, const int n, const int outputs, cfem_real out[MOST + 1][MOST_OUTPUTS]) {
     cfem_real sum[MOST][MOST + 1][MOST_OUTPUTS];
     const cfem_group *group = cfem_effector_groups;
     for (int d = 0; d < n; d++)
@@ -124,7 +114,7 @@ INLINE void effectors(const polynomials *t, const int n, const int outputs, cfem
     for (int i = 0; i <= n; i++) EACH(o) out[i][o] = sum[0][i][o];
 }
 
-INLINE void at_input(const int n, const double *s, polynomials t[MOST]) {
+CFEM_INLINE void at_input(const int n, const double *s, polynomials t[MOST]) {
     for (int i = 0; i < n; i++) {
         double z = cfem_offset[i];
         for (int j = 0; j < NA; j++) z += cfem_to_box[i][j] * s[j];
@@ -133,7 +123,7 @@ INLINE void at_input(const int n, const double *s, polynomials t[MOST]) {
 }
 
 /* From z to s: gradients by to_box^T, the Hessian on both sides. */
-INLINE void potential_parts(const int n, const polynomials *t, cfem_parts *parts) {
+CFEM_INLINE void potential_parts(const int n, const polynomials *t, cfem_parts *parts) {
     quadratic sum[MOST], *const psi = sum;
     potential(t, n, sum);
     for (int i = 0; i < n; i++)
@@ -156,7 +146,7 @@ INLINE void potential_parts(const int n, const polynomials *t, cfem_parts *parts
 #endif
 }
 
-INLINE void effector_parts(const int n, const int outputs, const polynomials *t, cfem_parts *parts) {
+CFEM_INLINE void effector_parts(const int n, const int outputs, const polynomials *t, cfem_parts *parts) {
     cfem_real e[MOST + 1][MOST_OUTPUTS];
     effectors(t, n, outputs, e);
     for (int o = 0; o < NE; o++) {
@@ -172,7 +162,7 @@ INLINE void effector_parts(const int n, const int outputs, const polynomials *t,
 #endif
 }
 
-INLINE void of_sizes(const int n, const int outputs, const double *s, cfem_parts *parts) {
+CFEM_INLINE void of_sizes(const int n, const int outputs, const double *s, cfem_parts *parts) {
     polynomials t[MOST];
     at_input(n, s, t);
     potential_parts(n, t, parts);

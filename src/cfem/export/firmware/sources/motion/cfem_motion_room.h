@@ -3,6 +3,7 @@
 #ifndef CFEM_MOTION_ROOM_H
 #define CFEM_MOTION_ROOM_H
 
+#include "cfem_chebyshev.h"
 #include "cfem_motion_data.h"
 
 #define CFEM_MOTION_NR (CFEM_MOTION_NQ - CFEM_MOTION_NA)
@@ -29,11 +30,6 @@
 #define CFEM_UNROLL _Pragma("GCC unroll 8")
 #else
 #define CFEM_UNROLL
-#endif
-#if defined(__GNUC__)
-#define CFEM_INLINE static inline __attribute__((always_inline))
-#else
-#define CFEM_INLINE static inline
 #endif
 
 /* Numbers that the processor takes at once. */

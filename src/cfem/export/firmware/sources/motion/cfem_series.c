@@ -10,42 +10,28 @@
 #define LANES (WIDE / CFEM_AT_ONCE < 2 ? 1 : 2)
 #define PASS (LANES * CFEM_AT_ONCE)
 /* T_k and T_k' of each coordinate. */
-typedef struct {
-    double value[CFEM_MOTION_MOST_NA][CFEM_MOTION_MOST_DEGREE + 1], slope[CFEM_MOTION_MOST_NA][CFEM_MOTION_MOST_DEGREE + 1];
-} polynomials;
-
-static void evaluate(const double *s, polynomials *t) {
-    for (int i = 0; i < NA; i++) {
-        double z = cfem_motion_offset[i], *value = t->value[i], *slope = t->slope[i];
-        for (int j = 0; j < NA; j++) z += cfem_motion_to_box[i][j] * s[j];
-        value[0] = 1.0, slope[0] = 0.0;
-        if (CFEM_MOTION_DEGREE > 0) value[1] = z, slope[1] = 1.0;
-        for (int k = 2; k <= CFEM_MOTION_DEGREE; k++) {
-            value[k] = 2.0 * z * value[k - 1] - value[k - 2];
-            slope[k] = 2.0 * value[k - 1] + 2.0 * z * slope[k - 1] - slope[k - 2];
-        }
-    }
-}
+typedef double polynomials[2][CFEM_MOTION_MOST_NA][CFEM_MOTION_MOST_DEGREE + 1];
 
 /* Of n coordinates from number `from` on. */
-CFEM_INLINE void multiply(const polynomials *t, int from, int n, int count, const uint8_t *degrees, double out[][CFEM_SERIES_MOST]) {
+CFEM_INLINE void multiply(polynomials t, int from, int n, int count, const uint8_t *degrees, double out[][CFEM_SERIES_MOST]) {
     for (int m = 0; m < count; m++, degrees += n) {
         double *row = out[m], before = 1.0, after[CFEM_SERIES_MOST];
         after[n] = 1.0;
-        for (int i = n - 1; i >= 0; i--) after[i] = after[i + 1] * t->value[from + i][degrees[i]];
+        for (int i = n - 1; i >= 0; i--) after[i] = after[i + 1] * t[0][from + i][degrees[i]];
         row[0] = after[0];
         for (int i = 0; i < n; i++) {
-            row[1 + i] = before * t->slope[from + i][degrees[i]] * after[i + 1];
-            before *= t->value[from + i][degrees[i]];
+            row[1 + i] = before * t[1][from + i][degrees[i]] * after[i + 1];
+            before *= t[0][from + i][degrees[i]];
         }
     }
 }
 
 void cfem_products_at(const double *delta_a, cfem_products *products) {
+    const cfem_box box = CFEM_MOTION_BOX(CFEM_MOTION_DEGREE, CFEM_MOTION_MOST_DEGREE + 1);
     polynomials t;
-    evaluate(delta_a, &t);
-    multiply(&t, 0, FIRST, CFEM_MOTION_FIRST_PRODUCTS, cfem_motion_first_degrees, products->first);
-    multiply(&t, FIRST, SECOND, CFEM_MOTION_SECOND_PRODUCTS, cfem_motion_second_degrees, products->second);
+    cfem_polynomials(box, delta_a, 2, t[0][0]);
+    multiply(t, 0, FIRST, CFEM_MOTION_FIRST_PRODUCTS, cfem_motion_first_degrees, products->first);
+    multiply(t, FIRST, SECOND, CFEM_MOTION_SECOND_PRODUCTS, cfem_motion_second_degrees, products->second);
 }
 
 /* out (1 + NA, WIDE) += the values of PASS outputs, and their slopes by the box's coordinates: n of the second half. */

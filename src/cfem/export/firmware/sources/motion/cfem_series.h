@@ -11,6 +11,10 @@
 extern const cfem_motion_series cfem_motion_root[], cfem_motion_inner[], cfem_motion_loss[], cfem_motion_curve[];
 #endif
 
+/* The box in which mass, viscosity and inner motions are learned; a table of polynomials has room for `across` of them. */
+#define CFEM_MOTION_BOX(degree, across) \
+    {CFEM_MOTION_NA, CFEM_MOTION_NA, CFEM_MOTION_MOST_NA, degree, CFEM_MOTION_MOST_NA, across, cfem_motion_to_box[0], cfem_motion_offset}
+
 #define CFEM_SERIES_FIRST ((CFEM_MOTION_NA + 1) / 2) /* coordinates of the first half */
 #define CFEM_SERIES_SECOND (CFEM_MOTION_NA / 2)
 #define CFEM_SERIES_MOST ((CFEM_MOTION_MOST_NA + 1) / 2 + 1)

@@ -5,25 +5,10 @@
 #include <math.h>
 
 #include "cfem_parts.h"
+#include "cfem_skin_rows.h"
 
 #define K CFEM_MODULES
 #define N CFEM_SERIES_NA
-
-static void displacements(const double *s, double row[CFEM_SKIN_ROWS]) {
-    double t[CFEM_SKIN_NZ][CFEM_SKIN_DEGREE + 2];
-    for (int i = 0; i < CFEM_SKIN_NZ; i++) {
-        double z = cfem_skin_offset[i];
-        for (int j = 0; j < N; j++) z += cfem_skin_to_box[i][j] * s[j];
-        t[i][0] = 1.0, t[i][1] = z;
-        for (int k = 2; k <= CFEM_SKIN_DEGREE; k++) t[i][k] = 2.0 * z * t[i][k - 1] - t[i][k - 2];
-    }
-    for (int k = 0; k < CFEM_SKIN_ROWS; k++) row[k] = 0.0;
-    for (int m = 0; m < CFEM_SKIN_TERMS; m++) {
-        double value = t[0][cfem_skin_degrees[m][0]];
-        for (int i = 1; i < CFEM_SKIN_NZ; i++) value *= t[i][cfem_skin_degrees[m][i]];
-        for (int k = 0; k < CFEM_SKIN_ROWS; k++) row[k] += cfem_skin_series[m][k] * value;
-    }
-}
 
 /* frame R of a module's base to that of its end: R exp [phi] = R (1 + a [phi] + b [phi]^2). */
 static void turn(double R[3][3], const double phi[3]) {
@@ -45,7 +30,7 @@ void cfem_shape(const double s[CFEM_NA], cfem_real xyz[CFEM_SKIN_NODES][3]) {
         cfem_parts end;
         double row[CFEM_SKIN_ROWS];
         const double *const own_s = s + module * N;
-        displacements(own_s, row);
+        cfem_skin_rows(N, own_s, row);
         for (; node < CFEM_SKIN_NODES && cfem_skin_owner[node] == module; node++) {
             const int own = 3 * (int)cfem_skin_own[node];
             double x[3];

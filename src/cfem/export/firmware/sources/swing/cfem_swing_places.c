@@ -21,19 +21,7 @@
 void cfem_estimate_places(const double *x, double y[ROWS], double by[ROWS][STATIC]);
 void cfem_estimate_effectors_at(const double x[STATIC], double effector[NE]);
 
-/* T_k and T_k' of each coordinate of the box in which inner motions were learned. */
-static void polynomials(const double *delta_a, double value[NA][DEGREES], double slope[NA][DEGREES]) {
-    for (int i = 0; i < NA; i++) {
-        double z = cfem_motion_offset[i];
-        for (int a = 0; a < NA; a++) z += cfem_motion_to_box[i][a] * delta_a[a];
-        value[i][0] = 1.0, slope[i][0] = 0.0;
-        if (DEGREES > 1) value[i][1] = z, slope[i][1] = 1.0;
-        for (int k = 2; k < DEGREES; k++) {
-            value[i][k] = 2.0 * z * value[i][k - 1] - value[i][k - 2];
-            slope[i][k] = 2.0 * value[i][k - 1] + 2.0 * z * slope[i][k - 1] - slope[i][k - 2];
-        }
-    }
-}
+#define BOX CFEM_MOTION_BOX(CFEM_SWING_DEGREE, DEGREES)
 
 /* The swings that forces do not hold: eta - H_w^T w / kappa; x, static: unknowns of the filter, and of the robot at rest. */
 static void split(const double *x, const cfem_inner *inner, double *at_rest, double swing[NR]) {
@@ -47,28 +35,27 @@ static void split(const double *x, const cfem_inner *inner, double *at_rest, dou
 }
 
 void cfem_swing_places(const double *x, double y[ROWS], double by[ROWS][N]) {
-    double at_rest[STATIC], swing[NR], R[ROWS][NR], slope_z[NA][ROWS], held[NA][NR], value[NA][DEGREES], slope[NA][DEGREES];
+    double at_rest[STATIC], swing[NR], R[ROWS][NR], slope_z[NA][ROWS], held[NA][NR], t[2][NA][DEGREES];
     double by_rest[ROWS][STATIC];
     const double soft = exp(-x[N - 1]);
     cfem_inner inner;
     cfem_inner_at(x, 1, &inner);
     split(x, &inner, at_rest, swing);
     cfem_estimate_places(at_rest, y, by_rest);
-    polynomials(x, value, slope);
+    const cfem_box box = BOX;
+    cfem_polynomials(box, x, 2, t[0][0]);
     memset(R, 0, sizeof R), memset(slope_z, 0, sizeof slope_z), memset(held, 0, sizeof held);
-    for (int t = 0; t < CFEM_SWING_TERMS; t++) {
-        const uint8_t *degrees = cfem_swing_degrees[t];
-        const double *c = cfem_swing_markers[t];
-        double phi = 1.0, moved[ROWS];
-        for (int i = 0; i < NA; i++) phi *= value[i][degrees[i]];
+    for (int m = 0; m < CFEM_SWING_TERMS; m++) {
+        const uint8_t *degrees = cfem_swing_degrees[m];
+        const double *c = cfem_swing_markers[m], phi = cfem_term(box, t[0][0], degrees, -1, -1);
+        double moved[ROWS];
         for (int o = 0; o < ROWS; o++) {
             moved[o] = 0.0;
             for (int r = 0; r < NR; r++) R[o][r] += phi * c[o * NR + r], moved[o] += c[o * NR + r] * swing[r];
         }
         for (int i = 0; i < NA; i++) {
-            double one = slope[i][degrees[i]];
-            for (int j = 0; j < NA; j++) one *= j == i ? 1.0 : value[j][degrees[j]];
-            for (int o = 0; o < ROWS; o++) slope_z[i][o] += one * moved[o];
+            const double slope = cfem_term(box, t[0][0], degrees, i, -1);
+            for (int o = 0; o < ROWS; o++) slope_z[i][o] += slope * moved[o];
         }
     }
     for (int a = 0; a < NA; a++) /* of what forces hold */
@@ -102,16 +89,16 @@ void cfem_swing_effectors(const double x[N], double effector[NE]) {
 }
 
 void cfem_swing_modes(const double x[N], double modes[MODES]) {
-    double at_rest[STATIC], swing[NR], value[NA][DEGREES], slope[NA][DEGREES];
+    double at_rest[STATIC], swing[NR], t[NA][DEGREES];
     cfem_inner inner;
     cfem_inner_at(x, 0, &inner);
     split(x, &inner, at_rest, swing);
     cfem_estimate_modes(at_rest, modes);
-    polynomials(x, value, slope);
-    for (int t = 0; t < CFEM_SWING_TERMS; t++) {
-        double phi = 1.0;
-        for (int i = 0; i < NA; i++) phi *= value[i][cfem_swing_degrees[t][i]];
+    const cfem_box box = BOX;
+    cfem_polynomials(box, x, 1, t[0]);
+    for (int m = 0; m < CFEM_SWING_TERMS; m++) {
+        const double phi = cfem_term(box, t[0], cfem_swing_degrees[m], -1, -1);
         for (int k = 0; k < MODES; k++)
-            for (int r = 0; r < NR; r++) modes[k] += phi * cfem_swing_modes_series[t][k * NR + r] * swing[r];
+            for (int r = 0; r < NR; r++) modes[k] += phi * cfem_swing_modes_series[m][k * NR + r] * swing[r];
     }
 }

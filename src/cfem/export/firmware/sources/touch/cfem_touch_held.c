@@ -1,5 +1,6 @@
 /* The surface of the robot: x_p = X_p + sum_k u_kp rows_k + sum_q R_p L_pq R_q^T f_q + R_p E_p[g_p, g_p] / 2, g_p = R_p^T f_p,
  * rows = s_0 + C_ss w + Q D_ss[v, v] / 2 + ..., w_k = sum_p u_kp . f_p, v = Q^T w; see cfem.predict.contact.held. */
+#include "cfem_chebyshev.h"
 #include "cfem_linear.h"
 #include "cfem_touch.h"
 
@@ -11,71 +12,41 @@
 #define CUBES (M * (M + 1) * (M + 2) / 6)
 static const double TRUSTED = 0.3; /* to which a body that softens is followed; see cfem.predict.loads.high_order */
 
-typedef struct {
-    double value[NA][CFEM_PATCH_DEGREE + 2], slope[NA][CFEM_PATCH_DEGREE + 2];
-} polynomials;
+#define DEGREES (CFEM_PATCH_DEGREE + 1)
+#define LOCAL 4 /* polynomials in what the modes leave, whose degree is 3 at most */
 
-/* Chebyshev polynomials and their derivatives. */
-static void evaluate(const double *s, polynomials *t) {
+#define BOX {NA, NA, NA, CFEM_PATCH_DEGREE, NA, DEGREES, cfem_patch_to_box[0], cfem_patch_offset}
+static const cfem_box local_box = {.n = NA, .rows = NA, .across = LOCAL};
+
+/* Polynomials, and their derivatives by delta_a, in the box of the patches. */
+static void local_polynomials(const double *delta_a, double t[2][NA][LOCAL]) {
     for (int i = 0; i < NA; i++) {
-        double z = cfem_patch_offset[i];
-        for (int j = 0; j < NA; j++) z += cfem_patch_to_box[i][j] * s[j];
-        t->value[i][0] = 1.0, t->value[i][1] = z, t->slope[i][0] = 0.0, t->slope[i][1] = 1.0;
-        for (int k = 2; k <= CFEM_PATCH_DEGREE; k++) {
-            t->value[i][k] = 2.0 * z * t->value[i][k - 1] - t->value[i][k - 2];
-            t->slope[i][k] = 2.0 * t->value[i][k - 1] + 2.0 * z * t->slope[i][k - 1] - t->slope[i][k - 2];
-        }
+        const double by = 2.0 / (cfem_patch_box[1][i] - cfem_patch_box[0][i]);
+        cfem_chebyshev(by * (delta_a[i] - cfem_patch_box[0][i]) - 1.0, LOCAL - 1, t[0][i], t[1][i], 0);
+        for (int k = 0; k < LOCAL; k++) t[1][i][k] *= by;
     }
-}
-
-static double product(const polynomials *t, const uint8_t *degrees, int slope_of) {
-    double found = 1.0;
-    for (int i = 0; i < NA; i++) found *= (i == slope_of ? t->slope : t->value)[i][degrees[i]];
-    return found;
-}
-
-static double in_box(double delta, int i) {
-    return 2.0 * (delta - cfem_patch_box[0][i]) / (cfem_patch_box[1][i] - cfem_patch_box[0][i]) - 1.0;
-}
-
-/* Of the polynomial of degree 3 at most of what the modes leave; or its derivative by delta_a, number slope_of. */
-static double local_term(const double *delta_a, int term, int slope_of) {
-    double found = 1.0;
-    for (int i = 0; i < NA; i++) {
-        const int degree = cfem_patch_local_degrees[term][i];
-        const double z = in_box(delta_a[i], i), by = 2.0 / (cfem_patch_box[1][i] - cfem_patch_box[0][i]);
-        const double value[] = {1.0, z, 2.0 * z * z - 1.0, (4.0 * z * z - 3.0) * z};
-        const double slope[] = {0.0, by, 4.0 * z * by, (12.0 * z * z - 3.0) * by};
-        found *= (i == slope_of ? slope : value)[degree];
-    }
-    return found;
 }
 
 unsigned cfem_touch_hold(const double delta_a[NA], cfem_touched *now, cfem_touch_room *room) {
-    polynomials t;
     cfem_condensed m;
-    double packed[PACKED] = {0.0};
+    double packed[PACKED] = {0.0}, t[NA][DEGREES], local[2][NA][LOCAL];
     now->bending = room->bending = 0.0, now->deep = 0;
     if (cfem_model(delta_a, &m)) return CFEM_TOUCH_NO_MODEL;
     for (int e = 0; e < NE; e++) now->delta_e[e] = m.free_e[e] + cfem_dot(NA, m.W_ea[e], m.lambda_a);
     for (int i = 0; i < NA; i++) now->lambda_a[i] = m.lambda_a[i], room->s[i] = now->delta_a[i] = delta_a[i];
-    evaluate(delta_a, &t);
+    const cfem_box box = BOX;
+    cfem_polynomials(box, delta_a, 1, t[0]);
+    local_polynomials(delta_a, local);
     for (int k = 0; k < K; k++) room->rows[k] = 0.0;
-    for (int l = 0; l < CFEM_PATCH_TERMS; l++) {
-        const double value = product(&t, cfem_patch_degrees[l], -1);
-        for (int k = 0; k < K; k++) room->rows[k] += cfem_patch_series[l][k] * value;
-    }
-    for (int l = 0; l < CFEM_PATCH_COMPLIANCE_TERMS; l++) {
-        const double value = product(&t, cfem_patch_compliance_degrees[l], -1);
-        for (int k = 0; k < PACKED; k++) packed[k] += cfem_patch_compliance[l][k] * value;
-    }
+    cfem_add_terms(box, t[0], CFEM_PATCH_TERMS, cfem_patch_degrees[0], K, cfem_patch_series[0], room->rows, 0);
+    cfem_add_terms(box, t[0], CFEM_PATCH_COMPLIANCE_TERMS, cfem_patch_compliance_degrees[0], PACKED, cfem_patch_compliance[0], packed, 0);
     for (int e = 0; e < NE; e++)
         for (int k = 0; k < K; k++) room->C_es[e][k] = packed[e * K + k];
     for (int i = 0, at = NE * K; i < K; i++)
         for (int j = i; j < K; j++, at++) room->C_ss[i][j] = room->C_ss[j][i] = packed[at];
     for (int i = 0; i < CFEM_PATCH_BENT; i++) room->D[i] = 0.0;
     for (int l = 0; l < CFEM_PATCH_LOCAL_TERMS; l++) {
-        const double term = room->terms[l] = local_term(delta_a, l, -1);
+        const double term = room->terms[l] = cfem_term(local_box, local[0][0], cfem_patch_local_degrees[l], -1, -1);
         for (int i = 0; i < CFEM_PATCH_BENT; i++) room->D[i] += term * (double)cfem_patch_bent[l][i];
     }
     for (int p = 0; p < CFEM_PATCHES; p++)
@@ -242,17 +213,18 @@ static double weighted(int n, const float *a, const double *b) {
 
 void cfem_touch_loaded(cfem_touched *now, cfem_touch_room *room) {
     const double *const w = room->w, *const v = room->v;
-    double slope[NA] = {0.0}, cubes[CUBES], *at = cubes;
-    polynomials t;
+    double slope[NA] = {0.0}, cubes[CUBES], *at = cubes, t[2][NA][DEGREES], local[2][NA][LOCAL];
     now->bending = room->bending;
     for (int k = 0; k < K; k++) now->rows[k] = room->rows[k] + (now->count ? room->moved[k] : 0.0);
     if (!now->count) return;
     move_tip(now, room);
     /* lambda = grad (Psi - w . s_0 - Phi), see cfem.predict.loads.high_order */
-    evaluate(room->s, &t);
+    const cfem_box box = BOX;
+    cfem_polynomials(box, room->s, 2, t[0][0]);
+    local_polynomials(room->s, local);
     for (int l = 0; l < CFEM_PATCH_TERMS; l++) {
         const double load = cfem_dot(K, cfem_patch_series[l], w);
-        for (int i = 0; i < NA; i++) slope[i] += load * product(&t, cfem_patch_degrees[l], i);
+        for (int i = 0; i < NA; i++) slope[i] += load * cfem_term(box, t[0][0], cfem_patch_degrees[l], i, -1);
     }
     for (int l = 0; l < CFEM_PATCH_COMPLIANCE_TERMS; l++) {
         const double *C = cfem_patch_compliance[l] + NE * K;
@@ -260,7 +232,7 @@ void cfem_touch_loaded(cfem_touched *now, cfem_touch_room *room) {
         for (int i = 0; i < K; i++)
             for (int j = i; j < K; j++) load += (i == j ? 0.5 : 1.0) * w[i] * w[j] * *C++;
         load *= room->by_modes.first;
-        for (int i = 0; i < NA; i++) slope[i] += load * product(&t, cfem_patch_compliance_degrees[l], i);
+        for (int i = 0; i < NA; i++) slope[i] += load * cfem_term(box, t[0][0], cfem_patch_compliance_degrees[l], i, -1);
     }
     for (int i = 0; i < M; i++)
         for (int j = i; j < M; j++) {
@@ -270,7 +242,8 @@ void cfem_touch_loaded(cfem_touched *now, cfem_touch_room *room) {
         }
     for (int l = 0; l < CFEM_PATCH_LOCAL_TERMS; l++) {
         const double third = weighted(CUBES, cfem_patch_bent[l], cubes);
-        for (int j = 0; j < NA; j++) now->lambda_a[j] -= room->by_modes.second * third / 6.0 * local_term(room->s, l, j);
+        for (int j = 0; j < NA; j++)
+            now->lambda_a[j] -= room->by_modes.second * third / 6.0 * cfem_term(local_box, local[0][0], cfem_patch_local_degrees[l], j, -1);
     }
     for (int j = 0; j < NA; j++)
         for (int i = 0; i < NA; i++) now->lambda_a[j] -= cfem_patch_to_box[i][j] * slope[i];
