@@ -13,7 +13,7 @@
 /* y (ROWS,): where the markers are, from rest; by (ROWS, N). */
 void cfem_estimate_places(const double *x, double y[ROWS], double by[ROWS][N]) {
     double by_z[NZ][ROWS], t[2][NZ][DEGREES];
-    const cfem_box box = BOX;
+    cfem_box box = BOX;
     cfem_polynomials(box, x, 2, t[0][0]);
     memset(y, 0, sizeof(double) * ROWS), memset(by, 0, sizeof(double) * ROWS * N), memset(by_z, 0, sizeof by_z);
     cfem_add_terms(box, t[0][0], CFEM_ESTIMATE_TERMS, cfem_estimate_degrees[0], ROWS, cfem_estimate_markers[0], y, by_z[0]);
@@ -40,7 +40,7 @@ void cfem_estimate_places(const double *x, double y[ROWS], double by[ROWS][N]) {
 /* y (NA,): forces of the actuators; by (NA, N). Pi = Psi - w . e - w . C w / 2. */
 void cfem_estimate_tensions(const double *x, double y[NA], double by[NA][N]) {
     double by_z[NZ] = {0.0}, curve[NZ][NZ] = {{0.0}}, across[NZ][NW + 1] = {{0.0}}, t[3][NZ][DEGREES];
-    const cfem_box box = BOX;
+    cfem_box box = BOX;
     cfem_polynomials(box, x, 3, t[0][0]);
     for (int m = 0; m < CFEM_ESTIMATE_FORCE_TERMS; m++) {
         const uint8_t *degrees = cfem_estimate_force_degrees[m];
@@ -76,7 +76,7 @@ void cfem_estimate_tensions(const double *x, double y[NA], double by[NA][N]) {
 /* out (outputs,) = sum over terms of series (outputs, 1 + NW): the first column, and the others times the loads. */
 static void sum(const double *x, int terms, int outputs, const double *series, const uint8_t *degrees, double *out) {
     double t[NZ][DEGREES];
-    const cfem_box box = BOX;
+    cfem_box box = BOX;
     cfem_polynomials(box, x, 1, t[0]);
     for (int o = 0; o < outputs; o++) out[o] = 0.0;
     for (int m = 0; m < terms; m++, degrees += NZ) {

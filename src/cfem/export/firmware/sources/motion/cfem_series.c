@@ -27,7 +27,7 @@ CFEM_INLINE void multiply(polynomials t, int from, int n, int count, const uint8
 }
 
 void cfem_products_at(const double *delta_a, cfem_products *products) {
-    const cfem_box box = CFEM_MOTION_BOX(CFEM_MOTION_DEGREE, CFEM_MOTION_MOST_DEGREE + 1);
+    cfem_box box = CFEM_MOTION_BOX(CFEM_MOTION_DEGREE, CFEM_MOTION_MOST_DEGREE + 1);
     polynomials t;
     cfem_polynomials(box, delta_a, 2, t[0][0]);
     multiply(t, 0, FIRST, CFEM_MOTION_FIRST_PRODUCTS, cfem_motion_first_degrees, products->first);

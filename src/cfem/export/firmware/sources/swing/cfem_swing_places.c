@@ -42,7 +42,7 @@ void cfem_swing_places(const double *x, double y[ROWS], double by[ROWS][N]) {
     cfem_inner_at(x, 1, &inner);
     split(x, &inner, at_rest, swing);
     cfem_estimate_places(at_rest, y, by_rest);
-    const cfem_box box = BOX;
+    cfem_box box = BOX;
     cfem_polynomials(box, x, 2, t[0][0]);
     memset(R, 0, sizeof R), memset(slope_z, 0, sizeof slope_z), memset(held, 0, sizeof held);
     for (int m = 0; m < CFEM_SWING_TERMS; m++) {
@@ -94,7 +94,7 @@ void cfem_swing_modes(const double x[N], double modes[MODES]) {
     cfem_inner_at(x, 0, &inner);
     split(x, &inner, at_rest, swing);
     cfem_estimate_modes(at_rest, modes);
-    const cfem_box box = BOX;
+    cfem_box box = BOX;
     cfem_polynomials(box, x, 1, t[0]);
     for (int m = 0; m < CFEM_SWING_TERMS; m++) {
         const double phi = cfem_term(box, t[0], cfem_swing_degrees[m], -1, -1);

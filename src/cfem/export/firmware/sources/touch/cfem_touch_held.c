@@ -34,7 +34,7 @@ unsigned cfem_touch_hold(const double delta_a[NA], cfem_touched *now, cfem_touch
     if (cfem_model(delta_a, &m)) return CFEM_TOUCH_NO_MODEL;
     for (int e = 0; e < NE; e++) now->delta_e[e] = m.free_e[e] + cfem_dot(NA, m.W_ea[e], m.lambda_a);
     for (int i = 0; i < NA; i++) now->lambda_a[i] = m.lambda_a[i], room->s[i] = now->delta_a[i] = delta_a[i];
-    const cfem_box box = BOX;
+    cfem_box box = BOX;
     cfem_polynomials(box, delta_a, 1, t[0]);
     local_polynomials(delta_a, local);
     for (int k = 0; k < K; k++) room->rows[k] = 0.0;
@@ -219,7 +219,7 @@ void cfem_touch_loaded(cfem_touched *now, cfem_touch_room *room) {
     if (!now->count) return;
     move_tip(now, room);
     /* lambda = grad (Psi - w . s_0 - Phi), see cfem.predict.loads.high_order */
-    const cfem_box box = BOX;
+    cfem_box box = BOX;
     cfem_polynomials(box, room->s, 2, t[0][0]);
     local_polynomials(room->s, local);
     for (int l = 0; l < CFEM_PATCH_TERMS; l++) {
