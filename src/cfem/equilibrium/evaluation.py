@@ -11,11 +11,12 @@ from cfem.mechanics.factorization import Factor
 
 @dataclass
 class SolveCost:
-    """What a solve has cost so far."""
+    """What a solve has cost so far. steps: of the load; halvings: steps that failed, after which a shorter one came."""
 
     iterations: int = 0
     factorizations: int = 0
     steps: int = 0
+    halvings: int = 0
 
 
 @dataclass(frozen=True)

@@ -53,6 +53,7 @@ def solve(
     loads: int = 0,
     stresses: np.ndarray | None = None,
     tangent: Tangent | None = None,
+    cost: SolveCost | None = None,
 ) -> Equilibrium:
     """Equilibrium under `actuation`: by Newton's method from `start` where one is given; failing that by continuation
     from the equilibrium `base`; failing that from rest. An actuation of the actuators alone leaves contacts free.
@@ -63,10 +64,10 @@ def solve(
     rows, by the factor at hand; keep: and what further derivatives start from; loads: and so many
     derivatives, of at most two, of the effectors' compliance by loads on them; stresses: with mass, of the inner
     motions of a robot of sections in a row (inner.py); tangent: of a state near the start, with which Newton's method
-    begins.
+    begins; cost: that counts, for who watches while it goes on.
     Never raises for numerical failure: `status` says how it ended and the state is the last one reached."""
     demand_without_friction(problem.robot)
-    begin, cost = time.perf_counter(), SolveCost()
+    begin, cost = time.perf_counter(), cost or SolveCost()
     actuation = actuation.padded(problem.n_active)
     if not _finite(problem, actuation, start, base):
         return _answer(problem, _not_finite(problem, actuation), actuation, settings, cost, begin, Wanted())
@@ -152,6 +153,7 @@ def _continuation(
             failed = False
         else:
             step, failed = (to - done) / 2, True
+            cost.halvings += 1
             if step < max(settings.smallest_step * done, _NOTHING):
                 return _Path(result, lost, stable or reached, done)
 

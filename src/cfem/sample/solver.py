@@ -19,6 +19,7 @@ from cfem.mechanics.mesh import Mesh
 from cfem.mechanics.viscosity import Viscosity
 from cfem.robot.same_robot import robot_of
 from cfem.robot.spec import SceneSpec
+from cfem.sample import tally
 from cfem.sample.skin import Inside
 
 # Share of a parameter's range on either side, by which robots are differenced: truncation about 1e-8 of the slopes.
@@ -203,6 +204,7 @@ class _FiniteElementSolver:
             pushed=None if self.pushed is None else SkinRows(self.pushed, problem.robot.X),
             mass=mass,
             stresses=self.stresses,
+            cost=tally.cost(),
         )
         return replace(found, state=replace(found.state, x=found.state.x - shift)) if moved else found
 
