@@ -374,3 +374,16 @@ def test_the_tutorial_shows_what_is_said_and_written(tmp_path):
 def words(text):
     """Without the numbers, which another version of the mesher may change in their last digits."""
     return re.sub(r"-?\d+(\.\d+)?", "0", text)
+
+
+def test_what_else_belongs_to_a_robot_is_in_its_scene(tmp_path, mesh_file):
+    words = ["--push", "poke: 40, 5, 10; 0, 0, -1", "--travel", "2 mm", "--gravity", "-z", "--density", "1000 kg/m^3"]
+    words += ["--region", "x >= 45 mm: 2 MPa, 0.3", "--contact", "side: 60, 5, 0", "--cables", "0", "--quiet"]
+    done = init(tmp_path, mesh_file, "--fixed", "left", *words)
+    assert done.exit_code == 0, done.stderr
+    scene, robot = built(tmp_path)
+    assert [item.kind for item in scene.actuators] == ["push"] and robot.reach.tolist() == [[0, 2]]
+    np.testing.assert_allclose(robot.loads.sum(axis=0), [0, 0, -6000e-12 * 1000 * 9810], rtol=1e-9, atol=1e-12)
+    assert scene.materials[0].material.young == 2.0 and scene.contacts[0].name == "side"
+    refused = init(tmp_path, mesh_file, "--fixed", "left", "--symmetry", "y", "--quiet", "--force")
+    assert refused.exit_code == 2 and "--symmetry: a .vtu file is not meshed half by half" in refused.stderr
