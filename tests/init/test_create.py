@@ -73,7 +73,7 @@ def test_a_step_file_becomes_a_scene(tmp_path):
     assert robot.rows.n_a == 3 and scene.length == 120 and (robot.reach[:, 0] == 0).all()
     np.testing.assert_array_equal(robot.fixed, np.flatnonzero(robot.body.mesh.X[:, 2] == 0))
     np.testing.assert_allclose(robot.rest_e, [0, 0, 120], atol=0.5)
-    for flag in ("cells", "fixed", "young", "poisson", "cables", "through-air", "reach", "effector"):
+    for flag in ("cells", "fixed", "young", "poisson", "cables", "through-air", "reach", "effector", "also"):
         assert f'--{flag} "' in done.stderr, flag
     text = (own / "scene.yaml").read_text()
     assert text.count("guessed: ") == 7
@@ -91,6 +91,8 @@ def test_a_robot_of_more_cables_than_a_page_has_room_for_has_none(tmp_path):
 def test_a_closed_surface_in_another_unit_with_all_answers_given(tmp_path):
     write_stl(tmp_path / "Body.STL", (6.0, 1.0, 1.0))
     answers = [
+        "--also",
+        "none",
         "--through-air",
         "no",
         "--unit",
@@ -323,7 +325,7 @@ class TestAtATerminal:
         monkeypatch.setattr("cfem.cli.init.is_terminal", lambda: True)
 
     def test_questions_show_defaults_take_answers_and_ask_again(self, tmp_path, mesh_file):
-        typed = ["", "", "here", "right", "2 MPa", "", "2", "", "", "-1 mm", "5 mm"]
+        typed = ["", "", "here", "right", "2 MPa", "", "2", "", "", "", "-1 mm", "5 mm"]
         done = init(tmp_path, mesh_file, typed="\n".join(typed) + "\n")
         assert done.exit_code == 0, done.stderr
         assert "[1 mm: " in done.stderr and "cannot make sense of 'here'" in done.stderr
@@ -336,14 +338,15 @@ class TestAtATerminal:
 
     def test_what_an_option_says_is_not_asked(self, tmp_path, mesh_file):
         words = ["--unit", "mm", "--fixed", "left", "--young", "1 MPa", "--poisson", "0.3", "--cables", "1"]
-        words += ["--remesh", "no", "--through-air", "auto"]
+        words += ["--remesh", "no", "--through-air", "auto", "--also", "none"]
         done = init(tmp_path, mesh_file, *words, "--reach", "3 mm", "--effector", "60, 5, 5")
         assert done.exit_code == 0 and done.stderr == ""
 
     def test_the_end_of_input_is_an_interruption_and_what_was_typed_is_not_lost(self, tmp_path, mesh_file):
         done = init(tmp_path, mesh_file, typed="\ncm\n\n3 MPa\n")
         assert done.exit_code == 130
-        assert 'your answers, to go on with: --unit "cm" --young "3 MPa"' in done.stderr
+        said = f"your answers, to go on with: cfem init own --from {mesh_file} --folder {tmp_path / 'pipelines'} "
+        assert f"{said}--unit cm --young '3 MPa'\n" in done.stderr
         assert not (tmp_path / "pipelines").exists()
 
 
@@ -359,8 +362,10 @@ def test_the_tutorial_shows_what_is_said_and_written(tmp_path):
     text = (STEP.parents[1] / "tutorial.md").read_text()
     assert (STEP.parent / "s-arm.py").read_text() in text
     done = init(tmp_path, STEP)
-    shown = text.split("```\n--")[1].split("```")[0].splitlines()
-    assert [words(line) for line in shown[:-1]] == [words(line) for line in done.stderr.removeprefix("--").splitlines()]
+    shown = text.split("```\nwhat is suggested")[1].split("```")[0].splitlines()
+    said = done.stderr.splitlines()
+    assert shown[0].startswith(", to look at: ") and Path(said[0].rpartition(": ")[2]).is_file()
+    assert [words(line) for line in shown[1:-1]] == [words(line) for line in said[1:]]
     written = (tmp_path / "pipelines" / "own" / "scene.yaml").read_text().replace("own.step", "s-arm.step")
     shown = text.split("```yaml\n")[1].split("```")[0]
     assert words(shown) in words(written)
@@ -369,3 +374,16 @@ def test_the_tutorial_shows_what_is_said_and_written(tmp_path):
 def words(text):
     """Without the numbers, which another version of the mesher may change in their last digits."""
     return re.sub(r"-?\d+(\.\d+)?", "0", text)
+
+
+def test_what_else_belongs_to_a_robot_is_in_its_scene(tmp_path, mesh_file):
+    words = ["--push", "poke: 40, 5, 10; 0, 0, -1", "--travel", "2 mm", "--gravity", "-z", "--density", "1000 kg/m^3"]
+    words += ["--region", "x >= 45 mm: 2 MPa, 0.3", "--contact", "side: 60, 5, 0", "--cables", "0", "--quiet"]
+    done = init(tmp_path, mesh_file, "--fixed", "left", *words)
+    assert done.exit_code == 0, done.stderr
+    scene, robot = built(tmp_path)
+    assert [item.kind for item in scene.actuators] == ["push"] and robot.reach.tolist() == [[0, 2]]
+    np.testing.assert_allclose(robot.loads.sum(axis=0), [0, 0, -6000e-12 * 1000 * 9810], rtol=1e-9, atol=1e-12)
+    assert scene.materials[0].material.young == 2.0 and scene.contacts[0].name == "side"
+    refused = init(tmp_path, mesh_file, "--fixed", "left", "--symmetry", "y", "--quiet", "--force")
+    assert refused.exit_code == 2 and "--symmetry: a .vtu file is not meshed half by half" in refused.stderr

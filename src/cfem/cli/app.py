@@ -90,7 +90,10 @@ def init(
     cells: Annotated[str | None, typer.Option(help="About how many tetrahedra to make.")] = None,
     fixed: Annotated[
         str | None,
-        typer.Option(help="What is held: 'z <= 5 mm', bottom, top, left, right, front, back, or a set of the mesh."),
+        typer.Option(
+            help="What is held: 'z <= 5 mm', bottom, top, left, right, front, back, or a set of the mesh; several "
+            "with | between them."
+        ),
     ] = None,
     young: Annotated[str | None, typer.Option(help="Young's modulus: '500 kPa'.")] = None,
     poisson: Annotated[str | None, typer.Option(help="Poisson's ratio, at most 0.4999.")] = None,
@@ -118,6 +121,27 @@ def init(
         str | None, typer.Option(help="Which of several bodies in a file of surfaces, the largest first: 1, 2, ...")
     ] = None,
     effector: Annotated[str | None, typer.Option(help="The watched point: 'x, y, z' in mm.")] = None,
+    also: Annotated[
+        str | None, typer.Option(help="What else to ask for: push, gravity, region, rigid, contact, symmetry, or none.")
+    ] = None,
+    push: Annotated[
+        list[str] | None,
+        typer.Option(help="A force that pushes: 'NAME: x, y, z; dx, dy, dz', place in mm and direction. Repeatable."),
+    ] = None,
+    travel: Annotated[str | None, typer.Option(help="Largest way of the points that are pushed: '10 mm'.")] = None,
+    gravity: Annotated[str | None, typer.Option(help="Which way is down: -z, or 'x, y, z' in m/s^2.")] = None,
+    density: Annotated[str | None, typer.Option(help="Density, under gravity: '1070 kg/m^3'.")] = None,
+    region: Annotated[
+        list[str] | None,
+        typer.Option(help="Another material: 'z >= 5 mm: 2 MPa, 0.45', or a set of the mesh for z. Repeatable."),
+    ] = None,
+    rigid: Annotated[list[str] | None, typer.Option(help="A rigid part: 'z >= 5 mm'. Repeatable.")] = None,
+    contact: Annotated[
+        list[str] | None, typer.Option(help="A point that something may touch: 'NAME: x, y, z' in mm. Repeatable.")
+    ] = None,
+    symmetry: Annotated[
+        str | None, typer.Option(help="Axis across which the body is its own mirror image: x, y or z (.step, .brep).")
+    ] = None,
     folder: Annotated[Path, typer.Option(help="Folder of all robots.")] = Path("pipelines"),
     force: Annotated[bool, typer.Option("--force", help="Replace the files of a scene that is there.")] = False,
     json: Json = False,
@@ -132,6 +156,9 @@ def init(
         given = {"unit": unit, "cells": cells, "fixed": fixed, "young": young, "poisson": poisson}
         given |= {"cables": cables, "through-air": through_air, "chambers": chambers, "remesh": remesh}
         given |= {"reach": reach, "growth": growth, "effector": effector, "body": body}
+        given |= {"also": also, "travel": travel, "gravity": gravity, "density": density, "symmetry": symmetry}
+        several = {"push": push, "region": region, "rigid": rigid, "contact": contact}
+        given |= {flag: " | ".join(said) if said else None for flag, said in several.items()}
         if (source is None) == (robot is None):
             raise SpecError("give --from FILE or --robot NAME, one of the two", where="init")
         if robot is not None:

@@ -1,14 +1,21 @@
 """`cfem init`: asks on a terminal, says what it takes elsewhere."""
 
+import shlex
 import sys
+import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from cfem.cli.schemas import write_schemas
 from cfem.core.console.terminal import printable
 from cfem.core.errors import SpecError
+from cfem.core.optional import installed, remedy
 from cfem.init.question import Answer, Ask, Question, answer
+
+if TYPE_CHECKING:
+    from cfem.init.shape import Shape
+    from cfem.init.texts import NewScene
 
 
 def init_scene(
@@ -23,7 +30,7 @@ def init_scene(
     as_json: bool,
 ) -> dict[str, Any] | str:
     """Scene of a new robot from a file with its shape. given: what options state, by name."""
-    from cfem.init.create import create
+    from cfem.init.create import Show, create
     from cfem.init.drive import Stated
 
     for option, several, stated in (("cable", "cables", cables), ("chamber", "chambers", chambers)):
@@ -33,12 +40,15 @@ def init_scene(
             )
     flags = [flag for flag, text in given.items() if text is not None]
     typed: dict[str, str] = {}
+    guessed: set[str] = set()
+    show = None if quiet else Show(_guessing(given, guessed), lambda *found: _show(*found) if guessed else None)
     try:
-        made = create(name, source, folder, _asking(given, quiet, typed), Stated(cables, chambers, flags), force)
+        stated = Stated(cables, chambers, flags)
+        made = create(name, source, folder, _asking(given, quiet, typed), stated, force, show)
     except BaseException:
         if typed:  # what a person has typed is not lost
-            words = " ".join(f'--{flag} "{text}"' for flag, text in typed.items())
-            print(printable(f"your answers, to go on with: {words}"), file=sys.stderr)
+            words = _words(name, source, folder, {**given, **typed}, cables, chambers, force)
+            print(printable(f"your answers, to go on with: {words}"), file=sys.stderr, flush=True)
         raise
     write_schemas(folder.parent / "schemas", check=False)
     if as_json:
@@ -47,6 +57,35 @@ def init_scene(
     questions = [f"open: what drives the robot? {sentence}" for sentence in made["open"]]
     first = "answer what is marked OPEN in" if questions else "look at"
     return "\n".join([*mended, _text(made, f"{first} {made['folder']}/scene.yaml, then "), *questions])
+
+
+def _words(
+    name: str,
+    source: Path,
+    folder: Path,
+    said: Mapping[str, str | None],
+    cables: Sequence[str],
+    chambers: Sequence[str],
+    force: bool,
+) -> str:
+    """The command line that says all of it."""
+    words = ["cfem", "init", name, "--from", str(source), "--folder", str(folder)]
+    for flag, text in (*said.items(), *(("cable", text) for text in cables), *(("chamber", text) for text in chambers)):
+        if text is not None:
+            words += [f"--{flag}={text}"] if text.startswith("-") else [f"--{flag}", text]
+    return shlex.join([*words, *(["--force"] if force else [])])
+
+
+def _show(robot: "NewScene", shape: "Shape") -> None:
+    """Says where a page is that shows what is suggested, where what draws it is installed."""
+    if not installed("matplotlib"):
+        print(f"no picture of what is suggested: {remedy('matplotlib')}", file=sys.stderr)
+        return
+    from cfem.report.suggestion import suggestion
+
+    path = Path(tempfile.mkdtemp(prefix="cfem-init-")) / f"{robot.name}.html"
+    path.write_text(suggestion(robot, shape), encoding="utf-8")
+    print(printable(f"what is suggested, to look at: {path}"), file=sys.stderr, flush=True)
 
 
 def init_robot(
@@ -60,6 +99,17 @@ def init_robot(
     made = copy_robot(robot, name, folder, force)
     write_schemas(folder.parent / "schemas", check=False)
     return made if as_json else _text(made)
+
+
+def _guessing(given: Mapping[str, str | None], guessed: set[str]) -> Ask:
+    """By options and defaults; guessed: takes the flags of which the default was taken."""
+
+    def ask(question: Question) -> Answer:
+        if given.get(question.flag) is None:
+            guessed.add(question.flag)
+        return answer(question, given.get(question.flag))
+
+    return ask
 
 
 def _asking(given: Mapping[str, str | None], quiet: bool, typed: dict[str, str]) -> Ask:

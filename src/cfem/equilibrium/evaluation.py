@@ -11,11 +11,12 @@ from cfem.mechanics.factorization import Factor
 
 @dataclass
 class SolveCost:
-    """Work that a solve has done so far."""
+    """Work that a solve has done so far; halvings: load steps that failed, after which a shorter one came."""
 
     iterations: int = 0
     factorizations: int = 0
     steps: int = 0
+    halvings: int = 0
 
 
 @dataclass(frozen=True)

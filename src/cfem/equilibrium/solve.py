@@ -42,6 +42,7 @@ def solve(
     slack: bool = True,
     tangent: Tangent | None = None,
     wanted: Wanted = W_ALONE,
+    cost: SolveCost | None = None,
 ) -> Equilibrium:
     """Equilibrium under `actuation`: by Newton's method from `start` where one is given; failing that by continuation
     from the equilibrium `base`; failing that from rest. An actuation of the actuators alone leaves contacts free.
@@ -49,10 +50,11 @@ def solve(
     slack: let unilateral actuators go slack rather than push
     tangent: of a state near the start, with which Newton's method begins
     wanted: what is asked of the state beside itself
+    cost: counts the work, for who watches while the solve goes on
 
     Never raises for numerical failure: `status` says how it ended and the state is the last one reached."""
     demand_without_friction(problem.robot)
-    begin, cost = time.perf_counter(), SolveCost()
+    begin, cost = time.perf_counter(), cost or SolveCost()
     actuation = actuation.padded(problem.n_active)
     if not _finite(problem, actuation, start, base):
         return _answer(problem, _not_finite(problem, actuation), actuation, settings, cost, begin, wanted)
@@ -142,6 +144,7 @@ def _continuation(
             failed = False
         else:
             step, failed = (to - done) / 2, True
+            cost.halvings += 1
             if step < max(settings.smallest_step * done, _NOTHING):
                 return _Path(result, lost, stable or reached, done)
 

@@ -1,9 +1,10 @@
 """A new scene: questions in their order, guesses from the shape, its files and a copy of the shape."""
 
 import shutil
-import tempfile
-from collections.abc import Collection, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Collection, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -13,31 +14,31 @@ from cfem.core.artefact.files import disk_errors
 from cfem.core.artefact.place import write_beside
 from cfem.core.errors import OutputError, SpecError
 from cfem.core.names import demand_scene_name
-from cfem.core.spec import load_spec
-from cfem.core.units import parse_number
-from cfem.equilibrium.robot import Robot
-from cfem.init.drive import NOTHING, Drive, Stated, drive, proposal
+from cfem.init.drive import NOTHING, Stated, drive, proposal
 from cfem.init.ends import Proposal
+from cfem.init.further import further
 from cfem.init.hold import Hold, Run, read_hold, run_from
-from cfem.init.question import Answer, Ask, Question, choice, point, positive, whole
+from cfem.init.question import Answer, Ask, Question, choice, parts, point, positive, ratio, stress, whole
 from cfem.init.shape import MESH, Shape, Source, geometry, make_shape, natural_unit, read_source
-from cfem.init.stroke import reaches
-from cfem.init.texts import SPECS, NewScene, number, texts, vector
+from cfem.init.texts import SPECS, NewScene, texts
+from cfem.init.trial import tried
 from cfem.init.watch import carrier_radius, guess_watched, is_inside
-from cfem.mechanics.mesh import Mesh
-from cfem.robot.build import build_robot
-from cfem.robot.checks.cable_passage import demand_inside
+from cfem.init.written import number, vector
 from cfem.robot.checks.plausible import size_doubts
 from cfem.robot.geometry import SURFACES
-from cfem.robot.mesh.meshing import corners_of, make_mesh
 from cfem.robot.mesh.quality import dihedral_angles
 from cfem.robot.mesh.surface_file import count_bodies
-from cfem.robot.spec import SceneSpec
 
-_OPTIONS = {"actuators": "--cable", "effectors": "--effector", "fixed": "--fixed"}
-_QUADRATIC = 1200  # cells of which strokes are found with quadratic tetrahedra, and above with linear ones
 _SHARP = 5.0  # degrees: cells with sharper angles are doubtful
 _LINEAR = 15_000  # cells of the user's own mesh above which quadratic ones would take hours
+
+
+@dataclass(frozen=True)
+class Show:
+    """ask: answers by what options say and by defaults, without a question; look: is given the robot and its body."""
+
+    ask: Ask
+    look: Callable[[NewScene, Shape], None]
 
 
 def create(
@@ -47,9 +48,11 @@ def create(
     ask: Ask,
     stated: Stated = NOTHING,
     force: bool = False,
+    show: Show | None = None,
 ) -> dict[str, Any]:
     """Writes folder / name, asking what is open; stated: what options say about actuators, and the flags to which `ask`
-    has an answer already. Returns what was made; open: what nobody could answer, a sentence each.
+    has an answer already; show: is given what is suggested before the first question about it. Returns what was made;
+    open: what nobody could answer, a sentence each.
 
     Raises SpecError (an answer that cannot be), InputError (no shape in the file), OutputError (there is such a scene
     and not `force`)."""
@@ -58,8 +61,12 @@ def create(
     target = folder / name
     copy = f"{name}{path.suffix.lower()}"
     _demand_room(target, [*(f"{spec}.yaml" for spec in SPECS), copy], path, force)
-    robot = _robot(name, copy, source, stated, ask)
-    robot, cells = _tried(robot, path, stated, ask)
+    known = _known(source, stated, ask)
+    if show is not None:
+        with suppress(SpecError):  # of what is wrong the questions tell
+            show.look(*_robot(name, copy, source, stated, show.ask, known))
+    robot, _ = _robot(name, copy, source, stated, ask, known)
+    robot, cells = tried(robot, path, stated, ask)
     made = texts(robot)
     with disk_errors(target):
         target.mkdir(parents=True, exist_ok=True)
@@ -130,22 +137,37 @@ def _same(path: Path, other: Path) -> bool:
     return other.exists() and path.samefile(other)
 
 
-def _robot(name: str, copy: str, source: Source, stated: Stated, ask: Ask) -> NewScene:
-    """All but how far the actuators go."""
+Known = Callable[[float, int], tuple[Shape, Proposal]]
+
+
+def _known(source: Source, stated: Stated, ask: Ask) -> Known:
+    """The body and what is proposed to be held, by unit (mm) and cells: of the same ones found once. SpecError where no
+    robot is of such a size."""
+
+    @cache
+    def known(unit: float, cells: int) -> tuple[Shape, Proposal]:
+        shape = make_shape(source, unit, cells)
+        doubts = size_doubts(shape.extent)
+        if doubts and not source.has_unit:
+            raise SpecError(doubts[0], where="--unit", do="state the unit of the file's numbers, such as 'mm' or 'm'")
+        return shape, proposal(shape, stated, ask)
+
+    return known
+
+
+def _robot(name: str, copy: str, source: Source, stated: Stated, ask: Ask, known: Known) -> tuple[NewScene, Shape]:
+    """All but how far the actuators go; and the body."""
     unit, cells = _unit(source, ask), _cells(source, ask)
     scale = 1.0 if unit is None else unit.value
-    shape = make_shape(source, scale, cells.value if cells else 0)
-    doubts = size_doubts(shape.extent)
-    if doubts and unit is not None:
-        raise SpecError(doubts[0], where="--unit", do="state the unit of the file's numbers, such as 'mm' or 'm'")
-    proposed = proposal(shape, stated, ask)
+    shape, proposed = known(scale, cells.value if cells else 0)
     hold = _hold(shape, proposed, ask)
-    run = run_from(hold.value, shape)
+    run = run_from(hold.value[0], shape)
     young, poisson = _material(ask)
-    driven = drive(shape, run, stated, proposed if hold.value is proposed.hold else None, ask)
-    effector = _effector(shape, run, ask)
+    driven = drive(shape, run, stated, proposed if hold.value == (proposed.hold,) else None, ask)
+    effector = _effector(shape, run, hold.value, ask)
     outside = not is_inside(shape.mesh, effector.value)
-    return NewScene(
+    also = further(shape, source, stated.flags, ask)
+    robot = NewScene(
         name=name,
         kind=geometry(source.path, 1.0).kind,
         file=copy,
@@ -163,12 +185,15 @@ def _robot(name: str, copy: str, source: Source, stated: Stated, ask: Ask) -> Ne
         hold=hold,
         young=young,
         poisson=poisson,
-        drive=driven,
+        drive=replace(driven, missing=None) if also.pushes else driven,
+        further=also,
         reach=None,
         growth=None,
+        travel=None,
         effector=effector,
         carrier_radius=carrier_radius(shape.mesh, effector.value) if outside else None,
     )
+    return robot, shape
 
 
 def _unit(source: Source, ask: Ask) -> Answer | None:
@@ -198,8 +223,12 @@ def _cells(source: Source, ask: Ask) -> Answer | None:
 def _hold(shape: Shape, proposal: Proposal, ask: Ask) -> Answer:
     hold = proposal.hold
     low, high = vector(_rounded(shape.low)), vector(_rounded(shape.high))
-    text = f"What is held? The body goes from {low} to {high} mm"
-    return ask(Question("fixed", text, str(hold), proposal.why, lambda text: _exact(hold, read_hold(text, shape))))
+    text = f"What is held? The body goes from {low} to {high} mm; several parts with | between them"
+
+    def read(text: str) -> tuple[Hold, ...]:
+        return tuple(_exact(hold, read_hold(part, shape)) for part in parts(text) or [text])
+
+    return ask(Question("fixed", text, str(hold), proposal.why, read))
 
 
 def _exact(guess: Hold, read: Hold) -> Hold:
@@ -208,27 +237,22 @@ def _exact(guess: Hold, read: Hold) -> Hold:
 
 
 def _material(ask: Ask) -> tuple[Answer, Answer]:
-    young = ask(Question("young", "Young's modulus?", "500 kPa", "a soft silicone rubber", _stress))
-    poisson = ask(Question("poisson", "Poisson's ratio?", "0.45", "nearly incompressible", _ratio))
+    young = ask(Question("young", "Young's modulus?", "500 kPa", "a soft silicone rubber", stress))
+    poisson = ask(Question("poisson", "Poisson's ratio?", "0.45", "nearly incompressible", ratio))
     return young, poisson
 
 
-def _stress(text: str) -> str:
-    positive(text, "MPa")
-    return " ".join(text.split())
-
-
-def _ratio(text: str) -> float:
-    value = parse_number(text)
-    if not 0 <= value <= 0.4999:
-        raise ValueError(f"expected a number from 0 to 0.4999, got '{text}'")
-    return value
-
-
-def _effector(shape: Shape, run: Run, ask: Ask) -> Answer:
+def _effector(shape: Shape, run: Run, held: Sequence[Hold], ask: Ask) -> Answer:
     place, why = guess_watched(shape, run)
     default = ", ".join(number(value) for value in place) + " mm"
-    return ask(Question("effector", "Which point is watched?", default, why, point))
+
+    def read(text: str) -> np.ndarray:
+        place = point(text)
+        if any(part.holds(place) for part in held):
+            raise SpecError(f"the point ({text.strip()}) is held", do="state one that moves")
+        return place
+
+    return ask(Question("effector", "Which point is watched?", default, why, read))
 
 
 def _rounded(place: np.ndarray) -> list[float]:
@@ -239,52 +263,3 @@ def _element(shape: Shape, source: Source) -> str:
     if shape.mesh.cells.shape[1] == 8:
         return "hex8"
     return "tet10p0" if source.own is None or len(shape.mesh.cells) <= _LINEAR else "tet4"
-
-
-def _tried(robot: NewScene, path: Path, stated: Stated, ask: Ask) -> tuple[NewScene, int]:
-    """The robot with how far its actuators go, made on the coarse mesh, so that what cannot be made is an error now;
-    and how many cells that has. Actuators that were suggested here and cannot be made are left open."""
-    with tempfile.TemporaryDirectory() as scratch:
-        folder = Path(scratch)
-        shutil.copyfile(path, folder / robot.file)
-        provisional = replace(robot, reach=Answer(robot.length / 1000), growth=Answer(1e-3))
-        spec = _written(provisional, folder)
-        mesh, _ = make_mesh(spec, folder)
-        try:
-            made = _built(spec, mesh)
-        except SpecError as error:
-            if stated.cables or stated.chambers or (error.where or "") == "--effector":
-                raise
-            robot = replace(robot, drive=Drive(missing=error.what))
-            made = _built(_written(replace(robot, reach=provisional.reach, growth=provisional.growth), folder), mesh)
-        reach, growth = reaches(_light(folder, made, mesh), robot.drive, stated.flags, ask)
-        robot = replace(robot, reach=reach, growth=growth)
-        if robot.drive.cables or robot.drive.chambers:
-            _built(_written(robot, folder), mesh)
-    return robot, len(mesh.cells)
-
-
-def _written(robot: NewScene, folder: Path) -> SceneSpec:
-    (folder / "scene.yaml").write_text(texts(robot)["scene.yaml"], encoding="utf-8")
-    return load_spec(folder / "scene.yaml", SceneSpec)
-
-
-def _light(folder: Path, made: Robot, mesh: Mesh) -> Robot:
-    """The robot in which many states are solved in little time: of linear tetrahedra where it has many cells."""
-    spec = load_spec(folder / "scene.yaml", SceneSpec)
-    if mesh.order == 1 or len(mesh.cells) <= _QUADRATIC:
-        return made
-    meshing = spec.mesh.model_copy(update={"element": "tet4"})
-    return build_robot(spec.model_copy(update={"mesh": meshing}), corners_of(mesh))
-
-
-def _built(spec: SceneSpec, mesh: Mesh) -> Robot:
-    """SpecError that names the option."""
-    try:
-        robot = build_robot(spec, mesh)
-        demand_inside(spec, mesh)
-    except SpecError as error:  # the file that it names is not written
-        key = (error.where or "").rpartition(": ")[2].split(".")[0]
-        do = (error.do or "").replace("set through_air: true where it is meant", "say --through-air yes")
-        raise SpecError(error.what, where=_OPTIONS.get(key), do=do or None) from None
-    return robot

@@ -35,6 +35,11 @@ class Hold:
         normal = np.eye(3)[self.axis] * (-1 if self.below else 1)
         return Plane(kind="plane", point={"mm": (np.eye(3)[self.axis] * self.level).tolist()}, normal=normal.tolist())
 
+    def holds(self, place: np.ndarray) -> bool:
+        """Whether it is a half space that a point (3,) mm is in."""
+        beyond = (self.level - place[self.axis]) * (1 if self.below else -1)
+        return self.name is None and bool(beyond >= -1e-9 * abs(self.level))
+
     def __str__(self) -> str:
         return self.name or f"{AXES[self.axis]} {'<=' if self.below else '>='} {self.level + 0.0:.9g} mm"
 
@@ -67,7 +72,7 @@ class Run:
 def read_hold(text: str, shape: Shape) -> Hold:
     """'z <= 5 mm', 'bottom' and its like, or the name of a set of the mesh. SpecError where it holds nothing, too
     little, or everything."""
-    hold = _read(text.strip(), shape)
+    hold = read_part(text, shape)
     held = _held_nodes(shape, hold)
     if not _holds(held):
         raise SpecError(f"'{text}' holds {len(held)} nodes on one line, about which the body can turn", do="hold more")
@@ -75,6 +80,14 @@ def read_hold(text: str, shape: Shape) -> Hold:
     if (run.tip - run.level) * run.forward < 0.1 * run.length:
         raise SpecError(f"'{text}' holds all of the body or nearly so", do=_between(shape, hold.axis))
     return hold
+
+
+def read_part(text: str, shape: Shape) -> Hold:
+    """'z <= 5 mm', 'bottom' and its like, or the name of a set of the mesh. SpecError where there is nothing."""
+    part = _read(text.strip(), shape)
+    if part.name is None:
+        _held_nodes(shape, part)
+    return part
 
 
 def guess_hold(shape: Shape) -> tuple[Hold, str]:

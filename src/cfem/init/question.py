@@ -78,3 +78,22 @@ def choice(text: str, choices: tuple[str, ...]) -> str:
     if text.strip() not in choices:
         raise ValueError(f"expected one of {', '.join(choices)}, got '{text.strip()}'")
     return text.strip()
+
+
+def parts(text: str) -> list[str]:
+    """Those of 'a | b', none of an empty text."""
+    return [part.strip() for part in text.split("|") if part.strip()]
+
+
+def stress(text: str) -> str:
+    """As it is written. ValueError where it is not above zero."""
+    positive(text, "MPa")
+    return " ".join(text.split())
+
+
+def ratio(text: str) -> float:
+    """Poisson's. ValueError where it is none of a body that can be compressed."""
+    value = parse_number(text)
+    if not 0 <= value <= 0.4999:
+        raise ValueError(f"expected a number from 0 to 0.4999, got '{text}'")
+    return value

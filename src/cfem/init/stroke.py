@@ -20,7 +20,7 @@ from cfem.equilibrium.solution import Equilibrium, Status
 from cfem.equilibrium.solve import Wanted, solve
 from cfem.init.drive import Drive
 from cfem.init.question import Answer, Ask, Question, positive
-from cfem.init.texts import short
+from cfem.init.written import short
 
 STRAIN = 0.5  # largest principal stretch less one, as a mean of high power over the body
 BEND = np.pi / 2  # rad by which the tip turns
@@ -70,27 +70,33 @@ def strokes(robot: Robot, advance: Callable[[int], None] = lambda _: None) -> li
     return [Stroke(share * each.reach, share * each.force, each.why + why) for each in found]
 
 
-def reaches(robot: Robot, driven: Drive, stated: Collection[str], ask: Ask) -> tuple[Answer | None, Answer | None]:
-    """Of cables in mm and of chambers in mm^3: how far they go until a limit, by solving on the coarse mesh. stated:
-    the flags to which `ask` has an answer already."""
+def reaches(
+    robot: Robot, driven: Drive, pushes: int, stated: Collection[str], ask: Ask
+) -> tuple[Answer | None, Answer | None, Answer | None]:
+    """Of cables in mm, of chambers in mm^3 and of pushes in mm: how far they go until a limit, by solving on the coarse
+    mesh. stated: the flags to which `ask` has an answer already."""
     cables, chambers = len(driven.cables), len(driven.chambers)
-    wanted = [flag for flag, count in (("reach", cables), ("growth", chambers)) if count]
+    wanted = [flag for flag, count in (("reach", cables), ("growth", chambers), ("travel", pushes)) if count]
     found: list[Stroke] = []
     if any(flag not in stated for flag in wanted):
         with progress(
             "finding how far the actuators go, on the coarse mesh", _SOLVES * robot.rows.n_a, estimate=False
         ) as advance:
             found = strokes(robot, advance)
-    reach = growth = None
+    reach = growth = travel = None
     if cables:
         default, why = _least(found[:cables], "mm", "N")
         text = "By how much may each cable be shortened?"
         reach = ask(Question("reach", text, default, why, lambda text: positive(text, "mm")))
     if chambers:
-        default, why = _least(found[cables:], "mm^3", "kPa")
+        default, why = _least(found[cables : cables + chambers], "mm^3", "kPa")
         text = "By how much may each chamber grow?"
         growth = ask(Question("growth", text, default, why, lambda text: positive(text, "mm^3")))
-    return reach, growth
+    if pushes:
+        default, why = _least(found[cables + chambers :], "mm", "N")
+        text = "By how far may each push move its point?"
+        travel = ask(Question("travel", text, default, why, lambda text: positive(text, "mm")))
+    return reach, growth, travel
 
 
 def _least(found: Sequence[Stroke], unit: str, of_force: str) -> tuple[str, str]:

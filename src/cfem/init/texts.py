@@ -1,14 +1,15 @@
 """The six files of a new scene, as text."""
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from cfem.init.drive import Drive
-from cfem.init.hold import AXES, Hold
+from cfem.init.further import Further, further_lines, push_lines
+from cfem.init.hold import AXES
 from cfem.init.question import Answer
+from cfem.init.written import note, number, selection, short, vector
 
 SPECS = ("scene", "sample", "train", "export", "export-page", "control", "report")
 ON_PAGE = 8  # actuators for which the page of a robot has room
@@ -24,8 +25,10 @@ class NewScene:
     """All that the files say. kind: of the geometry; file: name of the shape's copy; body: of several in it; remesh:
     whether its inside is meshed anew; mended: what was mended, a phrase each; unit: text, None where the file states
     its own; extent (3,) mm; volume mm^3; length mm, along axis; size mm; cells: None where the mesh is the user's;
-    element; hold, young, poisson: each an Answer; drive: cables and chambers; reach: an Answer in mm, of cables;
-    growth: in mm^3, of chambers; effector: an Answer (3,) mm; carrier_radius: mm, of an effector outside the body."""
+    element; hold: an Answer, the parts that are held, the first of which it stretches from; young, poisson: each an
+    Answer; drive: cables and chambers; further: what else there is; reach: an Answer in mm, of cables; growth: in mm^3,
+    of chambers; travel: in mm, of pushes; effector: an Answer (3,) mm; carrier_radius: mm, of an effector outside the
+    body."""
 
     name: str
     kind: str
@@ -45,8 +48,10 @@ class NewScene:
     young: Answer
     poisson: Answer
     drive: Drive
+    further: Further
     reach: Answer | None
     growth: Answer | None
+    travel: Answer | None
     effector: Answer
     carrier_radius: float | None
 
@@ -58,21 +63,7 @@ class NewScene:
     @property
     def n_a(self) -> int:
         """Actuators."""
-        return len(self.drive.cables) + len(self.drive.chambers)
-
-
-def number(value: float) -> str:
-    """To nine digits, which node coordinates are compared to."""
-    return f"{value + 0.0:.9g}" if abs(value) > 1e-12 else "0"
-
-
-def short(value: float) -> str:
-    """A quantity that was guessed, to three digits."""
-    return f"{float(f'{value:.3g}'):.9g}"
-
-
-def vector(values: Sequence[float]) -> str:
-    return "[" + ", ".join(number(value) for value in values) + "]"
+        return len(self.drive.cables) + len(self.drive.chambers) + len(self.further.pushes)
 
 
 def texts(robot: NewScene) -> dict[str, str]:
@@ -96,23 +87,25 @@ def _scene(robot: NewScene) -> str:
         *(f"# {robot.file} was mended: {phrase}." for phrase in robot.mended),
         f"name: {robot.name}",
         f"out: ../../data/{robot.name}/mesh",
-        f"length: {number(robot.length)} mm{_note(f'along {AXES[robot.axis]}; what % of length refers to')}",
-        f"geometry: {{kind: {kind}, path: {robot.file}}}" + _note("; ".join(part for part in size if part)),
+        f"length: {number(robot.length)} mm{note(f'along {AXES[robot.axis]}; what % of length refers to')}",
+        f"geometry: {{kind: {kind}, path: {robot.file}}}" + note("; ".join(part for part in size if part)),
         *_mesh(robot),
-        f"material: {{law: neo-hookean-log, young: {robot.young.value}, poisson: {number(robot.poisson.value)}}}"
-        + _note(_guesses(robot.young, robot.poisson)),
-        "fixed:" + _note(_guesses(robot.hold)),
-        f"  - {_selection(robot.hold.value)}",
+        f"material: {{law: neo-hookean-log, young: {robot.young.value}, poisson: {number(robot.poisson.value)}"
+        + f"{robot.further.dense}}}"
+        + note(_guesses(robot.young, robot.poisson, *robot.further.guessed)),
+        "fixed:" + note(_guesses(robot.hold)),
+        *(f"  - {selection(part)}" for part in robot.hold.value),
+        *further_lines(robot.further, robot.radius),
         *_actuators(robot),
     ]
     lines += [
-        "effectors:" + _note(_guesses(robot.effector)),
+        "effectors:" + note(_guesses(robot.effector)),
         "  - name: tip",
         f"    point: {{mm: {vector(robot.effector.value)}}}",
         f"    radius: {short(robot.radius)} mm",
     ]
     if robot.carrier_radius is not None:
-        lines.append(f"    carrier_radius: {short(robot.carrier_radius)} mm" + _note("what lies so near carries it"))
+        lines.append(f"    carrier_radius: {short(robot.carrier_radius)} mm" + note("what lies so near carries it"))
     return "\n".join(lines) + "\n"
 
 
@@ -121,7 +114,7 @@ def _actuators(robot: NewScene) -> list[str]:
     if not robot.n_a:
         return [*_open_question(robot), "actuators: []"]
     placed = [f"guessed: {why}" for why in (driven.placed, driven.offered) if why]
-    lines = ["actuators:" + _note("; ".join(placed))]
+    lines = ["actuators:" + note("; ".join(placed))]
     for cable in driven.cables:
         lines += [
             "  - kind: cable",
@@ -130,18 +123,21 @@ def _actuators(robot: NewScene) -> list[str]:
             "    points:",
             "      mm:",
             *(f"        - {vector(point)}" for point in cable.points),
-            f"    radius: {short(robot.radius)} mm" + _note("of the region through which each point acts"),
-            *(["    through_air: true" + _note("between its points it leaves the body")] if driven.through_air else []),
-            f"    reach: {{mm: [0, {number(robot.reach.value)}]}}" + _note(_guesses(robot.reach)),
+            f"    radius: {short(robot.radius)} mm" + note("of the region through which each point acts"),
+            *(["    through_air: true" + note("between its points it leaves the body")] if driven.through_air else []),
+            f"    reach: {{mm: [0, {number(robot.reach.value)}]}}" + note(_guesses(robot.reach)),
         ]
     for chamber in driven.chambers:
         lines += [
             "  - kind: cavity",
             f"    name: {chamber.name}",
-            f"    inside: {{mm: {vector(np.round(chamber.inside, 4))}}}" + _note(f"in {short(chamber.volume)} mm^3"),
-            "    unilateral: true" + _note("it is blown up and never sucked empty"),
-            f"    reach: {{mm^3: [0, {number(robot.growth.value)}]}}" + _note(_guesses(robot.growth)),
+            f"    inside: {{mm: {vector(np.round(chamber.inside, 4))}}}" + note(f"in {short(chamber.volume)} mm^3"),
+            "    unilateral: true" + note("it is blown up and never sucked empty"),
+            f"    reach: {{mm^3: [0, {number(robot.growth.value)}]}}" + note(_guesses(robot.growth)),
         ]
+    for push in robot.further.pushes:
+        lines += push_lines(push, robot.radius)
+        lines.append(f"    reach: {{mm: [0, {number(robot.travel.value)}]}}" + note(_guesses(robot.travel)))
     return lines
 
 
@@ -168,21 +164,14 @@ def _mesh(robot: NewScene) -> list[str]:
     if robot.cells is None:
         return [
             f"mesh: {{size: {number(robot.size)} mm, element: {robot.element}}}"
-            + _note("the file's own cells as they are")
+            + note("the file's own cells as they are")
         ]
     return [
         "mesh:",
-        f"  size: {number(robot.size)} mm" + _note("the largest"),
-        f"  cells: {robot.cells.value}" + _note("about so many, finest where they matter; more: more accurate, slower"),
+        f"  size: {number(robot.size)} mm" + note("the largest"),
+        f"  cells: {robot.cells.value}" + note("about so many, finest where they matter; more: more accurate, slower"),
+        *([f"  mirror: {robot.further.symmetry}"] if robot.further.symmetry else []),
     ]
-
-
-def _selection(hold: Hold) -> str:
-    if hold.name is not None:
-        return f"{{kind: name, name: {json.dumps(hold.name)}}}"
-    plane = hold.selection()
-    point, normal = vector(plane.point), vector(plane.normal)
-    return f"{{kind: plane, point: {{mm: {point}}}, normal: {normal}}}" + _note(str(hold))
 
 
 def _sample(robot: NewScene) -> str:
@@ -259,7 +248,3 @@ control: ../../data/{robot.name}/control
 def _guesses(*answers: Answer) -> str:
     whys = [answer.guess for answer in answers if answer.guess is not None]
     return f"guessed: {'; '.join(whys)}" if whys else ""
-
-
-def _note(text: str) -> str:
-    return f"    # {text}" if text else ""

@@ -53,7 +53,7 @@ def worker_pool(workers: int | None = None) -> Iterator[Executor]:
     context = _WithoutMain()
     # Safe path: no process takes modules from the working folder.
     with _environment({**dict.fromkeys((*ONE_THREAD, "PYTHONSAFEPATH"), "1"), "CFEM_SOLVER": solver_name()}):
-        executor = Pool(workers or cores(), context, context.Array("q", 3))
+        executor = Pool(workers or cores(), context)
         try:
             yield executor
         except BaseException:
@@ -83,15 +83,15 @@ class _WithoutMain(multiprocessing.context.SpawnContext):
 
 
 class Pool(ProcessPoolExecutor):
-    """Processes that count the states that they solve in `counts`, a multiprocessing.Array."""
+    """Processes that count the states that they solve."""
 
-    def __init__(self, workers: int, context: Any, counts: Any):
-        super().__init__(workers, context, initializer=_become_worker, initargs=(counts,))
-        self._counts = counts
+    def __init__(self, workers: int, context: Any):
+        self._counts = tally.shared_counts(context, workers)
+        super().__init__(workers, context, initializer=_become_worker, initargs=(self._counts,))
 
     def tally(self) -> Tally:
         """Tally of all of them so far."""
-        return Tally(*self._counts)
+        return tally.read(self._counts)
 
 
 def _become_worker(counts: Any) -> None:

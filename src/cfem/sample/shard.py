@@ -106,7 +106,8 @@ def solve_skeleton(robot: bytes, piece: Piece, asked: SkinSpec | None) -> tuple[
     skin = find_skin(surface, seen, asked, solver.facts.length, inside)
     watching = solver.watching(skin)
     rows = []
-    for row in begun:
+    for index, row in enumerate(begun):
+        tally.begin(piece.split[index], piece.id[index])
         rows.append(_again(watching, piece, row))
         tally.add(False, rows[-1].solved.factorizations - row.solved.factorizations)
     records = [_record(solver.facts, skin, piece, index, row) for index, row in enumerate(rows)]
@@ -168,6 +169,7 @@ def _solve_row(solver: Solver, piece: Piece, index: int, knots: Sequence[Knot]) 
         asked, X = actuation(piece.space, u[:n_a], facts.reach, facts.compliance, facts.forces, piece.together), None
         p = from_shares(parameters, u[n_a:])
     asked, q = pulling_only(asked, facts.unilateral), coordinates(parameters, p)
+    tally.begin(piece.split[index], piece.id[index])
     solved = solver.solve(asked, _start(facts, knots, u, asked, q), p)
     known = _knot(facts, piece, u, p, solved)
     return SolvedRow(u, asked, X, p, solved, known, time.perf_counter() - begin)

@@ -19,6 +19,7 @@ from cfem.mechanics.mesh import Mesh
 from cfem.mechanics.viscosity import Viscosity
 from cfem.robot.same_robot import robot_of
 from cfem.robot.spec import SceneSpec
+from cfem.sample import tally
 from cfem.sample.skin import Inside
 
 # Share of a parameter's range on either side, by which robots are differenced: truncation about 1e-8 of the slopes.
@@ -223,6 +224,7 @@ class _FiniteElementSolver:
                 mass=mass,
                 stresses=self.stresses,
             ),
+            cost=tally.cost(),
         )
         return (
             replace(equilibrium, state=replace(equilibrium.state, x=equilibrium.state.x - shift))

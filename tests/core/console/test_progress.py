@@ -103,8 +103,12 @@ def test_states_that_other_processes_count_are_seen(display, clock):
 
 
 def test_what_states_cost_is_said_beside_their_number(display, clock):
-    with progress("states", 8, note=lambda: "12 factorisations a solve") as advance:
-        assert "12 factorisations" not in display.line()
+    said = [""]
+    with progress("states", 8, note=lambda: said[0]) as advance:
+        assert "states, 0/8, 0 s" in display.line()
+        said[0] = "row 7 is slow"
+        assert "states, 0/8, row 7 is slow, " in display.line()
+        said[0] = "12 factorisations a solve"
         advance(1)
         assert "states, 1/8, 12 factorisations a solve, " in display.line()
 

@@ -98,7 +98,8 @@ class Display:
         if self.counted:
             inner = self.counted[-1]
             parts.append(f"{inner.count}/{inner.total}")
-            parts += [inner.note()] if inner.note is not None and inner.count > inner.begun else []
+            note = "" if inner.note is None else inner.note()
+            parts += [note] if note else []
             remaining = inner.left(now)
         parts.append(f"{now - self.begin:.0f} s so far")
         if remaining is not None and remaining >= 1:

@@ -1,0 +1,82 @@
+"""A new robot made and solved on the coarse mesh before its scene is written, so that what cannot be made is an error
+now."""
+
+import shutil
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+
+from cfem.core.errors import SpecError
+from cfem.core.spec import load_spec
+from cfem.equilibrium.robot import Robot
+from cfem.init.drive import Drive, Stated
+from cfem.init.question import Answer, Ask
+from cfem.init.stroke import reaches
+from cfem.init.texts import NewScene, texts
+from cfem.mechanics.mesh import Mesh
+from cfem.robot.build import build_robot
+from cfem.robot.checks.cable_passage import demand_inside
+from cfem.robot.mesh.meshing import corners_of, make_mesh
+from cfem.robot.spec import SceneSpec
+
+_OPTIONS = {
+    "actuators": "--cable",
+    "effectors": "--effector",
+    "fixed": "--fixed",
+    "materials": "--region",
+    "rigid": "--rigid",
+    "contacts": "--contact",
+}
+_QUADRATIC = 1200  # cells of which strokes are found with quadratic tetrahedra, and above with linear ones
+
+
+def tried(robot: NewScene, path: Path, stated: Stated, ask: Ask) -> tuple[NewScene, int]:
+    """The robot with how far its actuators go, made on the coarse mesh, so that what cannot be made is an error now;
+    and how many cells that has. Actuators that were suggested here and cannot be made are left open."""
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = Path(scratch)
+        shutil.copyfile(path, folder / robot.file)
+        least = robot.length / 1000
+        provisional = replace(robot, reach=Answer(least), growth=Answer(1e-3), travel=Answer(least))
+        spec = _written(provisional, folder)
+        mesh, _ = make_mesh(spec, folder)
+        try:
+            made = _built(spec, mesh)
+        except SpecError as error:
+            if stated.cables or stated.chambers or error.where not in (None, "--cable"):
+                raise
+            robot = replace(robot, drive=Drive(missing=error.what))
+            made = _built(_written(replace(provisional, drive=robot.drive), folder), mesh)
+        pushes = len(robot.further.pushes)
+        reach, growth, travel = reaches(_light(folder, made, mesh), robot.drive, pushes, stated.flags, ask)
+        robot = replace(robot, reach=reach, growth=growth, travel=travel)
+        if robot.n_a:
+            _built(_written(robot, folder), mesh)
+    return robot, len(mesh.cells)
+
+
+def _written(robot: NewScene, folder: Path) -> SceneSpec:
+    (folder / "scene.yaml").write_text(texts(robot)["scene.yaml"], encoding="utf-8")
+    return load_spec(folder / "scene.yaml", SceneSpec)
+
+
+def _light(folder: Path, made: Robot, mesh: Mesh) -> Robot:
+    """The robot in which many states are solved in little time: of linear tetrahedra where it has many cells."""
+    spec = load_spec(folder / "scene.yaml", SceneSpec)
+    if mesh.order == 1 or len(mesh.cells) <= _QUADRATIC:
+        return made
+    meshing = spec.mesh.model_copy(update={"element": "tet4"})
+    return build_robot(spec.model_copy(update={"mesh": meshing}), corners_of(mesh))
+
+
+def _built(spec: SceneSpec, mesh: Mesh) -> Robot:
+    """SpecError that names the option."""
+    try:
+        robot = build_robot(spec, mesh)
+        demand_inside(spec, mesh)
+    except SpecError as error:  # the file that it names is not written
+        key = (error.where or "").rpartition(": ")[2].split(".")[0]
+        option = "--push" if key == "actuators" and " push '" in f" {error.what}" else _OPTIONS.get(key)
+        do = (error.do or "").replace("set through_air: true where it is meant", "say --through-air yes")
+        raise SpecError(error.what, where=option, do=do or None) from None
+    return robot

@@ -1,0 +1,98 @@
+"""The page that `cfem init` shows before it asks: the body with what is held, its actuators and the watched point."""
+
+import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import depth_first_order
+
+from cfem.init.chambers import Chamber
+from cfem.init.hold import Hold
+from cfem.init.shape import Shape
+from cfem.init.texts import NewScene
+from cfem.init.written import short
+from cfem.mechanics.mesh import Mesh
+from cfem.report.page import Card, Summary, page
+from cfem.report.sections.robot import LINES
+from cfem.report.viewer import BODY, HELD, Line, Take, Viewer, flat_triangles
+from cfem.robot.selection import select_nodes
+
+_ARROW = 0.2  # of the body's length: a push
+
+
+def suggestion(robot: NewScene, shape: Shape) -> str:
+    """HTML, one file."""
+    text = "Nothing is written yet. Each answer to a question of `cfem init` may change this."
+    title = f"{robot.name}: what is suggested"
+    return page(title, Summary(text), None, Card(viewer(robot, shape), facts(robot)), [])
+
+
+def viewer(robot: NewScene, shape: Shape) -> Viewer:
+    """The picture."""
+    mesh, driven = shape.mesh, robot.drive
+    held = _held(mesh, robot.hold.value)
+    triangles = flat_triangles(mesh.facets)
+    named = [(cable.name, np.vstack([cable.pull, cable.points])) for cable in driven.cables]
+    named += [(chamber.name, _wire(chamber)) for chamber in driven.chambers]
+    named += [(push.name, _arrow(push.place, push.direction, robot.length)) for push in robot.further.pushes]
+    lines = tuple(Line(name, LINES[place % len(LINES)], points[None]) for place, (name, points) in enumerate(named))
+    marks = [(robot.effector.value, "--hot")] + [(place, "--c0") for _, place in robot.further.contacts]
+    drawn = ["dark: what is held", "red dot: the watched point"] + (["lines: what drives it"] if lines else [])
+    caption = f"{robot.name} as suggested; {', '.join(drawn)}. Drag to turn."
+    take = Take("rest", mesh.X[None], lines=lines, marks=tuple(marks))
+    kinds = np.where(held[triangles].all(axis=1), HELD, BODY)
+    return Viewer(robot.name, caption, triangles, kinds, (take,), pale=True)
+
+
+def facts(robot: NewScene) -> dict[str, str]:
+    """What is suggested, in words, by the option that states it."""
+    extent = " × ".join(short(side) for side in robot.extent)
+    found = {"body": f"{extent} mm; volume {short(robot.volume / 1000)} cm³"}
+    found["--fixed"] = f"{' | '.join(map(str, robot.hold.value))}{_why(robot.hold.guess)}"
+    driven = robot.drive
+    if driven.cables:
+        names = ", ".join(cable.name for cable in driven.cables)
+        found["--cables"] = f"{len(driven.cables)}: {names}{_why(driven.placed)}"
+    if driven.chambers:
+        names = ", ".join(f"{chamber.name} of {short(chamber.volume)} mm³" for chamber in driven.chambers)
+        found["--chambers"] = f"{names}{_why(driven.offered)}"
+    if driven.missing:
+        found["open"] = f"what drives the robot? {driven.missing}"
+    place = ", ".join(f"{value:.4g}" for value in robot.effector.value)
+    found["--effector"] = f"{place} mm{_why(robot.effector.guess)}"
+    found["--young"] = f"{robot.young.value}{_why(robot.young.guess)}"
+    return found
+
+
+def _why(guess: str | None) -> str:
+    return f" ({guess})" if guess else ""
+
+
+def _held(mesh: Mesh, parts: tuple[Hold, ...]) -> np.ndarray:
+    """(n,) bool of the nodes."""
+    held = np.zeros(len(mesh.X), dtype=bool)
+    for part in parts:
+        held[select_nodes(mesh, part.selection(), "fixed")] = True
+    return held
+
+
+def _wire(chamber: Chamber) -> np.ndarray:
+    """(k, 3) mm: one line along edges of the chamber's wall that comes to all of its nodes."""
+    X, corners = np.unique(chamber.corners.reshape(-1, 3), axis=0, return_inverse=True)
+    triangles = corners.reshape(-1, 3)
+    ends = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+    edges = coo_matrix((np.ones(len(ends)), ends.T), shape=(len(X), len(X))).tocsr()
+    order, before = depth_first_order(edges, 0, directed=False)
+    walk = [0]
+    for node in order[1:]:
+        while walk[-1] != before[node]:
+            walk.append(int(before[walk[-1]]))
+        walk.append(int(node))
+    return X[walk]
+
+
+def _arrow(place: np.ndarray, direction: np.ndarray, length: float) -> np.ndarray:
+    """(5, 3) mm: a force that pushes at `place`, with its head there."""
+    along = direction / np.linalg.norm(direction)
+    across = np.cross(along, np.eye(3)[np.abs(along).argmin()])
+    size = _ARROW * length
+    sides = [place - 0.3 * size * along + sign * 0.15 * size * across for sign in (1, -1)]
+    return np.array([place - size * along, place, sides[0], place, sides[1]])
