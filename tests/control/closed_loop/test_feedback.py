@@ -99,7 +99,7 @@ def test_a_sample_where_the_robot_cannot_be_changes_nothing(place, heard):
     """One outlier of 1e7 mm moved the goal so far that later goals had no answer."""
     said = feedback(rest_e=np.array([10.0, 0.0]), far=np.array([20.0, 20.0]))
     said.commanded(np.ones(2))
-    assert said.hear(1, np.array([place, 0.0])) == heard == said.moved.any()
+    assert said.sample(1, np.array([place, 0.0])) == heard == said.moved.any()
 
 
 def test_rows_that_nobody_measures_do_not_correct():
