@@ -29,6 +29,7 @@ MODELS = {
     "forces": (lambda: spectral("force"), {"scalar": "float", "controller": FORCES}),
     "modules": (serial, {"scalar": "float", "controller": {"damping": 1e-7, **FREE}}),
     "network": (network, {"scalar": "float", "hidden_weights": "int16"}),
+    "measured": (spectral, {"controller": {"observer": "measured"}}),
     "row": (row, {"scalar": "float", "controller": {"weights": [1.0] * 3 + [0.0] * 3, **FREE}}),
 }
 

@@ -5,19 +5,14 @@ from typing import Any
 
 import numpy as np
 
+from cfem.control.goals.one_point import one_point
 from cfem.core.artefact.judgement import FORCE_SHARE, poor
-
-_ONE_POINT = 1e-6  # of the robot's length
 
 
 def doubts(goals: Mapping[str, np.ndarray], refined: Mapping[str, Any], length: float) -> list[dict[str, Any]]:
     """Findings about goals and mesh that leave the results in doubt. goals: (m, n_e) mm of each trajectory; refined: of
     `mesh_error.discretisation`; length: mm of the robot."""
-    findings = [
-        poor(f"the {len(points)} goals of '{name}' are one point: nothing is tracked")
-        for name, points in goals.items()
-        if len(points) > 1 and np.ptp(points, axis=0).max() <= _ONE_POINT * length
-    ]
+    findings = one_point(goals, length)
     share = refined.get("force_percent", 0.0) / 100
     if not share <= FORCE_SHARE:
         what = f"the mesh of {refined['cells']} cells leaves {100 * share:.2g} % of the actuator forces uncertain"

@@ -270,6 +270,13 @@ static unsigned answer(const cfem_controller *c, unsigned status, cfem_output *o
     return out->status = status;
 }
 
+/* The command is held. A correction so large that it has no command would hold it for ever, as no sample corrects before the next
+ * command, so it is dropped. */
+static unsigned hold(cfem_controller *c, unsigned status, cfem_output *out) {
+    cfem_feedback_drop(&c->feedback);
+    return answer(c, CFEM_HELD | status, out);
+}
+
 /* expected (NE,) mm, absolute: where the model then has the effectors. */
 static void remember(cfem_controller *c, const cfem_condensed *m, const double *lambda_a, const double *delta_a,
                      double *expected) {
@@ -319,7 +326,7 @@ unsigned cfem_step(cfem_controller *c, const cfem_input *in, cfem_output *out) {
         if (CFEM_HALVINGS) {
             int moved;
             status = descend(c, &m, aim, &moved);
-            if (status & CFEM_NO_QP) return answer(c, CFEM_HELD | status | found, out);
+            if (status & CFEM_NO_QP) return hold(c, status | found, out);
             if (!moved) status |= verdict(&m, aim);
             if (!moved || iteration == CFEM_ITERATIONS - 1) break;
             continue;
@@ -327,12 +334,12 @@ unsigned cfem_step(cfem_controller *c, const cfem_input *in, cfem_output *out) {
 #endif
         double strongest;
         status = inverse_step(&m, aim, &l, lambda_a, delta_a, &strongest);
-        if (status & CFEM_NO_QP) return answer(c, CFEM_HELD | status | found, out);
+        if (status & CFEM_NO_QP) return hold(c, status | found, out);
         if (together(delta_a, m.delta_a)) status |= verdict(&m, aim);
         if (iteration == CFEM_ITERATIONS - 1) break;
         for (int i = 0; i < NA; i++) s[i] = CFEM_FORM_DISPLACEMENT ? delta_a[i] : lambda_a[i];
         const unsigned there = ask(c, s, &m);
-        if (there) return answer(c, CFEM_HELD | there | found, out);
+        if (there) return hold(c, there | found, out);
     }
     for (int i = 0; i < NA; i++) { /* the command keeps its bounds, also where the program softened them */
         if (CFEM_HALVINGS) delta_a[i] = m.delta_a[i], lambda_a[i] = m.lambda_a[i];

@@ -6,7 +6,7 @@
 #define WINDOW CFEM_FEEDBACK_WINDOW
 
 void cfem_feedback_init(cfem_feedback *f) {
-    for (int e = 0; e < CFEM_NE; e++) f->total[e] = f->moved[e] = 0.0;
+    cfem_feedback_drop(f);
     f->given = f->heard = 0;
     f->next = f->samples = f->gaps = f->late = 0;
     f->integral = cfem_integral_gain[0];
@@ -57,6 +57,10 @@ unsigned cfem_feedback_hear(cfem_feedback *f, uint32_t tick, const cfem_real *x_
         f->moved[e] = CFEM_K_P * error[e] + f->total[e];
     }
     return CFEM_OK;
+}
+
+void cfem_feedback_drop(cfem_feedback *f) {
+    for (int e = 0; e < CFEM_NE; e++) f->total[e] = f->moved[e] = 0.0;
 }
 
 void cfem_feedback_commanded(cfem_feedback *f, const double *expected) {

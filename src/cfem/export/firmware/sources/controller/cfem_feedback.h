@@ -30,6 +30,9 @@ void cfem_feedback_init(cfem_feedback *f);
  * command not given yet. */
 unsigned cfem_feedback_hear(cfem_feedback *f, uint32_t tick, const cfem_real *x_e);
 
+/* Forgets the correction; samples keep their numbers. */
+void cfem_feedback_drop(cfem_feedback *f);
+
 /* After each command; expected (CFEM_NE,) mm, absolute: where the model has the effectors under it. */
 void cfem_feedback_commanded(cfem_feedback *f, const double *expected);
 
