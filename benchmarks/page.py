@@ -21,7 +21,7 @@ ARGS = ("--no-sandbox", "--disable-3d-apis")
 ROUNDS = 15
 PICTURED = 150
 EXPORT = Path(__file__).parents[1] / "src/cfem/export"
-SOURCES = ("controller", "condense", "serial", "spectral", "qp")  # as in scripts/wasm.py
+SOURCES = ("controller", "feedback", "condense", "serial", "spectral", "qp")  # as in scripts/wasm.py
 # The path of measure.c: from home to each goal and on to the next in 20 ticks; ns a tick, the shortest of some times.
 TICKS = """commands => {
   const { robot } = cfem, goals = commands.map(c => { robot.set(c, cfem.robot.said.command === "force", false); return [...robot.x_e]; });
@@ -118,8 +118,9 @@ def native(page: Path, asked: list[list[float]], tab) -> float:
     folder = page.parent / "native"
     if not (folder / "page").exists():
         folder.mkdir(exist_ok=True)
-        sources = [EXPORT / "web/cfem_page.c", *(EXPORT / f"c/cfem_{name}.c" for name in SOURCES)]
-        options = ["-O2", "-std=c11", "-D_GNU_SOURCE", "-w", "-I", EXPORT / "web", "-I", EXPORT / "c"]
+        web, firmware = EXPORT / "page/web", EXPORT / "firmware/sources/controller"
+        sources = [web / "cfem_page.c", *(firmware / f"cfem_{name}.c" for name in SOURCES)]
+        options = ["-O2", "-std=c11", "-D_GNU_SOURCE", "-w", "-I", web, "-I", firmware]
         program = [*options, "-o", folder / "page", Path(__file__).with_name("page_native.c"), *sources, "-lm"]
         subprocess.run(["gcc", *program], check=True)
     (folder / "block").write_bytes(bytes(tab.evaluate("() => [...cfem.robot.block]")))

@@ -302,7 +302,7 @@ def test_an_effector_out_of_sight_is_a_measurement(tmp_path):
 
 
 def test_a_device_of_another_protocol_is_refused():
-    command = [sys.executable, "-c", "print('{}'); input()"]
+    command = [sys.executable, "-c", "input(); print('{}', flush=True); input()"]
     with pytest.raises(InputError, match="to hello"), PipePlant(command, ROWS, np.zeros(2)):
         pass
 
