@@ -102,7 +102,7 @@ def init_robot(
 
 
 def _guessing(given: Mapping[str, str | None], guessed: set[str]) -> Ask:
-    """By options and defaults; guessed: takes the flags of which the default was taken."""
+    """Answers questions by options and defaults; guessed: takes the flags of which the default was taken."""
 
     def ask(question: Question) -> Answer:
         if given.get(question.flag) is None:

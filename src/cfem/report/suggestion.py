@@ -1,8 +1,6 @@
 """The page that `cfem init` shows before it asks: the body with what is held, its actuators and the watched point."""
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import depth_first_order
 
 from cfem.init.chambers import Chamber
 from cfem.init.hold import Hold
@@ -20,7 +18,7 @@ _ARROW = 0.2  # of the body's length: a push
 
 def suggestion(robot: NewScene, shape: Shape) -> str:
     """HTML, one file."""
-    text = "Nothing is written yet. Each answer to a question of `cfem init` may change this."
+    text = "Nothing is written yet. Each answer to a question may change this."
     title = f"{robot.name}: what is suggested"
     return page(title, Summary(text), None, Card(viewer(robot, shape), facts(robot)), [])
 
@@ -45,25 +43,27 @@ def viewer(robot: NewScene, shape: Shape) -> Viewer:
 def facts(robot: NewScene) -> dict[str, str]:
     """What is suggested, in words, by the option that states it."""
     extent = " × ".join(short(side) for side in robot.extent)
-    found = {"body": f"{extent} mm; volume {short(robot.volume / 1000)} cm³"}
-    found["--fixed"] = f"{' | '.join(map(str, robot.hold.value))}{_why(robot.hold.guess)}"
+    words = {"body": f"{extent} mm; volume {short(robot.volume / 1000)} cm³"}
+    words["--fixed"] = f"{' | '.join(map(str, robot.hold.value))}{_why(robot.hold.guess)}"
     driven = robot.drive
     if driven.cables:
         names = ", ".join(cable.name for cable in driven.cables)
-        found["--cables"] = f"{len(driven.cables)}: {names}{_why(driven.placed)}"
+        words["--cables"] = f"{len(driven.cables)}: {names}{_why(driven.placed)}"
     if driven.chambers:
         names = ", ".join(f"{chamber.name} of {short(chamber.volume)} mm³" for chamber in driven.chambers)
-        found["--chambers"] = f"{names}{_why(driven.offered)}"
+        words["--chambers"] = f"{names}{_why(driven.offered)}"
+    if robot.further.pushes:
+        words["--push"] = ", ".join(push.name for push in robot.further.pushes)
     if driven.missing:
-        found["open"] = f"what drives the robot? {driven.missing}"
+        words["open"] = f"what drives the robot? {driven.missing}"
     place = ", ".join(f"{value:.4g}" for value in robot.effector.value)
-    found["--effector"] = f"{place} mm{_why(robot.effector.guess)}"
-    found["--young"] = f"{robot.young.value}{_why(robot.young.guess)}"
-    return found
+    words["--effector"] = f"{place} mm{_why(robot.effector.guess)}"
+    words["--young"] = f"{robot.young.value}{_why(robot.young.guess)}"
+    return words
 
 
 def _why(guess: str | None) -> str:
-    return f" ({guess})" if guess else ""
+    return f"; {guess}" if guess else ""
 
 
 def _held(mesh: Mesh, parts: tuple[Hold, ...]) -> np.ndarray:
@@ -75,17 +75,27 @@ def _held(mesh: Mesh, parts: tuple[Hold, ...]) -> np.ndarray:
 
 
 def _wire(chamber: Chamber) -> np.ndarray:
-    """(k, 3) mm: one line along edges of the chamber's wall that comes to all of its nodes."""
+    """(k, 3) mm: one line along all edges of the chamber's wall. Each edge is walked there and back, depth first."""
     X, corners = np.unique(chamber.corners.reshape(-1, 3), axis=0, return_inverse=True)
-    triangles = corners.reshape(-1, 3)
-    ends = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
-    edges = coo_matrix((np.ones(len(ends)), ends.T), shape=(len(X), len(X))).tocsr()
-    order, before = depth_first_order(edges, 0, directed=False)
-    walk = [0]
-    for node in order[1:]:
-        while walk[-1] != before[node]:
-            walk.append(int(before[walk[-1]]))
-        walk.append(int(node))
+    neighbours: list[set[int]] = [set() for _ in X]
+    for triangle in corners.reshape(-1, 3).tolist():
+        for node in triangle:
+            neighbours[node].update(set(triangle) - {node})
+    walk, way_back, reached = [0], [0], {0}
+    while way_back:
+        node = way_back[-1]
+        if not neighbours[node]:
+            way_back.pop()
+            walk += way_back[-1:]
+            continue
+        target = neighbours[node].pop()
+        neighbours[target].discard(node)
+        walk.append(target)
+        if target in reached:
+            walk.append(node)
+        else:
+            reached.add(target)
+            way_back.append(target)
     return X[walk]
 
 

@@ -28,7 +28,7 @@ function normalsOf(place, triangles, normal) {
 function tubeSheet(points, radius) {
   const place = [], normal = [], triangles = [], lone = points.length === 1;
   const centres = lone ? LATITUDES.map(height => add(points[0], [0, 0, radius * height])) : points;
-  let side = null;
+  let side = null, way = [0, 0, 1];
   const ring = (centre, radius, way, share, rise) => {
     const across = cross(way, side);
     for (let k = 0; k < SIDES; k++) {
@@ -39,8 +39,10 @@ function tubeSheet(points, radius) {
   };
   const joined = (i, j) => { for (let k = 0; k < SIDES; k++) { const next = (k + 1) % SIDES; triangles.push(i + k, i + next, j + k, j + k, i + next, j + next); } };
   centres.forEach((centre, i) => {
-    const way = unit(add(centres[Math.min(i + 1, centres.length - 1)], centres[Math.max(i - 1, 0)], -1));
-    side = unit(cross(way, side ? cross(side, way) : Math.abs(way[2]) < 0.9 ? [0, 0, 1] : [1, 0, 0]));
+    const step = add(centres[Math.min(i + 1, centres.length - 1)], centres[Math.max(i - 1, 0)], -1);
+    if (Math.hypot(...step) > 0) way = unit(step); // where a line turns back, the way that it came
+    const kept = side ? cross(way, cross(side, way)) : [0, 0, 0];
+    side = unit(Math.hypot(...kept) > 1e-6 ? kept : cross(way, Math.abs(way[2]) < 0.9 ? [0, 0, 1] : [1, 0, 0]));
     const share = lone ? Math.sqrt(1 - LATITUDES[i] ** 2) : 1, end = i === 0 ? -1 : i === centres.length - 1 ? 1 : 0;
     const disc = rise => { ring(centre, 0, way, 0, rise); ring(centre, radius, way, 0, rise); };
     if (end < 0 && !lone) { disc(-1); joined(0, SIDES); }
