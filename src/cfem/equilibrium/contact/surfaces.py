@@ -167,7 +167,8 @@ class _Step:
         if self.iterations == 1 and self._from_state:
             self._begin = self.places
         self.pairs = self.pairs.some(self.of.surroundings.entered(self.pairs, self.places, self._begin, self.memory))
-        near = self.pairs.some(self.pairs.gaps < NEAR * self.of.surroundings.spacing).used
+        deepest = -self.pairs.gaps.min(initial=0.0)
+        near = self.pairs.some(self.pairs.gaps < min(NEAR * self.of.surroundings.spacing, deepest)).used
         points = np.union1d(np.union1d(self.points, near), np.flatnonzero(self.forces.any(axis=1)))
         if len(points) > MOST * len(self.of.robots):
             return StepStatus.MANY
