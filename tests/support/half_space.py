@@ -41,8 +41,6 @@ def block_robot(body, held, length, **more) -> Robot:
 def skinned(robot, points="around", **pose) -> SkinnedRobot:
     """The body that touches at its nodes, or by averages around them."""
     surface = outer_surface(robot.X, robot.body.mesh.facets)
-    if points == "around":
-        chosen = around_nodes(robot.X, robot.body.mesh.facets, surface)
-    else:
-        chosen = at_nodes(surface)
+    make = {"around": around_nodes, "nodes": at_nodes}[points]
+    chosen = make(robot.X, robot.body.mesh.facets, surface)
     return SkinnedRobot(robot, surface.nodes, surface.triangles, chosen, itself=False, **pose)

@@ -35,10 +35,13 @@ class SurfacePoints(_Means):
     """Points of any weights.
 
     weights: (N, m) of the surface nodes, of sum 1 in each point
-    rest: (N, 3) mm, places of the points"""
+    rest: (N, 3) mm, places of the points
+    areas: (N,) mm^2 on which the force of each point acts as a pressure; 0 at the corners of quadratic triangles, where
+    nodes carry none"""
 
     weights: csr_array
     rest: np.ndarray
+    areas: np.ndarray
 
 
 @dataclass(frozen=True)

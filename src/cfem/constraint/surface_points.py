@@ -23,19 +23,24 @@ _TRIANGLE = np.array([np.roll([1 - 2 * a, a, a], i) for a in (_A, _B) for i in r
 _TRIANGLE_WEIGHTS = np.repeat([0.223381589678011, 0.109951743655322], 3)
 _QUARTERS = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]])
 _GAUSS = np.array([[x, y] for x in (-1, 1) for y in (-1, 1)]) / np.sqrt(3)
+NONE = 1e-9  # of the largest area: rounding
 _SQUARE = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
 
 
-def at_nodes(surface: Surface) -> SurfacePoints:
-    """Every node of the surface."""
-    m = len(surface.nodes)
-    return SurfacePoints(csr_array((np.ones(m), (np.arange(m), np.arange(m))), shape=(m, m)), surface.rest)
+def at_nodes(X: np.ndarray, facets: np.ndarray, surface: Surface) -> SurfacePoints:
+    """Every node of the surface of facets (k, 3 | 6 | 4) at nodes X (n, 3) mm."""
+    m, mine = len(surface.nodes), _outer(facets, surface)
+    shapes, _, weights = facet_rule(X, mine)
+    local = np.searchsorted(surface.nodes, mine)
+    areas = np.bincount(local.ravel(), (weights @ shapes).ravel(), m)
+    each = csr_array((np.ones(m), (np.arange(m), np.arange(m))), shape=(m, m))
+    return SurfacePoints(each, surface.rest, np.where(areas > NONE * areas.max(), areas, 0.0))
 
 
 def around_nodes(X: np.ndarray, facets: np.ndarray, surface: Surface) -> SurfacePoints:
     """Averages around every node of the surface of facets (k, 3 | 6 | 4) at nodes X (n, 3) mm, one on each smooth side
     of it."""
-    mine = facets[np.isin(facets, surface.nodes).all(axis=1)]
+    mine = _outer(facets, surface)
     shapes, hats, weights = facet_rule(X, mine)
     side = smooth_sides(X, mine)
     local = np.searchsorted(surface.nodes, mine)
@@ -45,8 +50,14 @@ def around_nodes(X: np.ndarray, facets: np.ndarray, surface: Surface) -> Surface
     rows = np.broadcast_to(number.reshape(-1, k, 1), blocks.shape)
     columns = np.broadcast_to(local[:, None, :], blocks.shape)
     total = csr_array((blocks.ravel(), (rows.ravel(), columns.ravel())), shape=(len(keys), len(surface.nodes)))
-    total = csr_array(total.multiply(1.0 / total.sum(axis=1)[:, None]))
-    return SurfacePoints(total, total @ surface.rest)
+    areas = total.sum(axis=1)
+    total = csr_array(total.multiply(1.0 / areas[:, None]))
+    return SurfacePoints(total, total @ surface.rest, areas)
+
+
+def _outer(facets: np.ndarray, surface: Surface) -> np.ndarray:
+    """Those of the facets that the surface has."""
+    return facets[np.isin(facets, surface.nodes).all(axis=1)]
 
 
 def facet_rule(X: np.ndarray, facets: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

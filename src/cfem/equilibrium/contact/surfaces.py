@@ -30,7 +30,7 @@ from cfem.equilibrium.solve import Wanted, solve
 from cfem.mechanics.factorization import SingularMatrixError
 
 NEAR = 0.4  # distances of patches: of pairs whose gap is less the patches are contact points
-MOST = 800  # contact points of a robot
+MOST = 1500  # contact points of a robot
 SHARE = 0.05  # of its reach: the longest way of an actuator in one step
 SHORT = 1 / 8  # of that way: in so short a step one patch may begin to press while another lets go
 TOLERANCE, ITERATIONS = 1e-8, 80  # of the length: the last step of any contact point; corrections
