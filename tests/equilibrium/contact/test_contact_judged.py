@@ -49,8 +49,8 @@ def coarse():
 
 @pytest.mark.parametrize(("points", "force_off"), [("nodes", 0.02), ("around", 0.03)])
 def test_a_ball_presses_a_half_space_as_hertz_says(coarse, points, force_off):
-    """Cells half as large as the radius of contact. The block yields 0.7 % less than a half space, whose surface moves
-    by 4 / (3 pi) a / far of the depth at its sides."""
+    """Cells half as large as the radius of contact. The block, held where a half space would
+    move by 4 / (3 pi) a / far of the depth, should need some 0.5 % more force."""
     _, scene = ball_on(coarse, points)
     state = scene.step(STILL, None)
     force, reach = force_and_reach(scene, state)

@@ -14,6 +14,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.linalg import block_diag
 
+from cfem.condensed.patches import Patches
 from cfem.contact.modes import Mode
 from cfem.contact.obstacle_set import ObstacleSet
 from cfem.contact.pairs import Memory, Pairs, Pressing, Surroundings
@@ -167,8 +168,7 @@ class _Step:
         if self.iterations == 1 and self._from_state:
             self._begin = self.places
         self.pairs = self.pairs.some(self.of.surroundings.entered(self.pairs, self.places, self._begin, self.memory))
-        deepest = -self.pairs.gaps.min(initial=0.0)
-        near = self.pairs.some(self.pairs.gaps < min(NEAR * self.of.surroundings.spacing, deepest)).used
+        near = self.pairs.some(self.pairs.gaps < self._margin).used
         points = np.union1d(np.union1d(self.points, near), np.flatnonzero(self.forces.any(axis=1)))
         if len(points) > MOST * len(self.of.robots):
             return StepStatus.MANY
@@ -186,6 +186,15 @@ class _Step:
             return StepStatus.NO_EQUILIBRIUM
         self._take()
         return None
+
+    @property
+    def _margin(self) -> float:
+        """mm: pairs whose gap is less join. Nodes, which are many, only where something has gone in, and as far from
+        the surface as it has gone in."""
+        margin = NEAR * self.of.surroundings.spacing
+        if all(isinstance(robot.patches, Patches) for robot in self.of.robots):
+            return margin
+        return min(margin, -float(self.pairs.gaps.min(initial=0.0)))
 
     def _correct(self) -> bool:
         """Corrects all robots by the law on their linearisations. False where nothing obeys it."""
