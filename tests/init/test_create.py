@@ -111,7 +111,7 @@ def test_a_closed_surface_in_another_unit_with_all_answers_given(tmp_path):
     assert done.exit_code == 0 and done.stderr == ""
     scene, robot = built(tmp_path)
     assert [scene.material.young, scene.material.poisson, scene.mesh.cells] == [1.0, 0.3, 600]
-    np.testing.assert_array_equal(robot.reach, [[0, 4], [0, 4]])
+    assert robot.reach[:, 1].tolist() == [4, 4] and (robot.reach[:, 0] < 0).all()  # each is let out by the other
     assert robot.rows.actuators == ("up", "down") and robot.rest_e.tolist() == [0, 5, 5]
     text = (tmp_path / "pipelines" / "own" / "scene.yaml").read_text()
     assert "guessed:" not in text and "path: own.stl" in text
@@ -333,7 +333,7 @@ class TestAtATerminal:
         scene, robot = built(tmp_path)
         assert (robot.body.mesh.X[robot.fixed][:, 0] == 60).all()
         assert (scene.material.young, scene.material.poisson) == (2.0, 0.45)
-        np.testing.assert_array_equal(robot.reach, [[0, 5], [0, 5]])
+        assert robot.reach[:, 1].tolist() == [5, 5] and (robot.reach[:, 0] < 0).all()
         np.testing.assert_allclose(robot.rest_e, [0, 5, 5])
 
     def test_what_an_option_says_is_not_asked(self, tmp_path, mesh_file):

@@ -190,6 +190,7 @@ def _robot(name: str, copy: str, source: Source, stated: Stated, ask: Ask, known
         reach=None,
         growth=None,
         travel=None,
+        least=(),
         effector=effector,
         carrier_radius=carrier_radius(shape.mesh, effector.value) if outside else None,
     )

@@ -27,7 +27,8 @@ class NewScene:
     its own; extent (3,) mm; volume mm^3; length mm, along axis; size mm; cells: None where the mesh is the user's;
     element; hold: an Answer, the parts that are held, the first of which it stretches from; young, poisson: each an
     Answer; drive: cables and chambers; further: what else there is; reach: an Answer in mm, of cables; growth: in mm^3,
-    of chambers; travel: in mm, of pushes; effector: an Answer (3,) mm; carrier_radius: mm, of an effector outside the
+    of chambers; travel: in mm, of pushes; least: of each actuator, the lower end of its reach; effector: an Answer
+    (3,) mm; carrier_radius: mm, of an effector outside the
     body."""
 
     name: str
@@ -52,6 +53,7 @@ class NewScene:
     reach: Answer | None
     growth: Answer | None
     travel: Answer | None
+    least: Sequence[float]
     effector: Answer
     carrier_radius: float | None
 
@@ -110,7 +112,7 @@ def _scene(robot: NewScene) -> str:
 
 
 def _actuators(robot: NewScene) -> list[str]:
-    driven = robot.drive
+    driven, least = robot.drive, iter(robot.least)
     if not robot.n_a:
         return [*_open_question(robot), "actuators: []"]
     placed = [f"guessed: {why}" for why in (driven.placed, driven.offered) if why]
@@ -125,7 +127,7 @@ def _actuators(robot: NewScene) -> list[str]:
             *(f"        - {vector(point)}" for point in cable.points),
             f"    radius: {short(robot.radius)} mm" + note("of the region through which each point acts"),
             *(["    through_air: true" + note("between its points it leaves the body")] if driven.through_air else []),
-            f"    reach: {{mm: [0, {number(robot.reach.value)}]}}" + note(_guesses(robot.reach)),
+            _reach("mm", next(least), robot.reach),
         ]
     for chamber in driven.chambers:
         lines += [
@@ -133,12 +135,18 @@ def _actuators(robot: NewScene) -> list[str]:
             f"    name: {chamber.name}",
             f"    inside: {{mm: {vector(np.round(chamber.inside, 4))}}}" + note(f"in {short(chamber.volume)} mm^3"),
             "    unilateral: true" + note("it is blown up and never sucked empty"),
-            f"    reach: {{mm^3: [0, {number(robot.growth.value)}]}}" + note(_guesses(robot.growth)),
+            _reach("mm^3", next(least), robot.growth),
         ]
     for push in robot.further.pushes:
         lines += push_lines(push, robot.radius)
-        lines.append(f"    reach: {{mm: [0, {number(robot.travel.value)}]}}" + note(_guesses(robot.travel)))
+        lines.append(_reach("mm", next(least), robot.travel))
     return lines
+
+
+def _reach(unit: str, least: float, most: Answer) -> str:
+    others = ["below 0: let out, as far as others move it"] if least < 0 else []
+    why = "; ".join([*([_guesses(most)] if most.guess else []), *others])
+    return f"    reach: {{{unit}: [{short(least) if least else 0}, {number(most.value)}]}}" + note(why)
 
 
 def _open_question(robot: NewScene) -> list[str]:

@@ -6,10 +6,16 @@ import tempfile
 from dataclasses import replace
 from pathlib import Path
 
-from cfem.core.errors import SpecError
+import numpy as np
+
+from cfem.core.errors import NumericalError, SpecError
 from cfem.core.spec import load_spec
+from cfem.equilibrium.actuation import force
+from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.robot import Robot
+from cfem.equilibrium.solve import solve
 from cfem.init.drive import Drive, Stated
+from cfem.init.let_out import let_out
 from cfem.init.question import Answer, Ask
 from cfem.init.stroke import reaches
 from cfem.init.texts import NewScene, texts
@@ -36,8 +42,8 @@ def tried(robot: NewScene, path: Path, stated: Stated, ask: Ask) -> tuple[NewSce
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
         shutil.copyfile(path, folder / robot.file)
-        least = robot.length / 1000
-        provisional = replace(robot, reach=Answer(least), growth=Answer(1e-3), travel=Answer(least))
+        little = Answer(robot.length / 1000)
+        provisional = replace(robot, reach=little, growth=Answer(1e-3), travel=little, least=(0.0,) * robot.n_a)
         spec = _written(provisional, folder)
         mesh, _ = make_mesh(spec, folder)
         try:
@@ -51,8 +57,20 @@ def tried(robot: NewScene, path: Path, stated: Stated, ask: Ask) -> tuple[NewSce
         reach, growth, travel = reaches(_light(folder, made, mesh), robot.drive, pushes, stated.flags, ask)
         robot = replace(robot, reach=reach, growth=growth, travel=travel)
         if robot.n_a:
+            robot = replace(robot, least=_least(made, robot))
             _built(_written(robot, folder), mesh)
     return robot, len(mesh.cells)
+
+
+def _least(made: Robot, robot: NewScene) -> tuple[float, ...]:
+    """The lower end of each actuator's reach."""
+    rest = solve(Problem(made), force(np.zeros(robot.n_a)))
+    if not rest.converged:
+        raise NumericalError(f"no equilibrium with free actuators: {rest.status.value}", where="init")
+    numbers = len(robot.drive.cables), len(robot.drive.chambers), len(robot.further.pushes)
+    answers = zip((robot.reach, robot.growth, robot.travel), numbers, strict=True)
+    reach = np.array([answer.value for answer, count in answers for _ in range(count)])
+    return tuple(let_out(rest.condensed.W_aa, reach).tolist())
 
 
 def _written(robot: NewScene, folder: Path) -> SceneSpec:

@@ -145,5 +145,24 @@ def test_a_trajectory_that_is_meant_to_leave_the_reach_is_judged_by_the_goals_wi
     assert "3 of 4 goals are missed" in what
 
 
+def test_a_goal_where_the_robot_has_been_is_never_called_out_of_reach():
+    """The model errs: to first order it cannot come nearer, and the robot was there."""
+    condensed = SimpleNamespace()
+    plan = SearchResult(
+        *(np.zeros(2),) * 3,
+        *(0.3, SearchStatus.NO_DESCENT, 1, 1, False, 0.0, 0.0, SimpleNamespace(condensed=condensed), None, None),
+        tried=True,
+    )
+    measured = Measurement(np.array([0.2, 0.0, 0.0]), np.zeros(2), np.zeros(2), 1, "converged")
+    tracked = Tracked("m", 0, np.zeros(3), plan, measured, True, 0.0, np.ones(3, bool), np.zeros(3, bool))
+    assert record("t", tracked, 0.1, None)["verdict"] == "out of reach"
+    row = record("t", tracked, 0.1, None, been_there=True)
+    assert row["verdict"] == "misplaced by the model" and row["reachable"] and not row["reached"]
+    found = summarise([row], 100.0)["m"]
+    assert [found[key] for key in ("reachable", "missed", "misplaced", "not_converged")] == [1, 1, 1, 0]
+    what, _ = (one["what"] for one in judged({"t": {"m": found}}, {"t": False}))
+    assert what.startswith("t, m: the model takes 1 of 1 goals for out of reach, and the robot has been there")
+
+
 def test_what_fewer_iterations_cost_is_no_doubt_of_the_run():
     assert said(of(4, 0, "not converged", "spectral@1")) == []

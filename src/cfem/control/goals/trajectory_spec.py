@@ -118,4 +118,9 @@ def meant_beyond(trajectory: object) -> bool:
     return bool(getattr(trajectory, "beyond_reach", False))
 
 
+def has_been(trajectory: object) -> bool:
+    """True where the goals of a trajectory are states of the robot itself."""
+    return isinstance(trajectory, ImageSpec)
+
+
 TrajectorySpec = Annotated[ArcSpec | HalfSphereSpec | GoalsSpec | ImageSpec, Field(discriminator="kind")]

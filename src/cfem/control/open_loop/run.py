@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from cfem.control.closed_loop.controller import Controller
-from cfem.control.goals.trajectory_spec import meant_beyond
+from cfem.control.goals.trajectory_spec import has_been, meant_beyond
 from cfem.control.holding.spec import HoldingSpec
 from cfem.control.open_loop.doubts import doubts
 from cfem.control.open_loop.experiment import follow
@@ -123,10 +123,19 @@ def _follow(
 
     let_go = getattr(spec.trajectories[name], "let_go", False)
     judging = (FE_BASED, judge) if judge else None
+    been_there = has_been(spec.trajectories[name]) and _free(spec, prepared)
     for tracked in follow(goals, pilots, prepared.plant, prepared.rest_e, judging, after, let_go, begun):
         fe = next((result for result in tracked if result.controller == FE_BASED), None)
-        rows += [record(name, result, spec.reached, fe, prepared.world, spec.reached_rotation) for result in tracked]
+        rows += [
+            record(name, result, spec.reached, fe, prepared.world, spec.reached_rotation, been_there)
+            for result in tracked
+        ]
         so_far.finished(name, judge)
+
+
+def _free(spec: PlannedSpec, prepared: Prepared) -> bool:
+    """True where nothing but the reach bounds a search, so that the robot's image is within its bounds."""
+    return prepared.world is None and prepared.robot.forces is None and spec.search.largest_force is None
 
 
 def _write_table(path: Path, records: list[dict], prepared: Prepared) -> None:

@@ -19,13 +19,17 @@ def record(
     fe: Tracked | None,
     world: World | None = None,
     reached_rotation: float = np.inf,
+    been_there: bool = False,
 ) -> dict:
     """One row of `trajectories.parquet`; lengths mm, forces N. fe: what FE-based control did at the same goal; world:
-    of obstacles, whose wanted forces and distances belong to a goal; reached_rotation: rad. Robots that hold an object:
-    also `contact`, the force by which each of them pushes it, by the plan."""
+    of obstacles, whose wanted forces and distances belong to a goal; reached_rotation: rad; been_there: whether the
+    goal is a state of the robot within the bounds of the search, so that it cannot be out of reach. Robots that hold an
+    object: also `contact`, the force by which each of them pushes it, by the plan."""
     plan, measured = tracked.plan, tracked.measured
     near = plan.distance < reached and (world is None or world.met(plan.delta_e, reached))
     verdict = plan.verdict(near)
+    if been_there and verdict is Verdict.OUT_OF_REACH:
+        verdict = Verdict.MISPLACED
     turned = tracked.rotation_error
     pushes = getattr(plan.iterate.condensed, "forces", None)
     return {
@@ -82,6 +86,7 @@ def summarise(records: Sequence[dict], length: float, counted: Sequence[str] | N
             "reached": sum(row["reached"] for row in rows),
             "missed": sum(can and not row["reached"] for row, can in zip(rows, reachable, strict=True)),
             "not_converged": sum(row["verdict"] == Verdict.NOT_CONVERGED.value for row in rows),
+            "misplaced": sum(row["verdict"] == Verdict.MISPLACED.value for row in rows),
             "converged": sum(row["status"] == "converged" for row in rows),
             "plant_converged": sum(row["plant_status"] == "converged" for row in rows),
             "inside": sum(row["inside"] for row in rows),
@@ -126,7 +131,8 @@ def headline(
 
 
 def judged(trajectories: Mapping[str, dict], beyond: Mapping[str, bool]) -> list[dict]:
-    """Findings that make a run poor: searches that ended anywhere, and goals that are missed for the most part. beyond:
+    """Findings that make a run poor: searches that ended anywhere, goals that the model takes for out of reach where
+    the robot has been, and goals that are missed for the most part. beyond:
     of a trajectory, whether goals out of reach are meant, which then do not count. Those with fewer iterations (name@n)
     are left out."""
     findings = []
@@ -142,6 +148,13 @@ def judged(trajectories: Mapping[str, dict], beyond: Mapping[str, bool]) -> list
                 )
                 findings.append(
                     poor(f"{sentence}; check search.step, tolerance and regularisation, or allow more iterations")
+                )
+            if row["misplaced"]:
+                findings.append(
+                    poor(
+                        f"{who}: the model takes {row['misplaced']} of {goals} goals for out of reach, and the robot "
+                        "has been there: it errs where they are; sample more states, or a smaller reach"
+                    )
                 )
             if 2 * (row["missed"] if beyond[trajectory] else missed) > (
                 row["reachable"] if beyond[trajectory] else goals

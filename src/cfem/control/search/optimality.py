@@ -26,10 +26,12 @@ ARRIVED = 1e-4  # of how far a full stroke moves the effectors: a smaller miss i
 
 
 class Verdict(Enum):
-    """What a search says of its goal; the value is the word in tables."""
+    """What a search says of its goal; the value is the word in tables. MISPLACED: out of reach by the model, but the
+    robot has been there."""
 
     REACHED = "reached"
     OUT_OF_REACH = "out of reach"
+    MISPLACED = "misplaced by the model"
     NOT_CONVERGED = "not converged"
 
 
