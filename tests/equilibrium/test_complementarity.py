@@ -9,14 +9,16 @@ from cfem.equilibrium.complementarity import NoActiveSetError, change
 
 
 def every_solution(S, gap, mu, unilateral):
-    """Multipliers that satisfy the conditions, of all choices of rows that hold."""
-    solutions = []
+    """Multipliers that satisfy the conditions, of all choices of rows that hold; rows scaled to a compliance of one, so
+    that the tolerance means the same for each."""
+    size, solutions = np.sqrt(np.abs(np.diag(S))), []
+    S, gap, mu = S / np.outer(size, size), gap / size, mu * size
     for choice in product([False, True], repeat=len(gap)):
         held = np.array(choice) | ~unilateral
         total = np.zeros(len(gap))
         total[held] = np.linalg.solve(S[np.ix_(held, held)], (S @ mu - gap)[held])
-        if (total[unilateral] >= -1e-12).all() and ((gap + S @ (total - mu))[unilateral] >= -1e-12).all():
-            solutions.append(total)
+        if (total[unilateral] >= -1e-10).all() and ((gap + S @ (total - mu))[~held] >= -1e-10).all():
+            solutions.append(total / size)
     return solutions
 
 

@@ -70,7 +70,9 @@ def test_a_step_file_becomes_a_scene(tmp_path):
     assert found["report"].page.resolve() == found["export-page"].out.resolve()
     assert {found[stage].scene.name for stage in ("sample", "control", "report")} == {"scene.yaml"}
     scene, robot = built(tmp_path)
-    assert robot.rows.n_a == 3 and scene.length == 120 and (robot.reach[:, 0] == 0).all()
+    assert robot.rows.n_a == 3 and scene.length == 120
+    drawn_out = -robot.reach[:, 0] / robot.reach[:, 1]  # by the other cables
+    assert (drawn_out > 0).all() and (drawn_out < 0.5).all()
     np.testing.assert_array_equal(robot.fixed, np.flatnonzero(robot.body.mesh.X[:, 2] == 0))
     np.testing.assert_allclose(robot.rest_e, [0, 0, 120], atol=0.5)
     for flag in ("cells", "fixed", "young", "poisson", "cables", "through-air", "reach", "effector", "also"):

@@ -56,7 +56,7 @@ class SyntheticSolver:
                 break
             iterations += 1
             step = np.linalg.solve(np.block([[stiffness, -C.T], [C, np.zeros((m, m))]]), -residual)
-            delta, mu = delta + step[:2] * min(1.0, 4 / np.abs(step[:2]).max()), mu + step[2:]
+            delta, mu = delta + step[:2] * 4 / max(4.0, np.abs(step[:2]).max()), mu + step[2:]
         status = Status.CONVERGED if delta.mean() <= self.fails_beyond else Status.STEP_TOO_SMALL
         return equilibrium(delta, iterations, status, p, self.third_order)
 
