@@ -1,4 +1,4 @@
-"""A surface cut into patches, each of which may be touched: its place is the mean of its nodes."""
+"""Points by which a surface touches, each a weighted mean of its nodes: of a patch, for one."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -6,13 +6,47 @@ from functools import cached_property
 import numpy as np
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 SHARP = np.radians(30.0)
 
 
+class _Means:
+    """What follows from weights (N, m) of the m surface nodes in N points, and the points' places at `rest` (N, 3)."""
+
+    weights: csr_array
+    rest: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.rest)
+
+    def mean(self, values: np.ndarray) -> np.ndarray:
+        """Means (N, ...) at the points of values (m, ...) of surface nodes."""
+        return (self.weights @ values.reshape(len(values), -1)).reshape(len(self), *values.shape[1:])
+
+    @cached_property
+    def spacing(self) -> float:
+        """Distance of neighbours at rest, mm, the median."""
+        return float(np.median(cKDTree(self.rest).query(self.rest, 2)[0][:, 1]))
+
+
 @dataclass(frozen=True)
-class Patches:
-    """A surface cut into N patches.
+class SurfacePoints(_Means):
+    """Points of any weights.
+
+    weights: (N, m) of the surface nodes, of sum 1 in each point
+    rest: (N, 3) mm, places of the points
+    areas: (N,) mm^2 on which the force of each point acts as a pressure; 0 at the corners of quadratic triangles, where
+    nodes carry none"""
+
+    weights: csr_array
+    rest: np.ndarray
+    areas: np.ndarray
+
+
+@dataclass(frozen=True)
+class Patches(_Means):
+    """A surface cut into N patches, each of which touches as the mean of its nodes.
 
     of: (m,) number of the patch that each surface node belongs to
     shares: (m,) of the node in its patch, of sum 1 in each
@@ -22,20 +56,9 @@ class Patches:
     shares: np.ndarray
     rest: np.ndarray
 
-    def __len__(self) -> int:
-        return len(self.rest)
-
-    def mean(self, values: np.ndarray) -> np.ndarray:
-        """Means (N, ...) over the patches of values (m, ...) of surface nodes."""
-        means = np.zeros((len(self), *values.shape[1:]))
-        np.add.at(means, self.of, self.shares.reshape(-1, *[1] * (values.ndim - 1)) * values)
-        return means
-
     @cached_property
-    def spacing(self) -> float:
-        """Distance of neighbours at rest, mm, the median."""
-        apart = np.linalg.norm(self.rest[:, None] - self.rest, axis=2) + 1e9 * np.eye(len(self))
-        return float(np.median(apart.min(axis=1)))
+    def weights(self) -> csr_array:
+        return csr_array((self.shares, (self.of, np.arange(len(self.of)))), shape=(len(self.rest), len(self.of)))
 
     @cached_property
     def members(self) -> tuple[np.ndarray, ...]:
@@ -67,8 +90,9 @@ def cut(
     patch = _connected(patch, graph)
     area = np.maximum(weights, 1e-12 / len(weights))
     shares = area / np.bincount(patch, area)[patch]
-    patches = Patches(patch, shares, np.zeros((int(patch.max()) + 1, 3)))
-    return Patches(patch, shares, patches.mean(rest))
+    places = np.zeros((int(patch.max()) + 1, 3))
+    np.add.at(places, patch, shares[:, None] * rest)
+    return Patches(patch, shares, places)
 
 
 def _nearest_centre(nodes: np.ndarray, apart: float) -> np.ndarray:

@@ -116,12 +116,21 @@ def kernel(squares: np.ndarray) -> np.ndarray:
 def patch_normals(surface: np.ndarray, triangles: np.ndarray, patch: np.ndarray, count: int) -> np.ndarray:
     """Outward unit normals (count, 3) of patches of a surface (m, 3) mm with triangles (t, 3); patch (m,): number of
     each node's patch. Each corner of a triangle gives its area to its own patch."""
+    total = area_vectors(surface, triangles, patch, count)
+    return total / np.maximum(np.linalg.norm(total, axis=1), 1e-300)[:, None]
+
+
+def area_vectors(
+    surface: np.ndarray, triangles: np.ndarray, patch: np.ndarray | None = None, count: int | None = None
+) -> np.ndarray:
+    """(count, 3) mm^2: sums of the normals of triangles, twice their area long, over the corners that belong to each
+    patch, to each node unless patches (m,) are given."""
     a, b, c = (surface[triangles[:, i]].T for i in range(3))
     (x, y, z), (u, v, w) = b - a, c - a
-    corners = patch[triangles].ravel()
+    corners = (triangles if patch is None else patch[triangles]).ravel()
     area = (np.repeat(component, 3) for component in (y * w - z * v, z * u - x * w, x * v - y * u))
-    total = np.stack([np.bincount(corners, component, count) for component in area], axis=1)
-    return total / np.maximum(np.linalg.norm(total, axis=1), 1e-300)[:, None]
+    count = len(surface) if count is None else count
+    return np.stack([np.bincount(corners, component, count) for component in area], axis=1)
 
 
 def may_meet(alongs: Sequence[np.ndarray], apart: Sequence[float]) -> np.ndarray:

@@ -137,12 +137,12 @@ class Surroundings:
     """The bodies and obstacles of a scene, and who may meet whom.
 
     bodies: (N,) number of the body of each patch
-    may_meet: (N, N), see `cfem.contact.detection`
+    may_meet: (N, N), see `cfem.contact.detection`; None where there is one body that does not touch itself
     spacing: mm between patches
     still: (N,) bool, patches that meet nothing"""
 
     bodies: np.ndarray
-    may_meet: np.ndarray
+    may_meet: np.ndarray | None
     spacing: float
     still: np.ndarray
     obstacles: ObstacleSet
@@ -153,10 +153,13 @@ class Surroundings:
         `length` mm or more from each other."""
         apart = [APART * length if touches else np.inf for touches in itself]
         still = np.concatenate([skin.held_still for skin in skins])
-        allowed = may_meet([skin.along for skin in skins], apart)
+        allowed = None
+        if len(skins) > 1 or any(itself):
+            allowed = may_meet([skin.along for skin in skins], apart)
+            allowed = np.where(still[:, None] | still, NEVER, allowed)
         return cls(
             np.repeat(np.arange(len(skins)), [len(skin.patches) for skin in skins]),
-            np.where(still[:, None] | still, NEVER, allowed),
+            allowed,
             max(skin.patches.spacing for skin in skins),
             still,
             obstacles,
@@ -168,6 +171,8 @@ class Surroundings:
         """All pairs of patches at places (N, 3) mm with outward unit normals (N, 3) and what is near. faces: see
         `detect`, of what has touched in this step. moved: mm by which patches last moved: as long as that is much,
         faces are kept only by points that would have none."""
+        if self.may_meet is None:
+            return self._with_obstacles(Pairs.none(len(places)), places)
         if faces and moved > SETTLING * self.spacing:
             pairs = self.pairs(places, normals)
             lost = {point: mine for point, mine in faces.items() if point not in pairs.slots}
@@ -199,9 +204,11 @@ class Surroundings:
             return soft
         distance, which = self.obstacles.nearest(places)
         near = np.flatnonzero((distance < WITHIN * self.spacing) & ~self.still)
+        relative = np.zeros((len(near), N))
+        relative[np.arange(len(near)), near] = 1.0
         more = Pairs(
             near + N,
-            np.eye(N)[near],
+            relative,
             self.obstacles.frames(which[near], places[near]),
             distance[near],
             which[near] + self.bodies[-1] + 1,

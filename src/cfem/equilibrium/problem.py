@@ -5,6 +5,7 @@ R(x, lambda) = f_int(x) - f_ext - sum_j lambda_j grad delta_j(x) = 0        C de
 on free nodes and rigid frames; j runs over the active rows, actuators then contacts."""
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import replace
 from functools import cached_property
 
@@ -72,6 +73,15 @@ class Problem:
         self._loads = None if self.loads is None else self.kinematics.reduce(self.rest, self.loads)
         # residuals are relative to the forces at hand, but never to less than a strain of 1e-10 over the whole body
         self.force_floor = 1e-10 * self.body.shear * robot.body.mesh.size**2
+
+    def under(self, forces: np.ndarray) -> "Problem":
+        """This problem under further constant forces (n, 3) N on the nodes; all factors are shared."""
+        loads = forces if self.robot.loads is None else self.robot.loads + forces
+        loaded = copy(self)
+        loaded.robot, loaded.finite = replace(self.robot, loads=loads), bool(np.isfinite(loads).all())
+        loaded.loads, loaded._nodal = loads if loaded.finite else None, True
+        loaded._loads = None if loaded.loads is None else self.kinematics.reduce(self.rest, loads)
+        return loaded
 
     @property
     def n_active(self) -> int:

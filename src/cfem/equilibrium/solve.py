@@ -109,7 +109,7 @@ def _continuation(
     """Follows the actuation from `start` in steps that double where Newton's method is quick, and halve where it
     fails."""
     C = actuation.C
-    first = np.concatenate([row.value(start.x) - row.rest for row in problem.robot.active])
+    first = np.concatenate([np.empty(0), *(row.value(start.x) - row.rest for row in problem.robot.active)])
     mu = np.linalg.lstsq(C.T, start.lam, rcond=None)[0]
     offset = start.lam - C.T @ mu
     offset[C[actuation.unilateral].any(axis=0)] = 0.0  # without rounding: a slack cable carries nothing

@@ -15,6 +15,7 @@ from cfem.export.firmware.motion import write_c_motion
 from cfem.export.firmware.mpc import write_c_mpc
 from cfem.export.firmware.swing import moving_filter_of, swinging_frames, write_c_swing
 from cfem.export.spec import CSpec
+from cfem.motion.estimation.marker_filter import MarkerFilter
 from cfem.motion.load import load_motion
 from cfem.motion.step import MotionCommand, at_rest, step
 from cfem.predict.estimation.markers import markers_near
@@ -123,6 +124,22 @@ def test_it_begins_again_where_it_is_lost(both):
         assert compiled.frame(**huge).status != 0
     after = compiled.frame(**good)
     assert after.status == 0 and abs(after.x[0] - 2.0) < 0.1
+
+
+@pytest.mark.parametrize("garbage", [1e9, -1e300, np.nan])
+def test_a_command_that_no_robot_reaches_is_not_followed(both, garbage):
+    made, compiled, _ = both
+    compiled.reset()
+    filtered = MarkerFilter(made.estimator, made.motion, made.kind, made.uncertainty, made.gate.spec)
+    nothing, u = np.full(1, np.nan), made.estimator.middle[:1]
+    y = np.r_[at_rest(made.motion, u).q, np.zeros(len(made.scale) - made.motion.n_q)]
+    places = made.estimator.rest + made.markers.seen(y)[0].reshape(-1, 3)
+    for frame in range(12):
+        command = np.array([garbage]) if frame == 9 else u
+        answer = filtered.tick(places, None, command, DT if frame else 0.0)
+        found = compiled.frame(place=places, displacement=nothing, force=nothing, command=command)
+        assert found.status == status_of(answer.status) == 0
+        np.testing.assert_allclose(found.x / made.scale, filtered.last[0] / made.scale, atol=1e-8)
 
 
 def test_a_folder_with_predictive_control_too_tests_itself(folder, tmp_path):

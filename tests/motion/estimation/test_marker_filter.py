@@ -144,6 +144,36 @@ def test_a_robot_that_is_lost_is_found_again(parts):
     assert lost <= 10 and found.converged and abs(found.delta_a[0] - 4.0) < 0.2
 
 
+def filter_at_rest(parts, frames=10):
+    """A filter after frames of a robot at rest, what it sees and its command."""
+    filtered, u = MarkerFilter(*parts, "displacement", unknown()), np.array([2.0])
+    y = np.r_[at_rest(parts[1], u).q, np.zeros(4)]
+    places = parts[0].rest + filtered.markers.seen(y)[0].reshape(-1, 3)
+    for _ in range(frames):
+        assert filtered.tick(places, None, u, after=DT).converged
+    return filtered, places, u
+
+
+@pytest.mark.parametrize("garbage", [1e9, -1e300, np.nan, np.inf])
+def test_a_command_that_no_robot_reaches_is_not_followed(parts, garbage):
+    filtered, places, u = filter_at_rest(parts)
+    for command in (np.array([garbage]), u):
+        answer = filtered.tick(places, None, command, after=DT)
+        assert answer.converged
+        np.testing.assert_allclose(answer.delta_a, u, atol=0.05)
+
+
+def test_a_state_far_out_of_range_begins_again_at_once(parts):
+    """Its innovations rise and fall as it rings, so no run of rejected frames would show it."""
+    filtered, places, u = filter_at_rest(parts)
+    mean = filtered.known.distribution.mean.copy()
+    mean[1] = 1e12
+    filtered.known = replace(filtered.known, distribution=replace(filtered.known.distribution, mean=mean))
+    answer = filtered.tick(places, None, u, after=DT)
+    assert answer.converged
+    np.testing.assert_allclose(answer.delta_a, u, atol=0.05)
+
+
 def test_finite_elements_that_ring(moving_bar, parts):
     """After a pull within a frame, the shape is several times nearer than that of a robot taken to be at rest."""
     estimator, _ = parts

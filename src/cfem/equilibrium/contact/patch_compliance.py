@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cfem.condensed import Rows
-from cfem.condensed.patches import Patches
+from cfem.condensed.patches import Patches, SurfacePoints
 from cfem.condensed.pose import Patch
 from cfem.condensed.skin import Skin
 from cfem.constraint.attachment import Attachment
@@ -23,14 +23,15 @@ from cfem.equilibrium.solution import Equilibrium, Linearisation, State
 from cfem.equilibrium.solve import Wanted, solve
 
 
-def with_patches(robot: Robot, nodes: np.ndarray, patches: Patches, numbers: np.ndarray) -> Robot:
-    """The robot with the patches `numbers` for contact points; nodes (m,): of the surface in the mesh."""
-    points = []
+def with_patches(robot: Robot, nodes: np.ndarray, patches: Patches | SurfacePoints, numbers: np.ndarray) -> Robot:
+    """The robot with the patches, or other points, `numbers` for contact points; nodes (m,): of the surface in the
+    mesh."""
+    points, weights = [], patches.weights
     for number in numbers:
-        mine = patches.members[number]
-        order = np.argsort(nodes[mine])
-        point = Attachment(nodes[mine][order], patches.shares[mine][order], patches.rest[number])
-        points.append(ContactPoint(point))
+        mine = slice(*weights.indptr[number : number + 2])
+        used = nodes[weights.indices[mine]]
+        order = np.argsort(used)
+        points.append(ContactPoint(Attachment(used[order], weights.data[mine][order], patches.rest[number])))
     names = tuple(f"patch-{number}.{axis}" for number in numbers for axis in "xyz")
     return replace(robot, contacts=tuple(points), rows=replace(robot.rows, contacts=names))
 

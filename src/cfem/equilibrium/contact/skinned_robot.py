@@ -1,12 +1,13 @@
-"""A robot of finite elements whose surface is cut into patches, placed in a scene."""
+"""A robot of finite elements whose surface touches by points: means of patches, or nodes; placed in a scene."""
 
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
+import scipy.sparse as sp
 
-from cfem.condensed.patches import Patches
-from cfem.contact.detection import along
+from cfem.condensed.patches import Patches, SurfacePoints
+from cfem.contact.detection import along, area_vectors
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.robot import Robot
 
@@ -15,13 +16,13 @@ HELD = 0.9  # share of a patch's nodes that are held: it touches nothing
 
 @dataclass(frozen=True, eq=False)
 class SkinnedRobot:
-    """A robot; nodes (m,) of its surface in the mesh, triangles (t, 3) of them, and the patches that cut it; R (3, 3)
-    and t (3,) mm from its frame to the scene's; itself: whether it may touch itself."""
+    """A robot; nodes (m,) of its surface in the mesh, triangles (t, 3) of them, and the points by which it touches,
+    patches or others; R (3, 3) and t (3,) mm from its frame to the scene's; itself: whether it may touch itself."""
 
     robot: Robot
     nodes: np.ndarray
     triangles: np.ndarray
-    patches: Patches
+    patches: Patches | SurfacePoints
     R: np.ndarray = field(default_factory=lambda: np.eye(3))
     t: np.ndarray = field(default_factory=lambda: np.zeros(3))
     itself: bool = True
@@ -29,6 +30,30 @@ class SkinnedRobot:
     @cached_property
     def problem(self) -> Problem:
         return Problem(self.robot)
+
+    def motion_of_points(self, x: np.ndarray) -> sp.csc_array:
+        """(n_dof, 3 N): unknowns by points, of which the transpose is points by unknowns, nodes at x (n, 3) mm."""
+        kinematics = self.problem.kinematics
+        if kinematics.groups is None:
+            return self._motion
+        return sp.csc_array(kinematics.transfer_matrix(x).T @ self._nodal)
+
+    @cached_property
+    def _motion(self) -> sp.csc_array:
+        return sp.csc_array(self.problem.kinematics.transfer_matrix(self.robot.X).T @ self._nodal)
+
+    @cached_property
+    def _nodal(self) -> sp.csr_array:
+        """(3 n, 3 N): nodes by points."""
+        weights = sp.coo_array(self.patches.weights)
+        shape = (len(self.robot.X), len(self.patches))
+        by_node = sp.coo_array((weights.data, (self.nodes[weights.col], weights.row)), shape=shape)
+        return sp.csr_array(sp.kron(by_node, np.eye(3)))
+
+    def normals(self, surface: np.ndarray) -> np.ndarray:
+        """Outward unit normals (N, 3) of the points of a surface at (m, 3) mm."""
+        total = (self.patches.weights != 0) @ area_vectors(surface, self.triangles)
+        return total / np.maximum(np.linalg.norm(total, axis=1), 1e-300)[:, None]
 
     @cached_property
     def along(self) -> np.ndarray:

@@ -14,7 +14,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.linalg import block_diag
 
-from cfem.contact.detection import patch_normals
+from cfem.condensed.patches import Patches
 from cfem.contact.modes import Mode
 from cfem.contact.obstacle_set import ObstacleSet
 from cfem.contact.pairs import Memory, Pairs, Pressing, Surroundings
@@ -31,7 +31,7 @@ from cfem.equilibrium.solve import Wanted, solve
 from cfem.mechanics.factorization import SingularMatrixError
 
 NEAR = 0.4  # distances of patches: of pairs whose gap is less the patches are contact points
-MOST = 60  # contact points of a robot
+MOST = 1500  # contact points of a robot
 SHARE = 0.05  # of its reach: the longest way of an actuator in one step
 SHORT = 1 / 8  # of that way: in so short a step one patch may begin to press while another lets go
 TOLERANCE, ITERATIONS = 1e-8, 80  # of the length: the last step of any contact point; corrections
@@ -168,7 +168,7 @@ class _Step:
         if self.iterations == 1 and self._from_state:
             self._begin = self.places
         self.pairs = self.pairs.some(self.of.surroundings.entered(self.pairs, self.places, self._begin, self.memory))
-        near = self.pairs.some(self.pairs.gaps < NEAR * self.of.surroundings.spacing).used
+        near = self.pairs.some(self.pairs.gaps < self._margin).used
         points = np.union1d(np.union1d(self.points, near), np.flatnonzero(self.forces.any(axis=1)))
         if len(points) > MOST * len(self.of.robots):
             return StepStatus.MANY
@@ -186,6 +186,15 @@ class _Step:
             return StepStatus.NO_EQUILIBRIUM
         self._take()
         return None
+
+    @property
+    def _margin(self) -> float:
+        """mm: pairs whose gap is less join. Nodes, which are many, only where something has gone in, and as far from
+        the surface as it has gone in."""
+        margin = NEAR * self.of.surroundings.spacing
+        if all(isinstance(robot.patches, Patches) for robot in self.of.robots):
+            return margin
+        return min(margin, -float(self.pairs.gaps.min(initial=0.0)))
 
     def _correct(self) -> bool:
         """Corrects all robots by the law on their linearisations. False where nothing obeys it."""
@@ -231,11 +240,11 @@ class _Step:
     def _solve(self) -> StepStatus:
         """Each robot alone, its patches held, has to carry the forces that were found."""
         self.modes = dict(zip(self._touching.slots.tolist(), self.found.modes, strict=True))
-        self.solved, largest = [robot.solved() for robot in self.robots], np.abs(self.forces).max(initial=0.0)
+        largest = np.abs(self.forces).max(initial=0.0)
+        self.solved, changes = zip(*[robot.solved() for robot in self.robots], strict=True)
         self._cost.factorizations += sum(solved.factorizations for solved in self.solved)
-        for robot, solved in zip(self.robots, self.solved, strict=True):
-            residual = np.abs(solved.lambda_c - robot.forces.ravel()).max(initial=0.0)
-            if not solved.converged or residual > SAME * largest + robot.problem.force_floor:
+        for robot, solved, change in zip(self.robots, self.solved, changes, strict=True):
+            if not solved.converged or change > SAME * largest + robot.problem.force_floor:
                 return StepStatus.NO_EQUILIBRIUM
         return StepStatus.CONVERGED
 
@@ -270,7 +279,7 @@ class _Step:
         for robot, x in zip(self.of.robots, nodes, strict=True):
             surface = robot.surface(x)
             places.append(robot.patches.mean(surface))
-            normals.append(patch_normals(surface, robot.triangles, robot.patches.of, len(robot.patches)))
+            normals.append(robot.normals(surface))
         self.places = np.concatenate(places)
         self.pairs = self.of.surroundings.pairs(self.places, np.concatenate(normals), self.faces, self.residual)
 

@@ -7,7 +7,9 @@ As markers show q, w and the stiffness alone (moving_markers.py), each frame is 
 (`cfem.predict.estimation.fit`); the rest follows by its covariance with them.
 
 A frame that does not fit its prior is rejected (`cfem.predict.estimation.gate`). After a run of these, and of frames
-without an estimate, the filter begins again."""
+without an estimate, the filter begins again. It also begins again where the predicted robot is far out of its range, as
+innovations of such a state rise and fall and so may never make a run. A commanded displacement far out of the range is
+no command."""
 
 from dataclasses import dataclass, replace
 
@@ -126,10 +128,13 @@ class MarkerFilter:
         """Moves the state `time` s on, without a frame; a motion that is lost begins again at the next frame."""
         if self.known is None:
             return
-        u = self.known.u if commanded is None else np.asarray(commanded, float)
+        u = self._reachable(commanded)
         try:
-            self.known = self.forward(self.known, u, time)
+            self.known = self.forward(self.known, self.known.u if u is None else u, time)
         except (NumericalError, np.linalg.LinAlgError):
+            self.known = None
+            return
+        if not _near(self.known.z[: self.motion.n_q], self.box[: self.motion.n_q]):
             self.known = None
 
     def correct(
@@ -149,6 +154,13 @@ class MarkerFilter:
             self.known = replace(self.known, distribution=correction.prior.with_part(self._shown, shown))
         self.last = shown.mean, shown.covariance
         return self._answer(minimum, shown)
+
+    def _reachable(self, commanded: ArrayLike | None) -> np.ndarray | None:
+        """The command (n_a,); None where it is missing, or a displacement far out of the robot's range."""
+        if commanded is None:
+            return None
+        u = np.asarray(commanded, float)
+        return u if self.kind == "force" or _near(u, self.box[: self.motion.n_a]) else None
 
     def _update(self, state: MovingState, frame: Frame) -> MarkerCorrection:
         """The update of a predicted state; with a wider prior where that fits better and an actuator may have
@@ -196,7 +208,7 @@ class MarkerFilter:
     def _first(self, frame: Frame) -> MovingState:
         """The state before the first frame: near the command, or where the frame shows a robot at rest."""
         n_a, n_q, n_z, uncertainty = self.motion.n_a, self.motion.n_q, self.forward.n_z, self.uncertainty
-        u, n_w = None if frame.commanded is None else np.asarray(frame.commanded, float), len(self.estimator.loaded)
+        u, n_w = self._reachable(frame.commanded), len(self.estimator.loaded)
         if u is None and self.kind == "force":
             raise InputError("commanded forces are missing", do="give them in each frame")
         if u is not None and self.kind == "displacement":
@@ -263,3 +275,9 @@ class MarkerFilter:
             locked = np.hstack([locked, estimator.model.skin.compliance(y[:n_a], estimator.material[0])[0]])
             paths = self.motion.skin(y[:n_a])[0]
         return delta_e + (locked[:, rows] - H @ paths[rows].T / self.motion.stiffness) @ w
+
+
+def _near(values: np.ndarray, box: np.ndarray) -> bool:
+    """True where values (n,) are finite and at most the width of the box (n, 2) away from it."""
+    low, high = box.T
+    return bool(((values > 2 * low - high) & (values < 2 * high - low)).all())

@@ -23,6 +23,12 @@
 /* Place of an unknown that markers tell (N), in the covariance (NX). */
 static int told(int i) { return i < NQ ? i : i - NQ + NZ; }
 
+/* Whether a value is at most the width of its box away from it. */
+static int near(int i, double value) {
+    const double low = cfem_swing_box[i][0], high = cfem_swing_box[i][1];
+    return value > 2.0 * low - high && value < 2.0 * high - low;
+}
+
 void cfem_swing_init(cfem_swing *filter) { memset(filter, 0, sizeof *filter), cfem_gate_restart(&filter->gate); }
 
 /* Before the first frame: about where it is told, or where a robot at rest would be. 0, or 1 where nobody said which forces drive it. */
@@ -196,8 +202,12 @@ unsigned cfem_swing_frame(cfem_swing *s, const cfem_frame *frame, cfem_swing_fou
     cfem_frame seen = *frame;
     fit one, other, *best = &one;
     const double *u = frame->command;
-    for (int a = 0; a < NA; a++) seen.force[a] = NAN, u = u && cfem_finite(frame->command[a]) ? u : NULL;
+    for (int a = 0; a < NA; a++) {
+        const int stated = cfem_finite(frame->command[a]) && (!HELD || near(a, frame->command[a]));
+        seen.force[a] = NAN, u = u && stated ? u : NULL;
+    }
     if (s->known) cfem_swing_advance(s, u ? u : s->u);
+    for (int i = 0; i < NQ; i++) s->known = s->known && near(i, s->z[i]);
     for (int again = 0; again < 2; again++) {
         const int begins = !s->known;
         int wide = 0;
