@@ -1,6 +1,7 @@
 """The stroke found by solving ends where the body is bent or strained to its limit."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -54,21 +55,37 @@ def test_a_lower_limit_ends_the_stroke_earlier(found, monkeypatch):
     assert first.reach < 0.6 * found[1][0].reach and first.why == "strained by 2 %"
 
 
-def test_strokes_become_less_until_all_actuators_can_go_together(monkeypatch):
-    """The solver fails wherever both cables are pulled by more than 0.3 of their strokes."""
-    true, shares = stroke.solve, []
+@pytest.fixture
+def together(monkeypatch):
+    """Strokes of two actuators that go 4 mm alone, where all at once reach the shares for which `borne` is true."""
 
-    def fails(problem, actuation, *rest, **how):
-        if np.count_nonzero(actuation.C) < 2:
-            return true(problem, actuation, *rest, **how)
-        shares.append(1 / actuation.C[0, 0])  # of the reach, but for a factor
-        ended = true(problem, actuation, *rest, **how)
-        return replace(ended, status=stroke.Status.LIMIT_POINT) if shares[-1] > 0.3 * shares[0] else ended
+    def strokes_where(borne):
+        def solved(problem, actuation, **how):
+            share = 1 / (2 * 4.0 * actuation.C[0, 0])
+            return SimpleNamespace(status=stroke.Status.CONVERGED if borne(share) else stroke.Status.OUT_OF_REACH)
 
-    monkeypatch.setattr(stroke, "solve", fails)
-    together = strokes(bar("tet4", divisions=(6, 1, 1)))
-    assert shares[-1] == pytest.approx(0.25 * shares[0])
-    assert all("cannot go so far at once" in each.why for each in together)
+        monkeypatch.setattr(stroke, "_alone", lambda *given: stroke.Stroke(4.0, 1.0, "alone"))
+        monkeypatch.setattr(stroke, "_meets_itself", lambda *given: False)
+        monkeypatch.setattr(stroke, "solve", solved)
+        return [each.reach / 4.0 for each in strokes(bar("tet4", divisions=(6, 1, 1)))]
+
+    return strokes_where
+
+
+@pytest.mark.parametrize("most", [0.01, 0.31, 0.5, 0.74, 0.97])
+def test_strokes_are_as_much_as_all_actuators_bear_together(together, most):
+    """To an eighth of the step between two shares that are tried."""
+    first, second = together(lambda share: share <= most)
+    assert first == second and most - 0.02 <= first <= max(most, 0.02)
+
+
+def test_strokes_are_not_cut_where_all_go_together(together):
+    assert together(lambda share: True) == [1, 1]
+
+
+def test_a_share_beyond_one_that_fails_does_not_count(together):
+    """As beyond the load at which a body buckles, where another branch may be found or not."""
+    assert together(lambda share: share < 0.65 or share > 0.85) == pytest.approx([0.64, 0.64], abs=0.02)
 
 
 def slit(width: float) -> Robot:

@@ -124,6 +124,17 @@ def test_robots_that_bear_all_at_once_are_pulled_as_they_were():
     assert borne_together(solve, REACH, OPPOSED) == 1.0
 
 
+def test_a_pull_that_is_borne_beyond_one_that_is_not_does_not_count():
+    """As on another branch beyond the load at which a body buckles."""
+    end = within_reach(np.ones(3), REACH, OPPOSED)
+
+    def solve(asked):
+        share = asked.target[0] / end
+        return SimpleNamespace(converged=not 0.6 < share < 0.9, path=1.0)
+
+    assert 0.25 < borne_together(solve, REACH, OPPOSED) < 0.6
+
+
 def test_a_robot_that_bears_no_pull_of_all_ends_the_search():
     def solve(asked):
         return SimpleNamespace(converged=False, path=0.0)

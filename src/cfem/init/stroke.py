@@ -31,7 +31,8 @@ _MOST = {"mm": 0.35, "mm^3": 3.0}
 _SOLVES = 8  # of an actuator, about
 _GROWTH = 1.7
 _TIP = 0.1  # of the robot's length: nodes so near to the watched point turn with it
-_ALL = (1.0, 0.7, 0.5, 0.35, 0.25, 0.15)  # shares of the strokes tried where all actuators go together
+_ALL = (0.15, 0.3, 0.45, 0.6, 0.75, 0.9, 1.0)  # shares of the strokes tried in turn where all actuators go together
+_HALVINGS = 3  # of the interval between a share that is reached and the first that is not
 # The last amount that was reached counts, so that the exact place where a path ends is worth no steps.
 _CLOSE = 0.2  # of the smallest amount at which the body meets itself: so near to it is near enough
 _MEETS = "beyond it, the body meets itself"
@@ -59,15 +60,33 @@ def strokes(robot: Robot, advance: Callable[[int], None] = lambda _: None) -> li
     if len(found) < 2:
         return found
     reach = np.array([each.reach for each in found])
-    for share in _ALL:
+
+    def reached(share: float) -> bool:
         ended = solve(problem, pull(np.ones(len(reach)), share * reach), settings=_LOOSE, wanted=Wanted(condense=False))
         advance(1)
-        if ended.status in _REACHED and not _meets_itself(problem, ended):
-            break
+        return ended.status in _REACHED and not _meets_itself(problem, ended)
+
+    share = _up_to(reached)
     if share == 1.0:
         return found
     why = "; less, as all actuators cannot go so far at once"
     return [Stroke(share * each.reach, share * each.force, each.why + why) for each in found]
+
+
+def _up_to(reached: Callable[[float], bool]) -> float:
+    """Share up to which every one is reached, to an eighth of a step. A larger one may be reached again, on another
+    branch beyond the load at which the body buckles: whether a solve finds it is a matter of the mesh."""
+    low = 0.0
+    for high in _ALL:
+        if not reached(high):
+            break
+        low = high
+    else:
+        return 1.0
+    for _ in range(_HALVINGS):
+        middle = (low + high) / 2
+        low, high = (middle, high) if reached(middle) else (low, middle)
+    return low or high
 
 
 def reaches(

@@ -11,6 +11,9 @@ from cfem.sample.spec import SplitSpec
 
 # A pull of all at once that is not borne is made smaller by this factor, and given up below the other.
 _SHORTER, _LEAST = 0.85, 0.05
+# Shares of a pull of all at once that are tried as well: beyond the load at which a body buckles there may be another
+# branch, which a solve finds or not.
+_ON_THE_WAY = (1.0, 0.75, 0.5, 0.25)
 # Of the largest pull of all at once that is borne: near the load at which a body buckles its compliance grows without
 # bound, which no series follows.
 _SAFE = 0.7
@@ -101,15 +104,20 @@ def _load(share: np.ndarray, reach: np.ndarray, compliance: np.ndarray) -> float
 
 
 def borne_together(solve: Callable[[Actuation], Equilibrium], reach: np.ndarray, compliance: np.ndarray) -> float:
-    """The share of their reach (n_a,) to which all actuators are pulled at once: 1 where that is a stable equilibrium,
-    else with a margin. Nobody commands actuators against each other until the robot buckles, and states near there
-    cost ten times as much as others."""
+    """The share of their reach (n_a,) to which all actuators are pulled at once: 1 where that and less are stable
+    equilibria, else with a margin. Nobody commands actuators against each other until the robot buckles, and states
+    near there cost ten times as much as others."""
     together, everyone = 1.0, np.ones(len(reach))
     if len(reach) == 1:
         return together
+    amount = within_reach(everyone, reach, compliance)
     while together > _LEAST:
-        ended = solve(pull(everyone, reach, together * within_reach(everyone, reach, compliance)))
-        if ended.converged:
+        tried = (solve(pull(everyone, reach, part * together * amount)) for part in _ON_THE_WAY)
+        failed = next(
+            ((part, ended) for part, ended in zip(_ON_THE_WAY, tried, strict=True) if not ended.converged), None
+        )
+        if failed is None:
             break
-        together *= _SHORTER * (ended.path if 0.0 < ended.path < 1.0 else 1.0)
+        part, ended = failed
+        together *= part * _SHORTER * (ended.path if 0.0 < ended.path < 1.0 else 1.0)
     return together if together == 1.0 else _SAFE * together
