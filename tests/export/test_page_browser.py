@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 from export.embedded import states
-from export.pages import ROBOTS, browser, opened, page_of, skin_of, surface, until, wedge
+from export.pages import PACKED, ROBOTS, browser, opened, page_of, skin_of, surface, unpacked, until, wedge
 
 from cfem.export.firmware.embedding import Embedding
 from cfem.export.page.page import page
@@ -213,9 +213,9 @@ def test_a_slack_cable_says_what_its_slider_says(tab):
 
 
 # Pixels of the picture, red, green, blue and alpha.
-PIXELS = """() => { const view = document.getElementById("view"), { width, height } = view;
+PIXELS = f"""() => {{ const view = document.getElementById("view"), {{ width, height }} = view;
   cfem.draw(true);
-  return Array.from(view.getContext("2d").getImageData(0, 0, width, height).data); }"""
+  return ({PACKED})(view.getContext("2d").getImageData(0, 0, width, height).data); }}"""
 
 
 def pixels(tab, *actuators):
@@ -227,7 +227,7 @@ def pixels(tab, *actuators):
         "for (const one of chambers) one.inflate(); for (const one of goals) robot.goal.set(one.tip, one.rows[0]); }",
         list(actuators),
     )
-    return np.array(tab.evaluate(PIXELS)).reshape(-1, 4)
+    return unpacked(tab.evaluate(PIXELS))
 
 
 def test_a_robot_that_has_left_its_rest_shows_where_that_was(tab):

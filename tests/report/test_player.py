@@ -2,16 +2,16 @@
 
 import numpy as np
 import pytest
-from export.pages import browser, opened, until
+from export.pages import PACKED, browser, opened, unpacked, until
 from report.test_viewer import FACETS, FRAMES
 
 from cfem.report.page import Summary, page
 from cfem.report.viewer import BODY, HELD, Line, Take, Viewer
 
 # A picture that took long has fewer pixels at first; 0.2 s after the last, the page draws one with all of them.
-PIXELS = """async () => { await new Promise(go => setTimeout(go, 300));
-  const canvas = document.querySelector(".viewer canvas"), { width, height } = canvas;
-  return [width, height, ...canvas.getContext("2d").getImageData(0, 0, width, height).data]; }"""
+PIXELS = f"""async () => {{ await new Promise(go => setTimeout(go, 300));
+  const canvas = document.querySelector(".viewer canvas"), {{ width, height }} = canvas;
+  return [width, height, ({PACKED})(canvas.getContext("2d").getImageData(0, 0, width, height).data)]; }}"""
 STILL = "matchMedia = (ask => query => query.includes('reduced-motion') ? { matches: true } : ask(query))(matchMedia)"
 
 
@@ -46,8 +46,8 @@ def tab(chromium, file):
 
 
 def picture(tab):
-    wide, tall, *data = tab.evaluate(PIXELS)
-    return np.array(data).reshape(tall, wide, 4)
+    wide, tall, data = tab.evaluate(PIXELS)
+    return unpacked(data).reshape(tall, wide, 4)
 
 
 def blue(tab):
