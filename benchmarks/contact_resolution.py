@@ -1,6 +1,7 @@
 """A learned robot pressed onto obstacles at unseen places and states, against finite elements that touch at every node.
 
-python benchmarks/contact_resolution.py SCENE MODEL [--places 30] [--mu 0.5] [--seed 0] [--patches 6] [--judge FILE]
+python benchmarks/contact_resolution.py SCENE MODEL [--places 30] [--mu 0.5] [--seed 0] [--nodes] [--patches 6]
+    [--judge FILE]
 
 A sphere of 3, 8 or 20 mm, a plane, an edge or a corner of a box, or a capsule comes to a random node of the surface and
 moves 0.3 to 1.5 mm on, in three steps. The robot stands at the mean of two random training states. The judge is
@@ -26,8 +27,9 @@ from cfem.core.artefact.content import artefact_content
 from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
 from cfem.equilibrium.contact.surfaces import SurfaceScene
 from cfem.equilibrium.robot import Robot
-from cfem.predict.contact.kept_patches import patched_model_of
+from cfem.predict.contact.kept_patches import node_model_of, patched_model_of
 from cfem.predict.contact.scene import contact_step
+from cfem.predict.contact.surface_model import SurfaceModel
 from cfem.predict.load import load_model
 from cfem.predict.protocol import Predictor
 from cfem.robot.build import build_robot
@@ -116,7 +118,7 @@ def judged(robot: Robot, surface: Surface, places: Sequence[Place], mu: float) -
 
 
 def compare(
-    name: str, model: object, robot: Robot, places: Sequence[Place], judge: dict[str, np.ndarray], mu: float
+    name: str, model: SurfaceModel, robot: Robot, places: Sequence[Place], judge: dict[str, np.ndarray], mu: float
 ) -> None:
     """Prints how far a learned model is from the judge."""
     force, tip, spent, unknown = [], [], [], 0
@@ -165,6 +167,7 @@ def main() -> None:
     parser.add_argument("--mu", type=float, default=0.0)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--patches", type=float, nargs="*", default=[6.0], help="distances of patches to try, mm")
+    parser.add_argument("--nodes", action="store_true", help="try the model that touches at every node")
     parser.add_argument("--judge", type=Path, help="where the judge's answers are kept (.npz)")
     given = parser.parse_args()
     scene, mesh = load_scene_and_mesh(given.scene)
@@ -177,6 +180,8 @@ def main() -> None:
         "mesh": artefact_content(given.scene.parent / scene.out),
         "loads": {},
     }
+    if given.nodes:
+        compare("nodes", node_model_of(model, given.model, robot, made_of), robot, places, judge, given.mu)
     for apart in given.patches:
         patched = patched_model_of(model, given.model, robot, made_of, apart)
         compare(f"patches of {apart:g} mm", patched, robot, places, judge, given.mu)

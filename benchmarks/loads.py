@@ -25,7 +25,7 @@ from cfem.equilibrium.contact.patch_effectors import patch_yield
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import solve
 from cfem.plant.fem_plant import FemPlant, pushed
-from cfem.predict.contact.patched_model import patch_states
+from cfem.predict.contact.surface_model import patch_states
 from cfem.predict.energy import THIRD
 from cfem.predict.load import build, load_model
 from cfem.predict.loads.loaded import TRUSTED, loaded, wrench_error, wrench_of

@@ -23,8 +23,9 @@ from cfem.equilibrium.contact.patch_compliance import patch_response
 from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
 from cfem.equilibrium.contact.surfaces import SurfaceScene as MeetingInFe
 from cfem.predict.contact.bodies import PlacedModel
-from cfem.predict.contact.patched_model import PatchedModel, patch_states, patches_of
+from cfem.predict.contact.patched_model import PatchedModel, patches_of
 from cfem.predict.contact.scene import ContactScene
+from cfem.predict.contact.surface_model import patch_states
 from cfem.predict.load import load_model
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh

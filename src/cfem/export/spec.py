@@ -141,6 +141,8 @@ class CSpec(Spec):
         for name, one in self.obstacles.items():
             if one.pressed or one.avoid is not None or one.path is not None:
                 raise ValueError(f"obstacles.{name}: press, largest_force, avoid and path are of `cfem control` alone")
+        if self.contact.resolution == "mesh":
+            raise ValueError("contact.resolution: mesh is of `cfem control` alone; C touches by patches")
 
 
 class ExportSpec(Spec):

@@ -17,7 +17,9 @@ class ContactAccount:
     took; worst: relative residual of law and balance at the end of a command; deepest: how far (mm) the surface was in
     which obstacle, other robot or the robot itself then, between the patches, which alone touch."""
 
-    def __init__(self) -> None:
+    def __init__(self, parts: str = "patches", finer: str = "take a smaller contact.patches") -> None:
+        """parts: what alone touches; finer: how there would be more of them."""
+        self._parts, self._finer = parts, finer
         self.counts: list[dict[str, int]] = []
         self.commands = self.steps = self.iterations = self.failures = 0
         self.worst, self.deepest = 0.0, (0.0, "")
@@ -48,9 +50,7 @@ class ContactAccount:
         depth, name = self.deepest
         if depth <= DEEP * length:
             return []
-        return [
-            poor(f"the surface reaches {depth:.2g} mm into {name} between its patches: take a smaller contact.patches")
-        ]
+        return [poor(f"the surface reaches {depth:.2g} mm into {name} between its {self._parts}: {self._finer}")]
 
     def sentence(self) -> str:
         """Sentence about contact for people."""
@@ -63,4 +63,6 @@ class ContactAccount:
 
     def _between(self) -> str:
         depth, name = self.deepest
-        return f"; between patches the surface reaches up to {depth:.2g} mm into {name}" if depth > TOLERANCE else ""
+        return (
+            f"; between {self._parts} the surface reaches up to {depth:.2g} mm into {name}" if depth > TOLERANCE else ""
+        )

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from cfem.condensed.patches import Patches
 from cfem.contact.clearance import depth_in_itself, nearest_of_surface
 from cfem.contact.closed_surface import ClosedSurface
 from cfem.contact.obstacle import ClosedMesh, Obstacle
@@ -55,7 +56,8 @@ class TouchPlant(ContactAccount):
         self._meeting = SurfaceScene(robots, ObstacleSet(tuple(obstacles.values())), mu)
         self._at, self.met = np.zeros(robot.robot.rows.n_a), None
         self._solid = tuple(name for name in obstacles if name not in avoided)
-        super().__init__()
+        by_patches = isinstance(robot.patches, Patches)
+        super().__init__(*(() if by_patches else ("nodes", "take a finer mesh")))
 
     @property
     def changing(self) -> Changing:

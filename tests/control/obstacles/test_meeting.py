@@ -44,6 +44,30 @@ def test_a_stated_force_is_what_finite_elements_feel(bar):
     assert "2 of 2 commands carried out" in found["headline"][-1]
 
 
+def test_a_stated_force_is_what_finite_elements_feel_that_touch_at_every_node(bar):
+    """Plan and FE robot touch at nodes; patches, of the same plan, feel another force there."""
+    obstacles = {"ceiling": {**CEILING, "press": "30 mN"}}
+    more = {"search": {"step": "0.5 mm", "weights": [0, 0, 0]}, "contact": {"resolution": "mesh"}}
+    found = cfem.run_stage("control", control(bar, "press-mesh", obstacles, **more))["results"]
+    met = found["obstacles"]["ceiling"]
+    assert met["wanted"] == pytest.approx(0.03) and met["error_max"] < 0.05 * 0.03
+    assert found["trajectories"]["there"]["spectral"]["reached"] == 2
+    assert "2 of 2 commands carried out" in found["headline"][-1]
+
+
+@pytest.mark.parametrize(
+    ("obstacles", "contact", "what"),
+    [
+        ({"ceiling": CEILING}, {"resolution": "mesh", "patches": "8 mm"}, "leave out patches"),
+        ({"twin": TWIN}, {"resolution": "mesh"}, "rigid obstacles alone"),
+        ({"me": {"kind": "itself"}}, {"resolution": "mesh"}, "rigid obstacles alone"),
+    ],
+)
+def test_what_does_not_go_with_the_resolution_of_the_mesh_is_refused(bar, obstacles, contact, what):
+    with pytest.raises(SpecError, match=what):
+        cfem.run_stage("control", control(bar, "refused", obstacles, contact=contact))
+
+
 def test_a_goal_without_the_force_that_is_wanted_is_not_reached(bar):
     """Its cable may not pull enough to press by 2 N; the tip may be anywhere."""
     obstacles = {"ceiling": {**CEILING, "press": "2 N"}}

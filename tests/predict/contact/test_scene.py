@@ -15,10 +15,11 @@ from cfem.equilibrium.newton import NewtonSettings
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import solve
 from cfem.predict.contact.loaded_robot import LoadedRobot
-from cfem.predict.contact.patched_model import PatchedModel, patch_states, patches_of
+from cfem.predict.contact.patched_model import PatchedModel, patches_of
 from cfem.predict.contact.rounds import TOLERANCE
 from cfem.predict.contact.scene import contact_step
 from cfem.predict.contact.state import TRUSTED
+from cfem.predict.contact.surface_model import patch_states
 from cfem.predict.load import load_model
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh

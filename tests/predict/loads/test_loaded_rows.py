@@ -7,7 +7,7 @@ from cfem.constraint.patch import PatchLoad
 from cfem.core.errors import InputError, SpecError
 from cfem.equilibrium.contact.patch_effectors import patch_yield
 from cfem.plant.fem_plant import FemPlant, pushed
-from cfem.predict.contact.patched_model import patch_states
+from cfem.predict.contact.surface_model import patch_states
 from cfem.predict.load import build, load_model
 from cfem.predict.loads.loaded import loaded, wrench_error
 from cfem.robot.build import build_robot

@@ -3,7 +3,11 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
+from cfem.condensed.patches import Patches, SurfacePoints
+from cfem.constraint.surface import outer_surface
+from cfem.constraint.surface_points import at_nodes
 from cfem.contact.prescribed_motion import ActuatedRobot
 from cfem.control.obstacles.clearance import demand_apart, demand_outside, demand_way
 from cfem.control.obstacles.read import Obstacles, naming, read_obstacles
@@ -14,10 +18,10 @@ from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
 from cfem.equilibrium.robot import Robot
 from cfem.plant.touch_plant import TouchPlant
 from cfem.predict.contact.bodies import PlacedModel
-from cfem.predict.contact.kept_patches import patched_model_of
+from cfem.predict.contact.kept_patches import node_model_of, patched_model_of
 from cfem.predict.contact.model import ContactModel
 from cfem.predict.contact.obstacle_spec import RobotObstacle
-from cfem.predict.contact.patched_model import PatchedModel
+from cfem.predict.contact.surface_model import SurfaceModel
 from cfem.predict.protocol import Predictor
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh, made_from
@@ -51,20 +55,33 @@ def with_obstacles(
     learned = {}
     for name, model in predictors.items():
         with naming(models[name]):
-            patched = patched_model_of(model, models[name], robot, made_of, *spec.contact.cut)
-        learned[name] = _contact_model(spec, obstacles, others, patched, robot)
+            touched = _touched(spec, model, models[name], robot, made_of)
+        learned[name] = _contact_model(spec, obstacles, others, touched, robot)
         demand_apart(learned[name])
     first, model = next(iter(learned.values())), next(iter(predictors.values()))
-    skinned = SkinnedRobot(robot, model.skin.nodes, model.skin.triangles, first.patched.patches)
+    points: Patches | SurfacePoints = first.patched.patches
+    if spec.contact.resolution == "mesh":
+        facets = robot.body.mesh.facets
+        points = at_nodes(robot.X, facets, outer_surface(robot.X, facets))
+    skinned = SkinnedRobot(robot, model.skin.nodes, model.skin.triangles, points)
     return world_of(spec, obstacles, first), learned, _fe_plant(spec, obstacles, others, skinned)
 
 
+def _touched(
+    spec: ObstaclesSpec, model: Predictor, folder: Path, robot: Robot, made_of: Mapping[str, Any]
+) -> SurfaceModel:
+    """A model that may be touched at the points that the spec asks for."""
+    if spec.contact.resolution == "mesh":
+        return node_model_of(model, folder, robot, made_of)
+    return patched_model_of(model, folder, robot, made_of, *spec.contact.cut)
+
+
 def _contact_model(
-    spec: ObstaclesSpec, obstacles: Obstacles, others: Mapping[str, OtherRobot], patched: PatchedModel, robot: Robot
+    spec: ObstaclesSpec, obstacles: Obstacles, others: Mapping[str, OtherRobot], touched: SurfaceModel, robot: Robot
 ) -> ContactModel:
     """A learned robot among the obstacles."""
     return ContactModel(
-        patched,
+        touched,
         {name: body for name, body in obstacles.rigid.items() if name not in obstacles.avoided},
         obstacles.pressed,
         {name: obstacles.rigid[name] for name in obstacles.avoided},

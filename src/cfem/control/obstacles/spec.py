@@ -33,6 +33,10 @@ class ObstaclesSpec(PlannedSpec, LoadedSpec):
         if len(itself) > 1:
             raise ValueError(f"obstacles: {' and '.join(itself)} are both the robot itself; leave one of them out")
 
+        soft = [name for name, obstacle in self.obstacles.items() if obstacle.kind in ("robot", "itself")]
+        if soft and self.contact.resolution == "mesh":
+            raise ValueError(f"contact.resolution: mesh goes with rigid obstacles alone, and {soft[0]} is soft")
+
     @property
     def files(self) -> dict[str, Path]:
         """Files and model folders that obstacles are read from, by the obstacle's name, relative to this spec."""

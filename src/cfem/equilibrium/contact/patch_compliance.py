@@ -64,11 +64,11 @@ def patch_response(robot: Robot, skin: Skin, patches: Patches, states: np.ndarra
     start, bent, dented = None, [], []
     with progress(f"pushing {len(patches)} patches of the surface by FE, in bent states", len(states)) as advance:
         for j, delta in enumerate(states):
-            moved = _solved(shown, delta, base=start)
+            moved = solved_at(shown, delta, base=start)
             start = moved.state
             bent.append(skin_load_derivatives(moved.linear))
             lam = np.concatenate([start.lam, np.zeros(rows.n_c)])
-            pushed = _solved(problem, delta, start=replace(start, lam=lam)).linear
+            pushed = solved_at(problem, delta, start=replace(start, lam=lam)).linear
             dented.append(_dented(pushed))
             W = pushed.W
             across = W[rows.c, rows.a]
@@ -93,7 +93,9 @@ def _dented(linear: Linearisation) -> np.ndarray:
     return np.stack(changes)
 
 
-def _solved(problem: Problem, delta: np.ndarray, start: State | None = None, base: State | None = None) -> Equilibrium:
+def solved_at(
+    problem: Problem, delta: np.ndarray, start: State | None = None, base: State | None = None
+) -> Equilibrium:
     """Equilibrium at delta (n_a,) mm, with its linearisation, from `start` or else from `base`.
     NumericalError where there is none."""
     equilibrium = solve(problem, displacement(delta), start, base, slack=False, wanted=Wanted(keep=True))

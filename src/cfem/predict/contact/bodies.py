@@ -11,8 +11,8 @@ from cfem.contact.detection import NEVER, patch_normals, separation
 from cfem.contact.obstacle_set import ObstacleSet
 from cfem.contact.pairs import Surroundings
 from cfem.contact.problem import demand_friction
-from cfem.predict.contact.patched_model import PatchedModel
 from cfem.predict.contact.state import ContactState
+from cfem.predict.contact.surface_model import SurfaceModel
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class PlacedModel:
     unilateral: (n_a,) bool, actuators that go slack where they would push (`cfem.predict.slack`); the others are held.
     None: all are held"""
 
-    patched: PatchedModel
+    patched: SurfaceModel
     R: np.ndarray = field(default_factory=lambda: np.eye(3))
     t: np.ndarray = field(default_factory=lambda: np.zeros(3))
     itself: bool = True
@@ -68,6 +68,11 @@ class Bodies:
     def held_still(self) -> np.ndarray:
         """(N,) bool: patches where a body is held, which touch nothing."""
         return np.concatenate([robot.patched.held_still for robot in self.robots])
+
+    @property
+    def most(self) -> int:
+        """Points that may touch obstacles at once."""
+        return max(robot.patched.most for robot in self.robots)
 
     @property
     def length(self) -> float:

@@ -1,8 +1,8 @@
 """How patches of a model's skin yield, kept beside the model, as finite elements take a while to say it.
 
-A file `patches-<key>.npz`, of contact, or `loads-<key>.npz` in the folder that the model's folder is in; its key is the
-content hash of all that it depends on, so that it is never stale, and models of the same samples share it. It may be
-deleted at any time."""
+A file `patches-<key>.npz` or `nodes-<key>.npz`, of contact, or `loads-<key>.npz` in the folder that the model's folder
+is in; its key is the content hash of all that it depends on, so that it is never stale, and models of the same samples
+share it. It may be deleted at any time."""
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
@@ -15,10 +15,13 @@ from cfem.constraint.patch import PatchLoad
 from cfem.core.artefact.files import confined, content_sha256, write_npz
 from cfem.core.errors import DiskError, InputError
 from cfem.core.reading import read_npz
+from cfem.equilibrium.contact.node_compliance import NodeResponse, node_response
 from cfem.equilibrium.contact.patch_compliance import PatchResponse, patch_response
 from cfem.equilibrium.contact.patch_effectors import PatchYield, patch_yield
 from cfem.equilibrium.robot import Robot
-from cfem.predict.contact.patched_model import PatchedModel, patch_states, patches_of
+from cfem.predict.contact.node_model import MODES, NEAR, NodeModel, node_patches
+from cfem.predict.contact.patched_model import PatchedModel, patches_of
+from cfem.predict.contact.surface_model import linear_states, patch_states
 from cfem.predict.kinds.spectral import SpectralPredictor
 from cfem.predict.loads.loaded_rows import on_modes
 from cfem.predict.protocol import Predictor
@@ -46,6 +49,19 @@ def patched_model_of(
         return patch_response(robot, skin.watched, patches, states)
 
     return PatchedModel(model, patches, _kept(folder.parent / f"patches-{key}.npz", PatchResponse, solved))
+
+
+def node_model_of(model: Predictor, folder: Path, robot: Robot, made_of: Mapping[str, Any]) -> NodeModel:
+    """The same of a model that may be touched at every node of its surface."""
+    skin, states = model.skin, patch_states(model.domain, robot.rows.n_a)
+    local, near = linear_states(model.domain, states), NEAR * model.length
+    asked = {"nodes": skin.nodes, "states": states, "local": local, "skin": skin.modes, "modes": MODES, "near": near}
+    key = content_sha256({"version": VERSION, "robot": dict(made_of), **asked})[:16]
+
+    def solved() -> NodeResponse:
+        return node_response(robot, skin.watched, states, local, MODES, near)
+
+    return NodeModel(model, node_patches(model), _kept(folder.parent / f"nodes-{key}.npz", NodeResponse, solved))
 
 
 def yield_of(

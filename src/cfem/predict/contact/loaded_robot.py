@@ -10,8 +10,8 @@ this patch yields. All of it is the derivative of one energy by the forces, so t
 
 import numpy as np
 
-from cfem.predict.contact.compliance import LoadResponse, PatchCompliance, load_response, patch_compliance
-from cfem.predict.contact.patched_model import NONE, PatchedModel
+from cfem.predict.contact.compliance import LoadResponse, PatchCompliance, load_response
+from cfem.predict.contact.surface_model import NONE, SurfaceModel
 
 
 class LoadedRobot:
@@ -23,7 +23,7 @@ class LoadedRobot:
     w (k,) N: load of the forces on the modes, and rows (k,) mm under it
     bending: second order of what loads do to the modes over the first, the largest of all `load`"""
 
-    def __init__(self, model: PatchedModel, delta: np.ndarray):
+    def __init__(self, model: SurfaceModel, delta: np.ndarray):
         """Evaluates the model's series at delta (n_a,) mm, without forces."""
         skin, k = model.model.skin, len(model.model.skin)
         self.model, self.delta, self.unloaded = model, delta, skin.rows(delta, NONE)
@@ -104,8 +104,7 @@ class LoadedRobot:
         key = patches.tobytes()
         if self._known is None or self._known[0] != key:
             model, R = self.model, self.model.turns(self.unloaded, patches)
-            given = patches, model.U, self.C_ss, R, self._basis, model.local, model.dented
-            U, local, total, dents = patch_compliance(*given)
+            U, local, total, dents = model.compliance(patches, self.C_ss, R, self._basis, self.delta)
             try:
                 np.linalg.cholesky(total)
             except np.linalg.LinAlgError:

@@ -26,9 +26,9 @@ from cfem.core.errors import NumericalError
 from cfem.equilibrium.quasi_static import CONVERGED, carried_out
 from cfem.predict.contact.bodies import PlacedModel
 from cfem.predict.contact.clearance import clearance
-from cfem.predict.contact.patched_model import PatchedModel
 from cfem.predict.contact.scene import SHARE, ContactScene
 from cfem.predict.contact.state import TRUSTED, ContactState
+from cfem.predict.contact.surface_model import SurfaceModel
 
 STEP = 1e-4  # of the reach: of the differences
 LONGEST = 0.005  # of the length: the longest way of an obstacle in one quasi-static step
@@ -57,7 +57,7 @@ class ContactModel:
     itself: the name under which it touches itself, or none
     unilateral: (n_a,) bool, actuators that go slack at `pass_to` where they would push; plans hold them"""
 
-    patched: PatchedModel
+    patched: SurfaceModel
     solid: Mapping[str, Obstacle]
     pressed: tuple[str, ...] = ()
     avoided: Mapping[str, Obstacle] = field(default_factory=dict)
@@ -79,7 +79,7 @@ class ContactModel:
     @cached_property
     def stiffness(self) -> float:
         """N/mm: of the patches to forces of any direction, the median."""
-        mean = np.diagonal(self.patched.by_fe.own, axis1=1, axis2=2).mean(axis=0).reshape(-1, 3).mean(axis=1)
+        mean = self.patched.flexibility.mean(axis=1)
         return float(np.median(1.0 / np.maximum(mean, 1e-12 * mean.max())))
 
     @cached_property

@@ -199,6 +199,8 @@ ObstacleSpec = Annotated[
 class ContactSpec(Spec):
     """How the robot's surface touches."""
 
+    resolution: Literal["patches", "mesh"] = "patches"
+    """`mesh`: at every node of the surface, in the plan and in the FE robot. `patches`: at the means of patches."""
     patches: Length | None = Field(None, gt=0)
     """Distance of the patches into which the surface is cut. Each touches as a point. A twentieth of the robot's length
     unless given."""
@@ -207,6 +209,10 @@ class ContactSpec(Spec):
     reaches into what it touches before any patch does. With them there are more patches."""
     friction: float = Field(0.0, ge=0)
     """Coefficient of friction of the robot's surface, on obstacles, other robots and itself."""
+
+    def check(self) -> None:
+        if self.resolution == "mesh" and (self.patches is not None or self.sharp_edges):
+            raise ValueError("contact: resolution mesh has no patches: leave out patches and sharp_edges")
 
     @property
     def cut(self) -> tuple[float | None, bool]:

@@ -21,7 +21,6 @@ from cfem.predict.contact.state import ContactState
 
 ITERATIONS = 60
 TOLERANCE = 1e-9  # of the length: how far gaps, and places by their forces, may be from what the law says
-MOST = 30  # patches that may touch obstacles at once
 MOST_PAIRS = 60  # pairs of soft surfaces that may touch at once
 OVERLAP = 1e-6  # of the length: how far a patch may be within an obstacle
 FAR = 0.1  # of the length: no distance is larger, as none is asked
@@ -94,7 +93,7 @@ class Rounds:
         touching = None if self.soft is None else self.soft.touch(self.places)
         if not len(self.near) and not touching:
             return self._free()
-        if len(self.near) > MOST or (touching and len(touching) > MOST_PAIRS):
+        if len(self.near) > self.scene.most or (touching and len(touching) > MOST_PAIRS):
             self._let_go()
             return StepStatus.MANY
         if not self._know(touching):

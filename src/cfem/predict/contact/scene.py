@@ -21,9 +21,9 @@ from cfem.contact.step_status import StepStatus
 from cfem.core.errors import InputError
 from cfem.equilibrium.quasi_static import all_carried_out
 from cfem.predict.contact.bodies import Bodies, PlacedModel
-from cfem.predict.contact.patched_model import PatchedModel
 from cfem.predict.contact.rounds import Rounds
 from cfem.predict.contact.state import ContactState
+from cfem.predict.contact.surface_model import SurfaceModel
 from cfem.predict.slack import with_slack
 
 INSIDE = 1e-3  # of the length: by how much robots may overlap where they begin
@@ -80,7 +80,7 @@ class ContactScene(Bodies):
 
 
 def contact_step(
-    patched: PatchedModel,
+    patched: SurfaceModel,
     delta_a: np.ndarray,
     obstacles: Sequence[Obstacle] | ObstacleSet,
     mu: float = 0.0,

@@ -64,7 +64,7 @@ def rows_of(
 
 def _corrected(model: SpectralPredictor, rows: LoadedRows, by_fe: "PatchYield") -> LoadedRows:
     """Rows with what finite elements say of the patches, to the second order of the forces."""
-    from cfem.predict.contact.patched_model import (
+    from cfem.predict.contact.surface_model import (
         degrees,  # what finite elements need, and the export of a row does not
     )
 

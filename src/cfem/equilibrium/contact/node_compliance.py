@@ -1,0 +1,141 @@
+"""How every node of a body's surface yields to forces on any other, in frames that turn with the surface.
+
+With R_i the rotation of the surface around node i since rest, the compliance of the nodes is
+
+    C_ij = R_i (Phi_i K Phi_j^T + L_ij) R_j^T
+
+Phi are modes of the compliance itself: the strongest of R^T C R in all states together, which random forces find
+(Halko, Martinsson and Tropp, *Finding structure with randomness*, 2011). Seen in these frames both hardly change. L,
+what they leave, is kept between nodes that are near each other."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import csr_array
+from scipy.spatial import cKDTree
+
+from cfem.condensed.patches import SurfacePoints
+from cfem.condensed.skin import Skin
+from cfem.condensed.surface_turns import members_of, rotations, spread
+from cfem.core.console.progress import progress
+from cfem.equilibrium.contact.patch_compliance import solved_at
+from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
+from cfem.equilibrium.derivatives.third_order import skin_load_derivatives
+from cfem.equilibrium.evaluation import Evaluation, SolveCost
+from cfem.equilibrium.robot import Robot
+from cfem.equilibrium.skinned import skinned
+
+AT_ONCE = 192  # right-hand sides
+OVER = 4  # random forces for each mode, all states together
+
+
+@dataclass(frozen=True)
+class NodeResponse:
+    """Response of m surface nodes to forces on them, actuators held.
+
+    states: (J, n_a) mm
+    modes: (3 m, k) orthonormal modes of the compliance in turning frames
+    by_modes: (J, k, k) mm/N, K
+    tip: (J, n_e, 3 m) mm/N, motion of the effectors by the forces, in turning frames
+    bent: (J, s, n_e + s, n_e + s) mm/N^2, change of the compliance of effectors and rows of the skin with loads on the
+    latter
+    local: (S,) numbers of the states at which L is known
+    pairs: (p, 2) numbers of nodes that are near each other, the first no larger than the second
+    left: (S, p, 3, 3) mm/N, L of the pairs"""
+
+    states: np.ndarray
+    modes: np.ndarray
+    by_modes: np.ndarray
+    tip: np.ndarray
+    bent: np.ndarray
+    local: np.ndarray
+    pairs: np.ndarray
+    left: np.ndarray
+
+
+class _Pushed:
+    """A robot at one state, under forces on its nodes: with the factor of its tangent, until another one is made.
+
+    tip: (n_e, 3 m) mm/N, motion of the effectors by forces in turning frames"""
+
+    def __init__(self, robot: SkinnedRobot, at: Evaluation, lam: np.ndarray, R: np.ndarray):
+        """The state at, lam; R (m, 3, 3) rotations of the nodes since rest."""
+        problem = robot.problem
+        self._factor = problem.factor(at, lam, SolveCost()).factor
+        self._motion, self._R = robot.motion_of_points(at.x), R
+        Z = self._factor.solve(at.H)
+        self._pull = self._motion.T @ Z
+        self._held = np.linalg.solve(at.H.T @ Z, self._pull.T)
+        effectors = problem.gradients(robot.robot.effectors, at.x)
+        tip = (self._motion.T @ self._factor.solve(effectors)).T - (effectors.T @ Z) @ self._held
+        self.tip = (tip.reshape(-1, len(R), 1, 3) @ R).reshape(tip.shape)
+
+    def moved_by(self, forces: np.ndarray) -> np.ndarray:
+        """(3 m, c) mm: motion of the nodes by forces (3 m, c) N, both in turning frames."""
+        shape, m = forces.shape, len(self._R)
+        turned, moved = (self._R @ forces.reshape(m, 3, -1)).reshape(shape), np.empty(shape)
+        for first in range(0, shape[1], AT_ONCE):
+            some = slice(first, first + AT_ONCE)
+            moved[:, some] = self._motion.T @ self._factor.solve(self._motion @ turned[:, some])
+        moved -= self._pull @ (self._held @ turned)
+        return (self._R.swapaxes(1, 2) @ moved.reshape(m, 3, -1)).reshape(shape)
+
+
+def node_response(
+    robot: Robot, skin: Skin, states: np.ndarray, local: np.ndarray, modes: int, near: float
+) -> NodeResponse:
+    """Response of the nodes at states (J, n_a) mm, by so many modes; what these leave at the states `local` (S,),
+    between nodes that are no farther than `near` mm from each other at rest. One equilibrium and two factorisations
+    more a state, and 3 m right-hand sides at each of the S. NumericalError where there is no equilibrium."""
+    m, numbers = len(skin.nodes), np.arange(len(skin.nodes))
+    nodes = SurfacePoints(csr_array((np.ones(m), (numbers, numbers)), shape=(m, m)), skin.rest, np.zeros(m))
+    touched = SkinnedRobot(skinned(robot, skin), skin.nodes, skin.triangles, nodes, itself=False)
+    members, rng, start = members_of(skin.triangles, numbers, m), np.random.default_rng(0), None
+    known, found, bent, tip, by_modes, left = [], [], [], [], [], []
+    with progress("pushing all nodes of the surface by FE, in bent states", 2 * len(states)) as advance:
+        for delta in states:
+            moved = solved_at(touched.problem, delta, base=start)
+            start, at = moved.state, moved.linear.at
+            bent.append(skin_load_derivatives(moved.linear))
+            R = rotations(spread(members, skin.rest, at.x[skin.nodes]))
+            known.append((at, moved.linear.lam, R))
+            pushed = _Pushed(touched, *known[-1])
+            tip.append(pushed.tip)
+            found.append(pushed.moved_by(rng.standard_normal((3 * m, -(-OVER * modes // len(states))))))
+            advance(1)
+        basis = np.linalg.svd(np.concatenate(found, axis=1), full_matrices=False)[0][:, :modes]
+        pairs = _pairs(skin.rest, near)
+        for number, state in enumerate(known):
+            pushed = _Pushed(touched, *state)
+            K = basis.T @ pushed.moved_by(basis)
+            by_modes.append((K + K.T) / 2)
+            if number in local:
+                left.append(_left(pushed, basis, by_modes[-1], pairs))
+            advance(1)
+    stacked = np.stack(left).astype(np.float32)
+    return NodeResponse(
+        states, basis.astype(np.float32), np.stack(by_modes), np.stack(tip), np.stack(bent), local, pairs, stacked
+    )
+
+
+def _pairs(rest: np.ndarray, near: float) -> np.ndarray:
+    """(p, 2): each node with itself and with those near it, in order."""
+    each = np.repeat(np.arange(len(rest))[:, None], 2, axis=1)
+    pairs = np.concatenate([each, cKDTree(rest).query_pairs(near, output_type="ndarray")])
+    return pairs[np.lexsort(pairs.T[::-1])]
+
+
+def _left(pushed: _Pushed, basis: np.ndarray, K: np.ndarray, pairs: np.ndarray) -> np.ndarray:
+    """(p, 3, 3) mm/N: what modes leave of the compliance of pairs of nodes."""
+    m, step = len(basis) // 3, AT_ONCE // 3
+    modes, by_modes = basis.reshape(m, 3, -1), (basis @ K).reshape(m, 3, -1)
+    left = np.empty((len(pairs), 3, 3))
+    for first in range(0, m, step):
+        last = min(first + step, m)
+        unit = np.zeros((3 * m, 3 * (last - first)))
+        unit[3 * first + np.arange(unit.shape[1]), np.arange(unit.shape[1])] = 1.0
+        C = pushed.moved_by(unit).reshape(m, 3, last - first, 3)
+        mine = slice(*np.searchsorted(pairs[:, 0], [first, last]))
+        i, j = pairs[mine].T
+        left[mine] = C[j, :, i - first].swapaxes(1, 2) - by_modes[i] @ modes[j].swapaxes(1, 2)
+    return left

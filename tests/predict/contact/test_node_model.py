@@ -1,0 +1,94 @@
+"""A learned robot that touches with every node of its surface, against finite elements that do."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cfem.constraint.surface import outer_surface
+from cfem.constraint.surface_points import at_nodes
+from cfem.contact.obstacle import Box, Plane, Sphere
+from cfem.contact.obstacle_set import ObstacleSet
+from cfem.core.errors import InputError
+from cfem.equilibrium.contact.node_compliance import NodeResponse, node_response
+from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
+from cfem.equilibrium.contact.surfaces import SurfaceScene
+from cfem.predict.contact.loaded_robot import LoadedRobot
+from cfem.predict.contact.node_model import NodeModel, node_patches
+from cfem.predict.contact.scene import contact_step
+from cfem.predict.contact.surface_model import patch_states
+from cfem.predict.load import load_model
+from cfem.robot.build import build_robot
+from cfem.robot.load import load_scene_and_mesh
+
+DELTA = np.array([2.0])
+
+
+@pytest.fixture(scope="module")
+def robot(bar):
+    return build_robot(*load_scene_and_mesh(bar / "pipelines" / "bar" / "scene.yaml"))
+
+
+@pytest.fixture(scope="module")
+def nodes(bar, robot):
+    model = load_model(bar / "models" / "bar" / "spectral")
+    states = patch_states(model.domain, 1)
+    by_fe = node_response(robot, model.skin.watched, states, np.array([0, len(states) - 1]), 60, 10.0)
+    return NodeModel(model, node_patches(model), by_fe)
+
+
+@pytest.fixture(scope="module")
+def skinned(robot):
+    surface = outer_surface(robot.X, robot.body.mesh.facets)
+    points = at_nodes(robot.X, robot.body.mesh.facets, surface)
+    return SkinnedRobot(robot, surface.nodes, surface.triangles, points, itself=False)
+
+
+DOWN = np.array([0.0, 0.0, -1.0])
+
+
+def obstacle_above(model, kind):
+    """An obstacle that just touches the bar from above, near its free end."""
+    x = model.shape(DELTA)
+    above = x[(x[:, 0] > x[:, 0].max() - 14.0) & (x[:, 2] > x[:, 2].max() - 14.0)]
+    t = above.mean(axis=0) + np.array([0.0, 0.0, 40.0])
+    turn = np.array([[1.0, 0, 0], [0, np.sqrt(0.5), -np.sqrt(0.5)], [0, np.sqrt(0.5), np.sqrt(0.5)]])
+    obstacle = {
+        "ball": Sphere(6.0, t=t),
+        "plane": Plane(R=np.diag([1.0, -1.0, -1.0]), t=t),
+        "edge": Box(np.array([5.0, 5.0, 5.0]), R=turn, t=t),
+    }[kind]
+    for _ in range(200):  # down until it is there: no step is longer than the distance
+        obstacle = replace(obstacle, t=obstacle.t + obstacle.distance(x).min() * DOWN)
+    return obstacle
+
+
+@pytest.mark.parametrize("mu", [0.0, 0.5])
+@pytest.mark.parametrize("kind", ["ball", "plane", "edge"])
+def test_it_presses_as_finite_elements_do_that_touch_at_every_node(nodes, robot, skinned, kind, mu):
+    obstacle, found = obstacle_above(nodes.model, kind), None
+    away = replace(obstacle, t=obstacle.t - 5.0 * DOWN)
+    truth = SurfaceScene([skinned], ObstacleSet((away,)), mu).go([DELTA])
+    for depth in (0.05, 0.3, 0.6):
+        here = replace(obstacle, t=obstacle.t + depth * DOWN)
+        found = contact_step(nodes, DELTA, [here], mu=mu, before=found, unilateral=robot.unilateral)
+        truth = SurfaceScene([skinned], ObstacleSet((here,)), mu).step([DELTA], truth)
+    assert found.converged and truth.converged and found.trusted
+    force, exact = found.forces.sum(axis=0), truth.forces.sum(axis=0)
+    assert np.linalg.norm(exact) > 1e-3
+    assert np.linalg.norm(force - exact) < (0.05 if mu else 0.02) * np.linalg.norm(exact)
+    assert found.delta_e[0] == pytest.approx(truth.solved[0].delta_e, abs=0.02)
+    assert here.distance(found.places).min() > -1e-6 * nodes.model.length  # no node is in the obstacle
+
+
+def test_the_compliance_of_nodes_is_symmetric_and_positive(nodes):
+    some = np.flatnonzero(~nodes.held_still)[:40]
+    C = LoadedRobot(nodes, DELTA).free_compliance(some)
+    assert np.array_equal(C, C.T) or np.abs(C - C.T).max() < 1e-12 * np.abs(C).max()
+    assert np.linalg.eigvalsh(C).min() > -1e-12 * np.abs(C).max()
+
+
+def test_a_response_of_other_nodes_is_refused(nodes):
+    fewer = NodeResponse(**{**vars(nodes.by_fe), "modes": nodes.by_fe.modes[:-3]})
+    with pytest.raises(InputError, match="nodes"):
+        NodeModel(nodes.model, nodes.patches, fewer)
