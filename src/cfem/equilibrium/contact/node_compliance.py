@@ -8,7 +8,7 @@ Phi are modes of the compliance itself: the strongest of R^T C R in all states t
 (Halko, Martinsson and Tropp, *Finding structure with randomness*, 2011). Seen in these frames both hardly change. L,
 what they leave, is kept between nodes that are near each other."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -51,6 +51,18 @@ class NodeResponse:
     local: np.ndarray
     pairs: np.ndarray
     left: np.ndarray
+
+    def rounded(self) -> "NodeResponse":
+        """The same in fewer bytes, to 5e-4 of each number: far below the error of the modes."""
+        half, single = np.float16, np.float32
+        return replace(
+            self,
+            modes=self.modes.astype(half),
+            by_modes=self.by_modes.astype(single),
+            tip=self.tip.astype(single),
+            pairs=self.pairs.astype(np.int32),
+            left=self.left.astype(half),
+        )
 
 
 class _Pushed:

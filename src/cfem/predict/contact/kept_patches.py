@@ -59,7 +59,7 @@ def node_model_of(model: Predictor, folder: Path, robot: Robot, made_of: Mapping
     key = content_sha256({"version": VERSION, "robot": dict(made_of), **asked})[:16]
 
     def solved() -> NodeResponse:
-        return node_response(robot, skin.watched, states, local, MODES, near)
+        return node_response(robot, skin.watched, states, local, MODES, near).rounded()
 
     return NodeModel(model, node_patches(model), _kept(folder.parent / f"nodes-{key}.npz", NodeResponse, solved))
 

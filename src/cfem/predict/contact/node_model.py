@@ -21,8 +21,8 @@ from cfem.equilibrium.contact.node_compliance import NodeResponse
 from cfem.predict.contact.surface_model import NONE, SurfaceModel
 from cfem.predict.protocol import Predictor
 
-MODES = 160  # of the compliance
-NEAR = 0.075  # of the length: nodes between which what the modes leave is known
+MODES = 80  # of the compliance
+NEAR = 0.05  # of the length: nodes between which what the modes leave is known
 
 
 @dataclass(frozen=True)
