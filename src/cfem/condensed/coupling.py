@@ -133,6 +133,7 @@ class Coupled:
         first = holds[0].model
         self._alike = isinstance(first, KnowsSlopes) and all(hold.model is first for hold in holds)
         self._last: HeldObject | None = None
+        self._slope = np.zeros((held.n, n_a))  # of the pose by the actuators, there
 
     def at_displacement(self, delta_a: np.ndarray) -> HeldObject:
         """NumericalError where the object finds no stable rest, or a robot no state."""

@@ -72,6 +72,20 @@ class FreeObject:
         return (points - self.centre - self.x) @ self.R + self.centre
 
 
+def holding_stiffness(state: PointsState, points: np.ndarray) -> np.ndarray:
+    """Stiffness (k, k) N/mm (N, N mm for rotations about the centre) with which points (m, 3) mm that are glued to the
+    free object hold it in a state: J^T C^-1 J, and the moments of the points' forces f as their arms a turn with it,
+    (f a^T + a f^T) / 2 - f . a."""
+    held, posed = state.around, state.posed
+    J = held.motion(points)
+    K = J.T @ np.linalg.solve(posed.compliance, J)
+    if held.turns:
+        forces, arms = (posed.force @ posed.rotation).reshape(-1, 3), points - held.centre - held.x
+        moments = forces.T @ arms
+        K[3:, 3:] += (moments + moments.T) / 2 - np.trace(moments) * np.eye(3)
+    return (K + K.T) / 2
+
+
 def grasp_step(
     fingers: Sequence[PlacedRobot],
     actuators: Sequence[Actuation],
