@@ -23,7 +23,8 @@ import numpy as np
 from cfem.condensed import Condensed, Rows
 from cfem.condensed.contact_pose import from_energy
 from cfem.condensed.model import KnowsDomain, KnowsSlopes, Model
-from cfem.condensed.pose import COORDINATES, RotationDerivatives, turn
+from cfem.condensed.pose import COORDINATES
+from cfem.condensed.rotation import RotationDerivatives, turn
 from cfem.core.errors import NumericalError
 
 TOLERANCE = 1e-9  # of the object's balance, relative to the largest wrench on it

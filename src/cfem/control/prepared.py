@@ -15,7 +15,7 @@ from cfem.control.holding.spec import HoldingSpec
 from cfem.control.loads import carrying
 from cfem.control.obstacles.meeting import with_obstacles
 from cfem.control.obstacles.spec import ObstaclesSpec
-from cfem.control.obstacles.world import World
+from cfem.control.obstacles.world import ObstacleWorld
 from cfem.control.run_spec import FamilySpec, LoadedSpec, RunSpec, TrackingSpec
 from cfem.core.actuator_units import demand_units
 from cfem.core.errors import InputError
@@ -51,7 +51,7 @@ class Prepared:
     plant: Plant
     fem: Any
     touched: Any
-    world: World | None
+    world: ObstacleWorld | None
     goals: Mapping[str, np.ndarray]
     load_error: float | None
 

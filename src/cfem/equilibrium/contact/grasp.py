@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from cfem.condensed.pose import cross_matrix
+from cfem.condensed.rotation import cross_matrix
 from cfem.contact.obstacle import Obstacle
 from cfem.contact.problem import Law
 from cfem.equilibrium.actuation import Actuation
@@ -59,7 +59,7 @@ class FreeObject:
         shift = np.tile(np.eye(3), (len(points), 1))
         if not self.turns:
             return shift
-        return np.hstack([shift, -np.concatenate([cross_matrix(arm) for arm in points - self.centre - self.x])])
+        return np.hstack([shift, -cross_matrix(points - self.centre - self.x).reshape(-1, 3)])
 
     def moved(self, xi: np.ndarray) -> "FreeObject":
         R = Rotation.from_rotvec(xi[3:]).as_matrix() @ self.R if self.turns else self.R
