@@ -28,10 +28,3 @@ class States(Condensed):
     def x_e(self) -> np.ndarray:
         """(m, n_e) mm positions of the effectors."""
         return self.rest_e + self.delta_e
-
-    @property
-    def locked_compliance(self) -> np.ndarray:
-        """(m, n_e, n_e) mm/N of the effectors, actuators held where they are: W_ee - W_ea W_aa^-1 W_ae."""
-        e, a = self.rows.e, self.rows.a
-        W_ae = self.W[:, a, e]
-        return self.W[:, e, e] - W_ae.swapaxes(1, 2) @ np.linalg.solve(self.W[:, a, a], W_ae)

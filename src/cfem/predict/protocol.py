@@ -98,10 +98,7 @@ class Predictor(ABC):
             raise self._not_one_each(delta_a, "a state of displacements")
         p = np.broadcast_to(self._p(p), (*s.shape[:-1], len(self.parameters)))
         if self.form == "force":
-            flat = s.reshape(-1, s.shape[-1])
-            places = zip(flat, p.reshape(len(flat), p.shape[-1]), strict=True)  # p may have no columns
-            s = np.array([self.at_displacement(*place).lambda_a for place in places]).reshape(s.shape)
-            s = s * self.softer(p)[..., None]
+            s = self.at_displacement(s, p).lambda_a * self.softer(p)[..., None]
         return s, self.q(p)
 
     @property

@@ -34,7 +34,7 @@ from cfem.control.adaptation.unknowns import CAMERA, DRIFT, LOSS, SD, TrackedUnk
 from cfem.core.errors import InputError, NumericalError
 from cfem.plant.protocol import Command
 from cfem.predict.at_parameters import AtParameters
-from cfem.predict.estimation.fit import FitSettings
+from cfem.predict.estimation.fit import Search
 from cfem.predict.estimation.gate import Gate, Verdict
 from cfem.predict.estimation.kalman import Gaussian, Update, gated_update
 from cfem.predict.protocol import Predictor
@@ -84,7 +84,7 @@ class Tracker:
         first, sd = self.unknowns.first, self.unknowns.sd
         self.known, self._used = Gaussian(first.copy(), np.diag(sd**2)), first.copy()
         bounds = np.stack([self.unknowns.low, self.unknowns.high], axis=1)
-        self._search = FitSettings(sd, bounds, NEAR, ITERATIONS)
+        self._search = Search(sd, bounds, NEAR, ITERATIONS)
         self.gate = Gate(memory=self.forget, first=1.0, alike=np.inf)
         self._misses = {"tracked": 0.0, "first": 0.0}
 

@@ -12,8 +12,7 @@ from cfem.constraint.effector import PointEffector
 from cfem.control.crawling.course import Course, account_of, headline, judged, known
 from cfem.control.crawling.crawler import Crawler, Walk, crawler_of
 from cfem.control.crawling.own_weight import own_weight
-from cfem.control.crawling.run_spec import CrawlingSpec
-from cfem.control.crawling.spec import GaitSpec
+from cfem.control.crawling.spec import CrawlingSpec, GaitSpec
 from cfem.control.holding.assembly import box_surface, place_of
 from cfem.control.open_loop.summary import summarise
 from cfem.control.prepared import demand_same_rows, robot_and_models

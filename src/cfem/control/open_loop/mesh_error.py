@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from cfem.condensed.spread import outermost, spread
 from cfem.control.loads import under_loads
 from cfem.control.obstacles.spec import ObstaclesSpec
 from cfem.control.open_loop.spec import MeshErrorSpec, OpenLoopSpec
@@ -81,13 +82,8 @@ def _left_out(spec: PlannedSpec) -> str:
 def chosen(goals: Sequence[np.ndarray], rest_e: np.ndarray, count: int) -> list[int]:
     """Indices of `count` goals: the one farthest from rest, then again and again the goal farthest from those
     chosen."""
-    points, indices = np.array(goals), []
-    distance = np.linalg.norm(points - rest_e, axis=1)
-    for _ in range(min(count, len(points))):
-        indices.append(int(np.argmax(distance)))
-        apart = np.linalg.norm(points - points[indices[-1]], axis=1)
-        distance = apart if len(indices) == 1 else np.minimum(distance, apart)
-    return indices
+    points = np.array(goals)
+    return spread(points, count, outermost(points, rest_e)).tolist()
 
 
 def mesh_error(

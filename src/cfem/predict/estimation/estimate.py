@@ -23,11 +23,11 @@ from cfem.core.errors import InputError
 from cfem.predict.estimation.answer import Estimate
 from cfem.predict.estimation.fit import (
     FitResiduals,
-    FitSettings,
     Function,
     Markers,
     Minimum,
     Prior,
+    Search,
     Sensor,
     minimise,
 )
@@ -219,7 +219,7 @@ class Estimator:
             return (y.reshape(-1, 3) - moved) / self.noise, by_x.reshape(*moved.shape, -1) / self.noise
 
         problem = FitResiduals(Markers(residual, seen), prior, self._sensors(sensed, forces))
-        return minimise(problem, x, FitSettings(self.scale, self.box), lambda: self._nearest_state(moved, seen, x))
+        return minimise(problem, x, Search(self.scale, self.box), lambda: self._nearest_state(moved, seen, x))
 
     def from_rest(self, measured: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(m, 3) mm of the markers from their places at rest, and (m,) which of them were seen."""

@@ -20,7 +20,7 @@ from typing import Protocol, TypeVar
 
 import numpy as np
 
-from cfem.predict.estimation.fit import FitSettings, Prior
+from cfem.predict.estimation.fit import Prior, Search
 from cfem.predict.estimation.gate import Gate, Verdict
 
 FLOOR = 1e-18  # least variance in a root: of numbers that are known exactly
@@ -62,7 +62,7 @@ class Gaussian:
         expected: Callable[[np.ndarray], np.ndarray],
         slope: Callable[[np.ndarray], np.ndarray],
         R: np.ndarray,
-        search: FitSettings,
+        search: Search,
     ) -> "Update":
         """The update by measured (k,) with noise R (k, k), where expected (k,) = h(x) is not linear.
 

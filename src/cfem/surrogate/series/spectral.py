@@ -8,6 +8,7 @@ grow term by term instead (greedy.py)."""
 from dataclasses import dataclass
 from itertools import combinations_with_replacement
 from math import comb
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,7 @@ from cfem.surrogate.series.least_norm import least_norm
 from cfem.surrogate.series.nested_fit import level_counts, try_counts
 from cfem.surrogate.series.observations import Observations, in_box, inputs, observations
 from cfem.surrogate.series.weights import SEARCH_ROWS, active_weights, decay_weights, searched_weights
+from cfem.surrogate.spec import SpectralSpec
 
 ROWS_A_TERM = 1 / 0.9
 SEARCH_TERMS = 300  # of the fits that judge weights
@@ -52,6 +54,12 @@ class Fit:
     terms: dict[str, int]
     weights: dict[str, list[float]]
     held_out: list[dict[str, Any]]
+
+
+def fit_spec(dataset: Any, spec: SpectralSpec, folder: Path | None = None) -> tuple[dict, dict, list]:
+    """Arrays, facts for model.json and held-out errors of the model that a spec asks for, as every kind has them."""
+    fitted = fit(dataset, spec.form, spec.max_degree, spec.max_terms, spec.folds)
+    return fitted.arrays, {"form": spec.form, "terms": fitted.terms, "weights": fitted.weights}, fitted.held_out
 
 
 def fit(dataset: Any, form: Form = "displacement", max_degree: int = 16, max_terms: int = 2000, folds: int = 5) -> Fit:

@@ -1,4 +1,8 @@
-"""Searches that put an object down at a place of its table, and let it go.
+"""Searches of robots that lift an object off the table on which it stands, and that put it down and let it go.
+
+While a table bears the object, actuators hardly move it, and the slopes of that state say nothing of the way into the
+air. A search for a goal elsewhere therefore begins in the air: the same robots without a table find it there. Where the
+walk from the table leads to with those actuators, the search that knows the table goes on.
 
 The robots let go by going back to rest (`cfem.plant.grip_plant.GripPlant.let_go`). Where the object comes to stand
 depends on where it was held before: the search holds it above the place, lets go, and moves that hold by what it
@@ -9,13 +13,29 @@ from dataclasses import replace
 
 import numpy as np
 
-from cfem.control.search.goal_search import Iterate, SearchResult, SearchSettings, search_goal
+from cfem.control.search.goal_search import Iterate, Place, SearchResult, SearchSettings, SearchStatus, search_goal
 from cfem.control.search.inverse import Aim, Limits
 from cfem.core.errors import NumericalError
 
-ROUNDS = 8
+STAYS = 1e-3  # of the largest course: where an object on its table is this near to its goal, it stays
+ROUNDS = 8  # holds that are tried
 NEAR = 1e-3  # mm from the place: nearer is not asked for
 ALIKE = 0.1  # of its weight, that the height of a hold is that of the first: it may rise where the margin wants it
+
+
+def lifted(model, aim: Aim, limits: Limits, iterate: Iterate, settings: SearchSettings, place: Place) -> SearchResult:
+    """Search for a goal of an object that may stand on its table, from where it may begin. model: a `Gripping` with
+    `air`."""
+    now = iterate.condensed
+    if now.borne > 0:
+        if aim.missed(now.delta_e) <= STAYS * float(np.abs(limits.delta_a).max()):
+            return SearchResult.stays(aim, limits, iterate, SearchStatus.CONVERGED, kkt=0.0)
+        try:
+            above = search_goal(model.air, aim, limits, Iterate.at(model.air.at_displacement(model.air.home)), settings)
+            iterate = Iterate.at(model.at_displacement(above.delta_a))
+        except NumericalError:  # no way from the table to there
+            pass
+    return search_goal(model, aim, limits, iterate, settings, place)
 
 
 def put_down(model, aim: Aim, limits: Limits, iterate: Iterate, settings: SearchSettings) -> SearchResult:

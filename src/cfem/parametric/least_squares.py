@@ -19,7 +19,7 @@ _END = 1e-3  # share of its range, within which an unknown is tried at the end
 
 
 @dataclass(frozen=True)
-class Search:
+class FitSettings:
     """How a fit searches.
 
     low, high:   bounds of the unknowns: (n,), or one number for all
@@ -72,7 +72,7 @@ class FitResult:
     seconds: float
 
 
-def fit(problem: Problem, start: np.ndarray, search: Search) -> FitResult:
+def fit(problem: Problem, start: np.ndarray, search: FitSettings) -> FitResult:
     """Least squares from a start (n,). NumericalError where a search with a barrier finds no answer at its start, or no
     Jacobian."""
     begin, failure = time.process_time(), None
@@ -97,12 +97,12 @@ def fit(problem: Problem, start: np.ndarray, search: Search) -> FitResult:
     return FitResult(start, u, cost, history, np.array(evaluations.costs), failure, time.process_time() - begin)
 
 
-def best_of(fits: Sequence[FitResult]) -> FitResult:
-    """The fit of least cost. NumericalError where none came to an answer."""
+def best_of(fits: Sequence[FitResult], what: str = "the fit") -> FitResult:
+    """The fit of least cost; what: it is called. NumericalError where none came to an answer."""
     answered = [candidate for candidate in fits if candidate.failure is None]
     if not answered:
         raise NumericalError(
-            f"the fit failed from every start: {fits[0].failure}",
+            f"{what} failed from every start: {fits[0].failure}",
             do="choose starts nearer to the answer, or narrow the ranges",
         )
     return min(answered, key=lambda candidate: candidate.cost)
@@ -110,10 +110,10 @@ def best_of(fits: Sequence[FitResult]) -> FitResult:
 
 def spread_starts(count: int, n: int) -> np.ndarray:
     """(count, n) starts in [0, 1]: the middle, then Halton points."""
-    return np.vstack([np.full((1, n), 0.5), qmc.Halton(n, scramble=False).random(count)[1:]])
+    return np.vstack([np.full((1, n), 0.5), qmc.Halton(n, scramble=False).random(count)[1:]])[:count]
 
 
-def _try_ends(evaluations: "_Evaluations", search: Search) -> None:
+def _try_ends(evaluations: "_Evaluations", search: FitSettings) -> None:
     near, _ = evaluations.best
     low, high, span = search.bounds(len(near))
     ends = np.where(near - low < _END * span, low, np.where(high - near < _END * span, high, near))
