@@ -155,7 +155,8 @@ wasm: .venv/dev
 figures: soft-finger-paper
 	$(CFEM) mesh pipelines/soft-finger-tet4/scene.yaml
 	$(CFEM) sample pipelines/soft-finger-tet4/sample.yaml --workers 1 --force
-	$(PYTHON) scripts/figures.py measure finger
+	$(CFEM) run pipelines/soft-finger/control-other-robot.yaml
+	$(PYTHON) scripts/figures.py measure finger other_robot
 
 # Element, mesh and tolerance against run time, from compressible to nearly incompressible.
 discretisation: .venv/all
