@@ -76,3 +76,15 @@ def bar_of_any_material(bar, tmp_path_factory):
     cfem.run_stage("sample", specs / "sample.yaml", out=folder / "samples", overrides=sample, workers=1)
     cfem.run_stage("train", specs / "train.yaml", out=folder / "model", overrides=[f"dataset={folder / 'samples'}"])
     return folder / "model"
+
+
+@pytest.fixture(scope="module")
+def model(bar):
+    """The bar's spectral model."""
+    return cfem.load_model(bar / "models" / "bar" / "spectral")
+
+
+@pytest.fixture(scope="module")
+def robot(bar):
+    """The bar of finite elements."""
+    return cfem.load_robot(bar / "pipelines" / "bar" / "scene.yaml", bar / "data" / "bar" / "mesh")

@@ -1,5 +1,6 @@
 """The value that everything after mechanics works on: compliance and free displacement in constraint space."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -24,6 +25,12 @@ class Condensed:
     W: np.ndarray
     delta_free: np.ndarray
     lam: np.ndarray
+
+    @classmethod
+    def batch(cls, states: "Sequence[Condensed]") -> "Condensed":
+        """One or more states of one robot together, along a new first axis."""
+        arrays = ([getattr(state, name) for state in states] for name in ("W", "delta_free", "lam"))
+        return Condensed(states[0].rows, *map(np.array, arrays))
 
     @cached_property
     def delta(self) -> np.ndarray:

@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from cfem.predict.energy import Form
+from cfem.condensed.model import Form
 
 MARGIN = 0.05  # share of each range by which the boxes are wider than the data
 STATES = 128  # kept of the training states

@@ -8,10 +8,10 @@ from cfem.predict.estimation.fit import (
     FIT,
     TOLERANCE,
     EstimateStatus,
+    FitResiduals,
+    FitSettings,
     Markers,
     Prior,
-    Residuals,
-    Search,
     Sensor,
     minimise,
 )
@@ -20,7 +20,7 @@ RNG = np.random.default_rng(0)
 PLACES = RNG.normal(size=(6, 3))
 TURNS = RNG.normal(size=(6, 3, 2))
 NO_PRIOR = Prior(np.zeros(2), np.zeros((0, 2)))
-SEARCH = Search(np.ones(2), np.array([[-5.0, 5.0]] * 2))
+SEARCH = FitSettings(np.ones(2), np.array([[-5.0, 5.0]] * 2))
 BEND = 0.15
 
 
@@ -37,7 +37,7 @@ def problem(measured, seen=None, prior=NO_PRIOR, sensors=(), noise=0.1, bend=BEN
         value, slope = places(x, bend)
         return (value - np.nan_to_num(measured)) / noise, slope / noise
 
-    return Residuals(Markers(residual, np.isfinite(measured).all(axis=1) if seen is None else seen), prior, sensors)
+    return FitResiduals(Markers(residual, np.isfinite(measured).all(axis=1) if seen is None else seen), prior, sensors)
 
 
 def solve(asked, x=(0.0, 0.0), search=SEARCH, elsewhere=(0.0, 0.0)):
@@ -113,7 +113,7 @@ def test_iterations_that_do_not_suffice_are_said():
     """A sensor that bends, without markers, of which one could be wrong."""
     sensor = Sensor(lambda x: (x + x**3, np.diag(1 + 3 * x**2)), np.array([0.9, 0.4]), 0.05, np.ones(2, dtype=bool))
     asked = problem(np.full((6, 3), np.nan), sensors=(sensor,))
-    found = solve(asked, search=Search(SEARCH.scale, SEARCH.box, iterations=1))
+    found = solve(asked, search=FitSettings(SEARCH.scale, SEARCH.box, iterations=1))
     assert found.status is EstimateStatus.ITERATIONS and found.iterations == 1 and not found.converged
     assert found.innovation == (np.inf, 1)
     assert solve(asked).converged
@@ -121,7 +121,7 @@ def test_iterations_that_do_not_suffice_are_said():
 
 def test_the_minimum_stays_in_its_box():
     found = solve(problem(noisy([0.8, -0.5]), prior=Prior(np.zeros(2), 1e3 * np.eye(2) / 1e3)),
-                  search=Search(SEARCH.scale, np.array([[-5.0, 0.78], [-5.0, 5.0]])))  # fmt: skip
+                  search=FitSettings(SEARCH.scale, np.array([[-5.0, 0.78], [-5.0, 5.0]])))  # fmt: skip
     assert found.x[0] == 0.78
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from cfem.predict.estimation.fit import Search
+from cfem.predict.estimation.fit import FitSettings
 from cfem.predict.estimation.gate import Gate, Verdict
 from cfem.predict.estimation.kalman import Gaussian, gated_update, information_root
 
@@ -17,7 +17,7 @@ H = RNG.normal(size=(3, 5)) / np.sqrt(np.diag(PRIOR.covariance))
 R = np.diag([0.1, 0.4, 0.2])
 SAMPLE = np.array([0.7, -1.1, 0.4])
 EVERYWHERE = np.array([[-np.inf, np.inf]] * 5)
-SEARCH = Search(np.sqrt(np.diag(PRIOR.covariance)), EVERYWHERE, 1e-12, 50)
+SEARCH = FitSettings(np.sqrt(np.diag(PRIOR.covariance)), EVERYWHERE, 1e-12, 50)
 
 
 def conditioned(joint_mean, joint, known, values):
@@ -99,7 +99,10 @@ def test_iterations_on_linear_rows_are_the_update():
 
 def test_iterations_on_bent_rows_end_at_the_least_squares():
     """Against a general solver; one step alone ends elsewhere."""
-    prior, search = Gaussian(np.array([1.0, 0.5]), np.diag([0.3, 0.2])), Search(np.ones(2), EVERYWHERE[:2], 1e-12, 60)
+    prior, search = (
+        Gaussian(np.array([1.0, 0.5]), np.diag([0.3, 0.2])),
+        FitSettings(np.ones(2), EVERYWHERE[:2], 1e-12, 60),
+    )
 
     def h(x):
         return np.array([x[0] * np.exp(0.4 * x[1]), x[1] + 0.2 * x[0] ** 2])
@@ -116,10 +119,10 @@ def test_iterations_on_bent_rows_end_at_the_least_squares():
     np.testing.assert_allclose(update.posterior.mean, solved.x, rtol=1e-7)
     assert update.square == pytest.approx(2 * solved.cost, rel=1e-7)
     np.testing.assert_allclose(update.posterior.covariance, np.linalg.inv(solved.jac.T @ solved.jac), rtol=1e-4)
-    single = prior.iterated(sample, h, slope, noise, Search(np.ones(2), EVERYWHERE[:2], 1e-12, 1))
+    single = prior.iterated(sample, h, slope, noise, FitSettings(np.ones(2), EVERYWHERE[:2], 1e-12, 1))
     assert np.abs(single.posterior.mean - solved.x).max() > 1e-3
     box = np.array([[0.9, 1.1], [0.4, 0.6]])
-    bounded = prior.iterated(sample, h, slope, noise, Search(np.ones(2), box, 1e-12, 60))
+    bounded = prior.iterated(sample, h, slope, noise, FitSettings(np.ones(2), box, 1e-12, 60))
     assert (bounded.posterior.mean >= box[:, 0]).all() and (bounded.posterior.mean <= box[:, 1]).all()
 
 
@@ -130,7 +133,7 @@ def test_iterations_end_at_the_tolerance():
         asked.append(x)
         return H @ x
 
-    loose = Search(SEARCH.scale, EVERYWHERE, 1e9, 50)
+    loose = FitSettings(SEARCH.scale, EVERYWHERE, 1e9, 50)
     PRIOR.iterated(SAMPLE, expected, lambda x: H, R, loose)
     assert len(asked) == 2
 

@@ -10,6 +10,7 @@ import pytest
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
+from cfem.condensed.rotation import cross_matrix, left_jacobian
 from cfem.constraint.patch import PatchLoad
 from cfem.contact.closed_surface import ClosedSurface
 from cfem.contact.obstacle import Sphere
@@ -28,7 +29,6 @@ from cfem.plant.fem_plant import pushed
 from cfem.predict.contact.clearance import clearance
 from cfem.predict.load import build, load_model
 from cfem.predict.loads.loaded import loaded
-from cfem.predict.rows.serial import cross, left_jacobian
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh
 from cfem.robot.stage import run as make_mesh
@@ -281,7 +281,7 @@ def test_the_left_jacobian_takes_rotation_vectors_to_spins():
     spin = (ahead * behind.inv()).as_rotvec() / (2 * h)
     np.testing.assert_allclose((J @ d[:, :, None])[:, :, 0], spin, atol=1e-8)
     turned = Rotation.from_rotvec(phi).as_matrix()
-    np.testing.assert_allclose(np.eye(3) + cross(phi) @ J, turned, atol=1e-13)
+    np.testing.assert_allclose(np.eye(3) + cross_matrix(phi) @ J, turned, atol=1e-13)
 
 
 def test_an_exported_row_has_its_shape_in_python(project, tmp_path):

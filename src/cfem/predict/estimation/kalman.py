@@ -20,7 +20,7 @@ from typing import Protocol, TypeVar
 
 import numpy as np
 
-from cfem.predict.estimation.fit import Prior, Search
+from cfem.predict.estimation.fit import FitSettings, Prior
 from cfem.predict.estimation.gate import Gate, Verdict
 
 FLOOR = 1e-18  # least variance in a root: of numbers that are known exactly
@@ -62,7 +62,7 @@ class Gaussian:
         expected: Callable[[np.ndarray], np.ndarray],
         slope: Callable[[np.ndarray], np.ndarray],
         R: np.ndarray,
-        search: Search,
+        search: FitSettings,
     ) -> "Update":
         """The update by measured (k,) with noise R (k, k), where expected (k,) = h(x) is not linear.
 
@@ -131,7 +131,7 @@ class Update:
         return self.square if self.square >= 0 else -np.inf, self.numbers
 
 
-class Correction(Protocol):
+class UpdateResult(Protocol):
     """The result of an update."""
 
     @property
@@ -141,7 +141,7 @@ class Correction(Protocol):
 
 
 Belief = TypeVar("Belief")
-Corrected = TypeVar("Corrected", bound=Correction)
+Corrected = TypeVar("Corrected", bound=UpdateResult)
 
 
 def gated_update(

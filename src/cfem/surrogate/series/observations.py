@@ -13,8 +13,8 @@ import numpy as np
 
 from cfem.condensed import pack_upper
 from cfem.condensed.energy_slopes import by_displacement
+from cfem.condensed.model import Form
 from cfem.condensed.parameters import coordinates, from_json, sampled, slopes
-from cfem.predict.energy import Form
 
 CONSTANT = 1e-9  # standard deviation over size of what varies by rounding alone
 Derivative = tuple[int, ...]  # the axes by which is derived, ascending: () the value itself, (0, 2) d2/dt0 dt2

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cfem.dynamics.problem import MovingEvaluation, MovingProblem
-from cfem.dynamics.scheme import Motion
 from cfem.equilibrium.evaluation import Evaluation
+from cfem.fe_motion.problem import MovingEvaluation, MovingProblem
+from cfem.fe_motion.scheme import Motion
 from cfem.mechanics import viscosity as viscous
 
 

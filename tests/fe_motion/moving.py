@@ -7,7 +7,7 @@ from support.blocks import bar
 from support.rods import rod_problem
 
 from cfem.constraint.chambers import make_rod_chambers
-from cfem.dynamics.problem import MovingProblem
+from cfem.fe_motion.problem import MovingProblem
 
 DENSITY = 1.1e-9  # t/mm^3
 

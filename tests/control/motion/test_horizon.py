@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from control.moving.bar import clocked, standing
+from control.motion.bar import clocked, standing
 from scipy.optimize import minimize
 
-from cfem.control.moving.horizon import (
+from cfem.control.motion.horizon import (
     Bounds,
     HalfSpace,
     HorizonCost,

@@ -4,18 +4,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from dynamics.moving import DENSITY, moving_bar, moving_rod
+from fe_motion.moving import DENSITY, moving_bar, moving_rod
 from support.blocks import bar
 from support.released import released
 
-from cfem.dynamics.modes import natural_modes
-from cfem.dynamics.problem import MovingProblem
-from cfem.dynamics.scheme import Scheme
-from cfem.dynamics.simulate import StepControl, simulate
-from cfem.dynamics.start import at_rest
 from cfem.equilibrium.actuation import displacement, force
 from cfem.equilibrium.newton import NewtonSettings
 from cfem.equilibrium.solve import rest_state, solve
+from cfem.fe_motion.modes import natural_modes
+from cfem.fe_motion.problem import MovingProblem
+from cfem.fe_motion.scheme import Scheme
+from cfem.fe_motion.simulate import StepControl, simulate
+from cfem.fe_motion.start import at_rest
 from cfem.mechanics.load import gravity
 from cfem.mechanics.viscosity import Viscosity
 

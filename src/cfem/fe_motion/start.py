@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from cfem.dynamics.problem import MovingProblem
-from cfem.dynamics.scheme import Motion
 from cfem.equilibrium.solution import State
+from cfem.fe_motion.problem import MovingProblem
+from cfem.fe_motion.scheme import Motion
 from cfem.mechanics import viscosity as viscous
 
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from cfem.condensed import Condensed
 from cfem.control.closed_loop.tick import MovingBelief
-from cfem.control.moving.horizon import (
+from cfem.control.motion.horizon import (
     Bounds,
     HalfSpace,
     HorizonCommands,
@@ -21,7 +21,7 @@ from cfem.control.moving.horizon import (
     condensed_forces,
     condensed_states,
 )
-from cfem.control.moving.observer import Doubt, Observer
+from cfem.control.motion.observer import Doubt, Observer
 from cfem.control.search.qp import Backend, QpStatus
 from cfem.core.errors import NumericalError
 from cfem.motion.clocked import Clocked, ClockedState

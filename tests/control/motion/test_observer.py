@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from control.moving.bar import clocked, plant, robot, standing
+from control.motion.bar import clocked, plant, robot, standing
 
-from cfem.control.moving.observer import Doubt, Observer
+from cfem.control.motion.observer import Doubt, Observer
 from cfem.core.errors import InputError
 from cfem.plant.protocol import Measurement
 from cfem.predict.estimation.gate import Verdict

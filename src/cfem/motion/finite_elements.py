@@ -5,19 +5,19 @@ from dataclasses import replace
 import numpy as np
 
 from cfem.core.errors import InputError, NumericalError
-from cfem.dynamics import problem as full
-from cfem.dynamics.simulate import Run, StepControl, simulate
-from cfem.dynamics.start import at_rest
 from cfem.equilibrium.actuation import Actuation, displacement, force
 from cfem.equilibrium.robot import Robot
 from cfem.equilibrium.solve import solve
+from cfem.fe_motion import problem as full
+from cfem.fe_motion.simulate import MotionRun, StepControl, simulate
+from cfem.fe_motion.start import at_rest
 from cfem.motion.commands import CommandTable
 from cfem.motion.payload import Payload
 
 
 def simulate_full(
     robot: Robot, commands: CommandTable, until: float, dt: float, payload: Payload | None, unilateral: np.ndarray
-) -> Run:
+) -> MotionRun:
     """Motion of the FE robot in steps of dt s, halved where they do not converge. unilateral: (n_a,) actuators that go
     slack. NumericalError where the first command has no equilibrium, InputError where finite elements cannot carry the
     payload."""

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from control.moving.bar import DT, clocked, errors, pilot, plant, robot, standing, static, swing
+from control.motion.bar import DT, clocked, errors, pilot, plant, robot, standing, static, swing
 
-from cfem.control.moving.feedforward import Computed, Shaped
+from cfem.control.motion.feedforward import Computed, Shaped
 from cfem.motion.modes import natural_modes
 
 

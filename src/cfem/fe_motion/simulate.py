@@ -10,15 +10,15 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from cfem.dynamics import energy as energies
-from cfem.dynamics.energy import Energy
-from cfem.dynamics.problem import MovingEvaluation, MovingProblem, TimeStep
-from cfem.dynamics.scheme import Motion, Scheme
 from cfem.equilibrium.actuation import Actuation, pulling_only
 from cfem.equilibrium.evaluation import SolveCost, Tangent
 from cfem.equilibrium.newton import NewtonResult, NewtonSettings, newton
 from cfem.equilibrium.robot import effector_displacements
 from cfem.equilibrium.solution import State, Status
+from cfem.fe_motion import energy as energies
+from cfem.fe_motion.energy import Energy
+from cfem.fe_motion.problem import MovingEvaluation, MovingProblem, TimeStep
+from cfem.fe_motion.scheme import Motion, Scheme
 from cfem.mechanics import viscosity as viscous
 
 Command = Callable[[float], Actuation]
@@ -64,7 +64,7 @@ class Sample:
 
 
 @dataclass
-class Run:
+class MotionRun:
     """A simulated motion.
 
     samples: at the start and after each step
@@ -103,11 +103,11 @@ def simulate(
     scheme: Scheme | None = None,
     watch: Callable[[Motion], None] | None = None,
     kept: "Kept | None" = None,
-) -> Run:
+) -> MotionRun:
     """Simulates the motion from `start` to the time `until`, s. command: time -> what is prescribed to the active rows;
     kinks: times at which it is not smooth. watch: is called with every motion reached; kept: of the run that ended at
     `start`."""
-    run, pace, scheme = Run([], start), pace or StepControl(), scheme or Scheme()
+    run, pace, scheme = MotionRun([], start), pace or StepControl(), scheme or Scheme()
     run.samples.append(_sample(problem, start, energies.at_start(problem, start), None))
     ends = [*sorted(t for t in kinks if start.t < t < until), until]
     dt, done = pace.first, start
@@ -200,7 +200,7 @@ def _sample(problem: MovingProblem, motion: Motion, energy: Energy, taken: _Take
     return Sample(motion.t, evaluation.delta, motion.lam, effector_displacements(robot, motion.x), slack, energy)
 
 
-def _energy(problem: MovingProblem, run: Run, before: Motion, taken: _Taken) -> Energy:
+def _energy(problem: MovingProblem, run: MotionRun, before: Motion, taken: _Taken) -> Energy:
     """Energy after a step: work since the last sample by the trapezoidal rule."""
     last, motion, evaluation = run.samples[-1], taken.motion, taken.result.at
     work = float((last.lam + motion.lam) @ (evaluation.delta - last.delta)) / 2

@@ -10,8 +10,8 @@ from cfem.condensed.model import under_force
 from cfem.condensed.strokes import ridge_of
 from cfem.control.closed_loop.controller import Controller
 from cfem.control.closed_loop.tick import Pilot
-from cfem.control.moving.horizon import Bounds, HorizonCost
-from cfem.control.moving.mpc import Mpc, Plan
+from cfem.control.motion.horizon import Bounds, HorizonCost
+from cfem.control.motion.mpc import Mpc, Plan
 from cfem.control.search.goal_search import SearchSettings
 from cfem.control.search.inverse import Limits
 from cfem.motion.altered import Altered

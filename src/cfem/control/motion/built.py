@@ -9,10 +9,10 @@ from cfem.control.closed_loop.controller import Controller
 from cfem.control.closed_loop.pilots import Situation
 from cfem.control.closed_loop.spec import ControllerSpec
 from cfem.control.closed_loop.tick import Pilot
-from cfem.control.moving.feedforward import Computed, Shaped
-from cfem.control.moving.horizon import Bounds, HalfSpace, HorizonCost
-from cfem.control.moving.mpc import Mpc, Plan
-from cfem.control.moving.observer import Doubt
+from cfem.control.motion.feedforward import Computed, Shaped
+from cfem.control.motion.horizon import Bounds, HalfSpace, HorizonCost
+from cfem.control.motion.mpc import Mpc, Plan
+from cfem.control.motion.observer import Doubt
 from cfem.core.errors import SpecError
 from cfem.motion.clocked import Clocked
 from cfem.motion.model import MotionModel

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from control.moving.bar import errors, mpc, plant, robot, standing, static, swing
+from control.motion.bar import errors, mpc, plant, robot, standing, static, swing
 
-from cfem.control.moving.horizon import HalfSpace
-from cfem.control.moving.observer import Doubt
+from cfem.control.motion.horizon import HalfSpace
+from cfem.control.motion.observer import Doubt
 
 HALF = 16.6  # Hz, half of the bar's first frequency
 NOISE = 0.02

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from cfem.control.closed_loop.controller import Controller
 from cfem.control.closed_loop.tick import Belief, MovingBelief, Pilot, drive
-from cfem.control.moving.shaping import Kind, Shaper, shaper
+from cfem.control.motion.shaping import Kind, Shaper, shaper
 from cfem.motion.model import MotionModel, MotionTerms
 from cfem.motion.modes import natural_modes
 from cfem.plant.protocol import Measurement

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cfem.control.moving.shaping import shaper
+from cfem.control.motion.shaping import shaper
 
 F, ZETA = 8.0, 0.07
 

@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from dynamics.moving import DENSITY, moving_bar, moving_rod
+from fe_motion.moving import DENSITY, moving_bar, moving_rod
 from support.rods import LENGTH, MATERIAL, SHAPE
 
 from cfem.core.errors import InputError
-from cfem.dynamics.modes import natural_modes
 from cfem.equilibrium.actuation import displacement, force
 from cfem.equilibrium.solve import rest_state, solve
+from cfem.fe_motion.modes import natural_modes
 from cfem.mechanics.viscosity import Viscosity
 
 BENDING = np.array([1.875104068711961, 4.694091132974174, 7.854757438237613])  # of a clamped-free beam
@@ -88,7 +88,7 @@ def test_a_prony_series_stiffens_and_damps_by_its_complex_modulus():
 def test_a_robot_without_density_says_so():
     from support.blocks import bar
 
-    from cfem.dynamics.problem import MovingProblem
+    from cfem.fe_motion.problem import MovingProblem
 
     with pytest.raises(InputError, match="no density"):
         MovingProblem(bar(element="tet4", divisions=(2, 1, 1)))
