@@ -122,8 +122,7 @@ class CompiledShape:
         real = {"float": ctypes.c_float, "double": ctypes.c_double}[re.search(r"typedef (\w+) cfem_real", text)[1]]
         nodes = int(re.search(r"#define CFEM_SKIN_NODES (\d+)", text)[1])
         self._out = np.zeros((nodes, 3), dtype=real)
-        needed = ("cfem_spectral.c", "cfem_data.c") if "cfem_skin_owner" in text else ()  # of modules in a row
-        self._call = library(folder, ("cfem_shape.c", "cfem_skin.c", *needed), flags).cfem_shape
+        self._call = library(folder, flags).cfem_shape
         self._call.restype = None
 
     def __call__(self, s: np.ndarray) -> np.ndarray:

@@ -14,20 +14,8 @@ import numpy as np
 
 from cfem.core.artefact.files import file_sha256
 from cfem.core.errors import InputError
+from cfem.export.firmware.copying import library_files
 
-CORE = (
-    "cfem_controller.c",
-    "cfem_feedback.c",
-    "cfem_condense.c",
-    "cfem_serial.c",
-    "cfem_row.c",
-    "cfem_row_places.c",
-    "cfem_module.c",
-    "cfem_spectral.c",
-    "cfem_mlp.c",
-    "cfem_qp.c",
-    "cfem_data.c",
-)
 STANDARD = ("-std=c99", "-ffp-contract=fast")
 FAST = tuple(os.environ.get("CFLAGS", "-O2").split())  # as make takes it
 CORTEX_M7 = ("-Os", "-mcpu=cortex-m7", "-mfpu=fpv5-d16", "-mfloat-abi=hard", "-mthumb")
@@ -53,7 +41,16 @@ def _size(folder: Path, command: list[str], size: str) -> dict[str, int] | None:
     if not shutil.which(size):
         return None
     with tempfile.TemporaryDirectory() as place:
-        run([*command, *STANDARD, "-fstack-usage", "-c", *(str((folder / name).resolve()) for name in CORE)], place)
+        run(
+            [
+                *command,
+                *STANDARD,
+                "-fstack-usage",
+                "-c",
+                *(str((folder / name).resolve()) for name in library_files(folder)),
+            ],
+            place,
+        )
         listed = run([size, *sorted(path.name for path in Path(place).glob("*.o"))], place)
         rows = [[int(word) for word in line.split()[:3]] for line in listed.splitlines()[1:]]
         text, data, bss = np.sum(rows, axis=0).tolist()
@@ -73,12 +70,12 @@ def run(command: list[str], folder: Path | str) -> str:
     return done.stdout
 
 
-def library(folder: Path, names: tuple[str, ...] = CORE, flags: tuple[str, ...] = FAST) -> ctypes.CDLL:
-    """Sources of the folder as a shared library, the core's unless given. InputError where there is no compiler.
+def library(folder: Path, flags: tuple[str, ...] = FAST, names: tuple[str, ...] | None = None) -> ctypes.CDLL:
+    """Sources of the folder as a shared library, all but programs unless given. InputError where there is no compiler.
 
     What was compiled from the same files is not compiled again."""
     files = tuple((path.name, file_sha256(path)) for path in sorted(folder.glob("*.[ch]")))
-    return _library(folder, names, flags, files)
+    return _library(folder, names or library_files(folder), flags, files)
 
 
 @lru_cache(maxsize=32)

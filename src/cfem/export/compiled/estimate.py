@@ -12,7 +12,6 @@ from cfem.export.compiled.controller import FAST, defines_of, library, struct_of
 from cfem.export.firmware.estimate import moving_frames, status_of
 from cfem.predict.estimation.filter import Filter
 
-SOURCES = ("cfem_estimate.c", "cfem_estimate_fit.c", "cfem_estimate_series.c", "cfem_estimate_data.c")
 MEASURED = ("place", "displacement", "force", "command")
 
 
@@ -62,7 +61,7 @@ class CompiledEstimator(Compiled):
         sizes = defines_of((folder / "cfem_estimate_data.h").read_text(encoding="utf-8"))
         super().__init__(sizes, int(sizes["CFEM_ESTIMATE_N"]))
         self._filter = ctypes.create_string_buffer(ctypes.sizeof(self._found) + 8 * len(self._frame.force) + 40)
-        self._library = library(folder, SOURCES, flags)
+        self._library = library(folder, flags)
         self.reset()
 
     def reset(self) -> None:

@@ -7,11 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cfem.export.compiled.controller import CORE, defines_of, library, struct_of
-from cfem.export.firmware import motion as c_motion
-from cfem.export.firmware import mpc as c_mpc
-
-SOURCES = (*c_mpc.CORE, *c_motion.CORE, *CORE)
+from cfem.export.compiled.controller import defines_of, library, struct_of
 
 
 @dataclass(frozen=True)
@@ -34,7 +30,7 @@ class CompiledMpc:
         goals = ("goal", real * n_e * self._ticks), ("ahead", ctypes.c_int)
         self._input = struct_of([*goals, ("x_e", real * n_e), ("sampled", ctypes.c_long)])()
         self._output = struct_of([("u", real * n_a), ("delta_a", real * n_a), ("status", ctypes.c_uint)])()
-        self._library = library(folder, SOURCES)
+        self._library = library(folder)
         self.bytes = ctypes.c_ulong.in_dll(self._library, "cfem_mpc_bytes").value
         self._state, self._real = (ctypes.c_double * (self.bytes // 8 + 1))(), real * n_a
         self.reset()

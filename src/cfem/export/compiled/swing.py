@@ -6,14 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from cfem.export.compiled.controller import CORE, FAST, defines_of, library
-from cfem.export.compiled.estimate import SOURCES as ESTIMATE
+from cfem.export.compiled.controller import FAST, defines_of, library
 from cfem.export.compiled.estimate import Compiled, Found, difference
-from cfem.export.firmware import motion as c_motion
 from cfem.export.firmware import swing as c_swing
 from cfem.motion.estimation.marker_filter import MarkerFilter
-
-SOURCES = (*c_swing.CORE, *ESTIMATE, *c_motion.CORE, *CORE)
 
 
 class CompiledSwing(Compiled):
@@ -26,7 +22,7 @@ class CompiledSwing(Compiled):
         n_z, n_x, n_w = (int(size[f"CFEM_SWING_{name}"]) for name in ("NZ", "NX", "LOADS"))
         n_q, n_a = int(size["CFEM_MOTION_NQ"]), len(self._frame.force)
         self._filter = (ctypes.c_double * (n_z + n_q + n_a + n_w + 1 + n_x * n_x + n_z * n_a + 4))()
-        self._library = library(folder, SOURCES, flags)
+        self._library = library(folder, flags)
         self.reset()
 
     def reset(self) -> None:

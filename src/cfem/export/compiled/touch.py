@@ -9,9 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from cfem.contact.obstacle import Rounded
-from cfem.export.compiled.controller import CORE, FAST, defines_of, library, struct_of
-from cfem.export.firmware import meet as c_meet
-from cfem.export.firmware import touch as c_touch
+from cfem.export.compiled.controller import FAST, defines_of, library, struct_of
 
 
 @dataclass(frozen=True)
@@ -67,8 +65,7 @@ class CompiledTouch:
         pose = [("R", real * 9), ("t", real * 3)]
         self._body = struct_of([*pose, ("core", real * 3), ("rounding", real), ("below", ctypes.c_int)])
         self._states, self._before = (self.state(), self.state()), None
-        soft = c_meet.CORE if (folder / c_meet.CORE[0]).exists() else ()
-        self.library = library(folder, (*CORE, *c_touch.CORE, *soft), flags)
+        self.library = library(folder, flags)
         self._room = (ctypes.c_byte * ctypes.c_ulong.in_dll(self.library, "cfem_touch_room_size").value)()
         self._call = self.library.cfem_touch
 
