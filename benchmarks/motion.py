@@ -36,7 +36,7 @@ from cfem.dynamics.start import at_rest as full_at_rest
 from cfem.equilibrium.actuation import displacement, force
 from cfem.equilibrium.motion.inner_motions import rod_stresses
 from cfem.equilibrium.solve import Wanted, solve
-from cfem.export.compiled.controller import compiler, library
+from cfem.export.compiled.build import compiler, library
 from cfem.export.firmware.folder import write_c
 from cfem.export.firmware.motion import write_c_motion
 from cfem.export.spec import CSpec

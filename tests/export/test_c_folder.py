@@ -11,7 +11,7 @@ from surrogate.stored import train_folder
 
 from cfem.core.errors import InputError, SpecError
 from cfem.core.stage import Options
-from cfem.export.compiled.controller import CORTEX_M7
+from cfem.export.compiled.build import CORTEX_M7
 from cfem.export.firmware.copying import library_files
 from cfem.export.stage import run
 

@@ -5,7 +5,7 @@ import ctypes
 import numpy as np
 from export.embedded import needs_compiler
 
-from cfem.export.compiled.controller import STANDARD, compiler, run
+from cfem.export.compiled.build import STANDARD, compiler, run
 from cfem.export.firmware.copying import SOURCES
 from cfem.predict.estimation.gate import Gate, Verdict
 

@@ -9,7 +9,7 @@ import pytest
 from export.embedded import needs_compiler
 
 from cfem.control.search.qp import QpStatus, solve_qp
-from cfem.export.compiled.controller import STANDARD, compiler, run
+from cfem.export.compiled.build import STANDARD, compiler, run
 from cfem.export.firmware.copying import SOURCES
 
 pytestmark = needs_compiler

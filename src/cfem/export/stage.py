@@ -210,7 +210,7 @@ def _write_shape(
 def _estimator(folder: Path, spec: ExportSpec, model_folder: Path) -> dict[str, float]:
     """Adds it to the C folder, and with `dynamics` the filter of what moves; their parity, where there is a compiler.
     InputError where the model cannot tell."""
-    from cfem.export.compiled.controller import compiler
+    from cfem.export.compiled.build import compiler
     from cfem.export.compiled.estimate import estimate_parity
     from cfem.export.firmware.estimate import write_c_estimate
     from cfem.predict.load import load_model

@@ -2,7 +2,7 @@
 
 from export.embedded import needs_compiler
 
-from cfem.export.compiled.controller import library
+from cfem.export.compiled.build import library
 
 pytestmark = needs_compiler
 

@@ -10,7 +10,7 @@ from support.bad_samples import KINDS, spoiling
 
 import cfem
 from cfem.core.errors import InputError
-from cfem.export.compiled.controller import STANDARD, compiler, run
+from cfem.export.compiled.build import STANDARD, compiler, run
 from cfem.export.compiled.estimate import CompiledEstimator, estimate_parity
 from cfem.export.firmware.copying import library_files
 from cfem.export.firmware.estimate import filter_of, moving_frames, status_of, write_c_estimate

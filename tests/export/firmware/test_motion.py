@@ -8,7 +8,7 @@ from export.embedded import export, needs_compiler
 from export.moving import model, robot
 
 from cfem.core.errors import InputError
-from cfem.export.compiled.controller import library
+from cfem.export.compiled.build import library
 from cfem.export.firmware.motion import write_c_motion
 from cfem.motion.step import MotionCommand, at_rest, effectors, step
 

@@ -17,7 +17,7 @@ from cfem.contact.patch_forces import pressed
 from cfem.contact.problem import ContactProblem
 from cfem.core.artefact.content import artefact_content
 from cfem.core.errors import InputError, SpecError
-from cfem.export.compiled.controller import STANDARD, compiler, run
+from cfem.export.compiled.build import STANDARD, compiler, run
 from cfem.export.compiled.touch import CompiledTouch
 from cfem.export.firmware.copying import copy_sources
 from cfem.export.firmware.touch import write_c_touch
