@@ -45,7 +45,7 @@ def test_a_tick_is_a_step_under_the_mean_force_or_to_the_displacement(kind):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_inertia_is_that_where_the_last_velocity_leads_to(kind):
-    tick, motion, state, u = begun(kind)
+    tick, _, state, u = begun(kind)
     middle = state.z[:1] + DT / 2 * state.v[:1] if kind == "force" else (state.z[:1] + 1.3 * u) / 2
     np.testing.assert_allclose(tick.step(state, 1.3 * u, MaterialShares())[2].M[0], robot().at(middle).M, rtol=1e-9)
 
