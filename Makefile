@@ -4,6 +4,8 @@ CFEM := .venv/bin/cfem
 PYTHON := .venv/bin/python
 SCENES := $(filter-out surrogates soft-gripper stiff-flop-experiments,$(patsubst pipelines/%/report.yaml,%,$(wildcard pipelines/*/report.yaml)))
 export OPENBLAS_NUM_THREADS ?= 1
+# Bytecode is kept: the tests start a hundred processes, and each would compile all modules again.
+export PYTHONDONTWRITEBYTECODE =
 
 .PHONY: demo test smoke test-slow mutate bench wheel docs notebooks lint audit coverage schemas soft-finger-paper figures discretisation mechanics surrogates clean embedded embedded-stiff-flop soft-gripper stiff-flop stiff-flop-experiments parametric-finger parametric-finger-paper finger-shapes regenerate pages pictures wasm $(SCENES)
 

@@ -1,12 +1,8 @@
 """What all tests share. One thread per process: pytest-xdist fills the cores, and threads that wait only waste
-them. C is compiled unoptimised, which takes a third of the time, where a test does not say how. Python keeps the
-bytecode of modules, which each of the hundred processes would compile again."""
+them. C is compiled unoptimised, which takes a third of the time, where a test does not say how."""
 
 import os
-import sys
 
-sys.dont_write_bytecode = False
-os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"))
 os.environ["CFLAGS"] = "-O0"
 
