@@ -30,8 +30,7 @@ from cfem.dataset.reader import read_dataset
 from cfem.equilibrium.actuation import displacement, force
 from cfem.equilibrium.motion.inner_motions import rod_stresses
 from cfem.equilibrium.solve import Wanted, solve
-from cfem.export.compiled.controller import CORE, compiler, library
-from cfem.export.firmware import motion as c_motion
+from cfem.export.compiled.build import compiler, library
 from cfem.export.firmware.folder import write_c
 from cfem.export.firmware.motion import write_c_motion
 from cfem.export.spec import CSpec
@@ -178,7 +177,7 @@ def c_step_us(folder: Path, model: MotionModel) -> float | None:
     with tempfile.TemporaryDirectory() as place:
         write_c(Path(place), meta, arrays, CSpec(), delta[None])
         write_c_motion(Path(place), meta, arrays, read_arrays(folder, "motion.npz"))
-        code = library(Path(place), (*CORE, *c_motion.CORE), ("-O3", "-march=native"))
+        code = library(Path(place), ("-O3", "-march=native"))
     doubles, count, times = ctypes.c_double * model.n_a, 500, []
     state = (ctypes.c_double * (1 + (5 + 8) * model.n_q + model.n_a))()
     lam = doubles(*(0.9 * at_rest(model, delta).lam))

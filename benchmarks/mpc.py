@@ -30,7 +30,7 @@ from cfem.control.motion.horizon import Bounds, HorizonCost
 from cfem.control.motion.mpc import Mpc, Plan
 from cfem.control.motion.observer import Doubt
 from cfem.control.search.qp import QpSolution, solve_qp
-from cfem.export.compiled.controller import compiler
+from cfem.export.compiled.build import compiler
 from cfem.export.compiled.mpc import CompiledMpc
 from cfem.export.firmware.folder import write_c
 from cfem.export.firmware.motion import write_c_motion

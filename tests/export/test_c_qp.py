@@ -9,8 +9,8 @@ import pytest
 from export.embedded import needs_compiler
 
 from cfem.control.search.qp import QpStatus, solve_qp
-from cfem.export.compiled.controller import STANDARD, compiler, run
-from cfem.export.firmware.folder import SOURCES
+from cfem.export.compiled.build import STANDARD, compiler, run
+from cfem.export.firmware.copying import SOURCES
 
 pytestmark = needs_compiler
 N, ROWS, CONSTRAINTS = 12, 40, 36
@@ -34,7 +34,7 @@ def solver():
         (Path(place) / "cfem_data.h").touch()
         out = Path(place) / "qp.so"
         command = [compiler(), *STANDARD, "-O2", *sizes, f"-I{place}", "-shared", "-fPIC", "-o", str(out)]
-        run([*command, str(SOURCES / "cfem_qp.c"), "-lm"], place)
+        run([*command, *(str(SOURCES / "controller" / name) for name in ("cfem_qp.c", "cfem_active.c")), "-lm"], place)
         function = ctypes.CDLL(str(out)).cfem_qp
 
     def solve(M, d, A, low, high):

@@ -9,8 +9,8 @@ import pytest
 import cfem
 from cfem.core.artefact.manifest import read_manifest
 from cfem.core.errors import InputError
+from cfem.export.compiled.shape import CompiledShape
 from cfem.export.firmware.skin import write_c_skin
-from cfem.export.skin import CompiledShape
 from cfem.export.spec import CSpec
 from cfem.predict.loads.loaded import loaded
 

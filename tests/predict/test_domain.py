@@ -5,7 +5,7 @@ import json
 import numpy as np
 from surrogate.synthetic import dataset, energy
 
-from cfem.predict.domain import Domain
+from cfem.predict.domain import Domain, _spread
 
 
 def test_it_holds_its_states_and_survives_json():
@@ -43,3 +43,43 @@ def test_distance_finds_a_hole_in_the_data():
 def test_one_state_is_a_domain():
     domain = Domain.of(np.array([[1.0, 2.0]]), np.array([[3.0, 4.0]]))
     assert domain.holds(np.array([1.0, 2.0]), np.array([3.0, 4.0]))
+
+
+def test_kept_states_are_each_the_farthest_from_those_before():
+    """Brute force over all states, in the same units."""
+    points = np.random.default_rng(4).normal(size=(60, 3))
+    chosen = _spread(points, 20)
+    assert len(set(chosen.tolist())) == 20
+    middle = np.linalg.norm(points - points.mean(axis=0), axis=1)
+    assert middle[chosen[0]] == middle.min()
+    for k in range(1, 20):
+        apart = [min(np.linalg.norm(point - points[one]) for one in chosen[:k]) for point in points]
+        assert apart[chosen[k]] == max(apart)
+    assert sorted(_spread(points[:5], 9)) == [0, 1, 2, 3, 4]
+
+
+def test_boxes_distances_and_neighbours_are_those_of_brute_force():
+    rng = np.random.default_rng(5)
+    delta_a, lambda_a, p = rng.uniform(-1, 3, (40, 2)), rng.normal(size=(40, 2)), rng.uniform(size=(40, 1))
+    domain = Domain.of(delta_a, lambda_a, p)
+    size = np.ptp(delta_a, axis=0)
+    np.testing.assert_allclose(domain.delta_a, [delta_a.min(axis=0) - 0.05 * size, delta_a.max(axis=0) + 0.05 * size])
+    known = np.hstack([delta_a, lambda_a, p])
+    width = 1.1 * np.ptp(known, axis=0)
+    apart = np.linalg.norm((known[:, None] - known) / width, axis=2)
+    gap = np.sort(apart, axis=1)[:, 1].max()
+    asked = rng.normal(size=(7, 5))
+    nearest = np.linalg.norm((asked[:, None] - known) / width, axis=2).min(axis=1)
+    np.testing.assert_allclose(domain.distance(asked[:, :2], asked[:, 2:4], asked[:, 4:]), nearest / gap)
+    for s, q in zip(asked[:, :2], asked[:, 4:], strict=True):
+        for form, mine, other in (("displacement", delta_a, lambda_a), ("force", lambda_a, delta_a)):
+            unit, shift = 1.1 * np.ptp(mine, axis=0), 1.1 * np.ptp(p, axis=0)
+            far = (((mine - s) / unit) ** 2).sum(axis=1)
+            assert np.array_equal(domain.nearest(s, form), other[np.argmin(far)])
+            assert np.array_equal(domain.nearest(s, form, q), other[np.argmin(far + (((p - q) / shift) ** 2)[:, 0])])
+
+
+def test_a_state_without_spread_has_a_unit_of_one():
+    domain = Domain.of(np.full((3, 1), 2.0), np.array([[0.0], [1.0], [2.0]]))
+    assert domain.outside(np.array([2.0]), np.array([1.0])) == 0.0
+    assert domain.outside(np.array([2.5]), np.array([1.0])) == 0.5

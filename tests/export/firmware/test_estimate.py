@@ -10,8 +10,9 @@ from support.bad_samples import KINDS, spoiling
 
 import cfem
 from cfem.core.errors import InputError
-from cfem.export.compiled.controller import STANDARD, compiler, run
-from cfem.export.compiled.estimate import SOURCES, CompiledEstimator, estimate_parity
+from cfem.export.compiled.build import STANDARD, compiler, run
+from cfem.export.compiled.estimate import CompiledEstimator, estimate_parity
+from cfem.export.firmware.copying import library_files
 from cfem.export.firmware.estimate import firmware_filter, moving_frames, status_of, write_c_estimate
 from cfem.export.spec import CEstimateSpec, CSpec
 from cfem.predict.estimation.filter import Filter
@@ -115,13 +116,13 @@ def test_statuses_say_what_is_wrong_and_spoil_nothing(both):
 def test_the_folder_s_own_test_passes_and_its_arrays_do_not_grow(both):
     """No heap; static memory is none, but for the caller's own filter."""
     _, _, folder = both
-    strict = ["-Wall", "-Wextra", "-Werror", "-O1"]
-    program = ["-o", "estimate", "estimate.c", *SOURCES, "-lm"]
+    strict, own = ["-Wall", "-Wextra", "-Werror", "-O1"], ("cfem_estimate.c", "cfem_estimate_fit.c")
+    program = ["-o", "estimate", "estimate.c", *library_files(folder), "-lm"]
     run([compiler(), *STANDARD, *strict, *program], folder)
     said = run(["./estimate"], folder)
     assert "60 frames, 0 failed" in said
-    run([compiler(), *STANDARD, *strict, "-c", *SOURCES[:2]], folder)
-    symbols = run([tool("nm"), *(name.replace(".c", ".o") for name in SOURCES[:2])], folder)
+    run([compiler(), *STANDARD, *strict, "-c", *own], folder)
+    symbols = run([tool("nm"), *(name.replace(".c", ".o") for name in own)], folder)
     assert not re.search(r" [bBdDC] ", symbols) and "malloc" not in symbols
 
 

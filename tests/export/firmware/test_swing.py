@@ -7,7 +7,7 @@ import pytest
 from export.embedded import needs_compiler, tool
 
 from cfem.core.errors import InputError, SpecError
-from cfem.export.compiled.controller import run
+from cfem.export.compiled.build import run
 from cfem.export.compiled.swing import CompiledSwing
 from cfem.export.firmware.estimate import bits, firmware_filter, status_of, write_c_estimate
 from cfem.export.firmware.folder import write_c

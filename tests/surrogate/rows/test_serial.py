@@ -19,10 +19,10 @@ from cfem.core.stage import Options
 from cfem.equilibrium.actuation import displacement, force
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import solve
-from cfem.export.compiled.controller import compiler
+from cfem.export.compiled.build import compiler
+from cfem.export.compiled.shape import CompiledShape
 from cfem.export.firmware.folder import write_c
 from cfem.export.firmware.skin import write_c_row_skin
-from cfem.export.skin import CompiledShape
 from cfem.export.spec import CSpec
 from cfem.export.stage import run as export
 from cfem.plant.fem_plant import pushed
