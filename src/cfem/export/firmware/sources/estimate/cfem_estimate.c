@@ -4,6 +4,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "cfem_linear.h"
+
 #define UNSEEN 0.3
 
 static void answer(const cfem_estimate_problem *asked, const cfem_estimate_evaluated *here, const int *kept, cfem_estimate *found) {
@@ -11,12 +13,12 @@ static void answer(const cfem_estimate_problem *asked, const cfem_estimate_evalu
     int finite = 1;
     memcpy(found->x, here->x, sizeof found->x), memcpy(A, here->normal, sizeof A);
     for (int i = 0; i < N; i++) A[i][i] += 1e-9;
-    const int definite = cfem_estimate_factor(A);
+    const int definite = !cfem_cholesky(N, N, A[0], 0.0);
     found->left_out = found->unseen = 0u;
     for (int i = 0; i < N; i++) {
         double unit[N] = {0.0};
         unit[i] = 1.0;
-        if (definite) cfem_estimate_down(A, unit), cfem_estimate_up(A, unit);
+        if (definite) cfem_lower(N, N, A[0], 0, unit), cfem_upper(N, N, A[0], unit);
         for (int j = 0; j < N; j++) {
             found->covariance[j][i] = unit[j] * cfem_estimate_scale[i] * cfem_estimate_scale[j];
             finite = finite && known(found->covariance[j][i]);
@@ -99,12 +101,12 @@ static int forward(const cfem_filter *filter, const double *command, cfem_estima
     }
     for (int i = 0; i < N; i++)
         for (int j = 0; j <= i; j++) lower[i][j] = lower[i][j] / (size[i] * size[j]) + (i == j ? 1e-12 : 0.0);
-    if (!cfem_estimate_factor(lower)) return 0;
+    if (cfem_cholesky(N, N, lower[0], 0.0)) return 0;
     asked->rows = N;
     for (int j = 0; j < N; j++) {
         double column[N] = {0.0};
         column[j] = 1.0 / size[j];
-        cfem_estimate_down(lower, column);
+        cfem_lower(N, N, lower[0], 0, column);
         for (int i = 0; i < N; i++) asked->root[i][j] = column[i];
     }
     return 1;

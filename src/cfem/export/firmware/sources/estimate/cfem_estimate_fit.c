@@ -5,6 +5,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "cfem_linear.h"
+
 #define FIRST 12       /* steps with all markers, */
 #define LEVELS 12      /* with weights, */
 #define LAST 8         /* with those that fit */
@@ -62,43 +64,14 @@ static void gather(const cfem_estimate_problem *asked, const int *kept, const do
     }
 }
 
-/* A = L L^T, A as its lower triangle, L in its place; 0 where A is not positive definite. */
-int cfem_estimate_factor(double A[N][N]) {
-    for (int j = 0; j < N; j++) {
-        for (int k = 0; k < j; k++) A[j][j] -= A[j][k] * A[j][k];
-        if (!(A[j][j] > 0.0)) return 0;
-        A[j][j] = sqrt(A[j][j]);
-        for (int i = j + 1; i < N; i++) {
-            for (int k = 0; k < j; k++) A[i][j] -= A[i][k] * A[j][k];
-            A[i][j] /= A[j][j];
-        }
-    }
-    return 1;
-}
-
-/* b = L^-1 b, then L^-T b. */
-void cfem_estimate_down(double L[N][N], double *b) {
-    for (int i = 0; i < N; i++) {
-        for (int k = 0; k < i; k++) b[i] -= L[i][k] * b[k];
-        b[i] /= L[i][i];
-    }
-}
-
-void cfem_estimate_up(double L[N][N], double *b) {
-    for (int i = N - 1; i >= 0; i--) {
-        for (int k = i + 1; k < N; k++) b[i] -= L[k][i] * b[k];
-        b[i] /= L[i][i];
-    }
-}
-
 /* The step over the scale; 0 where there is none. */
 static int step_of(const cfem_estimate_evaluated *at, double damping, double *step) {
     double A[N][N], most = 1.0;
     for (int i = 0; i < N; i++) most = fmax(most, at->normal[i][i]);
     memcpy(A, at->normal, sizeof A), memcpy(step, at->gradient, sizeof at->gradient);
     for (int i = 0; i < N; i++) A[i][i] += damping * at->normal[i][i] + 1e-12 * most;
-    if (!cfem_estimate_factor(A)) return 0;
-    cfem_estimate_down(A, step), cfem_estimate_up(A, step);
+    if (cfem_cholesky(N, N, A[0], 0.0)) return 0;
+    cfem_lower(N, N, A[0], 0, step), cfem_upper(N, N, A[0], step);
     return 1;
 }
 
@@ -208,12 +181,12 @@ static int worst(const cfem_estimate_evaluated *here, const int *kept) {
     int found = -1;
     memcpy(A, here->normal, sizeof A);
     for (int i = 0; i < N; i++) A[i][i] += 1e-9 * fmax(here->normal[i][i], 1.0);
-    const int definite = cfem_estimate_factor(A);
+    const int definite = !cfem_cholesky(N, N, A[0], 0.0);
     for (int m = 0; m < M; m++) {
         double left[3][3], half[3][N], falls = 3.0 * here->size[m] * here->size[m];
         if (!kept[m]) continue;
         if (definite) {
-            for (int c = 0; c < 3; c++) memcpy(half[c], here->J[m][c], sizeof half[c]), cfem_estimate_down(A, half[c]);
+            for (int c = 0; c < 3; c++) memcpy(half[c], here->J[m][c], sizeof half[c]), cfem_lower(N, N, A[0], 0, half[c]);
             for (int c = 0; c < 3; c++)
                 for (int d = 0; d < 3; d++) {
                     left[c][d] = c == d ? 1.0 + 1e-9 : 0.0;

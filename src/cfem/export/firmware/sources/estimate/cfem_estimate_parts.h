@@ -37,13 +37,6 @@ typedef struct {
     double force[NA], by_x[NA][N];
 } cfem_estimate_evaluated;
 
-/* A = L L^T, A as its lower triangle, L in its place; 0 where A is not positive definite. */
-int cfem_estimate_factor(double A[N][N]);
-
-/* b = L^-1 b, and L^-T b. */
-void cfem_estimate_down(double L[N][N], double *b);
-void cfem_estimate_up(double L[N][N], double *b);
-
 /* How many of the markers (M,) are kept. */
 int cfem_estimate_count(const int *kept);
 

@@ -77,11 +77,11 @@ static int root_of(double P[NX][NX], double root[N][N]) {
     for (int i = 0; i < N; i++) size[i] = sqrt(fmax(P[told(i)][told(i)], 1e-18));
     for (int i = 0; i < N; i++)
         for (int j = 0; j <= i; j++) lower[i][j] = P[told(i)][told(j)] / (size[i] * size[j]) + (i == j ? 1e-12 : 0.0);
-    if (!cfem_estimate_factor(lower)) return 0;
+    if (cfem_cholesky(N, N, lower[0], 0.0)) return 0;
     for (int j = 0; j < N; j++) {
         double column[N] = {0.0};
         column[j] = 1.0 / size[j];
-        cfem_estimate_down(lower, column);
+        cfem_lower(N, N, lower[0], 0, column);
         for (int i = 0; i < N; i++) root[i][j] = column[i];
     }
     return 1;
@@ -99,11 +99,11 @@ static void jump(const cfem_swing *s, double P[NX][NX]) {
 static int covariance_of(double normal[N][N], double P[N][N]) {
     double L[N][N];
     memcpy(L, normal, sizeof L);
-    if (!cfem_estimate_factor(L)) return 0;
+    if (cfem_cholesky(N, N, L[0], 0.0)) return 0;
     for (int i = 0; i < N; i++) {
         double unit[N] = {0.0};
         unit[i] = 1.0;
-        cfem_estimate_down(L, unit), cfem_estimate_up(L, unit);
+        cfem_lower(N, N, L[0], 0, unit), cfem_upper(N, N, L[0], unit);
         for (int j = 0; j < N; j++) P[j][i] = unit[j] * cfem_swing_scale[i] * cfem_swing_scale[j];
     }
     return cfem_finite(P[0][0]);

@@ -21,9 +21,6 @@
 #define cfem_estimate_box cfem_swing_box
 #define cfem_estimate_places cfem_swing_places
 #define cfem_estimate_tensions(x, force, by_x) ((void)(force), (void)(by_x))
-#define cfem_estimate_factor cfem_swing_factor
-#define cfem_estimate_down cfem_swing_down
-#define cfem_estimate_up cfem_swing_up
 #define cfem_estimate_count cfem_swing_count
 #define cfem_estimate_minimise cfem_swing_minimise
 
@@ -40,9 +37,6 @@ typedef struct {
 
 /* As in cfem_estimate_parts.h. */
 void cfem_estimate_places(const double *x, double y[ROWS], double by[ROWS][N]);
-int cfem_estimate_factor(double A[N][N]);
-void cfem_estimate_down(double L[N][N], double *b);
-void cfem_estimate_up(double L[N][N], double *b);
 int cfem_estimate_count(const int *kept);
 unsigned cfem_estimate_minimise(const cfem_estimate_problem *asked, const double *first, cfem_estimate_evaluated *here, int *kept, int *iterations);
 
