@@ -30,9 +30,9 @@ static void look(const cfem_estimate_problem *asked, const double *x, cfem_estim
     for (int m = 0; m < M; m++) {
         double square = 0.0;
         for (int c = 0; c < 3; c++) {
-            at->r[m][c] = (y[3 * m + c] - asked->where[m][c]) / cfem_estimate_noise;
+            at->r[m][c] = (y[3 * m + c] - asked->where[m][c]) / asked->noise;
             square += at->r[m][c] * at->r[m][c];
-            for (int i = 0; i < N; i++) at->J[m][c][i] = by[3 * m + c][i] / cfem_estimate_noise * cfem_estimate_scale[i];
+            for (int i = 0; i < N; i++) at->J[m][c][i] = by[3 * m + c][i] / asked->noise * cfem_estimate_scale[i];
         }
         at->size[m] = sqrt(square / 3.0);
     }
@@ -127,7 +127,7 @@ static void near(const cfem_estimate_problem *asked, double *x) {
     double y[ROWS], by[ROWS][N], apart[M], least = HUGE_VAL;
     int best = -1;
     cfem_estimate_places(x, y, by);
-    for (int k = -1; k < CFEM_ESTIMATE_STARTS; k++) {
+    for (int k = -1; k < STARTS; k++) {
         const double *at = k < 0 ? y : cfem_estimate_start_places[k];
         for (int m = 0; m < M; m++) {
             double square = 0.0;
@@ -203,6 +203,26 @@ static int fits(const cfem_estimate_evaluated *here, const int *kept) {
     for (int m = 0; m < M; m++)
         if (kept[m] && !(here->size[m] < FIT)) return 0;
     return 1;
+}
+
+void cfem_estimate_see(const cfem_frame *frame, cfem_estimate_problem *asked) {
+    asked->frame = frame;
+    for (int m = 0; m < M; m++) {
+        asked->there[m] = 1;
+        for (int c = 0; c < 3; c++) asked->there[m] = asked->there[m] && known(frame->place[m][c]);
+        for (int c = 0; c < 3; c++) asked->where[m][c] = (asked->there[m] ? frame->place[m][c] : 0.0) - cfem_estimate_rest[m][c];
+    }
+}
+
+uint32_t cfem_estimate_left_out(const cfem_estimate_problem *asked, const cfem_estimate_evaluated *here, const int *kept, double *noise) {
+    uint32_t bits = 0u;
+    double square = 0.0;
+    for (int m = 0; m < M; m++) {
+        if (asked->there[m] && !kept[m]) bits |= (uint32_t)1 << m;
+        if (kept[m]) square += here->size[m] * here->size[m];
+    }
+    *noise = cfem_estimate_count(kept) ? sqrt(square / cfem_estimate_count(kept)) : 0.0;
+    return bits;
 }
 
 int cfem_estimate_count(const int *kept) {
