@@ -18,7 +18,7 @@ from cfem.predict.estimation.force_series import compliance_series, displacement
 from cfem.predict.mode_series import compliance_columns, joined
 from cfem.predict.protocol import Predictor
 
-SHARED = tuple(f"controller/{name}" for name in ("cost.h", "cfem_chebyshev.h", "cfem_gate.h"))
+SHARED = tuple(f"controller/{name}" for name in ("cost.h", "cfem_chebyshev.h", "cfem_gate.h", "cfem_linear.h"))
 MOST = 32  # markers, and unknowns: bits of a status
 FRAMES = 60  # of the test
 TOLERANCE = 1e-8  # of each unknown's scale

@@ -35,7 +35,7 @@ static void begin_hold(cfem_meeting *at, const cfem_pair *pair, cfem_hold *hold)
     cfem_row_of *const row = &hold->row;
     const double first = at->begin ? cfem_first_gap(at, pair) : pair->gap, last = pair->gap;
     const double share = first <= 0.0 ? 0.0 : last < 0.0 ? first / fmax(first - last, 1e-300) : 1.0;
-    double x[CFEM_ROW_MOST][3], on[CFEM_ROW_MOST][2], mean[2] = {0.0}, aside[2] = {0.0}, M[4] = {0.0};
+    double sign, x[CFEM_ROW_MOST][3], on[CFEM_ROW_MOST][2], mean[2] = {0.0}, aside[2] = {0.0}, M[4] = {0.0};
     hold->unknown = 0, hold->origin[0] = hold->origin[1] = hold->origin[2] = 0.0;
     *row = pair->row;
     for (int k = 0; k < row->count; k++) {
@@ -52,7 +52,7 @@ static void begin_hold(cfem_meeting *at, const cfem_pair *pair, cfem_hold *hold)
     }
     for (int k = 1; k < row->count; k++)
         for (int a = 0; a < 4; a++) M[a] += (on[k][a / 2] - mean[a / 2]) * (on[k][a % 2] - mean[a % 2]);
-    if (cfem_solve(2, M, 1, aside)) return;
+    if (cfem_eliminate(2, M, 1, aside, &sign)) return;
     for (int k = 1; k < row->count; k++) /* such shares of its faces that the point is before it there */
         for (int a = 0; a < 2; a++) row->weight[k] -= (on[k][a] - mean[a]) * aside[a];
 }
