@@ -84,10 +84,12 @@ def test_a_line_that_runs_on_import_is_answered_for_by_the_tests_of_its_file(rec
     assert covering.of(Path("contact/a.py"), 1, 2) == [near, beside, far]
 
 
-def test_without_a_record_the_tests_beside_a_file_answer_for_it(mutate, record):
+def test_without_a_record_the_tests_that_import_a_file_answer_for_it(mutate, record):
     covering = record[0]
     assert covering.of(Path("contact/b.py"), 1, 9) == []
-    assert mutate.tests_of(Path("plant/gains.py"), 1, 2, covering) == ["tests/plant/test_gains.py", "tests/plant"]
+    gains = mutate.tests_of(Path("plant/gains.py"), 1, 2, covering)
+    assert gains[0] == "tests/plant/test_gains.py" and "tests/control/closed_loop/test_feedback.py" in gains
+    assert mutate.tests_of(Path("plant/fem_robot.py"), 1, 2, covering) == ["tests/plant"]  # which none imports
 
 
 def test_the_record_has_the_lines_of_tests_and_of_their_fixtures_and_no_test_that_failed(mutate, tmp_path):
