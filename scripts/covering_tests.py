@@ -110,10 +110,10 @@ class CoveringTests:
         of equally near ones the quickest."""
         known = self.lines.get(file.as_posix(), {})
         found = set().union(*(known.get(n, ()) for n in range(first, last + 1))) or set().union(*known.values())
-        return sorted(found, key=lambda test: (_distance(file, test), self.seconds[test], test))
+        return sorted(found, key=lambda test: (distance(file, test), self.seconds[test], test))
 
 
-def _distance(file: Path, test: str) -> int:
+def distance(file: Path, test: str) -> int:
     """Folders between a file below src/cfem and a test; fewer than none for the file that mirrors it."""
     path = Path(test.partition("::")[0])
     beside = Path("tests", file.parent, f"test_{file.name}")

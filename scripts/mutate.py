@@ -13,6 +13,7 @@ import contextlib
 import importlib
 import os
 import random
+import re
 import resource
 import shutil
 import subprocess
@@ -24,7 +25,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
-from covering_tests import CoveringTests
+from covering_tests import CoveringTests, distance
 
 ROOT = Path(__file__).parents[1]
 # Files of the core, and the tests that answer for them beside those of the same name; none named: those of the
@@ -157,16 +158,29 @@ def compiled_with(file: Path) -> set[Path]:
 
 
 def tests_of(file: Path, first: int, last: int, covering: CoveringTests) -> list[str]:
-    """The tests that run these lines of a file below src/cfem, the nearest first; where no test of the record runs any
-    line of the file, those that CORE names, and that of the same name."""
+    """The tests that answer for these lines of a file below src/cfem: those of the record that run them, the nearest
+    first, and the files that the record does not know: that of the same name and those that import the module. Where
+    there are none of these, those that CORE names."""
     recorded = covering.of(file, first, last)
-    beside = Path("tests", file.parent, f"test_{file.name}")
-    if recorded:
-        return recorded
+    known = {test.partition("::")[0] for test in covering.seconds}
+    found = recorded + [one for one in importing(file) if one not in known]
+    if found:
+        return found
     named = next(paths for prefix, paths in CORE.items() if file.as_posix().startswith(prefix))
-    folders = (sorted(folder.glob("test_*.py")) for folder in (ROOT / beside).parents)
-    others = named or [str(one.relative_to(ROOT)) for one in next(filter(None, folders))]
-    return [str(beside)] * (ROOT / beside).exists() + others
+    folders = (sorted(folder.glob("test_*.py")) for folder in (ROOT / "tests" / file).parents)
+    return named or [str(one.relative_to(ROOT)) for one in next(filter(None, folders))]
+
+
+def importing(file: Path) -> list[str]:
+    """The test file of the same name, and those that import the module, the nearest first."""
+    folder, _, name = ".".join(("cfem", *file.with_suffix("").parts)).rpartition(".")
+    wanted = re.compile(
+        rf"^(from {re.escape(folder)}\.{name} import|import {re.escape(folder)}\.{name}\b)", re.MULTILINE
+    )
+    beside = Path("tests", file.parent, f"test_{file.name}")
+    tests = [one.relative_to(ROOT) for one in sorted((ROOT / "tests").rglob("test_*.py"))]
+    found = [one for one in tests if one == beside or wanted.search((ROOT / one).read_text())]
+    return sorted(map(str, found), key=lambda test: (distance(file, test), test))
 
 
 def changed_package(file: Path, index: int, place: Path) -> None:

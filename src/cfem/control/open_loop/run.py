@@ -65,7 +65,7 @@ def carry_out(folder: Path, spec: PlannedSpec, base: Path, prepared: Prepared, s
         "headline": lines,
         KEY: [
             *judged(results, {name: meant_beyond(trajectory) for name, trajectory in spec.trajectories.items()}),
-            *doubts(prepared.goals, refined, robot.length),
+            *doubts(prepared.goals, spec.reached, refined, robot.length),
             *(prepared.touched.judged(robot.length) if prepared.touched else []),
         ],
         "object": held,
