@@ -1,5 +1,6 @@
 """Faces of a Wavefront .obj file: its vertices and what they bound, whatever textures, normals and groups it has."""
 
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,7 @@ def read_obj(path: Path) -> tuple[np.ndarray, np.ndarray]:
                 X.append([float(word) for word in words[:3]])
             elif key == "f":
                 corners = [_corner(word, len(X)) for word in words]
-                triangles += [(corners[0], *pair) for pair in zip(corners[1:-1], corners[2:], strict=True)]
+                triangles += [(corners[0], *pair) for pair in pairwise(corners[1:])]
         except ValueError as error:
             raise InputError(f"line {number} is damaged: {error}", where=str(path), do="export it again") from None
     if not triangles:
