@@ -3,15 +3,13 @@ them. C is compiled unoptimised, which takes a third of the time, where a test d
 bytecode of modules, which each of the hundred processes would compile again."""
 
 import os
-import sys
 
-sys.dont_write_bytecode = False
-os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"))
 os.environ["CFLAGS"] = "-O0"
 
 import shutil
 import signal
+import sys
 from pathlib import Path
 
 import pytest
@@ -19,6 +17,8 @@ from support.one_thread import solving_beside, solving_here
 
 import cfem
 
+sys.dont_write_bytecode = False
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's job in the background ignores it, and its children
 
 BAR = Path(__file__).parents[1] / "pipelines" / "bar"

@@ -19,7 +19,7 @@ _END = 1e-3  # share of its range, within which an unknown is tried at the end
 
 
 @dataclass(frozen=True)
-class Search:
+class FitSettings:
     """How a fit searches.
 
     low, high:   bounds of the unknowns: (n,), or one number for all
@@ -72,7 +72,7 @@ class FitResult:
     seconds: float
 
 
-def fit(problem: Problem, start: np.ndarray, search: Search) -> FitResult:
+def fit(problem: Problem, start: np.ndarray, search: FitSettings) -> FitResult:
     """Least squares from a start (n,). NumericalError where a search with a barrier finds no answer at its start, or no
     Jacobian."""
     begin, failure = time.process_time(), None
@@ -113,7 +113,7 @@ def spread_starts(count: int, n: int) -> np.ndarray:
     return np.vstack([np.full((1, n), 0.5), qmc.Halton(n, scramble=False).random(count)[1:]])
 
 
-def _try_ends(evaluations: "_Evaluations", search: Search) -> None:
+def _try_ends(evaluations: "_Evaluations", search: FitSettings) -> None:
     near, _ = evaluations.best
     low, high, span = search.bounds(len(near))
     ends = np.where(near - low < _END * span, low, np.where(high - near < _END * span, high, near))

@@ -12,7 +12,7 @@ from itertools import combinations
 import numpy as np
 from scipy.optimize import nnls
 
-from cfem.identify.fit.least_squares import Search, best_of, fit
+from cfem.identify.fit.least_squares import FitSettings, best_of, fit
 from cfem.identify.material.curve import Curve
 from cfem.identify.material.forms import Form, nominal_stress, shear_modulus
 from cfem.identify.material.stability import is_stable_to, stable_to
@@ -135,7 +135,7 @@ class _Projection:
         least = _LEAST if pulled else _LOW
         low = np.array([least] * free + [0.0] * slack)
         high = np.array([_HIGH] * free + [_SLACK] * slack)
-        search = Search(low, high, xtol=1e-12, ftol=1e-12, most=200)
+        search = FitSettings(low, high, xtol=1e-12, ftol=1e-12, most=200)
         starts = [np.array([*start, *([0.3 * _SLACK] * slack)]) for start in _starts(free, least)]
         return self._parts(best_of([fit(self, start, search) for start in starts]).u)
 
