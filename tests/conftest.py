@@ -8,6 +8,7 @@ os.environ["CFLAGS"] = "-O0"
 
 import shutil
 import signal
+import sys
 from pathlib import Path
 
 import pytest
@@ -15,6 +16,8 @@ from support.one_thread import solving_beside, solving_here
 
 import cfem
 
+sys.dont_write_bytecode = False
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's job in the background ignores it, and its children
 
 BAR = Path(__file__).parents[1] / "pipelines" / "bar"
