@@ -78,4 +78,4 @@ def test_results_say_what_was_pressed_and_how_near_it_came(world):
     assert "held at 2 of 3 goals" in lines[0] and lines[0].endswith("at most 3 N allowed")
     assert lines[1] == "stop: pressed with 0.1 to 0.4 N; at most 0.5 N allowed"
     assert lines[2] == "wall: the robot came within 4.5 mm, 4 mm wanted"
-    assert isinstance(world, World)
+    assert isinstance(world, ObstacleWorld)
