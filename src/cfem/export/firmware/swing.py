@@ -20,7 +20,7 @@ from cfem.motion.modes import prewarp
 from cfem.motion.step import MotionCommand, at_rest, step
 from cfem.predict.estimation.filter import Filter
 
-SHARED = ("mpc/cfem_tick.h", "mpc/cfem_block.h", "mpc/cfem_mpc_room.h")
+SHARED = ("mpc/cfem_tick.h", "mpc/cfem_mpc_room.h")
 TWICE = {  # what is compiled once more, after a header of other sizes
     "cfem_swing_tick.c": ("cfem_swing_room.h", SOURCES / "mpc" / "cfem_tick.c"),
     "cfem_swing_least.c": ("cfem_swing_fit.h", SOURCES / "estimate" / "cfem_estimate_fit.c"),

@@ -18,6 +18,40 @@ int cfem_hold_of(const cfem_met *now, int slot) {
 
 cfem_pair *cfem_touching(const cfem_meeting *at, int i) { return &at->now->pair[at->room->touching[i]]; }
 
+/* Chooses patch p of all. 0, or a status. */
+static unsigned choose(cfem_meeting *at, int p) {
+    cfem_touched *const one = &at->now->robot[p / N];
+    int i = one->count;
+    if (i == MOST) return CFEM_TOUCH_MANY;
+    for (; i > 0 && one->patch[i - 1] > p % N; i--) {
+        one->patch[i] = one->patch[i - 1];
+        memcpy(one->force[i], one->force[i - 1], sizeof one->force[i]);
+    }
+    one->patch[i] = p % N, one->count++;
+    memset(one->force[i], 0, sizeof one->force[i]);
+    return 0;
+}
+
+void cfem_meet_number(cfem_meeting *at) {
+    for (int p = 0; p < ALL; p++) at->room->chosen[p] = -1;
+    for (int b = 0; b < ROBOTS; b++)
+        for (int i = 0; i < at->now->robot[b].count; i++) at->room->chosen[b * N + at->now->robot[b].patch[i]] = i;
+}
+
+int cfem_meet_choose(cfem_meeting *at, int all) {
+    int found = 0;
+    cfem_meet_number(at);
+    for (int i = 0; i < at->count; i++)
+        for (int k = 0; k < cfem_touching(at, i)->row.count; k++) {
+            const int p = cfem_touching(at, i)->row.patch[k];
+            if (at->room->chosen[p] >= 0) continue;
+            found++, at->room->chosen[p] = 0;
+            if (all && choose(at, p)) return -1;
+        }
+    cfem_meet_number(at);
+    return found;
+}
+
 static const double *begun(const cfem_meeting *at, int p) { return at->begin->robot[p / N].place[p % N]; }
 
 double cfem_first_gap(const cfem_meeting *at, const cfem_pair *pair) {

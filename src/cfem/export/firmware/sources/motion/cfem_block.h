@@ -27,9 +27,8 @@ CFEM_INLINE void cfem_add_product(int rows, int inner, const double *A, int acro
     CFEM_UNROLL for (int c = 0; c < m; c++) out[c] = one[c];
 }
 
-/* A's rows and columns from `first` on become L U with row pivots, the diagonal of U its inverse; 1 where A is singular. */
-static inline int cfem_factorise(int first, double A[CFEM_MOTION_MOST_NQ][CFEM_MOTION_MOST_NQ], int *pivots) {
-    const int n = CFEM_MOTION_NQ;
+/* A's rows and columns from `first` up to n become L U with row pivots, the diagonal of U its inverse; 1 where A is singular. */
+static inline int cfem_factorise(int first, int n, double A[CFEM_MOTION_MOST_NQ][CFEM_MOTION_MOST_NQ], int *pivots) {
     for (int k = first; k < n; k++) {
         int pivot = k;
         for (int i = k + 1; i < n; i++)
@@ -50,9 +49,8 @@ static inline int cfem_factorise(int first, double A[CFEM_MOTION_MOST_NQ][CFEM_M
     return 0;
 }
 
-/* X (NQ, m) := A^-1 X from row `first` on, L and U as of cfem_factorise. */
-CFEM_INLINE void cfem_solve(const double LU[CFEM_MOTION_MOST_NQ][CFEM_MOTION_MOST_NQ], const int *pivots, int first, int m, double *X) {
-    const int n = CFEM_MOTION_NQ;
+/* X (n, m) := A^-1 X from row `first` on, L and U as of cfem_factorise. */
+CFEM_INLINE void cfem_solve(const double LU[CFEM_MOTION_MOST_NQ][CFEM_MOTION_MOST_NQ], const int *pivots, int first, int n, int m, double *X) {
     for (int k = first; k < n; k++)
         for (int c = 0; c < m && pivots[k] != k; c++) {
             const double one = X[k * m + c];
