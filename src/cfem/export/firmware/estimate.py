@@ -26,7 +26,7 @@ TOLERANCE = 1e-8  # of each unknown's scale
 
 
 def filter_of(spec: CEstimateSpec, model: Predictor, p: np.ndarray | None) -> Filter:
-    """What the C code is. InputError where the model cannot tell."""
+    """Filter of Python that the C code repeats. InputError for a model that has no estimator."""
     if model.meta["kind"] != "spectral" or model.form != "displacement":
         raise InputError("only spectral models of form displacement estimate in C", do="train kind: spectral")
     loads, sensors, reach = spec.loads, spec.actuators, float(np.abs(model.reach).max())
@@ -164,7 +164,7 @@ def moving_frames(made: Filter, count: int = FRAMES) -> list[dict[str, np.ndarra
 
 
 def status_of(status: EstimateStatus) -> int:
-    """As the C code says it."""
+    """Status of the C code, a bit, for one of Python."""
     return {"CONVERGED": 0, "TOO_FEW": 1, "OUTLIERS": 2, "ITERATIONS": 4, "REJECTED": 32}[status.name]
 
 
