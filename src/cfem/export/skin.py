@@ -71,7 +71,6 @@ def _graphs(folder: Path, graphs: dict[str, str], meta: dict, skin: dict, s: np.
 
 def _c(folder: Path, spec: ExportSpec, model: Predictor, skin: dict, s: np.ndarray) -> dict[str, float]:
     """Adds the skin to the C folder; its difference from the trained one at states s, where there is a compiler."""
-    """Adds the skin to the C folder; its difference from the trained one at states s, where there is a compiler."""
     from cfem.export.compiled.build import compiler
     from cfem.export.compiled.shape import CompiledShape
     from cfem.export.firmware.folder import at_robot

@@ -231,7 +231,6 @@ def _estimator(folder: Path, spec: ExportSpec, model_folder: Path) -> dict[str, 
 
 def write_graphs(folder: Path, spec: ExportSpec, meta: dict, arrays: dict[str, np.ndarray]) -> None:
     """Writes the model as ONNX and TorchScript, as far as the spec asks for them."""
-    """Writes the model as ONNX and TorchScript, as far as the spec asks for them."""
     from cfem.export.onnx import example, onnx_bytes
     from cfem.export.torchscript import torchscript_bytes
     from cfem.surrogate.modules import module_of

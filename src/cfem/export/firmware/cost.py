@@ -32,7 +32,6 @@ def operations(model: Surrogate, defines: dict, spec: CSpec) -> dict[str, int]:
 
 def _query(model: Surrogate, n_a: int, n_e: int) -> int:
     """Operations of one query of the model, by its kind."""
-    """Operations of one query of the model, by its kind."""
     sizes = model.defines
     if sizes["CFEM_ROW"]:
         return _row(model, n_a, n_e)

@@ -148,34 +148,6 @@ def _layers(layers: list[Layer]) -> tuple[str, str]:
     return LAYER, "".join(body)
 
 
-LAYER = """
-typedef struct {
-    int inputs, outputs;
-    const cfem_real *weight; /* (inputs, outputs), or: */
-    const int16_t *narrow;   /* the same in steps of */
-    const cfem_real *step;   /* (inputs,) */
-    const cfem_real *bias;   /* (outputs,) */
-} cfem_layer;
-
-extern const cfem_layer cfem_layers[];
-"""
-
-
-def _layers(layers: list[Layer]) -> tuple[str, str]:
-    """Text of a network's layers, for cfem_data.h and for cfem_data.c."""
-    body, rows = [], []
-    for i, one in enumerate(layers):
-        narrow = one.step is not None
-        parts = (("weight", one.weight.ravel(), "int16_t" if narrow else "cfem_real"), ("step", one.step, "cfem_real"))
-        for part, values, kind in (*parts, ("bias", one.bias, "cfem_real")):
-            if values is not None:
-                body.append("static " + c_text.array(f"{part}_{i}", values, kind)[1] + "\n\n")
-        weights = f"0, weight_{i}, step_{i}" if narrow else f"weight_{i}, 0, 0"
-        rows.append(f"{{{one.weight.shape[0]}, {one.weight.shape[1]}, {weights}, bias_{i}}}")
-    body.append("const cfem_layer cfem_layers[] = {" + ",\n".join(rows) + "};\n")
-    return LAYER, "".join(body)
-
-
 def _vector(predictor: Predictor, p: np.ndarray, s: np.ndarray, spec: CSpec, box: np.ndarray) -> dict:
     """Numbers of the Python model at s (n_a,), and whether the controller, multipliers within box (n_a, 2), can go
     there."""

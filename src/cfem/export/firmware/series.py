@@ -40,7 +40,6 @@ def trees_of(indices: np.ndarray, kept: dict[str, np.ndarray]) -> tuple[np.ndarr
 
 def _tree(indices: np.ndarray, kept: np.ndarray) -> Tree:
     """Tree of the terms `kept` (m,) of a series with degrees indices (M, n)."""
-    """Tree of the terms `kept` (m,) of a series with degrees indices (M, n)."""
     order = kept[np.lexsort(indices[kept].T[::-1])]
     others = indices[order][:, :-1]
     apart = others[1:] != others[:-1]
