@@ -27,12 +27,6 @@ import numpy as np
 from cfem.core.stage import Options
 from cfem.core.yaml import parse_yaml
 from cfem.dataset.reader import read_dataset
-from cfem.dynamics.modes import natural_modes as full_modes
-from cfem.dynamics.problem import MovingProblem
-from cfem.dynamics.scheme import Scheme
-from cfem.dynamics.simulate import StepControl
-from cfem.dynamics.simulate import simulate as full_simulate
-from cfem.dynamics.start import at_rest as full_at_rest
 from cfem.equilibrium.actuation import displacement, force
 from cfem.equilibrium.motion.inner_motions import rod_stresses
 from cfem.equilibrium.solve import Wanted, solve
@@ -40,6 +34,12 @@ from cfem.export.compiled.build import compiler, library
 from cfem.export.firmware.folder import write_c
 from cfem.export.firmware.motion import write_c_motion
 from cfem.export.spec import CSpec
+from cfem.fe_motion.modes import natural_modes as full_modes
+from cfem.fe_motion.problem import MovingProblem
+from cfem.fe_motion.scheme import Scheme
+from cfem.fe_motion.simulate import StepControl
+from cfem.fe_motion.simulate import simulate as full_simulate
+from cfem.fe_motion.start import at_rest as full_at_rest
 from cfem.motion.load import load_motion
 from cfem.motion.model import Loss, MotionModel
 from cfem.motion.modes import natural_modes

@@ -18,7 +18,7 @@ from cfem.export.stage import run
 PIPELINES = Path(__file__).parents[2] / "pipelines"
 STRICT = ["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Wshadow", "-Werror"]
 VARIANTS = {
-    "sanitised": ["-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"],
+    "sanitised": ["-O0", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"],
     "contracted": ["-O3", "-ffp-contract=fast"],
     "not contracted": ["-O2", "-ffp-contract=off"],
 }

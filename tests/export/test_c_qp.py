@@ -18,7 +18,7 @@ OPTIMAL, INFEASIBLE, FLAT = 0, 1, 2
 COUNT = 1000
 
 
-class Answer(ctypes.Structure):
+class QpAnswer(ctypes.Structure):
     _fields_ = [
         ("x", ctypes.c_double * N),
         ("multipliers", ctypes.c_double * CONSTRAINTS),
@@ -40,7 +40,7 @@ def solver():
     def solve(M, d, A, low, high):
         keep = [np.ascontiguousarray(a, float) for a in (M, d, A, low, high)]
         M_, d_, A_, low_, high_ = (a.ctypes.data_as(ctypes.POINTER(ctypes.c_double)) for a in keep)
-        answer, n = Answer(), M.shape[1]
+        answer, n = QpAnswer(), M.shape[1]
         status = function(n, len(M), M_, d_, len(A), A_, n, low_, high_, ctypes.byref(answer))
         return status, np.array(answer.x[:n]), np.array(answer.multipliers[: n + len(A)])
 

@@ -18,11 +18,6 @@ STATES = np.array([[0.0], [1.7], [7.9]])
 needs_compiler = pytest.mark.skipif(not shutil.which("cc"), reason="needs a C compiler")
 
 
-@pytest.fixture(scope="module")
-def model(bar):
-    return cfem.load_model(bar / "models" / "bar" / "spectral")
-
-
 def export(bar, out, *overrides):
     words = ["shape=true", *overrides]
     return cfem.run_stage("export", bar / "pipelines" / "bar" / "export.yaml", out=out, overrides=words)

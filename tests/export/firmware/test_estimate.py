@@ -13,7 +13,7 @@ from cfem.core.errors import InputError
 from cfem.export.compiled.build import STANDARD, compiler, run
 from cfem.export.compiled.estimate import CompiledEstimator, estimate_parity
 from cfem.export.firmware.copying import library_files
-from cfem.export.firmware.estimate import filter_of, moving_frames, status_of, write_c_estimate
+from cfem.export.firmware.estimate import firmware_filter, moving_frames, status_of, write_c_estimate
 from cfem.export.spec import CEstimateSpec, CSpec
 from cfem.predict.estimation.filter import Filter
 from cfem.predict.estimation.markers import markers_near
@@ -30,11 +30,6 @@ def asked(model, loads=("tip.y", "skin.2"), markers=6, along=None, **other):
     if loads:
         given["loads"] = {"rows": list(loads), "largest": "10 mN", "lasts": "1 s", "along": along}
     return CEstimateSpec.model_validate(given)
-
-
-@pytest.fixture(scope="module")
-def model(bar):
-    return load_model(bar / "models" / "bar" / "spectral")
 
 
 @pytest.fixture(scope="module")
@@ -80,7 +75,7 @@ def test_a_material_is_folded_in(bar_of_any_material, tmp_path):
     assert estimate_parity(tmp_path, write_c_estimate(tmp_path, model, spec)) < 1e-8
     other = CSpec(estimate=asked(model), parameters={"young": "2 MPa", "poisson": 0.34})
     write_c_estimate(tmp_path, model, CSpec(estimate=asked(model), parameters=spec.parameters))
-    assert estimate_parity(tmp_path, filter_of(other.estimate, model, np.array([0.34, 2.0]))) > 1e-6
+    assert estimate_parity(tmp_path, firmware_filter(other.estimate, model, np.array([0.34, 2.0]))) > 1e-6
 
 
 def test_intervals_cover(both):

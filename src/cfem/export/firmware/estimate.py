@@ -12,10 +12,9 @@ from cfem.export.firmware import c_text
 from cfem.export.firmware.copying import copy_sources
 from cfem.export.spec import CEstimateSpec, CSpec
 from cfem.predict.chebyshev import basis
-from cfem.predict.estimation.filter import OFFSET, SLIP, Filter
+from cfem.predict.estimation.filter import Filter, filter_of
 from cfem.predict.estimation.fit import EstimateStatus
 from cfem.predict.estimation.force_series import compliance_series, displacement_series, potential_series
-from cfem.predict.estimation.spec import estimator_of
 from cfem.predict.mode_series import compliance_columns, joined
 from cfem.predict.protocol import Predictor
 
@@ -25,23 +24,20 @@ FRAMES = 60  # of the test
 TOLERANCE = 1e-8  # of each unknown's scale
 
 
-def filter_of(spec: CEstimateSpec, model: Predictor, p: np.ndarray | None) -> Filter:
-    """Filter of Python that the C code repeats. InputError for a model that has no estimator."""
+def firmware_filter(spec: CEstimateSpec, model: Predictor, p: np.ndarray | None) -> Filter:
+    """Filter that the C code computes. InputError for a model that has no estimator in C."""
     if model.meta["kind"] != "spectral" or model.form != "displacement":
         raise InputError("only spectral models of form displacement estimate in C", do="train kind: spectral")
-    loads, sensors, reach = spec.loads, spec.actuators, float(np.abs(model.reach).max())
-    estimator = estimator_of(spec, model, p)
-    if max(len(spec.markers), len(estimator.unknowns)) > MOST:
+    made = filter_of(spec, model, spec.rate, p=p)
+    if max(len(spec.markers), len(made.estimator.unknowns)) > MOST:
         raise InputError(f"the estimator in C has at most {MOST} markers and unknowns", where="c.estimate")
-    lasts = np.inf if loads is None or loads.lasts is None else loads.lasts
-    ticks = max(min(lasts * spec.rate, 1e9), 0.1)
-    return Filter(estimator, sensors.slip or SLIP * reach, ticks, sensors.offset or OFFSET * reach, spec.gate)
+    return made
 
 
 def write_c_estimate(folder: Path, model: Predictor, spec: CSpec) -> Filter:
     """Adds the estimator of `spec.estimate` to a C folder; what it is in Python."""
     p = vector(model.parameters, spec.parameters, "c.parameters") if model.parameters else None
-    made = filter_of(spec.estimate, model, p)
+    made = firmware_filter(spec.estimate, model, p)
     copy_sources(folder, "estimate", *SHARED)
     sizes, constants = estimate_constants(made)
     names = " ".join(spec.estimate.markers)

@@ -40,10 +40,8 @@ def moving_filter_of(still: Filter, spec: CSpec, motion: MotionModel) -> MarkerF
     if (rows >= motion.rows.n_e).any():
         what = "the filter of a moving robot in C has loads on effectors only"
         raise InputError(what, where="c.estimate.loads.rows", do="name rows of effectors")
-    lasts = np.inf if own.loads is None or own.loads.lasts is None else own.loads.lasts
-    estimator, slip = still.estimator, still.slip * np.sqrt(own.rate)
-    uncertainty = motion_uncertainty(own.dynamics, slip, still.offset, lasts, estimator.model.length)
-    return MarkerFilter(estimator, motion, own.dynamics.driven, uncertainty, own.gate)
+    uncertainty = motion_uncertainty(own, still.estimator.model, own.rate)
+    return MarkerFilter(still.estimator, motion, own.dynamics.driven, uncertainty, own.gate)
 
 
 def write_c_swing(folder: Path, still: Filter, spec: CSpec, motion: MotionModel) -> MarkerFilter:

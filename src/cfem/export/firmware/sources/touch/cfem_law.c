@@ -185,7 +185,7 @@ static int near(int m, const double *A, const double *constant, const double *z,
         border(m, A, constant, found, tangent, F, D, M);
         for (int b = 0; b <= n; b++) way += tangent[b] * (found[b] - z[b]);
         F[n] = way;
-        if (largest_of(n + 1, F) < CLOSE) return systems;
+        if (largest_of(n, F) < CLOSE && fabs(way) < CLOSE * (length > 1.0 ? length : 1.0)) return systems;
         if (systems == CORRECTIONS || cfem_eliminate(n + 1, M, 1, F, &sign)) return -systems - 1;
         for (int b = 0; b <= n; b++) found[b] -= F[b], square += (found[b] - z[b]) * (found[b] - z[b]);
         if (!(sqrt(square) <= FARTHEST * length)) return -systems - 1;
@@ -247,7 +247,8 @@ static int along_friction(int m, const double *W, const double *free, double mu,
             continue;
         }
         for (int b = 0; b <= n; b++) z[b] = found[b];
-        length = 1.5 * length < LONGEST ? 1.5 * length : LONGEST;
+        const double longest = z[n] > 1.0 ? LONGEST * z[n] : LONGEST;
+        length = 1.5 * length < longest ? 1.5 * length : longest;
         if (z[n] < 0.0 || turn(m, A, constant, z, tangent, &side, work)) return 1;
     }
     return 1;
