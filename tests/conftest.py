@@ -1,6 +1,5 @@
 """What all tests share. One thread per process: pytest-xdist fills the cores, and threads that wait only waste
-them. C is compiled unoptimised, which takes a third of the time, where a test does not say how. Python keeps the
-bytecode of modules, which each of the hundred processes would compile again."""
+them. C is compiled unoptimised, which takes a third of the time, where a test does not say how."""
 
 import os
 
@@ -95,3 +94,15 @@ def bar_of_any_material(bar, tmp_path_factory):
     cfem.run_stage("sample", specs / "sample.yaml", out=folder / "samples", overrides=sample, workers=1)
     cfem.run_stage("train", specs / "train.yaml", out=folder / "model", overrides=[f"dataset={folder / 'samples'}"])
     return folder / "model"
+
+
+@pytest.fixture(scope="module")
+def model(bar):
+    """The bar's spectral model."""
+    return cfem.load_model(bar / "models" / "bar" / "spectral")
+
+
+@pytest.fixture(scope="module")
+def robot(bar):
+    """The bar of finite elements."""
+    return cfem.load_robot(bar / "pipelines" / "bar" / "scene.yaml", bar / "data" / "bar" / "mesh")

@@ -38,6 +38,14 @@ def run_pipeline(
         typer.Option("--set", metavar="SPEC.KEY=VALUE", help="Replace a value of a YAML file, as in train.samples=20."),
     ] = None,
     workers: Workers = None,
+    quick: Annotated[
+        bool,
+        typer.Option(
+            "--quick",
+            help="A coarse answer first, from few states and goals, in folders that end in -quick. The full run goes "
+            "on from its states.",
+        ),
+    ] = False,
     force: MoveAside = False,
     check: Check = False,
     strict: Strict = False,
@@ -47,7 +55,8 @@ def run_pipeline(
     """Run the stages of a folder that are not up to date, in order, and say why each of them runs."""
 
     def work(options):
-        return import_module("cfem.pipeline.run").run(places, set_ or [], options, until, only, workers=workers)
+        how = {"workers": workers, "quick": quick}
+        return import_module("cfem.pipeline.run").run(places, set_ or [], options, until, only, **how)
 
     run_command(work, force, check, json, quiet, strict, "run")
 

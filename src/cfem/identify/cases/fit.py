@@ -13,8 +13,8 @@ from cfem.identify.cases.rig import MarkerPredictions, Rig
 from cfem.identify.cases.scatter import Linearised, Scatter, estimate_scatter
 from cfem.identify.cases.table import Cases
 from cfem.identify.fit.criteria import aicc, bic
-from cfem.identify.fit.least_squares import FitSettings, fit
 from cfem.identify.fit.uncertainty import information
+from cfem.parametric.least_squares import FitSettings, fit
 
 _ROUNDS = 6  # of scatter and fit in turns
 _SETTLED = 0.02  # relative change of the scatter at which the turns end

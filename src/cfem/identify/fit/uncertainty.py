@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 from scipy.stats import chi2, norm, t
 
 from cfem.core.errors import NumericalError
-from cfem.identify.fit.least_squares import FitSettings, Problem, fit
+from cfem.parametric.least_squares import FitSettings, Problem, fit
 
 RANK = 1e-8  # share of the largest singular value below which a direction moves nothing that was measured
 _SIGNIFICANT = 1e-3  # probability under the stated noise below which the residuals are taken for more than noise

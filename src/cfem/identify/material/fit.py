@@ -12,11 +12,11 @@ from itertools import combinations
 import numpy as np
 from scipy.optimize import nnls
 
-from cfem.identify.fit.least_squares import FitSettings, best_of, fit
 from cfem.identify.material.curve import Curve
 from cfem.identify.material.forms import Form, nominal_stress, shear_modulus
 from cfem.identify.material.stability import is_stable_to, stable_to
 from cfem.parametric.differences import Stencil, with_slopes
+from cfem.parametric.least_squares import FitSettings, best_of, fit
 
 _LOW, _HIGH = -12.0, 25.0  # exponents
 _LEAST = 0.2  # exponent where tension along one axis is all that was measured
