@@ -21,6 +21,21 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's job in the background ignores it, and its children
 
 BAR = Path(__file__).parents[1] / "pipelines" / "bar"
+TOGETHER = ("tests/gym/",)  # folders whose tests share kernels that take half a minute to compile
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config, log):
+    """By `--dist loadfile`, a folder of `TOGETHER` goes to one process, as each file does."""
+    if config.getvalue("dist") != "loadfile":
+        return None
+    from xdist.scheduler import LoadFileScheduling
+
+    class LoadFolders(LoadFileScheduling):
+        def _split_scope(self, nodeid):
+            return next(filter(nodeid.startswith, TOGETHER), super()._split_scope(nodeid))
+
+    return LoadFolders(config, log)
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -116,7 +116,7 @@ def test_make_and_cmake_run_the_self_test(tmp_path):
     subprocess.run([tmp_path / "build" / "selftest"], check=True, capture_output=True)
 
 
-def test_the_command_exports_and_reports(tmp_path):
+def test_the_command_exports_and_reports(tmp_path, counted):
     train_folder(tmp_path, "{kind: spectral, max_degree: 9}")
     (tmp_path / "export.yaml").write_text("model: model\nout: export\n")
     manifest = run(tmp_path / "export.yaml", ["formats=[c]", "c.scalar=float", "c.vectors=20"], None, Options())

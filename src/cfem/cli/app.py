@@ -106,6 +106,7 @@ def material(
     """List elastomers by name, show one, or fit a law of rubber to a tensile test of your own."""
 
     def work(options):
+        """Runs the action."""
         from cfem.cli.material import run_material
 
         how = {

@@ -92,6 +92,7 @@ def _init(name, source, robot, folder, force, json, quiet, **values) -> None:
     answers = {flag: values[flag.replace("-", "_")] for flag in _ANSWERS}
 
     def work(options):
+        """Copies a robot or makes a scene."""
         from cfem.cli.init import init_robot, init_scene
 
         if (source is None) == (robot is None):

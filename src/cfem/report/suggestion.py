@@ -24,7 +24,7 @@ def suggestion(robot: NewScene, shape: Shape) -> str:
 
 
 def viewer(robot: NewScene, shape: Shape) -> Viewer:
-    """The picture."""
+    """Picture of the body, with held nodes dark, actuators as lines and watched points as dots."""
     mesh, driven = shape.mesh, robot.drive
     held = _held(mesh, robot.hold.value)
     triangles = flat_triangles(mesh.facets)
@@ -41,7 +41,7 @@ def viewer(robot: NewScene, shape: Shape) -> Viewer:
 
 
 def facts(robot: NewScene) -> dict[str, str]:
-    """What is suggested, in words, by the option that states it."""
+    """Suggested values in words, by the option that states each."""
     extent = " × ".join(short(side) for side in robot.extent)
     words = {"body": f"{extent} mm; volume {short(robot.volume / 1000)} cm³"}
     words["--fixed"] = f"{' | '.join(map(str, robot.hold.value))}{_why(robot.hold.guess)}"
@@ -67,7 +67,7 @@ def _why(guess: str | None) -> str:
 
 
 def _held(mesh: Mesh, parts: tuple[Hold, ...]) -> np.ndarray:
-    """(n,) bool of the nodes."""
+    """Mask (n,) of the nodes that the scene holds."""
     held = np.zeros(len(mesh.X), dtype=bool)
     for part in parts:
         held[select_nodes(mesh, part.selection(), "fixed")] = True

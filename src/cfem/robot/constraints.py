@@ -194,7 +194,7 @@ class Effector(Spec):
 
     @property
     def axes(self) -> tuple[str, ...]:
-        """Of its rows."""
+        """Axes of the effector's rows."""
         return ("x", "y", "z", "rx", "ry", "rz") if self.orientation else ("x", "y", "z")
 
 
@@ -212,7 +212,7 @@ class Load(Spec):
 
 
 def _demand_way(what: str, unilateral: bool, ends, does: str, name: str = "reach") -> None:
-    """Of an actuator that works in one direction alone."""
+    """Raises ValueError where an actuator that only pulls or inflates has no positive end of its range."""
     if unilateral and ends is not None and not ends[1] > 0:
         raise ValueError(
             f"{what}: it only {does} (unilateral), so its {name} must end above 0; got {ends[0]:g} to {ends[1]:g}"

@@ -17,29 +17,29 @@ def cable_doubts(scene: spec.SceneSpec, robot: Robot) -> list[str]:
     """A sentence for each cable whose pull point is far away, that begins at the wrong end, or that is pulled from the
     free end of the body."""
     size, held = float(np.ptp(robot.X, axis=0).max()), robot.X[robot.fixed]
-    found = []
+    sentences = []
     for item in scene.actuators:
         if item.kind != "cable" or item.pull_point is None:
             continue
         points, pull = cable_points(scene, item), item.pull_point
         first, last = (float(np.linalg.norm(pull - points[end])) for end in (0, -1))
-        from_held = [float(np.linalg.norm(held - one, axis=1).min()) for one in (pull, points[-1])]
+        from_held = [float(np.linalg.norm(held - end, axis=1).min()) for end in (pull, points[-1])]
         if first > FAR * size:
-            found.append(
+            sentences.append(
                 f"cable '{item.name}' is pulled from {first:.4g} mm away, and the body is {size:.3g} mm large: "
                 "check pull_point"
             )
         elif len(points) > 1 and first > 2 * last:
-            found.append(
+            sentences.append(
                 f"cable '{item.name}' begins {first:.3g} mm from its pull point and ends {last:.3g} mm from it: "
                 "its points run from the pull point on, check their order"
             )
         elif from_held[0] > 0.5 * size and from_held[1] < NEAR * size:
-            found.append(
+            sentences.append(
                 f"cable '{item.name}' is pulled from the free end, {from_held[0]:.3g} mm from what is held: "
                 "check pull_point and the order of the points"
             )
-    return found
+    return sentences
 
 
 def effector_doubts(scene: spec.SceneSpec) -> list[str]:
