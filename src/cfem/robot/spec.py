@@ -9,8 +9,9 @@ from cfem.core.errors import SpecError
 from cfem.core.spec import Spec, load_spec, meaning
 from cfem.core.units import AccelerationVector, Length
 from cfem.mechanics.element import SECTIONED
+from cfem.robot.catalogue import routes
 from cfem.robot.constraints import Actuator, Chambers, Contact, Effector, Load
-from cfem.robot.geometry import Assembly, Geometry, MeshFile, Refinement, SoftFinger, StiffFlop, Taper
+from cfem.robot.geometry import Assembly, Geometry, MeshFile, Refinement, StiffFlop, Taper
 from cfem.robot.materials import MaterialRegion, MaterialSpec
 from cfem.robot.selection import Selection
 from cfem.robot.shape.free_form import FreeForm
@@ -90,8 +91,12 @@ class SceneSpec(Spec):
                 first[item.name] = place
         asked = [f"actuators.{i}.route" for i, one in enumerate(self.actuators) if getattr(one, "route", None)]
         asked += [f"effectors.{i}.at" for i, one in enumerate(self.effectors) if one.at == "tip"]
-        if asked and not isinstance(self.geometry, SoftFinger):
-            raise ValueError(f"{asked[0]}: needs a geometry of kind soft-finger")
+        if asked and not routes.has_tip(self.geometry):
+            raise ValueError(f"{asked[0]}: needs a geometry of kind soft-finger, bar, diamond or trunk")
+        for index, item in enumerate(self.actuators):
+            wrong = routes.fault(self.geometry, item.route) if getattr(item, "route", None) else ""
+            if wrong:
+                raise ValueError(f"actuators.{index}.route: {wrong}")
         materials = {"material": self.material} | {
             f"materials.{index}.material": item.material for index, item in enumerate(self.materials)
         }
