@@ -30,9 +30,10 @@ from cfem.mechanics.rod.region import CrossSection, Rod
 from cfem.mechanics.rod.sections import Sections
 from cfem.mechanics.viscosity import Viscosity
 from cfem.robot import constraints, spec
-from cfem.robot.catalogue import soft_finger, stiff_flop, taper
+from cfem.robot.catalogue import stiff_flop, taper
 from cfem.robot.checks.possible import demand_possible
 from cfem.robot.materials import MaterialSpec
+from cfem.robot.places import cable_points, effector_points, pull_point
 from cfem.robot.rigid import rigid_groups
 from cfem.robot.selection import cells_of, facets_of, select_cells, select_nodes
 from cfem.robot.shape.deform import shaped
@@ -174,7 +175,7 @@ def _actuator(
     if body.rod is not None and _in_rod(body.rod, item):
         return make_rod_cable(body.rod, cable_points(scene, item), item.name, item.friction)
     points = _points(mesh, item, cable_points(scene, item), sections, f"cable '{item.name}'")
-    return make_cable(points, item.pull_point, item.name, item.friction)
+    return make_cable(points, pull_point(scene, item), item.name, item.friction)
 
 
 def _points(
@@ -186,19 +187,14 @@ def _points(
         try:
             points.append(_attach(mesh, place, item.radius, f"point {index} of {label}", cells, sections))
         except SpecError as error:
-            raise SpecError(error.what, where=f"points.{index}", do=error.do) from None
+            routed = getattr(item, "route", None) is not None
+            raise SpecError(error.what, where="route" if routed else f"points.{index}", do=error.do) from None
     return points
 
 
 def _in_rod(rod: Rod, item: constraints.Cable) -> bool:
     """True if the cable runs in the rod from its held base on, so that its pull point moves nothing."""
     return item.pull_point is None or abs(item.points[0, 0] - rod.sections.centres[0, 0]) < 1e-9
-
-
-def cable_points(scene: spec.SceneSpec, item: constraints.Cable) -> np.ndarray:
-    """Points (k, 3) mm of a cable that the scene gives by points or by a route, shifted where it asks for that."""
-    points = item.points if item.route is None else soft_finger.route(scene.geometry, item.route.x, item.route.y)
-    return points if item.shift is None else taper.shifted(points, item.shift.y, item.shift.z, item.shift.outward)
 
 
 def _chambers(geometry: spec.StiffFlop, mesh: Mesh, body: Body, item: constraints.Chambers) -> Cavity | RodChambers:
@@ -246,15 +242,6 @@ def _effector(
             return make_section_effector(mesh.X, plates, points, item.name, item.orientation)
     cells = _cells(mesh, item.body)
     return make_effector(mesh, points, item.radius, item.carrier_radius, item.name, item.orientation, cells)
-
-
-def effector_points(scene: spec.SceneSpec, item: constraints.Effector) -> np.ndarray:
-    """(3,) or (k, 3) mm. SpecError of a centre of mass, which has no place of its own."""
-    if item.at == "centre-of-mass":
-        raise SpecError(f"effector '{item.name}': the centre of mass of varied geometries is not known")
-    if item.at:
-        return soft_finger.tip(scene.geometry)
-    return item.point if item.points is None else item.points
 
 
 def _contact(mesh: Mesh, item: constraints.Contact, sections: list[np.ndarray]) -> ContactPoint:

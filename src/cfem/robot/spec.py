@@ -9,8 +9,9 @@ from cfem.core.errors import SpecError
 from cfem.core.spec import Spec, load_spec, meaning
 from cfem.core.units import AccelerationVector, Length
 from cfem.mechanics.element import SECTIONED
+from cfem.robot.catalogue import routes
 from cfem.robot.constraints import Actuator, Chambers, Contact, Effector, Load
-from cfem.robot.geometry import Assembly, Geometry, MeshFile, Refinement, SoftFinger, StiffFlop, Taper
+from cfem.robot.geometry import Assembly, Geometry, MeshFile, Refinement, StiffFlop, Taper
 from cfem.robot.materials import MaterialRegion, MaterialSpec
 from cfem.robot.selection import Selection
 from cfem.robot.shape.free_form import FreeForm
@@ -89,10 +90,14 @@ class SceneSpec(Spec):
                 if item.name in first:
                     raise ValueError(f"{place}: names must differ, and {first[item.name]} is '{item.name}' too")
                 first[item.name] = place
-        fingers = [f"actuators.{i}.route" for i, item in enumerate(self.actuators) if getattr(item, "route", None)]
-        fingers += [f"effectors.{i}.at" for i, item in enumerate(self.effectors) if item.at == "tip"]
-        if fingers and not isinstance(self.geometry, SoftFinger):
-            raise ValueError(f"{fingers[0]}: needs a geometry of kind soft-finger")
+        asked = [f"actuators.{i}.route" for i, item in enumerate(self.actuators) if getattr(item, "route", None)]
+        asked += [f"effectors.{i}.at" for i, item in enumerate(self.effectors) if item.at == "tip"]
+        if asked and not routes.has_tip(self.geometry):
+            raise ValueError(f"{asked[0]}: needs a geometry of kind soft-finger, bar, diamond or trunk")
+        for index, item in enumerate(self.actuators):
+            wrong = routes.fault(self.geometry, item.route) if getattr(item, "route", None) else ""
+            if wrong:
+                raise ValueError(f"actuators.{index}.route: {wrong}")
         materials = {"material": self.material} | {
             f"materials.{index}.material": item.material for index, item in enumerate(self.materials)
         }

@@ -37,6 +37,9 @@ def test_what_a_model_says_of_its_robot_becomes_lines():
     finger = lines({"geometry": {"kind": "soft-finger"}, "actuators": [cable, route]}, 120.0)
     assert [len(one.points) for one in finger] == [3, 6] and [one.held for one in finger] == [1, 0]
     assert (finger[1].points[:, :2] == [5.0, 15.0]).all()
+    side = {"kind": "cable", "route": {"side": "y+", "disks": 5}, "reach": [0, 1]}
+    (cable,) = lines({"geometry": {"kind": "trunk", "length": 300.0}, "actuators": [side]}, 300.0)
+    assert (len(cable.points), cable.held) == (11, 1) and (np.diff(cable.points[:, 2]) > 0).all()
     pair = {"kind": "chambers", "module": 2, "chambers": [1, 2]}
     trunk = lines({"geometry": {"kind": "stiff-flop"}, "actuators": [pair]}, 110.0)
     assert [one.actuator for one in trunk] == [0, 0]

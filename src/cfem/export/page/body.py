@@ -9,8 +9,9 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from cfem.export.page.chambers import ChamberWall
-from cfem.robot.catalogue import soft_finger, stiff_flop
-from cfem.robot.geometry import SoftFinger, StiffFlop
+from cfem.robot.catalogue import routes, stiff_flop
+from cfem.robot.constraints import Route
+from cfem.robot.geometry import StiffFlop
 from cfem.viewer.surface import sharpened
 
 NEAR = 24  # surface nodes that carry a point of the inside
@@ -111,12 +112,13 @@ def _of(number: int, item: dict[str, Any], robot: dict[str, Any], length: float)
     """Lines of one actuator, as the model describes it."""
     geometry = {key: value for key, value in robot["geometry"].items() if key != "kind"}
     if item["kind"] == "cable":
-        if item.get("points") is not None:
-            points = np.array(item["points"], float)
-        else:
-            finger = SoftFinger.model_construct(kind="soft-finger", **geometry)
-            points = np.asarray(soft_finger.route(finger, item["route"]["x"], item["route"]["y"]), float)
-        held = [] if item.get("pull_point") is None else [item["pull_point"]]
+        points, pull = item.get("points"), item.get("pull_point")
+        if points is None:
+            body = routes.BODIES[robot["geometry"]["kind"]].model_construct(**robot["geometry"])
+            route = Route.model_construct(**item["route"])
+            points = routes.points(body, route)
+            pull = routes.pull_point(body, route) if pull is None else pull
+        held = [] if pull is None else [pull]
         yield Tube(number, np.array([*held, *points], float), CABLE * length, len(held))
     elif item["kind"] == "chambers":
         trunk = StiffFlop.model_construct(kind="stiff-flop", **geometry)

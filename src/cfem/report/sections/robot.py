@@ -9,8 +9,8 @@ from cfem.mechanics.mesh import Mesh
 from cfem.report.page import Card
 from cfem.report.tables import number
 from cfem.report.viewer import BODY, HELD, Polyline, Take, Viewer, carried_along, flat_triangles
-from cfem.robot.build import cable_points
 from cfem.robot.constraints import Cable
+from cfem.robot.places import cable_points, pull_point
 from cfem.robot.spec import SceneSpec
 
 ELEMENTS = {
@@ -30,7 +30,7 @@ def cables_of(scene: SceneSpec) -> list[tuple[str, np.ndarray, int]]:
     cables = []
     for item in scene.actuators:
         if isinstance(item, Cable):
-            held = [] if item.pull_point is None else [item.pull_point]
+            held = [] if (pull := pull_point(scene, item)) is None else [pull]
             cables.append((item.name, np.array([*held, *cable_points(scene, item)], dtype=float), len(held)))
     return cables
 

@@ -7,7 +7,7 @@ import numpy as np
 from cfem.core.errors import SpecError
 from cfem.equilibrium.robot import Robot
 from cfem.robot import spec
-from cfem.robot.build import cable_points, effector_points
+from cfem.robot.places import cable_points, effector_points, pull_point
 
 FAR = 2.0  # times the robot's size, between a pull point and the cable's first point
 NEAR = 0.25  # of the robot's size, within which a cable's end is at what is held
@@ -19,9 +19,9 @@ def cable_doubts(scene: spec.SceneSpec, robot: Robot) -> list[str]:
     size, held = float(np.ptp(robot.X, axis=0).max()), robot.X[robot.fixed]
     sentences = []
     for item in scene.actuators:
-        if item.kind != "cable" or item.pull_point is None:
+        if item.kind != "cable" or (pull := pull_point(scene, item)) is None:
             continue
-        points, pull = cable_points(scene, item), item.pull_point
+        points = cable_points(scene, item)
         first, last = (float(np.linalg.norm(pull - points[end])) for end in (0, -1))
         from_held = [float(np.linalg.norm(held - end, axis=1).min()) for end in (pull, points[-1])]
         if first > FAR * size:

@@ -15,8 +15,9 @@ from cfem.equilibrium.robot import Robot
 from cfem.mechanics.body import with_materials
 from cfem.mechanics.mesh import Mesh
 from cfem.robot import constraints
-from cfem.robot.build import build_robot, cable_points, effector_points, materials_of
+from cfem.robot.build import build_robot, materials_of
 from cfem.robot.mesh.meshing import CATALOGUE
+from cfem.robot.places import cable_points, effector_points, pull_point
 from cfem.robot.shape.deform import Deformation
 from cfem.robot.shape.morph import Morph, Unreachable
 from cfem.robot.shape.on_mesh import carried, moved, on_mesh
@@ -120,7 +121,8 @@ class Designs:
                 actuators.append(actuator)
                 continue
             count = len(cable_points(scene, item))
-            actuators.append(make_cable(points[used : used + count], item.pull_point, item.name, item.friction))
+            mine = points[used : used + count]
+            actuators.append(make_cable(mine, pull_point(scene, item), item.name, item.friction))
             used += count
         inside, effectors = iter(points[used:]), []
         for item, effector in zip(scene.effectors, self.reference.effectors, strict=True):
