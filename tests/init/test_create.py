@@ -22,7 +22,7 @@ from cfem.core.errors import SpecError
 from cfem.core.kinds import model_of
 from cfem.core.spec import load_spec
 from cfem.core.yaml import read_yaml
-from cfem.export.page.block import ROOM
+from cfem.export.page.layout import robot_layout
 from cfem.init.texts import ON_PAGE
 from cfem.robot.build import build_robot
 from cfem.robot.mesh.meshing import make_mesh
@@ -87,7 +87,7 @@ def test_a_robot_of_more_cables_than_a_page_has_room_for_has_none(tmp_path):
     assert init(tmp_path, STEP, "--cables", "9", "--reach", "3 mm").exit_code == 0
     own = tmp_path / "pipelines" / "own"
     assert not (own / "export-page.yaml").exists() and "page" not in read_yaml(own / "report.yaml")[0]
-    assert ROOM["CFEM_NA"][0] == ON_PAGE
+    assert robot_layout().room["CFEM_MOST_NA"] == ON_PAGE
 
 
 def test_a_closed_surface_in_another_unit_with_all_answers_given(tmp_path):

@@ -10,11 +10,11 @@ import numpy as np
 from cfem.condensed.model import Model
 from cfem.control.adaptation.controller import AdaptiveController
 from cfem.control.adaptation.tracker import Tracker
-from cfem.control.closed_loop.estimated import EstimatingController, filter_of
+from cfem.control.closed_loop.estimated import EstimatingController, loop_filter
 from cfem.control.closed_loop.pilots import Situation
 from cfem.control.closed_loop.spec import ControllerSpec, LoopSpec
 from cfem.control.closed_loop.tick import Pilot
-from cfem.control.moving import built
+from cfem.control.motion import built
 from cfem.core.errors import SpecError
 from cfem.motion.model import MotionModel
 from cfem.plant.gains import Gains
@@ -38,7 +38,7 @@ def controller_of(
     if situation.loop.estimate is None:
         return inner
     model = predictors.get(spec.model) or next(iter(predictors.values()))
-    filtered = filter_of(situation.loop, model, motion if situation.loop.estimates_motion else None)
+    filtered = loop_filter(situation.loop, model, motion if situation.loop.estimates_motion else None)
     return EstimatingController(
         inner, filtered, situation.rest_e, pilot.command == "displacement", 1 / situation.loop.rate
     )

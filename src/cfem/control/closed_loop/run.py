@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -13,6 +13,15 @@ from cfem.plant.gains import Gains
 from cfem.plant.protocol import Measurement, Plant
 
 _FAR = 500  # ticks that a controller is told of ahead
+
+
+@runtime_checkable
+class Estimates(Protocol):
+    """A controller that sees markers, and estimates the effectors from them."""
+
+    def estimated(self, measured: Measurement) -> Measurement:
+        """Sample with what is estimated of the effectors."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -86,7 +95,7 @@ def run_closed_loop(
         measured = plant.step(belief.u, pilot.command)
         actual = getattr(plant, "actual", None)
         if actual is None:  # nobody knows better than the sensors, or what is estimated from them
-            actual = controller.estimated(measured) if hasattr(controller, "estimated") else measured
+            actual = controller.estimated(measured) if isinstance(controller, Estimates) else measured
         error = float(np.linalg.norm((actual.x_e - goal)[matters]))
         moments.append(Moment(len(moments) + 1, index, goal, controller.aimed, belief, measured, actual, error, cpu))
         after(moments[-1])

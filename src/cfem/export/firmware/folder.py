@@ -1,21 +1,20 @@
 """The folder that a control engineer drops into firmware: constant C sources, the robot's constants, a self-test."""
 
-import shutil
 from pathlib import Path
 
 import numpy as np
 
 from cfem.condensed.parameter_values import vector
-from cfem.core.artefact.files import disk_errors, write_whole
+from cfem.core.artefact.files import write_whole
 from cfem.core.errors import NumericalError
 from cfem.export.firmware import c_text
 from cfem.export.firmware import row as c_row
 from cfem.export.firmware.constants import OBSERVERS, Surrogate, controller, multipliers, surrogate
+from cfem.export.firmware.copying import copy_sources
 from cfem.export.firmware.cost import operations
 from cfem.export.spec import CSpec
 from cfem.predict.protocol import Predictor
 
-SOURCES = Path(__file__).parent / "sources" / "controller"
 TOLERANCE = {"double": 1e-12, "float": 1e-5}
 GOAL_TOLERANCE = {"double": 1e-6, "float": 1e-4}  # of the robot's length
 COEFFICIENTS = ("cfem_potential", "cfem_effector")  # in the scalar type: all else acts on double inputs
@@ -32,10 +31,7 @@ def write_c(
 ) -> dict:
     """Fills `folder`; states (m, n_a): inputs of the model for the self-test; pressures: (n_a, 2) MPa that the scene
     states, if any. Returns what it costs, without compiling it."""
-    with disk_errors(folder):
-        folder.mkdir(parents=True, exist_ok=True)
-        for path in SOURCES.iterdir():
-            shutil.copyfile(path, folder / path.name)
+    copy_sources(folder, "controller")
     model, p = surrogate(meta, arrays, spec)
     predictor = model.reference
     defines, constants = controller(predictor, p, spec.controller, spec.scalar, pressures)

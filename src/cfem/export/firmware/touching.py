@@ -10,7 +10,7 @@ from cfem.contact.obstacle import Obstacle
 from cfem.contact.obstacle_set import ObstacleSet
 from cfem.contact.prescribed_motion import ActuatedRobot
 from cfem.core.errors import InputError, NumericalError
-from cfem.export.compiled.controller import compiler
+from cfem.export.compiled.build import compiler
 from cfem.export.compiled.meet import CompiledMeet
 from cfem.export.compiled.touch import CompiledTouch
 from cfem.export.firmware import meet as c_meet

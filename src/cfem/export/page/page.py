@@ -17,6 +17,7 @@ from cfem.export.page.block import block, skin_series
 from cfem.export.page.body import body, lines
 from cfem.export.page.chambers import Wall
 from cfem.export.page.data import Fixed, pack
+from cfem.export.page.layout import motion_layout
 from cfem.export.page.load import weight
 from cfem.export.page.motion import moves
 from cfem.export.spec import CSpec
@@ -76,6 +77,7 @@ def page(
         "points": points,
         "rest_e": predictor.rest_e.tolist(),
         "skin": len(drawn.modes),
+        "room": room(),
         "length": predictor.length,
         "outer": drawn.outer,
         "chambers": [dict(zip(("actuator", "first", "count"), one, strict=True)) for one in drawn.chambers],
@@ -100,6 +102,12 @@ def page(
     if weighed:
         data |= {"positions": weighed[1].positions, "changes": weighed[1].changes}
     return fill(said, data, meta["scene"], about(meta, predictor), concerns)
+
+
+def room() -> dict[str, int]:
+    """Sizes of vectors in the memory of the page's program, and the ticks ahead that it has room for."""
+    names = {"effector": "MOST_NE", "actuator": "MOST_NA", "skin": "MOST_SKIN", "ticks": "MPC_MOST_TICKS"}
+    return {name: motion_layout().room[f"CFEM_{word}"] for name, word in names.items()}
 
 
 def watched(predictor: Predictor) -> list[dict[str, Any]]:
