@@ -20,7 +20,7 @@ from cfem.export.page.page import page as page_of_robot
 from cfem.export.spec import CSpec
 from cfem.report.chart import chart, panel
 from cfem.report.page import Card, Number, ReportSection, Summary, page
-from cfem.report.tables import Table
+from cfem.report.tables import ReportTable
 from cfem.report.viewer import Polyline, Take, Viewer
 
 HOSTILE = (
@@ -76,7 +76,7 @@ def test_a_report(read):
     axis = panel("plain", "x")
     for label in (HOSTILE, f"2 {HOSTILE}"):
         axis.plot([0, 1], [0, 1], label=label.replace("$", ""))
-    parts = (Table((HOSTILE, HOSTILE), [(HOSTILE, HOSTILE)]), chart(HOSTILE, HOSTILE, [axis]))
+    parts = (ReportTable((HOSTILE, HOSTILE), [(HOSTILE, HOSTILE)]), chart(HOSTILE, HOSTILE, [axis]))
     summary = Summary(HOSTILE, (HOSTILE,), (Number(HOSTILE, HOSTILE, (HOSTILE,)),))
     card = Card(viewer(), {HOSTILE: HOSTILE})
     html = page(HOSTILE, summary, viewer(), card, [ReportSection(HOSTILE, HOSTILE, parts)])

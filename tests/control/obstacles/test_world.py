@@ -8,7 +8,7 @@ import pytest
 
 from cfem.condensed import Rows
 from cfem.control.closed_loop.tick import Pilot
-from cfem.control.obstacles.world import PRESSED, world_of
+from cfem.control.obstacles.world import PRESSED, ObstacleWorld, world_of
 from cfem.control.search.inverse import Limits
 
 ROWS = Rows(("tip.x", "tip.y", "tip.z", "pad.force", "stop.force", "wall.distance"), ("cable",))
