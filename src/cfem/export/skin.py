@@ -70,6 +70,7 @@ def _graphs(folder: Path, graphs: dict[str, str], meta: dict, skin: dict, s: np.
 
 
 def _c(folder: Path, spec: ExportSpec, model: Predictor, skin: dict, s: np.ndarray) -> dict[str, float]:
+    """Adds the skin to the C folder; its difference from the trained one at states s, where there is a compiler."""
     from cfem.export.compiled.build import compiler
     from cfem.export.compiled.shape import CompiledShape
     from cfem.export.firmware.folder import at_robot
@@ -88,8 +89,8 @@ def _c(folder: Path, spec: ExportSpec, model: Predictor, skin: dict, s: np.ndarr
 def write_row_skin(
     folder: Path, spec: ExportSpec, row: SerialPredictor, skins: dict[str, np.ndarray], vectors: dict
 ) -> dict[str, float]:
-    """As `write_skin`, of modules in a row, which have a shape from arrays and in C; skins: arrays of their models'.
-    InputError for other formats."""
+    """Writes what the spec asks for of modules in a row, which have a shape from arrays and in C; skins: arrays of
+    their models. InputError for other formats."""
     write_npz(folder / serial_skin.FILE, skins)
     if not spec.shape:
         return {}

@@ -43,7 +43,7 @@ def _with_formats(spec: ExportSpec) -> ExportSpec:
 
 
 def _mesh(spec: ExportSpec, base: Path) -> dict[str, Path]:
-    """Of the scene, for those exports that solve it."""
+    """Mesh of the scene, for those exports that solve it."""
     scene = base / spec.scene if _solves(spec) else None
     return {"mesh": scene.parent / load_spec(scene, SceneSpec).out} if scene else {}
 
@@ -230,6 +230,7 @@ def _estimator(folder: Path, spec: ExportSpec, model_folder: Path) -> dict[str, 
 
 
 def write_graphs(folder: Path, spec: ExportSpec, meta: dict, arrays: dict[str, np.ndarray]) -> None:
+    """Writes the model as ONNX and TorchScript, as far as the spec asks for them."""
     from cfem.export.onnx import example, onnx_bytes
     from cfem.export.torchscript import torchscript_bytes
     from cfem.surrogate.modules import module_of

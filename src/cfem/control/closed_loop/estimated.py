@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from cfem.control.closed_loop.estimated_spec import LoopEstimateSpec
 from cfem.control.closed_loop.feedback import HISTORY
+from cfem.control.closed_loop.run import TickedController
 from cfem.control.closed_loop.spec import LoopSpec
 from cfem.motion.estimation.marker_filter import MarkerFilter
 from cfem.motion.estimation.uncertainty import motion_uncertainty
@@ -56,7 +57,12 @@ class EstimatingController:
     sample_tick: tick of its sample"""
 
     def __init__(
-        self, inner: Any, filtered: Filter | MarkerFilter, rest_e: np.ndarray, by_displacement: bool, period: float
+        self,
+        inner: TickedController,
+        filtered: Filter | MarkerFilter,
+        rest_e: np.ndarray,
+        by_displacement: bool,
+        period: float,
     ):
         """by_displacement: whether commands are displacements; period: s of a tick."""
         self.inner, self._filter, self._rest_e, self._by_displacement = inner, filtered, rest_e, by_displacement

@@ -1,12 +1,11 @@
 """Controllers from their spec: the static one, alone or shaped, a computed feed-forward, and the predictive one."""
 
-from typing import Any
-
 import numpy as np
 
 from cfem.condensed import Condensed
 from cfem.control.closed_loop.controller import Controller
 from cfem.control.closed_loop.pilots import Situation
+from cfem.control.closed_loop.run import TickedController
 from cfem.control.closed_loop.spec import ControllerSpec
 from cfem.control.closed_loop.tick import Pilot
 from cfem.control.motion.feedforward import Computed, Shaped
@@ -24,7 +23,7 @@ _NO_NOISE = 0.01  # mm, of a sensor without
 
 def controller_of(
     spec: ControllerSpec, pilot: Pilot, gains: Gains | None, motion: MotionModel | None, situation: Situation
-) -> Any:
+) -> TickedController:
     """Controller that knows how the robot moves, or the static one; pilot: of the static controller; motion: None where
     nothing asks for it."""
     start = None if situation.start is None else situation.start.delta_a

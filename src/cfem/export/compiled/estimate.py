@@ -43,7 +43,7 @@ class CompiledFilter:
         self.reset()
 
     def _asked(self, call: Callable[..., Any], measured: dict[str, np.ndarray], *before: Any) -> Found:
-        """What a call finds in a frame; its arguments are those `before`, the frame and what is found."""
+        """Answer of a call in a frame; its arguments are those `before`, the frame and what is found."""
         for name, values in measured.items():
             numbers(getattr(self._frame, name))[...] = values
         call(*before, ctypes.byref(self._frame), ctypes.byref(self._found))

@@ -47,6 +47,7 @@ class CompiledMeet:
         self._before = None
 
     def __call__(self, deltas: Sequence[np.ndarray], obstacles: Sequence[Rounded] = (), mu: float = 0.0) -> MetInC:
+        """State with actuators held at deltas, (n_a,) mm of each robot, among obstacles with friction mu."""
         now, given = self._given(deltas, obstacles, mu)
         status = self.library.cfem_meet(*given)
         if not status:

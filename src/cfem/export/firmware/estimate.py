@@ -25,7 +25,7 @@ TOLERANCE = 1e-8  # of each unknown's scale
 
 
 def firmware_filter(spec: CEstimateSpec, model: Predictor, p: np.ndarray | None) -> Filter:
-    """Filter that the C code computes. InputError where the model cannot tell."""
+    """Filter that the C code computes. InputError for a model that has no estimator in C."""
     if model.meta["kind"] != "spectral" or model.form != "displacement":
         raise InputError("only spectral models of form displacement estimate in C", do="train kind: spectral")
     made = filter_of(spec, model, spec.rate, p=p)
@@ -160,7 +160,7 @@ def moving_frames(made: Filter, count: int = FRAMES) -> list[dict[str, np.ndarra
 
 
 def status_of(status: EstimateStatus) -> int:
-    """As the C code says it."""
+    """Status of the C code, a bit, for one of Python."""
     return {"CONVERGED": 0, "TOO_FEW": 1, "OUTLIERS": 2, "ITERATIONS": 4, "REJECTED": 32}[status.name]
 
 

@@ -18,7 +18,7 @@ def write_c_skin(folder: Path, model: Predictor, arrays: dict[str, np.ndarray], 
 
 
 def write_c_row_skin(folder: Path, row: SerialPredictor, spec: CSpec) -> int:
-    """The same of modules in a row, all of one model: cfem_shape.c is another one, and each node names its module and
+    """Adds the skin of modules in a row, all of one model; the bytes of its constants. Each node names its module and
     its number there."""
     whole = row.surface
     constants = skin_constants(row.models[0], whole.modules[0].arrays, spec)
@@ -45,7 +45,7 @@ def _write(folder: Path, constants: dict[str, np.ndarray], nodes: int, *parts: s
 
 
 def skin_constants(model: Predictor, arrays: dict[str, np.ndarray], spec: CSpec) -> dict[str, np.ndarray]:
-    """Of one robot, the values of whose parameters are folded in: to_box (nz, n_a), offset (nz,), degrees (M, nz),
+    """Arrays of the skin of one robot, whose parameters are folded in: to_box (nz, n_a), offset (nz,), degrees (M, nz),
     series (M, k), modes (k, 3 m), rest (3 m,), triangles (t, 3)."""
     n_a = model.rows.n_a
     p = vector(model.parameters, spec.parameters, "c.parameters")

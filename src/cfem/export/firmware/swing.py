@@ -30,7 +30,8 @@ TOLERANCE = 1e-7  # of each unknown's scale
 
 
 def moving_filter_of(still: Filter, spec: CSpec, motion: MotionModel) -> MarkerFilter:
-    """What the C code is; still: the filter of the same robot at rest. InputError where there is no C code."""
+    """Filter of Python that the C code repeats; still: the filter of the same robot at rest. InputError where there is
+    no C code."""
     own, rows = spec.estimate, still.estimator.loaded_rows
     if spec.scalar != "double":
         raise SpecError(

@@ -56,7 +56,7 @@ def write_c_touch(
 
 
 def touch_constants(patched: PatchedModel) -> dict[str, np.ndarray]:
-    """What the patches need of the skin, and the series of what its modes leave: of pairs p <= q, row by row."""
+    """Arrays that the patches need of the skin, and series of what its modes leave: of pairs p <= q, row by row."""
     skin, N = patched.model.skin, len(patched.patches)
     arrays, (spread, by_row) = skin.arrays, patched.spread
     one, other = np.triu_indices(N)

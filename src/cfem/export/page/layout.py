@@ -26,7 +26,7 @@ class Count:
 
 
 @dataclass(frozen=True)
-class Layout:
+class BlockLayout:
     """The lists of a header.
 
     counts: whole numbers
@@ -53,7 +53,7 @@ class Layout:
 
 
 @cache
-def layout(prefix: str, *headers: str) -> Layout:
+def layout(prefix: str, *headers: str) -> BlockLayout:
     """Lists whose names begin with a prefix; headers: of web/, later ones with words of earlier ones."""
     text = "".join((WEB / name).read_text(encoding="utf-8") for name in headers)
     words = dict(re.findall(r"^#define (CFEM_\w+) (\w+)$", text, re.MULTILINE))
@@ -70,15 +70,15 @@ def layout(prefix: str, *headers: str) -> Layout:
 
     names = (tuple(name for name, _ in lists.get(kind, ())) for kind in ("INTEGERS", "VECTORS", "MATRICES", "TREES"))
     room = {word: number(value) for word, value in words.items() if value.isdigit() or value in words}
-    return Layout(tuple(count(*entry) for entry in lists["COUNTS"]), *names, room)
+    return BlockLayout(tuple(count(*entry) for entry in lists["COUNTS"]), *names, room)
 
 
-def robot_layout() -> Layout:
+def robot_layout() -> BlockLayout:
     """Block of a robot at rest."""
     return layout("CFEM_", "cfem_data.h")
 
 
-def motion_layout() -> Layout:
+def motion_layout() -> BlockLayout:
     """Block of a robot in motion."""
     return layout("CFEM_MOTION_", "cfem_data.h", "cfem_motion_data.h")
 
