@@ -40,7 +40,7 @@ CORE = {
     "predict/estimation/": ["tests/predict/estimation"],
     "motion/estimation/": ["tests/motion/estimation"],
     "control/adaptation/": ["tests/control/adaptation"],
-    "control/moving/observer.py": ["tests/control/moving/test_observer.py"],
+    "control/motion/observer.py": ["tests/control/motion/test_observer.py"],
     "control/search/active_set.py": ["tests/control/search"],
     "control/search/qp.py": ["tests/control/search"],
     "control/search/qp_program.py": ["tests/control/search"],

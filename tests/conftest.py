@@ -8,6 +8,7 @@ os.environ["CFLAGS"] = "-O0"
 
 import shutil
 import signal
+import sys
 from pathlib import Path
 
 import pytest
@@ -15,6 +16,8 @@ from support.one_thread import solving_beside, solving_here
 
 import cfem
 
+sys.dont_write_bytecode = False
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's job in the background ignores it, and its children
 
 BAR = Path(__file__).parents[1] / "pipelines" / "bar"
@@ -76,3 +79,15 @@ def bar_of_any_material(bar, tmp_path_factory):
     cfem.run_stage("sample", specs / "sample.yaml", out=folder / "samples", overrides=sample, workers=1)
     cfem.run_stage("train", specs / "train.yaml", out=folder / "model", overrides=[f"dataset={folder / 'samples'}"])
     return folder / "model"
+
+
+@pytest.fixture(scope="module")
+def model(bar):
+    """The bar's spectral model."""
+    return cfem.load_model(bar / "models" / "bar" / "spectral")
+
+
+@pytest.fixture(scope="module")
+def robot(bar):
+    """The bar of finite elements."""
+    return cfem.load_robot(bar / "pipelines" / "bar" / "scene.yaml", bar / "data" / "bar" / "mesh")

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from init.bodies import box_shape, corner, discs, frame, lattice, tapered, tee
+from init.bodies import box_shape, cage, corner, discs, frame, lattice, tapered, tee
 
 from cfem.constraint.attachment import locate
 from cfem.core.errors import SpecError
@@ -52,6 +52,14 @@ def test_a_ring_has_a_cable_in_each_half():
     assert len(found.cables) == 2 and "one along each of 2 legs" in found.how and inside(shape, found.cables)
     sides = np.sign([cable.points[:2, 1].mean() - 30 for cable in found.cables])
     assert sorted(sides) == [-1, 1]
+
+
+def test_a_body_of_four_legs_is_held_where_all_four_begin():
+    """From its sides, which are farther apart, two ways lead around."""
+    shape = cage()
+    found = propose(shape, 3)
+    assert str(found.hold) == "y <= 0 mm" and found.why.startswith("4 cables find a way from here, and 2 from ")
+    assert len(found.placement.cables) == 4 and inside(shape, found.placement.cables)
 
 
 def test_as_many_cables_as_asked_for_lead_through_the_rings_of_a_lattice():

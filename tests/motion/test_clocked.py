@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from control.moving.bar import DT, clocked, robot, standing
+from control.motion.bar import DT, clocked, robot, standing
 from motion.test_linear import moving
 
 from cfem.motion.clocked import ClockedState

@@ -5,7 +5,7 @@ import json
 import numpy as np
 from surrogate.synthetic import dataset, energy
 
-from cfem.predict.domain import Domain, _spread
+from cfem.predict.domain import Domain
 
 
 def test_it_holds_its_states_and_survives_json():
@@ -45,17 +45,15 @@ def test_one_state_is_a_domain():
     assert domain.holds(np.array([1.0, 2.0]), np.array([3.0, 4.0]))
 
 
-def test_kept_states_are_each_the_farthest_from_those_before():
-    """Brute force over all states, in the same units."""
-    points = np.random.default_rng(4).normal(size=(60, 3))
-    chosen = _spread(points, 20)
-    assert len(set(chosen.tolist())) == 20
-    middle = np.linalg.norm(points - points.mean(axis=0), axis=1)
-    assert middle[chosen[0]] == middle.min()
-    for k in range(1, 20):
-        apart = [min(np.linalg.norm(point - points[one]) for one in chosen[:k]) for point in points]
-        assert apart[chosen[k]] == max(apart)
-    assert sorted(_spread(points[:5], 9)) == [0, 1, 2, 3, 4]
+def test_its_states_begin_in_the_middle():
+    """In the units of the boxes; `cfem.condensed.spread` has the order of the others."""
+    rng = np.random.default_rng(4)
+    delta_a, lambda_a = rng.normal(size=(60, 2)), 1e-3 * rng.normal(size=(60, 1))
+    domain, states = Domain.of(delta_a, lambda_a), np.hstack([delta_a, lambda_a])
+    width = np.ptp(np.hstack([domain.delta_a, domain.lambda_a]), axis=0)
+    apart = np.linalg.norm((states - states.mean(axis=0)) / width, axis=1)
+    np.testing.assert_array_equal(domain.states[0], states[apart.argmin()])
+    assert len(np.unique(domain.states, axis=0)) == 60
 
 
 def test_boxes_distances_and_neighbours_are_those_of_brute_force():

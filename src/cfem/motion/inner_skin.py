@@ -24,7 +24,7 @@ class InnerSkin:
         series = take(arrays, "skin", (None, len(skin_indices)))
         if len(series) % n_r:
             raise InputError(f"array 'skin' has {len(series)} rows, not so many for each of {n_r} inner motions")
-        self.modes, self._given, self._n_r = len(series) // n_r, (arrays, H, n_r), n_r
+        self.modes, self._given = len(series) // n_r, (arrays, H, n_r)
         paths = np.vstack([H, np.zeros((len(series), H.shape[1]))])
         skin = np.vstack([np.zeros((len(H), len(skin_indices))), series])
         indices, rows = joined([(arrays["indices"], paths), (skin_indices, skin)])

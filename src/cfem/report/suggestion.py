@@ -10,7 +10,7 @@ from cfem.init.written import short
 from cfem.mechanics.mesh import Mesh
 from cfem.report.page import Card, Summary, page
 from cfem.report.sections.robot import LINES
-from cfem.report.viewer import BODY, HELD, Line, Take, Viewer, flat_triangles
+from cfem.report.viewer import BODY, HELD, Polyline, Take, Viewer, flat_triangles
 from cfem.robot.selection import select_nodes
 
 _ARROW = 0.2  # of the body's length: a push
@@ -31,7 +31,7 @@ def viewer(robot: NewScene, shape: Shape) -> Viewer:
     named = [(cable.name, np.vstack([cable.pull, cable.points])) for cable in driven.cables]
     named += [(chamber.name, _wire(chamber)) for chamber in driven.chambers]
     named += [(push.name, _arrow(push.place, push.direction, robot.length)) for push in robot.further.pushes]
-    lines = tuple(Line(name, LINES[place % len(LINES)], points[None]) for place, (name, points) in enumerate(named))
+    lines = tuple(Polyline(name, LINES[place % len(LINES)], points[None]) for place, (name, points) in enumerate(named))
     marks = [(robot.effector.value, "--hot")] + [(place, "--c0") for _, place in robot.further.contacts]
     drawn = ["dark: what is held", "red dot: the watched point"] + (["lines: what drives it"] if lines else [])
     caption = f"{robot.name} as suggested; {', '.join(drawn)}. Drag to turn."

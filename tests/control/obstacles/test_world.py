@@ -8,7 +8,7 @@ import pytest
 
 from cfem.condensed import Rows
 from cfem.control.closed_loop.tick import Pilot
-from cfem.control.obstacles.world import PRESSED, World, world_of
+from cfem.control.obstacles.world import PRESSED, ObstacleWorld, world_of
 from cfem.control.search.inverse import Limits
 
 ROWS = Rows(("tip.x", "tip.y", "tip.z", "pad.force", "stop.force", "wall.distance"), ("cable",))
@@ -78,4 +78,4 @@ def test_results_say_what_was_pressed_and_how_near_it_came(world):
     assert "held at 2 of 3 goals" in lines[0] and lines[0].endswith("at most 3 N allowed")
     assert lines[1] == "stop: pressed with 0.1 to 0.4 N; at most 0.5 N allowed"
     assert lines[2] == "wall: the robot came within 4.5 mm, 4 mm wanted"
-    assert isinstance(world, World)
+    assert isinstance(world, ObstacleWorld)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from control.moving.bar import clocked, robot, standing
+from control.motion.bar import clocked, robot, standing
 
 from cfem.motion.estimation.pushes import effector_slope, mean_compliance, push_covariance, slope_by_force
 from cfem.motion.linear import MaterialShares, places

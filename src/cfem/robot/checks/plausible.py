@@ -30,7 +30,7 @@ def doubts(scene, robot: Robot) -> list[str]:
             )
     extent = np.ptp(robot.X, axis=0)
     if not extent.max() / LENGTHS <= scene.length <= LENGTHS * extent.max():
-        found.append(f"length is {scene.length:.4g} mm, and the body measures {_sides(extent)} mm: check its unit")
+        found.append(f"length is {scene.length:.4g} mm, and the body measures {sides(extent)} mm: check its unit")
     found += _width_doubts(scene, extent) + _material_doubts(scene) + _gravity_doubts(scene)
     return found + cable_doubts(scene, robot) + effector_doubts(scene) + stroke_doubts(scene, robot)
 
@@ -40,7 +40,7 @@ def _width_doubts(scene, extent: np.ndarray) -> list[str]:
     axis = LONG_AXES.get(scene.geometry.kind)
     if axis is None or extent[axis] >= extent.max():
         return []
-    what = f"the {scene.geometry.kind} measures {_sides(extent)} mm"
+    what = f"the {scene.geometry.kind} measures {sides(extent)} mm"
     return [f"{what}, wider than its {extent[axis]:.3g} mm of length: check its widths"]
 
 
@@ -79,8 +79,9 @@ def size_doubts(extent: np.ndarray) -> list[str]:
     if SMALLEST <= size <= LARGEST:
         return []
     wrong = "metres read as millimetres" if size < SMALLEST else "millimetres read as metres"
-    return [f"the body measures {_sides(extent)} mm, which suggests {wrong}: check the units of the geometry"]
+    return [f"the body measures {sides(extent)} mm, which suggests {wrong}: check the units of the geometry"]
 
 
-def _sides(extent: np.ndarray) -> str:
+def sides(extent: np.ndarray) -> str:
+    """Text 'x x y x z' of an extent (3,)."""
     return " x ".join(f"{side:.3g}" for side in extent)

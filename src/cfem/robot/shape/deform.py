@@ -22,7 +22,7 @@ from cfem.core.errors import NumericalError, SpecError
 from cfem.mechanics.mesh import Mesh
 from cfem.robot.selection import facets_of
 from cfem.robot.shape.elastic import middles, stiffness
-from cfem.robot.shape.free_form import Control, FreeForm, Wall
+from cfem.robot.shape.free_form import Control, FreeForm, WallThickness
 
 THINNEST = 0.1  # of a cell's volume that must be left
 
@@ -81,7 +81,7 @@ def _images(one: Control) -> list[tuple[np.ndarray, np.ndarray]]:
     return [(at, move), (flip * at, flip * move)]
 
 
-def _surface(wall: Wall, mesh: Mesh, index: int) -> np.ndarray:
+def _surface(wall: WallThickness, mesh: Mesh, index: int) -> np.ndarray:
     """(k, 3 | 4 | 6) nodes of its facets."""
     where = f"shape.walls.{index}"
     if wall.surface is not None:
@@ -92,7 +92,7 @@ def _surface(wall: Wall, mesh: Mesh, index: int) -> np.ndarray:
         raise SpecError(error.what, where=f"{where}.inside", do=error.do) from None
 
 
-def _growth(wall: Wall, X: np.ndarray, facets: np.ndarray) -> np.ndarray:
+def _growth(wall: WallThickness, X: np.ndarray, facets: np.ndarray) -> np.ndarray:
     """(n, 3) mm: the surface's corners moved along its normals, which point into the void."""
     corners = facets[:, :4] if facets.shape[1] == 4 else facets[:, :3]
     a, b, c, d = (X[corners[:, i]] for i in (0, 1, 2, -1))

@@ -11,7 +11,7 @@ from cfem.robot.cad import Box, Difference, Frustum, Loft, Prism, Solid, Union
 
 
 @dataclass(frozen=True)
-class Plane:
+class PlaneSurface:
     """normal (3,) unit; x . normal = offset mm."""
 
     normal: np.ndarray
@@ -27,7 +27,7 @@ class Plane:
 
 
 @dataclass(frozen=True)
-class Cone:
+class ConeSurface:
     """About a line through `base` (3,) mm along `axis` (3,) unit: its radius there plus slope times the way along."""
 
     base: np.ndarray
@@ -47,7 +47,7 @@ class Cone:
         return (across / np.where(away > 0, away, 1.0) - self.slope * self.axis) / np.hypot(1.0, self.slope)
 
 
-Surface = Plane | Cone
+Surface = PlaneSurface | ConeSurface
 
 
 def surfaces(solid: Solid) -> list[Surface]:
@@ -58,17 +58,17 @@ def surfaces(solid: Solid) -> list[Surface]:
         case Difference(whole, parts):
             return [one for part in (whole, *parts) for one in surfaces(part)]
         case Box(low, high):
-            return [Plane(axis, end[i]) for i, axis in enumerate(np.eye(3)) for end in (low, high)]
+            return [PlaneSurface(axis, end[i]) for i, axis in enumerate(np.eye(3)) for end in (low, high)]
         case Prism(polygon, x_low, x_high):
             corners = np.array([(0.0, *corner) for corner in polygon])
             ends = np.roll(corners, -1, axis=0)
             sides = [_through(a, b, b + [1.0, 0, 0]) for a, b in zip(corners, ends, strict=True)]
-            return [*sides, Plane(np.eye(3)[0], x_low), Plane(np.eye(3)[0], x_high)]
+            return [*sides, PlaneSurface(np.eye(3)[0], x_low), PlaneSurface(np.eye(3)[0], x_high)]
         case Frustum(base, axis, r0, r1):
             length = float(np.linalg.norm(axis))
             unit, at = np.array(axis) / length, np.array(base, float)
-            ends = [Plane(unit, float(at @ unit)), Plane(unit, float(at @ unit) + length)]
-            return [Cone(at, unit, r0, (r1 - r0) / length), *ends]
+            ends = [PlaneSurface(unit, float(at @ unit)), PlaneSurface(unit, float(at @ unit) + length)]
+            return [ConeSurface(at, unit, r0, (r1 - r0) / length), *ends]
         case Loft(first, second):
             one, other = np.array(first, float), np.array(second, float)
             following = np.roll(one, -1, axis=0)
@@ -77,8 +77,8 @@ def surfaces(solid: Solid) -> list[Surface]:
     raise ValueError(f"the surfaces of a {type(solid).__name__} are not known")
 
 
-def _through(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> Plane:
+def _through(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> PlaneSurface:
     """The plane of three points (3,)."""
     normal = np.cross(b - a, c - a)
     normal = normal / np.linalg.norm(normal)
-    return Plane(normal, float(normal @ a))
+    return PlaneSurface(normal, float(normal @ a))
