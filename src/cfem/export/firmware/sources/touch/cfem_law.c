@@ -2,7 +2,7 @@
 
 #include "cfem_linear.h"
 
-enum { ITERATIONS = 40, HALVINGS = 4, SYSTEMS = 6000, CORRECTIONS = 8 };
+enum { ITERATIONS = 40, HALVINGS = 4, SYSTEMS = 2000, CORRECTIONS = 8 };
 /* Of the curve along friction: steps in units of the largest force without it; see cfem.contact.path. */
 static const double LONGEST = 1.0, FIRST = 0.1, SHORTEST = 1e-7, ACROSS = 1e-5, ONWARDS = 1e-4, FARTHEST = 1.2, CLOSE = 1e-10;
 static const double EXACT = 1e-13; /* of the largest force: change of a force in the last step */
@@ -243,7 +243,7 @@ static int along_friction(int m, const double *W, const double *free, double mu,
             for (int b = 0; b < n; b++) lambda[b] = size * (z[b] + share * (found[b] - z[b]));
             if (!newton(m, W, free, mu, lambda, room)) return 0;
             if (length <= SHORTEST) return 1;
-            length /= 4.0, fresh = 1;
+            length /= 4.0, fresh = 1, systems += ITERATIONS;
             continue;
         }
         for (int b = 0; b <= n; b++) z[b] = found[b];
