@@ -4,6 +4,8 @@ CFEM := .venv/bin/cfem
 PYTHON := .venv/bin/python
 SCENES := $(filter-out surrogates soft-gripper stiff-flop-experiments,$(patsubst pipelines/%/report.yaml,%,$(wildcard pipelines/*/report.yaml)))
 export OPENBLAS_NUM_THREADS ?= 1
+# Bytecode is kept: the tests start a hundred processes, and each would compile all modules again.
+export PYTHONDONTWRITEBYTECODE =
 
 .PHONY: demo test smoke test-slow mutate bench wheel docs notebooks lint audit coverage schemas soft-finger-paper figures discretisation mechanics surrogates clean embedded embedded-stiff-flop soft-gripper stiff-flop stiff-flop-experiments parametric-finger parametric-finger-paper finger-shapes regenerate pages pictures wasm $(SCENES)
 
@@ -155,7 +157,8 @@ wasm: .venv/dev
 figures: soft-finger-paper
 	$(CFEM) mesh pipelines/soft-finger-tet4/scene.yaml
 	$(CFEM) sample pipelines/soft-finger-tet4/sample.yaml --workers 1 --force
-	$(PYTHON) scripts/figures.py measure finger
+	$(CFEM) run pipelines/soft-finger/control-other-robot.yaml
+	$(PYTHON) scripts/figures.py measure finger other_robot
 
 # Element, mesh and tolerance against run time, from compressible to nearly incompressible.
 discretisation: .venv/all

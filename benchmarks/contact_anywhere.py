@@ -25,7 +25,7 @@ from cfem.equilibrium.actuation import displacement
 from cfem.equilibrium.contact.obstacles import obstacle_step
 from cfem.equilibrium.contact.patch_compliance import with_patches
 from cfem.equilibrium.problem import Problem
-from cfem.export.compiled.controller import compiler
+from cfem.export.compiled.build import compiler
 from cfem.export.compiled.touch import CompiledTouch
 from cfem.export.firmware.folder import write_c
 from cfem.export.firmware.touch import write_c_touch

@@ -34,7 +34,9 @@ def compared() -> dict:
         ]
         text = f"#define PROBLEMS {len(problems)}\nstatic const struct {{{fields}}} problems[PROBLEMS] = {{"
         Path(place, "problems.h").write_text((text + ",\n".join(rows) + "};\n").replace("inf", "HUGE_VAL"))
-        found = {"active set": emulated(Path(place), ["-I", str(FOLDER)], [FOLDER / "cfem_qp.c"])}
+        found = {
+            "active set": emulated(Path(place), ["-I", str(FOLDER)], [FOLDER / "cfem_qp.c", FOLDER / "cfem_active.c"])
+        }
         one = problems[0]
         for tolerance in (1e-3, 1e-6, 1e-9):
             generated, full = Path(place, f"{tolerance:g}"), csc_matrix(np.ones((4, 2)))

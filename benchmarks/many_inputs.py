@@ -29,7 +29,7 @@ from cfem.robot.stage import run as make_mesh
 from cfem.sample.stage import run as simulate_sample
 from cfem.surrogate.model_card import model_card
 from cfem.surrogate.spec import ModelSpec
-from cfem.surrogate.stage import FITS, predictions
+from cfem.surrogate.stage import fit_of, predictions
 
 ROOT = Path(__file__).resolve().parents[1]
 KINDS = {
@@ -94,7 +94,7 @@ def measure(name: str, training: Dataset, test: Dataset) -> dict:
     """One record."""
     spec = TypeAdapter(ModelSpec).validate_python(KINDS[name])
     begin = time.process_time()
-    arrays, facts, _ = FITS[type(spec)](training, spec, None)
+    arrays, facts, _ = fit_of(spec)(training, spec, None)
     fitted = time.process_time() - begin
     predictor = build(model_card(spec.kind, training, **facts), arrays)
     W, free = predictions(predictor, test)

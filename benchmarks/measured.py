@@ -39,11 +39,11 @@ import numpy as np
 from scipy.optimize import minimize
 
 from cfem.core.spec import load_spec
-from cfem.dynamics.modes import natural_modes
-from cfem.dynamics.problem import MovingProblem
 from cfem.equilibrium.actuation import force
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import Wanted, solve
+from cfem.fe_motion.modes import natural_modes
+from cfem.fe_motion.problem import MovingProblem
 from cfem.robot.build import build_robot
 from cfem.robot.mesh.meshing import make_mesh
 from cfem.robot.spec import SceneSpec

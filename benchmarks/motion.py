@@ -27,20 +27,19 @@ import numpy as np
 from cfem.core.stage import Options
 from cfem.core.yaml import parse_yaml
 from cfem.dataset.reader import read_dataset
-from cfem.dynamics.modes import natural_modes as full_modes
-from cfem.dynamics.problem import MovingProblem
-from cfem.dynamics.scheme import Scheme
-from cfem.dynamics.simulate import StepControl
-from cfem.dynamics.simulate import simulate as full_simulate
-from cfem.dynamics.start import at_rest as full_at_rest
 from cfem.equilibrium.actuation import displacement, force
 from cfem.equilibrium.motion.inner_motions import rod_stresses
 from cfem.equilibrium.solve import Wanted, solve
-from cfem.export.compiled.controller import CORE, compiler, library
-from cfem.export.firmware import motion as c_motion
+from cfem.export.compiled.build import compiler, library
 from cfem.export.firmware.folder import write_c
 from cfem.export.firmware.motion import write_c_motion
 from cfem.export.spec import CSpec
+from cfem.fe_motion.modes import natural_modes as full_modes
+from cfem.fe_motion.problem import MovingProblem
+from cfem.fe_motion.scheme import Scheme
+from cfem.fe_motion.simulate import StepControl
+from cfem.fe_motion.simulate import simulate as full_simulate
+from cfem.fe_motion.start import at_rest as full_at_rest
 from cfem.motion.load import load_motion
 from cfem.motion.model import Loss, MotionModel
 from cfem.motion.modes import natural_modes
@@ -178,7 +177,7 @@ def c_step_us(folder: Path, model: MotionModel) -> float | None:
     with tempfile.TemporaryDirectory() as place:
         write_c(Path(place), meta, arrays, CSpec(), delta[None])
         write_c_motion(Path(place), meta, arrays, read_arrays(folder, "motion.npz"))
-        code = library(Path(place), (*CORE, *c_motion.CORE), ("-O3", "-march=native"))
+        code = library(Path(place), ("-O3", "-march=native"))
     doubles, count, times = ctypes.c_double * model.n_a, 500, []
     state = (ctypes.c_double * (1 + (5 + 8) * model.n_q + model.n_a))()
     lam = doubles(*(0.9 * at_rest(model, delta).lam))

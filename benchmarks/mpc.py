@@ -23,14 +23,14 @@ from pathlib import Path
 import numpy as np
 import scipy.sparse as sp
 
-import cfem.control.moving.horizon as horizon
+import cfem.control.motion.horizon as horizon
 import cfem.export.firmware.mpc as c_mpc
 from cfem.condensed.model import under_force
-from cfem.control.moving.horizon import Bounds, HorizonCost
-from cfem.control.moving.mpc import Mpc, Plan
-from cfem.control.moving.observer import Doubt
+from cfem.control.motion.horizon import Bounds, HorizonCost
+from cfem.control.motion.mpc import Mpc, Plan
+from cfem.control.motion.observer import Doubt
 from cfem.control.search.qp import QpSolution, solve_qp
-from cfem.export.compiled.controller import compiler
+from cfem.export.compiled.build import compiler
 from cfem.export.compiled.mpc import CompiledMpc
 from cfem.export.firmware.folder import write_c
 from cfem.export.firmware.motion import write_c_motion

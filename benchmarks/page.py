@@ -21,7 +21,16 @@ ARGS = ("--no-sandbox", "--disable-3d-apis")
 ROUNDS = 15
 PICTURED = 150
 EXPORT = Path(__file__).parents[1] / "src/cfem/export"
-SOURCES = ("controller", "feedback", "condense", "serial", "spectral", "qp")  # as in scripts/wasm.py
+SOURCES = (
+    "controller",
+    "feedback",
+    "condense",
+    "serial",
+    "spectral",
+    "qp",
+    "active",
+    "inverse",
+)  # as in scripts/wasm.py
 # The path of measure.c: from home to each goal and on to the next in 20 ticks; ns a tick, the shortest of some times.
 TICKS = """commands => {
   const { robot } = cfem, goals = commands.map(c => { robot.set(c, cfem.robot.said.command === "force", false); return [...robot.x_e]; });

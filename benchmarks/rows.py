@@ -27,7 +27,8 @@ import cfem
 from cfem.equilibrium.actuation import displacement, force
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import solve
-from cfem.export.compiled.controller import CompiledController, sizes
+from cfem.export.compiled.build import sizes
+from cfem.export.compiled.controller import CompiledController
 from cfem.export.firmware.folder import write_c
 from cfem.export.spec import CSpec
 from cfem.plant.fem_plant import pushed

@@ -24,7 +24,7 @@ import cfem
 from cfem.core.artefact.manifest import read_manifest
 from cfem.core.spec import load_spec
 from cfem.dataset.writer import content_hash, write_table
-from cfem.export.skin import CompiledShape
+from cfem.export.compiled.shape import CompiledShape
 from cfem.robot.load import load_scene_and_mesh
 from cfem.sample import shard
 from cfem.sample.parameters import scene_parameters

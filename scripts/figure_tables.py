@@ -6,12 +6,22 @@ from mechanics_tables import convergence_table, mechanics_table, meshes_table, p
 from cfem.core.console.shown import length
 
 
-def readme_table(f: dict) -> str:
-    """The five figures that a newcomer asks for."""
+def readme_table(f: dict, other: dict) -> str:
+    """The figures that a newcomer asks for: first those of a robot that the model has not learned (`other`)."""
     loop, process, curve = f["closed_curve"], f["process"], f["learning_curve"]
     paper = f["mlp"]
     rows = [
-        ("closed curve in the FE robot: largest tracking error", length(loop["spectral"]["max"], digits=2)),
+        *(
+            (
+                f"a robot that differs from the model, {name} loop: tracking error, mean / largest",
+                f"{other[name]['mean']:.2g} / {other[name]['max']:.2g} mm",
+            )
+            for name in ("open", "closed")
+        ),
+        (
+            "the robot that the model has learned (FE, the same mesh): largest tracking error",
+            length(loop["spectral"]["max"], digits=2),
+        ),
         ("the same with the paper's network", length(loop["mlp"]["max"], digits=2)),
         ("samples for the paper's loss of 3.8e-6", f"30 (loss {curve['30']:.0e}); the paper used 6500"),
         ("training time; the paper's network", f"{f['spectral']['seconds']:.1g} s; {paper['seconds'] / 60:.1f} min"),
@@ -189,7 +199,7 @@ def paper_meshes_table(f: dict) -> str:
 
 
 TABLES = {
-    "readme": lambda f: readme_table(f["finger"]),
+    "readme": lambda f: readme_table(f["finger"], f["other_robot"]),
     "finger": lambda f: finger_table(f["finger"]),
     "surrogates": surrogates_table,
     "contact": contact_table,

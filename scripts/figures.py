@@ -1,7 +1,7 @@
 """Gathers the figures of README.md and of docs/*.md from artefacts and benchmarks, or writes them there.
 
-figures.py measure PART ...   finger, surrogates, contact, tours, stability, convergence, discretisation: into
-                              docs/figures.json, and, once all are there, the tables between the marks of the files
+figures.py measure PART ...   finger, other_robot, surrogates, contact, tours, stability, convergence, discretisation:
+                              into docs/figures.json, and, once all are there, the tables between the marks of the files
 figures.py write              the tables alone"""
 
 import json
@@ -40,6 +40,12 @@ def measure_finger() -> dict:
         "process": run("benchmarks/control_process.py", "models/soft-finger/spectral-large-export"),
         "help_seconds": min(timed([sys.executable, "-m", "cfem", "--help"]) for _ in range(5)),
     }
+
+
+def measure_other_robot() -> dict:
+    """Tracking errors (mm) of the demo's model in a robot that differs from it, in an open and a closed loop."""
+    loop = results("data/soft-finger/control-other-robot")["loop"]["closed-curve"]
+    return {name: {key: loop[name]["error_at_goals"][key] for key in ("mean", "max")} for name in ("open", "closed")}
 
 
 def measure_surrogates() -> dict:
@@ -117,6 +123,7 @@ def measure_stability() -> dict:
 
 PARTS = {
     "finger": measure_finger,
+    "other_robot": measure_other_robot,
     "surrogates": measure_surrogates,
     "contact": measure_contact,
     "tours": measure_tours,

@@ -9,8 +9,12 @@ each with its reason, in equivalent_changes.toml, and are not tried."""
 
 import argparse
 import ast
+import contextlib
+import importlib
 import os
 import random
+import re
+import resource
 import shutil
 import subprocess
 import sys
@@ -19,6 +23,9 @@ import tomllib
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+
+import pytest
+from covering_tests import CoveringTests, distance
 
 ROOT = Path(__file__).parents[1]
 # Files of the core, and the tests that answer for them beside those of the same name; none named: those of the
@@ -33,7 +40,7 @@ CORE = {
     "predict/estimation/": ["tests/predict/estimation"],
     "motion/estimation/": ["tests/motion/estimation"],
     "control/adaptation/": ["tests/control/adaptation"],
-    "control/moving/observer.py": ["tests/control/moving/test_observer.py"],
+    "control/motion/observer.py": ["tests/control/motion/test_observer.py"],
     "control/search/active_set.py": ["tests/control/search"],
     "control/search/qp.py": ["tests/control/search"],
     "control/search/qp_program.py": ["tests/control/search"],
@@ -49,6 +56,7 @@ CORE = {
     "identify/fit/uncertainty.py": ["tests/identify/fit/test_uncertainty.py"],
     "surrogate/semidefinite.py": ["tests/surrogate/test_semidefinite.py"],
 }
+NOT_RUN = (pytest.ExitCode.USAGE_ERROR, pytest.ExitCode.NO_TESTS_COLLECTED)
 EQUIVALENT = ROOT / "scripts/equivalent_changes.toml"
 COMPARISONS = {ast.Lt: ast.GtE, ast.LtE: ast.Gt, ast.Gt: ast.LtE, ast.GtE: ast.Lt, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq}
 OPERATORS = {ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult, ast.MatMult: ast.Mult}
@@ -149,32 +157,99 @@ def compiled_with(file: Path) -> set[Path]:
         found |= more
 
 
-def tests_of(file: Path) -> list[str]:
-    """The tests that answer for a file below src/cfem, that of the same name first."""
+def tests_of(file: Path, first: int, last: int, covering: CoveringTests) -> list[str]:
+    """The tests that answer for these lines of a file below src/cfem: those of the record that run them, the nearest
+    first, and the files that the record does not know: that of the same name and those that import the module. Where
+    there are none of these, those that CORE names."""
+    recorded = covering.of(file, first, last)
+    known = {test.partition("::")[0] for test in covering.seconds}
+    found = recorded + [one for one in importing(file) if one not in known]
+    if found:
+        return found
     named = next(paths for prefix, paths in CORE.items() if file.as_posix().startswith(prefix))
+    folders = (sorted(folder.glob("test_*.py")) for folder in (ROOT / "tests" / file).parents)
+    return named or [str(one.relative_to(ROOT)) for one in next(filter(None, folders))]
+
+
+def importing(file: Path) -> list[str]:
+    """The test file of the same name, and those that import the module, the nearest first."""
+    folder, _, name = ".".join(("cfem", *file.with_suffix("").parts)).rpartition(".")
+    wanted = re.compile(
+        rf"^(from {re.escape(folder)}\.{name} import|import {re.escape(folder)}\.{name}\b)", re.MULTILINE
+    )
     beside = Path("tests", file.parent, f"test_{file.name}")
-    folders = (sorted(folder.glob("test_*.py")) for folder in (ROOT / beside).parents)
-    others = named or [str(one.relative_to(ROOT)) for one in next(filter(None, folders))]
-    return [str(beside)] * (ROOT / beside).exists() + others
+    tests = [one.relative_to(ROOT) for one in sorted((ROOT / "tests").rglob("test_*.py"))]
+    found = [one for one in tests if one == beside or wanted.search((ROOT / one).read_text())]
+    return sorted(map(str, found), key=lambda test: (distance(file, test), test))
 
 
-def attempt(file: Path, index: int, timeout: float) -> bool:
-    """One change of a file below src/cfem: whether a test noticed."""
-    source = (ROOT / "src/cfem" / file).read_text()
-    tree = ast.parse(source)
+def changed_package(file: Path, index: int, place: Path) -> None:
+    """A copy of the package in `place`, with one change of a file; what is compiled with it is compiled anew."""
+    tree = ast.parse((ROOT / "src/cfem" / file).read_text())
     changed = ast.unparse(ast.fix_missing_locations(Change(*changes(tree)[index]).visit(tree)))
-    stale = ["*.pyc", *(f"{one.stem}.*.nb?" for one in compiled_with(file))]
-    with tempfile.TemporaryDirectory() as place:
-        package = Path(place, "cfem")
-        shutil.copytree(ROOT / "src/cfem", package, ignore=shutil.ignore_patterns(*stale))
-        (package / file).write_text(changed)
-        environment = os.environ | {"PYTHONPATH": f"{place}{os.pathsep}{ROOT / 'tests'}", "OPENBLAS_NUM_THREADS": "1"}
-        command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *tests_of(file)]
+    stale = [f"{file.stem}.*.pyc", *(f"{one.stem}.*.nb?" for one in compiled_with(file))]
+    shutil.copytree(ROOT / "src/cfem", place / "cfem", ignore=shutil.ignore_patterns(*stale))
+    (place / "cfem" / file).write_text(changed)
+
+
+def run_tests(package: Path, tests: list[str], seconds: float) -> int:
+    """Exit status of pytest with the package below this folder, in a process of its own that has what it imports
+    already; -1 where it took more than these seconds of the processor."""
+    child = os.fork()
+    if not child:
+        status = 1
         try:
-            done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, timeout=timeout)
-        except subprocess.TimeoutExpired:
-            return True
-    return done.returncode != 0
+            resource.setrlimit(resource.RLIMIT_CPU, (int(seconds) + 1, int(seconds) + 5))
+            os.chdir(ROOT)
+            silent = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(silent, 1), os.dup2(silent, 2)
+            sys.path[:0] = paths = [str(package), str(ROOT / "tests")]
+            os.environ["PYTHONPATH"] = os.pathsep.join(paths)
+            base = ["--basetemp", str(package / "temporary"), "-p", "no:cacheprovider"]
+            status = int(pytest.main(["-x", "-q", "-n", "0", *base, *tests]))
+        finally:
+            os._exit(status)
+    code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+    return -1 if code < 0 else code
+
+
+def attempt(file: Path, index: int, covering: CoveringTests, most: float) -> tuple[bool, list[str]]:
+    """Whether a test noticed one change of a file below src/cfem, and the tests that were asked: the nearest that take
+    `most` seconds together. A run of ten times their seconds, and a minute more, counts as noticed."""
+    tree = ast.parse((ROOT / "src/cfem" / file).read_text())
+    node = changes(tree)[index][0]
+    asked, seconds = [], 0.0
+    for test in tests_of(file, node.lineno, node.end_lineno, covering):
+        seconds += covering.seconds.get(test, 0.0)
+        if asked and seconds > most:
+            break
+        asked.append(test)
+    with tempfile.TemporaryDirectory() as place:
+        changed_package(file, index, Path(place))
+        status = run_tests(Path(place), asked, 10 * min(seconds, most) + 60)
+        if status in NOT_RUN:  # the change has renamed a case of theirs: all of their files then
+            status = run_tests(Path(place), sorted({test.partition("::")[0] for test in asked}), 10 * most + 60)
+    return status != 0, asked
+
+
+def measured(folder: Path) -> None:
+    """Records in a folder which tests run which lines, of all tests that `make test` runs."""
+    shutil.rmtree(folder, ignore_errors=True)
+    paths = [str(ROOT / "src"), str(ROOT / "scripts"), str(ROOT / "tests")]
+    environment = os.environ | {"COVERING_TESTS": str(folder), "PYTHONPATH": os.pathsep.join(paths)}
+    command = [sys.executable, "-m", "pytest", "-n", "auto", "--dist", "loadfile", "-p", "covering_tests"]
+    subprocess.run(command, cwd=ROOT, env=environment)
+
+
+def import_what_tests_import() -> None:
+    """Imports what the package and its tests take from elsewhere, once for all changes."""
+    names = "import sys, cfem.cli.app, cfem.control.stage, hypothesis; print(*sys.modules)"
+    environment = os.environ | {"PYTHONPATH": str(ROOT / "src")}
+    done = subprocess.run([sys.executable, "-c", names], env=environment, capture_output=True, text=True, check=True)
+    for name in done.stdout.split():
+        if name.partition(".")[0] not in ("cfem", "__main__"):
+            with contextlib.suppress(Exception):
+                importlib.import_module(name)
 
 
 def main() -> None:
@@ -184,10 +259,14 @@ def main() -> None:
     parser.add_argument("--only", default="", help="files whose path begins so")
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--least", type=float, default=0.9, help="share that has to be caught, else it exits with 1")
-    parser.add_argument(
-        "--timeout", type=float, default=600.0, help="seconds a change, after which it counts as caught"
-    )
+    parser.add_argument("--record", type=Path, default=ROOT / "build/covering-tests", help="which test runs which line")
+    parser.add_argument("--most", type=float, default=120.0, help="seconds of tests that are asked about one change")
     arguments = parser.parse_args()
+    os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"))
+    if not arguments.record.exists():
+        measured(arguments.record)
+    covering = CoveringTests.read(arguments.record)
+    import_what_tests_import()
     files = [each.relative_to(ROOT / "src/cfem") for each in sorted((ROOT / "src/cfem").rglob("*.py"))]
     files = [each for each in files if each.as_posix().startswith(tuple(CORE))]
     what = {(file, i): change for file in files for i, change in enumerate(named(file))}
@@ -196,8 +275,9 @@ def main() -> None:
     chosen = random.Random(arguments.seed).sample(every, min(arguments.count, len(every)))
 
     def tried(one: tuple[Path, int]) -> bool:
-        caught = attempt(*one, arguments.timeout)
-        print("caught" if caught else "MISSED", what[one], file=sys.stderr, flush=True)
+        caught, asked = attempt(*one, covering, arguments.most)
+        verdict = "caught" if caught else "MISSED"
+        print(verdict, what[one], f"({len(asked)} tests)", file=sys.stderr, flush=True)
         return caught
 
     with ThreadPoolExecutor(arguments.jobs) as pool:

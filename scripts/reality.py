@@ -14,8 +14,8 @@ from statistics import mean
 
 from cfem.core.artefact.judgement import sentences
 from cfem.identify.cases.text import shown
-from cfem.report.page import Section, Summary, page
-from cfem.report.tables import Table, number
+from cfem.report.page import ReportSection, Summary, page
+from cfem.report.tables import ReportTable, number
 
 TITLES = {
     "measured-beam": "Silicone beam (ETH Zurich)",
@@ -55,7 +55,7 @@ def main() -> int:
         parts += [errors(result), parameters(result), models(result)]
         untold = [f"{sentence[0].upper()}{sentence[1:]}." for sentence in result["untold"]]
         text = " ".join([*doubts, f"{outcome(result)[0].upper()}{outcome(result)[1:]}.", *untold])
-        sections.append(Section(title, text, tuple(parts)))
+        sections.append(ReportSection(title, text, tuple(parts)))
         other = folder / "predicted" / "prediction.json"
         if other.exists():
             predicted = json.loads(other.read_text(encoding="utf-8"))
@@ -65,7 +65,7 @@ def main() -> int:
                     f"{100 * predicted['coordinates_within']:.0f} % of coordinates within their 95 % intervals."
                 )
                 picture = Picture(folder / "predicted" / "shapes.png", "Predicted")
-                sections.append(Section(f"{title}: cases that were not in the fit", said, (picture,)))
+                sections.append(ReportSection(f"{title}: cases that were not in the fit", said, (picture,)))
     out.mkdir(parents=True, exist_ok=True)
     text = page("Measured robots", Summary(" ".join(lines)), None, None, sections)
     text = text.replace("<details id", "<details open id")
@@ -91,16 +91,16 @@ def outcome(result: dict) -> str:
     return "; ".join(said)
 
 
-def parameters(result: dict) -> Table:
+def parameters(result: dict) -> ReportTable:
     rows = []
     for name, one in result["estimates"].items():
         value, unit = shown(one["value"], one["unit"])
         low, high = (shown(end, one["unit"])[0] for end in one["interval"])
         rows.append((name, number(value, 4), number(low, 4), number(high, 4), unit))
-    return Table(("parameter", "value", "95 % from", "to", "unit"), rows)
+    return ReportTable(("parameter", "value", "95 % from", "to", "unit"), rows)
 
 
-def errors(result: dict) -> Table:
+def errors(result: dict) -> ReportTable:
     """Of each case that the fit has not seen, beside that in the fit and what repeats of its load differ by."""
     markers = list(next(iter(result["left_out_mm"].values())))
     repeats = result.get("repeats_by_case_mm", {})
@@ -110,10 +110,10 @@ def errors(result: dict) -> Table:
         means = [[e for e in each.values() if e is not None] for each in (found, result["errors_mm"][case])]
         middle = [number(mean(each)) if each else "–" for each in means]
         rows.append((case, *(number(found[m]) for m in markers), *middle, number(repeats.get(case))))
-    return Table(head, rows)
+    return ReportTable(head, rows)
 
 
-def models(result: dict) -> Table:
+def models(result: dict) -> ReportTable:
     head = ("model", "parameters found", "in the fit, mm", "unseen, mm", "AICc", "BIC")
     rows = [
         (
@@ -124,7 +124,7 @@ def models(result: dict) -> Table:
         )
         for name, one in result["models"].items()
     ]
-    return Table(head, rows)
+    return ReportTable(head, rows)
 
 
 if __name__ == "__main__":

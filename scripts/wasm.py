@@ -23,7 +23,7 @@ SOURCES = (
     f"{WEB}/cfem_page_motion.c",
     *(
         f"{FIRMWARE}/controller/cfem_{name}.c"
-        for name in ("controller", "feedback", "condense", "serial", "spectral", "qp")
+        for name in ("controller", "feedback", "condense", "serial", "spectral", "qp", "active", "inverse")
     ),
     *(f"{FIRMWARE}/mpc/cfem_{name}.c" for name in ("mpc", "plan", "program", "tick")),
     *(f"{FIRMWARE}/motion/cfem_{name}.c" for name in ("inertia", "series")),

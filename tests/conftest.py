@@ -8,6 +8,7 @@ os.environ["CFLAGS"] = "-O0"
 
 import shutil
 import signal
+import sys
 from pathlib import Path
 
 import pytest
@@ -15,9 +16,26 @@ from support.one_thread import solving_beside, solving_here
 
 import cfem
 
+sys.dont_write_bytecode = False
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's job in the background ignores it, and its children
 
 BAR = Path(__file__).parents[1] / "pipelines" / "bar"
+TOGETHER = ("tests/gym/",)  # folders whose tests share kernels that take half a minute to compile
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config, log):
+    """By `--dist loadfile`, a folder of `TOGETHER` goes to one process, as each file does."""
+    if config.getvalue("dist") != "loadfile":
+        return None
+    from xdist.scheduler import LoadFileScheduling
+
+    class LoadFolders(LoadFileScheduling):
+        def _split_scope(self, nodeid):
+            return next(filter(nodeid.startswith, TOGETHER), super()._split_scope(nodeid))
+
+    return LoadFolders(config, log)
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -76,3 +94,15 @@ def bar_of_any_material(bar, tmp_path_factory):
     cfem.run_stage("sample", specs / "sample.yaml", out=folder / "samples", overrides=sample, workers=1)
     cfem.run_stage("train", specs / "train.yaml", out=folder / "model", overrides=[f"dataset={folder / 'samples'}"])
     return folder / "model"
+
+
+@pytest.fixture(scope="module")
+def model(bar):
+    """The bar's spectral model."""
+    return cfem.load_model(bar / "models" / "bar" / "spectral")
+
+
+@pytest.fixture(scope="module")
+def robot(bar):
+    """The bar of finite elements."""
+    return cfem.load_robot(bar / "pipelines" / "bar" / "scene.yaml", bar / "data" / "bar" / "mesh")

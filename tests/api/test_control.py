@@ -5,11 +5,6 @@ import cfem
 
 
 @pytest.fixture(scope="module")
-def model(bar):
-    return cfem.load_model(bar / "models" / "bar" / "spectral")
-
-
-@pytest.fixture(scope="module")
 def goal(model):
     """Where the effector stands with the cable at 4 mm."""
     return model.rest_e + model.at_displacement([4.0]).delta_e

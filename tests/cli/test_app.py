@@ -44,6 +44,8 @@ def test_mesh_then_up_to_date_then_inspect(bar):
     assert "made by cfem mesh" in cfem("inspect", bar.parent / "mesh").stdout
 
 
+PLACED = ["--set", "actuators=[]", "--set", "effectors=[{name: tip, point: {mm: [59, 0, 0]}}]"]
+OUTSIDE = "{kind: cable, name: c, points: {mm: [[15, 0, 40], [35, 0, 4]]}, reach: {mm: [0, 8]}}"
 BAD = {
     "unknown key": (["--set", "mesh.sise=3 mm"], 2, "unknown key 'sise', did you mean 'size'?"),
     "wrong unit": (["--set", "mesh.size=3 kPa"], 2, "not a unit of length"),
@@ -51,8 +53,8 @@ BAD = {
     "incompressible": (["--set", "material.poisson=0.5"], 2, "0.4999"),
     "no direction": (["--set", "fixed.0.normal=[0, 0, 0]"], 2, "expected a direction"),
     "negative size": (["--set", "geometry.width=-3 mm"], 2, "greater than 0"),
-    "point outside": (["--set", "actuators.0.points={mm: [[15, 0, 40], [35, 0, 4]]}"], 2, "lies outside the body"),
-    "no such file": (["--set", "geometry={kind: step, path: none.step}"], 3, "no such file"),
+    "point outside": (["--set", f"actuators.0={OUTSIDE}"], 2, "lies outside the body"),
+    "no such file": (["--set", "geometry={kind: step, path: none.step}", *PLACED], 3, "no such file"),
 }
 
 

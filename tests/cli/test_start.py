@@ -6,6 +6,7 @@ import subprocess
 import sys
 
 import pytest
+from support.waiting import PATIENCE
 
 from cfem.cli.run import run_command
 
@@ -29,7 +30,7 @@ def test_interrupted_while_it_imports(how):
     with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         assert process.stdout.readline() == "importing\n"
         process.send_signal(how)
-        assert process.communicate(timeout=20) == ("", "cfem: interrupted\n") and process.returncode == 130
+        assert process.communicate(timeout=PATIENCE) == ("", "cfem: interrupted\n") and process.returncode == 130
 
 
 def test_the_script_starts_there():

@@ -1,9 +1,10 @@
 import numpy as np
 import pytest
 from support.arc_robot import ArcRobot
-from surrogate.synthetic import dataset
+from surrogate.synthetic import dataset, energy, rows_of
 
-from cfem.condensed.model import under_force
+from cfem.condensed import Condensed
+from cfem.condensed.model import under_force, with_dual
 from cfem.core.errors import NumericalError
 from cfem.predict.load import build
 from cfem.surrogate.model_card import model_card
@@ -63,3 +64,32 @@ def test_a_learned_energy_inverts_its_own_forces():
         lambda_a = model.at_displacement(delta_a).lambda_a
         near = model.at_displacement(0.8 * delta_a)
         np.testing.assert_allclose(under_force(model, lambda_a, near).delta_a, delta_a, atol=1e-10)
+
+
+def robot_of(delta_a, gradient, hessian):
+    """State of a robot of an energy with this gradient and Hessian, whose effectors do not move."""
+    rows, n_a = rows_of(len(delta_a)), len(delta_a)
+    W, free = np.zeros((rows.n, rows.n)), np.zeros(rows.n)
+    W[rows.a, rows.a] = np.linalg.inv(hessian)
+    free[rows.a] = delta_a - W[rows.a, rows.a] @ gradient
+    return Condensed(rows, W, free, gradient[:n_a])
+
+
+@pytest.mark.parametrize("delta_a", np.random.default_rng(0).uniform(4.0, 14.0, (20, 2)))
+def test_forces_of_an_energy_are_found_from_a_poor_start(delta_a):
+    def evaluate(s):
+        _, gradient, hessian = energy(s[None])
+        return robot_of(s, gradient[0], hessian[0])
+
+    found = with_dual(evaluate, "displacement", energy(delta_a[None])[1][0], evaluate(np.array([9.0, 9.0])))
+    np.testing.assert_allclose(found.delta_a, delta_a, atol=1e-9)
+
+
+def test_what_cannot_be_found_says_how_much_is_missing():
+    """Forces s / sqrt(1 + s^2) stay below 1 N."""
+
+    def evaluate(s):
+        return robot_of(s, s / np.sqrt(1 + s**2), np.diag((1 + s**2) ** -1.5))
+
+    with pytest.raises(NumericalError, match=r"under the forces \[2\.0\] N: 1(\.\d)? N are left"):
+        with_dual(evaluate, "displacement", np.array([2.0]), evaluate(np.zeros(1)))

@@ -6,7 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from cfem.condensed.pose import Patch, turn
+from cfem.condensed.pose import Patch
+from cfem.condensed.rotation import turn
 
 ANGLES = st.lists(st.floats(-2.0, 2.0), min_size=3, max_size=3).map(np.array)
 

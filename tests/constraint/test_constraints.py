@@ -10,11 +10,12 @@ from constraint.meshes import MIDDLE, bricks, hollow
 from scipy.spatial.transform import Rotation
 from support.blocks import block
 
+from cfem.condensed.rotation import inverse_left_jacobian
 from cfem.constraint.attachment import attach
 from cfem.constraint.cable import make_cable
 from cfem.constraint.cavity import enclosed, make_cavity
 from cfem.constraint.contact import make_contact
-from cfem.constraint.effector import inverse_left_jacobian, make_effector
+from cfem.constraint.effector import make_effector
 from cfem.constraint.protocol import Watched
 from cfem.mechanics.mesh import Mesh
 

@@ -8,13 +8,13 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from support.blocks import block
 
+from cfem.condensed.rotation import inverse_left_jacobian
 from cfem.constraint.carrier import make_carrier
 from cfem.constraint.contact import make_contact
 from cfem.constraint.effector import (
     CarriedEffector,
     CombinedEffector,
     PointEffector,
-    inverse_left_jacobian,
     make_effector,
 )
 from cfem.core.errors import SpecError

@@ -114,3 +114,32 @@ def tent(triangle, top: int) -> np.ndarray:
     """A closed tetrahedron on one triangle of a surface, whose edges then belong to four triangles."""
     a, b, c = triangle
     return np.array([[c, b, a], [a, b, top], [b, c, top], [c, a, top]])
+
+
+@pytest.mark.parametrize("level", [1, 5])  # 32 and 8192 triangles, of which 200 are tried
+def test_a_small_piece_inside_out_is_found_among_many_triangles(level):
+    directions, triangles = octahedral_sphere(level)
+    vertices, faces = box_arrays([2, 0, 0], [2.1, 0.1, 0.1])
+    outward = ClosedSurface(*joined((directions, triangles), (vertices, faces)))
+    assert outward.distance(np.array([[2.05, 0.05, 0.05]]))[0] == pytest.approx(-0.05)
+    with pytest.raises(InputError, match=r"a part is inside out, at \(2"):
+        ClosedSurface(*joined((directions, triangles), (vertices, faces[:, ::-1])))
+
+
+def test_the_largest_triangle_of_a_piece_tells_its_side():
+    """A piece that begins with triangles without area, which have no side, is judged by another."""
+    vertices, triangles = box_arrays([0, 0, 0], [1, 1, 1])
+    (a, b, c), others = triangles[0], triangles[1:]
+    vertices = np.vstack([vertices, (vertices[a] + vertices[b]) / 2])
+    middle = len(vertices) - 1
+    flat = np.vstack([[[a, b, middle], [a, middle, c], [middle, b, c]], others])
+    assert ClosedSurface(vertices, flat).distance(np.array([[0.5, 0.5, 0.5]]))[0] == pytest.approx(-0.5)
+    with pytest.raises(InputError, match="inside out: its normals point inward"):
+        ClosedSurface(vertices, flat[:, ::-1])
+
+
+def test_an_overlap_beyond_the_first_triangles_is_found():
+    """Two spheres of 8192 triangles overlap in a cap: some of the 200 that are tried are there."""
+    directions, triangles = octahedral_sphere(5)
+    with pytest.raises(InputError, match="overlaps itself"):
+        ClosedSurface(*joined((directions, triangles), (directions + [1.2, 0, 0], triangles)))

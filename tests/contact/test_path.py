@@ -43,6 +43,26 @@ def test_the_path_turns_back_and_arrives_where_newton_fails(seed, m):
     assert check(problem, "coulomb", force.ravel()).largest <= 1e-11
 
 
+@pytest.mark.parametrize("mu", [10.0, 1e3, 1e9])
+def test_however_large_friction_is_the_way_there_takes_few_systems(mu):
+    """Steps grow with friction: at 1e9, in steps of 1, no number of systems led there. A point that slides under so
+    much presses by so little that rounding may hide it; then the path ends."""
+    for seed in range(6):
+        problem = random_problem(seed, 6, mu)
+        force, systems = along_friction(problem.W, problem.free, mu)
+        assert systems < 1000
+        if force is None:
+            assert mu == 1e9
+            continue
+        gap = (problem.W @ force.ravel() + problem.free).reshape(-1, 3)
+        pressed, size = force[:, 0] > 0, np.abs(problem.free).max()
+        assert (np.linalg.norm(force[:, 1:], axis=1) <= mu * force[:, 0] * (1 + 1e-9)).all()
+        assert (gap[:, 0] >= -1e-9 * size).all() and not force[~pressed].any()
+        np.testing.assert_allclose(gap[pressed, 0], 0, atol=1e-9 * size)
+        held = pressed & (np.linalg.norm(force[:, 1:], axis=1) < 0.99 * mu * force[:, 0])
+        np.testing.assert_allclose(gap[held], 0, atol=1e-9 * size)
+
+
 def test_the_path_ends_at_the_only_state():
     """Below a small enough friction the state is unique: every way leads to that of Newton's method."""
     for seed in range(10):

@@ -3,7 +3,7 @@ from pathlib import Path
 import pytest
 
 from cfem.control.closed_loop.run_spec import ClosedLoopSpec
-from cfem.control.crawling.run_spec import CrawlingSpec
+from cfem.control.crawling.spec import CrawlingSpec
 from cfem.control.holding.spec import HoldingSpec
 from cfem.control.obstacles.spec import ObstaclesSpec
 from cfem.control.open_loop.spec import OpenLoopSpec

@@ -28,7 +28,7 @@ class Plain:
     def at(self, kind, u, p):
         m = len(p)
         W = np.tile(np.eye(4), (m, 1, 1))
-        return States(ROWS, np.asarray(p, float), W, np.zeros((m, 4)), np.zeros((m, 1)), np.zeros((m, 3)))
+        return States(ROWS, W, np.zeros((m, 4)), np.zeros((m, 1)), np.asarray(p, float), np.zeros((m, 3)))
 
 
 def plain(constraints=None, **objectives) -> DesignProblem:

@@ -28,7 +28,7 @@ def moved(x_e, n, W=None):
     m = len(x_e)
     W = np.tile(np.eye(3 + n), (m, 1, 1)) if W is None else W
     free = np.hstack([x_e, np.zeros((m, n))])
-    return States(ROWS[n], np.zeros((m, 1)), W, free, np.zeros((m, n)), np.zeros((m, 3)))
+    return States(ROWS[n], W, free, np.zeros((m, n)), np.zeros((m, 1)), np.zeros((m, 3)))
 
 
 @pytest.mark.parametrize("n, expected", [(1, 2.0), (2, 6.0), (3, 24.0)])
@@ -155,7 +155,7 @@ def test_slopes_of_the_learned_kind_see_all_of_them():
 def test_a_number_of_the_body_is_taken_as_it_is():
     states = moved(np.zeros((2, 3)), 1)
     states = States(
-        *(getattr(states, name) for name in ("rows", "p", "W", "delta_free", "lam", "rest_e")),
+        *(getattr(states, name) for name in ("rows", "W", "delta_free", "lam", "p", "rest_e")),
         {"mass": np.array([1.0, 2.0])},
     )
     np.testing.assert_allclose(OfBody("mass")(states), [1.0, 2.0])

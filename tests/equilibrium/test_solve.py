@@ -14,11 +14,12 @@ from cfem.constraint.contact import make_contact
 from cfem.constraint.effector import make_effector
 from cfem.equilibrium import actuation
 from cfem.equilibrium.evaluation import SolveCost
-from cfem.equilibrium.newton import NewtonSettings, judged, newton
+from cfem.equilibrium.newton import NewtonSettings, judged, linear_motion, newton
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.robot import Robot
 from cfem.equilibrium.solution import State, Status
 from cfem.equilibrium.solve import Wanted, rest_state, solve
+from cfem.mechanics.assembly import symmetric_product
 from cfem.mechanics.element import ELEMENTS
 from cfem.mechanics.material import LAWS
 
@@ -106,11 +107,33 @@ def test_a_cable_that_pushes_on_the_way_is_let_go_there():
     assert not pushing.converged and pushing.factorizations > found.factorizations  # to the end of that path alone
 
 
-def test_a_path_that_ends_where_no_set_of_cables_can_hold_says_so():
+def test_a_path_that_ends_where_no_set_of_cables_can_hold_is_unstable():
     """Its last state has buckled, and still no cable pushes there."""
-    found = solve(Problem(bar(divisions=(6, 1, 1), cables=3)), actuation.displacement([17.64, 20.32, 0.0]))
-    assert found.status is Status.NO_SLACK_SET and found.condensed is None
+    problem = Problem(bar(divisions=(6, 1, 1), cables=3))
+    found = solve(problem, actuation.displacement([17.64, 20.32, 0.0]))
+    assert found.status is Status.UNSTABLE and found.condensed is None
     assert found.lambda_a.min() >= 0.0 and found.path < 1.0
+    lower, _ = problem.stiffness(problem.evaluate(found.state.x, np.empty(0)), found.state.lam)
+    A = symmetric_product(problem.pattern, lower, np.eye(problem.pattern.n_dof))
+    assert np.linalg.eigvalsh(A).min() < 0.0
+
+
+def test_the_motion_that_is_predicted_is_that_of_a_small_load(problem):
+    motion, tangent = linear_motion(problem, rest_state(problem), actuation.displacement([4.0, 3.0]), SolveCost())
+    tiny = solve(problem, actuation.displacement([4e-5, 3e-5]))
+    moved = np.linalg.norm(tiny.state.x - problem.rest, axis=1).max()
+    assert motion == pytest.approx(1e5 * moved / problem.robot.body.mesh.size, rel=1e-4)
+    assert tangent.factor.negative == 0
+
+
+def test_the_whole_way_is_the_first_step_where_the_predicted_motion_is_small(problem):
+    small, large = actuation.displacement([0.4, 0.3]), actuation.displacement([4.0, 3.0])
+    assert solve(problem, small).steps == 1 and solve(problem, large).steps == 2
+    careful = replace(NewtonSettings(), small_motion=0.0)
+    np.testing.assert_allclose(
+        solve(problem, small, settings=careful).state.x, solve(problem, small).state.x, atol=1e-9
+    )
+    assert solve(problem, small, settings=careful).factorizations > solve(problem, small).factorizations
 
 
 def test_warm_start_next_door_costs_one_factorization(problem):

@@ -10,7 +10,7 @@ import pytest
 from support.serial_rows import WRENCH, chain
 from surrogate.synthetic import dataset
 
-from cfem.export.compiled.controller import compiler
+from cfem.export.compiled.build import compiler
 from cfem.export.firmware.folder import write_c
 from cfem.export.spec import CSpec
 from cfem.predict.rows.serial import joined

@@ -8,9 +8,9 @@ from export.embedded import export, spectral
 from export.pages import skin_of
 
 from cfem.condensed.model import under_force
-from cfem.control.moving.horizon import Bounds, HalfSpace, HorizonCost
-from cfem.control.moving.mpc import Mpc, Plan
-from cfem.control.moving.observer import Doubt
+from cfem.control.motion.horizon import Bounds, HalfSpace, HorizonCost
+from cfem.control.motion.mpc import Mpc, Plan
+from cfem.control.motion.observer import Doubt
 from cfem.export.compiled.mpc import CompiledMpc
 from cfem.export.firmware.embedding import Embedding
 from cfem.export.firmware.motion import write_c_motion

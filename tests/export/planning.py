@@ -8,7 +8,8 @@ import pytest
 
 from cfem.condensed.strokes import ridge_of
 from cfem.control.search.inverse import Aim, Limits, inverse_step
-from cfem.export.compiled.controller import STANDARD, CompiledController, compiler, run
+from cfem.export.compiled.build import STANDARD, compiler, run
+from cfem.export.compiled.controller import CompiledController
 from cfem.export.compiled.touch import CompiledTouch
 
 NO_MODEL = 64  # of cfem.h

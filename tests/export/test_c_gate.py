@@ -5,8 +5,8 @@ import ctypes
 import numpy as np
 from export.embedded import needs_compiler
 
-from cfem.export.compiled.controller import STANDARD, compiler, run
-from cfem.export.firmware.folder import SOURCES
+from cfem.export.compiled.build import STANDARD, compiler, run
+from cfem.export.firmware.copying import SOURCES
 from cfem.predict.estimation.gate import Gate, Verdict
 
 CODE = """#include "cfem_gate.h"
@@ -23,7 +23,17 @@ ORDER = [Verdict.ACCEPTED, Verdict.REJECTED, Verdict.RESTART]
 def test_verdicts_are_those_of_python(tmp_path):
     """Of squares that come in runs, with numbers of which there is no answer."""
     (tmp_path / "gate.c").write_text(CODE)
-    words = [compiler(), *STANDARD, "-Wall", "-Wextra", "-Werror", "-I", str(SOURCES), "-shared", "-fPIC"]
+    words = [
+        compiler(),
+        *STANDARD,
+        "-Wall",
+        "-Wextra",
+        "-Werror",
+        "-I",
+        str(SOURCES / "controller"),
+        "-shared",
+        "-fPIC",
+    ]
     run([*words, "-o", "gate.so", "gate.c", "-lm"], tmp_path)
     library, state = ctypes.CDLL(str(tmp_path / "gate.so")), (ctypes.c_double * 8)()
     library.spread.restype = real = ctypes.c_double

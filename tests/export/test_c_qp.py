@@ -9,8 +9,8 @@ import pytest
 from export.embedded import needs_compiler
 
 from cfem.control.search.qp import QpStatus, solve_qp
-from cfem.export.compiled.controller import STANDARD, compiler, run
-from cfem.export.firmware.folder import SOURCES
+from cfem.export.compiled.build import STANDARD, compiler, run
+from cfem.export.firmware.copying import SOURCES
 
 pytestmark = needs_compiler
 N, ROWS, CONSTRAINTS = 12, 40, 36
@@ -18,7 +18,7 @@ OPTIMAL, INFEASIBLE, FLAT = 0, 1, 2
 COUNT = 1000
 
 
-class Answer(ctypes.Structure):
+class QpAnswer(ctypes.Structure):
     _fields_ = [
         ("x", ctypes.c_double * N),
         ("multipliers", ctypes.c_double * CONSTRAINTS),
@@ -34,13 +34,13 @@ def solver():
         (Path(place) / "cfem_data.h").touch()
         out = Path(place) / "qp.so"
         command = [compiler(), *STANDARD, "-O2", *sizes, f"-I{place}", "-shared", "-fPIC", "-o", str(out)]
-        run([*command, str(SOURCES / "cfem_qp.c"), "-lm"], place)
+        run([*command, *(str(SOURCES / "controller" / name) for name in ("cfem_qp.c", "cfem_active.c")), "-lm"], place)
         function = ctypes.CDLL(str(out)).cfem_qp
 
     def solve(M, d, A, low, high):
         keep = [np.ascontiguousarray(a, float) for a in (M, d, A, low, high)]
         M_, d_, A_, low_, high_ = (a.ctypes.data_as(ctypes.POINTER(ctypes.c_double)) for a in keep)
-        answer, n = Answer(), M.shape[1]
+        answer, n = QpAnswer(), M.shape[1]
         status = function(n, len(M), M_, d_, len(A), A_, n, low_, high_, ctypes.byref(answer))
         return status, np.array(answer.x[:n]), np.array(answer.multipliers[: n + len(A)])
 

@@ -9,18 +9,13 @@ import pytest
 import cfem
 from cfem.core.artefact.manifest import read_manifest
 from cfem.core.errors import InputError
+from cfem.export.compiled.shape import CompiledShape
 from cfem.export.firmware.skin import write_c_skin
-from cfem.export.skin import CompiledShape
 from cfem.export.spec import CSpec
 from cfem.predict.loads.loaded import loaded
 
 STATES = np.array([[0.0], [1.7], [7.9]])
 needs_compiler = pytest.mark.skipif(not shutil.which("cc"), reason="needs a C compiler")
-
-
-@pytest.fixture(scope="module")
-def model(bar):
-    return cfem.load_model(bar / "models" / "bar" / "spectral")
 
 
 def export(bar, out, *overrides):

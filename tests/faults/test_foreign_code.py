@@ -6,6 +6,7 @@ import subprocess
 import sys
 
 import pytest
+from support.waiting import PATIENCE
 
 from cfem.robot.cad import Box, as_data
 from cfem.robot.mesh.meshing import measure
@@ -50,4 +51,4 @@ def test_gmsh_ends_with_the_process_that_waits_for_it(tmp_path):
         with pytest.raises(subprocess.TimeoutExpired):
             process.wait(timeout=1)
         process.stdin.close()
-        assert process.wait(timeout=30) == 12
+        assert process.wait(timeout=PATIENCE) == 12

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from core.artefact.test_files import quick
 from faults.sampling import PLAN, make, make_as_command, make_quietly
+from support.waiting import PATIENCE, wait_for
 
 from cfem.core.artefact.unfinished import partial_folder
 from cfem.core.artefact.verify import judge
@@ -82,14 +83,11 @@ def test_killed_at_random_moments_it_ends_with_the_same_content(processes, whole
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
 def test_interrupted_it_says_so_and_goes_on(processes, whole, tmp_path, how):
     out = tmp_path / "out"
-    child = processes.Process(target=make_as_command, args=(out, 0.02))
+    child = processes.Process(target=make_as_command, args=(out, 0.06))
     child.start()
-    end = time.monotonic() + 20
-    while len(shards(out)) < 2:
-        assert time.monotonic() < end and child.is_alive()
-        time.sleep(0.005)
+    wait_for(lambda: len(shards(out)) >= 2 or not child.is_alive())
     os.kill(child.pid, how)
-    child.join(10)
+    child.join(PATIENCE)
     assert child.exitcode == 130
     before = shards(out)
     assert 2 <= len(before) < 14 and not out.exists()

@@ -76,6 +76,23 @@ def chambered(size=(40.0, 12.0, 12.0), rooms=((4.0, 16.0), (22.0, 36.0))) -> Sha
     return _part(mesh, ~(middle & np.any([(x > a) & (x < b) for a, b in rooms], axis=0)), 3.0)
 
 
+def star(arm=60.0, width=30.0, thick=6.0) -> Shape:
+    """A plate of three arms in the plane z = 0, one of them along y."""
+    mesh = block((2 * arm, 1.8 * arm, thick), (30, 27, 2))
+    x, y = mesh.X[mesh.cells].mean(axis=1)[:, :2].T - np.array([[arm], [0.8 * arm]])
+    angles = np.radians([90, 210, 330])[:, None]
+    out, aside = np.cos(angles) * x + np.sin(angles) * y, np.sin(angles) * x - np.cos(angles) * y
+    return _part(mesh, ((out > -width / 3) & (out < arm) & (np.abs(aside) < width / 2)).any(axis=0), 5.0)
+
+
+def cage(side=60.0, height=50.0, strut=10.0) -> Shape:
+    """Two square frames that cross at top and bottom: four legs along y join the crossings."""
+    mesh = block((side, height, side), (12, 10, 12))
+    x, y, z = mesh.X[mesh.cells].mean(axis=1).T - np.array([side, height, side])[:, None] / 2
+    rim = (np.abs(y) > height / 2 - strut) | (np.maximum(np.abs(x), np.abs(z)) > side / 2 - strut)
+    return _part(mesh, rim & ((np.abs(x) < strut / 2) | (np.abs(z) < strut / 2)), 5.0)
+
+
 def _part(mesh: Mesh, kept: np.ndarray, size: float) -> Shape:
     used, cells = np.unique(mesh.cells[kept], return_inverse=True)
     cells = cells.reshape(-1, 4)

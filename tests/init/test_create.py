@@ -22,7 +22,7 @@ from cfem.core.errors import SpecError
 from cfem.core.kinds import model_of
 from cfem.core.spec import load_spec
 from cfem.core.yaml import read_yaml
-from cfem.export.page.block import ROOM
+from cfem.export.page.layout import robot_layout
 from cfem.init.texts import ON_PAGE
 from cfem.robot.build import build_robot
 from cfem.robot.mesh.meshing import make_mesh
@@ -87,7 +87,7 @@ def test_a_robot_of_more_cables_than_a_page_has_room_for_has_none(tmp_path):
     assert init(tmp_path, STEP, "--cables", "9", "--reach", "3 mm").exit_code == 0
     own = tmp_path / "pipelines" / "own"
     assert not (own / "export-page.yaml").exists() and "page" not in read_yaml(own / "report.yaml")[0]
-    assert ROOM["CFEM_NA"][0] == ON_PAGE
+    assert robot_layout().room["CFEM_MOST_NA"] == ON_PAGE
 
 
 def test_a_closed_surface_in_another_unit_with_all_answers_given(tmp_path):
@@ -298,6 +298,53 @@ def test_bad_input_is_one_sentence_and_writes_nothing(tmp_path, mesh_file, words
 def test_an_implausible_unit_is_refused(tmp_path, mesh_file, unit, part):
     done = init(tmp_path, mesh_file, "--quiet", "--unit", unit)
     assert done.exit_code == 2 and "--unit: the body measures" in done.stderr and part in done.stderr
+    assert "say --unit mm, and the body measures 60 x 10 x 10 mm" in done.stderr
+
+
+def test_a_file_in_metres_told_to_be_in_millimetres_says_what_to_type(tmp_path):
+    write_cells(tmp_path / "own.vtu", size=(0.06, 0.01, 0.01))
+    done = init(tmp_path, tmp_path / "own.vtu", "--unit", "mm", "--quiet")
+    assert done.exit_code == 2 and "say --unit m, and the body measures 60 x 10 x 10 mm" in done.stderr
+
+
+def corner_to_corner(path):
+    """A bar with a flat cell, and on it another bar that shares but an edge with it: a surface that nobody meshes."""
+    mesh = block((60.0, 10.0, 10.0), (12, 2, 2))
+    X = mesh.X.copy()
+    X[(X == [5.0, 5.0, 5.0]).all(axis=1)] = [9.9, 5.0, 5.0]
+    on_edge = np.flatnonzero((mesh.X[:, 1:] == 10.0).all(axis=1))
+    turned = np.flatnonzero((mesh.X[:, 1:] == 0.0).all(axis=1))
+    number = np.arange(len(X)) + len(X)
+    number[turned] = on_edge[np.argsort(mesh.X[on_edge, 0])][np.argsort(np.argsort(mesh.X[turned, 0]))]
+    cells = np.vstack([mesh.cells, number[mesh.cells]])
+    meshio.write(path, meshio.Mesh(np.vstack([X, mesh.X + [0, 10, 10]]), [("tetra", cells)]))
+
+
+def test_poor_cells_are_kept_where_their_surface_cannot_be_meshed(tmp_path):
+    corner_to_corner(tmp_path / "own.vtu")
+    words = ["--unit", "mm", "--fixed", "left", "--cables", "1", "--reach", "2 mm"]
+    done = init(tmp_path, tmp_path / "own.vtu", *words)
+    assert done.exit_code == 0, done.stderr
+    assert re.search(r'--remesh "no" .*its angles .* its surface cannot be meshed: .* branches', done.stderr)
+    assert not built(tmp_path)[0].geometry.remesh
+    asked = init(tmp_path, tmp_path / "own.vtu", *words, "--remesh", "yes", "--force")
+    assert asked.exit_code == 2 and "--remesh: its surface cannot be meshed" in asked.stderr
+    cells = init(tmp_path, tmp_path / "own.vtu", *words, "--cells", "500", "--force")
+    assert cells.exit_code == 2 and "--cells: the mesh in the file is taken as it is, as its surface" in cells.stderr
+
+
+def test_a_mesh_with_a_cell_without_volume_is_meshed_anew_from_its_surface(tmp_path):
+    mesh = block((60.0, 10.0, 10.0), (12, 2, 2))
+    X = mesh.X.copy()
+    inner = np.flatnonzero((X == [5.0, 5.0, 5.0]).all(axis=1))[0]
+    cell = mesh.cells[(mesh.cells == inner).any(axis=1)][0]
+    X[inner] = X[cell[cell != inner]].mean(axis=0)
+    meshio.write(tmp_path / "own.vtu", meshio.Mesh(X, [("tetra", mesh.cells)]))
+    words = ["--unit", "mm", "--cells", "500", "--fixed", "left", "--cables", "1", "--reach", "2 mm"]
+    done = init(tmp_path, tmp_path / "own.vtu", *words)
+    assert done.exit_code == 0, done.stderr
+    assert '--remesh "yes"    # guessed: has flat cells without volume' in done.stderr
+    assert built(tmp_path)[0].geometry.remesh
 
 
 def test_without_stdin_the_defaults_are_taken(tmp_path, mesh_file, monkeypatch):

@@ -2,17 +2,18 @@
 
 import numpy as np
 import pytest
-from init.bodies import box_shape, corner, discs, frame, lattice, tapered, tee
+from init.bodies import box_shape, cage, corner, discs, frame, lattice, star, tapered, tee
 
 from cfem.constraint.attachment import locate
 from cfem.core.errors import SpecError
-from cfem.init.ends import place, propose
+from cfem.init.centreline import centreline
+from cfem.init.ends import inside, place, propose
 from cfem.init.hold import guess_hold, read_hold, run_from
 from cfem.init.shape import Shape
 from cfem.mechanics.mesh import Mesh
 
 
-def inside(shape, cables) -> bool:
+def all_inside(shape, cables) -> bool:
     """Whether all cables are, between their points too."""
     for cable in cables:
         ends = np.vstack([cable.pull, cable.points])
@@ -37,21 +38,37 @@ def test_an_l_is_held_at_the_end_of_a_leg_and_its_cables_follow_it_around_the_co
     along, across = (0, 1) if found.hold.axis == 0 else (1, 0)
     for cable in found.placement.cables:
         assert cable.pull[along] == 60 and cable.points[-1, across] > 45
-    assert inside(shape, found.placement.cables) and "along the middle of the body" in found.placement.how
+    assert all_inside(shape, found.placement.cables) and "along the middle of the body" in found.placement.how
 
 
 def test_a_t_has_cables_that_stay_inside():
     """No straight cable passes the stem along the bar."""
     shape = tee()
-    assert inside(shape, propose(shape, 1).placement.cables)
+    assert all_inside(shape, propose(shape, 1).placement.cables)
+
+
+def test_cables_pass_where_another_branch_begins_without_a_detour_into_it():
+    shape = star()
+    run = run_from(guess_hold(shape)[0], shape)
+    middle = centreline(shape.voxels, run)
+    found = inside(shape, run, 3, middle)
+    assert len(found.cables) == 3 and max(cable.length for cable in found.cables) < 1.1 * middle.length
 
 
 def test_a_ring_has_a_cable_in_each_half():
     shape = frame()
     found = place(shape, run_from(guess_hold(shape)[0], shape), 1)
-    assert len(found.cables) == 2 and "one along each of 2 legs" in found.how and inside(shape, found.cables)
+    assert len(found.cables) == 2 and "one along each of 2 legs" in found.how and all_inside(shape, found.cables)
     sides = np.sign([cable.points[:2, 1].mean() - 30 for cable in found.cables])
     assert sorted(sides) == [-1, 1]
+
+
+def test_a_body_of_four_legs_is_held_where_all_four_begin():
+    """From its sides, which are farther apart, two ways lead around."""
+    shape = cage()
+    found = propose(shape, 3)
+    assert str(found.hold) == "y <= 0 mm" and found.why.startswith("4 cables find a way from here, and 2 from ")
+    assert len(found.placement.cables) == 4 and all_inside(shape, found.placement.cables)
 
 
 def test_as_many_cables_as_asked_for_lead_through_the_rings_of_a_lattice():
@@ -67,8 +84,8 @@ def test_a_backbone_with_discs_has_cables_through_the_air_unless_that_is_not_wan
     shape = discs()
     run = run_from(read_hold("z <= 0 mm", shape), shape)
     found, within = place(shape, run, 4), place(shape, run, 4, air=False)
-    assert found.through_air and len(found.cables) == 4 and not inside(shape, found.cables)
-    assert not within.through_air and inside(shape, within.cables)
+    assert found.through_air and len(found.cables) == 4 and not all_inside(shape, found.cables)
+    assert not within.through_air and all_inside(shape, within.cables)
     for cable in found.cables:
         assert (locate(shape.mesh, cable.points, within=1e-6)[0] >= 0).all()
         assert np.linalg.norm(cable.points[:, :2] - 10, axis=1).min() > 4 * 1.2

@@ -116,6 +116,13 @@ def test_a_slit_that_closes_ends_the_stroke():
     assert 0.5 < narrow.reach < 3.0 and narrow.reach < 0.7 * wide.reach
 
 
+def test_a_body_that_touches_itself_from_the_start_has_the_stroke_of_one_that_does_not(found, monkeypatch):
+    monkeypatch.setattr(stroke, "_meets_itself", lambda *given: True)
+    (first,) = strokes(bar("tet4", divisions=(12, 2, 2), cables=1))
+    assert first.reach == pytest.approx(found[1][0].reach, rel=0.05)
+    assert first.why == f"{found[1][0].why}; its surface touches itself from the start, which is left out of account"
+
+
 def test_a_failing_solve_ends_the_stroke(found, monkeypatch):
     true = stroke.solve
 

@@ -4,7 +4,7 @@ from functools import cache
 from types import SimpleNamespace
 
 import numpy as np
-from dynamics.moving import moving_bar
+from fe_motion.moving import moving_bar
 
 from cfem.condensed.packing import pack_symmetric3
 from cfem.equilibrium.actuation import displacement

@@ -8,14 +8,14 @@ import pytest
 from motion.learned import LARGEST, TAU, dataset, model, problem, states
 
 from cfem.core.errors import InputError, NumericalError
-from cfem.dynamics import modes as full_modes
-from cfem.dynamics.problem import MovingProblem
-from cfem.dynamics.scheme import Scheme
-from cfem.dynamics.simulate import StepControl
-from cfem.dynamics.simulate import simulate as full_simulate
-from cfem.dynamics.start import at_rest as full_at_rest
 from cfem.equilibrium.actuation import displacement, force
 from cfem.equilibrium.solve import solve
+from cfem.fe_motion import modes as full_modes
+from cfem.fe_motion.problem import MovingProblem
+from cfem.fe_motion.scheme import Scheme
+from cfem.fe_motion.simulate import StepControl
+from cfem.fe_motion.simulate import simulate as full_simulate
+from cfem.fe_motion.start import at_rest as full_at_rest
 from cfem.mechanics.viscosity import Viscosity
 from cfem.motion.altered import Altered
 from cfem.motion.model import Loss, MotionModel

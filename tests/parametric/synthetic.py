@@ -47,7 +47,7 @@ class Arc:
         W[:, :3, :3] = C[:, :, None] * np.eye(3) + g[:, :, None] * g[:, None] / stiffness[:, None, None]
         free = np.concatenate([e, s[:, None]], axis=1) - W[:, :, 3] * lam[:, None]
         rest = np.stack([0 * L, 10 + 0 * L, -L], axis=1)
-        return States(ROWS, p, W, free, lam[:, None], rest)
+        return States(ROWS, W, free, lam[:, None], p, rest)
 
 
 def _stretch(f: np.ndarray) -> np.ndarray:

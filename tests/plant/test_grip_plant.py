@@ -140,20 +140,64 @@ def test_the_robots_take_the_load_over_after_they_have_grasped():
     assert one.take(1.0) != "converged" and one.load == 0.0  # nothing squeezes it
 
 
-def test_an_object_stands_on_its_table_until_it_is_lifted():
-    """The table bears the load at first, then the robots do; what the table bears and they push balances the load."""
-    problem, load = Problem(bar(element="hex8", cables=2, contact=True)), np.array([0, 0, -5e-3, 0, 0, 0])
+def on_table(grasp=(0.1, 0.3), load=-5e-3):
+    """The robots about a block on its table, not yet moved, and the load (N) along z."""
+    problem, load = Problem(bar(element="hex8", cables=2, contact=True)), np.array([0, 0, load, 0, 0, 0])
     fingers = [PlacedRobot(problem, np.eye(3), np.zeros(3)), PlacedRobot(problem, FLIP, CENTRE - FLIP @ CENTRE)]
     half = np.array([4.0, 4.0, 3.0])
     held = FreeObject(Box(half, t=CENTRE), CENTRE, load, False)
     table = table_under(CENTRE, half, load[:3])
+    one = GripPlant(fingers, np.array([0, 2, 4]), held, "coulomb", 0.8, CENTRE[None], squeeze(*grasp), table=table)
+    return one, table
+
+
+def test_an_object_stands_on_its_table_until_it_is_lifted():
+    """The table bears the load at first, then the robots do; what the table bears and they push balances the load."""
+    one, table = on_table()
     np.testing.assert_allclose(table.points[:, 2], CENTRE[2] - 3.0)
-    one = GripPlant(fingers, np.array([0, 2, 4]), held, "coulomb", 0.8, CENTRE[None], squeeze(0.1, 0.3), table=table)
     stands = one.step(squeeze(0.1, 0.3))
     assert stands.status == "converged" and one.load == 1.0
     assert one.borne[0] > 5e-3 and abs(stands.x_e[2] - CENTRE[2]) < 1e-3  # pressed down by the upper bar as well
     assert one.borne[0] + one.forces()[:, 2].sum() == pytest.approx(5e-3, abs=1e-9)
+    before, steps = one.last, one.steps
+    air = one.off_table()  # nothing of the load is with the robots: they take it over in quarters, from none on
+    assert one.last is before and one.table is table and air.table is None
+    assert air.steps - steps == 5 and air.load == 1.0
+    assert len(air.last.solved) == 2 and len(air.last.modes) == one.parts[-1][1]
+    assert air.forces()[:, 2].sum() == pytest.approx(5e-3, abs=1e-9)
     lifted = one.step(squeeze(1.8, 1.2))
     assert lifted.status == "converged" and lifted.x_e[2] > CENTRE[2] + 0.1
     assert one.borne[1] == 0.0 and one.forces()[:, 2].sum() == pytest.approx(5e-3, abs=1e-9)
     assert one.x.shape[1] == 3
+    steps, there = one.steps, one.last.around.x
+    air = one.off_table()  # all of it is: one step, which changes nothing
+    assert air.steps - steps == 1
+    np.testing.assert_allclose(air.last.around.x, there, atol=1e-6)
+
+
+def test_what_robots_bear_of_a_load_begins_where_the_table_leaves_it(monkeypatch):
+    """Shares that are tried, from what the table bears: of 5 mN."""
+    one, _ = on_table()
+    assert one.step(squeeze(0.1, 0.3)).status == "converged"
+    tried = []
+    monkeypatch.setattr(GripPlant, "_go", lambda self, u, load: tried.append(float(load)) or "converged")
+    for borne, shares in ((2e-3, [0.6, 0.8, 1.0]), (0.0, [1.0]), (9e-3, [0.0, 0.25, 0.5, 0.75, 1.0])):
+        monkeypatch.setattr(GripPlant, "on_table", lambda self, borne=borne: borne)
+        tried.clear()
+        assert one.off_table() is not None
+        np.testing.assert_allclose(tried, shares, atol=1e-12)
+    monkeypatch.setattr(GripPlant, "_go", lambda self, u, load: "converged" if load < 0.6 else "no")
+    assert one.off_table() is None
+
+
+def test_the_margin_to_slip_is_that_of_the_robot_that_has_the_least(monkeypatch):
+    one = plant()
+    for normal, friction, margin in (
+        ([2.0, 3.0], [[0.4, 0, 0], [0, 0.3, 0.4]], 0.8 * 2.0 / 0.4),
+        ([2.0, 3.0], [[0.4, 0, 0], [0, 0.9, 1.2]], 0.8 * 3.0 / 1.5),
+        ([2.0, 0.0], [[0.4, 0, 0], [0, 0, 0]], 0.0),
+        ([2.0, 2.0], [[0, 0, 0], [0, 0, 0]], 0.8 / 1e-8),
+    ):
+        pair = np.array(normal), np.array(friction)
+        monkeypatch.setattr(one, "pushes", lambda pair=pair: pair)
+        assert one.slip_margin() == pytest.approx(margin)

@@ -2,9 +2,11 @@ import numpy as np
 import pytest
 from support.arc_robot import ArcRobot
 from support.linear_robot import REST_E, W_AA, W_EA, LinearRobot
+from surrogate.stored import train_folder
 
-from cfem.plant.imperfect_plant import Imperfection, ImperfectPlant, Stiffer
+from cfem.plant.imperfect_plant import DriftingPlant, Imperfection, ImperfectPlant, Stiffer
 from cfem.plant.model_plant import ModelPlant
+from cfem.predict.load import load_model
 
 RAMP = [np.array([0.1 * k, -0.2 * k]) for k in range(1, 31)]
 
@@ -99,3 +101,20 @@ def test_stiffer_keeps_the_shape_and_scales_the_forces():
     np.testing.assert_allclose(other.delta, one.delta)
     np.testing.assert_allclose(other.lambda_a, 1.3 * one.lambda_a)
     np.testing.assert_allclose(other.W[:, 3:], ArcRobot(stiffness=1.3).at_displacement(delta_a).W[:, 3:])
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory):
+    return load_model(train_folder(tmp_path_factory.mktemp("drift"), "{kind: spectral, max_degree: 8}", train=40))
+
+
+@pytest.mark.parametrize("kind", ["force", "displacement"])
+def test_it_ends_as_a_robot_of_that_stiffness(model, kind):
+    u = 0.3 * (model.domain.lambda_a if kind == "force" else model.domain.delta_a)[1]
+    drifting = DriftingPlant(ModelPlant(model, model.rest_e), 0.7, 3)
+    found = [drifting.step(u, kind) for _ in range(5)]
+    there = ModelPlant(Stiffer(model, 0.7), model.rest_e).step(u, kind)
+    for one in found[2:]:
+        assert one.x_e == pytest.approx(there.x_e) and one.lambda_a == pytest.approx(there.lambda_a)
+    if kind == "force":
+        assert np.linalg.norm(found[0].x_e - there.x_e) > 0.1

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from dynamics.moving import moving_bar
+from fe_motion.moving import moving_bar
 from motion.learned import model, problem, states
 
-from cfem.dynamics.simulate import StepControl, simulate
-from cfem.dynamics.start import at_rest
 from cfem.equilibrium.actuation import force
+from cfem.fe_motion.simulate import StepControl, simulate
+from cfem.fe_motion.start import at_rest
 from cfem.motion.altered import Altered
 from cfem.plant.fem_plant import pushed
 from cfem.plant.imperfect_plant import Imperfection, ImperfectPlant

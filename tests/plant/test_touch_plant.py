@@ -15,15 +15,8 @@ from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
 from cfem.equilibrium.problem import Problem
 from cfem.plant.fem_plant import FemPlant
 from cfem.plant.touch_plant import TouchPlant
-from cfem.robot.build import build_robot
-from cfem.robot.load import load_scene_and_mesh
 
 CEILING = Plane(R=np.diag([1.0, -1.0, -1.0]), t=np.array([0.0, 0.0, 9.0]))
-
-
-@pytest.fixture(scope="module")
-def robot(bar):
-    return build_robot(*load_scene_and_mesh(bar / "pipelines" / "bar" / "scene.yaml"))
 
 
 @pytest.fixture(scope="module")

@@ -43,3 +43,41 @@ def test_distance_finds_a_hole_in_the_data():
 def test_one_state_is_a_domain():
     domain = Domain.of(np.array([[1.0, 2.0]]), np.array([[3.0, 4.0]]))
     assert domain.holds(np.array([1.0, 2.0]), np.array([3.0, 4.0]))
+
+
+def test_its_states_begin_in_the_middle():
+    """In the units of the boxes; `cfem.condensed.spread` has the order of the others."""
+    rng = np.random.default_rng(4)
+    delta_a, lambda_a = rng.normal(size=(60, 2)), 1e-3 * rng.normal(size=(60, 1))
+    domain, states = Domain.of(delta_a, lambda_a), np.hstack([delta_a, lambda_a])
+    width = np.ptp(np.hstack([domain.delta_a, domain.lambda_a]), axis=0)
+    apart = np.linalg.norm((states - states.mean(axis=0)) / width, axis=1)
+    np.testing.assert_array_equal(domain.states[0], states[apart.argmin()])
+    assert len(np.unique(domain.states, axis=0)) == 60
+
+
+def test_boxes_distances_and_neighbours_are_those_of_brute_force():
+    rng = np.random.default_rng(5)
+    delta_a, lambda_a, p = rng.uniform(-1, 3, (40, 2)), rng.normal(size=(40, 2)), rng.uniform(size=(40, 1))
+    domain = Domain.of(delta_a, lambda_a, p)
+    size = np.ptp(delta_a, axis=0)
+    np.testing.assert_allclose(domain.delta_a, [delta_a.min(axis=0) - 0.05 * size, delta_a.max(axis=0) + 0.05 * size])
+    known = np.hstack([delta_a, lambda_a, p])
+    width = 1.1 * np.ptp(known, axis=0)
+    apart = np.linalg.norm((known[:, None] - known) / width, axis=2)
+    gap = np.sort(apart, axis=1)[:, 1].max()
+    asked = rng.normal(size=(7, 5))
+    nearest = np.linalg.norm((asked[:, None] - known) / width, axis=2).min(axis=1)
+    np.testing.assert_allclose(domain.distance(asked[:, :2], asked[:, 2:4], asked[:, 4:]), nearest / gap)
+    for s, q in zip(asked[:, :2], asked[:, 4:], strict=True):
+        for form, mine, other in (("displacement", delta_a, lambda_a), ("force", lambda_a, delta_a)):
+            unit, shift = 1.1 * np.ptp(mine, axis=0), 1.1 * np.ptp(p, axis=0)
+            far = (((mine - s) / unit) ** 2).sum(axis=1)
+            assert np.array_equal(domain.nearest(s, form), other[np.argmin(far)])
+            assert np.array_equal(domain.nearest(s, form, q), other[np.argmin(far + (((p - q) / shift) ** 2)[:, 0])])
+
+
+def test_a_state_without_spread_has_a_unit_of_one():
+    domain = Domain.of(np.full((3, 1), 2.0), np.array([[0.0], [1.0], [2.0]]))
+    assert domain.outside(np.array([2.0]), np.array([1.0])) == 0.0
+    assert domain.outside(np.array([2.5]), np.array([1.0])) == 0.5

@@ -4,13 +4,7 @@ import numpy as np
 import pytest
 
 from cfem.core.errors import InputError
-from cfem.predict.load import load_model
 from cfem.predict.mode_series import ModeSeries, joined
-
-
-@pytest.fixture(scope="module")
-def model(bar):
-    return load_model(bar / "models" / "bar" / "spectral")
 
 
 def test_values_and_slopes_are_the_skin_s(model):

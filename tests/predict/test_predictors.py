@@ -126,7 +126,7 @@ def test_at_force_inverts_the_energy(exports):
 def test_at_force_says_where_it_fails(exports):
     model = load_model(exports["spectral"])
     with pytest.raises(NumericalError, match=r"N.*are left"):
-        model._find(np.array([-1e9, 1e9]), None)
+        model._with_dual(np.array([-1e9, 1e9]), None)
 
 
 @pytest.mark.parametrize("kind", ["spectral", "mlp"])

@@ -6,7 +6,7 @@ import numpy as np
 from PIL import Image
 
 from cfem.report.moving import LEAST, MOST, SHARP, WIDTH, gif, still
-from cfem.report.viewer import Line, Take, Viewer
+from cfem.report.viewer import Polyline, Take, Viewer
 
 X = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 3], [1, 0, 3], [1, 1, 3], [0, 1, 3]], float) * 10
 QUADS = [(0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)]
@@ -17,7 +17,7 @@ def leaning(count, x=X):
     shear = np.linspace(0, 0.6, count)
     shapes = x + shear[:, None, None] * x[:, 2:] * np.array([1.0, 0.3, 0.0])
     tips = shapes[:, 4]
-    cable = Line("left", "--c1", shapes[:, [0, 4]])
+    cable = Polyline("left", "--c1", shapes[:, [0, 4]])
     return Take("lean", shapes, range(count), tips, tips, np.zeros(count), (cable,))
 
 

@@ -4,8 +4,8 @@ from html.parser import HTMLParser
 from export.pages import browser, opened, until
 from report.synthetic import Text
 
-from cfem.report.page import Card, Number, Section, Summary, page
-from cfem.report.tables import Table, durations, lengths, number, spread, tabulate
+from cfem.report.page import Card, Number, ReportSection, Summary, page
+from cfem.report.tables import ReportTable, durations, lengths, number, spread, tabulate
 
 
 class Balanced(HTMLParser):
@@ -25,8 +25,8 @@ class Balanced(HTMLParser):
 
 
 def make(robot=None, concerns=()):
-    table = Table(("model", "loss"), [("a<b", "1")])
-    sections = [Section("Tracking <1>", 'a "tip" & more', (table,)), Section("More", "", (table,))]
+    table = ReportTable(("model", "loss"), [("a<b", "1")])
+    sections = [ReportSection("Tracking <1>", 'a "tip" & more', (table,)), ReportSection("More", "", (table,))]
     summary = Summary("All is reached.", concerns, (Number("3 <mm>", "error", ("largest 4 mm",)),))
     return page("robot ${<1>", summary, robot, Card(Text("<i>body</i>"), {"size": "1 < 2 mm"}), sections)
 
@@ -83,16 +83,16 @@ def test_spreads_with_and_without_numbers():
 
 def test_a_column_without_any_text_is_left_out():
     columns = {"name": lambda row: row[0], "empty": lambda row: "–", "size": lambda row: row[1]}
-    assert tabulate([("a", "1"), ("b", "–")], columns) == Table(("name", "size"), [("a", "1"), ("b", "–")])
+    assert tabulate([("a", "1"), ("b", "–")], columns) == ReportTable(("name", "size"), [("a", "1"), ("b", "–")])
 
 
 def test_tables_scroll_in_a_box_of_their_own():
-    assert Table(("a",), [("1",)]).html().startswith('<div class="scroll"')
+    assert ReportTable(("a",), [("1",)]).html().startswith('<div class="scroll"')
 
 
 def test_a_table_wider_than_a_phone_says_that_it_goes_on(tmp_path):
-    wide, narrow = Table(("a long heading",) * 9, [("12345.678",) * 9]), Table(("a", "b"), [("1", "2")])
-    (tmp_path / "page.html").write_text(page("x", Summary("s"), None, None, [Section("t", "", (wide, narrow))]))
+    wide, narrow = ReportTable(("a long heading",) * 9, [("12345.678",) * 9]), ReportTable(("a", "b"), [("1", "2")])
+    (tmp_path / "page.html").write_text(page("x", Summary("s"), None, None, [ReportSection("t", "", (wide, narrow))]))
     with browser() as one:
         tab = opened(one, tmp_path / "page.html", waits=False, viewport={"width": 390, "height": 844})
         shown = "[...document.querySelectorAll('.hint')].map(hint => getComputedStyle(hint).display).join()"

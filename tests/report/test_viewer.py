@@ -7,7 +7,7 @@ import pytest
 from cfem.report.viewer import (
     BODY,
     HELD,
-    Line,
+    Polyline,
     Take,
     Viewer,
     camera_axes,
@@ -26,7 +26,7 @@ def make(errors=(0.1, 0.0, np.nan), name="curve"):
     points = FRAMES[:, 3]
     reached = points.copy()
     reached[np.isnan(errors)] = np.nan
-    line = Line("</script>$", "--c1", points[:, None])
+    line = Polyline("</script>$", "--c1", points[:, None])
     take = Take(name, FRAMES, (0, 1, 2), points, reached, errors, (line,))
     return Viewer("tracked", "the <body>", FACETS, np.array([BODY, BODY, BODY, HELD]), (take,))
 

@@ -51,17 +51,21 @@ def test_the_finger_is_symmetric_and_its_tip_is_carried(tmp_path):
     assert [cable.rest_length for cable in robot.actuators] == pytest.approx([110.6667] * 2)
 
 
+CABLE = "actuators.0.route=null\nactuators.0.points={{mm: [{}]}}"
 IMPOSSIBLE = {
     "point outside": (
-        "actuators.0.points={mm: [[15, 0, 4], [35, 40, 4]]}",
+        CABLE.format("[15, 0, 4], [35, 40, 4]"),
         "--set: actuators.0.points.1: point 1 of cable 'cable' at (35, 40, 4) mm lies outside",
     ),
     "nothing held": ("fixed.0.point={mm: [-50, 0, 0]}", "fixed.0: the plane selects no node"),
     "points coincide": (
-        "actuators.0.points={mm: [[15, 0, 4], [15, 0, 4]]}",
+        CABLE.format("[15, 0, 4], [15, 0, 4]"),
         "actuators.0: cable 'cable': point 0 and point 1 coincide",
     ),
-    "effector outside": ("effectors.0.point={mm: [300, 0, 0]}", "effectors.0: effector 'tip' at (300, 0, 0) mm"),
+    "effector outside": (
+        "effectors.0={name: tip, point: {mm: [300, 0, 0]}}",
+        "effectors.0: effector 'tip' at (300, 0, 0) mm",
+    ),
     "effector held": (
         "effectors.0={name: tip, point: {mm: [0, 0, 0]}, radius: 0 mm}",
         "--set: effectors.0: effector 'tip' lies where `fixed` holds the body",
@@ -75,14 +79,14 @@ IMPOSSIBLE = {
 
 @pytest.mark.parametrize("override, part", IMPOSSIBLE.values(), ids=IMPOSSIBLE.keys())
 def test_what_cannot_be_built_is_named_with_its_place(bar, override, part):
-    scene = load_spec(BAR, SceneSpec, [override])
+    scene = load_spec(BAR, SceneSpec, override.splitlines())
     with pytest.raises(SpecError, match=re.escape(part)):
         build_robot(scene, bar[1])
 
 
 def test_a_misplaced_point_is_named_with_file_and_line(bar, tmp_path):
     path = tmp_path / "scene.yaml"
-    path.write_text(BAR.read_text().replace("[55, 0, 4]", "[55, 40, 4]"))
+    path.write_text(BAR.read_text().replace("route: {side: z+}", "points: {mm: [[35, 0, 4], [55, 40, 4]]}"))
     line = next(number for number, text in enumerate(path.read_text().splitlines(), 1) if "[55, 40, 4]" in text)
     with pytest.raises(SpecError, match=rf"^{re.escape(str(path))}:{line}: actuators\.0\.points\.\d: point"):
         build_robot(load_spec(path, SceneSpec), bar[1])

@@ -4,7 +4,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -12,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from sample.synthetic import Factory
+from support.waiting import PATIENCE, wait_for
 from surrogate import synthetic as closed_form
 from surrogate.synthetic import POISSON, YOUNG
 
@@ -43,7 +43,7 @@ from cfem.sample.pool import worker_pool
 from cfem.sample.runner import sample
 if __name__ == "__main__":
     with worker_pool(2) as executor:
-        sample(SPEC, Factory(delay=0.02), Path(sys.argv[1]), executor)
+        sample(SPEC, Factory(delay=0.1), Path(sys.argv[1]), executor)
 """
 
 
@@ -96,7 +96,7 @@ def test_killed_or_interrupted_the_next_run_ends_with_the_same_content_and_no_wo
     workers = children(run.pid)
     assert len(workers) >= 2
     run.send_signal(how)
-    run.communicate(timeout=5)
+    run.communicate(timeout=PATIENCE)
     wait_for(lambda: not any(Path(f"/proc/{worker}").exists() for worker in workers))
     finished = list((tmp_path / "work").glob("shard-*.parquet"))
     assert run.returncode != 0 and len(finished) < 8
@@ -162,8 +162,22 @@ def children(pid: int) -> list[int]:
     return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
 
 
-def wait_for(condition, seconds=20.0):
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end, "waited in vain"
-        time.sleep(0.02)
+def test_a_set_that_grows_has_the_rows_of_one_that_was_made_at_once(tables, tmp_path):
+    """Also where one row comes to those that are there, and where none of the new ones converges."""
+    old = SPEC.model_copy(update={"splits": {"train": split(SPEC, "train", 30), "test": split(SPEC, "test", 19)}})
+    (tmp_path / "old").mkdir()
+    for name, table in in_process(tmp_path / "work", old).items():
+        write_table(tmp_path / "old" / f"{name}.parquet", table)
+    with ThreadPoolExecutor(1) as executor:
+        grown = sample(SPEC, Factory(), tmp_path / "more", executor, known=tmp_path / "old")
+        failing = sample(SPEC, Factory(fails_beyond=-1.0), tmp_path / "fails", executor, known=tmp_path / "old")
+    for name, table in tables.items():
+        assert grown[name]["id"].to_pylist() == table["id"].to_pylist()
+        for column in ("u", "delta_a", "W", "energy"):
+            now, at_once = (np.stack(each[column].to_pylist()) for each in (grown[name], table))
+            np.testing.assert_allclose(now, at_once, atol=0 if column == "u" else 1e-8)
+    assert failing["train"]["status"].to_pylist() == ["converged"] * 30 + ["step_too_small"] * 10
+
+
+def split(spec, name, rows):
+    return spec.splits[name].model_copy(update={"rows": rows})

@@ -9,7 +9,8 @@ from types import SimpleNamespace
 
 import pytest
 from sample.test_runner import SPEC, in_process
-from support.dask_processes import dask_processes, wait_for
+from support.dask_processes import dask_processes
+from support.waiting import PATIENCE, wait_for
 from typer.testing import CliRunner
 
 from cfem.cli.app import app
@@ -36,7 +37,7 @@ from cfem.sample.workers import Workers
 from cfem.sample.runner import sample
 folder, address = Path(sys.argv[1]), sys.argv[2]
 def work(options):
-    with_workers(Workers(scheduler=address), lambda executor: sample(SPEC, Factory(0.05), folder, executor))
+    with_workers(Workers(scheduler=address), lambda executor: sample(SPEC, Factory(0.1), folder, executor))
 run_command(work)
 """
 
@@ -84,7 +85,7 @@ def test_workers_need_no_file_of_the_machine_that_asks(dask, bar, tmp_path):
 def test_large_arguments_are_sent_without_a_warning(dask):
     with cluster.cluster(dask.address) as executor:
         large = bytes(30_000_000)
-        assert [executor.submit(len, large).result(timeout=30) for _ in range(2)] == [len(large)] * 2
+        assert [executor.submit(len, large).result(timeout=PATIENCE) for _ in range(2)] == [len(large)] * 2
 
 
 def child(folder, address):
@@ -100,7 +101,7 @@ def test_interrupted_it_withdraws_what_waits_and_goes_on(dask, tmp_path):
 
     run = child(tmp_path, dask.address)
     run.send_signal(signal.SIGINT)
-    _, said = run.communicate(timeout=10)
+    _, said = run.communicate(timeout=PATIENCE)
     assert (
         run.returncode == 130
         and said == "cfem: interrupted; finished stages, samples and goals are kept: run the same command again\n"
@@ -116,7 +117,7 @@ def test_a_scheduler_that_ends_is_said_and_what_is_finished_stays(tmp_path):
         processes.worker()
         run = child(tmp_path, processes.address)
         processes.kill(processes.scheduler)
-        _, said = run.communicate(timeout=20)
+        _, said = run.communicate(timeout=PATIENCE)
     assert run.returncode == 4 and len(said.splitlines()) == 1 and "scheduler" in said and "is gone" in said
     assert content_hash(in_process(tmp_path / "work")) == content_hash(in_process(tmp_path / "whole"))
 

@@ -15,6 +15,7 @@ from cfem.core.errors import GateError, OutputError, SpecError
 from cfem.core.stage import Options
 from cfem.dataset.inspect import describe
 from cfem.dataset.reader import read_dataset
+from cfem.dataset.schema import SKIN
 from cfem.equilibrium.actuation import displacement
 from cfem.equilibrium.newton import NewtonSettings
 from cfem.equilibrium.problem import Problem
@@ -25,7 +26,7 @@ from cfem.robot.load import load_scene_and_mesh
 from cfem.sample import runner
 from cfem.sample.parameters import with_values
 from cfem.sample.solver import FiniteElements
-from cfem.sample.stage import run
+from cfem.sample.stage import COARSE, run
 
 PIPELINE = Path(__file__).parents[2] / "pipelines" / "bar"
 QUIET = Options(quiet=True)
@@ -94,11 +95,50 @@ def test_unchanged_inputs_run_nothing_and_a_comment_is_no_change(spec):
         run(spec, [*SMALL, "tolerance=1e-9"], None, Options(check=True))
 
 
-def test_other_inputs_do_not_overwrite_what_was_dear(spec, samples):
+@pytest.mark.parametrize("change", ["splits.train.seed=7", "splits.train.rows=5", "space=displacement"])
+def test_other_inputs_do_not_overwrite_what_was_dear(spec, samples, change):
     before = read_manifest(samples)
     with pytest.raises(OutputError, match="other inputs"):
-        run(spec, [*SMALL, "splits.train.rows=7"], None, QUIET)
+        run(spec, [*SMALL, "splits.test.rows=4", change], None, QUIET)
     assert read_manifest(samples) == before
+
+
+def test_more_rows_of_a_sequence_are_added_to_those_that_are_there(spec, samples, tmp_path):
+    """The states are those of one run, to the tolerance of the solver. The modes of the skin stay those that are."""
+    more, out = [*SMALL, "splits.train.rows=9", "splits.test.rows=4"], tmp_path / "samples"
+    shutil.copytree(samples, out)
+    assert run(spec, more, out, QUIET, workers=1)["results"]["kept"] == 9
+    assert [path.name for path in tmp_path.glob("samples*")] == ["samples"]  # nothing was moved aside
+    assert (out / SKIN).read_bytes() == (samples / SKIN).read_bytes()
+    at_once = tmp_path / "at-once"
+    run(spec, more, at_once, QUIET, workers=1)
+    for split, kept in {"train": 6, "test": 3}.items():
+        before, now, whole = (read_dataset(place / f"{split}.parquet") for place in (samples, out, at_once))
+        assert before.id.tolist() == list(range(kept)) and now.id.tolist() == whole.id.tolist()
+        np.testing.assert_array_equal(now.u, whole.u)
+        for name in ("delta_a", "delta_e", "lambda_a", "energy", "W", "delta_free"):
+            np.testing.assert_array_equal(getattr(now, name)[:kept], getattr(before, name))
+            expected = getattr(whole, name)
+            np.testing.assert_allclose(getattr(now, name), expected, rtol=1e-7, atol=1e-9 * np.abs(expected).max())
+        np.testing.assert_array_equal(now.whole.W[:kept], before.whole.W)
+    assert run(spec, more, out, QUIET, workers=1)["status"] == "up to date"
+
+
+def test_the_full_run_keeps_the_states_of_a_quick_one_and_is_not_called_coarse(spec, samples, tmp_path):
+    coarse = tmp_path / "full-quick"
+    few = run(spec, SMALL, coarse, QUIET, workers=1, quick=True)
+    assert [finding["what"] for finding in few["results"]["judgement"]] == [COARSE]
+    assert few["content"] == read_manifest(samples)["content"]
+    full = run(spec, [*SMALL, "splits.train.rows=7"], tmp_path / "full", QUIET, workers=1)
+    assert full["results"]["kept"] == 9 and "judgement" not in full["results"]
+    assert read_manifest(coarse)["content"] == few["content"]
+
+
+def test_the_rows_of_a_grid_are_others_when_there_are_more(spec, tmp_path):
+    grid = [*SMALL, "splits.train.method=grid", "splits.train.rows=3", "skin=null"]
+    run(spec, grid, tmp_path, QUIET, workers=1)
+    with pytest.raises(OutputError, match="other inputs"):
+        run(spec, [*grid, "splits.train.rows=5"], tmp_path, QUIET, workers=1)
 
 
 def test_states_of_robots_that_differ_in_a_modulus_and_in_a_radius(spec, tmp_path):

@@ -5,9 +5,10 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from contextlib import contextmanager
 from pathlib import Path
+
+from support.waiting import wait_for
 
 TESTS = Path(__file__).parents[1]
 
@@ -34,7 +35,8 @@ class DaskProcesses:
 
     def _start(self, *words: str, **config: str) -> subprocess.Popen:
         environment = {name: value for name, value in os.environ.items() if not name.endswith("_NUM_THREADS")}
-        environment |= {"PYTHONPATH": str(TESTS), "DASK_TEMPORARY_DIRECTORY": str(self._folder), **config}
+        here = os.pathsep.join([str(TESTS), *filter(None, [environment.get("PYTHONPATH")])])
+        environment |= {"PYTHONPATH": here, "DASK_TEMPORARY_DIRECTORY": str(self._folder), **config}
         with open(self._folder / f"{len(self._all)}.log", "wb") as log:
             process = subprocess.Popen(
                 [sys.executable, "-m", "dask", *words], stdout=log, stderr=log, env=environment, start_new_session=True
@@ -60,10 +62,3 @@ def dask_processes(folder: Path, **config: str):
         yield processes
     finally:
         processes.end()
-
-
-def wait_for(condition, seconds=90.0):  # a process on a busy machine starts slowly
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end, "waited in vain"
-        time.sleep(0.02)

@@ -4,10 +4,10 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
-from cfem.dynamics.problem import MovingProblem
-from cfem.dynamics.scheme import Motion
-from cfem.dynamics.start import settled_memory
 from cfem.equilibrium.actuation import Actuation
+from cfem.fe_motion.problem import MovingProblem
+from cfem.fe_motion.scheme import Motion
+from cfem.fe_motion.start import settled_memory
 from cfem.mechanics.kinematics import Kinematics
 
 

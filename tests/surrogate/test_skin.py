@@ -18,11 +18,6 @@ from cfem.surrogate.verdict import headline
 
 
 @pytest.fixture(scope="module")
-def model(bar):
-    return cfem.load_model(bar / "models" / "bar" / "spectral")
-
-
-@pytest.fixture(scope="module")
 def states(bar):
     return {split: cfem.read_dataset(bar / "data" / "bar" / "samples", split) for split in ("train", "test")}
 

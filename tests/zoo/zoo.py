@@ -13,6 +13,7 @@ import time
 import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass
+from html import escape
 from pathlib import Path
 
 import meshio
@@ -276,7 +277,8 @@ def row(body: Body, result: dict | None) -> str:
     elif result["reached"] != result["goals"] and doubts:
         said += f"; {'; '.join(doubts)}"
     placed, gave = result.get("placed") or "-", " ".join(result["answers"]) or "none"
-    cells = (body.says, f"`{body.file}`", placed, f"{cpu_seconds(result):.0f} s", said.replace("|", "/"), f"`{gave}`")
+    placed, said = (escape(text.replace("|", "/"), quote=False) for text in (placed, said))  # Markdown may hold HTML
+    cells = (body.says, f"`{body.file}`", placed, f"{cpu_seconds(result):.0f} s", said, f"`{gave}`")
     return f"| {' | '.join(cells)} | {result['commit']} |"
 
 

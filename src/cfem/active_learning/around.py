@@ -15,6 +15,7 @@ import pyarrow as pa
 from cfem.active_learning.choose import choose, disagreement
 from cfem.active_learning.until_error import COMMITTEE, largest_error, model
 from cfem.condensed.parameters import references, sampled, shares
+from cfem.condensed.spread import spread
 from cfem.core.artefact.files import write_whole
 from cfem.core.console.progress import doing
 from cfem.core.console.shown import duration, length
@@ -45,7 +46,7 @@ def fill(folder: Path, spec: SampleSpec, factory: SolverFactory, workers: Worker
     full_model, number = model(known, TERMS), np.arange(len(known))
     parts = [model(known.take(number % COMMITTEE != fold), TERMS) for fold in range(COMMITTEE)]
     s, p, u = places(known, visited, full_model.form)
-    score, judges = disagreement(full_model, parts, s, p), spread(u, around.judges)
+    score, judges = disagreement(full_model, parts, s, p), spread(u, min(around.judges, len(u) // 2), 0)
     candidates = np.setdiff1d(np.arange(len(u)), judges)
     chosen = candidates[choose(u[candidates], score[candidates], around.add)]
     skin = (around.base / SKIN).read_bytes() if (around.base / SKIN).exists() else b""
@@ -113,16 +114,6 @@ def places(known: Dataset, delta_a: np.ndarray, form: str) -> tuple[np.ndarray, 
             "sampling around a task needs a model of form displacement", do="train with form: displacement"
         )
     return delta_a, np.tile(every, (n, 1)), u
-
-
-def spread(u: np.ndarray, count: int) -> np.ndarray:
-    """`count` (or half of all) indices into u (m, n), each the farthest from those before."""
-    chosen = [0]
-    apart = np.linalg.norm(u - u[0], axis=1)
-    while len(chosen) < min(count, len(u) // 2):
-        chosen.append(int(apart.argmax()))
-        apart = np.minimum(apart, np.linalg.norm(u - u[chosen[-1]], axis=1))
-    return np.array(chosen[: min(count, len(u) // 2)], dtype=int)
 
 
 def verdict(

@@ -10,10 +10,13 @@ from cfem.sample.spec import SampleSpec
 from cfem.sample.workers import Workers
 
 
-def fill(folder: Path, spec: SampleSpec, factory: SolverFactory, made_from: str, workers: Workers) -> dict[str, Any]:
-    """Writes one Parquet file a split into `folder`, as spec.around or spec.until ask; results for the manifest."""
+def fill(
+    folder: Path, spec: SampleSpec, factory: SolverFactory, made_from: str, workers: Workers, known: Path | None = None
+) -> dict[str, Any]:
+    """Writes one Parquet file a split into `folder`, as spec.around or spec.until ask; results for the manifest. known:
+    folder of a dataset of the plan's first rows, where there is one."""
     if spec.around is not None:
         return around.fill(folder, spec, factory, workers)
     if spec.until is not None:
         return until_error.fill(folder, spec, factory, made_from, workers)
-    return artefact.fill(folder, spec, factory, made_from, workers)
+    return artefact.fill(folder, spec, factory, made_from, workers, known)

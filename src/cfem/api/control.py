@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from cfem.control.search.goal_search import SearchResult
     from cfem.control.search.inverse import InverseStep, Limits
     from cfem.equilibrium.robot import Robot
+    from cfem.plant.gains import Gains
     from cfem.plant.protocol import Command
     from cfem.predict.protocol import Predictor
 
@@ -176,24 +177,22 @@ def make_controller(
     from cfem.control.closed_loop.controller import Controller
     from cfem.control.closed_loop.tick import Pilot
     from cfem.control.search.goal_search import SearchSettings
+
+    limits, n_e = _limits(model, unilateral, largest_force), model.rows.n_e
+    ridge = ridge_of(regularisation, model.reach, model.length)
+    search = SearchSettings.of(model.reach, iterations, step=np.inf)
+    pilot = Pilot(model, command, observer, limits, _weights(weights, n_e), ridge, search, rate)
+    first = None if start is None else vector("start", start, model.rows.n_a)
+    return Controller(pilot, model.rest_e, _feedback(gains, phase_margin), first, far_of(model.rows, model.length))
+
+
+def _feedback(gains: tuple[float, float] | None, phase_margin: float) -> "Gains":
+    """Gains (K_P, K_I) of the feedback, or the phase margin (degrees) that determines K_I. SpecError out of range."""
     from cfem.plant.gains import Gains
 
     if not 0 < phase_margin < 90:
         raise SpecError(f"{phase_margin:g} is not between 0 and 90", where="phase_margin")
-    n_e, n_a = model.rows.n_e, model.rows.n_a
-    pilot = Pilot(
-        model,
-        command,
-        observer,
-        _limits(model, unilateral, largest_force),
-        _weights(weights, n_e),
-        ridge_of(regularisation, model.reach, model.length),
-        SearchSettings.of(model.reach, iterations, step=np.inf),
-        rate,
-    )
-    first = None if start is None else vector("start", start, n_a)
-    feedback = Gains(phase_margin=np.deg2rad(phase_margin)) if gains is None else Gains(*gains)
-    return Controller(pilot, model.rest_e, feedback, first, far_of(model.rows, model.length))
+    return Gains(phase_margin=np.deg2rad(phase_margin)) if gains is None else Gains(*gains)
 
 
 def _weights(weights: ArrayLike | None, n_e: int) -> np.ndarray:
@@ -211,6 +210,7 @@ def _weights(weights: ArrayLike | None, n_e: int) -> np.ndarray:
 
 
 def _limits(model: "Predictor | Robot", unilateral: bool, largest_force: float) -> "Limits":
+    """Bounds of displacements and forces of the actuators; a robot says itself which of them only pull."""
     from cfem.control.search.inverse import Limits
 
     signs = np.asarray(getattr(model, "unilateral", np.full(model.rows.n_a, unilateral)))

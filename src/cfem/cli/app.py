@@ -7,11 +7,11 @@ from typing import Annotated
 import typer
 
 from cfem.cli.help import App, Commands
+from cfem.cli.init_command import add_init
 from cfem.cli.look import add_looks
 from cfem.cli.options import Check, Force, Json, MoveAside, Quiet, Strict, Workers
 from cfem.cli.run import run_command
 from cfem.cli.stages import add_stages
-from cfem.core.errors import SpecError
 from cfem.core.version import VERSION
 
 app = App(
@@ -38,6 +38,14 @@ def run_pipeline(
         typer.Option("--set", metavar="SPEC.KEY=VALUE", help="Replace a value of a YAML file, as in train.samples=20."),
     ] = None,
     workers: Workers = None,
+    quick: Annotated[
+        bool,
+        typer.Option(
+            "--quick",
+            help="A coarse answer first, from few states and goals, in folders that end in -quick. The full run goes "
+            "on from its states.",
+        ),
+    ] = False,
     force: MoveAside = False,
     check: Check = False,
     strict: Strict = False,
@@ -47,7 +55,8 @@ def run_pipeline(
     """Run the stages of a folder that are not up to date, in order, and say why each of them runs."""
 
     def work(options):
-        return import_module("cfem.pipeline.run").run(places, set_ or [], options, until, only, workers=workers)
+        how = {"workers": workers, "quick": quick}
+        return import_module("cfem.pipeline.run").run(places, set_ or [], options, until, only, **how)
 
     run_command(work, force, check, json, quiet, strict, "run")
 
@@ -73,100 +82,7 @@ def demo(
     run_command(work, force, as_json=json, quiet=quiet, label="demo")
 
 
-@app.command()
-def init(
-    name: Annotated[str, typer.Argument(help="Name of the new robot: small letters, digits and hyphens.")],
-    source: Annotated[
-        Path | None,
-        typer.Option(
-            "--from",
-            help="File with its shape: .step .brep, a surface (.stl .obj .3mf), or a mesh (.vtu .vtk .msh .inp).",
-        ),
-    ] = None,
-    robot: Annotated[str | None, typer.Option(help="Copy a robot that comes with cfem, instead of --from.")] = None,
-    unit: Annotated[
-        str | None, typer.Option(help="Unit of the numbers in a file that states none: 'mm', 'm', '25.4 mm'.")
-    ] = None,
-    cells: Annotated[str | None, typer.Option(help="About how many tetrahedra to make.")] = None,
-    fixed: Annotated[
-        str | None,
-        typer.Option(
-            help="What is held: 'z <= 5 mm', bottom, top, left, right, front, back, or a set of the mesh; several "
-            "with | between them."
-        ),
-    ] = None,
-    young: Annotated[str | None, typer.Option(help="Young's modulus: '500 kPa'.")] = None,
-    poisson: Annotated[str | None, typer.Option(help="Poisson's ratio, at most 0.4999.")] = None,
-    cable: Annotated[
-        list[str] | None,
-        typer.Option(help="A cable: 'NAME: pull point; point; ...', each point 'x, y, z' in mm. Repeatable."),
-    ] = None,
-    cables: Annotated[
-        str | None, typer.Option(help="How many cables to place: in channels, or along the body at equal angles.")
-    ] = None,
-    through_air: Annotated[
-        str | None, typer.Option(help="Whether cables may cross the air between parts of the body: yes, no, auto.")
-    ] = None,
-    chamber: Annotated[
-        list[str] | None,
-        typer.Option(help="A chamber: 'NAME: x, y, z' inside it in mm, or 'NAME: FILE' of its surface. Repeatable."),
-    ] = None,
-    chambers: Annotated[str | None, typer.Option(help="Which closed inner surfaces are inflated: all or none.")] = None,
-    reach: Annotated[str | None, typer.Option(help="Largest shortening of each cable: '10 mm'.")] = None,
-    growth: Annotated[str | None, typer.Option(help="Largest growth of each chamber: '2 ml'.")] = None,
-    remesh: Annotated[
-        str | None, typer.Option(help="Whether to mesh the inside of a mesh file anew: yes or no.")
-    ] = None,
-    body: Annotated[
-        str | None, typer.Option(help="Which of several bodies in a file of surfaces, the largest first: 1, 2, ...")
-    ] = None,
-    effector: Annotated[str | None, typer.Option(help="The watched point: 'x, y, z' in mm.")] = None,
-    also: Annotated[
-        str | None, typer.Option(help="What else to ask for: push, gravity, region, rigid, contact, symmetry, or none.")
-    ] = None,
-    push: Annotated[
-        list[str] | None,
-        typer.Option(help="A force that pushes: 'NAME: x, y, z; dx, dy, dz', place in mm and direction. Repeatable."),
-    ] = None,
-    travel: Annotated[str | None, typer.Option(help="Largest way of the points that are pushed: '10 mm'.")] = None,
-    gravity: Annotated[str | None, typer.Option(help="Which way is down: -z, or 'x, y, z' in m/s^2.")] = None,
-    density: Annotated[str | None, typer.Option(help="Density, under gravity: '1070 kg/m^3'.")] = None,
-    region: Annotated[
-        list[str] | None,
-        typer.Option(help="Another material: 'z >= 5 mm: 2 MPa, 0.45', or a set of the mesh for z. Repeatable."),
-    ] = None,
-    rigid: Annotated[list[str] | None, typer.Option(help="A rigid part: 'z >= 5 mm'. Repeatable.")] = None,
-    contact: Annotated[
-        list[str] | None, typer.Option(help="A point that something may touch: 'NAME: x, y, z' in mm. Repeatable.")
-    ] = None,
-    symmetry: Annotated[
-        str | None, typer.Option(help="Axis across which the body is its own mirror image: x, y or z (.step, .brep).")
-    ] = None,
-    folder: Annotated[Path, typer.Option(help="Folder of all robots.")] = Path("pipelines"),
-    force: Annotated[bool, typer.Option("--force", help="Replace the files of a scene that is there.")] = False,
-    json: Json = False,
-    quiet: Quiet = False,
-) -> None:
-    """Make the YAML files of a new robot from a STEP, STL or mesh file, or copy those of a robot that comes with cfem.
-    Asks for what no option states."""
-
-    def work(options):
-        from cfem.cli.init import init_robot, init_scene
-
-        given = {"unit": unit, "cells": cells, "fixed": fixed, "young": young, "poisson": poisson}
-        given |= {"cables": cables, "through-air": through_air, "chambers": chambers, "remesh": remesh}
-        given |= {"reach": reach, "growth": growth, "effector": effector, "body": body}
-        given |= {"also": also, "travel": travel, "gravity": gravity, "density": density, "symmetry": symmetry}
-        several = {"push": push, "region": region, "rigid": rigid, "contact": contact}
-        given |= {flag: " | ".join(said) if said else None for flag, said in several.items()}
-        if (source is None) == (robot is None):
-            raise SpecError("give --from FILE or --robot NAME, one of the two", where="init")
-        if robot is not None:
-            stated = [flag for flag, value in (given | {"cable": cable, "chamber": chamber}).items() if value]
-            return init_robot(name, robot, folder, stated, options.force, json)
-        return init_scene(name, source, folder, given, cable or [], chamber or [], options.force, quiet, json)
-
-    run_command(work, force=force, as_json=json, quiet=quiet)
+add_init(app)
 
 
 @app.command()
@@ -190,6 +106,7 @@ def material(
     """List elastomers by name, show one, or fit a law of rubber to a tensile test of your own."""
 
     def work(options):
+        """Runs the action."""
         from cfem.cli.material import run_material
 
         how = {

@@ -39,14 +39,15 @@ class Commands(TyperGroup):
 
 
 class App(typer.Typer):
-    """Whose commands show their arguments as `Command` does."""
+    """Program whose commands show their help as `StageCommand` does."""
 
     def command(self, name: str | None = None, **options: Any) -> Any:
-        return super().command(name, cls=Command, **options)
+        return super().command(name, cls=StageCommand, **options)
 
 
-class Command(TyperCommand):
-    """`cfem mesh SPEC`, `--out PATH`, `--count N` in place of `{spec}`, `<path>` and `<int range>`."""
+class StageCommand(TyperCommand):
+    """Command whose help says `cfem mesh SPEC`, `--out PATH`, `--count N` in place of `{spec}`, `<path>` and
+    `<int range>`."""
 
     def collect_usage_pieces(self, ctx: typer.Context) -> list[str]:
         return [piece.strip("{}").replace("}", "").upper() for piece in super().collect_usage_pieces(ctx)]

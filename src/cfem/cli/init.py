@@ -41,7 +41,7 @@ def init_scene(
     flags = [flag for flag, text in given.items() if text is not None]
     typed: dict[str, str] = {}
     guessed: set[str] = set()
-    show = None if quiet else Show(_guessing(given, guessed), lambda *found: _show(*found) if guessed else None)
+    show = None if quiet else Show(_guessing(given, guessed), lambda *scene: _show(*scene) if guessed else None)
     try:
         stated = Stated(cables, chambers, flags)
         made = create(name, source, folder, _asking(given, quiet, typed), stated, force, show)
@@ -63,14 +63,18 @@ def _words(
     name: str,
     source: Path,
     folder: Path,
-    said: Mapping[str, str | None],
+    answers: Mapping[str, str | None],
     cables: Sequence[str],
     chambers: Sequence[str],
     force: bool,
 ) -> str:
-    """The command line that says all of it."""
+    """Command line that repeats all answers."""
     words = ["cfem", "init", name, "--from", str(source), "--folder", str(folder)]
-    for flag, text in (*said.items(), *(("cable", text) for text in cables), *(("chamber", text) for text in chambers)):
+    for flag, text in (
+        *answers.items(),
+        *(("cable", text) for text in cables),
+        *(("chamber", text) for text in chambers),
+    ):
         if text is not None:
             words += [f"--{flag}={text}"] if text.startswith("-") else [f"--{flag}", text]
     return shlex.join([*words, *(["--force"] if force else [])])

@@ -127,13 +127,13 @@ def _stage(app: typer.Typer, name: str, run: Callable[..., Any], alias: str = ""
     word for the command, not listed, under which it is registered if given."""
     summary, files, example = _HELP[name]
 
-    def command(set_, out, force, check, strict, json, quiet, **own) -> None:
-        work = partial(run, **own, set_=set_ or [], out=out)
+    def command(set_, out, force, check, strict, json, quiet, **specific) -> None:
+        work = partial(run, **specific, set_=set_ or [], out=out)
         run_command(lambda options: work(options=options), force, check, json, quiet, strict, name)
 
     given = ("set_", "out", "options")
-    own = [option for name, option in signature(run).parameters.items() if name not in given]
-    options = [*own, *signature(_every_stage).parameters.values()]
+    specific = [option for name, option in signature(run).parameters.items() if name not in given]
+    options = [*specific, *signature(_every_stage).parameters.values()]
     command.__signature__ = Signature([option.replace(kind=Parameter.KEYWORD_ONLY) for option in options])
     command.__annotations__ = {option.name: option.annotation for option in options}
     example = f" Example: cfem {name} pipelines/{example}" if example else ""

@@ -1,5 +1,6 @@
 """The value that everything after mechanics works on: compliance and free displacement in constraint space."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -24,6 +25,12 @@ class Condensed:
     W: np.ndarray
     delta_free: np.ndarray
     lam: np.ndarray
+
+    @classmethod
+    def batch(cls, states: "Sequence[Condensed]") -> "Condensed":
+        """One or more states of one robot together, along a new first axis."""
+        arrays = ([getattr(state, name) for state in states] for name in ("W", "delta_free", "lam"))
+        return Condensed(states[0].rows, *map(np.array, arrays))
 
     @cached_property
     def delta(self) -> np.ndarray:
@@ -57,6 +64,11 @@ class Condensed:
     def W_aa(self) -> np.ndarray:
         return self.W[..., self.rows.a, self.rows.a]
 
+    @property
+    def locked_compliance(self) -> np.ndarray:
+        """(..., n_e, n_e) mm/N of the effectors, actuators held where they are: W_ee - W_ea W_aa^-1 W_ae."""
+        return locked_compliance(self.rows, self.W)
+
     @cached_property
     def effector_jacobian(self) -> np.ndarray:
         """(..., n_e, n_a + n_c) d delta_e / d delta_act = W_e,act W_act,act^-1 (design identity 2)."""
@@ -70,3 +82,9 @@ class Condensed:
         delta_free = self.delta_free.copy()
         delta_free[self.rows.e] -= goal
         return replace(self, delta_free=delta_free)
+
+
+def locked_compliance(rows: Rows, W: np.ndarray) -> np.ndarray:
+    """(..., n_e, n_e) mm/N of the effectors where the actuators are held, from W (..., n, n)."""
+    e, a = rows.e, rows.a
+    return W[..., e, e] - W[..., e, a] @ np.linalg.solve(W[..., a, a], W[..., a, e])

@@ -23,7 +23,8 @@ import numpy as np
 from cfem.condensed import Condensed, Rows
 from cfem.condensed.contact_pose import from_energy
 from cfem.condensed.model import KnowsDomain, KnowsSlopes, Model
-from cfem.condensed.pose import COORDINATES, RotationDerivatives, turn
+from cfem.condensed.pose import COORDINATES
+from cfem.condensed.rotation import RotationDerivatives, turn
 from cfem.core.errors import NumericalError
 
 TOLERANCE = 1e-9  # of the object's balance, relative to the largest wrench on it
@@ -133,6 +134,7 @@ class Coupled:
         first = holds[0].model
         self._alike = isinstance(first, KnowsSlopes) and all(hold.model is first for hold in holds)
         self._last: HeldObject | None = None
+        self._slope = np.zeros((held.n, n_a))  # of the pose by the actuators, there
 
     def at_displacement(self, delta_a: np.ndarray) -> HeldObject:
         """NumericalError where the object finds no stable rest, or a robot no state."""

@@ -1,7 +1,8 @@
 """What answers for a robot: a model gives the condensed robot where its actuators stand, and is searched for where they
 stand under given forces."""
 
-from typing import Protocol, runtime_checkable
+from collections.abc import Callable
+from typing import Literal, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -9,7 +10,10 @@ from cfem.condensed.condensed import Condensed
 from cfem.core.errors import NumericalError
 
 EXACT, NEAR = 1e-11, 1e-5  # shares of the displacements: where Newton stops, and what rounding may leave
-ITERATIONS, HALVINGS = 40, 12
+ITERATIONS, HALVINGS = 60, 12
+
+Form = Literal["displacement", "force"]  # what a model is a function of: delta_a, or lambda_a
+Evaluate = Callable[[np.ndarray], Condensed]  # the state at inputs (n_a,) of the form
 
 
 class Model(Protocol):
@@ -64,30 +68,40 @@ def under_force(model: Model, lambda_a: np.ndarray, near: Condensed) -> Condense
     """The model under lambda_a (n_a,) N or MPa, searched from the state `near`. NumericalError where it has none."""
     if getattr(model, "form", "displacement") == "force":
         return model.at_force(lambda_a)
-    state, scale = near, np.full(len(lambda_a), np.finfo(float).tiny)  # scale: of each actuator on the way, in its unit
+    return with_dual(model.at_displacement, "displacement", lambda_a, near)
+
+
+def with_dual(evaluate: Evaluate, form: Form, wanted: np.ndarray, near: Condensed) -> Condensed:
+    """State whose forces are `wanted` (n_a,), or whose displacements are where `form` is 'force'; searched from `near`.
+
+    evaluate: gives the state at inputs of the form. The search is Newton's method, as d delta_a / d lambda_a = W_aa
+    (Legendre's transform of the condensed energy); a step that brings the state no nearer is halved. NumericalError
+    where there is no such state."""
+    by_force, state = form == "force", near
+    scale = np.full(len(wanted), np.finfo(float).tiny)  # of each actuator on the way, in its unit
     for _ in range(ITERATIONS):
-        residual = lambda_a - state.lambda_a
-        delta = state.delta_a
-        step = state.W_aa @ residual
-        strong = np.maximum(np.abs(state.lambda_a), np.abs(lambda_a))
-        scale = np.maximum(scale, np.maximum(np.abs(delta), np.abs(state.W_aa) @ strong))
+        inputs, dual = (state.lambda_a, state.delta_a) if by_force else (state.delta_a, state.lambda_a)
+        slope, residual = np.linalg.inv(state.W_aa) if by_force else state.W_aa, wanted - dual
+        step = slope @ residual
+        strong = np.maximum(np.abs(dual), np.abs(wanted))
+        scale = np.maximum(scale, np.maximum(np.abs(inputs), np.abs(slope) @ strong))
         size = float((np.abs(step) / scale).max())
         if size <= EXACT:
             return state
-        trial = None
+        nearer = None
         for share in 0.5 ** np.arange(HALVINGS):
             try:
-                trial = model.at_displacement(delta + share * step)
+                trial = evaluate(inputs + share * step)
             except NumericalError:  # beyond what the model knows: a shorter step may be within it
-                trial = None
                 continue
-            if np.linalg.norm(lambda_a - trial.lambda_a) < np.linalg.norm(residual):
+            if np.linalg.norm(wanted - (trial.delta_a if by_force else trial.lambda_a)) < np.linalg.norm(residual):
+                nearer = trial
                 break
-        else:
-            if size <= NEAR:
-                return state
-            trial = None
-        if trial is None:
+        if nearer is None:
             break
-        state = trial
-    raise NumericalError(f"the model has no state under the forces {np.asarray(lambda_a).tolist()} N")
+        state = nearer
+    if size <= NEAR:
+        return state
+    what = f"at the displacements {wanted.tolist()} mm" if by_force else f"under the forces {wanted.tolist()} N"
+    left = f"{np.abs(residual).max():.2g} {'mm' if by_force else 'N'} are left"
+    raise NumericalError(f"the model has no state {what}: {left}", do="ask nearer to the states of its training")

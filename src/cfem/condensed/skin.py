@@ -18,7 +18,6 @@ from cfem.core.errors import InputError
 from cfem.core.reading import read_npz, take
 
 PREFIX = "skin"
-UNITS = ("mm", "N")  # of every row and of its multiplier
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from cfem.condensed.rotation import cross_matrix, inverse_left_jacobian
 from cfem.constraint.attachment import Attachment, attach, locate, show
 from cfem.constraint.carrier import Carrier, make_carrier
 from cfem.constraint.protocol import Watched
@@ -54,7 +55,7 @@ class CarriedEffector:
     def gradient(self, x: np.ndarray) -> np.ndarray:
         rotation, stretch = self.carrier.rotation(x)
         # R (omega x lever) = -R [lever] omega
-        turned = np.tensordot(-rotation @ _cross(self.lever), self.carrier.spin(rotation, stretch), axes=1)
+        turned = np.tensordot(-rotation @ cross_matrix(self.lever), self.carrier.spin(rotation, stretch), axes=1)
         return turned + np.einsum("ij,k->ikj", np.eye(3), self.carrier.weights)
 
 
@@ -132,18 +133,6 @@ def make_effector(
     return parts[0] if len(parts) == 1 else _combined(parts, matrix)
 
 
-def inverse_left_jacobian(phi: np.ndarray) -> np.ndarray:
-    """(3, 3) J_l^-1: d phi = J_l^-1 omega where dR = [omega] R and R = exp [phi], |phi| = t < 2 pi (Sola, Deray and
-    Atchuthan, A micro Lie theory, arXiv 1812.01537, 2018, eq. 146):
-
-        J_l^-1 = 1 - [phi] / 2 + (1 - (t / 2) cot(t / 2)) / t^2 [phi]^2"""
-    t = float(np.linalg.norm(phi))
-    # up to 0.03 the series' next term, t^6 / 1209600, is under the rounding of the closed form
-    factor = 1 / 12 + t**2 / 720 + t**4 / 30240 if t < 0.03 else (1 - t / 2 / np.tan(t / 2)) / t**2
-    spin = _cross(phi)
-    return np.eye(3) - spin / 2 + factor * spin @ spin
-
-
 def _position(
     mesh: Mesh, point: np.ndarray, radius: float, carrier_radius: float, label: str, cells: np.ndarray | None
 ) -> PointEffector | CarriedEffector:
@@ -156,8 +145,3 @@ def _position(
 
 def _combined(parts: Sequence[Watched], matrix: np.ndarray) -> CombinedEffector:
     return CombinedEffector(tuple(parts), matrix, np.unique(np.concatenate([part.nodes for part in parts])))
-
-
-def _cross(v: np.ndarray) -> np.ndarray:
-    """[v] (3, 3), such that [v] u = v x u."""
-    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])

@@ -92,8 +92,8 @@ def smooth_sides(X: np.ndarray, facets: np.ndarray) -> np.ndarray:
     facet, key, twin = np.repeat(np.arange(len(facets)), k), start * len(X) + end, end * len(X) + start
     order = np.argsort(key)
     place = np.minimum(np.searchsorted(key[order], twin), len(key) - 1)
-    found = key[order][place] == twin
-    first, second = facet[found], facet[order][place[found]]
+    paired = key[order][place] == twin
+    first, second = facet[paired], facet[order][place[paired]]
     flat = (normal[first] * normal[second]).sum(axis=1) > np.cos(SHARP)
     graph = csr_array((np.ones(flat.sum()), (first[flat], second[flat])), shape=(len(facets), len(facets)))
     return connected_components(graph, directed=False)[1]

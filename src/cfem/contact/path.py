@@ -17,7 +17,7 @@ from cfem.contact.newton import by_friction, newton, normal_forces, projected, s
 
 STEPS = 20000  # systems
 CORRECTIONS = 8  # of Newton's method back to the curve
-LONGEST, FIRST, SHORTEST = 1.0, 0.1, 1e-7  # steps, in units of the largest force without friction
+LONGEST, FIRST, SHORTEST = 1.0, 0.1, 1e-7  # steps, in units of the largest force; the longest times a friction above 1
 ACROSS, ONWARDS = 1e-5, 1e-4  # beyond a corner: where the derivatives of the next piece are asked, and first step on it
 FARTHEST = 1.2  # of a step: how far the curve may be from where it began, so that no other branch is taken for it
 CLOSE = 1e-10
@@ -55,7 +55,7 @@ def along_friction(W: np.ndarray, free: np.ndarray, mu: float) -> tuple[np.ndarr
                 break
             step /= 4
             continue
-        z, step = candidate, min(1.5 * step, LONGEST)
+        z, step = candidate, min(1.5 * step, LONGEST * max(1.0, candidate[-1]))
         tangent = curve.tangent(z, tangent)
         if tangent is None or z[-1] < 0:
             break
@@ -107,7 +107,7 @@ class _Curve:
         for _ in range(CORRECTIONS):
             F, J = self._at(point)
             residual = np.append(F, tangent @ (point - z) - step)
-            if np.abs(residual).max() < CLOSE:
+            if np.abs(F).max() < CLOSE and abs(residual[-1]) < CLOSE * max(1.0, step):
                 return point
             self.systems += 1
             try:

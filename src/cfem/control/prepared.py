@@ -10,12 +10,12 @@ import numpy as np
 from cfem.control.closed_loop.run_spec import ClosedLoopSpec
 from cfem.control.design import designed
 from cfem.control.goals.from_spec import demand_near, goals_of
-from cfem.control.holding.assembly import assembled, touching
+from cfem.control.holding.assembly import assembled, gripped
 from cfem.control.holding.spec import HoldingSpec
 from cfem.control.loads import carrying
 from cfem.control.obstacles.meeting import with_obstacles
 from cfem.control.obstacles.spec import ObstaclesSpec
-from cfem.control.obstacles.world import World
+from cfem.control.obstacles.world import ObstacleWorld
 from cfem.control.run_spec import FamilySpec, LoadedSpec, RunSpec, TrackingSpec
 from cfem.core.actuator_units import demand_units
 from cfem.core.errors import InputError
@@ -38,8 +38,8 @@ class Prepared:
     """Run that is ready to begin.
 
     robot: what control asks of it, with its object where it has one
-    fem: the FE model that plans and grades, None where the plant is none
-    touched: the plant of contact
+    fem: the FE model that plans by FE matrices, which grades too where there is no contact; None without one
+    touched: the plant of contact, None without any
     world: what plans know of contact beside the effectors
     goals: (m, n_e) mm absolute by trajectory
     load_error: mm that the models miss under the loads, None without loads"""
@@ -51,7 +51,7 @@ class Prepared:
     plant: Plant
     fem: Any
     touched: Any
-    world: World | None
+    world: ObstacleWorld | None
     goals: Mapping[str, np.ndarray]
     load_error: float | None
 
@@ -77,9 +77,8 @@ def prepare(
     if isinstance(spec, HoldingSpec):
         alone, error = robot, None
         robot, predictors, fem = assembled(spec, alone, predictors, models)
-        if spec.object.law != "bilateral":
-            world, predictors, touched = touching(spec, alone, predictors)
-        plant = touched or fem
+        world, predictors, touched = gripped(spec, alone, predictors)
+        plant = touched
     else:
         demand_same_rows(robot, predictors, models)
         robot, predictors = carrying(spec, base, robot, predictors, models)

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from cfem.control.closed_loop.run_spec import ClosedLoopSpec
-from cfem.control.crawling.run_spec import CrawlingSpec
+from cfem.control.crawling.spec import CrawlingSpec
 from cfem.control.goals.from_spec import demand_fits
 from cfem.control.holding.spec import HoldingSpec
 from cfem.control.obstacles.spec import ObstaclesSpec

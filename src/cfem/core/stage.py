@@ -123,9 +123,10 @@ def run_stage(stage: Stage, work: Callable[[Path], Mapping[str, Any]], options: 
         recover_folder(stage.out)
         if not options.force and is_current(stage, made_from):
             return {**read_manifest(stage.out), "status": "up to date"}
-        demand_replaceable(stage.out, stage.name, made_from, stage.precious, options.force)
+        kept = stage.extended() and not options.force
+        demand_replaceable(stage.out, stage.name, made_from, stage.precious, options.force or kept)
         with labelled(stage.name):
-            return _work(stage, origin, work)
+            return _work(stage, origin, work, kept)
 
 
 def _demand_inputs_current(stage: Stage, check: bool) -> None:
@@ -140,8 +141,11 @@ def _demand_inputs_current(stage: Stage, check: bool) -> None:
         raise
 
 
-def _work(stage: Stage, origin: dict[str, Any], work: Callable[[Path], Mapping[str, Any]]) -> dict[str, Any]:
-    """Manifest of a stage after its work, whose output has taken its place."""
+def _work(
+    stage: Stage, origin: dict[str, Any], work: Callable[[Path], Mapping[str, Any]], kept: bool
+) -> dict[str, Any]:
+    """Manifest of a stage after its work, whose output has taken its place. kept: whether the output holds all that was
+    there."""
     made_from = content_sha256(origin)
     partial = begin(stage.out, made_from, stage.precious)
     start = time.perf_counter()
@@ -165,7 +169,7 @@ def _work(stage: Stage, origin: dict[str, Any], work: Callable[[Path], Mapping[s
         "seconds": time.perf_counter() - start,
     }
     write_manifest(partial, manifest)
-    replace_folder(partial, stage.out, set_aside(stage.out, stage.precious))
+    replace_folder(partial, stage.out, set_aside(stage.out, stage.precious, kept))
     finish(stage.out)
     return {**manifest, "status": "done"}
 

@@ -226,7 +226,7 @@ class _Shape:
         full = np.zeros((len(y), self.rows.n, self.rows.n))
         full[:, self.i, self.j] = W
         full[:, self.j, self.i] = W
-        return States(self.rows, p, full, free, lam, rest, dict(zip(self.names, numbers.T, strict=True)))
+        return States(self.rows, full, free, lam, p, rest, dict(zip(self.names, numbers.T, strict=True)))
 
     def outputs(self, y: np.ndarray) -> Outputs:
         W, free, lam, rest, numbers = np.split(y, self.ends)

@@ -42,7 +42,19 @@
     });
   }
 
-  const bars = rows => `<div class="bars">${rows.map(([name, share, said]) => `<span>${name}</span><span class="bar"><i style="width:${(100 * Math.min(Math.max(share, 0), 1)).toFixed(1)}%"></i></span><span>${said}</span>`).join("")}</div>`;
+  // Names are what users wrote: they become text, never HTML.
+  const tag = (name, content = "", className = "") => {
+    const one = document.createElement(name);
+    one.className = className;
+    one.append(...[content].flat());
+    return one;
+  };
+  const bar = share => {
+    const filled = tag("i");
+    filled.style.width = `${(100 * Math.min(Math.max(share, 0), 1)).toFixed(1)}%`;
+    return tag("span", filled, "bar");
+  };
+  const bars = rows => tag("div", rows.flatMap(([name, share, said]) => [tag("span", name), bar(share), tag("span", said)]), "bars");
 
   function choose(i) {
     chosen = (i + count) % count;
@@ -51,21 +63,25 @@
     plot();
     const rows = data.parameters.map((one, k) => [one.name, data.shares[chosen][k], `${short(data.designs[chosen][k])} ${one.unit}`]);
     const found = names.map((name, k) => `${name} ${short(data.values[chosen][k])}`).join(", ");
-    document.getElementById("design").innerHTML = `<h2>Design ${chosen + 1}</h2><p>${found}</p>${bars(rows)}`;
+    document.getElementById("design").replaceChildren(tag("h2", `Design ${chosen + 1}`), tag("p", found), bars(rows));
   }
 
   const picker = document.getElementById("axes");
   if (names.length > 2) {
     ["across", "up"].forEach((label, d) => {
-      const select = document.createElement("select"), tag = document.createElement("label");
+      const select = document.createElement("select");
       names.forEach((name, k) => select.add(new Option(name, k, false, k === axes[d])));
       select.onchange = () => { axes[d] = Number(select.value); plot(); };
-      tag.append(label + " ", select);
-      picker.append(tag);
+      picker.append(tag("label", [label + " ", select]));
     });
   }
   const matters = Object.entries(data.matters);
-  document.getElementById("matters").innerHTML = matters.length ? "<h2>Which parameter matters</h2><p>Share of the variance over all designs.</p>" + matters.map(([name, shares]) => `<h3>${name}</h3>` + bars(Object.entries(shares).sort((a, b) => b[1] - a[1]).filter(one => one[1] > 0.005).map(([key, share]) => [key, share, `${(100 * share).toFixed(0)} %`]))).join("") : "";
+  const largest = shares => Object.entries(shares).sort((a, b) => b[1] - a[1]).filter(one => one[1] > 0.005).map(([key, share]) => [key, share, `${(100 * share).toFixed(0)} %`]);
+  if (matters.length)
+    document.getElementById("matters").replaceChildren(
+      tag("h2", "Which parameter matters"), tag("p", "Share of the variance over all designs."),
+      ...matters.flatMap(([name, shares]) => [tag("h3", name), bars(largest(shares))]),
+    );
   addEventListener("keydown", event => { if (event.target.tagName !== "SELECT" && event.target.tagName !== "INPUT") { if (event.key === "ArrowRight") choose(chosen + 1); if (event.key === "ArrowLeft") choose(chosen - 1); } });
   choose(0);
 })();

@@ -5,17 +5,14 @@
 0 <= z <= 1, actuators within their reach; C_ee f is what a force f on the effectors (N, held against) moves them by, to
 first order, the actuators locked. One bounded least-squares problem in all unknowns, not a search within a search."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from scipy.optimize import least_squares
-from scipy.stats import qmc
 
 from cfem.condensed.parameters import Parameter, from_shares
-from cfem.core.errors import NumericalError
 from cfem.parametric.family import Family
+from cfem.parametric.least_squares import FitSettings, best_of, fit, spread_starts
 from cfem.parametric.states import States
 
 
@@ -78,7 +75,7 @@ def serve(family: Family, task: Task, free: Sequence[int], p0: np.ndarray, start
         apart = task.reached(states(batch)).reshape(len(batch), k, -1) - task.goals
         return apart * task.weights
 
-    def both(v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def both(v: np.ndarray, with_jacobian: bool) -> tuple[np.ndarray, np.ndarray]:
         """Residuals (k n_e,), and derivatives: a design moves all goals' states, an actuator its own goal's only."""
         # what an actuator does is asked for all goals at once
         directions = np.zeros((n + n_a, len(v)))
@@ -93,43 +90,16 @@ def serve(family: Family, task: Task, free: Sequence[int], p0: np.ndarray, start
             J[i, :, n + i * n_a : n + (i + 1) * n_a] = slopes[i, :, n:]
         return values[0].ravel(), J.reshape(-1, len(v))
 
-    best = _least_squares(both, _starts(n, k, n_a, starts))
-    states_of_best = states(best.x[None])
+    search = FitSettings(margin=0.0, ftol=1e-8)
+    best = best_of([fit(both, start, search) for start in _starts(n, k, n_a, starts)], "the co-design")
+    states_of_best = states(best.u[None])
     distance = np.linalg.norm((task.reached(states_of_best) - task.goals)[:, matter], axis=1)
-    u = low + best.x[n:].reshape(k, n_a) * (high - low)
+    u = low + best.u[n:].reshape(k, n_a) * (high - low)
     return Served(states_of_best.p[0], u, distance, states_of_best, float(best.cost), asked)
-
-
-def _least_squares(both: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]], starts: list[np.ndarray]) -> Any:
-    """Best solution within [0, 1] of several starts; both: residuals and their derivatives. NumericalError where no
-    start leads anywhere."""
-    best, failure = None, None
-    for start in starts:
-        memory: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
-
-        def residuals_at(v: np.ndarray, memory=memory) -> tuple[np.ndarray, np.ndarray]:
-            key = v.tobytes()
-            if key not in memory:
-                memory[key] = both(v)
-            return memory[key]
-
-        try:
-            solution = least_squares(
-                lambda v: residuals_at(v)[0], start, lambda v: residuals_at(v)[1], bounds=(0.0, 1.0), xtol=1e-10
-            )
-        except NumericalError as error:
-            failure = error
-            continue
-        if best is None or solution.cost < best.cost:
-            best = solution
-    if best is None:
-        raise NumericalError(f"the co-design failed from every start: {failure}")
-    return best
 
 
 def _starts(n: int, k: int, n_a: int, count: int) -> list[np.ndarray]:
     """Starts: the given or middle design at half pull, then Halton points."""
-    dimension = max(n + n_a, 1)
-    shares = np.vstack([np.full((1, dimension), 0.5), qmc.Halton(dimension, scramble=False).random(count)[1:]])[:count]
+    shares = spread_starts(count, max(n + n_a, 1))
     shares = np.clip(shares, 1e-3, 1 - 1e-3)
     return [np.concatenate([start[:n], np.tile(start[n:], k)]) for start in shares]

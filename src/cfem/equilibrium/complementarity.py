@@ -6,7 +6,9 @@ A unilateral row holds its displacement with a multiplier mu >= 0, or has none a
 
 With the compliance S of the rows, a change of the multipliers changes the gaps by S dmu: Signorini's problem on a given
 matrix (`cfem.contact`), solved anew in every correction of Newton's method (Josephy, *Newton's method for generalized
-equations*, 1979). No multiplier is negative on the way, and no set of rows that hold has to be guessed before."""
+equations*, 1979). No multiplier is negative on the way, and no set of rows that hold has to be guessed before. On a
+positive definite compliance exactly one answer exists (Cottle, Pang, Stone, *The linear complementarity problem*, 1992,
+theorem 3.1.6), so that only a tangent with negative eigenvalues leaves none."""
 
 import numpy as np
 

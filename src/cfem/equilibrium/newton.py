@@ -39,7 +39,9 @@ class NewtonSettings:
     slow:           contraction above which the tangent is factorised again (0.4: fewest seconds on the finger)
     max_growth:     fresh corrections in a row that may be larger than the one before
     smallest_step:  fraction of the load reached so far at which continuation gives up
-    first_step:     fraction that a cold start tries first
+    first_step:     fraction that continuation tries first where the motion is large
+    small_motion:   share of the body's size that the linear motion to the whole load may be for continuation to try it
+                    at once
     condensed:      relative error of A^-1 H^T, the square of which is that of W"""
 
     tolerance: float = 1e-10
@@ -48,6 +50,7 @@ class NewtonSettings:
     max_growth: int = 3
     smallest_step: float = 1e-3
     first_step: float = 0.5
+    small_motion: float = 0.12
     condensed: float = ENOUGH
 
 
@@ -129,6 +132,7 @@ def newton(
     if tangent is not None:
         try:
             border, correction = _proposed(problem, evaluation, lam, tangent, actuation, held)
+            last = correction.size
         except np.linalg.LinAlgError:
             tangent = None
     begin = cost.iterations
@@ -139,7 +143,7 @@ def newton(
                 tangent = problem.factor(evaluation, start.lam if before is None else lam, cost, before)
                 border, correction = _proposed(problem, evaluation, lam, tangent, actuation, held)
             except (SingularMatrixError, np.linalg.LinAlgError) as error:
-                status = Status.NO_SLACK_SET if isinstance(error, NoActiveSetError) else Status.SINGULAR
+                status = Status.UNSTABLE if isinstance(error, NoActiveSetError) else Status.SINGULAR
                 tangent = None
                 break
             growth = growth + 1 if correction.size > last else 0
@@ -177,6 +181,23 @@ def _proposed(
     """Border of the actuation at a factored tangent, and the correction that both propose (`_correct`)."""
     border = _border(evaluation, tangent, actuation)
     return border, _correct(problem, evaluation, lam, tangent, actuation, border, held)
+
+
+def linear_motion(
+    problem: Problem, start: State, actuation: Actuation, cost: SolveCost
+) -> tuple[float, Tangent | None]:
+    """The largest motion of a node in Newton's first correction from `start`, as a share of the body's size, inf where
+    there is no correction; and the tangent that made it, None where it is singular."""
+    lam, x = _admissible(start.lam, actuation), problem.kinematics.hold(start.x)
+    evaluation, tangent = problem.evaluate(x, start.pressure, actuation.load), None
+    try:
+        tangent = problem.factor(evaluation, start.lam, cost)
+        held = holding(problem, actuation, evaluation, lam)
+        correction = _proposed(problem, evaluation, lam, tangent, actuation, held)[1]
+    except (SingularMatrixError, np.linalg.LinAlgError):
+        return np.inf, tangent
+    moved = problem.kinematics.spread(x, correction.step)
+    return float(np.linalg.norm(moved, axis=1).max() / problem.robot.body.mesh.size), tangent
 
 
 def judged(problem: Problem, result: NewtonResult, actuation: Actuation, cost: SolveCost) -> NewtonResult:

@@ -24,9 +24,6 @@ class Status(Enum):
     BIFURCATION = "a bifurcation: beyond this load the equilibrium buckles sideways"
     OUT_OF_REACH = "out of reach: the multipliers grow without bound, or an element is about to invert"
     TOO_MANY_ITERATIONS = "the iterations allowed were used up"
-    NO_SLACK_SET = (
-        "no choice of slack cables was found in which none pushes and none is pulled by less than it was told"
-    )
     INACCURATE = "the residual is above what the tolerance and the rounding of this stiffness allow"
     SINGULAR = "the tangent stiffness is singular: a free rigid motion, or actuators that depend on each other"
     UNSTABLE = "the equilibrium is unstable: the tangent stiffness has negative eigenvalues"

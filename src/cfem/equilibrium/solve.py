@@ -1,9 +1,10 @@
 """From an actuation to an equilibrium: directly where a good start is given, else by adaptive continuation.
 
 Continuation leads the actuation from that of an equilibrium to the one asked for, halving a load step that fails and
-doubling one that went easily. It watches the inertia of the tangent: where a path loses its stability, or ends, the
-status says of which kind the critical point is. A cable that is told its length does not push anywhere on the way:
-Newton's method finds which ones are slack."""
+doubling one that went easily. The first step is the whole way where the tangent at the start predicts a small motion:
+a state in between costs as much as the last one. Continuation watches the inertia of the tangent: where a path loses
+its stability, or ends, the status says of which kind the critical point is. A cable that is told its length does not
+push anywhere on the way: Newton's method finds which ones are slack."""
 
 import time
 from dataclasses import dataclass, replace
@@ -14,7 +15,7 @@ from cfem.equilibrium.actuation import Actuation, pulling_only
 from cfem.equilibrium.criticality import classify, softest_mode
 from cfem.equilibrium.derived import W_ALONE, Derived, Wanted, derive
 from cfem.equilibrium.evaluation import SolveCost, Tangent
-from cfem.equilibrium.newton import NewtonResult, NewtonSettings, judged, newton
+from cfem.equilibrium.newton import NewtonResult, NewtonSettings, judged, linear_motion, newton
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.robot import demand_without_friction, watched_displacements
 from cfem.equilibrium.solution import Equilibrium, State, Status
@@ -113,7 +114,9 @@ def _continuation(
     mu = np.linalg.lstsq(C.T, start.lam, rcond=None)[0]
     offset = start.lam - C.T @ mu
     offset[C[actuation.unilateral].any(axis=0)] = 0.0  # without rounding: a slack cable carries nothing
-    done, step, state, failed = 0.0, settings.first_step, start, False
+    done, state, failed = 0.0, start, False
+    motion, tangent = linear_motion(problem, start, actuation, cost)
+    step = 1.0 if motion <= settings.small_motion else settings.first_step
     lost, stable, reached = None, None, None
 
     def part(to: float) -> Actuation:
@@ -129,7 +132,7 @@ def _continuation(
         cost.steps += 1
         # loose on the way: only the last step has to be exact
         tuned = settings if to == 1.0 else replace(settings, tolerance=max(1e-4, settings.tolerance))
-        result = newton(problem, state, part(to), tuned, cost)
+        result, tangent = newton(problem, state, part(to), tuned, cost, tangent), None
         if result.status is Status.CONVERGED:
             result = judged(problem, result, part(to), cost)
         if result.status is Status.CONVERGED:
@@ -233,6 +236,6 @@ def _cause(problem: Problem, path: _Path, actuation: Actuation, status: Status, 
     cause = classify(problem, fresh, actuation.only(near.held), stiffness)
     if cause is not None:
         return cause
-    # On the compliance of a stable state some set of cables always holds, for a step that is small enough.
-    no_set = status is Status.NO_SLACK_SET and path.lost is not None
-    return status if status is Status.UNSTABLE or no_set else Status.OUT_OF_REACH
+    # Newton's method leaves the stable states that it steps from: only a path that lost its stability ends unstable.
+    passed = path.result.status is Status.CONVERGED or path.lost is not None
+    return status if status is Status.UNSTABLE and passed else Status.OUT_OF_REACH

@@ -10,8 +10,8 @@ MIDDLE, SWING = 0.4, 0.14  # of the largest forces
 
 
 def curve_of(model: MotionModel) -> tuple[np.ndarray, np.ndarray]:
-    """Where the actuators are at its start (n_a,) mm, and where the tips rest (POINTS, n_e) mm while forces go round a
-    figure-eight about their middle."""
+    """Displacements of the actuators at the start (n_a,) mm, and places (POINTS, n_e) mm where the tips rest while
+    forces go round a figure-eight about their middle."""
     static, n_a = model.static, model.n_a
     largest = np.abs(static.domain.lambda_a).max(axis=0)
     turn = np.pi * (2 * np.arange(n_a) + 1) / (2 * n_a)

@@ -22,7 +22,7 @@ from cfem.robot.load import load_scene_and_mesh, made_from
 
 
 def solves_patches(spec: ExportSpec) -> bool:
-    """Whether finite elements say how patches under loads yield."""
+    """Tells whether finite elements say how patches under loads yield."""
     return spec.scene is not None and any(one.at is not None for one in spec.loads.values())
 
 

@@ -1,8 +1,6 @@
 """The skin in every format: skin.npz beside the model, and, where shapes are asked for, shape.onnx, shape.ts and
 cfem_shape in C, each compared with the trained skin."""
 
-import ctypes
-import re
 import warnings
 from pathlib import Path
 from typing import Any
@@ -72,7 +70,9 @@ def _graphs(folder: Path, graphs: dict[str, str], meta: dict, skin: dict, s: np.
 
 
 def _c(folder: Path, spec: ExportSpec, model: Predictor, skin: dict, s: np.ndarray) -> dict[str, float]:
-    from cfem.export.compiled.controller import compiler
+    """Adds the skin to the C folder; its difference from the trained one at states s, where there is a compiler."""
+    from cfem.export.compiled.build import compiler
+    from cfem.export.compiled.shape import CompiledShape
     from cfem.export.firmware.folder import at_robot
     from cfem.export.firmware.skin import write_c_skin
 
@@ -89,8 +89,8 @@ def _c(folder: Path, spec: ExportSpec, model: Predictor, skin: dict, s: np.ndarr
 def write_row_skin(
     folder: Path, spec: ExportSpec, row: SerialPredictor, skins: dict[str, np.ndarray], vectors: dict
 ) -> dict[str, float]:
-    """As `write_skin`, of modules in a row, which have a shape from arrays and in C; skins: arrays of their models'.
-    InputError for other formats."""
+    """Writes what the spec asks for of modules in a row, which have a shape from arrays and in C; skins: arrays of
+    their models. InputError for other formats."""
     write_npz(folder / serial_skin.FILE, skins)
     if not spec.shape:
         return {}
@@ -101,7 +101,8 @@ def write_row_skin(
         raise InputError(f"modules in a row {what}", where="shape", do="leave `shape` out, or export `arrays` and `c`")
     if "c" not in spec.formats:
         return {}
-    from cfem.export.compiled.controller import compiler
+    from cfem.export.compiled.build import compiler
+    from cfem.export.compiled.shape import CompiledShape
     from cfem.export.firmware.skin import write_c_row_skin
 
     row.skin_source = lambda: skins_of(row, skins)
@@ -110,23 +111,3 @@ def write_row_skin(
         return {}
     s, shape = vectors["s"][:STATES], CompiledShape(folder / "c")
     return {"c shape": float(np.abs(np.array([shape(one) for one in s]) - row.shape(s)).max()) / row.length}
-
-
-class CompiledShape:
-    """cfem_shape of a C folder, compiled on this machine: (n_a,) -> (nodes, 3) mm."""
-
-    def __init__(self, folder: Path, flags: tuple[str, ...] = ("-O2",)):
-        from cfem.export.compiled.controller import library
-
-        text = "".join((folder / name).read_text(encoding="utf-8") for name in ("cfem_data.h", "cfem_skin.h"))
-        real = {"float": ctypes.c_float, "double": ctypes.c_double}[re.search(r"typedef (\w+) cfem_real", text)[1]]
-        nodes = int(re.search(r"#define CFEM_SKIN_NODES (\d+)", text)[1])
-        self._out = np.zeros((nodes, 3), dtype=real)
-        needed = ("cfem_spectral.c", "cfem_data.c") if "cfem_skin_owner" in text else ()  # of modules in a row
-        self._call = library(folder, ("cfem_shape.c", "cfem_skin.c", *needed), flags).cfem_shape
-        self._call.restype = None
-
-    def __call__(self, s: np.ndarray) -> np.ndarray:
-        s = np.ascontiguousarray(s, dtype=float)
-        self._call(s.ctypes.data_as(ctypes.c_void_p), self._out.ctypes.data_as(ctypes.c_void_p))
-        return self._out.astype(float)

@@ -14,8 +14,7 @@ from cfem.core.spec import Spec
 from cfem.core.units import Angle, Frequency, Length, Point
 from cfem.motion.mpc_spec import MpcSpec
 from cfem.predict.contact.obstacle_spec import ContactSpec, ObstacleSpec
-from cfem.predict.estimation.gate import GateSpec
-from cfem.predict.estimation.spec import ActuatorSensorsSpec, DrivenDynamicsSpec, LoadsSpec
+from cfem.predict.estimation.spec import DrivenDynamicsSpec, MarkersSpec
 from cfem.predict.loads.spec import LoadSpec
 
 Format = Literal["arrays", "onnx", "torchscript", "c", "html"]
@@ -92,24 +91,16 @@ class FirmwareMpcSpec(MpcSpec):
     """Ticks after which a sample is too late to be heard."""
 
 
-class CEstimateSpec(Spec):
+class CEstimateSpec(MarkersSpec):
     """The estimator in C, of given markers."""
 
     markers: dict[Name, Point] = Field(min_length=1, max_length=32)
     """Place of each marker on the surface at rest, in the scene's frame."""
-    noise: Annotated[Length, Field(gt=0)]
-    """Standard deviation of each measured coordinate."""
     rate: Frequency = 100.0
     """Frames per second."""
-    loads: LoadsSpec | None = None
-    """Unknown forces. None unless given."""
-    actuators: ActuatorSensorsSpec = ActuatorSensorsSpec()
-    """What is known of the actuators."""
     dynamics: DrivenDynamicsSpec | None = None
     """A filter of a robot that moves from frame to frame, beside that of a robot at rest. Needs a model that has
     learned to move. None unless given."""
-    gate: GateSpec = GateSpec()
-    """Frames that the filter rejects."""
 
 
 class CSpec(Spec):

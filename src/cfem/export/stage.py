@@ -43,7 +43,7 @@ def _with_formats(spec: ExportSpec) -> ExportSpec:
 
 
 def _mesh(spec: ExportSpec, base: Path) -> dict[str, Path]:
-    """Of the scene, for those exports that solve it."""
+    """Mesh of the scene, for those exports that solve it."""
     scene = base / spec.scene if _solves(spec) else None
     return {"mesh": scene.parent / load_spec(scene, SceneSpec).out} if scene else {}
 
@@ -85,18 +85,9 @@ def _sources(name: str) -> dict[str, str]:
         from cfem.export.page.file import sources
 
         return sources()
-    from cfem.export.firmware import estimate as c_estimate
-    from cfem.export.firmware import folder as c_export
-    from cfem.export.firmware import meet as c_meet
-    from cfem.export.firmware import motion as c_motion
-    from cfem.export.firmware import mpc as c_mpc
-    from cfem.export.firmware import skin as c_skin
-    from cfem.export.firmware import swing as c_swing
-    from cfem.export.firmware import touch as c_touch
+    from cfem.export.firmware.copying import SOURCES
 
-    folders = [one.SOURCES for one in (c_export, c_skin, c_motion, c_mpc, c_touch, c_meet, c_estimate, c_swing)]
-    paths = [path for folder in (*folders, c_skin.OF_ROW) for path in folder.iterdir()]
-    return {f"{path.parent.name}/{path.name}": file_sha256(path) for path in sorted(paths)}
+    return {f"{path.parent.name}/{path.name}": file_sha256(path) for path in sorted(SOURCES.glob("*/*"))}
 
 
 def work(
@@ -219,7 +210,7 @@ def _write_shape(
 def _estimator(folder: Path, spec: ExportSpec, model_folder: Path) -> dict[str, float]:
     """Adds it to the C folder, and with `dynamics` the filter of what moves; their parity, where there is a compiler.
     InputError where the model cannot tell."""
-    from cfem.export.compiled.controller import compiler
+    from cfem.export.compiled.build import compiler
     from cfem.export.compiled.estimate import estimate_parity
     from cfem.export.firmware.estimate import write_c_estimate
     from cfem.predict.load import load_model
@@ -239,6 +230,7 @@ def _estimator(folder: Path, spec: ExportSpec, model_folder: Path) -> dict[str, 
 
 
 def write_graphs(folder: Path, spec: ExportSpec, meta: dict, arrays: dict[str, np.ndarray]) -> None:
+    """Writes the model as ONNX and TorchScript, as far as the spec asks for them."""
     from cfem.export.onnx import example, onnx_bytes
     from cfem.export.torchscript import torchscript_bytes
     from cfem.surrogate.modules import module_of

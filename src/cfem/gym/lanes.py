@@ -1,4 +1,7 @@
-"""Chebyshev series of many robots at once: compiled loops over lanes, a robot in each."""
+"""Chebyshev series of many robots at once: compiled loops over lanes, a robot in each.
+
+The exported C sums the same series one robot after the other, which takes as long with one actuator and two to three
+times as long with two to four (benchmarks/gym_series.py). It needs a C compiler too; numba brings its own."""
 
 from typing import NamedTuple
 

@@ -70,7 +70,7 @@ class Robots:
         self._place = {name: slice(*pair) for name, pair in zip(rows, pairwise(ends), strict=True)}
         self._outputs = ends[-1]
         joined = np.concatenate(list(rows.values()))
-        self._series = LaneSeries.of(model.arrays["to_box"], model.arrays["offset"], model.arrays["indices"], joined)
+        self.series = LaneSeries.of(model.arrays["to_box"], model.arrays["offset"], model.arrays["indices"], joined)
         self._unpack = unpacking(n_e)
         high = model.domain.lambda_a[1]
         self.pulls = bool(model.pulls.all())
@@ -113,7 +113,7 @@ class Robots:
             states.hessian[:, 0] > 0,
             q,
             softer,
-            self._series,
+            self.series,
             out,
         )
         C, tip = states.compliance, out[:, place["effector"]]

@@ -21,6 +21,7 @@ _FEWEST, _MOST, _MOST_CURVED = 3, 8, 12  # points of a cable
 _FINE = 4  # cuts looked at for each point of a cable that keeps clear of all of them
 _APART = 3.0  # of the points, in units of the radius that fits into the body there
 _THIN = 0.3  # of the usual inscribed radius: a narrower end has no points
+_WIDE = 1.4  # of the usual extent in either half of the way: a wider cut is none across it
 _ROUND = 0.8  # slimness from which the way that a section bends most easily is not sought
 _ROWS = 40  # places tried from the centre of a section outwards
 _SHRINK, _TRIES = 0.7, 6
@@ -57,7 +58,8 @@ def read_cable(text: str) -> CableLine:
 
 def sections_along(shape: Shape, way: Way, finer: int = 1) -> list[Section]:
     """Cuts along a way where cables may have points, `finer` times as many as usual: not where the body is much
-    narrower than usual. None where the body has a gap half way."""
+    narrower than usual, nor, on a way through its middle, where it is much wider, as where another branch begins. None
+    where the body has a gap half way."""
     middle = way.section(shape.interior, 0.5)
     if middle is None:
         return []
@@ -65,7 +67,9 @@ def sections_along(shape: Shape, way: Way, finer: int = 1) -> list[Section]:
     count = finer * int(np.clip(round(way.length / (apart * middle.inscribed)), _FEWEST, most))
     cuts = _cuts(shape, way, np.linspace(_FIRST, 1 - _LAST, count))
     usual = np.median([section.inscribed for section in (middle, *cuts)])
-    return [section for section in cuts if section.inscribed >= _THIN * usual]
+    halves = np.array_split([section.extent for section in cuts], 2) if way.follows and len(cuts) > 1 else []
+    widest = _WIDE * max((float(np.median(half)) for half in halves), default=np.inf)
+    return [section for section in cuts if section.inscribed >= _THIN * usual and section.extent <= widest]
 
 
 def attachment_radius(sections: Sequence[Section], run: Run) -> float:

@@ -12,20 +12,21 @@ import numpy as np
 
 from cfem.core.artefact.files import disk_errors
 from cfem.core.artefact.place import write_beside
-from cfem.core.errors import OutputError, SpecError
+from cfem.core.errors import InputError, OutputError, SpecError
 from cfem.core.names import demand_scene_name
 from cfem.init.drive import NOTHING, Stated, drive, proposal
 from cfem.init.ends import Proposal
 from cfem.init.further import further
 from cfem.init.hold import Hold, Run, read_hold, run_from
 from cfem.init.question import Answer, Ask, Question, choice, parts, point, positive, ratio, stress, whole
-from cfem.init.shape import MESH, Shape, Source, geometry, make_shape, natural_unit, read_source
+from cfem.init.shape import MESH, Shape, Source, demand_unit, geometry, make_shape, natural_unit, read_source
 from cfem.init.texts import SPECS, NewScene, texts
 from cfem.init.trial import tried
 from cfem.init.watch import carrier_radius, guess_watched, is_inside
 from cfem.init.written import number, vector
-from cfem.robot.checks.plausible import size_doubts
+from cfem.robot.checks.plausible import sides
 from cfem.robot.geometry import SURFACES
+from cfem.robot.mesh.mesh_file import REMESH
 from cfem.robot.mesh.quality import dihedral_angles
 from cfem.robot.mesh.surface_file import count_bodies
 
@@ -88,25 +89,49 @@ def create(
 
 def _source(path: Path, stated: Stated, ask: Ask) -> Source:
     """The file, its mesh or only the surface of it."""
-    source = read_source(path)
-    if source.own is not None and source.own.cells.shape[1] == 4:
-        angles = dihedral_angles(source.own)
-        poor = bool(angles.min() < _SHARP)
-        why = f"its angles go from {angles.min():.0f} to {angles.max():.0f} degrees"
-        question = Question(
-            "remesh",
-            "Mesh the inside anew, from the surface of the file's mesh (yes, no)?",
-            "yes" if poor else "no",
-            why,
-            lambda text: choice(text, ("yes", "no")),
-        )
-        if ask(question).value == "yes":
-            source = read_source(path, remesh=True)
+    try:
+        source = read_source(path)
+    except InputError as error:
+        if error.do != REMESH:
+            raise
+        source = _cells_or_surface(path, None, error.what, stated, ask)
+    else:
+        if source.own is not None and source.own.cells.shape[1] == 4:
+            angles = dihedral_angles(source.own)
+            poor, why = angles.min() < _SHARP, f"its angles go from {angles.min():.0f} to {angles.max():.0f} degrees"
+            source = _cells_or_surface(path, source, why, stated, ask, poor)
     count = count_bodies(path) if source.own is None and path.suffix.lower() in SURFACES + MESH else 1
     if count > 1 or "body" in stated.flags:
         source = read_source(path, source.remesh, ask(_body_question(count)).value)
     _demand_use(source, stated.flags)
     return source
+
+
+def _cells_or_surface(path: Path, own: Source | None, why: str, stated: Stated, ask: Ask, poor: bool = True) -> Source:
+    """What is taken of a mesh file: its own cells, None where they cannot be used, or its surface, which is suggested
+    where they are poor. Where the surface cannot be meshed, poor cells are better than none."""
+    anew = refused = None
+    if poor:
+        try:
+            anew = read_source(path, remesh=True)
+        except InputError as error:
+            if own is None:
+                raise
+            refused = f"its surface cannot be meshed: {error.what}"
+    if refused and "cells" in stated.flags:
+        raise SpecError(f"the mesh in the file is taken as it is, as {refused}", where="--cells", do="leave it out")
+    question = Question(
+        "remesh",
+        "Mesh the inside anew, from the surface of the file's mesh (yes, no)?",
+        "yes" if anew else "no",
+        f"{why}, but {refused}" if refused else why,
+        lambda text: choice(text, ("yes", "no")),
+    )
+    if ask(question).value == "no":
+        return own or read_source(path)
+    if refused:
+        raise SpecError(refused, where="--remesh", do="say --remesh no")
+    return anew or read_source(path, remesh=True)
 
 
 def _body_question(count: int) -> Question:
@@ -124,7 +149,8 @@ def _demand_use(source: Source, stated: Collection[str]) -> None:
     if source.has_unit and "unit" in stated:
         raise SpecError(f"a {source.path.suffix} file states its own unit", where="--unit", do="leave it out")
     if source.own is not None and "cells" in stated:
-        raise SpecError("the mesh in the file is taken as it is", where="--cells", do="leave it out")
+        do = "leave it out, or say --remesh yes"
+        raise SpecError("the mesh in the file is taken as it is", where="--cells", do=do)
 
 
 def _demand_room(target: Path, files: Sequence[str], source: Path, force: bool) -> None:
@@ -147,9 +173,8 @@ def _known(source: Source, stated: Stated, ask: Ask) -> Known:
     @cache
     def known(unit: float, cells: int) -> tuple[Shape, Proposal]:
         shape = make_shape(source, unit, cells)
-        doubts = size_doubts(shape.extent)
-        if doubts and not source.has_unit:
-            raise SpecError(doubts[0], where="--unit", do="state the unit of the file's numbers, such as 'mm' or 'm'")
+        if not source.has_unit:
+            demand_unit(shape.extent / unit, unit)
         return shape, proposal(shape, stated, ask)
 
     return known
@@ -200,17 +225,17 @@ def _robot(name: str, copy: str, source: Source, stated: Stated, ask: Ask, known
 def _unit(source: Source, ask: Ask) -> Answer | None:
     if source.has_unit:
         return None
-    unit = natural_unit(source)
-    edge = f"{source.volume:.3g} cubic {unit}"
-    return ask(
-        Question(
-            "unit",
-            f"What is one unit of the numbers in {source.path.name}?",
-            f"1 {unit}",
-            f"the body then has {edge}",
-            lambda text: positive(text if text.strip()[:1].isdigit() else f"1 {text.strip()}", "mm"),
-        )
-    )
+    unit, extent = natural_unit(source), source.extent
+    size = f"has {source.volume:.3g} cubic {unit}" if extent is None else f"measures {sides(extent)} {unit}"
+
+    def read(text: str) -> float:
+        value = positive(text if text.strip()[:1].isdigit() else f"1 {text.strip()}", "mm")
+        if extent is not None:
+            demand_unit(extent, value)
+        return value
+
+    text = f"What is one unit of the numbers in {source.path.name}?"
+    return ask(Question("unit", text, f"1 {unit}", f"the body then {size}", read))
 
 
 def _cells(source: Source, ask: Ask) -> Answer | None:

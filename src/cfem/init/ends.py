@@ -114,8 +114,8 @@ def _lever(placement: Placement) -> float:
 def propose(shape: Shape, count: int) -> Proposal:
     """What `guess_hold` says where `count` cables from there stay inside up to the tip, or where the mesh names what is
     held. Else the end from which the longest way leads through the body, where cables along it stay inside. Else the
-    first end with some cables: the guess, the other end of that axis, then the ends of the other axes, the longer
-    first, of each the smaller coordinate first. The guess itself where there is none."""
+    first end with `count` cables, or with most: the guess, the other end of that axis, then the ends of the other axes,
+    the longer first, of each the smaller coordinate first. The guess itself where there is none."""
     guess, why = guess_hold(shape)
     if guess.name is not None:
         return Proposal(guess, why)
@@ -135,15 +135,24 @@ def propose(shape: Shape, count: int) -> Proposal:
             continue
         because = why if hold is guess else "the longest way through the body begins here"
         return Proposal(hold, because, count, placement)
-    for hold in middles:
-        try:
-            placement = place(shape, run_from(hold, shape), count)
-        except SpecError:
-            continue
-        if hold is not guess:
-            why = f"cables from here stay inside the body, and those from {guess} would leave it"
-        return Proposal(hold, why, count, placement)
-    return Proposal(guess, why)
+    placements = {hold: placement for hold in middles if (placement := _placed(shape, hold, count)) is not None}
+    if not placements:
+        return Proposal(guess, why)
+    hold = max(placements, key=lambda hold: min(count, len(placements[hold].cables)))
+    if hold is not guess:
+        here, there = len(placements[hold].cables), placements.get(guess)
+        why = f"cables from here stay inside the body, and those from {guess} would leave it"
+        if there is not None:
+            why = f"{here} cables find a way from here, and {len(there.cables)} from {guess}"
+    return Proposal(hold, why, count, placements[hold])
+
+
+def _placed(shape: Shape, hold: Hold, count: int) -> Placement | None:
+    """Cables from what is held, None where there are none."""
+    try:
+        return place(shape, run_from(hold, shape), count)
+    except SpecError:
+        return None
 
 
 def _others(shape: Shape, guess: Hold) -> Iterator[Hold]:

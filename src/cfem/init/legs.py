@@ -16,6 +16,7 @@ _SMALL, _MOST = 0.15, 8  # of the largest leg; legs
 _TOP = 0.9  # share of the way that a cable goes
 _BETWEEN = np.linspace(0, 1, 8)
 _OUTWARD = np.linspace(1, 0, 9)  # shares of the depth by which a cable lies nearer to the outer side
+_SHRINK, _TRIES = 0.7, 5  # of the attachment radius, where a leg is too thin or too bent for it
 
 
 def cables_in_legs(shape: Shape, run: Run) -> tuple[tuple[CableLine, ...], float] | None:
@@ -36,20 +37,25 @@ def cables_in_legs(shape: Shape, run: Run) -> tuple[tuple[CableLine, ...], float
     radius = float(min(run.length / 40, min(cubes.depth[label == leg].max() for leg in legs) / 2))
     graph = cubes.graph.copy()  # ways near the wall count as long
     graph.data = graph.data * (0.5 * depth.max() / np.maximum(depth[graph.indices], 0.25 * cubes.step)) ** 2
-    axis, lines = cubes.centres.mean(axis=0), []
-    for index, leg in enumerate(legs):
+    axis, paths = cubes.centres.mean(axis=0), []
+    for leg in legs:
         inside = np.where(label == leg, cubes.depth, -1.0)
         start = number[np.unravel_index(inside.argmax(), inside.shape)]
         apart, before = dijkstra(graph, directed=False, indices=start, return_predecessors=True)
         low = np.flatnonzero(distance <= cubes.step)
         high = np.flatnonzero(distance >= _TOP * length)
         path = _path(before, low[apart[low].argmin()])[::-1][:-1] + _path(before, high[apart[high].argmin()])
-        path = path[::-1] if distance[path[0]] > distance[path[-1]] else path
-        places = _simple(shape, cubes.centres[path], axis, radius)
-        if places is None:
-            return None
-        lines.append(make_line(f"cable-{index + 1}", places, run, None))
-    return tuple(lines), radius
+        paths.append(cubes.centres[path[::-1] if distance[path[0]] > distance[path[-1]] else path])
+    for smaller in radius * _SHRINK ** np.arange(_TRIES):
+        lines = []
+        for path in paths:
+            places = _simple(shape, path, axis, float(smaller))
+            if places is None:
+                break
+            lines.append(make_line(f"cable-{len(lines) + 1}", places, run, None))
+        if len(lines) == len(paths):
+            return tuple(lines), float(smaller)
+    return None
 
 
 def _path(before: np.ndarray, end: int) -> list[int]:

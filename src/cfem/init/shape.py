@@ -6,14 +6,15 @@ from pathlib import Path
 
 import numpy as np
 
-from cfem.core.errors import InputError
+from cfem.core.errors import InputError, SpecError
 from cfem.init.interior import Interior, interior
 from cfem.init.voxels import Voxels, voxels
 from cfem.mechanics.mesh import Mesh
+from cfem.robot.checks.plausible import SMALLEST, sides, size_doubts
 from cfem.robot.geometry import SURFACES, MeshFile, StepFile
 from cfem.robot.mesh.mesh_file import read_data, read_own
 from cfem.robot.mesh.meshing import corner_mesh, measure, solid_of
-from cfem.robot.mesh.surface_file import mended
+from cfem.robot.mesh.surface_file import mended, read_surface
 from cfem.robot.spec import Meshing
 
 STEP, BREP, MESH = (".step", ".stp"), (".brep", ".brp"), (".vtu", ".vtk", ".msh", ".inp")
@@ -21,6 +22,7 @@ FILES = STEP + BREP + SURFACES + MESH
 # A regular tetrahedron of edge h has the volume h^3 / 8.485.
 _REGULAR = 6 * np.sqrt(2)
 _ATTEMPTS = 4
+_IN_MM = {"mm": 1.0, "m": 1000.0}
 _MISSING = 0.02  # of the volume: what straight edges may leave out of a round body; `cfem mesh` calls 0.03 poor
 
 
@@ -41,6 +43,14 @@ class Source:
     @property
     def has_unit(self) -> bool:
         return self.path.suffix.lower() in (*STEP, ".3mf")
+
+    @cached_property
+    def extent(self) -> np.ndarray | None:
+        """(3,) in the file's unit; None of a CAD file, which is not looked into."""
+        if self.own is None and self.path.suffix.lower() in STEP + BREP:
+            return None
+        X = self.own.X if self.own is not None else read_surface(self.path, self.body)[0]
+        return np.ptp(X, axis=0)
 
 
 @dataclass(frozen=True)
@@ -108,8 +118,21 @@ def geometry(path: Path, unit: float, remesh: bool = False, body: int = 1) -> St
 
 
 def natural_unit(source: Source) -> str:
-    """Of a file that states none: robots of less than a cubic unit are drawn in metres."""
-    return "m" if source.volume < 1.0 else "mm"
+    """Of a file that states none: robots that measure less than a unit are drawn in metres."""
+    return _likely(source.extent) if source.extent is not None else ("m" if source.volume < 1.0 else "mm")
+
+
+def demand_unit(extent: np.ndarray, unit: float) -> None:
+    """SpecError, naming the unit to say instead, where no robot measures `extent` (3,) times `unit` mm."""
+    doubts = size_doubts(extent * unit)
+    if doubts:
+        likely = _likely(extent)
+        measures = f", and the body measures {sides(extent * _IN_MM[likely])} mm"
+        raise SpecError(doubts[0].partition(": check")[0], where="--unit", do=f"say --unit {likely}{measures}")
+
+
+def _likely(extent: np.ndarray) -> str:
+    return "m" if extent.max() < SMALLEST else "mm"
 
 
 def make_shape(source: Source, unit: float, cells: int) -> Shape:

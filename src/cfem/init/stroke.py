@@ -2,7 +2,7 @@
 itself, or a solve fails, as where it buckles."""
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -36,6 +36,7 @@ _HALVINGS = 3  # of the interval between a share that is reached and the first t
 # The last amount that was reached counts, so that the exact place where a path ends is worth no steps.
 _CLOSE = 0.2  # of the smallest amount at which the body meets itself: so near to it is near enough
 _MEETS = "beyond it, the body meets itself"
+_TOUCHES = "; its surface touches itself from the start, which is left out of account"
 # Where all together buckle the body, pulls of several are drawn back (`cfem.sample.plan.borne`), and strokes are not.
 _REACHED = (Status.CONVERGED, Status.UNSTABLE, Status.BIFURCATION)
 _LOOSE = NewtonSettings(tolerance=1e-6, smallest_step=0.1)
@@ -43,11 +44,13 @@ _LOOSE = NewtonSettings(tolerance=1e-6, smallest_step=0.1)
 
 @dataclass(frozen=True)
 class Stroke:
-    """reach: mm (mm^3 of a chamber); force: N (MPa) there; why: what says stop, in words."""
+    """reach: mm (mm^3 of a chamber); force: N (MPa) there; why: what says stop, in words; touches: whether the body
+    meets itself from the start, as at a slit of no width, so that this says nothing."""
 
     reach: float
     force: float
     why: str
+    touches: bool = False
 
 
 def strokes(robot: Robot, advance: Callable[[int], None] = lambda _: None) -> list[Stroke]:
@@ -59,18 +62,18 @@ def strokes(robot: Robot, advance: Callable[[int], None] = lambda _: None) -> li
     found = [_alone(problem, index, tip, advance) for index in range(robot.rows.n_a)]
     if len(found) < 2:
         return found
-    reach = np.array([each.reach for each in found])
+    reach, touches = np.array([each.reach for each in found]), any(each.touches for each in found)
 
     def reached(share: float) -> bool:
         ended = solve(problem, pull(np.ones(len(reach)), share * reach), settings=_LOOSE, wanted=Wanted(condense=False))
         advance(1)
-        return ended.status in _REACHED and not _meets_itself(problem, ended)
+        return ended.status in _REACHED and (touches or not _meets_itself(problem, ended))
 
     share = _up_to(reached)
     if share == 1.0:
         return found
     why = "; less, as all actuators cannot go so far at once"
-    return [Stroke(share * each.reach, share * each.force, each.why + why) for each in found]
+    return [replace(each, reach=share * each.reach, force=share * each.force, why=each.why + why) for each in found]
 
 
 def _up_to(reached: Callable[[float], bool]) -> float:
@@ -128,6 +131,15 @@ def _least(found: Sequence[Stroke], unit: str, of_force: str) -> tuple[str, str]
 
 
 def _alone(problem: Problem, index: int, tip: np.ndarray, advance: Callable[[int], None]) -> Stroke:
+    found = _until(problem, index, tip, advance, meets=True)
+    if not found.touches:
+        return found
+    found = _until(problem, index, tip, advance, meets=False)
+    return replace(found, why=found.why + _TOUCHES, touches=True)
+
+
+def _until(problem: Problem, index: int, tip: np.ndarray, advance: Callable[[int], None], meets: bool) -> Stroke:
+    """meets: whether the body must not meet itself."""
     robot = problem.robot
     row, unit = robot.actuators[index], robot.actuator_units[index][0]
     whole = getattr(row, "rest_volume", None) or getattr(row, "rest_length", None) or robot.length
@@ -143,10 +155,10 @@ def _alone(problem: Problem, index: int, tip: np.ndarray, advance: Callable[[int
                 amount /= 4
                 continue
             return Stroke(0.8 * (done or amount), 0.8 * force, f"beyond it, {_short(ended.status)}")
-        if _meets_itself(problem, ended):
+        if meets and _meets_itself(problem, ended):
             most = amount
             if most - done < _CLOSE * most or most < _LEAST * _FIRST[unit] * whole:
-                return Stroke(done or most, force, _MEETS)
+                return Stroke(done or most, force, _MEETS, touches=done == 0.0)
             amount = (done + most) / 2
             continue
         used, why = _used(problem, ended, tip)

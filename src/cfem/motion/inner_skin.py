@@ -22,9 +22,9 @@ class InnerSkin:
         n_a = len(to_box)
         skin_indices = take(arrays, "skin_indices", (None, n_a), "iu").astype(np.int64)
         series = take(arrays, "skin", (None, len(skin_indices)))
-        if not len(series) or len(series) % n_r:
+        if len(series) % n_r:
             raise InputError(f"array 'skin' has {len(series)} rows, not so many for each of {n_r} inner motions")
-        self.modes, self._given, self._n_r = len(series) // n_r, (arrays, H, n_r), n_r
+        self.modes, self._given = len(series) // n_r, (arrays, H, n_r)
         paths = np.vstack([H, np.zeros((len(series), H.shape[1]))])
         skin = np.vstack([np.zeros((len(H), len(skin_indices))), series])
         indices, rows = joined([(arrays["indices"], paths), (skin_indices, skin)])

@@ -1,4 +1,4 @@
-"""Natural frequencies and damping of the condensed model, as `cfem.dynamics.modes` has those of the full one."""
+"""Natural frequencies and damping of the condensed model, as `cfem.fe_motion.modes` has those of the full one."""
 
 from dataclasses import dataclass
 

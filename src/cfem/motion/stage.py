@@ -150,7 +150,7 @@ def _beside(
     folder: Path, spec: SimulateSpec, base: Path, motion: tuple, columns: dict, dt: float, until: float
 ) -> dict[str, Any]:
     """Comparison with full finite elements under the same commands."""
-    from cfem.motion.fe_motion import simulate_full
+    from cfem.motion.finite_elements import simulate_full
     from cfem.robot.build import build_robot
     from cfem.robot.load import load_scene_and_mesh
     from cfem.robot.same_robot import demand_robot

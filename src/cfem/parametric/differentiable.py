@@ -91,7 +91,7 @@ class Differentiable(FiniteElementFamily):
         numbers |= {name: vibration.frequency for name, vibration in vibrations.items()}
         given = {name: np.array([value]) for name, value in numbers.items()}
         rest = problem.robot.rest_e[None]
-        return States(self.rows, p[None], c.W[None], c.delta_free[None], c.lam[None], rest, given), vibrations
+        return States(self.rows, c.W[None], c.delta_free[None], c.lam[None], p[None], rest, given), vibrations
 
     def gradient(
         self,
@@ -193,7 +193,7 @@ def chain(number: Outputs, by: Outputs) -> np.ndarray:
 def stacked(states: Sequence[States]) -> States:
     """Many states as one value."""
     arrays = (
-        np.concatenate([getattr(state, name) for state in states]) for name in ("p", "W", "delta_free", "lam", "rest_e")
+        np.concatenate([getattr(state, name) for state in states]) for name in ("W", "delta_free", "lam", "p", "rest_e")
     )
     names = states[0].numbers or {}
     return States(

@@ -6,7 +6,7 @@ from typing import Any, Literal, Protocol
 
 import numpy as np
 
-from cfem.condensed import Rows
+from cfem.condensed import Condensed, Rows
 from cfem.condensed.parameters import Parameter, from_shares, references, shares
 from cfem.core.errors import InputError, NumericalError
 from cfem.parametric.differences import Stencil
@@ -56,22 +56,17 @@ class LearnedFamily:
     def at(self, kind: Kind, u: np.ndarray, p: np.ndarray) -> States:
         """States with these displacements or forces u of robots p (m, n_p), all at once where the model is of that
         form."""
-        model, a = self.predictor, self.rows.a
-        u, p = np.broadcast_to(u, (len(p), self.rows.n_a)), np.asarray(p, float)
+        model, p = self.predictor, np.asarray(p, float)
+        u = np.broadcast_to(u, (len(p), self.rows.n_a))
         if kind == model.form:
-            W, free = model.evaluate(u, p)
-            lam = u if kind == "force" else np.linalg.solve(W[:, a, a], (u - free[:, a])[..., None])[..., 0]
+            state = model.at(u, p)
         else:
-            find = model.at_displacement if kind == "displacement" else model.at_force
-            condensed = [find(prescribed, design) for prescribed, design in zip(u, p, strict=True)]
-            W, free, lam = (
-                np.array([getattr(state, name) for state in condensed]) for name in ("W", "delta_free", "lam")
-            )
-        return States(self.rows, p, W, free, lam, self.rest(p))
+            state = model.at_displacement(u, p) if kind == "displacement" else model.at_force(u, p)
+        return States(self.rows, state.W, state.delta_free, state.lam, p, self.rest(p))
 
     def outside(self, states: States) -> list[int]:
         """Which of the states are unlike those that the model was trained on."""
-        return [i for i in range(len(states)) if not self.predictor.inside(states.condensed(i), states.p[i])]
+        return np.flatnonzero(~self.predictor.inside(states, states.p)).tolist()
 
 
 class FiniteElementFamily:
@@ -114,8 +109,8 @@ class FiniteElementFamily:
             )
             answers.append(answer.condensed)
             rest.append(problem.robot.rest_e)
-        W, free, lam = (np.array([getattr(state, name) for state in answers]) for name in ("W", "delta_free", "lam"))
-        return States(self.rows, p, W * softer[:, None, None], free, lam / softer[:, None], np.array(rest))
+        state, soft = Condensed.batch(answers), softer[:, None]
+        return States(self.rows, state.W * soft[..., None], state.delta_free, state.lam / soft, p, np.array(rest))
 
     @property
     def nodes(self) -> np.ndarray:

@@ -16,12 +16,14 @@ _OUT = re.compile(r"""^out:[ \t]*(?:"([^"\n]+)"|'([^'\n]+)'|([^#\n]+?))[ \t]*(?:
 
 @dataclass(frozen=True)
 class Step:
-    """One command. kind: of its spec; needs: the specs of the steps whose results it reads."""
+    """One command. kind: of its spec; needs: the specs of the steps whose results it reads; quick: whether it gives a
+    coarse answer (quick.py)."""
 
     kind: str
     spec: Path
     stage: Stage
     needs: tuple[Path, ...]
+    quick: bool = False
 
     @property
     def command(self) -> str:

@@ -14,6 +14,7 @@ from cfem.core.errors import GateError, SpecError
 from cfem.core.kinds import KINDS
 from cfem.core.stage import Options
 from cfem.pipeline.plan import Step, kind_named, kind_of, own_specs, plan
+from cfem.pipeline.quick import quick_steps
 
 WAITS = "waits for"
 FIGURES = ("control", "calibrate", "design")  # kinds whose headlines are what all the others are for
@@ -27,17 +28,19 @@ def run(
     only: str | None = None,
     line: Callable[[int, Sequence[Step], Sequence[str]], str] | None = None,
     workers: int | None = None,
+    quick: bool = False,
 ) -> dict[str, Any]:
     """Runs specs, and what they read first, wherever a spec beside them makes it. places: folders, of which the specs
     without a suffix are run, and specs. What they read is made first, wherever a spec beside them makes it. overrides:
     'train.samples=20', by the spec's name. `force` runs nothing that is up to date: it lets samples and hardware's runs
     of other inputs be moved aside. line: what to print before a step, by its number, all steps and why it is to be run.
-    workers: processes that solve samples, one per core where None.
+    workers: processes that solve samples, one per core where None. quick: a coarse answer, in folders of its own.
 
     Returns what a stage returns; results: stages (stage, spec, out, status, why, seconds), judgement, headline. Raises
     GateError under `check` where a stage is stale; SpecError before the first stage where specs do not fit each
     other."""
     steps = _steps(places, overrides, until, only)
+    steps = quick_steps(steps) if quick else steps
     for step in steps:
         step.stage.demand_agreement()
     begin, line = time.perf_counter(), line or _line
@@ -54,7 +57,7 @@ def run(
     n_stale = sum(stage_done["status"] == "stale" for stage_done in done)
     if n_stale:
         what = f"{n_stale} of {len(done)} stages are stale"
-        raise GateError(what, do=f"cfem run {' '.join(map(str, places))}")
+        raise GateError(what, do=f"cfem run {' '.join(map(str, places))}{' --quick' * quick}")
     status = "done" if any(entry_done["status"] == "done" for entry_done in done) else "up to date"
     results = {**_figures(steps), "stages": done}
     return {"stage": "run", "status": status, "results": results, "seconds": time.perf_counter() - begin}
@@ -113,7 +116,7 @@ def _run(step: Step, options: Options, workers: int | None) -> Mapping[str, Any]
     if step.kind == "sample":
         from cfem.active_learning.fill import fill
 
-        more = {"fill": fill, "workers": workers}
+        more = {"fill": fill, "workers": workers, "quick": step.quick}
     return stage_module(step.kind).run(step.spec, step.stage.overrides, None, options, **more)
 
 

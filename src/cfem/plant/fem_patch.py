@@ -1,12 +1,15 @@
-"""The FE robot whose contact points a rigid patch holds, as a model of its actuators and the patch's pose."""
+"""The FE robot whose contact points a rigid patch holds, as a model of its actuators and the patch's pose, and several
+of them that hold one object."""
 
 import numpy as np
 
 from cfem.condensed import Condensed
 from cfem.condensed.contact_pose import onto_patch
+from cfem.condensed.coupling import Coupled
 from cfem.equilibrium.actuation import displacement
 from cfem.equilibrium.contact.held_patch import contact_points, held, patch_of
 from cfem.equilibrium.newton import NewtonSettings
+from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.robot import Robot
 from cfem.plant.fem_robot import FemRobot
 from cfem.plant.protocol import Changing
@@ -41,3 +44,30 @@ class FemPatch(FemRobot):
         equilibrium = self._solve(actuation, delta, slack=False, place=delta, again=same_actuation)
         self._at = delta.copy(), onto_patch(equilibrium.condensed, self.patch, X)
         return self._at[1]
+
+
+class CoupledFem(Coupled):
+    """FE robots that are glued to an object: what control by FE matrices plans with. Each is a `FemPatch`.
+
+    solves, factorizations, seconds: what all of them have cost"""
+
+    @property
+    def changing(self) -> Changing:
+        own_state: Changing = [(self, ("_last", "_slope"))]
+        return own_state + [pair for hold in self.holds for pair in hold.model.changing]
+
+    @property
+    def problems(self) -> list[Problem]:
+        return [problem for hold in self.holds for problem in hold.model.problems]
+
+    @property
+    def solves(self) -> int:
+        return sum(hold.model.solves for hold in self.holds)
+
+    @property
+    def factorizations(self) -> int:
+        return sum(hold.model.factorizations for hold in self.holds)
+
+    @property
+    def seconds(self) -> float:
+        return sum(hold.model.seconds for hold in self.holds)

@@ -1,6 +1,6 @@
-"""Robots and an object that they only touch, as the plant: contact points open, stick and slide. The robots are finite
-elements, or learned (`cfem.predict.contact.gripping_finger`): what plans ask of a model is this plant of learned
-robots."""
+"""Robots and an object that they hold, as the plant: contact points open, stick and slide, or are glued to it. The
+robots are finite elements, or learned (`cfem.predict.contact.gripping_finger`): what plans with friction ask of a model
+is this plant of learned robots."""
 
 from collections.abc import Sequence
 from copy import copy
@@ -12,7 +12,7 @@ import numpy as np
 from cfem.contact.modes import Mode
 from cfem.contact.problem import Law
 from cfem.equilibrium.actuation import displacement
-from cfem.equilibrium.contact.grasp import FreeObject, grasp_step
+from cfem.equilibrium.contact.grasp import FreeObject, grasp_step, holding_stiffness
 from cfem.equilibrium.contact.ground import Pads
 from cfem.equilibrium.contact.points import PlacedRobot, PointRobot, PointsState
 from cfem.equilibrium.problem import Problem
@@ -26,6 +26,7 @@ OPENING = 0.1  # mm that an actuator goes in one step while the robots let go
 SLIDES = 0.05  # mm that an object which nothing holds slides down in a first step
 FASTER, SLOWER, LASTS = 2.0, 0.25, 60  # how that changes from step to step, and where a step fails; steps
 ROUNDING = 1e-8  # of the normal force, to which the law is solved: less friction is none
+BUCKLES = "the object is not held stably: a robot that holds it buckles"
 LEVERAGE = 10.0  # mm that an object goes for each of an actuator: more is another contact state, not a step of this one
 
 
@@ -37,7 +38,10 @@ class GripPlant(ContactAccount):
     the robots lift it; None: nothing does. Robots that go back to rest over a table let the object go (`let_go`).
 
     at (n_a,) mm, load (share of the object's load), last: where it stands; margins: to slip while the robots hold the
-    object, and borne: N by the table, after each command; stuck: quasi-static steps without a solution so far"""
+    object, and borne: N by the table, after each command; stuck: quasi-static steps without a solution so far
+
+    Of an object that is glued, imbalance: the largest force or moment sum on it so far, relative; softest: the smallest
+    eigenvalue of the stiffness that holds it over the largest, in all states"""
 
     def __init__(
         self,
@@ -66,11 +70,13 @@ class GripPlant(ContactAccount):
         self.reset()
         self.margins: list[float] = []
         self.borne: list[float] = []
+        self.imbalance, self.softest = 0.0, np.inf
         super().__init__()
 
     @property
     def changing(self) -> Changing:
-        return [(self, ("at", "last", "load", "margins", "borne", "stuck", *self.COUNTED))]
+        figures = ("margins", "borne", "imbalance", "softest", "stuck", *self.COUNTED)
+        return [(self, ("at", "last", "load", *figures))]
 
     @property
     def problems(self) -> list[Problem]:
@@ -92,6 +98,9 @@ class GripPlant(ContactAccount):
         fails it is halved, and where the shortest fails the state is the last that converged, and the status says why.
         """
         self.commands += 1
+        n_e = len(self._held.delta_e) + (0 if self._margin is None else len(self.fingers))
+        if kind != "displacement":
+            return Measurement.failed(n_e, len(u), self.commands, "robots that hold an object take displacements")
         for finger in self.fingers:
             if isinstance(finger, PlacedRobot):
                 finger.forget()  # an interrupted run goes on to the same figures
@@ -102,11 +111,10 @@ class GripPlant(ContactAccount):
         if status != CONVERGED:
             self.failures += 1
         last = self.last
-        if last is None or kind != "displacement":
-            n_e = len(self._held.delta_e) + (0 if self._margin is None else len(self.fingers))
+        if last is None:
             return Measurement.failed(n_e, len(self.at), self.commands, status)
         self.seen(last.modes, last.check.largest if last.check else 0.0)
-        self.account_of_grip()
+        self._count_grip()
         delta_a, lambda_a = (
             np.concatenate([getattr(state, key) for state in self.solved]) for key in ("delta_a", "lambda_a")
         )
@@ -122,11 +130,49 @@ class GripPlant(ContactAccount):
         """(3,) N, all of it."""
         return self._held.load[:3]
 
-    def account_of_grip(self) -> None:
-        """Margin to slip, where the robots hold the object, and what the table bears, as it stands."""
+    def _count_grip(self) -> None:
+        """Counts how the object is held as it stands: balance and stiffness of glue, else the margin to slip, where the
+        robots hold it, and what the table bears."""
+        if self.glued:
+            stiffness = self._stiffness(self.last)
+            self.imbalance = max(self.imbalance, self.last.check.balance)
+            self.softest = min(self.softest, float(stiffness[0] / stiffness[-1]))
+            return
         if self.holds:
             self.margins.append(self.slip_margin())
         self.borne.append(self.on_table())
+
+    def account(self) -> dict:
+        glue = {"imbalance": self.imbalance, "softest": self.softest} if self.glued else {}
+        return super().account() | glue
+
+    def sentence(self) -> str:
+        if not self.glued:
+            return super().sentence()
+        return (
+            f"object: forces and moments balance to {self.imbalance:.1e} of their size in every glued state; "
+            f"in its softest direction it is held with {self.softest:.1e} of the stiffness of its stiffest"
+        )
+
+    @property
+    def glued(self) -> bool:
+        return self._law == "bilateral"
+
+    def _stiffness(self, state: PointsState) -> np.ndarray:
+        """Eigenvalues (k,) N/mm of the stiffness that holds the object, from the smallest on; rotations as the way by
+        which they move the farthest point at rest."""
+        K = holding_stiffness(state, self._points(state))
+        arms = np.concatenate([finger.points for finger in self.fingers]) - self._held.centre
+        length = max(1.0, float(np.linalg.norm(arms, axis=1).max()))
+        size = np.array([1.0] * 3 + [length] * (len(K) - 3))
+        return np.linalg.eigvalsh(K / np.outer(size, size))
+
+    def _points(self, state: PointsState) -> np.ndarray:
+        """(m, 3) mm of the robots' contact points in a state."""
+        delta = zip(self.fingers, state.solved, strict=False)  # a table comes last
+        return np.concatenate(
+            [finger.points + solved.delta_c.reshape(-1, 3) @ finger.turn.T for finger, solved in delta]
+        )
 
     def effectors(self) -> np.ndarray:
         """(n_e,) mm, rad and N: the object's place, its rotation vector where it is oriented, and what each grip has
@@ -213,7 +259,8 @@ class GripPlant(ContactAccount):
         """Status at the end of the way to u (n_a,) mm."""
         if self.table is not None and self.at.any() and not u.any():
             return self.let_go()
-        return carried_out(self.at, u, LONGEST, lambda target: self._go(target, self.load))
+        longest = np.inf if self.glued else LONGEST
+        return carried_out(self.at, u, longest, lambda target: self._go(target, self.load))
 
     def let_go(self) -> str:
         """Back to rest: how that ended. Where the robots do not hold the object any more and the table does not bear it
@@ -249,11 +296,7 @@ class GripPlant(ContactAccount):
 
     def clearance(self) -> float:
         """Distance (mm) between the object and the contact point nearest to it."""
-        delta = zip(self.fingers, self.solved, strict=True)
-        points = np.concatenate(
-            [finger.points + state.delta_c.reshape(-1, 3) @ finger.turn.T for finger, state in delta]
-        )
-        return float(self.last.around.surface(points)[0].min())
+        return float(self.last.around.surface(self._points(self.last))[0].min())
 
     def alone(self) -> tuple[str, float]:
         """Status and motion (mm) of the object on its table when the robots are taken away as they stand: how that
@@ -286,8 +329,10 @@ class GripPlant(ContactAccount):
         return state
 
     def _lost(self, state: PointsState, u: np.ndarray) -> str:
-        """Status of what solves the equations: whether it is a step from `last`, as an object without load may be
-        anywhere once nothing touches it."""
+        """Status of what solves the equations: whether glue holds the object stably, and whether the state is a step
+        from `last`, as an object without load may be anywhere once nothing touches it."""
+        if self.glued:
+            return CONVERGED if self._stiffness(state)[0] > 0 else BUCKLES
         if self.last is None or all(mode is Mode.OPEN for mode in self.last.modes):
             return CONVERGED
         if all(mode is Mode.OPEN for mode in state.modes):

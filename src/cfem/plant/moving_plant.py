@@ -9,13 +9,13 @@ from numpy.typing import ArrayLike
 
 from cfem.condensed.model import under_force
 from cfem.core.errors import NumericalError
-from cfem.dynamics.problem import MovingProblem
-from cfem.dynamics.scheme import Scheme
-from cfem.dynamics.simulate import Kept, Run, StepControl, simulate
-from cfem.dynamics.start import at_rest
 from cfem.equilibrium.actuation import Actuation, displacement, force
 from cfem.equilibrium.robot import Robot
 from cfem.equilibrium.solve import solve
+from cfem.fe_motion.problem import MovingProblem
+from cfem.fe_motion.scheme import Scheme
+from cfem.fe_motion.simulate import Kept, MotionRun, StepControl, simulate
+from cfem.fe_motion.start import at_rest
 from cfem.motion import step as condensed
 from cfem.plant.protocol import Command, Measurement
 
@@ -71,7 +71,7 @@ class MovingFemPlant:
         last, n_a = run.samples[-1], len(u)
         return Measurement(problem.robot.rest_e + last.delta_e, last.delta[:n_a], last.lam[:n_a], self._t, "converged")
 
-    def _account(self, run: Run) -> None:
+    def _account(self, run: MotionRun) -> None:
         self.steps += len(run.samples) - 1
         self.factorizations += run.cost.factorizations
         self.refused += len(run.refused)

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from cfem.condensed import Condensed, Rows
+from cfem.condensed.model import Form
 from cfem.predict.domain import Domain
-from cfem.predict.energy import Form
 from cfem.predict.protocol import Predictor
 
 

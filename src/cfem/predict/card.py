@@ -5,9 +5,9 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, field_validator
 
 from cfem.condensed.card import MOST, Pair, ParameterCard, RowsCard, Units
+from cfem.condensed.model import Form
 from cfem.core.names import Name
 from cfem.core.reading import Data
-from cfem.predict.energy import Form
 from cfem.predict.protocol import KINDS
 
 FORMAT = 3

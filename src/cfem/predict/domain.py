@@ -5,7 +5,8 @@ from functools import cached_property
 
 import numpy as np
 
-from cfem.predict.energy import Form
+from cfem.condensed.model import Form
+from cfem.condensed.spread import spread
 
 MARGIN = 0.05  # share of each range by which the boxes are wider than the data
 STATES = 128  # kept of the training states
@@ -32,7 +33,9 @@ class Domain:
         parameters."""
         p = np.zeros((len(delta_a), 0)) if p is None else p
         states = np.hstack([delta_a, lambda_a, p])
-        return cls(_box(delta_a), _box(lambda_a), _box(p), states[_spread(states / _range(_box(states)), STATES)])
+        scaled = states / _range(_box(states))
+        middle = int(np.argmin(((scaled - scaled.mean(axis=0)) ** 2).sum(axis=1)))
+        return cls(_box(delta_a), _box(lambda_a), _box(p), states[spread(scaled, STATES, middle)])
 
     @classmethod
     def from_json(cls, data: dict) -> "Domain":
@@ -102,14 +105,3 @@ def _plain(values: np.ndarray) -> float | bool | np.ndarray:
 def _range(box: np.ndarray) -> np.ndarray:
     width = box[1] - box[0]
     return np.where(width > 0, width, 1.0)
-
-
-def _spread(points: np.ndarray, count: int) -> np.ndarray:
-    """`count` (or all) indices into points (m, n): again and again the point farthest from those chosen."""
-    chosen, distance = [], np.full(len(points), np.inf)
-    latest = int(np.argmin(((points - points.mean(axis=0)) ** 2).sum(axis=1)))
-    for _ in range(min(count, len(points))):
-        chosen.append(latest)
-        distance = np.minimum(distance, ((points - points[latest]) ** 2).sum(axis=1))
-        latest = int(np.argmax(distance))
-    return np.array(chosen)

@@ -11,15 +11,14 @@ the effectors' displacements e and a compliance C of theirs:
 and delta_free = delta - W[:, a] lambda_a. W is symmetric by construction."""
 
 from itertools import permutations
-from typing import Literal
 
 import numpy as np
 
 from cfem.condensed import Rows
+from cfem.condensed.model import Form
 from cfem.condensed.packing import symmetric3_indices, symmetric4_indices, upper_indices
 from cfem.predict.semidefinite import nearest, with_nearest
 
-Form = Literal["displacement", "force"]
 FORMS: tuple[Form, ...] = ("displacement", "force")
 Parts = dict[str, np.ndarray]
 

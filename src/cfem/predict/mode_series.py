@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cfem.core.errors import InputError
-from cfem.predict.chebyshev import Basis
+from cfem.predict.chebyshev import Basis, union
 from cfem.predict.energy import unpacking
 from cfem.predict.series import input_derivatives
 from cfem.predict.skin import LearnedSkin
@@ -110,9 +110,8 @@ def compliance_columns(k: int, effectors: int, loaded: np.ndarray) -> list[np.nd
 
 def joined(parts: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
     """Series (r, M_i) over index sets (M_i, n), each over all indices (M, n) that one of them has: (parts, r, M)."""
-    indices, places = np.unique(np.concatenate([index_set for index_set, _ in parts]), axis=0, return_inverse=True)
-    coefficients, first = np.zeros((len(parts), len(parts[0][1]), len(indices))), 0
-    for number, (index_set, series) in enumerate(parts):
-        coefficients[number][:, places.ravel()[first : first + len(index_set)]] = series
-        first += len(index_set)
+    indices, places = union(*(index_set for index_set, _ in parts))
+    coefficients = np.zeros((len(parts), len(parts[0][1]), len(indices)))
+    for number, ((_, series), place) in enumerate(zip(parts, places, strict=True)):
+        coefficients[number][:, place] = series
     return indices.astype(np.int64), coefficients

@@ -9,11 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cfem.condensed import Condensed, Rows
+from cfem.condensed.model import Form, with_dual
 from cfem.condensed.parameters import coordinates, from_json, references
 from cfem.core.errors import InputError, NumericalError
 from cfem.predict.domain import Domain
-from cfem.predict.dual_state import dual_states
-from cfem.predict.energy import Form
 from cfem.predict.skin import LearnedSkin
 
 if TYPE_CHECKING:
@@ -99,10 +98,7 @@ class Predictor(ABC):
             raise self._not_one_each(delta_a, "a state of displacements")
         p = np.broadcast_to(self._p(p), (*s.shape[:-1], len(self.parameters)))
         if self.form == "force":
-            flat = s.reshape(-1, s.shape[-1])
-            places = zip(flat, p.reshape(len(flat), p.shape[-1]), strict=True)  # p may have no columns
-            s = np.array([self.at_displacement(*place).lambda_a for place in places]).reshape(s.shape)
-            s = s * self.softer(p)[..., None]
+            s = self.at_displacement(s, p).lambda_a * self.softer(p)[..., None]
         return s, self.q(p)
 
     @property
@@ -141,7 +137,7 @@ class Predictor(ABC):
         and far outside the domain."""
         delta_a = self._one_each(delta_a, "a state of displacements")
         self._demand_near(delta_a, *self.domain.delta_a, "displacements", "mm")
-        return self.at(delta_a, p) if self.form == "displacement" else self._find(delta_a, p)
+        return self.at(delta_a, p) if self.form == "displacement" else self._with_dual(delta_a, p)
 
     def at_force(self, lambda_a: ArrayLike, p: ArrayLike | None = None) -> Condensed:
         """The condensed robot under lambda_a (..., n_a) N. NumericalError where there is none, and far outside the
@@ -149,7 +145,7 @@ class Predictor(ABC):
         lambda_a = self._one_each(lambda_a, "a state of forces")
         softer = self.softer(self._p(p))[..., None] if self.parameters else 1.0
         self._demand_near(lambda_a, *(bound / softer for bound in self.domain.lambda_a), "forces", "N")
-        return self.at(lambda_a, p) if self.form == "force" else self._find(lambda_a, p)
+        return self.at(lambda_a, p) if self.form == "force" else self._with_dual(lambda_a, p)
 
     def jacobian(self, state: Condensed) -> np.ndarray:
         """(..., n_e, n_a) d delta_e / d delta_a = W_ea W_aa^-1 at a state found with this model."""
@@ -198,42 +194,18 @@ class Predictor(ABC):
         shown = text if len(text) <= 80 else f"{text[:77]}..."
         return InputError(f"{what} is one finite number for each actuator ({names}); got {shown}")
 
-    def _find(self, wanted: np.ndarray, p: np.ndarray | None, tolerance: float = 1e-11) -> Condensed:
-        """The states whose dual quantities are `wanted` (..., n_a), searched from the nearest training states;
-        tolerance: relative to the domain's largest value. NumericalError where one is not found."""
-        state, missing, allowed = self.search(wanted, p, tolerance)
-        if (missing > allowed).any():
-            what, unit = ("multipliers", "N") if self.form == "displacement" else ("displacements", "mm")
-            worst = np.unravel_index(np.argmax(missing - allowed), missing.shape)
-            raise NumericalError(
-                f"the model finds no state of {what} {wanted[worst].tolist()} {unit}: "
-                f"{missing[worst]:.2g} {unit} are left",
-                do="ask inside its domain",
-            )
-        return self.at(state, p)
-
-    def search(
-        self, wanted: np.ndarray, p: np.ndarray | None = None, tolerance: float = 1e-11
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Inputs (..., n_a) of the form whose duals are `wanted` (..., n_a), what is missing (...,) and what rounding
-        allows to be missing (...,)."""
-        known = self.domain.lambda_a if self.form == "displacement" else self.domain.delta_a
+    def _with_dual(self, wanted: np.ndarray, p: np.ndarray | None) -> Condensed:
+        """States whose forces are `wanted` (..., n_a), or displacements for the form 'force', each searched from the
+        nearest training state. NumericalError where one is not found."""
         dual: Form = "force" if self.form == "displacement" else "displacement"
-        flat, size = wanted.reshape(-1, self.rows.n_a), np.abs(known).max()
-        every = np.broadcast_to(self._p(p), (*wanted.shape[:-1], len(self.parameters))).reshape(len(flat), -1)
+        every = np.broadcast_to(self._p(p), (*wanted.shape[:-1], len(self.parameters)))
+        if wanted.ndim > 1:
+            return Condensed.batch([self._with_dual(*row) for row in zip(wanted, every, strict=True)])
         # the domain's states are those of the reference of exact parameters
-        softer = self.softer(every)[:, None] if self.parameters else np.ones((len(flat), 1))
-        reference = flat * softer if dual == "force" else flat
-        start = np.array([self.domain.nearest(row, dual, q) for row, q in zip(reference, self.q(every), strict=True)])
+        softer = self.softer(every) if self.parameters else 1.0
+        start = self.domain.nearest(wanted * softer if dual == "force" else wanted, dual, self.q(every))
         start = start if dual == "force" else start / softer
-        exact = tolerance * np.maximum(size, np.abs(flat).max(axis=1))
-        state, missing = dual_states(lambda s, which: self.at(s, every[which]), self.form, start, flat, exact)
-        shape = wanted.shape[:-1]
-        return (
-            state.reshape(wanted.shape),
-            missing.reshape(shape),
-            np.maximum(exact, 1e3 * tolerance * size).reshape(shape),
-        )
+        return with_dual(lambda s: self.at(s, every), self.form, wanted, self.at(start, every))
 
     def inside(self, condensed: Condensed, p: ArrayLike | None = None) -> bool | np.ndarray:
         """True for each state found with this model that is like those that it was trained on."""

@@ -4,15 +4,15 @@ States are drawn by force (a low-discrepancy sequence over the forces of the tra
 pulls carries at least nothing. Every such state exists, and a fifth of the draws of each cable leave it slack, so that
 the faces of the workspace are drawn too. States outside the reach or unlike the training states are left out."""
 
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
 
 from cfem.condensed import Condensed, Rows
-from cfem.core.errors import InputError
+from cfem.core.errors import InputError, NumericalError
 from cfem.predict.domain import Domain
-from cfem.predict.energy import Form
 
 _SLACK = 0.25  # of the range of forces: drawn below 0 and lifted to it
 _ROUNDS = 20  # draws of as many states as are asked for, at most
@@ -22,7 +22,6 @@ class Queried(Protocol):
     """What a workspace needs of a model: see `cfem.predict.protocol.Predictor`."""
 
     rows: Rows
-    form: Form
     domain: Domain
     rest_e: np.ndarray
     reach: np.ndarray
@@ -30,9 +29,7 @@ class Queried(Protocol):
     @property
     def pulls(self) -> np.ndarray: ...
 
-    def at(self, s: np.ndarray) -> Condensed: ...
-
-    def search(self, wanted: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]: ...
+    def at_force(self, lambda_a: np.ndarray) -> Condensed: ...
 
     def inside(self, condensed: Condensed) -> np.ndarray: ...
 
@@ -83,34 +80,31 @@ def workspace_of(model: Queried, states: int, seed: int = 0) -> Workspace:
         raise InputError(f"a workspace needs at least one state, got {states}")
     from scipy.stats import qmc
 
-    sequence, n_a = qmc.Halton(model.rows.n_a, rng=seed), model.rows.n_a
+    sequence = qmc.Halton(model.rows.n_a, rng=seed)
     least, most = model.domain.lambda_a
     kept: list[Condensed] = []
-    count = 0
     for _ in range(_ROUNDS):
         share = sequence.random(states)
         pulled = np.maximum((1 + _SLACK) * share - _SLACK, 0.0) * most
-        forces = np.where(model.pulls, pulled, least + share * (most - least))
-        state = model.at(_solved(model, forces))
-        low, high = model.reach[:n_a].T
-        good = ((state.delta_a >= low) & (state.delta_a <= high)).all(axis=1) & model.inside(state)
-        kept.append(Condensed(state.rows, state.W[good], state.delta_free[good], state.lam[good]))
-        count += int(good.sum())
-        if count >= states:
+        kept += _states_within(model, np.where(model.pulls, pulled, least + share * (most - least)))
+        if len(kept) >= states:
             break
-    if count == 0:
+    if not kept:
         what = "none of the states drawn by force is within the reach and like the training states"
         raise InputError(what, where="workspace", do="sample more states and train again")
-    delta_a, lambda_a, delta_e = (
-        np.concatenate([getattr(state, name) for state in kept])[:states] for name in ("delta_a", "lambda_a", "delta_e")
-    )
+    state = Condensed.batch(kept[:states])
+    lambda_a = state.lambda_a
     slack = model.pulls & (np.abs(lambda_a) <= 1e-9 * most)
-    return Workspace(model.rows, delta_a, np.where(slack, 0.0, lambda_a), model.rest_e + delta_e, model.rest_e)
+    forces = np.where(slack, 0.0, lambda_a)
+    return Workspace(model.rows, state.delta_a, forces, model.rest_e + state.delta_e, model.rest_e)
 
 
-def _solved(model: Queried, forces: np.ndarray) -> np.ndarray:
-    """Inputs of the form under these forces (m, n_a), where the model has such states."""
-    if model.form == "force":
-        return forces
-    state, missing, allowed = model.search(forces)
-    return state[missing <= allowed]
+def _states_within(model: Queried, forces: np.ndarray) -> list[Condensed]:
+    """States under forces (m, n_a) that the model has, within its reach and like its training states."""
+    states, (low, high) = [], model.reach[: model.rows.n_a].T
+    for force in forces:
+        with suppress(NumericalError):
+            state = model.at_force(force)
+            if ((state.delta_a >= low) & (state.delta_a <= high)).all() and model.inside(state):
+                states.append(state)
+    return states

@@ -10,7 +10,7 @@ from cfem.core.errors import InputError
 from cfem.report.sections.robot import LINES, cables_of, moved_with
 from cfem.report.sections.tracking import Tracking
 from cfem.report.shape_history import FE, LEARNED, ShapeHistory, histories
-from cfem.report.viewer import BODY, OBJECT, Line, Take, Viewer, flat_triangles
+from cfem.report.viewer import BODY, OBJECT, Polyline, Take, Viewer, flat_triangles
 from cfem.robot.spec import SceneSpec
 
 CAPTION = "The {} at its goals (circles); red: its way. Shapes between goals are interpolated. Drag to turn."
@@ -41,7 +41,7 @@ def viewer_of(name: str, taken: Sequence[ShapeHistory], scene: SceneSpec | None)
 
 def _take(history: ShapeHistory, cables: Sequence[tuple[str, np.ndarray, int]]) -> Take:
     lines = tuple(
-        Line(label, LINES[place % len(LINES)], moved_with(points, held, history.rest, history.x))
+        Polyline(label, LINES[place % len(LINES)], moved_with(points, held, history.rest, history.x))
         for place, (label, points, held) in enumerate(cables)
     )
     return Take(history.name, history.x, history.index.tolist(), history.goals, history.reached, history.errors, lines)

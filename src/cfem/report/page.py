@@ -13,19 +13,19 @@ ASSETS = ("page.css", "player.js", "page.js")
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:"
 
 
-class Part(Protocol):
+class PageElement(Protocol):
     """A chart, a table, a robot."""
 
     def html(self) -> str: ...
 
 
 @dataclass(frozen=True)
-class Section:
+class ReportSection:
     """A heading, a sentence or two, and what it shows; facts: for results.json."""
 
     title: str
     text: str
-    parts: tuple[Part, ...]
+    parts: tuple[PageElement, ...]
     facts: dict[str, Any] = field(default_factory=dict)
 
     def key(self, place: int) -> str:
@@ -46,7 +46,7 @@ class Section:
 class Card:
     """A picture beside what it shows in words; link: HTML below it."""
 
-    picture: Part
+    picture: PageElement
     facts: Mapping[str, str]
     link: str = ""
 
@@ -76,7 +76,7 @@ class Summary:
     concerns: tuple[str, ...] = ()
     numbers: tuple[Number, ...] = ()
 
-    def html(self, robot: Part | None) -> str:
+    def html(self, robot: PageElement | None) -> str:
         lines = [f'<p class="poor">{escape(concern)}</p>' for concern in self.concerns]
         lines.append(f'<p class="lead">{escape(self.sentence)}</p>')
         numbers = "".join(number.html() for number in self.numbers)
@@ -91,7 +91,9 @@ def assets() -> tuple[str, str]:
     return style + viewer.asset("viewer.css"), viewer.script(*scripts)
 
 
-def page(title: str, summary: Summary, robot: Part | None, card: Card | None, sections: Sequence[Section]) -> str:
+def page(
+    title: str, summary: Summary, robot: PageElement | None, card: Card | None, sections: Sequence[ReportSection]
+) -> str:
     """The whole file. robot: its animation. Without it, the first section is unfolded."""
     style, script = assets()
     links = "".join(

@@ -13,7 +13,7 @@ from cfem.motion.load import FILE as MOTION
 from cfem.motion.load import load_motion
 from cfem.predict.load import load_model
 from cfem.report.animation import animation
-from cfem.report.page import Card, Section, Summary
+from cfem.report.page import Card, ReportSection, Summary
 from cfem.report.sections.gait import gait_section, gait_summary
 from cfem.report.sections.interactive import link
 from cfem.report.sections.loops import loop_section
@@ -25,7 +25,7 @@ from cfem.report.sections.summary import loops_summary, tracking_summary
 from cfem.report.sections.tracking import read_tracking, tracking_section
 from cfem.report.sections.trust import Trust, trust
 from cfem.report.spec import ReportSpec
-from cfem.report.tables import Table, number, tabulate
+from cfem.report.tables import ReportTable, number, tabulate
 from cfem.report.viewer import Viewer
 from cfem.robot.mesh.mesh_file import read_mesh
 from cfem.robot.spec import SceneSpec
@@ -36,7 +36,7 @@ Manifests = Mapping[str, tuple[Path, dict[str, Any]]]  # of the inputs, by name
 
 def learned(
     spec: ReportSpec, scene: SceneSpec | None, manifests: Manifests
-) -> tuple[Summary | None, Viewer | None, Card | None, list[Section]]:
+) -> tuple[Summary | None, Viewer | None, Card | None, list[ReportSection]]:
     """Tracking, models and samples of the page's scene, where it has one and is about them."""
     if scene is None or not spec.control:
         return None, None, None, []
@@ -65,7 +65,7 @@ def learned(
     return summary, animation(control, controlled, tracking, scene), shown, sections
 
 
-def compared(spec: ReportSpec, manifests: Manifests) -> list[Section]:
+def compared(spec: ReportSpec, manifests: Manifests) -> list[ReportSection]:
     """Sections on models of several robots, methods of sampling, and meshes."""
     sections = []
     for scene, study in spec.surrogates.items():
@@ -73,7 +73,7 @@ def compared(spec: ReportSpec, manifests: Manifests) -> list[Section]:
         samples, beyond = (manifests.get(f"{scene}: {name}", (None,))[0] for name in ("samples", "beyond"))
         trusts, results = _trusts(models, samples, beyond), _results(models)
         section = models_section(f"Models of {scene}", results, trusts, study.published, study.default, f"{scene}-")
-        sections.append(Section(section.title, section.text, section.parts, {scene: section.facts}))
+        sections.append(ReportSection(section.title, section.text, section.parts, {scene: section.facts}))
     if spec.sampling:
         rows = []
         for method, models in spec.sampling.items():
@@ -91,21 +91,21 @@ def compared(spec: ReportSpec, manifests: Manifests) -> list[Section]:
     return sections + _vibrating({name: manifests[f"moving {name}"][0] for name in spec.moving})
 
 
-def _vibrating(folders: Mapping[str, Path]) -> list[Section]:
+def _vibrating(folders: Mapping[str, Path]) -> list[ReportSection]:
     """Section on models that move."""
     from cfem.report.sections.vibrations import vibrations_section
 
     return [vibrations_section({name: load_motion(path) for name, path in folders.items()})] if folders else []
 
 
-def over_time(spec: ReportSpec, manifests: Manifests) -> tuple[list[Section], Summary | None]:
+def over_time(spec: ReportSpec, manifests: Manifests) -> tuple[list[ReportSection], Summary | None]:
     """One section a run over time, and all of them in a sentence."""
     sections = [loop_section(name, *manifests[f"loop {name}"]) for name in spec.loops]
     loops = {name: manifests[f"loop {name}"][1]["results"]["loop"] for name in spec.loops}
     return sections, loops_summary(loops) if loops else None
 
 
-def provenance(spec: ReportSpec, manifests: Manifests) -> Section:
+def provenance(spec: ReportSpec, manifests: Manifests) -> ReportSection:
     """Section on what made every artefact, and with which packages."""
     made_with = manifests["control"][1]["versions"] if spec.control else versions()
     artefacts = tabulate(
@@ -118,9 +118,9 @@ def provenance(spec: ReportSpec, manifests: Manifests) -> Section:
             "time (s)": lambda row: number(row[1][1]["seconds"]),
         },
     )
-    packages = Table(("package", "version"), list(made_with.items()), words=True)
+    packages = ReportTable(("package", "version"), list(made_with.items()), words=True)
     text = "Every artefact has a manifest with these hashes. A stage whose inputs have not changed does not run again."
-    return Section("Where this comes from", text, ((artefacts,) if manifests else ()) + (packages,))
+    return ReportSection("Where this comes from", text, ((artefacts,) if manifests else ()) + (packages,))
 
 
 def _results(models: Mapping[Any, tuple[Path, dict[str, Any]]]) -> dict[Any, dict[str, Any]]:

@@ -10,7 +10,7 @@ from cfem.init.written import short
 from cfem.mechanics.mesh import Mesh
 from cfem.report.page import Card, Summary, page
 from cfem.report.sections.robot import LINES
-from cfem.report.viewer import BODY, HELD, Line, Take, Viewer, flat_triangles
+from cfem.report.viewer import BODY, HELD, Polyline, Take, Viewer, flat_triangles
 from cfem.robot.selection import select_nodes
 
 _ARROW = 0.2  # of the body's length: a push
@@ -24,14 +24,14 @@ def suggestion(robot: NewScene, shape: Shape) -> str:
 
 
 def viewer(robot: NewScene, shape: Shape) -> Viewer:
-    """The picture."""
+    """Picture of the body, with held nodes dark, actuators as lines and watched points as dots."""
     mesh, driven = shape.mesh, robot.drive
     held = _held(mesh, robot.hold.value)
     triangles = flat_triangles(mesh.facets)
     named = [(cable.name, np.vstack([cable.pull, cable.points])) for cable in driven.cables]
     named += [(chamber.name, _wire(chamber)) for chamber in driven.chambers]
     named += [(push.name, _arrow(push.place, push.direction, robot.length)) for push in robot.further.pushes]
-    lines = tuple(Line(name, LINES[place % len(LINES)], points[None]) for place, (name, points) in enumerate(named))
+    lines = tuple(Polyline(name, LINES[place % len(LINES)], points[None]) for place, (name, points) in enumerate(named))
     marks = [(robot.effector.value, "--hot")] + [(place, "--c0") for _, place in robot.further.contacts]
     drawn = ["dark: what is held", "red dot: the watched point"] + (["lines: what drives it"] if lines else [])
     caption = f"{robot.name} as suggested; {', '.join(drawn)}. Drag to turn."
@@ -41,7 +41,7 @@ def viewer(robot: NewScene, shape: Shape) -> Viewer:
 
 
 def facts(robot: NewScene) -> dict[str, str]:
-    """What is suggested, in words, by the option that states it."""
+    """Suggested values in words, by the option that states each."""
     extent = " × ".join(short(side) for side in robot.extent)
     words = {"body": f"{extent} mm; volume {short(robot.volume / 1000)} cm³"}
     words["--fixed"] = f"{' | '.join(map(str, robot.hold.value))}{_why(robot.hold.guess)}"
@@ -67,7 +67,7 @@ def _why(guess: str | None) -> str:
 
 
 def _held(mesh: Mesh, parts: tuple[Hold, ...]) -> np.ndarray:
-    """(n,) bool of the nodes."""
+    """Mask (n,) of the nodes that the scene holds."""
     held = np.zeros(len(mesh.X), dtype=bool)
     for part in parts:
         held[select_nodes(mesh, part.selection(), "fixed")] = True

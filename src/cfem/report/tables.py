@@ -10,7 +10,7 @@ from cfem.report.style import power_of_ten
 
 
 @dataclass(frozen=True)
-class Table:
+class ReportTable:
     """head and rows of text cells, the first column left-aligned; words: all of them, in lines that break."""
 
     head: tuple[str, ...]
@@ -26,12 +26,12 @@ class Table:
         return f'<div class="scroll" tabindex="0">{table}</div>'
 
 
-def tabulate(rows: Iterable[Any], columns: Mapping[str, Callable[[Any], str]]) -> Table:
+def tabulate(rows: Iterable[Any], columns: Mapping[str, Callable[[Any], str]]) -> ReportTable:
     """One row a value of `rows`; columns: head -> text of its cell. A column without a text in any row is left out."""
     cells = [[text(row) for text in columns.values()] for row in rows]
     kept = [i for i in range(len(columns)) if i == 0 or any(row[i] not in ("", "–") for row in cells)]
     heads = list(columns)
-    return Table(tuple(heads[i] for i in kept), [tuple(row[i] for i in kept) for row in cells])
+    return ReportTable(tuple(heads[i] for i in kept), [tuple(row[i] for i in kept) for row in cells])
 
 
 def number(value: float | None, digits: int = 3) -> str:

@@ -35,7 +35,7 @@ _LAMP = np.array([-0.3496, 0.5494, 0.7591])
 
 
 @dataclass(frozen=True)
-class Line:
+class Polyline:
     """name; colour: a CSS variable; frames: (f, p, 3), f of the take's shapes, or 1."""
 
     name: str
@@ -59,7 +59,7 @@ class Take:
     goals: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
     reached: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
     errors: Sequence[float] = ()
-    lines: tuple[Line, ...] = ()
+    lines: tuple[Polyline, ...] = ()
     marks: tuple[tuple[np.ndarray, str], ...] = ()
 
     @property

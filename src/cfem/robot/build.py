@@ -30,9 +30,10 @@ from cfem.mechanics.rod.region import CrossSection, Rod
 from cfem.mechanics.rod.sections import Sections
 from cfem.mechanics.viscosity import Viscosity
 from cfem.robot import constraints, spec
-from cfem.robot.catalogue import soft_finger, stiff_flop, taper
+from cfem.robot.catalogue import stiff_flop, taper
 from cfem.robot.checks.possible import demand_possible
 from cfem.robot.materials import MaterialSpec
+from cfem.robot.places import cable_points, effector_points, pull_point
 from cfem.robot.rigid import rigid_groups
 from cfem.robot.selection import cells_of, facets_of, select_cells, select_nodes
 from cfem.robot.shape.deform import shaped
@@ -59,6 +60,7 @@ def with_actuator(scene: spec.SceneSpec, mesh: Mesh, robot: Robot, index: int) -
 
 
 def _robot(scene: spec.SceneSpec, mesh: Mesh) -> Robot:
+    """Robot on a mesh before its free form. SpecError, with file and line, where a part of the scene cannot be made."""
     regions = [
         select_cells(mesh, item.region, f"materials.{index}.region") for index, item in enumerate(scene.materials)
     ]
@@ -92,7 +94,7 @@ def _robot(scene: spec.SceneSpec, mesh: Mesh) -> Robot:
 
 
 def _each(scene: spec.SceneSpec, key: str, make: Callable[[Any], Any]) -> tuple:
-    """What `make` makes of every item under `key`, an error of whose says its file and line."""
+    """Returns `make(item)` of every item under `key`. A SpecError states file and line of the item."""
     made = []
     for index, item in enumerate(getattr(scene, key)):
         with scene.locating(key, index):
@@ -101,7 +103,7 @@ def _each(scene: spec.SceneSpec, key: str, make: Callable[[Any], Any]) -> tuple:
 
 
 def materials_of(scene: spec.SceneSpec) -> list[Material]:
-    """Of the body, then of each region."""
+    """Materials of the scene: the body's, then one of each region."""
     return [as_material(item) for item in (scene.material, *(other.material for other in scene.materials))]
 
 
@@ -111,6 +113,7 @@ def as_material(material: MaterialSpec) -> Material:
 
 
 def _body(scene: spec.SceneSpec, mesh: Mesh, regions: list[np.ndarray], sections: list[np.ndarray]) -> Body:
+    """Body of solid elements, of rigid sections joined by elements, or of a rod, as `mesh.element` says."""
     name, (main, *others) = scene.mesh.element, materials_of(scene)
     parts = list(zip(regions, others, strict=True))
     if name not in SECTIONED:
@@ -136,7 +139,7 @@ def _rigid(scene: spec.SceneSpec, mesh: Mesh, sections: list[np.ndarray], fixed:
 
 
 def _free_sections(sections: list[np.ndarray], fixed: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Those that move. SpecError where one is held in part."""
+    """Sections that move. SpecError where one is held in part."""
     held = [np.isin(nodes, fixed) for nodes in sections]
     for number, each in enumerate(held):
         if each.any() and not each.all():
@@ -162,6 +165,7 @@ def _attach(
 def _actuator(
     scene: spec.SceneSpec, mesh: Mesh, body: Body, item: constraints.Actuator, sections: list[np.ndarray]
 ) -> Cable | RodCable | Push | Cavity | RodChambers:
+    """Constraint of one actuator, attached to the mesh, or to the sections of a rod."""
     if isinstance(item, constraints.Cavity):
         return _cavity(mesh, item)
     if isinstance(item, constraints.Chambers):
@@ -171,30 +175,26 @@ def _actuator(
     if body.rod is not None and _in_rod(body.rod, item):
         return make_rod_cable(body.rod, cable_points(scene, item), item.name, item.friction)
     points = _points(mesh, item, cable_points(scene, item), sections, f"cable '{item.name}'")
-    return make_cable(points, item.pull_point, item.name, item.friction)
+    return make_cable(points, pull_point(scene, item), item.name, item.friction)
 
 
 def _points(
-    mesh: Mesh, item: constraints.Cable | constraints.Push, at: np.ndarray, sections: list[np.ndarray], label: str
+    mesh: Mesh, item: constraints.Cable | constraints.Push, places: np.ndarray, sections: list[np.ndarray], label: str
 ) -> list[Attachment]:
+    """Attachments of the points at `places` (k, 3) mm. SpecError names the point that is not on the body."""
     cells, points = _cells(mesh, item.body), []
-    for index, point in enumerate(at):
+    for index, place in enumerate(places):
         try:
-            points.append(_attach(mesh, point, item.radius, f"point {index} of {label}", cells, sections))
+            points.append(_attach(mesh, place, item.radius, f"point {index} of {label}", cells, sections))
         except SpecError as error:
-            raise SpecError(error.what, where=f"points.{index}", do=error.do) from None
+            routed = getattr(item, "route", None) is not None
+            raise SpecError(error.what, where="route" if routed else f"points.{index}", do=error.do) from None
     return points
 
 
 def _in_rod(rod: Rod, item: constraints.Cable) -> bool:
-    """Whether the cable runs in the rod from its held base on, so that its pull point moves nothing."""
+    """True if the cable runs in the rod from its held base on, so that its pull point moves nothing."""
     return item.pull_point is None or abs(item.points[0, 0] - rod.sections.centres[0, 0]) < 1e-9
-
-
-def cable_points(scene: spec.SceneSpec, item: constraints.Cable) -> np.ndarray:
-    """(k, 3) mm."""
-    points = item.points if item.route is None else soft_finger.route(scene.geometry, item.route.x, item.route.y)
-    return points if item.shift is None else taper.shifted(points, item.shift.y, item.shift.z, item.shift.outward)
 
 
 def _chambers(geometry: spec.StiffFlop, mesh: Mesh, body: Body, item: constraints.Chambers) -> Cavity | RodChambers:
@@ -207,6 +207,7 @@ def _chambers(geometry: spec.StiffFlop, mesh: Mesh, body: Body, item: constraint
 
 
 def _cavity(mesh: Mesh, item: constraints.Cavity) -> Cavity:
+    """Cavity behind the facets of a set, or around a point inside. SpecError where these are the outer skin."""
     label = f"cavity '{item.name}'"
     if item.surface is not None:
         facets = facets_of(mesh, item.surface, "surface")
@@ -229,6 +230,7 @@ def _effector(
     body: Body,
     regions: list[np.ndarray],
 ) -> Watched:
+    """Effector on the centre of mass, on rigid sections or plates, or on points of the body."""
     if item.at == "centre-of-mass":
         return centre_of_mass(body, _density(scene, mesh, regions), item.name)
     points = effector_points(scene, item)
@@ -240,15 +242,6 @@ def _effector(
             return make_section_effector(mesh.X, plates, points, item.name, item.orientation)
     cells = _cells(mesh, item.body)
     return make_effector(mesh, points, item.radius, item.carrier_radius, item.name, item.orientation, cells)
-
-
-def effector_points(scene: spec.SceneSpec, item: constraints.Effector) -> np.ndarray:
-    """(3,) or (k, 3) mm. SpecError of a centre of mass, which has no place of its own."""
-    if item.at == "centre-of-mass":
-        raise SpecError(f"effector '{item.name}': the centre of mass of varied geometries is not known")
-    if item.at:
-        return soft_finger.tip(scene.geometry)
-    return item.point if item.points is None else item.points
 
 
 def _contact(mesh: Mesh, item: constraints.Contact, sections: list[np.ndarray]) -> ContactPoint:
@@ -268,8 +261,8 @@ def _loads(
     points = _each(
         scene, "loads", lambda load: _attach(mesh, load.point, load.radius, "load", _cells(mesh, load.body), sections)
     )
-    for at, load in zip(points, scene.loads, strict=True):
-        forces[at.nodes] += at.weights[:, None] * load.force
+    for point, load in zip(points, scene.loads, strict=True):
+        forces[point.nodes] += point.weights[:, None] * load.force
     return forces
 
 
@@ -284,10 +277,12 @@ def _density(scene: spec.SceneSpec, mesh: Mesh, regions: list[np.ndarray]) -> np
 
 
 def _viscosity(scene: spec.SceneSpec) -> tuple[Viscosity, ...]:
-    """Of each material, the main one first; empty where none is viscous."""
+    """Viscosity of each material, the body's first; empty where none is viscous."""
     stated = [item.viscosity for item in (scene.material, *(each.material for each in scene.materials))]
     made = tuple(
-        Viscosity() if each is None else Viscosity(each.relaxation, tuple((one.share, one.time) for one in each.prony))
+        Viscosity()
+        if each is None
+        else Viscosity(each.relaxation, tuple((term.share, term.time) for term in each.prony))
         for each in stated
     )
     return () if all(each.none for each in made) else made

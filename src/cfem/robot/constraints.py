@@ -16,12 +16,17 @@ def _either(one: str, other: str) -> ConfigDict:
 
 
 class Route(Spec):
-    """A straight way along a soft finger, through its segments."""
+    """A way along a body of the catalogue, whose points follow its lengths. Give x and y in a soft finger, a side of a
+    bar, a trunk or a diamond."""
 
-    x: Length
-    """Coordinate x of the cable."""
-    y: Length
-    """Coordinate y of the cable."""
+    x: Length | None = None
+    """Coordinate x of a cable through the segments of a soft finger."""
+    y: Length | None = None
+    """Coordinate y of a cable through the segments of a soft finger."""
+    side: Literal["x+", "x-", "y+", "y-", "z+", "z-"] | None = None
+    """Side of the body along which the cable runs. It states the pull point too, unless there is one."""
+    disks: PositiveInt | None = None
+    """How many disks of a trunk the cable passes, from the base on. All unless given."""
 
 
 class Shift(Spec):
@@ -36,7 +41,7 @@ class Shift(Spec):
 
 
 class Cable(Spec):
-    """A cable through points of the body. Give its points or, on a soft finger, a route."""
+    """A cable through points of the body. Give its points or, in a body of the catalogue, a route."""
 
     model_config = _either("points", "route")
     kind: Literal["cable"]
@@ -46,7 +51,7 @@ class Cable(Spec):
     points: Points | None = None
     """Points of the body that the cable runs through, from the pull point on."""
     route: Route | None = None
-    """Straight way along a soft finger. Its points move with the design."""
+    """Way along a body of the catalogue. Its points move with the design."""
     pull_point: Point | None = None
     """Fixed point outside the body from which the cable is pulled."""
     radius: Length = Field(default=2.0, ge=0)
@@ -176,8 +181,8 @@ class Effector(Spec):
     points: Points | None = None
     """Points whose mean is watched."""
     at: Literal["tip", "centre-of-mass"] | None = None
-    """tip: the tip of a soft finger, which moves with its design. centre-of-mass: that of the whole body, on which
-    gravity acts; no goal is set for it, and the materials need their density."""
+    """tip: the free end of a body of the catalogue, which moves with its design. centre-of-mass: that of the whole
+    body, on which gravity acts; no goal is set for it, and the materials need their density."""
     radius: Length = Field(default=2.0, ge=0)
     """Radius of the region over which the motion is averaged."""
     carrier_radius: Length = Field(default=10.0, gt=0)
@@ -194,7 +199,7 @@ class Effector(Spec):
 
     @property
     def axes(self) -> tuple[str, ...]:
-        """Of its rows."""
+        """Axes of the effector's rows."""
         return ("x", "y", "z", "rx", "ry", "rz") if self.orientation else ("x", "y", "z")
 
 
@@ -212,7 +217,7 @@ class Load(Spec):
 
 
 def _demand_way(what: str, unilateral: bool, ends, does: str, name: str = "reach") -> None:
-    """Of an actuator that works in one direction alone."""
+    """Raises ValueError where an actuator that only pulls or inflates has no positive end of its range."""
     if unilateral and ends is not None and not ends[1] > 0:
         raise ValueError(
             f"{what}: it only {does} (unilateral), so its {name} must end above 0; got {ends[0]:g} to {ends[1]:g}"

@@ -168,7 +168,7 @@ class MeshFile(Spec):
 
     @property
     def meshed_here(self) -> bool:
-        """Whether cells are made here, from the surface in the file."""
+        """True if the file's surface is meshed anew; False if the file's own cells are used."""
         return self.remesh or self.path.suffix.lower() in SURFACES
 
 
@@ -251,7 +251,7 @@ Geometry = Annotated[Single | Assembly, Field(discriminator="kind")]
 def files(geometry: Geometry) -> dict[str, Path]:
     """The files that a geometry is read from, each by the name of what it is an input of."""
     if isinstance(geometry, Assembly):
-        own = {f"part {part.name}": part.geometry for part in geometry.parts}
+        geometries = {f"part {part.name}": part.geometry for part in geometry.parts}
     else:
-        own = {"geometry": geometry}
-    return {name: one.path for name, one in own.items() if isinstance(one, MeshFile | StepFile)}
+        geometries = {"geometry": geometry}
+    return {name: single.path for name, single in geometries.items() if isinstance(single, MeshFile | StepFile)}

@@ -24,5 +24,5 @@ def load_scene_and_mesh(scene_path: Path, mesh_folder: Path | None = None) -> tu
 
 
 def made_from(scene: Path, mesh_folder: Path) -> dict[str, Any]:
-    """Of which a robot is made, as plain data."""
+    """Scene and mesh of a robot as plain data, by which artefacts tell whether it has changed."""
     return {"scene": scene_meaning(scene), "mesh": artefact_content(mesh_folder)}

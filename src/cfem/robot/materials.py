@@ -177,7 +177,7 @@ MaterialSpec = Annotated[
 
 
 def read_material(data: dict[str, Any]) -> Elastic | MooneyRivlin | Ogden | Yeoh:
-    """What stands under `material:` in a scene. ValueError where it is no material."""
+    """Material from the mapping under `material:` in a scene. ValueError where it is no material."""
     return TypeAdapter(MaterialSpec).validate_python(data)
 
 

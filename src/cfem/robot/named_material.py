@@ -23,8 +23,8 @@ class ByName(Spec):
 
 
 def constants_of(data: dict[str, Any]) -> dict[str, Any]:
-    """What a scene says by a name, in constants. ValueError where there is none of that name, or a key beside it that a
-    name does not take."""
+    """Constants of a material that a scene gives by name. ValueError where no elastomer has that name, or where a key
+    beside it does not go with a name."""
     from cfem.robot.elastomers import ELASTOMERS, POISSON
 
     name = data["name"]
@@ -36,9 +36,9 @@ def constants_of(data: dict[str, Any]) -> dict[str, Any]:
     if strange:
         allowed = ", ".join(key for key in ByName.model_fields if key != "name")
         raise ValueError(f"'{strange[0]}' does not go with a name, which takes {allowed}")
-    found = ELASTOMERS[name]
+    elastomer = ELASTOMERS[name]
     given = {key: value for key, value in data.items() if key != "name" and value is not None}
-    return {"poisson": POISSON, "density": found.density, **found.constants, **given}
+    return {"poisson": POISSON, "density": elastomer.density, **elastomer.constants, **given}
 
 
 class NameAllowed:

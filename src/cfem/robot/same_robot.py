@@ -18,12 +18,12 @@ FINENESS = ("size", "cells", "refine", "mirror")  # keys of `mesh` that make ano
 
 
 def robot_of(scene: SceneSpec) -> dict[str, Any]:
-    """What a scene says of the robot, as plain data: all but names and the mesh."""
+    """Plain data of a scene without names and mesh: all that determines the robot."""
     return plain(meaning(scene, {*NAMES, "mesh"}))
 
 
 def recorded_robot(manifest: dict[str, Any]) -> dict[str, Any] | None:
-    """What the scene said of the robot when an artefact was made; None where its manifest does not tell."""
+    """Plain data of the robot that an artefact was made of, None where its manifest does not record a scene."""
     scene = manifest["origin"] and manifest["origin"].get("extra", {}).get("scene")
     return (
         None
@@ -47,30 +47,36 @@ def demand_mesh_of(scene: SceneSpec, scene_path: Path, folder: Path) -> None:
         return
     spec = folder.resolve() / source["spec"] if source else scene_path
     same_file = spec.exists() and spec.samefile(scene_path)
-    found = [one for one in differences(recorded["spec"], plain(meaning(scene))) if _matters(one[0], same_file)]
+    changes = [
+        change for change in differences(recorded["spec"], plain(meaning(scene))) if _matters(change[0], same_file)
+    ]
     do = f"mesh this scene: cfem mesh {scene_path}"
     if same_file and source and source["set"]:
         do = f"it was made with --set {' '.join(source['set'])}, which nothing after it sees: edit {scene_path} instead"
-    _demand_none(found, scene, folder, do)
+    _demand_none(changes, scene, folder, do)
     for name, path in files(scene.geometry).items():
         if recorded["inputs"].get(name) != file_sha256(scene_path.parent / path):
             raise InputError(f"was made from another file than {path}", where=os.path.normpath(folder), do=do)
 
 
 def _matters(key: tuple, same_file: bool) -> bool:
+    """True if a change of this key makes another robot; of a mesh from another file only the shape counts."""
     if key[0] in NAMES or key[-1] == "path" or (key[0] == "mesh" and key[1] in FINENESS):
         return False
     return same_file or key[0] in ("geometry", "mesh")
 
 
-def _demand_none(found: list[tuple[tuple, Any, Any]], scene: SceneSpec, where: Path, do: str) -> None:
-    if not found:
+def _demand_none(changes: list[tuple[tuple, Any, Any]], scene: SceneSpec, where: Path, do: str) -> None:
+    """Raises InputError with the first few changes (key, old, new), if there are any."""
+    if not changes:
         return
-    said = list(_sentences(found[:MOST], scene)) + ([f"and {len(found) - MOST} more"] if len(found) > MOST else [])
-    raise InputError(f"is not of this robot: {'; '.join(said)}", where=os.path.normpath(where), do=do)
+    sentences = list(_sentences(changes[:MOST], scene))
+    if len(changes) > MOST:
+        sentences.append(f"and {len(changes) - MOST} more")
+    raise InputError(f"is not of this robot: {'; '.join(sentences)}", where=os.path.normpath(where), do=do)
 
 
-def _sentences(found: list[tuple[tuple, Any, Any]], scene: SceneSpec) -> Iterator[str]:
-    for key, old, new in found:
+def _sentences(changes: list[tuple[tuple, Any, Any]], scene: SceneSpec) -> Iterator[str]:
+    for key, old, new in changes:
         name = ".".join(map(str, key))
         yield f"{name} was {in_words(scene, key, old)}, the scene has {in_words(scene, key, new)}"

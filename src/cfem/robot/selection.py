@@ -128,8 +128,8 @@ def _inside(points: np.ndarray, shape: Shape, slack: float) -> np.ndarray:
 
 def _some(chosen: np.ndarray, selection: Shape | Named, where: str, what: str) -> np.ndarray:
     if not chosen.any():
-        said = f"the {selection.kind} selects no {what} of the mesh"
-        raise SpecError(said, where=where, do="check its coordinates and units")
+        message = f"the {selection.kind} selects no {what} of the mesh"
+        raise SpecError(message, where=where, do="check its coordinates and units")
     return np.flatnonzero(chosen)
 
 

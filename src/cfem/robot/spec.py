@@ -9,8 +9,9 @@ from cfem.core.errors import SpecError
 from cfem.core.spec import Spec, load_spec, meaning
 from cfem.core.units import AccelerationVector, Length
 from cfem.mechanics.element import SECTIONED
+from cfem.robot.catalogue import routes
 from cfem.robot.constraints import Actuator, Chambers, Contact, Effector, Load
-from cfem.robot.geometry import Assembly, Geometry, MeshFile, Refinement, SoftFinger, StiffFlop, Taper
+from cfem.robot.geometry import Assembly, Geometry, MeshFile, Refinement, StiffFlop, Taper
 from cfem.robot.materials import MaterialRegion, MaterialSpec
 from cfem.robot.selection import Selection
 from cfem.robot.shape.free_form import FreeForm
@@ -79,6 +80,7 @@ class SceneSpec(Spec):
     """What is watched and controlled."""
 
     def check(self) -> None:
+        """Raises ValueError, led by the key, where parts of the scene do not go together."""
         watched = [(key, i, item) for key in ("effectors", "contacts") for i, item in enumerate(getattr(self, key))]
         driven = [("actuators", index, item) for index, item in enumerate(self.actuators)]
         for items in (driven, watched):  # effectors and contacts both have rows name.x, name.y, name.z
@@ -88,10 +90,14 @@ class SceneSpec(Spec):
                 if item.name in first:
                     raise ValueError(f"{place}: names must differ, and {first[item.name]} is '{item.name}' too")
                 first[item.name] = place
-        asked = [f"actuators.{i}.route" for i, one in enumerate(self.actuators) if getattr(one, "route", None)]
-        asked += [f"effectors.{i}.at" for i, one in enumerate(self.effectors) if one.at == "tip"]
-        if asked and not isinstance(self.geometry, SoftFinger):
-            raise ValueError(f"{asked[0]}: needs a geometry of kind soft-finger")
+        asked = [f"actuators.{i}.route" for i, item in enumerate(self.actuators) if getattr(item, "route", None)]
+        asked += [f"effectors.{i}.at" for i, item in enumerate(self.effectors) if item.at == "tip"]
+        if asked and not routes.has_tip(self.geometry):
+            raise ValueError(f"{asked[0]}: needs a geometry of kind soft-finger, bar, diamond or trunk")
+        for index, item in enumerate(self.actuators):
+            wrong = routes.fault(self.geometry, item.route) if getattr(item, "route", None) else ""
+            if wrong:
+                raise ValueError(f"actuators.{index}.route: {wrong}")
         materials = {"material": self.material} | {
             f"materials.{index}.material": item.material for index, item in enumerate(self.materials)
         }
@@ -132,5 +138,5 @@ def demand_driven(scene: SceneSpec) -> None:
 
 
 def scene_meaning(path: Path) -> Any:
-    """What a scene says, whatever its comments, its spelling and where its mesh goes."""
+    """Plain data of a scene, independent of comments, of spelling and of where its mesh goes."""
     return meaning(load_spec(path, SceneSpec), {"out"})

@@ -21,14 +21,15 @@ def _reads(scene: SceneSpec, folder: Path) -> dict[str, Path]:
         geometries = [part.geometry for part in scene.geometry.parts]
     else:
         keys, geometries = [("geometry", "path")], [scene.geometry]
-    for key, one in zip(keys, geometries, strict=True):
-        if isinstance(one, MeshFile | StepFile) and not (folder / one.path).is_file():
-            what = f"no such file: {folder / one.path}"
+    for key, geometry in zip(keys, geometries, strict=True):
+        if isinstance(geometry, MeshFile | StepFile) and not (folder / geometry.path).is_file():
+            what = f"no such file: {folder / geometry.path}"
             raise InputError(what, where=scene.place(*key), do="paths are relative to the scene's folder")
     return {name: folder / path for name, path in files(scene.geometry).items()}
 
 
 def _work(target: Path, scene: SceneSpec, folder: Path) -> Mapping[str, Any]:
+    """Meshes the robot, builds it once to find what cannot be attached, and writes the mesh. Returns its quality."""
     from cfem.robot.build import build_robot
     from cfem.robot.checks.cable_passage import demand_inside
     from cfem.robot.checks.plausible import doubts
@@ -54,7 +55,7 @@ def _work(target: Path, scene: SceneSpec, folder: Path) -> Mapping[str, Any]:
 
 
 def reads_cells(scene: SceneSpec) -> bool:
-    """Whether the cells are those of a file, not made here."""
+    """True if a part of the body keeps the cells of its mesh file."""
     parts = [scene.geometry]
     if isinstance(scene.geometry, Assembly):
         parts = [part.geometry for part in scene.geometry.parts]

@@ -29,8 +29,11 @@ from cfem.sample.workers import Workers
 DEAR = 4.0  # times the mean number of factorisations: a state that is named
 
 
-def fill(folder: Path, spec: SampleSpec, factory: SolverFactory, made_from: str, workers: Workers) -> dict[str, Any]:
-    """Writes one Parquet file a split into `folder`; returns results for the manifest."""
+def fill(
+    folder: Path, spec: SampleSpec, factory: SolverFactory, made_from: str, workers: Workers, known: Path | None = None
+) -> dict[str, Any]:
+    """Writes one Parquet file a split into `folder`; returns results for the manifest. known: folder of a dataset of
+    the first rows, which are kept."""
     begin = time.perf_counter()
     files = {split: folder / f"{split}.parquet" for split in spec.splits}
     shards = folder / "shards"
@@ -38,13 +41,17 @@ def fill(folder: Path, spec: SampleSpec, factory: SolverFactory, made_from: str,
         tables = {split: read_table(file) for split, file in files.items()}
     except InputError:  # not there yet
         tables = with_workers(
-            workers, lambda executor: sample(spec, factory, shards, executor, made_from, workers.timeout)
+            workers, lambda executor: sample(spec, factory, shards, executor, made_from, workers.timeout, known)
         )
         keep_skin(shards, folder)
         for split, table in tables.items():
             write_table(files[split], table)
     shutil.rmtree(shards, ignore_errors=True)
     outcome = results(tables, kept_skin(folder))
+    if known is not None:
+        kept = sum(len(read_table(known / file.name)) for file in files.values())
+        outcome["kept"] = kept
+        outcome["headline"].append(f"{kept} of the states were there before, and were kept")
     return {**outcome, "wall_seconds": time.perf_counter() - begin, "content": content_hash(tables)}
 
 

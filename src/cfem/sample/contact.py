@@ -8,10 +8,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cfem.condensed.pose import Patch
+from cfem.condensed.pose import COORDINATES, Patch
 from cfem.condensed.resting import resting
+from cfem.core.actuator_units import demand_units
 from cfem.equilibrium.actuation import Actuation, force
 from cfem.equilibrium.contact.held_patch import held
+from cfem.sample.solver import Facts
+from cfem.sample.spec import SampleSpec
 
 
 @dataclass(frozen=True)
@@ -32,3 +35,16 @@ class ContactPlan:
         if self.about_rest:
             values[n_a:] += resting(compliance, n_a, self.about_rest) @ values
         return held(force(values[:n_a]), patch.displacement(values[n_a:])), values[n_a:]
+
+
+def contact_plan(spec: SampleSpec, facts: Facts) -> ContactPlan | None:
+    """Plan of what the spec's `contact` draws."""
+    if spec.contact is None:
+        return None
+    demand_units(spec, facts.row_units[facts.rows.a])
+    n_a = facts.rows.n_a
+    turns = spec.contact.rotation is not None
+    poses = [spec.contact.translation] + ([spec.contact.rotation] if turns else [])
+    low, high = np.concatenate([np.tile([0.0, spec.contact.force], (n_a, 1)), *poses]).T.tolist()
+    about_rest = tuple(sorted(COORDINATES.index(axis) for axis in set(spec.contact.about_rest)))
+    return ContactPlan(tuple(low), tuple(high), turns, about_rest)

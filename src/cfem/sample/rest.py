@@ -7,7 +7,7 @@ import numpy as np
 
 from cfem.condensed.parameters import Parameter, references
 from cfem.core.errors import SpecError
-from cfem.robot.build import effector_points
+from cfem.robot.places import effector_points
 from cfem.robot.shape.deform import displacement
 from cfem.sample.parameters import with_values
 

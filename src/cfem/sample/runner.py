@@ -18,9 +18,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from cfem.condensed.parameters import sampled
-from cfem.condensed.pose import COORDINATES
 from cfem.condensed.skin import read_skin, skin_from
-from cfem.core.actuator_units import demand_units
 from cfem.core.artefact.files import plain, write_whole
 from cfem.core.artefact.provenance import versions
 from cfem.core.console.progress import doing, progress
@@ -30,7 +28,7 @@ from cfem.dataset.reader import column_array, read_table
 from cfem.dataset.schema import SKIN, schema, with_skin_rows
 from cfem.mechanics.factorization import solver_name
 from cfem.sample import shard, tour
-from cfem.sample.contact import ContactPlan
+from cfem.sample.contact import contact_plan
 from cfem.sample.knots_file import read_knots
 from cfem.sample.plan import unit_rows, with_idle
 from cfem.sample.shard import Piece
@@ -91,14 +89,19 @@ def sample(
     executor: Executor,
     made_from: str = "",
     timeout: float | None = None,
+    known: Path | None = None,
 ) -> dict[str, pa.Table]:
     """One table a split, rows in the order of their plan. `folder` keeps what is finished; a later call with the same
-    arguments goes on from there. Raises NumericalError where no state of the skeleton converges, WorkersLost."""
+    arguments goes on from there. known: folder of a dataset of the first rows of this plan, which are kept as they are,
+    and with the modes of its skin. Raises NumericalError where no state of the skeleton converges, WorkersLost."""
     job = make_job(spec, factory, folder, executor, made_from, timeout)
-    first = tour.skeleton(job.u, spec.skeleton)
-    rest = np.setdiff1d(np.arange(len(job.u)), first)
-    job = solve_skeleton(job, first)
-    return merge([job.skeleton_rows, *solve_rows(job, rest, spec.shard)], list(spec.splits))
+    kept = {} if known is None else {split: read_table(known / f"{split}.parquet") for split in spec.splits}
+    has = [number < len(kept.get(split, ())) for split, number in zip(job.split, job.id, strict=True)]
+    new = np.flatnonzero(~np.array(has))
+    first = new[tour.skeleton(job.u[new], spec.skeleton)]
+    job = solve_skeleton(job, first, None if known is None else skin_of(known))
+    solved = solve_rows(job, np.setdiff1d(new, first), spec.shard)
+    return merge([job.skeleton_rows, *solved, *(known / f"{split}.parquet" for split in kept)], list(spec.splits))
 
 
 def make_job(
@@ -169,25 +172,19 @@ def _demand_space(spec: SampleSpec, facts: Facts) -> None:
         raise SpecError(what, do="name `parameters` that the scene's response depends on, or draw from another space")
 
 
-def contact_plan(spec: SampleSpec, facts: Facts) -> ContactPlan | None:
-    """Plan of what the spec's `contact` draws."""
-    if spec.contact is None:
-        return None
-    demand_units(spec, facts.row_units[facts.rows.a])
-    n_a = facts.rows.n_a
-    turns = spec.contact.rotation is not None
-    poses = [spec.contact.translation] + ([spec.contact.rotation] if turns else [])
-    low, high = np.concatenate([np.tile([0.0, spec.contact.force], (n_a, 1)), *poses]).T.tolist()
-    about_rest = tuple(sorted(COORDINATES.index(axis) for axis in set(spec.contact.about_rest)))
-    return ContactPlan(tuple(low), tuple(high), turns, about_rest)
+def skin_of(dataset: Path) -> bytes:
+    """The file of the skin of a dataset, empty where it has none."""
+    return (dataset / SKIN).read_bytes() if (dataset / SKIN).exists() else b""
 
 
-def solve_skeleton(job: Job, rows: np.ndarray) -> Job:
-    """Job with the skin that these rows (indices into job.u) show, if one is asked for. Makes the file of the rows, and
-    beside it those of their states and of the skin, where they are not there."""
+def solve_skeleton(job: Job, rows: np.ndarray, known: bytes | None = None) -> Job:
+    """Job with the skin that these rows (indices into job.u) show, if one is asked for, or with that which is known
+    (empty: none). Makes the file of the rows, and beside it those of their states and of the skin, where they are not
+    there."""
     if not _has_skeleton(job):
-        call = (shard.solve_skeleton, job.robot, job.piece(rows), job.asked)
-        solves = len(rows) * (1 if job.asked is None else 2)  # with a skin: once to find its rows, once more with them
+        call = (shard.solve_skeleton, job.robot, job.piece(rows), job.asked, known)
+        finds = job.asked is not None and known is None
+        solves = len(rows) * (2 if finds else 1)  # once to find the rows of the skin, once more with them
         with progress("skeleton, from which all other states start", solves, estimate=False, **_shown(_counter(job))):
             _, (records, states, skin) = next(_results(job.executor, job.timeout, {"skeleton": call}))
         with_skin = skinned(job, skin)

@@ -79,16 +79,18 @@ def _watching(robot: bytes, skin: bytes) -> tuple[Solver, Skin | None]:
 Record = dict[str, Any]
 
 
-def solve_skeleton(robot: bytes, piece: Piece, asked: SkinSpec | None) -> tuple[list[Record], bytes, bytes]:
+def solve_skeleton(
+    robot: bytes, piece: Piece, asked: SkinSpec | None, known: bytes | None = None
+) -> tuple[list[Record], bytes, bytes]:
     """The records of the rows; the file of their states, from which all others start; that of the skin which they show,
-    empty where none is asked for.
-
-    Which rows the skin has is known once all these states are, roughly. Each is then solved from there with these rows,
-    which takes less than a factorisation more."""
+    empty where none is asked for. known: that file where there are rows already. Which rows the skin has is known once
+    all these states are, roughly. Each is then solved again with them, for less than a factorisation more."""
+    if asked is None or known is not None:
+        records, knots = _solve_rows(*_watching(robot, known or b""), piece, [])
+        if known is None:
+            demand_states(knots)
+        return records, knots_bytes(knots), known or b""
     solver = _solver(robot)
-    if asked is None:
-        records, knots = _solve_rows(solver, None, piece, [])
-        return records, knots_bytes(knots), b""
     surface = solver.facts.surface
     rough, pushing = solver.roughly(), solver.roughly(patches(surface))
     inside = solver.facts.inside if asked.inner else None

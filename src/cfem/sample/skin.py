@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cfem.condensed.skin import Skin
+from cfem.condensed.spread import spread
 from cfem.constraint.surface import Surface
 from cfem.sample.spec import SkinSpec
 
@@ -41,12 +42,10 @@ def probed(count: int) -> np.ndarray:
 
 def patches(surface: Surface) -> Skin:
     """Mean positions of patches spread over the surface, x, y and z of each as a row: a skin to push at."""
-    rest, centres = surface.rest, []
-    apart = np.linalg.norm(rest - rest.mean(axis=0), axis=1)
-    for _ in range(min(PATCHES, len(rest) // 4)):  # each the farthest from those before
-        centres.append(int(np.argmax(apart)))
-        apart = np.minimum(apart, np.linalg.norm(rest - rest[centres[-1]], axis=1))
-    near = np.linalg.norm(rest[centres][:, None] - rest, axis=2) / apart.max()
+    rest, middle = surface.rest, surface.rest.mean(axis=0)
+    centres = spread(np.vstack([middle, rest]), 1 + min(PATCHES, len(rest) // 4), 0)[1:] - 1  # far from the middle too
+    near = np.linalg.norm(rest[centres][:, None] - rest, axis=2)
+    near /= np.minimum(near.min(axis=0), np.linalg.norm(rest - middle, axis=1)).max()
     bump = np.maximum(1 - near**2, 0) ** 2
     bump /= (bump @ surface.weights)[:, None]
     modes = np.einsum("pm,ij->pimj", bump, np.eye(3)).reshape(-1, len(rest), 3)

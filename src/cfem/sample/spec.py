@@ -9,10 +9,13 @@ from cfem.core.actuator_units import Effort
 from cfem.core.spec import Spec
 from cfem.core.units import AngleRanges, Length, LengthRanges
 
+SEQUENCES = ("random", "scrambled-halton")  # methods whose row i depends on the seed and on i alone
+
 
 class SplitSpec(Spec):
-    """One set of states. With `random` and `scrambled-halton`, row i depends on the seed and on i alone, so that more
-    rows extend a set. With `grid` and `latin-hypercube` it depends on the number of rows too."""
+    """One set of states. With `random` and `scrambled-halton` row i depends on the seed and on i alone: with more rows,
+    `cfem sample` keeps the states that are there and adds the others. With `grid` and `latin-hypercube` all rows depend
+    on their number too."""
 
     rows: int = Field(ge=1, le=10_000_000)
     """Number of states. For a grid: k^(actuators + parameters)."""

@@ -6,17 +6,19 @@ from pathlib import Path
 from typing import Any
 
 from cfem.condensed.parameters import to_json
+from cfem.core.artefact.judgement import KEY, poor
 from cfem.core.artefact.stage_run import Stage
 from cfem.core.errors import SpecError
 from cfem.core.spec import load_spec
 from cfem.core.stage import Options, run_stage
 from cfem.robot.spec import SceneSpec, demand_driven, scene_meaning
 from cfem.sample.parameters import scene_parameters
-from cfem.sample.spec import SampleSpec
+from cfem.sample.spec import SEQUENCES, SampleSpec
 from cfem.sample.workers import Workers
 
 VERSION = 9
 INERTIA = 2  # likewise, of what `dynamics: true` adds
+COARSE = "a coarse answer of --quick, from few of the states that the spec asks for"
 
 
 def run(
@@ -30,14 +32,16 @@ def run(
     scheduler: str | None = None,
     timeout: float | None = None,
     shard: str | None = None,
+    quick: bool = False,
 ) -> dict[str, Any]:
-    """Manifest of the dataset. Interrupted, the next run goes on from the shards that were finished.
+    """Manifest of the dataset. Interrupted, the next run goes on from the shards that were finished. A dataset of the
+    first rows of a sequence is kept, and the others are added to it; so is one that a quick run has left beside it.
 
     workers: processes, one a core by default; scheduler: address of a Dask scheduler, whose workers solve instead;
     timeout: s without a finished shard after which they are given up. The three change nothing but the time. The scene
     enters by its values: a comment in it makes no dataset stale. fill: makes the dataset's files; one that samples
     actively where `spec.until` asks for it is `cfem.active_learning.fill.fill`. shard: 'i/n', to solve the i-th
-    of n parts alone, for `merge`."""
+    of n parts alone, for `merge`. quick: judges the dataset, and what is made from it, to be coarse."""
     spec = load_spec(spec_path, SampleSpec, overrides)
     scene, mesh = spec_path.parent / spec.scene, spec_path.parent / spec.mesh
     parameters = scene_parameters(spec.parameters, scene)
@@ -56,7 +60,10 @@ def run(
     def work(folder: Path) -> dict[str, Any]:
         from cfem.sample import artefact
 
-        return (fill or artefact.fill)(folder, placed(spec, spec_path.parent), factory(), made_from, crew)
+        known = None if options.force else _first_rows(made)
+        work_on = fill or artefact.fill
+        outcome = work_on(folder, placed(spec, spec_path.parent), factory(), made_from, crew, known)
+        return {**outcome, KEY: [poor(COARSE), *outcome.get(KEY, [])]} if quick else outcome
 
     if shard is None:
         return run_stage(made, work, options)
@@ -98,7 +105,7 @@ def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = Non
     spec = load_spec(spec_path, SampleSpec, overrides)
     scene, around = spec_path.parent / spec.scene, placed(spec, spec_path.parent).around
     beside = spec_path.parent / (f"{spec.out}-around" if around and spec.around.base is None else spec.out)
-    return Stage(
+    made = Stage(
         agrees=lambda: demand_driven(load_spec(scene, SceneSpec)),
         name="sample",
         version=VERSION,
@@ -115,3 +122,37 @@ def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = Non
         spec_path=spec_path,
         overrides=overrides,
     )
+    if spec.until or spec.around:
+        return made
+    return replace(made, extends=lambda manifest: continues(made.origin(), manifest.get("origin")))
+
+
+def quick_folder(out: Path) -> Path:
+    """Folder in which a quick run leaves what the full run puts to `out`."""
+    return out.with_name(f"{out.name}-quick")
+
+
+def _first_rows(made: Stage) -> Path | None:
+    """Folder of a dataset of the first rows: what is there, else what a quick run has left; None where there is
+    none."""
+    places = (made.out, quick_folder(made.out))
+    return next((place for place in places if replace(made, out=place).extended()), None)
+
+
+def continues(origin: dict[str, Any], before: Any) -> bool:
+    """True where a dataset of the origin `before` holds the first rows of one of `origin`, and differs in nothing
+    else."""
+    if not isinstance(before, dict) or before.get("stage") != origin["stage"]:
+        return False
+    (splits, other), (old, other_before) = _apart(origin), _apart(before)
+    return other == other_before and all(
+        splits[name]["rows"] == split["rows"] or (splits[name]["rows"] > split["rows"] and split["method"] in SEQUENCES)
+        for name, split in old.items()
+    )
+
+
+def _apart(origin: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The splits of an origin, and the origin without their numbers of rows."""
+    splits = origin["spec"]["splits"]
+    uncounted = {name: {**split, "rows": None} for name, split in splits.items()}
+    return splits, {**origin, "spec": {**origin["spec"], "splits": uncounted}}

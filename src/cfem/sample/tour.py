@@ -4,18 +4,13 @@ All depends on the plan alone, so that what a state is started from never depend
 
 import numpy as np
 
+from cfem.condensed.spread import spread
+
 
 def skeleton(u: np.ndarray, count: int) -> np.ndarray:
     """`count` (or all) indices into u (m, n_a), in the order of a walk: the row nearest to rest (u = 0), and again and
     again the row farthest from those chosen."""
-    chosen: list[int] = []
-    distance, latest = np.full(len(u), np.inf), int(np.argmin((u**2).sum(axis=1)))
-    for _ in range(min(count, len(u))):
-        chosen.append(latest)
-        distance = np.minimum(distance, ((u - u[latest]) ** 2).sum(axis=1))
-        distance[latest] = -1.0  # chosen once, even where rows are equal
-        latest = int(np.argmax(distance))
-    return walk(u, np.array(chosen))
+    return walk(u, spread(u, count, int(np.argmin((u**2).sum(axis=1)))))
 
 
 def shards(u: np.ndarray, indices: np.ndarray, size: int) -> list[np.ndarray]:

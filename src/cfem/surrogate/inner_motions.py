@@ -18,6 +18,8 @@ from typing import Any
 
 import numpy as np
 
+from cfem.condensed.condensed import locked_compliance
+
 MOST = 6  # inner motions of a solid
 WEAK = 1e-5  # least singular value of the combinations, at all states
 RIDGE = 0.1  # of a field's mean square: how much weaker fields follow the stronger ones
@@ -140,8 +142,7 @@ def _wrenches(fields: np.ndarray, Q: np.ndarray) -> np.ndarray:
 def _stiff(moving: Any) -> np.ndarray:
     """(m, n_e, n_e): takes from the effectors' motions those that C makes easily. Rows of a point, and of a rotation,
     are compared as they are."""
-    e, a, W = moving.rows.e, moving.rows.a, moving.W
-    C = W[:, e, e] - W[:, e, a] @ np.linalg.solve(W[:, a, a], W[:, a, e])
+    C = locked_compliance(moving.rows, moving.W)
     size = np.sqrt(np.einsum("mii->mi", C).mean(axis=0).reshape(-1, 3).mean(axis=1).repeat(3))
     values, vectors = np.linalg.eigh(C / np.outer(size, size))
     kept = STIFF / ((values / values[:, -1:]) ** 2 + STIFF)

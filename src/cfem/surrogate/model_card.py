@@ -2,11 +2,11 @@
 
 from typing import Any
 
+from cfem.condensed.model import Form
 from cfem.core.artefact.files import plain
 from cfem.core.artefact.provenance import versions
 from cfem.predict.card import FORMAT
 from cfem.predict.domain import Domain
-from cfem.predict.energy import Form
 from cfem.surrogate.series.observations import inputs
 
 QUANTITIES = ("delta_a", "lambda_a", "delta_e", "W", "delta_free", "energy")

@@ -17,9 +17,7 @@ NEAR = 1e-4  # smallest eigenvalue of C, each row in units of its own compliance
 def locked_compliance(predictor: Predictor, dataset: Any) -> dict[str, Any]:
     """Judgement of the locked compliance. least: the smallest eigenvalue of C, in units of `sizes`, as the model gives
     it between the samples; sizes (n_e,) for `cfem.predict.semidefinite`, or None where it is far from singular."""
-    e, a = predictor.rows.e, predictor.rows.a
-    W, _ = predictor.evaluate(*between(predictor, dataset, STATES, SEED))
-    sizes = np.sqrt(np.abs(np.einsum("mii->mi", W[:, e, e])).mean(axis=0))
-    locked = W[:, e, e] - W[:, e, a] @ np.linalg.solve(W[:, a, a], W[:, a, e])
-    least = float(np.linalg.eigvalsh(locked / np.outer(sizes, sizes))[:, 0].min())
+    state = predictor.at(*between(predictor, dataset, STATES, SEED))
+    sizes = np.sqrt(np.abs(np.einsum("mii->mi", state.W[:, predictor.rows.e, predictor.rows.e])).mean(axis=0))
+    least = float(np.linalg.eigvalsh(state.locked_compliance / np.outer(sizes, sizes))[:, 0].min())
     return {"least": least, "sizes": sizes.tolist() if least < NEAR else None}

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from cfem.condensed import Rows
+from cfem.condensed.model import Form
 from cfem.condensed.packing import upper_indices
 from cfem.condensed.skin import Skin
-from cfem.predict.energy import Form
 from cfem.predict.skin import LearnedSkin
 from cfem.surrogate.series.coordinates import box_coordinates
 from cfem.surrogate.series.observations import Observations, in_box, inputs, mean_hessian, observations

@@ -155,9 +155,9 @@ def train_and_judge(
     from cfem.surrogate.semidefinite import locked_compliance
     from cfem.surrogate.series.observations import inputs
 
-    import_module(f"cfem.surrogate.{MODULES[type(spec)]}")  # PyTorch takes seconds to load, none of which is the fit's
+    fit_model = fit_of(spec)  # loaded before its time is taken
     begin = time.perf_counter()
-    arrays, facts, history = FITS[type(spec)](training, spec, folder)
+    arrays, facts, history = fit_model(training, spec, folder)
     seconds = time.perf_counter() - begin
     meta = model_card(spec.kind, training, **facts)
     predictor, locked = build(meta, arrays), None
@@ -189,43 +189,19 @@ def train_and_judge(
 Fitted = tuple[dict[str, np.ndarray], dict[str, Any], list[dict[str, Any]]]  # arrays, facts for model.json, history
 
 
-def fit_spectral(training: Any, spec: SpectralSpec, folder: Path | None) -> Fitted:
-    from cfem.surrogate.series.spectral import fit
-
-    fitted = fit(training, spec.form, spec.max_degree, spec.max_terms, spec.folds)
-    return fitted.arrays, {"form": spec.form, "terms": fitted.terms, "weights": fitted.weights}, fitted.held_out
-
-
-def fit_energy_net(training: Any, spec: EnergyNetSpec, folder: Path | None) -> Fitted:
-    from cfem.surrogate.networks.energy_net import fit
-
-    return fit(training, spec, folder)
-
-
-def fit_mlp(training: Any, spec: MlpSpec, folder: Path | None) -> Fitted:
-    from cfem.surrogate.networks.mlp import fit
-
-    return fit(training, spec, folder)
-
-
-def fit_serial(training: Any, spec: SerialSpec, folder: Path | None) -> Fitted:
-    from cfem.surrogate.rows.serial import compose
-
-    return compose(training, spec)
-
-
-FITS: dict[type, Callable[[Any, Any, Path | None], Fitted]] = {
-    SpectralSpec: fit_spectral,
-    EnergyNetSpec: fit_energy_net,
-    MlpSpec: fit_mlp,
-    SerialSpec: fit_serial,
+# Kind of model -> module of `cfem.surrogate`, and its function from (training rows, spec, folder for checkpoints).
+FITS: dict[type, tuple[str, str]] = {
+    SpectralSpec: ("series.spectral", "fit_spec"),
+    EnergyNetSpec: ("networks.energy_net", "fit"),
+    MlpSpec: ("networks.mlp", "fit"),
+    SerialSpec: ("rows.serial", "compose"),
 }
-MODULES: dict[type, str] = {
-    SpectralSpec: "series.spectral",
-    EnergyNetSpec: "networks.energy_net",
-    MlpSpec: "networks.mlp",
-    SerialSpec: "rows.serial",
-}
+
+
+def fit_of(spec: ModelSpec) -> Callable[[Any, ModelSpec, Path | None], Fitted]:
+    """Fit of a spec's kind. PyTorch, which some need, takes seconds to load."""
+    module, name = FITS[type(spec)]
+    return getattr(import_module(f"cfem.surrogate.{module}"), name)
 
 
 def point(results: dict[str, Any]) -> dict[str, Any]:
@@ -256,10 +232,8 @@ def predictions(predictor: Predictor, test: Any) -> tuple[np.ndarray, np.ndarray
     p = completed(predictor.parameters, test.p)
     if predictor.form == "displacement":
         return predictor.evaluate(test.delta_a, p)
-    condensed = [predictor.at_displacement(*state) for state in zip(test.delta_a, p, strict=True)]
-    return np.array([robot_state.W for robot_state in condensed]), np.array(
-        [robot_state.delta_free for robot_state in condensed]
-    )
+    state = predictor.at_displacement(test.delta_a, p)
+    return state.W, state.delta_free
 
 
 def query_microseconds(predictor: Predictor, test: Any) -> float:

@@ -4,7 +4,6 @@ from typing import Any
 
 from cfem.core.artefact.judgement import INDEFINITE_SHARE, LOSS, poor
 from cfem.core.console.shown import duration, length
-from cfem.surrogate.skin_line import skin_line
 
 FEWEST = 10  # test states from which figures say something of others
 
@@ -60,3 +59,14 @@ def judged(results: dict[str, Any]) -> list[dict[str, Any]]:
 def _unjudged(errors: dict[str, Any]) -> bool:
     """True where the test states are one state, in whose variance the losses have no unit."""
     return errors.get("entries") == 0
+
+
+def skin_line(skin: dict[str, Any]) -> str:
+    """Line about the results' "skin": the errors with all modes, and with fewer."""
+    share, count, largest = skin["largest_percent_of_length"], skin["modes"], length(skin["largest_mm"])
+    few = sorted({max(1, count // 4), max(1, count // 2)} - {count}) if "front" in skin else []
+    fewer = "".join(f"; with {number} modes {length(skin['front']['largest_mm'][number])}" for number in few)
+    return (
+        f"skin: the largest error of {skin['nodes']} surface nodes is {largest} ({share:.2g} % of the length), "
+        f"{length(skin['rms_mm'])} rms, with {count} modes{fewer or skin.get('of', '')}"
+    )

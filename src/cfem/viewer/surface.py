@@ -20,14 +20,14 @@ def sharpened(rest: np.ndarray, triangles: np.ndarray, first: int) -> tuple[np.n
     turned = points[:, 0] > points[:, 1]
     ends[turned], points[turned] = ends[turned, ::-1], points[turned, ::-1]
     order = np.lexsort(points.T)
-    here, there = order[:-1], order[1:]
-    smooth = (normals[ends[here, 0] // 3] * normals[ends[there, 0] // 3]).sum(axis=1) > np.cos(SHARP)
-    joined = (points[here] == points[there]).all(axis=1) & smooth
-    pairs = np.concatenate([np.stack([ends[here, k], ends[there, k]], axis=1)[joined] for k in (0, 1)])
+    edge, following = order[:-1], order[1:]  # two sides of an edge follow each other
+    smooth = (normals[ends[edge, 0] // 3] * normals[ends[following, 0] // 3]).sum(axis=1) > np.cos(SHARP)
+    joined = (points[edge] == points[following]).all(axis=1) & smooth
+    pairs = np.concatenate([np.stack([ends[edge, k], ends[following, k]], axis=1)[joined] for k in (0, 1)])
     graph = coo_matrix((np.ones(len(pairs)), pairs.T), shape=(triangles.size,) * 2)
     part = connected_components(graph, directed=False)[1]
-    parts, at = np.unique(np.stack([triangles.ravel(), part]), axis=1, return_inverse=True)
+    parts, index = np.unique(np.stack([triangles.ravel(), part]), axis=1, return_inverse=True)
     later = np.flatnonzero(np.diff(parts[0], prepend=-1) == 0)
     number = parts[0].copy()
     number[later] = first + np.arange(len(later))
-    return parts[0][later], number[at.ravel()].reshape(triangles.shape)
+    return parts[0][later], number[index.ravel()].reshape(triangles.shape)

@@ -8,8 +8,8 @@ from cfem.control.open_loop.doubts import doubts
 CIRCLE = np.array([[np.cos(t), np.sin(t), 100.0] for t in np.linspace(0, 6, 24)])
 
 
-def said(goals, refined):
-    return [one["what"] for one in doubts(goals, refined, 120.0)]
+def said(goals, refined, near=0.1):
+    return [one["what"] for one in doubts(goals, near, refined, 120.0)]
 
 
 @pytest.mark.parametrize("percent, poor", [(36.0, True), (20.1, True), (19.9, False), (float("nan"), True)])
@@ -18,3 +18,10 @@ def test_forces_that_the_mesh_leaves_uncertain_are_poor(percent, poor):
     assert bool(found) == poor
     if percent == 36.0:
         assert found == ["the mesh of 560 cells leaves 36 % of the actuator forces uncertain: use a finer mesh"]
+
+
+def test_a_goal_that_is_reached_from_far_away_is_poor():
+    known = {"force_percent": 1.0, "cells": 560}
+    assert said({"circle": CIRCLE}, known, near=6.0) == []
+    found = said({"circle": CIRCLE}, known, near=500.0)
+    assert found == ["a goal counts as reached from 500 mm away, and the robot is 120 mm long: lower reached"]

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cfem.control.open_loop.mesh_error import ORDER, Difference, chosen, discretisation, extrapolated, mesh_error
+from cfem.control.open_loop.mesh_error import ORDER, MeshDifference, chosen, discretisation, extrapolated, mesh_error
 from cfem.control.open_loop.spec import MeshErrorSpec
 from cfem.control.spec import ControlSpec
 from cfem.core.spec import load_spec
@@ -47,14 +47,14 @@ def test_the_estimate_is_the_error_to_a_factor_of_two_and_a_half(element, size):
 def test_errors_of_the_stated_order_are_extrapolated_exactly():
     h, smaller = 2.0, 1.4
     at, finer = 0.03 * h**ORDER, 0.03 * (h / smaller) ** ORDER
-    both = [Difference(at - finer, 0.0, 0.1, 5.0, 2.0), Difference(0.0, at - finer, 0.0, 10.0, 1.0)]
+    both = [MeshDifference(at - finer, 0.0, 0.1, 5.0, 2.0), MeshDifference(0.0, at - finer, 0.0, 10.0, 1.0)]
     found = extrapolated(both, smaller, 60.0)
     assert found["tip_mm"] == pytest.approx(at) and found["tip_percent"] == pytest.approx(100 * at / 60)
     assert found["reach_percent"] == pytest.approx(10 * at)
 
 
 def test_a_state_at_rest_does_not_swell_the_shares():
-    pulled, resting = Difference(0.1, 0.1, 0.2, 10.0, 4.0), Difference(0.1, 0.1, 0.2, 1e-9, 1e-12)
+    pulled, resting = MeshDifference(0.1, 0.1, 0.2, 10.0, 4.0), MeshDifference(0.1, 0.1, 0.2, 1e-9, 1e-12)
     found = extrapolated([pulled, resting], 2.0, 60.0)
     assert found == extrapolated([pulled], 2.0, 60.0) and found["force_percent"] == pytest.approx(100 * 0.05 * 4 / 3)
 

@@ -114,7 +114,7 @@ def test_a_state_that_cannot_be_kept_is_said_once(tmp_path, capfd, monkeypatch):
     plant = SimpleNamespace(problems=[], memory=lambda: None)
     plant.changing = [(plant, ("memory",))]
     run = SoFar(tmp_path)
-    run.of(plant, {"there": np.zeros((2, 3))})
+    run.of([plant], {"there": np.zeros((2, 3))})
     run.finished("there", None)
     assert capfd.readouterr().err.count("the state of this plant cannot be kept") == 1
     assert list(tmp_path.iterdir()) == []

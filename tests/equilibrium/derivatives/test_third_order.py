@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from dynamics.moving import moving_bar, moving_rod
+from fe_motion.moving import moving_bar, moving_rod
 from support.blocks import bar
 
 from cfem.condensed.skin import Skin

@@ -9,8 +9,6 @@ from scipy.linalg import eigh, null_space
 from support.blocks import bar
 
 from cfem.core.errors import NumericalError
-from cfem.dynamics.modes import natural_modes
-from cfem.dynamics.problem import MovingProblem
 from cfem.equilibrium import actuation
 from cfem.equilibrium.derivatives.adjoint import Weights, gradients
 from cfem.equilibrium.derivatives.parameter_slopes import Sides
@@ -18,6 +16,8 @@ from cfem.equilibrium.motion.inertia import mass_of, times_mass
 from cfem.equilibrium.motion.vibration import lowest
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import Wanted, solve
+from cfem.fe_motion.modes import natural_modes
+from cfem.fe_motion.problem import MovingProblem
 from cfem.mechanics.body import on_nodes
 from cfem.mechanics.mass import kinetic_form, mass_matrix
 

@@ -2,7 +2,7 @@
 
 from export.embedded import needs_compiler
 
-from cfem.export.compiled.controller import library
+from cfem.export.compiled.build import library
 
 pytestmark = needs_compiler
 
@@ -11,7 +11,7 @@ def test_a_folder_written_again_is_compiled_again_and_the_same_files_are_not(tmp
     source = tmp_path / "answer.c"
     source.write_text('#include "answer.h"\nint answer(void) { return ANSWER; }\n')
     (tmp_path / "answer.h").write_text("#define ANSWER 1\n")
-    first = library(tmp_path, ("answer.c",))
-    assert first.answer() == 1 and library(tmp_path, ("answer.c",)) is first
+    first = library(tmp_path, names=("answer.c",))
+    assert first.answer() == 1 and library(tmp_path, names=("answer.c",)) is first
     (tmp_path / "answer.h").write_text("#define ANSWER 2\n")
-    assert library(tmp_path, ("answer.c",)).answer() == 2
+    assert library(tmp_path, names=("answer.c",)).answer() == 2

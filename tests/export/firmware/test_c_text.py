@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from export.embedded import needs_compiler, spectral
 
-from cfem.export.compiled.controller import compiler
+from cfem.export.compiled.build import compiler
 from cfem.export.firmware import c_text
 from cfem.export.firmware.folder import write_c
 from cfem.export.spec import CSpec

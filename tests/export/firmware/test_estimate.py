@@ -10,9 +10,10 @@ from support.bad_samples import KINDS, spoiling
 
 import cfem
 from cfem.core.errors import InputError
-from cfem.export.compiled.controller import STANDARD, compiler, run
-from cfem.export.compiled.estimate import SOURCES, CompiledEstimator, estimate_parity
-from cfem.export.firmware.estimate import filter_of, moving_frames, status_of, write_c_estimate
+from cfem.export.compiled.build import STANDARD, compiler, run
+from cfem.export.compiled.estimate import CompiledEstimator, estimate_parity
+from cfem.export.firmware.copying import library_files
+from cfem.export.firmware.estimate import firmware_filter, moving_frames, status_of, write_c_estimate
 from cfem.export.spec import CEstimateSpec, CSpec
 from cfem.predict.estimation.filter import Filter
 from cfem.predict.estimation.markers import markers_near
@@ -29,11 +30,6 @@ def asked(model, loads=("tip.y", "skin.2"), markers=6, along=None, **other):
     if loads:
         given["loads"] = {"rows": list(loads), "largest": "10 mN", "lasts": "1 s", "along": along}
     return CEstimateSpec.model_validate(given)
-
-
-@pytest.fixture(scope="module")
-def model(bar):
-    return load_model(bar / "models" / "bar" / "spectral")
 
 
 @pytest.fixture(scope="module")
@@ -79,7 +75,7 @@ def test_a_material_is_folded_in(bar_of_any_material, tmp_path):
     assert estimate_parity(tmp_path, write_c_estimate(tmp_path, model, spec)) < 1e-8
     other = CSpec(estimate=asked(model), parameters={"young": "2 MPa", "poisson": 0.34})
     write_c_estimate(tmp_path, model, CSpec(estimate=asked(model), parameters=spec.parameters))
-    assert estimate_parity(tmp_path, filter_of(other.estimate, model, np.array([0.34, 2.0]))) > 1e-6
+    assert estimate_parity(tmp_path, firmware_filter(other.estimate, model, np.array([0.34, 2.0]))) > 1e-6
 
 
 def test_intervals_cover(both):
@@ -120,13 +116,13 @@ def test_statuses_say_what_is_wrong_and_spoil_nothing(both):
 def test_the_folder_s_own_test_passes_and_its_arrays_do_not_grow(both):
     """No heap; static memory is none, but for the caller's own filter."""
     _, _, folder = both
-    strict = ["-Wall", "-Wextra", "-Werror", "-O1"]
-    program = ["-o", "estimate", "estimate.c", *SOURCES, "-lm"]
+    strict, own = ["-Wall", "-Wextra", "-Werror", "-O1"], ("cfem_estimate.c", "cfem_estimate_fit.c")
+    program = ["-o", "estimate", "estimate.c", *library_files(folder), "-lm"]
     run([compiler(), *STANDARD, *strict, *program], folder)
     said = run(["./estimate"], folder)
     assert "60 frames, 0 failed" in said
-    run([compiler(), *STANDARD, *strict, "-c", *SOURCES[:2]], folder)
-    symbols = run([tool("nm"), *(name.replace(".c", ".o") for name in SOURCES[:2])], folder)
+    run([compiler(), *STANDARD, *strict, "-c", *own], folder)
+    symbols = run([tool("nm"), *(name.replace(".c", ".o") for name in own)], folder)
     assert not re.search(r" [bBdDC] ", symbols) and "malloc" not in symbols
 
 

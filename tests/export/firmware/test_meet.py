@@ -18,8 +18,9 @@ from cfem.contact.obstacle_set import ObstacleSet
 from cfem.contact.prescribed_motion import ActuatedRobot
 from cfem.core.artefact.content import artefact_content
 from cfem.core.errors import InputError, NumericalError, SpecError
-from cfem.export.compiled.controller import compiler
+from cfem.export.compiled.build import compiler
 from cfem.export.compiled.meet import CompiledMeet
+from cfem.export.compiled.structures import numbers
 from cfem.export.firmware.meet import areas
 from cfem.predict.contact.bodies import PlacedModel
 from cfem.predict.contact.kept_patches import patched_model_of
@@ -106,7 +107,7 @@ def test_cables_go_slack_as_in_python(exported, patched, mu):
     pulls, below = np.ones(1, dtype=bool), np.array([0.0, 0.0, -16.0])
     robots = [PlacedModel(patched, t=at, itself=False, unilateral=pulls) for at in (np.zeros(3), below)]
     compiled, meeting, now, slack = CompiledMeet(exported[0], STRICT), ContactScene(robots, mu=mu), None, []
-    compiled.placed[1].R[:], compiled.placed[1].t[:] = np.eye(3).ravel().tolist(), below.tolist()
+    numbers(compiled.placed[1].R)[...], compiled.placed[1].t[:] = np.eye(3), below.tolist()
     for delta in [*np.arange(13) / 5, 2.2, 2.0, 1.7]:
         deltas = [np.array([0.05 * min(delta, 1.0)]), np.array([delta])]
         now = meeting.start(deltas) if now is None else meeting.step(deltas, now)

@@ -8,8 +8,7 @@ from export.embedded import export, needs_compiler
 from export.moving import model, robot
 
 from cfem.core.errors import InputError
-from cfem.export.compiled.controller import CORE, library
-from cfem.export.firmware import motion as c_motion
+from cfem.export.compiled.build import library
 from cfem.export.firmware.motion import write_c_motion
 from cfem.motion.step import MotionCommand, at_rest, effectors, step
 
@@ -20,7 +19,7 @@ def compiled(folder, n_a):
     meta, arrays, moving = robot(n_a)
     export(folder, (meta, arrays))
     assert write_c_motion(folder, meta, arrays, moving) > 0
-    return library(folder, (*CORE, *c_motion.CORE), STRICT)
+    return library(folder, STRICT)
 
 
 @needs_compiler

@@ -7,9 +7,9 @@ import pytest
 from export.embedded import needs_compiler, tool
 
 from cfem.core.errors import InputError, SpecError
-from cfem.export.compiled.controller import run
+from cfem.export.compiled.build import run
 from cfem.export.compiled.swing import CompiledSwing
-from cfem.export.firmware.estimate import bits, filter_of, status_of, write_c_estimate
+from cfem.export.firmware.estimate import bits, firmware_filter, status_of, write_c_estimate
 from cfem.export.firmware.folder import write_c
 from cfem.export.firmware.motion import write_c_motion
 from cfem.export.firmware.mpc import write_c_mpc
@@ -155,7 +155,7 @@ def test_a_folder_with_predictive_control_too_tests_itself(folder, tmp_path):
 
 def test_what_has_no_c_code_gets_one_sentence(folder):
     def refused(spec):
-        return moving_filter_of(filter_of(spec.estimate, load_model(folder), None), spec, load_motion(folder))
+        return moving_filter_of(firmware_filter(spec.estimate, load_model(folder), None), spec, load_motion(folder))
 
     with pytest.raises(InputError, match="has loads on effectors only"):
         refused(asked(folder, loads=("skin.1",)))

@@ -17,10 +17,9 @@ from cfem.contact.patch_forces import pressed
 from cfem.contact.problem import ContactProblem
 from cfem.core.artefact.content import artefact_content
 from cfem.core.errors import InputError, SpecError
-from cfem.export.compiled.controller import STANDARD, compiler, run
+from cfem.export.compiled.build import STANDARD, compiler, run
 from cfem.export.compiled.touch import CompiledTouch
-from cfem.export.firmware import folder as c_export
-from cfem.export.firmware import touch as c_touch
+from cfem.export.firmware.copying import copy_sources
 from cfem.export.firmware.touch import write_c_touch
 from cfem.predict.contact.kept_patches import patched_model_of
 from cfem.predict.contact.model import ContactModel
@@ -313,8 +312,7 @@ def test_obstacles_are_those_of_python(tmp_path, patched):
         )
     )
     write_c_touch(tmp_path, patched, several.obstacles, 0.0, np.zeros(1))
-    for path in c_export.SOURCES.iterdir():
-        (tmp_path / path.name).write_bytes(path.read_bytes())
+    copy_sources(tmp_path, "controller")
     text = (tmp_path / "cfem_touch_data.c").read_text()
     rows = text[text.index("const cfem_obstacle") :]
     (tmp_path / "shapes.c").write_text(f'#include "cfem_obstacle.h"\n#include <math.h>\n{rows}')
@@ -340,8 +338,7 @@ def turn(seed):
 
 
 def built(folder, *names):
-    for path in (*c_touch.SOURCES.iterdir(), c_export.SOURCES / "cfem_linear.h"):
-        (folder / path.name).write_bytes(path.read_bytes())
+    copy_sources(folder, "touch", "controller/cfem_linear.h")
     run([compiler(), *STANDARD, *STRICT, "-shared", "-fPIC", "-o", "lib.so", *names, "-lm"], folder)
     return ctypes.CDLL(str(folder / "lib.so"))
 

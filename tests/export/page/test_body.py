@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from export.pages import tube
 
-from cfem.export.page.body import Line, body, carriers, lines
-from cfem.export.page.chambers import Wall
+from cfem.export.page.body import Tube, body, carriers, lines
+from cfem.export.page.chambers import ChamberWall
 
 SKIN = tube(100.0)
 INSIDE = np.array([[0.0, 0.0, -50.0], [3.0, 1.0, -20.0], [-2.0, 4.0, -95.0]])
@@ -20,8 +20,8 @@ def test_carriers_reproduce_affine_motions():
 
 
 def test_lines_follow_the_surface_and_what_is_held_does_not():
-    line = Line(1, np.array([[0.0, 0.0, 30.0], *INSIDE]), 0.5, held=1)
-    made = body(SKIN, [line, Line(0, INSIDE[:1], 2.0)], [])
+    line = Tube(1, np.array([[0.0, 0.0, 30.0], *INSIDE]), 0.5, held=1)
+    made = body(SKIN, [line, Tube(0, INSIDE[:1], 2.0)], [])
     n = len(SKIN["rest"])
     assert made.lines == [(1, n, 4, 0.5), (0, n + 4, 1, 2.0)]
     assert (made.rest[n : n + 4] == line.points).all() and (made.modes[:, n] == 0).all()
@@ -37,6 +37,9 @@ def test_what_a_model_says_of_its_robot_becomes_lines():
     finger = lines({"geometry": {"kind": "soft-finger"}, "actuators": [cable, route]}, 120.0)
     assert [len(one.points) for one in finger] == [3, 6] and [one.held for one in finger] == [1, 0]
     assert (finger[1].points[:, :2] == [5.0, 15.0]).all()
+    side = {"kind": "cable", "route": {"side": "y+", "disks": 5}, "reach": [0, 1]}
+    (cable,) = lines({"geometry": {"kind": "trunk", "length": 300.0}, "actuators": [side]}, 300.0)
+    assert (len(cable.points), cable.held) == (11, 1) and (np.diff(cable.points[:, 2]) > 0).all()
     pair = {"kind": "chambers", "module": 2, "chambers": [1, 2]}
     trunk = lines({"geometry": {"kind": "stiff-flop"}, "actuators": [pair]}, 110.0)
     assert [one.actuator for one in trunk] == [0, 0]
@@ -47,8 +50,8 @@ def test_what_a_model_says_of_its_robot_becomes_lines():
 
 
 def test_walls_of_chambers_lie_behind_the_skin_and_move_with_it_or_with_nodes_of_their_own():
-    wall = Wall(2, np.array([7, 5, 6]), INSIDE, np.array([[0, 1, 2], [2, 1, 0]]))
-    made = body(SKIN, [Line(0, INSIDE[:1], 2.0)], [wall])
+    wall = ChamberWall(2, np.array([7, 5, 6]), INSIDE, np.array([[0, 1, 2], [2, 1, 0]]))
+    made = body(SKIN, [Tube(0, INSIDE[:1], 2.0)], [wall])
     n, t = len(SKIN["rest"]), len(SKIN["triangles"])
     assert made.outer == t and made.chambers == [(2, t, 2)] and len(made.triangles) == t + 2
     assert (made.rest[made.triangles[t:]] == INSIDE[wall.triangles]).all()

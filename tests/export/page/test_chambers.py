@@ -8,7 +8,7 @@ from export.pages import ROBOTS, browser, opened, skin_of
 from cfem.core.artefact.files import content_sha256, file_sha256
 from cfem.core.artefact.manifest import write_manifest
 from cfem.export.firmware.embedding import Embedding
-from cfem.export.page.chambers import Wall, walls
+from cfem.export.page.chambers import ChamberWall, walls
 from cfem.export.page.page import page
 from cfem.export.spec import CSpec
 from cfem.robot.mesh.mesh_file import write_mesh
@@ -57,7 +57,7 @@ def test_without_its_mesh_or_on_another_one_there_is_none(made, tmp_path):
 def test_a_chamber_is_drawn_with_the_volume_that_the_model_states(tmp_path):
     meta, arrays = ROBOTS["two cables"]()
     X, facets = icosphere(2)
-    ball = Wall(1, np.arange(len(X)), 4 * X + [0.0, 0.0, -50.0], facets[:, ::-1])
+    ball = ChamberWall(1, np.arange(len(X)), 4 * X + [0.0, 0.0, -50.0], facets[:, ::-1])
     text = page(meta, arrays, skin_of(meta, arrays), CSpec(), Embedding(), walls=[ball])
     (tmp_path / "page.html").write_text(text, encoding="utf-8")
     with browser() as chromium:

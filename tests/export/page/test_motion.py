@@ -1,5 +1,7 @@
 """The page of a robot that moves: its predictive control is that of Python, and the slider runs the robots."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from export.moving import model, page_of_moving, predictive, robot, spec
@@ -7,6 +9,7 @@ from export.pages import browser, opened, page_of, until
 
 from cfem.core.errors import InputError
 from cfem.export.curve import curve_of
+from cfem.export.page import layout
 from cfem.export.page import motion as page_motion
 from cfem.export.page.motion import moves
 from cfem.predict.load import build
@@ -84,6 +87,8 @@ def test_a_robot_that_has_not_learned_to_move_has_no_slider(chromium, tmp_path):
 
 def test_room_ends(monkeypatch):
     meta, arrays, moving = robot()
-    monkeypatch.setitem(page_motion.ROOM, "NQ", (3, "motions"))
+    lists = layout.motion_layout()
+    less = tuple(replace(one, most=3) if one.name == "CFEM_MOTION_NQ" else one for one in lists.counts)
+    monkeypatch.setattr(page_motion, "motion_layout", lambda: replace(lists, counts=less))
     with pytest.raises(InputError, match="room for 3 motions, and this robot has 4"):
         moves(meta, build(meta, arrays), moving, CHOSEN)

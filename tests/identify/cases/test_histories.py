@@ -11,7 +11,7 @@ from cfem.equilibrium.friction.sticking import Follower
 from cfem.equilibrium.problem import Problem
 from cfem.identify.cases.load import load_lab
 from cfem.identify.cases.prediction.stage import run as predict
-from cfem.identify.cases.spec import CasesSpec, Layout
+from cfem.identify.cases.spec import CasesSpec, TableColumns
 from cfem.identify.cases.stage import run as calibrate
 from cfem.identify.cases.table import read_cases
 from cfem.robot.build import build_robot
@@ -79,7 +79,7 @@ def test_commands_before_stay_when_cases_are_left_out(tmp_path):
     rows = [[f"c{i}", "a", t, "m", 50, 0, i, "" if i == 2 else "h"] for i, t in enumerate([1.0, 2.0, 5.0, 3.0])]
     write(tmp_path / "given.csv", rows, HEADER)
     places, force = ["x_mm", "y_mm", "z_mm"], {"column": "tension_N", "unit": "N"}
-    layout = Layout(case=["case"], position=places, forces={"c": force}, history="history")
+    layout = TableColumns(case=["case"], position=places, forces={"c": force}, history="history")
     cases = read_cases(tmp_path / "given.csv", layout, ["m"], ["c"], ["N"], 100.0).only(np.array([0, 2, 3]))
     assert cases.before[1] is None and len(cases.before[0]) == 0
     np.testing.assert_array_equal(cases.before[2], [[1.0], [2.0]])

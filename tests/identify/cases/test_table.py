@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cfem.core.errors import InputError
-from cfem.identify.cases.spec import ForceColumn, Layout
+from cfem.identify.cases.spec import ForceColumn, TableColumns
 from cfem.identify.cases.table import read_cases
 
 HEAD = "case,load_N,marker,x,y,z,up"
@@ -16,7 +16,7 @@ ROWS = [
     "c,3,tip,80,0,-40,1",
     "c,3,base,10,0,0,1",
 ]
-LAYOUT = Layout(
+LAYOUT = TableColumns(
     case=["case"], position=["x", "y", "z"], forces={"cable": ForceColumn(column="load_N", unit="N")}, unloading="up"
 )
 

@@ -7,7 +7,7 @@ import pytest
 
 from cfem.core.errors import InputError
 from cfem.motion.altered import Altered
-from cfem.motion.estimation.marker_filter import MarkerFilter
+from cfem.motion.estimation.marker_filter import Frame, MarkerFilter
 from cfem.motion.estimation.uncertainty import MotionUncertainty
 from cfem.motion.load import load_motion
 from cfem.motion.step import MotionCommand, at_rest, step
@@ -192,6 +192,35 @@ def test_finite_elements_that_ring(moving_bar, parts):
         errors.append([np.sqrt((one**2).sum(axis=1).mean()) for one in apart])
     moving, still = np.median(errors[4:], axis=0)
     assert moving < 0.1 and moving < still / 3
+
+
+@pytest.mark.parametrize("kind", ["displacement", "force"])
+def test_the_first_state_is_as_uncertain_as_is_stated(parts, kind):
+    """Near a commanded displacement by `offset`; where it is not known, all over the reach. Swings and their momenta
+    carry the same energy: kappa swing^2 of each mode of the learned mass."""
+    estimator, motion = parts
+    made, n_q = MarkerFilter(*parts, kind, unknown(stiffness=0.2)), motion.n_q
+    places = estimator.places(np.array([2.0, 0.0, 0.0, 0.0]))
+    u = np.array([2.05]) if kind == "displacement" else at_rest(motion, np.array([2.0])).lam
+    first = made._first(Frame(places, None, u))
+    P, mean = first.covariance, first.distribution.mean
+    n_z = made.forward.n_z
+    assert first.u == u and not first.v.any() and not first.by_slip.any()
+    assert mean[0] == pytest.approx(2.05 if kind == "displacement" else 2.0, abs=0.05) and not mean[1:].any()
+    deviation = 0.1 if kind == "displacement" else 3.0 * estimator.scale[0]
+    assert P[0, 0] == pytest.approx(deviation**2)
+    np.testing.assert_allclose(np.diag(P)[1:n_q], made.swing**2)
+    H = motion.paths(estimator.middle[:1])[0][:3]
+    assert made.swing * np.sqrt((H**2).sum()) == pytest.approx(2.0)  # mm of the tip
+    momenta, M = P[n_q + 1 : 2 * n_q, n_q + 1 : 2 * n_q], motion.at(mean[:1]).M[1:, 1:]
+    energy = np.trace(np.linalg.solve(M, momenta))
+    assert energy == pytest.approx(motion.stiffness * np.diag(P)[1:n_q].sum())
+    assert not P[n_q].any() and not P[:, n_q].any()  # what is held has no momentum of its own
+    np.testing.assert_allclose(P[n_z:-1, n_z:-1], estimator.load_covariance)
+    assert P[-1, -1] == pytest.approx(0.2**2)
+    unknown_command = MarkerFilter(*parts, "displacement", unknown())._first(Frame(places, None, None))
+    assert unknown_command.covariance[0, 0] == pytest.approx((3.0 * estimator.scale[0]) ** 2)
+    assert unknown_command.u == pytest.approx(2.0, abs=0.05)
 
 
 def test_commanded_forces_are_needed_where_they_drive(parts):

@@ -22,11 +22,6 @@ OBSTACLES = {
 
 
 @pytest.fixture(scope="module")
-def model(bar):
-    return cfem.load_model(bar / "models" / "bar" / "spectral")
-
-
-@pytest.fixture(scope="module")
 def obstacles(model):
     """About the bar's free end."""
     end = model.skin.rest[np.argmax(np.linalg.norm(model.skin.modes[0], axis=1))]

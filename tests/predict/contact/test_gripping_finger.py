@@ -7,7 +7,7 @@ import pytest
 from support.blocks import bar
 
 from cfem.condensed import Rows
-from cfem.condensed.pose import turn
+from cfem.condensed.rotation import turn
 from cfem.constraint.contact import make_contact
 from cfem.equilibrium.actuation import displacement
 from cfem.equilibrium.contact.held_patch import contact_points, patch_of

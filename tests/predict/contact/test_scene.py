@@ -21,15 +21,8 @@ from cfem.predict.contact.scene import contact_step
 from cfem.predict.contact.state import TRUSTED
 from cfem.predict.contact.surface_model import patch_states
 from cfem.predict.load import load_model
-from cfem.robot.build import build_robot
-from cfem.robot.load import load_scene_and_mesh
 
 DELTA = np.array([2.0])
-
-
-@pytest.fixture(scope="module")
-def robot(bar):
-    return build_robot(*load_scene_and_mesh(bar / "pipelines" / "bar" / "scene.yaml"))
 
 
 @pytest.fixture(scope="module")

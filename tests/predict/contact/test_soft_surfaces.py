@@ -17,16 +17,9 @@ from cfem.predict.contact.patched_model import PatchedModel, patches_of
 from cfem.predict.contact.scene import ContactScene, contact_step
 from cfem.predict.contact.surface_model import patch_states
 from cfem.predict.load import load_model
-from cfem.robot.build import build_robot
-from cfem.robot.load import load_scene_and_mesh
 
 OVER = np.diag([1.0, -1.0, -1.0]), np.array([0.0, 0.0, 16.0])  # the twin: upside down above, 6 mm away
 HERE = np.eye(3), np.zeros(3)
-
-
-@pytest.fixture(scope="module")
-def robot(bar):
-    return build_robot(*load_scene_and_mesh(bar / "pipelines" / "bar" / "scene.yaml"))
 
 
 @pytest.fixture(scope="module")

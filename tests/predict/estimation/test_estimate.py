@@ -19,11 +19,6 @@ NOISE, SENSOR = 0.1, 0.05
 
 
 @pytest.fixture(scope="module")
-def model(bar):
-    return load_model(bar / "models" / "bar" / "spectral")
-
-
-@pytest.fixture(scope="module")
 def estimator(model):
     return Estimator(model, markers_near(model, 5), NOISE, TIP, largest=0.02, sensor=SENSOR)
 

@@ -8,9 +8,9 @@ from cfem.predict.estimation.fit import (
     FIT,
     TOLERANCE,
     EstimateStatus,
+    FitResiduals,
     Markers,
     Prior,
-    Residuals,
     Search,
     Sensor,
     minimise,
@@ -37,7 +37,7 @@ def problem(measured, seen=None, prior=NO_PRIOR, sensors=(), noise=0.1, bend=BEN
         value, slope = places(x, bend)
         return (value - np.nan_to_num(measured)) / noise, slope / noise
 
-    return Residuals(Markers(residual, np.isfinite(measured).all(axis=1) if seen is None else seen), prior, sensors)
+    return FitResiduals(Markers(residual, np.isfinite(measured).all(axis=1) if seen is None else seen), prior, sensors)
 
 
 def solve(asked, x=(0.0, 0.0), search=SEARCH, elsewhere=(0.0, 0.0)):

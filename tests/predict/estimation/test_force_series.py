@@ -5,14 +5,8 @@ import pytest
 
 from cfem.plant.fem_plant import FemPlant, pushed
 from cfem.predict.estimation.force_series import ForceSeries
-from cfem.predict.load import load_model
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh
-
-
-@pytest.fixture(scope="module")
-def model(bar):
-    return load_model(bar / "models" / "bar" / "spectral")
 
 
 def test_a_push_at_locked_actuators_changes_their_forces_as_in_finite_elements(bar, model):

@@ -99,7 +99,10 @@ def test_iterations_on_linear_rows_are_the_update():
 
 def test_iterations_on_bent_rows_end_at_the_least_squares():
     """Against a general solver; one step alone ends elsewhere."""
-    prior, search = Gaussian(np.array([1.0, 0.5]), np.diag([0.3, 0.2])), Search(np.ones(2), EVERYWHERE[:2], 1e-12, 60)
+    prior, search = (
+        Gaussian(np.array([1.0, 0.5]), np.diag([0.3, 0.2])),
+        Search(np.ones(2), EVERYWHERE[:2], 1e-12, 60),
+    )
 
     def h(x):
         return np.array([x[0] * np.exp(0.4 * x[1]), x[1] + 0.2 * x[0] ** 2])

@@ -6,24 +6,12 @@ from surrogate.synthetic import dataset
 
 from cfem.core.errors import InputError, SpecError
 from cfem.plant.fem_plant import FemPlant, pushed
-from cfem.predict.load import build, load_model
+from cfem.predict.load import build
 from cfem.predict.loads.loaded import loaded, wrench_error, wrench_of
-from cfem.robot.build import build_robot
-from cfem.robot.load import load_scene_and_mesh
 from cfem.surrogate.model_card import model_card
 from cfem.surrogate.series.spectral import fit
 
 DIRECTION = np.array([0.3, 1.0, -1.0])
-
-
-@pytest.fixture(scope="module")
-def model(bar):
-    return load_model(bar / "models" / "bar" / "spectral")
-
-
-@pytest.fixture(scope="module")
-def robot(bar):
-    return build_robot(*load_scene_and_mesh(bar / "pipelines" / "bar" / "scene.yaml"))
 
 
 def of_form(form):

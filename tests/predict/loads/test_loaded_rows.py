@@ -8,24 +8,12 @@ from cfem.core.errors import InputError, SpecError
 from cfem.equilibrium.contact.patch_effectors import patch_yield
 from cfem.plant.fem_plant import FemPlant, pushed
 from cfem.predict.contact.surface_model import patch_states
-from cfem.predict.load import build, load_model
+from cfem.predict.load import build
 from cfem.predict.loads.loaded import loaded, wrench_error
-from cfem.robot.build import build_robot
-from cfem.robot.load import load_scene_and_mesh
 
 PLACE = np.array([1.5])
 FORCE = np.array([0.3, 1.0, -1.0])
 NONE = np.zeros(3)
-
-
-@pytest.fixture(scope="module")
-def model(bar):
-    return load_model(bar / "models" / "bar" / "spectral")
-
-
-@pytest.fixture(scope="module")
-def robot(bar):
-    return build_robot(*load_scene_and_mesh(bar / "pipelines" / "bar" / "scene.yaml"))
 
 
 def middle(model, size, share=0.6, name="push"):

@@ -14,6 +14,7 @@ from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import solve
 from cfem.robot.build import build_robot
 from cfem.robot.mesh.meshing import make_mesh
+from cfem.robot.places import cable_points, pull_point
 from cfem.robot.spec import SceneSpec
 
 SCENE = Path(__file__).parents[3] / "pipelines" / "trunk" / "scene.yaml"
@@ -57,19 +58,20 @@ def test_the_body_is_its_own_eighth_turn(coarse):
 
 def test_cables_lie_in_the_disks_with_the_regions_of_their_points(coarse):
     scene, mesh, _ = coarse
-    assert [len(cable.points) for cable in scene.actuators] == [20] * 4 + [10] * 4
+    routes = [cable_points(scene, cable) for cable in scene.actuators]
+    assert [len(points) for points in routes] == [20] * 4 + [10] * 4
     assert [cable.reach.tolist() for cable in scene.actuators] == [[0, 13]] * 8
     rim = 2 * np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]])
-    for index, cable in enumerate(scene.actuators):
-        radii = np.hypot(*cable.points[:, :2].T)
+    for index, (cable, points) in enumerate(zip(scene.actuators, routes, strict=True)):
+        radii, start = np.hypot(*points[:, :2].T), pull_point(scene, cable)
         assert (np.diff(radii) < 0).all() and 2 < radii[-1] < radii[0] < 10
-        np.testing.assert_allclose(np.hypot(*cable.pull_point[:2]), 10)
-        assert cable.pull_point[2] == 0
+        np.testing.assert_allclose(np.hypot(*start[:2]), 10)
+        assert start[2] == 0
         # two points a disk, their regions of 2 mm inside it
-        np.testing.assert_array_equal((cable.points[:, 2] - 10) // 17.5, np.repeat(np.arange(len(radii) // 2), 2))
-        assert (locate(mesh, (cable.points[:, None] + 0.999 * rim).reshape(-1, 3), within=1e-9)[0] >= 0).all()
-        assert ((cable.points[:, 2] - 10) % 17.5 >= 11.5 + 2).all()
-        np.testing.assert_allclose(cable.points, scene.actuators[index // 4 * 4].points @ turns(index).T, atol=1e-4)
+        np.testing.assert_array_equal((points[:, 2] - 10) // 17.5, np.repeat(np.arange(len(radii) // 2), 2))
+        assert (locate(mesh, (points[:, None] + 0.999 * rim).reshape(-1, 3), within=1e-9)[0] >= 0).all()
+        assert ((points[:, 2] - 10) % 17.5 >= 11.5 + 2).all()
+        np.testing.assert_allclose(points, routes[index // 4 * 4] @ turns(index).T, atol=1e-4)
 
 
 def turns(quarters):

@@ -70,7 +70,7 @@ def test_a_3mf_with_a_unit_and_a_placed_component(tmp_path):
         ("<model><build><item objectid='7'/></build></model>", "builds an object '7'"),
         ("<!DOCTYPE a [<!ENTITY b 'c'>]><model/>", "has a document type"),
         ("<model>", "is damaged"),
-        ("<model/>", "is damaged"),
+        ("<model/>", "holds no body"),
     ],
 )
 def test_a_damaged_3mf_is_one_sentence(tmp_path, content, part):

@@ -12,7 +12,7 @@ from cfem.robot.catalogue.soft_finger import route, soft_finger
 from cfem.robot.geometry import SoftFinger
 from cfem.robot.mesh.meshing import make_mesh
 from cfem.robot.shape.morph import Morph, _Past
-from cfem.robot.shape.surfaces import Plane, surfaces
+from cfem.robot.shape.surfaces import PlaneSurface, surfaces
 from cfem.robot.spec import SceneSpec
 
 SCENE = {
@@ -142,9 +142,8 @@ def test_gradients_are_those_of_the_values_and_of_length_one(solid):
 
 def test_surfaces_pass_through_the_corners_they_should():
     low, high = surfaces(Box((0.0, -1.0, 2.0), (1.0, 4.0, 3.0)))[:2]
-    assert (
-        isinstance(low, Plane) and low.value(np.array([[0.0, 9, 9]]))[0] == 0 == high.value(np.array([[1.0, 0, 0]]))[0]
-    )
+    assert isinstance(low, PlaneSurface)
+    assert low.value(np.array([[0.0, 9, 9]]))[0] == 0 == high.value(np.array([[1.0, 0, 0]]))[0]
     with pytest.raises(ValueError, match="not known"):
         surfaces(Placed(Box((0, 0, 0), (1, 1, 1)), (0, 0, 1), 1.0, (0, 0, 0)))
 

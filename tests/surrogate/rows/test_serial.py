@@ -10,6 +10,7 @@ import pytest
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
+from cfem.condensed.rotation import cross_matrix, left_jacobian
 from cfem.constraint.patch import PatchLoad
 from cfem.contact.closed_surface import ClosedSurface
 from cfem.contact.obstacle import Sphere
@@ -18,17 +19,16 @@ from cfem.core.stage import Options
 from cfem.equilibrium.actuation import displacement, force
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import solve
-from cfem.export.compiled.controller import compiler
+from cfem.export.compiled.build import compiler
+from cfem.export.compiled.shape import CompiledShape
 from cfem.export.firmware.folder import write_c
 from cfem.export.firmware.skin import write_c_row_skin
-from cfem.export.skin import CompiledShape
 from cfem.export.spec import CSpec
 from cfem.export.stage import run as export
 from cfem.plant.fem_plant import pushed
 from cfem.predict.contact.clearance import clearance
 from cfem.predict.load import build, load_model
 from cfem.predict.loads.loaded import loaded
-from cfem.predict.rows.serial import cross, left_jacobian
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh
 from cfem.robot.stage import run as make_mesh
@@ -281,7 +281,7 @@ def test_the_left_jacobian_takes_rotation_vectors_to_spins():
     spin = (ahead * behind.inv()).as_rotvec() / (2 * h)
     np.testing.assert_allclose((J @ d[:, :, None])[:, :, 0], spin, atol=1e-8)
     turned = Rotation.from_rotvec(phi).as_matrix()
-    np.testing.assert_allclose(np.eye(3) + cross(phi) @ J, turned, atol=1e-13)
+    np.testing.assert_allclose(np.eye(3) + cross_matrix(phi) @ J, turned, atol=1e-13)
 
 
 def test_an_exported_row_has_its_shape_in_python(project, tmp_path):

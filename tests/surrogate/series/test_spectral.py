@@ -10,9 +10,9 @@ from cfem.predict.kinds.spectral import SpectralPredictor
 from cfem.predict.load import build
 from cfem.surrogate.error_measures import measure
 from cfem.surrogate.model_card import model_card
-from cfem.surrogate.series.chebyshev import index_set
+from cfem.surrogate.series.chebyshev import design_rows, index_set
 from cfem.surrogate.series.observations import Observations
-from cfem.surrogate.series.spectral import Series, fit, fit_quantity
+from cfem.surrogate.series.spectral import Series, _values_first, fit, fit_quantity
 from cfem.surrogate.stage import predictions
 
 NONE = np.zeros((20, 0))
@@ -154,3 +154,44 @@ def test_whole_degrees_go_on_while_they_help(monkeypatch):
 def test_terms_stay_within_their_number():
     found = fit(dataset(40, 1, 3, unilateral=False), max_terms=30)
     assert max(found.terms.values()) <= 30
+
+
+PAIRS = [(i, j) for i in range(4) for j in range(i, 4)]
+
+
+def observed_ridges(z: np.ndarray, ridges: np.ndarray, jet) -> Observations:
+    """Value, gradient and Hessian of the sum of a function over ridges (k, 4); jet: its value, slope and curvature."""
+    value, slope, curvature = jet(z @ ridges.T)
+    columns = [value.sum(axis=1)]
+    columns += [slope @ ridges[:, i] for i in range(4)] + [curvature @ (ridges[:, i] * ridges[:, j]) for i, j in PAIRS]
+    return Observations(((), *[(i,) for i in range(4)], *PAIRS), np.stack(columns, axis=1)[..., None], 4)
+
+
+def fold(u):
+    root = np.sqrt(1.4 - u)
+    return root, -1 / (2 * root), -1 / (4 * root**3)
+
+
+def step(u):
+    t = np.tanh(2 * u)
+    return t, 2 * (1 - t**2), -8 * t * (1 - t**2)
+
+
+@pytest.mark.parametrize(("jet", "first"), [(fold, True), (step, False)])
+def test_values_come_first_only_where_states_left_out_say_so(jet, first):
+    """Four inputs and 40 states. A series is too short to follow the second derivatives, near the limit of one ridge
+    and of steps across six."""
+    random = np.random.default_rng(3)
+    ridges = random.standard_normal((6, 4))
+    ridges = np.array([[0.4, 0.35, 0.3, 0.3]]) if first else ridges / np.linalg.norm(ridges, axis=1)[:, None]
+    z, fresh = random.uniform(-1, 1, (40, 4)), random.uniform(-1, 1, (300, 4))
+    observed, truth = observed_ridges(z, ridges, jet), observed_ridges(fresh, ridges, jet).values[:, 0]
+    limits = (16, 2000, 5, None)
+    made = [fit_quantity(z, observed, *limits, fall=fall) for fall in (1.0, 10.0)]
+    errors = [
+        np.sqrt(((design_rows(fresh, each.indices, ((),))[:, 0] @ each.coefficients - truth) ** 2).mean())
+        for each, _, _ in made
+    ]
+    chosen, _, _ = _values_first(z, observed, made[0], limits)
+    np.testing.assert_array_equal(chosen.coefficients, made[int(first)][0].coefficients)
+    assert (errors[1] < 0.9 * errors[0]) == first, errors

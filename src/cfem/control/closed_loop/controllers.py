@@ -10,11 +10,12 @@ import numpy as np
 from cfem.condensed.model import Model
 from cfem.control.adaptation.controller import AdaptiveController
 from cfem.control.adaptation.tracker import Tracker
-from cfem.control.closed_loop.estimated import EstimatingController, filter_of
+from cfem.control.closed_loop.estimated import EstimatingController, loop_filter
 from cfem.control.closed_loop.pilots import Situation
+from cfem.control.closed_loop.run import TickedController
 from cfem.control.closed_loop.spec import ControllerSpec, LoopSpec
 from cfem.control.closed_loop.tick import Pilot
-from cfem.control.moving import built
+from cfem.control.motion import built
 from cfem.core.errors import SpecError
 from cfem.motion.model import MotionModel
 from cfem.plant.gains import Gains
@@ -30,7 +31,7 @@ def controller_of(
     situation: Situation,
     base: Path,
     predictors: Mapping[str, Predictor],
-) -> Any:
+) -> TickedController:
     """Controller of the spec: one of `moving.built`, a policy (base: folder of the spec) or one that adapts, behind an
     estimator where the loop has one. SpecError where the model has no parameters to adapt, InputError where a policy is
     none of this robot or no model can tell what is estimated."""
@@ -38,7 +39,7 @@ def controller_of(
     if situation.loop.estimate is None:
         return inner
     model = predictors.get(spec.model) or next(iter(predictors.values()))
-    filtered = filter_of(situation.loop, model, motion if situation.loop.estimates_motion else None)
+    filtered = loop_filter(situation.loop, model, motion if situation.loop.estimates_motion else None)
     return EstimatingController(
         inner, filtered, situation.rest_e, pilot.command == "displacement", 1 / situation.loop.rate
     )
@@ -51,7 +52,7 @@ def _measuring(
     motion: MotionModel | None,
     situation: Situation,
     base: Path,
-) -> Any:
+) -> TickedController:
     """Controller without an estimator before it: a policy, one that adapts, or one of `moving.built`."""
     start = None if situation.start is None else situation.start.delta_a
     if spec.policy is not None:
@@ -90,11 +91,12 @@ def parameters_of(loop: LoopSpec, predictors: Mapping[str, Predictor]) -> int:
     return max(sizes, default=0)
 
 
-def known(controller: Any, count: int) -> dict[str, Any]:
+def known(controller: TickedController, count: int) -> dict[str, Any]:
     """Columns of a row: parameters that the controller uses now, nan for one that tracks none."""
     if not count:
         return {}
-    numbers, controller = np.full(count, np.nan), getattr(controller, "inner", controller)
+    numbers = np.full(count, np.nan)
+    controller = controller.inner if isinstance(controller, EstimatingController) else controller
     if isinstance(controller, AdaptiveController):
         numbers[: len(controller.tracker.used_p)] = controller.tracker.used_p
     return {"parameters": numbers}

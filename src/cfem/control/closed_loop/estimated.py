@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cfem.control.closed_loop.estimated_spec import EstimateSpec
+from cfem.control.closed_loop.estimated_spec import LoopEstimateSpec
 from cfem.control.closed_loop.feedback import HISTORY
+from cfem.control.closed_loop.run import TickedController
 from cfem.control.closed_loop.spec import LoopSpec
 from cfem.motion.estimation.marker_filter import MarkerFilter
 from cfem.motion.estimation.uncertainty import motion_uncertainty
@@ -19,7 +20,7 @@ from cfem.plant.marked_plant import MarkerNoise
 from cfem.plant.protocol import Measurement
 from cfem.predict.estimation.answer import Estimate
 from cfem.predict.estimation.estimate import Estimator
-from cfem.predict.estimation.filter import OFFSET, SLIP, Filter
+from cfem.predict.estimation.filter import Filter, filter_of
 from cfem.predict.estimation.spec import estimator_of
 from cfem.predict.protocol import Predictor
 
@@ -31,21 +32,16 @@ class Estimated(Measurement):
     by_loads: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
 
-def filter_of(loop: LoopSpec, model: Predictor, motion: MotionModel | None) -> Filter | MarkerFilter:
+def loop_filter(loop: LoopSpec, model: Predictor, motion: MotionModel | None) -> Filter | MarkerFilter:
     """Filter for a run with `loop.estimate`. motion: of the same model, where the filter is one on the dynamics."""
-    spec, largest_reach = loop.estimate, float(np.abs(model.reach).max())
-    lasts = np.inf if spec.loads is None or spec.loads.lasts is None else spec.loads.lasts
-    ticks = min(lasts * loop.rate / loop.ticks_a_sample, 1e9)
-    slip = spec.actuators.slip or SLIP * largest_reach
-    if motion is not None:
-        slip, offset = slip * np.sqrt(loop.rate / loop.ticks_a_sample), spec.actuators.offset or OFFSET * largest_reach
-        uncertainty = motion_uncertainty(spec.dynamics, slip, offset, lasts, model.length)
-        return MarkerFilter(estimator_of(spec, model), motion, loop.command.kind, uncertainty, spec.gate)
-    offset = spec.actuators.offset or OFFSET * largest_reach
-    return Filter(estimator_of(spec, model), slip, max(ticks, 0.1), offset, spec.gate)
+    spec, rate = loop.estimate, loop.rate / loop.ticks_a_sample
+    if motion is None:
+        return filter_of(spec, model, rate)
+    uncertainty = motion_uncertainty(spec, model, rate)
+    return MarkerFilter(estimator_of(spec, model), motion, loop.command.kind, uncertainty, spec.gate)
 
 
-def camera_of(spec: EstimateSpec | None, seed: int) -> MarkerNoise | None:
+def camera_of(spec: LoopEstimateSpec | None, seed: int) -> MarkerNoise | None:
     """Camera of a simulated robot, which loses and mistakes markers; None without an estimate."""
     if spec is None:
         return None
@@ -61,7 +57,12 @@ class EstimatingController:
     sample_tick: tick of its sample"""
 
     def __init__(
-        self, inner: Any, filtered: Filter | MarkerFilter, rest_e: np.ndarray, by_displacement: bool, period: float
+        self,
+        inner: TickedController,
+        filtered: Filter | MarkerFilter,
+        rest_e: np.ndarray,
+        by_displacement: bool,
+        period: float,
     ):
         """by_displacement: whether commands are displacements; period: s of a tick."""
         self.inner, self._filter, self._rest_e, self._by_displacement = inner, filtered, rest_e, by_displacement

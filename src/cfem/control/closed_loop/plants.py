@@ -19,8 +19,7 @@ from cfem.equilibrium.robot import Robot
 from cfem.motion.altered import Altered
 from cfem.motion.model import MotionModel
 from cfem.plant.device.pipe_plant import PipePlant
-from cfem.plant.drifting_plant import DriftingPlant
-from cfem.plant.imperfect_plant import Imperfection, ImperfectPlant, Stiffer
+from cfem.plant.imperfect_plant import DriftingPlant, Imperfection, ImperfectPlant, Stiffer
 from cfem.plant.marked_plant import MarkedPlant
 from cfem.plant.model_plant import ModelPlant
 from cfem.plant.moving_plant import MovingFemPlant, MovingModelPlant

@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -13,6 +13,32 @@ from cfem.plant.gains import Gains
 from cfem.plant.protocol import Measurement, Plant
 
 _FAR = 500  # ticks that a controller is told of ahead
+
+
+class TickedController(Protocol):
+    """What a run asks of a controller: static, adaptive, predictive, a policy, or one behind an estimator."""
+
+    belief: Belief | MovingBelief
+    """Of the last tick."""
+
+    aimed: np.ndarray
+    """(n_e,) mm, the goal of that tick as corrected."""
+
+    def tick(
+        self, goal: np.ndarray, measured: Measurement | None = None, ahead: np.ndarray | None = None
+    ) -> Belief | MovingBelief:
+        """Belief after a tick towards goal (n_e,) mm; measured: the latest sample; ahead (k, n_e): goals of this tick
+        and of the next ones."""
+        ...
+
+
+@runtime_checkable
+class Estimates(Protocol):
+    """A controller that sees markers, and estimates the effectors from them."""
+
+    def estimated(self, measured: Measurement) -> Measurement:
+        """Sample with what is estimated of the effectors."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -66,7 +92,7 @@ def run_closed_loop(
     gains: Gains | None = None,
     start: np.ndarray | None = None,
     after: Callable[[Moment], None] = lambda moment: None,
-    controller: Any = None,
+    controller: TickedController | None = None,
 ) -> list[Moment]:
     """Moments of a run along goals (m, n_e) mm absolute, one after the other.
 
@@ -86,7 +112,7 @@ def run_closed_loop(
         measured = plant.step(belief.u, pilot.command)
         actual = getattr(plant, "actual", None)
         if actual is None:  # nobody knows better than the sensors, or what is estimated from them
-            actual = controller.estimated(measured) if hasattr(controller, "estimated") else measured
+            actual = controller.estimated(measured) if isinstance(controller, Estimates) else measured
         error = float(np.linalg.norm((actual.x_e - goal)[matters]))
         moments.append(Moment(len(moments) + 1, index, goal, controller.aimed, belief, measured, actual, error, cpu))
         after(moments[-1])

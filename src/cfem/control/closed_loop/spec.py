@@ -7,8 +7,8 @@ import numpy as np
 from pydantic import Field, NonNegativeInt, PositiveInt
 
 from cfem.control.adaptation.spec import AdaptSpec
-from cfem.control.closed_loop.estimated_spec import EstimateSpec
-from cfem.control.moving.spec import LapsSpec, MovingSpec, ShapingSpec
+from cfem.control.closed_loop.estimated_spec import LoopEstimateSpec
+from cfem.control.motion.spec import LapsSpec, MovingSpec, ShapingSpec
 from cfem.core.actuator_units import Displacement, Effort
 from cfem.core.names import Name
 from cfem.core.spec import Spec
@@ -209,7 +209,7 @@ class LoopSpec(Spec):
     """Seeds of the noise. Everything runs once per seed."""
     sensor: SensorSpec = SensorSpec()
     """What measures the effectors."""
-    estimate: EstimateSpec | None = None
+    estimate: LoopEstimateSpec | None = None
     """Markers on the surface instead: controllers then know of the robot what is estimated from them."""
     real: RealSpec = RealSpec()
     """How the real robot differs from the model."""

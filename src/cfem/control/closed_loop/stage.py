@@ -18,7 +18,7 @@ from cfem.control.closed_loop.spec import LoopSpec
 from cfem.control.closed_loop.summary import headline, judged
 from cfem.control.closed_loop.tick import Pilot
 from cfem.control.closed_loop.tick_log import tick_log
-from cfem.control.goals.one_point import one_point
+from cfem.control.goals.doubts import one_point, wide
 from cfem.control.goals.trajectory_spec import meant_beyond
 from cfem.core.artefact.judgement import KEY
 from cfem.core.console.progress import progress
@@ -59,7 +59,8 @@ def run_controllers(
         _write(folder / "loop.parquet", records, robot, loop)
     # Laps run on whether a goal is reached or not.
     counted = {} if loop.laps else {name: results[name] for name in goals if not meant_beyond(spec.trajectories[name])}
-    verdict = {"headline": headline(results), KEY: [*judged(counted), *one_point(goals, robot.length)]}
+    far = [] if loop.laps else wide(loop.settle.radius, robot.length, "loop.settle.radius")
+    verdict = {"headline": headline(results), KEY: [*judged(counted), *one_point(goals, robot.length), *far]}
     return {**verdict, "plant": spec.plant, "loop": results, "length": robot.length}
 
 

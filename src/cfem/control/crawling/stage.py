@@ -12,8 +12,7 @@ from cfem.constraint.effector import PointEffector
 from cfem.control.crawling.course import Course, account_of, headline, judged, known
 from cfem.control.crawling.crawler import Crawler, Walk, crawler_of
 from cfem.control.crawling.own_weight import own_weight
-from cfem.control.crawling.run_spec import CrawlingSpec
-from cfem.control.crawling.spec import GaitSpec
+from cfem.control.crawling.spec import CrawlingSpec, GaitSpec
 from cfem.control.holding.assembly import box_surface, place_of
 from cfem.control.open_loop.summary import summarise
 from cfem.control.prepared import demand_same_rows, robot_and_models
@@ -33,7 +32,7 @@ Place = tuple[np.ndarray, np.ndarray]
 
 
 @dataclass(frozen=True)
-class Setting:
+class GaitSetting:
     """Gait run as the spec has it: one leg, the model of it by its name, the places of the legs, and the crawler twice,
     learned and by finite elements."""
 
@@ -46,7 +45,7 @@ class Setting:
     fe: Crawler
 
 
-def setting_of(spec: CrawlingSpec, base: Path, mesh: Path, models: Mapping[str, Path]) -> Setting:
+def setting_of(spec: CrawlingSpec, base: Path, mesh: Path, models: Mapping[str, Path]) -> GaitSetting:
     """Setting of a spec; base: its folder; mesh and models: artefacts."""
     scene_and_mesh, gait = load_scene_and_mesh(base / spec.scene, mesh), spec.gait
     robot, predictors, _ = robot_and_models(spec, base, scene_and_mesh, models)
@@ -66,7 +65,7 @@ def setting_of(spec: CrawlingSpec, base: Path, mesh: Path, models: Mapping[str, 
     ]
     learned, fe = (crawler_of(gait, legs, names, weights) for legs in (learning, standing))
     course = Course(gait, [leg in gait.mirrored for leg in names], robot.rows.n_a)
-    return Setting(robot, name, model, places, course, learned, fe)
+    return GaitSetting(robot, name, model, places, course, learned, fe)
 
 
 def crawl(folder: Path, spec: CrawlingSpec, base: Path, mesh: Path, models: Mapping[str, Path]) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from typing import Literal
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 _EIGHT = 1.7601725  # largest value of sin 2x + sin x
 PLANES = {"xy": (0, 1), "yz": (1, 2), "zx": (2, 0)}
@@ -46,3 +47,20 @@ def loop_of_shares(
         return np.asarray(centre) + np.asarray(radii) * (np.sin(2 * turn) + aside * np.sin(turn)) / _EIGHT
     turn = np.arange(goals)[:, None] * 2 * np.pi / goals - np.arange(len(centre)) * np.pi / 2
     return np.asarray(centre) + np.asarray(radii) * np.cos(turn)
+
+
+def laps(points: np.ndarray, speed: float, count: int, run_up: float, dt: float) -> tuple[np.ndarray, int]:
+    """Goals (k, n_e) at the end of each tick of dt s, and how many of them belong to the run-up. points (m, n_e):
+    evenly spaced on the curve, the last before the first or equal to it; speed: laps a second, which grows evenly
+    from zero during run_up s. Between points: the periodic cubic spline."""
+    size = float(np.ptp(points, axis=0).max())
+    if len(points) > 1 and np.abs(points[-1] - points[0]).max() <= 1e-9 * size:
+        points = points[:-1]
+    closed = np.concatenate([points, points[:1]])
+    curve = CubicSpline(np.linspace(0.0, 1.0, len(closed)), closed, bc_type="periodic")
+    before = round(run_up / dt)
+    t = dt * np.arange(1, before + round(count / speed / dt) + 1)
+    run_up = before * dt
+    slow = speed * t**2 / (2 * run_up) if before else t
+    phase = np.where(t < run_up, slow, speed * (t - run_up / 2))
+    return curve(phase % 1.0), before

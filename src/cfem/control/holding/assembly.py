@@ -23,8 +23,7 @@ from cfem.equilibrium.contact.patch_compliance import within_patch
 from cfem.equilibrium.contact.points import PlacedRobot, PointRobot
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.robot import Robot
-from cfem.plant.coupled_plant import CoupledPlant
-from cfem.plant.fem_patch import FemPatch
+from cfem.plant.fem_patch import CoupledFem, FemPatch
 from cfem.plant.grip_plant import GripPlant
 from cfem.predict.contact.gripping_finger import LearnedFinger, WithinPatch
 from cfem.predict.protocol import Predictor
@@ -59,9 +58,10 @@ class RobotsAndObject:
 
 def assembled(
     spec: HoldingSpec, robot: Robot, predictors: Mapping[str, Predictor], models: Mapping[str, Path]
-) -> tuple[RobotsAndObject, dict[str, Model], CoupledPlant]:
-    """Robots and their object, models of them, and the FE plant, for points that are glued. InputError where a model is
-    not of the scene's robot with its contact points held."""
+) -> tuple[RobotsAndObject, dict[str, Coupled], CoupledFem | None]:
+    """Robots and their object, models of these whose points are glued, and the finite elements that control by FE
+    matrices plans with, None where nothing does. InputError where a model is not of the scene's robot with its contact
+    points held."""
     n_pose = {name: _pose_rows(predictor, robot, models[name]) for name, predictor in predictors.items()}
     turns = spec.object.turns
     if turns and min(n_pose.values()) < 6:
@@ -73,26 +73,27 @@ def assembled(
     held = RigidObject(spec.object.centre, turns, np.concatenate([force, np.zeros(n - 3)]), spec.oriented)
     places = [place_of(robot_spec) for robot_spec in spec.robots]
     n_a, count = robot.rows.n_a, len(places)
+    origin = patch_of(contact_points(Problem(robot)), turns).origin
 
-    def holds(models_of: list[Model], n_of: int, origin: np.ndarray) -> list[Holder]:
+    def holds(models_of: list[Model], n_of: int) -> list[Holder]:
         return [
             Holder(robot_spec.name, model, n_a, n_of, turn, shift, origin)
             for robot_spec, model, (turn, shift) in zip(spec.robots, models_of, places, strict=True)
         ]
 
-    home, coupled = None, {}
-    fem = [FemPatch(robot, turns=max(n_pose.values()) == 6) for _ in places]
-    origin = fem[0].patch.origin
+    coupled = {}
     for name, predictor in predictors.items():
-        mine = holds([predictor] * count, n_pose[name], origin)
+        mine = holds([predictor] * count, n_pose[name])
         start = _stable(mine, held, np.tile(_taut_state(predictor, n_pose[name]), count))
-        home = start if home is None else home
         coupled[name] = Coupled(mine, held, start, spec.updates)
+    first, fem = next(iter(coupled.values())), None
+    if spec.fe_based:
+        rows = max(n_pose.values())
+        fem = CoupledFem(holds([FemPatch(robot, turns=rows == 6) for _ in places], rows), held, first.home)
     mesh = robot.body.mesh
     points, surface = box_surface(spec.object.centre, spec.object.half_size, mesh.facets.shape[1])
-    plant = CoupledPlant(holds(fem, fem[0].patch.n, origin), held, np.tile(robot.unilateral, count), home, points)
     facts = RobotsAndObject(
-        plant.coupled.rows,
+        first.rows,
         held.rest_e,
         np.tile(robot.reach, (count, 1)),
         np.tile(robot.unilateral, count),
@@ -102,27 +103,29 @@ def assembled(
         len(points),
         robot.actuator_units * count,
     )
-    return facts, coupled, plant
+    return facts, coupled, fem
 
 
-def touching(
+def gripped(
     spec: HoldingSpec, robot: Robot, models: Mapping[str, Coupled]
-) -> tuple[Grip, dict[str, Gripping], GripPlant]:
-    """Grip, models and FE plant, for contact points that open and slide. InputError where a contact point does not
-    touch the object at rest, SpecError where the robots cannot hold it."""
+) -> tuple[Grip | None, Mapping[str, Model], GripPlant]:
+    """Grip, models and FE plant; no grip, and the models as they are, for contact points that are glued. InputError
+    where a contact point that may open does not touch the object at rest, SpecError where the robots cannot hold it."""
     about, law, mu = spec.object, spec.object.law, spec.object.friction if spec.object.law == "coulomb" else 0.0
     shape = Box(about.half_size, t=about.centre)
     force = np.zeros(3) if about.force is None else about.force
     held = FreeObject(shape, about.centre, np.concatenate([force, np.zeros(3)]), about.turns, oriented=spec.oriented)
     n_a, count = robot.rows.n_a, len(spec.robots)
     fingers = [PlacedRobot(Problem(robot), *place_of(robot_spec)) for robot_spec in spec.robots]
-    _demand_touch(spec, robot, shape, fingers)
     points, _ = box_surface(about.centre, about.half_size, robot.body.mesh.facets.shape[1])
     ends, preload = n_a * np.arange(count + 1), spec.search.preload
 
     def grip(robots: Sequence[PointRobot], grasp: np.ndarray, table: Pads | None) -> GripPlant:
         return GripPlant(robots, ends, held, law, mu, points, grasp if preload else None, about.margin, table)
 
+    if law == "bilateral":
+        return None, models, GripPlant(fingers, ends, held, law, mu, points)
+    _demand_touch(spec, robot, shape, fingers)
     if any(hold.n_pose < 6 for glued in models.values() for hold in glued.holds):
         do = "add contact.rotation to sample.yaml, sample and train"
         raise InputError(

@@ -17,13 +17,12 @@ from scipy.linalg import block_diag
 
 from cfem.condensed import Condensed, Rows
 from cfem.condensed.coupling import Coupled, HolderState, state_of
-from cfem.constraint.effector import inverse_left_jacobian
+from cfem.condensed.rotation import inverse_left_jacobian
 from cfem.contact.sensitivity import sensitivity
 from cfem.control.closed_loop.tick import Pilot
-from cfem.control.holding.lifting import lifted
-from cfem.control.holding.putting_down import put_down
+from cfem.control.holding.on_table import lifted, put_down
 from cfem.control.holding.spec import HoldingSpec
-from cfem.control.obstacles.world import World
+from cfem.control.obstacles.world import ObstacleWorld
 from cfem.control.search.optimality import Verdict
 from cfem.core.errors import NumericalError
 from cfem.equilibrium.quasi_static import CONVERGED
@@ -55,7 +54,7 @@ class Gripping:
     glued: the same robots with points that are glued, which knows names and domains
     mu, margin: see above, None without rows for the grip
     holds: how many times its load the grip would hold at home
-    air: the same without a table, where there is one (`cfem.control.holding.lifting`)
+    air: the same without a table, where there is one (`cfem.control.holding.on_table`)
     needs: mm, the least preload that lifts
     before, at: nothing remembered unless given (`settle`)
     margins, borne: to slip, and N by the table, where it has settled so far
@@ -184,7 +183,7 @@ class Gripping:
 
 
 @dataclass(frozen=True)
-class Grip(World):
+class Grip(ObstacleWorld):
     """World of plans with a grip: the robots' own grips stay above 0. fe: the plant; model: that plans first."""
 
     fe: GripPlant

@@ -10,9 +10,9 @@ from cfem.constraint.surface import outer_surface
 from cfem.constraint.surface_points import at_nodes
 from cfem.contact.prescribed_motion import ActuatedRobot
 from cfem.control.obstacles.clearance import demand_apart, demand_outside, demand_way
-from cfem.control.obstacles.read import Obstacles, naming, read_obstacles
+from cfem.control.obstacles.read import ReadObstacles, naming, read_obstacles
 from cfem.control.obstacles.spec import ObstaclesSpec
-from cfem.control.obstacles.world import World, world_of
+from cfem.control.obstacles.world import ObstacleWorld, world_of
 from cfem.core.spec import meaning
 from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
 from cfem.equilibrium.robot import Robot
@@ -40,7 +40,7 @@ class OtherRobot:
 
 def with_obstacles(
     spec: ObstaclesSpec, base: Path, robot: Robot, predictors: Mapping[str, Predictor], models: Mapping[str, Path]
-) -> tuple[World, dict[str, ContactModel], TouchPlant]:
+) -> tuple[ObstacleWorld, dict[str, ContactModel], TouchPlant]:
     """World that the spec asks for, the models with contact by name, and the FE robot. InputError where a model has no
     skin or its form does not fit, SpecError where the robot starts inside something."""
     obstacles = read_obstacles(spec, base)
@@ -77,7 +77,11 @@ def _touched(
 
 
 def _contact_model(
-    spec: ObstaclesSpec, obstacles: Obstacles, others: Mapping[str, OtherRobot], touched: SurfaceModel, robot: Robot
+    spec: ObstaclesSpec,
+    obstacles: ReadObstacles,
+    others: Mapping[str, OtherRobot],
+    touched: SurfaceModel,
+    robot: Robot,
 ) -> ContactModel:
     """A learned robot among the obstacles."""
     return ContactModel(
@@ -94,7 +98,7 @@ def _contact_model(
 
 
 def _fe_plant(
-    spec: ObstaclesSpec, obstacles: Obstacles, others: Mapping[str, OtherRobot], skinned: SkinnedRobot
+    spec: ObstaclesSpec, obstacles: ReadObstacles, others: Mapping[str, OtherRobot], skinned: SkinnedRobot
 ) -> TouchPlant:
     """The FE robot among the obstacles."""
     return TouchPlant(

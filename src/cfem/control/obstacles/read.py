@@ -15,7 +15,7 @@ from cfem.predict.load import load_model
 
 
 @dataclass(frozen=True)
-class Obstacles:
+class ReadObstacles:
     """Obstacles by name.
 
     motions: of rigid bodies, and of robots that are only avoided
@@ -46,7 +46,7 @@ class Obstacles:
         return {name: motion for name, motion in self.motions.items() if motion.way(0.0, 1.0) > 0}
 
 
-def read_obstacles(spec: ObstaclesSpec, base: Path) -> Obstacles:
+def read_obstacles(spec: ObstaclesSpec, base: Path) -> ReadObstacles:
     """Obstacles of the spec; base: its folder. InputError where a file or a model does not fit."""
     robots, motions = {}, {}
     for name, obstacle in spec.obstacles.items():
@@ -55,7 +55,7 @@ def read_obstacles(spec: ObstaclesSpec, base: Path) -> Obstacles:
             kind[name] = course_of(obstacle, base / obstacle.model)
         elif obstacle.kind != "itself":
             motions[name] = obstacle.course(base)
-    return Obstacles(
+    return ReadObstacles(
         motions,
         robots,
         tuple(name for name, obstacle in spec.obstacles.items() if obstacle.kind == "itself"),

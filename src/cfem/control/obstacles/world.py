@@ -7,7 +7,7 @@ import numpy as np
 
 from cfem.condensed import Rows
 from cfem.control.closed_loop.tick import Pilot
-from cfem.control.obstacles.read import Obstacles
+from cfem.control.obstacles.read import ReadObstacles
 from cfem.control.obstacles.spec import ObstaclesSpec
 from cfem.predict.contact.model import ContactModel
 
@@ -15,7 +15,7 @@ PRESSED = 0.05  # of the force that is wanted: how far off it may be where a goa
 
 
 @dataclass(frozen=True)
-class World:
+class ObstacleWorld:
     """Obstacles as plans know them.
 
     rows: of the models, the robot's and one for each obstacle that is pressed or avoided
@@ -79,7 +79,7 @@ class World:
         return figures, lines
 
 
-def world_of(spec: ObstaclesSpec, obstacles: Obstacles, model: ContactModel) -> World:
+def world_of(spec: ObstaclesSpec, obstacles: ReadObstacles, model: ContactModel) -> ObstacleWorld:
     """World that the spec asks for at its obstacles; model: says how stiff the robot is, which weighs forces against
     places."""
     pressed = [spec.obstacles[name] for name in obstacles.pressed]
@@ -89,4 +89,4 @@ def world_of(spec: ObstaclesSpec, obstacles: Obstacles, model: ContactModel) -> 
     weights = np.array([0.0 if obstacle.press is None else 1 / model.stiffness for obstacle in pressed] + rest)
     largest = [np.inf if obstacle.largest_force is None else obstacle.largest_force for obstacle in pressed]
     bounds = [[-np.inf, force] for force in largest] + [[obstacle.avoid, np.inf] for obstacle in avoided]
-    return World(model.rows, goal, weights, np.array(bounds).reshape(-1, 2))
+    return ObstacleWorld(model.rows, goal, weights, np.array(bounds).reshape(-1, 2))

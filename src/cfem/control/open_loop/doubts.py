@@ -5,14 +5,16 @@ from typing import Any
 
 import numpy as np
 
-from cfem.control.goals.one_point import one_point
+from cfem.control.goals.doubts import one_point, wide
 from cfem.core.artefact.judgement import FORCE_SHARE, poor
 
 
-def doubts(goals: Mapping[str, np.ndarray], refined: Mapping[str, Any], length: float) -> list[dict[str, Any]]:
-    """Findings about goals and mesh that leave the results in doubt. goals: (m, n_e) mm of each trajectory; refined: of
-    `mesh_error.discretisation`; length: mm of the robot."""
-    findings = one_point(goals, length)
+def doubts(
+    goals: Mapping[str, np.ndarray], near: float, refined: Mapping[str, Any], length: float
+) -> list[dict[str, Any]]:
+    """Findings about goals and mesh that leave the results in doubt. goals: (m, n_e) mm of each trajectory; near: mm
+    from a goal where it counts as reached; refined: of `mesh_error.discretisation`; length: mm of the robot."""
+    findings = [*one_point(goals, length), *wide(near, length, "reached")]
     share = refined.get("force_percent", 0.0) / 100
     if not share <= FORCE_SHARE:
         what = f"the mesh of {refined['cells']} cells leaves {100 * share:.2g} % of the actuator forces uncertain"

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from cfem.condensed.spread import outermost, spread
 from cfem.control.loads import under_loads
 from cfem.control.obstacles.spec import ObstaclesSpec
 from cfem.control.open_loop.spec import MeshErrorSpec, OpenLoopSpec
@@ -35,7 +36,7 @@ ORDER = 2.0
 
 
 @dataclass(frozen=True)
-class Difference:
+class MeshDifference:
     """Difference between the robot on the finer mesh and the robot at hand, under the same actuator displacements.
 
     tip: mm, largest distance of an effector point
@@ -81,13 +82,8 @@ def _left_out(spec: PlannedSpec) -> str:
 def chosen(goals: Sequence[np.ndarray], rest_e: np.ndarray, count: int) -> list[int]:
     """Indices of `count` goals: the one farthest from rest, then again and again the goal farthest from those
     chosen."""
-    points, indices = np.array(goals), []
-    distance = np.linalg.norm(points - rest_e, axis=1)
-    for _ in range(min(count, len(points))):
-        indices.append(int(np.argmax(distance)))
-        apart = np.linalg.norm(points - points[indices[-1]], axis=1)
-        distance = apart if len(indices) == 1 else np.minimum(distance, apart)
-    return indices
+    points = np.array(goals)
+    return spread(points, count, outermost(points, rest_e)).tolist()
 
 
 def mesh_error(
@@ -136,7 +132,7 @@ def mesh_error(
     }
 
 
-def extrapolated(differences: Sequence[Difference], smaller: float, length: float) -> dict[str, float]:
+def extrapolated(differences: Sequence[MeshDifference], smaller: float, length: float) -> dict[str, float]:
     """Errors of the mesh at hand from the largest differences to a mesh of cells `smaller` times as small. Percentages
     are of the largest of all states: near rest there is next to nothing to compare with."""
     gain = smaller**ORDER
@@ -154,11 +150,11 @@ def extrapolated(differences: Sequence[Difference], smaller: float, length: floa
     }
 
 
-def _difference(robot: Robot, coarse: Equilibrium, finer: Equilibrium) -> Difference:
+def _difference(robot: Robot, coarse: Equilibrium, finer: Equilibrium) -> MeshDifference:
     """Difference between two meshes of one state; orientations of effectors are left out, as they are no lengths."""
     places = [index for index, name in enumerate(robot.rows.effectors) if not name.split(".")[-1].startswith("r")]
     moved, differently = coarse.delta_e[places], finer.delta_e[places]
-    return Difference(
+    return MeshDifference(
         tip=float(np.linalg.norm(differently - moved)),
         reach=float(abs(np.linalg.norm(differently) - np.linalg.norm(moved))),
         force=float(np.abs(finer.lambda_a - coarse.lambda_a).max()),

@@ -12,7 +12,7 @@ from cfem.control.closed_loop.tick import Pilot
 from cfem.control.holding.gripping import Gripping
 from cfem.control.holding.spec import HoldingSpec
 from cfem.control.obstacles.spec import ObstaclesSpec
-from cfem.control.obstacles.world import World
+from cfem.control.obstacles.world import ObstacleWorld
 from cfem.control.run_spec import FE_BASED, PlannedSpec, TrackingSpec
 from cfem.control.search.goal_search import SearchSettings
 from cfem.control.search.inverse import Limits
@@ -43,7 +43,7 @@ def pilot_of(spec: TrackingSpec, robot: Any, model: Any) -> Pilot:
 
 
 def pilots_of(
-    spec: PlannedSpec, robot: Any, predictors: Mapping[str, Predictor], fem: Any, world: World | None = None
+    spec: PlannedSpec, robot: Any, predictors: Mapping[str, Predictor], fem: Any, world: ObstacleWorld | None = None
 ) -> dict[str, Pilot]:
     """Pilots of every controller of an open-loop run, by name: each model, the first one with fewer iterations, and FE
     matrices where the spec asks for them."""

@@ -63,18 +63,20 @@ class SoFar:
         """folder: where the output is built; keep: whether what is done is worth keeping."""
         self._file, self._keep = folder / FILE, keep
         self._next, self._state = time.monotonic() + EVERY, b""
-        self._plant, self._fixed, self._known = None, [], {}
+        self._changing: Changing = []
+        self._fixed, self._known = [], {}
         self.goals: dict[str, np.ndarray] | None = None
         self.done = Done()
         if keep and self._file.exists():
             self._read()
 
-    def of(self, plant: Any, goals: Mapping[str, np.ndarray]) -> None:
-        """Takes the plant whose state is kept, as it stands before its first goal, and the goals."""
+    def of(self, plants: Sequence[Any], goals: Mapping[str, np.ndarray]) -> None:
+        """Takes the plants and FE models whose states are kept, as they stand before the first goal, and the goals."""
         if not self._keep:
             return
-        self._plant, self.goals = plant, dict(goals)
-        self._fixed = [fixed for problem in plant.problems for fixed in (problem, problem.robot)]
+        self.goals, self._changing = dict(goals), [pair for plant in plants for pair in plant.changing]
+        problems = [problem for plant in plants for problem in plant.problems]
+        self._fixed = [fixed for problem in problems for fixed in (problem, problem.robot)]
         self._known = {id(fixed): number for number, fixed in enumerate(self._fixed)}
         if not self._state:
             self._write_when_due(None)
@@ -92,11 +94,11 @@ class SoFar:
         interrupted run has finished; once."""
         if not self._state:
             return
-        _, plant, controller = self._load()
+        _, plants, controller = self._load()
         self._state = b""
-        _set(self._plant.changing, plant)
+        _set(self._changing, plants)
         if judge and controller:
-            _set(_changing(judge), controller)
+            _set(_judging(judge), controller)
 
     def finished(self, name: str, judge: Controller | None) -> None:
         """Counts one goal more of a trajectory: written to the disk now and then."""
@@ -124,7 +126,7 @@ class SoFar:
     def _bytes(self, judge: Controller | None) -> bytes:
         to = io.BytesIO()
         pickle.dump((versions(), self.goals), to, pickle.HIGHEST_PROTOCOL)
-        state = self.done, _get(self._plant.changing), _get(_changing(judge)) if judge else None
+        state = self.done, _get(self._changing), _get(_judging(judge)) if judge else None
         _Writer(to, self._known).dump(state)
         data = to.getvalue()
         return sha256(data).digest() + data
@@ -188,12 +190,12 @@ class _Reader(pickle.Unpickler):
         raise pickle.UnpicklingError(f"{module}.{name} is no value of cfem")
 
 
-def _changing(judge: Controller) -> Changing:
+def _judging(judge: Controller) -> Changing:
     return [(judge, ("belief", "aimed", "_tick"))]
 
 
 def _get(changing: Changing) -> list[dict[str, Any]]:
-    return [{name: getattr(owner, name) for name in names if hasattr(owner, name)} for owner, names in changing]
+    return [{name: getattr(owner, name) for name in names} for owner, names in changing]
 
 
 def _set(changing: Changing, values: Sequence[Mapping[str, Any]]) -> None:

@@ -27,7 +27,7 @@ def carry_out(folder: Path, spec: PlannedSpec, base: Path, prepared: Prepared, s
     holding = isinstance(spec, HoldingSpec)
     robot, fem = prepared.robot, prepared.fem
     surface, places = np.unique(robot.facets, return_inverse=True)
-    so_far.of(prepared.plant, prepared.goals)
+    so_far.of([prepared.plant, *([] if fem in (None, prepared.plant) else [fem])], prepared.goals)
     done, total = so_far.done, sum(map(len, prepared.goals.values()))
     with progress("the robot carries out the commands", total, done=sum(done.goals.values())) as advance:
         for name in prepared.goals:
@@ -48,14 +48,12 @@ def carry_out(folder: Path, spec: PlannedSpec, base: Path, prepared: Prepared, s
         states["object_points"] = np.sum(surface >= len(robot.X) - robot.object_points)
     np.savez_compressed(folder / "states.npz", **states)
     _write_table(folder / "trajectories.parquet", records, prepared)
-    costs = ("solves", "factorizations", "seconds")
-    cost = {key: getattr(fem, key) for key in costs if hasattr(fem, key)} if fem else None
+    cost = fem and {key: getattr(fem, key) for key in ("solves", "factorizations", "seconds")}
     lines, held, met = headline(results, refined, cost), None, None
     if isinstance(spec, LoadedSpec) and spec.loads:
         lines.append(f"estimated error of the models under the loads: {prepared.load_error:.2g} mm")
     if holding:
-        held, account = _account(fem, prepared.touched)
-        lines += account
+        held = prepared.touched.account()
     if prepared.world:
         figures, sentences = prepared.world.results(spec, records)
         lines = [*sentences, *lines]
@@ -67,7 +65,7 @@ def carry_out(folder: Path, spec: PlannedSpec, base: Path, prepared: Prepared, s
         "headline": lines,
         KEY: [
             *judged(results, {name: meant_beyond(trajectory) for name, trajectory in spec.trajectories.items()}),
-            *doubts(prepared.goals, refined, robot.length),
+            *doubts(prepared.goals, spec.reached, refined, robot.length),
             *(prepared.touched.judged(robot.length) if prepared.touched else []),
         ],
         "object": held,
@@ -82,20 +80,6 @@ def carry_out(folder: Path, spec: PlannedSpec, base: Path, prepared: Prepared, s
     }
 
 
-def _account(fem, touched) -> tuple[dict[str, Any], list[str]]:
-    """Account of how the object is held and touched: figures of the manifest, lines of the headline."""
-    held, lines = {}, []
-    if fem.solves:
-        held = {"imbalance": fem.imbalance, "softest": fem.softest, "updates": fem.updates}
-        lines.append(
-            f"object: forces and moments balance to {held['imbalance']:.1e} of their size in every glued state; "
-            f"in its softest direction it is held with {held['softest']:.1e} of the stiffness of its stiffest"
-        )
-    if touched:
-        held |= touched.account()
-    return held, lines
-
-
 def _follow(
     name: str, spec: PlannedSpec, prepared: Prepared, surface: np.ndarray, so_far: SoFar, advance: Callable[[int], None]
 ) -> None:
@@ -105,7 +89,7 @@ def _follow(
     begun = done.finished(name)
     if not begun:
         so_far.restore()
-        if isinstance(spec, HoldingSpec) and prepared.touched:
+        if isinstance(spec, HoldingSpec):
             prepared.touched.reset()  # friction depends on the way, and plans begin at rest
     pilots = pilots_of(spec, prepared.robot, prepared.predictors, prepared.fem, prepared.world)
     judge = Controller(pilots[FE_BASED], prepared.rest_e) if FE_BASED in pilots else None
@@ -118,7 +102,7 @@ def _follow(
         advance(1)
         if (name, index) in wanted and prepared.plant.state is not None:
             done.solved.append(prepared.plant.state)
-        if prepared.fem and index in chosen:
+        if spec.plant == "fem" and index in chosen:
             done.shapes.setdefault(name, {})[index] = prepared.plant.x[surface].astype(np.float32)
 
     let_go = getattr(spec.trajectories[name], "let_go", False)

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from cfem.control.obstacles.world import World
+from cfem.control.obstacles.world import ObstacleWorld
 from cfem.control.open_loop.experiment import Tracked
 from cfem.control.run_spec import FE_BASED
 from cfem.control.search.optimality import Verdict
@@ -17,7 +17,7 @@ def record(
     tracked: Tracked,
     reached: float,
     fe: Tracked | None,
-    world: World | None = None,
+    world: ObstacleWorld | None = None,
     reached_rotation: float = np.inf,
     been_there: bool = False,
 ) -> dict:

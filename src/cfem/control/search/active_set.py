@@ -4,7 +4,7 @@
     minimise |y|^2 / 2    subject to    low <= N y <= high,    rows of N of unit length
 
 Every strictly convex program has this form in the coordinates of its objective (see `qp`), which leaves nothing to
-scale. The exported C uses the same method (export/firmware/sources/controller/cfem_qp.c)."""
+scale. The exported C uses the same method (export/firmware/sources/controller/cfem_active.c)."""
 
 import numpy as np
 

@@ -16,7 +16,7 @@ from typing import Literal
 import numpy as np
 
 from cfem.control.search.active_set import ActiveSet, least_length
-from cfem.control.search.qp_program import TOLERANCE, Answer, Kkt, Program, scaled
+from cfem.control.search.qp_program import TOLERANCE, Kkt, Program, QpAnswer, scaled
 
 Backend = Literal["active_set", "osqp"]
 _ROUNDING, _DOUBTFUL = 8e-15, 1e-6  # the same where M is ill-conditioned: times its condition, and at most
@@ -115,7 +115,7 @@ def _no_answer(m: int, n: int, status: QpStatus, iterations: int) -> QpSolution:
     return QpSolution(np.full(n, np.nan), np.full(m, np.nan), np.full(n, np.nan), status, nothing, iterations)
 
 
-def _active_set(p: Program) -> tuple[Answer | None, int]:
+def _active_set(p: Program) -> tuple[QpAnswer | None, int]:
     """Answer of the active set by rounds: each solves for the step from the last answer, with the gradient there and
     bounds from there on. One is enough unless M is flat or nearly so. None where there is no answer, and the changes of
     the active set."""
@@ -139,7 +139,7 @@ def _active_set(p: Program) -> tuple[Answer | None, int]:
     return best or p.judged(x, none), total
 
 
-def _refined(p: Program, active: ActiveSet, x: np.ndarray) -> Answer:
+def _refined(p: Program, active: ActiveSet, x: np.ndarray) -> QpAnswer:
     """x and multipliers on the active constraints, by iterative refinement with the factors at hand."""
     n, which, sign, force = len(x), active.which, active.sign, active.force
     bound = np.where(sign > 0, p.low[which], p.high[which])
@@ -162,7 +162,7 @@ def _refined(p: Program, active: ActiveSet, x: np.ndarray) -> Answer:
     return best
 
 
-def _osqp(p: Program) -> tuple[Answer | None, int]:
+def _osqp(p: Program) -> tuple[QpAnswer | None, int]:
     """Answer of OSQP, polished, and its iterations; None where the program has no solution."""
     from contextlib import redirect_stdout
     from io import StringIO
@@ -193,4 +193,4 @@ def _osqp(p: Program) -> tuple[Answer | None, int]:
     return p.judged(np.clip(result.x, p.low[:n], p.high[:n]), result.y), int(result.info.iter)
 
 
-_BACKENDS: dict[str, Callable[[Program], tuple[Answer | None, int]]] = {"active_set": _active_set, "osqp": _osqp}
+_BACKENDS: dict[str, Callable[[Program], tuple[QpAnswer | None, int]]] = {"active_set": _active_set, "osqp": _osqp}

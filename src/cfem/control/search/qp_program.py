@@ -61,7 +61,7 @@ class Program:
         """Gradient (n,) in the unit of M x: of objective and constraints on S V^T x."""
         return ((self.M @ x - self.d) @ self.M + multipliers @ self.G) @ self.V / self.S
 
-    def judged(self, x: np.ndarray, multipliers: np.ndarray) -> "Answer":
+    def judged(self, x: np.ndarray, multipliers: np.ndarray) -> "QpAnswer":
         """Answer x with its residuals."""
         values, moved = self.G @ x, self.M @ x
         balance = ((moved - self.d) @ self.M + multipliers @ self.G) @ self.V / self.S
@@ -81,11 +81,11 @@ class Program:
             feasibility = float((outside[broken] / size).max())
         kkt = Kkt(sqrt(balance @ balance), complementarity, feasibility)
         size = sqrt(max(self.d @ self.d, moved @ moved)) or 1.0
-        return Answer(x, multipliers, kkt, max(kkt.missed / size, feasibility))
+        return QpAnswer(x, multipliers, kkt, max(kkt.missed / size, feasibility))
 
 
 @dataclass(frozen=True)
-class Answer:
+class QpAnswer:
     """Candidate x (n,) with multipliers (n + m,), and their residuals; error: the largest, relative to d and M x."""
 
     x: np.ndarray

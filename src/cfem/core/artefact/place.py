@@ -47,16 +47,16 @@ def demand_replaceable(out: Path, stage: str, made_from: str, precious: bool, fo
         raise OutputError(what, where=where, do="choose another --out, or --force, which moves them aside")
 
 
-def set_aside(out: Path, precious: bool) -> Path | None:
-    """Place for the old content of `out`, stated in a sentence; None where it is cfem's own, cheap and may be
-    deleted."""
+def set_aside(out: Path, precious: bool, kept: bool = False) -> Path | None:
+    """Place for the old content of `out`, stated in a sentence; None where it is cfem's own, and cheap or kept in the
+    new content, so that it may be deleted."""
     if not out.is_dir() or not any(out.iterdir()):
         return None
     try:
         old = read_manifest(out)
         foreign = foreign_files(out, old)
         wrong = harm(out, old)
-        if not (is_dear(old, precious) or foreign or wrong.endswith(CHANGED)):
+        if not ((is_dear(old, precious) and not kept) or foreign or wrong.endswith(CHANGED)):
             return None
         why = f"cfem did not make {foreign[0]} in it" if foreign else wrong or "it cost much to make"
     except InputError:

@@ -7,6 +7,8 @@ from typing import Any
 
 from cfem.core.artefact.content import artefact_content
 from cfem.core.artefact.files import content_sha256, plain
+from cfem.core.artefact.manifest import harm, read_manifest
+from cfem.core.errors import InputError
 from cfem.core.kinds import FORMER
 from cfem.core.spec import Spec, meaning
 
@@ -25,6 +27,7 @@ class Stage:
               aside rather than deleted
     extra:    what else determines the output: values, or a function that reads them from the inputs
     spec_path, overrides: where the spec is and what --set changed in it, so that it can be read again
+    extends:  of the manifest of an older output: whether this one keeps all that it holds, so that it takes its place
     agrees:   SpecError where the spec does not fit the other specs that it names: cheap, and asked before any work"""
 
     name: str
@@ -37,6 +40,7 @@ class Stage:
     extra: Mapping[str, Any] | Callable[[], Mapping[str, Any]] = field(default_factory=dict)
     spec_path: Path | None = None
     overrides: Sequence[str] = ()
+    extends: Callable[[Mapping[str, Any]], bool] = lambda manifest: False
     agrees: Callable[[], None] = lambda: None
 
     def demand_agreement(self) -> None:
@@ -64,3 +68,11 @@ class Stage:
     def made_from(self) -> str:
         """Content hash of all that determines the output."""
         return content_sha256(self.origin())
+
+    def extended(self) -> bool:
+        """True where the output that is there is whole, and this run keeps all that it holds."""
+        try:
+            manifest = read_manifest(self.out)
+        except InputError:
+            return False
+        return self.extends(manifest) and not harm(self.out, manifest)

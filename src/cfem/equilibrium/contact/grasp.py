@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from cfem.condensed.pose import cross_matrix
+from cfem.condensed.rotation import cross_matrix
 from cfem.contact.obstacle import Obstacle
 from cfem.contact.problem import Law
 from cfem.equilibrium.actuation import Actuation
@@ -59,7 +59,7 @@ class FreeObject:
         shift = np.tile(np.eye(3), (len(points), 1))
         if not self.turns:
             return shift
-        return np.hstack([shift, -np.concatenate([cross_matrix(arm) for arm in points - self.centre - self.x])])
+        return np.hstack([shift, -cross_matrix(points - self.centre - self.x).reshape(-1, 3)])
 
     def moved(self, xi: np.ndarray) -> "FreeObject":
         R = Rotation.from_rotvec(xi[3:]).as_matrix() @ self.R if self.turns else self.R
@@ -70,6 +70,20 @@ class FreeObject:
 
     def places(self, points: np.ndarray) -> np.ndarray:
         return (points - self.centre - self.x) @ self.R + self.centre
+
+
+def holding_stiffness(state: PointsState, points: np.ndarray) -> np.ndarray:
+    """Stiffness (k, k) N/mm (N, N mm for rotations about the centre) with which points (m, 3) mm that are glued to the
+    free object hold it in a state: J^T C^-1 J, and the moments of the points' forces f as their arms a turn with it,
+    (f a^T + a f^T) / 2 - f . a."""
+    held, posed = state.around, state.posed
+    J = held.motion(points)
+    K = J.T @ np.linalg.solve(posed.compliance, J)
+    if held.turns:
+        forces, arms = (posed.force @ posed.rotation).reshape(-1, 3), points - held.centre - held.x
+        moments = forces.T @ arms
+        K[3:, 3:] += (moments + moments.T) / 2 - np.trace(moments) * np.eye(3)
+    return (K + K.T) / 2
 
 
 def grasp_step(

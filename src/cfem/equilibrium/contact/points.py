@@ -245,7 +245,7 @@ def points_step(
             places = came
         compliance = turns @ block_diag(*soft) @ turns.T
         push = turns @ np.concatenate([state.lambda_c for state in solved])
-        posed = _posed(around, places, stuck, compliance, push, mu, cone)
+        posed = _posed(around, places, stuck, compliance, push, law, mu, cone)
         verdict = check(posed.problem, law, posed.force, np.zeros(posed.problem.k))
         if verdict.largest <= tolerance and modes and asked == EXACT:
             sticks = np.array([mode is Mode.STICK for mode in modes])[:, None]
@@ -289,14 +289,16 @@ def _posed(
     stuck: np.ndarray,
     compliance: np.ndarray,
     push: np.ndarray,
+    law: Law,
     mu: float,
     cone: str,
 ) -> Posed:
     """Contact problem of points at places (m, 3) mm with `compliance` (3m, 3m) mm/N under `push` (3m,) N, both in the
-    scene's axes."""
+    scene's axes. Glue holds a point at its place on the partner, on the surface or not."""
     distance, frames = around.surface(places)
     gap = np.einsum("kij,kj->ki", frames, places - around.now(stuck))
-    gap[:, 0] = distance
+    if law != "bilateral":
+        gap[:, 0] = distance
     rotation = block_diag(*frames)
     W, force = rotation @ compliance @ rotation.T, rotation @ push
     motion = around.motion(places)

@@ -1,18 +1,18 @@
 """The estimator of a C folder compiled on this machine, as a Python object, and its difference from Python's."""
 
 import ctypes
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from cfem.export.compiled.controller import FAST, defines_of, library, struct_of
+from cfem.export.compiled.build import FAST, defines_of, library
+from cfem.export.compiled.structures import numbers, structures
 from cfem.export.firmware.estimate import moving_frames, status_of
 from cfem.predict.estimation.filter import Filter
 
-SOURCES = ("cfem_estimate.c", "cfem_estimate_fit.c", "cfem_estimate_series.c", "cfem_estimate_data.c")
 MEASURED = ("place", "displacement", "force", "command")
 
 
@@ -30,50 +30,47 @@ class Found:
     iterations: int
 
 
-class Compiled:
-    """What both filters are asked and answer. sizes: those of cfem_estimate_data.h; n: unknowns."""
+class CompiledFilter:
+    """A filter of a folder, of markers at rest or in motion."""
 
-    def __init__(self, sizes: Mapping[str, str], n: int):
-        n_a, n_e, m = (int(sizes[f"CFEM_ESTIMATE_{name}"]) for name in ("NA", "NE", "MARKERS"))
-        self._frame = struct_of(_doubles(place=3 * m, displacement=n_a, force=n_a, command=n_a))()
-        doubles = _doubles(x=n, covariance=n * n, effector=n_e, noise=1)
-        bits = [("left_out", ctypes.c_uint32), ("unseen", ctypes.c_uint32), ("status", ctypes.c_uint)]
-        self._found = struct_of([*doubles, *bits, ("iterations", ctypes.c_int)])()
+    def __init__(self, folder: Path, header: str, names: tuple[str, str], flags: tuple[str, ...]):
+        """names: types of the filter and of what it finds, in a header of the folder."""
+        types, sizes = structures(folder, header), defines_of(folder / "cfem_estimate_data.h")
+        self._filter, self._found = (types[name]() for name in names)
+        self._frame = types["cfem_frame"]()
         self._modes = (ctypes.c_double * int(sizes["CFEM_ESTIMATE_ROWS"]))()
+        self._library = library(folder, flags)
+        self.reset()
 
     def _asked(self, call: Callable[..., Any], measured: dict[str, np.ndarray], *before: Any) -> Found:
-        """call(*before, frame, found)."""
+        """Answer of a call in a frame; its arguments are those `before`, the frame and what is found."""
         for name, values in measured.items():
-            getattr(self._frame, name)[:] = np.ravel(values).tolist()
+            numbers(getattr(self._frame, name))[...] = values
         call(*before, ctypes.byref(self._frame), ctypes.byref(self._found))
-        one, n = self._found, len(self._found.x)
-        arrays = np.array(one.x), np.array(one.covariance).reshape(n, n), np.array(one.effector)
-        return Found(*arrays, one.noise[0], one.left_out, one.unseen, one.status, one.iterations)
+        one = self._found
+        arrays = np.array(one.x), np.array(one.covariance), np.array(one.effector)
+        return Found(*arrays, one.noise, one.left_out, one.unseen, one.status, one.iterations)
 
     def _shape(self, call: Callable[..., Any], x: np.ndarray) -> np.ndarray:
         call((ctypes.c_double * len(x))(*x.tolist()), self._modes)
         return np.array(self._modes)
 
 
-class CompiledEstimator(Compiled):
-    """tick: the filter; alone: one frame by itself."""
+class CompiledEstimator(CompiledFilter):
+    """The estimator of a robot at rest: `tick` is the filter, `alone` takes one frame by itself."""
 
     def __init__(self, folder: Path, flags: tuple[str, ...] = FAST):
-        sizes = defines_of((folder / "cfem_estimate_data.h").read_text(encoding="utf-8"))
-        super().__init__(sizes, int(sizes["CFEM_ESTIMATE_N"]))
-        self._filter = ctypes.create_string_buffer(ctypes.sizeof(self._found) + 8 * len(self._frame.force) + 40)
-        self._library = library(folder, SOURCES, flags)
-        self.reset()
+        super().__init__(folder, "cfem_estimate.h", ("cfem_filter", "cfem_estimate"), flags)
 
     def reset(self) -> None:
-        self._library.cfem_filter_init(self._filter)
+        self._library.cfem_filter_init(ctypes.byref(self._filter))
 
     def tick(self, **measured: np.ndarray) -> Found:
         """place (m, 3), displacement, force, command (n_a,): nan for what is not measured or known."""
-        return self._asked(self._library.cfem_filter_tick, measured, self._filter)
+        return self._asked(self._library.cfem_filter_tick, measured, ctypes.byref(self._filter))
 
     def alone(self, **measured: np.ndarray) -> Found:
-        """As `tick`, of this frame by itself."""
+        """Estimate from one frame by itself; arguments as of `tick`."""
         return self._asked(self._library.cfem_estimate_frame, measured)
 
     def modes(self, x: np.ndarray) -> np.ndarray:
@@ -100,7 +97,3 @@ def difference(frames: list[dict[str, Any]], ask: Callable[..., Found], scale: n
         ends = np.abs(found.effector - answer.delta_e).max() / scale[0]
         most = max(most, float(np.abs(np.array(apart) / scale).max()), float(ends))
     return most
-
-
-def _doubles(**sizes: int) -> list[tuple[str, type]]:
-    return [(name, ctypes.c_double * size) for name, size in sizes.items()]

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from cfem.contact.obstacle import Rounded
-from cfem.export.compiled.controller import FAST, struct_of
+from cfem.export.compiled.build import FAST
+from cfem.export.compiled.structures import structures
 from cfem.export.compiled.touch import CompiledTouch
 
 
@@ -33,39 +34,30 @@ class CompiledMeet:
     `reset` begins where the robots begin."""
 
     def __init__(self, folder: Path, flags: tuple[str, ...] = FAST):
-        self._touch, real = CompiledTouch(folder, flags), ctypes.c_double
-        self.library = self._touch.library
-        met, room, robots = (ctypes.c_ulong * 3).in_dll(self.library, "cfem_meet_sizes")
-        counts = [("status", ctypes.c_uint), *((name, ctypes.c_int) for name in ("iterations", "pairs", "holds"))]
-        begin = struct_of([*counts, ("robot", self._touch.state * robots)])
-        more = ctypes.c_byte * (met - ctypes.sizeof(begin))
-        state = struct_of([*((name, kind) for name, kind in begin._fields_), ("more", more)])
-        self._states, self._before, self._room = (state(), state()), None, (ctypes.c_byte * room)()
-        pose = struct_of(
-            [
-                ("R", real * 9),
-                ("t", real * 3),
-                ("itself", ctypes.c_int),
-                ("unilateral", ctypes.c_ubyte * self._touch.n_a),
-            ]
-        )
-        self.placed = (pose * robots).from_buffer_copy((pose * robots).in_dll(self.library, "cfem_robots"))
-        self.library.cfem_meet_pressed.restype = real
+        self._touch, types = CompiledTouch(folder, flags), structures(folder, "cfem_meet.h")
+        self.library, state = self._touch.library, types["cfem_met"]
+        self._states, self._before = (state(), state()), None
+        room = (ctypes.c_ulong * 3).in_dll(self.library, "cfem_meet_sizes")[1]
+        self._room = (ctypes.c_byte * room)()
+        placed = types["cfem_placed"] * len(self._states[0].robot)
+        self.placed = placed.from_buffer_copy(placed.in_dll(self.library, "cfem_robots"))
+        self.library.cfem_meet_pressed.restype = ctypes.c_double
 
     def reset(self) -> None:
         self._before = None
 
     def __call__(self, deltas: Sequence[np.ndarray], obstacles: Sequence[Rounded] = (), mu: float = 0.0) -> MetInC:
+        """State with actuators held at deltas, (n_a,) mm of each robot, among obstacles with friction mu."""
         now, given = self._given(deltas, obstacles, mu)
         status = self.library.cfem_meet(*given)
         if not status:
             self._before = now
         forces, places = [], []
         for one, pose in zip(now.robot, self.placed, strict=True):
-            own = np.zeros((len(one.place) // 3, 3))
-            own[one.patch[: one.count]] = np.array(one.force).reshape(-1, 3)[: one.count]
-            forces.append(own @ np.array(pose.R).reshape(3, 3).T)
-            places.append(np.array(one.place).reshape(-1, 3))
+            own = np.zeros((len(one.place), 3))
+            own[one.patch[: one.count]] = np.array(one.force)[: one.count]
+            forces.append(own @ np.array(pose.R).T)
+            places.append(np.array(one.place))
         met = [(a, b) for a in range(len(places)) for b in range(a, len(places) + len(obstacles))]
         return MetInC(
             status,

@@ -7,11 +7,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cfem.export.compiled.controller import CORE, defines_of, library, struct_of
-from cfem.export.firmware import motion as c_motion
-from cfem.export.firmware import mpc as c_mpc
-
-SOURCES = (*c_mpc.CORE, *c_motion.CORE, *CORE)
+from cfem.export.compiled.build import library
+from cfem.export.compiled.structures import numbers, structures
 
 
 @dataclass(frozen=True)
@@ -28,15 +25,11 @@ class CompiledMpc:
     """One robot's controller. bytes: of its state."""
 
     def __init__(self, folder: Path):
-        found = defines_of("".join((folder / name).read_text() for name in ("cfem_motion_data.h", "cfem_mpc_data.h")))
-        n_a, n_e = int(found["CFEM_MOTION_NA"]), int(found["CFEM_MOTION_NE"])
-        self._ticks, real = int(found["CFEM_MPC_TICKS"]), ctypes.c_double
-        goals = ("goal", real * n_e * self._ticks), ("ahead", ctypes.c_int)
-        self._input = struct_of([*goals, ("x_e", real * n_e), ("sampled", ctypes.c_long)])()
-        self._output = struct_of([("u", real * n_a), ("delta_a", real * n_a), ("status", ctypes.c_uint)])()
-        self._library = library(folder, SOURCES)
+        types = structures(folder, "cfem_mpc.h")
+        self._input, self._output = types["cfem_mpc_input"](), types["cfem_mpc_output"]()
+        self._library = library(folder)
         self.bytes = ctypes.c_ulong.in_dll(self._library, "cfem_mpc_bytes").value
-        self._state, self._real = (ctypes.c_double * (self.bytes // 8 + 1))(), real * n_a
+        self._state, self._real = (ctypes.c_double * (self.bytes // 8 + 1))(), type(self._output.u)
         self.reset()
 
     def reset(self, delta_a: ArrayLike | None = None) -> None:
@@ -46,9 +39,8 @@ class CompiledMpc:
     def step(self, goals: ArrayLike, x_e: ArrayLike | None = None, sampled: int = 0) -> Sent:
         """goals (k, n_e) mm absolute, at the ends of the next ticks; x_e (n_e,) mm: the sample of tick number
         `sampled`, counted from 1."""
-        goals = np.atleast_2d(np.asarray(goals, float))[: self._ticks]
-        for k, one in enumerate(goals):
-            self._input.goal[k][:] = one.tolist()
+        goals = np.atleast_2d(np.asarray(goals, float))[: len(self._input.goal)]
+        numbers(self._input.goal)[: len(goals)] = goals
         self._input.ahead, self._input.sampled = len(goals), sampled
         if x_e is not None:
             self._input.x_e[:] = np.asarray(x_e, float).tolist()

@@ -6,35 +6,24 @@ from pathlib import Path
 
 import numpy as np
 
-from cfem.export.compiled.controller import CORE, FAST, defines_of, library
-from cfem.export.compiled.estimate import SOURCES as ESTIMATE
-from cfem.export.compiled.estimate import Compiled, Found, difference
-from cfem.export.firmware import motion as c_motion
+from cfem.export.compiled.build import FAST
+from cfem.export.compiled.estimate import CompiledFilter, Found, difference
 from cfem.export.firmware import swing as c_swing
 from cfem.motion.estimation.marker_filter import MarkerFilter
 
-SOURCES = (*c_swing.CORE, *ESTIMATE, *c_motion.CORE, *CORE)
 
-
-class CompiledSwing(Compiled):
+class CompiledSwing(CompiledFilter):
     """One robot's filter; it answers with what markers tell."""
 
     def __init__(self, folder: Path, flags: tuple[str, ...] = FAST):
-        names = ("cfem_estimate_data.h", "cfem_swing_data.h", "cfem_motion_data.h")
-        size = defines_of("".join((folder / name).read_text(encoding="utf-8") for name in names))
-        super().__init__(size, int(size["CFEM_SWING_N"]))
-        n_z, n_x, n_w = (int(size[f"CFEM_SWING_{name}"]) for name in ("NZ", "NX", "LOADS"))
-        n_q, n_a = int(size["CFEM_MOTION_NQ"]), len(self._frame.force)
-        self._filter = (ctypes.c_double * (n_z + n_q + n_a + n_w + 1 + n_x * n_x + n_z * n_a + 4))()
-        self._library = library(folder, SOURCES, flags)
-        self.reset()
+        super().__init__(folder, "cfem_swing.h", ("cfem_swing", "cfem_swing_found"), flags)
 
     def reset(self) -> None:
-        self._library.cfem_swing_init(self._filter)
+        self._library.cfem_swing_init(ctypes.byref(self._filter))
 
     def frame(self, **measured: np.ndarray) -> Found:
         """place (m, 3), displacement, force, command (n_a,): nan for what is not measured or known."""
-        return self._asked(self._library.cfem_swing_frame, measured, self._filter)
+        return self._asked(self._library.cfem_swing_frame, measured, ctypes.byref(self._filter))
 
     def modes(self, x: np.ndarray) -> np.ndarray:
         """(k,) mm of the skin where the unknowns are x (n,)."""

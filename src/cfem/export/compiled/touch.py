@@ -9,9 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from cfem.contact.obstacle import Rounded
-from cfem.export.compiled.controller import CORE, FAST, defines_of, library, struct_of
-from cfem.export.firmware import meet as c_meet
-from cfem.export.firmware import touch as c_touch
+from cfem.export.compiled.build import FAST, library
+from cfem.export.compiled.structures import numbers, structures
 
 
 @dataclass(frozen=True)
@@ -43,32 +42,11 @@ class CompiledTouch:
     robot."""
 
     def __init__(self, folder: Path, flags: tuple[str, ...] = FAST):
-        text = "".join((folder / name).read_text(encoding="utf-8") for name in ("cfem_data.h", "cfem_touch_data.h"))
-        defines = defines_of(text)
-        most = int(defines["CFEM_TOUCH_MOST"])
-        n, k = int(defines["CFEM_PATCHES"]), int(defines["CFEM_PATCH_ROWS"])
-        self.n_a, n_e = int(defines["CFEM_NA"]), int(defines["CFEM_NE"])
-        numbers, real = ctypes.c_int * most, ctypes.c_double
-
-        counts = [("status", ctypes.c_uint), ("count", ctypes.c_int), ("iterations", ctypes.c_int)]
-        contacts = [("patch", numbers), ("obstacle", numbers), ("mode", numbers)]
-        vectors = [("force", real * (3 * most)), ("normal", real * (3 * most)), ("gap", real * most)]
-        robot = [
-            ("rows", real * k),
-            ("delta_e", real * n_e),
-            ("delta_a", real * self.n_a),
-            ("lambda_a", real * self.n_a),
-            ("bending", real),
-            ("deep", ctypes.c_int),
-        ]
-        patches = [("place", real * (3 * n)), ("stuck", real * (3 * n)), ("holds", ctypes.c_ubyte * n)]
-        near = [("near_count", ctypes.c_int), ("near", numbers)]
-        self.state = struct_of([*counts, *contacts, *vectors, *robot, *patches, *near])
-        pose = [("R", real * 9), ("t", real * 3)]
-        self._body = struct_of([*pose, ("core", real * 3), ("rounding", real), ("below", ctypes.c_int)])
-        self._states, self._before = (self.state(), self.state()), None
-        soft = c_meet.CORE if (folder / c_meet.CORE[0]).exists() else ()
-        self.library = library(folder, (*CORE, *c_touch.CORE, *soft), flags)
+        types = structures(folder, "cfem_touch.h")
+        state, self._body = types["cfem_touched"], types["cfem_obstacle"]
+        self._states, self._before = (state(), state()), None
+        self.n_a = len(self._states[0].delta_a)
+        self.library = library(folder, flags)
         self._room = (ctypes.c_byte * ctypes.c_ulong.in_dll(self.library, "cfem_touch_room_size").value)()
         self._call = self.library.cfem_touch
 
@@ -88,12 +66,11 @@ class CompiledTouch:
             status,
             now.iterations,
             *(np.array(values)[:c] for values in (now.patch, now.obstacle, now.mode)),
-            *(np.array(values).reshape(-1, 3)[:c] for values in (now.force, now.normal)),
-            np.array(now.gap)[:c],
+            *(np.array(values)[:c] for values in (now.force, now.normal, now.gap)),
             *(np.array(values) for values in (now.rows, now.delta_e, now.delta_a, now.lambda_a)),
             now.bending,
             bool(now.deep),
-            *(np.array(values).reshape(-1, 3) for values in (now.place, now.stuck)),
+            *(np.array(values) for values in (now.place, now.stuck)),
             np.array(now.holds, dtype=bool),
         )
 
@@ -109,7 +86,8 @@ class CompiledTouch:
         """The state that a step fills, and its arguments."""
         bodies = (self._body * max(len(obstacles), 1))()
         for body, one in zip(bodies, obstacles, strict=False):
-            body.R[:], body.t[:], body.core[:] = one.R.ravel().tolist(), one.t.tolist(), one.core.tolist()
+            for name in ("R", "t", "core"):
+                numbers(getattr(body, name))[...] = getattr(one, name)
             body.rounding, body.below = one.rounding, bool(np.isinf(one.core[0]))
         now = self._states[1] if self._before is self._states[0] else self._states[0]
         before = ctypes.byref(self._before) if self._before else None

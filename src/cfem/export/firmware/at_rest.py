@@ -8,7 +8,7 @@ AT_REST = 5e-3  # of length and largest force: what a model may be off at rest, 
 
 
 def right_at_rest(predictor: Predictor, constants: dict[str, np.ndarray], p: np.ndarray) -> bool:
-    """Whether the model is right at rest, a state that is known without any sample."""
+    """Tells whether the model is right at rest, a state that is known without any sample."""
     at = predictor.at(np.zeros(predictor.rows.n_a), p if len(p) else None)
     off = np.abs(at.delta_e).max() / predictor.length
     forced = (np.abs(at.lambda_a) / np.abs(constants["cfem_domain_lambda_a"]).max(axis=0)).max()

@@ -52,7 +52,7 @@ class Surrogate:
 
     @property
     def coefficient_bytes(self) -> int:
-        """What the model's numbers take in flash."""
+        """Bytes of flash that the model's numbers take."""
         arrays = [*self.arrays.values(), *(a for one in self.layers for a in (one.weight, one.step, one.bias))]
         own = sum(a.nbytes for a in arrays if a is not None) + sum(one.nbytes for one in self.modules)
         return own + sum(2 * ((4 + max(len(one.degrees), 1)) // 2) for groups in self.groups.values() for one in groups)
@@ -86,6 +86,7 @@ def _softer(predictor: Predictor, p: np.ndarray) -> float:
 
 
 def _spectral(predictor: Predictor, arrays: dict[str, np.ndarray], p: np.ndarray, spec: CSpec) -> Surrogate:
+    """Constants of an energy model: its series by term, their degrees and groups, in coordinates of the learned box."""
     n_a, n_e = predictor.rows.n_a, predictor.rows.n_e
     softer, scalar = _softer(predictor, p), np.dtype(spec.scalar if spec.scalar == "double" else "float32")
     parts = layout(n_a, n_e)
@@ -141,6 +142,7 @@ def _serial(predictor: SerialPredictor, arrays: dict[str, np.ndarray], p: np.nda
 
 
 def _mlp(predictor: Predictor, arrays: dict[str, np.ndarray], p: np.ndarray, spec: CSpec) -> Surrogate:
+    """Layers of a network of the entries; scales, parameters and units are folded into the first and the last."""
     n_a, n_e = predictor.rows.n_a, predictor.rows.n_e
     depth = sum(name.startswith("weight_") for name in arrays)
     wide = {name: np.asarray(a, float) if a.dtype.kind == "f" else a for name, a in arrays.items()}
@@ -219,13 +221,9 @@ def _courses(predictor: Predictor, spec: FirmwareControllerSpec, pressures: np.n
     return np.column_stack([known[..., 0].min(axis=0), known[..., 1].max(axis=0)])
 
 
-def controller(
-    predictor: Predictor, p: np.ndarray, spec: FirmwareControllerSpec, scalar: str, pressures: np.ndarray | None = None
-) -> tuple[dict, dict]:
-    """Defines and arrays (all double) of the controller; pressures: (n_a, 2) MPa that the scene states, if any.
-    SpecError where a list has the wrong length, or a quantity is of other actuators."""
-    demand_units(spec, predictor.actuator_units, "c.controller")
-    n_a, n_e = predictor.rows.n_a, predictor.rows.n_e
+def _weights_and_start(spec: FirmwareControllerSpec, n_a: int, n_e: int) -> tuple[np.ndarray, np.ndarray]:
+    """Weights (n_e,) of the effector rows and displacements (n_a,) at the start. SpecError where a list has the wrong
+    length, or nothing would be controlled."""
     weights = np.ones(n_e) if spec.weights is None else np.array(spec.weights)
     start = np.zeros(n_a) if spec.start is None else np.asarray(spec.start, float)
     for name, values, size in (("weights", weights, n_e), ("start", start, n_a)):
@@ -237,6 +235,17 @@ def controller(
             where="c.controller.weights",
             do="give one of them a positive number",
         )
+    return weights, start
+
+
+def controller(
+    predictor: Predictor, p: np.ndarray, spec: FirmwareControllerSpec, scalar: str, pressures: np.ndarray | None = None
+) -> tuple[dict, dict]:
+    """Defines and arrays (all double) of the controller; pressures: (n_a, 2) MPa that the scene states, if any.
+    SpecError where a list has the wrong length, or a quantity is of other actuators."""
+    demand_units(spec, predictor.actuator_units, "c.controller")
+    n_a, n_e = predictor.rows.n_a, predictor.rows.n_e
+    weights, start = _weights_and_start(spec, n_a, n_e)
     home = start
     if predictor.form == "force":
         home = np.zeros(n_a) if spec.start is None else predictor.at_displacement(start, p if len(p) else None).lambda_a

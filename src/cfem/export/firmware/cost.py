@@ -31,6 +31,7 @@ def operations(model: Surrogate, defines: dict, spec: CSpec) -> dict[str, int]:
 
 
 def _query(model: Surrogate, n_a: int, n_e: int) -> int:
+    """Operations of one query of the model, by its kind."""
     sizes = model.defines
     if sizes["CFEM_ROW"]:
         return _row(model, n_a, n_e)
@@ -46,7 +47,7 @@ def _query(model: Surrogate, n_a: int, n_e: int) -> int:
 
 
 def _row(model: Surrogate, n_a: int, n_e: int) -> int:
-    """Of one query with ROW_STEPS Newton steps."""
+    """Operations of one query of modules under loads, with ROW_STEPS Newton steps."""
     pose = model.defines["CFEM_POSE"] + 3 * model.defines["CFEM_ROW_PATCHES"]
     count = model.defines["CFEM_MODULES"]
     N, total = pose * count, 0
@@ -62,7 +63,7 @@ def _row(model: Surrogate, n_a: int, n_e: int) -> int:
 
 
 def _searches(model: Surrogate, spec: CSpec) -> bool:
-    """Whether the observer has to solve for the model's input."""
+    """Tells whether the observer has to solve for the model's input."""
     observer, command = spec.controller.observer, spec.controller.command
     force_known = observer == "equilibrium" and command == "force"
     return observer != "previous_step" and force_known == (model.reference.form == "displacement")

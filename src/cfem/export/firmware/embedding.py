@@ -63,7 +63,8 @@ def write_embedded(
 ) -> dict:
     """Fills the folder; what its report.json says, and parity: of the blocks that control uses, in the compiled code,
     with the trained model at the states s (m, n_a); None without a compiler."""
-    from cfem.export.compiled.controller import CompiledController, compiler, sizes
+    from cfem.export.compiled.build import compiler, sizes
+    from cfem.export.compiled.controller import CompiledController
     from cfem.export.firmware.folder import at_robot, write_c
 
     if robot.rest_e is not None:

@@ -1,53 +1,44 @@
 """The estimator in C: cfem_estimate.c, the same for every robot, its numbers, cfem_estimate_data.c, and its test."""
 
-import shutil
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from cfem.condensed.parameter_values import vector
-from cfem.core.artefact.files import disk_errors, write_whole
+from cfem.core.artefact.files import write_whole
 from cfem.core.errors import InputError
 from cfem.export.firmware import c_text
-from cfem.export.firmware import folder as c_export
+from cfem.export.firmware.copying import copy_sources
 from cfem.export.spec import CEstimateSpec, CSpec
 from cfem.predict.chebyshev import basis
-from cfem.predict.estimation.filter import OFFSET, SLIP, Filter
+from cfem.predict.estimation.filter import Filter, filter_of
 from cfem.predict.estimation.fit import EstimateStatus
 from cfem.predict.estimation.force_series import compliance_series, displacement_series, potential_series
-from cfem.predict.estimation.spec import estimator_of
 from cfem.predict.mode_series import compliance_columns, joined
 from cfem.predict.protocol import Predictor
 
-SOURCES = Path(__file__).parent / "sources" / "estimate"
-SHARED = ("cost.h", "cfem_chebyshev.h", "cfem_gate.h")  # of the controller
+SHARED = tuple(f"controller/{name}" for name in ("cost.h", "cfem_chebyshev.h", "cfem_gate.h", "cfem_linear.h"))
 MOST = 32  # markers, and unknowns: bits of a status
 FRAMES = 60  # of the test
 TOLERANCE = 1e-8  # of each unknown's scale
 
 
-def filter_of(spec: CEstimateSpec, model: Predictor, p: np.ndarray | None) -> Filter:
-    """What the C code is. InputError where the model cannot tell."""
+def firmware_filter(spec: CEstimateSpec, model: Predictor, p: np.ndarray | None) -> Filter:
+    """Filter that the C code computes. InputError for a model that has no estimator in C."""
     if model.meta["kind"] != "spectral" or model.form != "displacement":
         raise InputError("only spectral models of form displacement estimate in C", do="train kind: spectral")
-    loads, sensors, reach = spec.loads, spec.actuators, float(np.abs(model.reach).max())
-    estimator = estimator_of(spec, model, p)
-    if max(len(spec.markers), len(estimator.unknowns)) > MOST:
+    made = filter_of(spec, model, spec.rate, p=p)
+    if max(len(spec.markers), len(made.estimator.unknowns)) > MOST:
         raise InputError(f"the estimator in C has at most {MOST} markers and unknowns", where="c.estimate")
-    lasts = np.inf if loads is None or loads.lasts is None else loads.lasts
-    ticks = max(min(lasts * spec.rate, 1e9), 0.1)
-    return Filter(estimator, sensors.slip or SLIP * reach, ticks, sensors.offset or OFFSET * reach, spec.gate)
+    return made
 
 
 def write_c_estimate(folder: Path, model: Predictor, spec: CSpec) -> Filter:
     """Adds the estimator of `spec.estimate` to a C folder; what it is in Python."""
     p = vector(model.parameters, spec.parameters, "c.parameters") if model.parameters else None
-    made = filter_of(spec.estimate, model, p)
-    with disk_errors(folder):
-        folder.mkdir(parents=True, exist_ok=True)
-        for path in (*SOURCES.iterdir(), *(c_export.SOURCES / name for name in SHARED)):
-            shutil.copyfile(path, folder / path.name)
+    made = firmware_filter(spec.estimate, model, p)
+    copy_sources(folder, "estimate", *SHARED)
     sizes, constants = estimate_constants(made)
     names = " ".join(spec.estimate.markers)
     said = c_text.comment(f"Markers {names}; unknown {' '.join(made.estimator.unknowns)}: by cfem export.")
@@ -169,7 +160,7 @@ def moving_frames(made: Filter, count: int = FRAMES) -> list[dict[str, np.ndarra
 
 
 def status_of(status: EstimateStatus) -> int:
-    """As the C code says it."""
+    """Status of the C code, a bit, for one of Python."""
     return {"CONVERGED": 0, "TOO_FEW": 1, "OUTLIERS": 2, "ITERATIONS": 4, "REJECTED": 32}[status.name]
 
 

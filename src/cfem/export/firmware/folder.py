@@ -1,21 +1,20 @@
 """The folder that a control engineer drops into firmware: constant C sources, the robot's constants, a self-test."""
 
-import shutil
 from pathlib import Path
 
 import numpy as np
 
 from cfem.condensed.parameter_values import vector
-from cfem.core.artefact.files import disk_errors, write_whole
+from cfem.core.artefact.files import write_whole
 from cfem.core.errors import NumericalError
 from cfem.export.firmware import c_text
 from cfem.export.firmware import row as c_row
-from cfem.export.firmware.constants import OBSERVERS, Surrogate, controller, multipliers, surrogate
+from cfem.export.firmware.constants import OBSERVERS, Layer, Surrogate, controller, multipliers, surrogate
+from cfem.export.firmware.copying import copy_sources
 from cfem.export.firmware.cost import operations
 from cfem.export.spec import CSpec
 from cfem.predict.protocol import Predictor
 
-SOURCES = Path(__file__).parent / "sources" / "controller"
 TOLERANCE = {"double": 1e-12, "float": 1e-5}
 GOAL_TOLERANCE = {"double": 1e-6, "float": 1e-4}  # of the robot's length
 COEFFICIENTS = ("cfem_potential", "cfem_effector")  # in the scalar type: all else acts on double inputs
@@ -32,10 +31,7 @@ def write_c(
 ) -> dict:
     """Fills `folder`; states (m, n_a): inputs of the model for the self-test; pressures: (n_a, 2) MPa that the scene
     states, if any. Returns what it costs, without compiling it."""
-    with disk_errors(folder):
-        folder.mkdir(parents=True, exist_ok=True)
-        for path in SOURCES.iterdir():
-            shutil.copyfile(path, folder / path.name)
+    copy_sources(folder, "controller")
     model, p = surrogate(meta, arrays, spec)
     predictor = model.reference
     defines, constants = controller(predictor, p, spec.controller, spec.scalar, pressures)
@@ -118,29 +114,42 @@ def _data(
         header.append(more[0])
         body.append(more[1])
     if model.layers:
-        header.append(
-            "\ntypedef struct {\n    int inputs, outputs;\n    const cfem_real *weight; /* (inputs, outputs), or: */\n"
-            "    const int16_t *narrow;   /* the same in steps of */\n    const cfem_real *step;   /* (inputs,) */\n"
-            "    const cfem_real *bias;   /* (outputs,) */\n} cfem_layer;\n\nextern const cfem_layer cfem_layers[];\n"
-        )
-        rows = []
-        for i, one in enumerate(model.layers):
-            narrow = one.step is not None
-            for part, values, kind in (
-                ("weight", one.weight.ravel(), "int16_t" if narrow else "cfem_real"),
-                ("step", one.step, "cfem_real"),
-                ("bias", one.bias, "cfem_real"),
-            ):
-                if values is not None:
-                    body.append("static " + c_text.array(f"{part}_{i}", values, kind)[1] + "\n\n")
-            weights = f"0, weight_{i}, step_{i}" if narrow else f"weight_{i}, 0, 0"
-            rows.append(f"{{{one.weight.shape[0]}, {one.weight.shape[1]}, {weights}, bias_{i}}}")
-        body.append("const cfem_layer cfem_layers[] = {" + ",\n".join(rows) + "};\n")
+        more = _layers(model.layers)
+        header.append(more[0])
+        body.append(more[1])
     return "".join([*header, "\n#endif\n"]), "".join(body)
 
 
+LAYER = """
+typedef struct {
+    int inputs, outputs;
+    const cfem_real *weight; /* (inputs, outputs), or: */
+    const int16_t *narrow;   /* the same in steps of */
+    const cfem_real *step;   /* (inputs,) */
+    const cfem_real *bias;   /* (outputs,) */
+} cfem_layer;
+
+extern const cfem_layer cfem_layers[];
+"""
+
+
+def _layers(layers: list[Layer]) -> tuple[str, str]:
+    """Text of a network's layers, for cfem_data.h and for cfem_data.c."""
+    body, rows = [], []
+    for i, one in enumerate(layers):
+        narrow = one.step is not None
+        parts = (("weight", one.weight.ravel(), "int16_t" if narrow else "cfem_real"), ("step", one.step, "cfem_real"))
+        for part, values, kind in (*parts, ("bias", one.bias, "cfem_real")):
+            if values is not None:
+                body.append("static " + c_text.array(f"{part}_{i}", values, kind)[1] + "\n\n")
+        weights = f"0, weight_{i}, step_{i}" if narrow else f"weight_{i}, 0, 0"
+        rows.append(f"{{{one.weight.shape[0]}, {one.weight.shape[1]}, {weights}, bias_{i}}}")
+    body.append("const cfem_layer cfem_layers[] = {" + ",\n".join(rows) + "};\n")
+    return LAYER, "".join(body)
+
+
 def _vector(predictor: Predictor, p: np.ndarray, s: np.ndarray, spec: CSpec, box: np.ndarray) -> dict:
-    """What the Python model says at s (n_a,), and whether the controller, multipliers within box (n_a, 2), can go
+    """Numbers of the Python model at s (n_a,), and whether the controller, multipliers within box (n_a, 2), can go
     there."""
     rows = predictor.rows
     condensed = predictor.at(s, p if len(p) else None)

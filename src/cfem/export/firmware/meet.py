@@ -1,7 +1,6 @@
 """Soft obstacles in C: cfem_meet.c, robots of the exported model that touch each other and themselves, and its numbers,
 cfem_meet_data.c."""
 
-import shutil
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -10,24 +9,21 @@ from scipy.sparse import coo_array
 
 from cfem.contact.detection import may_meet
 from cfem.contact.pairs import APART
-from cfem.core.artefact.files import disk_errors, write_whole
+from cfem.core.artefact.files import write_whole
 from cfem.export.firmware import c_text
+from cfem.export.firmware.copying import copy_sources
 from cfem.predict.contact.bodies import PlacedModel
 from cfem.predict.contact.patched_model import PatchedModel
 from cfem.predict.contact.scene import ContactScene
 from cfem.predict.contact.state import ContactState
 
-SOURCES = Path(__file__).parent / "sources" / "meet"
-CORE = ("cfem_meet.c", "cfem_meet_law.c", "cfem_pairs.c", "cfem_meet_data.c")
 MOST = 48  # patches of one robot that may touch at once, and be touched
 TOLERANCE = 1e-8  # of the largest number of effectors, and of actuators, of the way in meet.c
 
 
 def write_c_meet(folder: Path, robots: Sequence[PlacedModel]) -> int:
     """Adds the meeting of robots, all of one model, to a C folder that holds contact; the bytes of its constants."""
-    with disk_errors(folder):
-        for path in SOURCES.iterdir():
-            shutil.copyfile(path, folder / path.name)
+    copy_sources(folder, "meet")
     patched = robots[0].patched
     sizes = {"CFEM_MEET_ROBOTS": len(robots), "CFEM_MEET_SPACING": repr(float(patched.patches.spacing))}
     rows = ",\n".join(

@@ -1,20 +1,15 @@
 """The step in time in C: cfem_motion.c, the same for every robot, and its numbers, cfem_motion_data.c."""
 
-import shutil
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from cfem.core.artefact.files import disk_errors
 from cfem.core.errors import InputError
 from cfem.export.firmware import c_text
+from cfem.export.firmware.copying import copy_sources
 from cfem.motion.model import layout
-
-SOURCES = Path(__file__).parent / "sources" / "motion"
-CORE = ("cfem_motion.c", "cfem_inertia.c", "cfem_series.c", "cfem_motion_data.c")
-
 
 WIDE = 8  # as CFEM_SERIES_WIDE
 
@@ -24,10 +19,7 @@ def write_c_motion(folder: Path, meta: dict[str, Any], arrays: dict[str, np.ndar
     meta, arrays: of a spectral model; moving: of its motion.npz. InputError where the model is of another kind."""
     if meta["kind"] != "spectral" or meta["form"] != "displacement":
         raise InputError("only spectral models of form displacement move in C", do="train kind: spectral")
-    with disk_errors(folder):
-        folder.mkdir(parents=True, exist_ok=True)
-        for path in SOURCES.iterdir():
-            shutil.copyfile(path, folder / path.name)
+    copy_sources(folder, "motion")
     sizes, constants, series = motion_constants(meta, moving)
     said = c_text.comment(f"{meta['scene']} in motion: by cfem. Units: mm, N, s, t.")
     words = {f"CFEM_MOTION_{name}": value for name, value in sizes.items()}

@@ -1,24 +1,22 @@
 """Predictive control in C: sources that are the same for every robot, and its numbers, cfem_mpc_data.c."""
 
-import shutil
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from cfem.core.artefact.files import disk_errors, write_whole
+from cfem.core.artefact.files import write_whole
 from cfem.core.errors import InputError, SpecError
 from cfem.export.curve import curve_of
 from cfem.export.firmware import c_text
 from cfem.export.firmware.constants import controller
+from cfem.export.firmware.copying import copy_sources
 from cfem.export.spec import CSpec
 from cfem.motion.model import MotionModel
 from cfem.motion.modes import natural_modes, prewarp
 from cfem.motion.mpc_spec import EVERY, blocks
 from cfem.predict.load import build
 
-SOURCES = Path(__file__).parent / "sources" / "mpc"
-CORE = ("cfem_mpc.c", "cfem_observer.c", "cfem_plan.c", "cfem_program.c", "cfem_tick.c", "cfem_mpc_data.c")
 NOISE = 0.1  # mm, of a sensor of which nothing is said
 
 
@@ -35,9 +33,7 @@ def write_c_mpc(
     if spec.scalar != "double":
         raise SpecError("predictive control needs double precision", where="c.scalar", do="take `scalar: double`")
     sizes, numbers, constants = mpc_constants(spec, meta, arrays, moving, pressures)
-    with disk_errors(folder):
-        for path in SOURCES.iterdir():
-            shutil.copyfile(path, folder / path.name)
+    copy_sources(folder, "mpc")
     names = {f"CFEM_MPC_{name}": value for name, value in sizes.items()}
     names |= {f"CFEM_MPC_{name}": repr(float(value)) for name, value in numbers.items()}
     said = c_text.comment(f"Predictive control of {meta['scene']}: by cfem. Units: mm, N, s.")

@@ -53,12 +53,12 @@ class Tables:
 
 
 def more_than_series(row: SerialPredictor) -> bool:
-    """Whether a row is more than the series of one module and where the next one begins (c/cfem_serial.c)."""
+    """Tells whether a row is more than the series of one module and where the next one begins (c/cfem_serial.c)."""
     return row.meta.get("wrench") is not None or len(row.models) > 1 or row.heavy
 
 
 def tables_of(row: SerialPredictor, scalar: str) -> tuple[list[Tables], list[int]]:
-    """Of each model, and which of these the modules are: a module under forces on patches has a model of its own."""
+    """Tables of each model, and which of these the modules are. A module under forces on patches has its own."""
     on = borne(row)
     loaded = any(row.meta.get("wrench") or []) or on.places > 0
     kinds = [(number, i if mine else -1) for i, (number, mine) in enumerate(zip(row.which, on.each, strict=True))]
@@ -145,7 +145,7 @@ def constants(
 
 
 def text(models: list[Tables]) -> tuple[str, str]:
-    """For cfem_data.h, and for cfem_data.c."""
+    """Text for cfem_data.h, and for cfem_data.c."""
     body, rows = [], []
 
     def add(name: str, values: np.ndarray, kind: str) -> str:

@@ -25,8 +25,8 @@ class Tree:
 
 
 def trees_of(indices: np.ndarray, kept: dict[str, np.ndarray]) -> tuple[np.ndarray, dict[str, Tree]]:
-    """Of the terms `kept` of each series: the order of the coordinates (n,), the same for all, that makes the fewest
-    groups among those that differ in which is last."""
+    """Order of the coordinates (n,), the same for all series, and the trees of the terms `kept` of each. It makes the
+    fewest groups among the orders that differ in which coordinate is last."""
     n = indices.shape[1]
     best = None
     for last in range(n):
@@ -39,6 +39,7 @@ def trees_of(indices: np.ndarray, kept: dict[str, np.ndarray]) -> tuple[np.ndarr
 
 
 def _tree(indices: np.ndarray, kept: np.ndarray) -> Tree:
+    """Tree of the terms `kept` (m,) of a series with degrees indices (M, n)."""
     order = kept[np.lexsort(indices[kept].T[::-1])]
     others = indices[order][:, :-1]
     apart = others[1:] != others[:-1]

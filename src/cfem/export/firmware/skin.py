@@ -1,43 +1,36 @@
 """The whole surface in C, beside the controller: cfem_shape.c, the same for every robot, and its modes, cfem_skin.c."""
 
-import shutil
 from pathlib import Path
 
 import numpy as np
 
 from cfem.condensed.parameter_values import vector
-from cfem.core.artefact.files import disk_errors
 from cfem.export.firmware import c_text
-from cfem.export.firmware import folder as c_export
+from cfem.export.firmware.copying import copy_sources
 from cfem.export.spec import CSpec
 from cfem.predict.protocol import Predictor
 from cfem.predict.rows.serial import SerialPredictor
 
-SOURCES = Path(__file__).parent / "sources" / "shape"
-OF_ROW = Path(__file__).parent / "sources" / "row_shape"
-
 
 def write_c_skin(folder: Path, model: Predictor, arrays: dict[str, np.ndarray], spec: CSpec) -> int:
     """Adds the skin (arrays of `cfem.predict.skin`) of a model to its C folder; the bytes of its constants."""
-    return _write(folder, skin_constants(model, arrays, spec), len(arrays["rest"]), (SOURCES,))
+    return _write(folder, skin_constants(model, arrays, spec), len(arrays["rest"]), "shape")
 
 
 def write_c_row_skin(folder: Path, row: SerialPredictor, spec: CSpec) -> int:
-    """The same of modules in a row, all of one model: cfem_shape.c is another one, and each node names its module and
+    """Adds the skin of modules in a row, all of one model; the bytes of its constants. Each node names its module and
     its number there."""
     whole = row.surface
     constants = skin_constants(row.models[0], whole.modules[0].arrays, spec)
     constants["triangles"] = _numbers(whole.triangles, len(whole.rest))
     constants["owner"] = whole.owner.astype(np.uint8)
     constants["own"] = _numbers(whole.own, len(whole.modules[0].rest))
-    return _write(folder, constants, len(whole.rest), (SOURCES, OF_ROW))
+    return _write(folder, constants, len(whole.rest), "shape", "row_shape")
 
 
-def _write(folder: Path, constants: dict[str, np.ndarray], nodes: int, sources: tuple[Path, ...]) -> int:
-    """Of `nodes` surface nodes; a later folder of sources replaces files of an earlier one."""
-    with disk_errors(folder):
-        for path in (c_export.SOURCES / "cfem_chebyshev.h", *(path for place in sources for path in place.iterdir())):
-            shutil.copyfile(path, folder / path.name)
+def _write(folder: Path, constants: dict[str, np.ndarray], nodes: int, *parts: str) -> int:
+    """Adds a surface of `nodes` nodes and the parts of the sources that shape it; the bytes of its constants."""
+    copy_sources(folder, "controller/cfem_chebyshev.h", *parts)
     degrees, modes = constants["degrees"], constants["modes"]
     sizes = {
         "CFEM_SKIN_NODES": nodes,
@@ -52,7 +45,7 @@ def _write(folder: Path, constants: dict[str, np.ndarray], nodes: int, sources: 
 
 
 def skin_constants(model: Predictor, arrays: dict[str, np.ndarray], spec: CSpec) -> dict[str, np.ndarray]:
-    """Of one robot, the values of whose parameters are folded in: to_box (nz, n_a), offset (nz,), degrees (M, nz),
+    """Arrays of the skin of one robot, whose parameters are folded in: to_box (nz, n_a), offset (nz,), degrees (M, nz),
     series (M, k), modes (k, 3 m), rest (3 m,), triangles (t, 3)."""
     n_a = model.rows.n_a
     p = vector(model.parameters, spec.parameters, "c.parameters")

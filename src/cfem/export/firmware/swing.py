@@ -3,7 +3,6 @@
 It shares the steps of predictive control and the least squares of the static estimator, each compiled once more
 with the filter's sizes."""
 
-import shutil
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +11,7 @@ from cfem.core.artefact.files import disk_errors, write_whole
 from cfem.core.errors import InputError, SpecError
 from cfem.export.firmware import c_text
 from cfem.export.firmware import estimate as c_estimate
-from cfem.export.firmware import mpc as c_mpc
+from cfem.export.firmware.copying import SOURCES, copy_sources
 from cfem.export.spec import CSpec
 from cfem.motion.estimation.marker_filter import MarkerFilter
 from cfem.motion.estimation.uncertainty import motion_uncertainty
@@ -21,19 +20,18 @@ from cfem.motion.modes import prewarp
 from cfem.motion.step import MotionCommand, at_rest, step
 from cfem.predict.estimation.filter import Filter
 
-SOURCES = Path(__file__).parent / "sources" / "swing"
-SHARED = tuple(c_mpc.SOURCES / name for name in ("cfem_tick.h", "cfem_block.h", "cfem_mpc_room.h"))
+SHARED = ("mpc/cfem_tick.h", "mpc/cfem_mpc_room.h")
 TWICE = {  # what is compiled once more, after a header of other sizes
-    "cfem_swing_tick.c": ("cfem_swing_room.h", c_mpc.SOURCES / "cfem_tick.c"),
-    "cfem_swing_least.c": ("cfem_swing_fit.h", c_estimate.SOURCES / "cfem_estimate_fit.c"),
+    "cfem_swing_tick.c": ("cfem_swing_room.h", SOURCES / "mpc" / "cfem_tick.c"),
+    "cfem_swing_least.c": ("cfem_swing_fit.h", SOURCES / "estimate" / "cfem_estimate_fit.c"),
 }
-CORE = ("cfem_swing.c", "cfem_swing_step.c", "cfem_swing_places.c", *TWICE, "cfem_swing_data.c")
 FRAMES = 60  # of the test
 TOLERANCE = 1e-7  # of each unknown's scale
 
 
 def moving_filter_of(still: Filter, spec: CSpec, motion: MotionModel) -> MarkerFilter:
-    """What the C code is; still: the filter of the same robot at rest. InputError where there is no C code."""
+    """Filter of Python that the C code repeats; still: the filter of the same robot at rest. InputError where there is
+    no C code."""
     own, rows = spec.estimate, still.estimator.loaded_rows
     if spec.scalar != "double":
         raise SpecError(
@@ -42,19 +40,16 @@ def moving_filter_of(still: Filter, spec: CSpec, motion: MotionModel) -> MarkerF
     if (rows >= motion.rows.n_e).any():
         what = "the filter of a moving robot in C has loads on effectors only"
         raise InputError(what, where="c.estimate.loads.rows", do="name rows of effectors")
-    lasts = np.inf if own.loads is None or own.loads.lasts is None else own.loads.lasts
-    estimator, slip = still.estimator, still.slip * np.sqrt(own.rate)
-    uncertainty = motion_uncertainty(own.dynamics, slip, still.offset, lasts, estimator.model.length)
-    return MarkerFilter(estimator, motion, own.dynamics.driven, uncertainty, own.gate)
+    uncertainty = motion_uncertainty(own, still.estimator.model, own.rate)
+    return MarkerFilter(still.estimator, motion, own.dynamics.driven, uncertainty, own.gate)
 
 
 def write_c_swing(folder: Path, still: Filter, spec: CSpec, motion: MotionModel) -> MarkerFilter:
     """Adds the filter to a C folder that holds the estimator, the controller and the step in time; what it is in
     Python."""
     made, rate = moving_filter_of(still, spec, motion), spec.estimate.rate
+    copy_sources(folder, "swing", *SHARED)
     with disk_errors(folder):
-        for path in (*SOURCES.iterdir(), *SHARED):
-            shutil.copyfile(path, folder / path.name)
         for name, (header, source) in TWICE.items():
             text = f'#include "{header}"\n\n' + source.read_text(encoding="utf-8")
             write_whole(folder / name, text.encode())

@@ -1,6 +1,5 @@
 """Contact anywhere in C: cfem_touch.c, the same for every robot, and its numbers, cfem_touch_data.c."""
 
-import shutil
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -8,23 +7,11 @@ import numpy as np
 
 from cfem.condensed.packing import symmetric3_indices
 from cfem.contact.obstacle import Obstacle, Rounded
-from cfem.core.artefact.files import disk_errors
 from cfem.core.errors import InputError
 from cfem.export.firmware import c_text
+from cfem.export.firmware.copying import copy_sources
 from cfem.predict.contact.patched_model import PatchedModel
 
-SOURCES = Path(__file__).parent / "sources" / "touch"
-CORE = (
-    "cfem_touch.c",
-    "cfem_touch_round.c",
-    "cfem_slack.c",
-    "cfem_touch_held.c",
-    "cfem_touch_patches.c",
-    "cfem_touch_control.c",
-    "cfem_law.c",
-    "cfem_obstacle.c",
-    "cfem_touch_data.c",
-)
 UPPER = np.triu_indices(3)
 MOST = 30  # patches that may touch at once
 
@@ -40,10 +27,7 @@ def write_c_touch(
 ) -> int:
     """Adds contact to the C folder of a model; the bytes of its constants. unilateral (n_a,) bool: actuators that only
     pull; robots: that meet; most: patches that may touch at once. InputError where an obstacle is a mesh."""
-    with disk_errors(folder):
-        folder.mkdir(parents=True, exist_ok=True)
-        for path in SOURCES.iterdir():
-            shutil.copyfile(path, folder / path.name)
+    copy_sources(folder, "touch")
     constants = touch_constants(patched) | {"unilateral": np.asarray(unilateral, np.uint8)}
     sizes = {
         "CFEM_PATCHES": len(patched.patches),
@@ -72,7 +56,7 @@ def write_c_touch(
 
 
 def touch_constants(patched: PatchedModel) -> dict[str, np.ndarray]:
-    """What the patches need of the skin, and the series of what its modes leave: of pairs p <= q, row by row."""
+    """Arrays that the patches need of the skin, and series of what its modes leave: of pairs p <= q, row by row."""
     skin, N = patched.model.skin, len(patched.patches)
     arrays, (spread, by_row) = skin.arrays, patched.spread
     one, other = np.triu_indices(N)

@@ -10,7 +10,7 @@ from cfem.contact.obstacle import Obstacle
 from cfem.contact.obstacle_set import ObstacleSet
 from cfem.contact.prescribed_motion import ActuatedRobot
 from cfem.core.errors import InputError, NumericalError
-from cfem.export.compiled.controller import compiler
+from cfem.export.compiled.build import compiler
 from cfem.export.compiled.meet import CompiledMeet
 from cfem.export.compiled.touch import CompiledTouch
 from cfem.export.firmware import meet as c_meet
@@ -69,6 +69,7 @@ def write_touch(folder: Path, spec: CSpec, scene: Path, model_folder: Path, s: n
 def touch_parity(
     folder: Path, patched: PatchedModel, unilateral: np.ndarray, solid: Sequence[Obstacle], mu: float, s: np.ndarray
 ) -> float:
+    """Largest relative difference of C from Python on ways from rest to states s (m, n_a), among rigid obstacles."""
     compiled, worst = CompiledTouch(folder), 0.0
     for end in s:
         before = None
@@ -99,6 +100,7 @@ def way(meeting: ContactScene, courses: Sequence[ActuatedRobot], end: np.ndarray
 
 
 def meet_parity(folder: Path, meeting: ContactScene, ways: Sequence[Sequence[ContactState]]) -> float:
+    """Largest relative difference of C from Python on ways of robots that meet."""
     compiled, worst, solid = CompiledMeet(folder), 0.0, meeting.obstacles.obstacles
     for states in ways:
         compiled.reset()

@@ -1,4 +1,4 @@
-"""The robot as the block of bytes that the page's WebAssembly reads; web/cfem_page.c has its layout."""
+"""The robot at rest as the block of bytes that the page's WebAssembly reads."""
 
 from dataclasses import dataclass
 
@@ -7,22 +7,10 @@ import numpy as np
 from cfem.core.errors import InputError
 from cfem.export.firmware.constants import OBSERVERS, Surrogate
 from cfem.export.firmware.series import Group, trees_of
+from cfem.export.page.layout import joined, robot_layout
 from cfem.predict.protocol import Predictor
 
-# What web/cfem_data.h has room for.
-ROOM = {
-    "CFEM_NA": (8, "actuators"),
-    "CFEM_NE": (12, "effector coordinates"),
-    "CFEM_NZ": (12, "inputs"),
-    "CFEM_DEGREE": (40, "degrees"),
-    "CFEM_MODULES": (4, "modules"),
-    "skin": (40, "modes of its skin"),
-}
-DEGREES = ROOM["CFEM_NZ"][0] - 1  # of a group, in memory
-HEAD = 18  # numbers of four bytes
-OWN = ("potential", "effector")  # series of the model
-VECTORS = ("ridge", "least_ridge", "damping", "lambda_low", "lambda_high", "delta_low", "delta_high")
-RATES = ("tolerance", "step_limit", "delta_rate", "lambda_rate", "home")
+KINDS = ("spectral", "mlp", "serial")  # in the order of cfem_room.h
 
 
 @dataclass(frozen=True)
@@ -39,7 +27,7 @@ class SkinSeries:
 
 
 def skin_series(predictor: Predictor, skin: dict[str, np.ndarray], p: np.ndarray) -> SkinSeries:
-    """Of the arrays of `cfem.predict.skin`, at parameters p (n_p,)."""
+    """Series of the arrays of `cfem.predict.skin`, at parameters p (n_p,)."""
     n_a, indices, series = predictor.rows.n_a, skin["indices"].astype(np.int64), skin["series"]
     kept = np.flatnonzero((series != 0).any(axis=0))
     axes, trees = trees_of(indices, {"skin": kept})
@@ -59,56 +47,28 @@ def skin_series(predictor: Predictor, skin: dict[str, np.ndarray], p: np.ndarray
 
 
 def block(model: Surrogate, defines: dict, constants: dict[str, np.ndarray], skin: SkinSeries) -> bytes:
-    """model: in double precision; defines and constants: of the controller. InputError where the page has no room."""
-    n_skin = skin.coefficients.shape[1]
-    sizes = {"CFEM_MODULES": 1, **defines, **model.defines, "skin": n_skin}
-    of_skin = {"CFEM_NZ": len(skin.offset), "CFEM_DEGREE": skin.degree}
-    for name, (most, what) in ROOM.items():
-        asked = max(sizes[name], of_skin.get(name, 0))
-        if asked > most:
-            raise InputError(f"the page has room for {most} {what}, and this robot has {asked}", do="export C")
-    counts = [
-        ("spectral", "mlp", "serial").index("serial" if sizes["CFEM_SERIAL"] else "spectral"),
-        *(
-            sizes[f"CFEM_{name}"]
-            for name in ("FORM_DISPLACEMENT", "NA", "NE", "SERIES_NA", "SERIES_NE", "NZ", "DEGREE")
-        ),
-        sizes["CFEM_MODULES"],
-        OBSERVERS.index(sizes["CFEM_OBSERVER"].removeprefix("CFEM_OBSERVER_").lower()),
-        *(sizes[f"CFEM_{name}"] for name in ("OBSERVER_ITERATIONS", "COMMAND_FORCE", "ITERATIONS", "HALVINGS")),
-        n_skin,
-        len(skin.offset),
-        skin.degree,
-    ]
-    scalars = [sizes["CFEM_OBSERVER_TOLERANCE"]]
-    arrays = {**constants, **model.arrays}
-    numbers = [
-        scalars,
-        *(arrays[f"cfem_{name}"] for name in ("rest_e", "effector_weight", "far", *VECTORS, *RATES)),
-        *arrays["cfem_domain_delta_a"],
-        *arrays["cfem_domain_lambda_a"],
-        *arrays["cfem_to_box"],
-        arrays["cfem_offset"],
-        arrays.get("cfem_softer", [1.0]),
-        arrays.get("cfem_module_rest", np.zeros(3)),
-        *skin.to_box,
-        skin.offset,
-    ]
-    parts = [np.array(counts + [0] * (HEAD - len(counts)), "<i4").tobytes()]
-    parts += [np.asarray(one, float).astype("<f8").tobytes() for one in numbers]
-    series = [(arrays[f"cfem_{name}"], arrays[f"cfem_{name}_degrees"], model.groups[name]) for name in OWN]
-    for coefficients, degrees, groups in (*series, (skin.coefficients, skin.degrees, skin.groups)):
-        parts += [
-            np.array([len(degrees), len(groups)], "<i4").tobytes(),
-            np.asarray(coefficients).astype("<f8").tobytes(),
-            degrees.astype(np.uint8).tobytes(),
-            b"".join(map(_group, groups)),
-        ]
-    return b"".join(one + bytes(-len(one) % 8) for one in parts)
+    """The block of a robot at rest. model: in double precision; defines and constants: of the controller. InputError
+    where the page has no room."""
+    lists = robot_layout()
+    sizes = {"CFEM_MODULES": 1, **defines, **model.defines, "CFEM_SKIN_ROWS": skin.coefficients.shape[1]}
+    sizes |= {"CFEM_KIND": KINDS.index("serial" if sizes["CFEM_SERIAL"] else "spectral")}
+    sizes |= {"CFEM_OBSERVER": OBSERVERS.index(sizes["CFEM_OBSERVER"].removeprefix("CFEM_OBSERVER_").lower())}
+    sizes |= {"CFEM_SKIN_NZ": len(skin.offset), "CFEM_SKIN_DEGREE": skin.degree}
+    arrays = {"cfem_softer": [1.0], "cfem_module_rest": np.zeros(3), **constants, **model.arrays}
+    arrays |= {"cfem_observer_tolerance": [sizes["CFEM_OBSERVER_TOLERANCE"]]}
+    arrays |= {"cfem_skin_to_box": skin.to_box, "cfem_skin_offset": skin.offset}
+    arrays |= {"cfem_skin": skin.coefficients, "cfem_skin_degrees": skin.degrees}
+    groups = {f"cfem_{name}": of for name, of in model.groups.items()} | {"cfem_skin": skin.groups}
+    parts: list[np.ndarray | bytes] = lists.parts(sizes, arrays)
+    for name in lists.trees:
+        degrees = np.asarray(arrays[f"{name}_degrees"], np.uint8)
+        parts += [np.array([len(degrees), len(groups[name])], "<i4"), np.asarray(arrays[name], "<f8"), degrees]
+        parts.append(b"".join(_group(one, lists.room["CFEM_MOST_NZ"] - 1) for one in groups[name]))
+    return joined(parts)
 
 
-def _group(one: Group) -> bytes:
+def _group(one: Group, degrees: int) -> bytes:
+    """A group as C has it, with memory for so many degrees. InputError where its end is beyond 16 bits."""
     if one.end > 0xFFFF:
         raise InputError(f"the page has no room for {one.end} terms of a series", do="train it to a lower degree")
-    degrees = bytes([one.depth, *one.degrees, *[0] * (DEGREES - len(one.degrees))])
-    return np.array(one.end, "<u2").tobytes() + degrees
+    return np.array(one.end, "<u2").tobytes() + bytes([one.depth, *one.degrees, *[0] * (degrees - len(one.degrees))])

@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
-from cfem.export.page.chambers import Wall
-from cfem.robot.catalogue import soft_finger, stiff_flop
-from cfem.robot.geometry import SoftFinger, StiffFlop
+from cfem.export.page.chambers import ChamberWall
+from cfem.robot.catalogue import routes, stiff_flop
+from cfem.robot.constraints import Route
+from cfem.robot.geometry import StiffFlop
 from cfem.viewer.surface import sharpened
 
 NEAR = 24  # surface nodes that carry a point of the inside
@@ -19,7 +20,7 @@ CABLE = 0.006  # radius of what is drawn, of the robot's length
 
 
 @dataclass(frozen=True)
-class Line:
+class Tube:
     """Points (p, 3) mm of actuator number `actuator`, drawn as a tube of radius mm; the first `held` do not move."""
 
     actuator: int
@@ -29,7 +30,7 @@ class Line:
 
 
 @dataclass(frozen=True)
-class Body:
+class DrawnBody:
     """rest (n, 3) mm; modes (k, n, 3): positions x = rest + sum of modes times skin rows; triangles (t, 3);
     lines: (actuator, first point, number of points, radius mm). First the skin's points, then those of the lines, then
     again those on sharp edges. The first `outer` triangles are no wall of a chamber; chambers: (actuator, first
@@ -43,7 +44,7 @@ class Body:
     chambers: list[tuple[int, int, int]]
 
 
-def body(skin: dict[str, np.ndarray], lines: Sequence[Line], walls: Sequence[Wall]) -> Body:
+def body(skin: dict[str, np.ndarray], lines: Sequence[Tube], walls: Sequence[ChamberWall]) -> DrawnBody:
     """The skin's surface, whose sharp edges stay sharp, and lines and walls of chambers inside of it."""
     rest, modes = skin["rest"], skin["modes"]
     points, moving, placed, inner, chambers = [rest], [modes], [], [], []
@@ -59,7 +60,7 @@ def body(skin: dict[str, np.ndarray], lines: Sequence[Line], walls: Sequence[Wal
         moving.append(within(wall, skin))
     again, outer = sharpened(rest, skin["triangles"], sum(map(len, points)))
     whole, moved = np.concatenate(points), np.concatenate(moving, axis=1)
-    return Body(
+    return DrawnBody(
         rest=np.concatenate([whole, whole[again]]),
         modes=np.concatenate([moved, moved[:, again]], axis=1),
         triangles=np.concatenate([outer, *inner]),
@@ -69,7 +70,7 @@ def body(skin: dict[str, np.ndarray], lines: Sequence[Line], walls: Sequence[Wal
     )
 
 
-def within(wall: Wall, skin: dict[str, np.ndarray]) -> np.ndarray:
+def within(wall: ChamberWall, skin: dict[str, np.ndarray]) -> np.ndarray:
     """(k, p, 3) modes of a wall's points: the skin's own where it has nodes inside the body, else carried."""
     inner = skin.get("inner_nodes", np.zeros(0, int))
     if not np.isin(wall.nodes, inner).all():
@@ -100,26 +101,28 @@ def carriers(points: np.ndarray, surface: np.ndarray) -> np.ndarray:
     return weights
 
 
-def lines(robot: dict[str, Any] | None, length: float) -> list[Line]:
+def lines(robot: dict[str, Any] | None, length: float) -> list[Tube]:
     """The cables, and the chambers of rods, that the model says its robot has; none where it does not say."""
     if robot is None:
         return []
     return [line for number, item in enumerate(robot["actuators"]) for line in _of(number, item, robot, length)]
 
 
-def _of(number: int, item: dict[str, Any], robot: dict[str, Any], length: float) -> Iterator[Line]:
+def _of(number: int, item: dict[str, Any], robot: dict[str, Any], length: float) -> Iterator[Tube]:
+    """Lines of one actuator, as the model describes it."""
     geometry = {key: value for key, value in robot["geometry"].items() if key != "kind"}
     if item["kind"] == "cable":
-        if item.get("points") is not None:
-            points = np.array(item["points"], float)
-        else:
-            finger = SoftFinger.model_construct(kind="soft-finger", **geometry)
-            points = np.asarray(soft_finger.route(finger, item["route"]["x"], item["route"]["y"]), float)
-        held = [] if item.get("pull_point") is None else [item["pull_point"]]
-        yield Line(number, np.array([*held, *points], float), CABLE * length, len(held))
+        points, pull = item.get("points"), item.get("pull_point")
+        if points is None:
+            body = routes.BODIES[robot["geometry"]["kind"]].model_construct(**robot["geometry"])
+            route = Route.model_construct(**item["route"])
+            points = routes.points(body, route)
+            pull = routes.pull_point(body, route) if pull is None else pull
+        held = [] if pull is None else [pull]
+        yield Tube(number, np.array([*held, *points], float), CABLE * length, len(held))
     elif item["kind"] == "chambers":
         trunk = StiffFlop.model_construct(kind="stiff-flop", **geometry)
         along = np.linspace(item["module"] - 1, item["module"], ALONG_A_CHAMBER) * trunk.module_length
         for centre in stiff_flop.chamber_centres(trunk, item["chambers"]):
             points = np.column_stack([along, np.broadcast_to(centre, (len(along), 2))])
-            yield Line(number, points, trunk.chamber_radius)
+            yield Tube(number, points, trunk.chamber_radius)

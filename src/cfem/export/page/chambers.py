@@ -20,7 +20,7 @@ ON_THE_WAY = ("dataset", "base", "mesh")  # inputs that lead from a model to its
 
 
 @dataclass(frozen=True)
-class Wall:
+class ChamberWall:
     """The wall of the chamber of actuator number `actuator`. nodes (p,): numbers in the mesh; rest (p, 3) mm; triangles
     (t, 3) indices into nodes, normals into the chamber."""
 
@@ -30,7 +30,7 @@ class Wall:
     triangles: np.ndarray
 
 
-def walls(model_folder: Path, robot: dict[str, Any] | None, skin: dict[str, np.ndarray]) -> list[Wall]:
+def walls(model_folder: Path, robot: dict[str, Any] | None, skin: dict[str, np.ndarray]) -> list[ChamberWall]:
     """Those of the cavities that the model says its robot has; none where its mesh is gone, or is no longer the one
     that the skin was made on."""
     cavities = [(i, one) for i, one in enumerate(robot["actuators"] if robot else []) if one["kind"] == "cavity"]
@@ -62,7 +62,7 @@ def facets_around(mesh: Mesh, cavity: dict[str, Any]) -> np.ndarray:
         return mesh.facets[:0]
 
 
-def _wall(number: int, mesh: Mesh, facets: np.ndarray) -> Wall:
+def _wall(number: int, mesh: Mesh, facets: np.ndarray) -> ChamberWall:
     triangles = triangulated(facets)
     nodes, place = np.unique(triangles, return_inverse=True)
-    return Wall(number, nodes, mesh.X[nodes], place.reshape(triangles.shape))
+    return ChamberWall(number, nodes, mesh.X[nodes], place.reshape(triangles.shape))

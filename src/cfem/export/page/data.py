@@ -48,6 +48,7 @@ def pack(said: dict[str, Any], arrays: dict[str, np.ndarray | Fixed | bytes]) ->
 
 
 def _described(array: np.ndarray | Fixed | bytes) -> tuple[dict[str, Any], bytes]:
+    """Description of an array for the page, and its bytes."""
     if isinstance(array, bytes):
         return {"type": "bytes"}, array
     if isinstance(array, Fixed):

@@ -14,12 +14,13 @@ from cfem.export.firmware.at_rest import right_at_rest, with_rest
 from cfem.export.firmware.constants import controller, surrogate
 from cfem.export.firmware.embedding import Embedding
 from cfem.export.page.block import block, skin_series
-from cfem.export.page.body import body, lines
-from cfem.export.page.chambers import Wall
+from cfem.export.page.body import DrawnBody, body, lines
+from cfem.export.page.chambers import ChamberWall
 from cfem.export.page.data import Fixed, pack
+from cfem.export.page.layout import motion_layout
 from cfem.export.page.load import weight
 from cfem.export.page.motion import moves
-from cfem.export.spec import CSpec
+from cfem.export.spec import CSpec, FirmwareControllerSpec
 from cfem.predict.protocol import Predictor
 
 ASSETS = files("cfem.export.page") / "web"
@@ -38,7 +39,7 @@ def page(
     robot: Embedding,
     concerns: Sequence[str] = (),
     moving: dict[str, np.ndarray] | None = None,
-    walls: Sequence[Wall] = (),
+    walls: Sequence[ChamberWall] = (),
 ) -> str:
     """The whole file. skin: arrays of `cfem.predict.skin`; concerns: what is poor about the model, said first; moving:
     arrays of its motion.npz, where it has learned to move; walls: of its chambers.
@@ -71,20 +72,7 @@ def page(
     rest = np.zeros((int(right), predictor.rows.n_a))  # among the states that the reach is drawn from
     weighed = weight(predictor, skin, points[0]["rows"][0], block_of)
     drawn = body(skin, lines(meta["robot"], predictor.length), walls)
-    said = {
-        "actuators": actuators(predictor, constants),
-        "points": points,
-        "rest_e": predictor.rest_e.tolist(),
-        "skin": len(drawn.modes),
-        "length": predictor.length,
-        "outer": drawn.outer,
-        "chambers": [dict(zip(("actuator", "first", "count"), one, strict=True)) for one in drawn.chambers],
-        "lines": [dict(zip(("actuator", "first", "count", "radius"), one, strict=True)) for one in drawn.lines],
-        "command": chosen.command,
-        "tolerance": constants["cfem_tolerance"].tolist(),
-        "paced": chosen.rate is not None or chosen.force_rate is not None,
-        "weight": weighed and weighed[1].largest,
-    }
+    said = _said(predictor, constants, drawn, points, chosen) | {"weight": weighed and weighed[1].largest}
     data = {
         "code": (ASSETS / "cfem.wasm").read_bytes(),
         "block": weighed[0] if weighed else block_of(predictor, skin),
@@ -100,6 +88,36 @@ def page(
     if weighed:
         data |= {"positions": weighed[1].positions, "changes": weighed[1].changes}
     return fill(said, data, meta["scene"], about(meta, predictor), concerns)
+
+
+def _said(
+    predictor: Predictor,
+    constants: dict[str, np.ndarray],
+    drawn: DrawnBody,
+    points: list[dict[str, Any]],
+    chosen: FirmwareControllerSpec,
+) -> dict[str, Any]:
+    """Facts that the page's program is told beside the arrays."""
+    return {
+        "actuators": actuators(predictor, constants),
+        "points": points,
+        "rest_e": predictor.rest_e.tolist(),
+        "skin": len(drawn.modes),
+        "room": room(),
+        "length": predictor.length,
+        "outer": drawn.outer,
+        "chambers": [dict(zip(("actuator", "first", "count"), one, strict=True)) for one in drawn.chambers],
+        "lines": [dict(zip(("actuator", "first", "count", "radius"), one, strict=True)) for one in drawn.lines],
+        "command": chosen.command,
+        "tolerance": constants["cfem_tolerance"].tolist(),
+        "paced": chosen.rate is not None or chosen.force_rate is not None,
+    }
+
+
+def room() -> dict[str, int]:
+    """Sizes of vectors in the memory of the page's program, and the ticks ahead that it has room for."""
+    names = {"effector": "MOST_NE", "actuator": "MOST_NA", "skin": "MOST_SKIN", "ticks": "MPC_MOST_TICKS"}
+    return {name: motion_layout().room[f"CFEM_{word}"] for name, word in names.items()}
 
 
 def watched(predictor: Predictor) -> list[dict[str, Any]]:
@@ -139,7 +157,7 @@ def actuators(predictor: Predictor, constants: dict[str, np.ndarray]) -> list[di
 
 
 def about(meta: dict, predictor: Predictor) -> str:
-    """What the reader should know of the model."""
+    """Sentences on the model for the reader."""
     error = (meta.get("errors") or {}).get("tip_mm", {}).get("max")
     known = ""
     if error is not None:

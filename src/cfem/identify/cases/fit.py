@@ -13,14 +13,14 @@ from cfem.identify.cases.rig import MarkerPredictions, Rig
 from cfem.identify.cases.scatter import Linearised, Scatter, estimate_scatter
 from cfem.identify.cases.table import Cases
 from cfem.identify.fit.criteria import aicc, bic
-from cfem.identify.fit.least_squares import Search, fit
 from cfem.identify.fit.uncertainty import information
+from cfem.parametric.least_squares import FitSettings, fit
 
 _ROUNDS = 6  # of scatter and fit in turns
 _SETTLED = 0.02  # relative change of the scatter at which the turns end
 _RANK = 1e-6  # share of the largest singular value that a measured direction exceeds
 # at an end of its range an unknown would cut the steps of all others short: each starts 1 % of its range inside
-_SEARCH = Search(margin=0.01, xtol=1e-6, ftol=1e-8, by_jacobian=True, barrier=1e3)
+_SEARCH = FitSettings(margin=0.01, xtol=1e-6, ftol=1e-8, by_jacobian=True, barrier=1e3)
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ class ForceColumn(Spec):
     """Unit of its numbers, such as N or kPa."""
 
 
-class Layout(Spec):
+class TableColumns(Spec):
     """Which columns of the table mean what. It has one row for each marker of each load case; other columns are
     ignored."""
 
@@ -95,7 +95,7 @@ class CasesSpec(Spec):
     """The table of load cases, a .csv file."""
     out: Path
     """Folder for the result."""
-    layout: Layout
+    layout: TableColumns
     """Which columns of the table mean what."""
     markers: dict[Name, Marker] = Field(min_length=1)
     """Markers, by their names in the table. Others in the table are ignored."""

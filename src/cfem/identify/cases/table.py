@@ -10,7 +10,7 @@ import numpy as np
 from cfem.core.errors import InputError, SpecError
 from cfem.core.text_table import TextTable, read_rows, titled
 from cfem.core.units import parse_quantity
-from cfem.identify.cases.spec import Layout
+from cfem.identify.cases.spec import TableColumns
 
 _SMALL, _LARGE = 1 / 30, 30.0  # of the robot's length: places beyond are of another unit
 _METRE = 1000.0  # between the units that are mistaken for each other, and how near to it a ratio has to be
@@ -72,7 +72,7 @@ _Rows = dict[tuple[str, ...], dict[str, int]]  # of each case, the table's row o
 
 def read_cases(
     path: Path,
-    layout: Layout,
+    layout: TableColumns,
     markers: list[str],
     actuators: list[str],
     units: list[str],
@@ -121,7 +121,7 @@ def read_cases(
     )
 
 
-def _cases(table: TextTable, layout: Layout) -> _Rows:
+def _cases(table: TextTable, layout: TableColumns) -> _Rows:
     """The rows of each case. InputError where a marker stands twice in a case."""
     keys = list(zip(*(table.texts(title) for title in layout.case), strict=True))
     cases: _Rows = {}
@@ -150,7 +150,7 @@ def _demand_markers(table: TextTable, cases: _Rows, markers: list[str]) -> None:
             raise InputError(what, where=table.where(inside[0][name]), do="name it as `markers` does, or leave it out")
 
 
-def _factor(layout: Layout, actuator: str, unit: str) -> float:
+def _factor(layout: TableColumns, actuator: str, unit: str) -> float:
     """The size of the unit of an actuator's column, in `unit`."""
     try:
         return parse_quantity(f"1 {layout.forces[actuator].unit}", unit)
@@ -198,7 +198,7 @@ def _cells(table: TextTable, title: str | None, rows: list[int]) -> list[str]:
     return [texts[row] for row in rows]
 
 
-def _way(table: TextTable, layout: Layout, row: int, cell: str) -> float:
+def _way(table: TextTable, layout: TableColumns, row: int, cell: str) -> float:
     """1 while loading, -1 while unloading. InputError where the cell says neither."""
     if cell.lower() not in (*_TRUE, *_FALSE):
         what = f"column '{layout.unloading}': '{cell}' is neither 1 nor 0"

@@ -13,12 +13,12 @@ from scipy.optimize import brentq
 from scipy.stats import chi2, norm, t
 
 from cfem.core.errors import NumericalError
-from cfem.identify.fit.least_squares import Problem, Search, fit
+from cfem.parametric.least_squares import FitSettings, Problem, fit
 
 RANK = 1e-8  # share of the largest singular value below which a direction moves nothing that was measured
 _SIGNIFICANT = 1e-3  # probability under the stated noise below which the residuals are taken for more than noise
 _BLIND = 1e-12  # share of a direction's square that may lie in unmeasured ones, by rounding
-_PROFILE = Search(margin=1e-9)
+_PROFILE = FitSettings(margin=1e-9)
 
 
 @dataclass(frozen=True)

@@ -12,11 +12,11 @@ from itertools import combinations
 import numpy as np
 from scipy.optimize import nnls
 
-from cfem.identify.fit.least_squares import Search, best_of, fit
 from cfem.identify.material.curve import Curve
 from cfem.identify.material.forms import Form, nominal_stress, shear_modulus
 from cfem.identify.material.stability import is_stable_to, stable_to
 from cfem.parametric.differences import Stencil, with_slopes
+from cfem.parametric.least_squares import FitSettings, best_of, fit
 
 _LOW, _HIGH = -12.0, 25.0  # exponents
 _LEAST = 0.2  # exponent where tension along one axis is all that was measured
@@ -135,7 +135,7 @@ class _Projection:
         least = _LEAST if pulled else _LOW
         low = np.array([least] * free + [0.0] * slack)
         high = np.array([_HIGH] * free + [_SLACK] * slack)
-        search = Search(low, high, xtol=1e-12, ftol=1e-12, most=200)
+        search = FitSettings(low, high, xtol=1e-12, ftol=1e-12, most=200)
         starts = [np.array([*start, *([0.3 * _SLACK] * slack)]) for start in _starts(free, least)]
         return self._parts(best_of([fit(self, start, search) for start in starts]).u)
 

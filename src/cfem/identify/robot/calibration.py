@@ -9,14 +9,14 @@ import numpy as np
 from cfem.core.errors import NumericalError
 from cfem.identify.fit.free_parameter import ParameterEstimate, estimate
 from cfem.identify.fit.identifiability import share_sentences, unseen, unseen_sentence
-from cfem.identify.fit.least_squares import FitResult, Search, best_of, fit
 from cfem.identify.fit.uncertainty import Uncertainty, profile, uncertainty
 from cfem.identify.robot.measurements import Measurements
 from cfem.identify.robot.residuals import Noise, RobotResiduals, relative_noise
 from cfem.parametric.family import Family
+from cfem.parametric.least_squares import FitResult, FitSettings, best_of, fit
 from cfem.parametric.states import States
 
-_SEARCH = Search(try_ends=True)
+_SEARCH = FitSettings(try_ends=True)
 
 
 @dataclass(frozen=True)

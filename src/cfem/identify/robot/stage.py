@@ -131,7 +131,7 @@ def _starts(spec: CalibrateSpec, parameters: tuple[Parameter, ...], find: list[i
     """(k, n_p) starts of the search. SpecError where one names a parameter that is not to be found."""
     from cfem.condensed.parameter_values import vector
     from cfem.condensed.parameters import from_shares
-    from cfem.identify.fit.least_squares import spread_starts
+    from cfem.parametric.least_squares import spread_starts
 
     if isinstance(spec.starts, list):
         given = [vector(parameters, start, f"starts.{i}") for i, start in enumerate(spec.starts)]

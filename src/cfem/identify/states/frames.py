@@ -12,7 +12,7 @@ from cfem.motion.estimation.uncertainty import motion_uncertainty
 from cfem.motion.model import MotionModel
 from cfem.predict.estimation.answer import Estimate
 from cfem.predict.estimation.estimate import Estimator
-from cfem.predict.estimation.filter import OFFSET, SLIP, Filter
+from cfem.predict.estimation.filter import filter_of
 
 Tick = Callable[[int], Estimate]  # number of a frame -> what is known then; called for one frame after the other
 
@@ -33,8 +33,7 @@ def each_alone(estimator: Estimator, recording: Recording) -> Tick:
 
 def at_rest(estimator: Estimator, recording: Recording, spec: EstimateSpec, ticks: float) -> Tick:
     """Estimates by a filter of a robot that is at rest in each frame; ticks: frames for which a load lasts."""
-    slip, offset = slips(estimator, spec)
-    filtered = Filter(estimator, slip, ticks, offset, spec.gate)
+    filtered = filter_of(spec, estimator.model, 1.0, ticks)
 
     def tick(frame: int) -> Estimate:
         seen, sensed = recording.markers[frame], recording.displacement[frame]
@@ -45,10 +44,8 @@ def at_rest(estimator: Estimator, recording: Recording, spec: EstimateSpec, tick
 
 def moving(estimator: Estimator, recording: Recording, spec: EstimateSpec, motion: MotionModel, ticks: float) -> Tick:
     """Estimates by the filter on the condensed dynamics; motion: of the same model; ticks: as of `at_rest`."""
-    (slip, offset), period = slips(estimator, spec), recording.period
-    uncertainty = motion_uncertainty(
-        spec.dynamics, slip / np.sqrt(period), offset, ticks * period, estimator.model.length
-    )
+    rate = 1 / recording.period
+    uncertainty = motion_uncertainty(spec, estimator.model, rate, ticks / rate)
     filtered = MarkerFilter(estimator, motion, spec.dynamics.driven, uncertainty, spec.gate)
 
     def tick(frame: int) -> Estimate:
@@ -57,12 +54,6 @@ def moving(estimator: Estimator, recording: Recording, spec: EstimateSpec, motio
         return filtered.tick(seen, sensed, _if_all(recording.command[frame]), elapsed)
 
     return tick
-
-
-def slips(estimator: Estimator, spec: EstimateSpec) -> tuple[float, float]:
-    """Standard deviations (mm) of the actuators' slip from frame to frame, and of their offset."""
-    reach = float(np.abs(estimator.model.reach).max())
-    return spec.actuators.slip or SLIP * reach, spec.actuators.offset or OFFSET * reach
 
 
 def write_estimates(path: Path, estimates: Sequence[Estimate], recording: Recording, estimator: Estimator) -> None:

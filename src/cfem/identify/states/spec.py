@@ -1,18 +1,11 @@
 """What `estimate.yaml` says: which recording, which markers, what may push."""
 
 from pathlib import Path
-from typing import Annotated
 
-from pydantic import Field
-
-from cfem.core.names import Name
-from cfem.core.spec import Spec
-from cfem.core.units import Length, Point
-from cfem.predict.estimation.gate import GateSpec
-from cfem.predict.estimation.spec import ActuatorSensorsSpec, DrivenDynamicsSpec, LoadsSpec
+from cfem.predict.estimation.spec import DrivenDynamicsSpec, MarkersSpec
 
 
-class EstimateSpec(Spec):
+class EstimateSpec(MarkersSpec):
     """Where the robot is and who pushes it, frame by frame, from recorded markers."""
 
     model: Path
@@ -22,18 +15,8 @@ class EstimateSpec(Spec):
     recorded `time [s]`, `ACTUATOR.displacement [mm]`, `ACTUATOR.force [N]` and `ACTUATOR.command [mm]`."""
     out: Path
     """Folder for the result."""
-    markers: dict[Name, Point] = Field(min_length=1)
-    """Place of each marker on the surface at rest, in the scene's frame."""
-    noise: Annotated[Length, Field(gt=0)]
-    """Standard deviation of each measured coordinate."""
-    loads: LoadsSpec | None = None
-    """Unknown forces. None unless given."""
-    actuators: ActuatorSensorsSpec = ActuatorSensorsSpec()
-    """What is known of the actuators."""
     dynamics: DrivenDynamicsSpec | None = None
     """A robot that moves from frame to frame, of a model that has learned to. At rest in each frame unless given."""
-    gate: GateSpec = GateSpec()
-    """Frames that the filter rejects."""
     each_frame: bool = False
     """Whether each frame is estimated alone. All frames before it count otherwise."""
     truth: Path | None = None

@@ -73,13 +73,13 @@ def _tick(spec: EstimateSpec, base: Path, estimator: Any, recording: Any) -> Any
 
 def _sensing(spec: EstimateSpec, estimator: Any, recording: Any, base: Path) -> Any:
     """Bounds of how well a push can be estimated; None where nothing pushes, or the robot moves."""
-    from cfem.identify.states.frames import slips
+    from cfem.predict.estimation.filter import slip_and_offset
     from cfem.predict.estimation.push_bound import Seen
 
     if not estimator.loaded or spec.dynamics is not None:
         return None
     sensed, forces = (bool(np.isfinite(numbers).any()) for numbers in (recording.displacement, recording.force))
-    return Seen(*slips(estimator, spec), _ticks(spec, recording, base), sensed, forces)
+    return Seen(*slip_and_offset(spec, estimator.model), _ticks(spec, recording, base), sensed, forces)
 
 
 def _demand_noise(spec: EstimateSpec, recording: Any) -> None:

@@ -18,6 +18,8 @@ from numba import njit
 from scipy.spatial.transform import Rotation
 from scipy.special import zeta
 
+from cfem.condensed.rotation import left_jacobian
+
 _TERMS = 30  # for |theta| up to pi to rounding
 
 
@@ -79,16 +81,7 @@ def screw(e: np.ndarray, h: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     theta, u = e[:, 3:], e[:, :3].copy()
     u[:, 0] += h
     turn = Rotation.from_rotvec(theta).as_matrix()
-    s = (theta**2).sum(axis=1)
-    t = np.sqrt(s)
-    small = s < 1e-6
-    safe = np.where(small, 1.0, s)
-    # V = 1 + a [theta] + b [theta]^2
-    a = np.where(small, 0.5 - s / 24, (1 - np.cos(t)) / safe)
-    b = np.where(small, 1 / 6 - s / 120, (t - np.sin(t)) / (safe * np.where(small, 1.0, t)))
-    spin = _cross(theta)
-    V = np.eye(3) + a[:, None, None] * spin + b[:, None, None] * (spin @ spin)
-    return (V @ u[:, :, None])[:, :, 0], turn
+    return (left_jacobian(theta) @ u[:, :, None])[:, :, 0], turn
 
 
 @njit(cache=True)
@@ -295,11 +288,3 @@ def _to_motions(Ra, Rb, H, L, out):
                 out[row, j] = -H[i, j]
             if i < 3 and j < 3:
                 out[i, j] = H[i, j]
-
-
-def _cross(v: np.ndarray) -> np.ndarray:
-    """(m, 3, 3) [v] of v (m, 3)."""
-    out = np.zeros((len(v), 3, 3))
-    out[:, 2, 1], out[:, 0, 2], out[:, 1, 0] = v.T
-    out[:, 1, 2], out[:, 2, 0], out[:, 0, 1] = -v.T
-    return out

@@ -24,7 +24,7 @@ from cfem.motion.linear import Kind
 from cfem.motion.model import MotionModel
 from cfem.predict.estimation.answer import Estimate
 from cfem.predict.estimation.estimate import UNSEEN, Estimator
-from cfem.predict.estimation.fit import EstimateStatus, Markers, Minimum, Residuals, Search, minimise
+from cfem.predict.estimation.fit import EstimateStatus, FitResiduals, Markers, Minimum, Search, minimise
 from cfem.predict.estimation.gate import Gate, GateSpec, Verdict
 from cfem.predict.estimation.kalman import Gaussian, gated_update
 
@@ -185,7 +185,7 @@ class MarkerFilter:
 
         sensor = self.estimator.actuator_sensor(frame.sensed, self._displacement_rows, self.estimator.sensor)
         shown = Gaussian(mean, self._covariance(prior.covariance))
-        problem = Residuals(Markers(residual, seen), shown.prior, () if sensor is None else (sensor,))
+        problem = FitResiduals(Markers(residual, seen), shown.prior, () if sensor is None else (sensor,))
         minimum = minimise(problem, mean, Search(self.scale, self.box), lambda: mean)
         return MarkerCorrection(state, prior, minimum)
 

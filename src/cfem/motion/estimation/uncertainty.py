@@ -5,7 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from cfem.core.errors import InputError
-from cfem.predict.estimation.spec import DynamicsSpec
+from cfem.predict.estimation.filter import slip_and_offset
+from cfem.predict.estimation.spec import DynamicsSpec, MarkersSpec
+from cfem.predict.protocol import Predictor
 
 SWING = 0.05  # of the robot's length, where a spec states none
 
@@ -38,9 +40,12 @@ class MotionUncertainty:
 
 
 def motion_uncertainty(
-    spec: DynamicsSpec | None, slip: float, offset: float, lasts: float, length: float
+    spec: MarkersSpec, model: Predictor, rate: float, lasts: float | None = None
 ) -> MotionUncertainty:
-    """The uncertainty that a spec states; slip, offset, lasts: as in `MotionUncertainty`; length: mm, the robot's."""
-    spec = spec or DynamicsSpec()
-    swing = SWING * length if spec.swing is None else spec.swing
-    return MotionUncertainty(slip, offset, swing, spec.push, spec.stiffness, spec.wander, lasts)
+    """Uncertainty of a robot with this model that a spec states for `rate` frames a second. lasts: s for which a load
+    keeps its value, as the spec says unless given."""
+    dynamics, (slip, offset) = spec.dynamics or DynamicsSpec(), slip_and_offset(spec, model)
+    swing = SWING * model.length if dynamics.swing is None else dynamics.swing
+    lasts = spec.lasts if lasts is None else lasts
+    slip *= np.sqrt(rate)
+    return MotionUncertainty(slip, offset, swing, dynamics.push, dynamics.stiffness, dynamics.wander, lasts)

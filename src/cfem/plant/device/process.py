@@ -3,6 +3,7 @@
 import os
 import signal
 import subprocess  # nosec B404
+import sys
 import threading
 from collections.abc import Sequence
 from contextlib import suppress
@@ -80,10 +81,10 @@ class DeviceProcess:
 
     def _kill(self, number: int | None) -> None:
         with suppress(OSError):
-            if hasattr(os, "killpg"):
-                os.killpg(self._process.pid, number)
-            else:
+            if sys.platform == "win32":
                 self._process.kill()
+            else:
+                os.killpg(self._process.pid, number)
 
     def _listen(self) -> None:
         """Puts lines of the device into the queue until it closes its output."""

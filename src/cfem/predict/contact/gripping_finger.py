@@ -17,7 +17,8 @@ import numpy as np
 
 from cfem.condensed.coupling import state_of
 from cfem.condensed.model import Model
-from cfem.condensed.pose import Patch, turn
+from cfem.condensed.pose import Patch
+from cfem.condensed.rotation import turn
 from cfem.core.errors import NumericalError
 
 ITERATIONS, TOLERANCE = 30, 1e-12

@@ -21,10 +21,19 @@ from numpy.typing import ArrayLike
 
 from cfem.core.errors import InputError
 from cfem.predict.estimation.answer import Estimate
-from cfem.predict.estimation.fit import Function, Markers, Minimum, Prior, Residuals, Search, Sensor, minimise
+from cfem.predict.estimation.fit import (
+    FitResiduals,
+    Function,
+    Markers,
+    Minimum,
+    Prior,
+    Search,
+    Sensor,
+    minimise,
+)
 from cfem.predict.estimation.force_series import ForceSeries
 from cfem.predict.estimation.series import ReferenceSeries
-from cfem.predict.loads.response import LoadResponse
+from cfem.predict.loads.response import RowResponse
 from cfem.predict.mode_series import ModeSeries
 from cfem.predict.protocol import Predictor
 
@@ -209,7 +218,7 @@ class Estimator:
             y, by_x = self.marker_series(*self.split(x))
             return (y.reshape(-1, 3) - moved) / self.noise, by_x.reshape(*moved.shape, -1) / self.noise
 
-        problem = Residuals(Markers(residual, seen), prior, self._sensors(sensed, forces))
+        problem = FitResiduals(Markers(residual, seen), prior, self._sensors(sensed, forces))
         return minimise(problem, x, Search(self.scale, self.box), lambda: self._nearest_state(moved, seen, x))
 
     def from_rest(self, measured: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -288,6 +297,6 @@ class Estimator:
         response = self.response(delta_a)
         return response.here.delta_e + (response.locked @ loads if len(loads) else 0.0)
 
-    def response(self, delta_a: np.ndarray) -> LoadResponse:
+    def response(self, delta_a: np.ndarray) -> RowResponse:
         """The robot's answer to loads at delta_a (n_a,) mm."""
-        return LoadResponse(self.model, self.model.at_displacement(delta_a, self.p), *self.material, self.loaded_rows)
+        return RowResponse(self.model, self.model.at_displacement(delta_a, self.p), *self.material, self.loaded_rows)

@@ -28,9 +28,27 @@ from cfem.predict.estimation.estimate import Estimator
 from cfem.predict.estimation.fit import EstimateStatus, Minimum, Prior
 from cfem.predict.estimation.gate import Gate, GateSpec, Verdict
 from cfem.predict.estimation.kalman import Gaussian, gated_update
+from cfem.predict.estimation.spec import MarkersSpec, estimator_of
+from cfem.predict.protocol import Predictor
 
 SLIP, OFFSET = 5e-4, 0.05  # of the reach, where a spec states none
 YIELD = 0.1  # of a motion under commanded forces: by how much the model may be wrong
+
+
+def slip_and_offset(spec: MarkersSpec, model: Predictor) -> tuple[float, float]:
+    """Standard deviations (mm) of the actuators' slip from frame to frame, and of their first offset."""
+    reach = float(np.abs(model.reach).max())
+    return spec.actuators.slip or SLIP * reach, spec.actuators.offset or OFFSET * reach
+
+
+def filter_of(
+    spec: MarkersSpec, model: Predictor, rate: float, ticks: float | None = None, p: np.ndarray | None = None
+) -> "Filter":
+    """Filter of a spec for `rate` frames a second. ticks: frames for which a load lasts, as the spec says unless given;
+    p (n_p,): parameters of the model. InputError where the model cannot tell."""
+    slip, offset = slip_and_offset(spec, model)
+    ticks = max(min(spec.lasts * rate, 1e9), 0.1) if ticks is None else ticks
+    return Filter(estimator_of(spec, model, p), slip, ticks, offset, spec.gate)
 
 
 @dataclass(frozen=True)

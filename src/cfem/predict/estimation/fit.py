@@ -79,7 +79,7 @@ class Markers:
 
 
 @dataclass(frozen=True)
-class Residuals:
+class FitResiduals:
     """All residuals of one estimate: of markers, of the prior and of sensors."""
 
     markers: Markers
@@ -199,7 +199,7 @@ class Minimum:
         return np.linalg.inv(scaled.T @ scaled + least * np.eye(len(scale))) * np.outer(scale, scale)
 
 
-def minimise(problem: Residuals, x: np.ndarray, search: Search, elsewhere: Callable[[], np.ndarray]) -> Minimum:
+def minimise(problem: FitResiduals, x: np.ndarray, search: Search, elsewhere: Callable[[], np.ndarray]) -> Minimum:
     """The minimum from a first guess x (n,); elsewhere: gives a state near which half of the markers are seen.
 
     Never raises for what the numbers are: the status says how it ended."""
@@ -225,7 +225,7 @@ def minimise(problem: Residuals, x: np.ndarray, search: Search, elsewhere: Calla
     return Minimum(EstimateStatus.OUTLIERS, x, point.r, point.J, seen, seen, iterations)
 
 
-def _weighted(problem: Residuals, x: np.ndarray, search: Search) -> tuple[np.ndarray, int]:
+def _weighted(problem: FitResiduals, x: np.ndarray, search: Search) -> tuple[np.ndarray, int]:
     """State after Gauss and Newton's steps from x in which markers count less the farther they are off, and the number
     of steps. The outlier distance shrinks at each step (Geman and McClure, 1987)."""
     bound, count = np.inf, 0
@@ -238,7 +238,7 @@ def _weighted(problem: Residuals, x: np.ndarray, search: Search) -> tuple[np.nda
 
 
 def _descend(
-    problem: Residuals, point: Evaluated, search: Search, kept: np.ndarray, most: int
+    problem: FitResiduals, point: Evaluated, search: Search, kept: np.ndarray, most: int
 ) -> tuple[Evaluated, int, bool]:
     """Levenberg-Marquardt from `point`, at most `most` steps: the last point, the number of steps, and whether it
     converged. It ends where the next step would be below the tolerance, by the rate at which undamped steps shrink."""

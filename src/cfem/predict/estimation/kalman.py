@@ -131,7 +131,7 @@ class Update:
         return self.square if self.square >= 0 else -np.inf, self.numbers
 
 
-class Correction(Protocol):
+class UpdateResult(Protocol):
     """The result of an update."""
 
     @property
@@ -141,7 +141,7 @@ class Correction(Protocol):
 
 
 Belief = TypeVar("Belief")
-Corrected = TypeVar("Corrected", bound=Correction)
+Corrected = TypeVar("Corrected", bound=UpdateResult)
 
 
 def gated_update(

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from cfem.condensed.spread import outermost, spread
 from cfem.contact.triangles import closest
 from cfem.predict.protocol import Predictor
 
@@ -25,8 +26,4 @@ def markers_near(model: Predictor, count: int) -> np.ndarray:
     rest = model.skin.rest
     moves = np.linalg.norm(model.skin.modes, axis=(0, 2))
     loose = np.flatnonzero(moves > 0.2 * moves.max())
-    chosen = [int(loose[np.argmax(np.linalg.norm(rest[loose] - rest[loose].mean(axis=0), axis=1))])]
-    while len(chosen) < count:
-        distances = np.linalg.norm(rest[loose][:, None] - rest[chosen], axis=2).min(axis=1)
-        chosen.append(int(loose[np.argmax(distances)]))
-    return rest[chosen]
+    return rest[loose[spread(rest[loose], count, outermost(rest[loose], rest[loose].mean(axis=0)))]]

@@ -1,13 +1,15 @@
-"""What a spec says of unknown forces and of the sensors of the actuators, wherever a state is estimated."""
+"""What a spec says of markers, unknown forces and the sensors of the actuators, wherever a state is estimated."""
 
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from pydantic import Field
 
 from cfem.core.actuator_units import Displacement, Effort
+from cfem.core.names import Name
 from cfem.core.spec import Spec
-from cfem.core.units import Force, Length, Time
+from cfem.core.units import Force, Length, Point, Time
+from cfem.predict.estimation.gate import GateSpec
 
 if TYPE_CHECKING:
     from cfem.predict.estimation.estimate import Estimator
@@ -67,9 +69,30 @@ class ActuatorSensorsSpec(Spec):
     """Distance of an actuator from its first command, standard deviation. 5 % of the reach unless given."""
 
 
-def estimator_of(spec: Any, model: "Predictor", p: np.ndarray | None = None) -> "Estimator":
-    """Estimator of a spec with markers, noise, loads and actuators; p (n_p,): parameters of the model. InputError where
-    the model cannot tell."""
+class MarkersSpec(Spec):
+    """Markers on the surface, and what is known beside them."""
+
+    markers: dict[Name, Point] = Field(min_length=1)
+    """Place of each marker on the surface at rest, in the scene's frame."""
+    noise: Annotated[Length, Field(gt=0)]
+    """Standard deviation of each measured coordinate."""
+    loads: LoadsSpec | None = None
+    """Unknown forces. None unless given."""
+    actuators: ActuatorSensorsSpec = ActuatorSensorsSpec()
+    """Sensors of the actuators, and how well these follow their commands."""
+    dynamics: DynamicsSpec | None = None
+    """A robot that moves from frame to frame, of a model that has learned to. At rest in each frame unless given."""
+    gate: GateSpec = GateSpec()
+    """Frames that the filter rejects."""
+
+    @property
+    def lasts(self) -> float:
+        """Time (s) for which a load keeps its value, infinite unless stated."""
+        return np.inf if self.loads is None or self.loads.lasts is None else self.loads.lasts
+
+
+def estimator_of(spec: MarkersSpec, model: "Predictor", p: np.ndarray | None = None) -> "Estimator":
+    """Estimator of a spec; p (n_p,): parameters of the model. InputError where the model cannot tell."""
     from cfem.predict.estimation.estimate import Estimator
 
     loads, sensors = spec.loads, spec.actuators

@@ -10,7 +10,7 @@ from cfem.predict.protocol import Predictor
 
 
 @dataclass(frozen=True)
-class LoadResponse:
+class RowResponse:
     """Response of a robot at one state to forces on chosen rows.
 
     model: of form displacement, with a skin

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import block_diag
 
-from cfem.condensed.pose import turn
+from cfem.condensed.rotation import turn
 from cfem.constraint.patch import PatchLoad
 from cfem.core.errors import NumericalError
 from cfem.predict.energy import condense

@@ -18,6 +18,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cfem.condensed.rotation import cross_matrix, left_jacobian
 from cfem.core.errors import InputError
 from cfem.predict.protocol import ArrayPredictor, Predictor, build
 from cfem.predict.rows.patches import RowPatches
@@ -138,12 +139,12 @@ class SerialPredictor(ArrayPredictor):
         motions = []
         for i, frame in enumerate(R):
             T = np.zeros((*frame.shape[:-2], self.rows.n_e, self.pose))
-            T[..., :3, :3], T[..., :3, 3:END] = frame, -frame @ cross(_turned_back(frame, P[-1] - P[i + 1]))
+            T[..., :3, :3], T[..., :3, 3:END] = frame, -frame @ cross_matrix(_turned_back(frame, P[-1] - P[i + 1]))
             if self.heavy:
                 after = range(i + 1, len(R))
                 arm = sum((self.shares[j] * (c[j] - P[i + 1]) for j in after), np.zeros_like(P[0]))
                 T[..., 3:, :3] = self.shares[i + 1 :].sum() * frame
-                T[..., 3:, 3:END] = -frame @ cross(_turned_back(frame, arm))
+                T[..., 3:, 3:END] = -frame @ cross_matrix(_turned_back(frame, arm))
                 T[..., 3:, END:] = self.shares[i] * frame
             motions.append(T)
         return motions
@@ -187,7 +188,7 @@ class SerialPredictor(ArrayPredictor):
             moved = np.einsum("rcj,rn->cjn", skin.modes[:, row_skin.own[nodes[mine]]], skin.gradient(s[columns], none))
             gradients[mine, :, columns] = R[i] @ moved
             arm = (place[after] - P[i + 1]) @ R[i]
-            gradients[after, :, columns] = R[i] @ (gradient[:3] - cross(arm) @ gradient[3:])
+            gradients[after, :, columns] = R[i] @ (gradient[:3] - cross_matrix(arm) @ gradient[3:])
         return gradients
 
 
@@ -204,7 +205,7 @@ def joined(parts: list[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
 
 def turns(phi: np.ndarray) -> np.ndarray:
     """(..., 3, 3) exp [phi] = 1 + [phi] J of rotation vectors (..., 3)."""
-    return np.eye(3) + cross(phi) @ left_jacobian(phi)
+    return np.eye(3) + cross_matrix(phi) @ left_jacobian(phi)
 
 
 def _turned(frame: np.ndarray, x: np.ndarray) -> np.ndarray:
@@ -213,23 +214,3 @@ def _turned(frame: np.ndarray, x: np.ndarray) -> np.ndarray:
 
 def _turned_back(frame: np.ndarray, x: np.ndarray) -> np.ndarray:
     return (frame.swapaxes(-1, -2) @ x[..., None])[..., 0]
-
-
-def cross(v: np.ndarray) -> np.ndarray:
-    """(..., 3, 3) [v] of v (..., 3)."""
-    out = np.zeros((*v.shape, 3))
-    out[..., 2, 1], out[..., 0, 2], out[..., 1, 0] = np.moveaxis(v, -1, 0)
-    return out - out.swapaxes(-1, -2)
-
-
-def left_jacobian(phi: np.ndarray) -> np.ndarray:
-    """(..., 3, 3) J with exp [phi + d] = exp [J d] exp [phi] to first order: 1 + a [phi] + b [phi]^2, |phi| = t,
-    a = (1 - cos t) / t^2, b = (t - sin t) / t^3."""
-    s = (phi**2).sum(axis=-1)[..., None, None]
-    small = s < 1e-4
-    safe = np.where(small, 1.0, s)
-    t = np.sqrt(safe)
-    a = np.where(small, 1 / 2 - s / 24 + s**2 / 720, (1 - np.cos(t)) / safe)
-    b = np.where(small, 1 / 6 - s / 120 + s**2 / 5040, (t - np.sin(t)) / (safe * t))
-    spin = cross(phi)
-    return np.eye(3) + a * spin + b * (spin @ spin)

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from cfem.core.console.shown import duration, length
-from cfem.report.tables import Table, number
+from cfem.report.tables import ReportTable, number
 
 # Of a result of `cfem train`, all but these is what the kind of model chose for itself.
 COMMON = {
@@ -26,12 +26,12 @@ QUANTITIES = {
 }
 
 
-def choice_table(models: Mapping[str, Mapping[str, Any]]) -> Table:
+def choice_table(models: Mapping[str, Mapping[str, Any]]) -> ReportTable:
     """One row a model and choice. models: results of `cfem train` by name."""
     rows = [(name, what, value) for name, results in models.items() for what, value in _chosen(results)]
     if len(models) > 1:
-        return Table(("model", "property", "value"), rows, words=True)
-    return Table(("property", "value"), [row[1:] for row in rows], words=True)
+        return ReportTable(("model", "property", "value"), rows, words=True)
+    return ReportTable(("property", "value"), [row[1:] for row in rows], words=True)
 
 
 def _chosen(results: Mapping[str, Any]) -> Iterator[tuple[str, str]]:

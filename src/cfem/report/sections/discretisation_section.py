@@ -4,19 +4,19 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from cfem.report.chart import Chart, chart, panel
-from cfem.report.page import Section
+from cfem.report.page import ReportSection
 from cfem.report.sections.discretisation import kind, label
 from cfem.report.style import FAINT, LEARNED, tick
-from cfem.report.tables import Table, number, tabulate
+from cfem.report.tables import ReportTable, number, tabulate
 
 _MARKS = ("o", "s", "^", "D")
 
 
-def discretisation_section(study: Mapping[str, Any]) -> Section:
+def discretisation_section(study: Mapping[str, Any]) -> ReportSection:
     """study: of `cfem.report.sections.discretisation.study`."""
     rows = study["meshes"]
     ratios = sorted({row["poisson"] for row in rows})
-    parts: list[Chart | Table] = front_charts(rows, ratios[len(ratios) // 2])
+    parts: list[Chart | ReportTable] = front_charts(rows, ratios[len(ratios) // 2])
     if len(ratios) > 2:
         parts.append(poisson_chart(rows))
     parts.append(discretisation_table(rows))
@@ -29,7 +29,7 @@ def discretisation_section(study: Mapping[str, Any]) -> Section:
         "error of its own. W converges more slowly than the tip, whose position the prescribed displacements fix in "
         "part. Graded meshes are finest where W needs it."
     )
-    return Section("Discretisation error", text, tuple(parts))
+    return ReportSection("Discretisation error", text, tuple(parts))
 
 
 def _families(rows: Sequence[dict]) -> list[tuple[str, list[dict]]]:
@@ -79,7 +79,7 @@ def poisson_chart(rows: Sequence[dict]) -> Chart:
     return chart("poisson", "What near incompressibility does to each mesh. Paler lines are coarser meshes.", [axis])
 
 
-def discretisation_table(results: Sequence[dict]) -> Table:
+def discretisation_table(results: Sequence[dict]) -> ReportTable:
     """One row a mesh and Poisson's ratio. The reference has no error to state."""
 
     def percent(key: str) -> Callable[[dict], str]:
@@ -102,7 +102,7 @@ def discretisation_table(results: Sequence[dict]) -> Table:
     )
 
 
-def orders_table(orders: Sequence[dict]) -> Table:
+def orders_table(orders: Sequence[dict]) -> ReportTable:
     """One row a family of meshes."""
     return tabulate(
         orders,
@@ -116,7 +116,7 @@ def orders_table(orders: Sequence[dict]) -> Table:
     )
 
 
-def tolerance_table(results: Sequence[dict]) -> Table:
+def tolerance_table(results: Sequence[dict]) -> ReportTable:
     """One row a tolerance of the solver."""
     return tabulate(
         results,

@@ -7,13 +7,13 @@ import numpy as np
 
 from cfem.report.chart import Chart, chart, panel
 from cfem.report.style import FAINT, INK, LEARNED
-from cfem.report.tables import Table, number, tabulate
+from cfem.report.tables import ReportTable, number, tabulate
 
 COLUMNS = ["estimate_of", "estimate_status", "loads", "loads_sd", "true_loads", "shape_rms"]
 WIDE = 1.959964  # standard deviations of a 95 % interval
 
 
-def estimate_table(results: Mapping[str, Mapping[str, dict]], loaded: list[str]) -> Table:
+def estimate_table(results: Mapping[str, Mapping[str, dict]], loaded: list[str]) -> ReportTable:
     """One row a trajectory and controller. loaded: names of the rows with unknown forces."""
     rows = [
         (name, who, result["estimate"]) for name, controllers in results.items() for who, result in controllers.items()

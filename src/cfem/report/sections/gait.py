@@ -7,16 +7,16 @@ import numpy as np
 
 from cfem.core.console.shown import duration, length, length_unit
 from cfem.report.chart import Chart, chart, panel
-from cfem.report.page import Number, Section, Summary
+from cfem.report.page import Number, ReportSection, Summary
 from cfem.report.sections.tracking import FLOOR, Tracking, carried
 from cfem.report.style import INK
-from cfem.report.tables import Table, number, tabulate
+from cfem.report.tables import ReportTable, number, tabulate
 
 NAME = "gait"  # of the one trajectory
 FRICTION = "friction"
 
 
-def gait_section(tracking: Tracking, results: Mapping[str, Any], units: Mapping[str, tuple[str, str]]) -> Section:
+def gait_section(tracking: Tracking, results: Mapping[str, Any], units: Mapping[str, tuple[str, str]]) -> ReportSection:
     """Section on the gait. results: of `cfem control`; units: of the displacement and of the force of every actuator,
     by its name."""
     text = (
@@ -26,7 +26,7 @@ def gait_section(tracking: Tracking, results: Mapping[str, Any], units: Mapping[
     text += "".join(f"{line[0].upper()}{line[1:]}. " for line in tracking.headline)
     rows = tracking.of(NAME)
     charts = [way_chart(tracking, results), *carried(tracking, NAME, rows, [tracking.learned(NAME)], units)]
-    return Section(
+    return ReportSection(
         "The gait", text, (*friction_tables(tracking, results), *charts), facts={"tracking": tracking.summaries}
     )
 
@@ -83,7 +83,7 @@ def _over_friction(tracking: Tracking, results: Mapping[str, Any]) -> Any:
     return axis
 
 
-def friction_tables(tracking: Tracking, results: Mapping[str, Any]) -> list[Table]:
+def friction_tables(tracking: Tracking, results: Mapping[str, Any]) -> list[ReportTable]:
     """Table of friction, where finite elements walked at several."""
     walked = [row for row in distances(tracking, results) if "fe" in row]
     if len(walked) < 2:

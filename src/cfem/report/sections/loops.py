@@ -11,17 +11,17 @@ from cfem.core.errors import InputError
 from cfem.dataset.parquet import read_parquet
 from cfem.dataset.schema import metadata
 from cfem.report.chart import Chart, chart, panel
-from cfem.report.page import Section
+from cfem.report.page import ReportSection
 from cfem.report.sections import estimates
 from cfem.report.sections.estimates import estimate_chart, estimate_table
 from cfem.report.sections.tracking import FLOOR, planes
 from cfem.report.style import GOAL, colour_of
-from cfem.report.tables import Table, durations, lengths, number, spread, tabulate
+from cfem.report.tables import ReportTable, durations, lengths, number, spread, tabulate
 
 COLUMNS = ["trajectory", "controller", "seed", "seconds", "goal_index", "goal", "x_e", "error"]
 
 
-def loop_section(name: str, folder: Path, manifest: Mapping[str, Any]) -> Section:
+def loop_section(name: str, folder: Path, manifest: Mapping[str, Any]) -> ReportSection:
     """Section on a run over time. manifest: of `cfem control` with a loop. InputError where it has none."""
     results = manifest["results"].get("loop")
     if results is None:
@@ -45,10 +45,10 @@ def loop_section(name: str, folder: Path, manifest: Mapping[str, Any]) -> Sectio
     )
     section = f"Over time: {name}"
     tables = [loop_table(results), *([estimate_table(results, loaded)] if estimated else [])]
-    return Section(section, text, (*tables, *charts), facts={f"loop {name}": results})
+    return ReportSection(section, text, (*tables, *charts), facts={f"loop {name}": results})
 
 
-def loop_table(results: Mapping[str, Mapping[str, dict]]) -> Table:
+def loop_table(results: Mapping[str, Mapping[str, dict]]) -> ReportTable:
     """One row a trajectory and controller of a run over time."""
     rows = [(name, who, result) for name, controllers in results.items() for who, result in controllers.items()]
     return tabulate(

@@ -7,12 +7,12 @@ from typing import Any
 from cfem.core.console.shown import duration
 from cfem.core.errors import InputError
 from cfem.report.chart import Chart, chart, panel
-from cfem.report.page import Section
+from cfem.report.page import ReportSection
 from cfem.report.sections.choices import QUANTITIES, choice_table
 from cfem.report.sections.trust import Trust, trust_chart, trust_summary, trust_table
 from cfem.report.spec import Published
 from cfem.report.style import INK, LEARNED
-from cfem.report.tables import Table, lengths, number, spread, tabulate
+from cfem.report.tables import ReportTable, lengths, number, spread, tabulate
 
 KINDS = {"spectral": LEARNED[0], "energy_net": LEARNED[1], "mlp": LEARNED[2]}
 MARKS = "os^Dv"
@@ -41,7 +41,7 @@ def models_section(
     default: str | None = None,
     prefix: str = "",
     force: str = "N",
-) -> Section:
+) -> ReportSection:
     """Section on models. trusts: what the flags of each model are worth, where that was judged; prefix: of the names of
     the pictures; force: the unit of what the actuators carry."""
     summaries = {name: trust_summary(judged) for name, judged in trusts.items()}
@@ -57,10 +57,12 @@ def models_section(
         "vectors, which does not. W is checked at random states between the samples."
     )
     facts = {"models": {name: dict(results) for name, results in models.items()}, "trust": summaries}
-    return Section(title, text, tuple(parts), facts)
+    return ReportSection(title, text, tuple(parts), facts)
 
 
-def model_table(models: Models, published: Published | None = None, default: str | None = None, force="N") -> Table:
+def model_table(
+    models: Models, published: Published | None = None, default: str | None = None, force="N"
+) -> ReportTable:
     """One row a model, the published one last."""
     rows: list[tuple[str, Any]] = [(label(name, default), results) for name, results in models.items()]
     if published:
@@ -87,7 +89,7 @@ def _time(value: float | None, unit: float = 1.0) -> str:
     return "–" if value is None else duration(unit * value)
 
 
-def definite_table(models: Models) -> Table:
+def definite_table(models: Models) -> ReportTable:
     """Table of the models: at how many random states between the samples W is not positive definite."""
 
     def where(results: Mapping[str, Any]) -> str:

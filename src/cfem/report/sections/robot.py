@@ -8,9 +8,9 @@ from cfem.dataset.reader import Dataset
 from cfem.mechanics.mesh import Mesh
 from cfem.report.page import Card
 from cfem.report.tables import number
-from cfem.report.viewer import BODY, HELD, Line, Take, Viewer, carried_along, flat_triangles
-from cfem.robot.build import cable_points
+from cfem.report.viewer import BODY, HELD, Polyline, Take, Viewer, carried_along, flat_triangles
 from cfem.robot.constraints import Cable
+from cfem.robot.places import cable_points, pull_point
 from cfem.robot.spec import SceneSpec
 
 ELEMENTS = {
@@ -30,7 +30,7 @@ def cables_of(scene: SceneSpec) -> list[tuple[str, np.ndarray, int]]:
     cables = []
     for item in scene.actuators:
         if isinstance(item, Cable):
-            held = [] if item.pull_point is None else [item.pull_point]
+            held = [] if (pull := pull_point(scene, item)) is None else [pull]
             cables.append((item.name, np.array([*held, *cable_points(scene, item)], dtype=float), len(held)))
     return cables
 
@@ -48,7 +48,9 @@ def card(scene: SceneSpec, mesh: Mesh, data: Dataset) -> Card:
     triangles = flat_triangles(mesh.facets)
     held = fixed[triangles].all(axis=1)
     cables = cables_of(scene)
-    lines = tuple(Line(name, LINES[place % len(LINES)], points[None]) for place, (name, points, _) in enumerate(cables))
+    lines = tuple(
+        Polyline(name, LINES[place % len(LINES)], points[None]) for place, (name, points, _) in enumerate(cables)
+    )
     rest = np.asarray(data.meta["rest_e"], dtype=float)
     watched = [rest[i : i + 3] for i, name in enumerate(data.rows.effectors) if name.endswith(".x")]
     marks = [(point, "--hot") for point in watched] + [

@@ -7,7 +7,7 @@ from typing import Any
 from cfem.core.artefact.content import artefact_file
 from cfem.dataset.reader import Dataset, read_dataset
 from cfem.report.chart import Chart, chart, panel
-from cfem.report.page import Section
+from cfem.report.page import ReportSection
 from cfem.report.style import FE, INK, LEARNED
 
 
@@ -24,12 +24,12 @@ def units_of(data: Dataset) -> dict[str, tuple[str, str]]:
     return dict(zip(data.rows.actuators, pairs_of_units, strict=True))
 
 
-def samples_section(splits: Mapping[str, Dataset], results: Mapping[str, Any]) -> Section:
+def samples_section(splits: Mapping[str, Dataset], results: Mapping[str, Any]) -> ReportSection:
     """results: of `cfem sample`."""
     rows = ", ".join(f"{count} {split}" for split, count in results["rows"].items())
     lost = f"all but {results['failed']} of them" if results["failed"] else "all of them"
     text = f"States solved by finite elements: {rows}; {lost} converged."
-    return Section("The samples", text, (coverage_chart(splits),), facts={"samples": results})
+    return ReportSection("The samples", text, (coverage_chart(splits),), facts={"samples": results})
 
 
 def coverage_chart(splits: Mapping[str, Dataset]) -> Chart:

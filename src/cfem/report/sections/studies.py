@@ -9,11 +9,11 @@ from cfem.control.run_spec import FE_BASED
 from cfem.core.console.shown import duration
 from cfem.core.errors import InputError
 from cfem.report.chart import chart, panel
-from cfem.report.page import Section
+from cfem.report.page import ReportSection
 from cfem.report.sections.models import ERRORS, FLOORS, KINDS, MARKS
 from cfem.report.spec import Published
 from cfem.report.style import FE, INK, LEARNED, ticks_at
-from cfem.report.tables import Table, lengths, number, spread, tabulate
+from cfem.report.tables import ReportTable, lengths, number, spread, tabulate
 
 
 def sampling_rows(method: str, model: str, trained: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
@@ -64,7 +64,7 @@ def _missed(controllers: list[Mapping[str, Any]], name: str) -> float | None:
     return float(np.mean(means)) if means else None
 
 
-def sampling_section(rows: Sequence[Mapping[str, Any]]) -> Section:
+def sampling_section(rows: Sequence[Mapping[str, Any]]) -> ReportSection:
     """rows: of `sampling_rows`. Loss and largest tip error against rows: a colour a model, a line style a method."""
     methods = list(dict.fromkeys(row["method"] for row in rows))
     names = list(dict.fromkeys(row["model"] for row in rows))
@@ -83,10 +83,10 @@ def sampling_section(rows: Sequence[Mapping[str, Any]]) -> Section:
         axes.append(axis)
     picture = chart("sampling", "The same models from as many rows, sampled in different ways.", axes)
     text = "The same random states judge every model. A grid includes the ends of the domain."
-    return Section("Where to sample", text, (picture, sampling_table(rows)), {"sampling": list(rows)})
+    return ReportSection("Where to sample", text, (picture, sampling_table(rows)), {"sampling": list(rows)})
 
 
-def sampling_table(rows: Sequence[Mapping[str, Any]]) -> Table:
+def sampling_table(rows: Sequence[Mapping[str, Any]]) -> ReportTable:
     """One row a model, method and number of training rows."""
     return tabulate(
         rows,
@@ -101,7 +101,7 @@ def sampling_table(rows: Sequence[Mapping[str, Any]]) -> Table:
     )
 
 
-def sizes_section(rows: Sequence[Mapping[str, Any]]) -> Section:
+def sizes_section(rows: Sequence[Mapping[str, Any]]) -> ReportSection:
     """Section on loss, and steps of control per second, against cells. rows: of `mesh_row`. Loss, and steps of control
     per second, against cells."""
     loss_panel, right = panel("loss", "cells", log="xy"), panel("control steps per second", "cells", log="xy")
@@ -130,10 +130,12 @@ def sizes_section(rows: Sequence[Mapping[str, Any]]) -> Section:
     )
     caption = "What a finer mesh asks of the model, and of control with the model or with the mesh itself."
     pictures = [chart("meshes", caption, [loss_panel, right])] if len(rows) > 2 else []  # of two the table says as much
-    return Section("From coarse meshes to fine ones", text, (*pictures, sizes_table(rows)), {"meshes": list(rows)})
+    return ReportSection(
+        "From coarse meshes to fine ones", text, (*pictures, sizes_table(rows)), {"meshes": list(rows)}
+    )
 
 
-def sizes_table(rows: Sequence[Mapping[str, Any]]) -> Table:
+def sizes_table(rows: Sequence[Mapping[str, Any]]) -> ReportTable:
     """One row a mesh and number of samples, of `mesh_row`; control stands beside the last."""
     lines: list[tuple[str, Any, Any]] = []
     for row in rows:

@@ -14,9 +14,9 @@ from cfem.core.artefact.content import artefact_file
 from cfem.core.console.shown import length, length_unit
 from cfem.dataset.parquet import read_parquet
 from cfem.report.chart import Chart, chart, panel
-from cfem.report.page import Section
+from cfem.report.page import ReportSection
 from cfem.report.style import GOAL, INK, colour_of
-from cfem.report.tables import Table, durations, lengths, number, tabulate
+from cfem.report.tables import ReportTable, durations, lengths, number, tabulate
 
 FLOOR = 1e-7  # mm: below it nothing is worth telling apart on a logarithmic axis
 FEW = 3  # goals or controllers: of fewer the table says as much
@@ -92,7 +92,7 @@ def places(tracking: Tracking) -> list[int]:
     return [i for i, name in enumerate(tracking.rows[: tracking.columns["goal"].shape[1]]) if name.endswith(".x")]
 
 
-def tracking_section(tracking: Tracking, units: Mapping[str, tuple[str, str]]) -> Section:
+def tracking_section(tracking: Tracking, units: Mapping[str, tuple[str, str]]) -> ReportSection:
     """Section on tracking. units: of the displacement and of the force of every actuator, by its name."""
     text = (
         "Each controller turns a goal into actuator displacements with its own model. "
@@ -111,7 +111,7 @@ def tracking_section(tracking: Tracking, units: Mapping[str, tuple[str, str]]) -
     table = [mesh_error_table(tracking.discretisation)] if "tip_mm" in (tracking.discretisation or {}) else []
     shown = [name for name in tracking.summaries if len(set(tracking.of(name)["goal_index"])) >= FEW]
     charts = [each_chart for name in shown for each_chart in trajectory_charts(tracking, name, units)]
-    return Section(
+    return ReportSection(
         "Tracking",
         text + looser(tracking, next(iter(units.values()))[0]),
         (tracking_table(tracking), *table, *charts, *effort_charts(tracking)),
@@ -146,7 +146,7 @@ def looser(tracking: Tracking, unit: str) -> str:
     )
 
 
-def tracking_table(tracking: Tracking) -> Table:
+def tracking_table(tracking: Tracking) -> ReportTable:
     """One row a trajectory and controller."""
     rows = [
         (name, who, result) for name, controllers in tracking.summaries.items() for who, result in controllers.items()
@@ -168,7 +168,7 @@ def tracking_table(tracking: Tracking) -> Table:
     )
 
 
-def mesh_error_table(error: Mapping[str, Any]) -> Table:
+def mesh_error_table(error: Mapping[str, Any]) -> ReportTable:
     """Table of the distance of the robot of a finer mesh from this one, the commands being the same."""
     return tabulate(
         [error],

@@ -14,7 +14,7 @@ from cfem.predict.domain import FAR
 from cfem.predict.protocol import Predictor
 from cfem.report.chart import Chart, chart, panel
 from cfem.report.style import FAINT, LEARNED
-from cfem.report.tables import Table, lengths, number, tabulate
+from cfem.report.tables import ReportTable, lengths, number, tabulate
 
 FLOOR = 1e-12  # mm: smaller is nothing
 
@@ -96,7 +96,7 @@ def _rank_correlation(first: np.ndarray, second: np.ndarray) -> float | None:
     return float(np.corrcoef(ranks)[0, 1])
 
 
-def trust_table(summaries: Mapping[str, Mapping[str, Any]]) -> Table:
+def trust_table(summaries: Mapping[str, Mapping[str, Any]]) -> ReportTable:
     """One row a model, of `trust_summary`."""
     return tabulate(
         summaries.items(),

@@ -6,16 +6,16 @@ from typing import Any
 from cfem.motion.model import MotionModel
 from cfem.motion.workspace import outwards, vibrations
 from cfem.report.chart import Chart, chart, panel
-from cfem.report.page import Section
+from cfem.report.page import ReportSection
 from cfem.report.style import LEARNED
-from cfem.report.tables import Table, number, tabulate
+from cfem.report.tables import ReportTable, number, tabulate
 
 KINDS = {"held": False, "free": True}
 
 
-def vibrations_section(models: Mapping[str, MotionModel]) -> Section:
+def vibrations_section(models: Mapping[str, MotionModel]) -> ReportSection:
     """A chart and a table a model."""
-    parts: list[Chart | Table] = []
+    parts: list[Chart | ReportTable] = []
     vibrations_of: dict[str, dict[str, list[dict[str, Any]]]] = {}
     for name, model in models.items():
         states = outwards(model)
@@ -26,7 +26,7 @@ def vibrations_section(models: Mapping[str, MotionModel]) -> Section:
         "The lowest natural frequencies at five training states, from the nearest to rest to the farthest. Held "
         "actuators keep their displacements; free ones keep their forces. Damping is a share of the critical."
     )
-    return Section("How it vibrates", text, tuple(parts), {"vibrations": vibrations_of})
+    return ReportSection("How it vibrates", text, tuple(parts), {"vibrations": vibrations_of})
 
 
 def vibrations_chart(name: str, rows: Mapping[str, list[dict[str, Any]]]) -> Chart:
@@ -44,7 +44,7 @@ def vibrations_chart(name: str, rows: Mapping[str, list[dict[str, Any]]]) -> Cha
     return chart(f"vibrations-{name}", "Natural frequencies from rest to the ends of the workspace.", axes)
 
 
-def vibrations_table(rows: Mapping[str, list[dict[str, Any]]], units: Mapping[str, str]) -> Table:
+def vibrations_table(rows: Mapping[str, list[dict[str, Any]]], units: Mapping[str, str]) -> ReportTable:
     """A row a state; units: of each actuator's displacement, by its name."""
 
     def in_words(row: Mapping[str, Any]) -> str:

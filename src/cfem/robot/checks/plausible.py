@@ -19,43 +19,44 @@ LONG_AXES = {"bar": 0, "taper": 0, "stiff-flop": 0, "trunk": 2, "soft-finger": 2
 
 
 def doubts(scene, robot: Robot) -> list[str]:
-    """What hardly can be meant, a sentence each."""
-    found = [*size_doubts(np.ptp(robot.X, axis=0))]
+    """Sentences on what in a scene is hardly meant as it is written."""
+    sentences = [*size_doubts(np.ptp(robot.X, axis=0))]
     for item, actuator in zip(scene.actuators, robot.actuators, strict=True):
         length = getattr(actuator, "rest_length", None)
         if length is not None and item.reach[1] > LONG * length:
             share = f"{100 * item.reach[1] / length:.0f} %"
-            found.append(
+            sentences.append(
                 f"cable '{item.name}' may be shortened by {item.reach[1]:.4g} mm, {share} of its {length:.4g} mm"
             )
     extent = np.ptp(robot.X, axis=0)
     if not extent.max() / LENGTHS <= scene.length <= LENGTHS * extent.max():
-        found.append(f"length is {scene.length:.4g} mm, and the body measures {_sides(extent)} mm: check its unit")
-    found += _width_doubts(scene, extent) + _material_doubts(scene) + _gravity_doubts(scene)
-    return found + cable_doubts(scene, robot) + effector_doubts(scene) + stroke_doubts(scene, robot)
+        sentences.append(f"length is {scene.length:.4g} mm, and the body measures {sides(extent)} mm: check its unit")
+    sentences += _width_doubts(scene, extent) + _material_doubts(scene) + _gravity_doubts(scene)
+    return sentences + cable_doubts(scene, robot) + effector_doubts(scene) + stroke_doubts(scene, robot)
 
 
 def _width_doubts(scene, extent: np.ndarray) -> list[str]:
-    """Of a long body by name: none, or that it is wider than long."""
+    """Says if a body that is long by its name is wider than long."""
     axis = LONG_AXES.get(scene.geometry.kind)
     if axis is None or extent[axis] >= extent.max():
         return []
-    what = f"the {scene.geometry.kind} measures {_sides(extent)} mm"
+    what = f"the {scene.geometry.kind} measures {sides(extent)} mm"
     return [f"{what}, wider than its {extent[axis]:.3g} mm of length: check its widths"]
 
 
 def _material_doubts(scene) -> list[str]:
-    found = []
+    """Says which moduli and densities are of no known material, and where tet4 locks."""
+    sentences = []
     regions = {f"materials.{index}.material": each.material for index, each in enumerate(scene.materials)}
     for key, item in ({"material": scene.material} | regions).items():
-        found += modulus_doubts(item.young, MODULI, f"check the units of {key}")
+        sentences += modulus_doubts(item.young, MODULI, f"check the units of {key}")
         if item.density is not None and not DENSITIES[0] <= item.density <= DENSITIES[1]:
             dense, known = 1e12 * item.density, " to ".join(f"{1e12 * end:g}" for end in DENSITIES)
-            found.append(f"the density of {key} is {dense:.4g} kg/m^3, and matter has {known}: check its unit")
+            sentences.append(f"the density of {key} is {dense:.4g} kg/m^3, and matter has {known}: check its unit")
         if scene.mesh.element == "tet4" and item.poisson > LOCKS:
             what = f"tet4 locks at Poisson's ratio {item.poisson:g} of {key}, and forces come out far too large"
-            found.append(f"{what}: use tet10p0, or a ratio of at most {LOCKS:g}")
-    return found
+            sentences.append(f"{what}: use tet10p0, or a ratio of at most {LOCKS:g}")
+    return sentences
 
 
 def _gravity_doubts(scene) -> list[str]:
@@ -66,7 +67,7 @@ def _gravity_doubts(scene) -> list[str]:
 
 
 def modulus_doubts(young: float, known: tuple[float, float], do: str) -> list[str]:
-    """Of Young's modulus (MPa): none, or why it is hardly meant. known: smallest and largest; do: what to check."""
+    """Says if Young's modulus (MPa) is outside of what is known. known: smallest and largest; do: what to check."""
     low, high = known
     if low <= young <= high:
         return []
@@ -74,13 +75,14 @@ def modulus_doubts(young: float, known: tuple[float, float], do: str) -> list[st
 
 
 def size_doubts(extent: np.ndarray) -> list[str]:
-    """Of a body that measures `extent` (3,) mm: none, or why that is hardly meant."""
+    """Says if a body that measures `extent` (3,) mm is too small or too large for a soft robot."""
     size = float(extent.max())
     if SMALLEST <= size <= LARGEST:
         return []
     wrong = "metres read as millimetres" if size < SMALLEST else "millimetres read as metres"
-    return [f"the body measures {_sides(extent)} mm, which suggests {wrong}: check the units of the geometry"]
+    return [f"the body measures {sides(extent)} mm, which suggests {wrong}: check the units of the geometry"]
 
 
-def _sides(extent: np.ndarray) -> str:
+def sides(extent: np.ndarray) -> str:
+    """Text 'x x y x z' of an extent (3,)."""
     return " x ".join(f"{side:.3g}" for side in extent)

@@ -21,6 +21,7 @@ def demand_possible(scene, robot: Robot) -> None:
 
 
 def _demand_reach(item, actuator) -> None:
+    """Raises SpecError where the reach exceeds the length of a cable, or a loss of volume what a chamber holds."""
     low, high = item.reach
     length, volume = getattr(actuator, "rest_length", None), getattr(actuator, "rest_volume", None)
     if length is not None and high >= length:

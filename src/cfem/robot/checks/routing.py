@@ -7,7 +7,7 @@ import numpy as np
 from cfem.core.errors import SpecError
 from cfem.equilibrium.robot import Robot
 from cfem.robot import spec
-from cfem.robot.build import cable_points, effector_points
+from cfem.robot.places import cable_points, effector_points, pull_point
 
 FAR = 2.0  # times the robot's size, between a pull point and the cable's first point
 NEAR = 0.25  # of the robot's size, within which a cable's end is at what is held
@@ -17,29 +17,29 @@ def cable_doubts(scene: spec.SceneSpec, robot: Robot) -> list[str]:
     """A sentence for each cable whose pull point is far away, that begins at the wrong end, or that is pulled from the
     free end of the body."""
     size, held = float(np.ptp(robot.X, axis=0).max()), robot.X[robot.fixed]
-    found = []
+    sentences = []
     for item in scene.actuators:
-        if item.kind != "cable" or item.pull_point is None:
+        if item.kind != "cable" or (pull := pull_point(scene, item)) is None:
             continue
-        points, pull = cable_points(scene, item), item.pull_point
+        points = cable_points(scene, item)
         first, last = (float(np.linalg.norm(pull - points[end])) for end in (0, -1))
-        from_held = [float(np.linalg.norm(held - one, axis=1).min()) for one in (pull, points[-1])]
+        from_held = [float(np.linalg.norm(held - end, axis=1).min()) for end in (pull, points[-1])]
         if first > FAR * size:
-            found.append(
+            sentences.append(
                 f"cable '{item.name}' is pulled from {first:.4g} mm away, and the body is {size:.3g} mm large: "
                 "check pull_point"
             )
         elif len(points) > 1 and first > 2 * last:
-            found.append(
+            sentences.append(
                 f"cable '{item.name}' begins {first:.3g} mm from its pull point and ends {last:.3g} mm from it: "
                 "its points run from the pull point on, check their order"
             )
         elif from_held[0] > 0.5 * size and from_held[1] < NEAR * size:
-            found.append(
+            sentences.append(
                 f"cable '{item.name}' is pulled from the free end, {from_held[0]:.3g} mm from what is held: "
                 "check pull_point and the order of the points"
             )
-    return found
+    return sentences
 
 
 def effector_doubts(scene: spec.SceneSpec) -> list[str]:

@@ -31,15 +31,15 @@ def demand_unfolded(mesh: Mesh, where: str) -> None:
 
 
 def folded(mesh: Mesh) -> np.ndarray:
-    """(m,) bool."""
+    """Mask (m,) of the cells that are inverted, flat, or folded over a neighbour."""
     if mesh.cells.shape[1] == 8:
         return (scaled_jacobians(mesh) <= 0).any(axis=1)
-    found = (mesh.volumes <= 0) | _on_one_side(mesh.X, mesh.cells[:, :4])
-    return found | _inside_out(mesh) if mesh.cells.shape[1] == 10 else found
+    wrong = (mesh.volumes <= 0) | _on_one_side(mesh.X, mesh.cells[:, :4])
+    return wrong | _inside_out(mesh) if mesh.cells.shape[1] == 10 else wrong
 
 
 def _on_one_side(X: np.ndarray, cells: np.ndarray) -> np.ndarray:
-    """(m,) whether the cell across one of its faces lies on the same side of it."""
+    """Mask (m,) of the cells that lie on the same side of a face as the neighbour across it."""
     faces = cells[:, _FACES].reshape(-1, 4)
     order = np.sort(faces[:, :3], axis=1)
     _, number, count = np.unique(order, axis=0, return_inverse=True, return_counts=True)
@@ -48,13 +48,13 @@ def _on_one_side(X: np.ndarray, cells: np.ndarray) -> np.ndarray:
     a, b, c = (X[order[pairs[:, 0], i]] for i in range(3))
     normal = np.cross(b - a, c - a)
     sides = [np.einsum("ij,ij->i", normal, X[faces[pairs[:, i], 3]] - a) for i in (0, 1)]
-    found = np.zeros(len(cells), dtype=bool)
-    found[pairs[sides[0] * sides[1] > 0].ravel() // 4] = True
-    return found
+    overlap = np.zeros(len(cells), dtype=bool)
+    overlap[pairs[sides[0] * sides[1] > 0].ravel() // 4] = True
+    return overlap
 
 
 def _inside_out(mesh: Mesh) -> np.ndarray:
-    """(m,) whether the quadratic map of ten nodes has a negative volume at one of them."""
+    """Mask (m,) of the cells whose quadratic map has a Jacobian of at most 0 at one of its ten nodes."""
     corners = np.eye(4)
     nodes = np.vstack([corners, corners[TET_EDGES].mean(axis=1)])
     by_barycentric = shape_derivatives(10, nodes)
@@ -80,24 +80,24 @@ def demand_held(robot: Robot) -> None:
 
 
 def stands_still(robot: Robot, row: Watched) -> bool:
-    """Whether a row watches nothing but held points: the nodes around them may be free, the points are not."""
+    """True if a row watches only held points. The nodes around such a point may be free."""
     parts = row.parts if isinstance(row, CombinedEffector) else (row,)
     places = [each for each in parts if not isinstance(each, RotationEffector)]
     return moves_nothing(robot, row) or all(isinstance(each, PointEffector) and _held(robot, each) for each in places)
 
 
 def _held(robot: Robot, row: PointEffector) -> bool:
-    """Whether the element at a point follows held nodes alone there."""
+    """True if only held nodes of its element have a weight at the watched point."""
     mesh = robot.body.mesh
     cells = np.flatnonzero(np.isin(mesh.cells, row.nodes).all(axis=1))
     if len(cells) == 0:
         return False  # of a section, which `moves_nothing` knows
-    at = attach(mesh, row.rest, 0.0, robot.name, cells)
-    return not np.abs(at.weights[~np.isin(at.nodes, robot.fixed)]).max(initial=0.0) > _HELD
+    attachment = attach(mesh, row.rest, 0.0, robot.name, cells)
+    return not np.abs(attachment.weights[~np.isin(attachment.nodes, robot.fixed)]).max(initial=0.0) > _HELD
 
 
 def moves_nothing(robot: Robot, row: Watched) -> bool:
-    """Whether all that a row acts on is held: no free node moves it, to first order at rest."""
+    """True if a row acts on held nodes alone: to first order at rest, no free node changes its value."""
     if len(row.nodes) == 0:
         return False  # chambers of a rod act on its strains
     slopes = np.abs(row.gradient(robot.X))
@@ -110,7 +110,7 @@ def demand_independent(robot: Robot) -> None:
     each other because they pull the body in the same way."""
     names = [*robot.rows.actuators, *(name.rsplit(".", 1)[0] for name in robot.rows.contacts[::3])]
     pulls = [(name, row) for name, row in zip(names, robot.active, strict=True) if len(row.nodes)]
-    columns, of = [], []
+    columns, owners = [], []
     for name, row in pulls:
         if moves_nothing(robot, row):
             what = f"'{name}' acts on held nodes alone, and can move nothing"
@@ -119,7 +119,7 @@ def demand_independent(robot: Robot) -> None:
         nodal[row.nodes] = row.gradient(robot.X).transpose(1, 2, 0)
         nodal[robot.fixed] = 0.0
         columns += list(nodal.reshape(-1, len(row.rest)).T)
-        of += [name] * len(row.rest)
+        owners += [name] * len(row.rest)
     if len(columns) < 2:
         return
     rows = np.array(columns)
@@ -127,7 +127,7 @@ def demand_independent(robot: Robot) -> None:
     values, vectors = np.linalg.eigh(rows @ rows.T)
     if values[0] < _ALIKE:
         share = np.abs(vectors[:, 0])
-        alike = list(dict.fromkeys(name for name, each in zip(of, share, strict=True) if each > 0.1 * share.max()))
+        alike = list(dict.fromkeys(name for name, each in zip(owners, share, strict=True) if each > 0.1 * share.max()))
         what = f"{', '.join(map(repr, alike))} pull the body in the same way: their forces cannot be told apart"
         raise InputError(what, where=robot.name, do="leave one out, or lead it along another path")
 

@@ -20,11 +20,11 @@ def linear_motion(robot: Robot) -> tuple[np.ndarray, np.ndarray]:
     """(n_a,) mm: how far the node that moves most is moved by a unit displacement of each actuator, and by a unit force
     (mm/N, mm/MPa). Raises SingularMatrixError where nothing holds the robot."""
     problem = Problem(robot)
-    at = problem.evaluate(problem.rest, np.empty(0))
-    H = at.H[:, : robot.rows.n_a]
-    Z = problem.factor(at, np.zeros(problem.n_active), SolveCost()).factor.solve(H)
+    state = problem.evaluate(problem.rest, np.empty(0))
+    H = state.H[:, : robot.rows.n_a]
+    Z = problem.factor(state, np.zeros(problem.n_active), SolveCost()).factor.solve(H)
     compliance = np.einsum("ij,ij->j", H, Z)
-    fields = [problem.kinematics.spread(at.x, column) for column in Z.T]
+    fields = [problem.kinematics.spread(state.x, column) for column in Z.T]
     by_force = np.array([np.linalg.norm(field, axis=1).max() for field in fields])
     return by_force / compliance, by_force
 
@@ -41,7 +41,7 @@ def stroke_doubts(scene, robot: Robot) -> list[str]:
     return [
         sentence
         for index, (item, actuator) in enumerate(zip(scene.actuators, robot.actuators, strict=True))
-        for what, most, unit, motion in _ranges(item, actuator.units[0], *(one[index] for one in motions))
+        for what, most, unit, motion in _ranges(item, actuator.units[0], *(of_all[index] for of_all in motions))
         if (sentence := _doubt(f"{what} of {item.kind} '{item.name}'", f"{most:.4g} {unit}", motion, size))
     ]
 

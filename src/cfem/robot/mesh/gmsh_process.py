@@ -115,11 +115,36 @@ def fill(gmsh, anew: bool) -> None:
     """Makes the volume that the surface read last bounds. anew: the surface is meshed anew too, and not taken as it
     is."""
     if anew:
-        gmsh.model.mesh.classifySurfaces(math.radians(40), True, True, math.pi)
+        # Faces between sharp edges first: else gmsh cuts the whole surface where it likes, and these faces once more.
+        for parametrizable in (False, True):
+            gmsh.model.mesh.classifySurfaces(math.radians(40), True, parametrizable, math.pi)
         gmsh.model.mesh.createGeometry()
+        _keep_curves(gmsh)
     loop = gmsh.model.geo.addSurfaceLoop([tag for _, tag in gmsh.model.getEntities(2)])
     gmsh.model.geo.addVolume([loop])
     gmsh.model.geo.synchronize()
+
+
+def _keep_curves(gmsh) -> None:
+    """Sizes along the curves between the faces of a surface: a straight one may be a single edge, a circle six."""
+    gmsh.option.setNumber("Mesh.MinimumCurveNodes", 1)
+    gmsh.option.setNumber("Mesh.MeshSizeFromParametricPoints", 1)
+    for _, curve in gmsh.model.getEntities(1):
+        ends = [gmsh.model.getParametrizationBounds(1, curve)[i][0] for i in range(2)]
+        points = gmsh.model.getValue(1, curve, np.linspace(*ends, 200)).reshape(-1, 3)
+        length = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
+        size = length / segments(float(np.linalg.norm(points[-1] - points[0])) / length)
+        gmsh.model.mesh.setSizeAtParametricPoints(1, curve, ends, [size, size])
+
+
+def segments(share: float) -> int:
+    """Edges that keep the shape of a curve whose ends are `share` of its length apart: one for each 60 degrees by which
+    an arc of that share turns, for which share = sin(turn / 2) / (turn / 2)."""
+    low, high = 0.0, 2 * math.pi
+    for _ in range(40):
+        turn = (low + high) / 2
+        low, high = (turn, high) if math.sin(turn / 2) > share * turn / 2 else (low, turn)
+    return max(1, math.ceil(3 * high / math.pi - 0.01))
 
 
 def is_surface(solid: dict) -> bool:

@@ -14,6 +14,7 @@ from cfem.mechanics.mesh import Mesh, boundary_facets, hex_volumes, tet_volumes
 from cfem.robot.mesh.mesh_sets import CELL_SET, SET, arrays, named_sets
 from cfem.robot.mesh.same_place import representatives
 
+REMESH = "set geometry.remesh: true"  # what to do about cells that are none
 UNSHAPED = "unshaped"  # point data: the nodes before the free form
 # Cells by their number of nodes, as meshio calls them and their facets.
 _NAMES = {4: ("tetra", "triangle"), 10: ("tetra10", "triangle6"), 8: ("hexahedron", "quad")}
@@ -114,7 +115,7 @@ def _upright(X: np.ndarray, cells: np.ndarray, path: Path) -> np.ndarray:
         else (tet_volumes(X, cells), [0, 2, 1, 3])
     )
     if (np.abs(volumes) < 1e-12 * np.ptp(X, axis=0).max() ** 3).any():
-        raise InputError("has flat cells without volume", where=str(path), do="set geometry.remesh: true")
+        raise InputError("has flat cells without volume", where=str(path), do=REMESH)
     return np.where((volumes < 0)[:, None], cells[:, mirror], cells)
 
 

@@ -15,6 +15,7 @@ from cfem.mechanics.mesh import boundary_facets
 from cfem.robot.geometry import Assembly, Geometry, MeshFile
 from cfem.robot.mesh.mend import mend
 from cfem.robot.mesh.mesh_file import join_pieces, read_data
+from cfem.robot.mesh.obj_file import read_obj
 
 # Numbers of a .3mf in mm, by the unit that it states.
 _UNITS = {"micron": 1e-3, "millimeter": 1.0, "centimeter": 10.0, "inch": 25.4, "foot": 304.8, "meter": 1000.0}
@@ -67,6 +68,8 @@ def _triangles(path: Path) -> tuple[np.ndarray, np.ndarray]:
     suffix = path.suffix.lower()
     if suffix == ".stl":
         return read_stl(path)
+    if suffix == ".obj":
+        return read_obj(path)
     if suffix == ".3mf":
         return _read_3mf(path)
     data = read_data(path)
@@ -125,6 +128,8 @@ def _read_3mf(path: Path) -> tuple[np.ndarray, np.ndarray]:
     try:
         for name, motion in items or [(name, _transform(None)) for name in objects]:
             add(name, motion)
+        if not points:
+            raise InputError("holds no body", where=str(path), do="export the body again")
         X, faces = np.concatenate(points) * unit, np.concatenate(triangles)
     except (TypeError, ValueError) as error:
         raise InputError(f"is damaged: {error}", where=str(path), do="export it again") from None

@@ -22,7 +22,7 @@ from cfem.core.errors import NumericalError, SpecError
 from cfem.mechanics.mesh import Mesh
 from cfem.robot.selection import facets_of
 from cfem.robot.shape.elastic import middles, stiffness
-from cfem.robot.shape.free_form import Control, FreeForm, Wall
+from cfem.robot.shape.free_form import Control, FreeForm, WallThickness
 
 THINNEST = 0.1  # of a cell's volume that must be left
 
@@ -57,32 +57,32 @@ class Deformation:
 
 
 def displacement(controls: Sequence[Control], points: np.ndarray) -> np.ndarray:
-    """(k, 3) mm by which control points move points (k, 3)."""
+    """Displacements (k, 3) mm of points (k, 3) mm by the control points."""
     total = np.zeros_like(points, dtype=float)
-    for one in controls:
-        for at, move in _images(one):
+    for control in controls:
+        for place, move in _images(control):
             if move.any():
-                total += bump(np.sqrt(((points - at) ** 2).sum(axis=1)) / one.radius)[:, None] * move
+                total += bump(np.sqrt(((points - place) ** 2).sum(axis=1)) / control.radius)[:, None] * move
     return total
 
 
 def bump(r: np.ndarray) -> np.ndarray:
-    """1 at r = 0, 0 from r = 1 on."""
+    """Weight of a control point at distance r in radii: 1 at 0, and 0 from 1 on, twice differentiable."""
     left = np.maximum(1 - r, 0)
     return (left * left * left) ** 2 * ((35 * r + 18) * r + 3) / 3  # products: powers of arrays are slow
 
 
-def _images(one: Control) -> list[tuple[np.ndarray, np.ndarray]]:
+def _images(control: Control) -> list[tuple[np.ndarray, np.ndarray]]:
     """Place and move of a control point, and of its mirror image."""
-    at, move = np.asarray(one.at, float), np.asarray(one.move, float)
-    if one.mirror is None:
-        return [(at, move)]
-    flip = np.where(np.arange(3) == "xyz".index(one.mirror), -1.0, 1.0)
-    return [(at, move), (flip * at, flip * move)]
+    place, move = np.asarray(control.at, float), np.asarray(control.move, float)
+    if control.mirror is None:
+        return [(place, move)]
+    flip = np.where(np.arange(3) == "xyz".index(control.mirror), -1.0, 1.0)
+    return [(place, move), (flip * place, flip * move)]
 
 
-def _surface(wall: Wall, mesh: Mesh, index: int) -> np.ndarray:
-    """(k, 3 | 4 | 6) nodes of its facets."""
+def _surface(wall: WallThickness, mesh: Mesh, index: int) -> np.ndarray:
+    """Facets (k, 3 | 4 | 6) of the wall's surface. SpecError where there is none."""
     where = f"shape.walls.{index}"
     if wall.surface is not None:
         return facets_of(mesh, wall.surface, f"{where}.surface")
@@ -92,7 +92,7 @@ def _surface(wall: Wall, mesh: Mesh, index: int) -> np.ndarray:
         raise SpecError(error.what, where=f"{where}.inside", do=error.do) from None
 
 
-def _growth(wall: Wall, X: np.ndarray, facets: np.ndarray) -> np.ndarray:
+def _growth(wall: WallThickness, X: np.ndarray, facets: np.ndarray) -> np.ndarray:
     """(n, 3) mm: the surface's corners moved along its normals, which point into the void."""
     corners = facets[:, :4] if facets.shape[1] == 4 else facets[:, :3]
     a, b, c, d = (X[corners[:, i]] for i in (0, 1, 2, -1))
@@ -109,6 +109,7 @@ class _Inner:
     """The inner corners of a mesh of tetrahedra, which follow its boundary."""
 
     def __init__(self, mesh: Mesh):
+        """Factors the elastic stiffness of the free corners. SpecError where the cells are hexahedra."""
         if mesh.cells.shape[1] == 8:
             raise SpecError("walls of hexahedra cannot change", where="shape.walls", do="mesh with tetrahedra")
         self._corners = np.unique(mesh.cells[:, :4])
@@ -129,10 +130,13 @@ class _Inner:
 
 
 def _too_far(form: FreeForm, mesh: Mesh, left: np.ndarray) -> NumericalError:
+    """Error that names the control point or wall next to the thinnest cell. left (m,): shares of the volumes left."""
     cell = int(left.argmin())
     place = mesh.X[mesh.cells[cell, :4]].mean(axis=0)
-    places = [(f"shape.controls.{i}", at) for i, one in enumerate(form.controls) for at, _ in _images(one)]
-    places += [(f"shape.walls.{i}", np.asarray(one.at)) for i, one in enumerate(form.walls)]
+    places = [
+        (f"shape.controls.{i}", image) for i, control in enumerate(form.controls) for image, _ in _images(control)
+    ]
+    places += [(f"shape.walls.{i}", np.asarray(wall.at)) for i, wall in enumerate(form.walls)]
     name, _ = min(places, key=lambda each: float(np.linalg.norm(each[1] - place)))
     what = f"the free form leaves a cell at {show(np.round(place, 2))} mm with {left[cell]:.2g} of its volume"
     return NumericalError(what, where=name, do="move it less, or give it a larger radius")

@@ -15,8 +15,9 @@ from cfem.equilibrium.robot import Robot
 from cfem.mechanics.body import with_materials
 from cfem.mechanics.mesh import Mesh
 from cfem.robot import constraints
-from cfem.robot.build import build_robot, cable_points, effector_points, materials_of
+from cfem.robot.build import build_robot, materials_of
 from cfem.robot.mesh.meshing import CATALOGUE
+from cfem.robot.places import cable_points, effector_points, pull_point
 from cfem.robot.shape.deform import Deformation
 from cfem.robot.shape.morph import Morph, Unreachable
 from cfem.robot.shape.on_mesh import carried, moved, on_mesh
@@ -24,10 +25,11 @@ from cfem.robot.spec import SceneSpec
 
 
 class Designs:
-    """scene, mesh: the reference. Regions and rigid groups keep their cells and nodes. SpecError where the scene has
-    what does not move with a design yet: contacts, loads on points, effectors of several points."""
+    """Robots of varied geometries on one morphed mesh. Regions and rigid groups keep their cells and nodes."""
 
     def __init__(self, scene: SceneSpec, mesh: Mesh):
+        """Prepares the morph from the reference scene and its mesh. SpecError where the scene has what does not move
+        with a design yet: contacts, loads on points, effectors of several points."""
         kind = scene.geometry.kind
         if type(scene.geometry) not in CATALOGUE or mesh.cells.shape[1] == 8:
             raise SpecError(
@@ -39,19 +41,19 @@ class Designs:
         self.reference = build_robot(scene, mesh)
         mesh = mesh.base
         cables = [attach(mesh, point, radius, name) for name, radius, point in _places(scene)]
-        inside = [one.attachment for one in self.reference.effectors if isinstance(one, PointEffector)]
-        if not all(isinstance(one, PointEffector | CarriedEffector) for one in self.reference.effectors):
+        inside = [effector.attachment for effector in self.reference.effectors if isinstance(effector, PointEffector)]
+        if not all(isinstance(effector, PointEffector | CarriedEffector) for effector in self.reference.effectors):
             raise SpecError("effectors of several points, or with an orientation, cannot follow a varied geometry yet")
         self._points = cables + inside
         watched = zip(scene.effectors, self.reference.effectors, strict=True)
         self._names = [f"cable '{name}'" for name, _, _ in _places(scene)]
-        self._names += [f"effector '{item.name}'" for item, one in watched if isinstance(one, PointEffector)]
+        self._names += [f"effector '{item.name}'" for item, effector in watched if isinstance(effector, PointEffector)]
         self._geometry, self._last = scene.geometry, (None, mesh)
         self._form = None if scene.shape is None else Deformation(scene.shape, mesh)
         self._morph = Morph(mesh, CATALOGUE[type(scene.geometry)](scene.geometry), self._points)
 
     def mesh(self, scene: SceneSpec) -> Mesh:
-        """Of the scene with another geometry. Unreachable where it is too far from the reference."""
+        """Mesh of the scene with another geometry. Unreachable where it is too far from the reference."""
         return self._shaped(scene, self.base(scene))
 
     def base(self, scene: SceneSpec) -> Mesh:
@@ -73,25 +75,27 @@ class Designs:
         """(k, n, 3): k weighted sums of the nodes before their free form of scenes that hardly differ from `scene`, to
         first order; the weights of each sum add up to 0. Unreachable as `mesh`."""
         solid = CATALOGUE[type(scene.geometry)]
-        all_ = [[(weight, solid(one.geometry), self._prescribed(one)) for weight, one in each] for each in sums]
+        all_ = [
+            [(weight, solid(design.geometry), self._prescribed(design)) for weight, design in each] for each in sums
+        ]
         return self._morph.changes(solid(scene.geometry), self.base(scene).X, all_)
 
     def beside(self, scene: SceneSpec, base: Mesh, change: np.ndarray | float) -> Robot:
-        """Of a scene that hardly differs from that of the mesh `base`, whose nodes `change` (n, 3) mm moves."""
+        """Robot of a scene that hardly differs from that of the mesh `base`, whose nodes `change` (n, 3) mm moves."""
         return self._on(scene, self._shaped(scene, replace(base, X=base.X + change)))
 
     def _shaped(self, scene: SceneSpec, base: Mesh) -> Mesh:
         return base if scene.shape is None else self._form(scene.shape, base)
 
     def _prescribed(self, scene: SceneSpec) -> np.ndarray:
-        """(k, 3) mm the places of the points."""
+        """Places (k, 3) mm to which a design moves the attached points."""
         cables = [point for _, _, point in _places(scene)]
         both = zip(scene.effectors, self.reference.effectors, strict=True)
-        inside = [effector_points(scene, item) for item, one in both if isinstance(one, PointEffector)]
+        inside = [effector_points(scene, item) for item, effector in both if isinstance(effector, PointEffector)]
         return np.array(cables + inside)
 
     def _design(self, scene: SceneSpec) -> str:
-        """What of the geometry differs from the reference."""
+        """Words for the parameters of the geometry that differ from the reference."""
         fields = type(scene.geometry).model_fields
         both = ((name, getattr(self._geometry, name), getattr(scene.geometry, name)) for name in fields)
         return (
@@ -104,27 +108,29 @@ class Designs:
         )
 
     def robot(self, scene: SceneSpec) -> Robot:
-        """Of the scene with another geometry."""
+        """Robot of the scene with another geometry. Unreachable as `mesh`."""
         return self._on(scene, self.mesh(scene))
 
     def _on(self, scene: SceneSpec, mesh: Mesh) -> Robot:
+        """The reference robot with its points, cables and effectors moved to a morphed mesh."""
         base = mesh.base
-        points = [moved(one, base) for one in self._points]
+        points = [moved(attachment, base) for attachment in self._points]
         actuators, used = [], 0
-        for item, one in zip(scene.actuators, self.reference.actuators, strict=True):
+        for item, actuator in zip(scene.actuators, self.reference.actuators, strict=True):
             if not isinstance(item, constraints.Cable):
-                actuators.append(one)
+                actuators.append(actuator)
                 continue
             count = len(cable_points(scene, item))
-            actuators.append(make_cable(points[used : used + count], item.pull_point, item.name, item.friction))
+            mine = points[used : used + count]
+            actuators.append(make_cable(mine, pull_point(scene, item), item.name, item.friction))
             used += count
         inside, effectors = iter(points[used:]), []
-        for item, one in zip(scene.effectors, self.reference.effectors, strict=True):
-            if isinstance(one, PointEffector):
+        for item, effector in zip(scene.effectors, self.reference.effectors, strict=True):
+            if isinstance(effector, PointEffector):
                 effectors.append(PointEffector(next(inside)))
                 continue
             place = np.asarray(effector_points(scene, item), float)
-            carrier = carried(one.carrier, base)
+            carrier = carried(effector.carrier, base)
             effectors.append(CarriedEffector(carrier, place - carrier.centre, place))
         body = with_materials(self.reference.body, materials_of(scene))
         robot = replace(self.reference, body=body, actuators=tuple(actuators), effectors=tuple(effectors))

@@ -22,7 +22,7 @@ class Control(Spec):
     """Axis across whose plane through the origin a mirror image of the point moves too."""
 
 
-class Wall(Spec):
+class WallThickness(Spec):
     """A place at which the wall of a cavity becomes thicker: its surface moves into the cavity, less and less up to a
     radius, and the opposite side stays. Give a point inside the cavity, or a surface."""
 
@@ -47,5 +47,5 @@ class FreeForm(Spec):
 
     controls: list[Control] = []
     """Points that move with their surroundings."""
-    walls: list[Wall] = []
+    walls: list[WallThickness] = []
     """Places at which walls become thicker or thinner."""

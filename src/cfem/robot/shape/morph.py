@@ -38,7 +38,7 @@ THINNEST = 0.1  # of a cell's reference volume that must be left
 
 @dataclass(frozen=True)
 class _Bound:
-    """Surface number `surface` keeps the nodes (k,)."""
+    """Nodes (k,) that stay on surface number `surface`."""
 
     surface: int
     nodes: np.ndarray
@@ -53,15 +53,16 @@ class Unreachable(NumericalError):
 
 
 class Morph:
-    """mesh: the reference, tetrahedra; solid: its CAD tree; points: attached at the reference, whose places a design
-    prescribes. SpecError where a part of the boundary is on no surface of the tree."""
+    """Map from designs of a solid to meshes: the reference mesh with its nodes moved."""
 
     def __init__(self, mesh: Mesh, solid: Solid, points: Sequence[Attachment] = ()):
+        """Factors the equations at the reference. mesh: of tetrahedra; solid: its CAD tree; points: attached there,
+        whose places a design prescribes. SpecError where a part of the boundary is on no surface of the tree."""
         self.mesh, self._points = mesh, tuple(points)
         self._corners = np.unique(mesh.cells[:, :4])
         self._edges = middles(mesh)
         self._bounds = _bounds(mesh, surfaces(solid))
-        self._bound_nodes = np.concatenate([one.nodes for one in self._bounds])
+        self._bound_nodes = np.concatenate([bound.nodes for bound in self._bounds])
         self._place = np.full(len(mesh.X), -1)
         self._place[self._corners] = np.arange(len(self._corners))
         self._led = self._leading()
@@ -101,7 +102,7 @@ class Morph:
         """(k, n, 3): k weighted sums of the nodes of designs near to `solid`, to first order; each design its weight,
         its tree and its points' places, and the weights of a sum add up to 0, as those of a difference do. X (n, 3): of
         the mesh of `solid` itself. Unreachable where the mesh does not follow."""
-        wanted = [sum(w * self._missing(surfaces(one), places, X) for w, one, places in each) for each in sums]
+        wanted = [sum(w * self._missing(surfaces(design), places, X) for w, design, places in each) for each in sums]
         D = np.stack(wanted, axis=1)
         G = sp.vstack([self._bound(self._normals(surfaces(solid), X), slice(None)), self._led]).tocsr()
         U, past = np.zeros((self._n, len(sums))), [_Past() for _ in sums]
@@ -116,23 +117,23 @@ class Morph:
                 U[:, column] += past[column].better(left[:, column], step)
         else:
             raise Unreachable("the mesh does not follow a small change of the design", None)
-        found = np.zeros((len(sums), *X.shape))
-        found[:, self._corners] = U.T.reshape(len(sums), -1, 3)
-        found[:, self._edges[:, 0]] = (found[:, self._edges[:, 1]] + found[:, self._edges[:, 2]]) / 2
-        return found
+        moves = np.zeros((len(sums), *X.shape))
+        moves[:, self._corners] = U.T.reshape(len(sums), -1, 3)
+        moves[:, self._edges[:, 0]] = (moves[:, self._edges[:, 1]] + moves[:, self._edges[:, 2]]) / 2
+        return moves
 
     def _missing(self, now: Sequence[Surface], places: np.ndarray, X: np.ndarray) -> np.ndarray:
-        """(m,) mm of every constraint, before dependent ones are left out."""
-        on = [-now[one.surface].value(X[one.nodes]) for one in self._bounds]
-        at = [place - point.position(X) for place, point in zip(places, self._points, strict=True)]
-        return np.concatenate([*on, *at])
+        """Residuals (m,) mm of all constraints: distances of bound nodes from surfaces, then of points from places."""
+        on_surfaces = [-now[bound.surface].value(X[bound.nodes]) for bound in self._bounds]
+        on_points = [place - point.position(X) for place, point in zip(places, self._points, strict=True)]
+        return np.concatenate([*on_surfaces, *on_points])
 
     def _normals(self, now: Sequence[Surface], X: np.ndarray) -> np.ndarray:
-        """(m, 3) of the nodes that keep to a surface."""
-        return np.concatenate([now[one.surface].gradient(X[one.nodes]) for one in self._bounds])
+        """Normals (m, 3) of the surfaces at the nodes that are bound to them."""
+        return np.concatenate([now[bound.surface].gradient(X[bound.nodes]) for bound in self._bounds])
 
     def _bound(self, normals: np.ndarray, which: np.ndarray | slice) -> sp.csr_matrix:
-        """(k, 3 corners) of those nodes that keep to a surface."""
+        """Gradient (k, 3 corners) of the distances of chosen bound nodes from their surfaces."""
         nodes, normals = self._bound_nodes[which], normals[which]
         rows = np.repeat(np.arange(len(nodes)), 3)
         columns = (3 * self._place[nodes, None] + np.arange(3)).ravel()
@@ -168,7 +169,7 @@ class _Past:
         self._last: tuple[np.ndarray, ...] = ()
 
     def better(self, missing: np.ndarray, step: np.ndarray) -> np.ndarray:
-        """The step to take, from the plain one."""
+        """Step to take instead of the plain one: Anderson acceleration with the steps before."""
         if self._last:
             self._missing.append(missing - self._last[0])
             self._moved.append(self._last[1] + step - self._last[2])
@@ -188,21 +189,21 @@ def _bounds(mesh: Mesh, now: Sequence[Surface]) -> list[_Bound]:
     normal = np.cross(b - a, c - a)
     normal /= np.linalg.norm(normal, axis=1)[:, None]
     centre = (a + b + c) / 3
-    found, covered = [], np.zeros(len(facets), dtype=bool)
+    bounds, covered = [], np.zeros(len(facets), dtype=bool)
     for least in (_ALONG, _STEEP):
         before = covered.copy()
         for number, surface in enumerate(now):
             on = np.max([np.abs(surface.value(corner)) for corner in (a, b, c)], axis=0) <= _ON * mesh.size
             along = np.abs(np.einsum("ij,ij->i", surface.gradient(centre), normal))
-            mine = on & (along > least) & (~before if least == _STEEP else True)
-            if (mine & ~covered).any():  # a surface that says nothing new is another's twin
-                found.append(_Bound(number, np.unique(facets[mine])))
-            covered |= mine
+            bound = on & (along > least) & (~before if least == _STEEP else True)
+            if (bound & ~covered).any():  # a surface that says nothing new is another's twin
+                bounds.append(_Bound(number, np.unique(facets[bound])))
+            covered |= bound
     if not covered.all():
         raise SpecError(
             f"{(~covered).sum()} of {len(facets)} facets of the mesh do not lie on a surface of the geometry"
         )
-    return found
+    return bounds
 
 
 def _independent(nodes: np.ndarray, normals: np.ndarray) -> np.ndarray:
@@ -210,7 +211,7 @@ def _independent(nodes: np.ndarray, normals: np.ndarray) -> np.ndarray:
     kept, known = [], {}
     for index, (node, normal) in enumerate(zip(nodes.tolist(), normals, strict=True)):
         basis = known.setdefault(node, [])
-        rest = normal - sum((normal @ one) * one for one in basis)
+        rest = normal - sum((normal @ direction) * direction for direction in basis)
         size = np.linalg.norm(rest)
         if size > _INDEPENDENT * np.linalg.norm(normal):
             basis.append(rest / size)

@@ -21,7 +21,7 @@ from cfem.robot.spec import SceneSpec
 
 
 def on_mesh(scene: SceneSpec, robot: Robot, mesh: Mesh) -> Robot:
-    """The robot of `scene`, built on mesh.base, on the mesh itself."""
+    """Robot of a scene on a mesh with its free form; robot: the same, built on `mesh.base`."""
     body = on_nodes(robot.body, mesh)
     form = scene.shape
 
@@ -31,14 +31,14 @@ def on_mesh(scene: SceneSpec, robot: Robot, mesh: Mesh) -> Robot:
     loads = robot.loads
     if scene.gravity is not None:
         density = _densities(scene, mesh.base)
-        weight = [gravity(one, density, scene.gravity.acceleration) for one in (robot.body, body)]
+        weight = [gravity(shaped, density, scene.gravity.acceleration) for shaped in (robot.body, body)]
         loads = loads + weight[1] - weight[0]
     return replace(
         robot,
         body=body,
-        actuators=tuple(_actuator(one, mesh) for one in robot.actuators),
-        effectors=tuple(watched(one, mesh, follow) for one in robot.effectors),
-        contacts=tuple(replace(one, attachment=moved(one.attachment, mesh)) for one in robot.contacts),
+        actuators=tuple(_actuator(actuator, mesh) for actuator in robot.actuators),
+        effectors=tuple(watched(effector, mesh, follow) for effector in robot.effectors),
+        contacts=tuple(replace(point, attachment=moved(point.attachment, mesh)) for point in robot.contacts),
         loads=loads,
     )
 
@@ -55,32 +55,33 @@ def carried(carrier: Carrier, mesh: Mesh) -> Carrier:
     return replace(carrier, centre=centre, arm=X - centre)
 
 
-def watched(one, mesh: Mesh, follow):
+def watched(effector, mesh: Mesh, follow):
     """An effector on the mesh. follow: where a place (3,) mm outside the body goes."""
-    if isinstance(one, PointEffector):
-        return replace(one, attachment=moved(one.attachment, mesh))
-    if isinstance(one, CarriedEffector):
-        carrier, place = carried(one.carrier, mesh), follow(one.rest)
+    if isinstance(effector, PointEffector):
+        return replace(effector, attachment=moved(effector.attachment, mesh))
+    if isinstance(effector, CarriedEffector):
+        carrier, place = carried(effector.carrier, mesh), follow(effector.rest)
         return CarriedEffector(carrier, place - carrier.centre, place)
-    if isinstance(one, RotationEffector):
-        return RotationEffector(carried(one.carrier, mesh))
-    if isinstance(one, CombinedEffector):
-        return replace(one, parts=tuple(watched(part, mesh, follow) for part in one.parts))
-    raise SpecError(f"an effector of kind {type(one).__name__} cannot follow a free form")
+    if isinstance(effector, RotationEffector):
+        return RotationEffector(carried(effector.carrier, mesh))
+    if isinstance(effector, CombinedEffector):
+        return replace(effector, parts=tuple(watched(part, mesh, follow) for part in effector.parts))
+    raise SpecError(f"an effector of kind {type(effector).__name__} cannot follow a free form")
 
 
-def _actuator(one, mesh: Mesh):
-    if isinstance(one, Cable):
-        return one.at_rest(mesh.X)
-    if isinstance(one, Push):
-        return replace(one, rest=one.value(mesh.X))
-    if isinstance(one, Cavity):
-        return replace(one, rest_volume=one.rest_volume + float(one.value(mesh.X)[0]))
-    raise SpecError(f"an actuator of kind {type(one).__name__} cannot follow a free form")
+def _actuator(actuator, mesh: Mesh):
+    """The actuator at rest on the mesh."""
+    if isinstance(actuator, Cable):
+        return actuator.at_rest(mesh.X)
+    if isinstance(actuator, Push):
+        return replace(actuator, rest=actuator.value(mesh.X))
+    if isinstance(actuator, Cavity):
+        return replace(actuator, rest_volume=actuator.rest_volume + float(actuator.value(mesh.X)[0]))
+    raise SpecError(f"an actuator of kind {type(actuator).__name__} cannot follow a free form")
 
 
 def _densities(scene: SceneSpec, mesh: Mesh) -> np.ndarray:
-    """(m,) t/mm^3 of the cells of the mesh that the regions are selected on."""
+    """Densities (m,) t/mm^3 of the cells, with regions selected on this mesh."""
     density = np.full(len(mesh.cells), scene.material.density)
     for index, item in enumerate(scene.materials):
         density[select_cells(mesh, item.region, f"materials.{index}.region")] = item.material.density

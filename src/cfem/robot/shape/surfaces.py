@@ -11,24 +11,25 @@ from cfem.robot.cad import Box, Difference, Frustum, Loft, Prism, Solid, Union
 
 
 @dataclass(frozen=True)
-class Plane:
-    """normal (3,) unit; x . normal = offset mm."""
+class PlaneSurface:
+    """Plane x . normal = offset mm, with a unit normal (3,)."""
 
     normal: np.ndarray
     offset: float
 
     def value(self, x: np.ndarray) -> np.ndarray:
-        """(k,) mm of x (k, 3)."""
+        """Signed distances (k,) mm of points x (k, 3) mm."""
         return x @ self.normal - self.offset
 
     def gradient(self, x: np.ndarray) -> np.ndarray:
-        """(k, 3)."""
+        """Gradients (k, 3) of `value`."""
         return np.broadcast_to(self.normal, x.shape)
 
 
 @dataclass(frozen=True)
-class Cone:
-    """About a line through `base` (3,) mm along `axis` (3,) unit: its radius there plus slope times the way along."""
+class ConeSurface:
+    """Cone about the line through `base` (3,) mm along the unit `axis` (3,): its radius is `radius` mm at the base, and
+    changes by `slope` per mm along the axis."""
 
     base: np.ndarray
     axis: np.ndarray
@@ -47,38 +48,38 @@ class Cone:
         return (across / np.where(away > 0, away, 1.0) - self.slope * self.axis) / np.hypot(1.0, self.slope)
 
 
-Surface = Plane | Cone
+Surface = PlaneSurface | ConeSurface
 
 
 def surfaces(solid: Solid) -> list[Surface]:
-    """Of all primitives of the tree. ValueError where one has surfaces that are not known: of a file, or placed."""
+    """Surfaces of all primitives of a CAD tree. ValueError where those of one are not known: of a file, or placed."""
     match solid:
         case Union(parts):
-            return [one for part in parts for one in surfaces(part)]
+            return [surface for part in parts for surface in surfaces(part)]
         case Difference(whole, parts):
-            return [one for part in (whole, *parts) for one in surfaces(part)]
+            return [surface for part in (whole, *parts) for surface in surfaces(part)]
         case Box(low, high):
-            return [Plane(axis, end[i]) for i, axis in enumerate(np.eye(3)) for end in (low, high)]
+            return [PlaneSurface(axis, end[i]) for i, axis in enumerate(np.eye(3)) for end in (low, high)]
         case Prism(polygon, x_low, x_high):
             corners = np.array([(0.0, *corner) for corner in polygon])
             ends = np.roll(corners, -1, axis=0)
             sides = [_through(a, b, b + [1.0, 0, 0]) for a, b in zip(corners, ends, strict=True)]
-            return [*sides, Plane(np.eye(3)[0], x_low), Plane(np.eye(3)[0], x_high)]
+            return [*sides, PlaneSurface(np.eye(3)[0], x_low), PlaneSurface(np.eye(3)[0], x_high)]
         case Frustum(base, axis, r0, r1):
             length = float(np.linalg.norm(axis))
             unit, at = np.array(axis) / length, np.array(base, float)
-            ends = [Plane(unit, float(at @ unit)), Plane(unit, float(at @ unit) + length)]
-            return [Cone(at, unit, r0, (r1 - r0) / length), *ends]
+            ends = [PlaneSurface(unit, float(at @ unit)), PlaneSurface(unit, float(at @ unit) + length)]
+            return [ConeSurface(at, unit, r0, (r1 - r0) / length), *ends]
         case Loft(first, second):
-            one, other = np.array(first, float), np.array(second, float)
-            following = np.roll(one, -1, axis=0)
-            sides = [_through(a, b, c) for a, b, c in zip(one, following, other, strict=True)]
-            return [*sides, _through(*one[:3]), _through(*other[:3])]
+            bottom, top = np.array(first, float), np.array(second, float)
+            following = np.roll(bottom, -1, axis=0)
+            sides = [_through(a, b, c) for a, b, c in zip(bottom, following, top, strict=True)]
+            return [*sides, _through(*bottom[:3]), _through(*top[:3])]
     raise ValueError(f"the surfaces of a {type(solid).__name__} are not known")
 
 
-def _through(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> Plane:
+def _through(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> PlaneSurface:
     """The plane of three points (3,)."""
     normal = np.cross(b - a, c - a)
     normal = normal / np.linalg.norm(normal)
-    return Plane(normal, float(normal @ a))
+    return PlaneSurface(normal, float(normal @ a))

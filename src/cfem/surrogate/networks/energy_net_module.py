@@ -5,7 +5,7 @@ import torch
 from torch import Tensor, nn
 
 from cfem.condensed import Rows
-from cfem.predict.energy import Form
+from cfem.condensed.model import Form
 from cfem.predict.kinds.energy_net import ORDERS
 from cfem.surrogate.torch_model import Condense
 

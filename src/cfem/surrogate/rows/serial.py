@@ -21,7 +21,9 @@ def folders(spec: SerialSpec) -> list[Path]:
     return list(dict.fromkeys(module.model for module in spec.modules))
 
 
-def compose(training: Any, spec: SerialSpec) -> tuple[dict[str, np.ndarray], dict[str, Any], list[dict[str, Any]]]:
+def compose(
+    training: Any, spec: SerialSpec, folder: Path | None = None
+) -> tuple[dict[str, np.ndarray], dict[str, Any], list[dict[str, Any]]]:
     """Arrays, what model.json says of them, and how the modules' models learned. InputError where they do not fit the
     whole: other effectors, another number of actuators, another mass."""
     paths = folders(spec)

@@ -58,6 +58,28 @@ def try_counts(
     ]
 
 
+def values_left_out(
+    z: np.ndarray,
+    derivatives: tuple[Derivative, ...],
+    scaled: tuple[np.ndarray, np.ndarray],
+    indices: np.ndarray,
+    folds: int,
+) -> float:
+    """Root mean square error of the values alone, the first of the derivatives, at states left out of a fit with these
+    indices (M, n): relative to their standard deviation."""
+    targets, divisors = scaled
+    square = 0.0
+    for fold in range(folds):
+        rest = np.arange(len(z)) % folds != fold
+        R = triangular(blocks(z[rest], derivatives, targets[rest], divisors, indices))
+        (solution,) = solve_nested(R, targets.shape[2], [len(indices)])
+        if solution is None:
+            return np.inf
+        values = design_rows(z[~rest], indices, derivatives[:1])[:, 0] @ solution / divisors[0]
+        square += float(((values - targets[~rest, 0]) ** 2).sum())
+    return float(np.sqrt(square / targets[:, 0].size))
+
+
 def blocks(
     z: np.ndarray, derivatives: tuple[Derivative, ...], targets: np.ndarray, divisors: np.ndarray, indices: np.ndarray
 ):

@@ -13,8 +13,8 @@ import numpy as np
 
 from cfem.condensed import pack_upper
 from cfem.condensed.energy_slopes import by_displacement
+from cfem.condensed.model import Form
 from cfem.condensed.parameters import coordinates, from_json, sampled, slopes
-from cfem.predict.energy import Form
 
 CONSTANT = 1e-9  # standard deviation over size of what varies by rounding alone
 Derivative = tuple[int, ...]  # the axes by which is derived, ascending: () the value itself, (0, 2) d2/dt0 dt2
@@ -31,9 +31,10 @@ class Observations:
     values: np.ndarray
     n_s: int
 
-    def scaled(self) -> tuple[np.ndarray, np.ndarray]:
-        """(m, k, q) each derivative divided by the largest standard deviation among those of its order, and (k,) those
-        divisors: all orders then weigh alike, but for one that is rounding beside the others (in box coordinates)."""
+    def scaled(self, fall: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
+        """(m, k, q) each derivative divided by the largest standard deviation among those of its order times
+        fall^order, and (k,) those divisors: with 1, all orders weigh alike, but for one that is rounding beside the
+        others (in box coordinates)."""
         deviation = self.values.std(axis=0).max(axis=1)
         size = np.abs(self.values).max(axis=(0, 2))
         divisors = np.empty(len(self.derivatives))
@@ -44,7 +45,7 @@ class Observations:
             if largest <= CONSTANT * size.max():  # rounding, or nothing
                 largest = size.max() or 1.0
             varies = deviation[members].max() > CONSTANT * largest
-            divisors[members] = deviation[members].max() if varies else largest
+            divisors[members] = (deviation[members].max() if varies else largest) * fall ** group[0]
         return self.values / divisors[:, None], divisors
 
 

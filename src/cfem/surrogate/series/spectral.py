@@ -8,6 +8,7 @@ grow term by term instead (greedy.py)."""
 from dataclasses import dataclass
 from itertools import combinations_with_replacement
 from math import comb
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,13 +21,18 @@ from cfem.surrogate.series.chebyshev import design_rows, index_set
 from cfem.surrogate.series.coordinates import box_coordinates, held_coordinates, mean_square
 from cfem.surrogate.series.greedy import greedy_set
 from cfem.surrogate.series.least_norm import least_norm
-from cfem.surrogate.series.nested_fit import level_counts, try_counts
-from cfem.surrogate.series.observations import Observations, in_box, inputs, observations
+from cfem.surrogate.series.nested_fit import level_counts, try_counts, values_left_out
+from cfem.surrogate.series.observations import Derivative, Observations, in_box, inputs, observations
 from cfem.surrogate.series.weights import SEARCH_ROWS, active_weights, decay_weights, searched_weights
+from cfem.surrogate.spec import SpectralSpec
 
 ROWS_A_TERM = 1 / 0.9
 SEARCH_TERMS = 300  # of the fits that judge weights
 MANY = 8  # inputs, beyond which no weights say well what matters: sets grow term by term
+# Error of states left out above which the terms that are left out matter. Their derivatives of order k are n^k times as
+# large as they are, for a degree n: with equal weights those decide the fit, and the values pay for it. Each order is
+# then tried at a tenth of the weight of the one below, and taken where the values of states left out are better by far.
+TRUNCATED, FALL, FAR = 0.05, 10.0, 0.6
 PILOT_TERMS = 600  # whole degrees that are tried first, of three or more coordinates
 
 
@@ -54,6 +60,12 @@ class Fit:
     held_out: list[dict[str, Any]]
 
 
+def fit_spec(dataset: Any, spec: SpectralSpec, folder: Path | None = None) -> tuple[dict, dict, list]:
+    """Arrays, facts for model.json and held-out errors of the model that a spec asks for, as every kind has them."""
+    fitted = fit(dataset, spec.form, spec.max_degree, spec.max_terms, spec.folds)
+    return fitted.arrays, {"form": spec.form, "terms": fitted.terms, "weights": fitted.weights}, fitted.held_out
+
+
 def fit(dataset: Any, form: Form = "displacement", max_degree: int = 16, max_terms: int = 2000, folds: int = 5) -> Fit:
     """Fits all states of `dataset` (cfem.dataset.reader.Dataset, training rows only); fewer folds for fewer states."""
     s, q = inputs(dataset, form)
@@ -68,9 +80,12 @@ def fit(dataset: Any, form: Form = "displacement", max_degree: int = 16, max_ter
     z = np.hstack([s, q]) @ to_box.T + offset
     chosen, weights, held_out = {}, {}, []
     for name, observed in known.items():
-        chosen[name], weights[name], records = fit_quantity(
-            z, in_box(observed, to_box), max_degree, max_terms, folds, active
-        )
+        observed = in_box(observed, to_box)
+        chosen[name], weights[name], records = fit_quantity(z, observed, max_degree, max_terms, folds, active)
+        if name == "effector" and min(record["error"] for record in records) > TRUNCATED:
+            chosen[name], weights[name], records = _values_first(
+                z, observed, (chosen[name], weights[name], records), (max_degree, max_terms, folds, active)
+            )
         held_out += [{"quantity": name, **record} for record in records]
     curvature = {}
     if dataset.d2C is not None and form == "displacement":
@@ -120,6 +135,21 @@ def _mean_hessian(known: dict[str, Observations], n_a: int) -> np.ndarray:
     return hessian + np.triu(hessian, 1).T
 
 
+Chosen = tuple["Series", np.ndarray, list[dict[str, Any]]]
+
+
+def _values_first(z: np.ndarray, observed: Observations, equal: Chosen, limits: tuple) -> Chosen:
+    """What is chosen with derivatives that count less, where that gives the values at states left out better than
+    `equal`, chosen with equal weights. limits: as of `fit_quantity`."""
+    chosen = fit_quantity(z, observed, *limits, fall=FALL)
+    folds = min(limits[2], len(z))
+    errors = [
+        values_left_out(z, observed.derivatives, observed.scaled(fall), each[0].indices, folds)
+        for fall, each in ((1.0, equal), (FALL, chosen))
+    ]
+    return chosen if errors[1] < FAR * errors[0] else equal
+
+
 def fit_quantity(
     z: np.ndarray,
     observed: Observations,
@@ -128,12 +158,13 @@ def fit_quantity(
     folds: int,
     active: np.ndarray | None = None,
     enough: float = 0.0,
+    fall: float = 1.0,
 ) -> tuple[Series, np.ndarray, list[dict[str, Any]]]:
     """The series with the least error on states left out, of several below `enough` the shortest; the weights of its
     coordinates; and one record a trial. active: weights to try besides equal ones, those that a search finds and those
-    of the coefficients' decay."""
+    of the coefficients' decay. fall: how much less each order of derivatives counts than the one below."""
     n = z.shape[1]
-    trials = _Trials(z, observed, max_degree, min(folds, len(z)), max_terms, enough)
+    trials = _Trials(z, observed.derivatives, observed.scaled(fall), max_degree, min(folds, len(z)), max_terms, enough)
     if n > MANY:
         trials.try_greedy()
         return trials.result()
@@ -158,11 +189,18 @@ class _Trials:
     ranked: (rank, series, weights) of each trial's best set; a rank is (error, but no less than `enough`; terms)"""
 
     def __init__(
-        self, z: np.ndarray, observed: Observations, max_degree: int, folds: int, max_terms: int, enough: float
+        self,
+        z: np.ndarray,
+        derivatives: tuple[Derivative, ...],
+        scaled: tuple[np.ndarray, np.ndarray],
+        max_degree: int,
+        folds: int,
+        max_terms: int,
+        enough: float,
     ):
-        """Scales the observations, and counts the terms that they determine."""
-        self._z, self._derivatives, self._max_degree, self._folds = z, observed.derivatives, max_degree, folds
-        self._enough, self._targets, self._divisors = enough, *observed.scaled()
+        """Counts the terms that scaled observations determine."""
+        self._z, self._derivatives, self._max_degree, self._folds = z, derivatives, max_degree, folds
+        self._enough, self._targets, self._divisors = enough, *scaled
         most = int(len(self._divisors) * (len(z) - -(-len(z) // folds)) / ROWS_A_TERM)
         self.most = max(1, min(max_terms, most))
         self.ranked: list[tuple[tuple[float, int], Series, np.ndarray]] = []

@@ -1,4 +1,5 @@
-/* The robot in motion as data, as cfem_data.h has the robot at rest. cfem_page_motion.c reads it; page_motion.py writes it. */
+/* The robot in motion as data, as cfem_data.h has the robot at rest; with predictive control. cfem_page_motion.c reads the block,
+ * page/motion.py writes it. */
 #ifndef CFEM_MOTION_DATA_H
 #define CFEM_MOTION_DATA_H
 
@@ -19,44 +20,57 @@
 #define CFEM_MPC_MOST_PLANES 0
 #define CFEM_MPC_MOST_LATE 1
 
-typedef struct {
-    /* In the order of the block. */
-    int n_q, losses, terms, degree, curved, first_products, second_products, ticks, moves, every, force;
-    int begins[CFEM_MPC_MOST_MOVES], prony_terms[CFEM_MOTION_MOST_LOSSES];
-    double dt, warp, length, stiffness;
-    double relaxation[CFEM_MOTION_MOST_LOSSES], prony[CFEM_MOTION_MOST_TERMS][2];
-    double scale[CFEM_MOTION_MOST_NQ], unit[CFEM_MOTION_MOST_NQ];
-    double to_box[CFEM_MOST_NA][CFEM_MOST_NA], offset[CFEM_MOST_NA], start[CFEM_MOST_NA];
-    double weight[CFEM_MOST_NE], smooth[CFEM_MOST_NA], effort[CFEM_MOST_NA], size[CFEM_MOST_NA], rate[CFEM_MOST_NA];
-    double course_size[CFEM_MOST_NA], command[CFEM_MOST_NA][2], course[CFEM_MOST_NA][2];
-    const uint8_t *first_degrees, *second_degrees;
-    cfem_motion_series root[1], inner[1], curve[1], loss[CFEM_MOTION_MOST_LOSSES];
-} cfem_motion_robot;
+#define CFEM_MOTION_COUNTS(X) \
+    X(CFEM_MOTION_NQ, 1, CFEM_MOTION_MOST_NQ, "motions") \
+    X(CFEM_MOTION_LOSSES, 0, CFEM_MOTION_MOST_LOSSES, "viscous materials") \
+    X(CFEM_MOTION_TERMS, 0, CFEM_MOTION_MOST_TERMS, "Prony terms") \
+    X(CFEM_MOTION_DEGREE, 1, CFEM_MOTION_MOST_DEGREE, "degrees") \
+    X(CFEM_MOTION_CURVED, 0, 1, "curves") \
+    X(CFEM_MOTION_FIRST_PRODUCTS, 1, CFEM_MOTION_MOST_PRODUCTS, "products in a half of its mass") \
+    X(CFEM_MOTION_SECOND_PRODUCTS, 1, CFEM_MOTION_MOST_PRODUCTS, "products in a half of its mass") \
+    X(CFEM_MPC_TICKS, 2, CFEM_MPC_MOST_TICKS, "ticks in the horizon") \
+    X(CFEM_MPC_MOVES, 1, CFEM_MPC_MOST_MOVES, "moves in the horizon") \
+    X(CFEM_MPC_EVERY, 1, CFEM_MPC_MOST_TICKS, "ticks between two places") \
+    X(CFEM_MPC_FORCE, 0, 1, "commands")
 
-extern cfem_motion_robot cfem_moves;
+/* Vectors of whole numbers. */
+#define CFEM_MOTION_INTEGERS(X) \
+    X(cfem_mpc_begins, CFEM_MPC_MOST_MOVES, CFEM_MPC_MOVES) \
+    X(cfem_motion_prony_terms, CFEM_MOTION_MOST_LOSSES, CFEM_MOTION_LOSSES)
+
+#define CFEM_MOTION_VECTORS(X) \
+    X(cfem_mpc_dt, 1, 1) \
+    X(cfem_mpc_warp, 1, 1) \
+    X(cfem_mpc_length, 1, 1) \
+    X(cfem_mpc_start, CFEM_MOST_NA, CFEM_NA) \
+    X(cfem_motion_kappa, 1, 1) \
+    X(cfem_motion_relaxation, CFEM_MOTION_MOST_LOSSES, CFEM_MOTION_LOSSES) \
+    X(cfem_motion_scale, CFEM_MOTION_MOST_NQ, CFEM_MOTION_NQ) \
+    X(cfem_motion_unit, CFEM_MOTION_MOST_NQ, CFEM_MOTION_NQ) \
+    X(cfem_motion_offset, CFEM_MOST_NA, CFEM_NA) \
+    X(cfem_mpc_weight, CFEM_MOST_NE, CFEM_NE) \
+    X(cfem_mpc_smooth, CFEM_MOST_NA, CFEM_NA) \
+    X(cfem_mpc_effort, CFEM_MOST_NA, CFEM_NA) \
+    X(cfem_mpc_size, CFEM_MOST_NA, CFEM_NA) \
+    X(cfem_mpc_rate, CFEM_MOST_NA, CFEM_NA) \
+    X(cfem_mpc_course_size, CFEM_MOST_NA, CFEM_NA)
+
+#define CFEM_MOTION_MATRICES(X) \
+    X(cfem_motion_prony, CFEM_MOTION_MOST_TERMS, 2, CFEM_MOTION_TERMS, 2) \
+    X(cfem_motion_to_box, CFEM_MOST_NA, CFEM_MOST_NA, CFEM_NA, CFEM_NA) \
+    X(cfem_mpc_command, CFEM_MOST_NA, 2, CFEM_NA, 2) \
+    X(cfem_mpc_course, CFEM_MOST_NA, 2, CFEM_NA, 2)
+
+#define CFEM_INTEGER(name, room, size) extern int name[room];
+CFEM_MOTION_COUNTS(CFEM_COUNT)
+CFEM_MOTION_INTEGERS(CFEM_INTEGER)
+CFEM_MOTION_VECTORS(CFEM_VECTOR)
+CFEM_MOTION_MATRICES(CFEM_MATRIX)
+extern const uint8_t *cfem_motion_first_degrees, *cfem_motion_second_degrees;
+extern cfem_motion_series cfem_motion_root[1], cfem_motion_inner[1], cfem_motion_curve[1], cfem_motion_loss[CFEM_MOTION_MOST_LOSSES];
 
 #define CFEM_MOTION_NA CFEM_NA
 #define CFEM_MOTION_NE CFEM_NE
-#define CFEM_MOTION_NQ cfem_moves.n_q
-#define CFEM_MOTION_LOSSES cfem_moves.losses
-#define CFEM_MOTION_TERMS cfem_moves.terms
-#define CFEM_MOTION_DEGREE cfem_moves.degree
-#define CFEM_MOTION_CURVED cfem_moves.curved
-#define CFEM_MOTION_FIRST_PRODUCTS cfem_moves.first_products
-#define CFEM_MOTION_SECOND_PRODUCTS cfem_moves.second_products
-#define cfem_motion_stiffness cfem_moves.stiffness
-#define cfem_motion_relaxation cfem_moves.relaxation
-#define cfem_motion_prony_terms cfem_moves.prony_terms
-#define cfem_motion_prony cfem_moves.prony
-#define cfem_motion_scale cfem_moves.scale
-#define cfem_motion_unit cfem_moves.unit
-#define cfem_motion_to_box cfem_moves.to_box
-#define cfem_motion_offset cfem_moves.offset
-#define cfem_motion_first_degrees cfem_moves.first_degrees
-#define cfem_motion_second_degrees cfem_moves.second_degrees
-#define cfem_motion_root cfem_moves.root
-#define cfem_motion_inner cfem_moves.inner
-#define cfem_motion_curve cfem_moves.curve
-#define cfem_motion_loss cfem_moves.loss
+#define cfem_motion_stiffness cfem_motion_kappa[0]
 
 #endif

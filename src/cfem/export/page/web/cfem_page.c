@@ -1,4 +1,4 @@
-/* The controller of ../c for a page: reads the robot from a block of bytes, ticks it, sets its actuators by hand, and gives the surface
+/* The controller of firmware for a page: reads the robot from a block of bytes, ticks it, sets its actuators by hand, and gives the surface
  * that its skin has there. No heap and no imports: the page lays its data behind __heap_base. */
 #include "cfem_page.h"
 
@@ -6,7 +6,16 @@
 
 #define SHORTEST (1.0 / 64.0) /* step of what is set by hand, as a share of the way */
 
-cfem_robot cfem_here;
+#define DEFINE_TREE(name, outputs, n_z, degree) \
+    const cfem_real *name; \
+    const uint8_t *name##_degrees; \
+    const cfem_group *name##_groups; \
+    int name##_group_count;
+CFEM_COUNTS(DEFINE_COUNT)
+CFEM_VECTORS(DEFINE_VECTOR)
+CFEM_MATRICES(DEFINE_MATRIX)
+CFEM_TREES(DEFINE_TREE)
+
 static cfem_controller controller;
 
 cfem_page_shared cfem_io;
@@ -14,56 +23,42 @@ cfem_page_shared cfem_io;
 
 double *SERVED(io)(void) { return &io.goal[0]; }
 
-static void a_series(reader *r, cfem_series *f, int outputs, int n_z, int degree) {
+/* How many groups a series has. */
+static int read_tree(reader *r, const cfem_real **coefficients, const uint8_t **degrees, const cfem_group **groups, int outputs, int n_z,
+                     int degree) {
     const int32_t *sizes = take(r, 2 * sizeof *sizes);
-    if (!r->good || !between(r, 0, sizes[0], 1 << 16) || !between(r, 0, sizes[1], sizes[0])) return;
-    f->outputs = outputs, f->terms = sizes[0], f->groups = sizes[1];
-    f->coefficients = take(r, (size_t)f->terms * (size_t)outputs * sizeof *f->coefficients);
-    f->degrees = take(r, (size_t)f->terms);
-    f->group = take(r, (size_t)f->groups * sizeof *f->group);
-    for (int m = 0; r->good && m < f->terms; m++) between(r, 0, f->degrees[m], degree);
-    for (int g = 0, end = 0; r->good && g < f->groups; end = f->group[g++].end) {
-        between(r, end, f->group[g].end, f->terms);
-        between(r, 0, f->group[g].depth, n_z - 1);
-        for (int d = 0; r->good && d < n_z - 1; d++) between(r, 0, f->group[g].degrees[d], degree);
+    if (!r->good || !between(r, 0, sizes[0], 1 << 16) || !between(r, 0, sizes[1], sizes[0])) return 0;
+    const int terms = sizes[0], count = sizes[1];
+    *coefficients = take(r, (size_t)terms * (size_t)outputs * sizeof **coefficients);
+    const uint8_t *own = *degrees = take(r, (size_t)terms);
+    const cfem_group *group = *groups = take(r, (size_t)count * sizeof *group);
+    for (int m = 0; r->good && m < terms; m++) between(r, 0, own[m], degree);
+    for (int g = 0, end = 0; r->good && g < count; end = group[g++].end) {
+        between(r, end, group[g].end, terms);
+        between(r, 0, group[g].depth, n_z - 1);
+        for (int d = 0; r->good && d < n_z - 1; d++) between(r, 0, group[g].degrees[d], degree);
     }
-    if (r->good && f->groups) between(r, f->terms, f->group[f->groups - 1].end, f->terms);
+    if (r->good && count) between(r, terms, group[count - 1].end, terms);
+    return count;
 }
+
+#define READ_TREE(name, outputs, n_z, degree) \
+    name##_group_count = read_tree(&r, &name, &name##_degrees, &name##_groups, outputs, n_z, degree);
 
 /* 0, or 1 where the block is not of a robot that this code has room for. It is not copied: it has to stay. */
 int SERVED(load)(const unsigned char *block, int size) {
     reader r = {block, block + size, 1};
-    cfem_robot *const to = &cfem_here;
-    int *const counts = &to->kind;
-    const int32_t *head = take(&r, 18 * sizeof *head);
+    const int32_t *head = take(&r, (CFEM_COUNTS(ONE)) * sizeof *head);
     if (!r.good) return 1;
-    for (int i = 0; i < 14; i++) counts[i] = head[i];
-    const int skin = head[14], n_a = to->n_a, n_e = to->n_e;
-    to->skin_n_z = head[15], to->skin_degree = head[16];
-    between(&r, CFEM_KIND_SPECTRAL, to->kind, CFEM_KIND_SERIAL);
-    between(&r, 1, n_a, CFEM_MOST_NA), between(&r, 1, n_e, CFEM_MOST_NE);
-    between(&r, 1, to->n_z, CFEM_MOST_NZ), between(&r, 1, to->degree, CFEM_MOST_DEGREE);
-    between(&r, 1, to->skin_n_z, CFEM_MOST_NZ), between(&r, 1, to->skin_degree, CFEM_MOST_DEGREE);
-    between(&r, 0, skin, CFEM_MOST_SKIN), between(&r, 1, to->modules, CFEM_MOST_MODULES);
-    if (to->kind == CFEM_KIND_SERIAL)
-        between(&r, 6, to->series_n_e, 6), between(&r, n_a, to->modules * to->series_n_a, n_a), between(&r, 3, n_e, 3);
+    CFEM_COUNTS(READ_COUNT)
+    if (CFEM_KIND == CFEM_KIND_SERIAL)
+        between(&r, 6, CFEM_SERIES_NE, 6), between(&r, CFEM_NA, CFEM_MODULES * CFEM_SERIES_NA, CFEM_NA), between(&r, 3, CFEM_NE, 3);
     else
-        between(&r, n_e, to->series_n_e, n_e), between(&r, n_a, to->series_n_a, n_a);
-    between(&r, 0, to->observer, 2), between(&r, 0, to->observer_iterations, 100);
-    between(&r, 1, to->iterations, 50), between(&r, 0, to->halvings, CFEM_MOST_HALVINGS);
+        between(&r, 0, CFEM_KIND, CFEM_KIND_SPECTRAL), between(&r, CFEM_NE, CFEM_SERIES_NE, CFEM_NE), between(&r, CFEM_NA, CFEM_SERIES_NA, CFEM_NA);
     if (!r.good) return 1;
-    numbers(&r, &to->observer_tolerance, 1);
-    numbers(&r, to->rest_e, n_e), numbers(&r, to->effector_weight, n_e), numbers(&r, to->far, n_e);
-    double *const by_actuator[] = {to->ridge,      to->least_ridge, to->damping,   to->lambda_low, to->lambda_high, to->delta_low,
-                                   to->delta_high, to->tolerance,   to->step_limit, to->delta_rate, to->lambda_rate, to->home};
-    for (size_t i = 0; i < sizeof by_actuator / sizeof *by_actuator; i++) numbers(&r, by_actuator[i], n_a);
-    matrix(&r, to->domain_delta_a, 2, n_a), matrix(&r, to->domain_lambda_a, 2, n_a);
-    matrix(&r, to->to_box, to->n_z, to->series_n_a), numbers(&r, to->offset, to->n_z);
-    numbers(&r, to->softer, to->modules), numbers(&r, to->module_rest, 3);
-    matrix(&r, to->skin_to_box, to->skin_n_z, n_a), numbers(&r, to->skin_offset, to->skin_n_z);
-    a_series(&r, &to->potential, 1, to->n_z, to->degree);
-    a_series(&r, &to->effector, to->series_n_e, to->n_z, to->degree);
-    a_series(&r, &to->skin, skin, to->skin_n_z, to->skin_degree);
+    CFEM_VECTORS(READ_VECTOR)
+    CFEM_MATRICES(READ_MATRIX)
+    CFEM_TREES(READ_TREE)
     return !(r.good && r.at == r.end);
 }
 
@@ -71,19 +66,16 @@ int SERVED(load)(const unsigned char *block, int size) {
 
 /* Rows of the skin at s, (outputs,) mm, summed from the leaves as in cfem_spectral.c. */
 static void skin_rows(const double *s, double *out) {
-    const cfem_series *const f = &cfem_here.skin;
     double T[CFEM_MOST_NZ][CFEM_MOST_DEGREE + 1], sum[CFEM_MOST_NZ][CFEM_MOST_SKIN];
-    const int N = cfem_here.skin_n_z, outputs = f->outputs;
-    const cfem_box box = {N, cfem_here.n_a, CFEM_MOST_NA, cfem_here.skin_degree, CFEM_MOST_NZ, CFEM_MOST_DEGREE + 1,
-                          cfem_here.skin_to_box[0], cfem_here.skin_offset};
+    const int N = CFEM_SKIN_NZ, outputs = CFEM_SKIN_ROWS;
+    const cfem_box box = {N, CFEM_NA, CFEM_MOST_NA, CFEM_SKIN_DEGREE, CFEM_MOST_NZ, CFEM_MOST_DEGREE + 1, cfem_skin_to_box[0], cfem_skin_offset};
     cfem_polynomials(box, s, 1, T[0]);
     for (int i = 0; i < N; i++)
         for (int o = 0; o < outputs; o++) sum[i][o] = 0.0;
-    for (int g = 0, m = 0; g < f->groups; g++) {
-        const cfem_group *group = f->group + g;
+    for (int g = 0, m = 0; g < cfem_skin_group_count; g++) {
+        const cfem_group *group = cfem_skin_groups + g;
         for (; m < group->end; m++)
-            for (int o = 0; o < outputs; o++)
-                sum[N - 1][o] += f->coefficients[m * outputs + o] * T[N - 1][f->degrees[m]];
+            for (int o = 0; o < outputs; o++) sum[N - 1][o] += cfem_skin[m * outputs + o] * T[N - 1][cfem_skin_degrees[m]];
         for (int d = N - 2; d >= group->depth; d--)
             for (int o = 0; o < outputs; o++)
                 sum[d][o] += T[d][group->degrees[d]] * sum[d + 1][o], sum[d + 1][o] = 0.0;
@@ -108,7 +100,7 @@ void SERVED(shape)(double *x, float *drawn, float *normals) {
     const int count = 3 * surface.points;
     skin_rows(CFEM_FORM_DISPLACEMENT ? io.delta_a : io.lambda_a, io.skin);
     __builtin_memcpy(x, surface.rest, (size_t)count * sizeof *x);
-    for (int k = 0; k < cfem_here.skin.outputs; k++) {
+    for (int k = 0; k < CFEM_SKIN_ROWS; k++) {
         const double *mode = surface.modes + (size_t)k * (size_t)count, s = io.skin[k];
         for (int i = 0; i < count; i++) x[i] += s * mode[i];
     }

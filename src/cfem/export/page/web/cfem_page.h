@@ -19,7 +19,7 @@ typedef struct {
 
 extern cfem_page_shared cfem_io;
 
-/* --- the block: numbers of four bytes, then of eight, then the series -------------------------------------------------- */
+/* --- the block: numbers of four bytes, then of eight, then the series, as the lists of cfem_data.h declare them --------- */
 
 typedef struct {
     const unsigned char *at, *end;
@@ -44,14 +44,26 @@ static inline void numbers(reader *r, double *to, int count) {
     if (r->good) __builtin_memcpy(to, from, (size_t)count * sizeof *to);
 }
 
-/* A matrix (rows, columns) into rows of CFEM_MOST_NA. */
-static inline void matrix(reader *r, double to[][CFEM_MOST_NA], int rows, int columns) {
-    for (int i = 0; i < rows; i++) numbers(r, to[i], columns);
+static inline void integers(reader *r, int *to, int count) {
+    const int32_t *from = take(r, (size_t)count * sizeof *from);
+    for (int i = 0; r->good && i < count; i++) to[i] = from[i];
 }
 
 static inline int between(reader *r, int least, int value, int most) {
     r->good &= least <= value && value <= most;
     return r->good;
 }
+
+/* For these lists: the variables, and how they are read by `r`. */
+#define DEFINE_COUNT(name, least, most, what) int name;
+#define DEFINE_INTEGERS(name, room, size) int name[room];
+#define DEFINE_VECTOR(name, room, size) double name[room];
+#define DEFINE_MATRIX(name, rows_room, columns_room, rows, columns) double name[rows_room][columns_room];
+#define ONE(name, least, most, what) +1
+#define READ_COUNT(name, least, most, what) name = *head++, between(&r, least, name, most);
+#define READ_INTEGERS(name, room, size) integers(&r, name, size);
+#define READ_VECTOR(name, room, size) numbers(&r, name, size);
+#define READ_MATRIX(name, rows_room, columns_room, rows, columns) \
+    for (int i = 0; i < rows; i++) numbers(&r, name[i], columns);
 
 #endif

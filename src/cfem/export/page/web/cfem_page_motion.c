@@ -8,7 +8,12 @@
 #define NE CFEM_NE
 #define SUBSTEPS 4
 
-cfem_motion_robot cfem_moves;
+CFEM_MOTION_COUNTS(DEFINE_COUNT)
+CFEM_MOTION_INTEGERS(DEFINE_INTEGERS)
+CFEM_MOTION_VECTORS(DEFINE_VECTOR)
+CFEM_MOTION_MATRICES(DEFINE_MATRIX)
+const uint8_t *cfem_motion_first_degrees, *cfem_motion_second_degrees;
+cfem_motion_series cfem_motion_root[1], cfem_motion_inner[1], cfem_motion_curve[1], cfem_motion_loss[CFEM_MOTION_MOST_LOSSES];
 
 enum { STATIC, PREDICTIVE, BOTH };
 
@@ -38,59 +43,45 @@ static void read_series(reader *r, cfem_motion_series *to, int outputs) {
     const int blocks = (outputs + CFEM_SERIES_WIDE - 1) / CFEM_SERIES_WIDE;
     to->coefficients = take(r, (size_t)(blocks * to->terms * CFEM_SERIES_WIDE) * sizeof(double));
     for (int g = 0, last = 0; r->good && g < to->groups; last = to->end[g++])
-        between(r, 0, to->first[g], cfem_moves.first_products - 1), between(r, last, to->end[g], to->terms);
-    for (int m = 0; r->good && m < to->terms; m++) between(r, 0, to->second[m], cfem_moves.second_products - 1);
+        between(r, 0, to->first[g], CFEM_MOTION_FIRST_PRODUCTS - 1), between(r, last, to->end[g], to->terms);
+    for (int m = 0; r->good && m < to->terms; m++) between(r, 0, to->second[m], CFEM_MOTION_SECOND_PRODUCTS - 1);
 }
 
 /* (count, across) degrees. */
 static const uint8_t *degrees(reader *r, int count, int across) {
     const uint8_t *found = take(r, (size_t)(count * across));
-    for (int i = 0; r->good && i < count * across; i++) between(r, 0, found[i], cfem_moves.degree);
+    for (int i = 0; r->good && i < count * across; i++) between(r, 0, found[i], CFEM_MOTION_DEGREE);
     return found;
 }
 
 /* 0, or 1 where the block is not of a robot that this code has room for. It is not copied: it has to stay. */
 int SERVED(motion_load)(const unsigned char *block, int size) {
     reader r = {block, block + size, 1};
-    cfem_motion_robot *const to = &cfem_moves;
-    int *const counts = &to->n_q;
-    const int32_t *head = take(&r, 11 * sizeof *head);
+    const int32_t *head = take(&r, (CFEM_MOTION_COUNTS(ONE)) * sizeof *head);
     if (!r.good) return 1;
-    for (int i = 0; i < 11; i++) counts[i] = head[i];
-    between(&r, NA, to->n_q, CFEM_MOTION_MOST_NQ), between(&r, 0, to->losses, CFEM_MOTION_MOST_LOSSES);
-    between(&r, 0, to->terms, CFEM_MOTION_MOST_TERMS), between(&r, 1, to->degree, CFEM_MOTION_MOST_DEGREE);
-    between(&r, 0, to->curved, 1), between(&r, 1, to->first_products, CFEM_MOTION_MOST_PRODUCTS);
-    between(&r, 1, to->second_products, CFEM_MOTION_MOST_PRODUCTS);
-    between(&r, 2, to->ticks, CFEM_MPC_MOST_TICKS), between(&r, 1, to->moves, CFEM_MPC_MOST_MOVES), between(&r, 1, to->every, to->ticks);
+    CFEM_MOTION_COUNTS(READ_COUNT)
+    between(&r, NA, CFEM_MOTION_NQ, CFEM_MOTION_MOST_NQ), between(&r, 1, CFEM_MPC_EVERY, CFEM_MPC_TICKS);
     if (!r.good) return 1;
-    const int32_t *begins = take(&r, (size_t)to->moves * sizeof *begins), *terms = take(&r, (size_t)to->losses * sizeof *terms);
-    if (!r.good) return 1;
-    for (int i = 0; i < to->moves; i++) to->begins[i] = begins[i];
-    for (int i = 0, sum = 0; i < to->losses; i++) sum += to->prony_terms[i] = terms[i], between(&r, 0, sum, to->terms);
-    numbers(&r, &to->dt, 4), numbers(&r, to->relaxation, to->losses);
-    for (int i = 0; i < to->terms; i++) numbers(&r, to->prony[i], 2);
-    numbers(&r, to->scale, to->n_q), matrix(&r, to->to_box, NA, NA), numbers(&r, to->offset, NA), numbers(&r, to->start, NA);
-    for (int i = 0; r.good && i < to->n_q; i++) to->unit[i] = 1.0 / to->scale[i];
-    numbers(&r, to->weight, NE), numbers(&r, to->smooth, NA), numbers(&r, to->effort, NA), numbers(&r, to->size, NA);
-    numbers(&r, to->rate, NA), numbers(&r, to->course_size, NA);
-    for (int i = 0; i < NA; i++) numbers(&r, to->command[i], 2);
-    for (int i = 0; i < NA; i++) numbers(&r, to->course[i], 2);
-    to->first_degrees = degrees(&r, to->first_products, CFEM_SERIES_FIRST);
-    to->second_degrees = degrees(&r, to->second_products, CFEM_SERIES_SECOND);
-    const int triangle = to->n_q * (to->n_q + 1) / 2, inner = to->n_q - NA;
-    read_series(&r, to->root, triangle), read_series(&r, to->inner, NE * inner);
-    for (int i = 0; i < to->losses; i++) read_series(&r, &to->loss[i], triangle);
-    if (to->curved) read_series(&r, to->curve, NE * inner * (inner + 1) / 2);
+    CFEM_MOTION_INTEGERS(READ_INTEGERS)
+    for (int i = 0, sum = 0; r.good && i < CFEM_MOTION_LOSSES; i++) sum += cfem_motion_prony_terms[i], between(&r, 0, sum, CFEM_MOTION_TERMS);
+    CFEM_MOTION_VECTORS(READ_VECTOR)
+    CFEM_MOTION_MATRICES(READ_MATRIX)
+    cfem_motion_first_degrees = degrees(&r, CFEM_MOTION_FIRST_PRODUCTS, CFEM_SERIES_FIRST);
+    cfem_motion_second_degrees = degrees(&r, CFEM_MOTION_SECOND_PRODUCTS, CFEM_SERIES_SECOND);
+    const int triangle = CFEM_MOTION_NQ * (CFEM_MOTION_NQ + 1) / 2, inner = CFEM_MOTION_NQ - NA;
+    read_series(&r, cfem_motion_root, triangle), read_series(&r, cfem_motion_inner, NE * inner);
+    for (int i = 0; i < CFEM_MOTION_LOSSES; i++) read_series(&r, &cfem_motion_loss[i], triangle);
+    if (CFEM_MOTION_CURVED) read_series(&r, cfem_motion_curve, NE * inner * (inner + 1) / 2);
     return !(r.good && r.at == r.end);
 }
 
 /* Both stand still at the start of the curve. */
 void SERVED(motion_start)(void) {
-    cfem_mpc_init(&predictive, cfem_moves.start);
+    cfem_mpc_init(&predictive, cfem_mpc_start);
     cfem_init(&inverse);
-    for (int i = 0; i < NA; i++) inverse.delta_a[i] = cfem_moves.start[i];
+    for (int i = 0; i < NA; i++) inverse.delta_a[i] = cfem_mpc_start[i];
     cfem_parts parts;
-    cfem_spectral(cfem_moves.start, &parts);
+    cfem_spectral(cfem_mpc_start, &parts);
     for (int i = 0; i < NA; i++) inverse.lambda_a[i] = parts.gradient[i];
     for (int e = 0; e < NE; e++) inverse.reference[e] = cfem_rest_e[e] + parts.effector[e];
     inverse.stands = 0;
@@ -134,17 +125,17 @@ static int move(int which, const double *u) {
     static cfem_place place;
     static cfem_stage stage;
     const cfem_material as_learned = {1.0, 1.0};
-    const double dt = cfem_moves.dt, warp = cfem_moves.warp;
+    const double dt = CFEM_MPC_DT, warp = CFEM_MPC_WARP;
     double from[CFEM_MOST_NA], to[CFEM_MOST_NA];
     int failed = 0;
     memcpy(from, robot[which].u, sizeof from);
-    cfem_moves.dt = dt / SUBSTEPS, cfem_moves.warp = 1.0;
+    CFEM_MPC_DT = dt / SUBSTEPS, CFEM_MPC_WARP = 1.0;
     for (int k = 1; k <= SUBSTEPS && !failed; k++) {
         int known = 0;
         for (int i = 0; i < NA; i++) to[i] = from[i] + (double)k / SUBSTEPS * (u[i] - from[i]);
         failed = cfem_tick(&robot[which], to, &as_learned, &place, &known, &stage);
     }
-    cfem_moves.dt = dt, cfem_moves.warp = warp;
+    CFEM_MPC_DT = dt, CFEM_MPC_WARP = warp;
     for (int i = 0; i < NA; i++) { /* farther beyond the training states than half of their width */
         const double low = cfem_domain_delta_a[0][i], high = cfem_domain_delta_a[1][i], beyond = (high - low) / 2;
         failed |= !(robot[which].z[i] >= low - beyond && robot[which].z[i] <= high + beyond);
@@ -158,7 +149,7 @@ unsigned SERVED(motion_tick)(int shown) {
     cfem_mpc_output told;
     cfem_input asked;
     cfem_output out;
-    in.ahead = cfem_moves.ticks;
+    in.ahead = CFEM_MPC_TICKS;
     for (int k = 0; k < in.ahead; k++)
         for (int e = 0; e < NE; e++) in.goal[k][e] = shared.ahead[k][e];
     cfem_mpc_step(&predictive, &in, &told);

@@ -1,5 +1,4 @@
 // The robot in WebAssembly: its controller, its model, the surface that its skin gives. Lengths in mm; forces in N or MPa.
-const ROOM = { effector: 12, actuator: 8, skin: 40, ticks: 20 };
 const STATUS = { LIMITED: 1, SOFTENED: 2, OUTSIDE: 4, NOT_FOUND: 8, HELD: 16, BAD_INPUT: 32, NO_MODEL: 64, NO_QP: 128, OUT_OF_REACH: 1024, FAR: 2048 };
 
 async function makeRobot({ said, arrays }) {
@@ -27,13 +26,13 @@ async function makeRobot({ said, arrays }) {
   if (arrays.motion && code.motion_load(movesAt, arrays.motion.length)) throw new Error(CUT);
   const places = { x: reserve(24 * points), drawn: reserve(12 * points), normals: reserve(12 * points) };
   // No more memory from here on: views stay valid.
-  const buffer = memory.buffer, n_a = said.actuators.length, n_e = said.rest_e.length;
+  const { room } = said, buffer = memory.buffer, n_a = said.actuators.length, n_e = said.rest_e.length;
   let at = code.io();
-  const field = (room, used) => { const view = new Float64Array(buffer, at, used); at += 8 * room; return view; };
+  const field = (size, used) => { const view = new Float64Array(buffer, at, used); at += 8 * size; return view; };
   const robot = {
     said, n_a, n_e, points, block: arrays.block, triangles: arrays.triangles,
-    goal: field(ROOM.effector, n_e), delta_a: field(ROOM.actuator, n_a), lambda_a: field(ROOM.actuator, n_a),
-    x_e: field(ROOM.effector, n_e), skin: field(ROOM.skin, said.skin),
+    goal: field(room.effector, n_e), delta_a: field(room.actuator, n_a), lambda_a: field(room.actuator, n_a),
+    x_e: field(room.effector, n_e), skin: field(room.skin, said.skin),
     states: arrays.states, x: new Float64Array(buffer, places.x, 3 * points), drawn: new Float32Array(buffer, places.drawn, 3 * points),
     normals: new Float32Array(buffer, places.normals, 3 * points),
     home: () => code.home(),
@@ -70,14 +69,14 @@ async function makeRobot({ said, arrays }) {
     return share;
   };
   if (arrays.motion) {
-    const ahead = new Float64Array(buffer, code.motion_io(), ROOM.effector * (ROOM.ticks + 2) + 2 * ROOM.actuator), rows = k => ROOM.effector * k;
+    const ahead = new Float64Array(buffer, code.motion_io(), room.effector * (room.ticks + 2) + 2 * room.actuator), rows = k => room.effector * k;
     robot.moves = {
       said: said.motion, curve: arrays.curve,
       start: () => code.motion_start(),
       // goals at the ends of the next ticks; shown: which robot is drawn
       tick: (goals, shown) => { goals.forEach((goal, k) => ahead.set(goal, rows(k))); return code.motion_tick(shown); },
-      place: which => Array.from(ahead.subarray(rows(ROOM.ticks + which), rows(ROOM.ticks + which) + n_e)),
-      command: which => Array.from(ahead.subarray(rows(ROOM.ticks + 2) + which * ROOM.actuator, rows(ROOM.ticks + 2) + which * ROOM.actuator + n_a)),
+      place: which => Array.from(ahead.subarray(rows(room.ticks + which), rows(room.ticks + which) + n_e)),
+      command: which => Array.from(ahead.subarray(rows(room.ticks + 2) + which * room.actuator, rows(room.ticks + 2) + which * room.actuator + n_a)),
     };
   }
   robot.home();

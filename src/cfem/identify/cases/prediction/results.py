@@ -1,6 +1,6 @@
 """Predictions of load cases as plain data, and whether to trust them."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,6 +10,7 @@ from cfem.identify.cases.outcome import Calibrated
 from cfem.identify.cases.predict import Prediction, beyond_calibration
 from cfem.identify.cases.prediction_table import repeats
 from cfem.identify.cases.table import Cases
+from cfem.identify.cases.text import repeats_line
 
 
 def prediction_results(
@@ -46,3 +47,33 @@ def _errors(prediction: Prediction, cases: Cases, markers: Sequence[str]) -> dic
 
 def _mean(distance: np.ndarray) -> float | None:
     return float(np.nanmean(distance)) if np.isfinite(distance).any() else None
+
+
+def headline(results: Mapping[str, Any], measured: int, confidence: float, table: str) -> list[str]:
+    """Cases of the calibration and failed ones first, then the intervals, then errors where cases were measured.
+
+    results:  `prediction_results`
+    measured: number of markers that were
+    table:    name of the file of predictions"""
+    count, failed = results["cases"], results["failed"]
+    lines = []
+    if results["in_fit"]:
+        lines.append(
+            f"{results['in_fit']} of {count} cases are of the calibration: their errors are not those of predictions"
+        )
+    if failed:
+        name, why = next(iter(failed.items()))
+        lines.append(f"{len(failed)} of {count} cases have no equilibrium; the first, {name}: {why}")
+    lines.append(
+        f"{count} cases predicted; half of the median interval is {results['median_half_mm']:.3g} mm, in {table}"
+    )
+    if not measured:
+        return lines
+    percent = f"{100 * confidence:g} %"
+    return [
+        *lines,
+        f"error {results['mean_mm']:.3g} mm, mean over {measured} markers; largest {results['largest_mm']:.3g} mm",
+        f"{100 * results['coordinates_within']:.0f} % of coordinates lie within their {percent} intervals, "
+        f"{100 * results['markers_within']:.0f} % of markers within their {percent} radius",
+        *repeats_line(results["repeats_mm"]),
+    ]

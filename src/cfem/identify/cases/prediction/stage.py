@@ -32,8 +32,7 @@ def _work(folder: Path, spec: PredictSpec, base: Path) -> dict[str, Any]:
     from cfem.identify.cases.load import load_lab
     from cfem.identify.cases.outcome import read_calibrated
     from cfem.identify.cases.predict import predict
-    from cfem.identify.cases.prediction.results import prediction_results
-    from cfem.identify.cases.prediction.text import headline
+    from cfem.identify.cases.prediction.results import headline, prediction_results
     from cfem.identify.cases.prediction_table import write_predictions
 
     path = base / spec.cases

@@ -21,33 +21,14 @@ static int positive_definite(double W[MOST][MOST]) {
 
 #if CFEM_FULL && CFEM_SEMIDEFINITE
 /* Raises the eigenvalues of the locked compliance in W_ee to CFEM_FLOOR, in units of cfem_sizes: the nearest semidefinite matrix
- * (Higham 1988), by cyclic Jacobi rotations (Golub and Van Loan, Matrix Computations, 8.5). moved: W_ea W_aa^-1 W_ae, or none. */
+ * (Higham 1988). moved: W_ea W_aa^-1 W_ae, or none. */
 #define CFEM_FLOOR 1e-12
 static void make_semidefinite(double W_ee[CFEM_MOST_NE][CFEM_MOST_NE], double moved[CFEM_MOST_NE][CFEM_MOST_NE]) {
     const int n = CFEM_NE;
     double A[CFEM_MOST_NE][CFEM_MOST_NE], V[CFEM_MOST_NE][CFEM_MOST_NE];
     for (int i = 0; i < n; i++)
-        for (int j = 0; j < n; j++) {
-            A[i][j] = (W_ee[i][j] - moved[i][j]) / (cfem_sizes[i] * cfem_sizes[j]);
-            V[i][j] = i == j;
-        }
-    for (int sweep = 0; sweep < 12; sweep++)
-        for (int p = 0; p < n; p++)
-            for (int q = p + 1; q < n; q++) {
-                if (A[p][q] == 0.0) continue;
-                const double ratio = (A[q][q] - A[p][p]) / (2.0 * A[p][q]);
-                const double t = (ratio < 0.0 ? -1.0 : 1.0) / (fabs(ratio) + sqrt(1.0 + ratio * ratio));
-                const double c = 1.0 / sqrt(1.0 + t * t), s = t * c;
-                for (int k = 0; k < n; k++) {
-                    const double left = A[k][p], right = A[k][q];
-                    A[k][p] = c * left - s * right, A[k][q] = s * left + c * right;
-                }
-                for (int k = 0; k < n; k++) {
-                    const double left = A[p][k], right = A[q][k], v = V[k][p], w = V[k][q];
-                    A[p][k] = c * left - s * right, A[q][k] = s * left + c * right;
-                    V[k][p] = c * v - s * w, V[k][q] = s * v + c * w;
-                }
-            }
+        for (int j = 0; j < n; j++) A[i][j] = (W_ee[i][j] - moved[i][j]) / (cfem_sizes[i] * cfem_sizes[j]);
+    cfem_jacobi(n, CFEM_MOST_NE, A[0], V[0]);
     for (int k = 0; k < n; k++) {
         if (!(A[k][k] < CFEM_FLOOR)) continue;
         for (int i = 0; i < n; i++)

@@ -1,17 +1,11 @@
-#include "cfem.h"
+#include "cfem_inverse.h"
 #include "cfem_linear.h"
 #include "cfem_parts.h"
-#include "cfem_qp.h"
 
 #define NA CFEM_NA
 #define NE CFEM_NE
 #define MOST_NA CFEM_MOST_NA
 #define MOST_NE CFEM_MOST_NE
-
-typedef struct {
-    double lambda_low[MOST_NA], lambda_high[MOST_NA]; /* N */
-    double delta_low[MOST_NA], delta_high[MOST_NA];   /* mm */
-} limits;
 
 /* The model that the controller plans with. */
 static unsigned ask(const cfem_controller *c, const double *s, cfem_condensed *m) {
@@ -23,15 +17,12 @@ static unsigned ask(const cfem_controller *c, const double *s, cfem_condensed *m
     return cfem_model(s, m);
 }
 
-#define NEARER 5e-3  /* of the miss: a robot that could come nearer by less is as near as it gets */
-#define ARRIVED 1e-4 /* of how far a full stroke moves the effectors: a smaller miss is none */
-
 static double clip(double x, double low, double high) { return x < low ? low : x > high ? high : x; }
 
 /* Amplitude limits cut down to what one tick may change: `rate` from the last command, a `share` of `step` from where the
  * actuators stand (here, mm). Where those lie outside of the amplitudes, what is left is the bound. */
-static limits of_this_tick(const cfem_controller *c, const double *here, double share) {
-    limits l;
+static cfem_limits of_this_tick(const cfem_controller *c, const double *here, double share) {
+    cfem_limits l;
     for (int i = 0; i < NA; i++) {
         const double least = cfem_lambda_low[i], most = cfem_lambda_high[i];
         const double low = clip(c->delta_a[i] - cfem_delta_rate[i], cfem_delta_low[i], cfem_delta_high[i]);
@@ -42,77 +33,6 @@ static limits of_this_tick(const cfem_controller *c, const double *here, double 
         l.lambda_high[i] = clip(c->lambda_a[i] + cfem_lambda_rate[i], least, most);
     }
     return l;
-}
-
-/* nearest (NA,): delta_a that comes nearest to the course with forces within their bounds: one program in lambda and the place
- * s in the course, minimising |W_aa lambda + free_a - s|^2. */
-static int nearest_to_course(const cfem_condensed *m, const limits *l, double *nearest) {
-    double M[3 * MOST_NA * 2 * MOST_NA], d[3 * MOST_NA], low[2 * MOST_NA], high[2 * MOST_NA];
-    cfem_qp_answer answer;
-    for (int i = 0; i < 3 * NA; i++) {
-        d[i] = i < NA ? -m->free_a[i] : 0.0;
-        for (int j = 0; j < 2 * NA; j++) M[i * 2 * NA + j] = 0.0;
-    }
-    for (int i = 0; i < NA; i++) {
-        double square = 0.0, *const row = M + i * 2 * NA;
-        for (int j = 0; j < NA; j++) row[j] = m->W_aa[i][j], square += m->W_aa[j][i] * m->W_aa[j][i];
-        row[NA + i] = -1.0;
-        /* Any s with its lambda is as good: a trace of curvature picks one. */
-        M[(NA + i) * 2 * NA + i] = 1e-5 * sqrt(square);
-        M[(2 * NA + i) * 2 * NA + NA + i] = 1e-5;
-        low[i] = l->lambda_low[i], high[i] = l->lambda_high[i];
-        low[NA + i] = l->delta_low[i], high[NA + i] = l->delta_high[i];
-    }
-    const int status = cfem_qp(2 * NA, 3 * NA, M, d, 0, 0, 0, low, high, &answer);
-    for (int i = 0; i < NA; i++) nearest[i] = m->free_a[i] + cfem_dot(NA, m->W_aa[i], answer.x);
-    return status;
-}
-
-/* The inverse step at the model m: lambda_a (NA,), delta_a (NA,) mm, and the strongest multiplier of a force's bound.
- * aim (NE,) mm from rest. */
-static unsigned inverse_step(const cfem_condensed *m, const double *aim, const limits *l, double *lambda_a,
-                             double *delta_a, double *strongest) {
-    double M[(MOST_NE + MOST_NA) * MOST_NA], d[MOST_NE + MOST_NA], low[2 * MOST_NA], high[2 * MOST_NA];
-    cfem_qp_answer answer;
-    unsigned status = CFEM_OK;
-    for (int e = 0; e < NE; e++) {
-        for (int j = 0; j < NA; j++) M[e * NA + j] = cfem_effector_weight[e] * m->W_ea[e][j];
-        d[e] = cfem_effector_weight[e] * (aim[e] - m->free_e[e]);
-    }
-    for (int i = 0; i < NA; i++) {
-        /* |r delta_a|^2 + |d (delta_a - here)|^2 is |h delta_a - d^2 here / h|^2, h^2 = r^2 + d^2, and a constant. */
-        const double r = cfem_ridge[i], held = cfem_damping[i], h = sqrt(r * r + held * held);
-        for (int j = 0; j < NA; j++) M[(NE + i) * NA + j] = h * m->W_aa[i][j];
-        d[NE + i] = held * held / h * m->delta_a[i] - h * m->free_a[i];
-        low[i] = l->lambda_low[i], high[i] = l->lambda_high[i];
-        low[NA + i] = l->delta_low[i] - m->free_a[i], high[NA + i] = l->delta_high[i] - m->free_a[i];
-    }
-    int solved = cfem_qp(NA, NE + NA, M, d, NA, &m->W_aa[0][0], MOST_NA, low, high, &answer);
-    if (solved == CFEM_QP_INFEASIBLE) {
-        double nearest[MOST_NA], widest = 0.0;
-        if (nearest_to_course(m, l, nearest) != CFEM_QP_OPTIMAL) return CFEM_NO_QP;
-        status |= CFEM_SOFTENED;
-        for (int i = 0; i < NA; i++)
-            if (high[NA + i] - low[NA + i] > widest) widest = high[NA + i] - low[NA + i];
-        const double slack = 1e-9 * widest + 1e-12;
-        for (int i = 0; i < NA; i++) {
-            const double at = nearest[i] - m->free_a[i];
-            if (low[NA + i] > at - slack) low[NA + i] = at - slack;
-            if (high[NA + i] < at + slack) high[NA + i] = at + slack;
-        }
-        solved = cfem_qp(NA, NE + NA, M, d, NA, &m->W_aa[0][0], MOST_NA, low, high, &answer);
-    }
-    if (solved != CFEM_QP_OPTIMAL) return CFEM_NO_QP;
-    *strongest = 0.0;
-    for (int k = 0; k < 2 * NA; k++) {
-        if (answer.multipliers[k] != 0.0) status |= CFEM_LIMITED;
-        if (k < NA && fabs(answer.multipliers[k]) > *strongest) *strongest = fabs(answer.multipliers[k]);
-    }
-    for (int i = 0; i < NA; i++) {
-        lambda_a[i] = answer.x[i];
-        delta_a[i] = m->free_a[i] + cfem_dot(NA, m->W_aa[i], answer.x);
-    }
-    return status;
 }
 
 /* Whether a and b (NA,) mm are as good as the same. */
@@ -150,8 +70,8 @@ static unsigned descend(const cfem_controller *c, cfem_condensed *m, const doubl
     unsigned first = CFEM_OK;
     *moved = 0;
     for (int halving = 0; halving < CFEM_HALVINGS; halving++, share *= 0.5) {
-        const limits l = of_this_tick(c, m->delta_a, share);
-        const unsigned status = inverse_step(m, aim, &l, lambda_a, delta_a, &strongest);
+        const cfem_limits l = of_this_tick(c, m->delta_a, share);
+        const unsigned status = cfem_inverse_step(m, aim, &l, lambda_a, delta_a, &strongest);
         cfem_condensed trial;
         if (halving == 0) first = status;
         if ((status & CFEM_NO_QP) || together(delta_a, m->delta_a)) break;
@@ -169,54 +89,6 @@ static unsigned descend(const cfem_controller *c, cfem_condensed *m, const doubl
     return first;
 }
 #endif
-
-/* mm, weighted, between the effectors of the linearised robot m under lambda_a (NA,) and the aim. */
-static double missed(const cfem_condensed *m, const double *aim, const double *lambda_a) {
-    double square = 0.0;
-    for (int e = 0; e < NE; e++) {
-        const double missing = cfem_effector_weight[e] * (m->free_e[e] + cfem_dot(NA, m->W_ea[e], lambda_a) - aim[e]);
-        square += missing * missing;
-    }
-    return sqrt(square);
-}
-
-/* mm, weighted, that the full stroke of an actuator moves the effectors here: the largest. W_ea = J W_aa. */
-static double effect(const cfem_condensed *m) {
-    double inverse[MOST_NA][MOST_NA], most = 0.0;
-    for (int i = 0; i < NA; i++)
-        for (int j = 0; j < NA; j++) inverse[i][j] = m->W_aa[i][j];
-    if (cfem_invert(NA, MOST_NA, &inverse[0][0])) return 0.0;
-    for (int i = 0; i < NA; i++) {
-        double square = 0.0;
-        for (int e = 0; e < NE; e++) {
-            const double slope = cfem_effector_weight[e] * cfem_dot(NA, m->W_ea[e], inverse[i]); /* it is symmetric */
-            square += slope * slope;
-        }
-        most = fmax(most, sqrt(square) * (cfem_delta_high[i] - cfem_delta_low[i]));
-    }
-    return most;
-}
-
-/* CFEM_OUT_OF_REACH where m is the nearest point to the aim, as in Python's cfem.control.search.optimality: the linearised robot comes
- * no nearer within the bounds of force and course, and what regularises this program hardly counts. */
-static unsigned verdict(const cfem_condensed *m, const double *aim) {
-    double M[(MOST_NE + MOST_NA) * MOST_NA], d[MOST_NE + MOST_NA], low[2 * MOST_NA], high[2 * MOST_NA];
-    cfem_qp_answer answer;
-    const double here = missed(m, aim, m->lambda_a);
-    if (here <= ARRIVED * effect(m)) return CFEM_OK;
-    for (int e = 0; e < NE; e++) {
-        for (int j = 0; j < NA; j++) M[e * NA + j] = cfem_effector_weight[e] * m->W_ea[e][j];
-        d[e] = cfem_effector_weight[e] * (aim[e] - m->free_e[e]);
-    }
-    for (int i = 0; i < NA; i++) {
-        for (int j = 0; j < NA; j++) M[(NE + i) * NA + j] = cfem_least_ridge[i] * m->W_aa[i][j];
-        d[NE + i] = -cfem_least_ridge[i] * m->free_a[i];
-        low[i] = cfem_lambda_low[i], high[i] = cfem_lambda_high[i];
-        low[NA + i] = cfem_delta_low[i] - m->free_a[i], high[NA + i] = cfem_delta_high[i] - m->free_a[i];
-    }
-    if (cfem_qp(NA, NE + NA, M, d, NA, &m->W_aa[0][0], MOST_NA, low, high, &answer) != CFEM_QP_OPTIMAL) return CFEM_OK;
-    return here - missed(m, aim, answer.x) <= NEARER * here ? CFEM_OUT_OF_REACH : CFEM_OK;
-}
 
 /* Where the robot stands, by the observer of cfem_data.h: the model there, and its input s. */
 static unsigned observe(const cfem_controller *c, const cfem_input *in, double *s, cfem_condensed *m) {
@@ -311,7 +183,7 @@ void cfem_init(cfem_controller *c) {
 unsigned cfem_step(cfem_controller *c, const cfem_input *in, cfem_output *out) {
     double aim[MOST_NE], expected[MOST_NE], s[MOST_NA], delta_a[MOST_NA], lambda_a[MOST_NA];
     cfem_condensed m;
-    limits l;
+    cfem_limits l;
     const unsigned wrong = complaint(in);
     if (wrong) return answer(c, wrong, out);
     unsigned found = cfem_feedback_hear(&c->feedback, in->tick, in->x_e), status = CFEM_OK;
@@ -327,15 +199,15 @@ unsigned cfem_step(cfem_controller *c, const cfem_input *in, cfem_output *out) {
             int moved;
             status = descend(c, &m, aim, &moved);
             if (status & CFEM_NO_QP) return hold(c, status | found, out);
-            if (!moved) status |= verdict(&m, aim);
+            if (!moved) status |= cfem_verdict(&m, aim);
             if (!moved || iteration == CFEM_ITERATIONS - 1) break;
             continue;
         }
 #endif
         double strongest;
-        status = inverse_step(&m, aim, &l, lambda_a, delta_a, &strongest);
+        status = cfem_inverse_step(&m, aim, &l, lambda_a, delta_a, &strongest);
         if (status & CFEM_NO_QP) return hold(c, status | found, out);
-        if (together(delta_a, m.delta_a)) status |= verdict(&m, aim);
+        if (together(delta_a, m.delta_a)) status |= cfem_verdict(&m, aim);
         if (iteration == CFEM_ITERATIONS - 1) break;
         for (int i = 0; i < NA; i++) s[i] = CFEM_FORM_DISPLACEMENT ? delta_a[i] : lambda_a[i];
         const unsigned there = ask(c, s, &m);

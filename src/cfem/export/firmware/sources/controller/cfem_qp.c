@@ -14,152 +14,27 @@ typedef struct {
     double size[C]; /* what one unit of y along the normal is in the scaled x; 0: the row is zero and binds nothing */
 } half_spaces;
 
-/* The active constraints: signed normals Q R, Q orthonormal. */
-typedef struct {
-    int count;
-    int which[N];
-    double sign[N]; /* +1: at its low bound, -1: at its high one */
-    double u[N];    /* multipliers, >= 0 */
-    double Q[N + 1][N];
-    double R[N + 1][N]; /* R[j][i]: share of Q[i] in normal j, i <= j */
-} active_set;
-
 static double largest(double a, double b) { return a > b ? a : b; }
 
-/* Splits a normal into its shares in Q and a remainder, by Gram-Schmidt done twice, in slot `count`. Its squared length. */
-static double orthogonalise(active_set *set, int n, const double *normal, double sign) {
-    const int k = set->count;
-    double *rest = set->Q[k], *share = set->R[k];
-    for (int i = 0; i < n; i++) rest[i] = sign * normal[i];
-    for (int i = 0; i < k; i++) share[i] = 0.0;
-    for (int pass = 0; pass < 2; pass++)
-        for (int i = 0; i < k; i++) {
-            const double part = cfem_dot(n, set->Q[i], rest);
-            share[i] += part;
-            for (int j = 0; j < n; j++) rest[j] -= part * set->Q[i][j];
-        }
-    return cfem_dot(n, rest, rest);
-}
-
-/* Makes the constraint in slot `count` active. */
-static void accept(active_set *set, int n, int which, double sign, double u, double square) {
-    const int k = set->count++;
-    const double norm = sqrt(square);
-    for (int j = 0; j < n; j++) set->Q[k][j] /= norm;
-    set->R[k][k] = norm;
-    set->which[k] = which, set->sign[k] = sign, set->u[k] = u;
-}
-
-static void drop(active_set *set, const half_spaces *h, int slot) {
-    const int count = set->count;
-    set->count = slot;
-    for (int k = slot + 1; k < count; k++) {
-        const int which = set->which[k];
-        const double sign = set->sign[k], u = set->u[k];
-        accept(set, h->n, which, sign, u, orthogonalise(set, h->n, h->normal[which], sign));
-    }
-}
-
-/* Solves R^T r = share: how the active normals make up the projection of the normal in slot `count`. */
-static void combine(const active_set *set, const double *share, double *r) {
-    for (int i = set->count - 1; i >= 0; i--) {
-        double sum = share[i];
-        for (int j = i + 1; j < set->count; j++) sum -= set->R[j][i] * r[j];
-        r[i] = sum / set->R[i][i];
-    }
-}
-
-/* The point of least |y| on the active constraints and its multipliers, from scratch: removes what rounding has left. */
-static void refresh(active_set *set, const half_spaces *h, double *y) {
-    double along[N];
-    for (int i = 0; i < set->count; i++) {
-        const int k = set->which[i];
-        double sum = set->sign[i] > 0 ? h->low[k] : -h->high[k];
-        for (int j = 0; j < i; j++) sum -= set->R[i][j] * along[j];
-        along[i] = sum / set->R[i][i];
-    }
-    for (int j = 0; j < h->n; j++) {
-        y[j] = 0.0;
-        for (int i = 0; i < set->count; i++) y[j] += along[i] * set->Q[i][j];
-    }
-    combine(set, along, set->u);
-}
-
-/* The most violated constraint that is not active and not in `skip`: its index, or -1; how far, and on which side. */
-static int most_violated(const half_spaces *h, const active_set *set, const char *skip, const double *y, double *by,
-                         double *sign) {
-    int found = -1;
+/* The constraint that is violated most, as a cfem_program has it. */
+static int violated(void *with, const double *y, const unsigned char *state, double *sign) {
+    const half_spaces *const h = with;
     const double length = sqrt(cfem_dot(h->n, y, y));
-    *by = 0.0;
+    double most = 0.0;
+    int which = -1;
     for (int k = 0; k < h->count; k++) {
-        if (h->size[k] == 0.0 || skip[k]) continue;
-        int held = 0;
-        for (int i = 0; i < set->count; i++) held |= set->which[i] == k;
-        if (held) continue;
-        const double at = cfem_dot(h->n, h->normal[k], y), below = h->low[k] - at, above = at - h->high[k];
-        const double violation = largest(below, above);
-        const double bound = below > above ? h->low[k] : h->high[k];
-        if (violation > *by && violation > 4e-15 * (length + fabs(bound)) + 1e-12 / h->size[k]) {
-            found = k, *by = violation, *sign = below > above ? 1.0 : -1.0;
-        }
+        if (h->size[k] == 0.0 || state[k]) continue;
+        const double value = cfem_dot(h->n, h->normal[k], y), below = h->low[k] - value, above = value - h->high[k];
+        const double by = largest(below, above), bound = below > above ? h->low[k] : h->high[k];
+        if (by > most && by > 4e-15 * (length + fabs(bound)) + 1e-12 / h->size[k]) which = k, most = by, *sign = below > above ? 1.0 : -1.0;
     }
-    return found;
+    return which;
 }
 
-/* y and the active set at the optimum; CFEM_QP_OPTIMAL, _INFEASIBLE or _ITERATIONS. */
-static int solve(const half_spaces *h, active_set *set, double *y, int *iterations) {
-    char skip[C] = {0};
-    int fresh = 1;
-    set->count = 0;
-    for (int j = 0; j < h->n; j++) y[j] = 0.0;
-    *iterations = 0;
-    while (*iterations < CFEM_QP_STEPS) {
-        double by, sign = 1.0, u = 0.0;
-        const int k = most_violated(h, set, skip, y, &by, &sign);
-        if (k < 0) {
-            if (fresh) return CFEM_QP_OPTIMAL;
-            refresh(set, h, y);
-            fresh = 1;
-            int worst = -1;
-            for (int i = 0; i < set->count; i++)
-                if (set->u[i] < (worst < 0 ? 0.0 : set->u[worst])) worst = i;
-            if (worst >= 0) { /* rounding had hidden that this one need not hold */
-                ++*iterations;
-                drop(set, h, worst);
-                refresh(set, h, y);
-            }
-            continue;
-        }
-        for (int added = 0; !added && *iterations < CFEM_QP_STEPS; ++*iterations) {
-            double r[N], partial = HUGE_VAL;
-            int blocking = -1;
-            double square = orthogonalise(set, h->n, h->normal[k], sign);
-            combine(set, set->R[set->count], r);
-            for (int i = 0; i < set->count; i++)
-                if (r[i] > 1e-14 && set->u[i] < partial * r[i]) partial = set->u[i] / r[i], blocking = i;
-            if (set->count == h->n || square <= 1e-22) square = 0.0; /* depends on the active ones */
-            const double full = square > 0.0 ? by / square : HUGE_VAL;
-            if (square == 0.0 && blocking < 0) {
-                if (by * h->size[k] > 1e-10) return CFEM_QP_INFEASIBLE;
-                skip[k] = 1; /* two bounds that meet, to rounding */
-                break;
-            }
-            const double t = full < partial ? full : partial;
-            for (int i = 0; i < set->count; i++) set->u[i] -= t * r[i];
-            u += t;
-            if (square > 0.0) {
-                for (int j = 0; j < h->n; j++) y[j] += t * set->Q[set->count][j];
-                by -= t * square;
-            }
-            fresh = 0;
-            added = t == full;
-            if (added)
-                accept(set, h->n, k, sign, u, square);
-            else
-                drop(set, h, blocking);
-        }
-    }
-    return CFEM_QP_ITERATIONS;
+static cfem_bound bound(void *with, int k, double sign, double *normal) {
+    const half_spaces *const h = with;
+    for (int j = 0; j < h->n; j++) normal[j] = sign * h->normal[k][j];
+    return (cfem_bound){sign > 0 ? h->low[k] : -h->high[k], 0.0, 1e-10 / h->size[k]};
 }
 
 /* In place, by Householder reflections: B (rows, n + 1) = Q R, of which R (n, n) and, in the last column, the first entries of
@@ -270,11 +145,11 @@ static double value(const program *p, int k, const double *x) {
 }
 
 /* Multipliers of the program from those of the half-spaces. */
-static void name_multipliers(const program *p, const half_spaces *h, const active_set *set, double *multipliers) {
+static void name_multipliers(const program *p, const half_spaces *h, const cfem_active *set, double *multipliers) {
     for (int k = 0; k < h->count; k++) multipliers[k] = 0.0;
     for (int i = 0; i < set->count; i++) {
         const int k = set->which[i];
-        multipliers[k] = -set->sign[i] * set->u[i] / (h->size[k] * p->length[k]);
+        multipliers[k] = -set->sign[i] * set->force[i] / (h->size[k] * p->length[k]);
     }
 }
 
@@ -308,27 +183,21 @@ static double residual(const program *p, const cfem_qp_answer *a, double *forces
 
 /* One step of iterative refinement on the active constraints, which takes out the rounding of an optimum that is small
  * beside the unconstrained one. */
-static void refine(const program *p, double B[CFEM_QP_ROWS][N + 1], const half_spaces *h, active_set *set,
+static void refine(const program *p, double B[CFEM_QP_ROWS][N + 1], const half_spaces *h, cfem_active *set,
                    const double *forces, cfem_qp_answer *a) {
     const int n = p->n;
-    double step[N], along[N], change[N];
+    double step[N], left[N];
     for (int j = 0; j < n; j++) { /* R^-T of what is missing in stationarity */
         step[j] = -forces[j] * p->width[j];
         for (int i = 0; i < j; i++) step[j] -= B[i][j] * step[i];
         step[j] /= B[j][j];
     }
-    for (int i = 0; i < set->count; i++) { /* what its part along the active normals is, and what it must be */
+    for (int i = 0; i < set->count; i++) {
         const int k = set->which[i];
-        const double left = (set->sign[i] > 0 ? p->low[k] : p->high[k]) - value(p, k, a->x);
-        double sum = set->sign[i] * left / (h->size[k] * p->length[k]);
-        for (int j = 0; j < i; j++) sum -= set->R[i][j] * along[j];
-        along[i] = sum / set->R[i][i];
+        const double missing = (set->sign[i] > 0 ? p->low[k] : p->high[k]) - value(p, k, a->x);
+        left[i] = set->sign[i] * missing / (h->size[k] * p->length[k]);
     }
-    for (int i = 0; i < set->count; i++) change[i] = along[i] - cfem_dot(n, set->Q[i], step);
-    for (int i = 0; i < set->count; i++)
-        for (int j = 0; j < n; j++) step[j] += change[i] * set->Q[i][j];
-    combine(set, change, along);
-    for (int i = 0; i < set->count; i++) set->u[i] = largest(0.0, set->u[i] + along[i]);
+    cfem_active_refine(set, left, step);
     to_x(p, B, step);
     for (int j = 0; j < n; j++) a->x[j] += step[j];
 }
@@ -336,16 +205,19 @@ static void refine(const program *p, double B[CFEM_QP_ROWS][N + 1], const half_s
 int cfem_qp(int n, int rows, const double *M, const double *d, int m, const double *A, int stride, const double *low,
             const double *high, cfem_qp_answer *answer) {
     program p = {n, rows, m, M, d, A, low, high, stride, {0}, {0}, 0, 0};
-    double B[CFEM_QP_ROWS][N + 1], y[N], forces[N];
+    double B[CFEM_QP_ROWS][N + 1], y[N], forces[N], sign[N], bounds[N], force[2 * N], Q[(N + 2) * N], R[CFEM_ACTIVE_R(N)];
+    unsigned char state[C];
+    int which[N];
     half_spaces h;
-    active_set set;
-    answer->iterations = 0;
-    answer->kkt = HUGE_VAL;
+    answer->iterations = 0, answer->kkt = HUGE_VAL;
     for (int k = 0; k < n + m; k++)
         if (!(low[k] <= high[k])) return CFEM_QP_INFEASIBLE;
     int status = measure(&p);
     if (status == CFEM_QP_OPTIMAL) status = transform(&p, B, &h);
-    if (status == CFEM_QP_OPTIMAL) status = solve(&h, &set, y, &answer->iterations);
+    cfem_active set = {n, n + m, n, 0, state, which, sign, bounds, force, Q, R, 0, 0};
+    const cfem_program half = {violated, bound, &h};
+    if (status == CFEM_QP_OPTIMAL) status = cfem_active_solve(&set, &half, CFEM_QP_STEPS, y);
+    answer->iterations = set.changes;
     if (status != CFEM_QP_OPTIMAL) return status;
 
     for (int j = 0; j < n; j++) answer->x[j] = B[j][n] + y[j];

@@ -6,13 +6,13 @@
  * Given as a least-squares problem, whose condition is the root of that of H = M^T M. Bounds may be +-HUGE_VAL (or 1e30); each low must
  * not exceed its high.
  *
- * Method: the dual active set of Goldfarb and Idnani (Mathematical Programming 27, 1983), in the coordinates
- * y = R x - c of the QR factorisation of M, in which the objective is |y|^2 / 2 and every constraint a half-space with a unit
- * normal. Multipliers are positive where an upper bound holds and negative where a lower one does:
+ * Method: the active set of cfem_active.h, in the coordinates y = R x - c of the QR factorisation of M, in which the objective is
+ * |y|^2 / 2 and every constraint a half-space with a unit normal. Multipliers are positive where an upper bound holds and negative where a lower one does:
  * M^T (M x - d) + A^T y + z = 0. */
 #ifndef CFEM_QP_H
 #define CFEM_QP_H
 
+#include "cfem_active.h"
 #include "cfem_room.h"
 
 /* Largest sizes; a program of any smaller size may be given. */
@@ -22,17 +22,7 @@
 #define CFEM_QP_CONSTRAINTS (2 * CFEM_MOST_NA)
 #endif
 
-enum {
-    CFEM_QP_OPTIMAL = 0,
-    CFEM_QP_INFEASIBLE = 1, /* the bounds exclude each other */
-    CFEM_QP_FLAT = 2,       /* M has no full column rank to rounding, or numbers are not finite */
-    CFEM_QP_INACCURATE = 3, /* the answer misses the optimality conditions by more than CFEM_QP_TOLERANCE */
-    CFEM_QP_ITERATIONS = 4  /* CFEM_QP_STEPS were not enough */
-};
-
 #define CFEM_QP_STEPS (10 * (CFEM_QP_CONSTRAINTS + 1))
-#define CFEM_QP_TOLERANCE 1e-9
-#define CFEM_QP_REFINEMENTS 3
 
 typedef struct {
     double x[CFEM_QP_VARIABLES];
@@ -43,7 +33,7 @@ typedef struct {
 } cfem_qp_answer;
 
 /* M (rows, n), d (rows,), A (m, n), low and high (n + m,), row-major; A's rows begin `stride` numbers after each other.
- * Returns one of the above. */
+ * The status: of cfem_active.h. */
 int cfem_qp(int n, int rows, const double *M, const double *d, int m, const double *A, int stride, const double *low,
             const double *high, cfem_qp_answer *answer);
 

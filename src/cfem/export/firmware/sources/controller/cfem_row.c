@@ -19,39 +19,6 @@
 #define TOLERANCE 1e-11 /* of a module's length and of a radian: the largest Newton step of a row that is solved */
 #define FARTHEST 6.0    /* lengths of a module and radians: no pose is farther away */
 #define NEAR 0.5        /* share of the load that would buckle a module, by its model: up to here it is believed */
-#define RIGHT (NA > 1 ? NA : 1)
-
-/* X (N, columns) = A^-1 X by elimination with row pivots; A is lost. 0, or 1 where A is singular. */
-static int solve(double A[N][N], double X[N][RIGHT], int columns) {
-    for (int k = 0; k < N; k++) {
-        int pivot = k;
-        for (int i = k + 1; i < N; i++)
-            if (fabs(A[i][k]) > fabs(A[pivot][k])) pivot = i;
-        if (!(fabs(A[pivot][k]) > 1e-14)) return 1;
-        if (pivot != k) {
-            for (int j = k; j < N; j++) {
-                const double kept = A[k][j];
-                A[k][j] = A[pivot][j], A[pivot][j] = kept;
-            }
-            for (int j = 0; j < columns; j++) {
-                const double kept = X[k][j];
-                X[k][j] = X[pivot][j], X[pivot][j] = kept;
-            }
-        }
-        for (int i = k + 1; i < N; i++) {
-            const double factor = A[i][k] / A[k][k];
-            if (factor == 0.0) continue;
-            for (int j = k + 1; j < N; j++) A[i][j] -= factor * A[k][j];
-            for (int j = 0; j < columns; j++) X[i][j] -= factor * X[k][j];
-        }
-    }
-    for (int k = N - 1; k >= 0; k--)
-        for (int j = 0; j < columns; j++) {
-            for (int i = k + 1; i < N; i++) X[k][j] -= A[k][i] * X[i][j];
-            X[k][j] /= A[k][k];
-        }
-    return 0;
-}
 
 /* The wrench on module i of that number, as a module of softness 1 would bear it. */
 static void wrench_on(int i, const double work[N], double w[P]) {
@@ -64,7 +31,7 @@ static unsigned settle(const cfem_held held[K], double e[K][P], double y[CFEM_NE
     for (int i = 0; i < K; i++)
         for (int r = 0; r < P; r++) e[i][r] = held[i].pose[r];
     for (int step = 1; step <= ITERATIONS; step++) {
-        double missing[N][RIGHT], change = 0.0, farthest = 0.0, ratio = 0.0, solved[N][N];
+        double missing[N], change = 0.0, farthest = 0.0, ratio = 0.0, solved[N][N], sign;
         cfem_row_places(e, y, B, work, V);
         for (int i = 0; i < K; i++) {
             cfem_carried under;
@@ -73,7 +40,7 @@ static unsigned settle(const cfem_held held[K], double e[K][P], double y[CFEM_NE
             cfem_module_under(&held[i], w, &under);
             if (under.ratio > ratio) ratio = under.ratio;
             for (int r = 0; r < P; r++) {
-                missing[i * P + r][0] = under.pose[r] - e[i][r];
+                missing[i * P + r] = under.pose[r] - e[i][r];
                 for (int n = 0; n < N; n++) {
                     double sum = i * P + r == n;
                     for (int q = 0; q < P; q++) sum += cfem_softer[i] * under.C[r][q] * V[i * P + q][n];
@@ -81,11 +48,11 @@ static unsigned settle(const cfem_held held[K], double e[K][P], double y[CFEM_NE
                 }
             }
         }
-        if (solve(solved, missing, 1)) return CFEM_NO_MODEL;
+        if (cfem_eliminate(N, solved[0], 1, missing, &sign)) return CFEM_NO_MODEL;
         for (int i = 0; i < K; i++)
             for (int r = 0; r < P; r++) {
                 const double unit = r >= 3 && r < 6 ? 1.0 : CFEM_MODULE_LENGTH;
-                const double moved = fabs(missing[i * P + r][0]) / unit, place = fabs(e[i][r] + missing[i * P + r][0]) / unit;
+                const double moved = fabs(missing[i * P + r]) / unit, place = fabs(e[i][r] + missing[i * P + r]) / unit;
                 if (!(moved <= change)) change = moved;
                 if (!(place <= farthest)) farthest = place;
             }
@@ -93,14 +60,14 @@ static unsigned settle(const cfem_held held[K], double e[K][P], double y[CFEM_NE
         if (change <= TOLERANCE) return ratio <= NEAR ? CFEM_OK : CFEM_NO_MODEL;
         if (!(farthest < FARTHEST)) return CFEM_NO_MODEL;
         for (int i = 0; i < K; i++)
-            for (int r = 0; r < P; r++) e[i][r] += missing[i * P + r][0];
+            for (int r = 0; r < P; r++) e[i][r] += missing[i * P + r];
     }
     return CFEM_NO_MODEL;
 }
 
 unsigned cfem_row(const double s[NA], cfem_condensed *m) {
     cfem_held held[K];
-    double e[K][P], y[CFEM_NE], B[CFEM_NE][N], work[N], V[N][N], A[N][N], X[N][RIGHT], G[N][NA], slope[CFEM_NE][NA];
+    double e[K][P], y[CFEM_NE], B[CFEM_NE][N], work[N], V[N][N], A[N][N], X[N][NA], G[N][NA], slope[CFEM_NE][NA], sign;
     int first[K + 1];
     first[0] = 0;
     for (int i = 0; i < K; i++) {
@@ -124,7 +91,7 @@ unsigned cfem_row(const double s[NA], cfem_condensed *m) {
             for (int r = 0; r < P; r++) G[i * P + r][first[i] + j] = X[i * P + r][first[i] + j] = own[r][j];
         }
     }
-    if (solve(A, X, NA)) status = CFEM_NO_MODEL;
+    if (cfem_eliminate(N, A[0], NA, X[0], &sign)) status = CFEM_NO_MODEL;
     for (int i = 0; i < NA; i++) /* V is symmetric, and V S with it */
         for (int n = 0; n < N; n++) {
             if (G[n][i] == 0.0) continue;

@@ -55,11 +55,6 @@ static void turn(const double phi[3], matrix R, matrix first[3], matrix second[3
         }
 }
 
-static void multiply(matrix A, matrix B, matrix out) {
-    for (int i = 0; i < 3; i++)
-        for (int j = 0; j < 3; j++) out[i][j] = A[i][0] * B[0][j] + A[i][1] * B[1][j] + A[i][2] * B[2][j];
-}
-
 static double inner(matrix A, matrix B) { return cfem_dot(9, &A[0][0], &B[0][0]); }
 
 /* A^T x */
@@ -79,7 +74,7 @@ void cfem_row_places(double e[K][P], double y[CFEM_NE], double B[CFEM_NE][CFEM_R
     }
     for (int i = 0; i < K; i++) {
         turn(e[i] + 3, R[i], first[i], second[i]);
-        multiply(A[i], R[i], A[i + 1]);
+        cfem_multiply(A[i], R[i], A[i + 1]);
     }
     behind[K] = 0.0;
     for (int f = 0; f < 3; f++) X[K][f] = Y[K][f] = 0.0;
@@ -123,7 +118,7 @@ void cfem_row_places(double e[K][P], double y[CFEM_NE], double B[CFEM_NE][CFEM_R
         for (int a = 0; a < 3; a++) {
             const int here = at + 3 + a;
             matrix turned; /* the frame behind module i, by its rotation */
-            multiply(A[i], first[i][a], turned);
+            cfem_multiply(A[i], first[i][a], turned);
             work[here] = inner(turned, Z[i + 1]);
             for (int p = 0; p < 3; p++) {
                 B[p][here] = cfem_dot(3, turned[p], X[i + 1]);
@@ -133,7 +128,7 @@ void cfem_row_places(double e[K][P], double y[CFEM_NE], double B[CFEM_NE][CFEM_R
             }
             for (int b = 0; b < 3; b++) {
                 matrix bent;
-                multiply(A[i], second[i][a][b], bent);
+                cfem_multiply(A[i], second[i][a][b], bent);
                 V[here][at + 3 + b] = -inner(bent, M[i + 1]);
             }
             for (int j = i + 1; j < K; j++) {
@@ -154,10 +149,10 @@ void cfem_row_places(double e[K][P], double y[CFEM_NE], double B[CFEM_NE][CFEM_R
                     for (int f = 0; f < 3; f++) V[here][place + f] = V[place + f][here] = -pulled[f];
                 }
                 for (int b = 0; b < 3; b++) {
-                    multiply(turned, first[j][b], next);
+                    cfem_multiply(turned, first[j][b], next);
                     V[here][there + 3 + b] = V[there + 3 + b][here] = -inner(next, M[j + 1]);
                 }
-                multiply(turned, R[j], next);
+                cfem_multiply(turned, R[j], next);
                 for (int p = 0; p < 3; p++)
                     for (int q = 0; q < 3; q++) turned[p][q] = next[p][q];
             }

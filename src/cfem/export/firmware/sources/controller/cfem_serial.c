@@ -32,11 +32,6 @@ static void rotate(const double phi[3], double turn[3][3], double jacobian[3][3]
     in_spins(phi, 1.0 - b * s, a, turn);
 }
 
-static void multiply(double A[3][3], double B[3][3], double out[3][3]) {
-    for (int i = 0; i < 3; i++)
-        for (int j = 0; j < 3; j++) out[i][j] = A[i][0] * B[0][j] + A[i][1] * B[1][j] + A[i][2] * B[2][j];
-}
-
 unsigned cfem_serial(const double s[CFEM_MOST_NA], cfem_condensed *m) {
     double frame[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}, end[CFEM_MOST_MODULES + 1][3] = {{0}};
     double moves[CFEM_MOST_MODULES][MOST][3], turns[CFEM_MOST_MODULES][MOST][3]; /* the end of each module by its s, in the frame of the trunk */
@@ -54,7 +49,7 @@ unsigned cfem_serial(const double s[CFEM_MOST_NA], cfem_condensed *m) {
         for (int i = 0; i < N; i++)
             for (int j = 0; j < N; j++) m->W_aa[first + i][first + j] = cfem_softer[k] * part.hessian[i][j];
         rotate(part.effector + 3, turn, jacobian);
-        multiply(frame, jacobian, to_spin);
+        cfem_multiply(frame, jacobian, to_spin);
         for (int e = 0; e < 3; e++) {
             end[k + 1][e] = end[k][e];
             for (int f = 0; f < 3; f++) end[k + 1][e] += frame[e][f] * (cfem_module_rest[f] + part.effector[f]);
@@ -66,7 +61,7 @@ unsigned cfem_serial(const double s[CFEM_MOST_NA], cfem_condensed *m) {
                 }
             }
         }
-        multiply(frame, turn, next);
+        cfem_multiply(frame, turn, next);
         for (int i = 0; i < 3; i++)
             for (int j = 0; j < 3; j++) frame[i][j] = next[i][j];
     }

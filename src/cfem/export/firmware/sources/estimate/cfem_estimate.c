@@ -4,19 +4,21 @@
 #include <math.h>
 #include <string.h>
 
+#include "cfem_linear.h"
+
 #define UNSEEN 0.3
 
 static void answer(const cfem_estimate_problem *asked, const cfem_estimate_evaluated *here, const int *kept, cfem_estimate *found) {
-    double A[N][N], square = 0.0;
+    double A[N][N];
     int finite = 1;
     memcpy(found->x, here->x, sizeof found->x), memcpy(A, here->normal, sizeof A);
     for (int i = 0; i < N; i++) A[i][i] += 1e-9;
-    const int definite = cfem_estimate_factor(A);
-    found->left_out = found->unseen = 0u;
+    const int definite = !cfem_cholesky(N, N, A[0], 0.0);
+    found->unseen = 0u;
     for (int i = 0; i < N; i++) {
         double unit[N] = {0.0};
         unit[i] = 1.0;
-        if (definite) cfem_estimate_down(A, unit), cfem_estimate_up(A, unit);
+        if (definite) cfem_lower(N, N, A[0], 0, unit), cfem_upper(N, N, A[0], unit);
         for (int j = 0; j < N; j++) {
             found->covariance[j][i] = unit[j] * cfem_estimate_scale[i] * cfem_estimate_scale[j];
             finite = finite && known(found->covariance[j][i]);
@@ -24,11 +26,7 @@ static void answer(const cfem_estimate_problem *asked, const cfem_estimate_evalu
         const double told = here->normal[i][i]; /* the squared norm of its column */
         if (!(sqrt(found->covariance[i][i]) <= UNSEEN * cfem_estimate_scale[i]) || told < 1.0) found->unseen |= (uint32_t)1 << i;
     }
-    for (int m = 0; m < M; m++) {
-        if (asked->there[m] && !kept[m]) found->left_out |= (uint32_t)1 << m;
-        if (kept[m]) square += here->size[m] * here->size[m];
-    }
-    found->noise = cfem_estimate_count(kept) ? sqrt(square / cfem_estimate_count(kept)) : 0.0;
+    found->left_out = cfem_estimate_left_out(asked, here, kept, &found->noise);
     cfem_estimate_effectors_at(here->x, found->effector);
     for (int i = 0; i < N; i++) finite = finite && known(found->x[i]);
     for (int e = 0; e < NE; e++) finite = finite && known(found->effector[e]);
@@ -37,13 +35,8 @@ static void answer(const cfem_estimate_problem *asked, const cfem_estimate_evalu
 
 /* Of the problem, all but what is known before. */
 static void measured(const cfem_frame *frame, cfem_estimate_problem *asked) {
-    asked->frame = frame, asked->numbers = asked->rows, asked->forces = 0;
-    for (int m = 0; m < M; m++) {
-        asked->there[m] = 1;
-        for (int c = 0; c < 3; c++) asked->there[m] = asked->there[m] && known(frame->place[m][c]);
-        for (int c = 0; c < 3; c++) asked->where[m][c] = (asked->there[m] ? frame->place[m][c] : 0.0) - cfem_estimate_rest[m][c];
-        asked->numbers += 3 * asked->there[m];
-    }
+    cfem_estimate_see(frame, asked);
+    asked->noise = cfem_estimate_noise, asked->numbers = asked->rows + 3 * cfem_estimate_count(asked->there), asked->forces = 0;
     for (int a = 0; a < NA; a++) {
         asked->numbers += known(frame->displacement[a]) + known(frame->force[a]);
         asked->forces += known(frame->force[a]);
@@ -99,12 +92,12 @@ static int forward(const cfem_filter *filter, const double *command, cfem_estima
     }
     for (int i = 0; i < N; i++)
         for (int j = 0; j <= i; j++) lower[i][j] = lower[i][j] / (size[i] * size[j]) + (i == j ? 1e-12 : 0.0);
-    if (!cfem_estimate_factor(lower)) return 0;
+    if (cfem_cholesky(N, N, lower[0], 0.0)) return 0;
     asked->rows = N;
     for (int j = 0; j < N; j++) {
         double column[N] = {0.0};
         column[j] = 1.0 / size[j];
-        cfem_estimate_down(lower, column);
+        cfem_lower(N, N, lower[0], 0, column);
         for (int i = 0; i < N; i++) asked->root[i][j] = column[i];
     }
     return 1;

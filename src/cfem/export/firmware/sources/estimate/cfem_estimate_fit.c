@@ -5,6 +5,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "cfem_linear.h"
+
 #define FIRST 12       /* steps with all markers, */
 #define LEVELS 12      /* with weights, */
 #define LAST 8         /* with those that fit */
@@ -28,9 +30,9 @@ static void look(const cfem_estimate_problem *asked, const double *x, cfem_estim
     for (int m = 0; m < M; m++) {
         double square = 0.0;
         for (int c = 0; c < 3; c++) {
-            at->r[m][c] = (y[3 * m + c] - asked->where[m][c]) / cfem_estimate_noise;
+            at->r[m][c] = (y[3 * m + c] - asked->where[m][c]) / asked->noise;
             square += at->r[m][c] * at->r[m][c];
-            for (int i = 0; i < N; i++) at->J[m][c][i] = by[3 * m + c][i] / cfem_estimate_noise * cfem_estimate_scale[i];
+            for (int i = 0; i < N; i++) at->J[m][c][i] = by[3 * m + c][i] / asked->noise * cfem_estimate_scale[i];
         }
         at->size[m] = sqrt(square / 3.0);
     }
@@ -62,43 +64,14 @@ static void gather(const cfem_estimate_problem *asked, const int *kept, const do
     }
 }
 
-/* A = L L^T, A as its lower triangle, L in its place; 0 where A is not positive definite. */
-int cfem_estimate_factor(double A[N][N]) {
-    for (int j = 0; j < N; j++) {
-        for (int k = 0; k < j; k++) A[j][j] -= A[j][k] * A[j][k];
-        if (!(A[j][j] > 0.0)) return 0;
-        A[j][j] = sqrt(A[j][j]);
-        for (int i = j + 1; i < N; i++) {
-            for (int k = 0; k < j; k++) A[i][j] -= A[i][k] * A[j][k];
-            A[i][j] /= A[j][j];
-        }
-    }
-    return 1;
-}
-
-/* b = L^-1 b, then L^-T b. */
-void cfem_estimate_down(double L[N][N], double *b) {
-    for (int i = 0; i < N; i++) {
-        for (int k = 0; k < i; k++) b[i] -= L[i][k] * b[k];
-        b[i] /= L[i][i];
-    }
-}
-
-void cfem_estimate_up(double L[N][N], double *b) {
-    for (int i = N - 1; i >= 0; i--) {
-        for (int k = i + 1; k < N; k++) b[i] -= L[k][i] * b[k];
-        b[i] /= L[i][i];
-    }
-}
-
 /* The step over the scale; 0 where there is none. */
 static int step_of(const cfem_estimate_evaluated *at, double damping, double *step) {
     double A[N][N], most = 1.0;
     for (int i = 0; i < N; i++) most = fmax(most, at->normal[i][i]);
     memcpy(A, at->normal, sizeof A), memcpy(step, at->gradient, sizeof at->gradient);
     for (int i = 0; i < N; i++) A[i][i] += damping * at->normal[i][i] + 1e-12 * most;
-    if (!cfem_estimate_factor(A)) return 0;
-    cfem_estimate_down(A, step), cfem_estimate_up(A, step);
+    if (cfem_cholesky(N, N, A[0], 0.0)) return 0;
+    cfem_lower(N, N, A[0], 0, step), cfem_upper(N, N, A[0], step);
     return 1;
 }
 
@@ -154,7 +127,7 @@ static void near(const cfem_estimate_problem *asked, double *x) {
     double y[ROWS], by[ROWS][N], apart[M], least = HUGE_VAL;
     int best = -1;
     cfem_estimate_places(x, y, by);
-    for (int k = -1; k < CFEM_ESTIMATE_STARTS; k++) {
+    for (int k = -1; k < STARTS; k++) {
         const double *at = k < 0 ? y : cfem_estimate_start_places[k];
         for (int m = 0; m < M; m++) {
             double square = 0.0;
@@ -208,12 +181,12 @@ static int worst(const cfem_estimate_evaluated *here, const int *kept) {
     int found = -1;
     memcpy(A, here->normal, sizeof A);
     for (int i = 0; i < N; i++) A[i][i] += 1e-9 * fmax(here->normal[i][i], 1.0);
-    const int definite = cfem_estimate_factor(A);
+    const int definite = !cfem_cholesky(N, N, A[0], 0.0);
     for (int m = 0; m < M; m++) {
         double left[3][3], half[3][N], falls = 3.0 * here->size[m] * here->size[m];
         if (!kept[m]) continue;
         if (definite) {
-            for (int c = 0; c < 3; c++) memcpy(half[c], here->J[m][c], sizeof half[c]), cfem_estimate_down(A, half[c]);
+            for (int c = 0; c < 3; c++) memcpy(half[c], here->J[m][c], sizeof half[c]), cfem_lower(N, N, A[0], 0, half[c]);
             for (int c = 0; c < 3; c++)
                 for (int d = 0; d < 3; d++) {
                     left[c][d] = c == d ? 1.0 + 1e-9 : 0.0;
@@ -230,6 +203,26 @@ static int fits(const cfem_estimate_evaluated *here, const int *kept) {
     for (int m = 0; m < M; m++)
         if (kept[m] && !(here->size[m] < FIT)) return 0;
     return 1;
+}
+
+void cfem_estimate_see(const cfem_frame *frame, cfem_estimate_problem *asked) {
+    asked->frame = frame;
+    for (int m = 0; m < M; m++) {
+        asked->there[m] = 1;
+        for (int c = 0; c < 3; c++) asked->there[m] = asked->there[m] && known(frame->place[m][c]);
+        for (int c = 0; c < 3; c++) asked->where[m][c] = (asked->there[m] ? frame->place[m][c] : 0.0) - cfem_estimate_rest[m][c];
+    }
+}
+
+uint32_t cfem_estimate_left_out(const cfem_estimate_problem *asked, const cfem_estimate_evaluated *here, const int *kept, double *noise) {
+    uint32_t bits = 0u;
+    double square = 0.0;
+    for (int m = 0; m < M; m++) {
+        if (asked->there[m] && !kept[m]) bits |= (uint32_t)1 << m;
+        if (kept[m]) square += here->size[m] * here->size[m];
+    }
+    *noise = cfem_estimate_count(kept) ? sqrt(square / cfem_estimate_count(kept)) : 0.0;
+    return bits;
 }
 
 int cfem_estimate_count(const int *kept) {

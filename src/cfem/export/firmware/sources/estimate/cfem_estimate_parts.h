@@ -1,13 +1,15 @@
-/* What the files of the estimator share. */
+/* What the files of the estimator share. The filter of what moves takes it with its own unknowns: cfem_swing_fit.h. */
 #ifndef CFEM_ESTIMATE_PARTS_H
 #define CFEM_ESTIMATE_PARTS_H
 
 #include "cfem_estimate.h"
 
 #define NA CFEM_ESTIMATE_NA
-#define NZ CFEM_ESTIMATE_NZ /* coordinates of the series */
 #define NW CFEM_ESTIMATE_NW
+#ifndef N
 #define N CFEM_ESTIMATE_N
+#define STARTS CFEM_ESTIMATE_STARTS
+#endif
 #define NE CFEM_ESTIMATE_NE
 #define M CFEM_ESTIMATE_MARKERS
 #define ROWS (3 * M)
@@ -15,18 +17,19 @@
 /* y (ROWS,): where the markers are, from rest; by (ROWS, N). */
 void cfem_estimate_places(const double *x, double y[ROWS], double by[ROWS][N]);
 
+#ifndef cfem_estimate_tensions
 /* y (NA,): forces of the actuators; by (NA, N). */
 void cfem_estimate_tensions(const double *x, double y[NA], double by[NA][N]);
-
+#endif
 /* effector (NE,): mm from rest. */
 void cfem_estimate_effectors_at(const double x[N], double effector[NE]);
 
 #define known(value) isfinite(value)
 
-/* What is measured, and what is known before: root (x - mean) has standard deviation 1. */
+/* What is measured, with noise mm of each coordinate, and what is known before: root (x - mean) has standard deviation 1. */
 typedef struct {
     const cfem_frame *frame;
-    double where[M][3], mean[N], root[N][N];
+    double where[M][3], noise, mean[N], root[N][N];
     int there[M], rows, numbers, forces;
 } cfem_estimate_problem;
 
@@ -37,12 +40,11 @@ typedef struct {
     double force[NA], by_x[NA][N];
 } cfem_estimate_evaluated;
 
-/* A = L L^T, A as its lower triangle, L in its place; 0 where A is not positive definite. */
-int cfem_estimate_factor(double A[N][N]);
+/* Which markers a frame has, and where they are, from rest: `there` and `where`. */
+void cfem_estimate_see(const cfem_frame *frame, cfem_estimate_problem *asked);
 
-/* b = L^-1 b, and L^-T b. */
-void cfem_estimate_down(double L[N][N], double *b);
-void cfem_estimate_up(double L[N][N], double *b);
+/* Bits of the markers that are there and not kept, and the root mean square of `size` of those kept. */
+uint32_t cfem_estimate_left_out(const cfem_estimate_problem *asked, const cfem_estimate_evaluated *here, const int *kept, double *noise);
 
 /* How many of the markers (M,) are kept. */
 int cfem_estimate_count(const int *kept);
@@ -51,4 +53,3 @@ int cfem_estimate_count(const int *kept);
 unsigned cfem_estimate_minimise(const cfem_estimate_problem *asked, const double *first, cfem_estimate_evaluated *here, int *kept, int *iterations);
 
 #endif
-

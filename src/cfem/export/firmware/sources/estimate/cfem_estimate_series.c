@@ -6,6 +6,7 @@
 
 #include "cfem_chebyshev.h"
 
+#define NZ CFEM_ESTIMATE_NZ /* coordinates of the series */
 #define DEGREES (CFEM_ESTIMATE_DEGREE + 1)
 
 #define BOX {NZ, NA, NA, CFEM_ESTIMATE_DEGREE, NZ, DEGREES, cfem_estimate_to_box[0], cfem_estimate_offset}

@@ -109,41 +109,6 @@ static unsigned touching(cfem_meeting *at) {
     return 0;
 }
 
-/* Chooses patch p of all. 0, or a status. */
-static unsigned choose(cfem_meeting *at, int p) {
-    cfem_touched *const one = &at->now->robot[p / N];
-    int i = one->count;
-    if (i == MOST) return CFEM_TOUCH_MANY;
-    for (; i > 0 && one->patch[i - 1] > p % N; i--) {
-        one->patch[i] = one->patch[i - 1];
-        memcpy(one->force[i], one->force[i - 1], sizeof one->force[i]);
-    }
-    one->patch[i] = p % N, one->count++;
-    memset(one->force[i], 0, sizeof one->force[i]);
-    return 0;
-}
-
-static void number(cfem_meeting *at) {
-    for (int p = 0; p < ALL; p++) at->room->chosen[p] = -1;
-    for (int b = 0; b < ROBOTS; b++)
-        for (int i = 0; i < at->now->robot[b].count; i++) at->room->chosen[b * N + at->now->robot[b].patch[i]] = i;
-}
-
-/* Patches of the pairs that touch, not chosen yet: how many; they are chosen where `all` is. -1: too many. */
-static int unknown(cfem_meeting *at, int all) {
-    int found = 0;
-    number(at);
-    for (int i = 0; i < at->count; i++)
-        for (int k = 0; k < cfem_touching(at, i)->row.count; k++) {
-            const int p = cfem_touching(at, i)->row.patch[k];
-            if (at->room->chosen[p] >= 0) continue;
-            found++, at->room->chosen[p] = 0;
-            if (all && choose(at, p)) return -1;
-        }
-    number(at);
-    return found;
-}
-
 /* Nothing touches. */
 static unsigned let_go(cfem_meeting *at) {
     int free = 1;
@@ -168,12 +133,12 @@ static unsigned one_round(cfem_meeting *at) {
     unsigned status = touching(at);
     if (status) return status;
     if (!at->count) return let_go(at);
-    const int new = unknown(at, 1);
+    const int new = cfem_meet_choose(at, 1);
     if (new < 0) return CFEM_TOUCH_MANY;
     if (new) {
         status = onwards(at);
         if (!status) status = touching(at);
-        if (status || unknown(at, 0)) return status ? status : ON;
+        if (status || cfem_meet_choose(at, 0)) return status ? status : ON;
     }
     status = cfem_meet_hold(at);
     if (status) return status;
@@ -202,7 +167,7 @@ static unsigned one_round(cfem_meeting *at) {
 static void finish(cfem_meeting *at) {
     cfem_met *const now = at->now;
     int kept = 0;
-    number(at);
+    cfem_meet_number(at);
     for (int p = 0; p < ALL; p++) at->room->around.known[p] = 0; /* whether a patch is of a pair that is near, or bears */
     for (int i = 0; i < now->pair_count; i++) {
         const cfem_pair *const pair = &now->pair[i];

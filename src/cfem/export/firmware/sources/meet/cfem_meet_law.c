@@ -18,6 +18,40 @@ int cfem_hold_of(const cfem_met *now, int slot) {
 
 cfem_pair *cfem_touching(const cfem_meeting *at, int i) { return &at->now->pair[at->room->touching[i]]; }
 
+/* Chooses patch p of all. 0, or a status. */
+static unsigned choose(cfem_meeting *at, int p) {
+    cfem_touched *const one = &at->now->robot[p / N];
+    int i = one->count;
+    if (i == MOST) return CFEM_TOUCH_MANY;
+    for (; i > 0 && one->patch[i - 1] > p % N; i--) {
+        one->patch[i] = one->patch[i - 1];
+        memcpy(one->force[i], one->force[i - 1], sizeof one->force[i]);
+    }
+    one->patch[i] = p % N, one->count++;
+    memset(one->force[i], 0, sizeof one->force[i]);
+    return 0;
+}
+
+void cfem_meet_number(cfem_meeting *at) {
+    for (int p = 0; p < ALL; p++) at->room->chosen[p] = -1;
+    for (int b = 0; b < ROBOTS; b++)
+        for (int i = 0; i < at->now->robot[b].count; i++) at->room->chosen[b * N + at->now->robot[b].patch[i]] = i;
+}
+
+int cfem_meet_choose(cfem_meeting *at, int all) {
+    int found = 0;
+    cfem_meet_number(at);
+    for (int i = 0; i < at->count; i++)
+        for (int k = 0; k < cfem_touching(at, i)->row.count; k++) {
+            const int p = cfem_touching(at, i)->row.patch[k];
+            if (at->room->chosen[p] >= 0) continue;
+            found++, at->room->chosen[p] = 0;
+            if (all && choose(at, p)) return -1;
+        }
+    cfem_meet_number(at);
+    return found;
+}
+
 static const double *begun(const cfem_meeting *at, int p) { return at->begin->robot[p / N].place[p % N]; }
 
 double cfem_first_gap(const cfem_meeting *at, const cfem_pair *pair) {
@@ -35,7 +69,7 @@ static void begin_hold(cfem_meeting *at, const cfem_pair *pair, cfem_hold *hold)
     cfem_row_of *const row = &hold->row;
     const double first = at->begin ? cfem_first_gap(at, pair) : pair->gap, last = pair->gap;
     const double share = first <= 0.0 ? 0.0 : last < 0.0 ? first / fmax(first - last, 1e-300) : 1.0;
-    double x[CFEM_ROW_MOST][3], on[CFEM_ROW_MOST][2], mean[2] = {0.0}, aside[2] = {0.0}, M[4] = {0.0};
+    double sign, x[CFEM_ROW_MOST][3], on[CFEM_ROW_MOST][2], mean[2] = {0.0}, aside[2] = {0.0}, M[4] = {0.0};
     hold->unknown = 0, hold->origin[0] = hold->origin[1] = hold->origin[2] = 0.0;
     *row = pair->row;
     for (int k = 0; k < row->count; k++) {
@@ -52,7 +86,7 @@ static void begin_hold(cfem_meeting *at, const cfem_pair *pair, cfem_hold *hold)
     }
     for (int k = 1; k < row->count; k++)
         for (int a = 0; a < 4; a++) M[a] += (on[k][a / 2] - mean[a / 2]) * (on[k][a % 2] - mean[a % 2]);
-    if (cfem_solve(2, M, 1, aside)) return;
+    if (cfem_eliminate(2, M, 1, aside, &sign)) return;
     for (int k = 1; k < row->count; k++) /* such shares of its faces that the point is before it there */
         for (int a = 0; a < 2; a++) row->weight[k] -= (on[k][a] - mean[a]) * aside[a];
 }

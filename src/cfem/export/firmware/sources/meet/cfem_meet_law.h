@@ -19,6 +19,12 @@ int cfem_hold_of(const cfem_met *now, int slot);
 /* Pair i of those that touch. */
 cfem_pair *cfem_touching(const cfem_meeting *at, int i);
 
+/* Places of the patches that each robot has chosen, into the room. */
+void cfem_meet_number(cfem_meeting *at);
+
+/* How many patches of the pairs that touch are not chosen yet; they are chosen where `all` is. -1: too many. */
+int cfem_meet_choose(cfem_meeting *at, int all);
+
 /* mm: gap of a pair, were the patches where the step began, on the same plane. */
 double cfem_first_gap(const cfem_meeting *at, const cfem_pair *pair);
 

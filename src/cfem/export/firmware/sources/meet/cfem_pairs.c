@@ -96,7 +96,7 @@ static double falls_short(const double *M) {
 int cfem_pair_of(cfem_around *around, int p, const cfem_row_of *faces, cfem_pair *pair) {
     const double *const x = around->place[p], end = exp(-WITHIN * WITHIN);
     cfem_row_of *const row = &pair->row;
-    double G[CFEM_ROW_MOST], A[CFEM_ROW_MOST][3], n[3] = {0.0}, M[9], by[3], sizes = 0.0, short_of = 0.0;
+    double G[CFEM_ROW_MOST], A[CFEM_ROW_MOST][3], n[3] = {0.0}, M[9], by[3], sizes = 0.0, short_of = 0.0, sign;
     int most = 1;
     if (faces)
         *row = *faces;
@@ -125,14 +125,14 @@ int cfem_pair_of(cfem_around *around, int p, const cfem_row_of *faces, cfem_pair
         short_of = falls_short(M);
         for (int a = 0; a < 9 && short_of > 0.0; a += 4) M[a] += short_of;
         memcpy(copy, M, sizeof M);
-        if (cfem_solve(3, copy, 1, slope)) return 0;
+        if (cfem_eliminate(3, copy, 1, slope, &sign)) return 0;
         const double inclined = sqrt(slope[1] * slope[1] + slope[2] * slope[2]) / S / STEEP;
         const double share = (inclined <= 1.0 ? 1.0 : inclined < 2.0 ? 2.0 - inclined : 0.0) / S;
         for (int a = 0; a < 3; a++)
             n[a] = pair->frame[0][a] - share * (slope[1] * pair->frame[1][a] + slope[2] * pair->frame[2][a]);
     }
     by[0] = 1.0, by[1] = by[2] = 0.0;
-    if (cfem_solve(3, M, 1, by)) return 0;
+    if (cfem_eliminate(3, M, 1, by, &sign)) return 0;
     for (int k = 1; k < row->count; k++) {
         row->weight[k] = -G[k] * cfem_dot(3, A[k], by), sizes += fabs(row->weight[k]);
         if (row->weight[k] < row->weight[most]) most = k;

@@ -4,6 +4,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "cfem_block.h"
 #include "cfem_inertia.h"
 #include "cfem_parts.h"
 
@@ -100,40 +101,6 @@ static void slopes(const expansion *near, const equations *at, double dt, double
     for (int r = NA; r < NQ; r++) slope[r][r] += dt * dt / 4 * cfem_motion_stiffness;
 }
 
-/* A (n, n) = L U in place with row pivots; 1 where A is singular. */
-static int factorise(int n, double A[NQ][NQ], int *pivots) {
-    for (int k = 0; k < n; k++) {
-        int pivot = k;
-        for (int i = k + 1; i < n; i++)
-            if (fabs(A[i][k]) > fabs(A[pivot][k])) pivot = i;
-        pivots[k] = pivot;
-        if (!(fabs(A[pivot][k]) > 0.0)) return 1;
-        if (pivot != k) {
-            double row[NQ];
-            memcpy(row, A[k], sizeof row), memcpy(A[k], A[pivot], sizeof row), memcpy(A[pivot], row, sizeof row);
-        }
-        const double by = 1.0 / A[k][k];
-        for (int i = k + 1; i < n; i++) {
-            const double factor = A[i][k] *= by;
-            for (int j = k + 1; j < n; j++) A[i][j] -= factor * A[k][j];
-        }
-    }
-    return 0;
-}
-
-static void solve(int n, double A[NQ][NQ], const int *pivots, double *b) {
-    for (int k = 0; k < n; k++) {
-        const double value = b[pivots[k]];
-        b[pivots[k]] = b[k], b[k] = value;
-    }
-    for (int i = 1; i < n; i++)
-        for (int j = 0; j < i; j++) b[i] -= A[i][j] * b[j];
-    for (int i = n - 1; i >= 0; i--) {
-        for (int j = i + 1; j < n; j++) b[i] -= A[i][j] * b[j];
-        b[i] /= A[i][i];
-    }
-}
-
 /* Newton's method from v, whose n entries `free` are changed, with the slopes there, and later ones where changes fall slowly. v, what is left,
  * and the impulse M v, these two to first order in the last change. 1 where it does not end. */
 static int newton(const cfem_motion *motion, expansion *near, const int *free, int n, double dt, double *v, double *left,
@@ -149,10 +116,10 @@ static int newton(const cfem_motion *motion, expansion *near, const int *free, i
             slopes(near, &at, dt, slope);
             for (int i = 0; i < n; i++)
                 for (int j = 0; j < n; j++) A[i][j] = slope[free[i]][free[j]];
-            if (factorise(n, A, pivots)) return 1;
+            if (cfem_factorise(0, n, A, pivots)) return 1;
         }
         for (int i = 0; i < n; i++) change[i] = at.rest[free[i]];
-        solve(n, A, pivots, change);
+        cfem_solve((const double(*)[NQ])A, pivots, 0, n, 1, change);
         for (int i = 0; i < n; i++) {
             full[free[i]] = change[i], v[free[i]] += change[i];
             moved = fmax(moved, fabs(change[i]) * cfem_motion_unit[free[i]]);

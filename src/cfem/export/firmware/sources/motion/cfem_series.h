@@ -7,7 +7,7 @@
 #include "cfem_series_data.h"
 #include "cfem_motion_room.h"
 
-#ifndef cfem_motion_root
+#ifndef CFEM_AS_DATA /* not constants */
 extern const cfem_motion_series cfem_motion_root[], cfem_motion_inner[], cfem_motion_loss[], cfem_motion_curve[];
 #endif
 

@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "cfem_linear.h"
-#include "cfem_mpc.h"
+#include "cfem_innovation.h"
 #include "cfem_parts.h"
 
 #define NA CFEM_MOTION_NA
@@ -21,17 +21,6 @@
 #define FIRST (HELD ? NA : 0)
 #define DT CFEM_MPC_DT
 #define SWING 0.1  /* of the square of what samples missed: that of a swing that they may be of */
-#define FROZEN 3.0 /* of the noise: motion during which a sensor does not repeat itself */
-
-/* exp(x) for |x| <= 4 times a standard deviation, without libm: halved until small, squared back. */
-static double exponential(double x) {
-    double sum = 1.0, term = 1.0;
-    int squared = 0;
-    while (fabs(x) > 0.03125 && squared < 12) x /= 2.0, squared++;
-    for (int k = 1; k < 12; k++) term *= x / k, sum += term;
-    while (squared--) sum *= sum;
-    return sum;
-}
 
 /* (NQ,) K^-1 b of a robot at rest, or of what is not held of it. W: the compliance of the actuators. */
 static void yield_to(double W[CFEM_MOTION_MOST_NA][CFEM_MOTION_MOST_NA], const double *b, double *out) {
@@ -192,80 +181,6 @@ static int predict(cfem_mpc *m, const double *u) {
     return 0;
 }
 
-/* Of a sample: rows that are measured, what each missed, the inverse of its covariance, nu^T S^-1 nu and the mean square of nu. */
-typedef struct {
-    double missed[CFEM_MOTION_MOST_NE], S[CFEM_MOTION_MOST_NE][CFEM_MOTION_MOST_NE], square, size;
-    int row[CFEM_MOTION_MOST_NE], n;
-} innovation;
-
-/* m->moved (n, NX) becomes H P. 0, or 1 where the covariance is none: beyond what the model knows, its stiffness may be negative. */
-static int look(cfem_mpc *m, const double *x_e, innovation *of) {
-    double e[CFEM_MOTION_MOST_NE], C[CFEM_MOTION_MOST_NE][MOST_NQ], (*HP)[ACROSS] = m->moved;
-    cfem_tips(m->state.z, &m->near.inner, &m->near.inner, e, C);
-    of->n = 0, of->square = of->size = 0.0;
-    for (int k = 0; k < NE; k++)
-        if (cfem_mpc_weight[k] > 0.0) of->row[of->n++] = k;
-    for (int k = 0; k < of->n; k++) {
-        const int row = of->row[k];
-        of->missed[k] = x_e[row] - cfem_rest_e[row] - e[row] - m->offset[row];
-        of->size += of->missed[k] * of->missed[k];
-        for (int j = 0; j < NX; j++) {
-            HP[k][j] = m->covariance[OFFSET + row][j];
-            for (int i = 0; i < NQ; i++) HP[k][j] += C[row][i] * m->covariance[i][j];
-        }
-    }
-    for (int k = 0; k < of->n; k++)
-        for (int l = 0; l < of->n; l++)
-            of->S[k][l] = cfem_dot(NQ, C[of->row[l]], HP[k]) + HP[k][OFFSET + of->row[l]] + (k == l ? CFEM_MPC_DOUBT_NOISE * CFEM_MPC_DOUBT_NOISE : 0.0);
-    of->size /= of->n;
-    if (cfem_invert(of->n, CFEM_MOTION_MOST_NE, of->S[0])) return 1;
-    for (int k = 0; k < of->n; k++) of->square += of->missed[k] * cfem_dot(of->n, of->S[k], of->missed);
-    return !(of->square >= 0.0);
-}
-
-/* Whether a sample repeats the one before to the last bit although the robot should have moved. */
-static int frozen(cfem_mpc *m, const double *x_e, const innovation *of) {
-    double square = 0.0;
-    int repeated = 1;
-    for (int k = 0; k < of->n; k++) repeated = repeated && x_e[of->row[k]] == m->sample[of->row[k]];
-    for (int k = 0; k < of->n; k++) {
-        const int row = of->row[k];
-        const double expected = x_e[row] - of->missed[k];
-        if (!repeated) m->sample[row] = x_e[row], m->expected[row] = expected;
-        const double moved = expected - m->expected[row];
-        m->expected[row] += moved / CFEM_GATE_MEMORY;
-        square += moved * moved / of->n;
-    }
-    return sqrt(square) > FROZEN * CFEM_MPC_DOUBT_NOISE;
-}
-
-static void correct(cfem_mpc *m, const innovation *of) {
-    static const double share[2] = {CFEM_MPC_DOUBT_STIFFNESS, CFEM_MPC_DOUBT_VISCOSITY};
-    double (*HP)[ACROSS] = m->moved, (*gain)[ACROSS] = m->moved + NE, change[ACROSS]; /* (n, NX), gain transposed */
-    const int n = of->n;
-    for (int i = 0; i < NX; i++) {
-        change[i] = 0.0;
-        for (int k = 0; k < n; k++) {
-            gain[k][i] = 0.0;
-            for (int l = 0; l < n; l++) gain[k][i] += of->S[k][l] * HP[l][i];
-            change[i] += gain[k][i] * of->missed[k];
-        }
-    }
-    for (int i = 0; i < NX; i++) /* what is known now: symmetric, gain S gain^T less */
-        for (int j = i; j < NX; j++) {
-            double less = 0.0;
-            for (int k = 0; k < n; k++) less += gain[k][i] * HP[k][j] + gain[k][j] * HP[k][i];
-            m->covariance[i][j] = m->covariance[j][i] = (m->covariance[i][j] + m->covariance[j][i] - less) / 2;
-        }
-    for (int i = 0; i < NZ; i++) m->state.z[i] += change[i];
-    for (int k = 0; k < 2; k++) {
-        const double largest = 4.0 * share[k];
-        m->logarithm[k] = fmin(fmax(m->logarithm[k] + change[MATERIAL + k], -largest), largest);
-    }
-    m->material.stiffness = exponential(m->logarithm[0]), m->material.viscosity = exponential(m->logarithm[1]);
-    for (int k = 0; k < NE; k++) m->offset[k] += change[OFFSET + k];
-}
-
 /* Predicts the oldest command that is still on its way; whether the estimate was lost, and began again. */
 static int next(cfem_mpc *m) {
     const int failed = predict(m, m->late[0]) || lost(m);
@@ -281,26 +196,26 @@ unsigned cfem_observer_hear(cfem_mpc *m, const double *x_e, long sampled) {
     double sum = 0.0, size;
     unsigned status = 0;
     int measured = 0;
-    innovation of;
+    cfem_innovation of;
     if (sampled <= m->heard) return 0;
     while (m->heard < sampled)
         if (next(m)) status = CFEM_RESTARTED;
     for (int e = 0; e < NE; e++)
         if (cfem_mpc_weight[e] > 0.0) sum += x_e[e], measured = 1;
     if (!measured || !cfem_finite(sum)) return status;
-    const int none = look(m, x_e, &of);
-    if (frozen(m, x_e, &of)) return status | CFEM_REJECTED;
+    const int none = cfem_innovation_of(m, x_e, &of);
+    if (cfem_frozen(m, x_e, &of)) return status | CFEM_REJECTED;
     const int verdict =
         none ? CFEM_GATE_RESTART : cfem_gate_judge(&m->gate, of.square, of.n, CFEM_MPC_GATE_SIGMAS, CFEM_MPC_GATE_SAMPLES);
     if (verdict == CFEM_GATE_REJECTED) return status | CFEM_REJECTED;
     if (verdict == CFEM_GATE_RESTART) {
         size = of.size, status = CFEM_RESTARTED;
         restart(m, m->state.u);
-        if (look(m, x_e, &of)) return status;
+        if (cfem_innovation_of(m, x_e, &of)) return status;
         widen(m, fmax(size, of.size));
-        if (look(m, x_e, &of)) return status;
+        if (cfem_innovation_of(m, x_e, &of)) return status;
     }
-    correct(m, &of);
+    cfem_correct(m, &of);
     if (!lost(m)) return status;
     restart(m, m->state.u);
     return CFEM_RESTARTED;

@@ -64,15 +64,8 @@ double cfem_program_at(const cfem_plan *p, int i, const double *x) {
     return sum;
 }
 
-void cfem_program_forward(const cfem_plan *p, int begin, double *v) {
-    for (int i = begin; i < V; i++) v[i] = (v[i] - cfem_dot(i - begin, p->L[i] + begin, v + begin)) / p->L[i][i];
-}
-void cfem_program_backward(const cfem_plan *p, double *v) {
-    for (int i = V - 1; i >= 0; i--) {
-        v[i] /= p->L[i][i];
-        for (int j = 0; j < i; j++) v[j] -= p->L[i][j] * v[i];
-    }
-}
+void cfem_program_forward(const cfem_plan *p, int begin, double *v) { cfem_lower(V, MOST_V, p->L[0], begin, v); }
+void cfem_program_backward(const cfem_plan *p, double *v) { cfem_upper(V, MOST_V, p->L[0], v); }
 
 static double lasting(int block) { return (block + 1 < MOVES ? cfem_mpc_begins[block + 1] : TICKS) - cfem_mpc_begins[block]; }
 
@@ -137,18 +130,7 @@ int cfem_program_factorise(cfem_plan *p) {
         if (j >= NA) p->L[j][j - NA] -= smooth * smooth;
         largest = fmax(largest, fmax(cfem_mpc_smooth[a], sqrt(many) * cfem_mpc_effort[a]));
     }
-    for (int i = 0; i < V; i++) {
-        const double whole = p->L[i][i];
-        for (int j = 0; j <= i; j++) {
-            const double rest = p->L[i][j] - cfem_dot(j, p->L[i], p->L[j]);
-            if (j < i)
-                p->L[i][j] = rest / p->L[j][j];
-            else if (rest > 1e-14 * whole)
-                p->L[i][i] = sqrt(rest);
-            else
-                return 1;
-        }
-    }
+    if (cfem_cholesky(V, MOST_V, p->L[0], 1e-14)) return 1;
     cfem_program_slope(p, none, p->best);
     for (int j = 0; j < V; j++) p->best[j] = -p->best[j];
     cfem_program_forward(p, 0, p->best);

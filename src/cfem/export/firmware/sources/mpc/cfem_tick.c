@@ -28,7 +28,7 @@ CFEM_INLINE void respond(const cfem_stage *s, int m, double right[MOST_NQ * MOST
         cfem_add_product(NR, NA, s->speed[NA], MOST_NQ, m, held, m, right + NA * m, m);
     }
     for (int i = FIRST * m; i < NQ * m; i++) X[i] = right[i];
-    cfem_solve((const double(*)[CFEM_MOTION_MOST_NQ])s->factor, s->pivots, FIRST, m, X);
+    cfem_solve((const double(*)[CFEM_MOTION_MOST_NQ])s->factor, s->pivots, FIRST, NQ, m, X);
     if (!HELD || !lambda) return;
     for (int a = 0; a < NA; a++) /* what the rows of the actuators lack */
         for (int c = 0; c < m; c++) {
@@ -173,7 +173,7 @@ int cfem_stage_at(const double *z, const double *v, const double *w, const cfem_
     for (int a = 0; a < NA; a++)
         for (int j = 0; j < NQ; j++) s->speed[a][j] -= DT / 2 * by_turn[a][j];
     memcpy(s->factor, s->speed, sizeof s->factor);
-    if (cfem_factorise(FIRST, s->factor, s->pivots)) return 1;
+    if (cfem_factorise(FIRST, NQ, s->factor, s->pivots)) return 1;
     cfem_add_symmetric(1.0, inertia->M, v, Mv);
     for (int i = 0; i < NQ; i++) {
         s->of_material[i][0] = DT / 2 * (elastic[i] + lost[i]), s->of_material[i][1] = DT / 2 * lost[i];

@@ -77,11 +77,11 @@ static int root_of(double P[NX][NX], double root[N][N]) {
     for (int i = 0; i < N; i++) size[i] = sqrt(fmax(P[told(i)][told(i)], 1e-18));
     for (int i = 0; i < N; i++)
         for (int j = 0; j <= i; j++) lower[i][j] = P[told(i)][told(j)] / (size[i] * size[j]) + (i == j ? 1e-12 : 0.0);
-    if (!cfem_estimate_factor(lower)) return 0;
+    if (cfem_cholesky(N, N, lower[0], 0.0)) return 0;
     for (int j = 0; j < N; j++) {
         double column[N] = {0.0};
         column[j] = 1.0 / size[j];
-        cfem_estimate_down(lower, column);
+        cfem_lower(N, N, lower[0], 0, column);
         for (int i = 0; i < N; i++) root[i][j] = column[i];
     }
     return 1;
@@ -99,11 +99,11 @@ static void jump(const cfem_swing *s, double P[NX][NX]) {
 static int covariance_of(double normal[N][N], double P[N][N]) {
     double L[N][N];
     memcpy(L, normal, sizeof L);
-    if (!cfem_estimate_factor(L)) return 0;
+    if (cfem_cholesky(N, N, L[0], 0.0)) return 0;
     for (int i = 0; i < N; i++) {
         double unit[N] = {0.0};
         unit[i] = 1.0;
-        cfem_estimate_down(L, unit), cfem_estimate_up(L, unit);
+        cfem_lower(N, N, L[0], 0, unit), cfem_upper(N, N, L[0], unit);
         for (int j = 0; j < N; j++) P[j][i] = unit[j] * cfem_swing_scale[i] * cfem_swing_scale[j];
     }
     return cfem_finite(P[0][0]);
@@ -168,30 +168,20 @@ static void solve(cfem_estimate_problem *asked, double covariance[NX][NX], fit *
 
 static void ask(const cfem_swing *s, const cfem_frame *frame, cfem_estimate_problem *asked) {
     memset(asked, 0, sizeof *asked);
-    asked->frame = frame, asked->rows = N, asked->numbers = N, asked->noise = noise_of(s);
+    cfem_estimate_see(frame, asked);
+    asked->rows = N, asked->numbers = N, asked->noise = noise_of(s);
     memcpy(asked->mean, s->z, sizeof(double) * NQ), memcpy(asked->mean + NQ, s->load, sizeof(double) * NW);
     asked->mean[N - 1] = s->stiffness;
-    for (int m = 0; m < MARKERS; m++) {
-        asked->there[m] = 1;
-        for (int c = 0; c < 3; c++) asked->there[m] = asked->there[m] && cfem_finite(frame->place[m][c]);
-        for (int c = 0; c < 3; c++) asked->where[m][c] = (asked->there[m] ? frame->place[m][c] : 0.0) - cfem_estimate_rest[m][c];
-    }
 }
 
 static void answer(const cfem_swing *s, const fit *best, const cfem_estimate_problem *asked, cfem_swing_found *found) {
-    double square = 0.0;
-    const int kept = cfem_estimate_count(best->kept);
     memcpy(found->x, s->z, sizeof(double) * NQ), memcpy(found->x + NQ, s->load, sizeof(double) * NW);
-    found->x[N - 1] = s->stiffness, found->left_out = found->unseen = 0u;
+    found->x[N - 1] = s->stiffness, found->unseen = 0u;
     for (int i = 0; i < N; i++) {
         for (int j = 0; j < N; j++) found->covariance[i][j] = s->covariance[told(i)][told(j)];
         if (!(sqrt(found->covariance[i][i]) <= UNSEEN * cfem_swing_scale[i])) found->unseen |= (uint32_t)1 << i;
     }
-    for (int m = 0; m < MARKERS; m++) {
-        if (asked->there[m] && !best->kept[m]) found->left_out |= (uint32_t)1 << m;
-        if (best->kept[m]) square += best->here.size[m] * best->here.size[m];
-    }
-    found->noise = kept ? sqrt(square / kept) : 0.0;
+    found->left_out = cfem_estimate_left_out(asked, &best->here, best->kept, &found->noise);
     found->status = best->status, found->iterations = best->iterations;
     cfem_swing_effectors(found->x, found->effector);
 }

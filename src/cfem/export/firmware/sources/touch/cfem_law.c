@@ -2,62 +2,10 @@
 
 #include "cfem_linear.h"
 
-enum { ITERATIONS = 40, HALVINGS = 4, SYSTEMS = 6000, CORRECTIONS = 8 };
+enum { ITERATIONS = 40, HALVINGS = 4, SYSTEMS = 2000, CORRECTIONS = 8 };
 /* Of the curve along friction: steps in units of the largest force without it; see cfem.contact.path. */
 static const double LONGEST = 1.0, FIRST = 0.1, SHORTEST = 1e-7, ACROSS = 1e-5, ONWARDS = 1e-4, FARTHEST = 1.2, CLOSE = 1e-10;
 static const double EXACT = 1e-13; /* of the largest force: change of a force in the last step */
-
-/* As cfem_solve; sign: of the determinant. */
-static int solve_signed(int n, double *A, int k, double *B, double *sign) {
-    *sign = 1.0;
-    for (int i = 0; i < n; i++) {
-        int pivot = i;
-        for (int r = i + 1; r < n; r++)
-            if (fabs(A[r * n + i]) > fabs(A[pivot * n + i])) pivot = r;
-        if (!(fabs(A[pivot * n + i]) > 0.0)) return 1;
-        if ((A[pivot * n + i] < 0.0) != (pivot != i)) *sign = -*sign;
-        if (pivot != i) {
-            for (int c = i; c < n; c++) {
-                const double kept = A[i * n + c];
-                A[i * n + c] = A[pivot * n + c], A[pivot * n + c] = kept;
-            }
-            for (int c = 0; c < k; c++) {
-                const double kept = B[i * k + c];
-                B[i * k + c] = B[pivot * k + c], B[pivot * k + c] = kept;
-            }
-        }
-        const double inverse = 1.0 / A[i * n + i], *const by = A + i * n;
-        for (int r = i + 1; r < n; r++) {
-            double *const row = A + r * n;
-            const double share = row[i] * inverse;
-            if (share == 0.0) continue;
-            for (int c = i + 1; c < n; c++) row[c] -= share * by[c];
-            for (int c = 0; c < k; c++) B[r * k + c] -= share * B[i * k + c];
-        }
-    }
-    for (int i = n - 1; i >= 0; i--)
-        for (int c = 0; c < k; c++) {
-            double sum = B[i * k + c];
-            for (int j = i + 1; j < n; j++) sum -= A[i * n + j] * B[j * k + c];
-            B[i * k + c] = sum / A[i * n + i];
-        }
-    return 0;
-}
-
-int cfem_solve(int n, double *A, int k, double *B) {
-    double sign;
-    return solve_signed(n, A, k, B, &sign);
-}
-
-int cfem_definite(int n, double *A) {
-    for (int i = 0; i < n; i++)
-        for (int j = 0; j <= i; j++) {
-            const double sum = A[i * n + j] - cfem_dot(j, A + i * n, A + j * n);
-            if (i == j && !(sum > 0.0)) return 0;
-            A[i * n + j] = i == j ? sqrt(sum) : sum / A[j * n + j];
-        }
-    return 1;
-}
 
 static double largest_of(int n, const double *x) {
     double found = 0.0;
@@ -140,6 +88,7 @@ static int scale(int m, const double *W, const double *free, double *A, double *
  * open points. J and by: room. 0, or 1 where it is singular. */
 static int newton_step(int m, const double *A, const double *F, const double *D, double mu, double *J, double *by, double *step) {
     const int n = 3 * m, axes = mu > 0.0 ? 3 : 1;
+    double sign;
     int c = 0, row = 0;
     for (int i = 0; i < m; i++) {
         const int unknown = D[9 * i] > 0.0 ? axes : 0;
@@ -166,7 +115,7 @@ static int newton_step(int m, const double *A, const double *F, const double *D,
             J[row * c + row] += 1.0, by[row] = known - F[3 * i + a];
         }
     }
-    if (cfem_solve(c, J, 1, by)) return 1;
+    if (cfem_eliminate(c, J, 1, by, &sign)) return 1;
     for (int i = 0; i < m; i++)
         for (int a = 0; a < axes && D[9 * i] > 0.0; a++) step[3 * i + a] = *by++;
     return 0;
@@ -236,8 +185,8 @@ static int near(int m, const double *A, const double *constant, const double *z,
         border(m, A, constant, found, tangent, F, D, M);
         for (int b = 0; b <= n; b++) way += tangent[b] * (found[b] - z[b]);
         F[n] = way;
-        if (largest_of(n + 1, F) < CLOSE) return systems;
-        if (systems == CORRECTIONS || solve_signed(n + 1, M, 1, F, &sign)) return -systems - 1;
+        if (largest_of(n, F) < CLOSE && fabs(way) < CLOSE * (length > 1.0 ? length : 1.0)) return systems;
+        if (systems == CORRECTIONS || cfem_eliminate(n + 1, M, 1, F, &sign)) return -systems - 1;
         for (int b = 0; b <= n; b++) found[b] -= F[b], square += (found[b] - z[b]) * (found[b] - z[b]);
         if (!(sqrt(square) <= FARTHEST * length)) return -systems - 1;
     }
@@ -250,7 +199,7 @@ static int turn(int m, const double *A, const double *constant, const double *z,
     border(m, A, constant, z, tangent, F, D, M);
     for (int b = 0; b < n; b++) tangent[b] = 0.0;
     tangent[n] = 1.0;
-    if (solve_signed(n + 1, M, 1, tangent, &sign)) return 1;
+    if (cfem_eliminate(n + 1, M, 1, tangent, &sign)) return 1;
     if (*side == 0.0) *side = sign;
     for (int b = 0; b <= n; b++) square += tangent[b] * tangent[b];
     for (int b = 0; b <= n; b++) tangent[b] *= sign * *side / sqrt(square);
@@ -264,7 +213,7 @@ static int along_friction(int m, const double *W, const double *free, double mu,
     double *const z = room + CFEM_LAW_ROOM(m) - 4 * (n + 1), *const tangent = z + n + 1, *const found = tangent + n + 1;
     double length = FIRST, side = 0.0;
     for (int a = 0; a < n * n; a++) A[a] = W[a];
-    if (!cfem_definite(n, A)) return 1; /* there may be no state, and no end of the curve */
+    if (cfem_cholesky(n, n, A, 0.0)) return 1; /* there may be no state, and no end of the curve */
     if (newton(m, W, free, 0.0, lambda, room)) return 1;
     const double size = largest_of(n, lambda);
     if (!(size > 0.0)) return 0;
@@ -294,11 +243,12 @@ static int along_friction(int m, const double *W, const double *free, double mu,
             for (int b = 0; b < n; b++) lambda[b] = size * (z[b] + share * (found[b] - z[b]));
             if (!newton(m, W, free, mu, lambda, room)) return 0;
             if (length <= SHORTEST) return 1;
-            length /= 4.0, fresh = 1;
+            length /= 4.0, fresh = 1, systems += ITERATIONS;
             continue;
         }
         for (int b = 0; b <= n; b++) z[b] = found[b];
-        length = 1.5 * length < LONGEST ? 1.5 * length : LONGEST;
+        const double longest = z[n] > 1.0 ? LONGEST * z[n] : LONGEST;
+        length = 1.5 * length < longest ? 1.5 * length : longest;
         if (z[n] < 0.0 || turn(m, A, constant, z, tangent, &side, work)) return 1;
     }
     return 1;

@@ -21,12 +21,6 @@ int cfem_law(int m, const double *W, const double *free, double mu, double *lamb
  * a length. */
 double cfem_law_violation(double mu, const double force[3], const double gap[3], double yields);
 
-/* Solves A X = B in place, A (n, n), B (n, k), rows after each other, by elimination with pivots. 0, or 1 where A is singular. */
-int cfem_solve(int n, double *A, int k, double *B);
-
-/* Whether the lower triangle of A (n, n) is that of a positive definite matrix; it is overwritten. */
-int cfem_definite(int n, double *A);
-
 #ifdef __cplusplus
 }
 #endif

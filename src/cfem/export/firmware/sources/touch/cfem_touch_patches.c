@@ -4,38 +4,6 @@
 
 #define K CFEM_PATCH_ROWS
 
-enum { SWEEPS = 60 };
-
-/* Eigenvectors of a symmetric matrix A (n, n) in the columns of V by Jacobi's rotations; A becomes diagonal. */
-static void jacobi(int n, double *A, double *V) {
-    for (int i = 0; i < n * n; i++) V[i] = i % (n + 1) ? 0.0 : 1.0;
-    for (int sweep = 0; sweep < SWEEPS; sweep++) {
-        double off = 0.0, on = 0.0;
-        for (int i = 0; i < n; i++)
-            for (int j = 0; j < n; j++) *(i == j ? &on : &off) += A[i * n + j] * A[i * n + j];
-        if (!(off > 1e-32 * on)) return;
-        for (int p = 0; p < n; p++)
-            for (int q = p + 1; q < n; q++) {
-                if (A[p * n + q] == 0.0) continue;
-                const double theta = (A[q * n + q] - A[p * n + p]) / (2.0 * A[p * n + q]);
-                const double t = (theta < 0.0 ? -1.0 : 1.0) / (fabs(theta) + sqrt(theta * theta + 1.0));
-                const double c = 1.0 / sqrt(t * t + 1.0), s = t * c;
-                for (int i = 0; i < n; i++) {
-                    const double a = A[i * n + p], b = A[i * n + q];
-                    A[i * n + p] = c * a - s * b, A[i * n + q] = s * a + c * b;
-                }
-                for (int i = 0; i < n; i++) {
-                    const double a = A[p * n + i], b = A[q * n + i];
-                    A[p * n + i] = c * a - s * b, A[q * n + i] = s * a + c * b;
-                }
-                for (int i = 0; i < n; i++) {
-                    const double a = V[i * n + p], b = V[i * n + q];
-                    V[i * n + p] = c * a - s * b, V[i * n + q] = s * a + c * b;
-                }
-            }
-    }
-}
-
 /* Without row and column i and j: the determinant of what is left of A (4, 4), with its sign. */
 static double cofactor(const double *A, int i, int j) {
     const double *const x = A + 4 * (i < 1), *const y = A + 4 * (i < 2 ? 2 : 1), *const z = A + 4 * (i < 3 ? 3 : 2);
@@ -89,7 +57,7 @@ const double (*cfem_touch_rotation(int patch, cfem_touch_room *room))[3] {
         M[1][0] - M[0][1], M[0][2] + M[2][0], M[1][2] + M[2][1], M[2][2] - M[0][0] - M[1][1]};
     if (largest_vector((const double(*)[3])M, N, q)) {
         int best = 0;
-        jacobi(4, N, V);
+        cfem_jacobi(4, 4, N, V);
         for (int i = 1; i < 4; i++)
             if (N[5 * i] > N[5 * best]) best = i;
         for (int i = 0; i < 4; i++) q[i] = V[4 * i + best];
@@ -103,7 +71,7 @@ const double (*cfem_touch_rotation(int patch, cfem_touch_room *room))[3] {
 
 /* A (n, n) without its negative eigenvalues; V: room for as many numbers. */
 static void without_negative(int n, double *A, double *V, double *size) {
-    jacobi(n, A, V);
+    cfem_jacobi(n, n, A, V);
     for (int i = 0; i < n; i++) size[i] = A[i * n + i] > 0.0 ? A[i * n + i] : 0.0;
     for (int i = 0; i < n; i++)
         for (int j = 0; j < n; j++) {
@@ -183,7 +151,7 @@ int cfem_touch_compliance(int count, const int *patch, cfem_touch_room *room) {
     }
     if (!cfem_finite(finite)) return 1;
     for (int i = 0; i < n * n; i++) room->W[i] = room->total[i];
-    if (!cfem_definite(n, room->W)) {
+    if (cfem_cholesky(n, n, room->W, 0.0)) {
         for (int i = 0; i < n * n; i++) room->left[i] -= room->total[i];
         without_negative(n, room->total, room->W, size);
         for (int i = 0; i < n * n; i++) room->left[i] += room->total[i];

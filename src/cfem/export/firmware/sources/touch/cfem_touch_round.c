@@ -31,7 +31,7 @@ static int law(cfem_touch_round *at, const double *C, const double *gap) {
 /* (C^-1 - B)^-1 into `turned`, B of the patches' bends (blocks); by it forces turn. 1 where that is not positive definite. */
 static int soften(cfem_touch_room *room, int m) {
     const int n = 3 * m;
-    double *const A = room->W;
+    double *const A = room->W, sign;
     for (int i = 0; i < n; i++)
         for (int j = 0; j < m; j++)
             for (int b = 0; b < 3; b++) {
@@ -40,10 +40,10 @@ static int soften(cfem_touch_room *room, int m) {
                 A[i * n + 3 * j + b] = sum;
             }
     for (int i = 0; i < n * n; i++) room->turned[i] = room->yields[i];
-    if (cfem_solve(n, A, n, room->turned)) return 1;
+    if (cfem_eliminate(n, A, n, room->turned, &sign)) return 1;
     for (int i = 0; i < n; i++)
         for (int j = 0; j <= i; j++) A[i * n + j] = (room->turned[i * n + j] + room->turned[j * n + i]) / 2.0;
-    return !cfem_definite(n, A);
+    return cfem_cholesky(n, n, A, 0.0);
 }
 
 int cfem_touch_obey(cfem_touch_round *at) {

@@ -1,0 +1,23 @@
+"""The ticks at which a planned command changes."""
+
+import numpy as np
+import pytest
+
+from cfem.motion.mpc_spec import blocks
+
+
+@pytest.mark.parametrize(
+    ("ticks", "moves", "expected"),
+    [(8, 4, [0, 1, 2, 4]), (8, 1, [0]), (3, 3, [0, 1, 2]), (3, 9, [0, 1, 2]), (16, 5, [0, 1, 2, 4, 8])],
+)
+def test_known_plans(ticks, moves, expected):
+    assert blocks(ticks, moves).tolist() == expected
+
+
+@pytest.mark.parametrize("ticks", [2, 5, 20, 61])
+@pytest.mark.parametrize("moves", [1, 2, 3, 7, 20])
+def test_every_plan_begins_at_once_and_holds_later_commands_longer(ticks, moves):
+    begins = blocks(ticks, moves)
+    assert len(begins) == min(ticks, moves) and begins[0] == 0 and begins[-1] < ticks
+    lengths = np.diff([*begins, ticks])
+    assert (lengths >= 1).all() and lengths[-1] >= lengths[0] and np.diff(lengths).min(initial=0) >= -1
