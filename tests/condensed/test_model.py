@@ -93,3 +93,15 @@ def test_what_cannot_be_found_says_how_much_is_missing():
 
     with pytest.raises(NumericalError, match=r"under the forces \[2\.0\] N: 1(\.\d)? N are left"):
         with_dual(evaluate, "displacement", np.array([2.0]), evaluate(np.zeros(1)))
+
+
+def test_a_search_that_stalls_counts_as_found_within_the_rounding_alone():
+    """Displacements are known in steps of 1e-6 mm, as where other iterations make the state."""
+
+    def evaluate(s):
+        return robot_of(s, np.round(s, 6), np.eye(1))
+
+    force, near = np.array([1.2345678]), evaluate(np.zeros(1))
+    np.testing.assert_allclose(with_dual(evaluate, "displacement", force, near).delta_a, force, atol=1e-6)
+    with pytest.raises(NumericalError, match="are left"):
+        with_dual(evaluate, "displacement", force, near, rounding=1e-8)

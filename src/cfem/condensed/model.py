@@ -71,10 +71,11 @@ def under_force(model: Model, lambda_a: np.ndarray, near: Condensed) -> Condense
     return with_dual(model.at_displacement, "displacement", lambda_a, near)
 
 
-def with_dual(evaluate: Evaluate, form: Form, wanted: np.ndarray, near: Condensed) -> Condensed:
+def with_dual(evaluate: Evaluate, form: Form, wanted: np.ndarray, near: Condensed, rounding: float = NEAR) -> Condensed:
     """State whose forces are `wanted` (n_a,), or whose displacements are where `form` is 'force'; searched from `near`.
 
-    evaluate: gives the state at inputs of the form. The search is Newton's method, as d delta_a / d lambda_a = W_aa
+    evaluate: gives the state at inputs of the form; rounding: largest step, as a share of the displacements on the way, at
+    which a search that comes no nearer counts as ended. The search is Newton's method, as d delta_a / d lambda_a = W_aa
     (Legendre's transform of the condensed energy); a step that brings the state no nearer is halved. NumericalError
     where there is no such state."""
     by_force, state = form == "force", near
@@ -100,7 +101,7 @@ def with_dual(evaluate: Evaluate, form: Form, wanted: np.ndarray, near: Condense
         if nearer is None:
             break
         state = nearer
-    if size <= NEAR:
+    if size <= rounding:
         return state
     what = f"at the displacements {wanted.tolist()} mm" if by_force else f"under the forces {wanted.tolist()} N"
     left = f"{np.abs(residual).max():.2g} {'mm' if by_force else 'N'} are left"

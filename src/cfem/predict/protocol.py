@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from cfem.predict.workspace import Workspace
 
 _PUSHES = 0.1  # of the largest force: training states beyond so much of the other sign mean actuators that push
+_ROUNDING = 1e-8  # share of the displacements: what may be left of a state that is searched by its forces
 
 
 class Predictor(ABC):
@@ -205,7 +206,7 @@ class Predictor(ABC):
         softer = self.softer(every) if self.parameters else 1.0
         start = self.domain.nearest(wanted * softer if dual == "force" else wanted, dual, self.q(every))
         start = start if dual == "force" else start / softer
-        return with_dual(lambda s: self.at(s, every), self.form, wanted, self.at(start, every))
+        return with_dual(lambda s: self.at(s, every), self.form, wanted, self.at(start, every), _ROUNDING)
 
     def inside(self, condensed: Condensed, p: ArrayLike | None = None) -> bool | np.ndarray:
         """True for each state found with this model that is like those that it was trained on."""
