@@ -35,6 +35,7 @@ LONG = {
     "adaptation.py": "cfem run pipelines/soft-finger/train-material.yaml",
     "contact_anywhere.py": "make soft-finger",
     "contact_patches.py": "make soft-finger",
+    "contact_resolution.py": "make demo, and minutes of finite elements",
     "contact_random.py": "nothing: it takes minutes",
     "control_process.py": "an exported model",
     "control_ratio.py": "a model, and a second checkout",
