@@ -43,6 +43,7 @@ LONG = {
     "embedded.py": "make embedded",
     "embedded_qp.py": "make embedded",
     "estimate.py": "make soft-finger",
+    "gym_series.py": "an exported model, and a C compiler",
     "figure_eight.py": "an hour of finite elements that move, see its help",
     "front_nsga.py": "make finger-shapes",
     "gaits.py": "cfem run pipelines/crawler/train.yaml",

@@ -74,10 +74,11 @@ def under_force(model: Model, lambda_a: np.ndarray, near: Condensed) -> Condense
 def with_dual(evaluate: Evaluate, form: Form, wanted: np.ndarray, near: Condensed, rounding: float = NEAR) -> Condensed:
     """State whose forces are `wanted` (n_a,), or whose displacements are where `form` is 'force'; searched from `near`.
 
-    evaluate: gives the state at inputs of the form; rounding: largest step, as a share of the displacements on the way,
-    at which a search that comes no nearer counts as ended. The search is Newton's method, as d delta_a / d lambda_a = W_aa
-    (Legendre's transform of the condensed energy); a step that brings the state no nearer is halved. NumericalError
-    where there is no such state."""
+    evaluate: gives the state at inputs of the form
+    rounding: largest step, as a share of the displacements on the way, at which a search that stalls is over
+
+    The search is Newton's method, as d delta_a / d lambda_a = W_aa (Legendre's transform of the condensed energy).
+    A step that brings the state no nearer is halved. NumericalError where there is no such state."""
     by_force, state = form == "force", near
     scale = np.full(len(wanted), np.finfo(float).tiny)  # of each actuator on the way, in its unit
     for _ in range(ITERATIONS):
