@@ -23,7 +23,7 @@ uses an estimate only where four guards let it:
 
 What is used changes by a bounded step a tick."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -59,6 +59,7 @@ class Tracker:
     rows: (n_e,) effector rows that are measured, all unless given
     frame: mm and rad, standard deviations of the camera's motion, 0 where it stands still
     known: the distribution of the unknowns (unknowns.py)
+    rejected: number of samples that were rejected
     """
 
     predictor: Predictor
@@ -69,6 +70,7 @@ class Tracker:
     forget: float = 50.0
     rows: np.ndarray | None = None
     frame: tuple[float, float] = (0.0, 0.0)
+    rejected: int = field(default=0, init=False)
 
     def __post_init__(self) -> None:
         """Checks the stated numbers and prepares unknowns, bounds and gate. InputError where a number is out of its
@@ -139,7 +141,9 @@ class Tracker:
             lambda: Gaussian(predicted.mean, np.diag(self.unknowns.sd**2)),
             lambda prior: self._update(prior, measured, u, state),
         )
-        if verdict is not Verdict.REJECTED:
+        if verdict is Verdict.REJECTED:
+            self.rejected += 1
+        else:
             self.known = update.posterior
         return self._use()
 
