@@ -186,6 +186,6 @@ def test_a_load_that_bends_the_robot_beyond_its_order_is_outside(patched, table)
 
 
 def test_no_contact_state_is_an_error(patched, table, monkeypatch):
-    monkeypatch.setattr("cfem.predict.contact.rounds.MOST", 0)
+    monkeypatch.setattr("cfem.predict.contact.surface_model.SurfaceModel.most", 0)
     with pytest.raises(NumericalError, match="patches touch"):
         ContactModel(patched, {"table": table}).at_displacement(DELTA)

@@ -228,7 +228,7 @@ def test_the_forces_of_actuators_are_those_of_the_loaded_energy(patched):
 
 
 def test_more_patches_than_can_touch_at_once_are_named(patched, monkeypatch):
-    monkeypatch.setattr("cfem.predict.contact.rounds.MOST", 1)
+    monkeypatch.setattr("cfem.predict.contact.surface_model.SurfaceModel.most", 1)
     assert contact_step(patched, DELTA, [wall(patched, 3.0)]).status is StepStatus.MANY
 
 
@@ -258,7 +258,7 @@ def test_compliance_is_that_of_finite_elements_also_between_their_states(patched
 
 @pytest.mark.parametrize(("allowed", "count"), [(1e-12, 4), (0.3, 2)])
 def test_mixtures_of_modes_change_the_compliance_as_all_modes_do(patched, monkeypatch, allowed, count):
-    monkeypatch.setattr("cfem.predict.contact.patched_model.BENT", allowed)
+    monkeypatch.setattr("cfem.predict.contact.surface_model.BENT", allowed)
     patched = replace(patched)
     Q, n_e = patched.bends, patched.model.rows.n_e
     np.testing.assert_allclose(Q.T @ Q, np.eye(count), atol=1e-12)
