@@ -10,7 +10,7 @@ from pathlib import Path
 from time import process_time
 
 from cfem.control.crawling.gait import Gait, best_gait
-from cfem.control.crawling.stage import Setting, setting_of
+from cfem.control.crawling.stage import GaitSetting, setting_of
 from cfem.control.spec import ControlSpec
 from cfem.core.spec import load_spec
 
@@ -31,7 +31,7 @@ def main() -> None:
         print(f"seed {seed:38d}", *(f"{found[n - 1]:>12}" for n in AFTER if n <= len(found)), flush=True)
 
 
-def search(at: Setting, evaluations: int, seed: int) -> list[str]:
+def search(at: GaitSetting, evaluations: int, seed: int) -> list[str]:
     """The best so far after each gait."""
     begin, best, found = process_time(), 0.0, []
 
