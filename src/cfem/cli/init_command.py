@@ -25,7 +25,7 @@ _ANSWERS = {
     "chambers": "Which closed inner surfaces are inflated: all or none.",
     "reach": "Largest shortening of each cable: '10 mm'.",
     "growth": "Largest growth of each chamber: '2 ml'.",
-    "remesh": "Whether to mesh the inside of a mesh file anew: yes or no.",
+    "remesh": "Whether to replace the cells of a mesh file by a new mesh of its surface: yes or no.",
     "body": "Which of several bodies in a file of surfaces, the largest first: 1, 2, ...",
     "effector": "The watched point: 'x, y, z' in mm.",
     "also": "What else to ask for: push, gravity, region, rigid, contact, symmetry, or none.",

@@ -122,7 +122,7 @@ def _cells_or_surface(path: Path, own: Source | None, why: str, stated: Stated, 
         raise SpecError(f"the mesh in the file is taken as it is, as {refused}", where="--cells", do="leave it out")
     question = Question(
         "remesh",
-        "Mesh the inside anew, from the surface of the file's mesh (yes, no)?",
+        "Replace the cells of the file by a new mesh of its surface (yes, no)?",
         "yes" if anew else "no",
         f"{why}, but {refused}" if refused else why,
         lambda text: choice(text, ("yes", "no")),

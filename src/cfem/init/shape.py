@@ -118,7 +118,7 @@ def geometry(path: Path, unit: float, remesh: bool = False, body: int = 1) -> St
 
 
 def natural_unit(source: Source) -> str:
-    """Of a file that states none: robots that measure less than a unit are drawn in metres."""
+    """Unit that a file without one probably has: m where the robot measures less than a unit, mm otherwise."""
     return _likely(source.extent) if source.extent is not None else ("m" if source.volume < 1.0 else "mm")
 
 

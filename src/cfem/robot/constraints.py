@@ -26,7 +26,7 @@ class Route(Spec):
     side: Literal["x+", "x-", "y+", "y-", "z+", "z-"] | None = None
     """Side of the body along which the cable runs. It states the pull point too, unless there is one."""
     disks: PositiveInt | None = None
-    """How many disks of a trunk the cable passes, from the base on. All unless given."""
+    """Number of disks of a trunk that the cable passes, counted from the base. All unless given."""
 
 
 class Shift(Spec):

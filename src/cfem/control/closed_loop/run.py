@@ -19,7 +19,7 @@ class TickedController(Protocol):
     """What a run asks of a controller: static, adaptive, predictive, a policy, or one behind an estimator."""
 
     belief: Belief | MovingBelief
-    """Of the last tick."""
+    """What the controller takes the robot's state to be, after the last tick."""
 
     aimed: np.ndarray
     """(n_e,) mm, the goal of that tick as corrected."""
