@@ -1,12 +1,14 @@
 """A rig whose markers are linear in all unknowns: calibrations cost nothing, so that hundreds tell how often intervals
 hold."""
 
+import copy
 from dataclasses import dataclass
 from types import SimpleNamespace
 
 import numpy as np
 
-from cfem.identify.cases.fit import fit_cases
+from cfem.identify.cases.discrepancy import Discrepancy, discrepancy_of
+from cfem.identify.cases.fit import fit_with_discrepancy
 from cfem.identify.cases.left_out import leave_one_out
 from cfem.identify.cases.outcome import Calibrated
 from cfem.identify.cases.predict import predict
@@ -30,21 +32,36 @@ class LinearRig:
 
     def __init__(self, rng: np.random.Generator, offset_sd: float):
         self.unknowns = tuple(Unknown(f"p{i}", i < PRIOR) for i in range(N_Z))
-        self.d_sd = np.full(3 * K, offset_sd) if offset_sd else np.zeros(0)
-        self.blocks, self.sessions = int(offset_sd > 0), ("",)
+        self._offset_sd, self.sessions, self.discrepancy = offset_sd, ("",), None
         self._first, self._second = rng.standard_normal((2, K, 3, N_Z))
         self.robots = SimpleNamespace(solves=0)
+
+    @property
+    def blocks(self) -> list[tuple[str, str]]:
+        offsets = [("offset", "all")] if self._offset_sd else []
+        return offsets + [("force", str(term)) for term in (self.discrepancy.terms if self.discrepancy else ())]
+
+    @property
+    def d_sd(self) -> np.ndarray:
+        offsets = np.full(3 * K * bool(self._offset_sd), self._offset_sd)
+        lacking = [np.repeat(self.discrepancy.sd, 3)] * len(self.discrepancy.terms) if self.discrepancy else []
+        return np.concatenate([offsets, *lacking])
 
     @property
     def n_d(self) -> int:
         return len(self.d_sd)
 
+    def with_discrepancy(self, discrepancy: Discrepancy):
+        other = copy.copy(self)
+        other.discrepancy = discrepancy
+        return other
+
     def see(self, cases: Cases, z: np.ndarray, d: np.ndarray, slopes: bool = True) -> MarkerPredictions:
         f = cases.forces[:, 0][:, None, None, None]
         by_z = 4 * (f * self._first + f**2 * self._second)
-        by_d = np.zeros((len(cases), K, 3, self.n_d))
-        if self.n_d:
-            by_d[:] = np.eye(3 * K).reshape(K, 3, 3 * K)
+        features = self.discrepancy.features(cases.forces) if self.discrepancy else np.zeros((len(cases), 0))
+        weights = np.hstack([np.ones((len(cases), int(self._offset_sd > 0))), features])
+        by_d = np.einsum("mb,kin->mkibn", weights, np.eye(3 * K).reshape(K, 3, 3 * K)).reshape(len(cases), K, 3, -1)
         moved = np.linalg.norm(by_z @ z, axis=2)
         return MarkerPredictions(by_z @ z + by_d @ d, by_z, by_d, (None,) * len(cases), moved)
 
@@ -61,12 +78,16 @@ def disturbed(rng: np.random.Generator, m: int, f: np.ndarray, moved: np.ndarray
     shape = rng.standard_normal((len(f), 2)) @ rng.standard_normal((2, 3 * K))
     grows = rng.uniform() if sort.grows is None else sort.grows
     sd = sort.noise * np.sqrt(1 - grows + grows * moved**2 / np.mean(moved[:m] ** 2))[..., None]
-    return sd * rng.standard_normal((len(f), K, 3)) + sort.lacks * f[:, None, None] * shape.reshape(-1, K, 3)
+    first, second, bend = rng.standard_normal((3, K, 3)) if sort.smooth else np.zeros((3, K, 3))
+    x = f[:, None, None]
+    smooth = sort.smooth * (first * x + second * x**2 + 0.5 * bend * np.sin(3 * x))
+    return sd * rng.standard_normal((len(f), K, 3)) + sort.lacks * x * shape.reshape(-1, K, 3) + smooth
 
 
 @dataclass(frozen=True)
 class Sort:
-    """Of calibration. lacks: what the model lacks, as a multiple of the noise; models: above 1 that of so many, each of
+    """Of calibration. lacks: what the model lacks, as a multiple of the noise; smooth: the same, of what is a smooth function of the force; discrepancy: whether the
+    calibration estimates it; models: above 1 that of so many, each of
     some of the parameters, which predicts left-out cases best; grows: w of the noise (scatter.py), None for any; given
     and asked: ranges of the forces."""
 
@@ -77,6 +98,8 @@ class Sort:
     grows: float | None = 0.0
     given: tuple[float, float] = (0.3, 1.0)
     asked: tuple[float, float] = (0.3, 1.0)
+    smooth: float = 0.0
+    discrepancy: bool = False
 
 
 class Part:
@@ -85,11 +108,12 @@ class Part:
     def __init__(self, whole: LinearRig, columns: list[int]):
         self._whole, self._columns = whole, columns
         self.unknowns = tuple(whole.unknowns[i] for i in columns)
-        self.d_sd, self.blocks, self.sessions, self.robots = whole.d_sd, whole.blocks, whole.sessions, whole.robots
 
-    @property
-    def n_d(self) -> int:
-        return self._whole.n_d
+    def __getattr__(self, name: str):
+        return getattr(self._whole, name)
+
+    def with_discrepancy(self, discrepancy: Discrepancy):
+        return Part(self._whole.with_discrepancy(discrepancy), self._columns)
 
     def see(self, cases: Cases, z: np.ndarray, d: np.ndarray, slopes: bool = True) -> MarkerPredictions:
         every = np.zeros(len(self._whole.unknowns))
@@ -109,15 +133,17 @@ def trial(rng: np.random.Generator, m: int, sort: Sort, new: int = 6):
     kept = None
     for _ in range(sort.models):
         columns = sorted(rng.choice(N_Z, rng.integers(1, N_Z), replace=False)) if sort.models > 1 else list(range(N_Z))
-        part = Part(rig, [int(i) for i in columns])
-        found = fit_cases(part, given, Scatter(sort.noise))
+        known_rig = rig.with_discrepancy(discrepancy_of(given)) if sort.discrepancy else rig
+        part = Part(known_rig, [int(i) for i in columns])
+        part, found = fit_with_discrepancy(part, given, Scatter(sort.noise))
         left = leave_one_out(part, given, found)
         if kept is None or left.distance.mean() < kept[2].distance.mean():
             kept = part, found, left
     part, found, left = kept
     degrees = left.degrees(found.count - found.free)
     names = tuple(one.name for one in part.unknowns)
-    known = Calibrated(names, found.z, found.d, found.covariance, found.scatter, left.inflation, degrees, rig.sessions)
+    fit = (found.z, found.d, found.covariance, found.scatter)
+    known = Calibrated(names, *fit, left.inflation, degrees, rig.sessions, tuple(part.blocks))
     return predict(part, asked, known, 0.95)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from cfem.core.errors import InputError
 from cfem.identify.cases.rig import MarkerPredictions, Rig
-from cfem.identify.cases.scatter import Linearised, Scatter, estimate_scatter
+from cfem.identify.cases.scatter import Linearised, Scatter, estimate_scatter, restricted_likelihood
 from cfem.identify.cases.table import Cases
 from cfem.identify.fit.criteria import aicc, bic
 from cfem.identify.fit.uncertainty import information
@@ -18,6 +18,9 @@ from cfem.parametric.least_squares import FitSettings, fit
 
 _ROUNDS = 6  # of scatter and fit in turns
 _SETTLED = 0.02  # relative change of the scatter at which the turns end
+_SHARES = np.array([0.002, 0.005, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32])  # of a discrepancy
+_SHARE_ROUNDS = 5  # of its share and fit in turns
+_SHARE_SETTLED = 0.05  # relative change of the share at which these end
 _RANK = 1e-6  # share of the largest singular value that a measured direction exceeds
 # at an end of its range an unknown would cut the steps of all others short: each starts 1 % of its range inside
 _SEARCH = FitSettings(margin=0.01, xtol=1e-6, ftol=1e-8, by_jacobian=True, barrier=1e3)
@@ -85,6 +88,33 @@ def fit_cases(
         if (np.abs(np.sqrt(scatter.variance(moved)) - before) <= _SETTLED * before).all():
             break
     return replace(answer, scatter=scatter)
+
+
+def fit_with_discrepancy(rig: Rig, cases: Cases, scatter: Scatter) -> tuple[Rig, CaseFit]:
+    """The fit of a rig, in turns with the share of its discrepancy where it has one, and the rig with that share."""
+    answer = fit_cases(rig, cases, scatter)
+    for _ in range(_SHARE_ROUNDS if rig.discrepancy is not None else 0):
+        share = estimate_share(answer, rig)
+        settled = abs(share - rig.discrepancy.share) <= _SHARE_SETTLED * rig.discrepancy.share
+        rig = rig.with_discrepancy(replace(rig.discrepancy, share=share))
+        answer = fit_cases(rig, cases, answer.scatter, answer)
+        if settled:
+            break
+    return rig, answer
+
+
+def estimate_share(fitted: CaseFit, rig: Rig) -> float:
+    """Root of the mean square of the share over a grid, each believed by its restricted likelihood at the fit."""
+    linear, n_z = fitted.linear, len(rig.unknowns)
+    V = fitted.scatter.variance(linear.moved)
+    likelihoods = []
+    for share in _SHARES:
+        d_sd = rig.with_discrepancy(replace(rig.discrepancy, share=share)).d_sd
+        prior = np.concatenate([linear.prior[:n_z], 1 / d_sd])
+        at_share = Linearised(linear.r, linear.J, linear.u, prior, linear.moved)
+        likelihoods.append(restricted_likelihood(at_share, V, 1.0)[1] + np.log(prior[n_z:]).sum())
+    weight = np.exp(np.array(likelihoods) - max(likelihoods))
+    return float(np.sqrt(weight @ _SHARES**2 / weight.sum()))
 
 
 def _at_scatter(rig: Rig, cases: Cases, scatter: Scatter, moved: np.ndarray, start: np.ndarray) -> CaseFit:

@@ -8,6 +8,7 @@ import numpy as np
 
 from cfem.condensed.parameters import Parameter
 from cfem.core.errors import SpecError
+from cfem.identify.cases.discrepancy import Discrepancy
 from cfem.identify.cases.rig import Rig
 from cfem.identify.cases.robots import CaseRobots
 from cfem.identify.cases.spec import CasesSpec
@@ -60,15 +61,14 @@ class Lab:
         units = [self.units[name] for name in self.actuators]
         return read_cases(path, self.spec.layout, self.markers, self.actuators, units, self.scene.length, measured)
 
-    def rig(self, find: Sequence[str], sessions: Sequence[str]) -> Rig:
-        """The rig with these parameters unknown."""
+    def rig(self, find: Sequence[str], sessions: Sequence[str], discrepancy: Discrepancy | None = None) -> Rig:
+        """The rig with these parameters unknown, and what the model lacks."""
         asked = {name: self.spec.parameters[name] for name in find}
         unknowns = case_unknowns(asked, self.scene_path, sessions, self.units)
         robots = CaseRobots(self.scene, self.mesh, _keys(unknowns, self.spec, self.scene_path))
         watched = [effector.name for effector in self.scene.effectors]
-        return Rig(
-            robots, unknowns, list(self.spec.markers.values()), watched, self.actuators, sessions, self.spec.offsets
-        )
+        markers = list(self.spec.markers.values())
+        return Rig(robots, unknowns, markers, watched, self.actuators, sessions, self.spec.offsets, discrepancy)
 
 
 def load_lab(spec: CasesSpec, base: Path) -> Lab:

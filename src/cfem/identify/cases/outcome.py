@@ -8,6 +8,7 @@ import numpy as np
 
 from cfem.core.artefact.files import write_json
 from cfem.core.errors import InputError
+from cfem.identify.cases.discrepancy import Discrepancy
 from cfem.identify.cases.fit import CaseFit
 from cfem.identify.cases.rig import Rig
 from cfem.identify.cases.scatter import Scatter
@@ -21,12 +22,14 @@ class Calibrated:
     """A calibrated robot and rig.
 
     names:      of the unknowns, in the order of z
-    z, d:       (n_z,) unknowns; (n_d,) mm offsets of markers
+    z, d:       (n_z,) unknowns; (n_d,) mm of the markers
     covariance: (n, n) of z and d
     scatter:    that no unknown explains
     inflation:  of the sd that the fit states of itself
     degrees:    of Student's t
     sessions:   that were measured
+    blocks:     kind and name of each block of d
+    discrepancy: prior of what the model lacks, None where nothing
     given:      marks of the cases that it was made from
     largest:    (n_a,) N or MPa, of their forces"""
 
@@ -38,6 +41,8 @@ class Calibrated:
     inflation: float
     degrees: float
     sessions: tuple[str, ...]
+    blocks: tuple[tuple[str, str], ...] = ()
+    discrepancy: Discrepancy | None = None
     given: tuple[str, ...] = ()
     largest: tuple[float, ...] = ()
 
@@ -47,13 +52,15 @@ def write_calibrated(path: Path, fitted: CaseFit, rig: Rig, inflation: float, de
     data = {
         "unknowns": [unknown.name for unknown in rig.unknowns],
         "z": fitted.z,
-        "offsets_mm": fitted.d,
+        "d_mm": fitted.d,
         "covariance": fitted.covariance,
         "scatter_mm": fitted.scatter.fixed,
         "scatter_share": fitted.scatter.share,
         "inflation": inflation,
         "degrees_of_freedom": degrees,
         "sessions": list(rig.sessions),
+        "blocks": rig.blocks,
+        "discrepancy": None if rig.discrepancy is None else vars(rig.discrepancy),
         "cases": cases.marks,
         "largest_forces": np.abs(cases.forces).max(axis=0),
     }
@@ -64,7 +71,7 @@ def read_calibrated(path: Path) -> Calibrated:
     """The calibration in a file. InputError where it cannot be read."""
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
-        z, d, covariance = (np.array(data[name], float) for name in ("z", "offsets_mm", "covariance"))
+        z, d, covariance = (np.array(data[name], float) for name in ("z", "d_mm", "covariance"))
         return Calibrated(
             names=tuple(data["unknowns"]),
             z=z,
@@ -74,6 +81,8 @@ def read_calibrated(path: Path) -> Calibrated:
             inflation=float(data["inflation"]),
             degrees=float(data["degrees_of_freedom"]),
             sessions=tuple(data["sessions"]),
+            blocks=tuple((kind, name) for kind, name in data["blocks"]),
+            discrepancy=_discrepancy(data["discrepancy"]),
             given=tuple(data["cases"]),
             largest=tuple(data["largest_forces"]),
         )
@@ -82,16 +91,22 @@ def read_calibrated(path: Path) -> Calibrated:
         raise InputError(f"is no calibration by cases of this version: {error}", where=str(path), do=do) from None
 
 
+def _discrepancy(data: dict | None) -> Discrepancy | None:
+    if data is None:
+        return None
+    return Discrepancy(np.array(data["largest"], float), np.array(data["spread"], float), float(data["share"]))
+
+
 def widened(known: Calibrated, rig: Rig) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """z, d and their covariance for a rig that may have more sessions; of unknowns of new sessions, what was known
     before any measurement."""
     n_z, n_new = len(known.names), len(rig.unknowns)
-    size = len(rig.d_sd) // rig.blocks if rig.blocks else 0  # of a block of offsets
+    size = len(rig.d_sd) // max(len(rig.blocks), 1)  # of a block
     numbers = {name: i for i, name in enumerate(known.names)}
     places = [numbers.get(unknown.name) for unknown in rig.unknowns]
-    blocks = [0] + [1 + known.sessions.index(s) if s in known.sessions else None for s in rig.sessions]
-    for block in blocks[: rig.blocks]:
-        places += [None if block is None else n_z + size * block + i for i in range(size)]
+    starts = {block: n_z + size * i for i, block in enumerate(known.blocks)}
+    for block in rig.blocks:
+        places += [starts[block] + i if block in starts else None for i in range(size)]
     kept = np.array([j for j, place in enumerate(places) if place is not None], dtype=int)
     source = np.array([place for place in places if place is not None], dtype=int)
     u = np.zeros(len(places))

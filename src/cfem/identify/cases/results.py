@@ -102,7 +102,9 @@ def case_results(
         "repeats_by_case_mm": repeated,
         "models": models,
         "best": _best(models),
-        "offsets_mm": _offsets(fitted.d, markers, rig),
+        "offsets_mm": _by_block(fitted.d, markers, rig, ("offset", "session")),
+        "discrepancy_share": None if rig.discrepancy is None else rig.discrepancy.share,
+        "discrepancy_mm": _by_block(fitted.d, markers, rig, ("force",)),
         "untold": prior_sentences(rig.unknowns, prior, fitted.z, fitted.covariance[:n_z, :n_z]),
     }
 
@@ -134,10 +136,11 @@ def _by_case_and_marker(
     }
 
 
-def _offsets(d: np.ndarray, markers: Sequence[str], rig: Rig) -> dict[str, dict[str, list[float]]]:
-    """Offsets (mm) along the axes that turn with the body: of all sessions, and what each adds."""
-    names = ["all", *rig.sessions][: rig.blocks]
+def _by_block(d: np.ndarray, markers: Sequence[str], rig: Rig, kinds: Sequence[str]) -> dict[str, Any]:
+    """Blocks of d (mm) of these kinds: a vector of each marker."""
+    blocks = zip(rig.blocks, np.split(d, len(rig.blocks)) if rig.blocks else (), strict=True)
     return {
-        name: {m: part.tolist() for m, part in zip(markers, block.reshape(-1, 3), strict=True)}
-        for name, block in zip(names, np.split(d, rig.blocks) if rig.blocks else (), strict=True)
+        name: {marker: part.tolist() for marker, part in zip(markers, block.reshape(-1, 3), strict=True)}
+        for (kind, name), block in blocks
+        if kind in kinds
     }

@@ -2,13 +2,14 @@
 
 A marker is seen at
 
-    y = Q (x + T (a + d)) + s
+    y = Q (x + T (a + d) + delta) + s
 
-with x and T the place and the turn of its effector, a its stand-off, d = d_marker + d_marker,session its offset, Q the
-turn of the frame by the rotation vector frame.turn, and s = frame.shift. Where displacements are compared, the marker's
-place at rest is taken away. Drives pull by (scale f + offset) / (1 - (f / limit)^2) where f is not 0: a chamber's wall
+with x and T the place and the turn of its effector, a its stand-off, d = d_marker + d_marker,session its offset, delta
+what the model lacks (discrepancy.py), Q the turn of the frame by the rotation vector frame.turn, and s = frame.shift.
+Where displacements are compared, the marker's place at rest is taken away. Drives pull by (scale f + offset) / (1 - (f / limit)^2) where f is not 0: a chamber's wall
 bulges under its pressure, which then acts on more, and without bound near the limit."""
 
+import copy
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -16,6 +17,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from cfem.core.errors import NumericalError
+from cfem.identify.cases.discrepancy import Discrepancy
 from cfem.identify.cases.robots import CaseRobots, Pose
 from cfem.identify.cases.spec import Marker, Offsets
 from cfem.identify.cases.table import Cases
@@ -53,15 +55,17 @@ class MarkerPredictions:
 
 
 class Rig:
-    """Markers, drives and cameras of a laboratory, with unknowns z (n_z,) and offsets d (n_d,) mm of the markers: of
-    each marker, then of each session and marker.
+    """Markers, drives and cameras of a laboratory, with unknowns z (n_z,) and d (n_d,) mm of the markers: offsets and
+    what the model lacks.
 
     robots:   that are measured
     unknowns: of robot and rig
     actuators: names, in the order of forces
     sessions: those that have unknowns of their own
+    discrepancy: prior of what the model lacks, None where nothing
     d_sd:     (n_d,) mm standard deviations of d
-    blocks:   of d, each of all markers"""
+    blocks:   of d, each (3 k,) of all markers: offsets of all sessions, of each session, then each term of the
+              discrepancy"""
 
     def __init__(
         self,
@@ -72,16 +76,35 @@ class Rig:
         actuators: Sequence[str],
         sessions: Sequence[str],
         offsets: Offsets | None,
+        discrepancy: Discrepancy | None = None,
     ):
         """watched: names of the effectors; offsets: how far markers may be from where they are said to be."""
         self.robots, self.unknowns, self.actuators = robots, tuple(unknowns), tuple(actuators)
         self._effector = np.array([list(watched).index(marker.effector) for marker in markers])
         self._stand_off = np.array([np.zeros(3) if m.stand_off is None else m.stand_off for m in markers])
-        self.sessions, k = tuple(sessions), len(markers)
+        self.sessions, self.discrepancy = tuple(sessions), discrepancy
         by_session = offsets is not None and offsets.session is not None
-        self.blocks = 0 if offsets is None else 1 + (len(sessions) if by_session else 0)
-        deviations = [] if offsets is None else [offsets.sd] + [offsets.session] * (self.blocks - 1)
-        self.d_sd = np.repeat(np.array(deviations, float), 3 * k)
+        self._offsets = [] if offsets is None else [offsets.sd, *([offsets.session] * len(sessions) * by_session)]
+
+    @property
+    def blocks(self) -> list[tuple[str, str]]:
+        """Kind and name of each block of d."""
+        of_offsets = [("offset", "all"), *(("session", name) for name in self.sessions)][: len(self._offsets)]
+        terms = [] if self.discrepancy is None else self.discrepancy.terms
+        return of_offsets + [("force", " ".join(self.actuators[i] for i in term)) for term in terms]
+
+    @property
+    def d_sd(self) -> np.ndarray:
+        """(n_d,) mm."""
+        alike = [np.full(len(self._effector), sd) for sd in self._offsets]
+        lacking = [] if self.discrepancy is None else [self.discrepancy.sd] * len(self.discrepancy.terms)
+        return np.repeat(np.concatenate([*alike, *lacking, []]), 3)
+
+    def with_discrepancy(self, discrepancy: Discrepancy) -> "Rig":
+        """The same rig with another prior of what the model lacks."""
+        other = copy.copy(self)
+        other.discrepancy = discrepancy
+        return other
 
     @property
     def n_d(self) -> int:
@@ -129,6 +152,7 @@ class Rig:
         """y (m, k, 3) mm and its derivative by d (m, k, 3, n_d)."""
         k = len(self._effector)
         y, by_d = np.empty((len(cases), k, 3)), np.zeros((len(cases), k, 3, self.n_d))
+        features = np.zeros((len(cases), 0)) if self.discrepancy is None else self.discrepancy.features(cases.forces)
         for i, (pose, session) in enumerate(zip(poses, cases.sessions, strict=True)):
             turn, shift = (
                 np.array([self._rig(f"frame.{part}.{axis}", 0.0, z, session) for axis in "xyz"])
@@ -140,10 +164,12 @@ class Rig:
                 place = place - (self.robots.rest[self._effector] + self._stand_off)
                 T, shift = T - np.eye(3), np.zeros(3)
             y[i] = place @ Q.T + shift
-            for block in self._blocks_of(session):
-                columns = 3 * k * block + np.arange(3 * k).reshape(k, 3)
-                for marker in range(k):
-                    by_d[i, marker][:, columns[marker]] = Q @ T[marker]
+            columns = np.arange(self.n_d).reshape(-1, k, 3)
+            for marker in range(k):
+                for block in self._offset_blocks(session):
+                    by_d[i, marker][:, columns[block, marker]] = Q @ T[marker]
+                for block, phi in enumerate(features[i], len(self._offsets)):
+                    by_d[i, marker][:, columns[block, marker]] = phi * Q
         return y + by_d @ d, by_d
 
     def _moved(self, pose: Pose) -> np.ndarray:
@@ -151,11 +177,9 @@ class Rig:
         turned = (pose.turn[self._effector] @ self._stand_off[:, :, None])[:, :, 0] - self._stand_off
         return np.linalg.norm((pose.x - self.robots.rest)[self._effector] + turned, axis=1)
 
-    def _blocks_of(self, session: str) -> list[int]:
-        """Blocks of d that act in a session."""
-        if self.blocks <= 1:
-            return list(range(self.blocks))
-        return [0, 1 + self.sessions.index(session)]
+    def _offset_blocks(self, session: str) -> list[int]:
+        """Blocks of d that are offsets of markers in a session."""
+        return [0, 1 + self.sessions.index(session)][: len(self._offsets)]
 
     def _rig(self, key: str, nominal: float, z: np.ndarray, session: str) -> float:
         """A number of the rig in a session: an unknown's value, or the nominal one."""

@@ -3,12 +3,19 @@
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Field, WithJsonSchema
+from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema
 
 from cfem.core.names import Name
 from cfem.core.spec import Spec
 from cfem.core.units import Length, Point
 from cfem.sample.spec import ParameterSpec
+
+
+
+def _as_list(value: Any) -> Any:
+    """A column alone is a list of one."""
+    return [value] if isinstance(value, str) else value
+
 
 _SD = {"type": ["string", "number"], "description": "a quantity with its unit, a number, or a share such as '20 %'"}
 
@@ -28,8 +35,9 @@ class TableColumns(Spec):
 
     case: list[str] = Field(min_length=1)
     """Columns that together name a load case."""
-    session: str | None = None
-    """Column that names the session, in which cameras and markers stayed where they were."""
+    session: Annotated[list[str], BeforeValidator(_as_list)] = []
+    """Columns that together name the session, in which cameras and markers stayed where they were. Two recordings that
+    were laid on the scene apart from each other are two sessions."""
     marker: str = "marker"
     """Column that names the marker."""
     position: list[str] = Field(min_length=3, max_length=3)
@@ -101,6 +109,9 @@ class CasesSpec(Spec):
     """Markers, by their names in the table. Others in the table are ignored."""
     offsets: Offsets | None = None
     """How far markers may be from where they are said to be. Not at all unless given."""
+    discrepancy: bool = False
+    """Whether to estimate what the model lacks, a smooth function of the forces at each marker. It corrects predictions
+    near what was measured and widens intervals elsewhere. It wants three cases an actuator at least."""
     parameters: dict[Name, Unknown] = Field(min_length=1)
     """What is not known of the robot and its rig."""
     find: list[str] | None = Field(None, min_length=1)
@@ -121,14 +132,14 @@ class CasesSpec(Spec):
             scene_keys = [key for key in unknown.keys if not is_of_rig(key)]
             if unknown.by and scene_keys:
                 raise ValueError(f"parameters.{name}.by: '{scene_keys[0]}' is of the scene, of which there is one")
-            if unknown.by and self.layout.session is None:
+            if unknown.by and not self.layout.session:
                 raise ValueError(f"parameters.{name}.by: the layout names no column of sessions")
         models = {"find": self.find or []} | {f"compare.{name}": find for name, find in self.compare.items()}
         for where, names in models.items():
             strange = [name for name in names if name not in self.parameters]
             if strange:
                 raise ValueError(f"{where}: '{strange[0]}' is none of the parameters {', '.join(self.parameters)}")
-        if self.offsets is not None and self.offsets.session is not None and self.layout.session is None:
+        if self.offsets is not None and self.offsets.session is not None and not self.layout.session:
             raise ValueError("offsets.session: the layout names no column of sessions")
 
 

@@ -58,13 +58,15 @@ def _work(folder: Path, spec: CasesSpec, base: Path) -> dict[str, Any]:
 
 def _fitted(lab: Any, cases: Any, find: list[str], spec: CasesSpec) -> tuple[list[str], Any]:
     """The parameters of a model, and the model fitted to the cases."""
-    from cfem.identify.cases.fit import fit_cases
+    from cfem.identify.cases.discrepancy import discrepancy_of
+    from cfem.identify.cases.fit import fit_with_discrepancy
     from cfem.identify.cases.left_out import leave_one_out
     from cfem.identify.cases.results import FittedModel
     from cfem.identify.cases.scatter import Scatter
 
-    rig = lab.rig(find, tuple(dict.fromkeys(cases.sessions)))
-    fitted = fit_cases(rig, cases, Scatter(spec.scatter))
+    lacking = discrepancy_of(cases) if spec.discrepancy else None
+    rig = lab.rig(find, tuple(dict.fromkeys(cases.sessions)), lacking)
+    rig, fitted = fit_with_discrepancy(rig, cases, Scatter(spec.scatter))
     return find, FittedModel(rig, fitted, leave_one_out(rig, cases, fitted))
 
 

@@ -112,7 +112,7 @@ def read_cases(
     unloading = zip(first, _cells(table, layout.unloading, first), strict=True)
     return Cases(
         names=tuple(" ".join(case) for case in cases),
-        sessions=tuple(_cells(table, layout.session, first)),
+        sessions=_sessions(table, layout.session, first),
         forces=forces,
         ways=np.array([_way(table, layout, row, cell) for row, cell in unloading]),
         places=places,
@@ -196,6 +196,12 @@ def _cells(table: TextTable, title: str | None, rows: list[int]) -> list[str]:
         return [""] * len(rows)
     texts = table.texts(title)
     return [texts[row] for row in rows]
+
+
+def _sessions(table: TextTable, titles: list[str], rows: list[int]) -> tuple[str, ...]:
+    """The session of each row, '' without columns of sessions."""
+    columns = [_cells(table, title, rows) for title in titles]
+    return tuple(" ".join(cells) for cells in zip(*columns, strict=True)) if columns else ("",) * len(rows)
 
 
 def _way(table: TextTable, layout: TableColumns, row: int, cell: str) -> float:

@@ -39,7 +39,7 @@ def _work(folder: Path, spec: PredictSpec, base: Path) -> dict[str, Any]:
     lab = load_lab(load_spec(path, CasesSpec), path.parent)
     known = read_calibrated(artefact_file(base / spec.calibrated, FILE))
     cases = lab.read(base / spec.table, measured=False)
-    rig = lab.rig(lab.find, tuple(dict.fromkeys([*known.sessions, *cases.sessions])))
+    rig = lab.rig(lab.find, tuple(dict.fromkeys([*known.sessions, *cases.sessions])), known.discrepancy)
     strange = [name for name in known.names if name not in {unknown.name for unknown in rig.unknowns}]
     if strange:
         what = f"was made with the unknown '{strange[0]}', which {spec.cases} does not find"
