@@ -86,10 +86,14 @@ def disturbed(rng: np.random.Generator, m: int, f: np.ndarray, moved: np.ndarray
 
 @dataclass(frozen=True)
 class Sort:
-    """Of calibration. lacks: what the model lacks, as a multiple of the noise; smooth: the same, of what is a smooth function of the force; discrepancy: whether the
-    calibration estimates it; models: above 1 that of so many, each of
-    some of the parameters, which predicts left-out cases best; grows: w of the noise (scatter.py), None for any; given
-    and asked: ranges of the forces."""
+    """Of calibration.
+
+    lacks:  what the model lacks, one pattern a case, as a multiple of the noise
+    smooth: the same, of what is a smooth function of the force
+    discrepancy: whether the calibration estimates it
+    models: above 1 that of so many, each of some of the parameters, which predicts left-out cases best
+    grows:  w of the noise (scatter.py), None for any
+    given, asked: ranges of the forces"""
 
     lacks: float = 0.0
     offset_sd: float = 0.0

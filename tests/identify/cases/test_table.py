@@ -38,6 +38,13 @@ def test_a_force_may_stand_in_the_first_row_of_a_case_alone(tmp_path):
     assert read(tmp_path, rows).forces.tolist() == [[1.5], [2.0], [3.0]]
 
 
+def test_two_columns_name_a_session(tmp_path):
+    layout = LAYOUT.model_copy(update={"session": ["load_N", "up"]})
+    assert read(tmp_path, layout=layout).sessions == ("1.5 0", "2 0", "3 1")
+    assert read(tmp_path).sessions == ("", "", "")
+    assert TableColumns(case=["case"], position=LAYOUT.position, forces=LAYOUT.forces, session="up").session == ["up"]
+
+
 def test_rows_of_separators_alone_end_no_table(tmp_path):
     assert len(read(tmp_path, [*ROWS, ",,,,,,", "", ",,,,,,"])) == 3
 

@@ -6,8 +6,9 @@ A marker is seen at
 
 with x and T the place and the turn of its effector, a its stand-off, d = d_marker + d_marker,session its offset, delta
 what the model lacks (discrepancy.py), Q the turn of the frame by the rotation vector frame.turn, and s = frame.shift.
-Where displacements are compared, the marker's place at rest is taken away. Drives pull by (scale f + offset) / (1 - (f / limit)^2) where f is not 0: a chamber's wall
-bulges under its pressure, which then acts on more, and without bound near the limit."""
+Where displacements are compared, the marker's place at rest is taken away. Drives pull by
+(scale f + offset) / (1 - (f / limit)^2) where f is not 0: a chamber's wall bulges under its pressure, which then acts
+on more, and without bound near the limit."""
 
 import copy
 from collections.abc import Sequence

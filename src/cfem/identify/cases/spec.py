@@ -11,7 +11,6 @@ from cfem.core.units import Length, Point
 from cfem.sample.spec import ParameterSpec
 
 
-
 def _as_list(value: Any) -> Any:
     """A column alone is a list of one."""
     return [value] if isinstance(value, str) else value
