@@ -53,27 +53,29 @@ class _Surface:
 
     def neighbours(self, node: int) -> set[int]:
         """Nodes that share an edge with a node."""
-        return {other for number in self.around[node] for other in self.triangles[number]} - {node}
+        return {corner for number in self.around[node] for corner in self.triangles[number]} - {node}
 
     def is_short(self, a: int, b: int) -> bool:
-        """Whether the edge from a to b is next to nothing beside the others at its ends."""
+        """True if the edge from a to b is next to nothing beside the others at its ends."""
         beside = [np.linalg.norm(self.X[end] - self.X[node]) for end in (a, b) for node in self.neighbours(end)]
         return bool(np.linalg.norm(self.X[a] - self.X[b]) < _BESIDE * np.median(beside))
 
     def leads_through(self, a: int, b: int) -> bool:
-        """Whether a face at one end of an edge looks along it, and one at the other end against it."""
+        """True if the edge joins two sides of a thin wall or slot: a face at one end looks along it, one at the other
+        end against it."""
         along = (self.X[b] - self.X[a]) / np.linalg.norm(self.X[b] - self.X[a])
         first, second = (self._normals(self.around[node], {})[0] @ along for node in (a, b))
         wall = first.min() < -_FACING and second.max() > _FACING
         return bool(wall or (first.max() > _FACING and second.min() < -_FACING))
 
     def moved(self, kept: int, dropped: int) -> float:
-        """mm^2 by which the faces around `dropped` are left (quadric error, Garland and Heckbert 1997)."""
+        """Quadric error mm^2 (Garland and Heckbert 1997): squared distances of `kept` from the faces around
+        `dropped`."""
         normals, _ = self._normals(self.around[dropped], {})
         return float(((normals @ (self.X[kept] - self.X[dropped])) ** 2).sum())
 
     def can_contract(self, kept: int, dropped: int) -> bool:
-        """Whether the surface stays closed, with no triangle turned over."""
+        """True if the surface stays closed, with no triangle turned over."""
         shared = self.neighbours(kept) & self.neighbours(dropped)
         between = self.around[kept] & self.around[dropped]
         if len(shared) != 2 or len(between) != 2:
