@@ -10,13 +10,13 @@ from cfem.core.units import ForceVector, Length, LengthRange, Point, Points, Str
 from cfem.robot.selection import Direction
 
 
-def _either(one: str, other: str) -> ConfigDict:
-    """Says to editors that exactly one of two keys is due."""
-    return ConfigDict(json_schema_extra={"oneOf": [{"required": [one]}, {"required": [other]}]})
+def _either(*keys: str) -> ConfigDict:
+    """Tells editors that exactly one of these keys is due."""
+    return ConfigDict(json_schema_extra={"oneOf": [{"required": [key]} for key in keys]})
 
 
 class Route(Spec):
-    """A way along a body of the catalogue, whose points follow its lengths. Give x and y in a soft finger, a side of a
+    """A path along a body of the catalogue, whose points follow its lengths. Give x and y in a soft finger, a side of a
     bar, a trunk or a diamond."""
 
     x: Length | None = None
@@ -51,7 +51,7 @@ class Cable(Spec):
     points: Points | None = None
     """Points of the body that the cable runs through, from the pull point on."""
     route: Route | None = None
-    """Way along a body of the catalogue. Its points move with the design."""
+    """Path along a body of the catalogue. Its points move with the design."""
     pull_point: Point | None = None
     """Fixed point outside the body from which the cable is pulled."""
     radius: Length = Field(default=2.0, ge=0)
@@ -72,7 +72,7 @@ class Cable(Spec):
     def check(self) -> None:
         _demand_one(f"cable '{self.name}'", points=self.points, route=self.route)
         _demand_order(f"cable '{self.name}'", self.reach)
-        _demand_way(f"cable '{self.name}'", self.unilateral, self.reach, "pulls")
+        _demand_positive_end(f"cable '{self.name}'", self.unilateral, self.reach, "pulls")
 
 
 class Push(Spec):
@@ -97,7 +97,7 @@ class Push(Spec):
 
     def check(self) -> None:
         _demand_order(f"push '{self.name}'", self.reach)
-        _demand_way(f"push '{self.name}'", self.unilateral, self.reach, "pushes")
+        _demand_positive_end(f"push '{self.name}'", self.unilateral, self.reach, "pushes")
 
 
 class Cavity(Spec):
@@ -123,8 +123,8 @@ class Cavity(Spec):
         _demand_one(f"cavity '{self.name}'", inside=self.inside, surface=self.surface)
         _demand_order(f"cavity '{self.name}'", self.reach)
         _demand_order(f"cavity '{self.name}'", self.pressure, "pressure")
-        _demand_way(f"cavity '{self.name}'", self.unilateral, self.reach, "pushes")
-        _demand_way(f"cavity '{self.name}'", self.unilateral, self.pressure, "pushes", "pressure")
+        _demand_positive_end(f"cavity '{self.name}'", self.unilateral, self.reach, "pushes")
+        _demand_positive_end(f"cavity '{self.name}'", self.unilateral, self.pressure, "pushes", "pressure")
 
 
 class Chambers(Spec):
@@ -150,8 +150,8 @@ class Chambers(Spec):
             raise ValueError(f"chambers '{self.name}': a chamber is named twice, of {self.chambers}")
         _demand_order(f"chambers '{self.name}'", self.reach)
         _demand_order(f"chambers '{self.name}'", self.pressure, "pressure")
-        _demand_way(f"chambers '{self.name}'", self.unilateral, self.reach, "push")
-        _demand_way(f"chambers '{self.name}'", self.unilateral, self.pressure, "push", "pressure")
+        _demand_positive_end(f"chambers '{self.name}'", self.unilateral, self.reach, "push")
+        _demand_positive_end(f"chambers '{self.name}'", self.unilateral, self.pressure, "push", "pressure")
 
 
 Actuator = Annotated[Cable | Push | Cavity | Chambers, Field(discriminator="kind")]
@@ -216,7 +216,7 @@ class Load(Spec):
     """Part, or named group of cells, that the point belongs to."""
 
 
-def _demand_way(what: str, unilateral: bool, ends, does: str, name: str = "reach") -> None:
+def _demand_positive_end(what: str, unilateral: bool, ends, does: str, name: str = "reach") -> None:
     """Raises ValueError where an actuator that only pulls or inflates has no positive end of its range."""
     if unilateral and ends is not None and not ends[1] > 0:
         raise ValueError(

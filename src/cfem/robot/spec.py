@@ -79,6 +79,12 @@ class SceneSpec(Spec):
     effectors: list[Effector] = Field(min_length=1)
     """What is watched and controlled."""
 
+    @property
+    def all_materials(self) -> dict[str, MaterialSpec]:
+        """Materials by their key: the body's, then that of each region."""
+        regions = {f"materials.{index}.material": item.material for index, item in enumerate(self.materials)}
+        return {"material": self.material, **regions}
+
     def check(self) -> None:
         """Raises ValueError, led by the key, where parts of the scene do not go together."""
         watched = [(key, i, item) for key in ("effectors", "contacts") for i, item in enumerate(getattr(self, key))]
@@ -98,10 +104,7 @@ class SceneSpec(Spec):
             wrong = routes.fault(self.geometry, item.route) if getattr(item, "route", None) else ""
             if wrong:
                 raise ValueError(f"actuators.{index}.route: {wrong}")
-        materials = {"material": self.material} | {
-            f"materials.{index}.material": item.material for index, item in enumerate(self.materials)
-        }
-        lacking = [name for name, material in materials.items() if material.density is None]
+        lacking = [key for key, material in self.all_materials.items() if material.density is None]
         if self.gravity is not None and lacking:
             raise ValueError(f"{lacking[0]}: gravity needs the density of each material, such as '1070 kg/m^3'")
         if self.mesh.cells is not None and (

@@ -49,11 +49,11 @@ class Deformation:
             )
             X += self._inner.extended(on_walls)
         X[self._edges[:, 0]] = (X[self._edges[:, 1]] + X[self._edges[:, 2]]) / 2
-        made = replace(mesh, X=X, unshaped=mesh.X)
-        left = made.volumes / mesh.volumes
+        deformed = replace(mesh, X=X, unshaped=mesh.X)
+        left = deformed.volumes / mesh.volumes
         if not left.min() > THINNEST:
             raise _too_far(form, mesh, left)
-        return made
+        return deformed
 
 
 def displacement(controls: Sequence[Control], points: np.ndarray) -> np.ndarray:
@@ -137,6 +137,6 @@ def _too_far(form: FreeForm, mesh: Mesh, left: np.ndarray) -> NumericalError:
         (f"shape.controls.{i}", image) for i, control in enumerate(form.controls) for image, _ in _images(control)
     ]
     places += [(f"shape.walls.{i}", np.asarray(wall.at)) for i, wall in enumerate(form.walls)]
-    name, _ = min(places, key=lambda each: float(np.linalg.norm(each[1] - place)))
+    name, _ = min(places, key=lambda named: float(np.linalg.norm(named[1] - place)))
     what = f"the free form leaves a cell at {show(np.round(place, 2))} mm with {left[cell]:.2g} of its volume"
     return NumericalError(what, where=name, do="move it less, or give it a larger radius")

@@ -102,7 +102,7 @@ class Morph:
         """(k, n, 3): k weighted sums of the nodes of designs near to `solid`, to first order; each design its weight,
         its tree and its points' places, and the weights of a sum add up to 0, as those of a difference do. X (n, 3): of
         the mesh of `solid` itself. Unreachable where the mesh does not follow."""
-        wanted = [sum(w * self._missing(surfaces(design), places, X) for w, design, places in each) for each in sums]
+        wanted = [sum(w * self._missing(surfaces(design), places, X) for w, design, places in terms) for terms in sums]
         D = np.stack(wanted, axis=1)
         G = sp.vstack([self._bound(self._normals(surfaces(solid), X), slice(None)), self._led]).tocsr()
         U, past = np.zeros((self._n, len(sums))), [_Past() for _ in sums]
@@ -193,9 +193,9 @@ def _bounds(mesh: Mesh, now: Sequence[Surface]) -> list[_Bound]:
     for least in (_ALONG, _STEEP):
         before = covered.copy()
         for number, surface in enumerate(now):
-            on = np.max([np.abs(surface.value(corner)) for corner in (a, b, c)], axis=0) <= _ON * mesh.size
+            on_surface = np.max([np.abs(surface.value(corner)) for corner in (a, b, c)], axis=0) <= _ON * mesh.size
             along = np.abs(np.einsum("ij,ij->i", surface.gradient(centre), normal))
-            bound = on & (along > least) & (~before if least == _STEEP else True)
+            bound = on_surface & (along > least) & (~before if least == _STEEP else True)
             if (bound & ~covered).any():  # a surface that says nothing new is another's twin
                 bounds.append(_Bound(number, np.unique(facets[bound])))
             covered |= bound
