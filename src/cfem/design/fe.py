@@ -30,7 +30,7 @@ class FeProblem(DesignProblem):
     _worst: np.ndarray | None = field(default=None, init=False)
 
     def with_slopes(self, z: np.ndarray, stencil: Stencil | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """(n,) -> objectives and constraints in one row (n_f + n_g,), and their derivatives (n_f + n_g, n)."""
+        """Objectives and constraints in one row (n_f + n_g,) at z (n,), and their derivatives (n_f + n_g, n)."""
         try:
             values, slopes = self._with_slopes(z)
         except NumericalError:
@@ -139,7 +139,7 @@ class FeProblem(DesignProblem):
         return float(values[0] + norm.ppf(robust.share) * np.linalg.norm(self._scatter(robust, p, free)[0] * slopes[0]))
 
     def _spread(self, p: np.ndarray, free: Sequence[int]) -> np.ndarray:
-        """(n, n_p) dp/dz of the parameters `free`."""
+        """Derivative (n, n_p) dp/dz of the parameters `free`."""
         z, h = shares(self.family.parameters, p), 1e-6
         unit = np.eye(len(p))[list(free)]
         ahead, behind = (from_shares(self.family.parameters, z + sign * h * unit) for sign in (1, -1))
@@ -197,7 +197,7 @@ def partials(rows: Rows, states: States, spread: np.ndarray) -> tuple[np.ndarray
 
 
 class _Shape:
-    """How the numbers of a state stand in one row."""
+    """Layout of the numbers of a state in one row."""
 
     def __init__(self, states: States):
         self.rows, self.names = states.rows, sorted(states.numbers or {})
@@ -206,7 +206,7 @@ class _Shape:
         self.ends = np.cumsum([len(self.i), n, states.lam.shape[1], states.rest_e.shape[1]])
 
     def packed(self, states: States) -> np.ndarray:
-        """(m, ...)."""
+        """Numbers of m states, one row each."""
         numbers = [states.numbers[name][:, None] for name in self.names]
         return np.hstack([states.W[:, self.i, self.j], states.delta_free, states.lam, states.rest_e, *numbers])
 

@@ -76,8 +76,8 @@ def _curve(problem: DesignProblem, index: int, best: Design, title: str) -> byte
 
 
 def front_figure(problem: DesignProblem, grid: Grid, front: Front, verified: dict[int, np.ndarray]) -> bytes:
-    """PNG: the front among the grid's designs, beside the parameters along it. verified: place in the front -> (n_f,)
-    objectives by finite elements."""
+    """Picture (PNG) of the front among the grid's designs, beside the parameters along it. verified: place in the front
+    -> objectives (n_f,) by finite elements."""
     figure, axes = plt.subplots(1, 2, figsize=(10.5, 4.2))
     _trade_off(figure, axes[0], grid, front, verified)
     objectives, z = _along(front)

@@ -82,12 +82,12 @@ def _work(folder: Path, spec: DesignSpec, base: Path) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class _Found:
-    """designs: by what each is best at; seconds: CPU time of each part."""
+    """Designs that a search has found."""
 
     grid: Any
-    designs: dict[str, Any]
+    designs: dict[str, Any]  # by what each is best at
     front: Any | None
-    seconds: dict[str, float]
+    seconds: dict[str, float]  # CPU time of each part
 
 
 def _search(spec: DesignSpec, problem: Any) -> _Found:

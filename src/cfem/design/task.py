@@ -18,16 +18,16 @@ from cfem.parametric.states import States
 
 @dataclass(frozen=True)
 class Task:
-    """goals (k, n_e) mm: positions of the effectors, or displacements from where each design rests (from_rest); weights
-    (n_e,); force (k, n_e) N on the effectors."""
+    """Goals that one design is to reach, one after the other."""
 
-    goals: np.ndarray
-    from_rest: bool
-    weights: np.ndarray
-    force: np.ndarray
+    goals: np.ndarray  # (k, n_e) mm, positions of the effectors, or displacements from rest
+    from_rest: bool  # which of the two
+    weights: np.ndarray  # (n_e,)
+    force: np.ndarray  # (k, n_e) N on the effectors
 
     def reached(self, states: States) -> np.ndarray:
-        """(m, n_e) mm where the effectors are under the force of the goal that each state is for (goal by goal)."""
+        """Positions or displacements (m, n_e) mm of the effectors under the force of the goal that each state is for
+        (goal by goal)."""
         force = np.tile(self.force, (len(states) // len(self.goals), 1))
         moved = (states.locked_compliance @ force[..., None])[..., 0]
         return (states.delta_e if self.from_rest else states.x_e) + moved

@@ -12,13 +12,12 @@ from cfem.parametric.states import States
 
 @dataclass(frozen=True)
 class Verified:
-    """Of m designs: z (m, n); what the model says and what finite elements say, objectives and constraints; distance
-    (m,) mm between the effectors' positions of the two."""
+    """m designs judged by the model and by finite elements."""
 
-    z: np.ndarray
+    z: np.ndarray  # (m, n)
     model: Scores
     fe: Scores
-    distance: np.ndarray
+    distance: np.ndarray  # (m,) mm between the effectors' positions of the two
 
 
 def verify(problem: DesignProblem, finite_elements: Family, z: Sequence[np.ndarray]) -> Verified:

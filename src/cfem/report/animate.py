@@ -104,7 +104,7 @@ def _pictures(folder: Path, history: "ShapeHistory", viewer: "Viewer", formats: 
 
 
 def _nothing(control: Path, manifest: Mapping[str, Any]) -> InputError:
-    """Why there is nothing to draw."""
+    """Error that says why there is nothing to draw."""
     if manifest["spec"].get("object") or manifest["spec"].get("design"):
         what = "a learned skin is of the scene's own robot alone, without object or design, and"
     else:
@@ -114,7 +114,7 @@ def _nothing(control: Path, manifest: Mapping[str, Any]) -> InputError:
 
 
 def _durations(history: Any) -> list[int]:
-    """ms of each shape: as long as it took, of goals one after the other the same."""
+    """Durations ms of the shapes: as long as each took; of goals one after the other the same."""
     if not history.in_seconds or len(history.times) < 2:
         return [min(max(A_GOAL, A_ROUND // len(history.times) // 10 * 10), SLOWEST)] * len(history.times)
     steps = np.diff(history.times, append=2 * history.times[-1] - history.times[-2])

@@ -60,7 +60,7 @@ def still(viewer: Viewer, take: Take, rest: np.ndarray) -> bytes:
 
 
 def _drawn(viewer: Viewer, take: Take) -> list[np.ndarray]:
-    """(height, width, 3) pixels of each shape."""
+    """Pixels (height, width, 3) of each shape."""
     axis, canvas, axes = _stage(viewer, take)
     return [_frame(axis, canvas, viewer, take, axes, place) for place in range(len(take.x))]
 

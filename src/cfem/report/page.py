@@ -57,11 +57,11 @@ class Card:
 
 @dataclass(frozen=True)
 class Number:
-    """One of the numbers that matter, with its unit; what it is; what to hold beside it, line by line."""
+    """One of the numbers that matter, with its unit."""
 
     value: str
-    name: str
-    notes: tuple[str, ...] = ()
+    name: str  # what it is
+    notes: tuple[str, ...] = ()  # what to hold beside it, line by line
 
     def html(self) -> str:
         notes = "".join(f"<small>{escape(note)}</small>" for note in self.notes)

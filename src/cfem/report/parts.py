@@ -99,7 +99,7 @@ def _vibrating(folders: Mapping[str, Path]) -> list[ReportSection]:
 
 
 def over_time(spec: ReportSpec, manifests: Manifests) -> tuple[list[ReportSection], Summary | None]:
-    """One section a run over time, and all of them in a sentence."""
+    """Sections of the runs over time, one each, and a sentence on all of them."""
     sections = [loop_section(name, *manifests[f"loop {name}"]) for name in spec.loops]
     loops = {name: manifests[f"loop {name}"][1]["results"]["loop"] for name in spec.loops}
     return sections, loops_summary(loops) if loops else None

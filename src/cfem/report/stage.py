@@ -19,7 +19,7 @@ FOLDERS = {"surrogates": ("models", "samples", "beyond"), "meshes": ("mesh", "mo
 
 
 def artefacts(spec: ReportSpec, base: Path) -> dict[str, Path]:
-    """Every folder that the page reads, by its name among the inputs."""
+    """Folders that the page reads, by their name among the inputs."""
     paths: dict[str, Path | None] = {}
     if spec.control:
         paths = {"mesh": spec.mesh, "samples": spec.samples}

@@ -258,7 +258,7 @@ def _contact(mesh: Mesh, item: constraints.Contact, sections: list[np.ndarray]) 
 def _loads(
     scene: spec.SceneSpec, body: Body, regions: list[np.ndarray], sections: list[np.ndarray]
 ) -> np.ndarray | None:
-    """(n, 3) N, None where the scene has neither weight nor loads."""
+    """Forces (n, 3) N of weight and loads on the nodes, None where the scene has neither."""
     if scene.gravity is None and not scene.loads:
         return None
     forces, mesh = np.zeros_like(body.mesh.X), body.mesh
@@ -273,7 +273,7 @@ def _loads(
 
 
 def _density(scene: spec.SceneSpec, mesh: Mesh, regions: list[np.ndarray]) -> np.ndarray | None:
-    """(m,) t/mm^3 of the cells, None where a material does not state its own."""
+    """Densities (m,) t/mm^3 of the cells, None where a material does not state its own."""
     if any(material.density is None for material in scene.all_materials.values()):
         return None
     density = np.full(len(mesh.cells), scene.material.density)

@@ -27,14 +27,15 @@ class Forces:
 
 
 def forces(robot: Robot, x: np.ndarray, lam: np.ndarray, load: float = 1.0) -> Forces:
-    """At positions x (n, 3) mm and multipliers lam of the active rows, with this share of the constant loads."""
+    """Forces at positions x (n, 3) mm and multipliers lam of the active rows, with this share of the constant loads."""
     internal = response(robot.body, x).force
     external = np.zeros_like(x) if robot.loads is None else load * robot.loads
     return Forces(reduced(robot, x, internal), reduced(robot, x, external), gradients(robot, robot.active, x) @ lam)
 
 
 def reduced(robot: Robot, x: np.ndarray, nodal: np.ndarray) -> np.ndarray:
-    """(n_dof,) of forces (n, 3): those of nodes on their own, then force and moment (N mm) of each rigid body."""
+    """Generalised forces (n_dof,) of nodal forces (n, 3): those of free nodes, then force and moment (N mm) of each
+    rigid body."""
     parts = [nodal[_single(robot)].ravel()]
     for nodes in robot.rigid:
         arm = x[nodes] - x[nodes].mean(axis=0)
@@ -43,7 +44,8 @@ def reduced(robot: Robot, x: np.ndarray, nodal: np.ndarray) -> np.ndarray:
 
 
 def motion(robot: Robot, x: np.ndarray, nodal: np.ndarray) -> np.ndarray:
-    """(n_dof,) of a motion (n, 3), dual to `reduced`: of a rigid body translation and rotation (fitted)."""
+    """Generalised motion (n_dof,) of nodal motions (n, 3), dual to `reduced`: of a rigid body translation and rotation
+    (fitted)."""
     parts = [nodal[_single(robot)].ravel()]
     for nodes in robot.rigid:
         arm, move = x[nodes] - x[nodes].mean(axis=0), nodal[nodes]
@@ -54,7 +56,7 @@ def motion(robot: Robot, x: np.ndarray, nodal: np.ndarray) -> np.ndarray:
 
 
 def gradients(robot: Robot, rows: Sequence[Watched], x: np.ndarray) -> np.ndarray:
-    """(n_dof, number of rows) of the values of `rows`."""
+    """Gradients (n_dof, number of rows) of the values of `rows`."""
     columns = []
     for row in rows:
         for each in row.gradient(x):

@@ -31,7 +31,7 @@ class Result:
 
 
 def chosen(cases: Iterable[Case], only: str | None = None, heavy: bool = False) -> list[Case]:
-    """Those whose name fits the pattern; heavy ones only where asked for."""
+    """Cases whose name fits the pattern; heavy ones only where asked for."""
     return [case for case in cases if (heavy or not case.heavy) and (only is None or fnmatchcase(case.name, only))]
 
 

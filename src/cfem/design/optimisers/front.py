@@ -92,8 +92,8 @@ def non_dominated(objectives: np.ndarray) -> np.ndarray:
 
 
 def hypervolume(hat: np.ndarray) -> float:
-    """(m, k) -> volume of the unit cube in which some row is at least as good, whatever is beyond (1, ..., 1) left out:
-    by slices along the last objective (While et al., IEEE Trans. Evol. Comput. 10, 2006)."""
+    """Volume of the unit cube in which some row of hat (m, k) is at least as good, whatever is beyond (1, ..., 1) left
+    out: by slices along the last objective (While et al., IEEE Trans. Evol. Comput. 10, 2006)."""
     inside = hat[(hat < 1).all(axis=1)]
     if not len(inside):
         return 0.0

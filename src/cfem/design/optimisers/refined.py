@@ -22,11 +22,11 @@ _SAME = 0.02  # of a range: ends of two starts that count as one optimum
 
 @dataclass(frozen=True)
 class Refined:
-    """best: of `ends`, one a start that finite elements solve; seconds: CPU time."""
+    """Optima by finite elements from several starts."""
 
-    best: Optimum
-    ends: list[Optimum]
-    seconds: float
+    best: Optimum  # of `ends`
+    ends: list[Optimum]  # one a start that finite elements solve
+    seconds: float  # CPU time
 
     @property
     def agree(self) -> int:

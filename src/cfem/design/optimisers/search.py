@@ -41,23 +41,23 @@ class Grid:
     width: np.ndarray
 
     def hat(self, objectives: np.ndarray) -> np.ndarray:
-        """(..., n_f) between 0 and 1 on the feasible grid."""
+        """Objectives (..., n_f) scaled to between 0 and 1 on the feasible grid."""
         return (objectives - self.low) / self.width
 
 
 @dataclass(frozen=True)
 class Scalar:
-    """max_k (weights_k . f_hat - shift_k): weights (r, n_f), shift (r,)."""
+    """A blend of objectives into one: max_k (weights_k . f_hat - shift_k)."""
 
-    weights: np.ndarray
-    shift: np.ndarray
+    weights: np.ndarray  # (r, n_f)
+    shift: np.ndarray  # (r,)
 
     @classmethod
     def weighted(cls, weights: np.ndarray) -> "Scalar":
         return cls(np.asarray(weights, float)[None], np.zeros(1))
 
     def __call__(self, hat: np.ndarray) -> np.ndarray:
-        """(m, n_f) -> (m,)."""
+        """Blends (m,) of scaled objectives (m, n_f)."""
         return (hat @ self.weights.T - self.shift).max(axis=-1)
 
 

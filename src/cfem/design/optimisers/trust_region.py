@@ -43,12 +43,11 @@ class Slopes(Protocol):
 
 @dataclass(frozen=True)
 class TrustRegionSettings:
-    """radius: of the first step, in shares of the ranges; tolerance: of the residual; solves: at most, by finite
-    elements, from one start."""
+    """Settings of the trust-region search."""
 
-    radius: float = 0.2
-    tolerance: float = 1e-3
-    solves: int = 20
+    radius: float = 0.2  # of the first step, in shares of the ranges
+    tolerance: float = 1e-3  # of the residual
+    solves: int = 20  # at most, by finite elements, from one start
 
 
 @dataclass(frozen=True)
@@ -179,7 +178,7 @@ def first_order(
 
 
 def _scale(slopes: np.ndarray) -> np.ndarray:
-    """(n_g,)."""
+    """Scale (n_g,) of each constraint: its largest slope."""
     return np.maximum(np.abs(slopes).max(axis=1, initial=0.0), 1e-12)
 
 

@@ -78,7 +78,7 @@ def orders(rows: Sequence[dict]) -> list[dict]:
 
 
 def headline(meshes: Sequence[dict]) -> list[str]:
-    """One sentence a mesh that is not the reference."""
+    """Sentences on the meshes that are not the reference, one each."""
     return [
         f"discretisation, {label(mesh)}, Poisson's ratio {mesh['poisson']:g}: error of W {100 * mesh['W']:.2g} %, of "
         f"the tip {100 * mesh['tip']:.2g} % ({mesh['tip_mm']:.2g} mm); {1e3 * mesh['sample_seconds']:.3g} ms per sample"

@@ -13,7 +13,7 @@ _MARKS = ("o", "s", "^", "D")
 
 
 def discretisation_section(study: Mapping[str, Any]) -> ReportSection:
-    """study: of `cfem.report.sections.discretisation.study`."""
+    """Section on the discretisation error. study: of `cfem.report.sections.discretisation.study`."""
     rows = study["meshes"]
     ratios = sorted({row["poisson"] for row in rows})
     parts: list[Chart | ReportTable] = front_charts(rows, ratios[len(ratios) // 2])
@@ -80,7 +80,7 @@ def poisson_chart(rows: Sequence[dict]) -> Chart:
 
 
 def discretisation_table(results: Sequence[dict]) -> ReportTable:
-    """One row a mesh and Poisson's ratio. The reference has no error to state."""
+    """Table of errors, one mesh and Poisson's ratio a row. The reference has no error to state."""
 
     def percent(key: str) -> Callable[[dict], str]:
         return lambda row: "reference" if row["reference"] else number(100 * row[key])
@@ -103,7 +103,7 @@ def discretisation_table(results: Sequence[dict]) -> ReportTable:
 
 
 def orders_table(orders: Sequence[dict]) -> ReportTable:
-    """One row a family of meshes."""
+    """Table of orders of convergence, one family of meshes a row."""
     return tabulate(
         orders,
         {
@@ -117,7 +117,7 @@ def orders_table(orders: Sequence[dict]) -> ReportTable:
 
 
 def tolerance_table(results: Sequence[dict]) -> ReportTable:
-    """One row a tolerance of the solver."""
+    """Table of what a tolerance of the solver costs and gives, one a row."""
     return tabulate(
         results,
         {

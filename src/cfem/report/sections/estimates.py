@@ -14,7 +14,7 @@ WIDE = 1.959964  # standard deviations of a 95 % interval
 
 
 def estimate_table(results: Mapping[str, Mapping[str, dict]], loaded: list[str]) -> ReportTable:
-    """One row a trajectory and controller. loaded: names of the rows with unknown forces."""
+    """Table of estimates, one trajectory and controller a row. loaded: names of the rows with unknown forces."""
     rows = [
         (name, who, result["estimate"]) for name, controllers in results.items() for who, result in controllers.items()
     ]

@@ -49,7 +49,7 @@ def loop_section(name: str, folder: Path, manifest: Mapping[str, Any]) -> Report
 
 
 def loop_table(results: Mapping[str, Mapping[str, dict]]) -> ReportTable:
-    """One row a trajectory and controller of a run over time."""
+    """Table of runs over time, one trajectory and controller a row."""
     rows = [(name, who, result) for name, controllers in results.items() for who, result in controllers.items()]
     return tabulate(
         rows,

@@ -63,7 +63,7 @@ def models_section(
 def model_table(
     models: Models, published: Published | None = None, default: str | None = None, force="N"
 ) -> ReportTable:
-    """One row a model, the published one last."""
+    """Table of models, one a row, the published one last."""
     rows: list[tuple[str, Any]] = [(label(name, default), results) for name, results in models.items()]
     if published:
         empty = dict.fromkeys(("seconds_sampling", "seconds_fit"))

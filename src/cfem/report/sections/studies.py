@@ -17,7 +17,7 @@ from cfem.report.tables import ReportTable, lengths, number, spread, tabulate
 
 
 def sampling_rows(method: str, model: str, trained: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """One row a number of training rows, of all the learning curves of results of `cfem train`, in that order."""
+    """Rows of all learning curves in the results of `cfem train`, by the number of training rows."""
     rows = [
         {"method": method, "model": model, "kind": results["kind"], **point}
         for results in trained
@@ -65,7 +65,8 @@ def _missed(controllers: list[Mapping[str, Any]], name: str) -> float | None:
 
 
 def sampling_section(rows: Sequence[Mapping[str, Any]]) -> ReportSection:
-    """rows: of `sampling_rows`. Loss and largest tip error against rows: a colour a model, a line style a method."""
+    """Section on where to sample: loss and largest tip error against rows, a colour a model, a line style a method.
+    rows: of `sampling_rows`."""
     methods = list(dict.fromkeys(row["method"] for row in rows))
     names = list(dict.fromkeys(row["model"] for row in rows))
     axes = []
@@ -87,7 +88,7 @@ def sampling_section(rows: Sequence[Mapping[str, Any]]) -> ReportSection:
 
 
 def sampling_table(rows: Sequence[Mapping[str, Any]]) -> ReportTable:
-    """One row a model, method and number of training rows."""
+    """Table of errors, one model, method and number of training rows a row."""
     return tabulate(
         rows,
         {
@@ -136,7 +137,7 @@ def sizes_section(rows: Sequence[Mapping[str, Any]]) -> ReportSection:
 
 
 def sizes_table(rows: Sequence[Mapping[str, Any]]) -> ReportTable:
-    """One row a mesh and number of samples, of `mesh_row`; control stands beside the last."""
+    """Table of the rows of `mesh_row`, one mesh and number of samples each; control stands beside the last."""
     lines: list[tuple[str, Any, Any]] = []
     for row in rows:
         name = f"{row['name']}, {row['cells']} cells, {row['nodes']} nodes"

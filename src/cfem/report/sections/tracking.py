@@ -147,7 +147,7 @@ def looser(tracking: Tracking, unit: str) -> str:
 
 
 def tracking_table(tracking: Tracking) -> ReportTable:
-    """One row a trajectory and controller."""
+    """Table of tracking errors, one trajectory and controller a row."""
     rows = [
         (name, who, result) for name, controllers in tracking.summaries.items() for who, result in controllers.items()
     ]

@@ -27,7 +27,8 @@ class Layout:
 
 
 def slice_mesh(geometry: StiffFlop, element: str, size: float) -> Mesh:
-    """Sections, each a node set, at most `size` mm apart; each module is a set of cells, module-1 at the base."""
+    """Mesh of sections at most `size` mm apart, each a node set; each module is a set of cells, module-1 at the
+    base."""
     section = layout(geometry, bare=element == "beam")
     slices = int(np.ceil(geometry.module_length / size - 1e-9))
     places = np.linspace(0.0, geometry.modules * geometry.module_length, geometry.modules * slices + 1)

@@ -90,8 +90,8 @@ def _parts_of(members: np.ndarray, parts: int) -> np.ndarray:
 
 
 def carried_over(coarse: Mesh, x: np.ndarray, finer: Mesh) -> np.ndarray:
-    """(n, 3) mm: the nodes of `finer` moved by the deformation x of `coarse` tetrahedra, a start for Newton's method. A
-    node that no cell holds follows the nearest cell's polynomial."""
+    """Positions (n, 3) mm of the nodes of `finer` under the deformation x of `coarse` tetrahedra, a start for Newton's
+    method. A node that no cell holds follows the nearest cell's polynomial."""
     from scipy.spatial import cKDTree
 
     corners = coarse.X[coarse.cells[:, :4]]

@@ -83,7 +83,7 @@ def split(occ, body: tuple[int, int], regions: list[dict]) -> None:
 
 
 def surface(gmsh, file: str) -> np.ndarray:
-    """(k, 3, 3) mm: corners of the triangles of the closed surface in an .npz, which is read into gmsh."""
+    """Corners (k, 3, 3) mm of the triangles of the closed surface in an .npz, which is read into gmsh."""
     with np.load(file) as data:
         X, triangles = data["X"], data["triangles"]
     tag = gmsh.model.addDiscreteEntity(2)
@@ -93,7 +93,7 @@ def surface(gmsh, file: str) -> np.ndarray:
 
 
 def enclosed_volume(corners: np.ndarray) -> float:
-    """mm^3 within a closed surface of triangles (k, 3, 3), by the divergence theorem."""
+    """Volume mm^3 within a closed surface of triangles (k, 3, 3), by the divergence theorem."""
     a, b, c = corners.swapaxes(0, 1)
     return abs(float(np.einsum("ij,ij->", np.cross(a, b), c))) / 6
 
@@ -152,7 +152,7 @@ def is_surface(solid: dict) -> bool:
 
 
 class Separate(ValueError):
-    """Not one body."""
+    """The geometry is not one body."""
 
 
 def one_body(gmsh, solid: dict) -> tuple[int, int]:
@@ -191,7 +191,7 @@ def write(gmsh, solid: dict, files: list[str], deviation: float) -> dict[str, np
 
 
 def mesh(gmsh, job: dict) -> dict[str, np.ndarray]:
-    """X (n, 3), cells (m, 4), CAD volume; or what speaks against meshing."""
+    """Mesh X (n, 3), cells (m, 4) and CAD volume; the number of cells and the extent where there would be too many."""
     solid = job["solid"]
     if is_surface(solid):
         corners = surface(gmsh, job["surface"])
@@ -224,7 +224,7 @@ def mesh(gmsh, job: dict) -> dict[str, np.ndarray]:
 
 
 def cells_wanted(volume: float, low: np.ndarray, high: np.ndarray, job: dict) -> float:
-    """About how many cells of these sizes fill a body between two corners: regular tetrahedra of edge h hold
+    """Number of cells, about, with which these sizes fill a body between two corners: regular tetrahedra of edge h hold
     h^3 / 8.485 each. A box of finer cells counts as if the body filled it."""
     about = volume / job["size"] ** 3
     for box in job["refine"]:

@@ -42,8 +42,8 @@ class Quality:
         return f"{self.nodes} nodes, {self.cells} cells; volume {self.volume:.6g} mm^3{cad}; {corners}"
 
     def doubts(self, from_file: bool = False) -> list[str]:
-        """Why no results on the mesh can be trusted, a sentence each. from_file: whether its cells were
-        read, not made here."""
+        """Sentences on why no results on the mesh can be trusted. from_file: whether its cells were read, not made
+        here."""
         doubts = self._unfaithful()
         if self.flat:
             worst = (

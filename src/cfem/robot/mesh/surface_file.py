@@ -56,7 +56,7 @@ def mended(path: Path, surface: bool, body: int = 1) -> tuple[str, ...]:
 
 
 def mends_of(geometry: Geometry, folder: Path) -> Iterator[tuple[Path, str]]:
-    """Each file of a geometry that is read mended, and how."""
+    """Files of a geometry that are mended when they are read, each with a phrase on how."""
     for single in singles(geometry).values():
         if isinstance(single, MeshFile):
             phrases = mended(folder / single.path, single.meshed_here, single.body)

@@ -33,7 +33,8 @@ def shaped(form: FreeForm, mesh: Mesh) -> Mesh:
 
 
 class Deformation:
-    """Of meshes of one connectivity. mesh: of the geometry alone, whose elasticity carries walls."""
+    """A free form that deforms meshes of one connectivity. mesh: of the geometry alone, whose elasticity carries
+    walls."""
 
     def __init__(self, form: FreeForm, mesh: Mesh):
         self._surfaces = [_surface(wall, mesh, index) for index, wall in enumerate(form.walls)]
@@ -93,7 +94,7 @@ def _surface(wall: WallThickness, mesh: Mesh, index: int) -> np.ndarray:
 
 
 def _growth(wall: WallThickness, X: np.ndarray, facets: np.ndarray) -> np.ndarray:
-    """(n, 3) mm: the surface's corners moved along its normals, which point into the void."""
+    """Displacements (n, 3) mm of the corners of a wall's surface along its normals, which point into the void."""
     corners = facets[:, :4] if facets.shape[1] == 4 else facets[:, :3]
     a, b, c, d = (X[corners[:, i]] for i in (0, 1, 2, -1))
     area = np.cross(c - a, d - b) if corners.shape[1] == 4 else np.cross(b - a, c - a)
@@ -120,7 +121,7 @@ class _Inner:
         self._factor = splu(K[free][:, free]) if free.any() else None
 
     def extended(self, moves: np.ndarray) -> np.ndarray:
-        """(n, 3): moves of the boundary, and of the corners inside as they follow."""
+        """Displacements (n, 3) of all corners, given those of the boundary."""
         total = moves.copy()
         if self._factor is not None:
             known = moves[self._corners].ravel()

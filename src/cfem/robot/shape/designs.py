@@ -72,8 +72,8 @@ class Designs:
             raise Unreachable(error.what, error.near, where=where, do=do) from None
 
     def changes(self, scene: SceneSpec, sums: Sequence[Sequence[tuple[float, SceneSpec]]]) -> np.ndarray:
-        """(k, n, 3): k weighted sums of the nodes before their free form of scenes that hardly differ from `scene`, to
-        first order; the weights of each sum add up to 0. Unreachable as `mesh`."""
+        """Weighted sums (k, n, 3) of nodes, before the free form, of scenes that hardly differ from `scene`, to first
+        order; the weights of each sum add up to 0. Unreachable as `mesh`."""
         solid = CATALOGUE[type(scene.geometry)]
         sums_of_solids = [
             [(weight, solid(design.geometry), self._prescribed(design)) for weight, design in terms] for terms in sums

@@ -99,9 +99,9 @@ class Morph:
         return replace(self.mesh, X=X)
 
     def changes(self, solid: Solid, X: np.ndarray, sums: Sequence[Sequence[tuple[float, Solid, np.ndarray]]]):
-        """(k, n, 3): k weighted sums of the nodes of designs near to `solid`, to first order; each design its weight,
-        its tree and its points' places, and the weights of a sum add up to 0, as those of a difference do. X (n, 3): of
-        the mesh of `solid` itself. Unreachable where the mesh does not follow."""
+        """Weighted sums (k, n, 3) of the nodes of designs near to `solid`, to first order. sums: of each the weight,
+        tree and points' places of every design; weights add up to 0, as those of a difference do. X (n, 3): the mesh of
+        `solid` itself. Unreachable where the mesh does not follow."""
         wanted = [sum(w * self._missing(surfaces(design), places, X) for w, design, places in terms) for terms in sums]
         D = np.stack(wanted, axis=1)
         G = sp.vstack([self._bound(self._normals(surfaces(solid), X), slice(None)), self._led]).tocsr()
@@ -148,7 +148,7 @@ class Morph:
         return sp.vstack([bound, self._led]).tocsr(), kept
 
     def _leading(self) -> sp.csr_matrix:
-        """(3 points, 3 corners) of the points' places. A middle node follows its two corners."""
+        """Gradient (3 points, 3 corners) of the points' places. A middle node follows its two corners."""
         corner = sp.lil_matrix((len(self.mesh.X), len(self._corners)))
         corner[self._corners, np.arange(len(self._corners))] = 1.0
         for side in (1, 2):
@@ -183,7 +183,8 @@ class _Past:
 
 
 def _bounds(mesh: Mesh, now: Sequence[Surface]) -> list[_Bound]:
-    """Which nodes keep to which surface: those of facets whose corners all lie on it, and which face along it."""
+    """Surfaces and the nodes that keep to them: those of facets whose corners all lie on the surface, and which face
+    along it."""
     facets = mesh.facets[:, :3]
     a, b, c = (mesh.X[facets[:, i]] for i in range(3))
     normal = np.cross(b - a, c - a)

@@ -66,7 +66,7 @@ def hollow_mesh(element: str) -> Mesh:
 
 
 def hollow(element: str) -> Robot:
-    """30 x 20 x 20 mm with a void of 18 x 12 x 12 mm."""
+    """Robot of 30 x 20 x 20 mm with a void of 18 x 12 x 12 mm."""
     mesh = hollow_mesh(element)
     body = make_body(mesh, ELEMENTS[element], Material(LAWS["neo-hookean"], 1.0, 0.45))
     walls = mesh.facets[enclosed(mesh, np.array(SIZE) / 2)]

@@ -143,7 +143,7 @@ def _of_young(young: float) -> Robot:
 
 
 def _heavy(force_on_each: float) -> Robot:
-    """N on every node, downwards."""
+    """Bar with this force N on every node, downwards."""
     body = bar_body()
     loads = np.zeros_like(body.mesh.X)
     loads[:, 2] = -force_on_each

@@ -154,12 +154,13 @@ def _reach(robot: Robot) -> np.ndarray:
 
 
 def _strength(robot: Robot) -> float:
-    """N, the force that would shear the whole body by its size; for chambers the same number of MPa is absurd too."""
+    """Force N that would shear the whole body by its size; for chambers the same number of MPa is absurd too."""
     return min(part.shear for part in robot.body.solids) * robot.body.mesh.size**2
 
 
 def _gentle(robot: Robot) -> Actuation:
-    """All actuators with the same share of their reach, by forces in proportion: within reach of any robot."""
+    """Actuation of all actuators by the same share of their reach, by forces in proportion: within reach of any
+    robot."""
     return pull(np.full(robot.rows.n_a, GENTLE), _reach(robot))
 
 
