@@ -32,7 +32,7 @@ class Checked(BaseModel):
         return self
 
     def check(self) -> None:
-        """ValueError, a sentence, where fields do not go together."""
+        """Raises ValueError, with a sentence, where fields do not go together."""
 
 
 class Data(Checked):
@@ -95,7 +95,7 @@ def _demand_size(member: Any, size: int, name: str) -> None:
 
 
 def take(arrays: dict[str, np.ndarray], name: str, shape: tuple[int | None, ...], kinds: str = "f") -> np.ndarray:
-    """One array, of the dtype kinds and the shape (None: any length from 1 on). InputError naming it."""
+    """Array of this name, of the dtype kinds and the shape (None: any length from 1 on). InputError naming it."""
     values = arrays.get(name)
     if values is None:
         raise InputError(f"array '{name}' is missing")

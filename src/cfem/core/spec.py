@@ -122,8 +122,8 @@ def _same(before: Any, after: Any) -> bool:
 
 
 def load_spec(path: Path, model: type[S], overrides: Iterable[str] = ()) -> S:
-    """Read, override (`key.sub=value`) and validate a spec; paths inside it stay relative to `path.parent`. model: a
-    class, or an annotated union of several.
+    """Reads a spec, overrides (`key.sub=value`) and validates it; paths inside it stay relative to `path.parent`.
+    model: a class, or an annotated union of several.
 
     Raises SpecError naming file, line, key, what was expected and the nearest known key."""
     data, lines = read_yaml(path)
@@ -178,7 +178,7 @@ def _numbers(node: Any, part: str | int, unit: str | None) -> tuple[Any, str | N
 
 
 def _sentences(error: ValidationError, data: dict, origin: Origin, model: type[Spec]) -> list[str]:
-    """One sentence an error: `file:line: key: what; nearest known key`."""
+    """Sentences on the errors, one each: `file:line: key: what; nearest known key`."""
     items = error.errors(include_url=False)
     sentences = []
     for item in items:

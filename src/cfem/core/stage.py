@@ -44,7 +44,7 @@ class Options:
 
 @dataclass(frozen=True)
 class Command:
-    """What a command makes of a spec: `stage` describes one run of it, and `run` runs it.
+    """A command of a pipeline: what it makes of a spec. `stage` describes one run of it, and `run` runs it.
 
     name, version: as of `Stage`; kind: of the spec
     work:    work(folder, spec, base) fills the folder and returns results; base: the folder of the spec, to which its
@@ -88,7 +88,7 @@ class Command:
         )
 
     def run(self, spec_path: Path, overrides: Sequence[str], out: Path | None, options: Options) -> dict[str, Any]:
-        """The manifest."""
+        """Runs the command on a spec and returns the manifest."""
         made = self.stage(spec_path, overrides, out)
         return run_stage(made, lambda folder: self.work(folder, made.spec, spec_path.parent), options)
 

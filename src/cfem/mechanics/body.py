@@ -47,7 +47,7 @@ class Body:
 
     @property
     def shear(self) -> float:
-        """MPa: the smallest shear modulus at rest."""
+        """Smallest shear modulus at rest, MPa."""
         stiff = [] if self.rod is None else [float(self.rod.shear.min())]
         return min([part.shear for part in self.solids] + stiff)
 
@@ -56,7 +56,7 @@ class Body:
         return sum(len(part.cells) for part in self.solids) if self.element.pressure else 0
 
     def parts(self) -> list[tuple[Solid, slice]]:
-        """Each region and its place among the element pressures."""
+        """Regions, each with its place among the element pressures."""
         ends = np.cumsum([0] + [len(part.cells) for part in self.solids])
         return [(part, slice(a, b)) for part, a, b in zip(self.solids, ends[:-1], ends[1:], strict=True)]
 
@@ -86,7 +86,8 @@ def make_body(
     material: Material,
     regions: Sequence[tuple[np.ndarray, Material]] = (),
 ) -> Body:
-    """All cells of `material`, but those of the regions (cell indices, material), of which later ones win.
+    """Body whose cells are all of `material`, but those of the regions (cell indices, material), of which later ones
+    win.
 
     Raises InputError where a cell is inverted or flat, a node is in no cell, or a number is not finite."""
     if not np.isfinite(mesh.X).all():
@@ -235,7 +236,7 @@ def tangent_form(body: Body, state: BodyResponse, motions: np.ndarray) -> np.nda
 
 
 def pressure_force(body: Body, dtheta: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-    """(n, 3) N: force of element pressures (m,) MPa."""
+    """Nodal force (n, 3) N of element pressures (m,) MPa."""
     force = np.zeros_like(body.mesh.X)
     for part, place in body.parts():
         region.pressure_force(part, dtheta[place], pressure[place], force)
@@ -243,5 +244,5 @@ def pressure_force(body: Body, dtheta: np.ndarray, pressure: np.ndarray) -> np.n
 
 
 def bulk_over_volume(body: Body) -> np.ndarray:
-    """(m,) MPa/mm^3."""
+    """Bulk modulus over volume (m,) MPa/mm^3 of the cells."""
     return np.concatenate([part.bulk / part.volumes for part in body.solids])

@@ -8,7 +8,7 @@ from cfem.mechanics.rod.region import Rod
 
 
 def gravity(body: Body, density: np.ndarray | float, acceleration: np.ndarray) -> np.ndarray:
-    """(n, 3) N: consistent nodal forces of the weight, int N rho g dV. density: t/mm^3, one or one a cell of the mesh
+    """Consistent nodal forces (n, 3) N of the weight, int N rho g dV. density: t/mm^3, one or one a cell of the mesh
     (m,); acceleration: (3,) mm/s^2. Exact for the linear and the quadratic tetrahedra's quadrature points."""
     mesh, element = body.mesh, body.element
     if body.rod is not None:

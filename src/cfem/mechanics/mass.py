@@ -18,7 +18,7 @@ from cfem.mechanics.rod.region import Rod
 
 
 def mass_matrix(body: Body, density: np.ndarray | float) -> sp.csr_array:
-    """(n, n) t of the nodes in each direction. density: t/mm^3, one or one a cell of the mesh (m,)."""
+    """Mass matrix (n, n) t of the nodes in each direction. density: t/mm^3, one or one a cell of the mesh (m,)."""
     mesh = body.mesh
     each = np.broadcast_to(np.asarray(density, float), len(mesh.cells))
     if body.rod is not None:
@@ -31,7 +31,7 @@ def mass_matrix(body: Body, density: np.ndarray | float) -> sp.csr_array:
 
 
 def kinetic_form(body: Body, density: np.ndarray | float, motions: np.ndarray) -> np.ndarray:
-    """(k,) t mm^2: v . M v of motions v (n, 3, k) mm of a body of solids, without M."""
+    """Kinetic forms (k,) t mm^2, v . M v of motions v (n, 3, k) mm of a body of solids, without M."""
     mesh = body.mesh
     each = np.broadcast_to(np.asarray(density, float), len(mesh.cells))
     mine = motions[mesh.cells].reshape(len(mesh.cells), mesh.cells.shape[1], -1)
@@ -44,14 +44,14 @@ def kinetic_form(body: Body, density: np.ndarray | float, motions: np.ndarray) -
 
 
 def _of_unit(n_nodes: int) -> np.ndarray:
-    """(n_nodes, n_nodes): int N_a N_b dV of a tetrahedron of volume 1."""
+    """Mass matrix (n_nodes, n_nodes), int N_a N_b dV, of a tetrahedron of volume 1 and density 1."""
     points, weights = _tetrahedron()
     N = shape(n_nodes, points)
     return (N.T * weights) @ N
 
 
 def _of_cells(X: np.ndarray, cells: np.ndarray) -> np.ndarray:
-    """(m, n_nodes, n_nodes) mm^3: int N_a N_b dV, exact for straight edges."""
+    """Mass matrices (m, n_nodes, n_nodes) mm^3, int N_a N_b dV at density 1, exact for straight edges."""
     if cells.shape[1] == 8:
         points, weights = _cube()
         N, by_xi = shape(8, points), shape_derivatives(8, points)
@@ -78,8 +78,8 @@ def _tetrahedron() -> tuple[np.ndarray, np.ndarray]:
 
 
 def _of_rod(rod: Rod, density: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Nodes (m, 6), three of each of an element's sections, and (m, 6, 6) t; density of the cells. Three nodes say how
-    a section moves: the others need no mass of their own."""
+    """Nodes (m, 6), three of each of an element's sections, and their mass matrices (m, 6, 6) t; density of the cells.
+    Three nodes say how a section moves: the others need no mass of their own."""
     sections = rod.sections
     each = density.reshape(len(rod.length), -1).mean(axis=1) * rod.length
     chosen, motion = zip(*(_three(arm) for arm in sections.arm[:, :, 1:]), strict=True)

@@ -37,7 +37,7 @@ class Transfer:
 
 
 def _blocks(a: np.ndarray, b: np.ndarray, slot: np.ndarray, data: np.ndarray) -> np.ndarray:
-    """(k, 3, 3) nodal blocks in full, those on the diagonal completed from their lower triangle."""
+    """Nodal blocks (k, 3, 3) in full, those on the diagonal completed from their lower triangle."""
     index = slot[:, None, :] + np.arange(3)[None, :, None]
     diagonal = a == b
     upper = np.array([[False, True, True], [False, False, True], [False, False, False]])

@@ -23,7 +23,7 @@ def levers(kinematics: Kinematics, x: np.ndarray, nodes: np.ndarray, forces: np.
 
 
 def change_of_work(kinematics: Kinematics, levers: np.ndarray, motion: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """(k, c) N mm: derivative of the work of forces with these `levers` on changes q (n_dof, c) of the unknowns, along
+    """Derivative (k, c) N mm of the work of forces with these `levers` on changes q (n_dof, c) of the unknowns, along
     the motion (n_dof,): the sum of t . L w over the groups, which turn by w and t."""
     groups = kinematics.groups
     w = motion.reshape(-1, 3)[groups.rotation] / groups.radius

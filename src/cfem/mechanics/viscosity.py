@@ -34,7 +34,7 @@ class Viscosity:
         return self.relaxation == 0.0 and not self.prony
 
     def modulus(self, omega: float | np.ndarray) -> np.ndarray:
-        """(2, ...) what S is multiplied by under vibration at omega, rad/s: in phase, and a quarter ahead."""
+        """Factors (2, ...) on S under vibration at omega, rad/s: in phase, and a quarter ahead."""
         w = np.asarray(omega, float)
         stored, lost = np.zeros_like(w), self.relaxation * w
         for g, tau in self.prony:

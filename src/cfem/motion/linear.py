@@ -30,12 +30,11 @@ class MaterialShares:
 
 @dataclass(frozen=True)
 class Guess:
-    """Of N steps. state (N, n_z): q, p and the memory of Prony terms before each; v (N, n_q): mean velocity during
-    each; u (N, n_a): displacements at the end of each in mm, or forces during it in N."""
+    """Motion of N steps, about which they are linearised."""
 
-    state: np.ndarray
-    v: np.ndarray
-    u: np.ndarray
+    state: np.ndarray  # (N, n_z): q, p and the memory of Prony terms before each
+    v: np.ndarray  # (N, n_q) mean velocity during each
+    u: np.ndarray  # (N, n_a) displacements at the end of each in mm, or forces during it in N
 
 
 @dataclass(frozen=True)

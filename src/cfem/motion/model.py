@@ -37,10 +37,10 @@ class HasParts(Protocol):
 
 @dataclass(frozen=True)
 class Loss:
-    """Of viscous material: relaxation s, prony: (share, s) of each term."""
+    """Viscosity of one material."""
 
-    relaxation: float
-    prony: tuple[tuple[float, float], ...]
+    relaxation: float  # s
+    prony: tuple[tuple[float, float], ...]  # (share, s) of each term
 
     def modulus(self, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Factor of F under vibration at omega, rad/s: storage, and loss."""
@@ -78,23 +78,23 @@ class MotionTerms:
 
     @property
     def K(self) -> np.ndarray:
-        """(..., n_q, n_q): stiffness about a state of rest."""
+        """Stiffness (..., n_q, n_q) about a state of rest."""
         n_a, out = self.stiff.shape[-1], np.zeros(self.M.shape)
         out[..., :n_a, :n_a], out[..., n_a:, n_a:] = self.stiff, self.inner
         return out
 
     @property
     def effectors_by_q(self) -> np.ndarray:
-        """(n_e, n_q) where eta is none."""
+        """Slopes (n_e, n_q) of the effectors by q where there are no inner motions."""
         return np.concatenate([self.J, self.H], axis=1)
 
     def effectors(self, eta: np.ndarray) -> np.ndarray:
-        """(n_e,) mm from rest, of inner motions eta (n_r,)."""
+        """Displacements (n_e,) mm of the effectors, with inner motions eta (n_r,)."""
         straight = self.e + self.H @ eta
         return straight if self.E is None else straight + self.E @ eta @ eta / 2
 
     def slopes(self, eta: np.ndarray) -> np.ndarray:
-        """(n_e, n_q): of `effectors` by q."""
+        """Slopes (n_e, n_q) of `effectors` by q."""
         by_turn, by_eta = (self.dH @ eta).T, self.H
         if self.E is not None:
             by_turn, by_eta = by_turn + (self.dE @ eta @ eta).T / 2, by_eta + self.E @ eta
@@ -143,7 +143,7 @@ class MotionModel:
 
     @property
     def rest_e(self) -> np.ndarray:
-        """(n_e,) mm at rest."""
+        """Positions (n_e,) mm of the effectors at rest."""
         return self.static.rest_e
 
     def at(self, delta_a: np.ndarray) -> MotionTerms:
@@ -182,7 +182,7 @@ class MotionModel:
         return H, (terms @ self._curve_T).reshape(n, n_e, -1)[:, :, self._unpack_r]
 
     def forces(self, delta_a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(n_a,), (n_a, n_a): grad Psi and its Hessian at delta_a (n_a,) mm."""
+        """Forces (n_a,) and their slopes (n_a, n_a), grad Psi and its Hessian at delta_a (n_a,) mm."""
         return self.static.gradient_and_hessian(delta_a)
 
     def inertia(self, delta_a: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -194,7 +194,7 @@ class MotionModel:
         return float(np.abs(change @ self._to_box_T).max())
 
     def _terms(self, delta_a: np.ndarray, slopes: bool = True) -> np.ndarray:
-        """(1 + n_a, M): the basis, and its derivatives by delta_a; (1, M) without `slopes`."""
+        """Basis and its derivatives by delta_a (1 + n_a, M); (1, M) without `slopes`."""
         phi = self._basis(delta_a @ self._to_box_T + self._offset)
         if not slopes:
             return phi[None]

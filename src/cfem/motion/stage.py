@@ -127,7 +127,7 @@ def _unilateral(spec: SimulateSpec, model: Any) -> np.ndarray:
 
 
 def _travel(delta_e: np.ndarray) -> list[float]:
-    """mm, of each effector's point: the diagonal of the box that it stays in."""
+    """Travel mm of each effector's point: the diagonal of the box that it stays in."""
     ranges = np.ptp(delta_e, axis=0)
     return [float(np.linalg.norm(ranges[k : k + 3])) for k in range(0, len(ranges) - 2, 3)]
 

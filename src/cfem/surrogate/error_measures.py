@@ -121,7 +121,7 @@ def vectors(rows: Rows) -> list[slice]:
 
 
 def sizes(values: np.ndarray, n: int) -> np.ndarray:
-    """(n (n + 3) / 2,) how large each of the `entries` (m, n (n + 3) / 2) may be: the largest of its kind."""
+    """Scales (n (n + 3) / 2,) of the `entries` (m, n (n + 3) / 2): the largest of its kind."""
     W, delta_free = np.abs(values[:, :-n]).max(), max(np.abs(values[:, -n:]).max(), SIZE)
     return np.repeat([W, delta_free], [values.shape[1] - n, n])
 

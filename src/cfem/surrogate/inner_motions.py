@@ -46,7 +46,7 @@ class Chosen:
 
 
 def inner_motions(moving: Any, D: np.ndarray | None = None) -> Chosen:
-    """moving: of cfem.dataset.reader.Dataset; D (m, n_e, n_e, n_e) mm/N^2, of the plain rows."""
+    """Inner motions at the states of a dataset whose robot moves; D (m, n_e, n_e, n_e) mm/N^2 of the plain rows."""
     if moving.inner_M is None:
         return _of_rows(moving, D)
     n_a = moving.rows.n_a
@@ -129,8 +129,8 @@ def _state(moving: Any, index: int) -> _State:
 
 
 def _wrenches(fields: np.ndarray, Q: np.ndarray) -> np.ndarray:
-    """(m, n_e, k) N: whose motions `fields` (m, p, n_e) are near Q (m, p, k) in the mass, with little of those that
-    hardly move anything: of a stiff direction, what is not such a motion would make much."""
+    """Forces (m, n_e, k) N whose motions `fields` (m, p, n_e) are near Q (m, p, k) in the mass, with little of those
+    that hardly move anything: of a stiff direction, what is not such a motion would make much."""
     size = np.linalg.norm(fields, axis=1)[:, None]
     unit = fields / np.maximum(size, np.finfo(float).tiny)
     gram = unit.swapaxes(1, 2) @ unit
@@ -140,8 +140,8 @@ def _wrenches(fields: np.ndarray, Q: np.ndarray) -> np.ndarray:
 
 
 def _stiff(moving: Any) -> np.ndarray:
-    """(m, n_e, n_e): takes from the effectors' motions those that C makes easily. Rows of a point, and of a rotation,
-    are compared as they are."""
+    """Projection (m, n_e, n_e) that takes from the effectors' motions those that C makes easily. Rows of a point, and
+    of a rotation, are compared as they are."""
     C = locked_compliance(moving.rows, moving.W)
     size = np.sqrt(np.einsum("mii->mi", C).mean(axis=0).reshape(-1, 3).mean(axis=1).repeat(3))
     values, vectors = np.linalg.eigh(C / np.outer(size, size))
@@ -150,7 +150,8 @@ def _stiff(moving: Any) -> np.ndarray:
 
 
 def _alike(fields: np.ndarray) -> np.ndarray:
-    """(m, p, k) orthonormal at each state, from fields (m, p, f) there: k is as large as all states allow."""
+    """Orthonormal directions (m, p, k) at each state, from fields (m, p, f) there: k is as large as all states
+    allow."""
     fields = fields / np.sqrt((fields**2).sum(axis=1).mean(axis=0))
     gram = (fields.swapaxes(1, 2) @ fields).mean(axis=0)
     values, vectors = np.linalg.eigh(gram)

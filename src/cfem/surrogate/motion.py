@@ -77,7 +77,7 @@ def _root(A: np.ndarray) -> np.ndarray:
 
 
 def _union(chosen: dict[str, Series]) -> tuple[np.ndarray, np.ndarray]:
-    """One index set (M, n) for all parts, and their series (n_out, M)."""
+    """Multi-indices (M, n) of all parts together, and their series (n_out, M)."""
     union = {tuple(k) for part in chosen.values() for k in part.indices.tolist()}
     indices = np.array(sorted(union, key=lambda k: (sum(k), k)), dtype=np.int64)
     position = {tuple(k): i for i, k in enumerate(indices.tolist())}

@@ -205,7 +205,7 @@ def fit_of(spec: ModelSpec) -> Callable[[Any, ModelSpec, Path | None], Fitted]:
 
 
 def point(results: dict[str, Any]) -> dict[str, Any]:
-    """One point of the learning curve."""
+    """Point of the learning curve, from the results of one training."""
     kept = ("samples", "seconds_fit", "seconds_sampling", "microseconds_query", "errors")
     return {key: results[key] for key in kept}
 

@@ -48,7 +48,7 @@ _ROOT: ContextVar[Path | None] = ContextVar("root", default=None)
 
 @contextmanager
 def confined(folder: Path) -> Iterator[None]:
-    """Within, `write_whole` refuses what lies outside `folder`: names of a spec become names of files."""
+    """Confines `write_whole` to `folder` while it lasts, for names of a spec become names of files."""
     token = _ROOT.set(folder)
     try:
         yield
@@ -89,7 +89,7 @@ def remove_unfinished(folder: Path) -> None:
 
 
 def sync_tree(folder: Path) -> None:
-    """All files and folders in it, whoever wrote them."""
+    """Syncs a folder and all in it to the disk, whoever wrote it."""
     with disk_errors(folder):
         for path in [*folder.rglob("*"), folder]:
             sync(path)
@@ -121,7 +121,7 @@ def content_sha256(value: Any) -> str:
 
 
 def plain(value: Any) -> Any:
-    """Arrays, paths, tuples and numpy numbers as what JSON knows. Floats keep all their digits."""
+    """Plain data as JSON knows it, of arrays, paths, tuples and numpy numbers. Floats keep all their digits."""
     if isinstance(value, np.ndarray):
         return plain(value.tolist())
     if isinstance(value, np.generic):
@@ -167,8 +167,8 @@ def write_json(path: Path, data: dict) -> None:
 
 @contextmanager
 def locked(target: Path) -> Iterator[None]:
-    """One writer at a time for `target`: a lock of the operating system, which ends with the process that holds it,
-    however it ends. OutputError, naming who writes, where it is held."""
+    """Locks `target` for one writer: a lock of the operating system, which ends with the process that holds it, however
+    it ends. OutputError, naming who writes, where it is held."""
     lock = target.with_name(f".{target.name}.lock")
     with disk_errors(lock):
         lock.parent.mkdir(parents=True, exist_ok=True)

@@ -24,8 +24,8 @@ def folders(spec: SerialSpec) -> list[Path]:
 def compose(
     training: Any, spec: SerialSpec, folder: Path | None = None
 ) -> tuple[dict[str, np.ndarray], dict[str, Any], list[dict[str, Any]]]:
-    """Arrays, what model.json says of them, and how the modules' models learned. InputError where they do not fit the
-    whole: other effectors, another number of actuators, another mass."""
+    """Arrays, what model.json says of them, and how the modules' models learned. InputError where they do not go
+    together: other effectors, another number of actuators, another mass."""
     paths = folders(spec)
     cards, arrays = zip(*map(read_model, paths), strict=True)
     history = [row for card in cards for row in card.pop("history")]

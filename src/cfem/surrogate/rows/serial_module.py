@@ -73,7 +73,7 @@ class Serial(nn.Module):
         return total
 
     def moving(self, base: Tensor, arm: Tensor, end: float, centre: float) -> Tensor:
-        """(B, 3, p): how a place moves with a module's rows: `end` of its end and, by spins, of the arm from there,
+        """Motion (B, 3, p) of a place with a module's rows: `end` of its end and, by spins, of the arm from there,
         `centre` of its centre of mass."""
         turned = -base @ self.cross((base.transpose(1, 2) @ arm[:, :, None])[:, :, 0])
         return torch.cat([end * base, turned] + ([centre * base] if self.heavy else []), dim=2)

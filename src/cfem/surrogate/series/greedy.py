@@ -25,7 +25,7 @@ def greedy_set(
     max_terms: int,
     max_degree: int,
 ) -> tuple[np.ndarray, list[int]]:
-    """(M, n) multi-indices in the order in which they were added, M <= max_terms, and the size of the set after each
+    """Multi-indices (M, n) in the order in which they were added, M <= max_terms, and the size of the set after each
     step. targets (m, k, q), divisors (k,) as `Observations.scaled`."""
     n = z.shape[1]
     indices, _ = index_set(np.ones(n), max(max_terms // 2, 1), WHOLE)
@@ -56,7 +56,7 @@ def greedy_set(
 
 
 def neighbours(indices: np.ndarray, max_degree: int) -> np.ndarray:
-    """(M', n) multi-indices one above a closed set (M, n), all of whose smaller neighbours are in it."""
+    """Multi-indices (M', n) one above a closed set (M, n), all of whose smaller neighbours are in it."""
     known, above = set(map(tuple, indices.tolist())), {}
     for k in indices.tolist():
         if sum(k) >= max_degree:

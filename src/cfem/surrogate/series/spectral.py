@@ -119,7 +119,7 @@ def _metric(s: np.ndarray, q: np.ndarray, known: dict[str, Observations]) -> np.
 
 
 def _rests(dataset: Any) -> np.ndarray | None:
-    """(n_c, n_a) where the coordinates that were drawn about their rest have it; None where none were."""
+    """Rests (n_c, n_a) of the coordinates that were drawn about their rest; None where none were."""
     free = dataset.meta["plan"]["contact"].get("about_rest")
     if not free:
         return None
@@ -128,7 +128,7 @@ def _rests(dataset: Any) -> np.ndarray | None:
 
 
 def _mean_hessian(known: dict[str, Observations], n_a: int) -> np.ndarray:
-    """(n_a, n_a) of the potential by s."""
+    """Mean Hessian (n_a, n_a) of the potential by s."""
     mean = known["potential"].values[:, 1 + n_a : 1 + n_a + n_a * (n_a + 1) // 2, 0].mean(axis=0)
     hessian = np.zeros((n_a, n_a))
     hessian[np.triu_indices(n_a)] = mean
@@ -139,8 +139,8 @@ Chosen = tuple["Series", np.ndarray, list[dict[str, Any]]]
 
 
 def _values_first(z: np.ndarray, observed: Observations, equal: Chosen, limits: tuple) -> Chosen:
-    """What is chosen with derivatives that count less, where that gives the values at states left out better than
-    `equal`, chosen with equal weights. limits: as of `fit_quantity`."""
+    """Choice with derivatives that count less, where that gives the values at states left out better than `equal`, the
+    choice with equal weights. limits: as of `fit_quantity`."""
     chosen = fit_quantity(z, observed, *limits, fall=FALL)
     folds = min(limits[2], len(z))
     errors = [
