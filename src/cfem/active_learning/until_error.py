@@ -83,7 +83,7 @@ def explore(
     made_from: str,
     timeout: float | None = None,
 ) -> tuple[dict[str, pa.Table], list[Round]]:
-    """One table a split, and what the rounds gave."""
+    """Tables of all splits, and what the rounds gave."""
     until = spec.until
     job = make_job(spec, factory, folder, executor, made_from, timeout)
     pool = np.flatnonzero(np.array(job.split) == "train")
@@ -161,7 +161,7 @@ def next_batch(
 
 
 def largest_error(predictor: Predictor, states: Dataset) -> float:
-    """mm: largest distance between an effector by the model and by FE."""
+    """Largest distance mm between an effector by the model and by FE."""
     if not len(states):
         return np.inf
     s = states.delta_a if predictor.form == "displacement" else states.lambda_a

@@ -40,8 +40,9 @@ def onto_patch(condensed: Condensed, patch: Patch, X: np.ndarray) -> Condensed:
 
 
 def slopes_onto_patch(condensed: Condensed, dW: np.ndarray, patch: Patch, X: np.ndarray) -> np.ndarray:
-    """(n_a + n, rows, rows) dW/dlambda of the rows of `onto_patch`, from dW (n_a + n_c, rows, rows) of all rows of
-    `condensed`: the chain rule once more, with the third derivative of g by central differences of the second."""
+    """Derivatives dW/dlambda (n_a + n, rows, rows) of the rows of `onto_patch`, from dW (n_a + n_c, rows, rows) of all
+    rows of `condensed`: the chain rule once more, with the third derivative of g by central differences of the
+    second."""
     rows, n_a = condensed.rows, condensed.rows.n_a
     act, e, n = rows.active, rows.watched, n_a + patch.n
     T = np.zeros((n_a + rows.n_c, n))

@@ -52,13 +52,13 @@ class RigidObject:
 
     @property
     def rest_e(self) -> np.ndarray:
-        """(n_e,) mm, and rad where it is oriented."""
+        """Position (n_e,) mm at rest, and rotation rad where it is oriented."""
         return np.concatenate([self.centre, np.zeros(3)]) if self.oriented else self.centre
 
 
 @dataclass(frozen=True)
 class Holder:
-    """One robot that holds the object.
+    """A robot that holds the object.
 
     model: of (its actuators, the pose of its patch)
     n_a: number of its actuators
@@ -74,7 +74,7 @@ class Holder:
     origin: np.ndarray
 
     def lever(self, centre: np.ndarray) -> np.ndarray:
-        """(3,) mm from the object's centre to the patch, at rest."""
+        """Lever (3,) mm from the object's centre to the patch, at rest."""
         return self.turn @ self.origin + self.shift - centre
 
 
@@ -182,7 +182,7 @@ class Coupled:
         )
 
     def _predict(self, delta_a: np.ndarray) -> np.ndarray:
-        """(n,) the pose that the last state's linearisation expects."""
+        """Pose (n,) that the last state's linearisation expects."""
         last = self._last
         return last.X + self._slope @ (delta_a - last.delta_a)
 

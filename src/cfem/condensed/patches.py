@@ -12,7 +12,8 @@ SHARP = np.radians(30.0)
 
 
 class _Means:
-    """What follows from weights (N, m) of the m surface nodes in N points, and the points' places at `rest` (N, 3)."""
+    """Weighted means of surface nodes: weights (N, m) of the m nodes in N points, and the points' places at `rest` (N,
+    3)."""
 
     weights: csr_array
     rest: np.ndarray
@@ -68,7 +69,7 @@ class Patches(_Means):
 
 
 def edges(rest: np.ndarray, triangles: np.ndarray) -> csr_array:
-    """(m, m) mm: the lengths of the edges of triangles (t, 3) between nodes at rest (m, 3) mm."""
+    """Lengths (m, m) mm of the edges of triangles (t, 3) between nodes at rest (m, 3) mm."""
     pairs = np.unique(np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0)
     lengths = np.linalg.norm(np.diff(rest[pairs], axis=1)[:, 0], axis=1)
     return csr_array((lengths, pairs.T), shape=(len(rest), len(rest)))
@@ -109,7 +110,7 @@ def _nearest_centre(nodes: np.ndarray, apart: float) -> np.ndarray:
 
 
 def on_sharp_edges(rest: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """(m,) bool: nodes on edges at which the surface is convex and turns by more than SHARP."""
+    """Mask (m,) of the nodes on edges at which the surface is convex and turns by more than SHARP."""
     corners = rest[triangles]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-300)[:, None]

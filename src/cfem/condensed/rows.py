@@ -6,7 +6,7 @@ from functools import cached_property
 
 @dataclass(frozen=True)
 class Rows:
-    """One name a scalar row, e.g. effectors ('tip.x', 'tip.y', 'tip.z'), actuators ('left', 'right').
+    """Names of the scalar rows, e.g. effectors ('tip.x', 'tip.y', 'tip.z'), actuators ('left', 'right').
 
     skin: modes of the surface (`cfem.condensed.skin`), which only those have who ask for the shape; goals and errors
     are the effectors' alone."""

@@ -52,7 +52,7 @@ class PatchLoad:
         return np.allclose(mine, theirs, rtol=1e-9, atol=0.0)
 
     def to_json(self) -> dict[str, Any]:
-        """Whose keys are those of the constructor."""
+        """Plain data, whose keys are those of the constructor."""
         return {**vars(self), "at": self.at.tolist(), "force": self.force.tolist()}
 
     def shares(self, rest: np.ndarray, triangles: np.ndarray, weights: np.ndarray) -> np.ndarray:

@@ -51,6 +51,6 @@ def make_section_effector(
 
 
 def _affine(nodes: np.ndarray, point: np.ndarray) -> np.ndarray:
-    """(k,) weights of nodes (k, 3) of a plane x = constant, of sum 1, that give the y and z of `point`."""
+    """Weights (k,) of nodes (k, 3) of a plane x = constant, of sum 1, that give the y and z of `point`."""
     arm = nodes[:, 1:] - nodes[:, 1:].mean(axis=0)
     return 1 / len(nodes) + arm @ np.linalg.solve(arm.T @ arm, point[1:] - nodes[:, 1:].mean(axis=0))

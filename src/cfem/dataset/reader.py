@@ -34,7 +34,7 @@ COST = ("iterations", "factorizations", "steps", "residual", "tolerance", "secon
 
 @dataclass(frozen=True)
 class OfStates:
-    """What is known of m states. Every field that is an array has one entry a state along its first axis."""
+    """Numbers of m states. Every field that is an array has one entry a state along its first axis."""
 
     def take(self, index: np.ndarray | slice) -> Self:
         """States that `index` (numbers, a mask or a slice) picks, in its order."""
@@ -296,7 +296,7 @@ def read_table(path: Path) -> pa.Table:
 
 
 def column_array(table: pa.Table, name: str) -> np.ndarray:
-    """(m,) or (m, size of the list) values of a column without nulls."""
+    """Values (m,) or (m, size of the list) of a column without nulls."""
     column = table[name].combine_chunks()
     if pa.types.is_fixed_size_list(column.type):
         return column.flatten().to_numpy(zero_copy_only=False).reshape(len(column), column.type.list_size)

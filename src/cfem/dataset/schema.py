@@ -261,7 +261,7 @@ def metadata(table: pa.Table) -> dict[str, Any]:
 
 
 def metadata_of(schema: pa.Schema) -> dict[str, Any]:
-    """See `metadata`."""
+    """Metadata that `metadata` put into a schema."""
     return json.loads((schema.metadata or {}).get(KEY, b"{}"))
 
 
@@ -275,8 +275,8 @@ def parameters_of(meta: dict[str, Any]) -> tuple[Parameter, ...]:
 
 
 def content(table: pa.Table) -> Iterator[bytes]:
-    """All that identifies a dataset: meaning and values, without the time it took and what made it. Of each column its
-    name, type and length, which rows have a value, and these values."""
+    """Bytes of all that identifies a dataset: meaning and values, without the time it took and what made it. Of each
+    column its name, type and length, which rows have a value, and these values."""
     meta = {key: value for key, value in metadata(table).items() if key not in _PROVENANCE}
     yield json.dumps(meta, sort_keys=True).encode()
     for name in sorted(set(table.column_names) - {"seconds"}):

@@ -34,7 +34,7 @@ def at_start(problem: MovingProblem, motion: Motion) -> Energy:
 
 
 def kinetic(problem: MovingProblem, v: np.ndarray) -> float:
-    """N mm, of velocities (n, 3) mm/s."""
+    """Kinetic energy N mm of velocities (n, 3) mm/s."""
     return float(np.sum(v * (problem.mass @ v)) / 2)
 
 

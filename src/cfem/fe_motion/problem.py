@@ -26,7 +26,7 @@ from cfem.mechanics.viscosity import Overstress
 
 @dataclass(frozen=True)
 class TimeStep:
-    """One implicit step, x'' = c (x - y) + h.
+    """An implicit step, x'' = c (x - y) + h.
 
     inertia: c, 1/s^2
     origin: y (n, 3) mm
@@ -150,7 +150,7 @@ class NodalPayload:
     mass: float
 
     def matrix(self, n: int) -> sp.coo_array:
-        """(n, n) t."""
+        """Mass matrix (n, n) t of the payload."""
         k = len(self.nodes)
         rows, columns = np.repeat(self.nodes, k), np.tile(self.nodes, k)
         return sp.coo_array((self.mass * np.outer(self.weights, self.weights).ravel(), (rows, columns)), shape=(n, n))

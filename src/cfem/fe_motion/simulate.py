@@ -52,14 +52,13 @@ class Refused:
 
 @dataclass(frozen=True)
 class Sample:
-    """At t s: delta (n_active,) and lam of the active rows, delta_e (n_e,) of the effectors, slack (n_a,),
-    energy."""
+    """Sample of a motion."""
 
-    t: float
-    delta: np.ndarray
-    lam: np.ndarray
-    delta_e: np.ndarray
-    slack: np.ndarray
+    t: float  # s
+    delta: np.ndarray  # (n_active,) of the active rows
+    lam: np.ndarray  # of the active rows
+    delta_e: np.ndarray  # (n_e,) of the effectors
+    slack: np.ndarray  # (n_a,)
     energy: Energy
 
 
@@ -85,11 +84,11 @@ class MotionRun:
 
     @property
     def t(self) -> np.ndarray:
-        """(k,) s."""
+        """Times (k,) s."""
         return np.array([each.t for each in self.samples])
 
     def of(self, name: str) -> np.ndarray:
-        """(k, ...) of one attribute of the samples."""
+        """Values (k, ...) of one attribute of the samples."""
         return np.array([getattr(each, name) for each in self.samples])
 
 

@@ -67,7 +67,7 @@ class MovingFollow(Follow):
 
 
 def ahead_of(goals: Goals, t: np.ndarray, ahead: int) -> np.ndarray:
-    """(B, ahead, n_e): goals of the ends of the ticks that follow t (B,)."""
+    """Goals (B, ahead, n_e) of the ends of the ticks that follow t (B,)."""
     if goals.path.shape[1] == 1:
         return np.repeat(goals.path, ahead, axis=1)
     count, ticks, n_e = goals.path.shape

@@ -20,13 +20,12 @@ GONE = -10.0  # reward of leaving it
 
 @dataclass(frozen=True)
 class MovingRandomised:
-    """What differs from episode to episode. stiffness, viscosity: shares by which the robot's may be more or less than
-    the model's; delay: ticks by which samples may be late; noise: mm, of each coordinate of a sample."""
+    """Numbers that differ from episode to episode."""
 
-    stiffness: float = 0.15
-    viscosity: float = 0.3
-    delay: int = 1
-    noise: float = 0.1
+    stiffness: float = 0.15  # share by which the robot's may be more or less than the model's
+    viscosity: float = 0.3  # likewise
+    delay: int = 1  # ticks by which samples may be late
+    noise: float = 0.1  # mm, of each coordinate of a sample
 
 
 class MovingWorld:
@@ -106,7 +105,7 @@ class MovingWorld:
 
     @property
     def delta_a(self) -> np.ndarray:
-        """(B, n_a) mm: where the actuators are."""
+        """Displacements (B, n_a) mm of the actuators now."""
         return self.robots.displacements_of(self.states)
 
     @property
@@ -146,7 +145,7 @@ class MovingWorld:
         return np.where(gone, GONE, rewards), errors, gone, self.t >= self.length
 
     def observe(self) -> np.ndarray:
-        """(B, n) float32."""
+        """Observations (B, n) float32."""
         count, kept, n_e = self.samples.shape
         which = self.delay[:, None] + np.arange(self.history) + kept * np.arange(count)[:, None]
         tips = self.samples.reshape(-1, n_e).take(which, axis=0)

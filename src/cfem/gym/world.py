@@ -17,14 +17,12 @@ POOL = 4096  # robots of which episodes are
 
 @dataclass(frozen=True)
 class Randomised:
-    """What differs from episode to episode. parameters: whether those of the model are drawn from their ranges; slack:
-    mm, by which an actuator may be less than commanded, standard deviation; gain: share by which a command may be off;
-    noise: mm, of each measured coordinate of the effector, new at each tick."""
+    """Numbers that differ from episode to episode."""
 
-    parameters: bool = True
-    slack: float = 0.0
-    gain: float = 0.0
-    noise: float = 0.0
+    parameters: bool = True  # whether those of the model are drawn from their ranges
+    slack: float = 0.0  # mm, by which an actuator may be less than commanded, standard deviation
+    gain: float = 0.0  # share by which a command may be off
+    noise: float = 0.0  # mm, of each measured coordinate of the effector, new at each tick
 
 
 class World:
@@ -99,7 +97,7 @@ class World:
 
     @property
     def delta_a(self) -> np.ndarray:
-        """(B, n_a) mm: where the actuators are."""
+        """Displacements (B, n_a) mm of the actuators now."""
         return self.states.delta_a
 
     @property
@@ -127,7 +125,8 @@ class World:
             getattr(self.states, name)[which] = getattr(moved, name)
 
     def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """actions (B, n_a) -> rewards (B,), errors (B,) mm, whose episode has failed (none), and whose is over (B,)."""
+        """Rewards (B,), errors (B,) mm, the mask of robots whose episode has failed (none), and of those whose is over,
+        after actions (B, n_a)."""
         scales, every = self.scales, slice(None)
         move = np.clip(np.nan_to_num(np.asarray(actions, float)), -1.0, 1.0) * scales.step
         self.u = np.clip(self.u + move, scales.low, scales.reach)

@@ -69,7 +69,7 @@ def _redirected(made: Stage, base: Path, moved: set[str]) -> Iterator[str]:
 
 
 def _paths(value: Any, key: str) -> Iterator[tuple[str, Path]]:
-    """All paths at any depth of a spec, each with its key."""
+    """Paths at any depth of a spec, each with its key."""
     if isinstance(value, Path):
         yield key, value
     below = value.items() if isinstance(value, Mapping) else enumerate(value) if isinstance(value, list | tuple) else ()

@@ -97,7 +97,7 @@ def _by_spec(goals: Sequence[Path], overrides: Sequence[str]) -> dict[Path, list
 
 
 def _why(step: Step, stale_specs: set[str]) -> list[str]:
-    """Why the step is to be run; nothing where it is not."""
+    """Reasons why the step is to be run; nothing where it is not."""
     above = [str(spec) for spec in step.needs if str(spec) in stale_specs]
     if above:
         return [f"{WAITS} {', '.join(above)}"]
@@ -121,8 +121,9 @@ def _run(step: Step, options: Options, workers: int | None) -> Mapping[str, Any]
 
 
 def _figures(steps: Sequence[Step]) -> dict[str, Any]:
-    """judgement: of all stages; headline: of control, calibration and design, or of the last stage that has one, and
-    where the pages are; pages: of reports; moved: beside these, the pages in which the reader moves the robot."""
+    """Results of a pipeline. judgement: of all stages; headline: of control, calibration and design, or of the last
+    stage that has one, and where the pages are; pages: of reports; moved: beside these, the pages in which the reader
+    moves the robot."""
     results = [(step, read_manifest(step.stage.out)["results"]) for step in steps]
     headlines = [(step, result["headline"]) for step, result in results if result.get("headline")]
     chosen = [(step, lines) for step, lines in headlines if step.kind in FIGURES] or headlines[-1:]

@@ -95,7 +95,7 @@ def results(tables: dict[str, pa.Table], skin: Skin | None = None) -> dict[str, 
 
 
 def dearest(table: pa.Table) -> list[str]:
-    """Which state took the most factorisations and why, where that is many times the mean."""
+    """Sentence on the state that took the most factorisations and why, where that is many times the mean."""
     counts = column_array(table, "factorizations")
     index = int(np.argmax(counts))
     if counts[index] < DEAR * counts.mean():

@@ -46,7 +46,7 @@ class RobotFamily:
             self._unshaped = build_robot(scene.model_copy(update={"shape": None}), mesh.base)
 
     def at(self, p: np.ndarray) -> Robot:
-        """p: (n_p,) values."""
+        """Robot with parameters p (n_p,)."""
         if not self.parameters:
             return self.robot
         scene = with_values(self._scene, self._keys, p)

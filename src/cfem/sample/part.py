@@ -32,7 +32,7 @@ SKELETON = "skeleton.parquet"
 
 @dataclass(frozen=True)
 class SamplePart:
-    """index: from 1 to count."""
+    """A part of a sample that is solved elsewhere. index: from 1 to count."""
 
     index: int
     count: int

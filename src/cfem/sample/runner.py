@@ -40,7 +40,7 @@ from cfem.sample.workers import WorkersLost
 
 @dataclass(frozen=True, kw_only=True)
 class Job(Piece):
-    """All rows, who solves them, and where they are kept.
+    """All rows to be solved, who solves them, and where they are kept.
 
     robot: a pickled SolverFactory; folder: of the shards; skeleton: folder of the states that all rows start from;
     asked: how the skin is to be found, None where there is none; skin: its file, empty where it is not known yet;
@@ -70,7 +70,7 @@ class Job(Piece):
         return self.folder / f"shard-{number:05d}.parquet"
 
     def piece(self, indices: np.ndarray) -> Piece:
-        """These rows of u."""
+        """Piece of the rows of u with these indices."""
         return Piece(
             space=self.space,
             u=self.u[indices],
@@ -91,9 +91,9 @@ def sample(
     timeout: float | None = None,
     known: Path | None = None,
 ) -> dict[str, pa.Table]:
-    """One table a split, rows in the order of their plan. `folder` keeps what is finished; a later call with the same
-    arguments goes on from there. known: folder of a dataset of the first rows of this plan, which are kept as they are,
-    and with the modes of its skin. Raises NumericalError where no state of the skeleton converges, WorkersLost."""
+    """Tables of all splits, rows in the order of their plan. `folder` keeps what is finished; a later call with the
+    same arguments goes on from there. known: folder of a dataset of the first rows of this plan, which are kept as they
+    are, and with the modes of its skin. Raises NumericalError where no state of the skeleton converges, WorkersLost."""
     job = make_job(spec, factory, folder, executor, made_from, timeout)
     kept = {} if known is None else {split: read_table(known / f"{split}.parquet") for split in spec.splits}
     has = [number < len(kept.get(split, ())) for split, number in zip(job.split, job.id, strict=True)]

@@ -55,7 +55,8 @@ def _solver(robot: bytes) -> Solver:
 
 
 def facts(robot: bytes) -> Facts:
-    """robot: a pickled SolverFactory, as in all functions that workers call: they need no file of the one that asks."""
+    """Facts of a robot. robot: a pickled SolverFactory, as in all functions that workers call: they need no file of the
+    one that asks."""
     return _solver(robot).facts
 
 
@@ -128,7 +129,7 @@ def solve_alone(robot: bytes, skin: bytes, piece: Piece) -> bytes:
 
 
 def rows_bytes(records: list[Record], schema: pa.Schema) -> bytes:
-    """A Parquet file."""
+    """Bytes of a Parquet file of records."""
     return table_bytes(pa.Table.from_pylist(records, schema=schema))
 
 
@@ -237,7 +238,7 @@ def _record(facts: Facts, skin: Skin | None, piece: Piece, index: int, row_solve
 
 
 def _state(piece: Piece, index: int, solved: Equilibrium, held: tuple[Patch, np.ndarray] | None) -> Record:
-    """held: the patch and its pose, where one holds the contact points."""
+    """Record of a solved state. held: the patch and its pose, where one holds the contact points."""
     row: dict[str, Any] = {
         "id": piece.id[index],
         "split": piece.split[index],

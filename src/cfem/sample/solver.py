@@ -29,7 +29,7 @@ ROUGH = 1e-5  # relative residual of states that only show the modes of the surf
 
 @dataclass(frozen=True)
 class Facts:
-    """What samples need to know of a scene.
+    """Facts of a scene that samples need.
 
     scene: name
     rows: its pose's coordinates are the contacts, if any

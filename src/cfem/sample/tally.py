@@ -34,13 +34,12 @@ class Ongoing:
 
 @dataclass(frozen=True)
 class Tally:
-    """states: solved or given up, those of the skeleton twice; failed: given up; factorizations: of all of them;
-    slowest: of the solves that go on, the one with the most factorisations, None where none is slow."""
+    """Counts of solves."""
 
-    states: int = 0
-    failed: int = 0
-    factorizations: int = 0
-    slowest: Ongoing | None = None
+    states: int = 0  # solved or given up, those of the skeleton twice
+    failed: int = 0  # given up
+    factorizations: int = 0  # of all of them
+    slowest: Ongoing | None = None  # of the solves that go on, by factorisations; None where none is slow
 
     def since(self, before: "Tally") -> "Tally":
         """Difference from the tally `before`."""
@@ -65,7 +64,7 @@ def shared_counts(context: Any, processes: int) -> Any:
 
 
 def read(counts: Any) -> Tally:
-    """Of all processes so far."""
+    """Tally of all processes."""
     numbers = list(counts)
     return Tally(*numbers[:3], _slowest(numbers[_TOTALS:]))
 
@@ -114,7 +113,7 @@ def cost() -> SolveCost:
 
 
 def add(failed: bool, factorizations: int) -> None:
-    """One state more; its solve has ended."""
+    """Counts one state more; its solve has ended."""
     global _begun
     _begun = False
     if _counts is not None:

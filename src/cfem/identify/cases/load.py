@@ -22,7 +22,7 @@ from cfem.sample.spec import ParameterSpec
 
 @dataclass(frozen=True)
 class Lab:
-    """What a spec names, loaded once.
+    """A laboratory that a spec names, loaded once.
 
     spec:       of the cases
     scene_path: of the scene
@@ -47,7 +47,7 @@ class Lab:
 
     @property
     def down(self) -> np.ndarray | None:
-        """(3,) along gravity, None without."""
+        """Direction (3,) of gravity, None without."""
         return None if self.scene.gravity is None else self.scene.gravity.acceleration
 
     @property

@@ -83,8 +83,8 @@ def read_calibrated(path: Path) -> Calibrated:
 
 
 def widened(known: Calibrated, rig: Rig) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """z, d and their covariance for a rig that may have more sessions; of unknowns of new sessions, what was known
-    before any measurement."""
+    """Values z, d and their covariance for a rig that may have more sessions; of unknowns of new sessions, what was
+    known before any measurement."""
     n_z, n_new = len(known.names), len(rig.unknowns)
     size = len(rig.d_sd) // rig.blocks if rig.blocks else 0  # of a block of offsets
     numbers = {name: i for i, name in enumerate(known.names)}

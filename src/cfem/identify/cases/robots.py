@@ -23,7 +23,7 @@ _HISTORIES_KEPT = 500  # states on the way of histories
 
 @dataclass(frozen=True)
 class Pose:
-    """Where a robot is.
+    """Shape of a robot in a case.
 
     x:     (k, 3) mm places of the effectors
     turn:  (k, 3, 3) their rotations since rest, of those that watch them
@@ -42,7 +42,7 @@ class CaseRobots:
     solves: number of equilibria so far"""
 
     def __init__(self, scene: SceneSpec, mesh: Mesh, keys: Sequence[Parameter]):
-        """keys: the numbers of the scene that vary."""
+        """Loads the scene. keys: the numbers of it that vary."""
         self._family = RobotFamily(scene, mesh, keys)
         self.robot = self._family.robot
         self.rest, _ = _effectors(self.robot.rest_e, scene)

@@ -76,8 +76,8 @@ def _best(
 def _paired(
     seen: np.ndarray, goals: np.ndarray, motion: tuple[np.ndarray, np.ndarray], tolerance: float
 ) -> np.ndarray | None:
-    """(k, 2) numbers of markers and places, by a first motion and again by that of all that it paired; None where
-    either pairs fewer than three."""
+    """Pairs (k, 2) of numbers of markers and places, by a first motion and again by that of all that it paired; None
+    where either pairs fewer than three."""
     for _ in range(2):
         turn, shift = motion
         pairs = _nearest_pairs(seen @ turn.T + shift, goals, tolerance)
@@ -117,7 +117,7 @@ def _sides(corners: np.ndarray) -> np.ndarray:
 
 
 def _nearest_pairs(moved: np.ndarray, places: np.ndarray, tolerance: float) -> np.ndarray:
-    """(k, 2) of markers seen and places, at the least sum of distances."""
+    """Pairs (k, 2) of markers seen and places, at the least sum of distances."""
     distances = np.linalg.norm(moved[:, None] - places, axis=2)
     rows, columns = linear_sum_assignment(distances)
     near = distances[rows, columns] <= 3 * tolerance

@@ -16,7 +16,7 @@ _JUMP = 5.0  # mm from frame to frame: two markers that both do have swapped the
 
 @dataclass(frozen=True)
 class Reduced:
-    """What a recording shows.
+    """A recording reduced to its settled stretches.
 
     numbers: number in the recording, by the marker's name
     rest:    before the load, None where the recording does not show it
@@ -29,11 +29,11 @@ class Reduced:
     frame: Registration
 
     def place(self, name: str, rest: RestingFrames) -> np.ndarray:
-        """(3,) mm in the scene's frame, nan where the marker was hidden."""
+        """Place (3,) mm of a marker in the scene's frame, nan where it was hidden."""
         return self.frame(rest.mean[self.numbers[name]]) if name in self.numbers else np.full(3, np.nan)
 
     def noise(self, name: str) -> np.ndarray:
-        """(3,) mm standard deviation about the mean in the settled stretch, along the scene's axes."""
+        """Standard deviation (3,) mm of a marker about the mean in the settled stretch, along the scene's axes."""
         if name not in self.numbers:
             return np.full(3, np.nan)
         return np.sqrt(self.frame.turn**2 @ self.loaded.sd[self.numbers[name]] ** 2)

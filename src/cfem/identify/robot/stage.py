@@ -128,7 +128,7 @@ def _noise(spec: CalibrateSpec, dual_measured: bool) -> Any:
 
 
 def _starts(spec: CalibrateSpec, parameters: tuple[Parameter, ...], find: list[int], p0: np.ndarray) -> np.ndarray:
-    """(k, n_p) starts of the search. SpecError where one names a parameter that is not to be found."""
+    """Starts (k, n_p) of the search. SpecError where one names a parameter that is not to be found."""
     from cfem.condensed.parameter_values import vector
     from cfem.condensed.parameters import from_shares
     from cfem.parametric.least_squares import spread_starts

@@ -15,8 +15,8 @@ TOLERANCE = 0.1  # s
 
 
 class SampleClock:
-    """tolerance: s by which stamps may lie in the future; latency: s that a sample takes to arrive at least; other:
-    whether stamps are of another clock."""
+    """Checks the time stamps of samples. tolerance: s by which stamps may lie in the future; latency: s that a sample
+    takes to arrive at least; other: whether stamps are of another clock."""
 
     def __init__(self, tolerance: float = TOLERANCE, latency: float = 0.0, other: bool = False):
         self._tolerance, self._latency, self._other = tolerance, latency, other
