@@ -5,6 +5,8 @@ from collections.abc import Iterable
 from importlib import import_module
 from typing import Any, get_args
 
+from pydantic import BaseModel
+
 # A pipeline file (scene.yaml, train-mlp.yaml, ...) begins with the name of its kind: module, model, command.
 KINDS = {
     "scene": ("cfem.robot.spec", "SceneSpec", "mesh"),
@@ -41,7 +43,7 @@ def model_of(kind: str) -> Any:
 def classes_of(model: Any) -> tuple[type, ...]:
     """The classes of a model: itself, or those of an annotated union."""
     if isinstance(model, type):
-        return (model,) if hasattr(model, "model_fields") else ()
+        return (model,) if issubclass(model, BaseModel) else ()
     return tuple(member for part in get_args(model) for member in classes_of(part))
 
 

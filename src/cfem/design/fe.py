@@ -24,7 +24,8 @@ _SIDEWAYS = 5e-3  # of a range: half of what two gradients differ by, for a Hess
 
 @dataclass
 class FeProblem(DesignProblem):
-    """failed: designs that finite elements could not solve; they count as worse than any that they could."""
+    """Designs judged by finite elements. failed: those that could not be solved, which count as worse than any
+    other."""
 
     failed: int = field(default=0, init=False)
     _worst: np.ndarray | None = field(default=None, init=False)
@@ -92,7 +93,7 @@ class FeProblem(DesignProblem):
         the scatter in shares of the range at p. Its derivative holds the Hessian of J along (t_i^2 dJ/dz_i): that is a
         difference of two more gradients, whatever the number of parameters that scatter."""
         free = list(dict.fromkeys([*self.free, *np.flatnonzero(robust.deviation)]))
-        values, slopes = self._gradients([robust.of], p, free)
+        values, slopes = self._gradients([robust.number], p, free)
         value, g = float(values[0]), slopes[0]
         t, bent = self._scatter(robust, p, free)
         s = float(np.linalg.norm(t * g))
@@ -106,7 +107,7 @@ class FeProblem(DesignProblem):
         for sign in (1, -1):
             moved = z.copy()
             moved[free] += sign * _SIDEWAYS * direction
-            sides.append(self._gradients([robust.of], from_shares(self.family.parameters, moved), free)[1][0])
+            sides.append(self._gradients([robust.number], from_shares(self.family.parameters, moved), free)[1][0])
         hessian = (sides[0] - sides[1]) / (2 * _SIDEWAYS) * np.abs(along).max()
         slope = g + quantile * (hessian + g * g * t * bent) / s
         return value + quantile * s, slope[: len(self.free)]
@@ -135,7 +136,7 @@ class FeProblem(DesignProblem):
 
     def _quantile(self, robust: Robust, p: np.ndarray) -> float:
         free = list(np.flatnonzero(robust.deviation))
-        values, slopes = self._gradients([robust.of], p, free)
+        values, slopes = self._gradients([robust.number], p, free)
         return float(values[0] + norm.ppf(robust.share) * np.linalg.norm(self._scatter(robust, p, free)[0] * slopes[0]))
 
     def _spread(self, p: np.ndarray, free: Sequence[int]) -> np.ndarray:

@@ -69,7 +69,7 @@ def front_page(
     parameters = problem.parameters
     data = {
         "objectives": list(front.names),
-        "values": [[float(design.objectives[k]) for k in front.of] for design in front.designs],
+        "values": [[float(design.objectives[k]) for k in front.indices] for design in front.designs],
         "parameters": [
             {"name": parameter.name, "unit": "" if parameter.unit == "1" else parameter.unit}
             for parameter in parameters

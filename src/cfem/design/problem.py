@@ -56,7 +56,7 @@ class DesignProblem(Varied):
         """Values (m,) of an objective; of one over several actuations from states of its own."""
         if isinstance(objective, Robust):
             scattered = self.family.at(self.kind, self.u, objective.parameters(states.p))
-            return objective(self._number(objective.of, scattered).reshape(len(states), -1))
+            return objective(self._number(objective.number, scattered).reshape(len(states), -1))
         actuations = getattr(objective, "actuations", None)
         if actuations is None:
             return objective(states)

@@ -129,24 +129,23 @@ def simplices(points: int, n: int) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Robust:
-    """A statistic of another number over robots whose parameters differ by `offsets` (s, n_p) within [low, high] (n_p,)
-    each: the mean, or the quantile `share`. Called with the (m, s) numbers of the other. deviation: (n_p,) of the
-    parameters."""
+    """A statistic of a number over robots whose parameters differ: its mean or a quantile. Called with the (m, s)
+    values of the number."""
 
-    of: Any
-    offsets: np.ndarray
-    low: np.ndarray
+    number: Any  # the objective or constraint that scatters
+    offsets: np.ndarray  # (s, n_p) of the parameters
+    low: np.ndarray  # (n_p,) ends of their ranges
     high: np.ndarray
-    share: float | None
-    deviation: np.ndarray
+    share: float | None  # of the quantile, None for the mean
+    deviation: np.ndarray  # (n_p,) standard deviations of the parameters
 
     @property
     def unit(self) -> str:
-        return getattr(self.of, "unit", "")
+        return getattr(self.number, "unit", "")
 
     @property
     def sign(self) -> float:
-        return getattr(self.of, "sign", 1.0)
+        return getattr(self.number, "sign", 1.0)
 
     def parameters(self, p: np.ndarray) -> np.ndarray:
         """Parameters (m s, n_p) of m designs (m, n_p) with their s offsets, those of a design one after the other."""

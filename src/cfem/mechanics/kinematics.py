@@ -120,7 +120,7 @@ class Kinematics:
             self.transfer.fill(T, data, out)
         turning = np.zeros((len(self.groups.start), 6, 6))
         turning[:, 3:, 3:] = self.groups.turning_stiffness(x, unbalanced)
-        add_blocks(turning, self.transfer.own, out)
+        add_blocks(turning, self.transfer.diagonal, out)
         return out
 
     def transfer_matrix(self, x: np.ndarray) -> sp.csr_array:

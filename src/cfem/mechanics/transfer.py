@@ -14,13 +14,13 @@ class Transfer:
     copy_from, copy_to: entries between nodes of no group
     within, across: blocks (row node a, column node b, slot (3,) in `full`) that touch a group, within one group and
     across
-    own: (g, 2, 2, 3) slots of each group's own block"""
+    diagonal: (g, 2, 2, 3) slots of each group's own block"""
 
     copy_from: np.ndarray
     copy_to: np.ndarray
     within: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
     across: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
-    own: np.ndarray
+    diagonal: np.ndarray
 
     def fill(self, T: np.ndarray, data: np.ndarray, out: np.ndarray) -> None:
         """Adds to `out`, entries by unknowns, those by nodes of `data`; T: (n, 3, 6) motion of the nodes."""

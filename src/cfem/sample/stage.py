@@ -144,10 +144,10 @@ def continues(origin: dict[str, Any], before: Any) -> bool:
     else."""
     if not isinstance(before, dict) or before.get("stage") != origin["stage"]:
         return False
-    (splits, other), (old, other_before) = _apart(origin), _apart(before)
-    return other == other_before and all(
-        splits[name]["rows"] == split["rows"] or (splits[name]["rows"] > split["rows"] and split["method"] in SEQUENCES)
-        for name, split in old.items()
+    (splits, rest), (old_splits, old_rest) = _apart(origin), _apart(before)
+    return rest == old_rest and all(
+        splits[name]["rows"] == old["rows"] or (splits[name]["rows"] > old["rows"] and old["method"] in SEQUENCES)
+        for name, old in old_splits.items()
     )
 
 

@@ -70,8 +70,9 @@ def read(counts: Any) -> Tally:
 
 
 def _slowest(numbers: Sequence[int]) -> Ongoing | None:
-    each = [numbers[start : start + _EACH] for start in range(0, len(numbers), _EACH)]
-    begun, split, row, *cost = max(each, key=lambda one: one[3] if one[0] else -1)
+    """The solve that goes on with the most factorisations, None where none is slow."""
+    solves = [numbers[start : start + _EACH] for start in range(0, len(numbers), _EACH)]
+    begun, split, row, *cost = max(solves, key=lambda solve: solve[3] if solve[0] else -1)
     if not begun or cost[0] < SLOW:
         return None
     return Ongoing(_SPLITS[split], row, *cost, time.time() - begun / 1000)

@@ -96,7 +96,7 @@ def work(folder: Path, spec: TrainSpec, dataset_folder: Path) -> dict[str, Any]:
 
         skin = add_serial_skin(folder, predictor, spec.model, test, dataset_folder)
         results |= {} if skin is None else {"skin": skin}
-    elif spec.skin and training.whole is not None:
+    elif spec.skin and training.with_skin is not None:
         results["skin"] = add_skin(folder, predictor, arrays, training, test, dataset_folder)
     results["judgement"] = judged(results)
     results["headline"] = headline(results, training.meta["units"])
@@ -125,13 +125,13 @@ def add_skin(
     from cfem.surrogate.skin import fit_skin, judge
 
     begin, path = time.perf_counter(), artefact_file(dataset_folder, SKIN)
-    if not training.whole.sha256 == test.whole.sha256 == file_sha256(path):
+    if not training.with_skin.sha256 == test.with_skin.sha256 == file_sha256(path):
         what = "has rows of another skin than its file holds"
         raise InputError(what, where=str(dataset_folder), do="sample it again with --force")
     doing("fitting the skin")
     fitted = fit_skin(training, read_skin(path), predictor.form, arrays)
     skin = skin_of(predictor, fitted)
-    front = judge(skin, test.whole, *inputs(test, predictor.form))
+    front = judge(skin, test.with_skin, *inputs(test, predictor.form))
     write_npz(folder / FILE, fitted)
     return {
         "modes": len(skin),
