@@ -103,8 +103,8 @@ def explore(
             job, training, full_model, parts, unsolved, min(until.batch, until.largest - len(chosen))
         )
         seconds = time.perf_counter() - begin
-        mine = replace(job, folder=folder / f"round-{len(rounds):03d}")
-        new = solve_rows(mine, batch, -(-len(batch) // PIECES))
+        round_job = replace(job, folder=folder / f"round-{len(rounds):03d}")
+        new = solve_rows(round_job, batch, -(-len(batch) // PIECES))
         observed = largest_error(full_model, as_dataset(merge(new, ["train"])["train"]))
         rounds.append(Round(len(training), len(batch), expected, observed, seconds))
         files, chosen = files + new, np.concatenate([chosen, batch])

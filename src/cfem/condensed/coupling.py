@@ -203,15 +203,15 @@ class Coupled:
         force, moment = float(np.linalg.norm(self.object.wrench[:3])), float(np.linalg.norm(self.object.wrench[3:]))
         pulled = np.zeros((3, 3))
         for i, (hold, part, slope) in enumerate(zip(self.holds, parts, slopes, strict=True)):
-            mine, its = slice(self._ends[i], self._ends[i + 1]), slice(hold.n_a, None)
-            push = slope.T @ part.lambda_a[its]
-            coupled = part.hessian[: hold.n_a, its] @ slope
-            g[mine] = part.lambda_a[: hold.n_a]
+            actuators, pose_rows = slice(self._ends[i], self._ends[i + 1]), slice(hold.n_a, None)
+            push = slope.T @ part.lambda_a[pose_rows]
+            coupled = part.hessian[: hold.n_a, pose_rows] @ slope
+            g[actuators] = part.lambda_a[: hold.n_a]
             g[n_a:] += push
-            K[mine, mine] = part.hessian[: hold.n_a, : hold.n_a]
-            K[mine, n_a:] = coupled
-            K[n_a:, mine] = coupled.T
-            K[n_a:, n_a:] += slope.T @ part.hessian[its, its] @ slope
+            K[actuators, actuators] = part.hessian[: hold.n_a, : hold.n_a]
+            K[actuators, n_a:] = coupled
+            K[n_a:, actuators] = coupled.T
+            K[n_a:, n_a:] += slope.T @ part.hessian[pose_rows, pose_rows] @ slope
             pulled += np.outer(hold.turn @ part.lambda_a[hold.n_a : hold.n_a + 3], self._levers[i])
             force, moment = max(force, float(np.linalg.norm(push[:3]))), max(moment, float(np.linalg.norm(push[3:])))
         # robots that carry next to nothing: no less than what holds the object against a shift that nobody sees

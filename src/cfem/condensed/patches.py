@@ -85,9 +85,9 @@ def cut(
     graph, patch, count = edges(rest, triangles).tocoo(), np.zeros(len(rest), dtype=np.int64), 0
     parts = _connected(on_sharp_edges(rest, triangles).astype(np.int64), graph) if sharp_edges else patch
     for part in np.unique(parts):
-        mine = np.flatnonzero(parts == part)
-        patch[mine] = count + _nearest_centre(rest[mine], apart)
-        count = int(patch[mine].max()) + 1
+        members = np.flatnonzero(parts == part)
+        patch[members] = count + _nearest_centre(rest[members], apart)
+        count = int(patch[members].max()) + 1
     patch = _connected(patch, graph)
     area = np.maximum(weights, 1e-12 / len(weights))
     shares = area / np.bincount(patch, area)[patch]

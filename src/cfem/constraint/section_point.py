@@ -25,7 +25,7 @@ def attach_to_sections(X: np.ndarray, sections: list[np.ndarray], point: np.ndar
     share = float(np.clip((point[0] - places[high - 1]) / (places[high] - places[high - 1]), 0.0, 1.0))
     carriers = [(sections[high - 1], 1 - share), (sections[high], share)]
     parts = [(nodes, weight * _affine(X[nodes], point)) for nodes, weight in carriers if weight > slack]
-    nodes, weights = (np.concatenate(each) for each in zip(*parts, strict=True))
+    nodes, weights = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
     return Attachment(nodes, weights, point)
 
 

@@ -29,23 +29,23 @@ _SQUARE = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
 
 def at_nodes(X: np.ndarray, facets: np.ndarray, surface: Surface) -> SurfacePoints:
     """Surface points at every node of the surface of facets (k, 3 | 6 | 4) at nodes X (n, 3) mm."""
-    m, mine = len(surface.nodes), _outer(facets, surface)
-    shapes, _, weights = facet_rule(X, mine)
-    local = np.searchsorted(surface.nodes, mine)
+    m, outer = len(surface.nodes), _outer(facets, surface)
+    shapes, _, weights = facet_rule(X, outer)
+    local = np.searchsorted(surface.nodes, outer)
     areas = np.bincount(local.ravel(), (weights @ shapes).ravel(), m)
-    each = csr_array((np.ones(m), (np.arange(m), np.arange(m))), shape=(m, m))
-    return SurfacePoints(each, surface.rest, np.where(areas > NONE * areas.max(), areas, 0.0))
+    identity = csr_array((np.ones(m), (np.arange(m), np.arange(m))), shape=(m, m))
+    return SurfacePoints(identity, surface.rest, np.where(areas > NONE * areas.max(), areas, 0.0))
 
 
 def around_nodes(X: np.ndarray, facets: np.ndarray, surface: Surface) -> SurfacePoints:
     """Averages around every node of the surface of facets (k, 3 | 6 | 4) at nodes X (n, 3) mm, one on each smooth side
     of it."""
-    mine = _outer(facets, surface)
-    shapes, hats, weights = facet_rule(X, mine)
-    side = smooth_sides(X, mine)
-    local = np.searchsorted(surface.nodes, mine)
+    outer = _outer(facets, surface)
+    shapes, hats, weights = facet_rule(X, outer)
+    side = smooth_sides(X, outer)
+    local = np.searchsorted(surface.nodes, outer)
     keys, number = np.unique(local + len(surface.nodes) * side[:, None], return_inverse=True)
-    k = mine.shape[1]
+    k = outer.shape[1]
     blocks = np.einsum("fq,qj,qi->fji", weights, hats, shapes)
     rows = np.broadcast_to(number.reshape(-1, k, 1), blocks.shape)
     columns = np.broadcast_to(local[:, None, :], blocks.shape)

@@ -100,11 +100,11 @@ def meaning(spec: Any, without: Iterable[str] = ()) -> Any:
     today alone."""
     if isinstance(spec, Spec):
         fields = type(spec).model_fields.items()
-        mine = {name: getattr(spec, name) for name, field in fields if name not in without and not field.exclude}
-        optional = {name: field.get_default(call_default_factory=True) for name, field in fields if name in mine}
+        values = {name: getattr(spec, name) for name, field in fields if name not in without and not field.exclude}
+        optional = {name: field.get_default(call_default_factory=True) for name, field in fields if name in values}
         return {
             name: meaning(value)
-            for name, value in mine.items()
+            for name, value in values.items()
             if type(spec).model_fields[name].is_required() or not _same(value, optional[name])
         }
     if isinstance(spec, dict):

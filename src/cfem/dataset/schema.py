@@ -218,24 +218,24 @@ def _units(
     if inner:
         moving = [*(f"/{_factor(unit)}" for unit in displacement[rows.a]), *[""] * inner]
         pairs = [moving[i] + moving[j] for i in range(len(moving)) for j in range(i, len(moving))]
-        units["inner_M"] = [f"N mm s^2{each}" for each in pairs]
+        units["inner_M"] = [f"N mm s^2{pair}" for pair in pairs]
         if viscous:
-            units["inner_loss"] = [f"N mm{each}" for each in pairs] * viscous
+            units["inner_loss"] = [f"N mm{pair}" for pair in pairs] * viscous
     elif viscous:
-        both = [(row, power) for power in (0, 2) for row in range(rows.n)]  # motions Z, then Y
-        pairs = [(first, second) for i, first in enumerate(both) for second in both[i:]]
-        each = [
+        motions = [(row, power) for power in (0, 2) for row in range(rows.n)]  # motions Z, then Y
+        pairs = [(first, second) for i, first in enumerate(motions) for second in motions[i:]]
+        form = [
             f"{displacement[i]}/{_factor(multiplier[j])}" + (f" s^{p + q}" if p + q else "") for (i, p), (j, q) in pairs
         ]
-        units["loss"] = each * viscous
+        units["loss"] = form * viscous
     if parameters:
         units["p"] = list(parameters)
         per = ["" if unit == "1" else f"/{_factor(unit)}" for unit in parameters]
-        units["dpsi_dp"] = [f"N mm{each}" for each in per]
-        units["dlambda_dp"] = [f"{unit}{each}" for unit in multiplier[rows.a] for each in per]
-        units["ddelta_e_dp"] = [f"{unit}{each}" for unit in displacement[rows.e] for each in per]
+        units["dpsi_dp"] = [f"N mm{by}" for by in per]
+        units["dlambda_dp"] = [f"{unit}{by}" for unit in multiplier[rows.a] for by in per]
+        units["ddelta_e_dp"] = [f"{unit}{by}" for unit in displacement[rows.e] for by in per]
         if rows.n_s:
-            units["ddelta_s_dp"] = [f"{unit}{each}" for unit in displacement[rows.s] for each in per]
+            units["ddelta_s_dp"] = [f"{unit}{by}" for unit in displacement[rows.s] for by in per]
     return units
 
 

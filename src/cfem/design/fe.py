@@ -53,8 +53,8 @@ class FeProblem(DesignProblem):
         plain = {name: number for name, number in asked.items() if name not in robust}
         places = {name: i for i, name in enumerate(asked)}
         self.evaluations += 1
-        mine = [places[name] for name in plain]
-        values[mine], slopes[mine] = self._gradients(list(plain.values()), p, self.free)
+        plain_places = [places[name] for name in plain]
+        values[plain_places], slopes[plain_places] = self._gradients(list(plain.values()), p, self.free)
         for name, number in robust.items():
             values[places[name]], slopes[places[name]] = self._robust(number, p)
         return values, slopes
@@ -85,7 +85,7 @@ class FeProblem(DesignProblem):
         states_and_slopes = [self.family.jacobian(number.kind, u, p, free) for u in number.actuations]
         states = stacked([state for state, _ in states_and_slopes])
         rows, outputs, by_p = partials(_rows([number]), states, spread)
-        slope = sum(chain(each, by) for each, (_, by) in zip(outputs[0], states_and_slopes, strict=True))
+        slope = sum(chain(output, by) for output, (_, by) in zip(outputs[0], states_and_slopes, strict=True))
         return float(rows[0]), slope + by_p[0]
 
     def _robust(self, robust: Robust, p: np.ndarray) -> tuple[float, np.ndarray]:
@@ -121,8 +121,8 @@ class FeProblem(DesignProblem):
             ahead, behind = (shares(self.family.parameters, values + sign * 1e-6 * values) for sign in (1, -1))
             return robust.deviation * (ahead - behind) / np.where(values != 0, 2e-6 * values, 1.0)
 
-        low, high = np.array([(each.low, each.high) for each in self.family.parameters]).T
-        linear = np.array([each.coordinate == "linear" for each in self.family.parameters])
+        low, high = np.array([(parameter.low, parameter.high) for parameter in self.family.parameters]).T
+        linear = np.array([parameter.coordinate == "linear" for parameter in self.family.parameters])
         flat = robust.deviation / (high - low)
         t = np.where(linear, flat, deviations(z))
         bent = np.where(linear, 0.0, (deviations(z + h) - deviations(z - h)) / (2 * h))

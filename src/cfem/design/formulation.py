@@ -156,9 +156,12 @@ def _robust(name: str, spec: RobustSpec, family: Family, plain: dict[str, Object
     where, parameters = f"objectives.{name}.scatter", family.parameters
     demand_known(parameters, spec.scatter, where)
     deviation = np.array(
-        [_deviation(each, spec.scatter.get(each.name, 0), f"{where}.{each.name}") for each in parameters]
+        [
+            _deviation(parameter, spec.scatter.get(parameter.name, 0), f"{where}.{parameter.name}")
+            for parameter in parameters
+        ]
     )
-    low, high = np.array([(each.low, each.high) for each in parameters]).T
+    low, high = np.array([(parameter.low, parameter.high) for parameter in parameters]).T
     share = None if spec.statistic == "mean" else spec.share
     return Robust(plain[spec.of], normal_offsets(deviation, spec.robots), low, high, share, deviation)
 

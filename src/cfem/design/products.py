@@ -88,8 +88,8 @@ def write_controllers(
             parameter.name: value if parameter.unit == "1" else f"{value!r} {parameter.unit}"
             for parameter, value in zip(parameters, np.clip(p, low, high).tolist(), strict=True)
         }
-        mine = spec.model_copy(update={"parameters": values})
+        design_spec = spec.model_copy(update={"parameters": values})
         controller_folder = folder / f"{file_name(name)}-controller"
-        report = write_embedded(controller_folder, mine, meta, arrays, s, embedding(meta, mine, scene))
+        report = write_embedded(controller_folder, design_spec, meta, arrays, s, embedding(meta, design_spec, scene))
         reports[name] = {key: report[key] for key in ("coefficient_bytes", "parity")}
     return reports

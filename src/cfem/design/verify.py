@@ -24,7 +24,7 @@ def verify(problem: DesignProblem, finite_elements: Family, z: Sequence[np.ndarr
     """Objectives of these designs, by the model and by finite elements."""
     z = np.array(z)
     exact = replace(problem, family=finite_elements)
-    mine: States = problem.states(z)
-    theirs: States = exact.states(z)
-    distance = np.linalg.norm(mine.x_e - theirs.x_e, axis=1)
-    return Verified(z, problem.score(mine), exact.score(theirs), distance)
+    by_model: States = problem.states(z)
+    by_fe: States = exact.states(z)
+    distance = np.linalg.norm(by_model.x_e - by_fe.x_e, axis=1)
+    return Verified(z, problem.score(by_model), exact.score(by_fe), distance)

@@ -85,11 +85,11 @@ class MotionRun:
     @property
     def t(self) -> np.ndarray:
         """Times (k,) s."""
-        return np.array([each.t for each in self.samples])
+        return np.array([sample.t for sample in self.samples])
 
     def of(self, name: str) -> np.ndarray:
         """Values (k, ...) of one attribute of the samples."""
-        return np.array([getattr(each, name) for each in self.samples])
+        return np.array([getattr(sample, name) for sample in self.samples])
 
 
 def simulate(

@@ -40,8 +40,8 @@ def stress_form(solid: Solid, state: SolidResponse, share: float, B: np.ndarray,
     """Form (k, k) N mm of motions (n, 3, k) mm in the stiffness that `add_stress_stiffness` adds."""
     C = _stress_curvature(solid, state, share, B)
     if solid.element.bubbles:
-        mine = motions[solid.cells].reshape(len(solid.cells), 3 * solid.element.n_nodes, -1)
-        return np.einsum("mik,mil->kl", mine, _slaved_stiffness(solid, state, C) @ mine)
+        nodal = motions[solid.cells].reshape(len(solid.cells), 3 * solid.element.n_nodes, -1)
+        return np.einsum("mik,mil->kl", nodal, _slaved_stiffness(solid, state, C) @ nodal)
     form = np.zeros((motions.shape[2], motions.shape[2]))
     add = add_form_of_few if motions.shape[2] <= FEW else add_form
     add(C, state.g, 0.0, False, solid.gradients, solid.weights, solid.cells, motions, form)

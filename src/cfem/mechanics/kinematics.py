@@ -132,10 +132,10 @@ class Kinematics:
         values = np.ones(len(rows))
         if self.groups is not None:
             group_motion = self.groups.nodal_motion(x)
-            mine = self.unknowns(self.groups.owner)
+            group_unknowns = self.unknowns(self.groups.owner)
             place = (3 * self.groups.nodes[:, None] + np.arange(3))[:, :, None]
             rows = np.concatenate([rows, np.broadcast_to(place, group_motion.shape).ravel()])
-            columns = np.concatenate([columns, np.broadcast_to(mine[:, None], group_motion.shape).ravel()])
+            columns = np.concatenate([columns, np.broadcast_to(group_unknowns[:, None], group_motion.shape).ravel()])
             values = np.concatenate([values, group_motion.ravel()])
         return sp.csr_array(sp.coo_array((values, (rows, columns)), shape=(3 * len(self.X), self.n_dof)))
 

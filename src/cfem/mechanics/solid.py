@@ -148,8 +148,8 @@ def tangent_form(solid: Solid, state: SolidResponse, motions: np.ndarray) -> np.
     C = curvature(solid.law, state.D, solid.parameters, state.point_pressure)
     if solid.element.bubbles:
         K = _condensed(point_stiffness(solid, C, state.g), solid.element.n_nodes)
-        mine = motions[solid.cells].reshape(len(K), K.shape[1], -1)
-        return np.einsum("mik,mil->kl", mine, K @ mine)
+        nodal = motions[solid.cells].reshape(len(K), K.shape[1], -1)
+        return np.einsum("mik,mil->kl", nodal, K @ nodal)
     form = np.zeros((motions.shape[2], motions.shape[2]))
     add = add_form_of_few if motions.shape[2] <= FEW else add_form
     add(C, state.g, solid.bulk, solid.element.pressure, solid.gradients, solid.weights, solid.cells, motions, form)

@@ -72,10 +72,10 @@ class Differentiable(FiniteElementFamily):
         if push is not None:
             return super().at(kind, u, p, push)
         u = np.broadcast_to(u, (len(p), self.rows.n_a))
-        each = [
+        solved = [
             self._state(design, *self.solve(kind, ask, design, keep=True)) for ask, design in zip(u, p, strict=True)
         ]
-        return stacked([state for state, _ in each])
+        return stacked([state for state, _ in solved])
 
     def _state(self, p: np.ndarray, equilibrium: Any, problem: Any) -> tuple[States, dict[str, Any]]:
         """State, with the numbers of the body beside it; and its vibrations."""
@@ -123,7 +123,7 @@ class Differentiable(FiniteElementFamily):
             l = weights_of.lam - W[:, act].T @ weights_of.free
             field_weights = tuple((float(weights_of.numbers[name]), field) for name, field in self.fields.items())
             forms = tuple(
-                (each.share * float(weights_of.numbers[name]), each.columns) for name, each in vibrations.items()
+                (form.share * float(weights_of.numbers[name]), form.columns) for name, form in vibrations.items()
             )
             weights.append(Weights((G + G.T) / 2, weights_of.free, l, weights_of.rest, field_weights, forms))
         sides, still = self._sides(problem, p, free)

@@ -84,14 +84,14 @@ def _by_spec(goals: Sequence[Path], overrides: Sequence[str]) -> dict[Path, list
     by_spec: dict[Path, list[str]] = {}
     for text in overrides:
         name, _, rest = text.partition(".")
-        mine = [goal for goal in goals if goal.stem == name]
-        if not mine or not rest:
+        named = [goal for goal in goals if goal.stem == name]
+        if not named or not rest:
             names = ", ".join(dict.fromkeys(goal.stem for goal in goals))
             raise SpecError(f"'{text}' names none of the specs {names}", where="--set", do="use SPEC.key=value")
-        if kind_of(mine[0]) == "scene":
+        if kind_of(named[0]) == "scene":
             what = f"'{text}' would change the mesh alone: every stage reads the scene again"
-            raise SpecError(what, where="--set", do=f"edit {mine[0]}")
-        for goal in mine:
+            raise SpecError(what, where="--set", do=f"edit {named[0]}")
+        for goal in named:
             by_spec.setdefault(goal, []).append(rest)
     return by_spec
 

@@ -144,13 +144,13 @@ def _ways(folder: Path, manifest: Mapping[str, Any]) -> Iterator[_Way]:
     first = next(iter(spec["models"]))
     units = tuple(_each(meta["units"].get(key, ""), columns["delta_a"].shape[1]) for key in ("delta_a", "lambda_a"))
     for trajectory in dict.fromkeys(columns["trajectory"].tolist()):
-        mine = columns["trajectory"] == trajectory
+        shown = columns["trajectory"] == trajectory
         who = next(iter(spec["loop"]["controllers"])) if looped else first
-        mine &= columns["controller"] == who
+        shown &= columns["controller"] == who
         if looped:
-            mine &= columns["seed"] == columns["seed"][mine][0]
+            shown &= columns["seed"] == columns["seed"][shown][0]
         model = (spec["loop"]["controllers"][who]["model"] or first) if looped else first
-        rows = {name: values[mine] for name, values in columns.items()}
+        rows = {name: values[shown] for name, values in columns.items()}
         yield _Way(trajectory, None if model == FE_BASED else model, rows, meta["rows"], units)
 
 

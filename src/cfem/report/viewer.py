@@ -175,7 +175,7 @@ def camera_axes(azimuth: float, elevation: float) -> np.ndarray:
 def visible(points: np.ndarray, axes: np.ndarray, extents: int) -> float:
     """Share, 0 to 1, of the largest extents of points (m, 3) that the camera sees without foreshortening."""
     centred = points - points.mean(axis=0)
-    full, flat = (np.linalg.svd(each, compute_uv=False)[:extents] for each in (centred, centred @ axes[:2].T))
+    full, flat = (np.linalg.svd(cloud, compute_uv=False)[:extents] for cloud in (centred, centred @ axes[:2].T))
     least = 1e-3 * full[0] + 1e-12  # of a straight path nothing across it can be lost
     return float(np.prod((flat + least) / (full + least)))
 

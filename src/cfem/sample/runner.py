@@ -208,8 +208,8 @@ def solve_rows(job: Job, rows: np.ndarray, size: int, share: slice = slice(None)
     same rows, are kept. Each row depends on job.u, the indices, the size and the skeleton, on nothing else. share:
     which of the shards, all by default."""
     pieces = tour.shards(job.u, rows, size)
-    mine = range(len(pieces))[share]
-    waiting = [number for number in mine if not _holds(job, number, pieces[number])]
+    numbers_of_share = range(len(pieces))[share]
+    waiting = [number for number in numbers_of_share if not _holds(job, number, pieces[number])]
     if waiting:
         states = job.skeleton_states.read_bytes()
         calls = {
@@ -217,13 +217,13 @@ def solve_rows(job: Job, rows: np.ndarray, size: int, share: slice = slice(None)
             for number in waiting
         }
         counter = _counter(job)
-        total, unsolved = (sum(len(pieces[number]) for number in numbers) for numbers in (mine, waiting))
+        total, unsolved = (sum(len(pieces[number]) for number in numbers) for numbers in (numbers_of_share, waiting))
         with progress("solving states", total, done=total - unsolved, **_shown(counter)) as advance:
             for name, table in _results(job.executor, job.timeout, calls):
                 write_whole(job.folder / name, table)
                 if counter is None:
                     advance(len(calls[name][-1].u))
-    return [job.shard_rows(number) for number in mine]
+    return [job.shard_rows(number) for number in numbers_of_share]
 
 
 def _results(

@@ -73,8 +73,8 @@ def run(
     from cfem.sample.part import fill_part, parse_part
 
     part = parse_part(shard)
-    mine = replace(made, out=out or part.folder(made.out), extra={**made.extra, "part": vars(part)})
-    return run_stage(mine, lambda folder: fill_part(folder, spec, factory(), made_from, part, crew), options)
+    part_stage = replace(made, out=out or part.folder(made.out), extra={**made.extra, "part": vars(part)})
+    return run_stage(part_stage, lambda folder: fill_part(folder, spec, factory(), made_from, part, crew), options)
 
 
 def merge(

@@ -96,7 +96,7 @@ def robot(
     **options,
 ) -> Robot:
     """Held at its low end unless `fixed` says otherwise."""
-    names = [f"{number}.{axis}" for number, each in enumerate(effectors) for axis in range(len(each.rest))]
+    names = [f"{number}.{axis}" for number, effector in enumerate(effectors) for axis in range(len(effector.rest))]
     return Robot(
         name="stability",
         body=body,

@@ -151,7 +151,7 @@ def _compliance_checks(trial: Trial) -> list[LimitCheck]:
     slopes = np.stack([_slope(trial, column) for column in np.moveaxis(answer.response, 2, 0)], axis=1)
     raw = H.T @ q
     active_block, raw_active = W[rows.active, rows.active], raw[rows.active]
-    full_delta = np.concatenate([*(each.value(x) - each.rest for each in robot.effectors), _delta(trial)])
+    full_delta = np.concatenate([*(row.value(x) - row.rest for row in robot.effectors), _delta(trial)])
     apart = full_delta - (W[:, rows.active] @ lam + condensed.delta_free)
     return [
         LimitCheck("asymmetry of W", _relative(raw_active - raw_active.T, active_block), 1e-5),

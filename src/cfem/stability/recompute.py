@@ -49,7 +49,7 @@ def motion(robot: Robot, x: np.ndarray, nodal: np.ndarray) -> np.ndarray:
     parts = [nodal[_single(robot)].ravel()]
     for nodes in robot.rigid:
         arm, move = x[nodes] - x[nodes].mean(axis=0), nodal[nodes]
-        spin = np.concatenate([np.cross(np.eye(3), each).T for each in arm])  # omega x arm, omega unknown
+        spin = np.concatenate([np.cross(np.eye(3), lever).T for lever in arm])  # omega x arm, omega unknown
         turn = np.linalg.lstsq(spin, (move - move.mean(axis=0)).ravel(), rcond=None)[0]
         parts += [move.mean(axis=0), turn]
     return np.concatenate(parts)
@@ -59,9 +59,9 @@ def gradients(robot: Robot, rows: Sequence[Watched], x: np.ndarray) -> np.ndarra
     """Gradients (n_dof, number of rows) of the values of `rows`."""
     columns = []
     for row in rows:
-        for each in row.gradient(x):
+        for derivative in row.gradient(x):
             nodal = np.zeros_like(x)
-            nodal[row.nodes] = each
+            nodal[row.nodes] = derivative
             columns.append(reduced(robot, x, nodal))
     return np.stack(columns, axis=1) if columns else np.zeros((len(reduced(robot, x, np.zeros_like(x))), 0))
 
@@ -79,7 +79,7 @@ def strayed(robot: Robot, x: np.ndarray) -> float:
     X = robot.body.mesh.X
     moved = [np.abs(x - X)[robot.fixed].max(initial=0.0)]
     for nodes in robot.rigid:
-        now, before = (np.linalg.norm(each[nodes] - each[nodes[0]], axis=1) for each in (x, X))
+        now, before = (np.linalg.norm(positions[nodes] - positions[nodes[0]], axis=1) for positions in (x, X))
         moved.append(np.abs(now - before).max())
     return float(max(moved) / robot.body.mesh.size)
 

@@ -113,7 +113,7 @@ def vectors(rows: Rows) -> list[slice]:
     first = 0
     while first < rows.n:
         point, _, axis = rows.names[first].rpartition(".")
-        three = tuple(f"{point}.{'r' * axis.startswith('r')}{each}" for each in "xyz")
+        three = tuple(f"{point}.{'r' * axis.startswith('r')}{letter}" for letter in "xyz")
         width = 3 if rows.names[first : first + 3] == three else 1
         groups.append(slice(first, first + width))
         first += width

@@ -33,8 +33,8 @@ def fit_motion(
     n_a, s = dataset.rows.n_a, dataset.delta_a
     D = None if dataset.dC is None else dataset.dC[:, unpacking3(dataset.rows.n_e)]
     chosen, viscosity = inner_motions(dataset.moving, D), dataset.moving.viscosity
-    different = [damping for index, damping in enumerate(viscosity) if viscosity.index(damping) == index]
-    losses = [sum(chosen.loss[:, i] for i, damping in enumerate(viscosity) if damping == each) for each in different]
+    different = list(dict.fromkeys(viscosity))  # materials of the same viscosity share a loss
+    losses = [sum(chosen.loss[:, i] for i, known in enumerate(viscosity) if known == damping) for damping in different]
     reach = np.sqrt((chosen.e**2).sum(axis=1).mean())  # mm by which a motion of energy 1/2 moves the effectors
     reach = float(reach) if reach > 0 else 1.0
     k = chosen.M.shape[1] - n_a

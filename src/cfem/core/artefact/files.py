@@ -176,10 +176,10 @@ def locked(target: Path) -> Iterator[None]:
         handle = os.open(lock, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o644)
     try:
         try:
-            mine = try_lock(handle)
+            acquired = try_lock(handle)
         except OSError as error:
             raise DiskError(f"cannot be locked: {error.strerror}", where=str(lock), do="choose --out") from error
-        if not mine:
+        if not acquired:
             who = read_head(handle).decode(errors="replace").strip()
             what = f"another process is writing here{f' ({who})' if who else ''}"
             raise OutputError(what, where=str(target), do="wait for it to end")

@@ -77,10 +77,10 @@ def account_of(
         p = problem.p(top.z)
         parameters = problem.family.parameters
         results[name] = {
-            "p": dict(zip([each.name for each in parameters], p.tolist(), strict=True)),
+            "p": dict(zip([parameter.name for parameter in parameters], p.tolist(), strict=True)),
             "overrides": [
-                f"{each.key}={value:.10g}" + ("" if each.unit == "1" else f" {each.unit}")
-                for each, value in zip(parameters, p, strict=True)
+                f"{parameter.key}={value:.10g}" + ("" if parameter.unit == "1" else f" {parameter.unit}")
+                for parameter, value in zip(parameters, p, strict=True)
             ],
             "objectives": dict(zip(problem.names, top.objectives.tolist(), strict=True)),
             "constraints": dict(zip(problem.constraints, top.constraints.tolist(), strict=True)),
@@ -89,14 +89,14 @@ def account_of(
             "certified": top.certified,
             "why": top.why,
             "starts": [
-                {"value": each.value, "certified": each.certified, "solves": each.solves, "why": each.why}
-                for each in refined.ends
+                {"value": end.value, "certified": end.certified, "solves": end.solves, "why": end.why}
+                for end in refined.ends
             ],
             "starts_that_agree": refined.agree,
             "seconds": refined.seconds,
         }
         values = ", ".join(_pair(problem, key, top.objectives, refined.ends[0].first) for key in shown)
-        solves = sum(each.solves for each in refined.ends)
+        solves = sum(end.solves for end in refined.ends)
         lines.append(
             f"{name} by finite elements (the model's best design in brackets): {values}; "
             f"{'an optimum' if top.certified else 'no optimum: ' + top.why}, first-order residual {top.residual:.1e}; "

@@ -93,8 +93,8 @@ class _Corrected:
 
     def __post_init__(self):
         self.objectives, self.constraints = self.model.objectives, self.model.constraints
-        mine, slopes = self.model.with_slopes(self.z)
-        self._apart, self._turned = self.values - mine, self.slopes - slopes
+        values, slopes = self.model.with_slopes(self.z)
+        self._apart, self._turned = self.values - values, self.slopes - slopes
 
     def with_slopes(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         values, slopes = self.model.with_slopes(z)

@@ -102,9 +102,9 @@ def make_rod(
 ) -> Rod:
     """Rod of sections. moduli: Young's (MPa) and Poisson's of each material; numbers (m,): which material an element
     has; rubber: whether each material is, none unless given."""
-    each = np.array([np.broadcast_to(shape.stiffness(*pair), (len(numbers), 6)) for pair in moduli])
-    stiffness = each[numbers, np.arange(len(numbers))]
-    shear = np.array([lame(*each)[1] for each in moduli])[numbers]
+    by_material = np.array([np.broadcast_to(shape.stiffness(*pair), (len(numbers), 6)) for pair in moduli])
+    stiffness = by_material[numbers, np.arange(len(numbers))]
+    shear = np.array([lame(*pair)[1] for pair in moduli])[numbers]
     fibres = None
     if shape.contracts and any(rubber):
         fibres = np.array([young * is_so for (young, _), is_so in zip(moduli, rubber, strict=True)])[numbers]
@@ -144,8 +144,8 @@ def stiffness(rod: Rod, state: RodResponse, pulled: np.ndarray | float = 0.0) ->
     `pulled` (m, 6) held."""
     blocks = stiffness_of(rod.stiffness, state.stress - pulled, rod, state)
     if state.bent is not None:
-        mine = state.gradient[:, _FIBRES]
-        blocks = blocks + mine.swapaxes(1, 2) @ state.bent @ mine
+        by_fibres = state.gradient[:, _FIBRES]
+        blocks = blocks + by_fibres.swapaxes(1, 2) @ state.bent @ by_fibres
     return blocks
 
 

@@ -44,11 +44,11 @@ def study(scene: SceneSpec, folder: Path, spec: Discretisation) -> dict:
     rows, reference = [], {}
     with progress("the robot on other meshes", len(ratios) * (len(spec.cases) + 1)) as advance:
         for case in (spec.reference, *spec.cases):
-            mine = _at(scene, case)
-            mesh, _ = scene_mesh(mine, folder)
+            case_scene = _at(scene, case)
+            mesh, _ = scene_mesh(case_scene, folder)
             for nu in ratios:
-                material = mine.material.model_copy(update={"poisson": nu})
-                solved = _solve(mine.model_copy(update={"material": material}), mesh, spec.states)
+                material = case_scene.material.model_copy(update={"poisson": nu})
+                solved = _solve(case_scene.model_copy(update={"material": material}), mesh, spec.states)
                 rows.append(_row(case, nu, solved, reference.setdefault(nu, solved)))
                 advance(1)
     for row in rows:
@@ -65,13 +65,13 @@ def orders(rows: Sequence[dict]) -> list[dict]:
     rows = [row for row in rows if row["element"] not in elements or row["cells"] <= finest / 2]
     kinds = {(row["poisson"], row["element"], row["graded"], row["radius"]) for row in rows if not row["reference"]}
     for kind in sorted(kinds, key=str):
-        mine = [
+        alike = [
             row
             for row in rows
             if not row["reference"] and (row["poisson"], row["element"], row["graded"], row["radius"]) == kind
         ]
-        if len(mine) >= 3:
-            h, error = (np.log([row[key] for row in mine]) for key in ("cells", "W"))
+        if len(alike) >= 3:
+            h, error = (np.log([row[key] for row in alike]) for key in ("cells", "W"))
             slope = -3 * np.polyfit(h, error, 1)[0]
             by_kind.append(dict(zip(("poisson", "element", "graded", "radius"), kind, strict=True), order=float(slope)))
     return by_kind

@@ -75,11 +75,11 @@ def sampling_section(rows: Sequence[Mapping[str, Any]]) -> ReportSection:
         axis = panel(title, "training rows", log="xy")
         for name in names:
             for style, mark, method in zip(("-", "--", ":", "-."), MARKS, methods, strict=False):
-                mine = [row for row in rows if (row["model"], row["method"]) == (name, method)]
-                if mine:
-                    y = [max(error(row), FLOORS[measure]) for row in mine]
-                    look = {"ls": style, "marker": mark, "ms": 6, "color": KINDS.get(mine[0]["kind"], INK)}
-                    axis.plot([row["samples"] for row in mine], y, label=f"{name}, {method}", **look)
+                points = [row for row in rows if (row["model"], row["method"]) == (name, method)]
+                if points:
+                    y = [max(error(row), FLOORS[measure]) for row in points]
+                    look = {"ls": style, "marker": mark, "ms": 6, "color": KINDS.get(points[0]["kind"], INK)}
+                    axis.plot([row["samples"] for row in points], y, label=f"{name}, {method}", **look)
         ticks_at(axis, sorted({row["samples"] for row in rows}))
         axes.append(axis)
     picture = chart("sampling", "The same models from as many rows, sampled in different ways.", axes)
@@ -109,9 +109,9 @@ def sizes_section(rows: Sequence[Mapping[str, Any]]) -> ReportSection:
     cells = [row["cells"] for row in rows]
     counts = sorted({point["samples"] for row in rows for point in row["curve"]})
     for count, mark, shade in zip(counts, MARKS, np.linspace(0.45, 1, len(counts)), strict=False):
-        mine = [(row["cells"], p["errors"]["loss"]) for row in rows for p in row["curve"] if p["samples"] == count]
+        of_count = [(row["cells"], p["errors"]["loss"]) for row in rows for p in row["curve"] if p["samples"] == count]
         name = f"{rows[0]['kind']}, {count} samples"
-        loss_panel.plot(*zip(*mine, strict=True), "-", marker=mark, ms=6, color=LEARNED[0], alpha=shade, label=name)
+        loss_panel.plot(*zip(*of_count, strict=True), "-", marker=mark, ms=6, color=LEARNED[0], alpha=shade, label=name)
     known = [(row["cells"], row["published"]) for row in rows if row["published"] and row["published"].get("loss")]
     if known:
         published_first = known[0][1]

@@ -119,16 +119,16 @@ def trust_chart(judged_by_name: Mapping[str, Trust], prefix: str = "") -> Chart:
         axis = panel(f"{name}: true tip error ({unit})", "stated distance from the training states", log="xy")
         for inside in (True, False):
             for beyond in (False, True):
-                mine = (judged.inside == inside) & (judged.beyond == beyond) & np.isfinite(judged.error)
+                group = (judged.inside == inside) & (judged.beyond == beyond) & np.isfinite(judged.error)
                 meaning = (
                     f"{'state out of reach' if beyond else 'test state'}, {'not flagged' if inside else 'flagged'}"
                 )
                 look = {"marker": "^" if beyond else "o", "mfc": "none" if beyond else None, "label": meaning}
                 colour = LEARNED[0] if inside else LEARNED[3]
-                if mine.any():
+                if group.any():
                     distance, error = (
-                        np.maximum(judged.distance[mine], 1e-2),
-                        np.maximum(judged.error[mine], FLOOR) / mm,
+                        np.maximum(judged.distance[group], 1e-2),
+                        np.maximum(judged.error[group], FLOOR) / mm,
                     )
                     axis.plot(distance, error, lw=0, ms=4, alpha=0.7, color=colour, **look)
         axis.axvline(FAR, color=FAINT, lw=1.2, ls="--")

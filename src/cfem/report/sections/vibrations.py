@@ -32,11 +32,11 @@ def vibrations_section(models: Mapping[str, MotionModel]) -> ReportSection:
 def vibrations_chart(name: str, rows: Mapping[str, list[dict[str, Any]]]) -> Chart:
     """A panel for held actuators and one for free ones, a line a mode."""
     axes = []
-    for kind, mine in rows.items():
+    for kind, states in rows.items():
         axis = panel(f"{name}, actuators {kind}: frequency (Hz)", "state", count=True)
-        for mode, colour in enumerate(LEARNED[: max(len(row["frequency"]) for row in mine)]):
+        for mode, colour in enumerate(LEARNED[: max(len(row["frequency"]) for row in states)]):
             known = [
-                (place, row["frequency"][mode]) for place, row in enumerate(mine, 1) if len(row["frequency"]) > mode
+                (place, row["frequency"][mode]) for place, row in enumerate(states, 1) if len(row["frequency"]) > mode
             ]
             axis.plot(*zip(*known, strict=True), "o-", ms=4, color=colour, label=f"mode {mode + 1}")
         axis.set_ylim(0, None)

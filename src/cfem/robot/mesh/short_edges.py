@@ -100,7 +100,7 @@ class _Surface:
     def _normals(self, numbers: set[int], moved: dict[int, int]) -> tuple[np.ndarray, np.ndarray]:
         """Unit normals (k, 3) of triangles, and twice their areas (k,), a node that moved being where it went."""
         corners = [[moved.get(node, node) for node in self.triangles[number]] for number in sorted(numbers)]
-        a, b, c = (self.X[[each[i] for each in corners]] for i in range(3))
+        a, b, c = (self.X[[nodes[i] for nodes in corners]] for i in range(3))
         normal = np.cross(b - a, c - a)
         size = np.linalg.norm(normal, axis=1)
         return normal / np.maximum(size, np.finfo(float).tiny)[:, None], size

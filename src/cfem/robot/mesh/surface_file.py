@@ -117,10 +117,10 @@ def _read_3mf(path: Path) -> tuple[np.ndarray, np.ndarray]:
         node = objects.get(name)
         if node is None or depth > 20:
             raise InputError(f"builds an object '{name}' that it does not have", where=str(path), do="export it again")
-        corners = [[float(each.get(axis)) for axis in "xyz"] for each in node.iter("vertex")]
+        corners = [[float(vertex.get(axis)) for axis in "xyz"] for vertex in node.iter("vertex")]
         if corners:
             points.append(np.column_stack([np.array(corners), np.ones(len(corners))]) @ motion)
-            faces = [[int(each.get(key)) for key in ("v1", "v2", "v3")] for each in node.iter("triangle")]
+            faces = [[int(triangle.get(key)) for key in ("v1", "v2", "v3")] for triangle in node.iter("triangle")]
             triangles.append(np.array(faces, dtype=np.int64).reshape(-1, 3) + count)
             count += len(corners)
         for part in node.iter("component"):

@@ -59,7 +59,7 @@ def hollow_mesh(element: str) -> Mesh:
         return ((centroids < cell) | (centroids > size - cell)).any(axis=1)
 
     def to_walls(X: np.ndarray) -> np.ndarray:
-        stops = [np.array([[0 * w, w, s - w, s] for w, s in zip(each, size, strict=True)]) for each in (cell, wall)]
+        stops = [np.array([[0 * w, w, s - w, s] for w, s in zip(inner, size, strict=True)]) for inner in (cell, wall)]
         return np.column_stack([np.interp(X[:, axis], stops[0][axis], stops[1][axis]) for axis in range(3)])
 
     return box(SIZE, [CELLS[element]] * 3, element, keep=at_the_rim, bend=to_walls)

@@ -188,5 +188,5 @@ def _inverted(scene: SceneSpec, mesh: Mesh) -> Robot:
 
 
 def _opened(scene: SceneSpec, mesh: Mesh) -> Cavity:
-    chambers = [each for each in build_robot(scene, mesh).actuators if isinstance(each, Cavity)]
+    chambers = [actuator for actuator in build_robot(scene, mesh).actuators if isinstance(actuator, Cavity)]
     return make_cavity(mesh.X, chambers[0].cliques[0][1:], "chamber")

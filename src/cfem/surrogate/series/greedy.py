@@ -68,7 +68,7 @@ def neighbours(indices: np.ndarray, max_degree: int) -> np.ndarray:
             below = (
                 (*candidate[:j], candidate[j] - 1, *candidate[j + 1 :]) for j in range(len(candidate)) if candidate[j]
             )
-            if all(each in known for each in below):
+            if all(index in known for index in below):
                 above[candidate] = None
     return np.array(list(above), dtype=np.int64).reshape(-1, indices.shape[1])
 

@@ -144,8 +144,8 @@ def _values_first(z: np.ndarray, observed: Observations, equal: Chosen, limits: 
     chosen = fit_quantity(z, observed, *limits, fall=FALL)
     folds = min(limits[2], len(z))
     errors = [
-        values_left_out(z, observed.derivatives, observed.scaled(fall), each[0].indices, folds)
-        for fall, each in ((1.0, equal), (FALL, chosen))
+        values_left_out(z, observed.derivatives, observed.scaled(fall), choice[0].indices, folds)
+        for fall, choice in ((1.0, equal), (FALL, chosen))
     ]
     return chosen if errors[1] < FAR * errors[0] else equal
 
