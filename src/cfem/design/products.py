@@ -13,8 +13,9 @@ from cfem.export.spec import CSpec
 from cfem.mechanics.mesh import Mesh
 from cfem.parametric.meshes import Meshes
 from cfem.predict.load import read_model, read_vectors
+from cfem.robot.catalogue.solids import CATALOGUE
 from cfem.robot.mesh.faceted import write_faceted
-from cfem.robot.mesh.meshing import CATALOGUE, write_cad
+from cfem.robot.mesh.meshing import write_cad
 from cfem.robot.spec import SceneSpec
 from cfem.sample.parameters import with_values
 

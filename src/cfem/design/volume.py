@@ -10,7 +10,8 @@ from scipy.stats import qmc
 
 from cfem.condensed.parameters import Parameter, from_shares, references, shares
 from cfem.core.errors import SpecError
-from cfem.robot.mesh.meshing import CATALOGUE, measure
+from cfem.robot.catalogue.solids import CATALOGUE
+from cfem.robot.mesh.meshing import measure
 from cfem.sample.parameters import with_values
 
 _DEGREE, _SPARE = 3, 3

@@ -11,13 +11,10 @@ from cfem.mechanics.element import ELEMENTS
 from cfem.mechanics.mesh import TET_EDGES, Mesh, boundary_facets, quadratic, tet_volumes
 from cfem.robot import selection
 from cfem.robot.cad import Box, Difference, File, Placed, Solid, SurfaceSolid, as_data
-from cfem.robot.catalogue.bar import bar
-from cfem.robot.catalogue.diamond import diamond
-from cfem.robot.catalogue.soft_finger import soft_finger
+from cfem.robot.catalogue.solids import CATALOGUE
 from cfem.robot.catalogue.stiff_flop import section_shape, slice_mesh
-from cfem.robot.catalogue.taper import filled, rod_mesh, taper
-from cfem.robot.catalogue.trunk import trunk
-from cfem.robot.geometry import Assembly, Bar, Diamond, MeshFile, Part, Single, SoftFinger, StiffFlop, Taper, Trunk
+from cfem.robot.catalogue.taper import filled, rod_mesh
+from cfem.robot.geometry import Assembly, Bar, MeshFile, Part, Single, StiffFlop, Taper
 from cfem.robot.mesh import hexahedra
 from cfem.robot.mesh.ask_gmsh import ask_gmsh
 from cfem.robot.mesh.mesh_file import read_own
@@ -28,7 +25,6 @@ from cfem.robot.spec import Meshing, SceneSpec
 _FAR = 1e4  # mm, beyond any robot
 
 Region = Box | Placed
-CATALOGUE = {Bar: bar, Diamond: diamond, SoftFinger: soft_finger, Taper: taper, Trunk: trunk}
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from cfem.mechanics.body import with_materials
 from cfem.mechanics.mesh import Mesh
 from cfem.robot import constraints
 from cfem.robot.build import build_robot, materials_of
-from cfem.robot.mesh.meshing import CATALOGUE
+from cfem.robot.catalogue.solids import CATALOGUE
 from cfem.robot.places import cable_points, effector_points, pull_point
 from cfem.robot.shape.deform import Deformation
 from cfem.robot.shape.morph import Morph, Unreachable
