@@ -74,9 +74,9 @@ def test_a_model_of_forces_has_the_same_rows(model, states, skin, third_order):
         ahead, behind = ([model.at_force(lam + sign * h) for lam in train.lambda_a] for sign in (1, -1))
         wholes = [[model.whole(one.delta_a).W for one in side] for side in (ahead, behind)]
         dW = (np.array(wholes[0]) - np.array(wholes[1]))[:, None] / (2 * h)
-        own = np.r_[train.whole.rows.e, train.whole.rows.active]
-        whole = replace(train.whole, dW=dW)
-        train = replace(train, dW=dW[:, :, own[:, None], own], whole=whole)
+        own = np.r_[train.with_skin.rows.e, train.whole.rows.active]
+        whole = replace(train.with_skin, dW=dW)
+        train = replace(train, dW=dW[:, :, own[:, None], own], with_skin=whole)
     arrays = fit_skin(train, skin, "force", {})
     card = model_card("spectral", train, "force")
     found = skin_of(_Bare(card), arrays)
@@ -128,7 +128,7 @@ def test_samples_of_another_skin_than_their_file_are_refused(bar, tmp_path, stat
     from cfem.surrogate import stage
 
     train, test = states["train"], states["test"]
-    other = replace(train, whole=replace(train.whole, sha256="0" * 64))
+    other = replace(train, with_skin=replace(train.with_skin, sha256="0" * 64))
     with pytest.raises(InputError, match="another skin than its file holds"):
         stage.add_skin(tmp_path, None, {}, other, test, bar / "data" / "bar" / "samples")
 

@@ -79,7 +79,7 @@ def joined(dataset: Any) -> Any:
         d2C=None,
         delta_e=np.hstack([dataset.delta_e, with_skin.delta_s]),
         ddelta_e_dp=None if by_p is None else np.concatenate([dataset.ddelta_e_dp, by_p], axis=1),
-        whole=None,
+        with_skin=None,
     )
 
 
