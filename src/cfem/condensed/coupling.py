@@ -110,6 +110,15 @@ class HeldObject(Condensed):
     forces: np.ndarray
 
 
+class _Energy(NamedTuple):
+    """Potential energy Pi of the robots and the object, to second order in delta_a and the pose X."""
+
+    parts: tuple[HolderState, ...]  # the robots' states
+    gradient: np.ndarray  # (n_a + n,)
+    hessian: np.ndarray
+    scale: tuple[float, float]  # the largest force N and moment N mm on the object
+
+
 class Coupled:
     """`Model` of several robots that hold an object. home: (n_a,) mm actuators where control starts from."""
 
@@ -137,13 +146,13 @@ class Coupled:
         self._slope = np.zeros((held.n, n_a))  # of the pose by the actuators, there
 
     def at_displacement(self, delta_a: np.ndarray) -> HeldObject:
-        """NumericalError where the object finds no stable rest, or a robot no state."""
+        """The object at rest between its robots. NumericalError where it finds no stable rest, or a robot no state."""
         delta_a = np.asarray(delta_a, float)
         X = np.zeros(self.object.n) if self._last is None else self._predict(delta_a)
         limit = self._updates or ITERATIONS
         for update in range(limit + 1):
-            parts, g, K, scale = self._sum(delta_a, X)
-            n_a = len(delta_a)
+            energy = self._energy(delta_a, X)
+            n_a, g, K = len(delta_a), energy.gradient, energy.hessian
             try:
                 np.linalg.cholesky(K[n_a:, n_a:])
             except np.linalg.LinAlgError:
@@ -154,12 +163,13 @@ class Coupled:
             step = -np.linalg.solve(K[n_a:, n_a:], g[n_a:])
             balance = tuple(
                 float(np.linalg.norm(part)) / size if size else 0.0
-                for part, size in zip((g[n_a : n_a + 3], g[n_a + 3 :]), scale, strict=True)
+                for part, size in zip((g[n_a : n_a + 3], g[n_a + 3 :]), energy.scale, strict=True)
             )
             if self._updates is None and max(balance) <= TOLERANCE:
-                return self._condense(delta_a, X, parts, g, K, balance, update)
+                return self._condense(delta_a, X, energy, balance, update)
             if self._updates is not None and update == self._updates - 1:
-                return self._condense(delta_a, X + step, parts, g + K[:, n_a:] @ step, K, balance, update + 1)
+                energy = energy._replace(gradient=g + K[:, n_a:] @ step)
+                return self._condense(delta_a, X + step, energy, balance, update + 1)
             X = X + step
         raise NumericalError(f"the object does not come to rest: a force balance of {max(balance):.1e}")
 
@@ -186,10 +196,8 @@ class Coupled:
         last = self._last
         return last.X + self._slope @ (delta_a - last.delta_a)
 
-    def _sum(
-        self, delta_a: np.ndarray, X: np.ndarray
-    ) -> tuple[tuple[HolderState, ...], np.ndarray, np.ndarray, tuple[float, float]]:
-        """The robots' states; gradient (n_a + n,) and Hessian of Pi; the largest force and moment on the object."""
+    def _energy(self, delta_a: np.ndarray, X: np.ndarray) -> _Energy:
+        """Pi to second order at displacements delta_a and pose X."""
         n_a, n = len(delta_a), len(X)
         now = turn(X[3:]) if n == 6 else None
         poses, slopes = self._poses(X, now)
@@ -219,7 +227,7 @@ class Coupled:
         if now is not None:
             K[n_a + 3 :, n_a + 3 :] += np.tensordot(now.second, pulled, 2)
             moment = max(moment, UNSEEN / self._length * float(np.abs(K[n_a + 3 :, n_a + 3 :]).max()))
-        return parts, g, (K + K.T) / 2, (force, moment)
+        return _Energy(parts, g, (K + K.T) / 2, (force, moment))
 
     def _poses(self, X: np.ndarray, now: RotationDerivatives | None) -> tuple[list[np.ndarray], list[np.ndarray]]:
         """Pose of every robot's patch in its frame, (n_pose,) each, and their derivatives (n_pose, n) by X."""
@@ -250,9 +258,11 @@ class Coupled:
         values = np.linalg.eigvalsh(K_XX / np.outer(size, size))
         return float(values[0] / np.abs(values).max())
 
-    def _condense(self, delta_a, X, parts, g, K, balance, updates) -> HeldObject:
+    def _condense(
+        self, delta_a: np.ndarray, X: np.ndarray, energy: _Energy, balance: tuple[float, ...], updates: int
+    ) -> HeldObject:
         """Condensed model at the pose X, which follows the actuators: dX / d delta_a = -K_XX^-1 K_Xa."""
-        n_a, n_e = len(delta_a), self.rows.n_e
+        n_a, n_e, g, K = len(delta_a), self.rows.n_e, energy.gradient, energy.hessian
         flexible = np.linalg.inv(K[n_a:, n_a:])
         slope = -flexible @ K[n_a:, :n_a]
         hessian = K[:n_a, :n_a] + K[:n_a, n_a:] @ slope
@@ -260,20 +270,20 @@ class Coupled:
         plain = from_energy(self.rows, delta, g[:n_a], hessian, slope[:n_e], flexible[:n_e, :n_e])
         stiffness = K[n_a:, n_a:]
         forces = -np.array(
-            [hold.turn @ part.lambda_a[hold.n_a :][:3] for hold, part in zip(self.holds, parts, strict=True)]
+            [hold.turn @ part.lambda_a[hold.n_a :][:3] for hold, part in zip(self.holds, energy.parts, strict=True)]
         )
         held = HeldObject(
             plain.rows,
             plain.W,
             plain.delta_free,
             plain.lam,
-            X,
-            parts,
-            balance,
-            stiffness,
-            self._softest(stiffness),
-            updates,
-            forces,
+            X=X,
+            parts=energy.parts,
+            balance=balance,
+            stiffness=stiffness,
+            softest=self._softest(stiffness),
+            updates=updates,
+            forces=forces,
         )
         self._last, self._slope = held, slope
         return held

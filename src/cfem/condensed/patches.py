@@ -114,10 +114,12 @@ def on_sharp_edges(rest: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     corners = rest[triangles]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-300)[:, None]
+    # half edges from `start` to `end`, each with the third corner of its triangle; its twin runs the other way
     start, end, opposite = (triangles[:, np.roll([0, 1, 2], -i)].ravel() for i in range(3))
     key, triangle = start * len(rest) + end, np.repeat(np.arange(len(triangles)), 3)
     order = np.argsort(key)
     twin = order[np.minimum(np.searchsorted(key[order], end * len(rest) + start), len(key) - 1)]
+    # the normals turn by more than SHARP, and the twin's third corner lies below this triangle: convex
     turned = np.einsum("ei,ei->e", normals[triangle], normals[triangle[twin]]) < np.cos(SHARP)
     below = np.einsum("ei,ei->e", rest[opposite[twin]] - rest[start], normals[triangle]) < 0
     sharp = turned & below & (start[twin] == end) & (end[twin] == start)

@@ -1,9 +1,9 @@
 """What a page holds, from the artefacts that its spec names."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from cfem.core.artefact.content import artefact_file
 from cfem.core.artefact.provenance import versions
@@ -34,12 +34,19 @@ from cfem.robot.stage import MESH
 Manifests = Mapping[str, tuple[Path, dict[str, Any]]]  # of the inputs, by name
 
 
-def learned(
-    spec: ReportSpec, scene: SceneSpec | None, manifests: Manifests
-) -> tuple[Summary | None, Viewer | None, Card | None, list[ReportSection]]:
+class LearnedParts(NamedTuple):
+    """Parts of a page about learned models of one scene, none where it is not about them."""
+
+    summary: Summary | None = None
+    robot: Viewer | None = None
+    card: Card | None = None
+    sections: Sequence[ReportSection] = ()
+
+
+def learned(spec: ReportSpec, scene: SceneSpec | None, manifests: Manifests) -> LearnedParts:
     """Tracking, models and samples of the page's scene, where it has one and is about them."""
     if scene is None or not spec.control:
-        return None, None, None, []
+        return LearnedParts()
     (samples, sampled), (control, controlled) = manifests["samples"], manifests["control"]
     if "trajectories" not in controlled["results"]:
         raise InputError("is a run over time", where=str(control), do="name it under `loops`, by a name of its own")
@@ -62,7 +69,7 @@ def learned(
     shown = card(scene, mesh, data)
     if spec.page:
         shown = replace(shown, link=link(*manifests["page"]))
-    return summary, animation(control, controlled, tracking, scene), shown, sections
+    return LearnedParts(summary, animation(control, controlled, tracking, scene), shown, sections)
 
 
 def compared(spec: ReportSpec, manifests: Manifests) -> list[ReportSection]:

@@ -64,7 +64,7 @@ def _work(folder: Path, spec: ReportSpec, base: Path) -> dict[str, Any]:
     with progress("drawing the report", 4) as advance:
         summary, robot, card, sections = learned(spec, scene, manifests)
         advance(1)
-        sections += compared(spec, manifests)
+        sections = [*sections, *compared(spec, manifests)]
         advance(1)
         loops, over = over_time(spec, manifests)
         sections += loops

@@ -62,9 +62,9 @@ class RobotFamily:
     def around(
         self, p: np.ndarray, index: int, step: float, robot_at_p: Robot | None = None
     ) -> tuple[Robot, Robot, float]:
-        """Robots on either side of p in the coordinate of parameter `index`, `step` of its range away, and by how much
-        that coordinate differs between them. at: the robot of p itself, of which they then keep what the parameter
-        leaves alone."""
+        """Robots on either side of p in the coordinate of parameter `index`, `step` of its range away, and the
+        difference of that coordinate between them. robot_at_p: of which they then keep what the parameter leaves
+        alone."""
         low, high = range_coordinates(self.parameters)
         middle = coordinates(self.parameters, p)
         shift = step * (high - low) * (np.arange(len(p)) == index)

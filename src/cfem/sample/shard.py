@@ -279,14 +279,15 @@ def _state(piece: Piece, index: int, solved: Equilibrium, held: tuple[Patch, np.
 
 def _motion(inertia: Inertia, rows: Rows) -> Record:
     """Columns of the mass and viscosity of all rows but the contacts'."""
-    n, all_rows = rows.c.start, rows.n
-    record, both = {"V": pack_upper(inertia.V[:n, :n])}, np.r_[0:n, all_rows : all_rows + n]
+    n = rows.c.start
+    record = {"V": pack_upper(inertia.V[:n, :n])}
     if (inner := inertia.inner) is not None:
         record |= {"inner_K": pack_upper(inner.K), "inner_M": pack_upper(inner.M), "inner_e": inner.e.ravel()}
         name, loss = "inner_loss", inner.loss
     else:
         record |= {name: pack_upper(getattr(inertia, name)[:n, :n]) for name in ("V2", "V3")}
-        name, loss = "loss", inertia.loss[:, both[:, None], both]
+        on_motions = np.r_[0:n, rows.n : rows.n + n]  # (Z, Y) of these rows
+        name, loss = "loss", inertia.loss[:, on_motions[:, None], on_motions]
     if len(loss):
         record[name] = pack_upper(loss).ravel()
     if inertia.dV is not None:

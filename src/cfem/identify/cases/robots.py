@@ -49,12 +49,12 @@ class CaseRobots:
         # a rod's cables add nothing to the pattern of its unknowns, wherever they run
         alike = self._family.alike or not any(actuator.cliques for actuator in self.robot.actuators)
         self._scene, self._alike, self._pattern = scene, alike, None
-        self._built: tuple[bytes, Problem] | None = None
-        self._near: dict[str, tuple[State, Shares]] = {}
-        self._follower: tuple[Problem, Follower] | None = None
-        self._histories: dict[tuple, tuple[Equilibrium, Followed]] = {}
-        self._passed: dict[tuple[str, int], Followed] = {}
-        self._poses: dict[tuple, Pose] = {}
+        self._built: tuple[bytes, Problem] | None = None  # the last values, and their problem
+        self._near: dict[str, tuple[State, Shares]] = {}  # by case, the state that was solved last
+        self._follower: tuple[Problem, Follower] | None = None  # of friction along a path
+        self._histories: dict[tuple, tuple[Equilibrium, Followed]] = {}  # by values and commands so far
+        self._passed: dict[tuple[str, int], Followed] = {}  # by case and command, as passed last
+        self._poses: dict[tuple, Pose] = {}  # by values, forces and commands before
         self.solves = 0
 
     def at(

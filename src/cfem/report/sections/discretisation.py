@@ -166,13 +166,13 @@ def _solve(scene: SceneSpec, mesh: Mesh, shares: Sequence[Sequence[float]]) -> S
         lams.append(solved.lambda_a)
         Ws.append(solved.condensed.W[:, robot.rows.a])
     return Solved(
-        len(mesh.X),
-        len(mesh.cells),
-        np.array(tips),
-        np.array(Ws),
-        np.array(lams),
-        float(np.median(seconds)),
-        float(np.mean(factorizations)),
+        nodes=len(mesh.X),
+        cells=len(mesh.cells),
+        tip=np.array(tips),
+        W=np.array(Ws),
+        lam=np.array(lams),
+        sample_seconds=float(np.median(seconds)),
+        factorizations=float(np.mean(factorizations)),
     )
 
 

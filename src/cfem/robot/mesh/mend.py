@@ -1,6 +1,7 @@
 """A surface of triangles, as people publish it, made closed and oriented; and what was done to it, in words."""
 
 from collections import deque
+from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -17,11 +18,17 @@ _ROUNDS = 20  # of flips of slivers, and of moves of nodes where the surface pas
 _TANGLED = 0.02  # of the triangles: where more pass through others, two bodies overlap, which no small move mends
 
 
-def mend(
-    X: np.ndarray, triangles: np.ndarray, where: str, body: int = 1
-) -> tuple[np.ndarray, np.ndarray, list[str], int]:
-    """X (n, 3), triangles (m, 3) closed, each edge between two of them, normals out of the material; a phrase for each
-    flaw that was mended; and how many bodies there are. body: the one that is taken, the largest first.
+class MendedSurface(NamedTuple):
+    """A closed surface: each edge lies between two triangles, normals point out of the material."""
+
+    X: np.ndarray  # (n, 3)
+    triangles: np.ndarray  # (m, 3)
+    mends: tuple[str, ...]  # a phrase for each flaw that was mended
+    bodies: int  # in the file, of which this is one
+
+
+def mend(X: np.ndarray, triangles: np.ndarray, where: str, body: int = 1) -> MendedSurface:
+    """Surface of X (n, 3), triangles (m, 3), mended. body: the one that is taken, the largest first.
 
     InputError, naming `where`, for what cannot be mended: wide openings, edges of more than two triangles."""
     mends: list[str] = []
@@ -59,7 +66,7 @@ def mend(
     if moved:
         mends.append(f"moved {moved} nodes where the surface passed through itself")
     used, numbered = np.unique(triangles, return_inverse=True)
-    return X[used], numbered.reshape(triangles.shape), mends, len(bodies)
+    return MendedSurface(X[used], numbered.reshape(triangles.shape), tuple(mends), len(bodies))
 
 
 def _without_copies(triangles: np.ndarray) -> tuple[np.ndarray, int]:

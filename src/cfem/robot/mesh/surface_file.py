@@ -13,7 +13,7 @@ from cfem.core.errors import InputError
 from cfem.core.stl import read_stl
 from cfem.mechanics.mesh import boundary_facets
 from cfem.robot.geometry import Geometry, MeshFile, singles
-from cfem.robot.mesh.mend import mend
+from cfem.robot.mesh.mend import MendedSurface, mend
 from cfem.robot.mesh.mesh_file import SOLID_CORNERS, join_pieces, read_data
 from cfem.robot.mesh.obj_file import read_obj
 
@@ -22,10 +22,8 @@ _UNITS = {"micron": 1e-3, "millimeter": 1.0, "centimeter": 10.0, "inch": 25.4, "
 
 
 @cache  # until the file changes
-def _read(path: Path, body: int, changed: tuple[int, int]) -> tuple[np.ndarray, np.ndarray, tuple[str, ...], int]:
-    X, triangles = _triangles(path)
-    X, triangles, mends, bodies = mend(X, triangles, str(path), body)
-    return X, triangles, tuple(mends), bodies
+def _read(path: Path, body: int, changed: tuple[int, int]) -> MendedSurface:
+    return mend(*_triangles(path), str(path), body)
 
 
 def read_surface(path: Path, body: int = 1) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
@@ -37,10 +35,10 @@ def read_surface(path: Path, body: int = 1) -> tuple[np.ndarray, np.ndarray, tup
 
 def count_bodies(path: Path) -> int:
     """Number of separate bodies that the surface in a file bounds. Errors as `read_surface`."""
-    return _known(path, 1)[3]
+    return _known(path, 1).bodies
 
 
-def _known(path: Path, body: int) -> tuple[np.ndarray, np.ndarray, tuple[str, ...], int]:
+def _known(path: Path, body: int) -> MendedSurface:
     if not path.is_file():
         raise InputError("no such file", where=str(path), do="check the path")
     stat = path.stat()
@@ -50,7 +48,7 @@ def _known(path: Path, body: int) -> tuple[np.ndarray, np.ndarray, tuple[str, ..
 def mended(path: Path, surface: bool, body: int = 1) -> tuple[str, ...]:
     """Phrases about the mends of a file when it is read, as the surface of a body or as cells."""
     if surface:
-        return read_surface(path, body)[2]
+        return _known(path, body).mends
     merged = join_pieces(read_data(path))
     return (f"merged {merged} duplicate nodes, which kept cells apart",) if merged else ()
 
