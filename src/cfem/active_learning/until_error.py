@@ -140,18 +140,14 @@ def next_batch(
     learned = sampled(parameters_of(training.meta))
     p = completed(full_model.parameters, from_shares(learned, u[:, n_a:]))
     compliance = np.array(training.meta["compliance"])
-    asked = [actuation(job.space, row[:n_a], full_model.reach, compliance, together=job.together) for row in u]
+    actuations = [actuation(job.space, row[:n_a], full_model.reach, compliance, together=job.together) for row in u]
     if job.space == "pulling":
-        rows = np.array(
-            [actuation_of_row.C[0] if len(actuation_of_row.C) else np.ones(n_a) for actuation_of_row in asked]
-        )
-        target = np.array(
-            [actuation_of_row.target[0] if len(actuation_of_row.C) else 0.0 for actuation_of_row in asked]
-        )
+        rows = np.array([row_actuation.C[0] if len(row_actuation.C) else np.ones(n_a) for row_actuation in actuations])
+        target = np.array([row_actuation.target[0] if len(row_actuation.C) else 0.0 for row_actuation in actuations])
         s, solved = place(full_model, rows, target, p, start)
         s = np.where(solved[:, None], s, start)
     else:
-        s = np.array([actuation_of_row.target for actuation_of_row in asked])
+        s = np.array([row_actuation.target for row_actuation in actuations])
         if full_model.form == "force":
             s = np.array([full_model.at_displacement(*state).lambda_a for state in zip(s, p, strict=True)])
     score = disagreement(full_model, parts, s, p)

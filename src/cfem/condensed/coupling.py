@@ -201,11 +201,11 @@ class Coupled:
         n_a, n = len(delta_a), len(X)
         now = turn(X[3:]) if n == 6 else None
         poses, slopes = self._poses(X, now)
-        asked = [
+        displacements = [
             np.concatenate([delta_a[first:end], pose])
             for first, end, pose in zip(self._ends[:-1], self._ends[1:], poses, strict=True)
         ]
-        parts = self._states(asked)
+        parts = self._states(displacements)
         g, K = np.zeros(n_a + n), np.zeros((n_a + n, n_a + n))
         g[n_a:] = -self.object.wrench
         force, moment = float(np.linalg.norm(self.object.wrench[:3])), float(np.linalg.norm(self.object.wrench[3:]))
@@ -247,11 +247,11 @@ class Coupled:
             by_X[:n] for by_X, n in zip(slope, sizes, strict=True)
         ]
 
-    def _states(self, asked: list[np.ndarray]) -> tuple[HolderState, ...]:
+    def _states(self, displacements: list[np.ndarray]) -> tuple[HolderState, ...]:
         """States of the robots at these displacements, at once where all have the same learned model."""
         if self._alike:
-            return tuple(map(HolderState, asked, *self.holds[0].model.slopes(np.array(asked))))
-        return tuple(state_of(hold.model, delta) for hold, delta in zip(self.holds, asked, strict=True))
+            return tuple(map(HolderState, displacements, *self.holds[0].model.slopes(np.array(displacements))))
+        return tuple(state_of(hold.model, delta) for hold, delta in zip(self.holds, displacements, strict=True))
 
     def _softest(self, K_XX: np.ndarray) -> float:
         size = np.array([1.0] * 3 + [self._length] * (len(K_XX) - 3))

@@ -89,8 +89,8 @@ class Command:
 
     def run(self, spec_path: Path, overrides: Sequence[str], out: Path | None, options: Options) -> dict[str, Any]:
         """Runs the command on a spec and returns the manifest."""
-        made = self.stage(spec_path, overrides, out)
-        return run_stage(made, lambda folder: self.work(folder, made.spec, spec_path.parent), options)
+        stage_run = self.stage(spec_path, overrides, out)
+        return run_stage(stage_run, lambda folder: self.work(folder, stage_run.spec, spec_path.parent), options)
 
 
 def is_current(stage: Stage, made_from: str) -> bool:
@@ -151,8 +151,8 @@ def _work(
     start = time.perf_counter()
     with confined(partial), stage.spec.locating():
         results = with_inherited(work(partial), stage.inputs)
-    made = [path for path in sorted(partial.rglob("*")) if path.is_file() and path != partial / MANIFEST]
-    files = {path.relative_to(partial).as_posix(): file_sha256(path) for path in made}
+    written = [path for path in sorted(partial.rglob("*")) if path.is_file() and path != partial / MANIFEST]
+    files = {path.relative_to(partial).as_posix(): file_sha256(path) for path in written}
     manifest = {
         "stage": stage.name,
         "precious": stage.precious,

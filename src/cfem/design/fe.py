@@ -47,11 +47,11 @@ class FeProblem(DesignProblem):
     def _with_slopes(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Objectives and constraints of a design z (n,), with their derivatives."""
         p = self.p(z[None])[0]
-        asked = {**self.objectives, **self.constraints}
-        robust = {name: number for name, number in asked.items() if isinstance(number, Robust)}
-        values, slopes = np.zeros(len(asked)), np.zeros((len(asked), len(z)))
-        plain = {name: number for name, number in asked.items() if name not in robust}
-        places = {name: i for i, name in enumerate(asked)}
+        numbers = {**self.objectives, **self.constraints}
+        robust = {name: number for name, number in numbers.items() if isinstance(number, Robust)}
+        values, slopes = np.zeros(len(numbers)), np.zeros((len(numbers), len(z)))
+        plain = {name: number for name, number in numbers.items() if name not in robust}
+        places = {name: i for i, name in enumerate(numbers)}
         self.evaluations += 1
         plain_places = [places[name] for name in plain]
         values[plain_places], slopes[plain_places] = self._gradients(list(plain.values()), p, self.free)
@@ -59,16 +59,16 @@ class FeProblem(DesignProblem):
             values[places[name]], slopes[places[name]] = self._robust(number, p)
         return values, slopes
 
-    def _gradients(self, asked: list[Any], p: np.ndarray, free: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
+    def _gradients(self, numbers: list[Any], p: np.ndarray, free: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
         """Values (r,) at p (n_p,), and derivatives (r, n) by the shares of the parameters `free`."""
         spread = self._spread(p, free)
-        values, slopes = np.zeros(len(asked)), np.zeros((len(asked), len(free)))
-        at_the_actuation = [i for i, number in enumerate(asked) if getattr(number, "actuations", None) is None]
+        values, slopes = np.zeros(len(numbers)), np.zeros((len(numbers), len(free)))
+        at_the_actuation = [i for i, number in enumerate(numbers) if getattr(number, "actuations", None) is None]
         if at_the_actuation:
             direct: list[np.ndarray] = []
 
             def rows_at(state: States) -> tuple[np.ndarray, list[Outputs]]:
-                rows, outputs, by_p = partials(_rows([asked[i] for i in at_the_actuation]), state, spread)
+                rows, outputs, by_p = partials(_rows([numbers[i] for i in at_the_actuation]), state, spread)
                 direct.append(by_p)
                 return rows, [outputs_of_row[0] for outputs_of_row in outputs]
 
@@ -76,8 +76,8 @@ class FeProblem(DesignProblem):
                 self.kind, self.u, p, free, rows_at
             )
             slopes[at_the_actuation] += direct[0]
-        for i in sorted(set(range(len(asked))) - set(at_the_actuation)):
-            values[i], slopes[i] = self._over(asked[i], p, free, spread)
+        for i in sorted(set(range(len(numbers))) - set(at_the_actuation)):
+            values[i], slopes[i] = self._over(numbers[i], p, free, spread)
         return values, slopes
 
     def _over(self, number: Any, p: np.ndarray, free: Sequence[int], spread: np.ndarray) -> tuple[float, np.ndarray]:
@@ -159,9 +159,9 @@ class FeProblem(DesignProblem):
                 self.failed, last = self.failed + 1, error
         if not z:
             raise NumericalError(f"finite elements solve none of the {count} designs tried first: {last}")
-        both = Scores(*(np.concatenate(part) for part in zip(*scores, strict=True)))
-        self._worst = np.hstack(both).max(axis=0)
-        return judged(self, (), np.array(z), both)
+        all_scores = Scores(*(np.concatenate(part) for part in zip(*scores, strict=True)))
+        self._worst = np.hstack(all_scores).max(axis=0)
+        return judged(self, (), np.array(z), all_scores)
 
     def slope_error(self, z: np.ndarray) -> float:
         """Largest difference between the slopes along (1, ..., 1) and those by differences of solves, of fourth order,

@@ -53,11 +53,11 @@ def free_parameters(spec: DesignSpec, parameters: Any) -> tuple[list[int], np.nd
     wanted = spec.vary if spec.vary is not None else [name for name in names if name not in spec.fixed]
     demand_known(parameters, wanted, "vary")
     p0 = vector(parameters, spec.fixed, "fixed")
-    both = sorted(set(wanted) & set(spec.fixed))
-    if both or not wanted:
+    twice = sorted(set(wanted) & set(spec.fixed))
+    if twice or not wanted:
         raise SpecError(
-            f"{both} are listed both to vary and as fixed"
-            if both
+            f"{twice} are listed both to vary and as fixed"
+            if twice
             else "all parameters are fixed, so there is nothing to vary",
             where="vary",
         )
@@ -93,15 +93,15 @@ def problem_of(spec: DesignSpec, family: Family, scene: Path | None, base: Path)
         largest = spec.largest_force
         for i, name in enumerate(family.rows.actuators):
             constraints[f"force of {name}"] = lambda states, i=i: largest - np.abs(states.lam[:, i])
-    made = FeProblem if spec.by == "fe" else DesignProblem
-    return made(family, kind, np.asarray(u, float), free, p0, objectives, constraints), volume
+    problem_class = FeProblem if spec.by == "fe" else DesignProblem
+    return problem_class(family, kind, np.asarray(u, float), free, p0, objectives, constraints), volume
 
 
 def _volume(spec: DesignSpec, family: Family, scene: Path | None) -> Volume | None:
     """Volume of the body, None where nothing asks for it."""
     texts = [constraint for constraint in spec.constraints.values() if isinstance(constraint, str)]
-    asked = [objective for objective in spec.objectives.values() if isinstance(objective, BodySpec)]
-    if spec.by == "fe" or not (asked or any("volume" in names_in(text) for text in texts)):
+    of_bodies = [objective for objective in spec.objectives.values() if isinstance(objective, BodySpec)]
+    if spec.by == "fe" or not (of_bodies or any("volume" in names_in(text) for text in texts)):
         return None
     if scene is None:
         raise SpecError("the volume needs the key `scene`", where="scene", do="name the scene.yaml")

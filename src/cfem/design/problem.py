@@ -46,11 +46,11 @@ class DesignProblem(Varied):
 
     def score(self, states: States) -> Scores:
         m = len(states)
-        both = [
+        groups = [
             np.stack([self._number(number, states) for number in group.values()], axis=1) if group else np.zeros((m, 0))
             for group in (self.objectives, self.constraints)
         ]
-        return Scores(*both)
+        return Scores(*groups)
 
     def _number(self, objective: Objective, states: States) -> np.ndarray:
         """Values (m,) of an objective; of one over several actuations from states of its own."""

@@ -56,7 +56,7 @@ def _work(folder: Path, spec: DesignSpec, base: Path) -> dict[str, Any]:
     if spec.verify != "no":
         exact = finite_elements(paths["scene"], paths["mesh"], family.parameters, remesh=True)
     results: dict[str, Any] = {"judgement": [], "headline": []}
-    asked = task_of(spec, family.rows) if spec.task else None
+    task = task_of(spec, family.rows) if spec.task else None
     if spec.objectives:
         problem, volume = problem_of(spec, family, paths.get("scene"), base)
         search = _search(spec, problem)
@@ -75,7 +75,7 @@ def _work(folder: Path, spec: DesignSpec, base: Path) -> dict[str, Any]:
     if spec.task:
         from cfem.design.served import serve_and_tell
 
-        results["task"] = serve_and_tell(spec, asked, family, exact, results, base)
+        results["task"] = serve_and_tell(spec, task, family, exact, results, base)
     write_json(folder / RESULT, {key: value for key, value in results.items() if key != "headline"})
     return results
 
@@ -231,15 +231,15 @@ def _products(
         headline += [note] if note else []
     if spec.controller is None:
         return {}
-    made = write_controllers(folder, chosen, parameters, paths["model"], spec.controller, scene)
-    parities = [report["parity"] for report in made.values()]
+    reports = write_controllers(folder, chosen, parameters, paths["model"], spec.controller, scene)
+    parities = [report["parity"] for report in reports.values()]
     compared = (
         "not compared, there is no C compiler here"
         if None in parities
         else f"largest relative difference from the model {max(parities):.1e}"
     )
-    headline.append(f"controllers in C of {len(made)} designs: {compared}")
-    return {"controllers": made}
+    headline.append(f"controllers in C of {len(reports)} designs: {compared}")
+    return {"controllers": reports}
 
 
 def _verify(problem: Any, exact: Any, designs: dict, front: Any, spec: DesignSpec) -> dict[bytes, Any]:
@@ -263,12 +263,12 @@ def _draw(folder: Path, problem: Any, search: Any, checked: dict[bytes, Any]) ->
     from cfem.design.fe import FeProblem
     from cfem.design.figure import front_figure, landscape
 
-    made = {}
+    pictures = {}
     for index, name in enumerate([] if isinstance(problem, FeProblem) else problem.names):
         design = search.designs[name]
         known = checked.get(design.z.tobytes())
         verified = None if known is None else float(known.objectives[index])
-        made[f"landscape-{name}.png"] = landscape(problem, index, design, verified, name)
+        pictures[f"landscape-{name}.png"] = landscape(problem, index, design, verified, name)
     front = search.front
     if front:
         places = {
@@ -276,10 +276,10 @@ def _draw(folder: Path, problem: Any, search: Any, checked: dict[bytes, Any]) ->
             for i, of_front in enumerate(front.designs)
             if of_front.z.tobytes() in checked
         }
-        made["front.png"] = front_figure(problem, search.grid, front, places)
-    for name, data in made.items():
+        pictures["front.png"] = front_figure(problem, search.grid, front, places)
+    for name, data in pictures.items():
         write_whole(folder / name, data)
-    return list(made)
+    return list(pictures)
 
 
 COMMAND = Command(

@@ -59,12 +59,12 @@ def serve(family: Family, task: Task, free: Sequence[int], p0: np.ndarray, start
     n, k, n_a = len(free), len(task.goals), family.rows.n_a
     low, high = family.reach.T
     matter = task.weights > 0
-    asked = 0
+    evaluated = 0
 
     def states(batch: np.ndarray) -> States:
         """Batch by batch, m k states of (m, n + k n_a)."""
-        nonlocal asked
-        asked += len(batch) * k
+        nonlocal evaluated
+        evaluated += len(batch) * k
         p = np.broadcast_to(p0, (len(batch), len(p0))).copy()
         p[:, list(free)] = from_shares(parameters, batch[:, :n])
         u = low + batch[:, n:].reshape(-1, n_a) * (high - low)
@@ -95,7 +95,7 @@ def serve(family: Family, task: Task, free: Sequence[int], p0: np.ndarray, start
     states_of_best = states(best.u[None])
     distance = np.linalg.norm((task.reached(states_of_best) - task.goals)[:, matter], axis=1)
     u = low + best.u[n:].reshape(k, n_a) * (high - low)
-    return Served(states_of_best.p[0], u, distance, states_of_best, float(best.cost), asked)
+    return Served(states_of_best.p[0], u, distance, states_of_best, float(best.cost), evaluated)
 
 
 def _starts(n: int, k: int, n_a: int, count: int) -> list[np.ndarray]:

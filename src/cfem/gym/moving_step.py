@@ -135,8 +135,8 @@ def _effectors(effectors, lanes, still, moving, room, tip, outside):
                 for s in range(r, n_r):
                     factor = 0.5 if r == s else 1.0
                     for b in range(LANES):
-                        both = lanes.q[n_a + r, b] * lanes.q[n_a + s, b]
-                        tip[e, b] += factor * moving.sums[place, b] * both
+                        product = lanes.q[n_a + r, b] * lanes.q[n_a + s, b]
+                        tip[e, b] += factor * moving.sums[place, b] * product
                     place += 1
 
 

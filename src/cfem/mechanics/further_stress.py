@@ -59,8 +59,8 @@ def _slaved_stiffness(solid: Solid, state: SolidResponse, C: np.ndarray) -> np.n
     """Stiffness (m, 3 n_nodes, 3 n_nodes) of a stress with that curvature, the bubbles following the nodes."""
     K, slaved = point_stiffness(replace(solid, bulk=0.0), C, state.g), _slaved(solid, state)
     n = 3 * solid.element.n_nodes
-    both = K[:, :n, n:] @ slaved
-    return K[:, :n, :n] + both + both.swapaxes(1, 2) + slaved.swapaxes(1, 2) @ K[:, n:, n:] @ slaved
+    coupling = K[:, :n, n:] @ slaved
+    return K[:, :n, :n] + coupling + coupling.swapaxes(1, 2) + slaved.swapaxes(1, 2) @ K[:, n:, n:] @ slaved
 
 
 def _slaved(solid: Solid, state: SolidResponse) -> np.ndarray:

@@ -198,5 +198,5 @@ def make_kinematics(
         (a[across], b[across], slot[across], across_slots),
         group_slots,
     )
-    made = make_rigid_groups(X, rigid, pattern.number[pseudo])
-    return Kinematics(X, pattern, full, made, fixed, transfer, joint_slots, row)
+    rigid_groups = make_rigid_groups(X, rigid, pattern.number[pseudo])
+    return Kinematics(X, pattern, full, rigid_groups, fixed, transfer, joint_slots, row)

@@ -87,10 +87,10 @@ def _of_rod(rod: Rod, density: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     nodes = np.concatenate([three[:-1], three[1:]], axis=1)
     shape = rod.shape
     inertia = np.stack(np.broadcast_arrays(shape.area, shape.bending, shape.bending, rod.length)[:3])
-    both = np.zeros((len(masses), 2, 3, 6))
-    both[:, 0, :, :3], both[:, 1, :, 3:] = motion[:-1], motion[1:]
+    by_nodes = np.zeros((len(masses), 2, 3, 6))
+    by_nodes[:, 0, :, :3], by_nodes[:, 1, :, 3:] = motion[:-1], motion[1:]
     shared = np.array([[2.0, 1.0], [1.0, 2.0]]) / 6
-    blocks = np.einsum("mixa,ij,xm,mjxb->mab", both, shared, inertia, both, optimize=True)
+    blocks = np.einsum("mixa,ij,xm,mjxb->mab", by_nodes, shared, inertia, by_nodes, optimize=True)
     return nodes, masses[:, None, None] * blocks
 
 

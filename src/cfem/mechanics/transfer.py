@@ -31,9 +31,9 @@ class Transfer:
         add_blocks(B, to, out)
         a, b, slot, to = self.across
         B = np.einsum("kip,kij,kjq->kpq", T[a], _blocks(a, b, slot, data), T[b])
-        both = np.zeros((len(a), 12, 12))
-        both[:, :6, 6:], both[:, 6:, :6] = B, B.transpose(0, 2, 1)
-        add_blocks(both, to, out)
+        blocks = np.zeros((len(a), 12, 12))
+        blocks[:, :6, 6:], blocks[:, 6:, :6] = B, B.transpose(0, 2, 1)
+        add_blocks(blocks, to, out)
 
 
 def _blocks(a: np.ndarray, b: np.ndarray, slot: np.ndarray, data: np.ndarray) -> np.ndarray:

@@ -60,9 +60,9 @@ class Meshes:
                 f"{MOST} designs have meshes of their own already, and the search asks for another",
                 do="narrow the ranges, or make the mesh of a scene in their middle",
             )
-        made = self._made(p)
-        self.own.append(made)
-        return made.family, made.family.at(p)
+        own = self._made(p)
+        self.own.append(own)
+        return own.family, own.family.at(p)
 
     def edge(self, remeshed: Own) -> np.ndarray:
         """Last design (n_p,) on the straight way from the scene's own to that of `remeshed` to which the scene's mesh

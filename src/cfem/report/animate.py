@@ -80,27 +80,27 @@ def _work(folder: Path, control: Path, manifest: Mapping[str, Any], spec: Animat
     shown |= {history.name: history for history in shapes if spec.learned and history.kind == LEARNED}
     with progress("animation", len(shapes)) as advance:
         for history in shapes:
-            made = files.setdefault(history.name, [])
+            written = files.setdefault(history.name, [])
             if "paraview" in spec.formats:
-                made.append(write_series(folder, f"{history.name}-{history.kind}", history))
+                written.append(write_series(folder, f"{history.name}-{history.kind}", history))
             if shown[history.name] is history:
-                made += _pictures(folder, history, viewer_of(history.name, [history], scene), spec.formats)
+                written += _pictures(folder, history, viewer_of(history.name, [history], scene), spec.formats)
             advance(1)
-    return {"headline": [f"{name}: {', '.join(made)}" for name, made in files.items()], "files": files}
+    return {"headline": [f"{name}: {', '.join(written)}" for name, written in files.items()], "files": files}
 
 
 def _pictures(folder: Path, history: "ShapeHistory", viewer: "Viewer", formats: Sequence[Format]) -> list[str]:
     """Names of the files that show one trajectory."""
     from cfem.report.moving import gif, still
 
-    take, made = viewer.takes[0], {}
+    take, pictures = viewer.takes[0], {}
     if "gif" in formats:
-        made[f"{history.name}.gif"] = gif(viewer, take, _durations(history))
+        pictures[f"{history.name}.gif"] = gif(viewer, take, _durations(history))
     if "still" in formats:
-        made[f"{history.name}.png"] = still(viewer, take, history.rest)
-    for name, data in made.items():
+        pictures[f"{history.name}.png"] = still(viewer, take, history.rest)
+    for name, data in pictures.items():
         write_whole(folder / name, data)
-    return list(made)
+    return list(pictures)
 
 
 def _nothing(control: Path, manifest: Mapping[str, Any]) -> InputError:

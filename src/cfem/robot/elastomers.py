@@ -42,8 +42,8 @@ def _fitted(title: str, density: str, modulus: float, **constants: Any) -> Elast
     """Elastomer with constants fitted to Marechal's tests. modulus: kPa, the maker's nominal stress at a strain of 100
     %."""
     others = ((2.0, modulus, f"{_SMOOTH_ON} (100 % modulus)"),)
-    made = MappingProxyType(constants)
-    return Elastomer(title, made, density, _SMOOTH_ON, 3.0, True, _MARECHAL, _CROSSHEAD, others)
+    frozen = MappingProxyType(constants)
+    return Elastomer(title, frozen, density, _SMOOTH_ON, 3.0, True, _MARECHAL, _CROSSHEAD, others)
 
 
 _PSI = 6.894757  # kPa

@@ -96,10 +96,10 @@ class SceneSpec(Spec):
                 if item.name in first:
                     raise ValueError(f"{place}: names must differ, and {first[item.name]} is '{item.name}' too")
                 first[item.name] = place
-        asked = [f"actuators.{i}.route" for i, item in enumerate(self.actuators) if getattr(item, "route", None)]
-        asked += [f"effectors.{i}.at" for i, item in enumerate(self.effectors) if item.at == "tip"]
-        if asked and not routes.has_tip(self.geometry):
-            raise ValueError(f"{asked[0]}: needs a geometry of kind soft-finger, bar, diamond or trunk")
+        needs_tip = [f"actuators.{i}.route" for i, item in enumerate(self.actuators) if getattr(item, "route", None)]
+        needs_tip += [f"effectors.{i}.at" for i, item in enumerate(self.effectors) if item.at == "tip"]
+        if needs_tip and not routes.has_tip(self.geometry):
+            raise ValueError(f"{needs_tip[0]}: needs a geometry of kind soft-finger, bar, diamond or trunk")
         for index, item in enumerate(self.actuators):
             wrong = routes.fault(self.geometry, item.route) if getattr(item, "route", None) else ""
             if wrong:
@@ -112,8 +112,10 @@ class SceneSpec(Spec):
             or (isinstance(self.geometry, MeshFile) and not self.geometry.meshed_here)
         ):
             raise ValueError("mesh.cells: grades tetrahedra that are made here, not hexahedra or a mesh file")
-        made = not isinstance(self.geometry, Assembly | MeshFile | StiffFlop) and self.mesh.element != "hex8"
-        if self.mesh.mirror and not made:
+        tetrahedra_made_here = (
+            not isinstance(self.geometry, Assembly | MeshFile | StiffFlop) and self.mesh.element != "hex8"
+        )
+        if self.mesh.mirror and not tetrahedra_made_here:
             raise ValueError("mesh.mirror: is for tetrahedra of one body that is meshed here")
         sections, element = isinstance(self.geometry, StiffFlop), self.mesh.element
         rod = isinstance(self.geometry, Taper) and element == "beam"

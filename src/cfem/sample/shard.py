@@ -65,7 +65,7 @@ def together(robot: bytes) -> float:
     solver = _solver(robot).roughly()
     parameters, high = sampled(solver.facts.parameters), solver.facts.reach[:, 1]
     middle = from_shares(parameters, np.full(len(parameters), 0.5))
-    return borne_together(lambda asked: solver.solve(asked, None, middle), high, solver.facts.compliance)
+    return borne_together(lambda command: solver.solve(command, None, middle), high, solver.facts.compliance)
 
 
 @lru_cache(maxsize=1)

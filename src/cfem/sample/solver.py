@@ -158,8 +158,8 @@ class FiniteElements:
             Inside(within, robot.X[within]) if len(within) else None,
             robot.unilateral if self.slack else np.zeros(0, dtype=bool),
         )
-        asked = self.third_order, self.loads, self.slack
-        return _FiniteElementSolver(facts, family, problem, settings, *asked, mass, stresses)
+        options = self.third_order, self.loads, self.slack
+        return _FiniteElementSolver(facts, family, problem, settings, *options, mass, stresses)
 
 
 @dataclass(frozen=True)

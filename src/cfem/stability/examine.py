@@ -44,10 +44,10 @@ def attempt(
     """Builds the robot and solves, from rest unless `start` says otherwise."""
 
     def work() -> Trial:
-        made = make()
-        wanted = actuation(made) if callable(actuation) else actuation
-        answer = solve(Problem(made), wanted, start=start(made) if start else None, slack=slack)
-        return Trial(made, wanted.padded(len(answer.delta)), slack, answer)
+        robot = make()
+        wanted = actuation(robot) if callable(actuation) else actuation
+        answer = solve(Problem(robot), wanted, start=start(robot) if start else None, slack=slack)
+        return Trial(robot, wanted.padded(len(answer.delta)), slack, answer)
 
     return work
 

@@ -122,9 +122,14 @@ def _state(moving: Any, index: int) -> _State:
     inverse, shapes = inverse[positive], shapes[:, positive] / np.sqrt(inverse[positive])
     amplitudes = (shapes.T @ K / size) * inverse[:, None]  # of (Z, Y), the actuators held
     fields = np.hstack([amplitudes[:, n + a] @ K_aa, amplitudes[:, e], amplitudes[:, n + e]])
-    both = np.hstack([X, shapes])
+    motions = np.hstack([X, shapes])
     return _State(
-        1 / inverse, fields, both.T @ M @ both, both.T @ F @ both, by_rows[e] @ shapes, by_rows[rows.s] @ shapes
+        1 / inverse,
+        fields,
+        motions.T @ M @ motions,
+        motions.T @ F @ motions,
+        by_rows[e] @ shapes,
+        by_rows[rows.s] @ shapes,
     )
 
 

@@ -37,12 +37,12 @@ class Refined:
 def refine_all(spec: DesignSpec, problem: DesignProblem, exact: FeProblem, grid: Grid) -> dict[str, Refined]:
     """Refined designs by objective and blend. exact: the same problem by finite elements. NumericalError where they
     solve no start."""
-    asked = spec.refine
-    limits = TrustRegionSettings(asked.radius, asked.tolerance, asked.solves)
+    refine = spec.refine
+    limits = TrustRegionSettings(refine.radius, refine.tolerance, refine.solves)
     rows = dict(zip(problem.names, np.eye(len(problem.names)), strict=True))
     for name, weights in spec.blends.items():
         rows[name] = np.array([weights.get(objective, 0.0) for objective in problem.names])
-    return {name: _refined(problem, exact, grid, weights, asked.starts, limits) for name, weights in rows.items()}
+    return {name: _refined(problem, exact, grid, weights, refine.starts, limits) for name, weights in rows.items()}
 
 
 def _refined(

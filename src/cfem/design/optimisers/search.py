@@ -78,13 +78,13 @@ class Design:
     message: str
 
 
-def first_designs(problem: DesignProblem, asked: Any) -> Grid:
+def first_designs(problem: DesignProblem, grid: Any) -> Grid:
     """First designs as design.yaml asks: points along each parameter, one number or a list, or a number of scattered
     designs. SpecError where a grid has another number of parameters, or far too many designs."""
-    if isinstance(asked, Scattered):
-        return evaluate_scattered(problem, asked.designs)
+    if isinstance(grid, Scattered):
+        return evaluate_scattered(problem, grid.designs)
     n = len(problem.free)
-    shape = [asked] * n if isinstance(asked, int) else list(asked)
+    shape = [grid] * n if isinstance(grid, int) else list(grid)
     if len(shape) != n:
         raise SpecError(
             f"has {len(shape)} numbers of points, and {n} parameters vary",

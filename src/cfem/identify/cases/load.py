@@ -62,8 +62,8 @@ class Lab:
 
     def rig(self, find: Sequence[str], sessions: Sequence[str]) -> Rig:
         """The rig with these parameters unknown."""
-        asked = {name: self.spec.parameters[name] for name in find}
-        unknowns = case_unknowns(asked, self.scene_path, sessions, self.units)
+        named = {name: self.spec.parameters[name] for name in find}
+        unknowns = case_unknowns(named, self.scene_path, sessions, self.units)
         robots = CaseRobots(self.scene, self.mesh, _keys(unknowns, self.spec, self.scene_path))
         watched = [effector.name for effector in self.scene.effectors]
         return Rig(

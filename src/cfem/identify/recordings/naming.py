@@ -92,12 +92,13 @@ def follow(points: np.ndarray, within: float) -> np.ndarray:
     of more than `within` mm. A marker keeps its last place while it is hidden."""
     tracks, last = points.copy(), points[0].copy()
     for i in range(1, len(points)):
-        both = np.flatnonzero(np.isfinite(tracks[i]).all(axis=1) & np.isfinite(last).all(axis=1))
-        if len(both) > 1 and (np.linalg.norm(tracks[i, both] - last[both], axis=1) > within).sum() > 1:
-            distances = np.linalg.norm(last[both][:, None] - tracks[i, both], axis=2)
+        seen_twice = np.flatnonzero(np.isfinite(tracks[i]).all(axis=1) & np.isfinite(last).all(axis=1))
+        jumps = np.linalg.norm(tracks[i, seen_twice] - last[seen_twice], axis=1)
+        if (jumps > within).sum() > 1:
+            distances = np.linalg.norm(last[seen_twice][:, None] - tracks[i, seen_twice], axis=2)
             rows, columns = linear_sum_assignment(distances)
             if distances[rows, columns].sum() < 0.5 * np.trace(distances):
-                tracks[i:, both[rows]] = tracks[i:, both[columns]]
+                tracks[i:, seen_twice[rows]] = tracks[i:, seen_twice[columns]]
         last = np.where(np.isfinite(tracks[i]), tracks[i], last)
     return tracks
 
