@@ -188,33 +188,15 @@ def _units(
 ) -> dict[str, str | list[str]]:
     """Units by column: of all its numbers, or a list of each one's where they differ. An entry (i, j) of W has the
     displacement unit of row i over the multiplier unit of row j."""
-
-    def common(units: Sequence[str]) -> str | list[str]:
-        return units[0] if len(set(units)) == 1 else list(units)
-
     units: dict[str, str | list[str]] = {column.name: column.unit for column in columns if column.unit}
     displacement, multiplier = ([pair[side] for pair in row_units] for side in (0, 1))
     if set(row_units) != {CABLE}:
-        per = [_factor(unit) for unit in multiplier]
-        upper = [f"{displacement[i]}/{per[j]}" for i in range(rows.n) for j in range(i, rows.n)]
-        units["delta_a"] = common(displacement[rows.a])
-        units["delta_e"] = common(displacement[rows.e])
-        units["lambda_a"] = common(multiplier[rows.a])
-        if rows.n_c:
-            units["delta_c"], units["lambda_c"] = common(displacement[rows.c]), common(multiplier[rows.c])
-        units["delta_free"] = common(displacement)
-        units["W"] = common(upper)
-        for power, name in enumerate(("V", "V2", "V3"), 1):
-            if name in units:
-                units[name] = common([f"{unit} s^{2 * power}" for unit in upper])
-        if "dV" in units:
-            units["dV"] = common([f"{unit}/{k} s^2" for k in per[rows.active] for unit in upper])
-        if "dW" in units:
-            units["dW"] = common([f"{unit}/{k}" for k in per[rows.active] for unit in upper])
-        if "dC" in units:
-            units["dC"] = common(_quotients(symmetric3_indices(rows.n_e), displacement, multiplier))
-        if "d2C" in units:
-            units["d2C"] = common(_quotients(symmetric4_indices(rows.n_e), displacement, multiplier))
+        by_column = _units_of_rows(rows, displacement, multiplier)
+        units |= {
+            name: list_of_units[0] if len(set(list_of_units)) == 1 else list_of_units
+            for name, list_of_units in by_column.items()
+            if name in units
+        }
     if inner:
         moving = [*(f"/{_factor(unit)}" for unit in displacement[rows.a]), *[""] * inner]
         pairs = [moving[i] + moving[j] for i in range(len(moving)) for j in range(i, len(moving))]
@@ -237,6 +219,26 @@ def _units(
         if rows.n_s:
             units["ddelta_s_dp"] = [f"{unit}{by}" for unit in displacement[rows.s] for by in per]
     return units
+
+
+def _units_of_rows(rows: Rows, displacement: Sequence[str], multiplier: Sequence[str]) -> dict[str, list[str]]:
+    """Unit of every number of the columns about rows, by column."""
+    per = [_factor(unit) for unit in multiplier]
+    upper = [f"{displacement[i]}/{per[j]}" for i in range(rows.n) for j in range(i, rows.n)]
+    return {
+        "delta_a": displacement[rows.a],
+        "delta_e": displacement[rows.e],
+        "lambda_a": multiplier[rows.a],
+        "delta_c": displacement[rows.c],
+        "lambda_c": multiplier[rows.c],
+        "delta_free": displacement,
+        "W": upper,
+        **{name: [f"{unit} s^{2 * power}" for unit in upper] for power, name in enumerate(("V", "V2", "V3"), 1)},
+        "dV": [f"{unit}/{k} s^2" for k in per[rows.active] for unit in upper],
+        "dW": [f"{unit}/{k}" for k in per[rows.active] for unit in upper],
+        "dC": _quotients(symmetric3_indices(rows.n_e), displacement, multiplier),
+        "d2C": _quotients(symmetric4_indices(rows.n_e), displacement, multiplier),
+    }
 
 
 def _quotients(entries: np.ndarray, displacement: Sequence[str], multiplier: Sequence[str]) -> list[str]:

@@ -61,7 +61,9 @@ def _work(folder: Path, spec: DesignSpec, base: Path) -> dict[str, Any]:
         problem, volume = problem_of(spec, family, paths.get("scene"), base)
         search = _search(spec, problem)
         checked = _verify(problem, exact, search.designs, search.front, spec)
-        results |= _report(folder, spec, problem, volume, search, checked, results["headline"])
+        reported, lines = _report(folder, spec, problem, volume, search, checked)
+        results |= reported
+        results["headline"] += lines
         results["judgement"] += contradictions(results["designs"])
         optima = {}
         if spec.refine:
@@ -114,20 +116,32 @@ def _search(spec: DesignSpec, problem: Any) -> _Found:
 
 
 def _report(
-    folder: Path,
-    spec: DesignSpec,
-    problem: Any,
-    volume: Any,
-    search: _Found,
-    checked: dict[bytes, Any],
-    headline: list[str],
-) -> dict[str, Any]:
-    """Results; writes tables into the folder and lines into the headline."""
-    from cfem.design.answer import entry, front_entry, front_line, line, slopes_checked, write_designs, write_front
-    from cfem.design.fe import FeProblem
+    folder: Path, spec: DesignSpec, problem: Any, volume: Any, search: _Found, checked: dict[bytes, Any]
+) -> tuple[dict[str, Any], list[str]]:
+    """Results of a search, and their lines for a person; writes tables into the folder."""
+    from cfem.design.answer import front_line, line, write_designs, write_front
     from cfem.design.optimisers.sensitivity import account_of
 
-    grid, seconds, by_fe = search.grid, search.seconds, isinstance(problem, FeProblem)
+    results, lines = _search_results(problem, volume, search, checked), []
+    if spec.sensitivity:
+        results["sensitivity"], lines = account_of(problem, spec.sensitivity)
+    if volume:
+        what = "volume: a polynomial through CAD models; largest error at other designs"
+        lines.append(f"{what} {volume.error:.1e} mm^3")
+    lines += [line(name, design) for name, design in results["designs"].items()]
+    if search.front:
+        lines.append(front_line(search.front, search.seconds["front"]))
+        write_front(folder / FRONT, problem, search.front)
+    write_designs(folder / GRID, problem, search.grid.z, *search.grid.scores)
+    return results, [*lines, _cost_line(results)]
+
+
+def _search_results(problem: Any, volume: Any, search: _Found, checked: dict[bytes, Any]) -> dict[str, Any]:
+    """Results of a search as plain data."""
+    from cfem.design.answer import entry, front_entry, slopes_checked
+    from cfem.design.fe import FeProblem
+
+    grid, by_fe = search.grid, isinstance(problem, FeProblem)
     results: dict[str, Any] = {
         "grid": {"designs": len(grid.z), "feasible": int(grid.scores.feasible.sum())},
         "spread": {
@@ -139,37 +153,32 @@ def _report(
             for name, design in search.designs.items()
         },
         "slopes_checked": problem.slope_error(problem.z(problem.p0)) if by_fe else slopes_checked(problem),
-        "seconds": seconds,
+        "seconds": search.seconds,
         "evaluations": problem.evaluations,
         "signs": {name: getattr(objective, "sign", 1.0) for name, objective in problem.objectives.items()},
     }
-    if spec.sensitivity:
-        results["sensitivity"], lines = account_of(problem, spec.sensitivity)
-        headline += lines
     if volume:
         results["volume_error"] = volume.error
-        headline.append(
-            f"volume: a polynomial through CAD models; largest error at other designs {volume.error:.1e} mm^3"
-        )
-    headline += [line(name, design) for name, design in results["designs"].items()]
     if search.front:
         results["front"] = front_entry(search.front)
-        headline.append(front_line(search.front, seconds["front"]))
-        write_front(folder / FRONT, problem, search.front)
-    write_designs(folder / GRID, problem, grid.z, *grid.scores)
-    agree = f"derivatives agree with finite differences to {results['slopes_checked']:.0e}"
     if by_fe:
         results |= {"solves": problem.family.solves, "failed": problem.failed}
-        headline.append(
-            f"{problem.family.solves} finite-element solves in {duration(sum(seconds.values()))} of CPU time, "
-            f"{problem.failed} designs failed; {agree} of solves along one direction"
-        )
-    else:
-        headline.append(
-            f"{len(grid.z)} designs in {duration(seconds['grid'])} of CPU time; derivatives agree with finite "
-            f"differences of second order to {results['slopes_checked']:.0e}"
-        )
     return results
+
+
+def _cost_line(results: dict[str, Any]) -> str:
+    """Sentence on what the search took, and on how far its derivatives can be trusted."""
+    error, seconds = f"{results['slopes_checked']:.0e}", results["seconds"]
+    if "solves" in results:
+        return (
+            f"{results['solves']} finite-element solves in {duration(sum(seconds.values()))} of CPU time, "
+            f"{results['failed']} designs failed; derivatives agree with finite differences to {error} of solves "
+            "along one direction"
+        )
+    return (
+        f"{results['grid']['designs']} designs in {duration(seconds['grid'])} of CPU time; derivatives agree with "
+        f"finite differences of second order to {error}"
+    )
 
 
 def _refine(

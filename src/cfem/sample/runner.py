@@ -126,6 +126,26 @@ def make_job(
     plans = {
         name: with_idle(unit_rows(split, columns), facts.rows.n_a, spec.idle) for name, split in spec.splits.items()
     }
+    meta = _meta(spec, facts, made_from, together)
+    return Job(
+        robot=robot,
+        executor=executor,
+        timeout=timeout,
+        space=spec.space,
+        u=np.concatenate(list(plans.values())),
+        split=tuple(name for name, rows in plans.items() for _ in rows),
+        id=tuple(index for rows in plans.values() for index in range(len(rows))),
+        schema=schema(facts.rows, meta, facts.parameters, spec.third_order, facts.row_units, spec.loads),
+        skeleton=folder,
+        folder=folder,
+        contact=contact_plan(spec, facts),
+        together=together,
+        asked=None if facts.surface is None or spec.space == "rest" else spec.skin,
+    )
+
+
+def _meta(spec: SampleSpec, facts: Facts, made_from: str, together: float) -> dict[str, Any]:
+    """Metadata of the dataset, as plain data."""
     meta = {
         "scene": facts.scene,
         "robot": facts.robot,
@@ -145,21 +165,7 @@ def make_job(
         meta["masses"] = dict(facts.masses)
     if facts.patch:
         meta["patch"] = {"points": facts.patch.points.tolist(), "origin": facts.patch.origin.tolist()}
-    return Job(
-        robot=robot,
-        executor=executor,
-        timeout=timeout,
-        space=spec.space,
-        u=np.concatenate(list(plans.values())),
-        split=tuple(name for name, rows in plans.items() for _ in rows),
-        id=tuple(index for rows in plans.values() for index in range(len(rows))),
-        schema=schema(facts.rows, meta, facts.parameters, spec.third_order, facts.row_units, spec.loads),
-        skeleton=folder,
-        folder=folder,
-        contact=contact_plan(spec, facts),
-        together=together,
-        asked=None if facts.surface is None or spec.space == "rest" else spec.skin,
-    )
+    return meta
 
 
 def _demand_space(spec: SampleSpec, facts: Facts) -> None:
