@@ -16,31 +16,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cfem.condensed.viscosity import Viscosity
 from cfem.mechanics.body import Body, BodyResponse
 from cfem.mechanics.further_stress import add_stress, add_stress_stiffness, stress_form
 from cfem.mechanics.rod import region as rods
-
-
-@dataclass(frozen=True)
-class Viscosity:
-    """Viscosity of a material. relaxation: tau of Kelvin-Voigt, s; prony: (g, tau) of each term, g a share of the
-    modulus after a long time."""
-
-    relaxation: float = 0.0
-    prony: tuple[tuple[float, float], ...] = ()
-
-    @property
-    def none(self) -> bool:
-        return self.relaxation == 0.0 and not self.prony
-
-    def modulus(self, omega: float | np.ndarray) -> np.ndarray:
-        """Factors (2, ...) on S under vibration at omega, rad/s: in phase, and a quarter ahead."""
-        w = np.asarray(omega, float)
-        stored, lost = np.zeros_like(w), self.relaxation * w
-        for g, tau in self.prony:
-            stored = stored + g * (w * tau) ** 2 / (1 + (w * tau) ** 2)
-            lost = lost + g * w * tau / (1 + (w * tau) ** 2)
-        return np.stack([stored, lost])
 
 
 @dataclass(frozen=True)

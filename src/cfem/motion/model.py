@@ -18,6 +18,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from scipy.sparse import hstack
 
+from cfem.condensed.viscosity import Viscosity
 from cfem.core.errors import InputError
 from cfem.core.reading import take
 from cfem.motion.inner_skin import InnerSkin
@@ -33,22 +34,6 @@ class HasParts(Protocol):
     def parts(self, s: np.ndarray, q: np.ndarray) -> dict[str, np.ndarray]:
         """The potential, its derivatives and what is beside them at s (..., n_a): see `cfem.predict.energy.layout`."""
         ...
-
-
-@dataclass(frozen=True)
-class Loss:
-    """Viscosity of one material."""
-
-    relaxation: float  # s
-    prony: tuple[tuple[float, float], ...]  # (share, s) of each term
-
-    def modulus(self, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Factor of F under vibration at omega, rad/s: storage, and loss."""
-        stored, lost = np.zeros_like(omega), self.relaxation * omega
-        for share, tau in self.prony:
-            stored = stored + share * (omega * tau) ** 2 / (1 + (omega * tau) ** 2)
-            lost = lost + share * omega * tau / (1 + (omega * tau) ** 2)
-        return stored, lost
 
 
 @dataclass(frozen=True)
@@ -118,7 +103,7 @@ class MotionModel:
                 "only energy models of form displacement without parameters can move", do="train kind: spectral"
             )
         self.static, self.rows, self.arrays = static, static.rows, arrays
-        self.losses = tuple(Loss(loss["relaxation"], tuple(map(tuple, loss["prony"]))) for loss in viscosity)
+        self.losses = tuple(Viscosity(loss["relaxation"], tuple(map(tuple, loss["prony"]))) for loss in viscosity)
         n_a, n_e = self.rows.n_a, self.rows.n_e
         self.scale = take(arrays, "scale", (None,))
         self.n_a, self.n_q = n_a, len(self.scale)

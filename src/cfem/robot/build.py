@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from cfem.condensed import Rows
+from cfem.condensed.viscosity import Viscosity
 from cfem.constraint.attachment import Attachment, attach
 from cfem.constraint.cable import Cable, make_cable
 from cfem.constraint.cavity import Cavity, enclosed, is_skin, make_cavity
@@ -28,7 +29,6 @@ from cfem.mechanics.material.law import Material
 from cfem.mechanics.mesh import Mesh
 from cfem.mechanics.rod.region import CrossSection, Rod
 from cfem.mechanics.rod.sections import Sections
-from cfem.mechanics.viscosity import Viscosity
 from cfem.robot import constraints, spec
 from cfem.robot.catalogue import stiff_flop, taper
 from cfem.robot.catalogue.sections import sections_of

@@ -10,13 +10,13 @@ from cfem.condensed import Rows
 from cfem.condensed.parameters import Parameter
 from cfem.condensed.pose import Patch
 from cfem.condensed.skin import Skin
+from cfem.condensed.viscosity import Viscosity
 from cfem.constraint.skin_rows import SkinRows
 from cfem.constraint.surface import Surface, outer_surface
 from cfem.core.errors import NumericalError, SpecError
 from cfem.equilibrium.actuation import Actuation
 from cfem.equilibrium.solution import Equilibrium, State
 from cfem.mechanics.mesh import Mesh
-from cfem.mechanics.viscosity import Viscosity
 from cfem.robot.same_robot import robot_of
 from cfem.robot.spec import SceneSpec
 from cfem.sample import tally

@@ -265,15 +265,20 @@ def _fewer(z: np.ndarray, targets: np.ndarray, terms: int) -> tuple[np.ndarray, 
 def series(chosen: dict[str, Series], to_box: np.ndarray, n_a: int) -> dict[str, np.ndarray]:
     """Arrays of the series: indices (M, n), the union of the index sets; series (n_out, M), coefficients of every part
     of `cfem.predict.energy.layout`, derivatives by s (n_a,); and of D where it was fitted."""
+    indices, padded = united(chosen)
+    psi, e, compliance = (padded[name] for name in ("potential", "effector", "effector_compliance"))
+    arrays = {"indices": indices, "series": differentiated(indices, to_box, n_a, psi, e, compliance)}
+    return arrays | ({THIRD: padded[THIRD].T.copy()} if THIRD in chosen else {})
+
+
+def united(chosen: dict[str, Series]) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """Multi-indices (M, n) of several series together, by degree, and the coefficients (M, q) of each, 0 where it has
+    no such term."""
     union = {tuple(k) for part in chosen.values() for k in part.indices.tolist()}
     indices = np.array(sorted(union, key=lambda k: (sum(k), k)), dtype=np.int64)
     position = {tuple(k): i for i, k in enumerate(indices.tolist())}
-
-    def padded(part: Series) -> np.ndarray:
-        full = np.zeros((len(indices), part.coefficients.shape[1]))
-        full[[position[tuple(k)] for k in part.indices.tolist()]] = part.coefficients
-        return full
-
-    psi, e, compliance = (padded(chosen[name]) for name in ("potential", "effector", "effector_compliance"))
-    arrays = {"indices": indices, "series": differentiated(indices, to_box, n_a, psi, e, compliance)}
-    return arrays | ({THIRD: padded(chosen[THIRD]).T.copy()} if THIRD in chosen else {})
+    padded = {}
+    for name, part in chosen.items():
+        padded[name] = np.zeros((len(indices), part.coefficients.shape[1]))
+        padded[name][[position[tuple(k)] for k in part.indices.tolist()]] = part.coefficients
+    return indices, padded
