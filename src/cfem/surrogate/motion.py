@@ -18,11 +18,10 @@ from cfem.surrogate.series.spectral import Series, fit_quantity, united
 # Held-out error below which the shorter series is taken, as a step in time evaluates all terms. At 4.5e-3 the worst
 # of 120 frequencies of a trunk was wrong by 1.6 %, at 4.2e-3 by 0.7 %.
 ENOUGH = 4.2e-3
+MAX_TERMS = 1000  # of a series
 
 
-def fit_motion(
-    dataset: Any, max_degree: int = 16, max_terms: int = 1000, folds: int = 5
-) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+def fit_motion(dataset: Any, max_degree: int = 16, folds: int = 5) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
     """Arrays of `cfem.motion.model.MotionModel`, and facts: terms and held-out error of each part (the root of the mean
     square over that of the part's variation), inner motions, and the viscosity that each loss form is multiplied by.
     InputError where the dataset has parameters or no mass."""
@@ -53,7 +52,7 @@ def fit_motion(
     facts: dict[str, Any] = {"inner": k, "terms": {}, "held_out": {}, "viscosity": different}
     for name, values in parts.items():
         observed = Observations(((),), values.reshape(len(z), 1, -1), n_a)
-        fitted[name], _, records = fit_quantity(z, observed, max_degree, max_terms, folds, enough=ENOUGH)
+        fitted[name], _, records = fit_quantity(z, observed, max_degree, MAX_TERMS, folds, enough=ENOUGH)
         facts["terms"][name] = len(fitted[name].indices)
         facts["held_out"][name] = min((record["error"] for record in records), default=None)
     indices, padded = united(fitted)
@@ -65,7 +64,7 @@ def fit_motion(
         arrays |= {"series": series[:outputs], "curve": series[outputs:]}
     if chosen.skin is not None:
         observed = Observations(((),), chosen.skin.reshape(len(z), 1, -1) / reach, n_a)
-        series, _, records = fit_quantity(z, observed, max_degree, max_terms, folds, enough=ENOUGH)
+        series, _, records = fit_quantity(z, observed, max_degree, MAX_TERMS, folds, enough=ENOUGH)
         arrays |= {"skin_indices": series.indices, "skin": series.coefficients.T.copy()}
         facts["terms"]["skin"] = len(series.indices)
         facts["held_out"]["skin"] = min((record["error"] for record in records), default=None)
