@@ -83,7 +83,7 @@ def _work(folder: Path, spec: DesignSpec, base: Path) -> dict[str, Any]:
 
 
 @dataclass(frozen=True)
-class _Found:
+class _Search:
     """Designs that a search has found."""
 
     grid: Any
@@ -92,7 +92,7 @@ class _Found:
     seconds: dict[str, float]  # CPU time of each part
 
 
-def _search(spec: DesignSpec, problem: Any) -> _Found:
+def _search(spec: DesignSpec, problem: Any) -> _Search:
     """Designs that the spec asks for: the grid, the best by each objective, and the front."""
     from cfem.design.optimisers.front import best_of_each, pareto_front
     from cfem.design.optimisers.search import Scalar, best, first_designs
@@ -107,16 +107,16 @@ def _search(spec: DesignSpec, problem: Any) -> _Found:
         designs[name] = best(problem, grid, row, spec.starts)
     seconds["search"], begin = time.process_time() - begin, time.process_time()
     if not spec.front:
-        return _Found(grid, designs, None, seconds)
+        return _Search(grid, designs, None, seconds)
     ends = [designs[name] for name in spec.front.of]
     front = pareto_front(problem, grid, spec.front.of, spec.front.points, ends)
     seconds["front"] = time.process_time() - begin
     corners = {f"front {name}": front.designs[place] for name, place in front.corners.items()}
-    return _Found(grid, designs | corners, front, seconds)
+    return _Search(grid, designs | corners, front, seconds)
 
 
 def _report(
-    folder: Path, spec: DesignSpec, problem: Any, volume: Any, search: _Found, checked: dict[bytes, Any]
+    folder: Path, spec: DesignSpec, problem: Any, volume: Any, search: _Search, checked: dict[bytes, Any]
 ) -> tuple[dict[str, Any], list[str]]:
     """Results of a search, and their lines for a person; writes tables into the folder."""
     from cfem.design.answer import front_line, line, write_designs, write_front
@@ -136,7 +136,7 @@ def _report(
     return results, [*lines, _cost_line(results)]
 
 
-def _search_results(problem: Any, volume: Any, search: _Found, checked: dict[bytes, Any]) -> dict[str, Any]:
+def _search_results(problem: Any, volume: Any, search: _Search, checked: dict[bytes, Any]) -> dict[str, Any]:
     """Results of a search as plain data."""
     from cfem.design.answer import entry, front_entry, slopes_checked
     from cfem.design.fe import FeProblem

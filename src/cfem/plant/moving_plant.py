@@ -14,7 +14,7 @@ from cfem.equilibrium.robot import Robot
 from cfem.equilibrium.solve import solve
 from cfem.fe_motion.problem import MovingProblem
 from cfem.fe_motion.scheme import Scheme
-from cfem.fe_motion.simulate import Kept, MotionRun, StepControl, simulate
+from cfem.fe_motion.simulate import KeptTangent, MotionRun, StepControl, simulate
 from cfem.fe_motion.start import at_rest
 from cfem.motion import step as condensed
 from cfem.plant.protocol import Command, Measurement
@@ -35,7 +35,7 @@ class MovingFemPlant:
         self._problems = [MovingProblem(plant_robot) for plant_robot in (robot, pushed) if plant_robot is not None]
         self._period, self._pace = period, StepControl(period / substeps, longest=period, tolerance=None)
         self._since, self._t = since, 0
-        self._kept: Kept | None = None
+        self._kept: KeptTangent | None = None
         self._motion = at_rest(self._problems[0], solve(self._problems[0], displacement(robot.reach[:, 0] * 0)).state)
         self._told = np.zeros(robot.rows.n_a)
         self.steps = self.factorizations = self.refused = 0

@@ -29,7 +29,7 @@ INDEPENDENT = 1e-9  # of the largest eigenvalue of the scaled stiffness of (Z, Y
 
 
 @dataclass(frozen=True)
-class Chosen:
+class InnerMotions:
     """k inner motions at m states, of stiffness 1 N mm each, independent of each other in it; n = n_a + k.
 
     M: (m, n, n) mass of the actuators' quasi-static motions and these
@@ -45,7 +45,7 @@ class Chosen:
     skin: np.ndarray | None = None
 
 
-def inner_motions(moving: Any, D: np.ndarray | None = None) -> Chosen:
+def inner_motions(moving: Any, D: np.ndarray | None = None) -> InnerMotions:
     """Inner motions at the states of a dataset whose robot moves; D (m, n_e, n_e, n_e) mm/N^2 of the plain rows."""
     if moving.inner_M is None:
         return _of_rows(moving, D)
@@ -54,7 +54,7 @@ def inner_motions(moving: Any, D: np.ndarray | None = None) -> Chosen:
     root = (vectors / np.sqrt(values)[:, None]) @ vectors.swapaxes(1, 2)
     T = np.zeros_like(moving.inner_M)
     T[:, :n_a, :n_a], T[:, n_a:, n_a:] = np.eye(n_a), root
-    return Chosen(T @ moving.inner_M @ T, T[:, None] @ moving.inner_loss @ T[:, None], moving.inner_e @ root)
+    return InnerMotions(T @ moving.inner_M @ T, T[:, None] @ moving.inner_loss @ T[:, None], moving.inner_e @ root)
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class _State:
 
     squares: (p,) 1/s^2
     fields: (p, f) of all that may be chosen from
-    M, loss, e, skin: as in `Chosen`, with all p"""
+    M, loss, e, skin: as in `InnerMotions`, with all p"""
 
     squares: np.ndarray
     fields: np.ndarray
@@ -73,7 +73,7 @@ class _State:
     skin: np.ndarray
 
 
-def _of_rows(moving: Any, D: np.ndarray | None) -> Chosen:
+def _of_rows(moving: Any, D: np.ndarray | None) -> InnerMotions:
     """Inner motions from vibrations of the rows' motions with the actuators held, the same combination of wrenches at
     all states. D: dC/dw, for the curve."""
     states = [_state(moving, index) for index in range(len(moving.W))]
@@ -95,7 +95,7 @@ def _of_rows(moving: Any, D: np.ndarray | None) -> Chosen:
         w = _wrenches(of_wrenches, Q)
         curve = np.einsum("mie,mejk,mjl,mkn->miln", _stiff(moving), D, w, w, optimize=True)
     e, skin = (np.array([getattr(state, name)[:, :p] for state in states]) @ Q for name in ("e", "skin"))
-    return Chosen(M, loss, e, curve, skin if skin.shape[1] else None)
+    return InnerMotions(M, loss, e, curve, skin if skin.shape[1] else None)
 
 
 def _state(moving: Any, index: int) -> _State:

@@ -109,7 +109,7 @@ class Rig:
             session, before = cases.sessions[i], cases.before[i]
             forces = self._driven(cases.forces[i], z, session)
             before = None if before is None else self._driven(before, z, session)
-            poses.append(self.robots.at(p, forces, cases.ways[i], name, before))
+            poses.append(self.robots.at(p, forces, cases.directions[i], name, before))
         return tuple(poses)
 
     def _driven(self, f: np.ndarray, z: np.ndarray, session: str) -> np.ndarray:

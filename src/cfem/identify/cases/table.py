@@ -22,18 +22,18 @@ _TRUE, _FALSE = ("1", "1.0", "true", "yes"), ("0", "0.0", "false", "no", "")
 class Cases:
     """Load cases, m of them, with k markers.
 
-    names:    (m,)
-    sessions: (m,), '' where none is stated
-    forces:   (m, n_a) N or MPa of the actuators
-    ways:     (m,) 1 while loading, -1 while unloading
-    places:   (m, k, 3) mm, nan where not measured
-    rest:     (m, k, 3) mm before the load, None where places themselves are compared
-    before:   (m,) forces (j, n_a) that were commanded one after another before, None where the table does not say"""
+    names:      (m,)
+    sessions:   (m,), '' where none is stated
+    forces:     (m, n_a) N or MPa of the actuators
+    directions: (m,) 1 while loading, -1 while unloading
+    places:     (m, k, 3) mm, nan where not measured
+    rest:       (m, k, 3) mm before the load, None where places themselves are compared
+    before:     (m,) forces (j, n_a) that were commanded one after another before, None where the table does not say"""
 
     names: tuple[str, ...]
     sessions: tuple[str, ...]
     forces: np.ndarray
-    ways: np.ndarray
+    directions: np.ndarray
     places: np.ndarray
     rest: np.ndarray | None
     before: tuple[np.ndarray | None, ...] = ()
@@ -64,7 +64,7 @@ class Cases:
         names, sessions, before = (
             tuple(values[i] for i in index) for values in (self.names, self.sessions, self.before)
         )
-        return Cases(names, sessions, self.forces[index], self.ways[index], self.places[index], rest, before)
+        return Cases(names, sessions, self.forces[index], self.directions[index], self.places[index], rest, before)
 
 
 _Rows = dict[tuple[str, ...], dict[str, int]]  # of each case, the table's row of each marker
@@ -114,7 +114,7 @@ def read_cases(
         names=tuple(" ".join(case) for case in cases),
         sessions=tuple(_cells(table, layout.session, first)),
         forces=forces,
-        ways=np.array([_way(table, layout, row, cell) for row, cell in unloading]),
+        directions=np.array([_direction(table, layout, row, cell) for row, cell in unloading]),
         places=places,
         rest=rest,
         before=_before(_cells(table, layout.history, first), forces),
@@ -198,7 +198,7 @@ def _cells(table: TextTable, title: str | None, rows: list[int]) -> list[str]:
     return [texts[row] for row in rows]
 
 
-def _way(table: TextTable, layout: TableColumns, row: int, cell: str) -> float:
+def _direction(table: TextTable, layout: TableColumns, row: int, cell: str) -> float:
     """Direction of loading: 1 while loading, -1 while unloading. InputError where the cell says neither."""
     if cell.lower() not in (*_TRUE, *_FALSE):
         what = f"column '{layout.unloading}': '{cell}' is neither 1 nor 0"

@@ -25,7 +25,7 @@ def without_short_edges(X: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarra
         a, b = (_last(into, int(node)) for node in ends[index])
         if a == b or not surface.is_short(a, b) or surface.leads_through(a, b):
             continue
-        for kept, dropped in sorted(((a, b), (b, a)), key=lambda pair: surface.moved(*pair)):
+        for kept, dropped in sorted(((a, b), (b, a)), key=lambda pair: surface.quadric_error(*pair)):
             if surface.can_contract(kept, dropped):
                 surface.contract(kept, dropped)
                 into[dropped], contracted = kept, contracted + 1
@@ -68,7 +68,7 @@ class _Surface:
         wall = first.min() < -_FACING and second.max() > _FACING
         return bool(wall or (first.max() > _FACING and second.min() < -_FACING))
 
-    def moved(self, kept: int, dropped: int) -> float:
+    def quadric_error(self, kept: int, dropped: int) -> float:
         """Quadric error mm^2 (Garland and Heckbert 1997): squared distances of `kept` from the faces around
         `dropped`."""
         normals, _ = self._normals(self.around[dropped], {})

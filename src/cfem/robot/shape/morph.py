@@ -77,14 +77,14 @@ class Morph:
         """The mesh of another design: its tree, and where the points (k, 3) mm go. Unreachable where it cannot be
         reached or a cell is left too thin."""
         now = surfaces(solid)
-        X, past = self.mesh.X.copy(), _Past()
+        X, past = self.mesh.X.copy(), _Anderson()
         for _ in range(_ITERATIONS):
             missing = self._missing(now, places, X)
             if np.abs(missing).max(initial=0.0) <= _TOLERANCE:
                 break
             right = np.concatenate([np.zeros(self._n), self._scale * missing[self._kept]])
             u = self._factor.solve(right)[: self._n]
-            X[self._corners] += past.better(missing, u).reshape(-1, 3)
+            X[self._corners] += past.accelerated(missing, u).reshape(-1, 3)
             X[self._edges[:, 0]] = (X[self._edges[:, 1]] + X[self._edges[:, 2]]) / 2
         else:
             last = int(np.abs(missing).argmax()) - (len(missing) - 3 * len(places))
@@ -105,7 +105,7 @@ class Morph:
         wanted = [sum(w * self._missing(surfaces(design), places, X) for w, design, places in terms) for terms in sums]
         D = np.stack(wanted, axis=1)
         G = sp.vstack([self._bound(self._normals(surfaces(solid), X), slice(None)), self._led]).tocsr()
-        U, past = np.zeros((self._n, len(sums))), [_Past() for _ in sums]
+        U, past = np.zeros((self._n, len(sums))), [_Anderson() for _ in sums]
         enough = _OF_SLOPES * np.abs(D).max(axis=0, initial=0.0)
         for _ in range(_ITERATIONS):
             left = D - G @ U
@@ -114,7 +114,7 @@ class Morph:
                 break
             right = np.vstack([np.zeros((self._n, len(going))), self._scale * left[self._kept][:, going]])
             for column, step in zip(going, self._factor.solve(right)[: self._n].T, strict=True):
-                U[:, column] += past[column].better(left[:, column], step)
+                U[:, column] += past[column].accelerated(left[:, column], step)
         else:
             raise Unreachable("the mesh does not follow a small change of the design", None)
         moves = np.zeros((len(sums), *X.shape))
@@ -159,7 +159,7 @@ class Morph:
         return sp.csr_matrix(sp.kron(weights.tocsr() @ corner.tocsr(), sp.eye(3)))
 
 
-class _Past:
+class _Anderson:
     """Steps so far. Where surfaces meet at small angles, plain steps converge slowly; Anderson's combine them (J. ACM
     12, 1965; Walker and Ni, SIAM J. Numer. Anal. 49, 2011)."""
 
@@ -168,7 +168,7 @@ class _Past:
         self._moved: list[np.ndarray] = []
         self._last: tuple[np.ndarray, ...] = ()
 
-    def better(self, missing: np.ndarray, step: np.ndarray) -> np.ndarray:
+    def accelerated(self, missing: np.ndarray, step: np.ndarray) -> np.ndarray:
         """Step to take instead of the plain one: Anderson acceleration with the steps before."""
         if self._last:
             self._missing.append(missing - self._last[0])

@@ -135,10 +135,10 @@ def _mean_hessian(known: dict[str, Observations], n_a: int) -> np.ndarray:
     return hessian + np.triu(hessian, 1).T
 
 
-Chosen = tuple["Series", np.ndarray, list[dict[str, Any]]]
+Choice = tuple["Series", np.ndarray, list[dict[str, Any]]]
 
 
-def _values_first(z: np.ndarray, observed: Observations, equal: Chosen, limits: tuple) -> Chosen:
+def _values_first(z: np.ndarray, observed: Observations, equal: Choice, limits: tuple) -> Choice:
     """Choice with derivatives that count less, where that gives the values at states left out better than `equal`, the
     choice with equal weights. limits: as of `fit_quantity`."""
     chosen = fit_quantity(z, observed, *limits, fall=FALL)
