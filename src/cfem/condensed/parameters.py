@@ -98,9 +98,9 @@ def references(parameters: Sequence[Parameter]) -> np.ndarray:
 def completed(parameters: Sequence[Parameter], p: np.ndarray) -> np.ndarray:
     """Values (..., n_p) of all parameters from those (..., n_q) of the sampled ones; exact ones at their reference."""
     p = np.asarray(p, float)
-    every = np.tile(references(parameters), (*p.shape[:-1], 1))
-    every[..., [not parameter.exact for parameter in parameters]] = p
-    return every
+    full = np.tile(references(parameters), (*p.shape[:-1], 1))
+    full[..., [not parameter.exact for parameter in parameters]] = p
+    return full
 
 
 _FORWARD = {"linear": lambda p: p, "log": np.log, "log(1-2p)": lambda p: np.log1p(-2 * p)}

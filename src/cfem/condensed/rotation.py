@@ -18,9 +18,9 @@ _EE += _EE.swapaxes(0, 1)
 
 def _derivatives(coefficients: list[float]) -> list[list[float]]:
     """Coefficients of a power series and of its first two derivatives, the highest first."""
-    once = [k * c for k, c in enumerate(coefficients)][1:]
-    twice = [k * c for k, c in enumerate(once)][1:]
-    return [series[::-1] for series in (coefficients, once, twice)]
+    first = [k * c for k, c in enumerate(coefficients)][1:]
+    second = [k * c for k, c in enumerate(first)][1:]
+    return [series[::-1] for series in (coefficients, first, second)]
 
 
 _A = _derivatives([(-1) ** k / factorial(2 * k + 1) for k in range(_TERMS)])

@@ -78,11 +78,11 @@ def locate(
     -1 where the point lies outside by more than `within` of the cell's size: the smallest barycentric coordinate, or
     (1 - the largest |xi|) / 2, is below -`within`."""
     among = np.arange(len(mesh.cells)) if cells is None else np.asarray(cells)
-    which, cell = _near(mesh, points, among)
-    coordinates, depth = _coordinates(mesh, cell, points[which])
-    gap = np.where(depth >= -1e-9, 0.0, _gap(mesh, cell, coordinates, points[which]))
-    order = np.lexsort((-depth, gap, which))  # of a point's cells that with the least gap, then the deepest
-    best = order[np.unique(which[order], return_index=True)[1]]
+    number, cell = _near(mesh, points, among)
+    coordinates, depth = _coordinates(mesh, cell, points[number])
+    gap = np.where(depth >= -1e-9, 0.0, _gap(mesh, cell, coordinates, points[number]))
+    order = np.lexsort((-depth, gap, number))  # of a point's cells that with the least gap, then the deepest
+    best = order[np.unique(number[order], return_index=True)[1]]
     return np.where(depth[best] >= -within, cell[best], -1), coordinates[best]
 
 
@@ -116,8 +116,8 @@ def _near(mesh: Mesh, points: np.ndarray, among: np.ndarray) -> tuple[np.ndarray
     apart = np.linalg.norm(centre - middle, axis=1) - reach
     kept = apart <= max(np.linalg.norm(points - middle, axis=1).max(), apart.min())
     apart = cdist(points, centre[kept]) - reach[kept]
-    which, place = np.nonzero(apart <= np.maximum(apart.min(axis=1, keepdims=True), 0))
-    return which, among[kept][place]
+    number, place = np.nonzero(apart <= np.maximum(apart.min(axis=1, keepdims=True), 0))
+    return number, among[kept][place]
 
 
 def _coordinates(mesh: Mesh, cells: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -118,37 +118,37 @@ def _objective(name: str, spec: Any, family: Family, volume: Volume | None, base
         return OfBody(spec.kind, volume=volume)
     if isinstance(spec, FrequencySpec):
         return OfBody(spec.number, -1.0)
-    which = position_rows(rows, spec.effector, where)
+    effector_rows = position_rows(rows, spec.effector, where)
     if isinstance(spec, ReachSpec | ManipulabilitySpec | StiffnessSpec | ForceSpec):
-        return _of_workspace(spec, which, family, where)
+        return _of_workspace(spec, effector_rows, family, where)
     along = "xyz".index(spec.axis)
     rest = None if spec.rest is None else np.asarray(spec.rest)
     if isinstance(spec, DexteritySpec):
-        return Dexterity(which, along, spec.angle, rest)
-    return Strength(which, along, spec.largest, rest)
+        return Dexterity(effector_rows, along, spec.angle, rest)
+    return Strength(effector_rows, along, spec.largest, rest)
 
 
-def _of_workspace(spec: Any, which: np.ndarray, family: Family, where: str) -> Objective:
+def _of_workspace(spec: Any, effector_rows: np.ndarray, family: Family, where: str) -> Objective:
     """Objective over the workspace, or at one actuation."""
     direction = np.asarray(getattr(spec, "direction", [1.0, 0.0, 0.0]), float)
     direction /= np.linalg.norm(direction)
     if isinstance(spec, ForceSpec):
-        return Force(which, direction, np.asarray(spec.goal))
+        return Force(effector_rows, direction, np.asarray(spec.goal))
     if isinstance(spec, StiffnessSpec) and spec.points is None:
-        return Stiffness(which, direction)
+        return Stiffness(effector_rows, direction)
     if spec.points**family.rows.n_a > MOST_STATES:
         what = f"{spec.points} actuations along each of {family.rows.n_a} reaches are more than {MOST_STATES} states"
         raise SpecError(what, where=f"{where}.points", do="use fewer")
     actuations = actuation_grid(family.reach, spec.points)
     if isinstance(spec, StiffnessSpec):
-        return Stiffness(which, direction, actuations)
+        return Stiffness(effector_rows, direction, actuations)
     if isinstance(spec, ManipulabilitySpec):
-        return Manipulability(which, actuations)
-    if family.rows.n_a > len(which):
+        return Manipulability(effector_rows, actuations)
+    if family.rows.n_a > len(effector_rows):
         raise SpecError(
             "kind: workspace is for robots with one to three actuators", where=where, do="use kind: manipulability"
         )
-    return WorkspaceMeasure(which, actuations, spec.points)
+    return WorkspaceMeasure(effector_rows, actuations, spec.points)
 
 
 def _robust(name: str, spec: RobustSpec, family: Family, plain: dict[str, Objective]) -> Robust:

@@ -130,11 +130,11 @@ class MovingProblem(Problem):
         inertia's and viscosity's."""
         if self.step is None:
             return super().scale(evaluation, lam)
-        still = Evaluation(
+        at_rest = Evaluation(
             **{name: value for name, value in vars(evaluation).items() if not name.startswith("moving")}
             | {"force": evaluation.force - self.kinematics.reduce(evaluation.x, evaluation.moving)}
         )
-        return max(super().scale(still, lam), evaluation.moving_size)
+        return max(super().scale(at_rest, lam), evaluation.moving_size)
 
     def _unbalanced(self, evaluation: Evaluation, lam: np.ndarray) -> np.ndarray:
         nodal = super()._unbalanced(evaluation, lam)

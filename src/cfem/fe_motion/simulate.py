@@ -109,30 +109,30 @@ def simulate(
     run, pace, scheme = MotionRun([], start), pace or StepControl(), scheme or Scheme()
     run.samples.append(_sample(problem, start, energies.at_start(problem, start), None))
     ends = [*sorted(t for t in kinks if start.t < t < until), until]
-    dt, done = pace.first, start
+    dt, motion = pace.first, start
     for end in ends:
-        dt = min(dt, pace.first) if done.t > start.t else dt
+        dt = min(dt, pace.first) if motion.t > start.t else dt
         settling = True  # the step after a kink, whose jump in acceleration is real
-        while done.t < end - 1e-12 * max(1.0, end):
-            even = (end - done.t) / np.ceil((end - done.t) / dt * (1 - 1e-9))
+        while motion.t < end - 1e-12 * max(1.0, end):
+            even = (end - motion.t) / np.ceil((end - motion.t) / dt * (1 - 1e-9))
             length = even if even > 0.7 * dt else dt
-            tried, kept, why = _step(problem, scheme, done, command, length, pace, run.cost, kept)
+            tried, kept, why = _step(problem, scheme, motion, command, length, pace, run.cost, kept)
             run.kept = kept
-            error = scheme.error(done, length, tried.motion.lag) if tried else np.inf
+            error = scheme.error(motion, length, tried.motion.lag) if tried else np.inf
             if tried and pace.tolerance is not None and error > pace.tolerance and not settling:
                 why, tried = f"it would leave out {error:.2g} mm", None
             if tried is None:
-                run.refused.append(RefusedStep(done.t, length, why))
+                run.refused.append(RefusedStep(motion.t, length, why))
                 dt = length / 2
                 if dt < pace.shortest:
-                    run.why = f"the step at {done.t:.6g} s fell below {pace.shortest:g} s: {why}"
+                    run.why = f"the step at {motion.t:.6g} s fell below {pace.shortest:g} s: {why}"
                     return run
                 continue
             settling = False
-            run.samples.append(_sample(problem, tried.motion, _energy(problem, run, done, tried), tried))
-            done = run.end = tried.motion
+            run.samples.append(_sample(problem, tried.motion, _energy(problem, run, motion, tried), tried))
+            motion = run.end = tried.motion
             if watch is not None:
-                watch(done)
+                watch(motion)
             if pace.tolerance is not None and error < pace.tolerance / 10:
                 dt = min(2 * dt, pace.longest)
     return run

@@ -39,11 +39,11 @@ class MovingStates:
     outside: np.ndarray
     failed: int = 0
 
-    def put(self, which: np.ndarray, others: "MovingStates") -> None:
+    def put(self, robots: np.ndarray, others: "MovingStates") -> None:
         """Puts the states of others, k of them, in the places `which` (k,)."""
         for name in ("q", "p", "v", "gain", "lam", "held", "u", "stiffness", "viscosity", "outside"):
-            getattr(self, name)[..., which] = getattr(others, name)
-        self.tip[which] = others.tip
+            getattr(self, name)[..., robots] = getattr(others, name)
+        self.tip[robots] = others.tip
 
 
 class MovingRobots:

@@ -114,18 +114,18 @@ class MovingWorld:
         rows = self.model.rows
         return rows.n_e * (1 + self.ahead + self.history) + rows.n_a * self.history, rows.n_a
 
-    def reset(self, which: np.ndarray) -> None:
+    def reset(self, robots: np.ndarray) -> None:
         """New episodes for the robots `which` (k,), each at rest at a random place."""
-        size, rng, kinds, scales = len(which), self.rng, self.randomised, self.scales
-        self.task.begin(self.goals, which, rng)
+        size, rng, kinds, scales = len(robots), self.rng, self.randomised, self.scales
+        self.task.begin(self.goals, robots, rng)
         stiffness = 1.0 + kinds.stiffness * rng.uniform(-1, 1, size)
         viscosity = 1.0 + kinds.viscosity * rng.uniform(-1, 1, size)
         u = scales.low + rng.uniform(0.05, 0.7, (size, len(scales.low))) * (scales.reach - scales.low)
-        self.states.put(which, self.robots.standing(u, stiffness, viscosity))
-        self.u[which], self.t[which] = u, 0
-        self.delay[which] = rng.integers(0, kinds.delay + 1, size)
-        self.commands[which] = u[:, None]
-        self.samples[which] = self._sample(which)[:, None]
+        self.states.put(robots, self.robots.standing(u, stiffness, viscosity))
+        self.u[robots], self.t[robots] = u, 0
+        self.delay[robots] = rng.integers(0, kinds.delay + 1, size)
+        self.commands[robots] = u[:, None]
+        self.samples[robots] = self._sample(robots)[:, None]
 
     def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Rewards (B,), errors (B,) mm, the mask of robots that have left what the model knows, and of those whose
@@ -147,10 +147,10 @@ class MovingWorld:
     def observe(self) -> np.ndarray:
         """Observations (B, n) float32."""
         count, kept, n_e = self.samples.shape
-        which = self.delay[:, None] + np.arange(self.history) + kept * np.arange(count)[:, None]
-        tips = self.samples.reshape(-1, n_e).take(which, axis=0)
+        rows = self.delay[:, None] + np.arange(self.history) + kept * np.arange(count)[:, None]
+        tips = self.samples.reshape(-1, n_e).take(rows, axis=0)
         return moving_observation(self.scales, tips, self.commands, ahead_of(self.goals, self.t, self.ahead))
 
-    def _sample(self, which: np.ndarray | slice) -> np.ndarray:
-        tip = self.states.tip[which]
+    def _sample(self, robots: np.ndarray | slice) -> np.ndarray:
+        tip = self.states.tip[robots]
         return tip + self.randomised.noise * self.rng.standard_normal(tip.shape)

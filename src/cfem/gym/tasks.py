@@ -63,10 +63,10 @@ class Reach:
         self.scale = float(np.ptp(self._pool.tip, axis=0).max())
         self.near = 0.02 * self.scale
 
-    def begin(self, goals: "Goals", which: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    def begin(self, goals: "Goals", robots: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         """Goals of new episodes `which` (k,); returns their robots (k, n_p)."""
-        chosen = rng.integers(len(self._pool.tip), size=len(which))
-        goals.path[which] = self._pool.tip[chosen][:, None]
+        chosen = rng.integers(len(self._pool.tip), size=len(robots))
+        goals.path[robots] = self._pool.tip[chosen][:, None]
         return self._p[chosen]
 
     def tip(self, states: RobotStates, goals: "Goals") -> np.ndarray:
@@ -110,11 +110,11 @@ class Follow(Reach):
         phase, pace = rng.uniform(0, 2 * np.pi, size), rng.uniform(0.5, 2.0, (size[0], 1))
         return centre + radius * np.cos(pace * turn + phase)
 
-    def begin(self, goals: "Goals", which: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        chosen = rng.integers(len(self._curves), size=len(which))
-        goals.path[which] = self._curves[chosen]
+    def begin(self, goals: "Goals", robots: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        chosen = rng.integers(len(self._curves), size=len(robots))
+        goals.path[robots] = self._curves[chosen]
         if self._load is not None:
-            goals.load[which] = self._load[chosen]
+            goals.load[robots] = self._load[chosen]
         return self._p[chosen]
 
 
@@ -152,10 +152,10 @@ class Press(Reach):
         self._normal = -tips / np.maximum(np.linalg.norm(tips, axis=1, keepdims=True), 1e-9)
         self._depth = 0.05 * self.scale * rng.uniform(0.2, 1.0, len(p))
 
-    def begin(self, goals: "Goals", which: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        chosen = rng.integers(len(self._depth), size=len(which))
-        goals.normal[which], goals.depth[which] = self._normal[chosen], self._depth[chosen]
-        goals.path[which] = self._pool.tip[chosen][:, None]
+    def begin(self, goals: "Goals", robots: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        chosen = rng.integers(len(self._depth), size=len(robots))
+        goals.normal[robots], goals.depth[robots] = self._normal[chosen], self._depth[chosen]
+        goals.path[robots] = self._pool.tip[chosen][:, None]
         return self._p[chosen]
 
     def force(self, states: RobotStates, goals: "Goals") -> np.ndarray:

@@ -44,22 +44,24 @@ def run(
     for step in steps:
         step.stage.demand_agreement()
     begin, line = time.perf_counter(), line or _line
-    done: list[dict[str, Any]] = []
+    finished: list[dict[str, Any]] = []
     for number, step in enumerate(steps):
-        before = {entry_done["spec"] for entry_done in done if entry_done["status"] == "stale"}
+        before = {entry_done["spec"] for entry_done in finished if entry_done["status"] == "stale"}
         why = _why(step, before)
         status = "up to date" if not why else "stale" if options.check else "running"
         if not options.quiet:
             say(printable(line(number, steps, why)))
         manifest = _run(step, options, workers) if status == "running" else {}
         entry = {"stage": step.command, "spec": str(step.spec), "out": str(step.stage.out)}
-        done.append(entry | {"status": manifest.get("status", status), "why": why, "seconds": manifest.get("seconds")})
-    n_stale = sum(stage_done["status"] == "stale" for stage_done in done)
+        finished.append(
+            entry | {"status": manifest.get("status", status), "why": why, "seconds": manifest.get("seconds")}
+        )
+    n_stale = sum(stage_done["status"] == "stale" for stage_done in finished)
     if n_stale:
-        what = f"{n_stale} of {len(done)} stages are stale"
+        what = f"{n_stale} of {len(finished)} stages are stale"
         raise GateError(what, do=f"cfem run {' '.join(map(str, places))}{' --quick' * quick}")
-    status = "done" if any(entry_done["status"] == "done" for entry_done in done) else "up to date"
-    results = {**_figures(steps), "stages": done}
+    status = "done" if any(entry_done["status"] == "done" for entry_done in finished) else "up to date"
+    results = {**_figures(steps), "stages": finished}
     return {"stage": "run", "status": status, "results": results, "seconds": time.perf_counter() - begin}
 
 

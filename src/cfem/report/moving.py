@@ -25,8 +25,8 @@ def gif(viewer: Viewer, take: Take, milliseconds: Sequence[int]) -> bytes:
     """Moving picture (GIF) of the shapes of a take; milliseconds: (f,) that each is shown. The same shapes give the
     same bytes."""
     frames = [Image.fromarray(pixels) for pixels in _drawn(viewer, take)]
-    some = np.hstack([np.asarray(frames[i]) for i in sorted({0, len(frames) // 3, 2 * len(frames) // 3})])
-    palette = _with_ground(Image.fromarray(some).quantize(COLOURS_KEPT, dither=Image.Dither.NONE))
+    samples = np.hstack([np.asarray(frames[i]) for i in sorted({0, len(frames) // 3, 2 * len(frames) // 3})])
+    palette = _with_ground(Image.fromarray(samples).quantize(COLOURS_KEPT, dither=Image.Dither.NONE))
     small = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
     buffer = io.BytesIO()
     how = {"save_all": True, "append_images": small[1:], "duration": list(milliseconds), "loop": 0, "optimize": True}

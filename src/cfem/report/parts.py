@@ -58,14 +58,14 @@ def learned(spec: ReportSpec, scene: SceneSpec | None, manifests: Manifests) -> 
     forces = {units[name][1] for name in data.rows.actuators}
     force = forces.pop() if len(forces) == 1 else "N, MPa"
     mesh = read_mesh(artefact_file(manifests["mesh"][0], MESH))
-    done, crawls = controlled["results"], bool(controlled["spec"].get("gait"))
+    control_results, crawls = controlled["results"], bool(controlled["spec"].get("gait"))
     sections = [
-        gait_section(tracking, done, units) if crawls else tracking_section(tracking, units),
+        gait_section(tracking, control_results, units) if crawls else tracking_section(tracking, units),
         models_section("The learned model", results, trusts, spec.published, force=force),
         samples_section(splits, sampled["results"]),
         *_vibrating({name: path for name, (path, _) in models.items() if (path / MOTION).exists()}),
     ]
-    summary = gait_summary(tracking, done) if crawls else tracking_summary(tracking)
+    summary = gait_summary(tracking, control_results) if crawls else tracking_summary(tracking)
     shown = card(scene, mesh, data)
     if spec.page:
         shown = replace(shown, link=link(*manifests["page"]))

@@ -250,8 +250,8 @@ def _results(
             yield futures.pop(future), result
     except (Empty, BrokenExecutor) as lost:
         how = f"no worker has finished anything for {timeout:g} s" if isinstance(lost, Empty) else "a worker died"
-        some, more = list(futures.values())[:3], len(futures) - 3
-        raise WorkersLost(f"{how}; unfinished: {', '.join(some)}{f' and {more} more' * (more > 0)}") from None
+        named, more = list(futures.values())[:3], len(futures) - 3
+        raise WorkersLost(f"{how}; unfinished: {', '.join(named)}{f' and {more} more' * (more > 0)}") from None
     finally:
         for future in futures:
             future.cancel()

@@ -83,8 +83,8 @@ def find_skin(
     front = _front(snapshots, state, gram, root, len(seen), most)
     count = most
     if spec.modes is None:
-        enough = np.flatnonzero(front[1:, 1] <= (spec.tolerance or TOLERANCE * length))
-        count = int(enough[0]) + 1 if len(enough) else most
+        fine_enough = np.flatnonzero(front[1:, 1] <= (spec.tolerance or TOLERANCE * length))
+        count = int(fine_enough[0]) + 1 if len(fine_enough) else most
     modes, mixes = _principal(snapshots, gram, np.arange(len(state)), count)
     modes = (modes / np.repeat(root, 3)[:, None]).T.reshape(-1, m, 3)
     skin = Skin(surface.nodes, surface.rest, surface.triangles, root**2, modes, front)
@@ -121,8 +121,8 @@ def _principal(snapshots: np.ndarray, gram: np.ndarray, chosen: np.ndarray, most
     sizes, mixes = sizes[::-1][:most], mixes[:, ::-1][:, :most]
     mixes = mixes[:, sizes > NOTHING**2 * max(sizes[0], np.finfo(float).tiny)]
     modes, upper = np.linalg.qr(snapshots[:, chosen] @ mixes)
-    some = np.abs(np.diag(upper)) > 0
-    modes, mixes = modes[:, some], mixes[:, some] @ np.linalg.inv(upper[np.ix_(some, some)])
+    independent = np.abs(np.diag(upper)) > 0
+    modes, mixes = modes[:, independent], mixes[:, independent] @ np.linalg.inv(upper[np.ix_(independent, independent)])
     largest = np.abs(modes).argmax(axis=0)
     sign = np.sign(modes[largest, np.arange(modes.shape[1])])
     return modes * sign, mixes * sign

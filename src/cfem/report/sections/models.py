@@ -164,8 +164,8 @@ def error_charts(
 
 def _published(axis, cost: str, published: Published) -> None:
     """Draws the published loss, at its own number of samples where that is known."""
-    many = f", {published.samples} samples" if published.samples else ""
-    look = {"color": INK, "label": published.source + many}
+    count = f", {published.samples} samples" if published.samples else ""
+    look = {"color": INK, "label": published.source + count}
     if cost == "samples" and published.samples:
         axis.plot([published.samples], [published.loss], "*", ms=12, **look)
     else:

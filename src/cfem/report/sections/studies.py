@@ -115,10 +115,10 @@ def sizes_section(rows: Sequence[Mapping[str, Any]]) -> ReportSection:
     known = [(row["cells"], row["published"]) for row in rows if row["published"] and row["published"].get("loss")]
     if known:
         published_first = known[0][1]
-        many = f", {published_first['samples']} samples" if published_first.get("samples") else ""
+        count_text = f", {published_first['samples']} samples" if published_first.get("samples") else ""
         losses = [published["loss"] for _, published in known]
         loss_panel.plot(
-            [place for place, _ in known], losses, "*", ms=12, color=INK, label=published_first["source"] + many
+            [place for place, _ in known], losses, "*", ms=12, color=INK, label=published_first["source"] + count_text
         )
     right.plot(cells, [row["steps_learned"] for row in rows], "-o", ms=6, color=LEARNED[0], label="learned model")
     right.plot(cells, [row["steps_fe"] for row in rows], "-s", ms=6, color=FE, label="FE-based")

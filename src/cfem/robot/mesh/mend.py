@@ -119,10 +119,10 @@ def _edges(triangles: np.ndarray) -> np.ndarray:
 def _demand_two(X: np.ndarray, triangles: np.ndarray, where: str) -> None:
     """Raises InputError where an edge belongs to more than two triangles."""
     keys, uses = np.unique(np.sort(_edges(triangles), axis=1), axis=0, return_counts=True)
-    many = np.flatnonzero(uses > 2)
-    if len(many):
-        place = ", ".join(f"{value:.4g}" for value in X[keys[many[0]]].mean(axis=0))
-        what = f"its surface branches: {len(many)} edges belong to more than two triangles, one at ({place})"
+    branching = np.flatnonzero(uses > 2)
+    if len(branching):
+        place = ", ".join(f"{value:.4g}" for value in X[keys[branching[0]]].mean(axis=0))
+        what = f"its surface branches: {len(branching)} edges belong to more than two triangles, one at ({place})"
         raise InputError(what, where=where, do="join bodies that touch to one, or export STEP")
 
 

@@ -19,24 +19,24 @@ def without_short_edges(X: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarra
     ends = np.unique(ends, axis=0)
     lengths = np.linalg.norm(X[ends[:, 0]] - X[ends[:, 1]], axis=1)
     short = np.flatnonzero(lengths < _NOTHING * np.ptp(X[triangles].reshape(-1, 3), axis=0).max())
-    into = np.arange(len(X))
+    merged_into = np.arange(len(X))
     contracted = 0
     for index in short[np.argsort(lengths[short], kind="stable")].tolist():
-        a, b = (_last(into, int(node)) for node in ends[index])
+        a, b = (_last(merged_into, int(node)) for node in ends[index])
         if a == b or not surface.is_short(a, b) or surface.leads_through(a, b):
             continue
         for kept, dropped in sorted(((a, b), (b, a)), key=lambda pair: surface.quadric_error(*pair)):
             if surface.can_contract(kept, dropped):
                 surface.contract(kept, dropped)
-                into[dropped], contracted = kept, contracted + 1
+                merged_into[dropped], contracted = kept, contracted + 1
                 break
     return np.array(list(surface.triangles.values())), contracted
 
 
-def _last(into: np.ndarray, node: int) -> int:
+def _last(merged_into: np.ndarray, node: int) -> int:
     """The node that a node has become."""
-    while into[node] != node:
-        node = int(into[node])
+    while merged_into[node] != node:
+        node = int(merged_into[node])
     return node
 
 

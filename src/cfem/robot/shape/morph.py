@@ -106,10 +106,10 @@ class Morph:
         D = np.stack(wanted, axis=1)
         G = sp.vstack([self._bound(self._normals(surfaces(solid), X), slice(None)), self._led]).tocsr()
         U, past = np.zeros((self._n, len(sums))), [_Anderson() for _ in sums]
-        enough = _OF_SLOPES * np.abs(D).max(axis=0, initial=0.0)
+        tolerance = _OF_SLOPES * np.abs(D).max(axis=0, initial=0.0)
         for _ in range(_ITERATIONS):
             left = D - G @ U
-            going = np.flatnonzero(np.abs(left).max(axis=0, initial=0.0) > enough)
+            going = np.flatnonzero(np.abs(left).max(axis=0, initial=0.0) > tolerance)
             if not len(going):
                 break
             right = np.vstack([np.zeros((self._n, len(going))), self._scale * left[self._kept][:, going]])
@@ -132,9 +132,9 @@ class Morph:
         """Normals (m, 3) of the surfaces at the nodes that are bound to them."""
         return np.concatenate([now[bound.surface].gradient(X[bound.nodes]) for bound in self._bounds])
 
-    def _bound(self, normals: np.ndarray, which: np.ndarray | slice) -> sp.csr_matrix:
+    def _bound(self, normals: np.ndarray, chosen: np.ndarray | slice) -> sp.csr_matrix:
         """Gradient (k, 3 corners) of the distances of chosen bound nodes from their surfaces."""
-        nodes, normals = self._bound_nodes[which], normals[which]
+        nodes, normals = self._bound_nodes[chosen], normals[chosen]
         rows = np.repeat(np.arange(len(nodes)), 3)
         columns = (3 * self._place[nodes, None] + np.arange(3)).ravel()
         return sp.csr_matrix((normals.ravel(), (rows, columns)), (len(nodes), 3 * len(self._corners)))

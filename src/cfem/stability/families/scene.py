@@ -164,8 +164,8 @@ def _gentle(robot: Robot) -> Actuation:
     return pull(np.full(robot.rows.n_a, GENTLE), _reach(robot))
 
 
-def _alone(which: np.ndarray, robot: Robot) -> Actuation:
-    return pull(which.astype(float), _reach(robot))
+def _alone(driven: np.ndarray, robot: Robot) -> Actuation:
+    return pull(driven.astype(float), _reach(robot))
 
 
 def _weighed(scene: SceneSpec, mesh: Mesh, share: float) -> Robot:

@@ -47,11 +47,11 @@ def fit(
         coefficients = np.vstack([constant, output[:, network.width :].T])
         polynomials.append(polynomial_parts(coefficients, to_box[:, : s.shape[1]], order))
         best[name] = state.best_iteration
-        every = max(spec.iterations // 100, 1)
+        interval = max(spec.iterations // 100, 1)
         history += [
             {"quantity": name, **record}
             for record in state.history
-            if record["iteration"] % every == 0 or record is state.history[-1]
+            if record["iteration"] % interval == 0 or record is state.history[-1]
         ]
     arrays["polynomial"] = np.hstack(polynomials)
     return arrays, {"form": spec.form, "best_iteration": best}, history

@@ -81,5 +81,5 @@ def _solve(G: np.ndarray, right: np.ndarray) -> np.ndarray:
 def _bulk(gain: np.ndarray, most: int) -> np.ndarray:
     """The fewest of largest gain that add up to their share of all, at most `most` of them."""
     order = np.argsort(-gain, kind="stable")
-    enough = int(np.searchsorted(np.cumsum(gain[order]), BULK * gain.sum())) + 1
-    return order[: max(1, min(enough, most))]
+    count = int(np.searchsorted(np.cumsum(gain[order]), BULK * gain.sum())) + 1
+    return order[: max(1, min(count, most))]
