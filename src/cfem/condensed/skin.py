@@ -99,7 +99,7 @@ def read_skin(path: Path) -> Skin:
 
 
 def checked_skin(arrays: dict[str, np.ndarray]) -> Skin:
-    """InputError naming the array that is missing or does not fit the others."""
+    """Skin from its arrays. InputError naming the array that is missing or does not fit the others."""
     m = len(take(arrays, "nodes", (None,), "iu"))
     triangles = take(arrays, "triangles", (None, 3), "iu")
     if triangles.min() < 0 or triangles.max() >= m:

@@ -84,7 +84,7 @@ def read_npz(path: Path, unbounded: Collection[str] = ()) -> dict[str, np.ndarra
 
 
 def _demand_size(member: Any, size: int, name: str) -> None:
-    """ValueError where the header of an array promises other than the archive holds."""
+    """Raises ValueError where the header of an array promises other than the archive holds."""
     version = np.lib.format.read_magic(member)
     if version not in ((1, 0), (2, 0)):
         raise ValueError(f"'{name}': unknown version {version} of the array format")

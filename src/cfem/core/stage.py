@@ -130,7 +130,7 @@ def run_stage(stage: Stage, work: Callable[[Path], Mapping[str, Any]], options: 
 
 
 def _demand_inputs_current(stage: Stage, check: bool) -> None:
-    """StaleError where one is stale; GateError under --check."""
+    """Raises StaleError where an input is stale; GateError under --check."""
     seen: set[str] = set()
     try:
         for path in stage.inputs.values():

@@ -70,7 +70,7 @@ class TextTable:
     rows: tuple[TableRow, ...]
 
     def column(self, title: str) -> int:
-        """InputError where no column is called so."""
+        """Index of the column with this title. InputError where no column is called so."""
         if title not in self.titles:
             what = f"has no column '{title}', only {', '.join(self.titles)}"
             raise InputError(what, where=str(self.path), do="name the columns as the table does")
@@ -106,7 +106,8 @@ class TextTable:
             raise self._refused(row, column, str(error), "write plain numbers, such as -1.5e3") from None
 
     def _decimal_comma(self, cells: list[list[str]], columns: Sequence[int]) -> bool:
-        """InputError where some numbers have a point and others a comma, or no comma is a decimal comma for certain."""
+        """True if these columns have a decimal comma. InputError where some numbers have a point and others a comma, or
+        no comma is a decimal comma for certain."""
         places = [(i, j) for i, row in enumerate(cells) for j, cell in enumerate(row) if _WITH_COMMA.fullmatch(cell)]
         if not places:
             return False

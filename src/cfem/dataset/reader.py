@@ -151,8 +151,8 @@ class Moving(OfStates):
 
 
 def read_dataset(path: Path) -> Dataset:
-    """Raises InputError naming the file where it is missing, damaged, or no dataset of cfem, and the column and the row
-    where a converged state has no number or one beyond all sense."""
+    """Dataset from a file of `cfem sample`. Raises InputError naming the file where it is missing, damaged, or no
+    dataset of cfem, and the column and the row where a converged state has no number or one beyond all sense."""
     table = read_table(path)
     _demand_numbers(table, path)
     return as_dataset(table)

@@ -35,7 +35,7 @@ class Table:
 
 
 def read_table(path: Path, units: Units) -> Table:
-    """InputError naming the file, the row and the column of what cannot be read."""
+    """Table of numbers from a file. InputError naming the file, the row and the column of what cannot be read."""
     return _READERS[_suffix(path)](path, units)
 
 

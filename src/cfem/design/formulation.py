@@ -208,7 +208,7 @@ def _constraint(name: str, spec: Any, family: Family, volume: Volume | None, bas
 
 
 def task_of(spec: DesignSpec, rows: Rows) -> Task:
-    """SpecError where a list is not of the effectors' rows."""
+    """Task of a design's spec. SpecError where a list is not of the effectors' rows."""
     task = spec.task
     goals = np.asarray(task.goals)
     weights = np.ones(rows.n_e) if task.weights is None else np.array(task.weights)

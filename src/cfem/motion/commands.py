@@ -30,7 +30,7 @@ class CommandTable:
 
 
 def read_commands(path: Path, model: MotionModel) -> CommandTable:
-    """InputError naming the file and what is wrong in it."""
+    """Commands from a table of a file. InputError naming the file and what is wrong in it."""
     actuators, units = model.rows.actuators, {"time": "s"}
     for name, (displacement, force) in zip(actuators, model.static.actuator_units, strict=True):
         units |= {f"{name}.displacement": displacement, f"{name}.force": force}

@@ -47,7 +47,8 @@ def run(
     frames: int = 60,
     learned: bool = False,
 ) -> dict[str, Any]:
-    """The manifest. Results: `files`, by trajectory. control: the folder of the run; out: beside it unless given."""
+    """Draws a control run and returns the manifest. Results: `files`, by trajectory. control: the folder of the run;
+    out: beside it unless given."""
     manifest = read_manifest(control)
     if manifest["stage"] != "control":
         what = f"was made by cfem {manifest['stage'] or '?'}"

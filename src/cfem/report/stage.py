@@ -99,7 +99,7 @@ def _work(folder: Path, spec: ReportSpec, base: Path) -> dict[str, Any]:
 
 
 def _demand_one_robot(scene: SceneSpec, scene_path: Path, spec: ReportSpec, manifests: Mapping[str, Any]) -> None:
-    """InputError where what the page is about is not all of the scene's robot."""
+    """Raises InputError where what the page is about is not all of the scene's robot."""
     from cfem.predict.load import read_meta
     from cfem.report.sections.used_models import demand_used
     from cfem.robot.same_robot import demand_mesh_of, demand_robot, recorded_robot

@@ -153,7 +153,7 @@ class SceneSpec(Spec):
 
 
 def demand_driven(scene: SceneSpec) -> None:
-    """SpecError where nothing drives the robot."""
+    """Raises SpecError where nothing drives the robot."""
     if not scene.actuators:
         with scene.locating():
             do = "add cables or chambers: comments in a scene of `cfem init` show how"

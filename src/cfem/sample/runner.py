@@ -169,7 +169,7 @@ def _meta(spec: SampleSpec, facts: Facts, made_from: str, together: float) -> di
 
 
 def _demand_space(spec: SampleSpec, facts: Facts) -> None:
-    """SpecError where the scene lacks what the space to draw from needs."""
+    """Raises SpecError where the scene lacks what the space to draw from needs."""
     if spec.space == "force" and facts.forces is None:
         what = f"space: force needs the smallest and largest multiplier of every actuator of scene '{facts.scene}'"
         raise SpecError(what, do="give each its `pressure`, or draw from another space")

@@ -148,7 +148,7 @@ def read_json(path: Path) -> dict:
 
 
 def parse_json(text: bytes) -> Any:
-    """ValueError for anything but JSON, of which NaN and numbers beyond the largest are none."""
+    """Data of a JSON text. ValueError for anything but JSON, of which NaN and numbers beyond the largest are none."""
     return json.loads(text, parse_constant=_refuse, parse_float=_finite)
 
 
@@ -191,6 +191,6 @@ def locked(target: Path) -> Iterator[None]:
 
 
 def refuse_link(path: Path) -> None:
-    """OutputError where a link stands at the name of one of our own files: what it points to is not ours."""
+    """Raises OutputError where a link stands at the name of one of our own files: what it points to is not ours."""
     if path.is_symlink():
         raise OutputError("is a symbolic link; cfem writes its own file here", where=str(path), do="remove the link")

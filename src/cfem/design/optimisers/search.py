@@ -98,7 +98,7 @@ def first_designs(problem: DesignProblem, grid: Any) -> Grid:
 
 
 def evaluate_grid(problem: DesignProblem, shape: Sequence[int]) -> Grid:
-    """NumericalError where no point satisfies the constraints."""
+    """Designs on a grid over the ranges. NumericalError where no point satisfies the constraints."""
     axes = [np.linspace(0, 1, count) if count > 1 else np.array([0.5]) for count in shape]
     return _evaluated(problem, tuple(shape), np.array(list(product(*axes))))
 

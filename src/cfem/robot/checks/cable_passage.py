@@ -29,8 +29,8 @@ class Gap:
 
 
 def demand_inside(scene: SceneSpec, mesh: Mesh) -> None:
-    """SpecError where a cable leaves the body without being allowed to. A route along a soft finger crosses its bellows
-    by design, and the sections of a stiff-flop are rigid."""
+    """Raises SpecError where a cable leaves the body without being allowed to. A route along a soft finger crosses its
+    bellows by design, and the sections of a stiff-flop are rigid."""
     if isinstance(scene.geometry, StiffFlop) or scene.mesh.element in SECTIONED:
         return
     for index, item in enumerate(scene.actuators):

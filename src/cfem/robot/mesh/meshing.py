@@ -239,7 +239,7 @@ def run_gmsh(
 
 
 def demand_cells(meshing: Meshing, about: float, extent: np.ndarray) -> None:
-    """SpecError where the cells would be too many, or larger than the body, extent (3,) mm."""
+    """Raises SpecError where the cells would be too many, or larger than the body, extent (3,) mm."""
     body = " x ".join(f"{side:.3g}" for side in extent)
     if meshing.size > 1.01 * extent.max():
         what = f"cells of {meshing.size:g} mm are larger than the body, {body} mm"
