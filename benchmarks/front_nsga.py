@@ -60,7 +60,7 @@ def main() -> None:
     grid = evaluate_scattered(problem, spec.grid.designs)
     front = pareto_front(problem, grid, spec.front.of, spec.front.points, best_of_each(problem, grid, spec.starts))
     seconds, evaluations = time.process_time() - begin, problem.evaluations
-    of = list(front.of)
+    of = list(front.indices)
     mine = grid.hat(np.array([one.objectives for one in front.designs]))[:, of]
     found = {
         "designs": len(mine),

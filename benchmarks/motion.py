@@ -24,6 +24,7 @@ from typing import Any
 
 import numpy as np
 
+from cfem.condensed.viscosity import Viscosity
 from cfem.core.stage import Options
 from cfem.core.yaml import parse_yaml
 from cfem.dataset.reader import read_dataset
@@ -41,7 +42,7 @@ from cfem.fe_motion.simulate import StepControl
 from cfem.fe_motion.simulate import simulate as full_simulate
 from cfem.fe_motion.start import at_rest as full_at_rest
 from cfem.motion.load import load_motion
-from cfem.motion.model import Loss, MotionModel
+from cfem.motion.model import MotionModel
 from cfem.motion.modes import natural_modes
 from cfem.motion.simulate import simulate
 from cfem.motion.step import MotionCommand, at_rest, energy, step
@@ -141,7 +142,7 @@ def tip_error(problem: MovingProblem, model: MotionModel) -> tuple[dict[str, flo
 
 def energy_drift(model: MotionModel, periods: int) -> float:
     still = MotionModel.__new__(MotionModel)
-    vars(still).update(vars(model), losses=tuple(Loss(0.0, ()) for _ in model.losses))
+    vars(still).update(vars(model), losses=tuple(Viscosity(0.0, ()) for _ in model.losses))
     states = model.static.domain.states[:, : model.n_a]
     start = at_rest(still, states[np.argmin(np.linalg.norm(states - states.mean(axis=0), axis=1))])
     lam, period = 0.95 * start.lam, 1 / natural_modes(still, start.q[: model.n_a], False, 1).frequency[0]

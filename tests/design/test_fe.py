@@ -130,7 +130,7 @@ def test_a_robust_objective_is_that_of_scattered_robots_to_first_order(folder):
     p = mine.p(z[None])
     sure = mine.objectives["sure"]
     robots = mine.family.at(mine.kind, mine.u, sure.parameters(p))
-    sampled = sure(sure.of(robots)[None])[0]
+    sampled = sure(sure.number(robots)[None])[0]
     assert 0 < value[1] - value[0] < 1e-3
     assert value[1] - value[0] == pytest.approx(sampled - value[0], rel=0.15)  # a quantile of few robots scatters
 

@@ -5,11 +5,11 @@ import pytest
 from fe_motion.moving import DENSITY, moving_bar, moving_rod
 from support.rods import LENGTH, MATERIAL, SHAPE
 
+from cfem.condensed.viscosity import Viscosity
 from cfem.core.errors import InputError
 from cfem.equilibrium.actuation import displacement, force
 from cfem.equilibrium.solve import rest_state, solve
 from cfem.fe_motion.modes import natural_modes
-from cfem.mechanics.viscosity import Viscosity
 
 BENDING = np.array([1.875104068711961, 4.694091132974174, 7.854757438237613])  # of a clamped-free beam
 

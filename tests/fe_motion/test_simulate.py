@@ -8,6 +8,7 @@ from fe_motion.moving import DENSITY, moving_bar, moving_rod
 from support.blocks import bar
 from support.released import released
 
+from cfem.condensed.viscosity import Viscosity
 from cfem.equilibrium.actuation import displacement, force
 from cfem.equilibrium.newton import NewtonSettings
 from cfem.equilibrium.solve import rest_state, solve
@@ -17,7 +18,6 @@ from cfem.fe_motion.scheme import Scheme
 from cfem.fe_motion.simulate import StepControl, simulate
 from cfem.fe_motion.start import at_rest
 from cfem.mechanics.load import gravity
-from cfem.mechanics.viscosity import Viscosity
 
 EXACT = NewtonSettings(tolerance=1e-9, max_iterations=30)
 

@@ -8,10 +8,10 @@ from scipy.spatial.transform import Rotation
 from support.blocks import box_body
 from support.rods import rod_body
 
+from cfem.condensed.viscosity import Viscosity
 from cfem.mechanics.assembly import make_pattern, symmetric_product
 from cfem.mechanics.body import response
 from cfem.mechanics.viscosity import (
-    Viscosity,
     add_solid_stiffness,
     overstress,
     remembered,

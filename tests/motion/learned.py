@@ -7,9 +7,9 @@ import numpy as np
 from fe_motion.moving import moving_bar
 
 from cfem.condensed.packing import pack_symmetric3
+from cfem.condensed.viscosity import Viscosity
 from cfem.equilibrium.actuation import displacement
 from cfem.equilibrium.solve import Wanted, solve
-from cfem.mechanics.viscosity import Viscosity
 from cfem.motion.model import MotionModel
 from cfem.predict.chebyshev import Basis
 from cfem.predict.domain import Domain

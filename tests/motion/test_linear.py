@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from motion.learned import model
 
+from cfem.condensed.viscosity import Viscosity
 from cfem.motion.altered import Altered
 from cfem.motion.linear import Guess, MaterialShares, linear_steps, places
-from cfem.motion.model import Loss
 from cfem.motion.step import MotionCommand, at_rest, step
 
 DT = 2e-3
@@ -18,7 +18,7 @@ KINDS = ["force", "displacement"]
 def with_prony(prony):
     made = model()
     if prony:
-        losses, made = (Loss(1e-3, ((0.3, 5e-3),)),), Altered(made)
+        losses, made = (Viscosity(1e-3, ((0.3, 5e-3),)),), Altered(made)
         made = type("Relaxing", (Altered,), {"losses": property(lambda self: losses)})(made.model)
     return made
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from motion.learned import LARGEST, TAU, dataset, model, problem, states
 
+from cfem.condensed.viscosity import Viscosity
 from cfem.core.errors import InputError, NumericalError
 from cfem.equilibrium.actuation import displacement, force
 from cfem.equilibrium.solve import solve
@@ -16,9 +17,8 @@ from cfem.fe_motion.scheme import Scheme
 from cfem.fe_motion.simulate import StepControl
 from cfem.fe_motion.simulate import simulate as full_simulate
 from cfem.fe_motion.start import at_rest as full_at_rest
-from cfem.mechanics.viscosity import Viscosity
 from cfem.motion.altered import Altered
-from cfem.motion.model import Loss, MotionModel
+from cfem.motion.model import MotionModel
 from cfem.motion.modes import natural_modes
 from cfem.motion.payload import Payload
 from cfem.motion.simulate import simulate
@@ -113,7 +113,7 @@ def test_what_relaxes_is_that_of_the_full_model():
     terms, solved, end, dt = ((0.5, 0.008),), states()[4], 0.04, 5e-4
     full = MovingProblem(replace(problem().robot, viscosity=(Viscosity(TAU, terms),)))
     relaxing = copy(model())
-    relaxing.losses = (Loss(TAU, terms),)
+    relaxing.losses = (Viscosity(TAU, terms),)
 
     def of(t):
         return solved.delta_a * (1.25 - 0.25 * np.cos(np.pi * min(t / 0.01, 1.0)))

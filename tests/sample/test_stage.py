@@ -120,7 +120,7 @@ def test_more_rows_of_a_sequence_are_added_to_those_that_are_there(spec, samples
             np.testing.assert_array_equal(getattr(now, name)[:kept], getattr(before, name))
             expected = getattr(whole, name)
             np.testing.assert_allclose(getattr(now, name), expected, rtol=1e-7, atol=1e-9 * np.abs(expected).max())
-        np.testing.assert_array_equal(now.whole.W[:kept], before.whole.W)
+        np.testing.assert_array_equal(now.with_skin.W[:kept], before.with_skin.W)
     assert run(spec, more, out, QUIET, workers=1)["status"] == "up to date"
 
 
@@ -197,7 +197,7 @@ def skin(folder):
 def test_rows_of_the_skin_give_the_surface_of_a_state_and_how_it_moves(folder, samples, skin):
     """Against finite elements, solved again here at a delta_a that is the dataset's, and at two beside it."""
     test = read_dataset(artefact_file(samples, "test.parquet"))
-    whole, solver, nodes = test.whole, finite_elements(folder), skin.nodes
+    whole, solver, nodes = test.with_skin, finite_elements(folder), skin.nodes
     assert whole.rows.skin == skin.names and whole.W.shape == (3, whole.rows.n, whole.rows.n)
 
     def surface(delta_a):
@@ -222,7 +222,7 @@ def test_the_skin_changes_no_other_number_and_costs_no_factorisation_but_in_the_
     run(spec, [*SMALL, "skin=null"], plain, QUIET, workers=1)
     for split in ("train.parquet", "test.parquet"):
         mine, other = (read_dataset(artefact_file(one, split)) for one in (samples, plain))
-        assert other.whole is None and mine.rows == other.rows and mine.meta.keys() == other.meta.keys()
+        assert other.with_skin is None and mine.rows == other.rows and mine.meta.keys() == other.meta.keys()
         np.testing.assert_allclose(mine.W, other.W, rtol=1e-7, atol=1e-9 * abs(other.W).max())
         np.testing.assert_allclose(mine.delta_e, other.delta_e, atol=1e-7)
     extra = {
@@ -291,7 +291,7 @@ def test_derivatives_of_the_rows_of_the_skin_are_those_of_their_compliance(folde
     near = ["space=displacement", "splits.test.method=grid", "splits.test.rows=9", "third_order=true", "loads=true"]
     run(spec, [*SMALL, *near], out, QUIET, workers=1)
     test = read_dataset(artefact_file(out, "test.parquet"))
-    whole = test.whole
+    whole = test.with_skin
     assert test.dC is not None and whole.dW.shape == (9, 1, whole.rows.n, whole.rows.n)
     lam, W, dW = test.lambda_a[:, 0], whole.W, whole.dW[:, 0]
     by_hermite = (W[2:] - W[:-2]) / (lam[2:] - lam[:-2])[:, None, None]

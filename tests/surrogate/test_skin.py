@@ -53,7 +53,7 @@ def test_shapes_of_many_states_are_those_of_each(model):
 
 
 def test_all_rows_of_W_and_their_displacements_are_those_of_the_test_states(model, states):
-    whole, test = states["test"].whole, states["test"]
+    whole, test = states["test"].with_skin, states["test"]
     for i, delta_a in enumerate(test.delta_a):
         found = model.whole(delta_a)
         assert found.rows == whole.rows
@@ -74,15 +74,15 @@ def test_a_model_of_forces_has_the_same_rows(model, states, skin, third_order):
         ahead, behind = ([model.at_force(lam + sign * h) for lam in train.lambda_a] for sign in (1, -1))
         wholes = [[model.whole(one.delta_a).W for one in side] for side in (ahead, behind)]
         dW = (np.array(wholes[0]) - np.array(wholes[1]))[:, None] / (2 * h)
-        own = np.r_[train.whole.rows.e, train.whole.rows.active]
-        whole = replace(train.whole, dW=dW)
-        train = replace(train, dW=dW[:, :, own[:, None], own], whole=whole)
+        own = np.r_[train.with_skin.rows.e, train.with_skin.rows.active]
+        whole = replace(train.with_skin, dW=dW)
+        train = replace(train, dW=dW[:, :, own[:, None], own], with_skin=whole)
     arrays = fit_skin(train, skin, "force", {})
     card = model_card("spectral", train, "force")
     found = skin_of(_Bare(card), arrays)
-    np.testing.assert_allclose(found.rows(test.lambda_a, test.p), test.whole.delta_s, atol=5e-3)
+    np.testing.assert_allclose(found.rows(test.lambda_a, test.p), test.with_skin.delta_s, atol=5e-3)
     gradient = found.gradient(test.lambda_a, test.p)
-    true = test.whole.W[:, test.whole.rows.s, test.whole.rows.a]
+    true = test.with_skin.W[:, test.with_skin.rows.s, test.with_skin.rows.a]
     np.testing.assert_allclose(gradient, true, atol=2e-3 * np.abs(true).max())
 
 
@@ -98,9 +98,9 @@ class _Bare:
 
 def test_the_front_is_what_fewer_modes_leave(model, states):
     test = states["test"]
-    front = judge(model.skin, test.whole, test.delta_a, test.p)
+    front = judge(model.skin, test.with_skin, test.delta_a, test.p)
     assert len(front.rms) == len(model.skin) + 1 and (np.diff(front.rms) < 1e-9).all()
-    moved = np.sqrt((test.whole.delta_s**2).sum(axis=1) + test.whole.left[:, 0] ** 2)
+    moved = np.sqrt((test.with_skin.delta_s**2).sum(axis=1) + test.with_skin.left[:, 0] ** 2)
     assert front.rms[0] == pytest.approx(np.sqrt(np.mean(moved**2)), rel=1e-5)  # modes in single precision
     assert all(one <= other for one, other in zip(front.rms, front.largest, strict=True))
 
@@ -128,7 +128,7 @@ def test_samples_of_another_skin_than_their_file_are_refused(bar, tmp_path, stat
     from cfem.surrogate import stage
 
     train, test = states["train"], states["test"]
-    other = replace(train, whole=replace(train.whole, sha256="0" * 64))
+    other = replace(train, with_skin=replace(train.with_skin, sha256="0" * 64))
     with pytest.raises(InputError, match="another skin than its file holds"):
         stage.add_skin(tmp_path, None, {}, other, test, bar / "data" / "bar" / "samples")
 
@@ -149,9 +149,9 @@ def test_models_of_every_kind_have_the_shape_of_finite_elements(bar, states, ski
     cfem.run_stage("train", spec, out=tmp_path / "one", overrides=[f"model={model}"])
     found, test = cfem.load_model(tmp_path / "one"), states["test"]
     assert found.shape(test.delta_a).shape == (len(test), *skin.rest.shape)
-    true = skin.rest + skin.displacements(test.whole.delta_s)
+    true = skin.rest + skin.displacements(test.with_skin.delta_s)
     apart = np.linalg.norm(found.shape(test.delta_a) - true, axis=2)
-    assert apart.max() < within + 2 * test.whole.left[:, 1].max()
+    assert apart.max() < within + 2 * test.with_skin.left[:, 1].max()
 
 
 def test_the_shape_of_other_materials_is_theirs_and_of_other_bodies_refused(bar, bar_of_any_material):

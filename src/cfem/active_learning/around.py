@@ -106,14 +106,14 @@ def places(known: Dataset, delta_a: np.ndarray, form: str) -> tuple[np.ndarray, 
     reach, n = np.array(known.meta["reach"]), len(delta_a)
     u = (delta_a - reach[:, 0]) / (reach[:, 1] - reach[:, 0])
     learned = sampled(known.parameters)
-    every = np.array([parameter["reference"] for parameter in known.meta.get("parameters", [])])
+    p_reference = np.array([parameter["reference"] for parameter in known.meta.get("parameters", [])])
     reference_shares = shares(learned, references(learned))
     u = np.hstack([u, np.tile(reference_shares, (n, 1))])
     if form != "displacement":
         raise InputError(
             "sampling around a task needs a model of form displacement", do="train with form: displacement"
         )
-    return delta_a, np.tile(every, (n, 1)), u
+    return delta_a, np.tile(p_reference, (n, 1)), u
 
 
 def verdict(

@@ -36,7 +36,7 @@ def place(
 
 
 def effectors(predictor: Predictor, s: np.ndarray, p: np.ndarray) -> np.ndarray:
-    """(m, n_e) mm from rest, at inputs s (m, n_a) of the model's form."""
+    """Displacements (m, n_e) mm of the effectors, at inputs s (m, n_a) of the model's form."""
     W, delta_free = predictor.evaluate(s, p)
     rows = predictor.rows
     if predictor.form == "displacement":

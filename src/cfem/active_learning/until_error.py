@@ -83,7 +83,7 @@ def explore(
     made_from: str,
     timeout: float | None = None,
 ) -> tuple[dict[str, pa.Table], list[Round]]:
-    """One table a split, and what the rounds gave."""
+    """Tables of all splits, and what the rounds gave."""
     until = spec.until
     job = make_job(spec, factory, folder, executor, made_from, timeout)
     pool = np.flatnonzero(np.array(job.split) == "train")
@@ -103,8 +103,8 @@ def explore(
             job, training, full_model, parts, unsolved, min(until.batch, until.largest - len(chosen))
         )
         seconds = time.perf_counter() - begin
-        mine = replace(job, folder=folder / f"round-{len(rounds):03d}")
-        new = solve_rows(mine, batch, -(-len(batch) // PIECES))
+        round_job = replace(job, folder=folder / f"round-{len(rounds):03d}")
+        new = solve_rows(round_job, batch, -(-len(batch) // PIECES))
         observed = largest_error(full_model, as_dataset(merge(new, ["train"])["train"]))
         rounds.append(Round(len(training), len(batch), expected, observed, seconds))
         files, chosen = files + new, np.concatenate([chosen, batch])
@@ -140,18 +140,14 @@ def next_batch(
     learned = sampled(parameters_of(training.meta))
     p = completed(full_model.parameters, from_shares(learned, u[:, n_a:]))
     compliance = np.array(training.meta["compliance"])
-    asked = [actuation(job.space, row[:n_a], full_model.reach, compliance, together=job.together) for row in u]
+    actuations = [actuation(job.space, row[:n_a], full_model.reach, compliance, together=job.together) for row in u]
     if job.space == "pulling":
-        rows = np.array(
-            [actuation_of_row.C[0] if len(actuation_of_row.C) else np.ones(n_a) for actuation_of_row in asked]
-        )
-        target = np.array(
-            [actuation_of_row.target[0] if len(actuation_of_row.C) else 0.0 for actuation_of_row in asked]
-        )
+        rows = np.array([row_actuation.C[0] if len(row_actuation.C) else np.ones(n_a) for row_actuation in actuations])
+        target = np.array([row_actuation.target[0] if len(row_actuation.C) else 0.0 for row_actuation in actuations])
         s, solved = place(full_model, rows, target, p, start)
         s = np.where(solved[:, None], s, start)
     else:
-        s = np.array([actuation_of_row.target for actuation_of_row in asked])
+        s = np.array([row_actuation.target for row_actuation in actuations])
         if full_model.form == "force":
             s = np.array([full_model.at_displacement(*state).lambda_a for state in zip(s, p, strict=True)])
     score = disagreement(full_model, parts, s, p)
@@ -161,7 +157,7 @@ def next_batch(
 
 
 def largest_error(predictor: Predictor, states: Dataset) -> float:
-    """mm: largest distance between an effector by the model and by FE."""
+    """Largest distance mm between an effector by the model and by FE."""
     if not len(states):
         return np.inf
     s = states.delta_a if predictor.form == "displacement" else states.lambda_a

@@ -46,8 +46,9 @@ def load_robot(scene: PathLike, mesh: PathLike | None = None, *, overrides: Sequ
     from cfem.robot.stage import MESH
 
     spec = load_spec(Path(scene), SceneSpec, overrides)
-    made = scene_mesh(spec, Path(scene).parent)[0] if mesh is None else read_mesh(artefact_file(Path(mesh), MESH))
-    return build_robot(spec, made)
+    if mesh is None:
+        return build_robot(spec, scene_mesh(spec, Path(scene).parent)[0])
+    return build_robot(spec, read_mesh(artefact_file(Path(mesh), MESH)))
 
 
 @says_what_is_missing
@@ -86,10 +87,10 @@ def solve(
         raise SpecError("got a displacement and a force", do="give one of the two")
     n_a = robot.rows.n_a
     if displacement is not None:
-        asked = actuation.displacement(vector("displacement", displacement, n_a))
+        actuated = actuation.displacement(vector("displacement", displacement, n_a))
     else:
-        asked = actuation.force(np.zeros(n_a) if force is None else vector("force", force, n_a))
-    equilibrium = solve_problem(Problem(robot), asked, None if start is None else start.state)
+        actuated = actuation.force(np.zeros(n_a) if force is None else vector("force", force, n_a))
+    equilibrium = solve_problem(Problem(robot), actuated, None if start is None else start.state)
     if not equilibrium.converged:
         raise NumericalError(
             f"no equilibrium: {equilibrium.status.value}", where=robot.name, do="take a smaller actuation"

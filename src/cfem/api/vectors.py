@@ -11,7 +11,7 @@ PathLike = str | Path
 
 
 def vector(name: str, values: ArrayLike, n: int) -> np.ndarray:
-    """(n,). SpecError, naming what it is, where there are others."""
+    """Array (n,) of values. SpecError, naming what it is, where there are not n finite numbers."""
     try:
         vector = np.asarray(values, dtype=float)
     except (TypeError, ValueError):

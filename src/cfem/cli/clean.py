@@ -16,23 +16,23 @@ def clean(folders: Sequence[Path], delete: bool, dear: bool, as_json: bool) -> d
     compute, too. What cfem did not make alone always stays."""
     roots = list(folders) or [root for root in (*ROOTS, PIPELINES) if root.is_dir()]
     set_aside = set_asides(roots)
-    goes = [each for each in set_aside if each.worth == COPY or (dear and each.worth == COSTLY)]
+    goes = [aside for aside in set_aside if aside.worth == COPY or (dear and aside.worth == COSTLY)]
     if delete:
-        for each in goes:
-            remove(each)
+        for aside in goes:
+            remove(aside)
     if as_json:
-        listed = [vars(each) | {"path": str(each.path), "deleted": delete and each in goes} for each in set_aside]
-        return {"set_aside": listed, "bytes": sum(each.bytes for each in set_aside)}
+        listed = [vars(aside) | {"path": str(aside.path), "deleted": delete and aside in goes} for aside in set_aside]
+        return {"set_aside": listed, "bytes": sum(aside.bytes for aside in set_aside)}
     if not set_aside:
         return "nothing is set aside"
-    width = max(len(str(each.path)) for each in set_aside)
+    width = max(len(str(aside.path)) for aside in set_aside)
     lines = []
-    for each in set_aside:
-        fate = "keeps" if each not in goes else "deleted" if delete else "would delete"
-        lines.append(f"{each.path!s:<{width}}  {size(each.bytes):>10}  {fate}: {each.why}")
-    freed, taken = sum(each.bytes for each in goes), sum(each.bytes for each in set_aside)
+    for aside in set_aside:
+        fate = "keeps" if aside not in goes else "deleted" if delete else "would delete"
+        lines.append(f"{aside.path!s:<{width}}  {size(aside.bytes):>10}  {fate}: {aside.why}")
+    freed, taken = sum(aside.bytes for aside in goes), sum(aside.bytes for aside in set_aside)
     lines.append(f"{size(taken)} in all; {size(freed)} {'deleted' if delete else 'with --delete'}")
-    costly = sum(each.bytes for each in set_aside if each.worth == COSTLY)
+    costly = sum(aside.bytes for aside in set_aside if aside.worth == COSTLY)
     if costly and not dear:
         lines[-1] += f"; {size(costly)} more with --delete --dear, which took long to compute"
     return "\n".join(lines)

@@ -19,7 +19,7 @@ GROUPS = {
 
 
 class Commands(TyperGroup):
-    """Every command but the hidden ones, group by group."""
+    """Group of all commands but the hidden ones, listed by their group."""
 
     def list_commands(self, ctx: typer.Context) -> list[str]:
         order = [name for names in GROUPS.values() for name in names]

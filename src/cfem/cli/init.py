@@ -156,6 +156,6 @@ def _from_terminal(question: Question, typed: dict[str, str]) -> Answer:
             return accepted
 
 
-def _text(made: dict[str, Any], first: str = "") -> str:
-    files = " ".join(file.removeprefix(f"{made['folder']}/") for file in made["files"])
-    return f"made {made['folder']}: {files}\nnext: {first}cfem run {made['folder']}"
+def _text(result: dict[str, Any], first: str = "") -> str:
+    files = " ".join(file.removeprefix(f"{result['folder']}/") for file in result["files"])
+    return f"made {result['folder']}: {files}\nnext: {first}cfem run {result['folder']}"

@@ -10,7 +10,8 @@ from cfem.core.console.shown import duration, folded
 
 
 def describe(artefact: Path, as_json: bool = False) -> dict[str, Any] | str:
-    """Origin, figures and, for a dataset, statistics of every column. InputError where it is no artefact."""
+    """Text on an artefact: origin, figures and, for a dataset, statistics of every column. InputError where it is no
+    artefact."""
     manifest = read_manifest(artefact)
     if as_json:
         return manifest
@@ -54,7 +55,7 @@ def _flat(node: dict[str, Any], prefix: str) -> Iterator[tuple[str, str]]:
 
 
 def summarise(folders: Sequence[Path]) -> str:
-    """Headlines, then seconds of every stage and their sum, then the report's page where there is one."""
+    """Text of headlines, then seconds of every stage and their sum, then the report's page where there is one."""
     manifests = [read_manifest(folder) for folder in folders]
     judged = dict.fromkeys(line for manifest in manifests for line in sentences(manifest["results"]))
     lines_of_results = [*judged, *(line for manifest in manifests for line in manifest["results"].get("headline", []))]

@@ -13,7 +13,7 @@ ACTIONS = ("list", "show", "fit")
 def run_material(
     action: str, what: str | None, others: Mapping[str, Path | None], how: Mapping[str, Any], force: bool, as_json: bool
 ) -> dict[str, Any] | str:
-    """what: name or file; others: files of further tests; how: as `Request` has it."""
+    """Runs `cfem material`. what: name or file; others: files of further tests; how: as `Request` has it."""
     if action not in ACTIONS:
         raise SpecError(f"expected one of {', '.join(ACTIONS)}, got '{action}'", where="material")
     if action == "list":

@@ -105,7 +105,7 @@ def _defect(error: Exception) -> NoReturn:
 
 
 def _fail(message: str, code: int) -> NoReturn:
-    """One line, whatever a spec or a file made of it."""
+    """Exits with one line, whatever a spec or a file made of it."""
     line = printable(" ".join(message.splitlines()))
     with suppress(OSError):  # nobody can be told
         print(f"cfem: {line if len(line) <= LONGEST else line[:LONGEST] + ' ...'}", file=sys.stderr)

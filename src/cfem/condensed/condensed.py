@@ -11,7 +11,8 @@ from cfem.condensed.rows import Rows
 
 @dataclass(frozen=True)
 class Condensed:
-    """delta = W lambda + delta_free, linearised at one equilibrium or at each of a batch (Navez, Menager et al. 2025).
+    """A robot condensed onto its rows: delta = W lambda + delta_free, linearised at one equilibrium or at each of a
+    batch (Navez, Menager et al. 2025).
 
     rows:       names and order e, skin, a, c of the n scalar rows
     W:          (..., n, n) symmetric compliance, row unit per column's multiplier unit (mm/N for cables and effectors)
@@ -28,13 +29,13 @@ class Condensed:
 
     @classmethod
     def batch(cls, states: "Sequence[Condensed]") -> "Condensed":
-        """One or more states of one robot together, along a new first axis."""
+        """Batch of states of one robot, along a new first axis."""
         arrays = ([getattr(state, name) for state in states] for name in ("W", "delta_free", "lam"))
         return Condensed(states[0].rows, *map(np.array, arrays))
 
     @cached_property
     def delta(self) -> np.ndarray:
-        """(..., n) displacements at the state itself."""
+        """Displacements (..., n) at the state itself."""
         delta = (self.W[..., self.rows.active] @ self.lam[..., None])[..., 0] + self.delta_free
         delta.flags.writeable = False
         return delta
@@ -45,7 +46,7 @@ class Condensed:
 
     @property
     def delta_s(self) -> np.ndarray:
-        """(..., n_s) mm of the skin's rows from rest."""
+        """Displacements (..., n_s) mm of the skin's rows from rest."""
         return self.delta[..., self.rows.s]
 
     @property
@@ -66,12 +67,12 @@ class Condensed:
 
     @property
     def locked_compliance(self) -> np.ndarray:
-        """(..., n_e, n_e) mm/N of the effectors, actuators held where they are: W_ee - W_ea W_aa^-1 W_ae."""
+        """Compliance (..., n_e, n_e) mm/N of the effectors, actuators held where they are: W_ee - W_ea W_aa^-1 W_ae."""
         return locked_compliance(self.rows, self.W)
 
     @cached_property
     def effector_jacobian(self) -> np.ndarray:
-        """(..., n_e, n_a + n_c) d delta_e / d delta_act = W_e,act W_act,act^-1 (design identity 2)."""
+        """Jacobian (..., n_e, n_a + n_c) d delta_e / d delta_act = W_e,act W_act,act^-1 (design identity 2)."""
         act = self.rows.active
         jacobian = np.linalg.solve(self.W[..., act, act], self.W[..., act, self.rows.e]).swapaxes(-1, -2)
         jacobian.flags.writeable = False
@@ -85,6 +86,6 @@ class Condensed:
 
 
 def locked_compliance(rows: Rows, W: np.ndarray) -> np.ndarray:
-    """(..., n_e, n_e) mm/N of the effectors where the actuators are held, from W (..., n, n)."""
+    """Compliance (..., n_e, n_e) mm/N of the effectors where the actuators are held, from W (..., n, n)."""
     e, a = rows.e, rows.a
     return W[..., e, e] - W[..., e, a] @ np.linalg.solve(W[..., a, a], W[..., a, e])

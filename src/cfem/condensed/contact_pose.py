@@ -40,8 +40,9 @@ def onto_patch(condensed: Condensed, patch: Patch, X: np.ndarray) -> Condensed:
 
 
 def slopes_onto_patch(condensed: Condensed, dW: np.ndarray, patch: Patch, X: np.ndarray) -> np.ndarray:
-    """(n_a + n, rows, rows) dW/dlambda of the rows of `onto_patch`, from dW (n_a + n_c, rows, rows) of all rows of
-    `condensed`: the chain rule once more, with the third derivative of g by central differences of the second."""
+    """Derivatives dW/dlambda (n_a + n, rows, rows) of the rows of `onto_patch`, from dW (n_a + n_c, rows, rows) of all
+    rows of `condensed`: the chain rule once more, with the third derivative of g by central differences of the
+    second."""
     rows, n_a = condensed.rows, condensed.rows.n_a
     act, e, n = rows.active, rows.watched, n_a + patch.n
     T = np.zeros((n_a + rows.n_c, n))
@@ -63,13 +64,13 @@ def slopes_onto_patch(condensed: Condensed, dW: np.ndarray, patch: Patch, X: np.
     by_hessian += bent + bent.swapaxes(1, 2) + np.einsum("iw,iuv->wuv", KT, second) + third
     by_gradient = np.einsum("lei,lw,iu->weu", d_G, T, T, optimize=True) + np.einsum("ei,iuw->weu", G, second)
     by_locked = np.einsum("lef,lw->wef", d_C, T)
-    onto = onto_patch(condensed, patch, X)
-    W_act, W_ea = onto.W[act.start :, act.start :], onto.W[e, act.start :]
+    on_patch = onto_patch(condensed, patch, X)
+    W_act, W_ea = on_patch.W[act.start :, act.start :], on_patch.W[e, act.start :]
     gradient = G @ T
-    d_W = np.empty((n, onto.rows.n, onto.rows.n))
+    d_W = np.empty((n, on_patch.rows.n, on_patch.rows.n))
     d_act = -W_act @ by_hessian @ W_act
     d_ea = by_gradient @ W_act + gradient @ d_act
-    active = onto.rows.active
+    active = on_patch.rows.active
     d_W[:, active, active], d_W[:, e, active] = d_act, d_ea
     d_W[:, active, e] = d_ea.swapaxes(1, 2)
     d_W[:, e, e] = by_locked + d_ea @ gradient.T + W_ea @ by_gradient.swapaxes(1, 2)

@@ -52,13 +52,13 @@ class RigidObject:
 
     @property
     def rest_e(self) -> np.ndarray:
-        """(n_e,) mm, and rad where it is oriented."""
+        """Position (n_e,) mm at rest, and rotation rad where it is oriented."""
         return np.concatenate([self.centre, np.zeros(3)]) if self.oriented else self.centre
 
 
 @dataclass(frozen=True)
 class Holder:
-    """One robot that holds the object.
+    """A robot that holds the object.
 
     model: of (its actuators, the pose of its patch)
     n_a: number of its actuators
@@ -74,7 +74,7 @@ class Holder:
     origin: np.ndarray
 
     def lever(self, centre: np.ndarray) -> np.ndarray:
-        """(3,) mm from the object's centre to the patch, at rest."""
+        """Lever (3,) mm from the object's centre to the patch, at rest."""
         return self.turn @ self.origin + self.shift - centre
 
 
@@ -110,6 +110,15 @@ class HeldObject(Condensed):
     forces: np.ndarray
 
 
+class _Energy(NamedTuple):
+    """Potential energy Pi of the robots and the object, to second order in delta_a and the pose X."""
+
+    parts: tuple[HolderState, ...]  # the robots' states
+    gradient: np.ndarray  # (n_a + n,)
+    hessian: np.ndarray
+    scale: tuple[float, float]  # the largest force N and moment N mm on the object
+
+
 class Coupled:
     """`Model` of several robots that hold an object. home: (n_a,) mm actuators where control starts from."""
 
@@ -137,13 +146,13 @@ class Coupled:
         self._slope = np.zeros((held.n, n_a))  # of the pose by the actuators, there
 
     def at_displacement(self, delta_a: np.ndarray) -> HeldObject:
-        """NumericalError where the object finds no stable rest, or a robot no state."""
+        """The object at rest between its robots. NumericalError where it finds no stable rest, or a robot no state."""
         delta_a = np.asarray(delta_a, float)
         X = np.zeros(self.object.n) if self._last is None else self._predict(delta_a)
         limit = self._updates or ITERATIONS
         for update in range(limit + 1):
-            parts, g, K, scale = self._sum(delta_a, X)
-            n_a = len(delta_a)
+            energy = self._energy(delta_a, X)
+            n_a, g, K = len(delta_a), energy.gradient, energy.hessian
             try:
                 np.linalg.cholesky(K[n_a:, n_a:])
             except np.linalg.LinAlgError:
@@ -154,12 +163,13 @@ class Coupled:
             step = -np.linalg.solve(K[n_a:, n_a:], g[n_a:])
             balance = tuple(
                 float(np.linalg.norm(part)) / size if size else 0.0
-                for part, size in zip((g[n_a : n_a + 3], g[n_a + 3 :]), scale, strict=True)
+                for part, size in zip((g[n_a : n_a + 3], g[n_a + 3 :]), energy.scale, strict=True)
             )
             if self._updates is None and max(balance) <= TOLERANCE:
-                return self._condense(delta_a, X, parts, g, K, balance, update)
+                return self._condense(delta_a, X, energy, balance, update)
             if self._updates is not None and update == self._updates - 1:
-                return self._condense(delta_a, X + step, parts, g + K[:, n_a:] @ step, K, balance, update + 1)
+                energy = energy._replace(gradient=g + K[:, n_a:] @ step)
+                return self._condense(delta_a, X + step, energy, balance, update + 1)
             X = X + step
         raise NumericalError(f"the object does not come to rest: a force balance of {max(balance):.1e}")
 
@@ -182,36 +192,34 @@ class Coupled:
         )
 
     def _predict(self, delta_a: np.ndarray) -> np.ndarray:
-        """(n,) the pose that the last state's linearisation expects."""
+        """Pose (n,) that the last state's linearisation expects."""
         last = self._last
         return last.X + self._slope @ (delta_a - last.delta_a)
 
-    def _sum(
-        self, delta_a: np.ndarray, X: np.ndarray
-    ) -> tuple[tuple[HolderState, ...], np.ndarray, np.ndarray, tuple[float, float]]:
-        """The robots' states; gradient (n_a + n,) and Hessian of Pi; the largest force and moment on the object."""
+    def _energy(self, delta_a: np.ndarray, X: np.ndarray) -> _Energy:
+        """Pi to second order at displacements delta_a and pose X."""
         n_a, n = len(delta_a), len(X)
         now = turn(X[3:]) if n == 6 else None
         poses, slopes = self._poses(X, now)
-        asked = [
+        displacements = [
             np.concatenate([delta_a[first:end], pose])
             for first, end, pose in zip(self._ends[:-1], self._ends[1:], poses, strict=True)
         ]
-        parts = self._states(asked)
+        parts = self._states(displacements)
         g, K = np.zeros(n_a + n), np.zeros((n_a + n, n_a + n))
         g[n_a:] = -self.object.wrench
         force, moment = float(np.linalg.norm(self.object.wrench[:3])), float(np.linalg.norm(self.object.wrench[3:]))
         pulled = np.zeros((3, 3))
         for i, (hold, part, slope) in enumerate(zip(self.holds, parts, slopes, strict=True)):
-            mine, its = slice(self._ends[i], self._ends[i + 1]), slice(hold.n_a, None)
-            push = slope.T @ part.lambda_a[its]
-            coupled = part.hessian[: hold.n_a, its] @ slope
-            g[mine] = part.lambda_a[: hold.n_a]
+            actuators, pose_rows = slice(self._ends[i], self._ends[i + 1]), slice(hold.n_a, None)
+            push = slope.T @ part.lambda_a[pose_rows]
+            coupled = part.hessian[: hold.n_a, pose_rows] @ slope
+            g[actuators] = part.lambda_a[: hold.n_a]
             g[n_a:] += push
-            K[mine, mine] = part.hessian[: hold.n_a, : hold.n_a]
-            K[mine, n_a:] = coupled
-            K[n_a:, mine] = coupled.T
-            K[n_a:, n_a:] += slope.T @ part.hessian[its, its] @ slope
+            K[actuators, actuators] = part.hessian[: hold.n_a, : hold.n_a]
+            K[actuators, n_a:] = coupled
+            K[n_a:, actuators] = coupled.T
+            K[n_a:, n_a:] += slope.T @ part.hessian[pose_rows, pose_rows] @ slope
             pulled += np.outer(hold.turn @ part.lambda_a[hold.n_a : hold.n_a + 3], self._levers[i])
             force, moment = max(force, float(np.linalg.norm(push[:3]))), max(moment, float(np.linalg.norm(push[3:])))
         # robots that carry next to nothing: no less than what holds the object against a shift that nobody sees
@@ -219,7 +227,7 @@ class Coupled:
         if now is not None:
             K[n_a + 3 :, n_a + 3 :] += np.tensordot(now.second, pulled, 2)
             moment = max(moment, UNSEEN / self._length * float(np.abs(K[n_a + 3 :, n_a + 3 :]).max()))
-        return parts, g, (K + K.T) / 2, (force, moment)
+        return _Energy(parts, g, (K + K.T) / 2, (force, moment))
 
     def _poses(self, X: np.ndarray, now: RotationDerivatives | None) -> tuple[list[np.ndarray], list[np.ndarray]]:
         """Pose of every robot's patch in its frame, (n_pose,) each, and their derivatives (n_pose, n) by X."""
@@ -239,20 +247,22 @@ class Coupled:
             by_X[:n] for by_X, n in zip(slope, sizes, strict=True)
         ]
 
-    def _states(self, asked: list[np.ndarray]) -> tuple[HolderState, ...]:
+    def _states(self, displacements: list[np.ndarray]) -> tuple[HolderState, ...]:
         """States of the robots at these displacements, at once where all have the same learned model."""
         if self._alike:
-            return tuple(map(HolderState, asked, *self.holds[0].model.slopes(np.array(asked))))
-        return tuple(state_of(hold.model, delta) for hold, delta in zip(self.holds, asked, strict=True))
+            return tuple(map(HolderState, displacements, *self.holds[0].model.slopes(np.array(displacements))))
+        return tuple(state_of(hold.model, delta) for hold, delta in zip(self.holds, displacements, strict=True))
 
     def _softest(self, K_XX: np.ndarray) -> float:
         size = np.array([1.0] * 3 + [self._length] * (len(K_XX) - 3))
         values = np.linalg.eigvalsh(K_XX / np.outer(size, size))
         return float(values[0] / np.abs(values).max())
 
-    def _condense(self, delta_a, X, parts, g, K, balance, updates) -> HeldObject:
+    def _condense(
+        self, delta_a: np.ndarray, X: np.ndarray, energy: _Energy, balance: tuple[float, ...], updates: int
+    ) -> HeldObject:
         """Condensed model at the pose X, which follows the actuators: dX / d delta_a = -K_XX^-1 K_Xa."""
-        n_a, n_e = len(delta_a), self.rows.n_e
+        n_a, n_e, g, K = len(delta_a), self.rows.n_e, energy.gradient, energy.hessian
         flexible = np.linalg.inv(K[n_a:, n_a:])
         slope = -flexible @ K[n_a:, :n_a]
         hessian = K[:n_a, :n_a] + K[:n_a, n_a:] @ slope
@@ -260,20 +270,20 @@ class Coupled:
         plain = from_energy(self.rows, delta, g[:n_a], hessian, slope[:n_e], flexible[:n_e, :n_e])
         stiffness = K[n_a:, n_a:]
         forces = -np.array(
-            [hold.turn @ part.lambda_a[hold.n_a :][:3] for hold, part in zip(self.holds, parts, strict=True)]
+            [hold.turn @ part.lambda_a[hold.n_a :][:3] for hold, part in zip(self.holds, energy.parts, strict=True)]
         )
         held = HeldObject(
             plain.rows,
             plain.W,
             plain.delta_free,
             plain.lam,
-            X,
-            parts,
-            balance,
-            stiffness,
-            self._softest(stiffness),
-            updates,
-            forces,
+            X=X,
+            parts=energy.parts,
+            balance=balance,
+            stiffness=stiffness,
+            softest=self._softest(stiffness),
+            updates=updates,
+            forces=forces,
         )
         self._last, self._slope = held, slope
         return held

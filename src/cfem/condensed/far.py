@@ -9,12 +9,13 @@ AWAY = 0.5  # lengths of the robot from rest, from where on a goal may be one in
 
 
 def far_of(rows: Rows, length: float) -> np.ndarray:
-    """(n_e,) how far from rest a goal may be in each effector row, mm; inf for rotations."""
+    """Distances (n_e,) mm from rest that a goal may have in each effector row; inf for rotations."""
     return np.where(rows.turns, np.inf, FAR * length)
 
 
 def doubt(goal: np.ndarray, rest_e: np.ndarray, far: np.ndarray) -> str:
-    """Why a goal (n_e,) mm absolute cannot be meant, '' where it can; rest_e (n_e,) mm; far (n_e,) mm of `far_of`."""
+    """Sentence on why a goal (n_e,) mm absolute cannot be meant, '' where it can; rest_e (n_e,) mm; far (n_e,) mm of
+    `far_of`."""
     places = np.isfinite(far)
     away, length = np.abs(goal - rest_e)[places], far[places] / FAR
     if not places.any():

@@ -11,7 +11,7 @@ Coordinate = Literal["linear", "log", "log(1-2p)"]
 
 @dataclass(frozen=True)
 class Parameter:
-    """One number that varies from robot to robot.
+    """A number that varies from robot to robot.
 
     key: where the scene has it ('material.poisson')
     unit: of its numbers ('1', 'MPa', 'mm')
@@ -38,7 +38,7 @@ class Parameter:
 
 
 def coordinates(parameters: Sequence[Parameter], p: np.ndarray) -> np.ndarray:
-    """(..., n_p) values of `parameters` -> (..., n_p) their coordinates."""
+    """Coordinates (..., n_p) of values (..., n_p) of `parameters`."""
     return _each(parameters, _FORWARD, p)
 
 
@@ -48,19 +48,19 @@ def values(parameters: Sequence[Parameter], q: np.ndarray) -> np.ndarray:
 
 
 def slopes(parameters: Sequence[Parameter], p: np.ndarray) -> np.ndarray:
-    """(..., n_p) d coordinate / d p."""
+    """Derivatives (..., n_p) d coordinate / d p."""
     return _each(parameters, _SLOPE, p)
 
 
 def _each(parameters: Sequence[Parameter], functions: Mapping[str, Callable], x: np.ndarray) -> np.ndarray:
-    """(..., n_p) the function of each one's coordinate, of its own column of x."""
+    """Values (..., n_p) of the function of each parameter's coordinate, of its own column of x."""
     x = np.asarray(x, float)
     columns = [functions[parameter.coordinate](x[..., i]) for i, parameter in enumerate(parameters)]
     return np.stack(columns, axis=-1) if columns else x[..., :0]
 
 
 def shares(parameters: Sequence[Parameter], p: np.ndarray) -> np.ndarray:
-    """(..., n_p) values -> (..., n_p) in [0, 1]: place of their coordinates between those of the ends of the range."""
+    """Places (..., n_p) in [0, 1] of the coordinates of values (..., n_p) between those of the ends of the range."""
     low, high = range_coordinates(parameters)
     return (coordinates(parameters, p) - low) / (high - low)
 
@@ -72,7 +72,7 @@ def from_shares(parameters: Sequence[Parameter], z: np.ndarray) -> np.ndarray:
 
 
 def range_coordinates(parameters: Sequence[Parameter]) -> tuple[np.ndarray, np.ndarray]:
-    """(n_p,) coordinates of the lower and of the higher end of each range."""
+    """Coordinates (n_p,) of the lower and of the higher end of each range."""
     low, high = np.array([[parameter.low, parameter.high] for parameter in parameters]).reshape(-1, 2).T
     return coordinates(parameters, low), coordinates(parameters, high)
 
@@ -96,11 +96,11 @@ def references(parameters: Sequence[Parameter]) -> np.ndarray:
 
 
 def completed(parameters: Sequence[Parameter], p: np.ndarray) -> np.ndarray:
-    """(..., n_q) values of the sampled parameters -> (..., n_p) of all, exact ones at their reference."""
+    """Values (..., n_p) of all parameters from those (..., n_q) of the sampled ones; exact ones at their reference."""
     p = np.asarray(p, float)
-    every = np.tile(references(parameters), (*p.shape[:-1], 1))
-    every[..., [not parameter.exact for parameter in parameters]] = p
-    return every
+    full = np.tile(references(parameters), (*p.shape[:-1], 1))
+    full[..., [not parameter.exact for parameter in parameters]] = p
+    return full
 
 
 _FORWARD = {"linear": lambda p: p, "log": np.log, "log(1-2p)": lambda p: np.log1p(-2 * p)}

@@ -12,7 +12,8 @@ SHARP = np.radians(30.0)
 
 
 class _Means:
-    """What follows from weights (N, m) of the m surface nodes in N points, and the points' places at `rest` (N, 3)."""
+    """Weighted means of surface nodes: weights (N, m) of the m nodes in N points, and the points' places at `rest` (N,
+    3)."""
 
     weights: csr_array
     rest: np.ndarray
@@ -68,7 +69,7 @@ class Patches(_Means):
 
 
 def edges(rest: np.ndarray, triangles: np.ndarray) -> csr_array:
-    """(m, m) mm: the lengths of the edges of triangles (t, 3) between nodes at rest (m, 3) mm."""
+    """Lengths (m, m) mm of the edges of triangles (t, 3) between nodes at rest (m, 3) mm."""
     pairs = np.unique(np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0)
     lengths = np.linalg.norm(np.diff(rest[pairs], axis=1)[:, 0], axis=1)
     return csr_array((lengths, pairs.T), shape=(len(rest), len(rest)))
@@ -84,9 +85,9 @@ def cut(
     graph, patch, count = edges(rest, triangles).tocoo(), np.zeros(len(rest), dtype=np.int64), 0
     parts = _connected(on_sharp_edges(rest, triangles).astype(np.int64), graph) if sharp_edges else patch
     for part in np.unique(parts):
-        mine = np.flatnonzero(parts == part)
-        patch[mine] = count + _nearest_centre(rest[mine], apart)
-        count = int(patch[mine].max()) + 1
+        members = np.flatnonzero(parts == part)
+        patch[members] = count + _nearest_centre(rest[members], apart)
+        count = int(patch[members].max()) + 1
     patch = _connected(patch, graph)
     area = np.maximum(weights, 1e-12 / len(weights))
     shares = area / np.bincount(patch, area)[patch]
@@ -109,14 +110,16 @@ def _nearest_centre(nodes: np.ndarray, apart: float) -> np.ndarray:
 
 
 def on_sharp_edges(rest: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """(m,) bool: nodes on edges at which the surface is convex and turns by more than SHARP."""
+    """Mask (m,) of the nodes on edges at which the surface is convex and turns by more than SHARP."""
     corners = rest[triangles]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-300)[:, None]
+    # half edges from `start` to `end`, each with the third corner of its triangle; its twin runs the other way
     start, end, opposite = (triangles[:, np.roll([0, 1, 2], -i)].ravel() for i in range(3))
     key, triangle = start * len(rest) + end, np.repeat(np.arange(len(triangles)), 3)
     order = np.argsort(key)
     twin = order[np.minimum(np.searchsorted(key[order], end * len(rest) + start), len(key) - 1)]
+    # the normals turn by more than SHARP, and the twin's third corner lies below this triangle: convex
     turned = np.einsum("ei,ei->e", normals[triangle], normals[triangle[twin]]) < np.cos(SHARP)
     below = np.einsum("ei,ei->e", rest[opposite[twin]] - rest[start], normals[triangle]) < 0
     sharp = turned & below & (start[twin] == end) & (end[twin] == start)

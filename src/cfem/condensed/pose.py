@@ -30,13 +30,13 @@ class Patch:
         return tuple(f"patch.{axis}" for axis in COORDINATES[: self.n])
 
     def displacement(self, X: np.ndarray) -> np.ndarray:
-        """(3 k,) mm of the points from rest, at pose X (n,)."""
+        """Displacements (3 k,) mm of the points from rest, at pose X (n,)."""
         r = self.points - self.origin
         turned = r @ turn(X[3:]).R.T - r if self.turns else np.zeros_like(r)
         return (turned + X[:3]).ravel()
 
     def jacobian(self, X: np.ndarray) -> np.ndarray:
-        """(3 k, n) of `displacement`."""
+        """Jacobian (3 k, n) of `displacement`."""
         k = len(self.points)
         shift = np.tile(np.eye(3), (k, 1))
         if not self.turns:
@@ -45,7 +45,7 @@ class Patch:
         return np.hstack([shift, turned.reshape(3 * k, 3)])
 
     def curvature(self, X: np.ndarray, lam: np.ndarray) -> np.ndarray:
-        """(n, n) second derivative of lam . displacement, lam (3 k,) N."""
+        """Second derivative (n, n) of lam . displacement, lam (3 k,) N."""
         out = np.zeros((self.n, self.n))
         if self.turns:
             pulled = lam.reshape(-1, 3).T @ (self.points - self.origin)

@@ -18,9 +18,9 @@ _EE += _EE.swapaxes(0, 1)
 
 def _derivatives(coefficients: list[float]) -> list[list[float]]:
     """Coefficients of a power series and of its first two derivatives, the highest first."""
-    once = [k * c for k, c in enumerate(coefficients)][1:]
-    twice = [k * c for k, c in enumerate(once)][1:]
-    return [series[::-1] for series in (coefficients, once, twice)]
+    first = [k * c for k, c in enumerate(coefficients)][1:]
+    second = [k * c for k, c in enumerate(first)][1:]
+    return [series[::-1] for series in (coefficients, first, second)]
 
 
 _A = _derivatives([(-1) ** k / factorial(2 * k + 1) for k in range(_TERMS)])
@@ -35,15 +35,15 @@ def _at(coefficients: list[float], s: float) -> float:
 
 
 def cross_matrix(v: np.ndarray) -> np.ndarray:
-    """(..., 3, 3) [v] of v (..., 3)."""
+    """Cross-product matrices [v] (..., 3, 3) of v (..., 3)."""
     out = np.zeros((*v.shape, 3))
     out[..., 2, 1], out[..., 0, 2], out[..., 1, 0] = np.moveaxis(v, -1, 0)
     return out - out.swapaxes(-1, -2)
 
 
 def left_jacobian(phi: np.ndarray) -> np.ndarray:
-    """(..., 3, 3) J with exp [phi + d] = exp [J d] exp [phi] to first order: 1 + a [phi] + b [phi]^2, |phi| = t,
-    a = (1 - cos t) / t^2, b = (t - sin t) / t^3. exp [phi] is 1 + [phi] J."""
+    """Left Jacobian J (..., 3, 3) with exp [phi + d] = exp [J d] exp [phi] to first order: 1 + a [phi] + b [phi]^2,
+    |phi| = t, a = (1 - cos t) / t^2, b = (t - sin t) / t^3. exp [phi] is 1 + [phi] J."""
     s = (phi**2).sum(axis=-1)[..., None, None]
     small = s < 1e-4
     safe = np.where(small, 1.0, s)
@@ -55,8 +55,8 @@ def left_jacobian(phi: np.ndarray) -> np.ndarray:
 
 
 def inverse_left_jacobian(phi: np.ndarray) -> np.ndarray:
-    """(3, 3) J_l^-1: d phi = J_l^-1 omega where dR = [omega] R and R = exp [phi], |phi| = t < 2 pi (Sola, Deray and
-    Atchuthan, A micro Lie theory, arXiv 1812.01537, 2018, eq. 146):
+    """Inverse left Jacobian J_l^-1 (3, 3): d phi = J_l^-1 omega where dR = [omega] R and R = exp [phi], |phi| = t < 2
+    pi (Sola, Deray and Atchuthan, A micro Lie theory, arXiv 1812.01537, 2018, eq. 146):
 
         J_l^-1 = 1 - [phi] / 2 + (1 - (t / 2) cot(t / 2)) / t^2 [phi]^2"""
     t = float(np.linalg.norm(phi))

@@ -6,7 +6,7 @@ from functools import cached_property
 
 @dataclass(frozen=True)
 class Rows:
-    """One name a scalar row, e.g. effectors ('tip.x', 'tip.y', 'tip.z'), actuators ('left', 'right').
+    """Names of the scalar rows, e.g. effectors ('tip.x', 'tip.y', 'tip.z'), actuators ('left', 'right').
 
     skin: modes of the surface (`cfem.condensed.skin`), which only those have who ask for the shape; goals and errors
     are the effectors' alone."""
@@ -76,12 +76,12 @@ class Rows:
         """Rows that carry a multiplier: actuators and contacts."""
         return slice(self.watched.stop, self.n)
 
-    def difference(self, theirs: "Rows", whose: str) -> str:
+    def difference(self, other_rows: "Rows", whose: str) -> str:
         """Difference from another robot's rows in words: 'drives left and right, the scene cable'."""
         kinds = (
-            ("drives", self.actuators, theirs.actuators),
-            ("watches", self.effectors, theirs.effectors),
-            ("may be touched at", self.contacts, theirs.contacts),
+            ("drives", self.actuators, other_rows.actuators),
+            ("watches", self.effectors, other_rows.effectors),
+            ("may be touched at", self.contacts, other_rows.contacts),
         )
         phrases = [
             f"{verb} {_listed(my_names)}, {whose} {_listed(their_names)}"

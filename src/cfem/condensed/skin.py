@@ -54,19 +54,19 @@ class Skin:
 
     @cached_property
     def functionals(self) -> np.ndarray:
-        """(k, m, 3): s_k = sum of these times the displacements."""
+        """Weights (k, m, 3) of displacements in the rows: s_k = sum of these times the displacements."""
         return self.weights[:, None] * self.modes
 
     def rows(self, displacements: np.ndarray) -> np.ndarray:
-        """(..., m, 3) mm -> (..., k) mm."""
+        """Rows (..., k) mm of displacements (..., m, 3) mm."""
         return np.tensordot(displacements, self.functionals, axes=((-2, -1), (1, 2)))
 
     def displacements(self, rows: np.ndarray) -> np.ndarray:
-        """(..., k) mm -> (..., m, 3) mm."""
+        """Displacements (..., m, 3) mm of rows (..., k) mm."""
         return np.tensordot(rows, self.modes, axes=(-1, 0))
 
     def left(self, displacements: np.ndarray) -> tuple[float, float]:
-        """mm: root mean square and largest distance of the surface nodes from where their own rows put them;
+        """Root mean square and largest distance mm of the surface nodes from where their own rows put them;
         displacements (m, 3)."""
         apart = displacements - self.displacements(self.rows(displacements))
         square = (apart**2).sum(axis=1)
@@ -99,7 +99,7 @@ def read_skin(path: Path) -> Skin:
 
 
 def checked_skin(arrays: dict[str, np.ndarray]) -> Skin:
-    """InputError naming the array that is missing or does not fit the others."""
+    """Skin from its arrays. InputError naming the array that is missing or does not fit the others."""
     m = len(take(arrays, "nodes", (None,), "iu"))
     triangles = take(arrays, "triangles", (None, 3), "iu")
     if triangles.min() < 0 or triangles.max() >= m:
@@ -116,7 +116,7 @@ def checked_skin(arrays: dict[str, np.ndarray]) -> Skin:
 
 
 def checked_inside(arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Those of the inner nodes. InputError as `checked_skin`."""
+    """Arrays of the inner nodes. InputError as `checked_skin`."""
     p = len(take(arrays, "inner_nodes", (None,), "iu"))
     return {
         "inner_nodes": arrays["inner_nodes"],

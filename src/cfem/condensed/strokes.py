@@ -8,17 +8,17 @@ FE_TOLERANCE = 5e-5  # the same on FE matrices, where less is not worth a solve
 
 
 def stroke(reach: np.ndarray) -> np.ndarray:
-    """(n_a,) full stroke of each actuator in its unit, from its reach (n_a, 2)."""
+    """Full strokes (n_a,) of the actuators in their units, from their reach (n_a, 2)."""
     return np.abs(reach).max(axis=1)
 
 
 def stated_or_share(stated: float | None, share: float, reach: np.ndarray) -> np.ndarray:
-    """(n_a,) the stated quantity for every actuator, or where there is none that share of each stroke."""
+    """Values (n_a,) of a stated quantity for every actuator, or where there is none that share of each stroke."""
     full = stroke(reach)
     return share * full if stated is None else np.full(len(full), float(stated))
 
 
 def ridge_of(regularisation: float, reach: np.ndarray, length: float) -> np.ndarray:
-    """(n_a,) weights such that a full stroke (reach (n_a, 2) mm or mm^3) costs `regularisation` times what missing by
+    """Weights (n_a,) such that a full stroke (reach (n_a, 2) mm or mm^3) costs `regularisation` times what missing by
     `length` mm costs."""
     return np.sqrt(regularisation) * length / stroke(reach)

@@ -37,7 +37,7 @@ class Attachment:
     point: np.ndarray
 
     def position(self, x: np.ndarray) -> np.ndarray:
-        """(3,) mm."""
+        """Position (3,) mm of the point."""
         return self.weights @ x[self.nodes]
 
 
@@ -78,16 +78,16 @@ def locate(
     -1 where the point lies outside by more than `within` of the cell's size: the smallest barycentric coordinate, or
     (1 - the largest |xi|) / 2, is below -`within`."""
     among = np.arange(len(mesh.cells)) if cells is None else np.asarray(cells)
-    which, cell = _near(mesh, points, among)
-    coordinates, depth = _coordinates(mesh, cell, points[which])
-    gap = np.where(depth >= -1e-9, 0.0, _gap(mesh, cell, coordinates, points[which]))
-    order = np.lexsort((-depth, gap, which))  # of a point's cells that with the least gap, then the deepest
-    best = order[np.unique(which[order], return_index=True)[1]]
+    number, cell = _near(mesh, points, among)
+    coordinates, depth = _coordinates(mesh, cell, points[number])
+    gap = np.where(depth >= -1e-9, 0.0, _gap(mesh, cell, coordinates, points[number]))
+    order = np.lexsort((-depth, gap, number))  # of a point's cells that with the least gap, then the deepest
+    best = order[np.unique(number[order], return_index=True)[1]]
     return np.where(depth[best] >= -within, cell[best], -1), coordinates[best]
 
 
 def distance_outside(mesh: Mesh, points: np.ndarray, cells: np.ndarray | None = None) -> np.ndarray:
-    """(k,) mm from each point (k, 3) to the body, 0 inside; a little more than the least distance outside."""
+    """Distances (k,) mm from points (k, 3) to the body, 0 inside; a little more than the least distance outside."""
     cell, coordinates = locate(mesh, points, cells=cells)
     return _gap(mesh, cell, coordinates, points)
 
@@ -103,7 +103,7 @@ def show(point: np.ndarray) -> str:
 
 
 def _corners(mesh: Mesh, cells: np.ndarray) -> np.ndarray:
-    """(k, 4 | 8) nodes that alone shape a cell (edges are straight)."""
+    """Nodes (k, 4 | 8) that alone shape a cell (edges are straight)."""
     return mesh.cells[cells, : 8 if mesh.cells.shape[1] == 8 else 4]
 
 
@@ -116,8 +116,8 @@ def _near(mesh: Mesh, points: np.ndarray, among: np.ndarray) -> tuple[np.ndarray
     apart = np.linalg.norm(centre - middle, axis=1) - reach
     kept = apart <= max(np.linalg.norm(points - middle, axis=1).max(), apart.min())
     apart = cdist(points, centre[kept]) - reach[kept]
-    which, place = np.nonzero(apart <= np.maximum(apart.min(axis=1, keepdims=True), 0))
-    return which, among[kept][place]
+    number, place = np.nonzero(apart <= np.maximum(apart.min(axis=1, keepdims=True), 0))
+    return number, among[kept][place]
 
 
 def _coordinates(mesh: Mesh, cells: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -156,7 +156,7 @@ def _inverse_trilinear(corners: np.ndarray, points: np.ndarray) -> tuple[np.ndar
 
 
 def _gap(mesh: Mesh, cells: np.ndarray, coordinates: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """(k,) mm: from each point to the point of its cell to which its coordinates are cut back."""
+    """Distances (k,) mm from each point to the point of its cell to which its coordinates are cut back."""
     if mesh.cells.shape[1] == 8:
         weights = shape(8, np.clip(coordinates, -1, 1))
     else:
@@ -166,14 +166,15 @@ def _gap(mesh: Mesh, cells: np.ndarray, coordinates: np.ndarray, points: np.ndar
 
 
 def _moving_least_squares(offset: np.ndarray, bump: np.ndarray) -> np.ndarray:
-    """(k,) weights bump * (a + b . offset) with sum 1 and first moment 0, the smallest such."""
+    """Weights (k,) bump * (a + b . offset) with sum 1 and first moment 0, the smallest such."""
     basis = np.hstack([np.ones((len(offset), 1)), offset])
     moment = basis.T @ (bump[:, None] * basis)
     return bump * (basis @ np.linalg.lstsq(moment, np.array([1.0, 0, 0, 0]), rcond=1e-12)[0])
 
 
 def _polished(mesh: Mesh, raw: Attachment) -> Attachment:
-    """Without the rounding that sums of thousands of points gather: sum 1 and first moment 0, of the nodes' weights."""
+    """Weights without the rounding that sums of thousands of points gather: sum 1 and first moment 0, of the nodes'
+    weights."""
     arm = mesh.X[raw.nodes] - raw.point
     basis = np.hstack([np.ones((len(arm), 1)), arm / np.abs(arm).max()])
     missing = np.array([1.0, 0, 0, 0]) - raw.weights @ basis

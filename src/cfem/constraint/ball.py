@@ -54,19 +54,19 @@ def _parts(
 
 
 def squares(vectors: np.ndarray) -> np.ndarray:
-    """(...) of vectors (..., 3): their lengths squared, in a quarter of the time of `np.linalg.norm`."""
+    """Squared lengths (...) of vectors (..., 3), in a quarter of the time of `np.linalg.norm`."""
     return np.einsum("...d,...d->...", vectors, vectors)
 
 
 def _densities(count: int, rule: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """(k, q) mm^3: volumes that the points stand for, before their shares, of parts with corners (k, count, 3)."""
+    """Volumes (k, q) mm^3 that the points stand for, before their shares, of parts with corners (k, count, 3)."""
     if count == 4:
         return np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1]))[:, None] / 6
     return np.abs(np.linalg.det(np.einsum("qcx,kcd->kqxd", shape_derivatives(8, rule), corners))) * 8
 
 
 def _tetrahedron_rule() -> tuple[np.ndarray, np.ndarray]:
-    """(14, 4) barycentric points and (14,) shares of the volume, of degree 5 (Walkington, Quadrature on simplices of
+    """Barycentric points (14, 4) and shares (14,) of the volume, of degree 5 (Walkington, Quadrature on simplices of
     arbitrary dimension, Carnegie Mellon, 2000)."""
     points, shares = [], []
     for a, share in (
@@ -83,14 +83,14 @@ def _tetrahedron_rule() -> tuple[np.ndarray, np.ndarray]:
 
 
 def _hexahedron_rule() -> tuple[np.ndarray, np.ndarray]:
-    """(27, 3) Gauss points in [-1, 1]^3 and (27,) shares of the volume."""
+    """Gauss points (27, 3) in [-1, 1]^3 and their shares (27,) of the volume."""
     x, w = np.polynomial.legendre.leggauss(3)
     points = np.stack(np.meshgrid(x, x, x, indexing="ij"), axis=-1).reshape(-1, 3)
     return points, np.einsum("i,j,k->ijk", w, w, w).ravel() / 8
 
 
 def _halved_tetrahedron() -> np.ndarray:
-    """(8, 4, 4) corners of the eight parts, as weights of the corners."""
+    """Corners (8, 4, 4) of the eight parts of a tetrahedron, as weights of its corners."""
     corner = np.eye(4)
     a, b, c, d = corner
     ab, ac, ad, bc, bd, cd = (corner[[i, j]].mean(axis=0) for i, j in _EDGES)
@@ -101,7 +101,7 @@ def _halved_tetrahedron() -> np.ndarray:
 
 
 def _halved_hexahedron() -> np.ndarray:
-    """(8, 8, 8) corners of the octants, as weights of the corners."""
+    """Corners (8, 8, 8) of the octants of a hexahedron, as weights of its corners."""
     return np.array([shape(8, (HEX_CORNERS + corner) / 2) for corner in HEX_CORNERS])
 
 

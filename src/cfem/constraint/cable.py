@@ -42,7 +42,7 @@ class Cable:
 
     @property
     def rest_length(self) -> float:
-        """mm."""
+        """Length mm at rest."""
         return float(self.rest_lengths.sum())
 
     def _segments(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -57,7 +57,7 @@ class Cable:
         return -(self.along.T @ (d * (self.shares / length)[:, None]))[None]
 
     def turned(self, x: np.ndarray) -> np.ndarray:
-        """(s,) rad by which the cable turns at the guide before each segment, 0 before the first."""
+        """Angles (s,) rad by which the cable turns at the guide before each segment, 0 before the first."""
         d, length = self._segments(x)
         t = d / length[:, None]
         turned = np.arctan2(np.linalg.norm(np.cross(t[:-1], t[1:]), axis=1), (t[:-1] * t[1:]).sum(axis=1))
@@ -65,7 +65,7 @@ class Cable:
 
     @property
     def segments(self) -> tuple["Cable", ...]:
-        """Each as a cable of its own, without friction."""
+        """Segments, each as a cable without friction."""
         parts = (
             (self.along[i : i + 1], self.start[i : i + 1], self.rest_lengths[i : i + 1], (self.cliques[i],))
             for i in range(len(self.shares))
@@ -88,7 +88,8 @@ class Cable:
         return [product.reshape(1, 3 * len(product), -1) for product in products]
 
     def curvature_form(self, x: np.ndarray, motions: np.ndarray) -> np.ndarray:
-        """(k, k) M^T d2 delta M of motions M (n, 3, k) of the nodes, without the blocks of `curvature`."""
+        """Second derivative (k, k) M^T d2 delta M of the length along motions M (n, 3, k) of the nodes, without the
+        blocks of `curvature`."""
         d, length = self._segments(x)
         t = d / length[:, None]
         moved = np.tensordot(self.along, motions[self.nodes], axes=1)  # (s, 3, k)

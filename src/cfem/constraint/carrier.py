@@ -29,14 +29,14 @@ class Carrier:
     arm: np.ndarray
 
     def rotation(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """R and S (3, 3)."""
+        """Polar decomposition of the carrier's motion: rotation R and stretch S (3, 3)."""
         B = (self.weights[:, None] * x[self.nodes]).T @ self.arm
         U, s, Vt = np.linalg.svd(B)
         handed = np.diag([1.0, 1.0, np.sign(np.linalg.det(U @ Vt))])
         return U @ handed @ Vt, Vt.T @ (s[:, None] * handed) @ Vt
 
     def spin(self, rotation: np.ndarray, stretch: np.ndarray) -> np.ndarray:
-        """(3, k, 3): omega, in the frame at rest, by the positions of the nodes, 1/mm."""
+        """Derivative (3, k, 3) 1/mm of the spin omega, in the frame at rest, by the positions of the nodes."""
         inverse = np.linalg.inv(np.trace(stretch) * np.eye(3) - stretch)
         # for dx_i = e_a: dB = w_i e_a arm_i^T, whose axial vector is w_i arm_i x (row a of R)
         axial = self.weights[None, :, None] * np.cross(self.arm[None, :, :], rotation[:, None, :])
@@ -67,7 +67,7 @@ def make_carrier(mesh: Mesh, points: np.ndarray, radius: float, name: str, cells
 
 
 def _node_volumes(mesh: Mesh, cells: np.ndarray | None) -> np.ndarray:
-    """(n,) mm^3: each cell's volume shared equally by its nodes, so that the weights tend to an integral."""
+    """Volumes (n,) mm^3 of the nodes, each cell's shared equally, so that the weights tend to an integral."""
     chosen = slice(None) if cells is None else cells
     nodes = mesh.cells[chosen]
     share = np.repeat(mesh.volumes[chosen] / nodes.shape[1], nodes.shape[1])

@@ -55,7 +55,7 @@ class Cavity:
         return np.array([_volume(y, self.form) - self.rest_volume])
 
     def gradient(self, x: np.ndarray) -> np.ndarray:
-        """(1, k, 3) mm^2: the force on the wall at unit pressure, outward of the cavity."""
+        """Gradient (1, k, 3) mm^2 of the volume: the force on the wall at unit pressure, outward of the cavity."""
         forces = _forces(_local(x, self.nodes, self.place), self.form)
         sums = [np.bincount(self.place.ravel(), part.ravel(), len(self.nodes)) for part in forces]
         return np.stack(sums, axis=-1)[None]
@@ -151,14 +151,14 @@ def _form(k: int) -> np.ndarray:
 
 
 def _local(x: np.ndarray, nodes: np.ndarray, place: np.ndarray) -> np.ndarray:
-    """(3, g, k) positions of the facets' nodes from the middle of all, which keeps the digits of a small cavity far
+    """Positions (3, g, k) of the facets' nodes from the middle of all, which keeps the digits of a small cavity far
     from the origin (a closed surface has the same volume seen from anywhere)."""
     places = x[nodes]
     return np.ascontiguousarray((places - places.mean(axis=0)).T)[:, place]
 
 
 def _forces(y: np.ndarray, form: np.ndarray) -> np.ndarray:
-    """(3, g, k) mm^2: 3 A_abc x_b x x_c, of y (3, g, k)."""
+    """Forces (3, g, k) mm^2 at unit pressure, 3 A_abc x_b x x_c, of y (3, g, k)."""
     b, c = np.triu_indices(y.shape[2], 1)  # each pair once
     p, q = y[:, :, b], y[:, :, c]
     product = np.stack([p[i] * q[j] - p[j] * q[i] for i, j in ((1, 2), (2, 0), (0, 1))])
@@ -166,7 +166,7 @@ def _forces(y: np.ndarray, form: np.ndarray) -> np.ndarray:
 
 
 def _volume(y: np.ndarray, form: np.ndarray) -> float:
-    """Volume, mm^3: of third degree in y, so a third of y . dV/dy."""
+    """Volume mm^3: of third degree in y, so a third of y . dV/dy."""
     return float((y * _forces(y, form)).sum() / 3)
 
 

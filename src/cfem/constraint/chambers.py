@@ -22,7 +22,7 @@ class RodChambers(RodRow):
     units: ClassVar[tuple[str, str]] = ("mm^3", "MPa")
 
     def strained(self, e: np.ndarray) -> Strained:
-        """At the strains e (m, 6) of the rod."""
+        """Volume and its derivatives at the strains e (m, 6) of the rod."""
         return Strained(float((self.weights * e).sum()), self.weights)
 
 

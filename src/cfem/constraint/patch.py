@@ -46,13 +46,13 @@ class PatchLoad:
         force, place = (", ".join(f"{value:g}" for value in values) for values in (self.force, self.at))
         return f"{force} N on {self.name!r} at ({place}) mm, radius {self.radius:g} mm"
 
-    def same(self, other: "PatchLoad") -> bool:
+    def same(self, load: "PatchLoad") -> bool:
         """True where both loads agree but for the name and rounding."""
-        mine, theirs = (np.r_[load.at, load.radius, load.force] for load in (self, other))
-        return np.allclose(mine, theirs, rtol=1e-9, atol=0.0)
+        a, b = (np.r_[patch.at, patch.radius, patch.force] for patch in (self, load))
+        return np.allclose(a, b, rtol=1e-9, atol=0.0)
 
     def to_json(self) -> dict[str, Any]:
-        """Whose keys are those of the constructor."""
+        """Plain data, whose keys are those of the constructor."""
         return {**vars(self), "at": self.at.tolist(), "force": self.force.tolist()}
 
     def shares(self, rest: np.ndarray, triangles: np.ndarray, weights: np.ndarray) -> np.ndarray:

@@ -13,10 +13,10 @@ class Watched(Protocol):
     rest: np.ndarray  # (rows,) value at rest
 
     def value(self, x: np.ndarray) -> np.ndarray:
-        """(rows,) at positions x (n, 3) mm."""
+        """Values (rows,) at positions x (n, 3) mm."""
 
     def gradient(self, x: np.ndarray) -> np.ndarray:
-        """(rows, k, 3) derivative by the positions of `nodes`."""
+        """Gradient (rows, k, 3) by the positions of `nodes`."""
 
 
 class Constraint(Watched, Protocol):
@@ -28,14 +28,14 @@ class Constraint(Watched, Protocol):
     cliques: tuple[np.ndarray, ...]  # a batch: (g, k) indices, g groups of k nodes that the curvature couples
 
     def curvature(self, x: np.ndarray) -> Sequence[np.ndarray]:
-        """(g, 3 k, 3 k) a batch; the sum of all these, node by node, is the second derivative of the value."""
+        """Batches (g, 3 k, 3 k), whose sum, node by node, is the second derivative of the value."""
 
 
 class LinearConstraint:
-    """What a constraint without curvature on nodes says of it."""
+    """A constraint whose value is linear in the nodes."""
 
     cliques: ClassVar[tuple[np.ndarray, ...]] = ()
 
     def curvature(self, x: np.ndarray) -> Sequence[np.ndarray]:
-        """None."""
+        """No batches: the second derivative is zero."""
         return ()

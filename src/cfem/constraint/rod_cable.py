@@ -43,7 +43,7 @@ class RodCable(RodRow):
 
     @property
     def rest_length(self) -> float:
-        """mm."""
+        """Length mm at rest."""
         return float(self.weight @ np.linalg.norm(self.along, axis=1))
 
     def strained(self, e: np.ndarray) -> Strained:
@@ -58,7 +58,8 @@ class RodCable(RodRow):
         return Strained(value, by_e, second)
 
     def turned(self, x: np.ndarray) -> np.ndarray:
-        """(q,) rad by which the cable turns before each point and after the one before, at positions x (n, 3) mm."""
+        """Angles (q,) rad by which the cable turns before each point and after the one before, at positions x (n, 3)
+        mm."""
         e = response(self.rod, x).strain.e
         t, length = self._tangent(e)
         bend = e[self.element, 3:] / self.rod.length[self.element, None]
@@ -79,8 +80,8 @@ class RodCable(RodRow):
 
 
 def make_rod_cable(rod: Rod, points: np.ndarray, name: str, friction: float = 0.0) -> RodCable:
-    """Through points (k, 3) mm at rest, in ascending x between the first section and the last. SpecError where they
-    are not."""
+    """Cable through points (k, 3) mm at rest, in ascending x between the first section and the last. SpecError where
+    they are not."""
     stations = rod.sections.centres[:, 0]
     near = 1e-9 * np.ptp(stations)
     if not (np.diff(points[:, 0]) > near).all():

@@ -12,7 +12,7 @@ from cfem.mechanics.rod.region import Rod, response
 
 @dataclass(frozen=True)
 class Strained:
-    """One row at strains e (m, 6).
+    """Value and derivatives of a row at strains e (m, 6).
 
     value: of the row
     by_e: (m, 6) its derivative
@@ -36,9 +36,9 @@ class RodRow(LinearConstraint, ABC):
         """Value and derivatives by the strains e (m, 6)."""
 
     def value(self, x: np.ndarray) -> np.ndarray:
-        """(1,) at positions x (n, 3) mm."""
+        """Value (1,) at positions x (n, 3) mm."""
         return np.array([self.strained(response(self.rod, x).strain.e).value])
 
     def gradient(self, x: np.ndarray) -> np.ndarray:
-        """(1, 0, 3): no node moves it."""
+        """Gradient (1, 0, 3) by nodes: none moves it, strains do."""
         return np.zeros((1, 0, 3))

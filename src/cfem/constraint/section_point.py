@@ -25,7 +25,7 @@ def attach_to_sections(X: np.ndarray, sections: list[np.ndarray], point: np.ndar
     share = float(np.clip((point[0] - places[high - 1]) / (places[high] - places[high - 1]), 0.0, 1.0))
     carriers = [(sections[high - 1], 1 - share), (sections[high], share)]
     parts = [(nodes, weight * _affine(X[nodes], point)) for nodes, weight in carriers if weight > slack]
-    nodes, weights = (np.concatenate(each) for each in zip(*parts, strict=True))
+    nodes, weights = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
     return Attachment(nodes, weights, point)
 
 
@@ -51,6 +51,6 @@ def make_section_effector(
 
 
 def _affine(nodes: np.ndarray, point: np.ndarray) -> np.ndarray:
-    """(k,) weights of nodes (k, 3) of a plane x = constant, of sum 1, that give the y and z of `point`."""
+    """Weights (k,) of nodes (k, 3) of a plane x = constant, of sum 1, that give the y and z of `point`."""
     arm = nodes[:, 1:] - nodes[:, 1:].mean(axis=0)
     return 1 / len(nodes) + arm @ np.linalg.solve(arm.T @ arm, point[1:] - nodes[:, 1:].mean(axis=0))

@@ -10,7 +10,8 @@ from cfem.condensed.skin import Skin
 
 @dataclass(frozen=True)
 class SkinRows:
-    """X: (n, 3) mm all nodes of the robot at rest, which may be of another design than the skin's own."""
+    """Rows of the skin on a robot. X: (n, 3) mm all nodes of the robot at rest, which may be of another design than the
+    skin's own."""
 
     skin: Skin
     X: np.ndarray

@@ -40,5 +40,5 @@ def outer_surface(X: np.ndarray, facets: np.ndarray) -> Surface:
 
 
 def triangulated(facets: np.ndarray) -> np.ndarray:
-    """(t, 3): triangles as they are, quadrilaterals as two, quadratic triangles as four."""
+    """Triangles (t, 3) of facets: triangles as they are, quadrilaterals as two, quadratic triangles as four."""
     return facets[:, _TRIANGLES[facets.shape[1]]].reshape(-1, 3)

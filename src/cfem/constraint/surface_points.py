@@ -28,24 +28,24 @@ _SQUARE = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
 
 
 def at_nodes(X: np.ndarray, facets: np.ndarray, surface: Surface) -> SurfacePoints:
-    """Every node of the surface of facets (k, 3 | 6 | 4) at nodes X (n, 3) mm."""
-    m, mine = len(surface.nodes), _outer(facets, surface)
-    shapes, _, weights = facet_rule(X, mine)
-    local = np.searchsorted(surface.nodes, mine)
+    """Surface points at every node of the surface of facets (k, 3 | 6 | 4) at nodes X (n, 3) mm."""
+    m, outer = len(surface.nodes), _outer(facets, surface)
+    shapes, _, weights = facet_rule(X, outer)
+    local = np.searchsorted(surface.nodes, outer)
     areas = np.bincount(local.ravel(), (weights @ shapes).ravel(), m)
-    each = csr_array((np.ones(m), (np.arange(m), np.arange(m))), shape=(m, m))
-    return SurfacePoints(each, surface.rest, np.where(areas > NONE * areas.max(), areas, 0.0))
+    identity = csr_array((np.ones(m), (np.arange(m), np.arange(m))), shape=(m, m))
+    return SurfacePoints(identity, surface.rest, np.where(areas > NONE * areas.max(), areas, 0.0))
 
 
 def around_nodes(X: np.ndarray, facets: np.ndarray, surface: Surface) -> SurfacePoints:
     """Averages around every node of the surface of facets (k, 3 | 6 | 4) at nodes X (n, 3) mm, one on each smooth side
     of it."""
-    mine = _outer(facets, surface)
-    shapes, hats, weights = facet_rule(X, mine)
-    side = smooth_sides(X, mine)
-    local = np.searchsorted(surface.nodes, mine)
+    outer = _outer(facets, surface)
+    shapes, hats, weights = facet_rule(X, outer)
+    side = smooth_sides(X, outer)
+    local = np.searchsorted(surface.nodes, outer)
     keys, number = np.unique(local + len(surface.nodes) * side[:, None], return_inverse=True)
-    k = mine.shape[1]
+    k = outer.shape[1]
     blocks = np.einsum("fq,qj,qi->fji", weights, hats, shapes)
     rows = np.broadcast_to(number.reshape(-1, k, 1), blocks.shape)
     columns = np.broadcast_to(local[:, None, :], blocks.shape)
@@ -56,7 +56,7 @@ def around_nodes(X: np.ndarray, facets: np.ndarray, surface: Surface) -> Surface
 
 
 def _outer(facets: np.ndarray, surface: Surface) -> np.ndarray:
-    """Those of the facets that the surface has."""
+    """Facets whose nodes all belong to the surface."""
     return facets[np.isin(facets, surface.nodes).all(axis=1)]
 
 
@@ -83,7 +83,7 @@ def facet_rule(X: np.ndarray, facets: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
 
 def smooth_sides(X: np.ndarray, facets: np.ndarray) -> np.ndarray:
-    """(f,) number of the side that each facet belongs to: sides meet at edges that turn by more than SHARP."""
+    """Numbers (f,) of the side that each facet belongs to: sides meet at edges that turn by more than SHARP."""
     corners = facets[:, :4] if facets.shape[1] == 4 else facets[:, :3]
     k, x = corners.shape[1], X[corners]
     normal = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])

@@ -67,8 +67,8 @@ Efforts = _vector(_FORCE)
 
 
 def demand_units(spec: Spec, units: Sequence[tuple[str, str]], where: str = "") -> None:
-    """SpecError naming the first quantity of the spec, or of a part of it, that is not in the unit of every actuator.
-    units: of the displacement and of the force of each."""
+    """Raises SpecError naming the first quantity of the spec, or of a part of it, that is not in the unit of every
+    actuator. units: of the displacement and of the force of each."""
     for key, number in _numbers(spec, where):
         side = 0 if number.unit in _DISPLACEMENT else 1
         expected = next((pair[side] for pair in units if pair[side] != number.unit), None)

@@ -4,7 +4,7 @@ import os
 
 
 class CfemError(Exception):
-    """Base: a defect of ours unless a subclass says otherwise (exit 1)."""
+    """Base of all errors: a defect of ours unless a subclass says otherwise (exit 1)."""
 
     exit_code = 1
 

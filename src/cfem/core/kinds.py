@@ -5,6 +5,8 @@ from collections.abc import Iterable
 from importlib import import_module
 from typing import Any, get_args
 
+from pydantic import BaseModel
+
 # A pipeline file (scene.yaml, train-mlp.yaml, ...) begins with the name of its kind: module, model, command.
 KINDS = {
     "scene": ("cfem.robot.spec", "SceneSpec", "mesh"),
@@ -41,18 +43,19 @@ def model_of(kind: str) -> Any:
 def classes_of(model: Any) -> tuple[type, ...]:
     """The classes of a model: itself, or those of an annotated union."""
     if isinstance(model, type):
-        return (model,) if hasattr(model, "model_fields") else ()
+        return (model,) if issubclass(model, BaseModel) else ()
     return tuple(member for part in get_args(model) for member in classes_of(part))
 
 
 def other_kind(keys: Iterable[str], wanted: Any) -> str | None:
     """Kind of a document with these top-level keys, in words, where it is no `wanted` and fits another kind."""
-    keys, mine = set(keys), _kind_of(wanted)
-    if mine is None or any(keys <= set(model.model_fields) for model in classes_of(wanted)):
+    keys, wanted_kind = set(keys), _kind_of(wanted)
+    if wanted_kind is None or any(keys <= set(model.model_fields) for model in classes_of(wanted)):
         return None
     for kind, (_, _, command) in KINDS.items():
-        if kind != mine and any(_fits(keys, model) for model in classes_of(model_of(kind))):
-            return f"is a {kind} spec, which `cfem {command}` reads; `cfem {KINDS[mine][2]}` reads a {mine} spec"
+        if kind != wanted_kind and any(_fits(keys, model) for model in classes_of(model_of(kind))):
+            reader = KINDS[wanted_kind][2]
+            return f"is a {kind} spec, which `cfem {command}` reads; `cfem {reader}` reads a {wanted_kind} spec"
     return None
 
 

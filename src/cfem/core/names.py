@@ -33,6 +33,6 @@ Label = Annotated[str, AfterValidator(_printable), WithJsonSchema({"type": "stri
 
 
 def demand_scene_name(name: str) -> None:
-    """SpecError unless it can be the name of a scene and of its folder."""
+    """Raises SpecError unless it can be the name of a scene and of its folder."""
     if not re.fullmatch(r"[a-z0-9][a-z0-9-]*", name):
         raise SpecError("expected small letters, digits and hyphens", where=f"name '{name}'", do="such as my-robot")

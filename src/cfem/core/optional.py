@@ -73,7 +73,7 @@ def remedy(name: str) -> str:
 
 
 def says_what_is_missing(function: Callable[P, R]) -> Callable[P, R]:
-    """MissingPackageError instead of ModuleNotFoundError."""
+    """The function, which raises MissingPackageError instead of ModuleNotFoundError."""
 
     @wraps(function)
     def called(*args: P.args, **kwargs: P.kwargs) -> R:

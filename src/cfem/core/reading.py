@@ -32,7 +32,7 @@ class Checked(BaseModel):
         return self
 
     def check(self) -> None:
-        """ValueError, a sentence, where fields do not go together."""
+        """Raises ValueError, with a sentence, where fields do not go together."""
 
 
 class Data(Checked):
@@ -84,7 +84,7 @@ def read_npz(path: Path, unbounded: Collection[str] = ()) -> dict[str, np.ndarra
 
 
 def _demand_size(member: Any, size: int, name: str) -> None:
-    """ValueError where the header of an array promises other than the archive holds."""
+    """Raises ValueError where the header of an array promises other than the archive holds."""
     version = np.lib.format.read_magic(member)
     if version not in ((1, 0), (2, 0)):
         raise ValueError(f"'{name}': unknown version {version} of the array format")
@@ -95,7 +95,7 @@ def _demand_size(member: Any, size: int, name: str) -> None:
 
 
 def take(arrays: dict[str, np.ndarray], name: str, shape: tuple[int | None, ...], kinds: str = "f") -> np.ndarray:
-    """One array, of the dtype kinds and the shape (None: any length from 1 on). InputError naming it."""
+    """Array of this name, of the dtype kinds and the shape (None: any length from 1 on). InputError naming it."""
     values = arrays.get(name)
     if values is None:
         raise InputError(f"array '{name}' is missing")

@@ -100,11 +100,11 @@ def meaning(spec: Any, without: Iterable[str] = ()) -> Any:
     today alone."""
     if isinstance(spec, Spec):
         fields = type(spec).model_fields.items()
-        mine = {name: getattr(spec, name) for name, field in fields if name not in without and not field.exclude}
-        optional = {name: field.get_default(call_default_factory=True) for name, field in fields if name in mine}
+        values = {name: getattr(spec, name) for name, field in fields if name not in without and not field.exclude}
+        optional = {name: field.get_default(call_default_factory=True) for name, field in fields if name in values}
         return {
             name: meaning(value)
-            for name, value in mine.items()
+            for name, value in values.items()
             if type(spec).model_fields[name].is_required() or not _same(value, optional[name])
         }
     if isinstance(spec, dict):
@@ -122,8 +122,8 @@ def _same(before: Any, after: Any) -> bool:
 
 
 def load_spec(path: Path, model: type[S], overrides: Iterable[str] = ()) -> S:
-    """Read, override (`key.sub=value`) and validate a spec; paths inside it stay relative to `path.parent`. model: a
-    class, or an annotated union of several.
+    """Reads a spec, overrides (`key.sub=value`) and validates it; paths inside it stay relative to `path.parent`.
+    model: a class, or an annotated union of several.
 
     Raises SpecError naming file, line, key, what was expected and the nearest known key."""
     data, lines = read_yaml(path)
@@ -178,7 +178,7 @@ def _numbers(node: Any, part: str | int, unit: str | None) -> tuple[Any, str | N
 
 
 def _sentences(error: ValidationError, data: dict, origin: Origin, model: type[Spec]) -> list[str]:
-    """One sentence an error: `file:line: key: what; nearest known key`."""
+    """Sentences on the errors, one each: `file:line: key: what; nearest known key`."""
     items = error.errors(include_url=False)
     sentences = []
     for item in items:

@@ -44,7 +44,7 @@ class Options:
 
 @dataclass(frozen=True)
 class Command:
-    """What a command makes of a spec: `stage` describes one run of it, and `run` runs it.
+    """A command of a pipeline: what it makes of a spec. `stage` describes one run of it, and `run` runs it.
 
     name, version: as of `Stage`; kind: of the spec
     work:    work(folder, spec, base) fills the folder and returns results; base: the folder of the spec, to which its
@@ -88,9 +88,9 @@ class Command:
         )
 
     def run(self, spec_path: Path, overrides: Sequence[str], out: Path | None, options: Options) -> dict[str, Any]:
-        """The manifest."""
-        made = self.stage(spec_path, overrides, out)
-        return run_stage(made, lambda folder: self.work(folder, made.spec, spec_path.parent), options)
+        """Runs the command on a spec and returns the manifest."""
+        stage_run = self.stage(spec_path, overrides, out)
+        return run_stage(stage_run, lambda folder: self.work(folder, stage_run.spec, spec_path.parent), options)
 
 
 def is_current(stage: Stage, made_from: str) -> bool:
@@ -130,7 +130,7 @@ def run_stage(stage: Stage, work: Callable[[Path], Mapping[str, Any]], options: 
 
 
 def _demand_inputs_current(stage: Stage, check: bool) -> None:
-    """StaleError where one is stale; GateError under --check."""
+    """Raises StaleError where an input is stale; GateError under --check."""
     seen: set[str] = set()
     try:
         for path in stage.inputs.values():
@@ -151,8 +151,8 @@ def _work(
     start = time.perf_counter()
     with confined(partial), stage.spec.locating():
         results = with_inherited(work(partial), stage.inputs)
-    made = [path for path in sorted(partial.rglob("*")) if path.is_file() and path != partial / MANIFEST]
-    files = {path.relative_to(partial).as_posix(): file_sha256(path) for path in made}
+    written = [path for path in sorted(partial.rglob("*")) if path.is_file() and path != partial / MANIFEST]
+    files = {path.relative_to(partial).as_posix(): file_sha256(path) for path in written}
     manifest = {
         "stage": stage.name,
         "precious": stage.precious,

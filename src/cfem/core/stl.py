@@ -13,8 +13,8 @@ _HEADER = 80
 
 
 def read_stl(path: Path, unit: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
-    """vertices (v, 3) mm and triangles (t, 3); corners at equal places are one vertex. unit: mm of the file's numbers,
-    which say none. Normals are those of the order of corners. InputError where it cannot be read."""
+    """Vertices (v, 3) mm and triangles (t, 3) of an STL file; corners at equal places are one vertex. unit: mm of the
+    file's numbers, which say none. Normals are those of the order of corners. InputError where it cannot be read."""
     try:
         data = Path(path).read_bytes()
     except OSError as error:
@@ -31,7 +31,7 @@ def read_stl(path: Path, unit: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _binary(data: bytes) -> np.ndarray | None:
-    """(t, 3, 3), None where the length is not what a binary file of its count has."""
+    """Corners (t, 3, 3), None where the length is not what a binary file of its count has."""
     if len(data) < _HEADER + 4:
         return None
     count = int.from_bytes(data[_HEADER : _HEADER + 4], "little")

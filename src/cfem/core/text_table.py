@@ -24,11 +24,10 @@ _TITLE = re.compile(r"\s*(.*?)\s*(?:[\[(]\s*([^\[\]()]*?)\s*[\])])?\s*", re.DOTA
 
 @dataclass(frozen=True)
 class TableRow:
-    """line: of the file, from 1, on which the row ends; cells: without blanks around them, none of an empty line or a
-    comment."""
+    """A row of a text table."""
 
-    line: int
-    cells: tuple[str, ...]
+    line: int  # of the file, from 1, on which the row ends
+    cells: tuple[str, ...]  # without blanks around them, none of an empty line or a comment
 
     @property
     def blank(self) -> bool:
@@ -37,7 +36,7 @@ class TableRow:
 
 
 def read_rows(path: Path) -> list[TableRow]:
-    """All rows of a file; a line that begins with '#' is a comment. InputError where the file is no such table."""
+    """Rows of a file; a line that begins with '#' is a comment. InputError where the file is no such table."""
     with open_regular(path) as file:
         data = file.read()
     try:
@@ -64,26 +63,26 @@ def read_rows(path: Path) -> list[TableRow]:
 
 @dataclass(frozen=True)
 class TextTable:
-    """titles: of the columns; rows: of the numbers below them."""
+    """A table of numbers below titles."""
 
     path: Path
     titles: tuple[str, ...]
     rows: tuple[TableRow, ...]
 
     def column(self, title: str) -> int:
-        """InputError where no column is called so."""
+        """Index of the column with this title. InputError where no column is called so."""
         if title not in self.titles:
             what = f"has no column '{title}', only {', '.join(self.titles)}"
             raise InputError(what, where=str(self.path), do="name the columns as the table does")
         return self.titles.index(title)
 
     def texts(self, title: str) -> list[str]:
-        """Cells of a column."""
+        """Texts of a column's cells."""
         column = self.column(title)
         return [row.cells[column] for row in self.rows]
 
     def where(self, row: int) -> str:
-        """File and line."""
+        """Place of a row: file and line."""
         return f"{self.path}:{self.rows[row].line}"
 
     def numbers(self, columns: Sequence[int]) -> np.ndarray:
@@ -107,7 +106,8 @@ class TextTable:
             raise self._refused(row, column, str(error), "write plain numbers, such as -1.5e3") from None
 
     def _decimal_comma(self, cells: list[list[str]], columns: Sequence[int]) -> bool:
-        """InputError where some numbers have a point and others a comma, or no comma is a decimal comma for certain."""
+        """True if these columns have a decimal comma. InputError where some numbers have a point and others a comma, or
+        no comma is a decimal comma for certain."""
         places = [(i, j) for i, row in enumerate(cells) for j, cell in enumerate(row) if _WITH_COMMA.fullmatch(cell)]
         if not places:
             return False

@@ -105,7 +105,7 @@ def _plain(node: Any, path: tuple[Key, ...], lines: dict, open_nodes: set[int]) 
 
 
 def _scalar(node: Any, path: tuple[Key, ...]) -> Any:
-    """ruamel's scalar subclasses (which remember their notation) as plain Python values."""
+    """Plain Python value of a scalar, of which ruamel remembers the notation."""
     for kind in (bool, int, float):
         if isinstance(node, kind):
             if kind is int and abs(node) > MAX_INTEGER:

@@ -10,16 +10,21 @@ from cfem.core.reading import Data
 
 
 class ViscosityCard(Data):
-    """relaxation: s; prony: (share, s) of each term."""
+    """Viscosity of a material, as a file has it."""
 
-    relaxation: float = Field(ge=0)
-    prony: list[tuple[float, float]] = Field(max_length=100)
+    relaxation: float = Field(ge=0)  # s
+    prony: list[tuple[float, float]] = Field(max_length=100)  # (share, s) of each term
 
 
 class DatasetCard(Data):
-    """robot: what the scene said of it. plan: what sample.yaml says of the draws.
-    compliance: at rest, of all rows that carry a multiplier. skin: SHA-256 of the file of its modes. viscosity: of each
-    viscous material, where the rows can move. inner: the number of inner motions."""
+    """Metadata of a dataset.
+
+    robot: what the scene said of it
+    plan: what sample.yaml says of the draws
+    compliance: at rest, of all rows that carry a multiplier
+    skin: SHA-256 of the file of its modes
+    viscosity: of each viscous material, where the rows can move
+    inner: the number of inner motions"""
 
     scene: Name
     robot: dict[str, Any] | None = None

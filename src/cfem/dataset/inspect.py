@@ -90,7 +90,7 @@ def _statistics(solved: pa.Table) -> str:
             lines.append(_line(column.name, "", _unit(unit), values))
             continue
         units = unit if isinstance(unit, list) else [unit] * values.shape[1]
-        lines += [_line(column.name, *each) for each in zip(names[column.size], units, values.T, strict=True)]
+        lines += [_line(column.name, *entry) for entry in zip(names[column.size], units, values.T, strict=True)]
     return "\n".join(lines)
 
 

@@ -34,7 +34,7 @@ COST = ("iterations", "factorizations", "steps", "residual", "tolerance", "secon
 
 @dataclass(frozen=True)
 class OfStates:
-    """What is known of m states. Every field that is an array has one entry a state along its first axis."""
+    """Numbers of m states. Every field that is an array has one entry a state along its first axis."""
 
     def take(self, index: np.ndarray | slice) -> Self:
         """States that `index` (numbers, a mask or a slice) picks, in its order."""
@@ -53,15 +53,14 @@ class Dataset(OfStates):
 
     id (m,) number of the row in its plan; u (m, n_a + n_p) its place in the unit cube; p (m, n_p) values of the sampled
     parameters, no columns where there is none; delta_a (m, n_a) mm; delta_e (m, n_e) mm from the rest position;
-    lambda_a (m, n_a) N; W (m, n, n) mm/N and delta_free (m, n) mm in the order of `rows`; energy (m,) N mm; slack
-    (m, n_a) actuators that carry nothing; dW (m, n_a, n, n) mm/N^2: dW/dlambda_k along the equilibrium path, None where
-    it was not asked for; dC (m, n_e (n_e + 1) (n_e + 2) / 6) mm/N^2: packed derivative of the effectors' compliance,
+    lambda_a (m, n_a) N; W (m, n, n) mm/N and delta_free (m, n) mm in the order of `rows`; energy (m,) N mm; slack (m,
+    n_a) actuators that carry nothing; dW (m, n_a, n, n) mm/N^2: dW/dlambda_k along the equilibrium path, None where it
+    was not asked for; dC (m, n_e (n_e + 1) (n_e + 2) / 6) mm/N^2: packed derivative of the effectors' compliance,
     actuators held, by a wrench on them, d2C (m, n_e (n_e + 1) (n_e + 2) (n_e + 3) / 24) mm/N^3 the second, likewise;
-    dpsi_dp (m, n_p) N mm a unit of p: dPsi/dp at constant delta_a,
-    dlambda_dp (m, n_a, n_p) N and ddelta_e_dp (m, n_e, n_p) mm likewise, None without parameters;
-    cost: (m,) each of COST by name; failed: the rows that did not converge, as stored; meta: rest_e, reach, length, ...
-    whole: the same states with the rows of the skin, `skin`; None where there is none; moving: what the rows need to
-    move, None where it was not asked for
+    dpsi_dp (m, n_p) N mm a unit of p: dPsi/dp at constant delta_a, dlambda_dp (m, n_a, n_p) N and ddelta_e_dp (m, n_e,
+    n_p) mm likewise, None without parameters; cost: (m,) each of COST by name; failed: the rows that did not converge,
+    as stored; meta: rest_e, reach, length, ... with_skin: the same states with the rows of the skin, `skin`; None where
+    there is none; moving: what the rows need to move, None where it was not asked for
 
     Where a rigid patch holds the contact points, the coordinates of its pose stand behind the actuators: a model takes
     both alike. `rows.actuators` names them all, n_c says how many the patch has, and delta_a, lambda_a (the wrench that
@@ -88,7 +87,7 @@ class Dataset(OfStates):
     failed: pa.Table
     meta: dict[str, Any]
     n_c: int = 0
-    whole: "WithSkin | None" = None
+    with_skin: "WithSkin | None" = None
     moving: "Moving | None" = None
 
     def __len__(self) -> int:
@@ -152,8 +151,8 @@ class Moving(OfStates):
 
 
 def read_dataset(path: Path) -> Dataset:
-    """Raises InputError naming the file where it is missing, damaged, or no dataset of cfem, and the column and the row
-    where a converged state has no number or one beyond all sense."""
+    """Dataset from a file of `cfem sample`. Raises InputError naming the file where it is missing, damaged, or no
+    dataset of cfem, and the column and the row where a converged state has no number or one beyond all sense."""
     table = read_table(path)
     _demand_numbers(table, path)
     return as_dataset(table)
@@ -220,12 +219,12 @@ def as_dataset(table: pa.Table) -> Dataset:
         cost={name: column_array(good, name) for name in COST},
         failed=table.filter(pc.invert(solved)),
         meta=without_skin(meta),
-        whole=_whole(good, meta, rows, W, dW, p) if stored.n_s else None,
+        with_skin=_with_skin(good, meta, rows, W, dW, p) if stored.n_s else None,
         moving=_moving(good, meta, replace(rows, skin=stored.skin), W) if "V" in has else None,
     )
 
 
-def _whole(
+def _with_skin(
     good: pa.Table, meta: dict[str, Any], rows: Rows, W: np.ndarray, dW: np.ndarray | None, p: np.ndarray
 ) -> WithSkin:
     left = np.column_stack([column_array(good, name) for name in ("skin_rms", "skin_max")])
@@ -296,7 +295,7 @@ def read_table(path: Path) -> pa.Table:
 
 
 def column_array(table: pa.Table, name: str) -> np.ndarray:
-    """(m,) or (m, size of the list) values of a column without nulls."""
+    """Values (m,) or (m, size of the list) of a column without nulls."""
     column = table[name].combine_chunks()
     if pa.types.is_fixed_size_list(column.type):
         return column.flatten().to_numpy(zero_copy_only=False).reshape(len(column), column.type.list_size)

@@ -188,55 +188,57 @@ def _units(
 ) -> dict[str, str | list[str]]:
     """Units by column: of all its numbers, or a list of each one's where they differ. An entry (i, j) of W has the
     displacement unit of row i over the multiplier unit of row j."""
-
-    def common(units: Sequence[str]) -> str | list[str]:
-        return units[0] if len(set(units)) == 1 else list(units)
-
     units: dict[str, str | list[str]] = {column.name: column.unit for column in columns if column.unit}
     displacement, multiplier = ([pair[side] for pair in row_units] for side in (0, 1))
     if set(row_units) != {CABLE}:
-        per = [_factor(unit) for unit in multiplier]
-        upper = [f"{displacement[i]}/{per[j]}" for i in range(rows.n) for j in range(i, rows.n)]
-        units["delta_a"] = common(displacement[rows.a])
-        units["delta_e"] = common(displacement[rows.e])
-        units["lambda_a"] = common(multiplier[rows.a])
-        if rows.n_c:
-            units["delta_c"], units["lambda_c"] = common(displacement[rows.c]), common(multiplier[rows.c])
-        units["delta_free"] = common(displacement)
-        units["W"] = common(upper)
-        for power, name in enumerate(("V", "V2", "V3"), 1):
-            if name in units:
-                units[name] = common([f"{unit} s^{2 * power}" for unit in upper])
-        if "dV" in units:
-            units["dV"] = common([f"{unit}/{k} s^2" for k in per[rows.active] for unit in upper])
-        if "dW" in units:
-            units["dW"] = common([f"{unit}/{k}" for k in per[rows.active] for unit in upper])
-        if "dC" in units:
-            units["dC"] = common(_quotients(symmetric3_indices(rows.n_e), displacement, multiplier))
-        if "d2C" in units:
-            units["d2C"] = common(_quotients(symmetric4_indices(rows.n_e), displacement, multiplier))
+        by_column = _units_of_rows(rows, displacement, multiplier)
+        units |= {
+            name: list_of_units[0] if len(set(list_of_units)) == 1 else list_of_units
+            for name, list_of_units in by_column.items()
+            if name in units
+        }
     if inner:
         moving = [*(f"/{_factor(unit)}" for unit in displacement[rows.a]), *[""] * inner]
         pairs = [moving[i] + moving[j] for i in range(len(moving)) for j in range(i, len(moving))]
-        units["inner_M"] = [f"N mm s^2{each}" for each in pairs]
+        units["inner_M"] = [f"N mm s^2{pair}" for pair in pairs]
         if viscous:
-            units["inner_loss"] = [f"N mm{each}" for each in pairs] * viscous
+            units["inner_loss"] = [f"N mm{pair}" for pair in pairs] * viscous
     elif viscous:
-        both = [(row, power) for power in (0, 2) for row in range(rows.n)]  # motions Z, then Y
-        pairs = [(first, second) for i, first in enumerate(both) for second in both[i:]]
-        each = [
+        motions = [(row, power) for power in (0, 2) for row in range(rows.n)]  # motions Z, then Y
+        pairs = [(first, second) for i, first in enumerate(motions) for second in motions[i:]]
+        form = [
             f"{displacement[i]}/{_factor(multiplier[j])}" + (f" s^{p + q}" if p + q else "") for (i, p), (j, q) in pairs
         ]
-        units["loss"] = each * viscous
+        units["loss"] = form * viscous
     if parameters:
         units["p"] = list(parameters)
         per = ["" if unit == "1" else f"/{_factor(unit)}" for unit in parameters]
-        units["dpsi_dp"] = [f"N mm{each}" for each in per]
-        units["dlambda_dp"] = [f"{unit}{each}" for unit in multiplier[rows.a] for each in per]
-        units["ddelta_e_dp"] = [f"{unit}{each}" for unit in displacement[rows.e] for each in per]
+        units["dpsi_dp"] = [f"N mm{by}" for by in per]
+        units["dlambda_dp"] = [f"{unit}{by}" for unit in multiplier[rows.a] for by in per]
+        units["ddelta_e_dp"] = [f"{unit}{by}" for unit in displacement[rows.e] for by in per]
         if rows.n_s:
-            units["ddelta_s_dp"] = [f"{unit}{each}" for unit in displacement[rows.s] for each in per]
+            units["ddelta_s_dp"] = [f"{unit}{by}" for unit in displacement[rows.s] for by in per]
     return units
+
+
+def _units_of_rows(rows: Rows, displacement: Sequence[str], multiplier: Sequence[str]) -> dict[str, list[str]]:
+    """Unit of every number of the columns about rows, by column."""
+    per = [_factor(unit) for unit in multiplier]
+    upper = [f"{displacement[i]}/{per[j]}" for i in range(rows.n) for j in range(i, rows.n)]
+    return {
+        "delta_a": displacement[rows.a],
+        "delta_e": displacement[rows.e],
+        "lambda_a": multiplier[rows.a],
+        "delta_c": displacement[rows.c],
+        "lambda_c": multiplier[rows.c],
+        "delta_free": displacement,
+        "W": upper,
+        **{name: [f"{unit} s^{2 * power}" for unit in upper] for power, name in enumerate(("V", "V2", "V3"), 1)},
+        "dV": [f"{unit}/{k} s^2" for k in per[rows.active] for unit in upper],
+        "dW": [f"{unit}/{k}" for k in per[rows.active] for unit in upper],
+        "dC": _quotients(symmetric3_indices(rows.n_e), displacement, multiplier),
+        "d2C": _quotients(symmetric4_indices(rows.n_e), displacement, multiplier),
+    }
 
 
 def _quotients(entries: np.ndarray, displacement: Sequence[str], multiplier: Sequence[str]) -> list[str]:
@@ -261,7 +263,7 @@ def metadata(table: pa.Table) -> dict[str, Any]:
 
 
 def metadata_of(schema: pa.Schema) -> dict[str, Any]:
-    """See `metadata`."""
+    """Metadata that `metadata` put into a schema."""
     return json.loads((schema.metadata or {}).get(KEY, b"{}"))
 
 
@@ -275,8 +277,8 @@ def parameters_of(meta: dict[str, Any]) -> tuple[Parameter, ...]:
 
 
 def content(table: pa.Table) -> Iterator[bytes]:
-    """All that identifies a dataset: meaning and values, without the time it took and what made it. Of each column its
-    name, type and length, which rows have a value, and these values."""
+    """Bytes of all that identifies a dataset: meaning and values, without the time it took and what made it. Of each
+    column its name, type and length, which rows have a value, and these values."""
     meta = {key: value for key, value in metadata(table).items() if key not in _PROVENANCE}
     yield json.dumps(meta, sort_keys=True).encode()
     for name in sorted(set(table.column_names) - {"seconds"}):

@@ -20,23 +20,22 @@ Units = Mapping[str, str]
 
 @dataclass(frozen=True)
 class Table:
-    """columns: numbers by name, each in its system unit, nan where a cell is empty; places: of each row, its file and
-    line."""
+    """A table of numbers."""
 
-    columns: dict[str, np.ndarray]
-    places: tuple[str, ...]
+    columns: dict[str, np.ndarray]  # numbers by name, each in its system unit, nan where a cell is empty
+    places: tuple[str, ...]  # file and line of each row
 
     def __len__(self) -> int:
         return len(self.places)
 
     def stack(self, names: Sequence[str]) -> np.ndarray:
-        """(rows, len(names)) numbers of the columns, nan where the table has no such column."""
+        """Numbers (rows, len(names)) of the columns, nan where the table has no such column."""
         absent = np.full(len(self), np.nan)
         return np.stack([self.columns.get(name, absent) for name in names], axis=1)
 
 
 def read_table(path: Path, units: Units) -> Table:
-    """InputError naming the file, the row and the column of what cannot be read."""
+    """Table of numbers from a file. InputError naming the file, the row and the column of what cannot be read."""
     return _READERS[_suffix(path)](path, units)
 
 
@@ -115,7 +114,7 @@ def _titles(path: Path, units: Units, titles: Sequence[str]) -> tuple[list[str],
 
 
 def _quantity(text: Any, name: str, units: Units, where: str) -> float:
-    """nan for None."""
+    """Number of a text with a unit, in the column's system unit; nan for None."""
     if text is None:
         return np.nan
     try:
@@ -125,7 +124,7 @@ def _quantity(text: Any, name: str, units: Units, where: str) -> float:
 
 
 def _number(value: Any, where: str, name: str) -> float:
-    """nan for None."""
+    """Number of a cell; nan for None."""
     if value is None:
         return np.nan
     if isinstance(value, bool) or not isinstance(value, int | float) or np.isinf(value):

@@ -15,7 +15,7 @@ from cfem.dataset.schema import content
 
 
 def table_bytes(table: pa.Table) -> bytes:
-    """A Parquet file."""
+    """Bytes of a Parquet file."""
     buffer = pa.BufferOutputStream()
     pq.write_table(table, buffer, compression="zstd", write_page_checksum=True)
     return buffer.getvalue().to_pybytes()

@@ -166,6 +166,6 @@ def slopes_checked(problem: DesignProblem) -> float:
     """Largest difference between the slopes that the search uses and those by plain central differences, relative to
     each row's largest, at the middle of the ranges."""
     z = np.full(len(problem.free), 0.45)
-    mine, plain = problem.with_slopes(z)[1], problem.with_slopes(z, Stencil(2, 1e-4))[1]
-    size = np.abs(mine).max(axis=1, keepdims=True)
-    return float((np.abs(mine - plain) / np.where(size > 0, size, 1.0)).max(initial=0.0))
+    used, plain = problem.with_slopes(z)[1], problem.with_slopes(z, Stencil(2, 1e-4))[1]
+    size = np.abs(used).max(axis=1, keepdims=True)
+    return float((np.abs(used - plain) / np.where(size > 0, size, 1.0)).max(initial=0.0))

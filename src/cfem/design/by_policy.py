@@ -26,11 +26,11 @@ FIRST, ROUND, ROUNDS, BEST = 2048, 256, 12, 24  # designs at first, in each roun
 
 @dataclass(frozen=True)
 class Judged:
-    """p (n_p,); reward, mean; distance (k,) mm from each goal at the end."""
+    """A design and how a policy fares on it."""
 
-    p: np.ndarray
-    reward: float
-    distance: np.ndarray
+    p: np.ndarray  # (n_p,)
+    reward: float  # mean
+    distance: np.ndarray  # (k,) mm from each goal at the end
 
 
 @dataclass
@@ -126,6 +126,6 @@ class ByPolicy(Varied):
         return np.exp(-errors / scales.near) - errors / scales.scale
 
     def _goals(self, p: np.ndarray) -> np.ndarray:
-        """(m, k, n_e) mm from where each design rests."""
+        """Goals (m, k, n_e) mm from where each design rests."""
         rest = np.zeros((len(p), 1)) if self.task.from_rest else self.family.rest(p)
         return self.task.goals - rest[:, None]

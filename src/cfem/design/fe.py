@@ -24,13 +24,14 @@ _SIDEWAYS = 5e-3  # of a range: half of what two gradients differ by, for a Hess
 
 @dataclass
 class FeProblem(DesignProblem):
-    """failed: designs that finite elements could not solve; they count as worse than any that they could."""
+    """Designs judged by finite elements. failed: those that could not be solved, which count as worse than any
+    other."""
 
     failed: int = field(default=0, init=False)
     _worst: np.ndarray | None = field(default=None, init=False)
 
     def with_slopes(self, z: np.ndarray, stencil: Stencil | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """(n,) -> objectives and constraints in one row (n_f + n_g,), and their derivatives (n_f + n_g, n)."""
+        """Objectives and constraints in one row (n_f + n_g,) at z (n,), and their derivatives (n_f + n_g, n)."""
         try:
             values, slopes = self._with_slopes(z)
         except NumericalError:
@@ -46,28 +47,28 @@ class FeProblem(DesignProblem):
     def _with_slopes(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Objectives and constraints of a design z (n,), with their derivatives."""
         p = self.p(z[None])[0]
-        asked = {**self.objectives, **self.constraints}
-        robust = {name: number for name, number in asked.items() if isinstance(number, Robust)}
-        values, slopes = np.zeros(len(asked)), np.zeros((len(asked), len(z)))
-        plain = {name: number for name, number in asked.items() if name not in robust}
-        places = {name: i for i, name in enumerate(asked)}
+        numbers = {**self.objectives, **self.constraints}
+        robust = {name: number for name, number in numbers.items() if isinstance(number, Robust)}
+        values, slopes = np.zeros(len(numbers)), np.zeros((len(numbers), len(z)))
+        plain = {name: number for name, number in numbers.items() if name not in robust}
+        places = {name: i for i, name in enumerate(numbers)}
         self.evaluations += 1
-        mine = [places[name] for name in plain]
-        values[mine], slopes[mine] = self._gradients(list(plain.values()), p, self.free)
+        plain_places = [places[name] for name in plain]
+        values[plain_places], slopes[plain_places] = self._gradients(list(plain.values()), p, self.free)
         for name, number in robust.items():
             values[places[name]], slopes[places[name]] = self._robust(number, p)
         return values, slopes
 
-    def _gradients(self, asked: list[Any], p: np.ndarray, free: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
+    def _gradients(self, numbers: list[Any], p: np.ndarray, free: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
         """Values (r,) at p (n_p,), and derivatives (r, n) by the shares of the parameters `free`."""
         spread = self._spread(p, free)
-        values, slopes = np.zeros(len(asked)), np.zeros((len(asked), len(free)))
-        at_the_actuation = [i for i, number in enumerate(asked) if getattr(number, "actuations", None) is None]
+        values, slopes = np.zeros(len(numbers)), np.zeros((len(numbers), len(free)))
+        at_the_actuation = [i for i, number in enumerate(numbers) if getattr(number, "actuations", None) is None]
         if at_the_actuation:
             direct: list[np.ndarray] = []
 
             def rows_at(state: States) -> tuple[np.ndarray, list[Outputs]]:
-                rows, outputs, by_p = partials(_rows([asked[i] for i in at_the_actuation]), state, spread)
+                rows, outputs, by_p = partials(_rows([numbers[i] for i in at_the_actuation]), state, spread)
                 direct.append(by_p)
                 return rows, [outputs_of_row[0] for outputs_of_row in outputs]
 
@@ -75,8 +76,8 @@ class FeProblem(DesignProblem):
                 self.kind, self.u, p, free, rows_at
             )
             slopes[at_the_actuation] += direct[0]
-        for i in sorted(set(range(len(asked))) - set(at_the_actuation)):
-            values[i], slopes[i] = self._over(asked[i], p, free, spread)
+        for i in sorted(set(range(len(numbers))) - set(at_the_actuation)):
+            values[i], slopes[i] = self._over(numbers[i], p, free, spread)
         return values, slopes
 
     def _over(self, number: Any, p: np.ndarray, free: Sequence[int], spread: np.ndarray) -> tuple[float, np.ndarray]:
@@ -84,7 +85,7 @@ class FeProblem(DesignProblem):
         states_and_slopes = [self.family.jacobian(number.kind, u, p, free) for u in number.actuations]
         states = stacked([state for state, _ in states_and_slopes])
         rows, outputs, by_p = partials(_rows([number]), states, spread)
-        slope = sum(chain(each, by) for each, (_, by) in zip(outputs[0], states_and_slopes, strict=True))
+        slope = sum(chain(output, by) for output, (_, by) in zip(outputs[0], states_and_slopes, strict=True))
         return float(rows[0]), slope + by_p[0]
 
     def _robust(self, robust: Robust, p: np.ndarray) -> tuple[float, np.ndarray]:
@@ -92,7 +93,7 @@ class FeProblem(DesignProblem):
         the scatter in shares of the range at p. Its derivative holds the Hessian of J along (t_i^2 dJ/dz_i): that is a
         difference of two more gradients, whatever the number of parameters that scatter."""
         free = list(dict.fromkeys([*self.free, *np.flatnonzero(robust.deviation)]))
-        values, slopes = self._gradients([robust.of], p, free)
+        values, slopes = self._gradients([robust.number], p, free)
         value, g = float(values[0]), slopes[0]
         t, bent = self._scatter(robust, p, free)
         s = float(np.linalg.norm(t * g))
@@ -106,7 +107,7 @@ class FeProblem(DesignProblem):
         for sign in (1, -1):
             moved = z.copy()
             moved[free] += sign * _SIDEWAYS * direction
-            sides.append(self._gradients([robust.of], from_shares(self.family.parameters, moved), free)[1][0])
+            sides.append(self._gradients([robust.number], from_shares(self.family.parameters, moved), free)[1][0])
         hessian = (sides[0] - sides[1]) / (2 * _SIDEWAYS) * np.abs(along).max()
         slope = g + quantile * (hessian + g * g * t * bent) / s
         return value + quantile * s, slope[: len(self.free)]
@@ -120,8 +121,8 @@ class FeProblem(DesignProblem):
             ahead, behind = (shares(self.family.parameters, values + sign * 1e-6 * values) for sign in (1, -1))
             return robust.deviation * (ahead - behind) / np.where(values != 0, 2e-6 * values, 1.0)
 
-        low, high = np.array([(each.low, each.high) for each in self.family.parameters]).T
-        linear = np.array([each.coordinate == "linear" for each in self.family.parameters])
+        low, high = np.array([(parameter.low, parameter.high) for parameter in self.family.parameters]).T
+        linear = np.array([parameter.coordinate == "linear" for parameter in self.family.parameters])
         flat = robust.deviation / (high - low)
         t = np.where(linear, flat, deviations(z))
         bent = np.where(linear, 0.0, (deviations(z + h) - deviations(z - h)) / (2 * h))
@@ -135,11 +136,11 @@ class FeProblem(DesignProblem):
 
     def _quantile(self, robust: Robust, p: np.ndarray) -> float:
         free = list(np.flatnonzero(robust.deviation))
-        values, slopes = self._gradients([robust.of], p, free)
+        values, slopes = self._gradients([robust.number], p, free)
         return float(values[0] + norm.ppf(robust.share) * np.linalg.norm(self._scatter(robust, p, free)[0] * slopes[0]))
 
     def _spread(self, p: np.ndarray, free: Sequence[int]) -> np.ndarray:
-        """(n, n_p) dp/dz of the parameters `free`."""
+        """Derivative (n, n_p) dp/dz of the parameters `free`."""
         z, h = shares(self.family.parameters, p), 1e-6
         unit = np.eye(len(p))[list(free)]
         ahead, behind = (from_shares(self.family.parameters, z + sign * h * unit) for sign in (1, -1))
@@ -158,9 +159,9 @@ class FeProblem(DesignProblem):
                 self.failed, last = self.failed + 1, error
         if not z:
             raise NumericalError(f"finite elements solve none of the {count} designs tried first: {last}")
-        both = Scores(*(np.concatenate(part) for part in zip(*scores, strict=True)))
-        self._worst = np.hstack(both).max(axis=0)
-        return judged(self, (), np.array(z), both)
+        all_scores = Scores(*(np.concatenate(part) for part in zip(*scores, strict=True)))
+        self._worst = np.hstack(all_scores).max(axis=0)
+        return judged(self, (), np.array(z), all_scores)
 
     def slope_error(self, z: np.ndarray) -> float:
         """Largest difference between the slopes along (1, ..., 1) and those by differences of solves, of fourth order,
@@ -197,7 +198,7 @@ def partials(rows: Rows, states: States, spread: np.ndarray) -> tuple[np.ndarray
 
 
 class _Shape:
-    """How the numbers of a state stand in one row."""
+    """Layout of the numbers of a state in one row."""
 
     def __init__(self, states: States):
         self.rows, self.names = states.rows, sorted(states.numbers or {})
@@ -206,7 +207,7 @@ class _Shape:
         self.ends = np.cumsum([len(self.i), n, states.lam.shape[1], states.rest_e.shape[1]])
 
     def packed(self, states: States) -> np.ndarray:
-        """(m, ...)."""
+        """Numbers of m states, one row each."""
         numbers = [states.numbers[name][:, None] for name in self.names]
         return np.hstack([states.W[:, self.i, self.j], states.delta_free, states.lam, states.rest_e, *numbers])
 

@@ -76,13 +76,15 @@ def _curve(problem: DesignProblem, index: int, best: Design, title: str) -> byte
 
 
 def front_figure(problem: DesignProblem, grid: Grid, front: Front, verified: dict[int, np.ndarray]) -> bytes:
-    """PNG: the front among the grid's designs, beside the parameters along it. verified: place in the front -> (n_f,)
-    objectives by finite elements."""
+    """Picture (PNG) of the front among the grid's designs, beside the parameters along it. verified: place in the front
+    -> objectives (n_f,) by finite elements."""
     figure, axes = plt.subplots(1, 2, figsize=(10.5, 4.2))
     _trade_off(figure, axes[0], grid, front, verified)
     objectives, z = _along(front)
     for i, parameter in enumerate(problem.parameters):
-        axes[1].plot(objectives[:, front.of[0]], z[:, i], ".-", color=LEARNED[i % len(LEARNED)], label=parameter.name)
+        axes[1].plot(
+            objectives[:, front.indices[0]], z[:, i], ".-", color=LEARNED[i % len(LEARNED)], label=parameter.name
+        )
     axes[1].set(xlabel=front.names[0], ylabel="Share of the parameter's range", ylim=(-0.04, 1.04))
     outside_legend(axes[1])
     return png(figure)
@@ -90,7 +92,7 @@ def front_figure(problem: DesignProblem, grid: Grid, front: Front, verified: dic
 
 def _trade_off(figure: Figure, axis, grid: Grid, front: Front, verified: dict) -> None:
     """Draws the front, the grid behind it and what finite elements say of it."""
-    first, second = front.of[:2]
+    first, second = front.indices[:2]
     objectives = np.array([design.objectives for design in front.designs])
     line = _along(front)[0]
     good = grid.scores.feasible
@@ -98,7 +100,7 @@ def _trade_off(figure: Figure, axis, grid: Grid, front: Front, verified: dict) -
     axis.plot(cloud[good, first], cloud[good, second], ".", color=GOAL, markersize=3, label=f"grid, {good.sum()}")
     if not good.all():
         axis.plot(cloud[~good, first], cloud[~good, second], "x", color=FAINT, markersize=3, label="breaks constraints")
-    style = ".-" if len(front.of) == 2 else "."
+    style = ".-" if len(front.indices) == 2 else "."
     axis.plot(line[:, first], line[:, second], style, color=LEARNED[0], label="front")
     if verified:
         exact = np.array(list(verified.values()))

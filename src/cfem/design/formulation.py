@@ -53,11 +53,11 @@ def free_parameters(spec: DesignSpec, parameters: Any) -> tuple[list[int], np.nd
     wanted = spec.vary if spec.vary is not None else [name for name in names if name not in spec.fixed]
     demand_known(parameters, wanted, "vary")
     p0 = vector(parameters, spec.fixed, "fixed")
-    both = sorted(set(wanted) & set(spec.fixed))
-    if both or not wanted:
+    twice = sorted(set(wanted) & set(spec.fixed))
+    if twice or not wanted:
         raise SpecError(
-            f"{both} are listed both to vary and as fixed"
-            if both
+            f"{twice} are listed both to vary and as fixed"
+            if twice
             else "all parameters are fixed, so there is nothing to vary",
             where="vary",
         )
@@ -93,15 +93,15 @@ def problem_of(spec: DesignSpec, family: Family, scene: Path | None, base: Path)
         largest = spec.largest_force
         for i, name in enumerate(family.rows.actuators):
             constraints[f"force of {name}"] = lambda states, i=i: largest - np.abs(states.lam[:, i])
-    made = FeProblem if spec.by == "fe" else DesignProblem
-    return made(family, kind, np.asarray(u, float), free, p0, objectives, constraints), volume
+    problem_class = FeProblem if spec.by == "fe" else DesignProblem
+    return problem_class(family, kind, np.asarray(u, float), free, p0, objectives, constraints), volume
 
 
 def _volume(spec: DesignSpec, family: Family, scene: Path | None) -> Volume | None:
     """Volume of the body, None where nothing asks for it."""
     texts = [constraint for constraint in spec.constraints.values() if isinstance(constraint, str)]
-    asked = [objective for objective in spec.objectives.values() if isinstance(objective, BodySpec)]
-    if spec.by == "fe" or not (asked or any("volume" in names_in(text) for text in texts)):
+    of_bodies = [objective for objective in spec.objectives.values() if isinstance(objective, BodySpec)]
+    if spec.by == "fe" or not (of_bodies or any("volume" in names_in(text) for text in texts)):
         return None
     if scene is None:
         raise SpecError("the volume needs the key `scene`", where="scene", do="name the scene.yaml")
@@ -118,37 +118,37 @@ def _objective(name: str, spec: Any, family: Family, volume: Volume | None, base
         return OfBody(spec.kind, volume=volume)
     if isinstance(spec, FrequencySpec):
         return OfBody(spec.number, -1.0)
-    which = position_rows(rows, spec.effector, where)
+    effector_rows = position_rows(rows, spec.effector, where)
     if isinstance(spec, ReachSpec | ManipulabilitySpec | StiffnessSpec | ForceSpec):
-        return _of_workspace(spec, which, family, where)
+        return _of_workspace(spec, effector_rows, family, where)
     along = "xyz".index(spec.axis)
     rest = None if spec.rest is None else np.asarray(spec.rest)
     if isinstance(spec, DexteritySpec):
-        return Dexterity(which, along, spec.angle, rest)
-    return Strength(which, along, spec.largest, rest)
+        return Dexterity(effector_rows, along, spec.angle, rest)
+    return Strength(effector_rows, along, spec.largest, rest)
 
 
-def _of_workspace(spec: Any, which: np.ndarray, family: Family, where: str) -> Objective:
+def _of_workspace(spec: Any, effector_rows: np.ndarray, family: Family, where: str) -> Objective:
     """Objective over the workspace, or at one actuation."""
     direction = np.asarray(getattr(spec, "direction", [1.0, 0.0, 0.0]), float)
     direction /= np.linalg.norm(direction)
     if isinstance(spec, ForceSpec):
-        return Force(which, direction, np.asarray(spec.goal))
+        return Force(effector_rows, direction, np.asarray(spec.goal))
     if isinstance(spec, StiffnessSpec) and spec.points is None:
-        return Stiffness(which, direction)
+        return Stiffness(effector_rows, direction)
     if spec.points**family.rows.n_a > MOST_STATES:
         what = f"{spec.points} actuations along each of {family.rows.n_a} reaches are more than {MOST_STATES} states"
         raise SpecError(what, where=f"{where}.points", do="use fewer")
     actuations = actuation_grid(family.reach, spec.points)
     if isinstance(spec, StiffnessSpec):
-        return Stiffness(which, direction, actuations)
+        return Stiffness(effector_rows, direction, actuations)
     if isinstance(spec, ManipulabilitySpec):
-        return Manipulability(which, actuations)
-    if family.rows.n_a > len(which):
+        return Manipulability(effector_rows, actuations)
+    if family.rows.n_a > len(effector_rows):
         raise SpecError(
             "kind: workspace is for robots with one to three actuators", where=where, do="use kind: manipulability"
         )
-    return WorkspaceMeasure(which, actuations, spec.points)
+    return WorkspaceMeasure(effector_rows, actuations, spec.points)
 
 
 def _robust(name: str, spec: RobustSpec, family: Family, plain: dict[str, Objective]) -> Robust:
@@ -156,9 +156,12 @@ def _robust(name: str, spec: RobustSpec, family: Family, plain: dict[str, Object
     where, parameters = f"objectives.{name}.scatter", family.parameters
     demand_known(parameters, spec.scatter, where)
     deviation = np.array(
-        [_deviation(each, spec.scatter.get(each.name, 0), f"{where}.{each.name}") for each in parameters]
+        [
+            _deviation(parameter, spec.scatter.get(parameter.name, 0), f"{where}.{parameter.name}")
+            for parameter in parameters
+        ]
     )
-    low, high = np.array([(each.low, each.high) for each in parameters]).T
+    low, high = np.array([(parameter.low, parameter.high) for parameter in parameters]).T
     share = None if spec.statistic == "mean" else spec.share
     return Robust(plain[spec.of], normal_offsets(deviation, spec.robots), low, high, share, deviation)
 
@@ -205,7 +208,7 @@ def _constraint(name: str, spec: Any, family: Family, volume: Volume | None, bas
 
 
 def task_of(spec: DesignSpec, rows: Rows) -> Task:
-    """SpecError where a list is not of the effectors' rows."""
+    """Task of a design's spec. SpecError where a list is not of the effectors' rows."""
     task = spec.task
     goals = np.asarray(task.goals)
     weights = np.ones(rows.n_e) if task.weights is None else np.array(task.weights)

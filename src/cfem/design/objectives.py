@@ -58,7 +58,7 @@ class Strength:
         return np.abs(self.largest - np.abs(self.force(states)[:, self.along]))
 
     def force(self, states: States) -> np.ndarray:
-        """(m, 3) N."""
+        """Forces (m, 3) N of the effector."""
         # delta_c + W_ca W_aa^-1 (delta_a - free_a) is delta_c with the actuators where they are, the tip free
         missing = states.delta_e[:, self.rows]
         if self.rest is not None:

@@ -13,7 +13,7 @@ import numpy as np
 from cfem.core.artefact.files import write_whole
 from cfem.design.optimisers.front import Front
 from cfem.design.problem import DesignProblem
-from cfem.report.page import POLICY, assets
+from cfem.report.page import document
 from cfem.report.viewer import BODY, HELD, Take, Viewer, flat_triangles
 
 PAGE = "front.html"
@@ -69,7 +69,7 @@ def front_page(
     parameters = problem.parameters
     data = {
         "objectives": list(front.names),
-        "values": [[float(design.objectives[k]) for k in front.of] for design in front.designs],
+        "values": [[float(design.objectives[k]) for k in front.indices] for design in front.designs],
         "parameters": [
             {"name": parameter.name, "unit": "" if parameter.unit == "1" else parameter.unit}
             for parameter in parameters
@@ -78,22 +78,14 @@ def front_page(
         "shares": [design.z.tolist() for design in front.designs],
         "matters": {} if sensitivity is None else {k: v["total"] for k, v in sensitivity.items() if k in front.names},
     }
-    style, script = assets()
-    own_style, own_script = (
-        (files("cfem.design") / name).read_text(encoding="utf-8") for name in ("front.css", "front.js")
-    )
+    style, script = ((files("cfem.design") / name).read_text(encoding="utf-8") for name in ("front.css", "front.js"))
     data_text = json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
-    return (
-        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">'
-        f"<title>{escape(robot.name)}: front</title><style>{style}{own_style}</style></head>\n"
-        f"<body><main><h1>{escape(robot.name)}: {len(front.designs)} designs of the front</h1>"
+    main = (
+        f"<h1>{escape(robot.name)}: {len(front.designs)} designs of the front</h1>"
         '<p class="lead">No other design is better in one objective without being worse in another. '
         "Smaller numbers are better. Click a design, or use the arrow keys.</p>"
         f'<div class="explore"><div><div id="axes"></div><svg id="front" viewBox="0 0 460 380" role="img" '
         f'aria-label="the front"></svg></div>{viewer.html()}</div>'
         f'<div class="explore"><div id="design"></div><div id="matters"></div></div>'
-        f'</main><script type="application/json" id="data">{data_text}</script><script>{script}</script>'
-        f"<script>{own_script}</script></body></html>\n"
     )
+    return document(f"{robot.name}: front", main, style, data_text, script)

@@ -16,27 +16,26 @@ Constraint = Callable[[States], np.ndarray]
 
 
 class Scores(NamedTuple):
-    """objectives (m, n_f), the smaller the better; constraints (m, n_g), >= 0 where they hold."""
+    """Objectives and constraints of m designs."""
 
-    objectives: np.ndarray
-    constraints: np.ndarray
+    objectives: np.ndarray  # (m, n_f), the smaller the better
+    constraints: np.ndarray  # (m, n_g), >= 0 where they hold
 
     @property
     def feasible(self) -> np.ndarray:
-        """(m,)."""
+        """Mask (m,) of the designs whose constraints hold."""
         return (self.constraints >= -1e-9).all(axis=1)
 
 
 @dataclass
 class DesignProblem(Varied):
-    """kind, u (n_a,): how every design is actuated. free: numbers of the parameters that vary; p0 (n_p,): values of the
-    others. evaluations: designs so far."""
+    """Objectives and constraints of a family's designs, all actuated alike."""
 
     family: Family
     kind: Kind
-    u: np.ndarray
-    free: Sequence[int]
-    p0: np.ndarray
+    u: np.ndarray  # (n_a,) of every design
+    free: Sequence[int]  # numbers of the parameters that vary
+    p0: np.ndarray  # (n_p,) values of the others
     objectives: Mapping[str, Objective]
     constraints: Mapping[str, Constraint] = field(default_factory=dict)
     evaluations: int = field(default=0, init=False)
@@ -47,17 +46,17 @@ class DesignProblem(Varied):
 
     def score(self, states: States) -> Scores:
         m = len(states)
-        both = [
+        groups = [
             np.stack([self._number(number, states) for number in group.values()], axis=1) if group else np.zeros((m, 0))
             for group in (self.objectives, self.constraints)
         ]
-        return Scores(*both)
+        return Scores(*groups)
 
     def _number(self, objective: Objective, states: States) -> np.ndarray:
         """Values (m,) of an objective; of one over several actuations from states of its own."""
         if isinstance(objective, Robust):
             scattered = self.family.at(self.kind, self.u, objective.parameters(states.p))
-            return objective(self._number(objective.of, scattered).reshape(len(states), -1))
+            return objective(self._number(objective.number, scattered).reshape(len(states), -1))
         actuations = getattr(objective, "actuations", None)
         if actuations is None:
             return objective(states)
@@ -65,14 +64,14 @@ class DesignProblem(Varied):
         return objective(self.family.at(objective.kind, np.tile(actuations, (m, 1)), np.repeat(states.p, k, axis=0)))
 
     def states(self, z: np.ndarray) -> States:
-        """(m, n) -> m states."""
+        """States of m designs z (m, n)."""
         self.evaluations += len(z)
         return self.family.at(self.kind, self.u, self.p(z))
 
     def __call__(self, z: np.ndarray) -> Scores:
-        """(m, n) -> of m designs."""
+        """Scores of m designs z (m, n)."""
         return self.score(self.states(z))
 
     def with_slopes(self, z: np.ndarray, stencil: Stencil | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """(n,) -> objectives and constraints in one row (n_f + n_g,), and their derivatives (n_f + n_g, n)."""
+        """Objectives and constraints in one row (n_f + n_g,) at z (n,), and their derivatives (n_f + n_g, n)."""
         return with_slopes(lambda batch: np.hstack(self(batch)), z, stencil or self.family.stencil)

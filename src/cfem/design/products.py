@@ -13,8 +13,9 @@ from cfem.export.spec import CSpec
 from cfem.mechanics.mesh import Mesh
 from cfem.parametric.meshes import Meshes
 from cfem.predict.load import read_model, read_vectors
+from cfem.robot.catalogue.solids import CATALOGUE
 from cfem.robot.mesh.faceted import write_faceted
-from cfem.robot.mesh.meshing import CATALOGUE, write_cad
+from cfem.robot.mesh.meshing import write_cad
 from cfem.robot.spec import SceneSpec
 from cfem.sample.parameters import with_values
 
@@ -88,8 +89,8 @@ def write_controllers(
             parameter.name: value if parameter.unit == "1" else f"{value!r} {parameter.unit}"
             for parameter, value in zip(parameters, np.clip(p, low, high).tolist(), strict=True)
         }
-        mine = spec.model_copy(update={"parameters": values})
+        design_spec = spec.model_copy(update={"parameters": values})
         controller_folder = folder / f"{file_name(name)}-controller"
-        report = write_embedded(controller_folder, mine, meta, arrays, s, embedding(meta, mine, scene))
+        report = write_embedded(controller_folder, design_spec, meta, arrays, s, embedding(meta, design_spec, scene))
         reports[name] = {key: report[key] for key in ("coefficient_bytes", "parity")}
     return reports

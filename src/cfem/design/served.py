@@ -15,16 +15,16 @@ from cfem.design.task import serve
 
 
 def serve_and_tell(
-    spec: DesignSpec, asked: Any, family: Any, exact: Any, outcome: dict[str, Any], base: Path
+    spec: DesignSpec, task: Any, family: Any, exact: Any, outcome: dict[str, Any], base: Path
 ) -> dict[str, Any]:
     """Results of the task; base: folder of the spec. Lines go into outcome["headline"], and findings into
     outcome["judgement"] where finite elements contradict the model.
      Results; lines into said["headline"], and into said["judgement"] where finite elements contradict the model."""
     free, p0 = free_parameters(spec, family.parameters)
-    goals, force, matter = asked.goals, asked.force[0], asked.weights > 0
+    goals, force, matter = task.goals, task.force[0], task.weights > 0
     begin = time.process_time()
-    before = serve(family, asked, [], p0, spec.task.starts)
-    served = serve(family, asked, free, p0, spec.task.starts)
+    before = serve(family, task, [], p0, spec.task.starts)
+    served = serve(family, task, free, p0, spec.task.starts)
     seconds = time.process_time() - begin
     results: dict[str, Any] = {"seconds": seconds, "evaluations": before.evaluations + served.evaluations}
     for name, solution in (("reference", before), ("found", served)):
@@ -43,7 +43,7 @@ def serve_and_tell(
     if exact:
         # the force as a dead load, not to first order
         states = exact.at("displacement", served.u, np.tile(served.p, (len(goals), 1)), force if force.any() else None)
-        place = states.delta_e if asked.from_rest else states.x_e
+        place = states.delta_e if task.from_rest else states.x_e
         apart = np.linalg.norm((place - goals)[:, matter], axis=1)
         results["found"]["fe_distance"] = apart
         exactly = _rms(apart)
@@ -53,13 +53,13 @@ def serve_and_tell(
             outcome["judgement"].append(contradicted(f"task: {better}; the reference design is no worse"))
     outcome["headline"].append(line)
     if spec.task.policy:
-        results["policy"], lines = _by_policy(spec, asked, family, exact, base, {"task": served.p, "reference": p0})
+        results["policy"], lines = _by_policy(spec, task, family, exact, base, {"task": served.p, "reference": p0})
         outcome["headline"] += lines
     return results
 
 
 def _by_policy(
-    spec: DesignSpec, asked: Any, family: Any, exact: Any, base: Path, designs: dict[str, np.ndarray]
+    spec: DesignSpec, task: Any, family: Any, exact: Any, base: Path, designs: dict[str, np.ndarray]
 ) -> tuple[dict[str, Any], list[str]]:
     """Results and lines: what the policy does with the design that it does best with, and with these (n_p,)."""
     from cfem.design.by_policy import ByPolicy
@@ -67,7 +67,7 @@ def _by_policy(
 
     free, p0 = free_parameters(spec, family.parameters)
     begin = time.process_time()
-    judge = ByPolicy(family, asked, Policy(base / spec.task.policy), p0, free)
+    judge = ByPolicy(family, task, Policy(base / spec.task.policy), p0, free)
     stated = np.array(list(designs.values()))
     judged = {by: judge.best(stated, by) for by in ("reward", "distance")}
     judged |= {name: judge.at(p) for name, p in designs.items()}

@@ -161,14 +161,14 @@ class DesignSpec(Spec):
             raise ValueError("needs objectives or a task")
         if self.objectives and self.actuation is None:
             raise ValueError("objectives need an actuation, at which designs are judged")
-        asked = [("front.of", self.front.of)] if self.front else []
+        references = [("front.of", self.front.of)] if self.front else []
         robust = {name: objective for name, objective in self.objectives.items() if isinstance(objective, RobustSpec)}
-        asked += [(f"objectives.{name}.of", [objective.of]) for name, objective in robust.items()]
+        references += [(f"objectives.{name}.of", [objective.of]) for name, objective in robust.items()]
         nested = next((name for name, objective in robust.items() if objective.of in robust), None)
         if nested:
             raise ValueError(f"objectives.{nested}.of: names a robust objective itself")
-        asked += [(f"blends.{name}", list(weights)) for name, weights in self.blends.items()]
-        for where, names in asked:
+        references += [(f"blends.{name}", list(weights)) for name, weights in self.blends.items()]
+        for where, names in references:
             unknown = [name for name in names if name not in self.objectives]
             if unknown:
                 raise ValueError(f"{where}: no objective '{unknown[0]}', known are {', '.join(self.objectives)}")

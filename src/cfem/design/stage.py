@@ -56,12 +56,14 @@ def _work(folder: Path, spec: DesignSpec, base: Path) -> dict[str, Any]:
     if spec.verify != "no":
         exact = finite_elements(paths["scene"], paths["mesh"], family.parameters, remesh=True)
     results: dict[str, Any] = {"judgement": [], "headline": []}
-    asked = task_of(spec, family.rows) if spec.task else None
+    task = task_of(spec, family.rows) if spec.task else None
     if spec.objectives:
         problem, volume = problem_of(spec, family, paths.get("scene"), base)
         search = _search(spec, problem)
         checked = _verify(problem, exact, search.designs, search.front, spec)
-        results |= _report(folder, spec, problem, volume, search, checked, results["headline"])
+        reported, lines = _report(folder, spec, problem, volume, search, checked)
+        results |= reported
+        results["headline"] += lines
         results["judgement"] += contradictions(results["designs"])
         optima = {}
         if spec.refine:
@@ -75,22 +77,22 @@ def _work(folder: Path, spec: DesignSpec, base: Path) -> dict[str, Any]:
     if spec.task:
         from cfem.design.served import serve_and_tell
 
-        results["task"] = serve_and_tell(spec, asked, family, exact, results, base)
+        results["task"] = serve_and_tell(spec, task, family, exact, results, base)
     write_json(folder / RESULT, {key: value for key, value in results.items() if key != "headline"})
     return results
 
 
 @dataclass(frozen=True)
-class _Found:
-    """designs: by what each is best at; seconds: CPU time of each part."""
+class _Search:
+    """Designs that a search has found."""
 
     grid: Any
-    designs: dict[str, Any]
+    designs: dict[str, Any]  # by what each is best at
     front: Any | None
-    seconds: dict[str, float]
+    seconds: dict[str, float]  # CPU time of each part
 
 
-def _search(spec: DesignSpec, problem: Any) -> _Found:
+def _search(spec: DesignSpec, problem: Any) -> _Search:
     """Designs that the spec asks for: the grid, the best by each objective, and the front."""
     from cfem.design.optimisers.front import best_of_each, pareto_front
     from cfem.design.optimisers.search import Scalar, best, first_designs
@@ -105,29 +107,41 @@ def _search(spec: DesignSpec, problem: Any) -> _Found:
         designs[name] = best(problem, grid, row, spec.starts)
     seconds["search"], begin = time.process_time() - begin, time.process_time()
     if not spec.front:
-        return _Found(grid, designs, None, seconds)
+        return _Search(grid, designs, None, seconds)
     ends = [designs[name] for name in spec.front.of]
     front = pareto_front(problem, grid, spec.front.of, spec.front.points, ends)
     seconds["front"] = time.process_time() - begin
     corners = {f"front {name}": front.designs[place] for name, place in front.corners.items()}
-    return _Found(grid, designs | corners, front, seconds)
+    return _Search(grid, designs | corners, front, seconds)
 
 
 def _report(
-    folder: Path,
-    spec: DesignSpec,
-    problem: Any,
-    volume: Any,
-    search: _Found,
-    checked: dict[bytes, Any],
-    headline: list[str],
-) -> dict[str, Any]:
-    """Results; writes tables into the folder and lines into the headline."""
-    from cfem.design.answer import entry, front_entry, front_line, line, slopes_checked, write_designs, write_front
-    from cfem.design.fe import FeProblem
+    folder: Path, spec: DesignSpec, problem: Any, volume: Any, search: _Search, checked: dict[bytes, Any]
+) -> tuple[dict[str, Any], list[str]]:
+    """Results of a search, and their lines for a person; writes tables into the folder."""
+    from cfem.design.answer import front_line, line, write_designs, write_front
     from cfem.design.optimisers.sensitivity import account_of
 
-    grid, seconds, by_fe = search.grid, search.seconds, isinstance(problem, FeProblem)
+    results, lines = _search_results(problem, volume, search, checked), []
+    if spec.sensitivity:
+        results["sensitivity"], lines = account_of(problem, spec.sensitivity)
+    if volume:
+        what = "volume: a polynomial through CAD models; largest error at other designs"
+        lines.append(f"{what} {volume.error:.1e} mm^3")
+    lines += [line(name, design) for name, design in results["designs"].items()]
+    if search.front:
+        lines.append(front_line(search.front, search.seconds["front"]))
+        write_front(folder / FRONT, problem, search.front)
+    write_designs(folder / GRID, problem, search.grid.z, *search.grid.scores)
+    return results, [*lines, _cost_line(results)]
+
+
+def _search_results(problem: Any, volume: Any, search: _Search, checked: dict[bytes, Any]) -> dict[str, Any]:
+    """Results of a search as plain data."""
+    from cfem.design.answer import entry, front_entry, slopes_checked
+    from cfem.design.fe import FeProblem
+
+    grid, by_fe = search.grid, isinstance(problem, FeProblem)
     results: dict[str, Any] = {
         "grid": {"designs": len(grid.z), "feasible": int(grid.scores.feasible.sum())},
         "spread": {
@@ -139,37 +153,32 @@ def _report(
             for name, design in search.designs.items()
         },
         "slopes_checked": problem.slope_error(problem.z(problem.p0)) if by_fe else slopes_checked(problem),
-        "seconds": seconds,
+        "seconds": search.seconds,
         "evaluations": problem.evaluations,
         "signs": {name: getattr(objective, "sign", 1.0) for name, objective in problem.objectives.items()},
     }
-    if spec.sensitivity:
-        results["sensitivity"], lines = account_of(problem, spec.sensitivity)
-        headline += lines
     if volume:
         results["volume_error"] = volume.error
-        headline.append(
-            f"volume: a polynomial through CAD models; largest error at other designs {volume.error:.1e} mm^3"
-        )
-    headline += [line(name, design) for name, design in results["designs"].items()]
     if search.front:
         results["front"] = front_entry(search.front)
-        headline.append(front_line(search.front, seconds["front"]))
-        write_front(folder / FRONT, problem, search.front)
-    write_designs(folder / GRID, problem, grid.z, *grid.scores)
-    agree = f"derivatives agree with finite differences to {results['slopes_checked']:.0e}"
     if by_fe:
         results |= {"solves": problem.family.solves, "failed": problem.failed}
-        headline.append(
-            f"{problem.family.solves} finite-element solves in {duration(sum(seconds.values()))} of CPU time, "
-            f"{problem.failed} designs failed; {agree} of solves along one direction"
-        )
-    else:
-        headline.append(
-            f"{len(grid.z)} designs in {duration(seconds['grid'])} of CPU time; derivatives agree with finite "
-            f"differences of second order to {results['slopes_checked']:.0e}"
-        )
     return results
+
+
+def _cost_line(results: dict[str, Any]) -> str:
+    """Sentence on what the search took, and on how far its derivatives can be trusted."""
+    error, seconds = f"{results['slopes_checked']:.0e}", results["seconds"]
+    if "solves" in results:
+        return (
+            f"{results['solves']} finite-element solves in {duration(sum(seconds.values()))} of CPU time, "
+            f"{results['failed']} designs failed; derivatives agree with finite differences to {error} of solves "
+            "along one direction"
+        )
+    return (
+        f"{results['grid']['designs']} designs in {duration(seconds['grid'])} of CPU time; derivatives agree with "
+        f"finite differences of second order to {error}"
+    )
 
 
 def _refine(
@@ -231,15 +240,15 @@ def _products(
         headline += [note] if note else []
     if spec.controller is None:
         return {}
-    made = write_controllers(folder, chosen, parameters, paths["model"], spec.controller, scene)
-    parities = [report["parity"] for report in made.values()]
+    reports = write_controllers(folder, chosen, parameters, paths["model"], spec.controller, scene)
+    parities = [report["parity"] for report in reports.values()]
     compared = (
         "not compared, there is no C compiler here"
         if None in parities
         else f"largest relative difference from the model {max(parities):.1e}"
     )
-    headline.append(f"controllers in C of {len(made)} designs: {compared}")
-    return {"controllers": made}
+    headline.append(f"controllers in C of {len(reports)} designs: {compared}")
+    return {"controllers": reports}
 
 
 def _verify(problem: Any, exact: Any, designs: dict, front: Any, spec: DesignSpec) -> dict[bytes, Any]:
@@ -263,12 +272,12 @@ def _draw(folder: Path, problem: Any, search: Any, checked: dict[bytes, Any]) ->
     from cfem.design.fe import FeProblem
     from cfem.design.figure import front_figure, landscape
 
-    made = {}
+    pictures = {}
     for index, name in enumerate([] if isinstance(problem, FeProblem) else problem.names):
         design = search.designs[name]
         known = checked.get(design.z.tobytes())
         verified = None if known is None else float(known.objectives[index])
-        made[f"landscape-{name}.png"] = landscape(problem, index, design, verified, name)
+        pictures[f"landscape-{name}.png"] = landscape(problem, index, design, verified, name)
     front = search.front
     if front:
         places = {
@@ -276,10 +285,10 @@ def _draw(folder: Path, problem: Any, search: Any, checked: dict[bytes, Any]) ->
             for i, of_front in enumerate(front.designs)
             if of_front.z.tobytes() in checked
         }
-        made["front.png"] = front_figure(problem, search.grid, front, places)
-    for name, data in made.items():
+        pictures["front.png"] = front_figure(problem, search.grid, front, places)
+    for name, data in pictures.items():
         write_whole(folder / name, data)
-    return list(made)
+    return list(pictures)
 
 
 COMMAND = Command(

@@ -18,16 +18,16 @@ from cfem.parametric.states import States
 
 @dataclass(frozen=True)
 class Task:
-    """goals (k, n_e) mm: positions of the effectors, or displacements from where each design rests (from_rest); weights
-    (n_e,); force (k, n_e) N on the effectors."""
+    """Goals that one design is to reach, one after the other."""
 
-    goals: np.ndarray
-    from_rest: bool
-    weights: np.ndarray
-    force: np.ndarray
+    goals: np.ndarray  # (k, n_e) mm, positions of the effectors, or displacements from rest
+    from_rest: bool  # which of the two
+    weights: np.ndarray  # (n_e,)
+    force: np.ndarray  # (k, n_e) N on the effectors
 
     def reached(self, states: States) -> np.ndarray:
-        """(m, n_e) mm where the effectors are under the force of the goal that each state is for (goal by goal)."""
+        """Positions or displacements (m, n_e) mm of the effectors under the force of the goal that each state is for
+        (goal by goal)."""
         force = np.tile(self.force, (len(states) // len(self.goals), 1))
         moved = (states.locked_compliance @ force[..., None])[..., 0]
         return (states.delta_e if self.from_rest else states.x_e) + moved
@@ -59,12 +59,12 @@ def serve(family: Family, task: Task, free: Sequence[int], p0: np.ndarray, start
     n, k, n_a = len(free), len(task.goals), family.rows.n_a
     low, high = family.reach.T
     matter = task.weights > 0
-    asked = 0
+    evaluated = 0
 
     def states(batch: np.ndarray) -> States:
         """Batch by batch, m k states of (m, n + k n_a)."""
-        nonlocal asked
-        asked += len(batch) * k
+        nonlocal evaluated
+        evaluated += len(batch) * k
         p = np.broadcast_to(p0, (len(batch), len(p0))).copy()
         p[:, list(free)] = from_shares(parameters, batch[:, :n])
         u = low + batch[:, n:].reshape(-1, n_a) * (high - low)
@@ -95,7 +95,7 @@ def serve(family: Family, task: Task, free: Sequence[int], p0: np.ndarray, start
     states_of_best = states(best.u[None])
     distance = np.linalg.norm((task.reached(states_of_best) - task.goals)[:, matter], axis=1)
     u = low + best.u[n:].reshape(k, n_a) * (high - low)
-    return Served(states_of_best.p[0], u, distance, states_of_best, float(best.cost), asked)
+    return Served(states_of_best.p[0], u, distance, states_of_best, float(best.cost), evaluated)
 
 
 def _starts(n: int, k: int, n_a: int, count: int) -> list[np.ndarray]:

@@ -12,20 +12,19 @@ from cfem.parametric.states import States
 
 @dataclass(frozen=True)
 class Verified:
-    """Of m designs: z (m, n); what the model says and what finite elements say, objectives and constraints; distance
-    (m,) mm between the effectors' positions of the two."""
+    """m designs judged by the model and by finite elements."""
 
-    z: np.ndarray
+    z: np.ndarray  # (m, n)
     model: Scores
     fe: Scores
-    distance: np.ndarray
+    distance: np.ndarray  # (m,) mm between the effectors' positions of the two
 
 
 def verify(problem: DesignProblem, finite_elements: Family, z: Sequence[np.ndarray]) -> Verified:
     """Objectives of these designs, by the model and by finite elements."""
     z = np.array(z)
     exact = replace(problem, family=finite_elements)
-    mine: States = problem.states(z)
-    theirs: States = exact.states(z)
-    distance = np.linalg.norm(mine.x_e - theirs.x_e, axis=1)
-    return Verified(z, problem.score(mine), exact.score(theirs), distance)
+    by_model: States = problem.states(z)
+    by_fe: States = exact.states(z)
+    distance = np.linalg.norm(by_model.x_e - by_fe.x_e, axis=1)
+    return Verified(z, problem.score(by_model), exact.score(by_fe), distance)

@@ -10,15 +10,16 @@ from scipy.stats import qmc
 
 from cfem.condensed.parameters import Parameter, from_shares, references, shares
 from cfem.core.errors import SpecError
-from cfem.robot.mesh.meshing import CATALOGUE, measure
+from cfem.robot.catalogue.solids import CATALOGUE
+from cfem.robot.mesh.meshing import measure
 from cfem.sample.parameters import with_values
 
 _DEGREE, _SPARE = 3, 3
 
 
 class Volume:
-    """Of the designs of a catalogue robot, fitted to as many CAD models as a polynomial of degree 3 has coefficients
-    and a few more. error: mm^3, the largest on those CAD models that were left out of the fit."""
+    """Volume of the designs of a catalogue robot, fitted to as many CAD models as a polynomial of degree 3 has
+    coefficients and a few more. error: mm^3, the largest on those CAD models that were left out of the fit."""
 
     def __init__(self, scene: Any, parameters: Sequence[Parameter]):
         if scene.shape is not None:
@@ -27,7 +28,7 @@ class Volume:
         self._shape = [i for i, parameter in enumerate(parameters) if parameter.key.startswith("geometry")]
 
     def __call__(self, p: np.ndarray) -> np.ndarray:
-        """(m, n_p) -> (m,) mm^3."""
+        """Volumes (m,) mm^3 of designs p (m, n_p)."""
         return self._powers(shares(self._parameters, p)[:, self._shape]) @ self._fit[0]
 
     @property
@@ -55,7 +56,7 @@ class Volume:
         return from_shares(self._parameters, full)
 
     def _powers(self, z: np.ndarray) -> np.ndarray:
-        """(m, n) -> (m, M) monomials of total degree up to 3."""
+        """Monomials (m, M) of total degree up to 3 of z (m, n)."""
         n = z.shape[1]
         terms = [c for degree in range(_DEGREE + 1) for c in combinations_with_replacement(range(n), degree)]
         return np.stack([z[:, list(term)].prod(axis=1) for term in terms], axis=1)

@@ -17,7 +17,7 @@ from cfem.parametric.states import States
 
 
 def actuation_grid(reach: np.ndarray, points: int) -> np.ndarray:
-    """(points^n_a, n_a) over the box of reaches (n_a, 2), the last actuator fastest."""
+    """Grid (points^n_a, n_a) over the box of reaches (n_a, 2), the last actuator fastest."""
     return np.array(list(product(*(np.linspace(low, high, points) for low, high in reach))))
 
 
@@ -119,8 +119,8 @@ class OfBody:
 
 
 def simplices(points: int, n: int) -> np.ndarray:
-    """(s, n + 1) numbers of the corners, in `actuation_grid` of `points` along each of n axes, of the simplices into
-    which its cells are cut."""
+    """Simplices (s, n + 1) into which the cells of an `actuation_grid` of `points` along each of n axes are cut, by the
+    numbers of their corners."""
     strides = points ** np.arange(n - 1, -1, -1)
     corners = np.array(list(product(range(points - 1), repeat=n))) @ strides
     paths = [np.concatenate([[0], np.cumsum(strides[list(order)])]) for order in permutations(range(n))]
@@ -129,27 +129,26 @@ def simplices(points: int, n: int) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Robust:
-    """A statistic of another number over robots whose parameters differ by `offsets` (s, n_p) within [low, high] (n_p,)
-    each: the mean, or the quantile `share`. Called with the (m, s) numbers of the other. deviation: (n_p,) of the
-    parameters."""
+    """A statistic of a number over robots whose parameters differ: its mean or a quantile. Called with the (m, s)
+    values of the number."""
 
-    of: Any
-    offsets: np.ndarray
-    low: np.ndarray
+    number: Any  # the objective or constraint that scatters
+    offsets: np.ndarray  # (s, n_p) of the parameters
+    low: np.ndarray  # (n_p,) ends of their ranges
     high: np.ndarray
-    share: float | None
-    deviation: np.ndarray
+    share: float | None  # of the quantile, None for the mean
+    deviation: np.ndarray  # (n_p,) standard deviations of the parameters
 
     @property
     def unit(self) -> str:
-        return getattr(self.of, "unit", "")
+        return getattr(self.number, "unit", "")
 
     @property
     def sign(self) -> float:
-        return getattr(self.of, "sign", 1.0)
+        return getattr(self.number, "sign", 1.0)
 
     def parameters(self, p: np.ndarray) -> np.ndarray:
-        """(m, n_p) -> (m s, n_p), the s of each design one after the other."""
+        """Parameters (m s, n_p) of m designs (m, n_p) with their s offsets, those of a design one after the other."""
         return np.clip(p[:, None] + self.offsets, self.low, self.high).reshape(-1, p.shape[1])
 
     def __call__(self, numbers: np.ndarray) -> np.ndarray:
@@ -157,8 +156,8 @@ class Robust:
 
 
 def normal_offsets(deviation: np.ndarray, count: int) -> np.ndarray:
-    """Offsets (count, n_p): normal, of the standard deviations (n_p,), from Halton's points, so that their statistics
-    hardly scatter and are the same every time."""
+    """Offsets (count, n_p) with a normal distribution of standard deviations (n_p,), from Halton's points, so that
+    their statistics hardly scatter and are the same every time."""
     from scipy.stats import norm, qmc
 
     used = np.flatnonzero(deviation)

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from cfem.condensed import Rows
+from cfem.condensed.viscosity import Viscosity
 from cfem.constraint.centre_of_mass import CentreOfMass
 from cfem.constraint.protocol import Constraint, Watched
 from cfem.core.errors import SpecError
 from cfem.mechanics.body import Body
-from cfem.mechanics.viscosity import Viscosity
 
 
 @dataclass(frozen=True)

@@ -34,7 +34,7 @@ def at_start(problem: MovingProblem, motion: Motion) -> Energy:
 
 
 def kinetic(problem: MovingProblem, v: np.ndarray) -> float:
-    """N mm, of velocities (n, 3) mm/s."""
+    """Kinetic energy N mm of velocities (n, 3) mm/s."""
     return float(np.sum(v * (problem.mass @ v)) / 2)
 
 
@@ -63,5 +63,5 @@ def _strain_rate(evaluation: Evaluation, v: np.ndarray, sections) -> np.ndarray:
     vx = np.cross(vy, dz) + np.cross(dy, vz)
     omega = (np.cross(R[:, :, 0], vx) + np.cross(dy, vy) + np.cross(dz, vz)) / 2
     motions = np.concatenate([centre, omega], axis=1)
-    both = np.concatenate([motions[:-1], motions[1:]], axis=1)
-    return (evaluation.response.rod.strain.gradient @ both[:, :, None])[:, :, 0]
+    by_element = np.concatenate([motions[:-1], motions[1:]], axis=1)
+    return (evaluation.response.rod.strain.gradient @ by_element[:, :, None])[:, :, 0]

@@ -26,7 +26,7 @@ from cfem.mechanics.viscosity import Overstress
 
 @dataclass(frozen=True)
 class TimeStep:
-    """One implicit step, x'' = c (x - y) + h.
+    """An implicit step, x'' = c (x - y) + h.
 
     inertia: c, 1/s^2
     origin: y (n, 3) mm
@@ -130,11 +130,11 @@ class MovingProblem(Problem):
         inertia's and viscosity's."""
         if self.step is None:
             return super().scale(evaluation, lam)
-        still = Evaluation(
+        at_rest = Evaluation(
             **{name: value for name, value in vars(evaluation).items() if not name.startswith("moving")}
             | {"force": evaluation.force - self.kinematics.reduce(evaluation.x, evaluation.moving)}
         )
-        return max(super().scale(still, lam), evaluation.moving_size)
+        return max(super().scale(at_rest, lam), evaluation.moving_size)
 
     def _unbalanced(self, evaluation: Evaluation, lam: np.ndarray) -> np.ndarray:
         nodal = super()._unbalanced(evaluation, lam)
@@ -150,7 +150,7 @@ class NodalPayload:
     mass: float
 
     def matrix(self, n: int) -> sp.coo_array:
-        """(n, n) t."""
+        """Mass matrix (n, n) t of the payload."""
         k = len(self.nodes)
         rows, columns = np.repeat(self.nodes, k), np.tile(self.nodes, k)
         return sp.coo_array((self.mass * np.outer(self.weights, self.weights).ravel(), (rows, columns)), shape=(n, n))

@@ -42,7 +42,7 @@ class StepControl:
 
 
 @dataclass(frozen=True)
-class Refused:
+class RefusedStep:
     """A step of dt s from t s that was not taken, and why."""
 
     t: float
@@ -52,14 +52,13 @@ class Refused:
 
 @dataclass(frozen=True)
 class Sample:
-    """At t s: delta (n_active,) and lam of the active rows, delta_e (n_e,) of the effectors, slack (n_a,),
-    energy."""
+    """Sample of a motion."""
 
-    t: float
-    delta: np.ndarray
-    lam: np.ndarray
-    delta_e: np.ndarray
-    slack: np.ndarray
+    t: float  # s
+    delta: np.ndarray  # (n_active,) of the active rows
+    lam: np.ndarray  # of the active rows
+    delta_e: np.ndarray  # (n_e,) of the effectors
+    slack: np.ndarray  # (n_a,)
     energy: Energy
 
 
@@ -77,20 +76,20 @@ class MotionRun:
 
     samples: list[Sample]
     end: Motion
-    refused: list[Refused] = field(default_factory=list)
+    refused: list[RefusedStep] = field(default_factory=list)
     why: str | None = None
     cost: SolveCost = field(default_factory=SolveCost)
     power: float = 0.0
-    kept: "Kept | None" = None
+    kept: "KeptTangent | None" = None
 
     @property
     def t(self) -> np.ndarray:
-        """(k,) s."""
-        return np.array([each.t for each in self.samples])
+        """Times (k,) s."""
+        return np.array([sample.t for sample in self.samples])
 
     def of(self, name: str) -> np.ndarray:
-        """(k, ...) of one attribute of the samples."""
-        return np.array([getattr(each, name) for each in self.samples])
+        """Values (k, ...) of one attribute of the samples."""
+        return np.array([getattr(sample, name) for sample in self.samples])
 
 
 def simulate(
@@ -102,7 +101,7 @@ def simulate(
     pace: StepControl | None = None,
     scheme: Scheme | None = None,
     watch: Callable[[Motion], None] | None = None,
-    kept: "Kept | None" = None,
+    kept: "KeptTangent | None" = None,
 ) -> MotionRun:
     """Simulates the motion from `start` to the time `until`, s. command: time -> what is prescribed to the active rows;
     kinks: times at which it is not smooth. watch: is called with every motion reached; kept: of the run that ended at
@@ -110,37 +109,37 @@ def simulate(
     run, pace, scheme = MotionRun([], start), pace or StepControl(), scheme or Scheme()
     run.samples.append(_sample(problem, start, energies.at_start(problem, start), None))
     ends = [*sorted(t for t in kinks if start.t < t < until), until]
-    dt, done = pace.first, start
+    dt, motion = pace.first, start
     for end in ends:
-        dt = min(dt, pace.first) if done.t > start.t else dt
+        dt = min(dt, pace.first) if motion.t > start.t else dt
         settling = True  # the step after a kink, whose jump in acceleration is real
-        while done.t < end - 1e-12 * max(1.0, end):
-            even = (end - done.t) / np.ceil((end - done.t) / dt * (1 - 1e-9))
+        while motion.t < end - 1e-12 * max(1.0, end):
+            even = (end - motion.t) / np.ceil((end - motion.t) / dt * (1 - 1e-9))
             length = even if even > 0.7 * dt else dt
-            tried, kept, why = _step(problem, scheme, done, command, length, pace, run.cost, kept)
+            tried, kept, why = _step(problem, scheme, motion, command, length, pace, run.cost, kept)
             run.kept = kept
-            error = scheme.error(done, length, tried.motion.lag) if tried else np.inf
+            error = scheme.error(motion, length, tried.motion.lag) if tried else np.inf
             if tried and pace.tolerance is not None and error > pace.tolerance and not settling:
                 why, tried = f"it would leave out {error:.2g} mm", None
             if tried is None:
-                run.refused.append(Refused(done.t, length, why))
+                run.refused.append(RefusedStep(motion.t, length, why))
                 dt = length / 2
                 if dt < pace.shortest:
-                    run.why = f"the step at {done.t:.6g} s fell below {pace.shortest:g} s: {why}"
+                    run.why = f"the step at {motion.t:.6g} s fell below {pace.shortest:g} s: {why}"
                     return run
                 continue
             settling = False
-            run.samples.append(_sample(problem, tried.motion, _energy(problem, run, done, tried), tried))
-            done = run.end = tried.motion
+            run.samples.append(_sample(problem, tried.motion, _energy(problem, run, motion, tried), tried))
+            motion = run.end = tried.motion
             if watch is not None:
-                watch(done)
+                watch(motion)
             if pace.tolerance is not None and error < pace.tolerance / 10:
                 dt = min(2 * dt, pace.longest)
     return run
 
 
 @dataclass(frozen=True)
-class _Taken:
+class _TakenStep:
     """A step: the motion at its end, the equations there, their result, and which rows were held."""
 
     motion: Motion
@@ -150,7 +149,7 @@ class _Taken:
 
 
 @dataclass(frozen=True)
-class Kept:
+class KeptTangent:
     """A factored tangent, and the c of the step it was made for."""
 
     tangent: Tangent
@@ -165,8 +164,8 @@ def _step(
     dt: float,
     pace: StepControl,
     cost: SolveCost,
-    kept: Kept | None,
-) -> tuple[_Taken | None, Kept | None, str]:
+    kept: KeptTangent | None,
+) -> tuple[_TakenStep | None, KeptTangent | None, str]:
     """Takes one step; None and the cause where it fails."""
     c, origin, offset = scheme.acceleration(begin, dt)
     over = None if begin.memory is None else viscous.overstress(problem.body, problem.viscosity, begin.memory, dt)
@@ -178,7 +177,7 @@ def _step(
     result = newton(moving, start, actuation, pace.newton, cost, usable)
     if result.status is not Status.CONVERGED and usable is not None:
         result = newton(moving, start, actuation, pace.newton, cost)  # the tangent was of too far away
-    kept = None if result.tangent is None else Kept(result.tangent, c)
+    kept = None if result.tangent is None else KeptTangent(result.tangent, c)
     if result.status is not Status.CONVERGED:
         return None, kept, f"Newton's method: {result.status.value}"
     end = result.at
@@ -190,17 +189,17 @@ def _step(
         memory = viscous.remembered(problem.body, problem.viscosity, begin.memory, dt, end.response)
     motion = Motion(begin.t + dt, end.x, v, a, lag, end.pressure, result.lam, memory)
     slack = actuation.C[~result.held].any(axis=0)[: problem.robot.rows.n_a]
-    return _Taken(motion, moving, result, slack), kept, ""
+    return _TakenStep(motion, moving, result, slack), kept, ""
 
 
-def _sample(problem: MovingProblem, motion: Motion, energy: Energy, taken: _Taken | None) -> Sample:
+def _sample(problem: MovingProblem, motion: Motion, energy: Energy, taken: _TakenStep | None) -> Sample:
     robot = problem.robot
     evaluation = problem.evaluate(motion.x, np.empty(0)) if taken is None else taken.result.at
     slack = np.zeros(robot.rows.n_a, dtype=bool) if taken is None else taken.slack
     return Sample(motion.t, evaluation.delta, motion.lam, effector_displacements(robot, motion.x), slack, energy)
 
 
-def _energy(problem: MovingProblem, run: MotionRun, before: Motion, taken: _Taken) -> Energy:
+def _energy(problem: MovingProblem, run: MotionRun, before: Motion, taken: _TakenStep) -> Energy:
     """Energy after a step: work since the last sample by the trapezoidal rule."""
     last, motion, evaluation = run.samples[-1], taken.motion, taken.result.at
     work = float((last.lam + motion.lam) @ (evaluation.delta - last.delta)) / 2

@@ -30,8 +30,8 @@ def _spaces(world: World | MovingWorld) -> tuple[gymnasium.spaces.Box, gymnasium
 
 
 class RobotEnv(gymnasium.Env):
-    """One robot. model: folder of a spectral model, or the model; render_mode: 'rgb_array' or None; options: of
-    `World`, or of `MovingWorld`."""
+    """Environment of one robot. model: folder of a spectral model, or the model; render_mode: 'rgb_array' or None;
+    options: of `World`, or of `MovingWorld`."""
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 10}
 
@@ -59,7 +59,8 @@ class RobotEnv(gymnasium.Env):
         return self.world.observe()[0], float(rewards[0]), bool(failed[0]), bool(over[0]), info
 
     def render(self) -> np.ndarray | None:
-        """(480, 480, 3) uint8: surface, effector (red) and goal (green) of the robot, None without `render_mode`."""
+        """Picture (480, 480, 3) uint8 of surface, effector (red) and goal (green) of the robot, None without
+        `render_mode`."""
         if self.render_mode != "rgb_array":
             return None
         from cfem.gym.picture import picture

@@ -18,8 +18,8 @@ NEWTON = 14  # evaluations of a robot
 
 @njit(cache=True, error_model="numpy")
 def _solve(H, g, free, step, L):
-    """step on the free rows with H_ff step_f = -g_f - H_fc step_c; the others keep theirs. L: room. False where H_ff is
-    not positive definite."""
+    """Solves H_ff step_f = -g_f - H_fc step_c for the free rows of `step`; the others keep theirs. L: room. False where
+    H_ff is not positive definite."""
     n = len(g)
     for i in range(n):
         if not free[i]:
@@ -105,13 +105,12 @@ class CommandLaw(NamedTuple):
 
 
 class Place(NamedTuple):
-    """Of one robot: x where its actuators are, u its command, g and H (n_a, n_a) slope and Hessian of what is least;
-    room for a step: free, room, step, L."""
+    """Room for the equilibrium of one robot."""
 
-    x: np.ndarray
-    u: np.ndarray
-    g: np.ndarray
-    H: np.ndarray
+    x: np.ndarray  # where its actuators are
+    u: np.ndarray  # its command
+    g: np.ndarray  # slope of what is least
+    H: np.ndarray  # (n_a, n_a) Hessian of it
     free: np.ndarray
     room: np.ndarray
     step: np.ndarray

@@ -52,7 +52,7 @@ class Sums(NamedTuple):
 
 @njit(cache=True, error_model="numpy")
 def room_of(series, n):
-    """n: inputs."""
+    """Room for the sums of a series of n inputs."""
     outputs, terms = series.values.shape
     return Sums(np.empty((n, series.highest + 1, LANES)), np.zeros((terms, LANES)), np.empty((outputs, LANES)))
 

@@ -94,7 +94,7 @@ def room_for(learned, n_a):
 
 @njit(cache=True, no_cpython_wrapper=True, no_cfunc_wrapper=True, fastmath=FAST, error_model="numpy")
 def _times(S, first, x, factor, out):
-    """out (n, LANES) += factor S x, S a packed triangle that begins at row `first`."""
+    """Adds factor S x to out (n, LANES), S a packed triangle that begins at row `first`."""
     n, place = x.shape[0], first
     for i in range(n):
         for b in range(LANES):
@@ -176,7 +176,7 @@ def expand(learned, lanes, room, dt):
 
 @njit(cache=True, no_cpython_wrapper=True, no_cfunc_wrapper=True, fastmath=FAST, error_model="numpy")
 def turn(learned, room, n_a, half):
-    """room.turning (n_a, n_q, LANES): half a step times the slope of M v by the actuators."""
+    """Fills room.turning (n_a, n_q, LANES): half a step times the slope of M v by the actuators."""
     n_q = learned.n_q
     triangle = n_q * (n_q + 1) // 2
     for i in range(n_q):
@@ -259,7 +259,8 @@ def matrix(lanes, room):
 
 @njit(cache=True, no_cpython_wrapper=True, no_cfunc_wrapper=True, fastmath=FAST, error_model="numpy")
 def eliminate(A, x):
-    """x (n, LANES) of A x = x, without pivots, which the positive matrices of these steps do not need."""
+    """Solves A y = x and writes y into x (n, LANES), without pivots, which the positive matrices of these steps do not
+    need."""
     n, share = A.shape[0], np.empty(LANES)
     for k in range(n):
         for i in range(k + 1, n):
@@ -298,7 +299,7 @@ def advance(room, before, tolerance, smallest, count):
 
 @njit(cache=True, no_cpython_wrapper=True, no_cfunc_wrapper=True, fastmath=FAST, error_model="numpy")
 def carry_on(room):
-    """rest and Mv to first order in the last change."""
+    """Carries `rest` and Mv on to first order in the last change."""
     n_a, n_q = room.turning.shape[0], room.new.shape[0]
     for i in range(n_q):
         for j in range(n_q):

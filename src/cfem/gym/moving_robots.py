@@ -39,18 +39,21 @@ class MovingStates:
     outside: np.ndarray
     failed: int = 0
 
-    def put(self, which: np.ndarray, others: "MovingStates") -> None:
+    def put(self, robots: np.ndarray, others: "MovingStates") -> None:
         """Puts the states of others, k of them, in the places `which` (k,)."""
         for name in ("q", "p", "v", "gain", "lam", "held", "u", "stiffness", "viscosity", "outside"):
-            getattr(self, name)[..., which] = getattr(others, name)
-        self.tip[which] = others.tip
+            getattr(self, name)[..., robots] = getattr(others, name)
+        self.tip[robots] = others.tip
 
 
 class MovingRobots:
-    """model: one that moves; kind: what is commanded, force or displacement; tick: s; substeps of a tick;
-    tolerance: of a step, share of its velocities, of which the error is about the square. Mass and viscosity are scaled
-    so that steps of that length have the lowest natural frequency right (`cfem.motion.clocked` says
-    how). InputError for models of other kinds."""
+    """A batch of robots that move.
+
+    model: one that moves; kind: what is commanded, force or displacement; tick: s; substeps: of a tick; tolerance: of a
+    step, share of its velocities, of which the error is about the square
+
+    Mass and viscosity are scaled so that steps of that length have the lowest natural frequency right
+    (`cfem.motion.clocked` says how). InputError for models of other kinds."""
 
     def __init__(
         self, model: MotionModel, kind: str = "force", tick: float = 0.01, substeps: int = 1, tolerance: float = 1e-2
@@ -118,11 +121,11 @@ class MovingRobots:
         states.u, states.tip = np.array(u.T), np.ascontiguousarray(tip.T)
 
     def displacements_of(self, states: MovingStates) -> np.ndarray:
-        """(B, n_a) mm, of the actuators now."""
+        """Displacements (B, n_a) mm of the actuators now."""
         return (states.q[: self.model.n_a] * self._scale).T
 
     def forces_of(self, states: MovingStates) -> np.ndarray:
-        """(B, n_a) N, of the actuators in the last step."""
+        """Forces (B, n_a) N of the actuators in the last step."""
         return (states.lam / self._scale).T
 
 

@@ -65,7 +65,7 @@ def _choose(lanes, room, dt, small, short, count):
 
 @njit(cache=True, no_cpython_wrapper=True, no_cfunc_wrapper=True, error_model="numpy")
 def _step(learned, lanes, room, forces, pulls, dt, small, tolerance, count):
-    """One step of all lanes. Returns of how many of the first `count` robots the equations were not solved."""
+    """Takes one step of all lanes. Returns of how many of the first `count` robots the equations were not solved."""
     n_a, n_q = lanes.command.shape[0], learned.n_q
     for i in range(n_q):
         for b in range(LANES):
@@ -107,8 +107,8 @@ def _step(learned, lanes, room, forces, pulls, dt, small, tolerance, count):
 
 @njit(cache=True, no_cpython_wrapper=True, no_cfunc_wrapper=True, fastmath=FAST, error_model="numpy")
 def _effectors(effectors, lanes, still, moving, room, tip, outside):
-    """tip (n_e, LANES) mm from rest; outside (LANES,): how far the actuators are from the middle of the learned box, in
-    half widths."""
+    """Fills tip (n_e, LANES) mm from rest, and outside (LANES,): how far the actuators are from the middle of the
+    learned box, in half widths."""
     n_e, n_a = tip.shape[0], lanes.command.shape[0]
     n_r = lanes.q.shape[0] - n_a
     for a in range(n_a):
@@ -135,8 +135,8 @@ def _effectors(effectors, lanes, still, moving, room, tip, outside):
                 for s in range(r, n_r):
                     factor = 0.5 if r == s else 1.0
                     for b in range(LANES):
-                        both = lanes.q[n_a + r, b] * lanes.q[n_a + s, b]
-                        tip[e, b] += factor * moving.sums[place, b] * both
+                        product = lanes.q[n_a + r, b] * lanes.q[n_a + s, b]
+                        tip[e, b] += factor * moving.sums[place, b] * product
                     place += 1
 
 

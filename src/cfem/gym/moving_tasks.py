@@ -18,15 +18,15 @@ from cfem.gym.tasks import LARGEST, Follow, Goals, Reach, Scales
 def moving_observation(scales: Scales, tips: np.ndarray, us: np.ndarray, goals: np.ndarray) -> np.ndarray:
     """Observation (B, n) float32 of robots that move: tips (B, history, n_e) mm from rest, us (B, history, n_a), both
     newest first; goals (B, ahead, n_e), the next first."""
-    errors, many, close = goals[:, 0] - tips[:, 0], (len(tips), -1), 5 * scales.near
+    errors, per_robot, close = goals[:, 0] - tips[:, 0], (len(tips), -1), 5 * scales.near
     parts = [
         errors / scales.scale,
         np.clip(errors / close, -1.0, 1.0),
-        ((goals[:, 1:] - goals[:, :-1]) / close).reshape(many),
+        ((goals[:, 1:] - goals[:, :-1]) / close).reshape(per_robot),
         tips[:, 0] / scales.scale,
-        ((tips[:, :-1] - tips[:, 1:]) / close).reshape(many),
+        ((tips[:, :-1] - tips[:, 1:]) / close).reshape(per_robot),
         2.0 * (us[:, 0] - scales.low) / (scales.reach - scales.low) - 1.0,
-        ((us[:, :-1] - us[:, 1:]) / scales.step).reshape(many),
+        ((us[:, :-1] - us[:, 1:]) / scales.step).reshape(per_robot),
     ]
     observed = np.concatenate(parts, axis=1, dtype=np.float32, casting="same_kind")
     return np.clip(observed, -LARGEST, LARGEST, out=observed)
@@ -67,12 +67,12 @@ class MovingFollow(Follow):
 
 
 def ahead_of(goals: Goals, t: np.ndarray, ahead: int) -> np.ndarray:
-    """(B, ahead, n_e): goals of the ends of the ticks that follow t (B,)."""
+    """Goals (B, ahead, n_e) of the ends of the ticks that follow t (B,)."""
     if goals.path.shape[1] == 1:
         return np.repeat(goals.path, ahead, axis=1)
     count, ticks, n_e = goals.path.shape
-    which = np.minimum(t[:, None] + 1 + np.arange(ahead), ticks - 1) + ticks * np.arange(count)[:, None]
-    return goals.path.reshape(-1, n_e).take(which, axis=0)
+    rows = np.minimum(t[:, None] + 1 + np.arange(ahead), ticks - 1) + ticks * np.arange(count)[:, None]
+    return goals.path.reshape(-1, n_e).take(rows, axis=0)
 
 
 MOVING = {"moving-reach": MovingReach, "moving-follow": MovingFollow}

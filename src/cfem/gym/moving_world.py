@@ -20,13 +20,12 @@ GONE = -10.0  # reward of leaving it
 
 @dataclass(frozen=True)
 class MovingRandomised:
-    """What differs from episode to episode. stiffness, viscosity: shares by which the robot's may be more or less than
-    the model's; delay: ticks by which samples may be late; noise: mm, of each coordinate of a sample."""
+    """Numbers that differ from episode to episode."""
 
-    stiffness: float = 0.15
-    viscosity: float = 0.3
-    delay: int = 1
-    noise: float = 0.1
+    stiffness: float = 0.15  # share by which the robot's may be more or less than the model's
+    viscosity: float = 0.3  # likewise
+    delay: int = 1  # ticks by which samples may be late
+    noise: float = 0.1  # mm, of each coordinate of a sample
 
 
 class MovingWorld:
@@ -106,7 +105,7 @@ class MovingWorld:
 
     @property
     def delta_a(self) -> np.ndarray:
-        """(B, n_a) mm: where the actuators are."""
+        """Displacements (B, n_a) mm of the actuators now."""
         return self.robots.displacements_of(self.states)
 
     @property
@@ -115,18 +114,18 @@ class MovingWorld:
         rows = self.model.rows
         return rows.n_e * (1 + self.ahead + self.history) + rows.n_a * self.history, rows.n_a
 
-    def reset(self, which: np.ndarray) -> None:
+    def reset(self, robots: np.ndarray) -> None:
         """New episodes for the robots `which` (k,), each at rest at a random place."""
-        size, rng, kinds, scales = len(which), self.rng, self.randomised, self.scales
-        self.task.begin(self.goals, which, rng)
+        size, rng, kinds, scales = len(robots), self.rng, self.randomised, self.scales
+        self.task.begin(self.goals, robots, rng)
         stiffness = 1.0 + kinds.stiffness * rng.uniform(-1, 1, size)
         viscosity = 1.0 + kinds.viscosity * rng.uniform(-1, 1, size)
         u = scales.low + rng.uniform(0.05, 0.7, (size, len(scales.low))) * (scales.reach - scales.low)
-        self.states.put(which, self.robots.standing(u, stiffness, viscosity))
-        self.u[which], self.t[which] = u, 0
-        self.delay[which] = rng.integers(0, kinds.delay + 1, size)
-        self.commands[which] = u[:, None]
-        self.samples[which] = self._sample(which)[:, None]
+        self.states.put(robots, self.robots.standing(u, stiffness, viscosity))
+        self.u[robots], self.t[robots] = u, 0
+        self.delay[robots] = rng.integers(0, kinds.delay + 1, size)
+        self.commands[robots] = u[:, None]
+        self.samples[robots] = self._sample(robots)[:, None]
 
     def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Rewards (B,), errors (B,) mm, the mask of robots that have left what the model knows, and of those whose
@@ -146,12 +145,12 @@ class MovingWorld:
         return np.where(gone, GONE, rewards), errors, gone, self.t >= self.length
 
     def observe(self) -> np.ndarray:
-        """(B, n) float32."""
+        """Observations (B, n) float32."""
         count, kept, n_e = self.samples.shape
-        which = self.delay[:, None] + np.arange(self.history) + kept * np.arange(count)[:, None]
-        tips = self.samples.reshape(-1, n_e).take(which, axis=0)
+        rows = self.delay[:, None] + np.arange(self.history) + kept * np.arange(count)[:, None]
+        tips = self.samples.reshape(-1, n_e).take(rows, axis=0)
         return moving_observation(self.scales, tips, self.commands, ahead_of(self.goals, self.t, self.ahead))
 
-    def _sample(self, which: np.ndarray | slice) -> np.ndarray:
-        tip = self.states.tip[which]
+    def _sample(self, robots: np.ndarray | slice) -> np.ndarray:
+        tip = self.states.tip[robots]
         return tip + self.randomised.noise * self.rng.standard_normal(tip.shape)

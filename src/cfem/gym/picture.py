@@ -13,7 +13,7 @@ _BODY, _TIP, _GOAL = "#9fb6cd", "#c1272d", "#1a7f37"
 
 
 def picture(model: Predictor, delta_a: np.ndarray, x_e: np.ndarray, goal: np.ndarray) -> np.ndarray:
-    """(480, 480, 3) uint8 pixels of the robot with its actuators at delta_a (n_a,), mm.
+    """Picture (480, 480, 3) uint8 of the robot with its actuators at delta_a (n_a,), mm.
 
     x_e, goal: (n_e,) mm, places of the effectors (red) and their goals (green), of which the first three rows are
     drawn. The surface is drawn where it rests at delta_a, if the model has learned one; a model without a skin shows

@@ -19,9 +19,9 @@ FORMAT = 3
 
 @dataclass(frozen=True)
 class Policy:
-    """path: file of `cfem.gym.save_policy`. facts: its metadata; parameters: those of the robot that it wants to be
-    told, none of most policies; moving: `ahead`, `history` and `tick` of `cfem.gym.moving_world`, nothing for robots at
-    rest. InputError where it is none."""
+    """A policy from a file of `cfem.gym.save_policy`. facts: its metadata; parameters: those of the robot that it wants
+    to be told, none of most policies; moving: `ahead`, `history` and `tick` of `cfem.gym.moving_world`, nothing for
+    robots at rest. InputError where the file is no policy."""
 
     path: Path
 
@@ -65,7 +65,8 @@ class Policy:
             )
 
     def told(self, p: np.ndarray) -> np.ndarray:
-        """(..., k) of an observation: parameters p (..., n_p) of the robot, as shares of their ranges in [-1, 1]."""
+        """Part (..., k) of an observation: parameters p (..., n_p) of the robot, as shares of their ranges in [-1,
+        1]."""
         return 2.0 * shares(self.parameters, p) - 1.0
 
     def command(
@@ -82,7 +83,7 @@ class Policy:
         return self._next(u, observation(self.scales, tip, u, goal, ahead, parameters))
 
     def moving_command(self, tips: np.ndarray, us: np.ndarray, goals: np.ndarray) -> np.ndarray:
-        """(n_a,) mm or N: the next command after us (history, n_a) and samples tips (history, n_e) mm from rest, newest
+        """Next command (n_a,) mm or N after us (history, n_a) and samples tips (history, n_e) mm from rest, newest
         first, to goals (k, n_e), of the end of this tick first, of which the last is taken to stay."""
         goals = np.concatenate([goals, np.repeat(goals[-1:], self.moving["ahead"], axis=0)])[: self.moving["ahead"]]
         return self._next(us[:1], moving_observation(self.scales, tips[None], us[None], goals[None]))[0]

@@ -37,8 +37,8 @@ class RobotStates:
 
 
 class Robots:
-    """model: spectral, of form displacement. InputError for others. needs: effector_compliance for the compliance;
-    loaded: effector rows on which there may be loads."""
+    """A batch of robots at rest. model: spectral, of form displacement, InputError for others; needs:
+    effector_compliance for the compliance; loaded: effector rows on which there may be loads."""
 
     def __init__(self, model: Predictor, needs: tuple[str, ...] = (), loaded: Sequence[int] = ()):
         """Batch of robots of a model; needs: further series, loaded: effector rows with loads. InputError for a model
@@ -80,7 +80,7 @@ class Robots:
         self.reference = np.array([parameter.reference for parameter in model.parameters])
 
     def start(self, count: int) -> RobotStates:
-        """All at rest, as far as the model knows it."""
+        """States of robots at rest, as far as the model knows it."""
         n_a, n_e = self.model.rows.n_a, self.model.rows.n_e
         sizes = ((n_a,), (n_a,), (n_a * (n_a + 1) // 2,), (n_e,), (n_e, n_e))
         return RobotStates(*(np.zeros((count, *size)) for size in sizes), 0)
@@ -93,9 +93,9 @@ class Robots:
         forces: bool = False,
         loads: np.ndarray | None = None,
     ) -> RobotStates:
-        """Under commands u (B, n_a), displacements in mm or forces in N, parameters p (B, n_p): the scene's unless
-        given, and loads (B, k) N on the loaded effector rows. Loads count to the first order: they move the effectors
-        by their compliance at locked actuators, and change the actuators' forces by the gradient of where the
+        """States under commands u (B, n_a), displacements in mm or forces in N, parameters p (B, n_p): the scene's
+        unless given, and loads (B, k) N on the loaded effector rows. Loads count to the first order: they move the
+        effectors by their compliance at locked actuators, and change the actuators' forces by the gradient of where the
         effectors are."""
         model, count, place = self.model, len(u), self._place
         softer, q = np.ones(count), np.zeros((count, 0))
@@ -164,7 +164,7 @@ class Robots:
         raise InputError("the model's states under forces do not lie within the reach of its actuators")
 
     def forces(self, shares: np.ndarray, p: np.ndarray) -> np.ndarray:
-        """(B, n_a) N: shares (B, n_a) of the largest of the training, of each robot's stiffness."""
+        """Forces (B, n_a) N: shares (B, n_a) of the largest of the training, of each robot's stiffness."""
         return shares * self.largest_force / (self.model.softer(p)[:, None] if p.shape[1] else 1.0)
 
 

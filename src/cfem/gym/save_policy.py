@@ -38,7 +38,8 @@ def facts_of(world: World | MovingWorld) -> dict[str, Any]:
 
 
 def save_policy(module: Any, path: Path | str, world: World | MovingWorld) -> None:
-    """module: a torch module, observations (B, n) -> actions (B, n_a), the mean of what it would try. Writes ONNX."""
+    """Writes a policy as ONNX. module: a torch module, observations (B, n) -> actions (B, n_a), the mean of what it
+    would try."""
     demand("torch", "onnx", "onnxscript", where="save_policy")
     import onnx
     import torch

@@ -9,7 +9,8 @@ from cfem.gym.environments import RobotVectorEnv
 
 
 class RobotVecEnv(VecEnv):
-    """env: a batch. Where an episode ends by time, the infos say so, so that values are bootstrapped."""
+    """A batch as Stable Baselines takes it. Where an episode ends by time, the infos say so, so that values are
+    bootstrapped."""
 
     def __init__(self, env: RobotVectorEnv):
         self.env = env

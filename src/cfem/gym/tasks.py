@@ -63,14 +63,14 @@ class Reach:
         self.scale = float(np.ptp(self._pool.tip, axis=0).max())
         self.near = 0.02 * self.scale
 
-    def begin(self, goals: "Goals", which: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    def begin(self, goals: "Goals", robots: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         """Goals of new episodes `which` (k,); returns their robots (k, n_p)."""
-        chosen = rng.integers(len(self._pool.tip), size=len(which))
-        goals.path[which] = self._pool.tip[chosen][:, None]
+        chosen = rng.integers(len(self._pool.tip), size=len(robots))
+        goals.path[robots] = self._pool.tip[chosen][:, None]
         return self._p[chosen]
 
     def tip(self, states: RobotStates, goals: "Goals") -> np.ndarray:
-        """(B, n_e) mm from rest, where a camera sees it."""
+        """Displacements (B, n_e) mm of the effectors, where a camera sees them."""
         return states.tip
 
     def errors(self, states: RobotStates, goals: "Goals", t: np.ndarray) -> np.ndarray:
@@ -79,7 +79,7 @@ class Reach:
         return np.sqrt(np.einsum("bi,bi->b", errors, errors))
 
     def ahead(self, states: RobotStates, goals: "Goals", t: np.ndarray) -> np.ndarray:
-        """(B, n_e) mm to where the goal will be in the next tick."""
+        """Way (B, n_e) mm to where the goal will be in the next tick."""
         return goals.now(t + 1) - goals.now(t)
 
 
@@ -104,17 +104,17 @@ class Follow(Reach):
         return None
 
     def _shares(self, rng: np.random.Generator, size: tuple[int, int]) -> np.ndarray:
-        """(length + 1, *size): of the largest forces, tick by tick."""
+        """Shares (length + 1, *size) of the largest forces, tick by tick."""
         turn = np.linspace(0, 2 * np.pi, self.length + 1)[:, None, None]
         centre, radius = rng.uniform(0.25, 0.5, size), rng.uniform(0.05, 0.2, size)
         phase, pace = rng.uniform(0, 2 * np.pi, size), rng.uniform(0.5, 2.0, (size[0], 1))
         return centre + radius * np.cos(pace * turn + phase)
 
-    def begin(self, goals: "Goals", which: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        chosen = rng.integers(len(self._curves), size=len(which))
-        goals.path[which] = self._curves[chosen]
+    def begin(self, goals: "Goals", robots: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        chosen = rng.integers(len(self._curves), size=len(robots))
+        goals.path[robots] = self._curves[chosen]
         if self._load is not None:
-            goals.load[which] = self._load[chosen]
+            goals.load[robots] = self._load[chosen]
         return self._p[chosen]
 
 
@@ -152,14 +152,14 @@ class Press(Reach):
         self._normal = -tips / np.maximum(np.linalg.norm(tips, axis=1, keepdims=True), 1e-9)
         self._depth = 0.05 * self.scale * rng.uniform(0.2, 1.0, len(p))
 
-    def begin(self, goals: "Goals", which: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        chosen = rng.integers(len(self._depth), size=len(which))
-        goals.normal[which], goals.depth[which] = self._normal[chosen], self._depth[chosen]
-        goals.path[which] = self._pool.tip[chosen][:, None]
+    def begin(self, goals: "Goals", robots: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        chosen = rng.integers(len(self._depth), size=len(robots))
+        goals.normal[robots], goals.depth[robots] = self._normal[chosen], self._depth[chosen]
+        goals.path[robots] = self._pool.tip[chosen][:, None]
         return self._p[chosen]
 
     def force(self, states: RobotStates, goals: "Goals") -> np.ndarray:
-        """(B,) N on the plane."""
+        """Forces (B,) N on the plane."""
         return np.maximum(-self._gap(states, goals), 0.0) / self._soft(states, goals)
 
     def tip(self, states: RobotStates, goals: "Goals") -> np.ndarray:
@@ -183,16 +183,15 @@ class Press(Reach):
 
 @dataclass
 class Goals:
-    """path (B, T + 1, n_e) mm from rest at each tick, or (B, 1, n_e) of goals that stay; of Press: normal (B, n_e) of
-    the plane there, depth (B,) mm; of Carry: load (B, 1) N along z."""
+    """Goals of a batch."""
 
-    path: np.ndarray
-    normal: np.ndarray
-    depth: np.ndarray
-    load: np.ndarray
+    path: np.ndarray  # (B, T + 1, n_e) mm from rest at each tick, or (B, 1, n_e) of goals that stay
+    normal: np.ndarray  # (B, n_e) of the plane there, of Press
+    depth: np.ndarray  # (B,) mm, of Press
+    load: np.ndarray  # (B, 1) N along z, of Carry
 
     def now(self, t: np.ndarray) -> np.ndarray:
-        """(B, n_e) at ticks t (B,)."""
+        """Goals (B, n_e) at ticks t (B,)."""
         if self.path.shape[1] == 1:
             return self.path[:, 0]
         return self.path[np.arange(len(t)), np.minimum(t, self.path.shape[1] - 1)]

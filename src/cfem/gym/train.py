@@ -17,7 +17,7 @@ PARTS = 6  # of a training, after each of which one may look
 
 
 class Mean(torch.nn.Module):
-    """What a policy would do without trying other things."""
+    """A policy's mean action, without trying others."""
 
     def __init__(self, policy: Any):
         super().__init__()

@@ -17,14 +17,12 @@ POOL = 4096  # robots of which episodes are
 
 @dataclass(frozen=True)
 class Randomised:
-    """What differs from episode to episode. parameters: whether those of the model are drawn from their ranges; slack:
-    mm, by which an actuator may be less than commanded, standard deviation; gain: share by which a command may be off;
-    noise: mm, of each measured coordinate of the effector, new at each tick."""
+    """Numbers that differ from episode to episode."""
 
-    parameters: bool = True
-    slack: float = 0.0
-    gain: float = 0.0
-    noise: float = 0.0
+    parameters: bool = True  # whether those of the model are drawn from their ranges
+    slack: float = 0.0  # mm, by which an actuator may be less than commanded, standard deviation
+    gain: float = 0.0  # share by which a command may be off
+    noise: float = 0.0  # mm, of each measured coordinate of the effector, new at each tick
 
 
 class World:
@@ -99,7 +97,7 @@ class World:
 
     @property
     def delta_a(self) -> np.ndarray:
-        """(B, n_a) mm: where the actuators are."""
+        """Displacements (B, n_a) mm of the actuators now."""
         return self.states.delta_a
 
     @property
@@ -108,30 +106,31 @@ class World:
         rows, n_parameters = self.model.rows, len(self.model.parameters) if self.observes_parameters else 0
         return 4 * rows.n_e + rows.n_a + n_parameters, rows.n_a
 
-    def reset(self, which: np.ndarray) -> None:
+    def reset(self, robots: np.ndarray) -> None:
         """New episodes for the robots `which` (k,), each at a random place."""
-        size, rng, kinds, scales = (len(which), self.u.shape[1]), self.rng, self.randomised, self.scales
-        self.p[which] = self.task.begin(self.goals, which, rng)
-        self.u[which] = scales.low + rng.random(size) * (scales.reach - scales.low) * 0.6
-        self.slack[which] = kinds.slack * np.abs(rng.standard_normal(size))
-        self.gain[which] = 1.0 + kinds.gain * rng.uniform(-1, 1, size)
-        self.stand(which)
+        size, rng, kinds, scales = (len(robots), self.u.shape[1]), self.rng, self.randomised, self.scales
+        self.p[robots] = self.task.begin(self.goals, robots, rng)
+        self.u[robots] = scales.low + rng.random(size) * (scales.reach - scales.low) * 0.6
+        self.slack[robots] = kinds.slack * np.abs(rng.standard_normal(size))
+        self.gain[robots] = 1.0 + kinds.gain * rng.uniform(-1, 1, size)
+        self.stand(robots)
 
-    def stand(self, which: np.ndarray) -> None:
+    def stand(self, robots: np.ndarray) -> None:
         """The robots `which` (k,) begin their episodes where their commands bring them from rest."""
-        self.t[which] = 0
+        self.t[robots] = 0
         moved = self.robots.move(
-            self.robots.start(len(which)), self._felt(which), self.p[which], loads=self._load(which)
+            self.robots.start(len(robots)), self._felt(robots), self.p[robots], loads=self._load(robots)
         )
         for name in FIELDS:
-            getattr(self.states, name)[which] = getattr(moved, name)
+            getattr(self.states, name)[robots] = getattr(moved, name)
 
     def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """actions (B, n_a) -> rewards (B,), errors (B,) mm, whose episode has failed (none), and whose is over (B,)."""
-        scales, every = self.scales, slice(None)
+        """Rewards (B,), errors (B,) mm, the mask of robots whose episode has failed (none), and of those whose is over,
+        after actions (B, n_a)."""
+        scales, all_robots = self.scales, slice(None)
         move = np.clip(np.nan_to_num(np.asarray(actions, float)), -1.0, 1.0) * scales.step
         self.u = np.clip(self.u + move, scales.low, scales.reach)
-        self.states = self.robots.move(self.states, self._felt(every), self.p, loads=self._load(every))
+        self.states = self.robots.move(self.states, self._felt(all_robots), self.p, loads=self._load(all_robots))
         self.t += 1
         errors = self.task.errors(self.states, self.goals, self.t)
         rewards = np.exp(-errors / scales.near) - errors / scales.scale
@@ -147,9 +146,9 @@ class World:
         parameters = 2.0 * shares(self.model.parameters, self.p) - 1.0 if self.observes_parameters else self.p[:, :0]
         return observation(self.scales, tip, self.u, self.goals.now(self.t + 1), ahead, parameters)
 
-    def _felt(self, which: np.ndarray | slice) -> np.ndarray:
-        felt = self.u[which] * self.gain[which] - self.slack[which]
+    def _felt(self, robots: np.ndarray | slice) -> np.ndarray:
+        felt = self.u[robots] * self.gain[robots] - self.slack[robots]
         return np.maximum(felt, self.scales.low)
 
-    def _load(self, which: np.ndarray | slice) -> np.ndarray | None:
-        return self.goals.load[which] if self.task.loaded else None
+    def _load(self, robots: np.ndarray | slice) -> np.ndarray | None:
+        return self.goals.load[robots] if self.task.loaded else None

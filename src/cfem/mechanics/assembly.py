@@ -76,7 +76,7 @@ def _slots_of_blocks(indptr: np.ndarray, column: np.ndarray, place: np.ndarray) 
 
 
 def _keys(groups: np.ndarray, n: int) -> np.ndarray:
-    """(m, k, k) column * n + row of the nodal block (row a, column b), -1 above the diagonal or at held nodes."""
+    """Keys (m, k, k) column * n + row of the nodal block (row a, column b), -1 above the diagonal or at held nodes."""
     row, column = groups[:, :, None], groups[:, None, :]
     return np.where((row >= column) & (column >= 0), column * n + row, -1)
 

@@ -47,7 +47,7 @@ class Body:
 
     @property
     def shear(self) -> float:
-        """MPa: the smallest shear modulus at rest."""
+        """Smallest shear modulus at rest, MPa."""
         stiff = [] if self.rod is None else [float(self.rod.shear.min())]
         return min([part.shear for part in self.solids] + stiff)
 
@@ -56,7 +56,7 @@ class Body:
         return sum(len(part.cells) for part in self.solids) if self.element.pressure else 0
 
     def parts(self) -> list[tuple[Solid, slice]]:
-        """Each region and its place among the element pressures."""
+        """Regions, each with its place among the element pressures."""
         ends = np.cumsum([0] + [len(part.cells) for part in self.solids])
         return [(part, slice(a, b)) for part, a, b in zip(self.solids, ends[:-1], ends[1:], strict=True)]
 
@@ -86,7 +86,8 @@ def make_body(
     material: Material,
     regions: Sequence[tuple[np.ndarray, Material]] = (),
 ) -> Body:
-    """All cells of `material`, but those of the regions (cell indices, material), of which later ones win.
+    """Body whose cells are all of `material`, but those of the regions (cell indices, material), of which later ones
+    win.
 
     Raises InputError where a cell is inverted or flat, a node is in no cell, or a number is not finite."""
     if not np.isfinite(mesh.X).all():
@@ -96,17 +97,11 @@ def make_body(
     unused = len(mesh.X) - len(np.unique(mesh.cells))
     if unused:
         raise InputError(f"{unused} of {len(mesh.X)} nodes of the mesh belong to no cell", do="drop them")
-    owner = np.zeros(len(mesh.cells), dtype=int)
-    for number, (cells, _) in enumerate(regions, 1):
-        owner[cells] = number
-    materials = [material, *(region_material for _, region_material in regions)]
-    for each in materials:
-        _check(each, element)
+    materials, owner = _assigned(mesh, element, material, regions)
     try:
         solids = tuple(
-            make_solid(mesh.X, np.ascontiguousarray(mesh.cells[owner == number]), element, each, number)
-            for number, each in enumerate(materials)
-            if (owner == number).any()
+            make_solid(mesh.X, np.ascontiguousarray(mesh.cells[owner == number]), element, materials[number], number)
+            for number in np.unique(owner).tolist()
         )
         bad = sum(int((~(part.weights > 0)).any(axis=1).sum()) for part in solids)
     except np.linalg.LinAlgError:
@@ -128,32 +123,45 @@ def make_rod_body(
 ) -> Body:
     """A rod of sections of that shape; materials as in `make_body`, an element's that of most of
     the cells between its sections."""
+    materials, owner = _assigned(mesh, element, material, regions)
+    section_of = np.empty(len(mesh.X), dtype=int)
+    section_of[sections.nodes] = np.arange(len(sections.nodes))[:, None]
+    lowest = section_of[mesh.cells].min(axis=1)
+    numbers = [int(np.bincount(owner[lowest == section]).argmax()) for section in range(len(sections.apart))]
+    rubber = [material.law.name in RUBBER for material in materials]
+    rod = rods.make_rod(sections, shape, _moduli(materials), np.array(numbers), rubber)
+    return Body(mesh, element, (), sections, rod)
+
+
+def _assigned(
+    mesh: Mesh, element: Element, material: Material, regions: Sequence[tuple[np.ndarray, Material]]
+) -> tuple[list[Material], np.ndarray]:
+    """Materials, the main one first, and the number (m,) of the one that each cell has; later regions win."""
     owner = np.zeros(len(mesh.cells), dtype=int)
     for number, (cells, _) in enumerate(regions, 1):
         owner[cells] = number
-    place = np.empty(len(mesh.X), dtype=int)
-    place[sections.nodes] = np.arange(len(sections.nodes))[:, None]
-    lowest = place[mesh.cells].min(axis=1)
-    numbers = [int(np.bincount(owner[lowest == each]).argmax()) for each in range(len(sections.apart))]
     materials = [material, *(region_material for _, region_material in regions)]
-    for each in materials:
-        _check(each, element)
-    moduli, rubber = [(each.young, each.poisson) for each in materials], [each.law.name in RUBBER for each in materials]
-    rod = rods.make_rod(sections, shape, moduli, np.array(numbers), rubber)
-    return Body(mesh, element, (), sections, rod)
+    for known in materials:
+        _check(known, element)
+    return materials, owner
+
+
+def _moduli(materials: Sequence[Material]) -> list[tuple[float, float]]:
+    """Young's modulus MPa and Poisson's ratio of each material."""
+    return [(material.young, material.poisson) for material in materials]
 
 
 def with_materials(body: Body, materials: Sequence[Material]) -> Body:
     """The body of other materials: the main one, then one a region as `make_body` had them. Raises InputError."""
-    for each in materials:
-        _check(each, body.element)
+    for material in materials:
+        _check(material, body.element)
 
     def remade(part: Solid) -> Solid:
         material = materials[part.number]
         parameters, bulk = material.moduli
         return replace(part, law=material.law, parameters=parameters, bulk=bulk)
 
-    rod = None if body.rod is None else rods.with_moduli(body.rod, [(each.young, each.poisson) for each in materials])
+    rod = None if body.rod is None else rods.with_moduli(body.rod, _moduli(materials))
     return replace(body, solids=tuple(map(remade, body.solids)), rod=rod)
 
 
@@ -170,6 +178,7 @@ def on_nodes(body: Body, mesh: Mesh) -> Body:
 
 
 def _check(material: Material, element: Element) -> None:
+    """Raises InputError where moduli are not finite and positive, or the element does not converge with them."""
     parameters, bulk = material.moduli
     if not (np.isfinite(parameters).all() and np.isfinite(bulk) and material.young > 0):
         raise InputError(f"{material.law.name}: moduli must be finite and positive, young is {material.young:g} MPa")
@@ -200,11 +209,11 @@ def response(body: Body, x: np.ndarray, pressure: np.ndarray | None = None) -> B
     rod = None if body.rod is None else rods.response(body.rod, x)
     none = np.empty(0)
     return BodyResponse(
-        energy=sum(each.energy for each in solids) + (rod.energy if rod else 0.0),
+        energy=sum(solid.energy for solid in solids) + (rod.energy if rod else 0.0),
         force=force,
-        mismatch=np.concatenate([none, *(each.mismatch for each in solids)]),
-        pressure=np.concatenate([none, *(each.pressure for each in solids)]),
-        min_J=float(np.min([each.min_J for each in solids] + ([rod.shortest] if rod else []))),
+        mismatch=np.concatenate([none, *(solid.mismatch for solid in solids)]),
+        pressure=np.concatenate([none, *(solid.pressure for solid in solids)]),
+        min_J=float(np.min([solid.min_J for solid in solids] + ([rod.shortest] if rod else []))),
         solids=solids,
         rod=rod,
     )
@@ -219,10 +228,12 @@ def tangent(
     before: where the linear step to `state` began; the geometric part then uses the stress predicted there."""
     lags = [None] * len(body.solids)
     if before is not None:
-        lags = [region.stress_lag(*each) for each in zip(body.solids, before.solids, state.solids, strict=True)]
+        lags = [
+            region.stress_lag(*responses) for responses in zip(body.solids, before.solids, state.solids, strict=True)
+        ]
     dtheta = [
-        region.tangent(part, each, slots[place], data, lag)
-        for (part, place), each, lag in zip(body.parts(), state.solids, lags, strict=True)
+        region.tangent(part, part_response, slots[place], data, lag)
+        for (part, place), part_response, lag in zip(body.parts(), state.solids, lags, strict=True)
     ]
     return np.concatenate([np.zeros((0, body.element.n_nodes, 3)), *dtheta])
 
@@ -231,11 +242,11 @@ def tangent_form(body: Body, state: BodyResponse, motions: np.ndarray) -> np.nda
     """Form M^T A M (k, k) N mm of the solids' tangent stiffness A and motions M (n, 3, k) mm."""
     parts = zip(body.solids, state.solids, strict=True)
     none = np.zeros((motions.shape[2], motions.shape[2]))
-    return sum((region.tangent_form(part, each, motions) for part, each in parts), none)
+    return sum((region.tangent_form(part, part_response, motions) for part, part_response in parts), none)
 
 
 def pressure_force(body: Body, dtheta: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-    """(n, 3) N: force of element pressures (m,) MPa."""
+    """Nodal force (n, 3) N of element pressures (m,) MPa."""
     force = np.zeros_like(body.mesh.X)
     for part, place in body.parts():
         region.pressure_force(part, dtheta[place], pressure[place], force)
@@ -243,5 +254,5 @@ def pressure_force(body: Body, dtheta: np.ndarray, pressure: np.ndarray) -> np.n
 
 
 def bulk_over_volume(body: Body) -> np.ndarray:
-    """(m,) MPa/mm^3."""
+    """Bulk modulus over volume (m,) MPa/mm^3 of the cells."""
     return np.concatenate([part.bulk / part.volumes for part in body.solids])

@@ -68,7 +68,7 @@ def kept(machine: str, measure: Callable[[], dict[str, float]]) -> dict[str, flo
 
 
 def _read(path: Path) -> dict[str, float] | None:
-    """None where the file is missing or is not what `kept` writes."""
+    """Seconds of each solver that `kept` wrote; None where the file is missing or is something else."""
     try:
         seconds = json.loads(path.read_text(encoding="utf-8"))["seconds"]
         return {name: float(seconds[name]) for name in PACKAGES}

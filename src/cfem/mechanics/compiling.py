@@ -7,7 +7,7 @@ from numba.core import event
 from cfem.core.console.progress import doing, what_is_done
 
 
-class _Told(event.Listener):
+class _CompilationNotice(event.Listener):
     def __init__(self) -> None:
         self._before: list[str] = []
 
@@ -19,4 +19,4 @@ class _Told(event.Listener):
         doing(self._before.pop())
 
 
-event.register("numba:compile", _Told())
+event.register("numba:compile", _CompilationNotice())

@@ -115,10 +115,10 @@ def _pardiso(pattern: Pattern) -> Numeric:
         """Factor of a data array, which the next one replaces."""
         solver.refactor(data)
         latest[0] += 1
-        mine = latest[0]
+        own_number = latest[0]
 
         def solve(B: np.ndarray) -> np.ndarray:
-            if latest[0] != mine:
+            if latest[0] != own_number:
                 raise RuntimeError("a factor was used after the next one had been made")
             return solver.solve(np.asfortranarray(B))
 

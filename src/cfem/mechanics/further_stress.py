@@ -40,8 +40,8 @@ def stress_form(solid: Solid, state: SolidResponse, share: float, B: np.ndarray,
     """Form (k, k) N mm of motions (n, 3, k) mm in the stiffness that `add_stress_stiffness` adds."""
     C = _stress_curvature(solid, state, share, B)
     if solid.element.bubbles:
-        mine = motions[solid.cells].reshape(len(solid.cells), 3 * solid.element.n_nodes, -1)
-        return np.einsum("mik,mil->kl", mine, _slaved_stiffness(solid, state, C) @ mine)
+        nodal = motions[solid.cells].reshape(len(solid.cells), 3 * solid.element.n_nodes, -1)
+        return np.einsum("mik,mil->kl", nodal, _slaved_stiffness(solid, state, C) @ nodal)
     form = np.zeros((motions.shape[2], motions.shape[2]))
     add = add_form_of_few if motions.shape[2] <= FEW else add_form
     add(C, state.g, 0.0, False, solid.gradients, solid.weights, solid.cells, motions, form)
@@ -59,8 +59,8 @@ def _slaved_stiffness(solid: Solid, state: SolidResponse, C: np.ndarray) -> np.n
     """Stiffness (m, 3 n_nodes, 3 n_nodes) of a stress with that curvature, the bubbles following the nodes."""
     K, slaved = point_stiffness(replace(solid, bulk=0.0), C, state.g), _slaved(solid, state)
     n = 3 * solid.element.n_nodes
-    both = K[:, :n, n:] @ slaved
-    return K[:, :n, :n] + both + both.swapaxes(1, 2) + slaved.swapaxes(1, 2) @ K[:, n:, n:] @ slaved
+    coupling = K[:, :n, n:] @ slaved
+    return K[:, :n, :n] + coupling + coupling.swapaxes(1, 2) + slaved.swapaxes(1, 2) @ K[:, n:, n:] @ slaved
 
 
 def _slaved(solid: Solid, state: SolidResponse) -> np.ndarray:

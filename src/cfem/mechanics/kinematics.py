@@ -120,11 +120,11 @@ class Kinematics:
             self.transfer.fill(T, data, out)
         turning = np.zeros((len(self.groups.start), 6, 6))
         turning[:, 3:, 3:] = self.groups.turning_stiffness(x, unbalanced)
-        add_blocks(turning, self.transfer.own, out)
+        add_blocks(turning, self.transfer.diagonal, out)
         return out
 
     def transfer_matrix(self, x: np.ndarray) -> sp.csr_array:
-        """(3 n, n_dof) T: nodal motion, node by node, by the unknowns."""
+        """Matrix T (3 n, n_dof): nodal motion, node by node, by the unknowns."""
         free = self.pattern.free
         plain = np.flatnonzero(free < len(self.X))
         rows = (3 * free[plain][:, None] + np.arange(3)).ravel()
@@ -132,28 +132,28 @@ class Kinematics:
         values = np.ones(len(rows))
         if self.groups is not None:
             group_motion = self.groups.nodal_motion(x)
-            mine = self.unknowns(self.groups.owner)
+            group_unknowns = self.unknowns(self.groups.owner)
             place = (3 * self.groups.nodes[:, None] + np.arange(3))[:, :, None]
             rows = np.concatenate([rows, np.broadcast_to(place, group_motion.shape).ravel()])
-            columns = np.concatenate([columns, np.broadcast_to(mine[:, None], group_motion.shape).ravel()])
+            columns = np.concatenate([columns, np.broadcast_to(group_unknowns[:, None], group_motion.shape).ravel()])
             values = np.concatenate([values, group_motion.ravel()])
         return sp.csr_array(sp.coo_array((values, (rows, columns)), shape=(3 * len(self.X), self.n_dof)))
 
     def turning_form(self, x: np.ndarray, q: np.ndarray, unbalanced: np.ndarray) -> np.ndarray:
-        """(k, k) N mm: of changes q (n_dof, k) of the unknowns, what the turning of rigid groups adds to the form of
-        the nodal stiffness; unbalanced as in `stiffness`."""
+        """Form (k, k) N mm of changes q (n_dof, k) of the unknowns that the turning of rigid groups adds to that of the
+        nodal stiffness; unbalanced as in `stiffness`."""
         turns = q.reshape(-1, 3, q.shape[1])[self.groups.rotation]
         return np.tensordot(turns, self.groups.turning_stiffness(x, unbalanced) @ turns, axes=((0, 1), (0, 1)))
 
     def unknowns(self, numbers: np.ndarray) -> np.ndarray:
-        """(..., 6) places among the unknowns of the groups with these numbers (...), -1 each of a group -1."""
+        """Places (..., 6) among the unknowns of the groups with these numbers (...), -1 each of a group -1."""
         nodes = np.stack([self.groups.translation[numbers], self.groups.rotation[numbers]], axis=-1)
         places = (3 * nodes[..., None] + np.arange(3)).reshape(*np.shape(numbers), 6)
         return np.where(np.asarray(numbers)[..., None] >= 0, places, -1)
 
 
 def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """a x b along the second axis."""
+    """Cross product a x b along the second axis."""
     out = np.empty(np.broadcast_shapes(a.shape, b.shape))
     for k, (i, j) in enumerate(((1, 2), (2, 0), (0, 1))):
         np.multiply(a[:, i], b[:, j], out=out[:, k])
@@ -198,5 +198,5 @@ def make_kinematics(
         (a[across], b[across], slot[across], across_slots),
         group_slots,
     )
-    made = make_rigid_groups(X, rigid, pattern.number[pseudo])
-    return Kinematics(X, pattern, full, made, fixed, transfer, joint_slots, row)
+    rigid_groups = make_rigid_groups(X, rigid, pattern.number[pseudo])
+    return Kinematics(X, pattern, full, rigid_groups, fixed, transfer, joint_slots, row)

@@ -8,7 +8,7 @@ from cfem.mechanics.rod.region import Rod
 
 
 def gravity(body: Body, density: np.ndarray | float, acceleration: np.ndarray) -> np.ndarray:
-    """(n, 3) N: consistent nodal forces of the weight, int N rho g dV. density: t/mm^3, one or one a cell of the mesh
+    """Consistent nodal forces (n, 3) N of the weight, int N rho g dV. density: t/mm^3, one or one a cell of the mesh
     (m,); acceleration: (3,) mm/s^2. Exact for the linear and the quadratic tetrahedra's quadrature points."""
     mesh, element = body.mesh, body.element
     if body.rod is not None:
@@ -22,11 +22,11 @@ def gravity(body: Body, density: np.ndarray | float, acceleration: np.ndarray) -
 
 def _of_rod(rod: Rod, density: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
     """Half of each element's weight on either section; density of the cells, as many from element to element."""
-    each = density.reshape(len(rod.length), -1).mean(axis=1) * rod.shape.area * rod.length
+    masses = density.reshape(len(rod.length), -1).mean(axis=1) * rod.shape.area * rod.length
     nodes, X = rod.sections.nodes, rod.sections.X
     mass = np.zeros(len(nodes))
-    mass[:-1] += each / 2
-    mass[1:] += each / 2
+    mass[:-1] += masses / 2
+    mass[1:] += masses / 2
     force = np.zeros_like(X)
     force[nodes] = (mass / nodes.shape[1])[:, None, None] * acceleration
     return force

@@ -18,40 +18,40 @@ from cfem.mechanics.rod.region import Rod
 
 
 def mass_matrix(body: Body, density: np.ndarray | float) -> sp.csr_array:
-    """(n, n) t of the nodes in each direction. density: t/mm^3, one or one a cell of the mesh (m,)."""
+    """Mass matrix (n, n) t of the nodes in each direction. density: t/mm^3, one or one a cell of the mesh (m,)."""
     mesh = body.mesh
-    each = np.broadcast_to(np.asarray(density, float), len(mesh.cells))
+    densities = np.broadcast_to(np.asarray(density, float), len(mesh.cells))
     if body.rod is not None:
-        nodes, blocks = _of_rod(body.rod, each)
+        nodes, blocks = _of_rod(body.rod, densities)
     else:
-        nodes, blocks = mesh.cells, each[:, None, None] * _of_cells(mesh.X, mesh.cells)
+        nodes, blocks = mesh.cells, densities[:, None, None] * _of_cells(mesh.X, mesh.cells)
     k, n = nodes.shape[1], len(mesh.X)
     rows, columns = np.repeat(nodes, k, axis=1).ravel(), np.tile(nodes, (1, k)).ravel()
     return sp.csr_array(sp.coo_array((blocks.ravel(), (rows, columns)), shape=(n, n)))
 
 
 def kinetic_form(body: Body, density: np.ndarray | float, motions: np.ndarray) -> np.ndarray:
-    """(k,) t mm^2: v . M v of motions v (n, 3, k) mm of a body of solids, without M."""
+    """Kinetic forms (k,) t mm^2, v . M v of motions v (n, 3, k) mm of a body of solids, without M."""
     mesh = body.mesh
-    each = np.broadcast_to(np.asarray(density, float), len(mesh.cells))
-    mine = motions[mesh.cells].reshape(len(mesh.cells), mesh.cells.shape[1], -1)
+    densities = np.broadcast_to(np.asarray(density, float), len(mesh.cells))
+    nodal = motions[mesh.cells].reshape(len(mesh.cells), mesh.cells.shape[1], -1)
     if mesh.cells.shape[1] == 8:
-        moved = _of_cells(mesh.X, mesh.cells) @ mine
+        moved = _of_cells(mesh.X, mesh.cells) @ nodal
     else:  # the same for all tetrahedra, but for their volumes
-        moved = _of_unit(mesh.cells.shape[1]) @ mine
-        each = each * tet_volumes(mesh.X, mesh.cells)
-    return (each @ (mine * moved).sum(axis=1)).reshape(3, -1).sum(axis=0)
+        moved = _of_unit(mesh.cells.shape[1]) @ nodal
+        densities = densities * tet_volumes(mesh.X, mesh.cells)
+    return (densities @ (nodal * moved).sum(axis=1)).reshape(3, -1).sum(axis=0)
 
 
 def _of_unit(n_nodes: int) -> np.ndarray:
-    """(n_nodes, n_nodes): int N_a N_b dV of a tetrahedron of volume 1."""
+    """Mass matrix (n_nodes, n_nodes), int N_a N_b dV, of a tetrahedron of volume 1 and density 1."""
     points, weights = _tetrahedron()
     N = shape(n_nodes, points)
     return (N.T * weights) @ N
 
 
 def _of_cells(X: np.ndarray, cells: np.ndarray) -> np.ndarray:
-    """(m, n_nodes, n_nodes) mm^3: int N_a N_b dV, exact for straight edges."""
+    """Mass matrices (m, n_nodes, n_nodes) mm^3, int N_a N_b dV at density 1, exact for straight edges."""
     if cells.shape[1] == 8:
         points, weights = _cube()
         N, by_xi = shape(8, points), shape_derivatives(8, points)
@@ -78,20 +78,20 @@ def _tetrahedron() -> tuple[np.ndarray, np.ndarray]:
 
 
 def _of_rod(rod: Rod, density: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Nodes (m, 6), three of each of an element's sections, and (m, 6, 6) t; density of the cells. Three nodes say how
-    a section moves: the others need no mass of their own."""
+    """Nodes (m, 6), three of each of an element's sections, and their mass matrices (m, 6, 6) t; density of the cells.
+    Three nodes say how a section moves: the others need no mass of their own."""
     sections = rod.sections
-    each = density.reshape(len(rod.length), -1).mean(axis=1) * rod.length
+    masses = density.reshape(len(rod.length), -1).mean(axis=1) * rod.length
     chosen, motion = zip(*(_three(arm) for arm in sections.arm[:, :, 1:]), strict=True)
     three, motion = np.take_along_axis(sections.nodes, np.array(chosen), axis=1), np.array(motion)
     nodes = np.concatenate([three[:-1], three[1:]], axis=1)
     shape = rod.shape
     inertia = np.stack(np.broadcast_arrays(shape.area, shape.bending, shape.bending, rod.length)[:3])
-    both = np.zeros((len(each), 2, 3, 6))
-    both[:, 0, :, :3], both[:, 1, :, 3:] = motion[:-1], motion[1:]
+    by_nodes = np.zeros((len(masses), 2, 3, 6))
+    by_nodes[:, 0, :, :3], by_nodes[:, 1, :, 3:] = motion[:-1], motion[1:]
     shared = np.array([[2.0, 1.0], [1.0, 2.0]]) / 6
-    blocks = np.einsum("mixa,ij,xm,mjxb->mab", both, shared, inertia, both, optimize=True)
-    return nodes, each[:, None, None] * blocks
+    blocks = np.einsum("mixa,ij,xm,mjxb->mab", by_nodes, shared, inertia, by_nodes, optimize=True)
+    return nodes, masses[:, None, None] * blocks
 
 
 def _three(arm: np.ndarray) -> tuple[list[int], np.ndarray]:

@@ -40,12 +40,12 @@ class Mesh:
 
     @property
     def order(self) -> int:
-        """1 for linear tetrahedra and hexahedra, 2 for quadratic tetrahedra."""
+        """Order of the shape functions: 1 for linear tetrahedra and hexahedra, 2 for quadratic tetrahedra."""
         return 2 if self.cells.shape[1] == 10 else 1
 
     @property
     def volumes(self) -> np.ndarray:
-        """(m,) mm^3, negative where a cell is inverted."""
+        """Volumes (m,) mm^3 of the cells, negative where one is inverted."""
         return hex_volumes(self.X, self.cells) if self.cells.shape[1] == 8 else tet_volumes(self.X, self.cells)
 
     @property

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 @dataclass(frozen=True)
 class RigidGroups:
-    """g groups, their N nodes one group after the other.
+    """Rigid groups of nodes: g groups, their N nodes one group after the other.
 
     nodes: (N,)
     owner: (N,) group of each node
@@ -31,7 +31,7 @@ class RigidGroups:
     rotation: np.ndarray
 
     def sums(self, values: np.ndarray) -> np.ndarray:
-        """(g, ...) of values (N, ...), one of each node."""
+        """Sums (g, ...) over each group of values (N, ...), one of each node."""
         return np.add.reduceat(values, self.start)
 
     def arms(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -51,12 +51,13 @@ class RigidGroups:
         return self.nodes[kept], r[kept], owner, np.searchsorted(owner, np.arange(len(self.start)))
 
     def moved(self, x: np.ndarray, translation: np.ndarray, rotation: np.ndarray) -> np.ndarray:
-        """(N, 3) mm: the nodes after translations (g, 3) mm, and rotations omega times radius, from x (n, 3)."""
+        """Positions (N, 3) mm of the nodes after translations (g, 3) mm, and rotations omega times radius, from x (n,
+        3)."""
         centre, r = self.arms(x)
         return self._placed(centre + translation, Rotation.from_rotvec(rotation / self.radius).as_matrix(), r)
 
     def nearest(self, x: np.ndarray) -> np.ndarray:
-        """(N, 3) mm: the rigid positions nearest to x (n, 3) (Kabsch, Acta Cryst. A32, 1976)."""
+        """Rigid positions (N, 3) mm nearest to x (n, 3) (Kabsch, Acta Cryst. A32, 1976)."""
         centre, r = self.arms(x)
         U, _, Vt = np.linalg.svd(self.sums(r[:, :, None] * self.arm[:, None]))
         handed = np.ones((len(U), 1, 3))
@@ -67,7 +68,7 @@ class RigidGroups:
         return centre[self.owner] + (turn[self.owner] @ arm[:, :, None])[:, :, 0]
 
     def nodal_motion(self, x: np.ndarray) -> np.ndarray:
-        """(N, 3, 6): motion of each node by the six unknowns of its group, to first order at x (n, 3)."""
+        """Motion (N, 3, 6) of each node by the six unknowns of its group, to first order at x (n, 3)."""
         T = np.zeros((len(self.nodes), 3, 6))
         T[:, range(3), range(3)] = 1.0
         r = self.arms(x)[1] / self.radius[self.owner]
@@ -76,9 +77,9 @@ class RigidGroups:
         return T
 
     def turning_stiffness(self, x: np.ndarray, unbalanced: np.ndarray) -> np.ndarray:
-        """(g, 3, 3) N/mm on the rotations: what forces `unbalanced` (n, 3) N add by the second derivative of the
-        nodes' positions at x (n, 3), sum_i sym(f_i r_i^T) - (f_i . r_i) 1 over the squared radius
-        (Geradin and Cardona, Flexible Multibody Dynamics, ch. 4)."""
+        """Stiffness (g, 3, 3) N/mm on the rotations that forces `unbalanced` (n, 3) N add by the second derivative of
+        the nodes' positions at x (n, 3), sum_i sym(f_i r_i^T) - (f_i . r_i) 1 over the squared radius (Geradin and
+        Cardona, Flexible Multibody Dynamics, ch. 4)."""
         outer = self.sums(unbalanced[self.nodes][:, :, None] * self.arms(x)[1][:, None])
         trace = np.trace(outer, axis1=1, axis2=2)[:, None, None]
         return ((outer + outer.swapaxes(1, 2)) / 2 - trace * np.eye(3)) / self.radius[:, None] ** 2

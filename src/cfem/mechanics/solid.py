@@ -37,7 +37,9 @@ FEW = 12  # motions up to which the kernel for few is faster
 
 @dataclass(frozen=True)
 class Solid:
-    """X: (n, 3) mm all nodes at rest; cells: (m, n_nodes) those of this region
+    """A region of one material, meshed with one element.
+
+    X: (n, 3) mm all nodes at rest; cells: (m, n_nodes) those of this region
     parameters: of the law's kernels, MPa and numbers; bulk: MPa
     gradients:  (m, q, n_nodes + bubbles, 3) 1/mm, of the shape functions at the quadrature points
     weights:    (m, q) mm^3
@@ -55,12 +57,12 @@ class Solid:
 
     @property
     def volumes(self) -> np.ndarray:
-        """(m,) mm^3."""
+        """Volumes (m,) mm^3 of the cells."""
         return self.weights.sum(axis=1)
 
     @property
     def shear(self) -> float:
-        """MPa: shear modulus at rest."""
+        """Shear modulus at rest, MPa."""
         return float(curvature(self.law, np.zeros((1, 3, 3)), self.parameters, np.zeros(1))[0, 1, 1])
 
 
@@ -146,8 +148,8 @@ def tangent_form(solid: Solid, state: SolidResponse, motions: np.ndarray) -> np.
     C = curvature(solid.law, state.D, solid.parameters, state.point_pressure)
     if solid.element.bubbles:
         K = _condensed(point_stiffness(solid, C, state.g), solid.element.n_nodes)
-        mine = motions[solid.cells].reshape(len(K), K.shape[1], -1)
-        return np.einsum("mik,mil->kl", mine, K @ mine)
+        nodal = motions[solid.cells].reshape(len(K), K.shape[1], -1)
+        return np.einsum("mik,mil->kl", nodal, K @ nodal)
     form = np.zeros((motions.shape[2], motions.shape[2]))
     add = add_form_of_few if motions.shape[2] <= FEW else add_form
     add(C, state.g, solid.bulk, solid.element.pressure, solid.gradients, solid.weights, solid.cells, motions, form)
@@ -155,7 +157,7 @@ def tangent_form(solid: Solid, state: SolidResponse, motions: np.ndarray) -> np.
 
 
 def stress_lag(solid: Solid, before: SolidResponse, now: SolidResponse) -> np.ndarray:
-    """(m q, 3, 3) MPa: second Piola-Kirchhoff stress that the linearisation at `before` predicted for `now`, less the
+    """Second Piola-Kirchhoff stress (m q, 3, 3) MPa that the linearisation at `before` predicted for `now`, less the
     stress there. A tangent whose geometric part uses the predicted stress does not see the false strain, of second
     order in the rotation, that a linear step leaves: Newton's method with an independent stress at every quadrature
     point, condensed (Magisano, Leonetti and Garcea, IJNME 109, 2017). With F S = P:
@@ -218,7 +220,7 @@ def _settle_bubbles(solid: Solid, D: np.ndarray) -> bool:
 
 
 def point_stiffness(solid: Solid, C: np.ndarray, g: np.ndarray, first: int = 0) -> np.ndarray:
-    """(m, 3 n, 3 n) element stiffness of the shape functions from `first` on, bubbles included."""
+    """Element stiffness (m, 3 n, 3 n) of the shape functions from `first` on, bubbles included."""
     size = 3 * (solid.gradients.shape[2] - first)
     K = np.zeros((len(solid.weights), size, size))
     element_stiffness(C, g, solid.bulk, solid.gradients, solid.weights, first, K)
@@ -226,6 +228,6 @@ def point_stiffness(solid: Solid, C: np.ndarray, g: np.ndarray, first: int = 0) 
 
 
 def _condensed(K: np.ndarray, n_nodes: int) -> np.ndarray:
-    """(m, 3 n_nodes, 3 n_nodes) without the bubbles: K_uu - K_ub K_bb^-1 K_bu."""
+    """Stiffness (m, 3 n_nodes, 3 n_nodes) without the bubbles: K_uu - K_ub K_bb^-1 K_bu."""
     n = 3 * n_nodes
     return K[:, :n, :n] - K[:, :n, n:] @ np.linalg.solve(K[:, n:, n:], K[:, n:, :n])

@@ -14,13 +14,13 @@ class Transfer:
     copy_from, copy_to: entries between nodes of no group
     within, across: blocks (row node a, column node b, slot (3,) in `full`) that touch a group, within one group and
     across
-    own: (g, 2, 2, 3) slots of each group's own block"""
+    diagonal: (g, 2, 2, 3) slots of each group's own block"""
 
     copy_from: np.ndarray
     copy_to: np.ndarray
     within: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
     across: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
-    own: np.ndarray
+    diagonal: np.ndarray
 
     def fill(self, T: np.ndarray, data: np.ndarray, out: np.ndarray) -> None:
         """Adds to `out`, entries by unknowns, those by nodes of `data`; T: (n, 3, 6) motion of the nodes."""
@@ -31,13 +31,13 @@ class Transfer:
         add_blocks(B, to, out)
         a, b, slot, to = self.across
         B = np.einsum("kip,kij,kjq->kpq", T[a], _blocks(a, b, slot, data), T[b])
-        both = np.zeros((len(a), 12, 12))
-        both[:, :6, 6:], both[:, 6:, :6] = B, B.transpose(0, 2, 1)
-        add_blocks(both, to, out)
+        blocks = np.zeros((len(a), 12, 12))
+        blocks[:, :6, 6:], blocks[:, 6:, :6] = B, B.transpose(0, 2, 1)
+        add_blocks(blocks, to, out)
 
 
 def _blocks(a: np.ndarray, b: np.ndarray, slot: np.ndarray, data: np.ndarray) -> np.ndarray:
-    """(k, 3, 3) nodal blocks in full, those on the diagonal completed from their lower triangle."""
+    """Nodal blocks (k, 3, 3) in full, those on the diagonal completed from their lower triangle."""
     index = slot[:, None, :] + np.arange(3)[None, :, None]
     diagonal = a == b
     upper = np.array([[False, True, True], [False, False, True], [False, False, False]])

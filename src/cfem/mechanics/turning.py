@@ -14,16 +14,17 @@ def levers(kinematics: Kinematics, x: np.ndarray, nodes: np.ndarray, forces: np.
     groups = kinematics.groups
     place = np.full(len(x), -1)
     place[nodes] = np.arange(len(nodes))
-    mine = np.flatnonzero(place[groups.nodes] >= 0)
-    arms, loads = groups.arms(x)[1][mine], forces.transpose(1, 0, 2)[place[groups.nodes[mine]]].reshape(len(mine), -1)
-    ends = np.searchsorted(groups.owner[mine], np.arange(len(groups.start) + 1))
+    loaded = np.flatnonzero(place[groups.nodes] >= 0)
+    arms = groups.arms(x)[1][loaded]
+    loads = forces.transpose(1, 0, 2)[place[groups.nodes[loaded]]].reshape(len(loaded), -1)
+    ends = np.searchsorted(groups.owner[loaded], np.arange(len(groups.start) + 1))
     moments = np.stack([arms[a:b].T @ loads[a:b] for a, b in pairwise(ends)])
     outer = np.ascontiguousarray(moments.reshape(len(moments), 3, len(forces), 3).transpose(2, 0, 1, 3))
     return outer - np.trace(outer, axis1=2, axis2=3)[:, :, None, None] * np.eye(3)
 
 
 def change_of_work(kinematics: Kinematics, levers: np.ndarray, motion: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """(k, c) N mm: derivative of the work of forces with these `levers` on changes q (n_dof, c) of the unknowns, along
+    """Derivative (k, c) N mm of the work of forces with these `levers` on changes q (n_dof, c) of the unknowns, along
     the motion (n_dof,): the sum of t . L w over the groups, which turn by w and t."""
     groups = kinematics.groups
     w = motion.reshape(-1, 3)[groups.rotation] / groups.radius

@@ -16,31 +16,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cfem.condensed.viscosity import Viscosity
 from cfem.mechanics.body import Body, BodyResponse
 from cfem.mechanics.further_stress import add_stress, add_stress_stiffness, stress_form
 from cfem.mechanics.rod import region as rods
-
-
-@dataclass(frozen=True)
-class Viscosity:
-    """Viscosity of a material. relaxation: tau of Kelvin-Voigt, s; prony: (g, tau) of each term, g a share of the
-    modulus after a long time."""
-
-    relaxation: float = 0.0
-    prony: tuple[tuple[float, float], ...] = ()
-
-    @property
-    def none(self) -> bool:
-        return self.relaxation == 0.0 and not self.prony
-
-    def modulus(self, omega: float | np.ndarray) -> np.ndarray:
-        """(2, ...) what S is multiplied by under vibration at omega, rad/s: in phase, and a quarter ahead."""
-        w = np.asarray(omega, float)
-        stored, lost = np.zeros_like(w), self.relaxation * w
-        for g, tau in self.prony:
-            stored = stored + g * (w * tau) ** 2 / (1 + (w * tau) ** 2)
-            lost = lost + g * w * tau / (1 + (w * tau) ** 2)
-        return np.stack([stored, lost])
 
 
 @dataclass(frozen=True)
@@ -70,12 +49,13 @@ def settled(body: Body, viscosity: Sequence[Viscosity], state: BodyResponse) -> 
     """Memory of a body that has been in `state` for long. viscosity: of each material, in the order of the body's."""
     S = stresses(body, state)
     counts = [max((len(viscosity[number].prony) for number in numbers), default=0) for numbers in _numbers(body)]
-    return ViscousMemory(S, None, tuple(np.zeros((count, *each.shape)) for count, each in zip(counts, S, strict=True)))
+    terms = tuple(np.zeros((count, *stress.shape)) for count, stress in zip(counts, S, strict=True))
+    return ViscousMemory(S, None, terms)
 
 
 def stresses(body: Body, state: BodyResponse) -> tuple[np.ndarray, ...]:
     """Stress S of each region, MPa at the quadrature points (m q, 3, 3); N and N mm of a rod's elements (m, 6)."""
-    solids = tuple(np.linalg.solve(np.eye(3) + each.D, each.P) for each in state.solids)
+    solids = tuple(np.linalg.solve(np.eye(3) + response.D, response.P) for response in state.solids)
     return solids if state.rod is None else (*solids, state.rod.stress)
 
 
@@ -91,9 +71,9 @@ def overstress(body: Body, viscosity: Sequence[Viscosity], memory: ViscousMemory
             continue
         a, B = np.zeros((len(S), 1)), np.zeros_like(S)
         for number in numbers:
-            mine = body.rod.numbers == number
-            terms = memory.terms[index][:, mine]
-            a[mine], B[mine] = _of_step(viscosity[number], S[mine], before[mine], terms, dt, memory.dt)
+            elements = body.rod.numbers == number
+            terms = memory.terms[index][:, elements]
+            a[elements], B[elements] = _of_step(viscosity[number], S[elements], before[elements], terms, dt, memory.dt)
         parts.append((a, B))
     return Overstress(tuple(parts))
 
@@ -122,10 +102,10 @@ def remembered(
     for index, (numbers, now, was) in enumerate(zip(_numbers(body), S, memory.S, strict=True)):
         Q = memory.terms[index].copy()
         for number in numbers:
-            mine = body.rod.numbers == number if index == len(body.solids) else slice(None)
+            elements = body.rod.numbers == number if index == len(body.solids) else slice(None)
             for i, (g, tau) in enumerate(viscosity[number].prony):
                 share = -g * tau / dt * np.expm1(-dt / tau)
-                Q[i, mine] = np.exp(-dt / tau) * Q[i, mine] + share * (now[mine] - was[mine])
+                Q[i, elements] = np.exp(-dt / tau) * Q[i, elements] + share * (now[elements] - was[elements])
         terms.append(Q)
     return ViscousMemory(S, memory.S, tuple(terms), dt)
 
@@ -133,26 +113,26 @@ def remembered(
 def solid_force(body: Body, state: BodyResponse, over: Overstress) -> np.ndarray:
     """Nodal forces (n, 3) N of the solids' overstress."""
     force = np.zeros_like(body.mesh.X)
-    for solid, each, part in zip(body.solids, state.solids, over.parts, strict=False):
-        if part is not None and each.min_J > 0:
+    for solid, response, part in zip(body.solids, state.solids, over.parts, strict=False):
+        if part is not None and response.min_J > 0:
             a, B = part
-            add_stress(solid, each, a * each.P + (np.eye(3) + each.D) @ B, force)
+            add_stress(solid, response, a * response.P + (np.eye(3) + response.D) @ B, force)
     return force
 
 
 def add_solid_stiffness(body: Body, state: BodyResponse, over: Overstress, slots: np.ndarray, data: np.ndarray) -> None:
     """Adds d force / dx of the solids' overstress to the lower triangle `data`, slots as in body.tangent."""
-    for (solid, place), each, part in zip(body.parts(), state.solids, over.parts, strict=False):
+    for (solid, place), response, part in zip(body.parts(), state.solids, over.parts, strict=False):
         if part is not None:
-            add_stress_stiffness(solid, each, *part, slots[place], data)
+            add_stress_stiffness(solid, response, *part, slots[place], data)
 
 
 def solid_form(body: Body, state: BodyResponse, over: Overstress, motions: np.ndarray) -> np.ndarray:
     """Form (k, k) N mm of motions (n, 3, k) mm in the stiffness of the solids' overstress."""
     form = np.zeros((motions.shape[2], motions.shape[2]))
-    for solid, each, part in zip(body.solids, state.solids, over.parts, strict=False):
+    for solid, response, part in zip(body.solids, state.solids, over.parts, strict=False):
         if part is not None:
-            form += stress_form(solid, each, *part, motions)
+            form += stress_form(solid, response, *part, motions)
     return form
 
 
@@ -176,8 +156,8 @@ def damping(body: Body, state: BodyResponse, number: int) -> Overstress:
         if index < len(body.solids):
             parts.append((1.0, -S) if body.solids[index].number == number else None)
         else:
-            mine = (body.rod.numbers == number).astype(float)[:, None]
-            parts.append((mine, -mine * S))
+            weight = (body.rod.numbers == number).astype(float)[:, None]
+            parts.append((weight, -weight * S))
     return Overstress(tuple(parts))
 
 

@@ -5,7 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from cfem.motion.model import Loss, MotionModel, MotionTerms
+from cfem.condensed.viscosity import Viscosity
+from cfem.motion.model import MotionModel, MotionTerms
 
 
 @dataclass(frozen=True)
@@ -56,7 +57,7 @@ class Altered:
         return self.model.static
 
     @property
-    def losses(self) -> tuple[Loss, ...]:
+    def losses(self) -> tuple[Viscosity, ...]:
         return self.model.losses
 
     @property

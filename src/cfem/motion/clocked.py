@@ -20,19 +20,18 @@ _ITERATIONS, _SETTLED = 4, 1e-4
 
 @dataclass(frozen=True)
 class ClockedState:
-    """z (n_z,): q, p and the memory of Prony terms; v (n_q,): mean velocity of the last tick; u (n_a,): the command
-    that has been reached."""
+    """State of a robot at a tick."""
 
-    z: np.ndarray
-    v: np.ndarray
-    u: np.ndarray
+    z: np.ndarray  # (n_z,): q, p and the memory of Prony terms
+    v: np.ndarray  # (n_q,) mean velocity of the last tick
+    u: np.ndarray  # (n_a,) command that has been reached
 
 
 class Clocked:
     """n_z: size of a state; dt: s of a tick; kind: what is commanded."""
 
     def __init__(self, model: MotionModel, kind: Kind, dt: float, about: np.ndarray):
-        """about (n_a,) mm: where the lowest natural frequency is taken."""
+        """Sets the model's steps. about (n_a,) mm: where the lowest natural frequency is taken."""
         self.model, self.kind, self.dt = model, kind, dt
         self.n_a, self.n_q = model.n_a, model.n_q
         self.n_z = (2 + sum(len(loss.prony) for loss in model.losses)) * model.n_q
@@ -81,8 +80,8 @@ class Clocked:
         return ClockedState(steps.end[0], v, np.asarray(u, float)), steps, place
 
     def effectors(self, z: np.ndarray, near: MotionTerms | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """(N, n_e) mm from rest at states (N, n_z), and their slopes (N, n_e, n_z) but for that of E by the
-        place; near: of places nearby, whose inner motions are taken, None: of the states themselves."""
+        """Displacements (N, n_e) mm of the effectors at states (N, n_z), and their slopes (N, n_e, n_z) but for that of
+        E by the place; near: of places nearby, whose inner motions are taken, None: of the states themselves."""
         delta_a, eta = z[:, : self.n_a], z[:, self.n_a : self.n_q]
         near = places(self.model, delta_a) if near is None else near
         part = self.model.static.parts(delta_a, delta_a[:, :0])

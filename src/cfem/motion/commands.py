@@ -18,19 +18,19 @@ _ITERATIONS = 30
 
 @dataclass(frozen=True)
 class CommandTable:
-    """t (k,) s, ascending; values (k, n_a) mm or N (mm^3 or MPa of chambers)."""
+    """Commands over time."""
 
     kind: Kind
-    t: np.ndarray
-    values: np.ndarray
+    t: np.ndarray  # (k,) s, ascending
+    values: np.ndarray  # (k, n_a) mm or N (mm^3 or MPa of chambers)
 
     def at(self, t: float) -> np.ndarray:
-        """(n_a,) between the rows, linearly; the first before them and the last after."""
+        """Command (n_a,) at a time, linearly between the rows; the first before them and the last after."""
         return np.array([np.interp(t, self.t, column) for column in self.values.T])
 
 
 def read_commands(path: Path, model: MotionModel) -> CommandTable:
-    """InputError naming the file and what is wrong in it."""
+    """Commands from a table of a file. InputError naming the file and what is wrong in it."""
     actuators, units = model.rows.actuators, {"time": "s"}
     for name, (displacement, force) in zip(actuators, model.static.actuator_units, strict=True):
         units |= {f"{name}.displacement": displacement, f"{name}.force": force}

@@ -18,12 +18,11 @@ _SLOW = 0.03  # rate of the changes from which the slopes are taken again
 
 @dataclass(frozen=True)
 class SolvedStep:
-    """v (n_q,): mean velocity of the step; what it leaves of dt/2 (dL/dq + Q) + p - M v, in the rows that are held, and
-    the impulse M v: both carried on to first order in the last change."""
+    """A solved step, expanded to first order in its last change."""
 
-    v: np.ndarray
-    rest: np.ndarray
-    impulse: np.ndarray
+    v: np.ndarray  # (n_q,) mean velocity of the step
+    rest: np.ndarray  # residual dt/2 (dL/dq + Q) + p - M v, in the rows that are held
+    impulse: np.ndarray  # M v
 
 
 @dataclass
@@ -108,7 +107,8 @@ class Expansion:
 def expansion(
     model: MotionModel, q: np.ndarray, p: np.ndarray, v: np.ndarray, dt: float, memory: np.ndarray
 ) -> Expansion:
-    """About the middle of the step of dt s from q that v leads to. memory (terms, n_q): of the Prony terms."""
+    """Expansion of the motion about the middle of the step of dt s from q that v leads to. memory (terms, n_q): of the
+    Prony terms."""
     about = q[: model.n_a] + dt / 2 * v[: model.n_a]
     pull, stiff = model.forces(about)
     M, dM, F = model.inertia(about)

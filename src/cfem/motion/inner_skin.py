@@ -10,11 +10,13 @@ from cfem.predict.series import input_derivatives
 
 
 class InnerSkin:
-    """arrays: of motion.npz: to_box (n_a, n_a) and offset (n_a,) of the model's inputs, indices (M, n_a), skin_indices
-    (L, n_a) and skin (k n_r, L), series of what n_r inner motions do to k modes, row by row; H (n_e n_r, M): the same
-    of the effectors; T (r, n_e + k): a fixed map of effectors, then modes.
+    """What inner motions do to the modes of the skin: k modes, n_r inner motions.
 
-    modes: k; parts: indices, and a series for each row and each inner motion, row by row"""
+    arrays: of motion.npz: to_box (n_a, n_a) and offset (n_a,) of the model's inputs; indices (M, n_a); skin_indices (L,
+    n_a) and skin (k n_r, L), series of what the inner motions do to the modes, row by row; H (n_e n_r, M): the same of
+    the effectors; T (r, n_e + k): a fixed map of effectors, then modes
+    modes: k
+    parts: indices, and a series for each row and each inner motion, row by row"""
 
     def __init__(self, arrays: dict[str, np.ndarray], H: np.ndarray, n_r: int, T: np.ndarray | None = None):
         """Reads the series of the skin beside those of the effectors, H; T: map of both."""

@@ -15,7 +15,8 @@ from typing import Literal
 
 import numpy as np
 
-from cfem.motion.model import Loss, MotionModel, MotionTerms
+from cfem.condensed.viscosity import Viscosity
+from cfem.motion.model import MotionModel, MotionTerms
 
 Kind = Literal["displacement", "force"]
 
@@ -30,12 +31,11 @@ class MaterialShares:
 
 @dataclass(frozen=True)
 class Guess:
-    """Of N steps. state (N, n_z): q, p and the memory of Prony terms before each; v (N, n_q): mean velocity during
-    each; u (N, n_a): displacements at the end of each in mm, or forces during it in N."""
+    """Motion of N steps, about which they are linearised."""
 
-    state: np.ndarray
-    v: np.ndarray
-    u: np.ndarray
+    state: np.ndarray  # (N, n_z): q, p and the memory of Prony terms before each
+    v: np.ndarray  # (N, n_q) mean velocity during each
+    u: np.ndarray  # (N, n_a) displacements at the end of each in mm, or forces during it in N
 
 
 @dataclass(frozen=True)
@@ -105,7 +105,7 @@ def first_of(place: MotionTerms) -> MotionTerms:
 
 def linear_steps(
     place: MotionTerms,
-    losses: tuple[Loss, ...],
+    losses: tuple[Viscosity, ...],
     guess: Guess,
     kind: Kind,
     dt: float,
@@ -195,7 +195,7 @@ def _states_after(
 
 
 def _viscous(
-    place: MotionTerms, losses: tuple[Loss, ...], v: np.ndarray, memory: np.ndarray, size: float, dt: float
+    place: MotionTerms, losses: tuple[Viscosity, ...], v: np.ndarray, memory: np.ndarray, size: float, dt: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Forces (N, n_q), minus their slope by v (N, n_q, n_q), and their slope by the memory (N, n_q, terms n_q)."""
     n, n_q = v.shape
@@ -214,7 +214,7 @@ def _viscous(
     return force, by_rate, by_memory
 
 
-def _taus(losses: tuple[Loss, ...]) -> list[float]:
+def _taus(losses: tuple[Viscosity, ...]) -> list[float]:
     return [tau for loss in losses for _, tau in loss.prony]
 
 

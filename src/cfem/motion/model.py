@@ -18,6 +18,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from scipy.sparse import hstack
 
+from cfem.condensed.viscosity import Viscosity
 from cfem.core.errors import InputError
 from cfem.core.reading import take
 from cfem.motion.inner_skin import InnerSkin
@@ -33,22 +34,6 @@ class HasParts(Protocol):
     def parts(self, s: np.ndarray, q: np.ndarray) -> dict[str, np.ndarray]:
         """The potential, its derivatives and what is beside them at s (..., n_a): see `cfem.predict.energy.layout`."""
         ...
-
-
-@dataclass(frozen=True)
-class Loss:
-    """Of viscous material: relaxation s, prony: (share, s) of each term."""
-
-    relaxation: float
-    prony: tuple[tuple[float, float], ...]
-
-    def modulus(self, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Factor of F under vibration at omega, rad/s: storage, and loss."""
-        stored, lost = np.zeros_like(omega), self.relaxation * omega
-        for share, tau in self.prony:
-            stored = stored + share * (omega * tau) ** 2 / (1 + (omega * tau) ** 2)
-            lost = lost + share * omega * tau / (1 + (omega * tau) ** 2)
-        return stored, lost
 
 
 @dataclass(frozen=True)
@@ -78,23 +63,23 @@ class MotionTerms:
 
     @property
     def K(self) -> np.ndarray:
-        """(..., n_q, n_q): stiffness about a state of rest."""
+        """Stiffness (..., n_q, n_q) about a state of rest."""
         n_a, out = self.stiff.shape[-1], np.zeros(self.M.shape)
         out[..., :n_a, :n_a], out[..., n_a:, n_a:] = self.stiff, self.inner
         return out
 
     @property
     def effectors_by_q(self) -> np.ndarray:
-        """(n_e, n_q) where eta is none."""
+        """Slopes (n_e, n_q) of the effectors by q where there are no inner motions."""
         return np.concatenate([self.J, self.H], axis=1)
 
     def effectors(self, eta: np.ndarray) -> np.ndarray:
-        """(n_e,) mm from rest, of inner motions eta (n_r,)."""
+        """Displacements (n_e,) mm of the effectors, with inner motions eta (n_r,)."""
         straight = self.e + self.H @ eta
         return straight if self.E is None else straight + self.E @ eta @ eta / 2
 
     def slopes(self, eta: np.ndarray) -> np.ndarray:
-        """(n_e, n_q): of `effectors` by q."""
+        """Slopes (n_e, n_q) of `effectors` by q."""
         by_turn, by_eta = (self.dH @ eta).T, self.H
         if self.E is not None:
             by_turn, by_eta = by_turn + (self.dE @ eta @ eta).T / 2, by_eta + self.E @ eta
@@ -102,11 +87,13 @@ class MotionTerms:
 
 
 class MotionModel:
-    """static: the energy model (cfem.predict.kinds.potential.PotentialPredictor) of form displacement; arrays: of
-    motion.npz: to_box (n_a, n_a), offset (n_a,), indices (M, n_a), series (n_out, M) in the order of `layout`, scale
-    (n_q,): the unit of each of q in which M and F are learned, stiffness: kappa, N mm, curve (n_e n_r (n_r + 1) / 2,
-    M): series of E, or none, and what `InnerSkin` takes, or none; viscosity: that each loss form is multiplied by.
+    """A learned robot that moves: mass, viscosity and inner motions beside a model at rest.
 
+    static: the energy model (cfem.predict.kinds.potential.PotentialPredictor) of form displacement
+    arrays: of motion.npz: to_box (n_a, n_a), offset (n_a,), indices (M, n_a); series (n_out, M) in the order of
+        `layout`; scale (n_q,), the unit of each of q in which M and F are learned; stiffness: kappa, N mm; curve (n_e
+        n_r (n_r + 1) / 2, M): series of E, or none; what `InnerSkin` takes, or none
+    viscosity: that each loss form is multiplied by
     skin: how the inner motions move effectors and skin, None where that was not learned"""
 
     def __init__(self, static: Any, arrays: dict[str, np.ndarray], viscosity: list[dict[str, Any]]):
@@ -116,7 +103,7 @@ class MotionModel:
                 "only energy models of form displacement without parameters can move", do="train kind: spectral"
             )
         self.static, self.rows, self.arrays = static, static.rows, arrays
-        self.losses = tuple(Loss(loss["relaxation"], tuple(map(tuple, loss["prony"]))) for loss in viscosity)
+        self.losses = tuple(Viscosity(loss["relaxation"], tuple(map(tuple, loss["prony"]))) for loss in viscosity)
         n_a, n_e = self.rows.n_a, self.rows.n_e
         self.scale = take(arrays, "scale", (None,))
         self.n_a, self.n_q = n_a, len(self.scale)
@@ -143,7 +130,7 @@ class MotionModel:
 
     @property
     def rest_e(self) -> np.ndarray:
-        """(n_e,) mm at rest."""
+        """Positions (n_e,) mm of the effectors at rest."""
         return self.static.rest_e
 
     def at(self, delta_a: np.ndarray) -> MotionTerms:
@@ -182,7 +169,7 @@ class MotionModel:
         return H, (terms @ self._curve_T).reshape(n, n_e, -1)[:, :, self._unpack_r]
 
     def forces(self, delta_a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(n_a,), (n_a, n_a): grad Psi and its Hessian at delta_a (n_a,) mm."""
+        """Forces (n_a,) and their slopes (n_a, n_a), grad Psi and its Hessian at delta_a (n_a,) mm."""
         return self.static.gradient_and_hessian(delta_a)
 
     def inertia(self, delta_a: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -194,7 +181,7 @@ class MotionModel:
         return float(np.abs(change @ self._to_box_T).max())
 
     def _terms(self, delta_a: np.ndarray, slopes: bool = True) -> np.ndarray:
-        """(1 + n_a, M): the basis, and its derivatives by delta_a; (1, M) without `slopes`."""
+        """Basis and its derivatives by delta_a (1 + n_a, M); (1, M) without `slopes`."""
         phi = self._basis(delta_a @ self._to_box_T + self._offset)
         if not slopes:
             return phi[None]

@@ -12,13 +12,12 @@ from cfem.motion.payload import Payload
 
 @dataclass(frozen=True)
 class LearnedModes:
-    """frequency: (k,) Hz, lowest first; damping: (k,) share of the critical; shapes: (n_q, k) of q, of unit mass;
-    effectors: (n_e, k) mm likewise."""
+    """Natural modes of a learned model, k of them."""
 
-    frequency: np.ndarray
-    damping: np.ndarray
-    shapes: np.ndarray
-    effectors: np.ndarray
+    frequency: np.ndarray  # (k,) Hz, lowest first
+    damping: np.ndarray  # (k,) share of the critical
+    shapes: np.ndarray  # (n_q, k) of q, of unit mass
+    effectors: np.ndarray  # (n_e, k) mm of the same motions
 
 
 def natural_modes(

@@ -60,7 +60,7 @@ class MpcSpec(Spec):
 
 
 def blocks(ticks: int, moves: int) -> np.ndarray:
-    """(m,) ticks at which a command changes, m = `moves` or `ticks` where that is less: later ones are held longer."""
+    """Ticks (m,) at which a command changes, m = `moves` or `ticks` where that is less: later ones are held longer."""
     count = min(moves, ticks)
     ends = np.geomspace(1, ticks, count).round().astype(int) if count > 1 else np.array([ticks])
     for k in range(1, count):

@@ -37,7 +37,7 @@ class SimulatedMotion:
     end: CondensedMotion | None = None
 
     def arrays(self) -> dict[str, np.ndarray]:
-        """The columns by name."""
+        """Columns of a motion, by name."""
         return {name: np.array(getattr(self, name)) for name in ("t", "delta_a", "delta_e", "lam", "slack")}
 
 

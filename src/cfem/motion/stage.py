@@ -127,7 +127,7 @@ def _unilateral(spec: SimulateSpec, model: Any) -> np.ndarray:
 
 
 def _travel(delta_e: np.ndarray) -> list[float]:
-    """mm, of each effector's point: the diagonal of the box that it stays in."""
+    """Travel mm of each effector's point: the diagonal of the box that it stays in."""
     ranges = np.ptp(delta_e, axis=0)
     return [float(np.linalg.norm(ranges[k : k + 3])) for k in range(0, len(ranges) - 2, 3)]
 
@@ -166,8 +166,8 @@ def _beside(
     _write(folder / FULL, model, arrays)
     if len(run.t) < 2:
         raise InputError(f"full finite elements did not move: {run.why}", where=str(spec.full.scene))
-    ours = np.stack([np.interp(run.t, columns["t"], column) for column in columns["delta_e"].T], axis=1)
-    points = (ours - arrays["delta_e"])[:, : 3 * (ours.shape[1] // 3)].reshape(len(ours), -1, 3)
+    learned = np.stack([np.interp(run.t, columns["t"], column) for column in columns["delta_e"].T], axis=1)
+    points = (learned - arrays["delta_e"])[:, : 3 * (learned.shape[1] // 3)].reshape(len(learned), -1, 3)
     largest = float(np.linalg.norm(points, axis=2).max())
     return {
         "steps": len(run.t) - 1,

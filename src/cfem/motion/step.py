@@ -46,13 +46,12 @@ class CondensedMotion:
 
 @dataclass(frozen=True)
 class MotionCommand:
-    """Of one step: displacement (n_a,) mm at its end, or force (n_a,) N during it; push: (n_e,) N on the effectors;
-    slack: (n_a,) cables that are not held at their displacement and carry nothing, none unless given."""
+    """Command of one step: displacements or forces of the actuators."""
 
-    displacement: np.ndarray | None = None
-    force: np.ndarray | None = None
-    push: np.ndarray | None = None
-    slack: np.ndarray | None = None
+    displacement: np.ndarray | None = None  # (n_a,) mm at its end
+    force: np.ndarray | None = None  # (n_a,) N during it
+    push: np.ndarray | None = None  # (n_e,) N on the effectors
+    slack: np.ndarray | None = None  # (n_a,) cables that are not held and carry nothing, none unless given
 
 
 def at_rest(model: MotionModel, delta_a: np.ndarray, payload: Payload | None = None) -> CondensedMotion:
@@ -72,12 +71,12 @@ def at_rest(model: MotionModel, delta_a: np.ndarray, payload: Payload | None = N
 
 
 def effectors(model: MotionModel, motion: CondensedMotion) -> np.ndarray:
-    """(n_e,) mm from rest."""
+    """Displacements (n_e,) mm of the effectors."""
     return model.at(motion.q[: model.n_a]).effectors(motion.q[model.n_a :])
 
 
 def energy(model: MotionModel, motion: CondensedMotion, payload: Payload | None = None) -> float:
-    """N mm: kinetic and potential, the payload's weight included."""
+    """Energy N mm, kinetic and potential, the payload's weight included."""
     n_a = model.n_a
     place, eta = model.at(motion.q[:n_a]), motion.q[n_a:]
     M = place.M
@@ -145,7 +144,7 @@ def _carry(
 
 
 def _remembered(model: MotionModel, motion: CondensedMotion, v: np.ndarray, dt: float) -> np.ndarray:
-    """(terms, n_q) dh/dt = v - h / tau, at the middle of the step."""
+    """Rates (terms, n_q) dh/dt = v - h / tau of the memory, at the middle of the step."""
     memory = motion.memory.copy()
     taus = [tau for loss in model.losses for _, tau in loss.prony]
     for index, tau in enumerate(taus):

@@ -12,12 +12,12 @@ from cfem.motion.modes import natural_modes
 PLACES = 5  # on the way from rest to the ends
 
 
-def outwards(model: MotionModel, count: int = PLACES) -> list[np.ndarray]:
+def outwards(model: MotionModel) -> list[np.ndarray]:
     """States (n_a,) mm of the training set, from the nearest to rest to the farthest of all."""
     states = model.static.domain.states[:, : model.n_a]
     far = np.linalg.norm(states / np.abs(model.static.reach).max(axis=1), axis=1)
     order = np.argsort(far)
-    return [states[order[place]] for place in np.linspace(0, len(order) - 1, count).round().astype(int)]
+    return [states[order[place]] for place in np.linspace(0, len(order) - 1, PLACES).round().astype(int)]
 
 
 def vibrations(model: MotionModel, states: Iterable[np.ndarray], free: bool, count: int = 3) -> list[dict[str, Any]]:

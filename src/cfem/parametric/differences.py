@@ -20,13 +20,14 @@ class Stencil:
     step: float
 
     def points(self, z: np.ndarray) -> np.ndarray:
-        """(n,) -> (1 + order n, n): z, then for each coordinate the points ahead, in order, and behind it."""
+        """Points (1 + order n, n) of the differences at z (n,): z, then for each coordinate the points ahead, in order,
+        and behind it."""
         shifts = self.step * np.arange(1, self.order // 2 + 1)
         along = np.concatenate([shifts, -shifts])
         return np.concatenate([z[None], *(z + along[:, None] * unit for unit in np.eye(len(z)))])
 
     def slopes(self, values: np.ndarray) -> np.ndarray:
-        """(1 + order n, ...) values at `points` -> (..., n) derivatives at z."""
+        """Derivatives (..., n) at z from values (1 + order n, ...) at `points`."""
         ahead, behind = np.split(values[1:].reshape(-1, self.order, *values.shape[1:]), 2, axis=1)
         weights = np.array(_WEIGHTS[self.order]) / self.step
         return np.moveaxis(np.tensordot(weights, ahead - behind, (0, 1)), 0, -1)

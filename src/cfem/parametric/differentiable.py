@@ -72,10 +72,10 @@ class Differentiable(FiniteElementFamily):
         if push is not None:
             return super().at(kind, u, p, push)
         u = np.broadcast_to(u, (len(p), self.rows.n_a))
-        each = [
+        solved = [
             self._state(design, *self.solve(kind, ask, design, keep=True)) for ask, design in zip(u, p, strict=True)
         ]
-        return stacked([state for state, _ in each])
+        return stacked([state for state, _ in solved])
 
     def _state(self, p: np.ndarray, equilibrium: Any, problem: Any) -> tuple[States, dict[str, Any]]:
         """State, with the numbers of the body beside it; and its vibrations."""
@@ -123,15 +123,16 @@ class Differentiable(FiniteElementFamily):
             l = weights_of.lam - W[:, act].T @ weights_of.free
             field_weights = tuple((float(weights_of.numbers[name]), field) for name, field in self.fields.items())
             forms = tuple(
-                (each.share * float(weights_of.numbers[name]), each.columns) for name, each in vibrations.items()
+                (form.share * float(weights_of.numbers[name]), form.columns) for name, form in vibrations.items()
             )
             weights.append(Weights((G + G.T) / 2, weights_of.free, l, weights_of.rest, field_weights, forms))
-        sides, still = self._sides(problem, p, free)
+        sides, body_slopes = self._sides(problem, p, free)
         equilibrium = gradients(equilibrium.linear, weights, sides).dJ
         return (
             state,
             values,
-            equilibrium + np.array([sum(weights_of.numbers[k] * still[k] for k in still) for weights_of in asked]),
+            equilibrium
+            + np.array([sum(weights_of.numbers[k] * body_slopes[k] for k in body_slopes) for weights_of in asked]),
         )
 
     def jacobian(self, kind: Kind, u: np.ndarray, p: np.ndarray, free: Sequence[int]) -> tuple[States, Outputs]:
@@ -142,11 +143,11 @@ class Differentiable(FiniteElementFamily):
     def _outputs(self, equilibrium: Any, problem: Any, p: np.ndarray, free: Sequence[int]) -> Outputs:
         from cfem.equilibrium.derivatives.jacobian import jacobian
 
-        sides, still = self._sides(problem, p, free)
+        sides, body_slopes = self._sides(problem, p, free)
         by = jacobian(equilibrium.linear, sides)
         W, lam, act = equilibrium.condensed.W, equilibrium.condensed.lam, self.rows.active
         delta_free = by.delta - np.einsum("ijq,j->iq", by.W[:, act], lam) - W[:, act] @ by.lam
-        return Outputs(by.W, delta_free, by.lam, by.rest_e, still)
+        return Outputs(by.W, delta_free, by.lam, by.rest_e, body_slopes)
 
     def _chained(
         self, equilibrium: Any, problem: Any, p: np.ndarray, free: Sequence[int], asked: Sequence[Outputs]
@@ -161,15 +162,15 @@ class Differentiable(FiniteElementFamily):
 
         family, _ = self._problem(p)
         low, high = range_coordinates(self.parameters)
-        sides, still = [], {name: np.zeros(len(free)) for name in body_numbers(problem.robot)}
+        sides, body_slopes = [], {name: np.zeros(len(free)) for name in body_numbers(problem.robot)}
         for number, i in enumerate(free):
             behind, ahead, width = family.around(p, i, _STEP, problem.robot)
             width /= high[i] - low[i]
             sides.append(Sides(*(Problem(robot, like=problem) for robot in (behind, ahead)), width))
             beside = [body_numbers(robot) for robot in (behind, ahead)]
-            for name, slope in still.items():
+            for name, slope in body_slopes.items():
                 slope[number] = (beside[1][name] - beside[0][name]) / width
-        return sides, still
+        return sides, body_slopes
 
     def _place(self, kind: Kind, u: np.ndarray, p: np.ndarray) -> np.ndarray:
         return np.concatenate([super()._place(kind, u, p)[: self.rows.n_a], shares(self.parameters, p)])

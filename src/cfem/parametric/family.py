@@ -65,7 +65,7 @@ class LearnedFamily:
         return States(self.rows, state.W, state.delta_free, state.lam, p, self.rest(p))
 
     def outside(self, states: States) -> list[int]:
-        """Which of the states are unlike those that the model was trained on."""
+        """Numbers of the states that are unlike those that the model was trained on."""
         return np.flatnonzero(~self.predictor.inside(states, states.p)).tolist()
 
 
@@ -114,12 +114,12 @@ class FiniteElementFamily:
 
     @property
     def nodes(self) -> np.ndarray:
-        """(n, 3) mm in the state that was solved last."""
+        """Nodes (n, 3) mm in the state that was solved last."""
         return self._solved[-1][1].x
 
     @property
     def robot(self) -> Any:
-        """The scene's own."""
+        """Robot of the scene as it stands."""
         return self.meshes.main.robot
 
     def solve(
@@ -217,15 +217,15 @@ class Varied:
 
     @property
     def parameters(self) -> list[Parameter]:
-        """The free ones."""
+        """Parameters that are free."""
         return [self.family.parameters[i] for i in self.free]
 
     def p(self, z: np.ndarray) -> np.ndarray:
-        """(..., n) -> (..., n_p)."""
+        """Parameters (..., n_p) at shares z (..., n) of the free ones."""
         out = np.broadcast_to(self.p0, (*z.shape[:-1], len(self.p0))).copy()
         out[..., list(self.free)] = from_shares(self.parameters, z)
         return out
 
     def z(self, p: np.ndarray) -> np.ndarray:
-        """(..., n_p) -> (..., n)."""
+        """Shares (..., n) of the free parameters in p (..., n_p)."""
         return shares(self.parameters, np.asarray(p)[..., list(self.free)])

@@ -20,7 +20,7 @@ _END = 1e-3  # share of its range, within which an unknown is tried at the end
 
 @dataclass(frozen=True)
 class FitSettings:
-    """How a fit searches.
+    """Settings of a fit's search.
 
     low, high:   bounds of the unknowns: (n,), or one number for all
     margin:      share of its range by which each unknown starts inside its bounds, where these are finite
@@ -41,7 +41,7 @@ class FitSettings:
     most: int | None = None
 
     def inside(self, start: np.ndarray) -> np.ndarray:
-        """(n,) the start, moved inside the bounds by the margin."""
+        """Start (n,) moved inside the bounds by the margin."""
         low, high, span = self.bounds(len(start))
         return np.clip(start, low + self.margin * span, high - self.margin * span)
 
@@ -109,7 +109,7 @@ def best_of(fits: Sequence[FitResult], what: str = "the fit") -> FitResult:
 
 
 def spread_starts(count: int, n: int) -> np.ndarray:
-    """(count, n) starts in [0, 1]: the middle, then Halton points."""
+    """Starts (count, n) in [0, 1]: the middle, then Halton points."""
     return np.vstack([np.full((1, n), 0.5), qmc.Halton(n, scramble=False).random(count)[1:]])[:count]
 
 
@@ -136,7 +136,7 @@ class _Evaluations:
         return self.history[index], self.costs[index]
 
     def residuals(self, u: np.ndarray) -> np.ndarray:
-        """(n_r,) at u (n,), or the barrier."""
+        """Residuals (n_r,) at u (n,), or the barrier."""
         if not self._is_last(u):
             try:
                 self._evaluate(u, with_jacobian=False)
@@ -147,7 +147,7 @@ class _Evaluations:
         return self._residuals
 
     def jacobian(self, u: np.ndarray) -> np.ndarray:
-        """(n_r, n) at u (n,)."""
+        """Jacobian (n_r, n) at u (n,)."""
         if not self._is_last(u) or self._jacobian is None:
             self._evaluate(u, with_jacobian=True)
         return self._jacobian

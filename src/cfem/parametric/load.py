@@ -43,9 +43,9 @@ def differentiable(
     that are asked for: volume, mass, those of FIELDS and VIBRATIONS."""
     spec, mesh_there = load_scene_and_mesh(scene, mesh)
     fields = [name for name in (*FIELDS, *VIBRATIONS) if name in kinds]
-    made = Differentiable(spec, mesh_there, scene_parameters(parameters, scene), fields, scene.parent)
+    robot = Differentiable(spec, mesh_there, scene_parameters(parameters, scene), fields, scene.parent)
     heavy = next((name for name in ("mass", *VIBRATIONS) if name in kinds), None)
-    if heavy and made.mass_unknown:
+    if heavy and robot.mass_unknown:
         what = f"{heavy.split()[-1]} needs the density of each material"
         raise SpecError(what, where="objectives", do="state it in the scene")
-    return made
+    return robot

@@ -25,7 +25,7 @@ MOST = 8  # meshes of designs' own
 
 
 @dataclass(frozen=True)
-class Own:
+class OwnMesh:
     """A mesh of a design's own: p (n_p,) of the design; cells: how many."""
 
     p: np.ndarray
@@ -41,7 +41,7 @@ class Meshes:
         self._scene, self._folder = scene, folder
         self.parameters = sampled(parameters)
         self.main = RobotFamily(scene, mesh, self.parameters)
-        self.own: list[Own] = []
+        self.own: list[OwnMesh] = []
 
     def of(self, p: np.ndarray) -> tuple[RobotFamily, Any]:
         """The family whose mesh serves p (n_p,), and its robot. NumericalError where none does."""
@@ -60,11 +60,11 @@ class Meshes:
                 f"{MOST} designs have meshes of their own already, and the search asks for another",
                 do="narrow the ranges, or make the mesh of a scene in their middle",
             )
-        made = self._made(p)
-        self.own.append(made)
-        return made.family, made.family.at(p)
+        own = self._made(p)
+        self.own.append(own)
+        return own.family, own.family.at(p)
 
-    def edge(self, remeshed: Own) -> np.ndarray:
+    def edge(self, remeshed: OwnMesh) -> np.ndarray:
         """Last design (n_p,) on the straight way from the scene's own to that of `remeshed` to which the scene's mesh
         stretches."""
         begin = references(self.parameters)
@@ -78,13 +78,13 @@ class Meshes:
                 high = middle
         return begin + low * (remeshed.p - begin)
 
-    def _made(self, p: np.ndarray) -> Own:
+    def _made(self, p: np.ndarray) -> OwnMesh:
         """A mesh of the design p (n_p,). NumericalError where its geometry cannot be meshed."""
         scene = with_values(self._scene, [parameter.key for parameter in self.parameters], p)
         doing("meshing a design again")
         try:
             mesh, _ = scene_mesh(scene, self._folder)
-            return Own(p.copy(), RobotFamily(scene, mesh, self.parameters), len(mesh.cells))
+            return OwnMesh(p.copy(), RobotFamily(scene, mesh, self.parameters), len(mesh.cells))
         except SpecError as error:  # a geometry that is no body, or whose surfaces are others than the scene's
             named = ", ".join(
                 f"{parameter.name} {value:.4g}" for parameter, value in zip(self.parameters, p, strict=True)

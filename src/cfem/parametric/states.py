@@ -10,7 +10,7 @@ from cfem.condensed import Condensed
 
 @dataclass(frozen=True)
 class States(Condensed):
-    """m states of robots, a batch of `Condensed`.
+    """States of m robots, a batch of `Condensed`.
 
     p: (m, n_p) parameters of their robots
     rest_e: (m, n_e) mm rest positions of the effectors, of each robot its own
@@ -26,5 +26,5 @@ class States(Condensed):
 
     @property
     def x_e(self) -> np.ndarray:
-        """(m, n_e) mm positions of the effectors."""
+        """Positions (m, n_e) mm of the effectors."""
         return self.rest_e + self.delta_e

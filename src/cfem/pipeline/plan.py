@@ -16,14 +16,13 @@ _OUT = re.compile(r"""^out:[ \t]*(?:"([^"\n]+)"|'([^'\n]+)'|([^#\n]+?))[ \t]*(?:
 
 @dataclass(frozen=True)
 class Step:
-    """One command. kind: of its spec; needs: the specs of the steps whose results it reads; quick: whether it gives a
-    coarse answer (quick.py)."""
+    """A command of a pipeline."""
 
-    kind: str
+    kind: str  # of its spec
     spec: Path
     stage: Stage
-    needs: tuple[Path, ...]
-    quick: bool = False
+    needs: tuple[Path, ...]  # the specs of the steps whose results it reads
+    quick: bool = False  # whether it gives a coarse answer (quick.py)
 
     @property
     def command(self) -> str:

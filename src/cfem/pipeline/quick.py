@@ -36,17 +36,17 @@ def quick_steps(steps: Sequence[Step]) -> list[Step]:
 def _quick(step: Step, moved: set[str]) -> Step:
     """The step as it is where it reads nothing that has moved; else coarse, with its output in another folder. moved:
     real paths, to which that of the output is added."""
-    made = step.stage
-    if step.kind != "sample" and not any(os.path.realpath(path) in moved for path in made.inputs.values()):
+    stage = step.stage
+    if step.kind != "sample" and not any(os.path.realpath(path) in moved for path in stage.inputs.values()):
         return step
-    moved.add(os.path.realpath(made.out))
-    overrides = [*made.overrides, *_coarser(step.kind, made), *_redirected(made, step.spec.parent, moved)]
+    moved.add(os.path.realpath(stage.out))
+    overrides = [*stage.overrides, *_coarser(step.kind, stage), *_redirected(stage, step.spec.parent, moved)]
     return replace(step, stage=describe(step.kind, step.spec, overrides), quick=True)
 
 
-def _coarser(kind: str, made: Stage) -> Iterator[str]:
+def _coarser(kind: str, stage: Stage) -> Iterator[str]:
     """Overrides with which the stage takes a fraction of the time."""
-    spec = made.spec
+    spec = stage.spec
     if kind == "sample":
         for name, split in spec.splits.items():
             if split.method in SEQUENCES:
@@ -61,15 +61,15 @@ def _coarser(kind: str, made: Stage) -> Iterator[str]:
                 yield f"trajectories.{name}.goals={GOALS}"
 
 
-def _redirected(made: Stage, base: Path, moved: set[str]) -> Iterator[str]:
+def _redirected(stage: Stage, base: Path, moved: set[str]) -> Iterator[str]:
     """Overrides of all paths in the spec that have moved."""
-    for key, path in _paths(made.spec.model_dump(), ""):
+    for key, path in _paths(stage.spec.model_dump(), ""):
         if os.path.realpath(base / path) in moved:
             yield f"{key}={quick_folder(path)}"
 
 
 def _paths(value: Any, key: str) -> Iterator[tuple[str, Path]]:
-    """All paths at any depth of a spec, each with its key."""
+    """Paths at any depth of a spec, each with its key."""
     if isinstance(value, Path):
         yield key, value
     below = value.items() if isinstance(value, Mapping) else enumerate(value) if isinstance(value, list | tuple) else ()

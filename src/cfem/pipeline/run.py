@@ -44,22 +44,24 @@ def run(
     for step in steps:
         step.stage.demand_agreement()
     begin, line = time.perf_counter(), line or _line
-    done: list[dict[str, Any]] = []
+    finished: list[dict[str, Any]] = []
     for number, step in enumerate(steps):
-        before = {entry_done["spec"] for entry_done in done if entry_done["status"] == "stale"}
+        before = {entry_done["spec"] for entry_done in finished if entry_done["status"] == "stale"}
         why = _why(step, before)
         status = "up to date" if not why else "stale" if options.check else "running"
         if not options.quiet:
             say(printable(line(number, steps, why)))
         manifest = _run(step, options, workers) if status == "running" else {}
         entry = {"stage": step.command, "spec": str(step.spec), "out": str(step.stage.out)}
-        done.append(entry | {"status": manifest.get("status", status), "why": why, "seconds": manifest.get("seconds")})
-    n_stale = sum(stage_done["status"] == "stale" for stage_done in done)
+        finished.append(
+            entry | {"status": manifest.get("status", status), "why": why, "seconds": manifest.get("seconds")}
+        )
+    n_stale = sum(stage_done["status"] == "stale" for stage_done in finished)
     if n_stale:
-        what = f"{n_stale} of {len(done)} stages are stale"
+        what = f"{n_stale} of {len(finished)} stages are stale"
         raise GateError(what, do=f"cfem run {' '.join(map(str, places))}{' --quick' * quick}")
-    status = "done" if any(entry_done["status"] == "done" for entry_done in done) else "up to date"
-    results = {**_figures(steps), "stages": done}
+    status = "done" if any(entry_done["status"] == "done" for entry_done in finished) else "up to date"
+    results = {**_figures(steps), "stages": finished}
     return {"stage": "run", "status": status, "results": results, "seconds": time.perf_counter() - begin}
 
 
@@ -84,20 +86,20 @@ def _by_spec(goals: Sequence[Path], overrides: Sequence[str]) -> dict[Path, list
     by_spec: dict[Path, list[str]] = {}
     for text in overrides:
         name, _, rest = text.partition(".")
-        mine = [goal for goal in goals if goal.stem == name]
-        if not mine or not rest:
+        named = [goal for goal in goals if goal.stem == name]
+        if not named or not rest:
             names = ", ".join(dict.fromkeys(goal.stem for goal in goals))
             raise SpecError(f"'{text}' names none of the specs {names}", where="--set", do="use SPEC.key=value")
-        if kind_of(mine[0]) == "scene":
+        if kind_of(named[0]) == "scene":
             what = f"'{text}' would change the mesh alone: every stage reads the scene again"
-            raise SpecError(what, where="--set", do=f"edit {mine[0]}")
-        for goal in mine:
+            raise SpecError(what, where="--set", do=f"edit {named[0]}")
+        for goal in named:
             by_spec.setdefault(goal, []).append(rest)
     return by_spec
 
 
 def _why(step: Step, stale_specs: set[str]) -> list[str]:
-    """Why the step is to be run; nothing where it is not."""
+    """Reasons why the step is to be run; nothing where it is not."""
     above = [str(spec) for spec in step.needs if str(spec) in stale_specs]
     if above:
         return [f"{WAITS} {', '.join(above)}"]
@@ -121,8 +123,9 @@ def _run(step: Step, options: Options, workers: int | None) -> Mapping[str, Any]
 
 
 def _figures(steps: Sequence[Step]) -> dict[str, Any]:
-    """judgement: of all stages; headline: of control, calibration and design, or of the last stage that has one, and
-    where the pages are; pages: of reports; moved: beside these, the pages in which the reader moves the robot."""
+    """Results of a pipeline. judgement: of all stages; headline: of control, calibration and design, or of the last
+    stage that has one, and where the pages are; pages: of reports; moved: beside these, the pages in which the reader
+    moves the robot."""
     results = [(step, read_manifest(step.stage.out)["results"]) for step in steps]
     headlines = [(step, result["headline"]) for step, result in results if result.get("headline")]
     chosen = [(step, lines) for step, lines in headlines if step.kind in FIGURES] or headlines[-1:]

@@ -12,13 +12,17 @@ DEEP = 0.01  # of the length: how far the surface may be in an obstacle between 
 
 
 class ContactAccount:
-    """counts: how many contact points were open, stuck and slipped at the end of each command so far; commands;
-    failures: of them ended before their goal; steps, iterations: quasi-static steps, rounds of FE solves that they
-    took; worst: relative residual of law and balance at the end of a command; deepest: how far (mm) the surface was in
-    which obstacle, other robot or the robot itself then, between the patches, which alone touch."""
+    """What contact was like over all commands so far.
+
+    counts: how many contact points were open, stuck and slipped at the end of each command
+    commands, failures: how many, and how many of them ended before their goal
+    steps, iterations: quasi-static steps, and rounds of FE solves that they took
+    worst: relative residual of law and balance at the end of a command
+    deepest: how far (mm) the surface was in which obstacle, other robot or the robot itself then, between the patches,
+        which alone touch"""
 
     def __init__(self, parts: str = "patches", finer: str = "take a smaller contact.patches") -> None:
-        """parts: what alone touches; finer: how there would be more of them."""
+        """Begins an account. parts: what alone touches; finer: how there would be more of them."""
         self._parts, self._finer = parts, finer
         self.counts: list[dict[str, int]] = []
         self.commands = self.steps = self.iterations = self.failures = 0

@@ -16,13 +16,15 @@ from cfem.plant.protocol import Changing
 
 MEMORY = 100  # solved states that predictions draw on
 APART = 1e-3  # mm or rad: states nearer to each other teach nothing new
+TOLERANCE = 1e-11  # of Newton's method
 
 
 class FemPatch(FemRobot):
-    """`Model`. patch: as the robot's contact points make it; tolerance: of Newton's method"""
+    """`Model` of the actuators and the pose of a patch, by finite elements. patch: as the robot's contact points make
+    it."""
 
-    def __init__(self, robot: Robot, turns: bool, tolerance: float = 1e-11):
-        super().__init__(robot, MEMORY, APART, NewtonSettings(tolerance=tolerance))
+    def __init__(self, robot: Robot, turns: bool):
+        super().__init__(robot, MEMORY, APART, NewtonSettings(tolerance=TOLERANCE))
         self.rows = robot.rows
         self.patch = patch_of(contact_points(self._problem), turns)
         self._at: tuple[np.ndarray, Condensed] | None = None

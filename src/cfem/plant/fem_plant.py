@@ -101,14 +101,14 @@ class FemPlant(FemRobot):
 
     @cached_property
     def _together(self) -> tuple[np.ndarray, float]:
-        """(n_a, n_a) mm/N, the compliance at rest, and the share of their reach that all actuators bear at once."""
+        """Compliance (n_a, n_a) mm/N at rest, and the share of their reach that all actuators bear at once."""
         n_a, reach_max = self._problem.robot.rows.n_a, self._problem.robot.reach[:, 1]
         compliance = solve(self._problem, force(np.zeros(n_a))).condensed.W_aa
         return compliance, borne_together(lambda asked: solve(self._problem, asked), reach_max, compliance)
 
     @property
     def _stand(self) -> np.ndarray:
-        """(n_a,) mm actuator displacements now."""
+        """Displacements (n_a,) mm of the actuators now."""
         return np.zeros(self._problem.robot.rows.n_a) if self.state is None else self.state.delta_a
 
     def _stands_at(self, delta_a: np.ndarray) -> bool:

@@ -17,15 +17,15 @@ from cfem.plant.protocol import Changing
 
 
 class FemRobot:
-    """Every solve starts from a prediction from the states solved before, which costs about one factorisation where
-    they are near.
+    """A finite-element robot that is solved again and again. Every solve starts from a prediction from the states
+    solved before, which costs about one factorisation where they are near.
 
     solves, factorizations, seconds: what it has cost; x: (n, 3) mm nodes now; state: the equilibrium in which the robot
     stands, None at rest"""
 
     def __init__(self, robot: Robot, memory: int, apart: float, settings: NewtonSettings = DEFAULT):
-        """memory: solved states that predictions draw on; apart: states nearer to each other teach nothing new;
-        settings: of Newton's method."""
+        """Begins at rest. memory: solved states that predictions draw on; apart: states nearer to each other teach
+        nothing new; settings: of Newton's method."""
         self._problem = Problem(robot)
         self._settings, self._apart = settings, apart
         self._known: deque[Knot] = deque(maxlen=memory)

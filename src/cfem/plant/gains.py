@@ -19,13 +19,12 @@ PHASE_MARGIN = np.pi / 3  # rad
 
 @dataclass(frozen=True)
 class Gains:
-    """proportional, integral: dimensionless, per sample; integral None: what leaves phase_margin (rad) at the delay and
-    the interval of the samples, proportional then being 0; bound: mm, longest that K_I sum(e) may become."""
+    """Gains of a proportional-integral law, dimensionless, per sample."""
 
     proportional: float = 0.0
-    integral: float | None = None
-    bound: float = np.inf
-    phase_margin: float = PHASE_MARGIN
+    integral: float | None = None  # None: what leaves the phase margin at the samples' delay and interval
+    bound: float = np.inf  # mm, the longest that K_I sum(e) may become
+    phase_margin: float = PHASE_MARGIN  # rad
 
     def integral_at(self, late: int) -> float:
         """K_I for samples that come so late."""
@@ -39,6 +38,6 @@ def late_samples(delay: int, ticks_a_sample: float) -> int:
 
 
 def integral_for(phase_margin: float, late: int) -> float:
-    """m K_I with that margin (rad, in (0, pi/2)), K_P = 0: |L| = 1 at w = 2 asin(m K_I / 2), where the phase is
-    -(pi/2 + (late + 1/2) w)."""
+    """Gain m K_I with that phase margin (rad, in (0, pi/2)) and K_P = 0: |L| = 1 at w = 2 asin(m K_I / 2), where the
+    phase is -(pi/2 + (late + 1/2) w)."""
     return 2 * np.sin((np.pi / 2 - phase_margin) / (2 * late + 1))

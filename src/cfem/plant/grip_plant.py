@@ -84,7 +84,7 @@ class GripPlant(ContactAccount):
 
     @property
     def x(self) -> np.ndarray:
-        """(n, 3) mm nodes of all FE robots, one after the other, and the points of the object."""
+        """Nodes (n, 3) mm of all FE robots, one after the other, and the points of the object."""
         last = self.last
         if last is None:
             nodes = [finger.problem.rest @ finger.turn.T + finger.shift for finger in self.fingers]
@@ -127,7 +127,7 @@ class GripPlant(ContactAccount):
 
     @property
     def load_of_object(self) -> np.ndarray:
-        """(3,) N, all of it."""
+        """Load (3,) N on the object, all of it."""
         return self._held.load[:3]
 
     def _count_grip(self) -> None:
@@ -168,15 +168,15 @@ class GripPlant(ContactAccount):
         return np.linalg.eigvalsh(K / np.outer(size, size))
 
     def _points(self, state: PointsState) -> np.ndarray:
-        """(m, 3) mm of the robots' contact points in a state."""
+        """Contact points (m, 3) mm of the robots in a state."""
         delta = zip(self.fingers, state.solved, strict=False)  # a table comes last
         return np.concatenate(
             [finger.points + solved.delta_c.reshape(-1, 3) @ finger.turn.T for finger, solved in delta]
         )
 
     def effectors(self) -> np.ndarray:
-        """(n_e,) mm, rad and N: the object's place, its rotation vector where it is oriented, and what each grip has
-        left, mu N - margin |T|, where that is asked for."""
+        """Values (n_e,) mm, rad and N of the goal rows: the object's place, its rotation vector where it is oriented,
+        and what each grip has left, mu N - margin |T|, where that is asked for."""
         place = self.last.around.delta_e
         place = np.concatenate([self._held.centre + place[:3], place[3:]])
         if self._margin is None:
@@ -196,7 +196,7 @@ class GripPlant(ContactAccount):
         return list(pairwise(ends))
 
     def on_table(self) -> float:
-        """N by which the table bears the object."""
+        """Force N by which the table bears the object."""
         return float(self.last.posed.force.reshape(-1, 3)[self.parts[-1][1] :, 0].sum())
 
     def pushes(self) -> tuple[np.ndarray, np.ndarray]:
@@ -208,7 +208,7 @@ class GripPlant(ContactAccount):
         return normal, np.array([friction[a:b].sum(axis=0) for a, b in self.parts])
 
     def forces(self) -> np.ndarray:
-        """(r, 3) N by which each robot pushes the object."""
+        """Forces (r, 3) N by which each robot pushes the object."""
         posed = self.last.posed
         force = (posed.force @ posed.rotation).reshape(-1, 3)
         return -np.array([force[a:b].sum(axis=0) for a, b in self.parts])

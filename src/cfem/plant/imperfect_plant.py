@@ -31,8 +31,8 @@ class Imperfection:
 
 
 class ImperfectPlant:
-    """Any plant behind such sensors and actuators; the same for the same seed. Ticks are counted from 1 here, whatever
-    the plant has done before; a measurement carries the tick at which it was taken (0: none has arrived yet).
+    """Any plant behind imperfect sensors and actuators; the same for the same seed. Ticks are counted from 1 here,
+    whatever the plant has done before; a measurement carries the tick at which it was taken (0: none has arrived yet).
 
     disturbed: takes the plant's place from tick `since` on; camera: sees markers and reads the actuators' sensors,
     which are perfect without it; actual: what the robot really did in the last tick."""
@@ -49,42 +49,47 @@ class ImperfectPlant:
         """Puts the faults of sensors and drives before `plant`, or from tick `since` on before `disturbed`; camera:
         shows markers."""
         self._plants, self._since, self._camera = (plant, disturbed), since, camera
-        self._is, self._random = imperfection, np.random.default_rng(seed)
+        self._faults, self._random = imperfection, np.random.default_rng(seed)
         self._t = 0
         self._on_the_way: deque[tuple[int, Measurement]] = deque()
         self._arrived: Measurement | None = None
-        self._did: tuple[Plant, Command, np.ndarray] | None = None
+        self._last_command: tuple[Plant, Command, np.ndarray] | None = None
         self.actual: Measurement | None = None
 
     def step(self, u: np.ndarray, kind: Command = "displacement") -> Measurement:
         """Last sample that has arrived after a command."""
         self._t += 1
         plant = self._plants[1] if self._plants[1] and self._t >= self._since else self._plants[0]
-        done = np.clip(self._rounded(np.asarray(u, float)), self._is.low, self._is.high)
+        command = self._applied(u)
         # A robot at rest that is told the same stays: no plant is asked twice, but for one that moves.
-        still = self._did is not None and not getattr(plant, "moves", False)
-        same = still and self._did[:2] == (plant, kind) and np.array_equal(self._did[2], done)
-        self.actual = replace(self.actual if same else plant.step(done, kind), t=self._t)
-        self._did = (plant, kind, done)
-        if int(self._t * self._is.samples_a_tick + 1e-9) > int((self._t - 1) * self._is.samples_a_tick + 1e-9):
-            self._on_the_way.append((self._t + self._is.delay, self._sample()))
+        last = None if getattr(plant, "moves", False) else self._last_command
+        same = last is not None and last[:2] == (plant, kind) and np.array_equal(last[2], command)
+        self.actual = replace(self.actual if same else plant.step(command, kind), t=self._t)
+        self._last_command = (plant, kind, command)
+        samples, before = (int(tick * self._faults.samples_a_tick + 1e-9) for tick in (self._t, self._t - 1))
+        if samples > before:
+            self._on_the_way.append((self._t + self._faults.delay, self._sample()))
         while self._on_the_way and self._on_the_way[0][0] <= self._t:
             self._arrived = self._on_the_way.popleft()[1]
         return self._arrived or self._nothing()
 
     def settle(self, u: np.ndarray, kind: Command = "displacement") -> Measurement:
         """Lets a plant that moves stand still under u before the first tick."""
-        return self._plants[0].settle(np.clip(self._rounded(np.asarray(u, float)), self._is.low, self._is.high), kind)
+        return self._plants[0].settle(self._applied(u), kind)
 
-    def _rounded(self, u: np.ndarray) -> np.ndarray:
-        return self._is.quantum * np.round(u / self._is.quantum) if self._is.quantum > 0 else u
+    def _applied(self, u: np.ndarray) -> np.ndarray:
+        """Command that the drives carry out: rounded to the quantum, cut off at the bounds."""
+        u, quantum = np.asarray(u, float), self._faults.quantum
+        return np.clip(quantum * np.round(u / quantum) if quantum > 0 else u, self._faults.low, self._faults.high)
 
     def _sample(self) -> Measurement:
+        """Sample of the actual state, as the sensors give it."""
         x_e = self.actual.x_e
-        sample = replace(self.actual, x_e=x_e + self._is.noise * self._random.standard_normal(len(x_e)))
+        sample = replace(self.actual, x_e=x_e + self._faults.noise * self._random.standard_normal(len(x_e)))
         return self._camera.seen(sample) if self._camera else sample
 
     def _nothing(self) -> Measurement:
+        """Measurement before the first sample has arrived."""
         unknown = np.full_like(self.actual.x_e, np.nan)
         absent = None if self.actual.delta_a is None else np.full_like(self.actual.delta_a, np.nan)
         return Measurement(unknown, absent, absent, 0, "nothing measured yet")

@@ -40,9 +40,9 @@ class MarkedPlant:
 
 
 class MarkerNoise:
-    """What a camera makes of markers: noise (mm) on each coordinate; a share `lost` that nobody sees; a share `wrong`
-    that is another point, `astray` mm away, standard deviation of each coordinate. displacement (mm), force (N): noise
-    of the actuators' sensors, None where there are none."""
+    """Errors of a camera that sees markers: noise (mm) on each coordinate; a share `lost` that nobody sees; a share
+    `wrong` that is another point, `astray` mm away, standard deviation of each coordinate. displacement (mm), force
+    (N): noise of the actuators' sensors, None where there are none."""
 
     def __init__(
         self,

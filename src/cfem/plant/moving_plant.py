@@ -14,7 +14,7 @@ from cfem.equilibrium.robot import Robot
 from cfem.equilibrium.solve import solve
 from cfem.fe_motion.problem import MovingProblem
 from cfem.fe_motion.scheme import Scheme
-from cfem.fe_motion.simulate import Kept, MotionRun, StepControl, simulate
+from cfem.fe_motion.simulate import KeptTangent, MotionRun, StepControl, simulate
 from cfem.fe_motion.start import at_rest
 from cfem.motion import step as condensed
 from cfem.plant.protocol import Command, Measurement
@@ -30,18 +30,19 @@ class MovingFemPlant:
     moves = True
 
     def __init__(self, robot: Robot, period: float, substeps: int, pushed: Robot | None = None, since: int = 0):
-        """period: s of a tick; pushed: the robot's place is taken by it from tick `since` on, in the same motion."""
+        """Begins at rest. period: s of a tick; pushed: the robot that takes the robot's place from tick `since` on, in
+        the same motion."""
         self._problems = [MovingProblem(plant_robot) for plant_robot in (robot, pushed) if plant_robot is not None]
         self._period, self._pace = period, StepControl(period / substeps, longest=period, tolerance=None)
         self._since, self._t = since, 0
-        self._kept: Kept | None = None
+        self._kept: KeptTangent | None = None
         self._motion = at_rest(self._problems[0], solve(self._problems[0], displacement(robot.reach[:, 0] * 0)).state)
         self._told = np.zeros(robot.rows.n_a)
         self.steps = self.factorizations = self.refused = 0
 
     @property
     def x(self) -> np.ndarray:
-        """(n, 3) mm where its nodes are now."""
+        """Nodes (n, 3) mm now."""
         return self._motion.x
 
     def settle(self, u: ArrayLike, kind: Command = "displacement") -> Measurement:
@@ -84,7 +85,7 @@ class MovingModelPlant:
     moves = True
 
     def __init__(self, model: Any, period: float, substeps: int, push: np.ndarray | None = None, since: int = 0):
-        """push: (n_e,) N on the effectors from tick `since` on."""
+        """Begins at rest. push: (n_e,) N on the effectors from tick `since` on."""
         self._model, self._dt, self._substeps = model, period / substeps, substeps
         self._push, self._since, self._t = push, since, 0
         self._motion, self._told = condensed.at_rest(model, np.zeros(model.n_a)), np.zeros(model.n_a)

@@ -70,7 +70,7 @@ class TouchPlant(ContactAccount):
 
     @property
     def x(self) -> np.ndarray:
-        """(n, 3) mm nodes of the robot now."""
+        """Nodes (n, 3) mm of the robot now."""
         return self._robot.problem.rest if self.met is None else self.met.solved[0].state.x
 
     def step(self, u: np.ndarray, kind: Command = "displacement") -> Measurement:
@@ -129,7 +129,7 @@ class TouchPlant(ContactAccount):
         return CONVERGED if state.converged else state.status.value
 
     def _distances(self, names: Sequence[str]) -> np.ndarray:
-        """(k,) mm of the whole surface, between the patches too."""
+        """Distances (k,) mm of the whole surface, between the patches too, from these obstacles."""
         return np.array([self._distance(self._obstacles[name]) for name in names])
 
     def _bodies(self) -> dict[str, Obstacle]:
@@ -141,7 +141,7 @@ class TouchPlant(ContactAccount):
         return bodies
 
     def _depth_in_itself(self) -> float:
-        """mm, at the nodes of patches that are near others."""
+        """Depth mm of the surface in itself, at the nodes of patches that are near others."""
         near = self.met.pairs.used
         tried = np.flatnonzero(np.isin(self._robot.patches.of, near[near < len(self._robot.patches)]))
         return depth_in_itself(self._robot.surface(self.x), self._robot.triangles, tried)

@@ -20,7 +20,7 @@ class FrictionlessWall:
     normal: np.ndarray
 
     def gap(self, x_e: np.ndarray) -> float:
-        """mm from the wall to the first effector, negative inside."""
+        """Distance mm from the wall to the first effector, negative inside."""
         return float(self.normal @ (x_e[:3] - self.point))
 
 

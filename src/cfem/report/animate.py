@@ -47,7 +47,8 @@ def run(
     frames: int = 60,
     learned: bool = False,
 ) -> dict[str, Any]:
-    """The manifest. Results: `files`, by trajectory. control: the folder of the run; out: beside it unless given."""
+    """Draws a control run and returns the manifest. Results: `files`, by trajectory. control: the folder of the run;
+    out: beside it unless given."""
     manifest = read_manifest(control)
     if manifest["stage"] != "control":
         what = f"was made by cfem {manifest['stage'] or '?'}"
@@ -80,31 +81,31 @@ def _work(folder: Path, control: Path, manifest: Mapping[str, Any], spec: Animat
     shown |= {history.name: history for history in shapes if spec.learned and history.kind == LEARNED}
     with progress("animation", len(shapes)) as advance:
         for history in shapes:
-            made = files.setdefault(history.name, [])
+            written = files.setdefault(history.name, [])
             if "paraview" in spec.formats:
-                made.append(write_series(folder, f"{history.name}-{history.kind}", history))
+                written.append(write_series(folder, f"{history.name}-{history.kind}", history))
             if shown[history.name] is history:
-                made += _pictures(folder, history, viewer_of(history.name, [history], scene), spec.formats)
+                written += _pictures(folder, history, viewer_of(history.name, [history], scene), spec.formats)
             advance(1)
-    return {"headline": [f"{name}: {', '.join(made)}" for name, made in files.items()], "files": files}
+    return {"headline": [f"{name}: {', '.join(written)}" for name, written in files.items()], "files": files}
 
 
 def _pictures(folder: Path, history: "ShapeHistory", viewer: "Viewer", formats: Sequence[Format]) -> list[str]:
     """Names of the files that show one trajectory."""
     from cfem.report.moving import gif, still
 
-    take, made = viewer.takes[0], {}
+    take, pictures = viewer.takes[0], {}
     if "gif" in formats:
-        made[f"{history.name}.gif"] = gif(viewer, take, _durations(history))
+        pictures[f"{history.name}.gif"] = gif(viewer, take, _durations(history))
     if "still" in formats:
-        made[f"{history.name}.png"] = still(viewer, take, history.rest)
-    for name, data in made.items():
+        pictures[f"{history.name}.png"] = still(viewer, take, history.rest)
+    for name, data in pictures.items():
         write_whole(folder / name, data)
-    return list(made)
+    return list(pictures)
 
 
 def _nothing(control: Path, manifest: Mapping[str, Any]) -> InputError:
-    """Why there is nothing to draw."""
+    """Error that says why there is nothing to draw."""
     if manifest["spec"].get("object") or manifest["spec"].get("design"):
         what = "a learned skin is of the scene's own robot alone, without object or design, and"
     else:
@@ -114,7 +115,7 @@ def _nothing(control: Path, manifest: Mapping[str, Any]) -> InputError:
 
 
 def _durations(history: Any) -> list[int]:
-    """ms of each shape: as long as it took, of goals one after the other the same."""
+    """Durations ms of the shapes: as long as each took; of goals one after the other the same."""
     if not history.in_seconds or len(history.times) < 2:
         return [min(max(A_GOAL, A_ROUND // len(history.times) // 10 * 10), SLOWEST)] * len(history.times)
     steps = np.diff(history.times, append=2 * history.times[-1] - history.times[-2])

@@ -48,7 +48,7 @@ def _take(history: ShapeHistory, cables: Sequence[tuple[str, np.ndarray, int]]) 
 
 
 def _learned(folder: Path, manifest: Mapping[str, Any]) -> list[ShapeHistory]:
-    """None where the run's model is gone, which the page can do without."""
+    """Histories of the learned model in a run; none where its model is gone, which the page can do without."""
     try:
         return list(histories(folder, manifest, kinds=(LEARNED,)))
     except InputError:

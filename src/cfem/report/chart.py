@@ -34,12 +34,12 @@ _DASHES = {"-": "", "--": "5 3", ":": "1.5 2.5", "-.": "6 2 1.5 2"}
 
 @dataclass(frozen=True)
 class Chart:
-    """name: of the files; caption: what to see; panels: SVG in the colours of paper; legend: HTML."""
+    """A picture of panels side by side, in the colours of paper."""
 
-    name: str
-    caption: str
-    panels: tuple[str, ...]
-    legend: str
+    name: str  # of the files
+    caption: str  # what to see
+    panels: tuple[str, ...]  # SVG
+    legend: str  # HTML
 
     def html(self) -> str:
         panels = "".join(_themed(panel, f"{self.name}-{place}") for place, panel in enumerate(self.panels))
@@ -72,7 +72,7 @@ def panel(title: str, x: str, log: str = "", count: bool = False) -> Axes:
 
 
 def chart(name: str, caption: str, axes: Sequence[Axes]) -> Chart:
-    """One legend for all panels."""
+    """Chart of some axes, each a panel, with one legend for all."""
     handles: dict[str, Line2D] = {}
     for axis in axes:
         for handle, label in zip(*axis.get_legend_handles_labels(), strict=True):

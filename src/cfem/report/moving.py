@@ -25,8 +25,8 @@ def gif(viewer: Viewer, take: Take, milliseconds: Sequence[int]) -> bytes:
     """Moving picture (GIF) of the shapes of a take; milliseconds: (f,) that each is shown. The same shapes give the
     same bytes."""
     frames = [Image.fromarray(pixels) for pixels in _drawn(viewer, take)]
-    some = np.hstack([np.asarray(frames[i]) for i in sorted({0, len(frames) // 3, 2 * len(frames) // 3})])
-    palette = _with_ground(Image.fromarray(some).quantize(COLOURS_KEPT, dither=Image.Dither.NONE))
+    samples = np.hstack([np.asarray(frames[i]) for i in sorted({0, len(frames) // 3, 2 * len(frames) // 3})])
+    palette = _with_ground(Image.fromarray(samples).quantize(COLOURS_KEPT, dither=Image.Dither.NONE))
     small = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
     buffer = io.BytesIO()
     how = {"save_all": True, "append_images": small[1:], "duration": list(milliseconds), "loop": 0, "optimize": True}
@@ -60,7 +60,7 @@ def still(viewer: Viewer, take: Take, rest: np.ndarray) -> bytes:
 
 
 def _drawn(viewer: Viewer, take: Take) -> list[np.ndarray]:
-    """(height, width, 3) pixels of each shape."""
+    """Pixels (height, width, 3) of each shape."""
     axis, canvas, axes = _stage(viewer, take)
     return [_frame(axis, canvas, viewer, take, axes, place) for place in range(len(take.x))]
 

@@ -57,11 +57,11 @@ class Card:
 
 @dataclass(frozen=True)
 class Number:
-    """One of the numbers that matter, with its unit; what it is; what to hold beside it, line by line."""
+    """One of the numbers that matter, with its unit."""
 
     value: str
-    name: str
-    notes: tuple[str, ...] = ()
+    name: str  # what it is
+    notes: tuple[str, ...] = ()  # what to hold beside it, line by line
 
     def html(self) -> str:
         notes = "".join(f"<small>{escape(note)}</small>" for note in self.notes)
@@ -95,17 +95,27 @@ def page(
     title: str, summary: Summary, robot: PageElement | None, card: Card | None, sections: Sequence[ReportSection]
 ) -> str:
     """The whole file. robot: its animation. Without it, the first section is unfolded."""
-    style, script = assets()
     links = "".join(
         f'<li><a href="#{section.key(place)}">{escape(section.title)}</a></li>'
         for place, section in enumerate(sections)
     )
     body = "\n".join(section.html(place, robot is None and place == 0) for place, section in enumerate(sections))
+    return document(
+        title,
+        f"<h1>{escape(title)}</h1>\n{summary.html(robot)}\n{card.html() if card else ''}\n"
+        f'<nav aria-label="contents"><ul>{links}</ul></nav>\n{body}\n',
+    )
+
+
+def document(title: str, main: str, style: str = "", data: str = "", script: str = "") -> str:
+    """HTML file with the style and script of `assets`; style, script: further ones; data: JSON for the script."""
+    own_style, own_script = assets()
+    further = f'<script type="application/json" id="data">{data}</script>' if data else ""
     return (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
         f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">'
-        f"<title>{escape(title)}</title><style>{style}</style></head>\n"
-        f"<body><main><h1>{escape(title)}</h1>\n{summary.html(robot)}\n{card.html() if card else ''}\n"
-        f'<nav aria-label="contents"><ul>{links}</ul></nav>\n{body}\n</main><script>{script}</script></body></html>\n'
+        f"<title>{escape(title)}</title><style>{own_style}{style}</style></head>\n"
+        f"<body><main>{main}</main>{further}<script>{own_script}</script>"
+        f"{f'<script>{script}</script>' if script else ''}</body></html>\n"
     )

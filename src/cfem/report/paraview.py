@@ -58,7 +58,7 @@ def _file(kind: str, **how: str) -> ET.Element:
 
 
 def _array(parent: ET.Element, name: str, values: np.ndarray, **how: str) -> None:
-    """One zlib block after a header of its sizes, both in base64."""
+    """Appends an array as one zlib block after a header of its sizes, both in base64."""
     kind = TYPES[values.dtype.str[1:]]
     if values.ndim == 2:
         how["NumberOfComponents"] = str(values.shape[1])

@@ -1,9 +1,9 @@
 """What a page holds, from the artefacts that its spec names."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from cfem.core.artefact.content import artefact_file
 from cfem.core.artefact.provenance import versions
@@ -34,12 +34,19 @@ from cfem.robot.stage import MESH
 Manifests = Mapping[str, tuple[Path, dict[str, Any]]]  # of the inputs, by name
 
 
-def learned(
-    spec: ReportSpec, scene: SceneSpec | None, manifests: Manifests
-) -> tuple[Summary | None, Viewer | None, Card | None, list[ReportSection]]:
+class LearnedParts(NamedTuple):
+    """Parts of a page about learned models of one scene, none where it is not about them."""
+
+    summary: Summary | None = None
+    robot: Viewer | None = None
+    card: Card | None = None
+    sections: Sequence[ReportSection] = ()
+
+
+def learned(spec: ReportSpec, scene: SceneSpec | None, manifests: Manifests) -> LearnedParts:
     """Tracking, models and samples of the page's scene, where it has one and is about them."""
     if scene is None or not spec.control:
-        return None, None, None, []
+        return LearnedParts()
     (samples, sampled), (control, controlled) = manifests["samples"], manifests["control"]
     if "trajectories" not in controlled["results"]:
         raise InputError("is a run over time", where=str(control), do="name it under `loops`, by a name of its own")
@@ -51,18 +58,18 @@ def learned(
     forces = {units[name][1] for name in data.rows.actuators}
     force = forces.pop() if len(forces) == 1 else "N, MPa"
     mesh = read_mesh(artefact_file(manifests["mesh"][0], MESH))
-    done, crawls = controlled["results"], bool(controlled["spec"].get("gait"))
+    control_results, crawls = controlled["results"], bool(controlled["spec"].get("gait"))
     sections = [
-        gait_section(tracking, done, units) if crawls else tracking_section(tracking, units),
+        gait_section(tracking, control_results, units) if crawls else tracking_section(tracking, units),
         models_section("The learned model", results, trusts, spec.published, force=force),
         samples_section(splits, sampled["results"]),
         *_vibrating({name: path for name, (path, _) in models.items() if (path / MOTION).exists()}),
     ]
-    summary = gait_summary(tracking, done) if crawls else tracking_summary(tracking)
+    summary = gait_summary(tracking, control_results) if crawls else tracking_summary(tracking)
     shown = card(scene, mesh, data)
     if spec.page:
         shown = replace(shown, link=link(*manifests["page"]))
-    return summary, animation(control, controlled, tracking, scene), shown, sections
+    return LearnedParts(summary, animation(control, controlled, tracking, scene), shown, sections)
 
 
 def compared(spec: ReportSpec, manifests: Manifests) -> list[ReportSection]:
@@ -99,7 +106,7 @@ def _vibrating(folders: Mapping[str, Path]) -> list[ReportSection]:
 
 
 def over_time(spec: ReportSpec, manifests: Manifests) -> tuple[list[ReportSection], Summary | None]:
-    """One section a run over time, and all of them in a sentence."""
+    """Sections of the runs over time, one each, and a sentence on all of them."""
     sections = [loop_section(name, *manifests[f"loop {name}"]) for name in spec.loops]
     loops = {name: manifests[f"loop {name}"][1]["results"]["loop"] for name in spec.loops}
     return sections, loops_summary(loops) if loops else None

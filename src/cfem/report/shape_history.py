@@ -54,7 +54,7 @@ class ShapeHistory:
 
 
 @dataclass(frozen=True)
-class _Way:
+class _Trajectory:
     """Rows of the first controller of a run on one trajectory.
 
     model: its name, None of FE-based control
@@ -114,7 +114,7 @@ def histories(
     one of the run."""
     states = read_npz(artefact_file(folder, "states.npz")) if FE in kinds and "states.npz" in manifest["files"] else {}
     models: dict[str, Predictor | None] = {}
-    for trajectory_rows in _ways(folder, manifest):
+    for trajectory_rows in _trajectories(folder, manifest):
         if f"{trajectory_rows.name}/x" in states:
             x, objects = states[f"{trajectory_rows.name}/x"].astype(float), int(states.get("object_points", 0))
             yield trajectory_rows.history(
@@ -134,7 +134,7 @@ def histories(
         yield trajectory_rows.history(LEARNED, model.skin.rest, model.facets, x, index)
 
 
-def _ways(folder: Path, manifest: Mapping[str, Any]) -> Iterator[_Way]:
+def _trajectories(folder: Path, manifest: Mapping[str, Any]) -> Iterator[_Trajectory]:
     """Trajectories of a run, each with its first controller's columns."""
     looped = "loop" in manifest["results"]
     table = read_parquet(artefact_file(folder, "loop.parquet" if looped else "trajectories.parquet"))
@@ -144,14 +144,14 @@ def _ways(folder: Path, manifest: Mapping[str, Any]) -> Iterator[_Way]:
     first = next(iter(spec["models"]))
     units = tuple(_each(meta["units"].get(key, ""), columns["delta_a"].shape[1]) for key in ("delta_a", "lambda_a"))
     for trajectory in dict.fromkeys(columns["trajectory"].tolist()):
-        mine = columns["trajectory"] == trajectory
+        shown = columns["trajectory"] == trajectory
         who = next(iter(spec["loop"]["controllers"])) if looped else first
-        mine &= columns["controller"] == who
+        shown &= columns["controller"] == who
         if looped:
-            mine &= columns["seed"] == columns["seed"][mine][0]
+            shown &= columns["seed"] == columns["seed"][shown][0]
         model = (spec["loop"]["controllers"][who]["model"] or first) if looped else first
-        rows = {name: values[mine] for name, values in columns.items()}
-        yield _Way(trajectory, None if model == FE_BASED else model, rows, meta["rows"], units)
+        rows = {name: values[shown] for name, values in columns.items()}
+        yield _Trajectory(trajectory, None if model == FE_BASED else model, rows, meta["rows"], units)
 
 
 def _each(unit: str | list[str], count: int) -> list[str]:

@@ -19,7 +19,7 @@ FOLDERS = {"surrogates": ("models", "samples", "beyond"), "meshes": ("mesh", "mo
 
 
 def artefacts(spec: ReportSpec, base: Path) -> dict[str, Path]:
-    """Every folder that the page reads, by its name among the inputs."""
+    """Folders that the page reads, by their name among the inputs."""
     paths: dict[str, Path | None] = {}
     if spec.control:
         paths = {"mesh": spec.mesh, "samples": spec.samples}
@@ -64,7 +64,7 @@ def _work(folder: Path, spec: ReportSpec, base: Path) -> dict[str, Any]:
     with progress("drawing the report", 4) as advance:
         summary, robot, card, sections = learned(spec, scene, manifests)
         advance(1)
-        sections += compared(spec, manifests)
+        sections = [*sections, *compared(spec, manifests)]
         advance(1)
         loops, over = over_time(spec, manifests)
         sections += loops
@@ -99,7 +99,7 @@ def _work(folder: Path, spec: ReportSpec, base: Path) -> dict[str, Any]:
 
 
 def _demand_one_robot(scene: SceneSpec, scene_path: Path, spec: ReportSpec, manifests: Mapping[str, Any]) -> None:
-    """InputError where what the page is about is not all of the scene's robot."""
+    """Raises InputError where what the page is about is not all of the scene's robot."""
     from cfem.predict.load import read_meta
     from cfem.report.sections.used_models import demand_used
     from cfem.robot.same_robot import demand_mesh_of, demand_robot, recorded_robot

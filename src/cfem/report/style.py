@@ -96,7 +96,7 @@ def plain_powers(axis) -> None:
 
 
 def tick(value: float, plain: bool | None = None) -> str:
-    """0.05, or 10⁻⁵; plain: the former, where it is not left to the value."""
+    """Text of a number, as 0.05 or 10⁻⁵. plain: the former where both would do."""
     plain = abs(value) >= 1e-3 if plain is None else plain
     if plain or value == 0:
         return f"{value:g}".replace("-", "−")
@@ -104,7 +104,7 @@ def tick(value: float, plain: bool | None = None) -> str:
 
 
 def power_of_ten(value: float, digits: int) -> str:
-    """2.50·10⁻⁷"""
+    """Text of a number as 2.50·10⁻⁷."""
     mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
     return f"{mantissa}·10{str(int(exponent)).translate(str.maketrans('-0123456789', '⁻⁰¹²³⁴⁵⁶⁷⁸⁹'))}"
 

@@ -17,7 +17,7 @@ _ARROW = 0.2  # of the body's length: a push
 
 
 def suggestion(robot: NewScene, shape: Shape) -> str:
-    """HTML, one file."""
+    """Page that shows what a new robot's actuators would do, HTML in one file."""
     text = "Nothing is written yet. Each answer to a question may change this."
     title = f"{robot.name}: what is suggested"
     return page(title, Summary(text), None, Card(viewer(robot, shape), facts(robot)), [])
@@ -75,7 +75,7 @@ def _held(mesh: Mesh, parts: tuple[Hold, ...]) -> np.ndarray:
 
 
 def _wire(chamber: Chamber) -> np.ndarray:
-    """(k, 3) mm: one line along all edges of the chamber's wall. Each edge is walked there and back, depth first."""
+    """Line (k, 3) mm along all edges of the chamber's wall. Each edge is walked there and back, depth first."""
     X, corners = np.unique(chamber.corners.reshape(-1, 3), axis=0, return_inverse=True)
     neighbours: list[set[int]] = [set() for _ in X]
     for triangle in corners.reshape(-1, 3).tolist():
@@ -100,7 +100,7 @@ def _wire(chamber: Chamber) -> np.ndarray:
 
 
 def _arrow(place: np.ndarray, direction: np.ndarray, length: float) -> np.ndarray:
-    """(5, 3) mm: a force that pushes at `place`, with its head there."""
+    """Line (5, 3) mm of an arrow for a force that pushes at `place`, with its head there."""
     along = direction / np.linalg.norm(direction)
     across = np.cross(along, np.eye(3)[np.abs(along).argmin()])
     size = _ARROW * length

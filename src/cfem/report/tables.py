@@ -11,11 +11,11 @@ from cfem.report.style import power_of_ten
 
 @dataclass(frozen=True)
 class ReportTable:
-    """head and rows of text cells, the first column left-aligned; words: all of them, in lines that break."""
+    """A table of text, the first column left-aligned."""
 
     head: tuple[str, ...]
     rows: list[tuple[str, ...]]
-    words: bool = False
+    words: bool = False  # whether all cells are words, in lines that break
 
     def html(self) -> str:
         """Table in a box that scrolls where the screen is narrow."""
@@ -27,7 +27,8 @@ class ReportTable:
 
 
 def tabulate(rows: Iterable[Any], columns: Mapping[str, Callable[[Any], str]]) -> ReportTable:
-    """One row a value of `rows`; columns: head -> text of its cell. A column without a text in any row is left out."""
+    """Table with one row for each value of `rows`. columns: head -> text of its cell. A column without a text in any
+    row is left out."""
     cells = [[text(row) for text in columns.values()] for row in rows]
     kept = [i for i in range(len(columns)) if i == 0 or any(row[i] not in ("", "–") for row in cells)]
     heads = list(columns)

@@ -36,11 +36,11 @@ _LAMP = np.array([-0.3496, 0.5494, 0.7591])
 
 @dataclass(frozen=True)
 class Polyline:
-    """name; colour: a CSS variable; frames: (f, p, 3), f of the take's shapes, or 1."""
+    """A line drawn with the shapes of a take."""
 
     name: str
-    colour: str
-    frames: np.ndarray
+    colour: str  # a CSS variable
+    frames: np.ndarray  # (f, p, 3), f of the take's shapes, or 1
 
 
 @dataclass(frozen=True)
@@ -142,7 +142,8 @@ class Viewer:
 
     @cached_property
     def still(self) -> bytes:
-        """PNG: the shape that is farthest from the first one, or the only one, with its goals, lines and marks."""
+        """Picture (PNG) of the shape that is farthest from the first one, or the only one, with its goals, lines and
+        marks."""
         take, axes = self.takes[0], camera_axes(*self.camera)
         far = int(np.abs(take.x - take.x[0]).max(axis=(1, 2)).argmax())
         figure = Figure(figsize=(6, 4.5), layout="none")
@@ -164,7 +165,7 @@ class Viewer:
 
 
 def camera_axes(azimuth: float, elevation: float) -> np.ndarray:
-    """(3, 3) rows right, up, towards the viewer."""
+    """Axes (3, 3) of a camera: rows right, up, towards the viewer."""
     a, e = np.radians([azimuth, elevation])
     towards = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
     right = np.array([-np.sin(a), np.cos(a), 0.0])
@@ -172,9 +173,9 @@ def camera_axes(azimuth: float, elevation: float) -> np.ndarray:
 
 
 def visible(points: np.ndarray, axes: np.ndarray, extents: int) -> float:
-    """0 to 1: how little of the largest extents of points (m, 3) is foreshortened by the camera."""
+    """Share, 0 to 1, of the largest extents of points (m, 3) that the camera sees without foreshortening."""
     centred = points - points.mean(axis=0)
-    full, flat = (np.linalg.svd(each, compute_uv=False)[:extents] for each in (centred, centred @ axes[:2].T))
+    full, flat = (np.linalg.svd(cloud, compute_uv=False)[:extents] for cloud in (centred, centred @ axes[:2].T))
     least = 1e-3 * full[0] + 1e-12  # of a straight path nothing across it can be lost
     return float(np.prod((flat + least) / (full + least)))
 
@@ -191,8 +192,8 @@ def painted(x: np.ndarray, triangles: np.ndarray, colours: np.ndarray, axes: np.
 
 
 def flat_triangles(facets: np.ndarray) -> np.ndarray:
-    """(k, 3) of facets with three corners, or four, or three and mid-edge nodes: these become four triangles each where
-    few enough."""
+    """Triangles (k, 3) of facets with three corners, or four, or three and mid-edge nodes: these become four triangles
+    each where few enough."""
     if facets.shape[1] == 4:
         return facets[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
     if facets.shape[1] == 6 and 4 * len(facets) <= FINE:
@@ -201,8 +202,8 @@ def flat_triangles(facets: np.ndarray) -> np.ndarray:
 
 
 def carried_along(points: np.ndarray, X: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """(f, p, 3): points (p, 3) of the body at rest X (n, 3) in the shapes x (f, n, 3), each moved by the mean of
-    the nodes nearest to it. For pictures only."""
+    """Points (f, p, 3) of the body in the shapes x (f, n, 3), given those (p, 3) at rest X (n, 3): each moves by the
+    mean of the nodes nearest to it. For pictures only."""
     from scipy.spatial import cKDTree
 
     near = cKDTree(X).query(points, k=min(6, len(X)))[1].reshape(len(points), -1)
@@ -210,7 +211,7 @@ def carried_along(points: np.ndarray, X: np.ndarray, x: np.ndarray) -> np.ndarra
 
 
 def _take(take: Take, frames: np.ndarray) -> dict[str, Any]:
-    """Data of a take."""
+    """Data of a take as JSON holds it."""
 
     def rounded(points: np.ndarray) -> list:
         return np.round(points, 4).tolist()

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from cfem.condensed import Rows
+from cfem.condensed.viscosity import Viscosity
 from cfem.constraint.attachment import Attachment, attach
 from cfem.constraint.cable import Cable, make_cable
 from cfem.constraint.cavity import Cavity, enclosed, is_skin, make_cavity
@@ -28,9 +29,9 @@ from cfem.mechanics.material.law import Material
 from cfem.mechanics.mesh import Mesh
 from cfem.mechanics.rod.region import CrossSection, Rod
 from cfem.mechanics.rod.sections import Sections
-from cfem.mechanics.viscosity import Viscosity
 from cfem.robot import constraints, spec
 from cfem.robot.catalogue import stiff_flop, taper
+from cfem.robot.catalogue.sections import sections_of
 from cfem.robot.checks.possible import demand_possible
 from cfem.robot.materials import MaterialSpec
 from cfem.robot.places import cable_points, effector_points, pull_point
@@ -41,8 +42,8 @@ from cfem.robot.shape.on_mesh import on_mesh
 
 
 def build_robot(scene: spec.SceneSpec, mesh: Mesh) -> Robot:
-    """Raises SpecError, with the key that is wrong and its file and line, where a point lies outside the body, a
-    chamber is not closed, a selection is empty or an actuator's reach cannot be."""
+    """Robot of a scene on its mesh. SpecError, with the key that is wrong and its file and line, where a point lies
+    outside the body, a chamber is not closed, a selection is empty or an actuator's reach cannot be."""
     with scene.locating():
         if scene.shape is None:
             return _robot(scene, mesh)
@@ -53,10 +54,10 @@ def build_robot(scene: spec.SceneSpec, mesh: Mesh) -> Robot:
 
 def with_actuator(scene: spec.SceneSpec, mesh: Mesh, robot: Robot, index: int) -> Robot:
     """The robot, of this mesh, with one actuator rebuilt from the scene. Body and loads are the same objects."""
-    sections = stiff_flop.sections_of(mesh) if scene.mesh.element in SECTIONED else []
+    sections = sections_of(mesh) if scene.mesh.element in SECTIONED else []
     with scene.locating("actuators", index):
-        made = _actuator(scene, mesh, robot.body, scene.actuators[index], sections)
-    return replace(robot, actuators=(*robot.actuators[:index], made, *robot.actuators[index + 1 :]))
+        rebuilt = _actuator(scene, mesh, robot.body, scene.actuators[index], sections)
+    return replace(robot, actuators=(*robot.actuators[:index], rebuilt, *robot.actuators[index + 1 :]))
 
 
 def _robot(scene: spec.SceneSpec, mesh: Mesh) -> Robot:
@@ -64,7 +65,7 @@ def _robot(scene: spec.SceneSpec, mesh: Mesh) -> Robot:
     regions = [
         select_cells(mesh, item.region, f"materials.{index}.region") for index, item in enumerate(scene.materials)
     ]
-    sections = stiff_flop.sections_of(mesh) if scene.mesh.element in SECTIONED else []
+    sections = sections_of(mesh) if scene.mesh.element in SECTIONED else []
     body = _body(scene, mesh, regions, sections)
     fixed = [select_nodes(mesh, part, f"fixed.{index}") for index, part in enumerate(scene.fixed)]
     fixed = np.unique(np.concatenate(fixed))
@@ -94,17 +95,17 @@ def _robot(scene: spec.SceneSpec, mesh: Mesh) -> Robot:
 
 
 def _each(scene: spec.SceneSpec, key: str, make: Callable[[Any], Any]) -> tuple:
-    """Returns `make(item)` of every item under `key`. A SpecError states file and line of the item."""
-    made = []
+    """Results of `make(item)` for every item under `key`. A SpecError states file and line of the item."""
+    results = []
     for index, item in enumerate(getattr(scene, key)):
         with scene.locating(key, index):
-            made.append(make(item))
-    return tuple(made)
+            results.append(make(item))
+    return tuple(results)
 
 
 def materials_of(scene: spec.SceneSpec) -> list[Material]:
     """Materials of the scene: the body's, then one of each region."""
-    return [as_material(item) for item in (scene.material, *(other.material for other in scene.materials))]
+    return [as_material(material) for material in scene.all_materials.values()]
 
 
 def as_material(material: MaterialSpec) -> Material:
@@ -114,20 +115,22 @@ def as_material(material: MaterialSpec) -> Material:
 
 def _body(scene: spec.SceneSpec, mesh: Mesh, regions: list[np.ndarray], sections: list[np.ndarray]) -> Body:
     """Body of solid elements, of rigid sections joined by elements, or of a rod, as `mesh.element` says."""
-    name, (main, *others) = scene.mesh.element, materials_of(scene)
+    element, (main, *others) = scene.mesh.element, materials_of(scene)
     parts = list(zip(regions, others, strict=True))
-    if name not in SECTIONED:
-        return make_body(mesh, ELEMENTS[name], main, parts)
-    row = Sections(mesh.X, np.stack(sections))
-    if name == "beam":
-        return make_rod_body(mesh, SECTIONED[name], row, _section_shape(scene, row), main, parts)
-    return replace(make_body(mesh, SECTIONED[name], main, parts), sections=row)
+    if element not in SECTIONED:
+        return make_body(mesh, ELEMENTS[element], main, parts)
+    rigid_sections = Sections(mesh.X, np.stack(sections))
+    if element == "beam":
+        shape = _section_shape(scene, rigid_sections)
+        return make_rod_body(mesh, SECTIONED[element], rigid_sections, shape, main, parts)
+    return replace(make_body(mesh, SECTIONED[element], main, parts), sections=rigid_sections)
 
 
-def _section_shape(scene: spec.SceneSpec, row: Sections) -> CrossSection:
+def _section_shape(scene: spec.SceneSpec, sections: Sections) -> CrossSection:
+    """Cross sections of a rod, from its geometry."""
     if isinstance(scene.geometry, spec.StiffFlop):
         return stiff_flop.section_shape(scene.geometry)
-    return taper.section_shape(scene.geometry, row.centres[:, 0], scene.material.poisson)
+    return taper.section_shape(scene.geometry, sections.centres[:, 0], scene.material.poisson)
 
 
 def _rigid(scene: spec.SceneSpec, mesh: Mesh, sections: list[np.ndarray], fixed: np.ndarray) -> tuple[np.ndarray, ...]:
@@ -139,19 +142,22 @@ def _rigid(scene: spec.SceneSpec, mesh: Mesh, sections: list[np.ndarray], fixed:
 
 
 def _free_sections(sections: list[np.ndarray], fixed: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Sections that move. SpecError where one is held in part."""
-    held = [np.isin(nodes, fixed) for nodes in sections]
-    for number, each in enumerate(held):
-        if each.any() and not each.all():
-            what = f"holds {each.sum()} of the {len(each)} nodes of section {number}, which is rigid"
+    """Nodes of the sections that are not held. SpecError where one is held in part."""
+    free = []
+    for number, nodes in enumerate(sections):
+        held = np.isin(nodes, fixed)
+        if held.any() and not held.all():
+            what = f"holds {held.sum()} of the {len(held)} nodes of section {number}, which is rigid"
             raise SpecError(what, where="fixed", do="hold the whole section or none of it")
-    return tuple(nodes for nodes, each in zip(sections, held, strict=True) if not each.any())
+        if not held.any():
+            free.append(nodes)
+    return tuple(free)
 
 
 def _forces(scene: spec.SceneSpec) -> np.ndarray | None:
-    """(n_a, 2) smallest and largest pressure, where all actuators state theirs."""
-    stated = [getattr(item, "pressure", None) for item in scene.actuators]
-    return None if not stated or any(each is None for each in stated) else np.array(stated)
+    """Smallest and largest pressures (n_a, 2) MPa, None unless all actuators state theirs."""
+    ranges = [getattr(item, "pressure", None) for item in scene.actuators]
+    return None if not ranges or any(pair is None for pair in ranges) else np.array(ranges)
 
 
 def _attach(
@@ -252,7 +258,7 @@ def _contact(mesh: Mesh, item: constraints.Contact, sections: list[np.ndarray]) 
 def _loads(
     scene: spec.SceneSpec, body: Body, regions: list[np.ndarray], sections: list[np.ndarray]
 ) -> np.ndarray | None:
-    """(n, 3) N, None where the scene has neither weight nor loads."""
+    """Forces (n, 3) N of weight and loads on the nodes, None where the scene has neither."""
     if scene.gravity is None and not scene.loads:
         return None
     forces, mesh = np.zeros_like(body.mesh.X), body.mesh
@@ -267,8 +273,8 @@ def _loads(
 
 
 def _density(scene: spec.SceneSpec, mesh: Mesh, regions: list[np.ndarray]) -> np.ndarray | None:
-    """(m,) t/mm^3 of the cells, None where a material does not state its own."""
-    if any(item.density is None for item in (scene.material, *(each.material for each in scene.materials))):
+    """Densities (m,) t/mm^3 of the cells, None where a material does not state its own."""
+    if any(material.density is None for material in scene.all_materials.values()):
         return None
     density = np.full(len(mesh.cells), scene.material.density)
     for cells, item in zip(regions, scene.materials, strict=True):
@@ -278,14 +284,14 @@ def _density(scene: spec.SceneSpec, mesh: Mesh, regions: list[np.ndarray]) -> np
 
 def _viscosity(scene: spec.SceneSpec) -> tuple[Viscosity, ...]:
     """Viscosity of each material, the body's first; empty where none is viscous."""
-    stated = [item.viscosity for item in (scene.material, *(each.material for each in scene.materials))]
-    made = tuple(
+    specs = [material.viscosity for material in scene.all_materials.values()]
+    viscosities = tuple(
         Viscosity()
-        if each is None
-        else Viscosity(each.relaxation, tuple((term.share, term.time) for term in each.prony))
-        for each in stated
+        if spec is None
+        else Viscosity(spec.relaxation, tuple((term.share, term.time) for term in spec.prony))
+        for spec in specs
     )
-    return () if all(each.none for each in made) else made
+    return () if all(viscosity.none for viscosity in viscosities) else viscosities
 
 
 def _cells(mesh: Mesh, body: str | None) -> np.ndarray | None:

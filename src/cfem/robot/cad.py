@@ -8,7 +8,7 @@ Point = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Box:
-    """Between two opposite corners."""
+    """A box between two opposite corners."""
 
     low: Point
     high: Point

@@ -1,6 +1,6 @@
 """What drives, touches, loads and watches the robot, as the user writes it."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field, PositiveInt
 
@@ -10,13 +10,13 @@ from cfem.core.units import ForceVector, Length, LengthRange, Point, Points, Str
 from cfem.robot.selection import Direction
 
 
-def _either(one: str, other: str) -> ConfigDict:
-    """Says to editors that exactly one of two keys is due."""
-    return ConfigDict(json_schema_extra={"oneOf": [{"required": [one]}, {"required": [other]}]})
+def _either(*keys: str) -> ConfigDict:
+    """Tells editors that exactly one of these keys is due."""
+    return ConfigDict(json_schema_extra={"oneOf": [{"required": [key]} for key in keys]})
 
 
 class Route(Spec):
-    """A way along a body of the catalogue, whose points follow its lengths. Give x and y in a soft finger, a side of a
+    """A path along a body of the catalogue, whose points follow its lengths. Give x and y in a soft finger, a side of a
     bar, a trunk or a diamond."""
 
     x: Length | None = None
@@ -51,7 +51,7 @@ class Cable(Spec):
     points: Points | None = None
     """Points of the body that the cable runs through, from the pull point on."""
     route: Route | None = None
-    """Way along a body of the catalogue. Its points move with the design."""
+    """Path along a body of the catalogue. Its points move with the design."""
     pull_point: Point | None = None
     """Fixed point outside the body from which the cable is pulled."""
     radius: Length = Field(default=2.0, ge=0)
@@ -71,8 +71,7 @@ class Cable(Spec):
 
     def check(self) -> None:
         _demand_one(f"cable '{self.name}'", points=self.points, route=self.route)
-        _demand_order(f"cable '{self.name}'", self.reach)
-        _demand_way(f"cable '{self.name}'", self.unilateral, self.reach, "pulls")
+        _demand_ranges(f"cable '{self.name}'", "pulls", self.unilateral, reach=self.reach)
 
 
 class Push(Spec):
@@ -96,8 +95,7 @@ class Push(Spec):
     """Part, or named group of cells, that all points belong to."""
 
     def check(self) -> None:
-        _demand_order(f"push '{self.name}'", self.reach)
-        _demand_way(f"push '{self.name}'", self.unilateral, self.reach, "pushes")
+        _demand_ranges(f"push '{self.name}'", "pushes", self.unilateral, reach=self.reach)
 
 
 class Cavity(Spec):
@@ -121,10 +119,7 @@ class Cavity(Spec):
 
     def check(self) -> None:
         _demand_one(f"cavity '{self.name}'", inside=self.inside, surface=self.surface)
-        _demand_order(f"cavity '{self.name}'", self.reach)
-        _demand_order(f"cavity '{self.name}'", self.pressure, "pressure")
-        _demand_way(f"cavity '{self.name}'", self.unilateral, self.reach, "pushes")
-        _demand_way(f"cavity '{self.name}'", self.unilateral, self.pressure, "pushes", "pressure")
+        _demand_ranges(f"cavity '{self.name}'", "pushes", self.unilateral, reach=self.reach, pressure=self.pressure)
 
 
 class Chambers(Spec):
@@ -148,10 +143,7 @@ class Chambers(Spec):
     def check(self) -> None:
         if len(set(self.chambers)) < len(self.chambers):
             raise ValueError(f"chambers '{self.name}': a chamber is named twice, of {self.chambers}")
-        _demand_order(f"chambers '{self.name}'", self.reach)
-        _demand_order(f"chambers '{self.name}'", self.pressure, "pressure")
-        _demand_way(f"chambers '{self.name}'", self.unilateral, self.reach, "push")
-        _demand_way(f"chambers '{self.name}'", self.unilateral, self.pressure, "push", "pressure")
+        _demand_ranges(f"chambers '{self.name}'", "push", self.unilateral, reach=self.reach, pressure=self.pressure)
 
 
 Actuator = Annotated[Cable | Push | Cavity | Chambers, Field(discriminator="kind")]
@@ -216,17 +208,18 @@ class Load(Spec):
     """Part, or named group of cells, that the point belongs to."""
 
 
-def _demand_way(what: str, unilateral: bool, ends, does: str, name: str = "reach") -> None:
-    """Raises ValueError where an actuator that only pulls or inflates has no positive end of its range."""
-    if unilateral and ends is not None and not ends[1] > 0:
-        raise ValueError(
-            f"{what}: it only {does} (unilateral), so its {name} must end above 0; got {ends[0]:g} to {ends[1]:g}"
-        )
-
-
-def _demand_order(what: str, ends, name: str = "reach") -> None:
-    if ends is not None and not ends[0] < ends[1]:
-        raise ValueError(f"{what}: {name} must be two numbers, the smaller first")
+def _demand_ranges(what: str, does: str, unilateral: bool, **ranges: Any) -> None:
+    """Raises ValueError where a range does not ascend, or where that of an actuator that only pulls or inflates has no
+    positive end."""
+    for name, ends in ranges.items():
+        if ends is None:
+            continue
+        low, high = ends
+        if not low < high:
+            raise ValueError(f"{what}: {name} must be two numbers, the smaller first")
+        if unilateral and not high > 0:
+            only = f"it only {does} (unilateral), so its {name} must end above 0"
+            raise ValueError(f"{what}: {only}; got {low:g} to {high:g}")
 
 
 def _demand_one(what: str, **choices: object) -> None:

@@ -25,26 +25,25 @@ POISSON = 0.499
 
 @dataclass(frozen=True)
 class Elastomer:
-    """constants: as a scene writes them, without Poisson's ratio and density; density: likewise; stretch: up to
-    which the constants hold in tension, None where the source does not say; fitted: by us, else published; others:
-    (stretch, nominal stress in kPa, who says so), what else is said of it."""
+    """A rubber by name: constants of a law, their range and their source."""
 
     title: str
-    constants: Mapping[str, Any]
-    density: str
+    constants: Mapping[str, Any]  # as a scene writes them, without Poisson's ratio and density
+    density: str  # as a scene writes it
     density_source: str
-    stretch: float | None
-    fitted: bool
+    stretch: float | None  # up to which the constants hold in tension, None where the source does not say
+    fitted: bool  # True: by us, False: published
     source: str
     caution: str
-    others: tuple[tuple[float, float, str], ...] = ()
+    others: tuple[tuple[float, float, str], ...] = ()  # (stretch, nominal stress in kPa, who says so)
 
 
 def _fitted(title: str, density: str, modulus: float, **constants: Any) -> Elastomer:
-    """modulus: kPa, the maker's nominal stress at a strain of 100 %."""
+    """Elastomer with constants fitted to Marechal's tests. modulus: kPa, the maker's nominal stress at a strain of 100
+    %."""
     others = ((2.0, modulus, f"{_SMOOTH_ON} (100 % modulus)"),)
-    made = MappingProxyType(constants)
-    return Elastomer(title, made, density, _SMOOTH_ON, 3.0, True, _MARECHAL, _CROSSHEAD, others)
+    frozen = MappingProxyType(constants)
+    return Elastomer(title, frozen, density, _SMOOTH_ON, 3.0, True, _MARECHAL, _CROSSHEAD, others)
 
 
 _PSI = 6.894757  # kPa

@@ -248,10 +248,13 @@ class Assembly(Spec):
 Geometry = Annotated[Single | Assembly, Field(discriminator="kind")]
 
 
-def files(geometry: Geometry) -> dict[str, Path]:
-    """The files that a geometry is read from, each by the name of what it is an input of."""
+def singles(geometry: Geometry) -> dict[str, Single]:
+    """Geometry of each body, by the name of what it is: that of a part, or 'geometry' for the only one."""
     if isinstance(geometry, Assembly):
-        geometries = {f"part {part.name}": part.geometry for part in geometry.parts}
-    else:
-        geometries = {"geometry": geometry}
-    return {name: single.path for name, single in geometries.items() if isinstance(single, MeshFile | StepFile)}
+        return {f"part {part.name}": part.geometry for part in geometry.parts}
+    return {"geometry": geometry}
+
+
+def files(geometry: Geometry) -> dict[str, Path]:
+    """Files that a geometry is read from, by the names of `singles`."""
+    return {name: single.path for name, single in singles(geometry).items() if isinstance(single, MeshFile | StepFile)}

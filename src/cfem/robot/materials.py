@@ -63,7 +63,7 @@ class Elastic(_Material):
 
     @property
     def shape(self) -> None:
-        """Such a law has no numbers but these."""
+        """None: the law has no constants beside Young's modulus and Poisson's ratio."""
         return None
 
 
@@ -75,7 +75,7 @@ class _Rubber(_Material):
 
     @property
     def young(self) -> float:
-        """MPa: of the constants times `stiffness`."""
+        """Young's modulus MPa of the constants times `stiffness`."""
         return 2 * self.stiffness * self.shear * (1 + self.poisson)
 
 
@@ -95,12 +95,12 @@ class MooneyRivlin(_Rubber):
 
     @property
     def shear(self) -> float:
-        """MPa, of the constants alone."""
+        """Shear modulus MPa of the constants alone."""
         return 2 * (self.c10 + self.c01)
 
     @property
     def shape(self) -> tuple[float, ...]:
-        """Share of c01."""
+        """Share of c01 in c10 + c01."""
         return (self.c01 / (self.c10 + self.c01),)
 
 
@@ -119,12 +119,12 @@ class Yeoh(_Rubber):
 
     @property
     def shear(self) -> float:
-        """MPa, of the constants alone."""
+        """Shear modulus MPa of the constants alone."""
         return 2 * self.c1
 
     @property
     def shape(self) -> tuple[float, ...]:
-        """(c2/c1, c3/c1)."""
+        """Ratios (c2/c1, c3/c1) of the constants."""
         return self.c2 / self.c1, self.c3 / self.c1
 
 
@@ -148,12 +148,12 @@ class Ogden(_Rubber):
 
     @property
     def shear(self) -> float:
-        """MPa, of the constants alone."""
+        """Shear modulus MPa of the constants alone."""
         return float(self.mu @ np.asarray(self.alpha)) / 2
 
     @property
     def shape(self) -> tuple[float, ...]:
-        """(w_1, alpha_1, w_2, alpha_2, ...): w_i the share of term i in the shear modulus."""
+        """Weights and exponents (w_1, alpha_1, w_2, alpha_2, ...): w_i the share of term i in the shear modulus."""
         share = self.mu * np.asarray(self.alpha) / (2 * self.shear)
         return tuple(float(number) for pair in zip(share, self.alpha, strict=True) for number in pair)
 

@@ -8,20 +8,21 @@ from cfem.robot.catalogue import routes, taper
 
 
 def cable_points(scene: spec.SceneSpec, item: constraints.Cable) -> np.ndarray:
-    """(k, 3) mm of the points that the cable runs through."""
+    """Points (k, 3) mm that the cable runs through."""
     points = item.points if item.route is None else routes.points(scene.geometry, item.route)
     return points if item.shift is None else taper.shifted(points, item.shift.y, item.shift.z, item.shift.outward)
 
 
 def pull_point(scene: spec.SceneSpec, item: constraints.Cable) -> np.ndarray | None:
-    """(3,) mm from which the cable is pulled, None where it is held in the body."""
+    """Point (3,) mm from which the cable is pulled, None where it is held in the body."""
     if item.pull_point is not None or item.route is None:
         return item.pull_point
     return routes.pull_point(scene.geometry, item.route)
 
 
 def effector_points(scene: spec.SceneSpec, item: constraints.Effector) -> np.ndarray:
-    """(3,) or (k, 3) mm that are watched. SpecError of a centre of mass, which has no place of its own."""
+    """Point (3,) or points (k, 3) mm that an effector watches. SpecError for a centre of mass, which has no place of
+    its own."""
     if item.at == "centre-of-mass":
         raise SpecError(f"effector '{item.name}': the centre of mass of varied geometries is not known")
     if item.at:

@@ -10,9 +10,9 @@ from cfem.robot.selection import Selection, select_nodes
 
 
 def rigid_groups(mesh: Mesh, selections: Sequence[Selection], fixed: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Node indices of each rigid body. SpecError where one has no three nodes off a line, shares nodes with another, or
-    is held by `fixed` nodes."""
-    groups = tuple(select_nodes(mesh, each, f"rigid.{index}") for index, each in enumerate(selections))
+    """Node indices of each rigid body. SpecError where a group has no three nodes off a line, shares nodes with
+    another, or is held by `fixed` nodes."""
+    groups = tuple(select_nodes(mesh, selection, f"rigid.{index}") for index, selection in enumerate(selections))
     for index, nodes in enumerate(groups):
         across = np.linalg.svd(mesh.X[nodes] - mesh.X[nodes].mean(axis=0), compute_uv=False)
         if len(nodes) < 3 or across[1] < 1e-6 * mesh.size:
@@ -27,10 +27,10 @@ def rigid_groups(mesh: Mesh, selections: Sequence[Selection], fixed: np.ndarray)
                 where=f"rigid.{index}",
                 do="either list the whole of it under fixed, or select it apart from what is fixed",
             )
-        for other in range(index):
-            if (shared := np.intersect1d(nodes, groups[other])).size:
+        for before in range(index):
+            if (shared := np.intersect1d(nodes, groups[before])).size:
                 raise SpecError(
-                    f"shares {shared.size} nodes with rigid.{other}",
+                    f"shares {shared.size} nodes with rigid.{before}",
                     where=f"rigid.{index}",
                     do="make one group of the two, or select them apart",
                 )

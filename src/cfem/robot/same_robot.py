@@ -33,14 +33,15 @@ def recorded_robot(manifest: dict[str, Any]) -> dict[str, Any] | None:
 
 
 def demand_robot(scene: SceneSpec, recorded: Any, where: Path, do: str) -> None:
-    """InputError where an artefact was made of a robot that differs from the scene's; None is of an unknown robot."""
+    """Raises InputError where an artefact was made of a robot that differs from the scene's; None is of an unknown
+    robot."""
     if recorded is not None:
         _demand_none(list(differences(recorded, robot_of(scene))), scene, where, do)
 
 
 def demand_mesh_of(scene: SceneSpec, scene_path: Path, folder: Path) -> None:
-    """InputError where a mesh is not one of this scene: of the same element, and of the same robot where it was made
-    from the same file; of the same shape where it was made from another file. It may be finer or coarser."""
+    """Raises InputError where a mesh is not one of this scene: of the same element, and of the same robot where it was
+    made from the same file; of the same shape where it was made from another file. It may be finer or coarser."""
     manifest = read_manifest(folder)
     recorded, source = manifest["origin"], manifest["source"]
     if recorded is None:

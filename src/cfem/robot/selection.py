@@ -117,7 +117,7 @@ def _named_nodes(mesh: Mesh, name: str, where: str) -> np.ndarray:
 
 
 def _inside(points: np.ndarray, shape: Shape, slack: float) -> np.ndarray:
-    """(k,) whether each point (k, 3) lies in the shape, or within `slack` mm of it."""
+    """Mask (k,) of the points (k, 3) that lie in the shape, or within `slack` mm of it."""
     if isinstance(shape, Box):
         return ((shape.low - slack <= points) & (shape.high + slack >= points)).all(axis=1)
     if isinstance(shape, Sphere):

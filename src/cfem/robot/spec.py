@@ -79,39 +79,64 @@ class SceneSpec(Spec):
     effectors: list[Effector] = Field(min_length=1)
     """What is watched and controlled."""
 
+    @property
+    def all_materials(self) -> dict[str, MaterialSpec]:
+        """Materials by their key: the body's, then that of each region."""
+        regions = {f"materials.{index}.material": item.material for index, item in enumerate(self.materials)}
+        return {"material": self.material, **regions}
+
     def check(self) -> None:
         """Raises ValueError, led by the key, where parts of the scene do not go together."""
+        self._check_names()
+        self._check_routes()
+        self._check_materials()
+        self._check_meshing()
+        self._check_sections()
+
+    def _check_names(self) -> None:
+        """Names of actuators differ, and those of effectors and contacts, which both have rows name.x, name.y,
+        name.z."""
         watched = [(key, i, item) for key in ("effectors", "contacts") for i, item in enumerate(getattr(self, key))]
         driven = [("actuators", index, item) for index, item in enumerate(self.actuators)]
-        for items in (driven, watched):  # effectors and contacts both have rows name.x, name.y, name.z
+        for items in (driven, watched):
             first: dict[str, str] = {}
             for key, index, item in items:
                 place = f"{key}.{index}.name"
                 if item.name in first:
                     raise ValueError(f"{place}: names must differ, and {first[item.name]} is '{item.name}' too")
                 first[item.name] = place
-        asked = [f"actuators.{i}.route" for i, item in enumerate(self.actuators) if getattr(item, "route", None)]
-        asked += [f"effectors.{i}.at" for i, item in enumerate(self.effectors) if item.at == "tip"]
-        if asked and not routes.has_tip(self.geometry):
-            raise ValueError(f"{asked[0]}: needs a geometry of kind soft-finger, bar, diamond or trunk")
+
+    def _check_routes(self) -> None:
+        """Routes and tips are known of the geometry."""
+        needs_tip = [f"actuators.{i}.route" for i, item in enumerate(self.actuators) if getattr(item, "route", None)]
+        needs_tip += [f"effectors.{i}.at" for i, item in enumerate(self.effectors) if item.at == "tip"]
+        if needs_tip and not routes.has_tip(self.geometry):
+            raise ValueError(f"{needs_tip[0]}: needs a geometry of kind soft-finger, bar, diamond or trunk")
         for index, item in enumerate(self.actuators):
             wrong = routes.fault(self.geometry, item.route) if getattr(item, "route", None) else ""
             if wrong:
                 raise ValueError(f"actuators.{index}.route: {wrong}")
-        materials = {"material": self.material} | {
-            f"materials.{index}.material": item.material for index, item in enumerate(self.materials)
-        }
-        lacking = [name for name, material in materials.items() if material.density is None]
+
+    def _check_materials(self) -> None:
+        """Each material has its density under gravity."""
+        lacking = [key for key, material in self.all_materials.items() if material.density is None]
         if self.gravity is not None and lacking:
             raise ValueError(f"{lacking[0]}: gravity needs the density of each material, such as '1070 kg/m^3'")
-        if self.mesh.cells is not None and (
-            self.mesh.element in ("hex8", *SECTIONED)
-            or (isinstance(self.geometry, MeshFile) and not self.geometry.meshed_here)
-        ):
+
+    def _check_meshing(self) -> None:
+        """Keys of `mesh` that are of tetrahedra made here, of one body, stand with nothing else."""
+        geometry, mesh = self.geometry, self.mesh
+        cells_of_file = isinstance(geometry, MeshFile) and not geometry.meshed_here
+        if mesh.cells is not None and (mesh.element in ("hex8", *SECTIONED) or cells_of_file):
             raise ValueError("mesh.cells: grades tetrahedra that are made here, not hexahedra or a mesh file")
-        made = not isinstance(self.geometry, Assembly | MeshFile | StiffFlop) and self.mesh.element != "hex8"
-        if self.mesh.mirror and not made:
+        if mesh.mirror and (isinstance(geometry, Assembly | MeshFile | StiffFlop) or mesh.element == "hex8"):
             raise ValueError("mesh.mirror: is for tetrahedra of one body that is meshed here")
+        if isinstance(geometry, Assembly) and mesh.refine:
+            raise ValueError("mesh.refine: has no place in an assembly, give each part its own `refine`")
+
+    def _check_sections(self) -> None:
+        """Robots of rigid sections have elements for them, and nothing that would deform these or hold them
+        together."""
         sections, element = isinstance(self.geometry, StiffFlop), self.mesh.element
         rod = isinstance(self.geometry, Taper) and element == "beam"
         if (sections and element not in ("hex8", *SECTIONED)) or (element in SECTIONED and not (sections or rod)):
@@ -123,14 +148,12 @@ class SceneSpec(Spec):
             if isinstance(item, Chambers) and (not sections or item.module > self.geometry.modules):
                 what = f"chambers '{item.name}': the geometry has no module {item.module} with chambers"
                 raise ValueError(f"actuators.{index}.module: {what}")
-        if self.shape is not None and (self.mesh.element in SECTIONED or isinstance(self.geometry, StiffFlop)):
+        if self.shape is not None and (element in SECTIONED or sections):
             raise ValueError("shape: the robot is of sections that do not deform, leave `shape` out")
-        if isinstance(self.geometry, Assembly) and self.mesh.refine:
-            raise ValueError("mesh.refine: has no place in an assembly, give each part its own `refine`")
 
 
 def demand_driven(scene: SceneSpec) -> None:
-    """SpecError where nothing drives the robot."""
+    """Raises SpecError where nothing drives the robot."""
     if not scene.actuators:
         with scene.locating():
             do = "add cables or chambers: comments in a scene of `cfem init` show how"

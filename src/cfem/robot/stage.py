@@ -8,23 +8,20 @@ from typing import Any
 from cfem.core.artefact.judgement import poor
 from cfem.core.errors import InputError
 from cfem.core.stage import Command
-from cfem.robot.geometry import Assembly, MeshFile, StepFile, files
+from cfem.robot.geometry import Assembly, MeshFile, StepFile, files, singles
 from cfem.robot.spec import SceneSpec
 
 MESH = "mesh.vtu"
 
 
 def _reads(scene: SceneSpec, folder: Path) -> dict[str, Path]:
-    """The files of the geometry, which have to be there."""
-    if isinstance(scene.geometry, Assembly):
-        keys = [("geometry", "parts", index, "geometry", "path") for index in range(len(scene.geometry.parts))]
-        geometries = [part.geometry for part in scene.geometry.parts]
-    else:
-        keys, geometries = [("geometry", "path")], [scene.geometry]
-    for key, geometry in zip(keys, geometries, strict=True):
+    """The files of the geometry. InputError where one is missing."""
+    parts = isinstance(scene.geometry, Assembly)
+    for index, geometry in enumerate(singles(scene.geometry).values()):
         if isinstance(geometry, MeshFile | StepFile) and not (folder / geometry.path).is_file():
+            where = scene.place("geometry", *(["parts", index, "geometry"] if parts else []), "path")
             what = f"no such file: {folder / geometry.path}"
-            raise InputError(what, where=scene.place(*key), do="paths are relative to the scene's folder")
+            raise InputError(what, where=where, do="paths are relative to the scene's folder")
     return {name: folder / path for name, path in files(scene.geometry).items()}
 
 
@@ -47,20 +44,15 @@ def _work(target: Path, scene: SceneSpec, folder: Path) -> Mapping[str, Any]:
     demand_independent(robot)
     demand_inside(scene, mesh.base)
     write_mesh(target / MESH, replace(mesh, node_sets={**mesh.node_sets, "fixed": robot.fixed}))
-    judgement = [poor(each) for each in [*doubts(scene, robot), *figures.doubts(reads_cells(scene))]]
-    wanted = scene.mesh.cells
+    judgement = [poor(doubt) for doubt in [*doubts(scene, robot), *figures.doubts(reads_cells(scene))]]
     mends = [f"{path}: {phrase}" for path, phrase in mends_of(scene.geometry, folder)]
-    asked = "" if wanted is None else f"; sizes were graded for {wanted} cells"
-    return {"headline": [figures.sentence() + asked, *mends], "judgement": judgement, **asdict(figures)}
+    graded = "" if scene.mesh.cells is None else f"; sizes were graded for {scene.mesh.cells} cells"
+    return {"headline": [figures.sentence() + graded, *mends], "judgement": judgement, **asdict(figures)}
 
 
 def reads_cells(scene: SceneSpec) -> bool:
     """True if a part of the body keeps the cells of its mesh file."""
-    parts = [scene.geometry]
-    if isinstance(scene.geometry, Assembly):
-        parts = [part.geometry for part in scene.geometry.parts]
-    files = [part for part in parts if isinstance(part, MeshFile)]
-    return any(not part.meshed_here for part in files)
+    return any(isinstance(single, MeshFile) and not single.meshed_here for single in singles(scene.geometry).values())
 
 
 COMMAND = Command("mesh", 1, SceneSpec, _work, reads=_reads)

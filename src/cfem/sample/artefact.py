@@ -95,7 +95,7 @@ def results(tables: dict[str, pa.Table], skin: Skin | None = None) -> dict[str, 
 
 
 def dearest(table: pa.Table) -> list[str]:
-    """Which state took the most factorisations and why, where that is many times the mean."""
+    """Sentence on the state that took the most factorisations and why, where that is many times the mean."""
     counts = column_array(table, "factorizations")
     index = int(np.argmax(counts))
     if counts[index] < DEAR * counts.mean():
@@ -121,8 +121,8 @@ def skin_results(solved: pa.Table, skin: Skin) -> dict[str, Any]:
     """Results on the modes of the skin, and on how far they leave the surface of the converged rows from its place."""
     largest, rms = (column_array(solved, name) for name in ("skin_max", "skin_rms"))
     meta = metadata(solved)
-    asked = meta["plan"].get("skin") or {}
-    tolerance = None if asked.get("modes") else asked.get("tolerance") or TOLERANCE * meta["length"]
+    skin_spec = meta["plan"].get("skin") or {}
+    tolerance = None if skin_spec.get("modes") else skin_spec.get("tolerance") or TOLERANCE * meta["length"]
     return {
         "modes": len(skin.modes),
         "nodes": len(skin.nodes),

@@ -46,7 +46,7 @@ class RobotFamily:
             self._unshaped = build_robot(scene.model_copy(update={"shape": None}), mesh.base)
 
     def at(self, p: np.ndarray) -> Robot:
-        """p: (n_p,) values."""
+        """Robot with parameters p (n_p,)."""
         if not self.parameters:
             return self.robot
         scene = with_values(self._scene, self._keys, p)
@@ -62,9 +62,9 @@ class RobotFamily:
     def around(
         self, p: np.ndarray, index: int, step: float, robot_at_p: Robot | None = None
     ) -> tuple[Robot, Robot, float]:
-        """Robots on either side of p in the coordinate of parameter `index`, `step` of its range away, and by how much
-        that coordinate differs between them. at: the robot of p itself, of which they then keep what the parameter
-        leaves alone."""
+        """Robots on either side of p in the coordinate of parameter `index`, `step` of its range away, and the
+        difference of that coordinate between them. robot_at_p: of which they then keep what the parameter leaves
+        alone."""
         low, high = range_coordinates(self.parameters)
         middle = coordinates(self.parameters, p)
         shift = step * (high - low) * (np.arange(len(p)) == index)

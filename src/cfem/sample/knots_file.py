@@ -13,7 +13,7 @@ from cfem.equilibrium.predictor import Knot
 
 
 def demand_states(knots: Sequence[Knot]) -> None:
-    """NumericalError where none of the skeleton's states converged."""
+    """Raises NumericalError where none of the skeleton's states converged."""
     if not knots:
         do = "check the scene; the usual cause is a reach that is too large"
         raise NumericalError("none of the first states converged", do=do)

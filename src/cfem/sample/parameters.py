@@ -19,11 +19,11 @@ _FREE = ("geometry", "shape", "material", "materials", "gravity", "loads", "actu
 Key = tuple[str | int, ...]
 
 
-def scene_parameters(asked: Mapping[str, ParameterSpec], path: Path) -> tuple[Parameter, ...]:
+def scene_parameters(specs: Mapping[str, ParameterSpec], path: Path) -> tuple[Parameter, ...]:
     """Parameters as the scene at `path` has them. Raises SpecError, naming the parameter, where its key is none of a
     number that leaves the mesh alone, or its range none of values that the scene accepts there."""
     scene = load_spec(path, SceneSpec)
-    return tuple(_parameter(name, spec, scene, path) for name, spec in asked.items())
+    return tuple(_parameter(name, spec, scene, path) for name, spec in specs.items())
 
 
 def _parameter(name: str, spec: ParameterSpec, scene: SceneSpec, path: Path) -> Parameter:

@@ -32,7 +32,7 @@ SKELETON = "skeleton.parquet"
 
 @dataclass(frozen=True)
 class SamplePart:
-    """index: from 1 to count."""
+    """A part of a sample that is solved elsewhere. index: from 1 to count."""
 
     index: int
     count: int
@@ -120,9 +120,9 @@ def _check_parts(parts: Sequence[Path], made_from: str) -> list[dict[str, Any]]:
         seen[part["index"]] = folder
     missing = sorted(set(range(1, count + 1)) - set(seen))
     if missing:
-        some = ", ".join(f"{index}/{count}" for index in missing[:5])
+        named = ", ".join(f"{index}/{count}" for index in missing[:5])
         do = f"run sample --shard {missing[0]}/{count}"
-        raise InputError(f"{len(missing)} of {count} parts missing: {some}", where="merge", do=do)
+        raise InputError(f"{len(missing)} of {count} parts missing: {named}", where="merge", do=do)
     return manifests
 
 

@@ -20,7 +20,7 @@ _SAFE = 0.7
 
 
 def unit_rows(split: SplitSpec, columns: int) -> np.ndarray:
-    """(rows, columns) in [0, 1]; columns: one an actuator, then one a parameter."""
+    """Rows (rows, columns) in [0, 1]; columns: one an actuator, then one a parameter."""
     if split.method == "random":
         return np.array([_random_row(split.seed, i, columns) for i in range(split.rows)])
     if split.method == "grid":
@@ -46,7 +46,7 @@ def _grid(rows: int, columns: int) -> np.ndarray:
 
 
 def with_idle(u: np.ndarray, n_a: int, idle: float) -> np.ndarray:
-    """(m, n) rows whose first n_a columns, of the actuators, are 0 in this share of them and spread over [0, 1] in the
+    """Rows (m, n) whose first n_a columns, of the actuators, are 0 in this share of them and spread over [0, 1] in the
     others."""
     u = u.copy()
     u[:, :n_a] = np.maximum(u[:, :n_a] - idle, 0.0) / (1.0 - idle)

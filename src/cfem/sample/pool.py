@@ -26,8 +26,8 @@ T = TypeVar("T")
 
 
 def with_workers(workers: Workers, work: Callable[[Executor], T]) -> T:
-    """work(executor). Local processes of which one is lost are replaced, and `work` called again, which goes on from
-    what is finished; Dask does so by itself. Raises WorkersLost where they are lost time and again."""
+    """Result of work(executor). Local processes of which one is lost are replaced, and `work` called again, which goes
+    on from what is finished; Dask does so by itself. Raises WorkersLost where they are lost time and again."""
     if workers.scheduler:
         from cfem.sample.cluster import cluster
 

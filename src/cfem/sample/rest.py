@@ -18,7 +18,8 @@ def moves_effectors(parameters: Sequence[Parameter]) -> bool:
 
 
 class Rest:
-    """rest_e (n_e,) mm of the scene's own robot; parameters: those that p (m, n_p) has values of.
+    """Positions rest_e (n_e,) mm of the effectors of the scene's own robot; parameters: those that p (m, n_p) has
+    values of.
 
     Every effector is a point of the scene, fixed or where the geometry has it; orientations rest at 0."""
 

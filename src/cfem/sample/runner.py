@@ -40,7 +40,7 @@ from cfem.sample.workers import WorkersLost
 
 @dataclass(frozen=True, kw_only=True)
 class Job(Piece):
-    """All rows, who solves them, and where they are kept.
+    """All rows to be solved, who solves them, and where they are kept.
 
     robot: a pickled SolverFactory; folder: of the shards; skeleton: folder of the states that all rows start from;
     asked: how the skin is to be found, None where there is none; skin: its file, empty where it is not known yet;
@@ -70,7 +70,7 @@ class Job(Piece):
         return self.folder / f"shard-{number:05d}.parquet"
 
     def piece(self, indices: np.ndarray) -> Piece:
-        """These rows of u."""
+        """Piece of the rows of u with these indices."""
         return Piece(
             space=self.space,
             u=self.u[indices],
@@ -91,9 +91,9 @@ def sample(
     timeout: float | None = None,
     known: Path | None = None,
 ) -> dict[str, pa.Table]:
-    """One table a split, rows in the order of their plan. `folder` keeps what is finished; a later call with the same
-    arguments goes on from there. known: folder of a dataset of the first rows of this plan, which are kept as they are,
-    and with the modes of its skin. Raises NumericalError where no state of the skeleton converges, WorkersLost."""
+    """Tables of all splits, rows in the order of their plan. `folder` keeps what is finished; a later call with the
+    same arguments goes on from there. known: folder of a dataset of the first rows of this plan, which are kept as they
+    are, and with the modes of its skin. Raises NumericalError where no state of the skeleton converges, WorkersLost."""
     job = make_job(spec, factory, folder, executor, made_from, timeout)
     kept = {} if known is None else {split: read_table(known / f"{split}.parquet") for split in spec.splits}
     has = [number < len(kept.get(split, ())) for split, number in zip(job.split, job.id, strict=True)]
@@ -126,6 +126,26 @@ def make_job(
     plans = {
         name: with_idle(unit_rows(split, columns), facts.rows.n_a, spec.idle) for name, split in spec.splits.items()
     }
+    meta = _meta(spec, facts, made_from, together)
+    return Job(
+        robot=robot,
+        executor=executor,
+        timeout=timeout,
+        space=spec.space,
+        u=np.concatenate(list(plans.values())),
+        split=tuple(name for name, rows in plans.items() for _ in rows),
+        id=tuple(index for rows in plans.values() for index in range(len(rows))),
+        schema=schema(facts.rows, meta, facts.parameters, spec.third_order, facts.row_units, spec.loads),
+        skeleton=folder,
+        folder=folder,
+        contact=contact_plan(spec, facts),
+        together=together,
+        asked=None if facts.surface is None or spec.space == "rest" else spec.skin,
+    )
+
+
+def _meta(spec: SampleSpec, facts: Facts, made_from: str, together: float) -> dict[str, Any]:
+    """Metadata of the dataset, as plain data."""
     meta = {
         "scene": facts.scene,
         "robot": facts.robot,
@@ -145,25 +165,11 @@ def make_job(
         meta["masses"] = dict(facts.masses)
     if facts.patch:
         meta["patch"] = {"points": facts.patch.points.tolist(), "origin": facts.patch.origin.tolist()}
-    return Job(
-        robot=robot,
-        executor=executor,
-        timeout=timeout,
-        space=spec.space,
-        u=np.concatenate(list(plans.values())),
-        split=tuple(name for name, rows in plans.items() for _ in rows),
-        id=tuple(index for rows in plans.values() for index in range(len(rows))),
-        schema=schema(facts.rows, meta, facts.parameters, spec.third_order, facts.row_units, spec.loads),
-        skeleton=folder,
-        folder=folder,
-        contact=contact_plan(spec, facts),
-        together=together,
-        asked=None if facts.surface is None or spec.space == "rest" else spec.skin,
-    )
+    return meta
 
 
 def _demand_space(spec: SampleSpec, facts: Facts) -> None:
-    """SpecError where the scene lacks what the space to draw from needs."""
+    """Raises SpecError where the scene lacks what the space to draw from needs."""
     if spec.space == "force" and facts.forces is None:
         what = f"space: force needs the smallest and largest multiplier of every actuator of scene '{facts.scene}'"
         raise SpecError(what, do="give each its `pressure`, or draw from another space")
@@ -208,8 +214,8 @@ def solve_rows(job: Job, rows: np.ndarray, size: int, share: slice = slice(None)
     same rows, are kept. Each row depends on job.u, the indices, the size and the skeleton, on nothing else. share:
     which of the shards, all by default."""
     pieces = tour.shards(job.u, rows, size)
-    mine = range(len(pieces))[share]
-    waiting = [number for number in mine if not _holds(job, number, pieces[number])]
+    numbers_of_share = range(len(pieces))[share]
+    waiting = [number for number in numbers_of_share if not _holds(job, number, pieces[number])]
     if waiting:
         states = job.skeleton_states.read_bytes()
         calls = {
@@ -217,13 +223,13 @@ def solve_rows(job: Job, rows: np.ndarray, size: int, share: slice = slice(None)
             for number in waiting
         }
         counter = _counter(job)
-        total, unsolved = (sum(len(pieces[number]) for number in numbers) for numbers in (mine, waiting))
+        total, unsolved = (sum(len(pieces[number]) for number in numbers) for numbers in (numbers_of_share, waiting))
         with progress("solving states", total, done=total - unsolved, **_shown(counter)) as advance:
             for name, table in _results(job.executor, job.timeout, calls):
                 write_whole(job.folder / name, table)
                 if counter is None:
                     advance(len(calls[name][-1].u))
-    return [job.shard_rows(number) for number in mine]
+    return [job.shard_rows(number) for number in numbers_of_share]
 
 
 def _results(
@@ -244,8 +250,8 @@ def _results(
             yield futures.pop(future), result
     except (Empty, BrokenExecutor) as lost:
         how = f"no worker has finished anything for {timeout:g} s" if isinstance(lost, Empty) else "a worker died"
-        some, more = list(futures.values())[:3], len(futures) - 3
-        raise WorkersLost(f"{how}; unfinished: {', '.join(some)}{f' and {more} more' * (more > 0)}") from None
+        named, more = list(futures.values())[:3], len(futures) - 3
+        raise WorkersLost(f"{how}; unfinished: {', '.join(named)}{f' and {more} more' * (more > 0)}") from None
     finally:
         for future in futures:
             future.cancel()

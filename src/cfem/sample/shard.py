@@ -55,7 +55,8 @@ def _solver(robot: bytes) -> Solver:
 
 
 def facts(robot: bytes) -> Facts:
-    """robot: a pickled SolverFactory, as in all functions that workers call: they need no file of the one that asks."""
+    """Facts of a robot. robot: a pickled SolverFactory, as in all functions that workers call: they need no file of the
+    one that asks."""
     return _solver(robot).facts
 
 
@@ -64,7 +65,7 @@ def together(robot: bytes) -> float:
     solver = _solver(robot).roughly()
     parameters, high = sampled(solver.facts.parameters), solver.facts.reach[:, 1]
     middle = from_shares(parameters, np.full(len(parameters), 0.5))
-    return borne_together(lambda asked: solver.solve(asked, None, middle), high, solver.facts.compliance)
+    return borne_together(lambda command: solver.solve(command, None, middle), high, solver.facts.compliance)
 
 
 @lru_cache(maxsize=1)
@@ -128,7 +129,7 @@ def solve_alone(robot: bytes, skin: bytes, piece: Piece) -> bytes:
 
 
 def rows_bytes(records: list[Record], schema: pa.Schema) -> bytes:
-    """A Parquet file."""
+    """Bytes of a Parquet file of records."""
     return table_bytes(pa.Table.from_pylist(records, schema=schema))
 
 
@@ -237,7 +238,7 @@ def _record(facts: Facts, skin: Skin | None, piece: Piece, index: int, row_solve
 
 
 def _state(piece: Piece, index: int, solved: Equilibrium, held: tuple[Patch, np.ndarray] | None) -> Record:
-    """held: the patch and its pose, where one holds the contact points."""
+    """Record of a solved state. held: the patch and its pose, where one holds the contact points."""
     row: dict[str, Any] = {
         "id": piece.id[index],
         "split": piece.split[index],
@@ -278,14 +279,15 @@ def _state(piece: Piece, index: int, solved: Equilibrium, held: tuple[Patch, np.
 
 def _motion(inertia: Inertia, rows: Rows) -> Record:
     """Columns of the mass and viscosity of all rows but the contacts'."""
-    n, all_rows = rows.c.start, rows.n
-    record, both = {"V": pack_upper(inertia.V[:n, :n])}, np.r_[0:n, all_rows : all_rows + n]
+    n = rows.c.start
+    record = {"V": pack_upper(inertia.V[:n, :n])}
     if (inner := inertia.inner) is not None:
         record |= {"inner_K": pack_upper(inner.K), "inner_M": pack_upper(inner.M), "inner_e": inner.e.ravel()}
         name, loss = "inner_loss", inner.loss
     else:
         record |= {name: pack_upper(getattr(inertia, name)[:n, :n]) for name in ("V2", "V3")}
-        name, loss = "loss", inertia.loss[:, both[:, None], both]
+        on_motions = np.r_[0:n, rows.n : rows.n + n]  # (Z, Y) of these rows
+        name, loss = "loss", inertia.loss[:, on_motions[:, None], on_motions]
     if len(loss):
         record[name] = pack_upper(loss).ravel()
     if inertia.dV is not None:

@@ -25,9 +25,12 @@ NOTHING = 1e-9  # of the strongest mode: the share of one that is rounding
 
 @dataclass(frozen=True)
 class SkinSample:
-    """What one state shows of the surface. displacements (m, 3) mm; by_force (m, 3, n_a) mm/N; forces (n_a,) N; yields
-    (m, 3, p) mm/N to forces on patches, None where they were not pushed. m nodes: those of the surface,
-    then those inside if they are asked for."""
+    """Motion of the surface in one state, of m nodes: those of the surface, then those inside if they are asked for.
+
+    displacements: (m, 3) mm
+    by_force: (m, 3, n_a) mm/N
+    forces: (n_a,) N
+    yields: (m, 3, p) mm/N to forces on patches, None where they were not pushed"""
 
     displacements: np.ndarray
     by_force: np.ndarray
@@ -36,7 +39,7 @@ class SkinSample:
 
 
 def probed(count: int) -> np.ndarray:
-    """Which of `count` states of a walk have their patches pushed."""
+    """Numbers of the states, of `count` of a walk, that have their patches pushed."""
     return np.unique(np.linspace(0, count - 1, min(PROBED, count)).round().astype(int))
 
 
@@ -54,10 +57,10 @@ def patches(surface: Surface) -> Skin:
 
 @dataclass(frozen=True)
 class Inside:
-    """nodes (p,): numbers of the nodes that are not of the surface; rest (p, 3) mm."""
+    """Nodes inside a body."""
 
-    nodes: np.ndarray
-    rest: np.ndarray
+    nodes: np.ndarray  # (p,) numbers of the nodes that are not of the surface
+    rest: np.ndarray  # (p, 3) mm
 
 
 def shown_nodes(surface: Surface, inside: Inside | None) -> tuple[np.ndarray, np.ndarray]:
@@ -80,8 +83,8 @@ def find_skin(
     front = _front(snapshots, state, gram, root, len(seen), most)
     count = most
     if spec.modes is None:
-        enough = np.flatnonzero(front[1:, 1] <= (spec.tolerance or TOLERANCE * length))
-        count = int(enough[0]) + 1 if len(enough) else most
+        fine_enough = np.flatnonzero(front[1:, 1] <= (spec.tolerance or TOLERANCE * length))
+        count = int(fine_enough[0]) + 1 if len(fine_enough) else most
     modes, mixes = _principal(snapshots, gram, np.arange(len(state)), count)
     modes = (modes / np.repeat(root, 3)[:, None]).T.reshape(-1, m, 3)
     skin = Skin(surface.nodes, surface.rest, surface.triangles, root**2, modes, front)
@@ -112,14 +115,14 @@ def _columns(seen: list[SkinSample], root: np.ndarray) -> tuple[np.ndarray, np.n
 
 
 def _principal(snapshots: np.ndarray, gram: np.ndarray, chosen: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray]:
-    """(3 m, k <= most) orthonormal modes of the chosen columns, the strongest first, each with its largest entry
-    positive; (chosen, k) the mixture of the columns that each is."""
+    """Orthonormal modes (3 m, k <= most) of the chosen columns, the strongest first, each with its largest entry
+    positive; and the mixture (chosen, k) of the columns that each is."""
     sizes, mixes = np.linalg.eigh(gram[np.ix_(chosen, chosen)])
     sizes, mixes = sizes[::-1][:most], mixes[:, ::-1][:, :most]
     mixes = mixes[:, sizes > NOTHING**2 * max(sizes[0], np.finfo(float).tiny)]
     modes, upper = np.linalg.qr(snapshots[:, chosen] @ mixes)
-    some = np.abs(np.diag(upper)) > 0
-    modes, mixes = modes[:, some], mixes[:, some] @ np.linalg.inv(upper[np.ix_(some, some)])
+    independent = np.abs(np.diag(upper)) > 0
+    modes, mixes = modes[:, independent], mixes[:, independent] @ np.linalg.inv(upper[np.ix_(independent, independent)])
     largest = np.abs(modes).argmax(axis=0)
     sign = np.sign(modes[largest, np.arange(modes.shape[1])])
     return modes * sign, mixes * sign

@@ -10,13 +10,13 @@ from cfem.condensed import Rows
 from cfem.condensed.parameters import Parameter
 from cfem.condensed.pose import Patch
 from cfem.condensed.skin import Skin
+from cfem.condensed.viscosity import Viscosity
 from cfem.constraint.skin_rows import SkinRows
 from cfem.constraint.surface import Surface, outer_surface
 from cfem.core.errors import NumericalError, SpecError
 from cfem.equilibrium.actuation import Actuation
 from cfem.equilibrium.solution import Equilibrium, State
 from cfem.mechanics.mesh import Mesh
-from cfem.mechanics.viscosity import Viscosity
 from cfem.robot.same_robot import robot_of
 from cfem.robot.spec import SceneSpec
 from cfem.sample import tally
@@ -29,7 +29,7 @@ ROUGH = 1e-5  # relative residual of states that only show the modes of the surf
 
 @dataclass(frozen=True)
 class Facts:
-    """What samples need to know of a scene.
+    """Facts of a scene that samples need.
 
     scene: name
     rows: its pose's coordinates are the contacts, if any
@@ -139,27 +139,27 @@ class FiniteElements:
         surface = outer_surface(robot.X, robot.body.mesh.facets)
         within = np.setdiff1d(np.arange(len(robot.X)), surface.nodes)
         facts = Facts(
-            robot.name,
-            replace(robot.rows, contacts=patch.names if patch else ()),
-            robot.reach,
-            robot.rest_e,
-            robot.length,
-            compliance,
-            self.parameters,
-            units,
-            patch,
-            robot.forces,
-            problem.kinematics.row is not None,
-            robot_of(self.scene),
-            surface,
-            tuple(material for material in robot.viscosity if not material.none) if self.dynamics else None,
-            0 if stresses is None else stresses.shape[2],
-            robot.masses,
-            Inside(within, robot.X[within]) if len(within) else None,
-            robot.unilateral if self.slack else np.zeros(0, dtype=bool),
+            scene=robot.name,
+            rows=replace(robot.rows, contacts=patch.names if patch else ()),
+            reach=robot.reach,
+            rest_e=robot.rest_e,
+            length=robot.length,
+            compliance=compliance,
+            parameters=self.parameters,
+            row_units=units,
+            patch=patch,
+            forces=robot.forces,
+            in_a_row=problem.kinematics.row is not None,
+            robot=robot_of(self.scene),
+            surface=surface,
+            viscosity=tuple(law for law in robot.viscosity if not law.none) if self.dynamics else None,
+            inner=0 if stresses is None else stresses.shape[2],
+            masses=robot.masses,
+            inside=Inside(within, robot.X[within]) if len(within) else None,
+            unilateral=robot.unilateral if self.slack else np.zeros(0, dtype=bool),
         )
-        asked = self.third_order, self.loads, self.slack
-        return _FiniteElementSolver(facts, family, problem, settings, *asked, mass, stresses)
+        options = self.third_order, self.loads, self.slack
+        return _FiniteElementSolver(facts, family, problem, settings, *options, mass, stresses)
 
 
 @dataclass(frozen=True)

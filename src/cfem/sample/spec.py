@@ -46,7 +46,7 @@ class ParameterSpec(Spec):
 
     @property
     def ends(self) -> tuple[str, str]:
-        """Each as the scene would have it."""
+        """Ends of the range, each as the scene would have it."""
         if isinstance(self.range, dict):
             ((unit, numbers),) = self.range.items()
             return tuple(f"{number} {unit}" for number in numbers)

@@ -45,8 +45,8 @@ def run(
     spec = load_spec(spec_path, SampleSpec, overrides)
     scene, mesh = spec_path.parent / spec.scene, spec_path.parent / spec.mesh
     parameters = scene_parameters(spec.parameters, scene)
-    made = stage(spec_path, overrides, out)
-    made_from, crew = made.made_from(), Workers(workers, scheduler, timeout)
+    sampling = stage(spec_path, overrides, out)
+    made_from, crew = sampling.made_from(), Workers(workers, scheduler, timeout)
 
     def factory() -> Any:
         from cfem.robot.load import load_scene_and_mesh
@@ -60,21 +60,21 @@ def run(
     def work(folder: Path) -> dict[str, Any]:
         from cfem.sample import artefact
 
-        known = None if options.force else _first_rows(made)
+        known = None if options.force else _first_rows(sampling)
         work_on = fill or artefact.fill
         outcome = work_on(folder, placed(spec, spec_path.parent), factory(), made_from, crew, known)
         return {**outcome, KEY: [poor(COARSE), *outcome.get(KEY, [])]} if quick else outcome
 
     if shard is None:
-        return run_stage(made, work, options)
+        return run_stage(sampling, work, options)
     if spec.until or spec.around:
         what = "--shard does not go with until or around: which states come next depends on all before"
         raise SpecError(what, where=str(spec_path), do="leave one of them out")
     from cfem.sample.part import fill_part, parse_part
 
     part = parse_part(shard)
-    mine = replace(made, out=out or part.folder(made.out), extra={**made.extra, "part": vars(part)})
-    return run_stage(mine, lambda folder: fill_part(folder, spec, factory(), made_from, part, crew), options)
+    part_stage = replace(sampling, out=out or part.folder(sampling.out), extra={**sampling.extra, "part": vars(part)})
+    return run_stage(part_stage, lambda folder: fill_part(folder, spec, factory(), made_from, part, crew), options)
 
 
 def merge(
@@ -82,14 +82,14 @@ def merge(
 ) -> dict[str, Any]:
     """The manifest of the dataset of which `parts` (those beside it by default) are all parts, content hash and all as
     if one machine had solved it."""
-    made = stage(spec_path, overrides, out)
+    sampling = stage(spec_path, overrides, out)
 
     def work(folder: Path) -> dict[str, Any]:
         from cfem.sample.part import dataset_parts, fill_merged
 
-        return fill_merged(folder, made.spec, list(parts) or dataset_parts(made.out), made.made_from())
+        return fill_merged(folder, sampling.spec, list(parts) or dataset_parts(sampling.out), sampling.made_from())
 
-    return run_stage(made, work, options)
+    return run_stage(sampling, work, options)
 
 
 def placed(spec: SampleSpec, base: Path) -> SampleSpec:
@@ -105,7 +105,7 @@ def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = Non
     spec = load_spec(spec_path, SampleSpec, overrides)
     scene, around = spec_path.parent / spec.scene, placed(spec, spec_path.parent).around
     beside = spec_path.parent / (f"{spec.out}-around" if around and spec.around.base is None else spec.out)
-    made = Stage(
+    sampling = Stage(
         agrees=lambda: demand_driven(load_spec(scene, SceneSpec)),
         name="sample",
         version=VERSION,
@@ -123,8 +123,8 @@ def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = Non
         overrides=overrides,
     )
     if spec.until or spec.around:
-        return made
-    return replace(made, extends=lambda manifest: continues(made.origin(), manifest.get("origin")))
+        return sampling
+    return replace(sampling, extends=lambda manifest: continues(sampling.origin(), manifest.get("origin")))
 
 
 def quick_folder(out: Path) -> Path:
@@ -132,11 +132,11 @@ def quick_folder(out: Path) -> Path:
     return out.with_name(f"{out.name}-quick")
 
 
-def _first_rows(made: Stage) -> Path | None:
+def _first_rows(sampling: Stage) -> Path | None:
     """Folder of a dataset of the first rows: what is there, else what a quick run has left; None where there is
     none."""
-    places = (made.out, quick_folder(made.out))
-    return next((place for place in places if replace(made, out=place).extended()), None)
+    places = (sampling.out, quick_folder(sampling.out))
+    return next((place for place in places if replace(sampling, out=place).extended()), None)
 
 
 def continues(origin: dict[str, Any], before: Any) -> bool:
@@ -144,10 +144,10 @@ def continues(origin: dict[str, Any], before: Any) -> bool:
     else."""
     if not isinstance(before, dict) or before.get("stage") != origin["stage"]:
         return False
-    (splits, other), (old, other_before) = _apart(origin), _apart(before)
-    return other == other_before and all(
-        splits[name]["rows"] == split["rows"] or (splits[name]["rows"] > split["rows"] and split["method"] in SEQUENCES)
-        for name, split in old.items()
+    (splits, rest), (old_splits, old_rest) = _apart(origin), _apart(before)
+    return rest == old_rest and all(
+        splits[name]["rows"] == old["rows"] or (splits[name]["rows"] > old["rows"] and old["method"] in SEQUENCES)
+        for name, old in old_splits.items()
     )
 
 

@@ -34,13 +34,12 @@ class Ongoing:
 
 @dataclass(frozen=True)
 class Tally:
-    """states: solved or given up, those of the skeleton twice; failed: given up; factorizations: of all of them;
-    slowest: of the solves that go on, the one with the most factorisations, None where none is slow."""
+    """Counts of solves."""
 
-    states: int = 0
-    failed: int = 0
-    factorizations: int = 0
-    slowest: Ongoing | None = None
+    states: int = 0  # solved or given up, those of the skeleton twice
+    failed: int = 0  # given up
+    factorizations: int = 0  # of all of them
+    slowest: Ongoing | None = None  # of the solves that go on, by factorisations; None where none is slow
 
     def since(self, before: "Tally") -> "Tally":
         """Difference from the tally `before`."""
@@ -65,14 +64,15 @@ def shared_counts(context: Any, processes: int) -> Any:
 
 
 def read(counts: Any) -> Tally:
-    """Of all processes so far."""
+    """Tally of all processes."""
     numbers = list(counts)
     return Tally(*numbers[:3], _slowest(numbers[_TOTALS:]))
 
 
 def _slowest(numbers: Sequence[int]) -> Ongoing | None:
-    each = [numbers[start : start + _EACH] for start in range(0, len(numbers), _EACH)]
-    begun, split, row, *cost = max(each, key=lambda one: one[3] if one[0] else -1)
+    """The solve that goes on with the most factorisations, None where none is slow."""
+    solves = [numbers[start : start + _EACH] for start in range(0, len(numbers), _EACH)]
+    begun, split, row, *cost = max(solves, key=lambda solve: solve[3] if solve[0] else -1)
     if not begun or cost[0] < SLOW:
         return None
     return Ongoing(_SPLITS[split], row, *cost, time.time() - begun / 1000)
@@ -114,7 +114,7 @@ def cost() -> SolveCost:
 
 
 def add(failed: bool, factorizations: int) -> None:
-    """One state more; its solve has ended."""
+    """Counts one state more; its solve has ended."""
     global _begun
     _begun = False
     if _counts is not None:

@@ -6,7 +6,7 @@ from cfem.core.errors import NumericalError, SpecError
 
 
 class WorkersLost(NumericalError):
-    """One died, or none answers."""
+    """A worker died, or none answers."""
 
     def __init__(self, what: str):
         do = "run again to go on from what is finished: fewer --workers where memory ran out, a longer --timeout or a "
@@ -15,12 +15,11 @@ class WorkersLost(NumericalError):
 
 @dataclass(frozen=True)
 class Workers:
-    """count: local processes, one a core by default; scheduler: address of a Dask scheduler whose workers solve
-    instead; timeout: s without a finished shard after which all are given up."""
+    """Processes that solve rows."""
 
-    count: int | None = None
-    scheduler: str | None = None
-    timeout: float | None = None
+    count: int | None = None  # local processes, one a core by default
+    scheduler: str | None = None  # address of a Dask scheduler whose workers solve instead
+    timeout: float | None = None  # s without a finished shard after which all are given up
 
     def __post_init__(self) -> None:
         if self.count and self.scheduler:

@@ -96,7 +96,7 @@ def robot(
     **options,
 ) -> Robot:
     """Held at its low end unless `fixed` says otherwise."""
-    names = [f"{number}.{axis}" for number, each in enumerate(effectors) for axis in range(len(each.rest))]
+    names = [f"{number}.{axis}" for number, effector in enumerate(effectors) for axis in range(len(effector.rest))]
     return Robot(
         name="stability",
         body=body,
@@ -132,7 +132,7 @@ def bar_body(
 
 
 def bar_cables(mesh: Mesh) -> list[Cable]:
-    """One along the lower side of the bar, one along the upper."""
+    """Two cables of the bar, along its lower and its upper side."""
     return [cable(mesh, [(x, y, z) for x in (15.0, 35.0, 55.0)], (0.0, y, z)) for y, z in ((5.0, 1.0), (3.0, 9.0))]
 
 

@@ -19,7 +19,7 @@ class Expectation:
     statuses: names of those that a solve may end with
     error, word: of the CfemError that must be raised instead, and what its message must say
     definite: what W must be where an answer is claimed (semidefinite: rows depend on each other; any: the actuation
-    holds what W alone does not)
+        holds what W alone does not)
     also: of the trial, a sentence that says what is wrong with it, None where nothing is"""
 
     statuses: frozenset[str] = frozenset()
@@ -55,7 +55,7 @@ def either(
 
 
 def refuses(error: type[CfemError], word: str) -> Expectation:
-    """One sentence, of this error, that names what is wrong by this word."""
+    """Expectation of an error that names what is wrong by this word, in one sentence."""
     return Expectation(error=error, word=word)
 
 

@@ -57,7 +57,7 @@ class Evidence:
 
 @runtime_checkable
 class Examinable(Protocol):
-    """What an attempt of a case returns: a trial that says what was measured of its answer."""
+    """A trial that says what was measured of its answer: what an attempt of a case returns."""
 
     def evidence(self) -> Evidence:
         """Measurements of the answer."""

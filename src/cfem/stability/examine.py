@@ -44,10 +44,10 @@ def attempt(
     """Builds the robot and solves, from rest unless `start` says otherwise."""
 
     def work() -> Trial:
-        made = make()
-        wanted = actuation(made) if callable(actuation) else actuation
-        answer = solve(Problem(made), wanted, start=start(made) if start else None, slack=slack)
-        return Trial(made, wanted.padded(len(answer.delta)), slack, answer)
+        robot = make()
+        wanted = actuation(robot) if callable(actuation) else actuation
+        answer = solve(Problem(robot), wanted, start=start(robot) if start else None, slack=slack)
+        return Trial(robot, wanted.padded(len(answer.delta)), slack, answer)
 
     return work
 
@@ -125,7 +125,7 @@ def _actuation_checks(trial: Trial) -> list[LimitCheck]:
 
 
 def _gaps(trial: Trial) -> np.ndarray:
-    """(m,) what each prescribed displacement lacks, over what moving the whole body by its size would make of it."""
+    """Residuals (m,) of the prescribed displacements, relative to those of a motion of the whole body by its size."""
     robot, C = trial.robot, trial.actuation.C
     per_node = np.abs(gradients(robot, robot.active, trial.answer.state.x)).sum(axis=0)
     scale = np.abs(C) @ per_node * robot.body.mesh.size
@@ -133,7 +133,7 @@ def _gaps(trial: Trial) -> np.ndarray:
 
 
 def _let_go(trial: Trial) -> np.ndarray:
-    """(m,) whether a row prescribes one cable that carries nothing, and may be shorter than prescribed."""
+    """Mask (m,) of the rows that prescribe one cable that carries nothing, and may be shorter than prescribed."""
     robot, lam = trial.robot, trial.answer.state.lam
     n_a = robot.rows.n_a
     slack = np.zeros(len(lam), dtype=bool)
@@ -151,7 +151,7 @@ def _compliance_checks(trial: Trial) -> list[LimitCheck]:
     slopes = np.stack([_slope(trial, column) for column in np.moveaxis(answer.response, 2, 0)], axis=1)
     raw = H.T @ q
     active_block, raw_active = W[rows.active, rows.active], raw[rows.active]
-    full_delta = np.concatenate([*(each.value(x) - each.rest for each in robot.effectors), _delta(trial)])
+    full_delta = np.concatenate([*(row.value(x) - row.rest for row in robot.effectors), _delta(trial)])
     apart = full_delta - (W[:, rows.active] @ lam + condensed.delta_free)
     return [
         LimitCheck("asymmetry of W", _relative(raw_active - raw_active.T, active_block), 1e-5),
@@ -167,7 +167,7 @@ def _compliance_checks(trial: Trial) -> list[LimitCheck]:
 
 
 def _slope(trial: Trial, along: np.ndarray) -> np.ndarray:
-    """(n_dof,) N/mm: derivative of the residual along a motion (n, 3), by central differences of fourth order."""
+    """Derivative (n_dof,) N/mm of the residual along a motion (n, 3), by central differences of fourth order."""
     robot, answer = trial.robot, trial.answer
     x, lam = answer.state.x, answer.state.lam
     h = _STEP * robot.body.mesh.size / max(float(np.abs(along).max()), 1e-300)
@@ -201,7 +201,7 @@ def _stability(trial: Trial) -> LimitCheck:
 
 
 def _delta(trial: Trial) -> np.ndarray:
-    """(n_a + n_c,) displacements of the active rows, from the positions alone."""
+    """Displacements (n_a + n_c,) of the active rows, from the positions alone."""
     x = trial.answer.state.x
     return np.concatenate([np.zeros(0), *(row.value(x) - row.rest for row in trial.robot.active)])
 

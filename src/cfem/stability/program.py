@@ -59,9 +59,11 @@ def _optimality(program: HardProgram, answer: QpSolution) -> list[LimitCheck]:
     """Residuals of the scaled program, in the max norm: variables by their unit, rows by their norm."""
     unit, x = program.unit, answer.x / program.unit
     row = np.maximum(np.abs(program.A * unit).max(axis=1, initial=0.0), 1e-300)
+    # stationarity: M^T M x - M^T d + A^T y + z = 0
     curved, pull = unit * (program.M.T @ (program.M @ answer.x)), -unit * (program.M.T @ program.d)
     rows, walls = unit * (program.A.T @ answer.y), unit * answer.z
     size = max(*(float(np.abs(part).max()) for part in (curved, pull, rows, walls)), 1e-300)
+    # feasibility: low <= (x, A x) <= high, and complementarity: a multiplier only at the bound of its sign
     constrained = np.concatenate([x, program.A @ answer.x / row])
     low = np.concatenate([program.box[:, 0] / unit, program.lower / row])
     high = np.concatenate([program.box[:, 1] / unit, program.upper / row])

@@ -27,14 +27,15 @@ class Forces:
 
 
 def forces(robot: Robot, x: np.ndarray, lam: np.ndarray, load: float = 1.0) -> Forces:
-    """At positions x (n, 3) mm and multipliers lam of the active rows, with this share of the constant loads."""
+    """Forces at positions x (n, 3) mm and multipliers lam of the active rows, with this share of the constant loads."""
     internal = response(robot.body, x).force
     external = np.zeros_like(x) if robot.loads is None else load * robot.loads
     return Forces(reduced(robot, x, internal), reduced(robot, x, external), gradients(robot, robot.active, x) @ lam)
 
 
 def reduced(robot: Robot, x: np.ndarray, nodal: np.ndarray) -> np.ndarray:
-    """(n_dof,) of forces (n, 3): those of nodes on their own, then force and moment (N mm) of each rigid body."""
+    """Generalised forces (n_dof,) of nodal forces (n, 3): those of free nodes, then force and moment (N mm) of each
+    rigid body."""
     parts = [nodal[_single(robot)].ravel()]
     for nodes in robot.rigid:
         arm = x[nodes] - x[nodes].mean(axis=0)
@@ -43,23 +44,24 @@ def reduced(robot: Robot, x: np.ndarray, nodal: np.ndarray) -> np.ndarray:
 
 
 def motion(robot: Robot, x: np.ndarray, nodal: np.ndarray) -> np.ndarray:
-    """(n_dof,) of a motion (n, 3), dual to `reduced`: of a rigid body translation and rotation (fitted)."""
+    """Generalised motion (n_dof,) of nodal motions (n, 3), dual to `reduced`: of a rigid body translation and rotation
+    (fitted)."""
     parts = [nodal[_single(robot)].ravel()]
     for nodes in robot.rigid:
         arm, move = x[nodes] - x[nodes].mean(axis=0), nodal[nodes]
-        spin = np.concatenate([np.cross(np.eye(3), each).T for each in arm])  # omega x arm, omega unknown
+        spin = np.concatenate([np.cross(np.eye(3), lever).T for lever in arm])  # omega x arm, omega unknown
         turn = np.linalg.lstsq(spin, (move - move.mean(axis=0)).ravel(), rcond=None)[0]
         parts += [move.mean(axis=0), turn]
     return np.concatenate(parts)
 
 
 def gradients(robot: Robot, rows: Sequence[Watched], x: np.ndarray) -> np.ndarray:
-    """(n_dof, number of rows) of the values of `rows`."""
+    """Gradients (n_dof, number of rows) of the values of `rows`."""
     columns = []
     for row in rows:
-        for each in row.gradient(x):
+        for derivative in row.gradient(x):
             nodal = np.zeros_like(x)
-            nodal[row.nodes] = each
+            nodal[row.nodes] = derivative
             columns.append(reduced(robot, x, nodal))
     return np.stack(columns, axis=1) if columns else np.zeros((len(reduced(robot, x, np.zeros_like(x))), 0))
 
@@ -77,7 +79,7 @@ def strayed(robot: Robot, x: np.ndarray) -> float:
     X = robot.body.mesh.X
     moved = [np.abs(x - X)[robot.fixed].max(initial=0.0)]
     for nodes in robot.rigid:
-        now, before = (np.linalg.norm(each[nodes] - each[nodes[0]], axis=1) for each in (x, X))
+        now, before = (np.linalg.norm(positions[nodes] - positions[nodes[0]], axis=1) for positions in (x, X))
         moved.append(np.abs(now - before).max())
     return float(max(moved) / robot.body.mesh.size)
 

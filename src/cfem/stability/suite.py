@@ -31,7 +31,7 @@ class Result:
 
 
 def chosen(cases: Iterable[Case], only: str | None = None, heavy: bool = False) -> list[Case]:
-    """Those whose name fits the pattern; heavy ones only where asked for."""
+    """Cases whose name fits the pattern; heavy ones only where asked for."""
     return [case for case in cases if (heavy or not case.heavy) and (only is None or fnmatchcase(case.name, only))]
 
 
@@ -57,7 +57,7 @@ def run(case: Case) -> Result:
     except Exception as error:
         wrong = [f"the answer cannot be examined: {type(error).__name__}: {error}"]
         return Result(case, None, "unexamined", tuple(wrong), seconds)
-    wrong += [f"warns: {text}" for text in sorted({str(each.message) for each in warned})]
+    wrong += [f"warns: {text}" for text in sorted({str(warning.message) for warning in warned})]
     if case.expect.also is not None and (sentence := case.expect.also(trial)) is not None:
         wrong.append(sentence)
     return Result(case, evidence, None, tuple(wrong), seconds)

@@ -37,8 +37,8 @@ def between(predictor: Predictor, dataset: Any, count: int, seed: int) -> tuple[
 
 
 def smallest_eigenvalue(W: np.ndarray) -> np.ndarray:
-    """(m,) of D W D with unit diagonal, W (m, n, n) symmetric: of the same sign as W's, and free of units; where a
-    diagonal entry is negative, no more than -1."""
+    """Smallest eigenvalues (m,) of D W D with unit diagonal, W (m, n, n) symmetric: of the same sign as W's, and free
+    of units; where a diagonal entry is negative, no more than -1."""
     diagonal = np.einsum("mii->mi", W)
     size = np.sqrt(np.abs(np.where(diagonal == 0, 1.0, diagonal)))
     return np.linalg.eigvalsh(W / size[:, :, None] / size[:, None, :])[:, 0]

@@ -113,7 +113,7 @@ def vectors(rows: Rows) -> list[slice]:
     first = 0
     while first < rows.n:
         point, _, axis = rows.names[first].rpartition(".")
-        three = tuple(f"{point}.{'r' * axis.startswith('r')}{each}" for each in "xyz")
+        three = tuple(f"{point}.{'r' * axis.startswith('r')}{letter}" for letter in "xyz")
         width = 3 if rows.names[first : first + 3] == three else 1
         groups.append(slice(first, first + width))
         first += width
@@ -121,7 +121,7 @@ def vectors(rows: Rows) -> list[slice]:
 
 
 def sizes(values: np.ndarray, n: int) -> np.ndarray:
-    """(n (n + 3) / 2,) how large each of the `entries` (m, n (n + 3) / 2) may be: the largest of its kind."""
+    """Scales (n (n + 3) / 2,) of the `entries` (m, n (n + 3) / 2): the largest of its kind."""
     W, delta_free = np.abs(values[:, :-n]).max(), max(np.abs(values[:, -n:]).max(), SIZE)
     return np.repeat([W, delta_free], [values.shape[1] - n, n])
 

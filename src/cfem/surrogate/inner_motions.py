@@ -29,7 +29,7 @@ INDEPENDENT = 1e-9  # of the largest eigenvalue of the scaled stiffness of (Z, Y
 
 
 @dataclass(frozen=True)
-class Chosen:
+class InnerMotions:
     """k inner motions at m states, of stiffness 1 N mm each, independent of each other in it; n = n_a + k.
 
     M: (m, n, n) mass of the actuators' quasi-static motions and these
@@ -45,8 +45,8 @@ class Chosen:
     skin: np.ndarray | None = None
 
 
-def inner_motions(moving: Any, D: np.ndarray | None = None) -> Chosen:
-    """moving: of cfem.dataset.reader.Dataset; D (m, n_e, n_e, n_e) mm/N^2, of the plain rows."""
+def inner_motions(moving: Any, D: np.ndarray | None = None) -> InnerMotions:
+    """Inner motions at the states of a dataset whose robot moves; D (m, n_e, n_e, n_e) mm/N^2 of the plain rows."""
     if moving.inner_M is None:
         return _of_rows(moving, D)
     n_a = moving.rows.n_a
@@ -54,7 +54,7 @@ def inner_motions(moving: Any, D: np.ndarray | None = None) -> Chosen:
     root = (vectors / np.sqrt(values)[:, None]) @ vectors.swapaxes(1, 2)
     T = np.zeros_like(moving.inner_M)
     T[:, :n_a, :n_a], T[:, n_a:, n_a:] = np.eye(n_a), root
-    return Chosen(T @ moving.inner_M @ T, T[:, None] @ moving.inner_loss @ T[:, None], moving.inner_e @ root)
+    return InnerMotions(T @ moving.inner_M @ T, T[:, None] @ moving.inner_loss @ T[:, None], moving.inner_e @ root)
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class _State:
 
     squares: (p,) 1/s^2
     fields: (p, f) of all that may be chosen from
-    M, loss, e, skin: as in `Chosen`, with all p"""
+    M, loss, e, skin: as in `InnerMotions`, with all p"""
 
     squares: np.ndarray
     fields: np.ndarray
@@ -73,7 +73,7 @@ class _State:
     skin: np.ndarray
 
 
-def _of_rows(moving: Any, D: np.ndarray | None) -> Chosen:
+def _of_rows(moving: Any, D: np.ndarray | None) -> InnerMotions:
     """Inner motions from vibrations of the rows' motions with the actuators held, the same combination of wrenches at
     all states. D: dC/dw, for the curve."""
     states = [_state(moving, index) for index in range(len(moving.W))]
@@ -95,7 +95,7 @@ def _of_rows(moving: Any, D: np.ndarray | None) -> Chosen:
         w = _wrenches(of_wrenches, Q)
         curve = np.einsum("mie,mejk,mjl,mkn->miln", _stiff(moving), D, w, w, optimize=True)
     e, skin = (np.array([getattr(state, name)[:, :p] for state in states]) @ Q for name in ("e", "skin"))
-    return Chosen(M, loss, e, curve, skin if skin.shape[1] else None)
+    return InnerMotions(M, loss, e, curve, skin if skin.shape[1] else None)
 
 
 def _state(moving: Any, index: int) -> _State:
@@ -122,15 +122,20 @@ def _state(moving: Any, index: int) -> _State:
     inverse, shapes = inverse[positive], shapes[:, positive] / np.sqrt(inverse[positive])
     amplitudes = (shapes.T @ K / size) * inverse[:, None]  # of (Z, Y), the actuators held
     fields = np.hstack([amplitudes[:, n + a] @ K_aa, amplitudes[:, e], amplitudes[:, n + e]])
-    both = np.hstack([X, shapes])
+    motions = np.hstack([X, shapes])
     return _State(
-        1 / inverse, fields, both.T @ M @ both, both.T @ F @ both, by_rows[e] @ shapes, by_rows[rows.s] @ shapes
+        1 / inverse,
+        fields,
+        motions.T @ M @ motions,
+        motions.T @ F @ motions,
+        by_rows[e] @ shapes,
+        by_rows[rows.s] @ shapes,
     )
 
 
 def _wrenches(fields: np.ndarray, Q: np.ndarray) -> np.ndarray:
-    """(m, n_e, k) N: whose motions `fields` (m, p, n_e) are near Q (m, p, k) in the mass, with little of those that
-    hardly move anything: of a stiff direction, what is not such a motion would make much."""
+    """Forces (m, n_e, k) N whose motions `fields` (m, p, n_e) are near Q (m, p, k) in the mass, with little of those
+    that hardly move anything: of a stiff direction, what is not such a motion would make much."""
     size = np.linalg.norm(fields, axis=1)[:, None]
     unit = fields / np.maximum(size, np.finfo(float).tiny)
     gram = unit.swapaxes(1, 2) @ unit
@@ -140,8 +145,8 @@ def _wrenches(fields: np.ndarray, Q: np.ndarray) -> np.ndarray:
 
 
 def _stiff(moving: Any) -> np.ndarray:
-    """(m, n_e, n_e): takes from the effectors' motions those that C makes easily. Rows of a point, and of a rotation,
-    are compared as they are."""
+    """Projection (m, n_e, n_e) that takes from the effectors' motions those that C makes easily. Rows of a point, and
+    of a rotation, are compared as they are."""
     C = locked_compliance(moving.rows, moving.W)
     size = np.sqrt(np.einsum("mii->mi", C).mean(axis=0).reshape(-1, 3).mean(axis=1).repeat(3))
     values, vectors = np.linalg.eigh(C / np.outer(size, size))
@@ -150,7 +155,8 @@ def _stiff(moving: Any) -> np.ndarray:
 
 
 def _alike(fields: np.ndarray) -> np.ndarray:
-    """(m, p, k) orthonormal at each state, from fields (m, p, f) there: k is as large as all states allow."""
+    """Orthonormal directions (m, p, k) at each state, from fields (m, p, f) there: k is as large as all states
+    allow."""
     fields = fields / np.sqrt((fields**2).sum(axis=1).mean(axis=0))
     gram = (fields.swapaxes(1, 2) @ fields).mean(axis=0)
     values, vectors = np.linalg.eigh(gram)

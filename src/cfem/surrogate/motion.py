@@ -13,16 +13,15 @@ from cfem.predict.energy import unpacking3
 from cfem.surrogate.inner_motions import inner_motions
 from cfem.surrogate.series.coordinates import box_coordinates
 from cfem.surrogate.series.observations import Observations
-from cfem.surrogate.series.spectral import Series, fit_quantity
+from cfem.surrogate.series.spectral import Series, fit_quantity, united
 
 # Held-out error below which the shorter series is taken, as a step in time evaluates all terms. At 4.5e-3 the worst
 # of 120 frequencies of a trunk was wrong by 1.6 %, at 4.2e-3 by 0.7 %.
 ENOUGH = 4.2e-3
+MAX_TERMS = 1000  # of a series
 
 
-def fit_motion(
-    dataset: Any, max_degree: int = 16, max_terms: int = 1000, folds: int = 5
-) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+def fit_motion(dataset: Any, max_degree: int = 16, folds: int = 5) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
     """Arrays of `cfem.motion.model.MotionModel`, and facts: terms and held-out error of each part (the root of the mean
     square over that of the part's variation), inner motions, and the viscosity that each loss form is multiplied by.
     InputError where the dataset has parameters or no mass."""
@@ -33,8 +32,9 @@ def fit_motion(
     n_a, s = dataset.rows.n_a, dataset.delta_a
     D = None if dataset.dC is None else dataset.dC[:, unpacking3(dataset.rows.n_e)]
     chosen, viscosity = inner_motions(dataset.moving, D), dataset.moving.viscosity
+    # materials of the same viscosity share a loss
     different = [damping for index, damping in enumerate(viscosity) if viscosity.index(damping) == index]
-    losses = [sum(chosen.loss[:, i] for i, damping in enumerate(viscosity) if damping == each) for each in different]
+    losses = [sum(chosen.loss[:, i] for i, known in enumerate(viscosity) if known == damping) for damping in different]
     reach = np.sqrt((chosen.e**2).sum(axis=1).mean())  # mm by which a motion of energy 1/2 moves the effectors
     reach = float(reach) if reach > 0 else 1.0
     k = chosen.M.shape[1] - n_a
@@ -52,10 +52,11 @@ def fit_motion(
     facts: dict[str, Any] = {"inner": k, "terms": {}, "held_out": {}, "viscosity": different}
     for name, values in parts.items():
         observed = Observations(((),), values.reshape(len(z), 1, -1), n_a)
-        fitted[name], _, records = fit_quantity(z, observed, max_degree, max_terms, folds, enough=ENOUGH)
+        fitted[name], _, records = fit_quantity(z, observed, max_degree, MAX_TERMS, folds, enough=ENOUGH)
         facts["terms"][name] = len(fitted[name].indices)
         facts["held_out"][name] = min((record["error"] for record in records), default=None)
-    indices, series = _union(fitted)
+    indices, padded = united(fitted)
+    series = np.concatenate([coefficients.T for coefficients in padded.values()])
     scale = np.concatenate([unit[:n_a], np.full(k, reach)])
     arrays = {"to_box": to_box, "offset": offset, "indices": indices, "series": series, "scale": scale}
     if "curve" in parts:
@@ -63,7 +64,7 @@ def fit_motion(
         arrays |= {"series": series[:outputs], "curve": series[outputs:]}
     if chosen.skin is not None:
         observed = Observations(((),), chosen.skin.reshape(len(z), 1, -1) / reach, n_a)
-        series, _, records = fit_quantity(z, observed, max_degree, max_terms, folds, enough=ENOUGH)
+        series, _, records = fit_quantity(z, observed, max_degree, MAX_TERMS, folds, enough=ENOUGH)
         arrays |= {"skin_indices": series.indices, "skin": series.coefficients.T.copy()}
         facts["terms"]["skin"] = len(series.indices)
         facts["held_out"]["skin"] = min((record["error"] for record in records), default=None)
@@ -74,16 +75,3 @@ def _root(A: np.ndarray) -> np.ndarray:
     """The symmetric square root of (m, n, n) semidefinite matrices."""
     values, vectors = np.linalg.eigh(A)
     return (vectors * np.sqrt(np.maximum(values, 0.0))[:, None]) @ vectors.swapaxes(1, 2)
-
-
-def _union(chosen: dict[str, Series]) -> tuple[np.ndarray, np.ndarray]:
-    """One index set (M, n) for all parts, and their series (n_out, M)."""
-    union = {tuple(k) for part in chosen.values() for k in part.indices.tolist()}
-    indices = np.array(sorted(union, key=lambda k: (sum(k), k)), dtype=np.int64)
-    position = {tuple(k): i for i, k in enumerate(indices.tolist())}
-    series = []
-    for part in chosen.values():
-        full = np.zeros((part.coefficients.shape[1], len(indices)))
-        full[:, [position[tuple(k)] for k in part.indices.tolist()]] = part.coefficients.T
-        series.append(full)
-    return indices, np.concatenate(series)

@@ -68,7 +68,7 @@ def fit_skin(dataset: Any, skin: Skin, form: Form, core: dict[str, np.ndarray]) 
 
 def joined(dataset: Any) -> Any:
     """The dataset with the rows of the skin as effectors behind its own."""
-    with_skin, rows = dataset.whole, dataset.rows
+    with_skin, rows = dataset.with_skin, dataset.rows
     by_p = with_skin.ddelta_s_dp
     return replace(
         dataset,
@@ -79,7 +79,7 @@ def joined(dataset: Any) -> Any:
         d2C=None,
         delta_e=np.hstack([dataset.delta_e, with_skin.delta_s]),
         ddelta_e_dp=None if by_p is None else np.concatenate([dataset.ddelta_e_dp, by_p], axis=1),
-        whole=None,
+        with_skin=None,
     )
 
 

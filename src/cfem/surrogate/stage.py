@@ -55,22 +55,7 @@ def work(folder: Path, spec: TrainSpec, dataset_folder: Path) -> dict[str, Any]:
     """Fills the model folder; results for the manifest."""
     if isinstance(spec.model, MlpSpec):
         demand("torch", *(["optuna"] if spec.model.search else []), where="kind: mlp")
-    from cfem.dataset.reader import read_dataset
-
-    training = first_rows(read_dataset(artefact_file(dataset_folder, "train.parquet")), spec.samples, dataset_folder)
-    test = read_dataset(artefact_file(dataset_folder, "test.parquet"))
-    if training.rows != test.rows:
-        what = f"its training robot {training.rows.difference(test.rows, 'that of the test rows')}"
-        raise InputError(what, where=str(dataset_folder), do="sample it again")
-    if not len(test):
-        raise InputError("has no converged test rows", where=str(dataset_folder), do="sample it with more test rows")
-    differs = next((key for key in _ROBOT if training.meta.get(key) != test.meta.get(key)), None)
-    if differs:
-        what = f"its training and test rows are of different robots: their '{differs}' differs"
-        raise InputError(what, where=str(dataset_folder), do="sample it again")
-    if training.meta.get("plan", {}).get("space") == "rest" and not isinstance(spec.model, MlpSpec):
-        what = f"its rows are all at rest, and kind {spec.model.kind} cannot learn an energy from them"
-        raise InputError(what, where=str(dataset_folder), do="train kind: mlp, or use rows of another space")
+    training, test = _read_rows(spec, dataset_folder)
     checkpoints = folder / "checkpoints"  # from which a killed training goes on
     doing(f"fitting the model to {len(training)} samples")
     meta, arrays, results = train_and_judge(training, test, spec.model, checkpoints)
@@ -96,12 +81,34 @@ def work(folder: Path, spec: TrainSpec, dataset_folder: Path) -> dict[str, Any]:
 
         skin = add_serial_skin(folder, predictor, spec.model, test, dataset_folder)
         results |= {} if skin is None else {"skin": skin}
-    elif spec.skin and training.whole is not None:
+    elif spec.skin and training.with_skin is not None:
         results["skin"] = add_skin(folder, predictor, arrays, training, test, dataset_folder)
     results["judgement"] = judged(results)
     results["headline"] = headline(results, training.meta["units"])
     shutil.rmtree(checkpoints, ignore_errors=True)
     return results
+
+
+def _read_rows(spec: TrainSpec, dataset_folder: Path) -> tuple[Any, Any]:
+    """Training and test rows. InputError where they are not of one robot, or the model cannot learn from them."""
+    from cfem.dataset.reader import read_dataset
+
+    where = str(dataset_folder)
+    training = first_rows(read_dataset(artefact_file(dataset_folder, "train.parquet")), spec.samples, dataset_folder)
+    test = read_dataset(artefact_file(dataset_folder, "test.parquet"))
+    if training.rows != test.rows:
+        what = f"its training robot {training.rows.difference(test.rows, 'that of the test rows')}"
+        raise InputError(what, where=where, do="sample it again")
+    if not len(test):
+        raise InputError("has no converged test rows", where=where, do="sample it with more test rows")
+    differs = next((key for key in _ROBOT if training.meta.get(key) != test.meta.get(key)), None)
+    if differs:
+        what = f"its training and test rows are of different robots: their '{differs}' differs"
+        raise InputError(what, where=where, do="sample it again")
+    if training.meta.get("plan", {}).get("space") == "rest" and not isinstance(spec.model, MlpSpec):
+        what = f"its rows are all at rest, and kind {spec.model.kind} cannot learn an energy from them"
+        raise InputError(what, where=where, do="train kind: mlp, or use rows of another space")
+    return training, test
 
 
 def moves(training: Any, model: ModelSpec) -> bool:
@@ -125,13 +132,13 @@ def add_skin(
     from cfem.surrogate.skin import fit_skin, judge
 
     begin, path = time.perf_counter(), artefact_file(dataset_folder, SKIN)
-    if not training.whole.sha256 == test.whole.sha256 == file_sha256(path):
+    if not training.with_skin.sha256 == test.with_skin.sha256 == file_sha256(path):
         what = "has rows of another skin than its file holds"
         raise InputError(what, where=str(dataset_folder), do="sample it again with --force")
     doing("fitting the skin")
     fitted = fit_skin(training, read_skin(path), predictor.form, arrays)
     skin = skin_of(predictor, fitted)
-    front = judge(skin, test.whole, *inputs(test, predictor.form))
+    front = judge(skin, test.with_skin, *inputs(test, predictor.form))
     write_npz(folder / FILE, fitted)
     return {
         "modes": len(skin),
@@ -205,7 +212,7 @@ def fit_of(spec: ModelSpec) -> Callable[[Any, ModelSpec, Path | None], Fitted]:
 
 
 def point(results: dict[str, Any]) -> dict[str, Any]:
-    """One point of the learning curve."""
+    """Point of the learning curve, from the results of one training."""
     kept = ("samples", "seconds_fit", "seconds_sampling", "microseconds_query", "errors")
     return {key: results[key] for key in kept}
 

@@ -137,12 +137,12 @@ class SeriesModule(nn.Module):
             self.register_buffer(name, torch.as_tensor(values.astype(np.int64) if name == "indices" else values))
 
     def forward(self, s: Tensor, q: Tensor | None = None) -> Tensor:
-        """(B, n_a), (B, n_q) -> (B, outputs)."""
+        """Outputs (B, outputs) at s (B, n_a) and q (B, n_q)."""
         t = s if q is None else torch.cat([s, q], dim=1)
         return self.basis(t @ self.to_box.T + self.offset) @ self.series.T
 
     def basis(self, z: Tensor) -> Tensor:
-        """(B, n) -> (B, M), by the doubling of cfem.predict.chebyshev."""
+        """Basis (B, M) at z (B, n), by the doubling of cfem.predict.chebyshev."""
         table = torch.stack([torch.ones_like(z), z])
         known = 1
         while known < self.degree:
@@ -268,7 +268,8 @@ def mlp_from_arrays(rows: Rows, arrays: dict[str, np.ndarray], activation: str) 
 
 
 def spd_inverse(matrix: Tensor) -> Tensor:
-    """(B, n, n) symmetric positive definite -> inverse, by bordering: arithmetic only, which every export format has.
+    """Inverse of symmetric positive definite matrices (B, n, n), by bordering: arithmetic only, which every export
+    format has.
 
     A = [[A', b], [b^T, c]], u = A'^-1 b, s = c - b^T u: A^-1 = [[A'^-1 + u u^T / s, -u / s], [-u^T / s, 1 / s]]."""
     inverse = 1 / matrix[:, :1, :1]

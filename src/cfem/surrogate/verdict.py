@@ -13,15 +13,17 @@ def headline(results: dict[str, Any], units: dict[str, Any]) -> list[str]:
     unit = units.get("lambda_a", "N")  # a list where the actuators differ
     force = unit if isinstance(unit, str) else " or ".join(sorted(set(unit), reverse=True))
     errors, definite = results["errors"], results["positive_definite"]
-    states, few = errors["states"], ""
+    states, caution = errors["states"], ""
     if states < FEWEST:
-        few = f" (a figure of {states} state{'s' if states > 1 else ''} says little of others: sample more test rows)"
+        caution = (
+            f" (a figure of {states} state{'s' if states > 1 else ''} says little of others: sample more test rows)"
+        )
     loss = f"the paper's loss {errors['loss']:.2e}, the same loss of whole vectors {errors['frame_loss']:.2e}"
     if _unjudged(errors):
         loss = "the paper's loss is not known, as the test states do not differ"
     lines = [
         f"{results['kind']}, {results['samples']} samples: largest errors {length(errors['tip_mm']['max'])} at the tip "
-        f"and {errors['force_N']['max']:.2g} {force} on {states} test state{'s' if states > 1 else ''}{few}; "
+        f"and {errors['force_N']['max']:.2g} {force} on {states} test state{'s' if states > 1 else ''}{caution}; "
         f"{loss}; "
         f"fitted in {duration(results['seconds_fit'])}, {duration(1e-6 * results['microseconds_query'])} per query"
     ]

@@ -8,6 +8,7 @@ from fe_motion.moving import moving_bar, moving_rod
 from support.blocks import bar
 
 from cfem.condensed.skin import Skin
+from cfem.condensed.viscosity import Viscosity
 from cfem.constraint.attachment import attach
 from cfem.constraint.cable import make_cable
 from cfem.constraint.surface import outer_surface
@@ -18,7 +19,6 @@ from cfem.equilibrium.newton import NewtonSettings
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.skinned import skinned
 from cfem.equilibrium.solve import Wanted, solve
-from cfem.mechanics.viscosity import Viscosity
 from cfem.plant.fem_plant import pushed
 
 EXACT = NewtonSettings(tolerance=1e-12)

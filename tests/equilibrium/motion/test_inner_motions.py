@@ -5,13 +5,13 @@ import pytest
 from fe_motion.moving import moving_rod
 from scipy.linalg import eigh
 
+from cfem.condensed.viscosity import Viscosity
 from cfem.equilibrium.actuation import force
 from cfem.equilibrium.motion.inertia import mass_of
 from cfem.equilibrium.motion.inner_motions import rod_stresses
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import Wanted, solve
 from cfem.fe_motion.modes import natural_modes
-from cfem.mechanics.viscosity import Viscosity
 
 TAU = 2e-3
 

@@ -29,7 +29,7 @@ def read(tmp_path, rows=ROWS, head=HEAD, layout=LAYOUT):
 def test_a_table_is_read(tmp_path):
     cases = read(tmp_path)
     assert cases.names == ("a", "b", "c") and cases.forces.tolist() == [[1.5], [2.0], [3.0]]
-    assert cases.ways.tolist() == [1.0, 1.0, -1.0]
+    assert cases.directions.tolist() == [1.0, 1.0, -1.0]
     np.testing.assert_array_equal(cases.places[1], [[90, 0, -30], [10, 0, 0]])
 
 

@@ -22,7 +22,7 @@ def test_a_stamp_of_our_clock_is_the_time_and_never_in_the_future():
 def test_the_offset_of_another_clock_is_found_from_the_quickest_sample(offset):
     """A clock that runs 50 ppm fast, samples that travel for 5 ms and up to 40 more: times are right to 1 ms and the
     drift in the window."""
-    random, clock = np.random.default_rng(1), SampleClock(latency=0.005, other=True)
+    random, clock = np.random.default_rng(1), SampleClock(latency=0.005, foreign=True)
     off = []
     for taken in np.arange(0.0, 60.0, 0.02):
         found = clock.taken(taken * (1 + 5e-5) + offset, taken + 0.005 + random.exponential(0.01))
@@ -31,7 +31,7 @@ def test_the_offset_of_another_clock_is_found_from_the_quickest_sample(offset):
 
 
 def test_another_clock_that_jumps_ahead_costs_one_sample():
-    clock = SampleClock(other=True)
+    clock = SampleClock(foreign=True)
     assert clock.taken(100.0, 10.0) == pytest.approx(10.0)
     with pytest.raises(InputError, match="the other clock has jumped"):
         clock.taken(140.02, 10.02)
@@ -39,7 +39,7 @@ def test_another_clock_that_jumps_ahead_costs_one_sample():
 
 
 def test_another_clock_that_is_put_back_is_old_until_the_window_has_passed():
-    clock = SampleClock(other=True)
+    clock = SampleClock(foreign=True)
     clock.taken(100.0, 10.0)
     found = [clock.taken(60.0 + 0.02 * k, 10.0 + 0.02 * k) - (10.0 + 0.02 * k) for k in range(1, WINDOW + 1)]
     assert found[:-1] == pytest.approx([-40.0] * (WINDOW - 1)) and found[-1] == pytest.approx(0.0)

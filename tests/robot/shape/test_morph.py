@@ -11,7 +11,7 @@ from cfem.robot.cad import Box, Difference, Frustum, Placed, Prism
 from cfem.robot.catalogue.soft_finger import route, soft_finger
 from cfem.robot.geometry import SoftFinger
 from cfem.robot.mesh.meshing import make_mesh
-from cfem.robot.shape.morph import Morph, _Past
+from cfem.robot.shape.morph import Morph, _Anderson
 from cfem.robot.shape.surfaces import PlaneSurface, surfaces
 from cfem.robot.spec import SceneSpec
 
@@ -160,8 +160,8 @@ def test_a_mirrored_mesh_is_its_own_image_and_so_is_its_morph(tmp_path):
 
 
 def test_steps_that_shrink_what_is_missing_by_a_tenth_are_combined_to_few():
-    shrink, x, past = np.diag([0.1, 0.05, 1.0, 0.3]), np.zeros(4), _Past()
+    shrink, x, past = np.diag([0.1, 0.05, 1.0, 0.3]), np.zeros(4), _Anderson()
     for _ in range(8):  # the plain steps need 440
         missing = np.ones(4) - shrink @ x
-        x = x + past.better(missing, missing)
+        x = x + past.accelerated(missing, missing)
     np.testing.assert_allclose(shrink @ x, 1, atol=1e-10)

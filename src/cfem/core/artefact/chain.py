@@ -33,8 +33,8 @@ def describe(kind: str, spec: Path, overrides: Sequence[str] = (), out: Path | N
 
 
 def stale(stage: Stage) -> list[str]:
-    """Why the output is not what the command would make now, a few words each; none where it is. An input that is gone
-    is taken for what it was."""
+    """Reasons, a few words each, why the output is not what the command would make now; none where it is. An input that
+    is gone is taken for what it was."""
     try:
         manifest = read_manifest(stage.out)
     except InputError:

@@ -21,7 +21,7 @@ def changes(old: Any, new: Any, specs: Mapping[str, Spec]) -> list[str]:
 
 
 def differences(old: Any, new: Any, path: tuple = ()) -> Iterator[tuple[tuple, Any, Any]]:
-    """(key path, old value, new value) wherever plain data differs; None for a key that is not there."""
+    """Key path, old value and new value wherever plain data differs; None for a key that is not there."""
     if isinstance(old, dict) and isinstance(new, dict):
         for key in [*old, *(key for key in new if key not in old)]:
             yield from differences(old.get(key), new.get(key), (*path, key))

@@ -48,7 +48,7 @@ _ROOT: ContextVar[Path | None] = ContextVar("root", default=None)
 
 @contextmanager
 def confined(folder: Path) -> Iterator[None]:
-    """Within, `write_whole` refuses what lies outside `folder`: names of a spec become names of files."""
+    """Confines `write_whole` to `folder` while it lasts, for names of a spec become names of files."""
     token = _ROOT.set(folder)
     try:
         yield
@@ -89,7 +89,7 @@ def remove_unfinished(folder: Path) -> None:
 
 
 def sync_tree(folder: Path) -> None:
-    """All files and folders in it, whoever wrote them."""
+    """Syncs a folder and all in it to the disk, whoever wrote it."""
     with disk_errors(folder):
         for path in [*folder.rglob("*"), folder]:
             sync(path)
@@ -121,7 +121,7 @@ def content_sha256(value: Any) -> str:
 
 
 def plain(value: Any) -> Any:
-    """Arrays, paths, tuples and numpy numbers as what JSON knows. Floats keep all their digits."""
+    """Plain data as JSON knows it, of arrays, paths, tuples and numpy numbers. Floats keep all their digits."""
     if isinstance(value, np.ndarray):
         return plain(value.tolist())
     if isinstance(value, np.generic):
@@ -148,7 +148,7 @@ def read_json(path: Path) -> dict:
 
 
 def parse_json(text: bytes) -> Any:
-    """ValueError for anything but JSON, of which NaN and numbers beyond the largest are none."""
+    """Data of a JSON text. ValueError for anything but JSON, of which NaN and numbers beyond the largest are none."""
     return json.loads(text, parse_constant=_refuse, parse_float=_finite)
 
 
@@ -167,8 +167,8 @@ def write_json(path: Path, data: dict) -> None:
 
 @contextmanager
 def locked(target: Path) -> Iterator[None]:
-    """One writer at a time for `target`: a lock of the operating system, which ends with the process that holds it,
-    however it ends. OutputError, naming who writes, where it is held."""
+    """Locks `target` for one writer: a lock of the operating system, which ends with the process that holds it, however
+    it ends. OutputError, naming who writes, where it is held."""
     lock = target.with_name(f".{target.name}.lock")
     with disk_errors(lock):
         lock.parent.mkdir(parents=True, exist_ok=True)
@@ -176,10 +176,10 @@ def locked(target: Path) -> Iterator[None]:
         handle = os.open(lock, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o644)
     try:
         try:
-            mine = try_lock(handle)
+            acquired = try_lock(handle)
         except OSError as error:
             raise DiskError(f"cannot be locked: {error.strerror}", where=str(lock), do="choose --out") from error
-        if not mine:
+        if not acquired:
             who = read_head(handle).decode(errors="replace").strip()
             what = f"another process is writing here{f' ({who})' if who else ''}"
             raise OutputError(what, where=str(target), do="wait for it to end")
@@ -191,6 +191,6 @@ def locked(target: Path) -> Iterator[None]:
 
 
 def refuse_link(path: Path) -> None:
-    """OutputError where a link stands at the name of one of our own files: what it points to is not ours."""
+    """Raises OutputError where a link stands at the name of one of our own files: what it points to is not ours."""
     if path.is_symlink():
         raise OutputError("is a symbolic link; cfem writes its own file here", where=str(path), do="remove the link")

@@ -80,7 +80,7 @@ def _sentence(finding: Mapping[str, Any]) -> str:
 
 
 def demand_trust(results: Mapping[str, Any], strict: bool) -> None:
-    """NumericalError where something is contradicted or, if `strict`, poor. The results are kept."""
+    """Raises NumericalError where something is contradicted or, if `strict`, poor. The results are kept."""
     against = [finding for finding in _judged(results) if strict or finding.get("contradicted")]
     if against:
         more = f"; and {len(against) - 1} more" if len(against) > 1 else ""

@@ -24,7 +24,7 @@ class _Results(Data):
 
 
 class _Origin(Data):
-    """See `Stage.origin`."""
+    """What determined the output, as of `Stage.origin`."""
 
     spec: dict[str, Any]
     inputs: dict[str, str]
@@ -32,14 +32,14 @@ class _Origin(Data):
 
 
 class _Source(Data):
-    """Where the spec is, from the folder, and what --set changed in it."""
+    """The spec that an artefact was made of."""
 
-    spec: str
-    set: list[str]
+    spec: str  # path from the folder
+    set: list[str]  # what --set changed
 
 
 class _Manifest(Data):
-    """What those who read a manifest count on, and what stands for what is not there."""
+    """Fields of a manifest that its readers count on, with defaults where one may lack."""
 
     content: str
     stage: str = ""

@@ -102,7 +102,7 @@ def announced(folder: Path, aside: Path, why: str) -> Path:
 def disk_size(path: Path) -> int:
     """Bytes of a file, or of all files of a folder."""
     files = [path, *path.rglob("*")] if path.is_dir() and not path.is_symlink() else [path]
-    return sum(each.lstat().st_size for each in files if os.path.lexists(each) and not each.is_dir())
+    return sum(file.lstat().st_size for file in files if os.path.lexists(file) and not file.is_dir())
 
 
 def is_dear(manifest: dict[str, Any], unless_told: bool) -> bool:

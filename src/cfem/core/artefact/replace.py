@@ -41,12 +41,12 @@ def _swapped(new: Path, target: Path, old: Path) -> bool:
         return False
     os.replace(new, old)
     try:
-        done = exchange(old, target)
+        exchanged = exchange(old, target)
     except OSError:
-        done = False
-    if not done:
+        exchanged = False
+    if not exchanged:
         os.replace(old, new)
-    return done
+    return exchanged
 
 
 def recover_folder(target: Path) -> None:

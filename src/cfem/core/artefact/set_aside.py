@@ -19,17 +19,16 @@ _OLD = re.compile(r"(?P<name>.+)\.old-[0-9]+")
 
 @dataclass(frozen=True)
 class Aside:
-    """worth: a copy of what is in place, or cheap to make; costly, as it took long to compute; or yours, as cfem did
-    not make it alone. why: in words."""
+    """A folder that was set aside."""
 
     path: Path
     bytes: int
-    worth: str
-    why: str
+    worth: str  # copy (of what is in place, or cheap to make), costly (took long), yours (not made by cfem alone)
+    why: str  # in words
 
 
 def set_asides(roots: Sequence[Path]) -> list[Aside]:
-    """All that lies below these folders, sorted by path. InputError where one of them is no folder."""
+    """Folders set aside below these, sorted by path. InputError where one of them is no folder."""
     for root in roots:
         if not root.is_dir():
             raise InputError("no such folder", where=str(root), do="check the path")

@@ -44,12 +44,12 @@ class Stage:
     agrees: Callable[[], None] = lambda: None
 
     def demand_agreement(self) -> None:
-        """SpecError, with its file and line, where the spec does not fit the other specs that it names."""
+        """Raises SpecError, with its file and line, where the spec does not fit the other specs that it names."""
         with self.spec.locating():
             self.agrees()
 
     def origin(self, gone: Mapping[str, str] | None = None) -> dict[str, Any]:
-        """All that determines the output, as plain data. gone: content hashes of inputs, for those that are not there;
+        """Plain data of all that determines the output. gone: content hashes of inputs, for those that are not there;
         InputError where there is none."""
         extra = self.extra() if callable(self.extra) else self.extra
         return plain(

@@ -30,8 +30,8 @@ class VerifiedArtefact:
 
 
 def verify(folders: Sequence[Path] = ()) -> list[VerifiedArtefact]:
-    """All artefacts in these folders, in those of ROOTS that are there by default. Raises InputError where there is
-    none."""
+    """Verdicts on all artefacts in these folders; in those of ROOTS that are there by default. Raises InputError where
+    there is none."""
     roots = list(folders) or [root for root in ROOTS if root.is_dir()]
     for root in roots:
         if not root.is_dir():
@@ -57,7 +57,7 @@ def artefacts(root: Path) -> Iterator[Path]:
 
 
 def judge(folder: Path) -> VerifiedArtefact:
-    """One artefact folder: missing, changed and foreign files."""
+    """Verdict on one artefact folder: missing, changed and foreign files."""
     try:
         manifest = read_manifest(folder)
     except CfemError as error:

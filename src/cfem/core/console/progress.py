@@ -41,7 +41,7 @@ class Counted:
         self.begun = self.count
 
     def advance(self, n: int, now: float) -> None:
-        """n parts more are done."""
+        """Counts n parts more as done."""
         if n <= 0:
             return
         self.count = min(self.count + n, self.total)
@@ -50,13 +50,13 @@ class Counted:
         self.seen += 1
 
     def look(self, now: float) -> None:
-        """Asks `poll`."""
+        """Counts what `poll` says is done."""
         if self.poll is not None:
             self.advance(self.begun + self.poll() - self.count, now)
 
     def left(self, now: float) -> float | None:
-        """s, by the pace from the first part on, which alone may hold compilation and the like; None where too little
-        is known."""
+        """Time left in s, by the pace from the first part on, which alone may hold compilation and the like; None where
+        too little is known."""
         (t0, n0), (t1, n1) = self.first, self.latest
         if not self.estimate or self.seen < EVENTS or n1 == n0:
             return None
@@ -64,7 +64,7 @@ class Counted:
 
 
 class Display:
-    """One line of text that says what is being done.
+    """A line of text on the terminal that says what is being done.
 
     write: takes what is to be printed; clock: s; width: characters of a line that is rewritten, 0 to print lines."""
 
@@ -118,7 +118,7 @@ class Display:
             counted.advance(n, self._clock())
 
     def say(self, text: str) -> None:
-        """A line that stays."""
+        """Prints a line that stays."""
         text = printable(text)
         with self._lock:
             self._write(f"\r\x1b[K{text}\n" if self._width else f"{text}\n")
@@ -170,7 +170,7 @@ def _to_stderr(text: str) -> None:
 
 @contextmanager
 def labelled(label: str) -> Iterator[None]:
-    """Within, lines begin with this label."""
+    """Begins all lines with this label while it lasts."""
     display = _display
     if display is None:
         yield
@@ -211,7 +211,8 @@ def progress(
     estimate: bool = True,
     note: Callable[[], str] | None = None,
 ) -> Iterator[Callable[[int], None]]:
-    """Within, `what` is being done, in `total` parts. Yields `advance(n)`, to be called when n parts more are done.
+    """Shows that `what` is being done, in `total` parts. Yields `advance(n)`, to be called when n parts more are
+    done.
 
     done: parts that an earlier run finished, which do not enter the estimate of the time left; poll: gives how many
     were done since, where another process counts them; estimate: False where more work of another kind follows; note:

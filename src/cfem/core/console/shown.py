@@ -49,7 +49,7 @@ def times(ratio: float) -> str:
 
 
 def folded(line: str) -> list[str]:
-    """At the width of the terminal, 80 columns where there is none; a number stays with its unit."""
+    """Lines of a text at the width of the terminal, 80 columns where there is none; a number stays with its unit."""
     width, held = shutil.get_terminal_size().columns, re.sub(r"(?<=\d) (?=[^\s\d])", HOLD, line)
     parts = wrap(held, width, subsequent_indent="    ", break_long_words=False, break_on_hyphens=False)
     return [part.replace(HOLD, " ") for part in parts]

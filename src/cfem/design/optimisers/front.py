@@ -17,7 +17,7 @@ _TILT = 1e-5  # weight of the other objectives at an end of the front
 class Front:
     """Designs of which none is better than another in all objectives.
 
-    names, of: of the objectives, and (k,) their numbers
+    names, indices: (k,) of the objectives
     designs: in the order of the first objective
     corners: places of the ends, of the knee between them, where the front is farthest below the line between its ends,
         and of either side of where it jumps to other designs (two objectives)
@@ -26,7 +26,7 @@ class Front:
     beaten: points of the grid that beat a design of the front"""
 
     names: tuple[str, ...]
-    of: tuple[int, ...]
+    indices: tuple[int, ...]
     designs: tuple[Design, ...]
     corners: dict[str, int]
     volume: float
@@ -92,8 +92,8 @@ def non_dominated(objectives: np.ndarray) -> np.ndarray:
 
 
 def hypervolume(hat: np.ndarray) -> float:
-    """(m, k) -> volume of the unit cube in which some row is at least as good, whatever is beyond (1, ..., 1) left out:
-    by slices along the last objective (While et al., IEEE Trans. Evol. Comput. 10, 2006)."""
+    """Volume of the unit cube in which some row of hat (m, k) is at least as good, whatever is beyond (1, ..., 1) left
+    out: by slices along the last objective (While et al., IEEE Trans. Evol. Comput. 10, 2006)."""
     inside = hat[(hat < 1).all(axis=1)]
     if not len(inside):
         return 0.0

@@ -22,11 +22,11 @@ _SAME = 0.02  # of a range: ends of two starts that count as one optimum
 
 @dataclass(frozen=True)
 class Refined:
-    """best: of `ends`, one a start that finite elements solve; seconds: CPU time."""
+    """Optima by finite elements from several starts."""
 
-    best: Optimum
-    ends: list[Optimum]
-    seconds: float
+    best: Optimum  # of `ends`
+    ends: list[Optimum]  # one a start that finite elements solve
+    seconds: float  # CPU time
 
     @property
     def agree(self) -> int:
@@ -37,12 +37,12 @@ class Refined:
 def refine_all(spec: DesignSpec, problem: DesignProblem, exact: FeProblem, grid: Grid) -> dict[str, Refined]:
     """Refined designs by objective and blend. exact: the same problem by finite elements. NumericalError where they
     solve no start."""
-    asked = spec.refine
-    limits = TrustRegionSettings(asked.radius, asked.tolerance, asked.solves)
+    refine = spec.refine
+    limits = TrustRegionSettings(refine.radius, refine.tolerance, refine.solves)
     rows = dict(zip(problem.names, np.eye(len(problem.names)), strict=True))
     for name, weights in spec.blends.items():
         rows[name] = np.array([weights.get(objective, 0.0) for objective in problem.names])
-    return {name: _refined(problem, exact, grid, weights, asked.starts, limits) for name, weights in rows.items()}
+    return {name: _refined(problem, exact, grid, weights, refine.starts, limits) for name, weights in rows.items()}
 
 
 def _refined(
@@ -77,10 +77,10 @@ def account_of(
         p = problem.p(top.z)
         parameters = problem.family.parameters
         results[name] = {
-            "p": dict(zip([each.name for each in parameters], p.tolist(), strict=True)),
+            "p": dict(zip([parameter.name for parameter in parameters], p.tolist(), strict=True)),
             "overrides": [
-                f"{each.key}={value:.10g}" + ("" if each.unit == "1" else f" {each.unit}")
-                for each, value in zip(parameters, p, strict=True)
+                f"{parameter.key}={value:.10g}" + ("" if parameter.unit == "1" else f" {parameter.unit}")
+                for parameter, value in zip(parameters, p, strict=True)
             ],
             "objectives": dict(zip(problem.names, top.objectives.tolist(), strict=True)),
             "constraints": dict(zip(problem.constraints, top.constraints.tolist(), strict=True)),
@@ -89,14 +89,14 @@ def account_of(
             "certified": top.certified,
             "why": top.why,
             "starts": [
-                {"value": each.value, "certified": each.certified, "solves": each.solves, "why": each.why}
-                for each in refined.ends
+                {"value": end.value, "certified": end.certified, "solves": end.solves, "why": end.why}
+                for end in refined.ends
             ],
             "starts_that_agree": refined.agree,
             "seconds": refined.seconds,
         }
         values = ", ".join(_pair(problem, key, top.objectives, refined.ends[0].first) for key in shown)
-        solves = sum(each.solves for each in refined.ends)
+        solves = sum(end.solves for end in refined.ends)
         lines.append(
             f"{name} by finite elements (the model's best design in brackets): {values}; "
             f"{'an optimum' if top.certified else 'no optimum: ' + top.why}, first-order residual {top.residual:.1e}; "

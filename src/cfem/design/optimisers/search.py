@@ -41,23 +41,23 @@ class Grid:
     width: np.ndarray
 
     def hat(self, objectives: np.ndarray) -> np.ndarray:
-        """(..., n_f) between 0 and 1 on the feasible grid."""
+        """Objectives (..., n_f) scaled to between 0 and 1 on the feasible grid."""
         return (objectives - self.low) / self.width
 
 
 @dataclass(frozen=True)
 class Scalar:
-    """max_k (weights_k . f_hat - shift_k): weights (r, n_f), shift (r,)."""
+    """A blend of objectives into one: max_k (weights_k . f_hat - shift_k)."""
 
-    weights: np.ndarray
-    shift: np.ndarray
+    weights: np.ndarray  # (r, n_f)
+    shift: np.ndarray  # (r,)
 
     @classmethod
     def weighted(cls, weights: np.ndarray) -> "Scalar":
         return cls(np.asarray(weights, float)[None], np.zeros(1))
 
     def __call__(self, hat: np.ndarray) -> np.ndarray:
-        """(m, n_f) -> (m,)."""
+        """Blends (m,) of scaled objectives (m, n_f)."""
         return (hat @ self.weights.T - self.shift).max(axis=-1)
 
 
@@ -78,13 +78,13 @@ class Design:
     message: str
 
 
-def first_designs(problem: DesignProblem, asked: Any) -> Grid:
+def first_designs(problem: DesignProblem, grid: Any) -> Grid:
     """First designs as design.yaml asks: points along each parameter, one number or a list, or a number of scattered
     designs. SpecError where a grid has another number of parameters, or far too many designs."""
-    if isinstance(asked, Scattered):
-        return evaluate_scattered(problem, asked.designs)
+    if isinstance(grid, Scattered):
+        return evaluate_scattered(problem, grid.designs)
     n = len(problem.free)
-    shape = [asked] * n if isinstance(asked, int) else list(asked)
+    shape = [grid] * n if isinstance(grid, int) else list(grid)
     if len(shape) != n:
         raise SpecError(
             f"has {len(shape)} numbers of points, and {n} parameters vary",
@@ -98,7 +98,7 @@ def first_designs(problem: DesignProblem, asked: Any) -> Grid:
 
 
 def evaluate_grid(problem: DesignProblem, shape: Sequence[int]) -> Grid:
-    """NumericalError where no point satisfies the constraints."""
+    """Designs on a grid over the ranges. NumericalError where no point satisfies the constraints."""
     axes = [np.linspace(0, 1, count) if count > 1 else np.array([0.5]) for count in shape]
     return _evaluated(problem, tuple(shape), np.array(list(product(*axes))))
 

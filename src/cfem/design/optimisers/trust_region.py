@@ -43,12 +43,11 @@ class Slopes(Protocol):
 
 @dataclass(frozen=True)
 class TrustRegionSettings:
-    """radius: of the first step, in shares of the ranges; tolerance: of the residual; solves: at most, by finite
-    elements, from one start."""
+    """Settings of the trust-region search."""
 
-    radius: float = 0.2
-    tolerance: float = 1e-3
-    solves: int = 20
+    radius: float = 0.2  # of the first step, in shares of the ranges
+    tolerance: float = 1e-3  # of the residual
+    solves: int = 20  # at most, by finite elements, from one start
 
 
 @dataclass(frozen=True)
@@ -94,8 +93,8 @@ class _Corrected:
 
     def __post_init__(self):
         self.objectives, self.constraints = self.model.objectives, self.model.constraints
-        mine, slopes = self.model.with_slopes(self.z)
-        self._apart, self._turned = self.values - mine, self.slopes - slopes
+        values, slopes = self.model.with_slopes(self.z)
+        self._apart, self._turned = self.values - values, self.slopes - slopes
 
     def with_slopes(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         values, slopes = self.model.with_slopes(z)
@@ -179,7 +178,7 @@ def first_order(
 
 
 def _scale(slopes: np.ndarray) -> np.ndarray:
-    """(n_g,)."""
+    """Scale (n_g,) of each constraint: its largest slope."""
     return np.maximum(np.abs(slopes).max(axis=1, initial=0.0), 1e-12)
 
 

@@ -22,7 +22,7 @@ def shapes_figure(
     title: str,
     gravity: np.ndarray | None = None,
 ) -> bytes:
-    """PNG: two views of each case, gravity down.
+    """Picture (PNG) of two views of each case, gravity down.
 
     poses:    of the robot, None where there is no equilibrium
     computed: (m, k, 3) mm places or displacements

@@ -54,7 +54,7 @@ class CaseFit:
 
     @property
     def u(self) -> np.ndarray:
-        """(n,) z and d."""
+        """Unknowns and offsets (n,), z and d."""
         return np.concatenate([self.z, self.d])
 
     @property

@@ -14,7 +14,7 @@ from cfem.identify.fit.prediction_intervals import degrees_of_freedom, half_and_
 
 @dataclass(frozen=True)
 class LeftOut:
-    """m cases, each predicted by the others.
+    """Errors of m cases, each predicted by the others.
 
     residuals:  (m, k, 3) mm computed less measured, nan where not measured
     covariance: (m, k, 3, 3) mm^2 of parameters and scatter together
@@ -28,12 +28,12 @@ class LeftOut:
 
     @property
     def distance(self) -> np.ndarray:
-        """(m, k) mm."""
+        """Distances (m, k) mm of the markers from their predictions."""
         return np.linalg.norm(self.residuals, axis=2)
 
     @property
     def _ratio_by_case(self) -> np.ndarray:
-        """(m,) mean square of the errors of each case in units of their sd, nan where none is known."""
+        """Mean squares (m,) of the errors of each case in units of their sd, nan where none is known."""
         squares = self.residuals**2 / np.einsum("mkii->mki", self.covariance)
         known = np.isfinite(squares)
         counts = known.sum(axis=(1, 2))
@@ -41,7 +41,7 @@ class LeftOut:
 
     @property
     def ratios(self) -> np.ndarray:
-        """(m',) mean squares of the errors of the cases that the others predict."""
+        """Mean squares (m',) of the errors of the cases that the others predict."""
         return self._ratio_by_case[np.isfinite(self._ratio_by_case)]
 
     @property
@@ -69,7 +69,7 @@ class LeftOut:
 
 
 def leave_one_out(rig: Rig, cases: Cases, fitted: CaseFit) -> LeftOut:
-    """Each case predicted by a fit to the others, at the scatter of the fit to all, from its answer."""
+    """Predictions of each case by a fit to the others, at the scatter of the fit to all, from its answer."""
     residuals, failed = np.full(cases.places.shape, np.nan), []
     covariance = np.full((*cases.places.shape, 3), np.nan)
     poses: list[Pose | None] = [None] * len(cases)

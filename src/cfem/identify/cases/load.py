@@ -23,7 +23,7 @@ from cfem.sample.spec import ParameterSpec
 
 @dataclass(frozen=True)
 class Lab:
-    """What a spec names, loaded once.
+    """A laboratory that a spec names, loaded once.
 
     spec:       of the cases
     scene_path: of the scene
@@ -48,7 +48,7 @@ class Lab:
 
     @property
     def down(self) -> np.ndarray | None:
-        """(3,) along gravity, None without."""
+        """Direction (3,) of gravity, None without."""
         return None if self.scene.gravity is None else self.scene.gravity.acceleration
 
     @property
@@ -63,8 +63,8 @@ class Lab:
 
     def rig(self, find: Sequence[str], sessions: Sequence[str], discrepancy: Discrepancy | None = None) -> Rig:
         """The rig with these parameters unknown, and what the model lacks."""
-        asked = {name: self.spec.parameters[name] for name in find}
-        unknowns = case_unknowns(asked, self.scene_path, sessions, self.units)
+        named = {name: self.spec.parameters[name] for name in find}
+        unknowns = case_unknowns(named, self.scene_path, sessions, self.units)
         robots = CaseRobots(self.scene, self.mesh, _keys(unknowns, self.spec, self.scene_path))
         watched = [effector.name for effector in self.scene.effectors]
         markers = list(self.spec.markers.values())

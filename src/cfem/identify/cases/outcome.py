@@ -98,8 +98,8 @@ def _discrepancy(data: dict | None) -> Discrepancy | None:
 
 
 def widened(known: Calibrated, rig: Rig) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """z, d and their covariance for a rig that may have more sessions; of unknowns of new sessions, what was known
-    before any measurement."""
+    """Values z, d and their covariance for a rig that may have more sessions; of unknowns of new sessions, what was
+    known before any measurement."""
     n_z, n_new = len(known.names), len(rig.unknowns)
     size = len(rig.d_sd) // max(len(rig.blocks), 1)  # of a block
     numbers = {name: i for i, name in enumerate(known.names)}

@@ -16,7 +16,7 @@ _FAR = 1.03  # times the largest force of the calibration, beyond which a case i
 
 @dataclass(frozen=True)
 class Prediction:
-    """m cases of k markers.
+    """Predictions for m cases of k markers.
 
     y:      (m, k, 3) mm places, or displacements where these are compared
     half:   (m, k, 3) mm half of the interval of each coordinate
@@ -34,7 +34,7 @@ class Prediction:
 
     @property
     def distance(self) -> np.ndarray:
-        """(m, k) mm."""
+        """Distances (m, k) mm of the markers from their predictions."""
         return np.linalg.norm(self.error, axis=2)
 
     def covered(self) -> tuple[float, float]:
@@ -43,7 +43,7 @@ class Prediction:
 
 
 def beyond_calibration(cases: Cases, known: Calibrated) -> np.ndarray:
-    """(m,) whether any force is larger, by more than a thirtieth, than all that the calibration knows."""
+    """Mask (m,) of cases with a force larger, by more than a thirtieth, than all that the calibration knows."""
     if not known.largest:
         return np.zeros(len(cases), dtype=bool)
     return (np.abs(cases.forces) > _FAR * np.array(known.largest) + 1e-12).any(axis=1)

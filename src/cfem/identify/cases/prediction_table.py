@@ -39,7 +39,7 @@ def repeats(cases: Cases) -> dict[str, float]:
     largest: dict[str, float] = {}
     for i in range(len(cases)):
         for j in range(len(cases)):
-            alike = np.allclose(cases.forces[i], cases.forces[j]) and cases.ways[i] == cases.ways[j]
+            alike = np.allclose(cases.forces[i], cases.forces[j]) and cases.directions[i] == cases.directions[j]
             distances = np.linalg.norm(cases.target[i] - cases.target[j], axis=1)
             if i != j and alike and np.isfinite(distances).any():
                 largest[cases.names[i]] = max(largest.get(cases.names[i], 0.0), float(np.nanmax(distances)))

@@ -22,7 +22,7 @@ _UNLIKE = 2.5  # times: errors of left-out cases beyond what the fit says of its
 
 @dataclass(frozen=True)
 class FittedModel:
-    """One of the models that are compared.
+    """A fitted model, of several that are compared.
 
     rig:      with the model's unknowns
     fit:      to all cases
@@ -129,7 +129,7 @@ def _judgement(rig: Rig, estimates: Mapping[str, Any], left_out: LeftOut) -> lis
 def _by_case_and_marker(
     cases: Cases, markers: Sequence[str], distance: np.ndarray
 ) -> dict[str, dict[str, float | None]]:
-    """mm, None where not measured."""
+    """Distances mm by case and marker, None where not measured."""
     return {
         case: {marker: float(e) if np.isfinite(e) else None for marker, e in zip(markers, row, strict=True)}
         for case, row in zip(cases.names, distance, strict=True)

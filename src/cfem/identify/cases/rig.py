@@ -45,12 +45,12 @@ class MarkerPredictions:
 
     @property
     def by_u(self) -> np.ndarray:
-        """(m, k, 3, n_z + n_d) derivatives by unknowns and offsets."""
+        """Derivatives (m, k, 3, n_z + n_d) by unknowns and offsets."""
         return np.concatenate([self.by_z, self.by_d], axis=3)
 
     def covariance(self, of_unknowns: np.ndarray, scatter: np.ndarray) -> np.ndarray:
-        """(m, k, 3, 3) mm^2 of each marker, from that of unknowns and offsets (n, n) and the scatter's variance (m, k)
-        mm^2 of each coordinate."""
+        """Covariances (m, k, 3, 3) mm^2 of each marker, from that of unknowns and offsets (n, n) and the scatter's
+        variance (m, k) mm^2 of each coordinate."""
         spread = np.einsum("mkin,no,mkjo->mkij", self.by_u, of_unknowns, self.by_u)
         return spread + scatter[..., None, None] * np.eye(3)
 
@@ -79,7 +79,8 @@ class Rig:
         offsets: Offsets | None,
         discrepancy: Discrepancy | None = None,
     ):
-        """watched: names of the effectors; offsets: how far markers may be from where they are said to be."""
+        """Gathers the unknowns and offsets. watched: names of the effectors; offsets: how far markers may be from where
+        they are said to be."""
         self.robots, self.unknowns, self.actuators = robots, tuple(unknowns), tuple(actuators)
         self._effector = np.array([list(watched).index(marker.effector) for marker in markers])
         self._stand_off = np.array([np.zeros(3) if m.stand_off is None else m.stand_off for m in markers])
@@ -132,11 +133,11 @@ class Rig:
             session, before = cases.sessions[i], cases.before[i]
             forces = self._driven(cases.forces[i], z, session)
             before = None if before is None else self._driven(before, z, session)
-            poses.append(self.robots.at(p, forces, cases.ways[i], name, before))
+            poses.append(self.robots.at(p, forces, cases.directions[i], name, before))
         return tuple(poses)
 
     def _driven(self, f: np.ndarray, z: np.ndarray, session: str) -> np.ndarray:
-        """(..., n_a) forces of the drives at commands f. NumericalError where a chamber bulges without bound."""
+        """Forces (..., n_a) of the drives at commands f. NumericalError where a chamber bulges without bound."""
 
         def number(part: str, nominal: float) -> np.ndarray:
             return np.array([self._rig(f"drive.{name}.{part}", nominal, z, session) for name in self.actuators])
@@ -150,7 +151,7 @@ class Rig:
     def _markers(
         self, cases: Cases, poses: Sequence[Pose], z: np.ndarray, d: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """y (m, k, 3) mm and its derivative by d (m, k, 3, n_d)."""
+        """Places y (m, k, 3) mm of the markers and their derivative by d (m, k, 3, n_d)."""
         k = len(self._effector)
         y, by_d = np.empty((len(cases), k, 3)), np.zeros((len(cases), k, 3, self.n_d))
         features = np.zeros((len(cases), 0)) if self.discrepancy is None else self.discrepancy.features(cases.forces)
@@ -174,7 +175,7 @@ class Rig:
         return y + by_d @ d, by_d
 
     def _moved(self, pose: Pose) -> np.ndarray:
-        """(k,) mm from where each marker is without any load."""
+        """Distances (k,) mm of each marker from where it is without any load."""
         turned = (pose.turn[self._effector] @ self._stand_off[:, :, None])[:, :, 0] - self._stand_off
         return np.linalg.norm((pose.x - self.robots.rest)[self._effector] + turned, axis=1)
 

@@ -23,7 +23,7 @@ _HISTORIES_KEPT = 500  # states on the way of histories
 
 @dataclass(frozen=True)
 class Pose:
-    """Where a robot is.
+    """Shape of a robot in a case.
 
     x:     (k, 3) mm places of the effectors
     turn:  (k, 3, 3) their rotations since rest, of those that watch them
@@ -42,19 +42,19 @@ class CaseRobots:
     solves: number of equilibria so far"""
 
     def __init__(self, scene: SceneSpec, mesh: Mesh, keys: Sequence[Parameter]):
-        """keys: the numbers of the scene that vary."""
+        """Loads the scene. keys: the numbers of it that vary."""
         self._family = RobotFamily(scene, mesh, keys)
         self.robot = self._family.robot
         self.rest, _ = _effectors(self.robot.rest_e, scene)
         # a rod's cables add nothing to the pattern of its unknowns, wherever they run
         alike = self._family.alike or not any(actuator.cliques for actuator in self.robot.actuators)
         self._scene, self._alike, self._pattern = scene, alike, None
-        self._built: tuple[bytes, Problem] | None = None
-        self._near: dict[str, tuple[State, Shares]] = {}
-        self._follower: tuple[Problem, Follower] | None = None
-        self._histories: dict[tuple, tuple[Equilibrium, Followed]] = {}
-        self._passed: dict[tuple[str, int], Followed] = {}
-        self._poses: dict[tuple, Pose] = {}
+        self._built: tuple[bytes, Problem] | None = None  # the last values, and their problem
+        self._near: dict[str, tuple[State, Shares]] = {}  # by case, the state that was solved last
+        self._follower: tuple[Problem, Follower] | None = None  # of friction along a path
+        self._histories: dict[tuple, tuple[Equilibrium, Followed]] = {}  # by values and commands so far
+        self._passed: dict[tuple[str, int], Followed] = {}  # by case and command, as passed last
+        self._poses: dict[tuple, Pose] = {}  # by values, forces and commands before
         self.solves = 0
 
     def at(

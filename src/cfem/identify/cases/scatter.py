@@ -30,7 +30,7 @@ class Scatter:
     share: float = 0.0
 
     def variance(self, moved: np.ndarray) -> np.ndarray:
-        """mm^2 of each coordinate of markers that moved so many mm."""
+        """Variance mm^2 of each coordinate of markers that moved so many mm."""
         return self.fixed**2 + (self.share * moved) ** 2
 
 
@@ -69,8 +69,8 @@ def estimate_scatter(fitted: Linearised, first: Scatter) -> Scatter:
 
 
 def restricted_likelihood(fitted: Linearised, V: np.ndarray, s2: float) -> tuple[float, float]:
-    """s^2 mm^2 of variances in the proportions V (n_r,), by turns from a first s^2, and the logarithm of its restricted
-    likelihood."""
+    """Scale s^2 mm^2 of variances in the proportions V (n_r,), by turns from a first s^2, and the logarithm of its
+    restricted likelihood."""
     weighted, information = fitted.J.T / V, np.diag(fitted.prior**2)
     step = np.zeros(len(fitted.u))
     for _ in range(_TURNS):

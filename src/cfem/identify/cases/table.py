@@ -20,20 +20,20 @@ _TRUE, _FALSE = ("1", "1.0", "true", "yes"), ("0", "0.0", "false", "no", "")
 
 @dataclass(frozen=True)
 class Cases:
-    """m load cases of k markers.
+    """Load cases, m of them, with k markers.
 
-    names:    (m,)
-    sessions: (m,), '' where none is stated
-    forces:   (m, n_a) N or MPa of the actuators
-    ways:     (m,) 1 while loading, -1 while unloading
-    places:   (m, k, 3) mm, nan where not measured
-    rest:     (m, k, 3) mm before the load, None where places themselves are compared
-    before:   (m,) forces (j, n_a) that were commanded one after another before, None where the table does not say"""
+    names:      (m,)
+    sessions:   (m,), '' where none is stated
+    forces:     (m, n_a) N or MPa of the actuators
+    directions: (m,) 1 while loading, -1 while unloading
+    places:     (m, k, 3) mm, nan where not measured
+    rest:       (m, k, 3) mm before the load, None where places themselves are compared
+    before:     (m,) forces (j, n_a) that were commanded one after another before, None where the table does not say"""
 
     names: tuple[str, ...]
     sessions: tuple[str, ...]
     forces: np.ndarray
-    ways: np.ndarray
+    directions: np.ndarray
     places: np.ndarray
     rest: np.ndarray | None
     before: tuple[np.ndarray | None, ...] = ()
@@ -47,12 +47,12 @@ class Cases:
 
     @property
     def target(self) -> np.ndarray:
-        """(m, k, 3) mm what a model is compared with: places, or displacements from rest."""
+        """Places (m, k, 3) mm that a model is compared with, or displacements from rest."""
         return self.places if self.rest is None else self.places - self.rest
 
     @property
     def marks(self) -> list[str]:
-        """(m,) hashes of what was measured, '' where nothing was: a case is recognised by its own."""
+        """Hashes (m,) of what was measured, '' where nothing was: a case is recognised by its own."""
         measured = np.isfinite(self.places).any(axis=(1, 2))
         hashes = [hashlib.sha256(places.tobytes()).hexdigest()[:16] for places in self.places]
         return [mark if seen else "" for mark, seen in zip(hashes, measured, strict=True)]
@@ -64,7 +64,7 @@ class Cases:
         names, sessions, before = (
             tuple(values[i] for i in index) for values in (self.names, self.sessions, self.before)
         )
-        return Cases(names, sessions, self.forces[index], self.ways[index], self.places[index], rest, before)
+        return Cases(names, sessions, self.forces[index], self.directions[index], self.places[index], rest, before)
 
 
 _Rows = dict[tuple[str, ...], dict[str, int]]  # of each case, the table's row of each marker
@@ -114,7 +114,7 @@ def read_cases(
         names=tuple(" ".join(case) for case in cases),
         sessions=_sessions(table, layout.session, first),
         forces=forces,
-        ways=np.array([_way(table, layout, row, cell) for row, cell in unloading]),
+        directions=np.array([_direction(table, layout, row, cell) for row, cell in unloading]),
         places=places,
         rest=rest,
         before=_before(_cells(table, layout.history, first), forces),
@@ -159,7 +159,7 @@ def _factor(layout: TableColumns, actuator: str, unit: str) -> float:
 
 
 def _forces(table: TextTable, values: np.ndarray, cases: list[dict[str, int]], columns: list[str]) -> np.ndarray:
-    """(m, n_a) the forces of each case, of `values` (rows, n_a). InputError where rows of a case differ, or none has
+    """Forces (m, n_a) of each case, of `values` (rows, n_a). InputError where rows of a case differ, or none has
     one."""
     forces = np.empty((len(cases), len(columns)))
     for i, case in enumerate(cases):
@@ -181,7 +181,7 @@ def _forces(table: TextTable, values: np.ndarray, cases: list[dict[str, int]], c
 
 
 def _by_marker(values: np.ndarray, cases: _Rows, markers: list[str]) -> np.ndarray:
-    """(m, k, 3) of values (rows, 3 or 0); nan where a case has no row of a marker."""
+    """Values (m, k, 3) by case and marker, of values (rows, 3 or 0); nan where a case has no row of a marker."""
     by_marker = np.full((len(cases), len(markers), 3), np.nan)
     for i, case in enumerate(cases.values()):
         for j, marker in enumerate(markers):
@@ -204,8 +204,8 @@ def _sessions(table: TextTable, titles: list[str], rows: list[int]) -> tuple[str
     return tuple(" ".join(cells) for cells in zip(*columns, strict=True)) if columns else ("",) * len(rows)
 
 
-def _way(table: TextTable, layout: TableColumns, row: int, cell: str) -> float:
-    """1 while loading, -1 while unloading. InputError where the cell says neither."""
+def _direction(table: TextTable, layout: TableColumns, row: int, cell: str) -> float:
+    """Direction of loading: 1 while loading, -1 while unloading. InputError where the cell says neither."""
     if cell.lower() not in (*_TRUE, *_FALSE):
         what = f"column '{layout.unloading}': '{cell}' is neither 1 nor 0"
         raise InputError(what, where=table.where(row), do="write 1 where the load had been larger before, else 0")
@@ -213,7 +213,7 @@ def _way(table: TextTable, layout: TableColumns, row: int, cell: str) -> float:
 
 
 def _before(histories: list[str], forces: np.ndarray) -> tuple[np.ndarray | None, ...]:
-    """(m,) forces (j, n_a) of the cases of the same history above each case, None where it has no history."""
+    """Forces (j, n_a), for each of m cases, of the cases of the same history above it, None where it has no history."""
     earlier = ([j for j in range(i) if histories[j] == name] for i, name in enumerate(histories))
     return tuple(forces[cases] if name else None for name, cases in zip(histories, earlier, strict=True))
 

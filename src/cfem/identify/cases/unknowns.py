@@ -38,14 +38,14 @@ class CaseUnknown(FreeParameter):
 
 
 def case_unknowns(
-    asked: Mapping[str, Unknown], scene: Path, sessions: Sequence[str], actuators: Mapping[str, str]
+    named: Mapping[str, Unknown], scene: Path, sessions: Sequence[str], actuators: Mapping[str, str]
 ) -> list[CaseUnknown]:
     """The unknowns that a spec asks for, one for each session where it asks by session. SpecError naming the parameter
     whose key, range or knowledge is wrong.
 
     actuators: unit of the force of each"""
     unknowns = []
-    for name, spec in asked.items():
+    for name, spec in named.items():
         where = f"parameters.{name}"
         of_rig = {is_of_rig(key) for key in spec.keys}
         if len(of_rig) > 1:

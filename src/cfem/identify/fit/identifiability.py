@@ -18,8 +18,8 @@ _END = 1e-3  # of its range, within which an unknown lies at an end of it
 
 
 def unseen(jacobians: Sequence[np.ndarray], change: float) -> np.ndarray:
-    """(n,) whether each unknown moves nothing that was measured, at any of the places where the Jacobians (n_r, n) are
-    from; change: size of the largest measured change, in the residuals' units."""
+    """Mask (n,) of the unknowns that move nothing that was measured, at any of the places where the Jacobians (n_r, n)
+    are from; change: size of the largest measured change, in the residuals' units."""
     largest = np.max([np.abs(jacobian).max(axis=0) for jacobian in jacobians], axis=0)
     return largest <= RANK * max(change, float(largest.max(initial=0.0)))
 

@@ -23,7 +23,7 @@ _PROFILE = FitSettings(margin=1e-9)
 
 @dataclass(frozen=True)
 class Information:
-    """What residuals tell of n unknowns, near the minimum.
+    """Information that residuals hold on n unknowns, near the minimum.
 
     singular_values: (n,) of J, largest first
     inverse:         (n, n) of J^T J, over the directions that are measured
@@ -39,7 +39,7 @@ class Information:
         return len(self.singular_values) - len(self.unmeasured)
 
     def deviation(self, slopes: np.ndarray) -> np.ndarray:
-        """(...,) standard deviations of linear functions of the unknowns, slopes (..., n), for residuals of variance
+        """Standard deviations (...,) of linear functions of the unknowns, slopes (..., n), for residuals of variance
         one; inf where an unmeasured direction moves the function."""
         blind = ((slopes @ self.unmeasured.T) ** 2).sum(axis=-1) > _BLIND * (slopes**2).sum(axis=-1)
         variance = np.einsum("...i,ij,...j->...", slopes, self.inverse, slopes)
@@ -61,7 +61,7 @@ def information(jacobian: np.ndarray, rank: float = RANK) -> Information:
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """How well n unknowns are known from n_r residuals. Scale and quantile are nan where nothing tells the noise: it
+    """Uncertainty of n unknowns fitted to n_r residuals. Scale and quantile are nan where nothing tells the noise: it
     was not stated, and the residuals are no more than the unknowns.
 
     information: what the residuals tell
@@ -78,22 +78,22 @@ class Uncertainty:
 
     @property
     def covariance(self) -> np.ndarray | None:
-        """(n, n) of the unknowns, None where the number of residuals leaves nothing to tell it from."""
+        """Covariance (n, n) of the unknowns, None where the number of residuals leaves nothing to tell it from."""
         return self.scale**2 * self.information.inverse if np.isfinite(self.scale) else None
 
     @property
     def deviations(self) -> np.ndarray:
-        """(n,) standard deviations of the unknowns, inf where not determined."""
+        """Standard deviations (n,) of the unknowns, inf where not determined."""
         n = len(self.information.inverse)
         return self.scale * self.information.deviation(np.eye(n)) if np.isfinite(self.scale) else np.full(n, np.inf)
 
     @property
     def correlation(self) -> np.ndarray | None:
-        """(n, n) of the unknowns, None without a covariance."""
+        """Correlation (n, n) of the unknowns, None without a covariance."""
         return None if self.covariance is None else correlation(self.covariance)
 
     def half(self, slopes: np.ndarray) -> np.ndarray:
-        """(...,) half of the interval of linear functions of the unknowns, slopes (..., n); inf where not
+        """Half widths (...,) of the intervals of linear functions of the unknowns, slopes (..., n); inf where not
         determined."""
         if not np.isfinite(self.scale):
             return np.full(np.shape(slopes)[:-1], np.inf)
@@ -121,7 +121,7 @@ def uncertainty(
 
 
 def correlation(covariance: np.ndarray) -> np.ndarray:
-    """(n, n) correlation of a covariance (n, n), zero where a variance is."""
+    """Correlation (n, n) of a covariance (n, n), zero where a variance is."""
     size = np.sqrt(np.diag(covariance))
     size = np.where(size > 0, size, 1.0)
     return covariance / np.outer(size, size)

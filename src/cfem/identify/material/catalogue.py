@@ -10,7 +10,7 @@ from cfem.robot.elastomers import ELASTOMERS, POISSON, Elastomer
 
 
 def list_text() -> str:
-    """One line an elastomer."""
+    """Table of the elastomers, a line each."""
     width = max(map(len, ELASTOMERS))
     lines = [f"{'name':<{width}}  {'E at rest':>10}  {'at stretch 2':>12}  {'density':<12} {'up to':<6} constants"]
     for name, elastomer in ELASTOMERS.items():
@@ -50,7 +50,7 @@ def data_of(name: str) -> dict[str, Any]:
 
 
 def show_text(name: str) -> str:
-    """All that is known of one elastomer."""
+    """Text of all that is known of an elastomer."""
     data, elastomer = data_of(name), ELASTOMERS[name]
     young, pulled = stress(data["young MPa"]), stress(data["stress at 2 MPa"])
     lines = [
@@ -72,7 +72,7 @@ def _range(elastomer: Elastomer) -> str:
 
 
 def tension(material: Any, stretch: float) -> float:
-    """MPa: nominal stress along one axis at volume 1."""
+    """Nominal stress MPa along one axis at volume 1."""
     from cfem.mechanics.material.law import stress
 
     F = np.diag([stretch, stretch**-0.5, stretch**-0.5])[None]

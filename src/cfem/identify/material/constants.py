@@ -75,6 +75,6 @@ def _quantity(value: float) -> str:
 
 
 def _shear_by_exponent(fit: LawFit) -> np.ndarray:
-    """(n_free,) d shear / d alpha = modulus / 2 of the terms whose exponents were found."""
+    """Derivatives (n_free,) d shear / d alpha = modulus / 2 of the terms whose exponents were found."""
     free = [power is None for power in fit.form.powers]
     return fit.moduli[: len(free)][free] / 2

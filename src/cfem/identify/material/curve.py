@@ -69,7 +69,7 @@ def up_to(curve: Curve, most: float) -> Curve:
 
 
 def _points(table: TextTable, columns: tuple[int, int]) -> np.ndarray:
-    """(2, m) numbers of two columns. InputError where a cell is empty."""
+    """Numbers (2, m) of two columns. InputError where a cell is empty."""
     values = table.numbers(columns)
     gaps = np.argwhere(np.isnan(values))
     if len(gaps):
@@ -104,7 +104,7 @@ def _columns(cells: tuple[str, ...], words: tuple[str, ...]) -> list[int]:
 
 
 def _stretch(x: np.ndarray, title: str, length: float | None, path: Path) -> np.ndarray:
-    """(m,) stretch from a column of stretch, strain or extension. InputError where its meaning is not certain."""
+    """Stretches (m,) from a column of stretch, strain or extension. InputError where its meaning is not certain."""
     name, unit = title_parts(title)
     if any(word in name.lower() for word in ("extension", "displacement")):
         stretch = 1 + _scaled(x, title, "mm", path) / _demanded(length, "length", "--length '33 mm'", title, path)
@@ -128,7 +128,7 @@ def _stretch(x: np.ndarray, title: str, length: float | None, path: Path) -> np.
 
 
 def _stress(y: np.ndarray, title: str, area: float | None, path: Path) -> np.ndarray:
-    """(m,) MPa from a column of stress or force."""
+    """Nominal stresses (m,) MPa from a column of stress or force."""
     name, _ = title_parts(title)
     if "stress" in name.lower():
         return _scaled(y, title, "MPa", path)

@@ -11,7 +11,7 @@ from cfem.report.style import FAINT, INK, LEARNED, grid, outside_legend, png
 
 
 def fit_figure(curves: Sequence[Curve], tried: Sequence[Candidate], chosen: Candidate) -> bytes:
-    """PNG of three panels."""
+    """Picture (PNG) of a fit, in three panels."""
     figure, axes = grid(3, height=3.6)
     _draw_curves(axes[0], curves, tried, chosen)
     _draw_errors(axes[1], curves, tried, chosen)

@@ -53,17 +53,17 @@ class LawFit:
 
     @property
     def rms(self) -> float:
-        """MPa, root mean square of the residuals."""
+        """Root mean square of the residuals, MPa."""
         return float(np.sqrt(np.mean(self.residuals**2)))
 
     @property
     def shear(self) -> float:
-        """MPa, shear modulus at rest."""
+        """Shear modulus at rest, MPa."""
         return float(shear_modulus(self.form, self.alpha) @ self.moduli)
 
     @property
     def young(self) -> float:
-        """MPa, Young's modulus at rest of the incompressible law."""
+        """Young's modulus at rest of the incompressible law, MPa."""
         return 3 * self.shear
 
     @property
@@ -77,7 +77,7 @@ class LawFit:
         return is_stable_to(self.stable, self.most)
 
     def predict(self, curve: Curve) -> np.ndarray:
-        """(m,) MPa at the curve's stretches, slack counted."""
+        """Stresses (m,) MPa at the curve's stretches, slack counted."""
         return _design(self.form, self.alpha, self.slack, [curve]) @ self.moduli
 
 
@@ -106,7 +106,7 @@ def largest_stretch(curves: Sequence[Curve]) -> float:
 
 
 def _design(form: Form, alpha: Sequence[float], slack: float, curves: Sequence[Curve]) -> np.ndarray:
-    """(m, n) nominal stress of each term at modulus 1; none while the specimen is slack."""
+    """Nominal stresses (m, n) of each term at modulus 1; none while the specimen is slack."""
     parts = []
     for curve in curves:
         offset = slack if curve.mode == "uniaxial" else 0.0
@@ -121,8 +121,8 @@ class _Projection:
     target: (m,) MPa measured"""
 
     def __init__(self, form: Form, curves: Sequence[Curve], with_slack: bool, keep_signs: bool):
-        """keep_signs: moduli with signs that make every term stable: modulus times exponent positive, a Yeoh term's
-        modulus positive."""
+        """Sets the curves to fit. keep_signs: moduli with signs that make every term stable: modulus times exponent
+        positive, a Yeoh term's modulus positive."""
         self._form, self._curves, self._with_slack, self._keep_signs = form, curves, with_slack, keep_signs
         self.target = np.concatenate([curve.stress for curve in curves])
 
@@ -145,7 +145,7 @@ class _Projection:
         return with_slopes(lambda batch: np.array([self._residual(point) for point in batch]), z, _STENCIL)
 
     def jacobian(self, alpha: np.ndarray, slack: float, moduli: np.ndarray) -> np.ndarray:
-        """(m, k) derivative of the stress by moduli, exponents and slack."""
+        """Derivative (m, k) of the stress by moduli, exponents and slack."""
 
         def stress(batch: np.ndarray) -> np.ndarray:
             return np.array([_design(self._form, *self._split(z), self._curves) @ moduli for z in batch])
@@ -155,7 +155,7 @@ class _Projection:
         return np.hstack([design, with_slopes(stress, z, _STENCIL)[1]]) if len(z) else design
 
     def _split(self, z: np.ndarray) -> tuple[np.ndarray, float]:
-        """Exponents and slack."""
+        """Exponents and slack of the unknowns z."""
         free = self._form.free
         return z[:free], float(z[free]) if self._with_slack else 0.0
 
@@ -165,12 +165,12 @@ class _Projection:
         return (design @ self._moduli(alpha, design) - self.target) / np.abs(self.target).max()
 
     def _parts(self, z: np.ndarray) -> tuple[np.ndarray, float, np.ndarray]:
-        """Exponents, slack and moduli."""
+        """Exponents, slack and the moduli that go with them, at the unknowns z."""
         alpha, slack = self._split(z)
         return alpha, slack, self._moduli(alpha, _design(self._form, alpha, slack, self._curves))
 
     def _moduli(self, alpha: np.ndarray, design: np.ndarray) -> np.ndarray:
-        """(n,) MPa that fit best at given exponents."""
+        """Moduli (n,) MPa that fit best at given exponents."""
         size = np.abs(design).max(axis=0)
         size[size == 0] = 1.0  # a power of exponent zero bears nothing
         if not self._keep_signs:

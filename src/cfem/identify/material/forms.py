@@ -65,14 +65,14 @@ FORMS = {
 
 
 def log_stretches(mode: Mode, stretch: np.ndarray) -> np.ndarray:
-    """(m, 3) h of a test at stretches (m,), of volume 1; axis 3 is free."""
+    """Logarithmic stretches h (m, 3) of a test at stretches (m,), of volume 1; axis 3 is free."""
     h = np.log(stretch)
     second = {"uniaxial": -h / 2, "biaxial": h, "planar": np.zeros_like(h)}[mode]
     return np.stack([h, second, -h - second], axis=1)
 
 
 def kirchhoff(form: Form, alpha: Sequence[float], h: np.ndarray) -> np.ndarray:
-    """(m, 3, n) t of each term at modulus 1, at h (m, 3)."""
+    """Kirchhoff stresses t (m, 3, n) of each term at modulus 1, at h (m, 3)."""
     powers = [np.exp(a * h) for a in form.exponents(alpha)]
     square = np.exp(2 * h)
     rise = np.expm1(2 * h).sum(axis=1)[:, None]
@@ -80,7 +80,7 @@ def kirchhoff(form: Form, alpha: Sequence[float], h: np.ndarray) -> np.ndarray:
 
 
 def curvature(form: Form, alpha: Sequence[float], h: np.ndarray) -> np.ndarray:
-    """(m, 3, 3, n) K of each term at modulus 1, at h (m, 3)."""
+    """Second derivatives K (m, 3, 3, n) of each term at modulus 1, at h (m, 3)."""
     square = np.exp(2 * h)
     rise = np.expm1(2 * h).sum(axis=1)[:, None, None]
     terms = [a * np.exp(a * h)[:, :, None] * np.eye(3) for a in form.exponents(alpha)]
@@ -92,11 +92,11 @@ def curvature(form: Form, alpha: Sequence[float], h: np.ndarray) -> np.ndarray:
 
 
 def nominal_stress(form: Form, alpha: Sequence[float], mode: Mode, stretch: np.ndarray) -> np.ndarray:
-    """(m, n) force over the area at rest that each term gives at modulus 1."""
+    """Nominal stresses (m, n), force over the area at rest, that each term gives at modulus 1."""
     t = kirchhoff(form, alpha, log_stretches(mode, stretch))
     return (t[:, 0] - t[:, 2]) / stretch[:, None]
 
 
 def shear_modulus(form: Form, alpha: Sequence[float]) -> np.ndarray:
-    """(n,) share of each term at modulus 1 in the shear modulus at rest."""
+    """Shares (n,) of each term at modulus 1 in the shear modulus at rest."""
     return np.array([*form.exponents(alpha) / 2, *(2.0 if k == 1 else 0.0 for k in form.degrees)])

@@ -25,7 +25,7 @@ def is_stable_to(limits: Mapping[str, float], most: float) -> bool:
 
 
 def least_stiffness(form: Form, alpha: Sequence[float], moduli: np.ndarray, h: np.ndarray) -> np.ndarray:
-    """(m,) MPa: smallest eigenvalue of d (t_1 - t_3, t_2 - t_3) / d (h_1, h_2) at h (m, 3) of volume 1."""
+    """Smallest eigenvalues (m,) MPa of d (t_1 - t_3, t_2 - t_3) / d (h_1, h_2) at h (m, 3) of volume 1."""
     K = curvature(form, alpha, h) @ moduli
     B = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, -1.0]])
     return np.linalg.eigvalsh(B.T @ K @ B)[:, 0]

@@ -24,7 +24,7 @@ FILES = ("material.yaml", "fit.json", "fit.png")
 
 @dataclass(frozen=True)
 class Request:
-    """What `cfem material fit` is asked.
+    """Request to `cfem material fit`.
 
     files:   table of each mode that was tested
     length, area: of the specimen, as a user writes them
@@ -162,7 +162,7 @@ def _row(candidate: Candidate, chosen: bool) -> dict[str, Any]:
 
 
 def _write(out: Path, results: dict[str, Any], curves: list[Curve], tried: list[Candidate], chosen: Candidate) -> None:
-    """Writes FILES."""
+    """Writes the files of a fit, FILES."""
     from cfem.identify.material.figure import fit_figure
 
     sources = ", ".join(curve.source for curve in curves)

@@ -41,7 +41,7 @@ def read_recording(path: Path, unit: float | None = None) -> MarkerRecording:
 
 
 def _size(path: Path, name: str | None, unit: float | None) -> float:
-    """mm of one unit."""
+    """Size mm of one unit."""
     if unit is not None:
         return unit
     if name is None or name.lower() not in _UNITS:
@@ -51,7 +51,7 @@ def _size(path: Path, name: str | None, unit: float | None) -> float:
 
 
 def _optitrack(path: Path, lines: list[TableRow], unit: float | None) -> MarkerRecording:
-    """Motive, format 1.2 and later: rows of types, names and kinds of number above 'Frame, Time'."""
+    """Recording of Motive, format 1.2 and later: rows of types, names and kinds of number above 'Frame, Time'."""
     rows = [row.cells for row in lines]
     about = dict(zip(rows[0][::2], rows[0][1::2], strict=False))
     start = next((i for i, row in enumerate(rows) if row and row[0] == "Frame"), None)
@@ -74,7 +74,8 @@ def _optitrack(path: Path, lines: list[TableRow], unit: float | None) -> MarkerR
 
 
 def _vicon(path: Path, lines: list[TableRow], unit: float | None) -> MarkerRecording:
-    """Nexus: the rate, names above their first column, axes, units, frames; the block ends with an empty row."""
+    """Recording of Nexus: the rate, names above their first column, axes, units, frames; the block ends with an empty
+    row."""
     rows = [row.cells for row in lines]
     try:
         rate = float(rows[1][0])
@@ -105,7 +106,7 @@ def _named_twice(name: str, path: Path, row: TableRow) -> InputError:
 
 
 def _plain(table: TextTable, unit: float | None) -> MarkerRecording:
-    """One row of titles: time in seconds, then three columns a marker, such as tip_x_mm."""
+    """Recording of a plain table: one row of titles, time in seconds, then three columns a marker, such as tip_x_mm."""
     columns: dict[str, dict[str, int]] = {}
     units = set()
     for i, name in enumerate(table.titles[1:], start=1):

@@ -76,8 +76,8 @@ def _best(
 def _paired(
     seen: np.ndarray, goals: np.ndarray, motion: tuple[np.ndarray, np.ndarray], tolerance: float
 ) -> np.ndarray | None:
-    """(k, 2) numbers of markers and places, by a first motion and again by that of all that it paired; None where
-    either pairs fewer than three."""
+    """Pairs (k, 2) of numbers of markers and places, by a first motion and again by that of all that it paired; None
+    where either pairs fewer than three."""
     for _ in range(2):
         turn, shift = motion
         pairs = _nearest_pairs(seen @ turn.T + shift, goals, tolerance)
@@ -92,12 +92,13 @@ def follow(points: np.ndarray, within: float) -> np.ndarray:
     of more than `within` mm. A marker keeps its last place while it is hidden."""
     tracks, last = points.copy(), points[0].copy()
     for i in range(1, len(points)):
-        both = np.flatnonzero(np.isfinite(tracks[i]).all(axis=1) & np.isfinite(last).all(axis=1))
-        if len(both) > 1 and (np.linalg.norm(tracks[i, both] - last[both], axis=1) > within).sum() > 1:
-            distances = np.linalg.norm(last[both][:, None] - tracks[i, both], axis=2)
+        seen_twice = np.flatnonzero(np.isfinite(tracks[i]).all(axis=1) & np.isfinite(last).all(axis=1))
+        jumps = np.linalg.norm(tracks[i, seen_twice] - last[seen_twice], axis=1)
+        if (jumps > within).sum() > 1:
+            distances = np.linalg.norm(last[seen_twice][:, None] - tracks[i, seen_twice], axis=2)
             rows, columns = linear_sum_assignment(distances)
             if distances[rows, columns].sum() < 0.5 * np.trace(distances):
-                tracks[i:, both[rows]] = tracks[i:, both[columns]]
+                tracks[i:, seen_twice[rows]] = tracks[i:, seen_twice[columns]]
         last = np.where(np.isfinite(tracks[i]), tracks[i], last)
     return tracks
 
@@ -117,7 +118,7 @@ def _sides(corners: np.ndarray) -> np.ndarray:
 
 
 def _nearest_pairs(moved: np.ndarray, places: np.ndarray, tolerance: float) -> np.ndarray:
-    """(k, 2) of markers seen and places, at the least sum of distances."""
+    """Pairs (k, 2) of markers seen and places, at the least sum of distances."""
     distances = np.linalg.norm(moved[:, None] - places, axis=2)
     rows, columns = linear_sum_assignment(distances)
     near = distances[rows, columns] <= 3 * tolerance

@@ -9,7 +9,7 @@ from cfem.core.errors import InputError
 
 @dataclass(frozen=True)
 class MarkerRecording:
-    """n frames of m markers.
+    """A recording of n frames of m markers.
 
     time:   (n,) s
     labels: (m,) as the cameras' software names them
@@ -23,7 +23,7 @@ class MarkerRecording:
 
     @property
     def rate(self) -> float:
-        """Frames a second."""
+        """Rate, frames a second."""
         return float((len(self.time) - 1) / (self.time[-1] - self.time[0]))
 
 

@@ -16,7 +16,7 @@ _JUMP = 5.0  # mm from frame to frame: two markers that both do have swapped the
 
 @dataclass(frozen=True)
 class Reduced:
-    """What a recording shows.
+    """A recording reduced to its settled stretches.
 
     numbers: number in the recording, by the marker's name
     rest:    before the load, None where the recording does not show it
@@ -29,17 +29,17 @@ class Reduced:
     frame: Registration
 
     def place(self, name: str, rest: RestingFrames) -> np.ndarray:
-        """(3,) mm in the scene's frame, nan where the marker was hidden."""
+        """Place (3,) mm of a marker in the scene's frame, nan where it was hidden."""
         return self.frame(rest.mean[self.numbers[name]]) if name in self.numbers else np.full(3, np.nan)
 
     def noise(self, name: str) -> np.ndarray:
-        """(3,) mm standard deviation about the mean in the settled stretch, along the scene's axes."""
+        """Standard deviation (3,) mm of a marker about the mean in the settled stretch, along the scene's axes."""
         if name not in self.numbers:
             return np.full(3, np.nan)
         return np.sqrt(self.frame.turn**2 @ self.loaded.sd[self.numbers[name]] ** 2)
 
 
-def reduce_recording(recording: MarkerRecording, asked: RecordingSpec, spec: MeasurementsSpec) -> Reduced:
+def reduce_recording(recording: MarkerRecording, recording_spec: RecordingSpec, spec: MeasurementsSpec) -> Reduced:
     """The markers at rest and under load, named and in the scene's frame. InputError naming the file where it never
     settles, its frame cannot be laid or its markers not be named."""
     tracks = follow(recording.points, _JUMP)
@@ -53,7 +53,7 @@ def reduce_recording(recording: MarkerRecording, asked: RecordingSpec, spec: Mea
     by = spec.registration.by or list(places)
     shown = {name: places[name] for name in (places if spec.rest else by)}
     tolerance = spec.registration.tolerance
-    numbers = _labelled(recording, asked) or name_markers(
+    numbers = _labelled(recording, recording_spec) or name_markers(
         first.mean, recording.labels, shown, tolerance, recording.source
     )
     if not spec.rest:  # those that move have no known places: by their labels
@@ -72,10 +72,10 @@ def _named(recording: MarkerRecording, name: str) -> list[int]:
     return [i for i, label in enumerate(recording.labels) if label.lower().endswith(name.lower())][:1]
 
 
-def _labelled(recording: MarkerRecording, asked: RecordingSpec) -> dict[str, int]:
+def _labelled(recording: MarkerRecording, recording_spec: RecordingSpec) -> dict[str, int]:
     """Numbers of the markers whose labels the user names, by name. InputError where the recording has no such label."""
     numbers = {}
-    for label, name in asked.labels.items():
+    for label, name in recording_spec.labels.items():
         if label not in recording.labels:
             what = f"has no marker '{label}', only {', '.join(recording.labels)}"
             raise InputError(what, where=recording.source, do="correct `labels`")

@@ -33,7 +33,7 @@ class Registration:
     shift_sd: np.ndarray
 
     def __call__(self, x: np.ndarray) -> np.ndarray:
-        """(..., 3) mm from the cameras' frame to the scene's."""
+        """Places (..., 3) mm in the scene's frame, of those in the cameras'."""
         return x @ self.turn.T + self.shift
 
 

@@ -27,8 +27,8 @@ class RestingFrames:
 
 
 def settled(recording: MarkerRecording, window: float, within: float) -> list[RestingFrames]:
-    """All stretches of at least `window` s in which each marker stays within `within` mm of its mean over any `window`,
-    in order. InputError where the recording never settles, saying how near it came."""
+    """Stretches of at least `window` s in which each marker stays within `within` mm of its mean over any `window`, in
+    order. InputError where the recording never settles, saying how near it came."""
     count = round(window * recording.rate)
     if count < 3 or count > len(recording.time):
         lasts = recording.time[-1] - recording.time[0]
@@ -47,8 +47,8 @@ def settled(recording: MarkerRecording, window: float, within: float) -> list[Re
 
 
 def _moves(points: np.ndarray, count: int) -> np.ndarray:
-    """(n - count + 1,) mm, of each window the largest distance from its mean of any marker that is seen in half of
-    it."""
+    """Largest distance (n - count + 1,) mm, in each window, of any marker from its mean, of those that are seen in half
+    of it."""
     visible = np.isfinite(points).all(axis=2)
     filled = np.where(visible[..., None], points, 0.0)
     windows = np.lib.stride_tricks.sliding_window_view(filled, count, axis=0)

@@ -18,21 +18,21 @@ def _work(folder: Path, spec: MeasurementsSpec, base: Path) -> dict[str, Any]:
     from cfem.identify.recordings.exports import read_recording
     from cfem.identify.recordings.reduce import reduce_recording
 
-    actuators = list(dict.fromkeys(name for asked in spec.recordings for name in asked.forces))
+    actuators = list(dict.fromkeys(name for recorded in spec.recordings for name in recorded.forces))
     groups = [f"{what}{axis}_mm" for what in ("rest_", "", "sd_") for axis in "xyz"]
     titles = ["case", "session", *actuators, "marker", *(groups if spec.rest else groups[3:])]
     rows, accounts, missing = [], [], []
-    for asked in spec.recordings:
-        recording = read_recording(base / asked.file, asked.unit)
-        reduced = reduce_recording(recording, asked, spec)
-        forces = [f"{asked.forces[name]:g}" if name in asked.forces else "" for name in actuators]
+    for recorded in spec.recordings:
+        recording = read_recording(base / recorded.file, recorded.unit)
+        reduced = reduce_recording(recording, recorded, spec)
+        forces = [f"{recorded.forces[name]:g}" if name in recorded.forces else "" for name in actuators]
         for name in spec.markers:
             place = reduced.place(name, reduced.loaded)
             if not np.isfinite(place).all():
-                missing.append(f"{name} in {asked.case}")
+                missing.append(f"{name} in {recorded.case}")
             before = [] if reduced.rest is None else reduced.place(name, reduced.rest)
-            rows.append([asked.case, asked.session, *forces, name, *before, *place, *reduced.noise(name)])
-        accounts.append(_account(asked.case, recording, reduced, spec))
+            rows.append([recorded.case, recorded.session, *forces, name, *before, *place, *reduced.noise(name)])
+        accounts.append(_account(recorded.case, recording, reduced, spec))
     write_rows(folder / TABLE, titles, rows)
     write_json(folder / RESULT, {"recordings": accounts})
     return {"headline": _headline(accounts, missing, len(spec.markers)), "recordings": accounts}

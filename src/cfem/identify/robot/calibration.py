@@ -109,7 +109,7 @@ def calibrate(
 
 
 def coverage(calibration: Calibration, noise: Noise, confidence: float, repeats: int) -> np.ndarray:
-    """(n_free,) share of repeats in which the interval covers the calibrated value. Each repeat takes that for the
+    """Shares (n_free,) of repeats in which the interval covers the calibrated value. Each repeat takes that for the
     truth and draws new measurements with the stated noise."""
     problem, rng = calibration.problem, np.random.default_rng(0)
     truth = problem.z(calibration.p)
@@ -124,13 +124,13 @@ def coverage(calibration: Calibration, noise: Noise, confidence: float, repeats:
 
 
 def _sources(measured: Measurements) -> list[str]:
-    """Which of 'effectors' and 'actuators' were measured."""
+    """Sources that were measured, of 'effectors' and 'actuators'."""
     columns = {"effectors": (measured.x_e, measured.delta_e), "actuators": (measured.dual,)}
     return [source for source, arrays in columns.items() if any(np.isfinite(array).any() for array in arrays)]
 
 
 def _seen(problem: RobotResiduals, starts: np.ndarray) -> np.ndarray:
-    """(n,) whether what was measured depends on each parameter, at some start."""
+    """Mask (n,) of the parameters that what was measured depends on, at some start."""
     centred = problem.target - problem.target.mean() if len(problem.target) > 1 else problem.target
     change = float(np.abs(centred / problem.sigma).max())
     jacobians, failure = [], None

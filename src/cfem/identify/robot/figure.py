@@ -10,7 +10,7 @@ _Panel = tuple[str, str, list[str]]  # title, unit, names of its residuals
 
 
 def calibration_figure(calibration: Calibration) -> bytes:
-    """PNG: one panel for each kind of measured number, then the residuals, then the course of every start."""
+    """Picture (PNG): one panel for each kind of measured number, then the residuals, then the course of every start."""
     panels = _panels(calibration)
     figure, axes = grid(len(panels) + 1 + bool(calibration.fits), columns=3, height=3.3)
     for axis, panel in zip(axes, panels, strict=False):
@@ -30,7 +30,7 @@ def _panels(calibration: Calibration) -> list[_Panel]:
 
 
 def _amount(calibration: Calibration) -> tuple[np.ndarray, str]:
-    """(m,) how far each state is driven, for the x axis: the largest of its actuators; and the axis' label."""
+    """Actuation (m,) of each state, for the x axis: the largest of its actuators; and the axis' label."""
     measured, rows = calibration.problem.measured, calibration.problem.family.rows
     unit = "mm" if measured.kind == "displacement" else "N"
     actuator = rows.actuators[0] if rows.n_a == 1 else "largest of the actuators"
@@ -60,7 +60,7 @@ def _draw_fit(axis, calibration: Calibration, panel: _Panel) -> None:
 
 
 def _draw_residuals(axis, calibration: Calibration, panels: list[_Panel]) -> None:
-    """Residuals, in units of the noise where it was stated."""
+    """Draws the residuals, in units of the noise where it was stated."""
     amount, label = _amount(calibration)
     stated = calibration.problem.noise.known
     residuals = calibration.residuals / calibration.problem.sigma if stated else calibration.residuals

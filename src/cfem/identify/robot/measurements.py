@@ -40,7 +40,7 @@ class Measurements:
 
     @property
     def all(self) -> np.ndarray:
-        """(m, 2 n_e + n_a) positions, displacements, duals."""
+        """Measured numbers (m, 2 n_e + n_a): positions, displacements, duals."""
         return np.hstack([self.x_e, self.delta_e, self.dual])
 
     def of(self, sources: Iterable[str]) -> "Measurements":

@@ -66,7 +66,7 @@ class RobotResiduals(Varied):
         return [share_of_range(parameter) for parameter in self.parameters]
 
     def states(self, z: np.ndarray) -> States:
-        """All m states of every robot z (k, n_free), robot by robot."""
+        """States, all m of every robot z (k, n_free), robot by robot."""
         m = len(self.measured)
         self.evaluations += len(z) * m
         return self.family.at(
@@ -74,7 +74,7 @@ class RobotResiduals(Varied):
         )
 
     def predictions(self, states: States) -> np.ndarray:
-        """(k, n_r) computed numbers of k robots, in the order of `target`."""
+        """Computed numbers (k, n_r) of k robots, in the order of `target`."""
         dual = states.lam if self.measured.kind == "displacement" else states.delta_a
         computed = np.hstack([states.x_e, states.delta_e, dual])
         return computed.reshape(-1, self._mask.size)[:, self._mask.ravel()]
@@ -86,26 +86,26 @@ class RobotResiduals(Varied):
         return (computed - self.target) / self.sigma, slopes / self.sigma[:, None]
 
     def with_target(self, target: np.ndarray) -> "RobotResiduals":
-        """This problem, had other numbers (n_r,) been measured."""
+        """The problem with other measured numbers (n_r,)."""
         problem = replace(self)
         problem.__dict__["target"] = target
         return problem
 
     @cached_property
     def target(self) -> np.ndarray:
-        """(n_r,) all numbers that were measured, state by state: positions, displacements, duals."""
+        """Measured numbers (n_r,), state by state: positions, displacements, duals."""
         return self.measured.all[self._mask]
 
     @cached_property
     def sigma(self) -> np.ndarray:
-        """(n_r,) standard deviation of each residual."""
+        """Standard deviations (n_r,) of the residuals."""
         m, n_e = self.measured.x_e.shape
         deviations = np.repeat([self.noise.effectors, self.noise.dual], [2 * n_e, self.measured.dual.shape[1]])
         return np.tile(deviations, (m, 1))[self._mask]
 
     @cached_property
     def labels(self) -> list[tuple[int, str]]:
-        """(n_r) state and name of each residual."""
+        """States and names (n_r) of the residuals."""
         rows = self.family.rows
         names = [*rows.effectors, *(f"{name}.displacement" for name in rows.effectors)]
         names += [f"{name}.{DUAL[self.measured.kind]}" for name in rows.actuators]

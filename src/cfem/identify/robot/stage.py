@@ -96,10 +96,10 @@ def _find(spec: CalibrateSpec, parameters: tuple[Parameter, ...]) -> list[int]:
     wanted = spec.find if spec.find is not None else [name for name in names if name not in spec.fixed]
     demand_known(parameters, wanted, "find")
     demand_known(parameters, spec.truth, "truth")
-    both = set(wanted) & set(spec.fixed)
-    if both:
+    twice = set(wanted) & set(spec.fixed)
+    if twice:
         raise SpecError(
-            f"parameters {sorted(both)} are both to be found and fixed",
+            f"parameters {sorted(twice)} are both to be found and fixed",
             where="fixed",
             do="take them out of `find` or out of `fixed`",
         )
@@ -128,7 +128,7 @@ def _noise(spec: CalibrateSpec, dual_measured: bool) -> Any:
 
 
 def _starts(spec: CalibrateSpec, parameters: tuple[Parameter, ...], find: list[int], p0: np.ndarray) -> np.ndarray:
-    """(k, n_p) starts of the search. SpecError where one names a parameter that is not to be found."""
+    """Starts (k, n_p) of the search. SpecError where one names a parameter that is not to be found."""
     from cfem.condensed.parameter_values import vector
     from cfem.condensed.parameters import from_shares
     from cfem.parametric.least_squares import spread_starts

@@ -16,7 +16,8 @@ AXES = "xyz"
 
 @dataclass(frozen=True)
 class Recording:
-    """f frames of m markers and n_a actuators, nan where a marker was hidden or a quantity was not recorded.
+    """A recording of f frames of m markers and n_a actuators, nan where a marker was hidden or a quantity was not
+    recorded.
 
     time:         (f,) s, None where it was not recorded
     markers:      (f, m, 3) mm
@@ -79,7 +80,7 @@ def read_truth(path: Path, loaded: Sequence[str], rows: Rows, frames: int) -> di
 
 
 def _times(table: Table) -> np.ndarray | None:
-    """(f,) s, None without a column of times. InputError where time does not increase."""
+    """Times (f,) s, None without a column of times. InputError where time does not increase."""
     time = table.columns.get("time")
     if time is None:
         return None

@@ -16,8 +16,8 @@ from cfem.mechanics.material.tensor import cofactor_change, double_strain, volum
 def first_invariant(
     D: np.ndarray, cof_D: np.ndarray, M: np.ndarray, g: np.ndarray
 ) -> tuple[float, float, float, float, float]:
-    """(J - 1, m, |M|^2, y, I1bar / 3 - 1); fills cof D, M and g = cof F, all (3, 3). Where J <= 0 the first alone means
-    anything."""
+    """Invariants (J - 1, m, |M|^2, y, I1bar / 3 - 1); fills cof D, M and g = cof F, all (3, 3). Where J <= 0 the first
+    alone means anything."""
     trace, higher = volume_change(D, cof_D)
     change = trace + higher
     if not 1.0 + change > 0.0:

@@ -47,7 +47,7 @@ class Material:
 
     @property
     def moduli(self) -> tuple[np.ndarray, float]:
-        """(parameters (n_p,), bulk MPa) as the law's kernels and the elements take them."""
+        """Parameters (n_p,) and bulk modulus MPa as the law's kernels and the elements take them."""
         return self.law.parameters(self.young, self.poisson, self.law.shape if self.shape is None else self.shape)
 
 
@@ -73,14 +73,15 @@ def evaluate(law: Law, D: np.ndarray, parameters: np.ndarray) -> tuple[np.ndarra
 
 
 def curvature(law: Law, D: np.ndarray, parameters: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-    """(k, 9, 9) d2 psi_rest / dF2 + pressure d2 theta / dF2 at displacement gradients D (k, 3, 3), pressures (k,)."""
+    """Second derivatives (k, 9, 9) d2 psi_rest / dF2 + pressure d2 theta / dF2 at displacement gradients D (k, 3, 3),
+    pressures (k,)."""
     C = np.empty((len(D), 9, 9))
     law.curvature(D, parameters, pressure, C)
     return C
 
 
 def stress(law: Law, F: np.ndarray, young: float, poisson: float, shape: tuple[float, ...] | None = None) -> np.ndarray:
-    """(k, 3, 3) MPa: first Piola-Kirchhoff stress d psi / dF."""
+    """First Piola-Kirchhoff stress (k, 3, 3) MPa, d psi / dF."""
     parameters, bulk = Material(law, young, poisson, shape).moduli
     _, theta, P, g = evaluate(law, F - np.eye(3), parameters)
     return P + bulk * theta[:, None, None] * g

@@ -18,7 +18,7 @@ from cfem.mechanics.material.tensor import add_identity, inverse
 
 
 def parameters(young: float, poisson: float, shape: tuple[float, ...]) -> tuple[np.ndarray, float]:
-    """([c10, c01], lambda) in MPa."""
+    """Parameters ([c10, c01], lambda) in MPa."""
     if len(shape) != 1:
         raise ValueError(f"mooney-rivlin has one shape number, the share of c01 in c10 + c01; got {len(shape)}")
     lam, mu = lame(young, poisson)

@@ -24,7 +24,7 @@ from cfem.mechanics.material.tensor import add_identity, cofactor_change, double
 
 
 def parameters(young: float, poisson: float, shape: tuple[float, ...]) -> tuple[np.ndarray, float]:
-    """([mu, mu_1, alpha_1, mu_2, alpha_2, ...], lambda), moduli in MPa."""
+    """Parameters ([mu, mu_1, alpha_1, mu_2, alpha_2, ...], lambda), moduli in MPa."""
     weights, powers = np.array(shape[0::2], float), np.array(shape[1::2], float)
     if len(weights) != len(powers) or len(weights) == 0 or abs(weights.sum() - 1.0) > 1e-9 or not powers.all():
         raise ValueError(

@@ -7,7 +7,8 @@ from numba import njit
 
 @njit(cache=True)
 def expm1_less(x: float) -> float:
-    """exp(x) - 1 - x; by its Taylor series, to 1e-16 of itself, for |x| < 0.1. Also y - log1p(y), at x = log1p(y)."""
+    """Value of exp(x) - 1 - x; by its Taylor series, to 1e-16 of itself, for |x| < 0.1. Also y - log1p(y), at x =
+    log1p(y)."""
     if abs(x) > 0.1:
         return math.expm1(x) - x
     series = 1.0

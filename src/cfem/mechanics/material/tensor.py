@@ -15,7 +15,7 @@ def cofactor(M: np.ndarray, out: np.ndarray) -> None:
 
 @njit(cache=True)
 def inverse(M: np.ndarray, out: np.ndarray) -> float:
-    """Inverse, or zeros where M is singular; returns det M."""
+    """Writes the inverse of M, or zeros where M is singular; returns det M."""
     for i in range(3):
         i1, i2 = (i + 1) % 3, (i + 2) % 3
         for j in range(3):
@@ -53,7 +53,7 @@ def cofactor_change(D: np.ndarray, cof_D: np.ndarray, trace: float, i: int, j: i
 
 @njit(cache=True)
 def double_strain(D: np.ndarray, out: np.ndarray) -> None:
-    """2 E = F^T F - 1 = D + D^T + D^T D."""
+    """Writes twice the Green-Lagrange strain, 2 E = F^T F - 1 = D + D^T + D^T D."""
     for i in range(3):
         for j in range(i, 3):
             out[i, j] = D[i, j] + D[j, i] + (D[0, i] * D[0, j] + D[1, i] * D[1, j] + D[2, i] * D[2, j])

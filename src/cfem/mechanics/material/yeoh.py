@@ -17,7 +17,7 @@ from cfem.mechanics.material.tensor import add_identity, inverse
 
 
 def parameters(young: float, poisson: float, shape: tuple[float, ...]) -> tuple[np.ndarray, float]:
-    """([c1, c2, c3], lambda) in MPa."""
+    """Parameters ([c1, c2, c3], lambda) in MPa."""
     if len(shape) != 2:
         raise ValueError(f"yeoh has two shape numbers, c2/c1 and c3/c1; got {len(shape)}")
     lam, mu = lame(young, poisson)

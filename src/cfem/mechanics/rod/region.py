@@ -35,8 +35,8 @@ class CrossSection:
     shear: float = 1.0
 
     def stiffness(self, young: float, poisson: float) -> np.ndarray:
-        """(6,) or (m, 6) N and N mm^2. The fibres of a section that cannot deform cannot contract sideways: they resist
-        with lambda + 2 mu instead of Young's modulus."""
+        """Stiffness (6,) or (m, 6) N and N mm^2 of the section. The fibres of a section that cannot deform cannot
+        contract sideways: they resist with lambda + 2 mu instead of Young's modulus."""
         lam, mu = lame(young, poisson)
         axial = young if self.contracts else lam + 2 * mu
         across, bend = self.shear * mu * self.area, axial * self.bending
@@ -63,7 +63,7 @@ class Rod:
 
     @property
     def length(self) -> np.ndarray:
-        """(m,) mm of the elements."""
+        """Lengths (m,) mm of the elements."""
         return self.sections.apart
 
 
@@ -89,7 +89,7 @@ class RodResponse:
 
     @property
     def force(self) -> np.ndarray:
-        """(m, 12) of each element on the unknowns of its two sections."""
+        """Forces (m, 12) of each element on the unknowns of its two sections."""
         return (self.stress[:, None] @ self.gradient)[:, 0]
 
 
@@ -102,9 +102,9 @@ def make_rod(
 ) -> Rod:
     """Rod of sections. moduli: Young's (MPa) and Poisson's of each material; numbers (m,): which material an element
     has; rubber: whether each material is, none unless given."""
-    each = np.array([np.broadcast_to(shape.stiffness(*pair), (len(numbers), 6)) for pair in moduli])
-    stiffness = each[numbers, np.arange(len(numbers))]
-    shear = np.array([lame(*each)[1] for each in moduli])[numbers]
+    by_material = np.array([np.broadcast_to(shape.stiffness(*pair), (len(numbers), 6)) for pair in moduli])
+    stiffness = by_material[numbers, np.arange(len(numbers))]
+    shear = np.array([lame(*pair)[1] for pair in moduli])[numbers]
     fibres = None
     if shape.contracts and any(rubber):
         fibres = np.array([young * is_so for (young, _), is_so in zip(moduli, rubber, strict=True)])[numbers]
@@ -140,17 +140,18 @@ def response(rod: Rod, x: np.ndarray) -> RodResponse:
 
 
 def stiffness(rod: Rod, state: RodResponse, pulled: np.ndarray | float = 0.0) -> np.ndarray:
-    """(m, 12, 12) N/mm on the unknowns of both sections of each element, of the energy less pulled . e, with `pulled`
-    (m, 6) held."""
+    """Stiffness (m, 12, 12) N/mm on the unknowns of both sections of each element, of the energy less pulled . e, with
+    `pulled` (m, 6) held."""
     blocks = stiffness_of(rod.stiffness, state.stress - pulled, rod, state)
     if state.bent is not None:
-        mine = state.gradient[:, _FIBRES]
-        blocks = blocks + mine.swapaxes(1, 2) @ state.bent @ mine
+        by_fibres = state.gradient[:, _FIBRES]
+        blocks = blocks + by_fibres.swapaxes(1, 2) @ state.bent @ by_fibres
     return blocks
 
 
 def stiffness_of(moduli: np.ndarray, stress: np.ndarray, rod: Rod, state: RodResponse) -> np.ndarray:
-    """(m, 12, 12) N/mm on the unknowns, of elements with these moduli (m, 6) as in C under this stress (m, 6)."""
+    """Stiffness (m, 12, 12) N/mm on the unknowns, of elements with these moduli (m, 6) as in C under this stress (m,
+    6)."""
     material = moduli / rod.length[:, None]
     bent = curvature(state.strain, stress) * state.scale[:, :, None] * state.scale[:, None]
     return (state.gradient.swapaxes(1, 2) * material[:, None]) @ state.gradient + bent

@@ -23,32 +23,32 @@ class Sections:
 
     @cached_property
     def centres(self) -> np.ndarray:
-        """(s, 3) mm at rest."""
+        """Centres (s, 3) mm at rest."""
         return self.X[self.nodes].mean(axis=1)
 
     @cached_property
     def arm(self) -> np.ndarray:
-        """(s, k, 3) mm of the nodes from the centres, at rest."""
+        """Arms (s, k, 3) mm of the nodes from the centres, at rest."""
         return self.X[self.nodes] - self.centres[:, None]
 
     @cached_property
     def apart(self) -> np.ndarray:
-        """(s - 1,) mm between neighbours."""
+        """Distances (s - 1,) mm between neighbours."""
         return np.diff(self.centres[:, 0])
 
     @cached_property
     def radius(self) -> np.ndarray:
-        """(s,) mm of gyration of the nodes."""
+        """Radii of gyration (s,) mm of the nodes."""
         return np.sqrt((self.arm**2).sum(axis=2).mean(axis=1))
 
     @cached_property
     def outer(self) -> np.ndarray:
-        """(s,) mm from the axis to the farthest node."""
+        """Outer radii (s,) mm, from the axis to the farthest node."""
         return np.sqrt((self.arm**2).sum(axis=2).max(axis=1))
 
     @cached_property
     def across(self) -> np.ndarray:
-        """(s, 2, k) that takes a section's nodes to its axes y and z."""
+        """Matrices (s, 2, k) that take a section's nodes to its axes y and z."""
         arm = self.arm[:, :, 1:]
         return np.linalg.solve(arm.swapaxes(1, 2) @ arm, arm.swapaxes(1, 2))
 

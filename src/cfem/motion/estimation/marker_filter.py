@@ -35,7 +35,7 @@ JUMP = 0.05  # of the reach: of an actuator that is not where its command is
 
 @dataclass(frozen=True)
 class Frame:
-    """One measurement.
+    """Measurements at one time.
 
     measured: (m, 3) mm, the markers
     sensed: (n_a,) mm of the actuators, or None
@@ -106,7 +106,7 @@ class MarkerFilter:
 
     @property
     def unknowns(self) -> tuple[str, ...]:
-        """(n,) names of the numbers that markers show."""
+        """Names (n,) of the numbers that markers show."""
         n_a, swings = self.motion.n_a, (f"swing.{number}" for number in range(1, self.motion.n_r + 1))
         return (*self.estimator.unknowns[:n_a], *swings, *self.estimator.loaded, "stiffness")
 
@@ -198,11 +198,11 @@ class MarkerFilter:
         return y[:n_a], np.eye(n_a, len(self.scale))
 
     def _mean(self, state: MovingState) -> np.ndarray:
-        """(n,) means of the numbers that markers show."""
+        """Means (n,) of the numbers that markers show."""
         return state.distribution.mean[self._shown]
 
     def _covariance(self, covariance: np.ndarray) -> np.ndarray:
-        """(n, n) of the numbers that markers show."""
+        """Covariance (n, n) of the numbers that markers show."""
         return covariance[np.ix_(self._shown, self._shown)]
 
     def _first(self, frame: Frame) -> MovingState:
@@ -228,7 +228,7 @@ class MarkerFilter:
         return MovingState(Gaussian(mean, P), np.zeros(n_q), reached, np.zeros((n_z, n_a)))
 
     def _noise(self, state: MovingState) -> float:
-        """mm of a marker's coordinate: the camera's noise, and the sag u^2 / (2 length) of an arc on which the
+        """Noise mm of a marker's coordinate: the camera's, and the sag u^2 / (2 length) of an arc on which the
         effectors swing by u, which the skin's model does not have."""
         eta = slice(self.motion.n_a, self.motion.n_q)
         H = self.motion.paths(state.z[: self.motion.n_a])[0][:3]
@@ -262,7 +262,8 @@ class MarkerFilter:
         )
 
     def effectors(self, y: np.ndarray) -> np.ndarray:
-        """(n_e,) mm of the effectors, with inner motions and loads, at the numbers y (n,) that markers show."""
+        """Displacements (n_e,) mm of the effectors, with inner motions and loads, at the numbers y (n,) that markers
+        show."""
         n_a, n_q, estimator = self.motion.n_a, self.motion.n_q, self.estimator
         part, (H, E) = self.motion.static.parts(y[:n_a], y[:0]), self.motion.paths(y[:n_a])
         w, eta = y[n_q:-1] * np.exp(-y[-1]), y[n_a:n_q]

@@ -38,12 +38,12 @@ class MovingState:
 
     @property
     def z(self) -> np.ndarray:
-        """(n_z,) positions, momenta and the memory of viscous terms."""
+        """Positions, momenta and the memory of viscous terms (n_z,)."""
         return self.distribution.mean[: len(self.by_slip)]
 
     @property
     def loads(self) -> np.ndarray:
-        """(n_w,) N."""
+        """Loads (n_w,) N on the effectors."""
         return self.distribution.mean[len(self.by_slip) : -1]
 
     @property
@@ -64,7 +64,7 @@ class Transition:
     """
 
     def __init__(self, estimator: Estimator, motion: MotionModel, kind: Kind, uncertainty: MotionUncertainty):
-        """kind: what is commanded."""
+        """Prepares steps of the state. kind: what is commanded."""
         self._estimator, self._motion, self._uncertainty = estimator, motion, uncertainty
         self._held, about = kind == "displacement", estimator.middle[: motion.n_a]
         self._clocked = lru_cache(16)(lambda dt: Clocked(motion, kind, dt, about))
@@ -88,7 +88,7 @@ class Transition:
         return replace(state, by_slip=by_slip)
 
     def count(self, time: float) -> int:
-        """Steps in `time` s."""
+        """Number of steps in `time` s."""
         return max(1, int(np.ceil(time * STEPS * self.first - 1e-9)))
 
     def _step(
@@ -125,7 +125,7 @@ class Transition:
     def _noise(
         self, by_force: np.ndarray, B: np.ndarray, place: MotionTerms, stiffness: float, dt: float
     ) -> np.ndarray:
-        """(n, n) covariance that a step adds: unknown pushes, slip beside the command, new loads, other stiffness.
+        """Covariance (n, n) that a step adds: unknown pushes, slip beside the command, new loads, other stiffness.
 
         by_force (n_z, n_q), B (n_z, n_a): slopes of z by forces and by the command."""
         uncertainty, loads = self._uncertainty, self._estimator.load_covariance
@@ -149,7 +149,7 @@ class Transition:
         return Gaussian(distribution.mean, P)
 
     def _load_slopes(self, place: MotionTerms, q: np.ndarray) -> np.ndarray:
-        """(n_w, n_q) slopes of the rows with forces by q (n_q,), where the model says `place`."""
+        """Slopes (n_w, n_q) of the rows with forces by q (n_q,), where the model says `place`."""
         rows, n_a, model = self._estimator.loaded_rows, self._motion.n_a, self._estimator.model
         J, H, dH = place.J[0], place.H[0], place.dH[0]
         if (rows >= len(J)).any():

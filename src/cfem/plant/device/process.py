@@ -18,8 +18,8 @@ CLOSED, TOO_LONG = None, Malformed(f"said a line of more than {LONGEST} bytes")
 
 
 class DeviceProcess:
-    """command: program and arguments, without a shell; folder: where it starts. It has a session of its own, so that
-    Ctrl-C ends us and we end it. OSError where it cannot be started."""
+    """A program that is the device. command: program and arguments, without a shell; folder: where it starts. It has a
+    session of its own, so that Ctrl-C ends us and we end it. OSError where it cannot be started."""
 
     def __init__(self, command: Sequence[str], folder: Path | None = None):
         """Starts the device's program in `folder`, with threads that read its lines and write ours."""
@@ -35,7 +35,7 @@ class DeviceProcess:
 
     @property
     def returncode(self) -> int | None:
-        """None while it runs."""
+        """Exit code, None while the program runs."""
         return self._process.returncode
 
     def tell(self, line: str) -> None:

@@ -15,11 +15,11 @@ TOLERANCE = 0.1  # s
 
 
 class SampleClock:
-    """tolerance: s by which stamps may lie in the future; latency: s that a sample takes to arrive at least; other:
-    whether stamps are of another clock."""
+    """Checks the time stamps of samples. tolerance: s by which stamps may lie in the future; latency: s that a sample
+    takes to arrive at least; foreign: whether stamps are of another clock."""
 
-    def __init__(self, tolerance: float = TOLERANCE, latency: float = 0.0, other: bool = False):
-        self._tolerance, self._latency, self._other = tolerance, latency, other
+    def __init__(self, tolerance: float = TOLERANCE, latency: float = 0.0, foreign: bool = False):
+        self._tolerance, self._latency, self._foreign = tolerance, latency, foreign
         self._differences: deque[float] = deque(maxlen=WINDOW)
 
     def taken(self, stamp: float | None, arrival: float) -> float:
@@ -27,7 +27,7 @@ class SampleClock:
         stamp lies in the future; the offset of another clock is then estimated anew from the next sample on."""
         if stamp is None:
             return arrival - self._latency
-        if not self._other:
+        if not self._foreign:
             return min(stamp, self._judged(stamp, arrival))
         difference = arrival - stamp
         if self._differences and difference < min(self._differences) - self._tolerance:

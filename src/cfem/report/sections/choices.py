@@ -27,7 +27,7 @@ QUANTITIES = {
 
 
 def choice_table(models: Mapping[str, Mapping[str, Any]]) -> ReportTable:
-    """One row a model and choice. models: results of `cfem train` by name."""
+    """Table of the choices made for each model, one a row. models: results of `cfem train` by name."""
     rows = [(name, what, value) for name, results in models.items() for what, value in _chosen(results)]
     if len(models) > 1:
         return ReportTable(("model", "property", "value"), rows, words=True)

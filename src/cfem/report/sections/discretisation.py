@@ -44,11 +44,11 @@ def study(scene: SceneSpec, folder: Path, spec: Discretisation) -> dict:
     rows, reference = [], {}
     with progress("the robot on other meshes", len(ratios) * (len(spec.cases) + 1)) as advance:
         for case in (spec.reference, *spec.cases):
-            mine = _at(scene, case)
-            mesh, _ = scene_mesh(mine, folder)
+            case_scene = _at(scene, case)
+            mesh, _ = scene_mesh(case_scene, folder)
             for nu in ratios:
-                material = mine.material.model_copy(update={"poisson": nu})
-                solved = _solve(mine.model_copy(update={"material": material}), mesh, spec.states)
+                material = case_scene.material.model_copy(update={"poisson": nu})
+                solved = _solve(case_scene.model_copy(update={"material": material}), mesh, spec.states)
                 rows.append(_row(case, nu, solved, reference.setdefault(nu, solved)))
                 advance(1)
     for row in rows:
@@ -65,20 +65,20 @@ def orders(rows: Sequence[dict]) -> list[dict]:
     rows = [row for row in rows if row["element"] not in elements or row["cells"] <= finest / 2]
     kinds = {(row["poisson"], row["element"], row["graded"], row["radius"]) for row in rows if not row["reference"]}
     for kind in sorted(kinds, key=str):
-        mine = [
+        alike = [
             row
             for row in rows
             if not row["reference"] and (row["poisson"], row["element"], row["graded"], row["radius"]) == kind
         ]
-        if len(mine) >= 3:
-            h, error = (np.log([row[key] for row in mine]) for key in ("cells", "W"))
+        if len(alike) >= 3:
+            h, error = (np.log([row[key] for row in alike]) for key in ("cells", "W"))
             slope = -3 * np.polyfit(h, error, 1)[0]
             by_kind.append(dict(zip(("poisson", "element", "graded", "radius"), kind, strict=True), order=float(slope)))
     return by_kind
 
 
 def headline(meshes: Sequence[dict]) -> list[str]:
-    """One sentence a mesh that is not the reference."""
+    """Sentences on the meshes that are not the reference, one each."""
     return [
         f"discretisation, {label(mesh)}, Poisson's ratio {mesh['poisson']:g}: error of W {100 * mesh['W']:.2g} %, of "
         f"the tip {100 * mesh['tip']:.2g} % ({mesh['tip_mm']:.2g} mm); {1e3 * mesh['sample_seconds']:.3g} ms per sample"
@@ -166,13 +166,13 @@ def _solve(scene: SceneSpec, mesh: Mesh, shares: Sequence[Sequence[float]]) -> S
         lams.append(solved.lambda_a)
         Ws.append(solved.condensed.W[:, robot.rows.a])
     return Solved(
-        len(mesh.X),
-        len(mesh.cells),
-        np.array(tips),
-        np.array(Ws),
-        np.array(lams),
-        float(np.median(seconds)),
-        float(np.mean(factorizations)),
+        nodes=len(mesh.X),
+        cells=len(mesh.cells),
+        tip=np.array(tips),
+        W=np.array(Ws),
+        lam=np.array(lams),
+        sample_seconds=float(np.median(seconds)),
+        factorizations=float(np.mean(factorizations)),
     )
 
 

@@ -13,7 +13,7 @@ _MARKS = ("o", "s", "^", "D")
 
 
 def discretisation_section(study: Mapping[str, Any]) -> ReportSection:
-    """study: of `cfem.report.sections.discretisation.study`."""
+    """Section on the discretisation error. study: of `cfem.report.sections.discretisation.study`."""
     rows = study["meshes"]
     ratios = sorted({row["poisson"] for row in rows})
     parts: list[Chart | ReportTable] = front_charts(rows, ratios[len(ratios) // 2])
@@ -34,22 +34,22 @@ def discretisation_section(study: Mapping[str, Any]) -> ReportSection:
 
 def _families(rows: Sequence[dict]) -> list[tuple[str, list[dict]]]:
     """Meshes of one element and grading, by name; the reference is none of them."""
-    mine = [row for row in rows if not row["reference"] and row["radius"] is None]
-    names = dict.fromkeys(kind(row) for row in mine)
-    return [(name, [row for row in mine if kind(row) == name]) for name in names]
+    compared = [row for row in rows if not row["reference"] and row["radius"] is None]
+    names = dict.fromkeys(kind(row) for row in compared)
+    return [(name, [row for row in compared if kind(row) == name]) for name in names]
 
 
 def front_charts(rows: Sequence[dict], poisson: float) -> list[Chart]:
     """Error of W and of the tip against CPU seconds per sample at one Poisson's ratio, where there are three meshes to
     compare."""
-    families = [(name, [row for row in mine if row["poisson"] == poisson]) for name, mine in _families(rows)]
-    if sum(len(mine) for _, mine in families) < 3:
+    families = [(name, [row for row in family if row["poisson"] == poisson]) for name, family in _families(rows)]
+    if sum(len(family) for _, family in families) < 3:
         return []
     axes = []
     for key, what in (("W", "error of W (%)"), ("tip", "error of the tip (%)")):
         axis = panel(what, "CPU per sample (s)", log="xy")
-        for index, (name, mine) in enumerate(families):
-            line = sorted(mine, key=lambda row: row["sample_seconds"])
+        for index, (name, family) in enumerate(families):
+            line = sorted(family, key=lambda row: row["sample_seconds"])
             look = {"color": LEARNED[index % len(LEARNED)], "marker": _MARKS[index % 4], "ms": 6}
             for shown, more in ((line, {"mfc": "white", "lw": 1}), ([row for row in line if row["front"]], {"lw": 0})):
                 x, y = ([row["sample_seconds"] for row in shown], [100 * row[key] for row in shown])
@@ -80,7 +80,7 @@ def poisson_chart(rows: Sequence[dict]) -> Chart:
 
 
 def discretisation_table(results: Sequence[dict]) -> ReportTable:
-    """One row a mesh and Poisson's ratio. The reference has no error to state."""
+    """Table of errors, one mesh and Poisson's ratio a row. The reference has no error to state."""
 
     def percent(key: str) -> Callable[[dict], str]:
         return lambda row: "reference" if row["reference"] else number(100 * row[key])
@@ -103,7 +103,7 @@ def discretisation_table(results: Sequence[dict]) -> ReportTable:
 
 
 def orders_table(orders: Sequence[dict]) -> ReportTable:
-    """One row a family of meshes."""
+    """Table of orders of convergence, one family of meshes a row."""
     return tabulate(
         orders,
         {
@@ -117,7 +117,7 @@ def orders_table(orders: Sequence[dict]) -> ReportTable:
 
 
 def tolerance_table(results: Sequence[dict]) -> ReportTable:
-    """One row a tolerance of the solver."""
+    """Table of what a tolerance of the solver costs and gives, one a row."""
     return tabulate(
         results,
         {

@@ -14,7 +14,7 @@ WIDE = 1.959964  # standard deviations of a 95 % interval
 
 
 def estimate_table(results: Mapping[str, Mapping[str, dict]], loaded: list[str]) -> ReportTable:
-    """One row a trajectory and controller. loaded: names of the rows with unknown forces."""
+    """Table of estimates, one trajectory and controller a row. loaded: names of the rows with unknown forces."""
     rows = [
         (name, who, result["estimate"]) for name, controllers in results.items() for who, result in controllers.items()
     ]
@@ -56,18 +56,18 @@ def estimate_chart(name: str, rows: Mapping[str, np.ndarray], loaded: list[str],
     """Chart of what is estimated; rows: columns of one trajectory of `loop.parquet`; of several controllers and seeds
     the last and the first."""
     who = rows["controller"][-1]
-    mine = (rows["controller"] == who) & (rows["estimate_of"] > 0) & (rows["estimate_status"] == "converged")
-    mine &= rows["seed"] == rows["seed"][rows["controller"] == who][0]
+    estimated = (rows["controller"] == who) & (rows["estimate_of"] > 0) & (rows["estimate_status"] == "converged")
+    estimated &= rows["seed"] == rows["seed"][rows["controller"] == who][0]
     step = float(np.min(np.diff(np.unique(rows["seconds"])))) if len(np.unique(rows["seconds"])) > 1 else 1.0
-    seconds, panels = rows["estimate_of"][mine] * step, []
+    seconds, panels = rows["estimate_of"][estimated] * step, []
     for place, row in enumerate(loaded):
         axis = panel(f"{row} (mN)", "time of the sample (s)")
-        values, sd, true = (1e3 * rows[key][mine][:, place] for key in ("loads", "loads_sd", "true_loads"))
+        values, sd, true = (1e3 * rows[key][estimated][:, place] for key in ("loads", "loads_sd", "true_loads"))
         axis.fill_between(seconds, values - WIDE * sd, values + WIDE * sd, color=FAINT, alpha=0.4, lw=0)
         axis.plot(seconds, values, color=LEARNED[0], lw=1.0, label="estimate, 95 % interval")
         axis.plot(seconds, true, color=INK, lw=1.0, ls="--", label="truth")
         panels.append(axis)
     shape = panel("error of the shape (mm rms)", "time of the sample (s)")
-    shape.plot(seconds, rows["shape_rms"][mine], color=LEARNED[0], lw=1.0)
+    shape.plot(seconds, rows["shape_rms"][estimated], color=LEARNED[0], lw=1.0)
     panels.append(shape)
     return chart(name, f"{trajectory}, {who}: what is estimated from the markers.", panels)

@@ -25,13 +25,13 @@ def gait_section(tracking: Tracking, results: Mapping[str, Any], units: Mapping[
     )
     text += "".join(f"{line[0].upper()}{line[1:]}. " for line in tracking.headline)
     rows = tracking.of(NAME)
-    charts = [way_chart(tracking, results), *carried(tracking, NAME, rows, [tracking.learned(NAME)], units)]
+    charts = [path_chart(tracking, results), *carried(tracking, NAME, rows, [tracking.learned(NAME)], units)]
     return ReportSection(
         "The gait", text, (*friction_tables(tracking, results), *charts), facts={"tracking": tracking.summaries}
     )
 
 
-def way_chart(tracking: Tracking, results: Mapping[str, Any]) -> Chart:
+def path_chart(tracking: Tracking, results: Mapping[str, Any]) -> Chart:
     """Chart of the base's way along the direction and its distance from the plan, over the commands; distances over
     friction."""
     rows = tracking.of(NAME)

@@ -21,7 +21,7 @@ def page_of(folder: Path, manifest: Mapping[str, Any]) -> bytes:
 
 
 def link(folder: Path, manifest: Mapping[str, Any]) -> str:
-    """HTML of the link."""
+    """Link to the page on which the robot is moved, as HTML."""
     large = escape(size(len(page_of(folder, manifest))))
     return (
         f'<p class="open"><a href="{MOVED}">Move the robot</a> <small>Drag its tip, pull its actuators. This opens '

@@ -33,8 +33,8 @@ def loop_section(name: str, folder: Path, manifest: Mapping[str, Any]) -> Report
     loaded = metadata(table).get("loaded", []) if estimated else []
     charts = []
     for trajectory in results:
-        mine = columns["trajectory"] == trajectory
-        rows = {key: values[mine] for key, values in columns.items()}
+        of_trajectory = columns["trajectory"] == trajectory
+        rows = {key: values[of_trajectory] for key, values in columns.items()}
         title = trajectory.replace("-", " ")
         charts.append(loop_chart(f"loop-{name}-{trajectory}", rows, title))
         if estimated:
@@ -49,7 +49,7 @@ def loop_section(name: str, folder: Path, manifest: Mapping[str, Any]) -> Report
 
 
 def loop_table(results: Mapping[str, Mapping[str, dict]]) -> ReportTable:
-    """One row a trajectory and controller of a run over time."""
+    """Table of runs over time, one trajectory and controller a row."""
     rows = [(name, who, result) for name, controllers in results.items() for who, result in controllers.items()]
     return tabulate(
         rows,
@@ -76,10 +76,16 @@ def loop_chart(name: str, rows: Mapping[str, np.ndarray], title: str) -> Chart:
     error = panel("distance to the goal (mm)", "time (s)", log="y")
     path.plot(goals[:, i], goals[:, j], "o", ms=4, mfc="none", color=GOAL, label="goal")
     for who in names:
-        mine = rows["controller"] == who
-        mine &= rows["seed"] == rows["seed"][mine][0]
-        colour, x = colour_of(who, names), rows["x_e"][mine]
+        of_controller = rows["controller"] == who
+        of_controller &= rows["seed"] == rows["seed"][of_controller][0]
+        colour, x = colour_of(who, names), rows["x_e"][of_controller]
         path.plot(x[:, i], x[:, j], color=colour, lw=1.0, label=who)
-        error.plot(rows["seconds"][mine], np.maximum(rows["error"][mine], FLOOR), color=colour, lw=1.0, label=who)
+        error.plot(
+            rows["seconds"][of_controller],
+            np.maximum(rows["error"][of_controller], FLOOR),
+            color=colour,
+            lw=1.0,
+            label=who,
+        )
     path.set_aspect("equal", adjustable="datalim")
     return chart(name, f"{title}: the way of the effector, and its distance from the goal at each tick.", [path, error])

@@ -63,7 +63,7 @@ def models_section(
 def model_table(
     models: Models, published: Published | None = None, default: str | None = None, force="N"
 ) -> ReportTable:
-    """One row a model, the published one last."""
+    """Table of models, one a row, the published one last."""
     rows: list[tuple[str, Any]] = [(label(name, default), results) for name, results in models.items()]
     if published:
         empty = dict.fromkeys(("seconds_sampling", "seconds_fit"))
@@ -164,8 +164,8 @@ def error_charts(
 
 def _published(axis, cost: str, published: Published) -> None:
     """Draws the published loss, at its own number of samples where that is known."""
-    many = f", {published.samples} samples" if published.samples else ""
-    look = {"color": INK, "label": published.source + many}
+    count = f", {published.samples} samples" if published.samples else ""
+    look = {"color": INK, "label": published.source + count}
     if cost == "samples" and published.samples:
         axis.plot([published.samples], [published.loss], "*", ms=12, **look)
     else:

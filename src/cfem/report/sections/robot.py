@@ -94,7 +94,7 @@ def _material(material: Any) -> str:
 
 
 def _actuators(scene: SceneSpec) -> str:
-    """Those of the same limits together."""
+    """Text of the actuators, those with the same limits together."""
     alike: dict[str, list[str]] = {}
     for item in scene.actuators:
         unit, pressure = "mm" if isinstance(item, Cable) else "mm³", getattr(item, "pressure", None)

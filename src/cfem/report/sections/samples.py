@@ -12,7 +12,7 @@ from cfem.report.style import FE, INK, LEARNED
 
 
 def read_splits(folder: Path, manifest: Mapping[str, Any]) -> dict[str, Dataset]:
-    """All splits of an artefact of `cfem sample`, training first."""
+    """Splits of an artefact of `cfem sample`, training first."""
     names = sorted((name for name in manifest["files"] if name.endswith(".parquet")), reverse=True)
     return {Path(name).stem: read_dataset(artefact_file(folder, name)) for name in names}
 
@@ -25,7 +25,7 @@ def units_of(data: Dataset) -> dict[str, tuple[str, str]]:
 
 
 def samples_section(splits: Mapping[str, Dataset], results: Mapping[str, Any]) -> ReportSection:
-    """results: of `cfem sample`."""
+    """Section on the samples. results: of `cfem sample`."""
     rows = ", ".join(f"{count} {split}" for split, count in results["rows"].items())
     lost = f"all but {results['failed']} of them" if results["failed"] else "all of them"
     text = f"States solved by finite elements: {rows}; {lost} converged."

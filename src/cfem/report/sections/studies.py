@@ -17,7 +17,7 @@ from cfem.report.tables import ReportTable, lengths, number, spread, tabulate
 
 
 def sampling_rows(method: str, model: str, trained: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """One row a number of training rows, of all the learning curves of results of `cfem train`, in that order."""
+    """Rows of all learning curves in the results of `cfem train`, by the number of training rows."""
     rows = [
         {"method": method, "model": model, "kind": results["kind"], **point}
         for results in trained
@@ -65,7 +65,8 @@ def _missed(controllers: list[Mapping[str, Any]], name: str) -> float | None:
 
 
 def sampling_section(rows: Sequence[Mapping[str, Any]]) -> ReportSection:
-    """rows: of `sampling_rows`. Loss and largest tip error against rows: a colour a model, a line style a method."""
+    """Section on where to sample: loss and largest tip error against rows, a colour a model, a line style a method.
+    rows: of `sampling_rows`."""
     methods = list(dict.fromkeys(row["method"] for row in rows))
     names = list(dict.fromkeys(row["model"] for row in rows))
     axes = []
@@ -74,11 +75,11 @@ def sampling_section(rows: Sequence[Mapping[str, Any]]) -> ReportSection:
         axis = panel(title, "training rows", log="xy")
         for name in names:
             for style, mark, method in zip(("-", "--", ":", "-."), MARKS, methods, strict=False):
-                mine = [row for row in rows if (row["model"], row["method"]) == (name, method)]
-                if mine:
-                    y = [max(error(row), FLOORS[measure]) for row in mine]
-                    look = {"ls": style, "marker": mark, "ms": 6, "color": KINDS.get(mine[0]["kind"], INK)}
-                    axis.plot([row["samples"] for row in mine], y, label=f"{name}, {method}", **look)
+                points = [row for row in rows if (row["model"], row["method"]) == (name, method)]
+                if points:
+                    y = [max(error(row), FLOORS[measure]) for row in points]
+                    look = {"ls": style, "marker": mark, "ms": 6, "color": KINDS.get(points[0]["kind"], INK)}
+                    axis.plot([row["samples"] for row in points], y, label=f"{name}, {method}", **look)
         ticks_at(axis, sorted({row["samples"] for row in rows}))
         axes.append(axis)
     picture = chart("sampling", "The same models from as many rows, sampled in different ways.", axes)
@@ -87,7 +88,7 @@ def sampling_section(rows: Sequence[Mapping[str, Any]]) -> ReportSection:
 
 
 def sampling_table(rows: Sequence[Mapping[str, Any]]) -> ReportTable:
-    """One row a model, method and number of training rows."""
+    """Table of errors, one model, method and number of training rows a row."""
     return tabulate(
         rows,
         {
@@ -108,16 +109,16 @@ def sizes_section(rows: Sequence[Mapping[str, Any]]) -> ReportSection:
     cells = [row["cells"] for row in rows]
     counts = sorted({point["samples"] for row in rows for point in row["curve"]})
     for count, mark, shade in zip(counts, MARKS, np.linspace(0.45, 1, len(counts)), strict=False):
-        mine = [(row["cells"], p["errors"]["loss"]) for row in rows for p in row["curve"] if p["samples"] == count]
+        of_count = [(row["cells"], p["errors"]["loss"]) for row in rows for p in row["curve"] if p["samples"] == count]
         name = f"{rows[0]['kind']}, {count} samples"
-        loss_panel.plot(*zip(*mine, strict=True), "-", marker=mark, ms=6, color=LEARNED[0], alpha=shade, label=name)
+        loss_panel.plot(*zip(*of_count, strict=True), "-", marker=mark, ms=6, color=LEARNED[0], alpha=shade, label=name)
     known = [(row["cells"], row["published"]) for row in rows if row["published"] and row["published"].get("loss")]
     if known:
         published_first = known[0][1]
-        many = f", {published_first['samples']} samples" if published_first.get("samples") else ""
+        count_text = f", {published_first['samples']} samples" if published_first.get("samples") else ""
         losses = [published["loss"] for _, published in known]
         loss_panel.plot(
-            [place for place, _ in known], losses, "*", ms=12, color=INK, label=published_first["source"] + many
+            [place for place, _ in known], losses, "*", ms=12, color=INK, label=published_first["source"] + count_text
         )
     right.plot(cells, [row["steps_learned"] for row in rows], "-o", ms=6, color=LEARNED[0], label="learned model")
     right.plot(cells, [row["steps_fe"] for row in rows], "-s", ms=6, color=FE, label="FE-based")
@@ -136,7 +137,7 @@ def sizes_section(rows: Sequence[Mapping[str, Any]]) -> ReportSection:
 
 
 def sizes_table(rows: Sequence[Mapping[str, Any]]) -> ReportTable:
-    """One row a mesh and number of samples, of `mesh_row`; control stands beside the last."""
+    """Table of the rows of `mesh_row`, one mesh and number of samples each; control stands beside the last."""
     lines: list[tuple[str, Any, Any]] = []
     for row in rows:
         name = f"{row['name']}, {row['cells']} cells, {row['nodes']} nodes"

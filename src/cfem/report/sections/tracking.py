@@ -54,10 +54,10 @@ class Tracking:
 
     def of(self, trajectory: str, controller: str | None = None) -> dict[str, np.ndarray]:
         """Rows of one trajectory; of one controller, or of all with full effort (no `name@iterations`)."""
-        mine = self.columns["trajectory"] == trajectory
+        wanted = self.columns["trajectory"] == trajectory
         who = [controller] if controller else [name for name in self.summaries[trajectory] if "@" not in name]
-        mine &= np.isin(self.columns["controller"], who)
-        return {name: values[mine] for name, values in self.columns.items()}
+        wanted &= np.isin(self.columns["controller"], who)
+        return {name: values[wanted] for name, values in self.columns.items()}
 
     def reached(self, trajectory: str, controller: str) -> int:
         """Goals that the robot itself reached, whatever the plan said."""
@@ -147,7 +147,7 @@ def looser(tracking: Tracking, unit: str) -> str:
 
 
 def tracking_table(tracking: Tracking) -> ReportTable:
-    """One row a trajectory and controller."""
+    """Table of tracking errors, one trajectory and controller a row."""
     rows = [
         (name, who, result) for name, controllers in tracking.summaries.items() for who, result in controllers.items()
     ]
@@ -205,10 +205,10 @@ def trajectory_charts(tracking: Tracking, name: str, units: Mapping[str, tuple[s
     unit, mm = length_unit(np.nanmax(rows["error"], initial=FLOOR))
     error = panel(f"distance to the goal ({unit})", "goal", log="y", count=True)
     for who in names:
-        mine = rows["controller"] == who
-        distance = np.maximum(rows["error"][mine], FLOOR) / mm
+        of_controller = rows["controller"] == who
+        distance = np.maximum(rows["error"][of_controller], FLOOR) / mm
         look = {"lw": 5, "alpha": 0.45} if who == FE_BASED else {"lw": 1.3}
-        error.plot(rows["goal_index"][mine], distance, color=colour_of(who, names), label=who, **look)
+        error.plot(rows["goal_index"][of_controller], distance, color=colour_of(who, names), label=who, **look)
     caption = f"{title}: goals, the positions that the robot reached, and its distance from each goal."
     if free:
         caption += f" No goal states {' or '.join('xyz'[i] for i in free)}: it is drawn where the robot is."
@@ -228,12 +228,14 @@ def carried(tracking: Tracking, name: str, rows: Mapping, names: Sequence[str], 
     for place, actuator in enumerate(tracking.actuators):
         kinds.setdefault(unit_of(actuator, units)[1], []).append(place)
     axes = []
-    for unit, mine in kinds.items():
+    for unit, numbers in kinds.items():
         scale, shown = {"N": (1e3, "mN"), "MPa": (1e3, "kPa")}.get(unit, (1.0, unit))
-        if unit == "N" and np.abs(rows["lambda_a"][:, mine]).max(initial=0) >= 1:
+        if unit == "N" and np.abs(rows["lambda_a"][:, numbers]).max(initial=0) >= 1:
             scale, shown = 1.0, "N"
         axis = panel(f"{'pressure' if unit == 'MPa' else 'force'} ({shown})", "goal", count=True)
-        _lines(axis, rows, names, scale * rows["lambda_a"][:, mine], [tracking.actuators[place] for place in mine])
+        _lines(
+            axis, rows, names, scale * rows["lambda_a"][:, numbers], [tracking.actuators[place] for place in numbers]
+        )
         axes.append(axis)
     text = "what each actuator carries, as each controller plans it"
     charts = [chart(f"forces-{name}", f"{name.replace('-', ' ')}: {text}.", axes)]
@@ -268,8 +270,8 @@ def _lines(
         style = {"color": f"C{index // grouped % 8}", "ls": ("-", "--", ":")[index % grouped]}
         axis.plot([], [], lw=1.8, label=label, **style)
         for name, look in zip(names, looks, strict=True):
-            mine = rows["controller"] == name
-            axis.plot(rows["goal_index"][mine], values[mine, index], **style, **look)
+            of_controller = rows["controller"] == name
+            axis.plot(rows["goal_index"][of_controller], values[of_controller, index], **style, **look)
     for name, look in zip(names, looks, strict=True):
         if len(names) > 1:
             axis.plot([], [], color=INK, label=name, **look)

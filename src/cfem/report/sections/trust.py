@@ -21,19 +21,17 @@ FLOOR = 1e-12  # mm: smaller is nothing
 
 @dataclass(frozen=True)
 class Trust:
-    """Of m states of which FE knows the truth: error (m,) mm of the model's tip at the state's own actuator
-    displacements, NaN where the model finds none; distance (m,) from its training states; inside (m,) what the model
-    says of itself; beyond (m,) whether the state is out of the reach that the model was made for."""
+    """Errors of a model at m states of which FE knows the truth, and what the model says of itself there."""
 
-    error: np.ndarray
-    distance: np.ndarray
-    inside: np.ndarray
-    beyond: np.ndarray
+    error: np.ndarray  # (m,) mm of the tip, at the state's own actuator displacements; NaN where the model finds none
+    distance: np.ndarray  # (m,) from the training states
+    inside: np.ndarray  # (m,) what the model says of itself
+    beyond: np.ndarray  # (m,) whether the state is out of the reach that the model was made for
 
 
 def trust(predictor: Predictor, states: Dataset, beyond: Dataset | None = None) -> Trust:
-    """At every state of `states`, and at those of `beyond` whose actuators stand outside the model's reach. InputError
-    where one of the two is of another robot."""
+    """Errors of a model at all of `states`, and at those of `beyond` whose actuators stand outside the model's reach.
+    InputError where one of the two is of another robot."""
     parts = [_trust(predictor, states, False)]
     if beyond is not None:
         _demand_same_rows(predictor, beyond)
@@ -65,7 +63,7 @@ def _demand_same_rows(predictor: Predictor, states: Dataset) -> None:
 
 
 def trust_summary(judged: Trust) -> dict[str, Any]:
-    """Counts, errors (median and largest, mm) of what is flagged and what is not, and Spearman's rank correlation of
+    """Counts and errors (median and largest, mm) of what is flagged and what is not, and Spearman's rank correlation of
     error and distance, None where one of the two does not vary."""
     known = np.isfinite(judged.error)
     return {
@@ -97,7 +95,7 @@ def _rank_correlation(first: np.ndarray, second: np.ndarray) -> float | None:
 
 
 def trust_table(summaries: Mapping[str, Mapping[str, Any]]) -> ReportTable:
-    """One row a model, of `trust_summary`."""
+    """Table of `trust_summary`, one model a row."""
     return tabulate(
         summaries.items(),
         {
@@ -121,16 +119,16 @@ def trust_chart(judged_by_name: Mapping[str, Trust], prefix: str = "") -> Chart:
         axis = panel(f"{name}: true tip error ({unit})", "stated distance from the training states", log="xy")
         for inside in (True, False):
             for beyond in (False, True):
-                mine = (judged.inside == inside) & (judged.beyond == beyond) & np.isfinite(judged.error)
+                group = (judged.inside == inside) & (judged.beyond == beyond) & np.isfinite(judged.error)
                 meaning = (
                     f"{'state out of reach' if beyond else 'test state'}, {'not flagged' if inside else 'flagged'}"
                 )
                 look = {"marker": "^" if beyond else "o", "mfc": "none" if beyond else None, "label": meaning}
                 colour = LEARNED[0] if inside else LEARNED[3]
-                if mine.any():
+                if group.any():
                     distance, error = (
-                        np.maximum(judged.distance[mine], 1e-2),
-                        np.maximum(judged.error[mine], FLOOR) / mm,
+                        np.maximum(judged.distance[group], 1e-2),
+                        np.maximum(judged.error[group], FLOOR) / mm,
                     )
                     axis.plot(distance, error, lw=0, ms=4, alpha=0.7, color=colour, **look)
         axis.axvline(FAR, color=FAINT, lw=1.2, ls="--")

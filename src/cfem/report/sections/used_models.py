@@ -9,8 +9,8 @@ from cfem.core.errors import InputError
 
 
 def demand_used(run: Path, manifest: Mapping[str, Any], shown: Mapping[str, str]) -> None:
-    """InputError where the run used a model that is none of those shown, by name their content hashes. Used is what the
-    run's manifest recorded: a trained model, or what was exported of one."""
+    """Raises InputError where the run used a model that is none of those shown, by name their content hashes. Used is
+    what the run's manifest recorded: a trained model, or what was exported of one."""
     recorded = (manifest.get("origin") or {}).get("inputs") or {}
     for name, content in recorded.items():
         if name.partition(" ")[0] != "model" or content in shown.values():

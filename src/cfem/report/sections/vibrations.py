@@ -32,11 +32,11 @@ def vibrations_section(models: Mapping[str, MotionModel]) -> ReportSection:
 def vibrations_chart(name: str, rows: Mapping[str, list[dict[str, Any]]]) -> Chart:
     """A panel for held actuators and one for free ones, a line a mode."""
     axes = []
-    for kind, mine in rows.items():
+    for kind, states in rows.items():
         axis = panel(f"{name}, actuators {kind}: frequency (Hz)", "state", count=True)
-        for mode, colour in enumerate(LEARNED[: max(len(row["frequency"]) for row in mine)]):
+        for mode, colour in enumerate(LEARNED[: max(len(row["frequency"]) for row in states)]):
             known = [
-                (place, row["frequency"][mode]) for place, row in enumerate(mine, 1) if len(row["frequency"]) > mode
+                (place, row["frequency"][mode]) for place, row in enumerate(states, 1) if len(row["frequency"]) > mode
             ]
             axis.plot(*zip(*known, strict=True), "o-", ms=4, color=colour, label=f"mode {mode + 1}")
         axis.set_ylim(0, None)
@@ -51,7 +51,7 @@ def vibrations_table(rows: Mapping[str, list[dict[str, Any]]], units: Mapping[st
         pairs = zip(row["frequency"], row["damping"], strict=True)
         return ", ".join(f"{number(f)} ({number(100 * d, 2)} %)" for f, d in pairs) or "unstable"
 
-    both = list(enumerate(zip(rows["held"], rows["free"], strict=True), 1))
+    by_state = list(enumerate(zip(rows["held"], rows["free"], strict=True), 1))
     columns = {"state": lambda row: str(row[0])}
     for place, (name, unit) in enumerate(units.items()):
         columns[f"{name} ({unit})"] = lambda row, place=place: number(row[1][0]["delta_a"][place])
@@ -59,4 +59,4 @@ def vibrations_table(rows: Mapping[str, list[dict[str, Any]]], units: Mapping[st
         "held: Hz (damping)": lambda row: in_words(row[1][0]),
         "free: Hz (damping)": lambda row: in_words(row[1][1]),
     }
-    return tabulate(both, columns)
+    return tabulate(by_state, columns)

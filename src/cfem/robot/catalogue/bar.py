@@ -15,15 +15,15 @@ def bar(spec: geometry.Bar) -> Solid:
 
 
 def route(spec: geometry.Bar, side: np.ndarray) -> np.ndarray:
-    """(3, 3) mm of a cable along the side in this direction (3,)."""
+    """Points (3, 3) mm of a cable along the side in this direction (3,)."""
     return pull_point(spec, side) + np.outer(spec.length * ALONG, [1.0, 0.0, 0.0])
 
 
 def pull_point(spec: geometry.Bar, side: np.ndarray) -> np.ndarray:
-    """(3,) mm."""
+    """Point (3,) mm in the held end from which the cable along a side is pulled."""
     return AWAY * np.array([0.0, spec.width, spec.height]) / 2 * side
 
 
 def tip(spec: geometry.Bar) -> np.ndarray:
-    """(3,) mm, just inside the free end."""
+    """Point (3,) mm just inside the free end."""
     return np.array([spec.length * 59 / 60, 0.0, 0.0])

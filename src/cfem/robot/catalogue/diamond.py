@@ -46,15 +46,15 @@ def _leg(spec: Diamond) -> Solid:
 
 
 def route(spec: Diamond, side: np.ndarray) -> np.ndarray:
-    """(1, 3) mm where a cable is held, in the outer side of the knee in this direction (3,)."""
+    """Point (1, 3) mm where a cable is held, in the outer side of the knee in this direction (3,)."""
     return (spec.knee_distance * side + [0.0, 0.0, BOTTOM + spec.height / 2 + KNEE_FACE / 24])[None]
 
 
 def pull_point(spec: Diamond, side: np.ndarray) -> np.ndarray:
-    """(3,) mm from which it is pulled, between base and platform."""
+    """Point (3,) mm between base and platform from which the cable of a side is pulled."""
     return spec.width / 3 * side + [0.0, 0.0, BOTTOM + PULLED * spec.height]
 
 
 def tip(spec: Diamond) -> np.ndarray:
-    """(3,) mm of the platform, just below its top."""
+    """Point (3,) mm of the platform, just below its top."""
     return np.array([0.0, 0.0, BOTTOM + spec.height - PLATFORM / 16])

@@ -16,26 +16,26 @@ _BODIES = {  # the module of each, and the sides along which its cables run
     Trunk: (trunk, _ALONG_Z),
     SoftFinger: (soft_finger, ()),
 }
-BODIES = {body.model_fields["kind"].annotation.__args__[0]: body for body in _BODIES}  # that have routes, by kind
+BODIES = {body.model_fields["kind"].annotation.__args__[0]: body for body in _BODIES}  # bodies with routes, by kind
 
 
 def points(geometry: Any, route: Route) -> np.ndarray:
-    """(k, 3) mm of a cable, from the base on."""
+    """Points (k, 3) mm of a cable, from the base on."""
     if isinstance(geometry, SoftFinger):
         return soft_finger.route(geometry, route.x, route.y)
-    every = _BODIES[type(geometry)][0].route(geometry, _SIDES[route.side])
-    return every if route.disks is None else every[: 2 * route.disks]
+    full = _BODIES[type(geometry)][0].route(geometry, _SIDES[route.side])
+    return full if route.disks is None else full[: 2 * route.disks]
 
 
 def pull_point(geometry: Any, route: Route) -> np.ndarray | None:
-    """(3,) mm from which a cable along a side is pulled; None on a soft finger, whose scene states it."""
+    """Point (3,) mm from which a cable along a side is pulled; None on a soft finger, whose scene states it."""
     if isinstance(geometry, SoftFinger):
         return None
     return _BODIES[type(geometry)][0].pull_point(geometry, _SIDES[route.side])
 
 
 def tip(geometry: Any) -> np.ndarray:
-    """(3,) mm of the free end."""
+    """Point (3,) mm of the free end."""
     return _BODIES[type(geometry)][0].tip(geometry)
 
 
@@ -45,7 +45,7 @@ def has_tip(geometry: Any) -> bool:
 
 
 def fault(geometry: Any, route: Route) -> str:
-    """What is wrong with a route in a body that has some, empty where it is right."""
+    """Sentence about a route that does not go with its body, empty where it does. The body has routes."""
     kind, sides, disks = geometry.kind, _BODIES[type(geometry)][1], getattr(geometry, "disks", 0)
     if not sides:
         stated = route.x is not None and route.y is not None and route.side is None and route.disks is None

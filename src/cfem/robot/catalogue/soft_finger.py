@@ -25,24 +25,24 @@ def soft_finger(spec: SoftFinger) -> Solid:
 
 
 def cavity(spec: SoftFinger, z: float) -> Solid:
-    """What is hollow in the joint at z, either side of the centre wall if there is one."""
-    whole, reach = _bellow(spec, z, spec.wall), spec.thickness
+    """Void of the joint at z, either side of the centre wall if there is one."""
+    bellow, reach = _bellow(spec, z, spec.wall), spec.thickness
     cork = Box((-2 * reach, -2 * reach, z - reach), (2 * reach, spec.cork, z + reach))
     if not spec.centre_wall:
-        return Difference(whole, (cork,))
+        return Difference(bellow, (cork,))
     half = spec.centre_wall / 2
-    return Difference(whole, (Box((-half, -reach, z - reach), (half, 2 * reach, z + reach)), cork))
+    return Difference(bellow, (Box((-half, -reach, z - reach), (half, 2 * reach, z + reach)), cork))
 
 
 def route(spec: SoftFinger, x: float, y: float) -> np.ndarray:
-    """(6, 3) mm where the line at x and y meets the sloped faces, from the base to the tip."""
+    """Points (6, 3) mm where the line at x and y meets the sloped faces, from the base to the tip."""
     s = (y - spec.joint_height) * tan(spec.slope)
     L = spec.segment_length
     return np.array([(x, y, -z) for i in range(3) for z in (L * i + s, L * (i + 1) - s)])
 
 
 def tip(spec: SoftFinger) -> np.ndarray:
-    """(3,) mm."""
+    """Middle (3,) mm of the face at the free end."""
     return np.array([0.0, spec.height / 2, -3 * spec.segment_length])
 
 
@@ -54,7 +54,7 @@ def _segment(spec: SoftFinger, z: float) -> Solid:
 
 
 def _bellow(spec: SoftFinger, z: float, wall: float) -> Solid:
-    """Around the z axis, widest about the joint's plane, its half y >= 0."""
+    """Half y >= 0 of a bellow around the z axis, widest about the joint's plane."""
     half, flat = spec.thickness / 2, spec.plateau / 2
     middle, end, reach = half + BELLOW_OVERHANG - wall, half - wall, 2 * (half + BELLOW_OVERHANG)
     parts = [

@@ -3,70 +3,63 @@
 A section of six sectors is either whole, twelve quadrilaterals around each chamber, or a bare tube, where the
 hexahedra only carry pictures and attachments."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cfem.mechanics.mesh import Mesh, boundary_facets
+from cfem.mechanics.mesh import Mesh
 from cfem.mechanics.rod.region import CrossSection
+from cfem.robot.catalogue.sections import sections_of, sliced_mesh
 from cfem.robot.geometry import StiffFlop
 
 CHAMBERS, SIDES = 6, 12
-_SECTION = "section-"
 # A polygon of twelve sides as five quadrilaterals.
 _LID = np.array([[i, i + 1, 10 - i, 11 - i] for i in range(5)])
 
 
 @dataclass(frozen=True)
 class Layout:
-    """points (k, 2) mm, y and z; quads (f, 4) of them, counterclockwise seen from the tip; rings (6, 12): the chambers'
-    walls likewise, none in a bare tube."""
+    """A section cut into quadrilaterals."""
 
-    points: np.ndarray
-    quads: np.ndarray
-    rings: np.ndarray
+    points: np.ndarray  # (k, 2) mm, y and z
+    quads: np.ndarray  # (f, 4) of the points, counterclockwise seen from the tip
+    rings: np.ndarray  # (6, 12): the chambers' walls likewise; none in a bare tube
 
 
 def slice_mesh(geometry: StiffFlop, element: str, size: float) -> Mesh:
-    """Sections, each a node set, at most `size` mm apart; each module is a set of cells, module-1 at the base."""
-    made = layout(geometry, bare=element == "beam")
+    """Mesh of sections at most `size` mm apart, each a node set; each module is a set of cells, module-1 at the
+    base."""
+    section = layout(geometry, bare=element == "beam")
     slices = int(np.ceil(geometry.module_length / size - 1e-9))
     places = np.linspace(0.0, geometry.modules * geometry.module_length, geometry.modules * slices + 1)
-    k = len(made.points)
-    X = np.concatenate([np.column_stack([np.full(k, x), made.points]) for x in places])
-    q = made.quads
-    first = np.column_stack([q[:, 0], q[:, 0] + k, q[:, 1] + k, q[:, 1], q[:, 3], q[:, 3] + k, q[:, 2] + k, q[:, 2]])
-    cells = np.concatenate([first + k * number for number in range(len(places) - 1)])
-    node_sets = {f"{_SECTION}{number:03d}": k * number + np.arange(k) for number in range(len(places))}
-    each = slices * len(q)
-    cell_sets = {f"module-{number + 1}": each * number + np.arange(each) for number in range(geometry.modules)}
-    return Mesh(X, cells, boundary_facets(cells), node_sets, {}, cell_sets)
-
-
-def sections_of(mesh: Mesh) -> list[np.ndarray]:
-    """Node indices of each section, from the base on."""
-    return [np.sort(mesh.node_sets[name]) for name in sorted(mesh.node_sets) if name.startswith(_SECTION)]
+    points = section.points
+    mesh = sliced_mesh([np.column_stack([np.full(len(points), x), points]) for x in places], section.quads)
+    cells = len(mesh.cells) // geometry.modules
+    modules = {f"module-{number + 1}": cells * number + np.arange(cells) for number in range(geometry.modules)}
+    return replace(mesh, cell_sets=modules)
 
 
 def plates_of(geometry: StiffFlop, mesh: Mesh) -> list[np.ndarray]:
     """Node indices of the sections between which the modules lie."""
-    sections = sections_of(mesh)
-    return sections[:: (len(sections) - 1) // geometry.modules]
+    return sections_of(mesh)[:: _slices_per_module(geometry, mesh)]
+
+
+def _slices_per_module(geometry: StiffFlop, mesh: Mesh) -> int:
+    return (len(sections_of(mesh)) - 1) // geometry.modules
 
 
 def windings(geometry: StiffFlop, mesh: Mesh) -> tuple[np.ndarray, ...]:
-    """What is rigid of a solid, but its base: the plate at the end of each module, and around each chamber a hoop of
-    nodes in every other section."""
-    rings, sections = layout(geometry, bare=False).rings, sections_of(mesh)
-    each = (len(sections) - 1) // geometry.modules
+    """Nodes of each rigid group of a solid: the plate at the end of each module, and around each chamber a hoop in
+    every other section but the base."""
+    rings, slices = layout(geometry, bare=False).rings, _slices_per_module(geometry, mesh)
     groups = []
-    for number, nodes in enumerate(sections[1:], 1):
-        groups += [nodes] if number % each == 0 else [nodes[ring] for ring in rings]
+    for number, nodes in enumerate(sections_of(mesh)[1:], 1):
+        groups += [nodes] if number % slices == 0 else [nodes[ring] for ring in rings]
     return tuple(groups)
 
 
 def section_shape(geometry: StiffFlop) -> CrossSection:
-    """Of the polygons; J = 2 I, as plane sections that do not warp have."""
+    """Cross section of the polygons; its torsion constant is 2 I, as of plane sections that do not warp."""
     outer, bore, chamber = (
         _polygon(radius) for radius in (geometry.radius, geometry.bore_radius, geometry.chamber_radius)
     )
@@ -77,23 +70,23 @@ def section_shape(geometry: StiffFlop) -> CrossSection:
 
 
 def chamber_area(geometry: StiffFlop) -> float:
-    """mm^2."""
+    """Area mm^2 of the section of one chamber."""
     return _polygon(geometry.chamber_radius)[0]
 
 
 def chamber_centres(geometry: StiffFlop, chambers: list[int]) -> np.ndarray:
-    """(k, 2) mm, y and z."""
+    """Centres (k, 2) mm of chambers, y and z."""
     return geometry.chamber_circle * _directions(np.asarray(chambers) * 2 * np.pi / CHAMBERS)
 
 
 def module_elements(geometry: StiffFlop, mesh: Mesh, module: int) -> np.ndarray:
     """Indices of the slices of a module, 1 at the base."""
-    slices = (len(sections_of(mesh)) - 1) // geometry.modules
+    slices = _slices_per_module(geometry, mesh)
     return (module - 1) * slices + np.arange(slices)
 
 
 def chamber_surface(geometry: StiffFlop, mesh: Mesh, module: int, chambers: list[int]) -> np.ndarray:
-    """(g, 4) facets, closed, normals outward, of chambers along a module."""
+    """Facets (g, 4) of the closed walls of chambers along a module, normals outward."""
     rings, sections = layout(geometry, bare=False).rings, sections_of(mesh)
     elements = module_elements(geometry, mesh, module)
     facets = []
@@ -108,7 +101,7 @@ def chamber_surface(geometry: StiffFlop, mesh: Mesh, module: int, chambers: list
 
 
 def layout(geometry: StiffFlop, bare: bool) -> Layout:
-    """Of one section."""
+    """Quadrilaterals of one section, with holes for its chambers or as a bare tube."""
     angles = np.arange(SIDES) * 2 * np.pi / SIDES
     bore, outer = geometry.bore_radius * _directions(angles), geometry.radius * _directions(angles)
     around = np.arange(SIDES)
@@ -128,10 +121,11 @@ def layout(geometry: StiffFlop, bare: bool) -> Layout:
     rings = np.empty((CHAMBERS, SIDES), dtype=int)
     quads = []
     for k in range(CHAMBERS):
-        here, after, before = 2 * k, (2 * k + 1) % SIDES, (2 * k - 1) % SIDES
+        # the sector's outline: out on the circle, in along one ray, back on the bore, out along the ray before
+        corner, after, before = 2 * k, (2 * k + 1) % SIDES, (2 * k - 1) % SIDES
         ray_after, ray_before = first_ray + 3 * k, first_ray + 3 * ((k - 1) % CHAMBERS)
-        rim = [SIDES + here, SIDES + after, ray_after + 2, ray_after + 1, ray_after, after]
-        rim += [here, before, ray_before, ray_before + 1, ray_before + 2, SIDES + before]
+        rim = [SIDES + corner, SIDES + after, ray_after + 2, ray_after + 1, ray_after, after]
+        rim += [corner, before, ray_before, ray_before + 1, ray_before + 2, SIDES + before]
         # the hole's corner that looks outward first, whatever the sector
         ring = first_hole + SIDES * k + (around + 2 * k) % SIDES
         rings[k] = ring

@@ -4,9 +4,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from cfem.mechanics.mesh import Mesh, boundary_facets, tet_volumes
+from cfem.mechanics.mesh import Mesh, tet_volumes
 from cfem.mechanics.rod.region import CrossSection
 from cfem.robot.cad import Frustum, Solid, Union
+from cfem.robot.catalogue.sections import sliced_mesh, steps
 from cfem.robot.geometry import Taper
 
 SIDES = 8
@@ -18,7 +19,7 @@ _GAUSS = (np.array([-1, 0, 1]) * np.sqrt(0.6), np.array([5, 8, 5]) / 18)
 
 
 def taper(spec: Taper) -> Solid:
-    """Its cones joined."""
+    """Solid of the cones, joined."""
     parts = tuple(
         Frustum((float(a), 0.0, 0.0), (float(b - a), 0.0, 0.0), float(r), float(s))
         for (a, b), (r, s) in zip(pairwise(spec.places), pairwise(spec.radii), strict=True)
@@ -27,21 +28,14 @@ def taper(spec: Taper) -> Solid:
 
 
 def rod_mesh(spec: Taper, size: float) -> Mesh:
-    """Plane sections, each a node set, at most `size` mm apart, one at every place where the radius is given. The
-    hexahedra between them carry pictures and attachments."""
-    places = np.concatenate(
-        [np.linspace(a, b, int(np.ceil((b - a) / size - 1e-9)) + 1)[:-1] for a, b in pairwise(spec.places)]
-        + [spec.places[-1:]]
-    )
+    """Mesh of plane sections, each a node set, at most `size` mm apart, one at every place where the radius is given.
+    The hexahedra between them carry pictures and attachments."""
+    places = steps(spec.places, size)
     angles = (np.arange(SIDES) + 0.5) * 2 * np.pi / SIDES
     ring = np.column_stack([np.cos(angles), np.sin(angles)])
     radii = np.interp(places, spec.places, spec.radii)
-    X = np.concatenate([np.column_stack([np.full(SIDES, x), r * ring]) for x, r in zip(places, radii, strict=True)])
-    q, k = _LID, SIDES
-    first = np.column_stack([q[:, 0], q[:, 0] + k, q[:, 1] + k, q[:, 1], q[:, 3], q[:, 3] + k, q[:, 2] + k, q[:, 2]])
-    cells = np.concatenate([first + k * number for number in range(len(places) - 1)])
-    node_sets = {f"section-{number:03d}": k * number + np.arange(k) for number in range(len(places))}
-    return Mesh(X, cells, boundary_facets(cells), node_sets)
+    sections = [np.column_stack([np.full(SIDES, x), r * ring]) for x, r in zip(places, radii, strict=True)]
+    return sliced_mesh(sections, _LID)
 
 
 def filled(spec: Taper, X: np.ndarray, cells: np.ndarray, size: float) -> np.ndarray:
@@ -55,16 +49,16 @@ def filled(spec: Taper, X: np.ndarray, cells: np.ndarray, size: float) -> np.nda
     wanted = _hats(knots, fine, np.pi * np.interp(fine, spec.places, spec.radii) ** 2 * step)
     radius = np.interp(X[:, 0], spec.places, spec.radii)
     skin = np.linalg.norm(X[:, 1:], axis=1) > (1 - 1e-6) * radius
-    share, now = np.ones(count), X.copy()
+    factor, moved = np.ones(count), X.copy()
     for _ in range(_ROUNDS):
-        held = _hats(knots, now[cells].mean(axis=1)[:, 0], np.abs(tet_volumes(now, cells)))
-        share *= np.sqrt(wanted / held)
-        now[skin, 1:] = X[skin, 1:] * np.interp(X[skin, 0], knots, share)[:, None]
-    return now
+        volumes = _hats(knots, moved[cells].mean(axis=1)[:, 0], np.abs(tet_volumes(moved, cells)))
+        factor *= np.sqrt(wanted / volumes)
+        moved[skin, 1:] = X[skin, 1:] * np.interp(X[skin, 0], knots, factor)[:, None]
+    return moved
 
 
 def _hats(knots: np.ndarray, places: np.ndarray, amounts: np.ndarray) -> np.ndarray:
-    """(k,) of amounts at places, each shared between the two knots beside it."""
+    """Sums (k,) at the knots of amounts at places, each shared between the two knots beside it."""
     left = np.clip(np.searchsorted(knots, places) - 1, 0, len(knots) - 2)
     part = (places - knots[left]) / (knots[left + 1] - knots[left])
     count = len(knots)
@@ -72,8 +66,8 @@ def _hats(knots: np.ndarray, places: np.ndarray, amounts: np.ndarray) -> np.ndar
 
 
 def section_shape(spec: Taper, places: np.ndarray, poisson: float) -> CrossSection:
-    """Means over each element between neighbouring `places` (s,) mm, by Gauss's rule of three points. Sections are
-    free to contract; shear as Cowper's for a circle of the main material."""
+    """Mean cross section of each element between neighbouring `places` (s,) mm, by Gauss's rule of three points.
+    Sections are free to contract; shear as Cowper's for a circle of the main material."""
     middle, half = (places[1:] + places[:-1]) / 2, np.diff(places) / 2
     radii = np.interp(middle[:, None] + half[:, None] * _GAUSS[0], spec.places, spec.radii)
     area, bending = np.pi * radii**2 @ _GAUSS[1], np.pi / 4 * radii**4 @ _GAUSS[1]
@@ -81,12 +75,12 @@ def section_shape(spec: Taper, places: np.ndarray, poisson: float) -> CrossSecti
 
 
 def shifted(points: np.ndarray, y: float, z: float, outward: float) -> np.ndarray:
-    """Points (k, 3) mm moved away from the x axis, then along y and z. Those on the axis have no way outward."""
+    """Points (k, 3) mm moved away from the x axis, then along y and z. Those on the axis stay there."""
     away = points[:, 1:] / np.maximum(np.linalg.norm(points[:, 1:], axis=1), 1e-300)[:, None]
     return points + np.column_stack([np.zeros(len(points)), outward * away + [y, z]])
 
 
 def volume(spec: Taper) -> float:
-    """mm^3."""
+    """Volume mm^3 of the cones."""
     a, b = spec.radii[:-1], spec.radii[1:]
     return float((np.pi / 3 * np.diff(spec.places) * (a * a + a * b + b * b)).sum())

@@ -12,7 +12,7 @@ AT_BASE, AT_TIP = 10 / 26, 3.5 / 12  # of the width: a cable's distance from the
 
 
 def trunk(spec: Trunk) -> Solid:
-    """From the base at z = 0 up: a block, then a neck and a disk in turns, the last disk one with the block at the
+    """Solid of the trunk from z = 0 up: a block, then necks and disks in turns, the last disk one with the block at the
     tip. The blocks share what the disks leave of the length."""
     block, neck = _block(spec), spec.pitch - spec.disk_thickness
     parts = [_piece(spec, 0.0, block, 1.0)]
@@ -23,7 +23,7 @@ def trunk(spec: Trunk) -> Solid:
 
 
 def _piece(spec: Trunk, low: float, high: float, share: float) -> Solid:
-    """Of the tapered trunk between two heights, `share` as wide as it is."""
+    """Piece of the tapered trunk between two heights, `share` as wide as the trunk there."""
 
     def section(z: float) -> tuple[Point, ...]:
         width = spec.base_width + (spec.tip_width - spec.base_width) * z / spec.length
@@ -39,12 +39,12 @@ def _block(spec: Trunk) -> float:
 
 
 def route(spec: Trunk, side: np.ndarray) -> np.ndarray:
-    """(2 disks, 3) mm of a cable along the side in this direction (3,): two points in each disk, a sixth of its
+    """Points (2 disks, 3) mm of a cable along the side in this direction (3,): two points in each disk, a sixth of its
     thickness from its middle plane."""
     z, away = _passages(spec)
-    usual = _passages(Trunk(kind="trunk"))[1]
-    same = min(len(away), len(usual))
-    away[:same] += (np.round(usual, 4) - usual)[:same]  # where the published robot's are, stated to 0.1 um
+    published = _passages(Trunk(kind="trunk"))[1]
+    shared = min(len(away), len(published))
+    away[:shared] += (np.round(published, 4) - published)[:shared]  # the published robot's are stated to 0.1 um
     return np.outer(away, side) + np.outer(z, [0.0, 0.0, 1.0])
 
 
@@ -57,10 +57,10 @@ def _passages(spec: Trunk) -> tuple[np.ndarray, np.ndarray]:
 
 
 def pull_point(spec: Trunk, side: np.ndarray) -> np.ndarray:
-    """(3,) mm, in the plane of the base."""
+    """Point (3,) mm in the plane of the base from which the cable along a side is pulled."""
     return AT_BASE * spec.base_width * side
 
 
 def tip(spec: Trunk) -> np.ndarray:
-    """(3,) mm."""
+    """Middle (3,) mm of the face at the free end."""
     return np.array([0.0, 0.0, spec.length])

@@ -20,17 +20,17 @@ _STEP, _FEWEST, _MOST = 0.25, 10, 200  # of samples along a segment: in mean siz
 
 @dataclass(frozen=True)
 class Gap:
-    """Where the segment from point `segment` to the next is outside: mm of it, and at `where` (3,) mm the farthest."""
+    """A segment of a cable that leaves the body."""
 
-    segment: int
-    length: float
-    distance: float
-    where: np.ndarray
+    segment: int  # from the point of this number to the next
+    length: float  # mm of it that lie outside
+    distance: float  # mm from the body at its farthest
+    where: np.ndarray  # (3,) mm, that farthest place
 
 
 def demand_inside(scene: SceneSpec, mesh: Mesh) -> None:
-    """SpecError where a cable leaves the body without being allowed to. A route along a soft finger crosses its bellows
-    by design, and the sections of a stiff-flop are rigid."""
+    """Raises SpecError where a cable leaves the body without being allowed to. A route along a soft finger crosses its
+    bellows by design, and the sections of a stiff-flop are rigid."""
     if isinstance(scene.geometry, StiffFlop) or scene.mesh.element in SECTIONED:
         return
     for index, item in enumerate(scene.actuators):

@@ -47,8 +47,7 @@ def _width_doubts(scene, extent: np.ndarray) -> list[str]:
 def _material_doubts(scene) -> list[str]:
     """Says which moduli and densities are of no known material, and where tet4 locks."""
     sentences = []
-    regions = {f"materials.{index}.material": each.material for index, each in enumerate(scene.materials)}
-    for key, item in ({"material": scene.material} | regions).items():
+    for key, item in scene.all_materials.items():
         sentences += modulus_doubts(item.young, MODULI, f"check the units of {key}")
         if item.density is not None and not DENSITIES[0] <= item.density <= DENSITIES[1]:
             dense, known = 1e12 * item.density, " to ".join(f"{1e12 * end:g}" for end in DENSITIES)

@@ -6,7 +6,8 @@ from cfem.robot.checks.soundness import moves_nothing, stands_still
 
 
 def demand_possible(scene, robot: Robot) -> None:
-    """SpecError where an actuator's reach is more than there is of it, or where all that a point acts on is held."""
+    """Raises SpecError where an actuator's reach is more than there is of it, or where all that a point acts on is
+    held."""
     for index, (item, actuator) in enumerate(zip(scene.actuators, robot.actuators, strict=True)):
         with scene.locating("actuators", index):
             _demand_reach(item, actuator)

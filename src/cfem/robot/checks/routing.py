@@ -52,7 +52,7 @@ def effector_doubts(scene: spec.SceneSpec) -> list[str]:
             continue  # a centre of mass
         watched.append((item.name, item.orientation, places))
     return [
-        f"effectors '{name}' and '{other}' watch the same place: leave one out"
-        for (name, turns, places), (other, turns_too, places_too) in combinations(watched, 2)
-        if turns == turns_too and places.shape == places_too.shape and np.abs(places - places_too).max() < 1e-6
+        f"effectors '{a}' and '{b}' watch the same place: leave one out"
+        for (a, turns_a, places_a), (b, turns_b, places_b) in combinations(watched, 2)
+        if turns_a == turns_b and places_a.shape == places_b.shape and np.abs(places_a - places_b).max() < 1e-6
     ]

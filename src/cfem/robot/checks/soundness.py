@@ -65,7 +65,7 @@ def _inside_out(mesh: Mesh) -> np.ndarray:
 def demand_held(robot: Robot) -> None:
     """Raises InputError where a piece of the body, together with what is rigid, is joined to nothing that is held."""
     X, cells = robot.X, robot.body.mesh.cells
-    groups = [np.column_stack([np.full(len(each) - 1, each[0]), each[1:]]) for each in robot.rigid]
+    groups = [np.column_stack([np.full(len(nodes) - 1, nodes[0]), nodes[1:]]) for nodes in robot.rigid]
     chains = np.concatenate([cells[:, :-1].reshape(-1, 1), cells[:, 1:].reshape(-1, 1)], axis=1)
     edges = np.concatenate([chains, *groups])
     graph = sp.coo_matrix((np.ones(len(edges)), edges.T), shape=(len(X), len(X)))
@@ -74,7 +74,7 @@ def demand_held(robot: Robot) -> None:
     if len(loose):
         nodes = X[piece == loose[0]]
         count = int((piece[cells[:, 0]] == loose[0]).sum())
-        size = " x ".join(f"{each:.3g}" for each in np.ptp(nodes, axis=0))
+        size = " x ".join(f"{side:.3g}" for side in np.ptp(nodes, axis=0))
         what = f"a piece of {count} cells, {size} mm large at {_place(nodes.mean(axis=0))}, is joined to nothing held"
         raise InputError(what, where=robot.name, do="hold it under 'fixed', join it to the rest, or leave it out")
 
@@ -82,8 +82,8 @@ def demand_held(robot: Robot) -> None:
 def stands_still(robot: Robot, row: Watched) -> bool:
     """True if a row watches only held points. The nodes around such a point may be free."""
     parts = row.parts if isinstance(row, CombinedEffector) else (row,)
-    places = [each for each in parts if not isinstance(each, RotationEffector)]
-    return moves_nothing(robot, row) or all(isinstance(each, PointEffector) and _held(robot, each) for each in places)
+    points = [part for part in parts if not isinstance(part, RotationEffector)]
+    return moves_nothing(robot, row) or all(isinstance(part, PointEffector) and _held(robot, part) for part in points)
 
 
 def _held(robot: Robot, row: PointEffector) -> bool:
@@ -124,13 +124,13 @@ def demand_independent(robot: Robot) -> None:
         return
     rows = np.array(columns)
     rows /= np.linalg.norm(rows, axis=1)[:, None]
-    values, vectors = np.linalg.eigh(rows @ rows.T)
+    values, vectors = np.linalg.eigh(rows @ rows.T)  # correlations: an eigenvalue 0 is a sum of rows that vanishes
     if values[0] < _ALIKE:
         share = np.abs(vectors[:, 0])
-        alike = list(dict.fromkeys(name for name, each in zip(owners, share, strict=True) if each > 0.1 * share.max()))
+        alike = list(dict.fromkeys(np.array(owners)[share > 0.1 * share.max()].tolist()))
         what = f"{', '.join(map(repr, alike))} pull the body in the same way: their forces cannot be told apart"
         raise InputError(what, where=robot.name, do="leave one out, or lead it along another path")
 
 
 def _place(point: np.ndarray) -> str:
-    return "(" + ", ".join(f"{each:.3g}" for each in point) + ") mm"
+    return "(" + ", ".join(f"{coordinate:.3g}" for coordinate in point) + ") mm"

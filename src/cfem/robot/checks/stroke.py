@@ -17,8 +17,8 @@ LEAST, MOST = 0.003, 8.0  # times the robot's size, that a full reach may move i
 
 
 def linear_motion(robot: Robot) -> tuple[np.ndarray, np.ndarray]:
-    """(n_a,) mm: how far the node that moves most is moved by a unit displacement of each actuator, and by a unit force
-    (mm/N, mm/MPa). Raises SingularMatrixError where nothing holds the robot."""
+    """Motion (n_a,) mm of the node that moves most, by a unit displacement of each actuator, and by a unit force (mm/N,
+    mm/MPa). Raises SingularMatrixError where nothing holds the robot."""
     problem = Problem(robot)
     state = problem.evaluate(problem.rest, np.empty(0))
     H = state.H[:, : robot.rows.n_a]
@@ -47,7 +47,8 @@ def stroke_doubts(scene, robot: Robot) -> list[str]:
 
 
 def _ranges(item, unit: str, by_displacement: float, by_force: float) -> Iterator[tuple[str, float, str, float]]:
-    """(what, its largest size, unit, mm of motion) of what an actuator's keys allow."""
+    """What an actuator's keys allow: what it is, its largest size, its unit, and the mm by which that moves the
+    body."""
     most = float(np.abs(item.reach).max())
     yield "the reach", most, unit, most * by_displacement
     if getattr(item, "pressure", None) is not None:
@@ -56,7 +57,7 @@ def _ranges(item, unit: str, by_displacement: float, by_force: float) -> Iterato
 
 
 def _doubt(what: str, end: str, motion: float, size: float) -> str:
-    """Empty where there is none."""
+    """Sentence if a full range moves next to nothing, or more than a body survives; else empty."""
     if motion < LEAST * size:
         return f"{what} ends at {end}, which moves the body by {motion:.2g} mm of its {size:.3g} mm: check its unit"
     if motion > MOST * size:

@@ -17,11 +17,11 @@ from cfem.robot.mesh.surface_file import read_surface
 # What gmsh's wheel needs of a bare Debian (readelf -d on its library).
 DEBIAN_PACKAGES = "libglu1-mesa libgl1 libgomp1 libxcursor1 libxft2 libxinerama1 libxfixes3 libxrender1 libfontconfig1"
 
-_NO_GMSH, _SEPARATE = 10, 13  # exit codes of which no other way leads out
+_NO_GMSH, _SEPARATE = 10, 13  # exit codes after which no other settings help
 # `factor` on all sizes, and whether a surface's triangles are made anew. gmsh may fail, or even crash, at one size and
 # not at one beside it; at last it takes the file's own triangles.
-_WAY = {"factor": 1.0, "anew": True}
-_OF_SURFACES = (_WAY, {"factor": 0.95, "anew": True}, {"factor": 1.05, "anew": True}, {"factor": 1.0, "anew": False})
+_USUAL = {"factor": 1.0, "anew": True}
+_ATTEMPTS = (_USUAL, {"factor": 0.95, "anew": True}, {"factor": 1.05, "anew": True}, {"factor": 1.0, "anew": False})
 
 
 def ask_gmsh(job: dict[str, Any], solid: Solid) -> dict[str, np.ndarray]:
@@ -34,15 +34,15 @@ def ask_gmsh(job: dict[str, Any], solid: Solid) -> dict[str, np.ndarray]:
             X, triangles, _ = read_surface(Path(solid.path), solid.body)
             np.savez(folder / "surface.npz", X=solid.unit * X, triangles=triangles)
             job = {**job, "surface": str(folder / "surface.npz")}
-        for way in _OF_SURFACES if isinstance(solid, SurfaceSolid) else (_WAY,):
-            code, said = _run({**job, **way}, folder)
+        for settings in _ATTEMPTS if isinstance(solid, SurfaceSolid) else (_USUAL,):
+            code, stderr = _run({**job, **settings}, folder)
             if code in (0, _NO_GMSH, _SEPARATE):
                 break
         if code == 0:
             with np.load(folder / "mesh.npz") as answer:
                 return dict(answer)
     where = solid.path if isinstance(solid, File | SurfaceSolid) else "geometry"
-    cause = said.strip().splitlines()[-1] if said.strip() else f"exit {code}"
+    cause = stderr.strip().splitlines()[-1] if stderr.strip() else f"exit {code}"
     if code == _NO_GMSH:
         raise InputError(f"gmsh cannot be loaded: {cause}", do=f"on Debian: apt-get install {DEBIAN_PACKAGES}")
     if code == _SEPARATE:
@@ -53,16 +53,15 @@ def ask_gmsh(job: dict[str, Any], solid: Solid) -> dict[str, np.ndarray]:
 
 
 def _run(job: dict[str, Any], folder: Path) -> tuple[int, str]:
-    """The exit code of gmsh's process, negative where it crashed, and what it said on stderr; its answer is in
-    mesh.npz."""
+    """Exit code of gmsh's process, negative where it crashed, and its stderr; its answer is in mesh.npz."""
     (folder / "job.json").write_text(json.dumps(job), encoding="utf-8")
     files = [str(folder / "job.json"), str(folder / "mesh.npz")]
     # -P: no module is taken from the working folder
     command = [sys.executable, "-P", "-m", "cfem.robot.mesh.gmsh_process", *files]
     with (
-        open(folder / "said", "wb") as log,
+        open(folder / "stderr", "wb") as log,
         # this interpreter on a module of ours, which ends when its stdin does: it never outlives this process
         subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=log) as process,  # nosec B603
     ):
         code = process.wait()
-    return code, (folder / "said").read_text(errors="replace")
+    return code, (folder / "stderr").read_text(errors="replace")

@@ -11,7 +11,6 @@ from cfem.core.artefact.files import write_whole
 from cfem.core.errors import SpecError
 from cfem.mechanics.mesh import Mesh
 
-_NONE = "''"  # no name
 _HEAD = """ISO-10303-21;
 HEADER;
 FILE_DESCRIPTION(('triangles of a finite-element mesh, mm'),'2;1');
@@ -46,7 +45,8 @@ def triangles(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
 
 
 def write_faceted(mesh: Mesh, name: str, file: Path) -> None:
-    """By the suffix of the file, .stl or .step. SpecError where a STEP file would hold several bodies."""
+    """Writes the boundary as .stl or .step, by the file's suffix. SpecError where a STEP file would hold several
+    bodies."""
     X, corners = triangles(mesh)
     if file.suffix == ".stl":
         write_whole(file, _stl(X, corners))
@@ -60,13 +60,15 @@ def _shells(X: np.ndarray, corners: np.ndarray) -> list[np.ndarray]:
     from scipy.sparse.csgraph import connected_components
 
     rows, columns = corners[:, [0, 1]].ravel(), corners[:, [1, 2]].ravel()
-    count, of = connected_components(coo_array((np.ones(len(rows)), (rows, columns)), (len(X), len(X))), directed=False)
-    shells = [corners[of[corners[:, 0]] == number] for number in range(count)]
-    enclosed = [float(np.linalg.det(X[each]).sum()) for each in shells]  # six volumes, negative of a cavity
-    shells = [shells[i] for i in np.argsort(enclosed)[::-1]]
-    if sum(one > 0 for one in enclosed) != 1:
-        what = f"the mesh is {sum(one > 0 for one in enclosed)} separate bodies, and a STEP file holds one"
+    edges = coo_array((np.ones(len(rows)), (rows, columns)), (len(X), len(X)))
+    count, shell_of = connected_components(edges, directed=False)
+    shells = [corners[shell_of[corners[:, 0]] == number] for number in range(count)]
+    volumes = np.array([np.linalg.det(X[shell]).sum() / 6 for shell in shells])  # negative of a cavity
+    bodies = int((volumes > 0).sum())
+    if bodies != 1:
+        what = f"the mesh is {bodies} separate bodies, and a STEP file holds one"
         raise SpecError(what, where="cad", do="use its STL file")
+    shells = [shells[i] for i in np.argsort(volumes)[::-1]]
     return shells
 
 
@@ -77,68 +79,85 @@ def _normals(X: np.ndarray, corners: np.ndarray) -> np.ndarray:
 
 
 def _stl(X: np.ndarray, corners: np.ndarray) -> bytes:
-    """Binary."""
-    kind = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("more", "<u2")])
-    found = np.zeros(len(corners), dtype=kind)
-    found["normal"], found["corners"] = _normals(X, corners), X[corners]
-    return b"cfem, mm".ljust(80) + np.uint32(len(corners)).astype("<u4").tobytes() + found.tobytes()
+    """Content of a binary STL file: a header of 80 bytes, the number of triangles, 50 bytes for each."""
+    record = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attributes", "<u2")])
+    records = np.zeros(len(corners), dtype=record)
+    records["normal"], records["corners"] = _normals(X, corners), X[corners]
+    return b"cfem, mm".ljust(80) + np.uint32(len(corners)).astype("<u4").tobytes() + records.tobytes()
 
 
 def _step(X: np.ndarray, shells: list[np.ndarray], name: str) -> str:
-    lines, number = [], 13
+    """Text of a STEP file of a solid between flat triangles: the outer shell, then those of its cavities."""
+    step = _StepText(X)
+    outer = step.shell(shells[0])
+    # a cavity is a shell whose normals point out of the cavity, turned round
+    voids = [step.add(f"ORIENTED_CLOSED_SHELL('',*,#{step.shell(cavity[:, ::-1])},.F.)") for cavity in shells[1:]]
+    if voids:
+        solid = step.add(f"BREP_WITH_VOIDS('{name}',#{outer},{_references(voids)})")
+    else:
+        solid = step.add(f"MANIFOLD_SOLID_BREP('{name}',#{outer})")
+    shape = step.add(f"ADVANCED_BREP_SHAPE_REPRESENTATION('{name}',(#{solid}),#13)")
+    step.add(f"SHAPE_DEFINITION_REPRESENTATION(#8,#{shape})")
+    return _HEAD.format(name=name) + "\n".join(step.lines) + "\nENDSEC;\nEND-ISO-10303-21;\n"
 
-    def add(text: str) -> int:
-        nonlocal number
-        number += 1
-        lines.append(f"#{number}={text};")
+
+class _StepText:
+    """Numbered lines of a STEP file after its head, which ends at #13."""
+
+    def __init__(self, X: np.ndarray):
+        """Begins with the vertices X (n, 3) mm."""
+        self.lines: list[str] = []
+        self._X = X
+        self._points = [self.add(f"CARTESIAN_POINT('',{_triple(x)})") for x in X]
+        self._vertices = [self.add(f"VERTEX_POINT('',#{point})") for point in self._points]
+        self._edges: dict[tuple[int, int], int] = {}
+
+    def add(self, text: str) -> int:
+        """Appends an entity and returns its number."""
+        number = 14 + len(self.lines)
+        self.lines.append(f"#{number}={text};")
         return number
 
-    def triple(values: np.ndarray) -> str:
-        return "(" + ",".join(_real(value) for value in values) + ")"
-
-    points = [add(f"CARTESIAN_POINT('',{triple(x)})") for x in X]
-    vertices = [add(f"VERTEX_POINT('',#{point})") for point in points]
-    edges: dict[tuple[int, int], int] = {}
-
-    def edge(a: int, b: int) -> int:
-        """Oriented from a to b; the edge itself from the smaller number to the larger."""
-        ends = (min(a, b), max(a, b))
-        if ends not in edges:
-            way = X[ends[1]] - X[ends[0]]
-            size = float(np.linalg.norm(way))
-            vector = add(f"VECTOR('',#{add(f'DIRECTION({_NONE},{triple(way / size)})')},{_real(size)})")
-            line = add(f"LINE('',#{points[ends[0]]},#{vector})")
-            edges[ends] = add(f"EDGE_CURVE('',#{vertices[ends[0]]},#{vertices[ends[1]]},#{line},.T.)")
-        return add(f"ORIENTED_EDGE('',*,*,#{edges[ends]},{'.T.' if a < b else '.F.'})")
-
-    def closed(corners: np.ndarray) -> int:
-        along = X[corners[:, 1]] - X[corners[:, 0]]
+    def shell(self, corners: np.ndarray) -> int:
+        """Number of the closed shell of triangles (m, 3), each a plane face within a loop of three edges."""
+        along = self._X[corners[:, 1]] - self._X[corners[:, 0]]
         along /= np.linalg.norm(along, axis=1)[:, None]
         faces = []
-        for corner, normal, first in zip(corners.tolist(), _normals(X, corners), along, strict=True):
-            sides = [edge(a, b) for a, b in zip(corner, corner[1:] + corner[:1], strict=True)]
-            loop = add("EDGE_LOOP('',(" + ",".join(f"#{side}" for side in sides) + "))")
-            bound = add(f"FACE_OUTER_BOUND('',#{loop},.T.)")
-            up, side = (add(f"DIRECTION('',{triple(one)})") for one in (normal, first))
-            place = add(f"AXIS2_PLACEMENT_3D('',#{points[corner[0]]},#{up},#{side})")
-            plane = add(f"PLANE('',#{place})")
-            faces.append(add(f"ADVANCED_FACE('',(#{bound}),#{plane},.T.)"))
-        return add("CLOSED_SHELL('',(" + ",".join(f"#{one}" for one in faces) + "))")
+        for nodes, normal, first_side in zip(corners.tolist(), _normals(self._X, corners), along, strict=True):
+            sides = [self._oriented_edge(a, b) for a, b in zip(nodes, nodes[1:] + nodes[:1], strict=True)]
+            loop = self.add(f"EDGE_LOOP('',{_references(sides)})")
+            bound = self.add(f"FACE_OUTER_BOUND('',#{loop},.T.)")
+            axis, reference = (self.add(f"DIRECTION('',{_triple(unit)})") for unit in (normal, first_side))
+            place = self.add(f"AXIS2_PLACEMENT_3D('',#{self._points[nodes[0]]},#{axis},#{reference})")
+            plane = self.add(f"PLANE('',#{place})")
+            faces.append(self.add(f"ADVANCED_FACE('',(#{bound}),#{plane},.T.)"))
+        return self.add(f"CLOSED_SHELL('',{_references(faces)})")
 
-    outer = closed(shells[0])
-    # a cavity is a shell whose normals point out of the cavity, turned round
-    voids = [add(f"ORIENTED_CLOSED_SHELL('',*,#{closed(each[:, ::-1])},.F.)") for each in shells[1:]]
-    if voids:
-        solid = add(f"BREP_WITH_VOIDS('{name}',#{outer},(" + ",".join(f"#{one}" for one in voids) + "))")
-    else:
-        solid = add(f"MANIFOLD_SOLID_BREP('{name}',#{outer})")
-    shape = add(f"ADVANCED_BREP_SHAPE_REPRESENTATION('{name}',(#{solid}),#13)")
-    add(f"SHAPE_DEFINITION_REPRESENTATION(#8,#{shape})")
-    return _HEAD.format(name=name) + "\n".join(lines) + "\nENDSEC;\nEND-ISO-10303-21;\n"
+    def _oriented_edge(self, a: int, b: int) -> int:
+        """Number of the edge from vertex a to b; the edge itself runs from the smaller vertex to the larger."""
+        ends = low, high = min(a, b), max(a, b)
+        if ends not in self._edges:
+            span = self._X[high] - self._X[low]
+            length = float(np.linalg.norm(span))
+            direction = self.add(f"DIRECTION('',{_triple(span / length)})")
+            vector = self.add(f"VECTOR('',#{direction},{_real(length)})")
+            line = self.add(f"LINE('',#{self._points[low]},#{vector})")
+            self._edges[ends] = self.add(f"EDGE_CURVE('',#{self._vertices[low]},#{self._vertices[high]},#{line},.T.)")
+        return self.add(f"ORIENTED_EDGE('',*,*,#{self._edges[ends]},{'.T.' if a < b else '.F.'})")
+
+
+def _references(numbers: list[int]) -> str:
+    """Text '(#1,#2,...)' of entities by number."""
+    return "(" + ",".join(f"#{number}" for number in numbers) + ")"
+
+
+def _triple(values: np.ndarray) -> str:
+    """Text '(x,y,z)' of three real numbers."""
+    return "(" + ",".join(_real(value) for value in values) + ")"
 
 
 def _real(value: float) -> str:
-    """A real number of the file has a decimal point."""
+    """Text of a real number, which has a decimal point in a STEP file."""
     text = f"{value:.12G}"
     mantissa, mark, exponent = text.partition("E")
     return (mantissa if "." in mantissa else mantissa + ".") + mark + exponent

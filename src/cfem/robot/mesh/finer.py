@@ -24,19 +24,20 @@ _CELLS = 20  # nearest cells among which the one that holds a node is looked for
 
 
 def growth(scene: SceneSpec, ratio: float) -> float:
-    """How many times as many cells `finer_mesh` makes: about `ratio`, and 8 where the cells of a file are cut."""
-    return 8.0 if _own_cells(scene) else ratio
+    """Ratio of the number of cells of `finer_mesh` to those at hand: about `ratio`, and 8 where a file's cells are
+    cut."""
+    return 8.0 if _cells_of_file(scene) else ratio
 
 
 def dimensions(scene: SceneSpec) -> int:
-    """In how many directions cells become smaller: one along a row of sections, else three."""
+    """Number of directions in which cells become smaller: one along a row of sections, else three."""
     return 1 if scene.mesh.element in SECTIONED else 3
 
 
 def finer_mesh(scene: SceneSpec, mesh: Mesh, robot: Robot, folder: Path, ratio: float) -> Mesh:
-    """About `growth` times as many cells as `mesh`, that of `scene` and `robot`. SpecError where a mesh file holds
-    hexahedra; else what `make_mesh` raises."""
-    if _own_cells(scene):
+    """Mesh of about `growth` times as many cells as `mesh`, that of `scene` and `robot`. SpecError where a mesh file
+    holds hexahedra; else what `make_mesh` raises."""
+    if _cells_of_file(scene):
         if mesh.cells.shape[1] == 8:
             raise SpecError("hexahedra of a mesh file are not cut")
         finer = cut_in_eight(mesh.base)
@@ -49,8 +50,8 @@ def finer_mesh(scene: SceneSpec, mesh: Mesh, robot: Robot, folder: Path, ratio: 
     return make_mesh(finer, folder, grade(mesh, estimate(robot), cells, finer.mesh.size))[0]
 
 
-def _own_cells(scene: SceneSpec) -> bool:
-    """Whether the mesh is the user's own."""
+def _cells_of_file(scene: SceneSpec) -> bool:
+    """True if the cells are those of a mesh file, not made here."""
     return isinstance(scene.geometry, MeshFile) and not scene.geometry.meshed_here
 
 
@@ -73,23 +74,24 @@ def _scaled(scene: SceneSpec, shrink: float) -> SceneSpec:
 
 def cut_in_eight(mesh: Mesh) -> Mesh:
     """Linear tetrahedra, eight for each of `mesh`, whose named sets they inherit."""
-    whole = mesh if mesh.order == 2 else with_middles(mesh)
-    children = whole.cells[:, _EIGHT].reshape(-1, 4)
-    inverted = tet_volumes(whole.X, children) < 0
+    parent = mesh if mesh.order == 2 else with_middles(mesh)
+    children = parent.cells[:, _EIGHT].reshape(-1, 4)
+    inverted = tet_volumes(parent.X, children) < 0
     children[inverted] = children[inverted][:, [0, 2, 1, 3]]
-    facet_sets = {name: _parts_of(members, 4) for name, members in whole.facet_sets.items()}
-    cell_sets = {name: _parts_of(members, 8) for name, members in whole.cell_sets.items()}
-    facets = whole.facets[:, _FOUR].reshape(-1, 3)
-    return Mesh(whole.X, children, facets, whole.node_sets, facet_sets, cell_sets)
+    facet_sets = {name: _parts_of(members, 4) for name, members in parent.facet_sets.items()}
+    cell_sets = {name: _parts_of(members, 8) for name, members in parent.cell_sets.items()}
+    facets = parent.facets[:, _FOUR].reshape(-1, 3)
+    return Mesh(parent.X, children, facets, parent.node_sets, facet_sets, cell_sets)
 
 
 def _parts_of(members: np.ndarray, parts: int) -> np.ndarray:
+    """Indices of the parts that members, cut in `parts` each, have become."""
     return (parts * np.asarray(members)[:, None] + np.arange(parts)).ravel()
 
 
 def carried_over(coarse: Mesh, x: np.ndarray, finer: Mesh) -> np.ndarray:
-    """(n, 3) mm: the nodes of `finer` moved by the deformation x of `coarse` tetrahedra, a start for Newton's method. A
-    node that no cell holds follows the nearest cell's polynomial."""
+    """Positions (n, 3) mm of the nodes of `finer` under the deformation x of `coarse` tetrahedra, a start for Newton's
+    method. A node that no cell holds follows the nearest cell's polynomial."""
     from scipy.spatial import cKDTree
 
     corners = coarse.X[coarse.cells[:, :4]]

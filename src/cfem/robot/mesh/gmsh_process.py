@@ -83,7 +83,7 @@ def split(occ, body: tuple[int, int], regions: list[dict]) -> None:
 
 
 def surface(gmsh, file: str) -> np.ndarray:
-    """(k, 3, 3) mm: corners of the triangles of the closed surface in an .npz, which is read into gmsh."""
+    """Corners (k, 3, 3) mm of the triangles of the closed surface in an .npz, which is read into gmsh."""
     with np.load(file) as data:
         X, triangles = data["X"], data["triangles"]
     tag = gmsh.model.addDiscreteEntity(2)
@@ -93,13 +93,13 @@ def surface(gmsh, file: str) -> np.ndarray:
 
 
 def enclosed_volume(corners: np.ndarray) -> float:
-    """mm^3 within a closed surface of triangles (k, 3, 3), by the divergence theorem."""
+    """Volume mm^3 within a closed surface of triangles (k, 3, 3), by the divergence theorem."""
     a, b, c = corners.swapaxes(0, 1)
     return abs(float(np.einsum("ij,ij->", np.cross(a, b), c))) / 6
 
 
 def pieces(corners: np.ndarray) -> int:
-    """Of a surface of triangles (k, 3, 3): how many parts share no corner."""
+    """Number of parts of a surface of triangles (k, 3, 3) that share no corner."""
     nodes = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)[1].reshape(-1, 3)
     label = np.arange(nodes.max() + 1)
     for _ in range(len(label)):
@@ -112,7 +112,7 @@ def pieces(corners: np.ndarray) -> int:
 
 
 def fill(gmsh, anew: bool) -> None:
-    """Makes the volume that the surface read last bounds. anew: the surface is meshed anew too, and not taken as it
+    """Makes the volume that the surface in gmsh bounds. anew: the surface is meshed anew too, and not taken as it
     is."""
     if anew:
         # Faces between sharp edges first: else gmsh cuts the whole surface where it likes, and these faces once more.
@@ -126,7 +126,7 @@ def fill(gmsh, anew: bool) -> None:
 
 
 def _keep_curves(gmsh) -> None:
-    """Sizes along the curves between the faces of a surface: a straight one may be a single edge, a circle six."""
+    """Sets sizes along the curves between the faces of a surface: a straight one may be a single edge, a circle six."""
     gmsh.option.setNumber("Mesh.MinimumCurveNodes", 1)
     gmsh.option.setNumber("Mesh.MeshSizeFromParametricPoints", 1)
     for _, curve in gmsh.model.getEntities(1):
@@ -138,8 +138,8 @@ def _keep_curves(gmsh) -> None:
 
 
 def segments(share: float) -> int:
-    """Edges that keep the shape of a curve whose ends are `share` of its length apart: one for each 60 degrees by which
-    an arc of that share turns, for which share = sin(turn / 2) / (turn / 2)."""
+    """Number of edges that keep the shape of a curve whose ends are `share` of its length apart: one for each 60
+    degrees by which an arc of that share turns, for which share = sin(turn / 2) / (turn / 2)."""
     low, high = 0.0, 2 * math.pi
     for _ in range(40):
         turn = (low + high) / 2
@@ -152,7 +152,7 @@ def is_surface(solid: dict) -> bool:
 
 
 class Separate(ValueError):
-    """Not one body."""
+    """The geometry is not one body."""
 
 
 def one_body(gmsh, solid: dict) -> tuple[int, int]:
@@ -191,7 +191,7 @@ def write(gmsh, solid: dict, files: list[str], deviation: float) -> dict[str, np
 
 
 def mesh(gmsh, job: dict) -> dict[str, np.ndarray]:
-    """X (n, 3), cells (m, 4), CAD volume; or what speaks against meshing."""
+    """Mesh X (n, 3), cells (m, 4) and CAD volume; the number of cells and the extent where there would be too many."""
     solid = job["solid"]
     if is_surface(solid):
         corners = surface(gmsh, job["surface"])
@@ -224,24 +224,25 @@ def mesh(gmsh, job: dict) -> dict[str, np.ndarray]:
 
 
 def cells_wanted(volume: float, low: np.ndarray, high: np.ndarray, job: dict) -> float:
-    """About how many cells of these sizes fill a body between two corners: regular tetrahedra of edge h hold
+    """Number of cells, about, with which these sizes fill a body between two corners: regular tetrahedra of edge h hold
     h^3 / 8.485 each. A box of finer cells counts as if the body filled it."""
     about = volume / job["size"] ** 3
-    for part in job["refine"]:
-        sides = np.minimum(high, part["high"]) - np.maximum(low, part["low"])
-        about += min(volume, np.maximum(sides, 0).prod()) / part["size"] ** 3
+    for box in job["refine"]:
+        sides = np.minimum(high, box["high"]) - np.maximum(low, box["low"])
+        about += min(volume, np.maximum(sides, 0).prod()) / box["size"] ** 3
     return 8.485 * about
 
 
 def _sizes(gmsh, job: dict) -> None:
+    """Sets the sizes of cells: the smallest of the general one, those of the boxes, and those of the grading."""
     values = {"MeshSizeMax": job["size"], "MeshSizeExtendFromBoundary": 0, "MeshSizeFromPoints": 0}
     for option, value in (values | {"MeshSizeFactor": job["factor"]}).items():
         gmsh.option.setNumber(f"Mesh.{option}", value)
     fields = []
-    for part in job["refine"]:
+    for box in job["refine"]:
         field = gmsh.model.mesh.field.add("Box")
-        sides = zip(("XMin", "YMin", "ZMin", "XMax", "YMax", "ZMax"), part["low"] + part["high"], strict=True)
-        values = {"VIn": part["size"], "VOut": job["size"], "Thickness": part["blend"], **dict(sides)}
+        sides = zip(("XMin", "YMin", "ZMin", "XMax", "YMax", "ZMax"), box["low"] + box["high"], strict=True)
+        values = {"VIn": box["size"], "VOut": job["size"], "Thickness": box["blend"], **dict(sides)}
         for name, value in values.items():
             gmsh.model.mesh.field.setNumber(field, name, value)
         fields.append(field)
@@ -265,6 +266,7 @@ def end_with_parent() -> None:
 
 
 def main() -> int:
+    """Answers the job named on the command line and returns the exit code."""
     try:
         import gmsh
     except (ImportError, OSError) as error:

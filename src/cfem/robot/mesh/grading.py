@@ -31,12 +31,11 @@ _REGULAR = 6 * np.sqrt(2)
 
 @dataclass(frozen=True)
 class Errors:
-    """cells: (m, n_nodes); volumes (m,) mm^3; squared: (m,) estimated squared errors of the response fields, each
-    relative to its W_ii, summed over the rows."""
+    """Estimated errors of W, cell by cell."""
 
-    cells: np.ndarray
-    volumes: np.ndarray
-    squared: np.ndarray
+    cells: np.ndarray  # (m, n_nodes)
+    volumes: np.ndarray  # (m,) mm^3
+    squared: np.ndarray  # (m,) squared errors of the response fields, each relative to its W_ii, summed over the rows
 
 
 def scene_mesh(scene: SceneSpec, folder: Path) -> tuple[Mesh, float | None]:
@@ -54,23 +53,24 @@ def scene_mesh(scene: SceneSpec, folder: Path) -> tuple[Mesh, float | None]:
 
 
 def estimate(robot: Robot) -> Errors:
-    """Of all rows of W at rest. Raises SingularMatrixError where nothing holds the robot."""
+    """Errors of all rows of W at rest. Raises SingularMatrixError where nothing holds the robot."""
     problem = Problem(robot)
-    at = problem.evaluate(problem.rest, np.empty(0))
-    B = np.hstack([problem.gradients(robot.effectors, at.x), at.H])
-    Z = problem.factor(at, np.zeros(problem.n_active), SolveCost()).factor.solve(B)
+    rest = problem.evaluate(problem.rest, np.empty(0))
+    B = np.hstack([problem.gradients(robot.effectors, rest.x), rest.H])
+    Z = problem.factor(rest, np.zeros(problem.n_active), SolveCost()).factor.solve(B)  # response fields
     W = np.einsum("ij,ij->j", B, Z)
     squared = [np.zeros(len(part.cells)) for part in problem.body.solids]
     for j in np.flatnonzero(W > 0):
-        field = problem.kinematics.spread(at.x, Z[:, j])
-        for total, part in zip(squared, problem.body.solids, strict=True):
-            total += _smoothing_error(part, field) / W[j]
+        field = problem.kinematics.spread(rest.x, Z[:, j])
+        for part_squared, part in zip(squared, problem.body.solids, strict=True):
+            part_squared += _smoothing_error(part, field) / W[j]
     volumes = np.concatenate([part.volumes for part in problem.body.solids])
     return Errors(problem.body.cells, volumes, np.concatenate(squared))
 
 
 def _smoothing_error(part: Solid, field: np.ndarray) -> np.ndarray:
-    """(m,) N mm: 2 mu int |smoothed strain - strain|^2 of a displacement field (n, 3), within one region."""
+    """Energies (m,) N mm of the error of a displacement field (n, 3) within one region: 2 mu int |smoothed strain -
+    strain|^2."""
     element, corners = part.element, part.cells[:, :4]
     G = np.einsum("mqnd,mni->mqid", part.gradients[:, :, : element.n_nodes], field[part.cells])
     strain = (G + G.transpose(0, 1, 3, 2)) / 2
@@ -80,8 +80,8 @@ def _smoothing_error(part: Solid, field: np.ndarray) -> np.ndarray:
     np.add.at(smooth, corners, part.volumes[:, None, None, None] * at_corners)
     np.add.at(weight, corners, part.volumes[:, None])
     smooth /= np.maximum(weight, np.finfo(float).tiny)[:, None, None]
-    apart = np.einsum("qc,mcid->mqid", to_points, smooth[corners]) - strain
-    return 2 * part.shear * part.volumes * (apart**2).sum(axis=(2, 3)).mean(axis=1)
+    difference = np.einsum("qc,mcid->mqid", to_points, smooth[corners]) - strain
+    return 2 * part.shear * part.volumes * (difference**2).sum(axis=(2, 3)).mean(axis=1)
 
 
 def grade(mesh: Mesh, errors: Errors, cells: int, largest: float) -> Grading:
@@ -94,6 +94,7 @@ def grade(mesh: Mesh, errors: Errors, cells: int, largest: float) -> Grading:
     def sizes(scale: float) -> np.ndarray:
         return np.clip(scale * wanted, h / 3, np.minimum(3 * h, largest))
 
+    # bisection for the scale at which the sizes make `cells` cells
     low, high = 1e-12 * h.min() / wanted.max(), 1e12 * h.max() / wanted.min()
     for _ in range(200):
         middle = np.sqrt(low * high)

@@ -1,11 +1,11 @@
 """A bar of hexahedra in rows and columns, without a mesh generator."""
 
 from collections.abc import Sequence
-from itertools import pairwise
 
 import numpy as np
 
 from cfem.robot.cad import Box
+from cfem.robot.catalogue.sections import steps
 
 # Corners of a cell, in steps along the axes, in VTK's order.
 _CORNERS = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]])
@@ -23,17 +23,9 @@ def block(box: Box, size: float, regions: Sequence[Box] = ()) -> tuple[np.ndarra
         for face in sorted(faces):
             if stops[-1] + near < face < high - near:
                 stops.append(face)
-        axes.append(_steps([*stops, high], size))
+        axes.append(steps([*stops, high], size))
     X = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
     counts = [len(axis) for axis in axes]
     strides = np.array([counts[1] * counts[2], counts[2], 1])
     first = np.stack(np.meshgrid(*(np.arange(count - 1) for count in counts), indexing="ij"), axis=-1).reshape(-1, 3)
     return X, (first @ strides)[:, None] + _CORNERS @ strides
-
-
-def _steps(stops: Sequence[float], size: float) -> np.ndarray:
-    """Ascending positions from the first stop to the last, through all, at most `size` apart."""
-    steps = [
-        np.linspace(start, end, int(np.ceil((end - start) / size - 1e-9)) + 1)[:-1] for start, end in pairwise(stops)
-    ]
-    return np.concatenate([*steps, stops[-1:]])

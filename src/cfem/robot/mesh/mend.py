@@ -1,6 +1,7 @@
 """A surface of triangles, as people publish it, made closed and oriented; and what was done to it, in words."""
 
 from collections import deque
+from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -17,132 +18,140 @@ _ROUNDS = 20  # of flips of slivers, and of moves of nodes where the surface pas
 _TANGLED = 0.02  # of the triangles: where more pass through others, two bodies overlap, which no small move mends
 
 
-def mend(
-    X: np.ndarray, triangles: np.ndarray, where: str, body: int = 1
-) -> tuple[np.ndarray, np.ndarray, list[str], int]:
-    """X (n, 3), triangles (m, 3) closed, each edge between two of them, normals out of the material; a phrase for each
-    flaw that was mended; and how many bodies there are. body: the one that is taken, the largest first.
+class MendedSurface(NamedTuple):
+    """A closed surface: each edge lies between two triangles, normals point out of the material."""
+
+    X: np.ndarray  # (n, 3)
+    triangles: np.ndarray  # (m, 3)
+    mends: tuple[str, ...]  # a phrase for each flaw that was mended
+    bodies: int  # in the file, of which this is one
+
+
+def mend(X: np.ndarray, triangles: np.ndarray, where: str, body: int = 1) -> MendedSurface:
+    """Surface of X (n, 3), triangles (m, 3), mended. body: the one that is taken, the largest first.
 
     InputError, naming `where`, for what cannot be mended: wide openings, edges of more than two triangles."""
-    said: list[str] = []
+    mends: list[str] = []
     used, numbered = np.unique(triangles, return_inverse=True)
     X, same = X[used], representatives(X[used])
     triangles = same[numbered.reshape(triangles.shape)]
     merged = int((same != np.arange(len(X))).sum())
     if merged:
-        said.append(f"merged {merged} duplicate nodes")
+        mends.append(f"merged {merged} duplicate nodes")
     triangles, dropped = _without_copies(triangles)
     if dropped:
-        said.append(f"dropped {dropped} triangles that are copies or have two corners at one place")
+        mends.append(f"dropped {dropped} triangles that are copies or have two corners at one place")
     triangles, flipped = _without_slivers(X, triangles)
     if flipped:
-        said.append(f"turned the edges of {flipped} slivers")
+        mends.append(f"turned the edges of {flipped} slivers")
     if len(triangles) == 0:
         raise InputError("has no surface", where=where, do="export the body again")
     _demand_two(X, triangles, where)
-    triangles, turned = _alike(triangles)
-    X, triangles, holes = _closed(X, triangles, where)
-    if holes:
-        size = X[np.unique(triangles)]
-        share = 100 * max(holes) / np.ptp(size, axis=0).max()
-        holes_said = "a hole" if len(holes) == 1 else f"{len(holes)} holes"
-        said.append(f"closed {holes_said}, {share:.2g} % of the body's extent wide at most")
-    triangles, whole, bodies = _outward(X, triangles)
-    if turned or whole:
-        said.append("turned triangles whose normals pointed the wrong way")
+    triangles, turned = _oriented_alike(triangles)
+    X, triangles, hole_widths = _closed(X, triangles, where)
+    if hole_widths:
+        extent = np.ptp(X[np.unique(triangles)], axis=0).max()
+        holes = "a hole" if len(hole_widths) == 1 else f"{len(hole_widths)} holes"
+        mends.append(f"closed {holes}, {100 * max(hole_widths) / extent:.2g} % of the body's extent wide at most")
+    triangles, turned_shells, bodies = _outward(X, triangles)
+    if turned or turned_shells:
+        mends.append("turned triangles whose normals pointed the wrong way")
     if len(bodies) > 1 or body > 1:
-        triangles, phrase = _one_of(X, [triangles[each] for each in bodies], body, where)
-        said.append(phrase)
+        triangles, phrase = _chosen_body(X, [triangles[members] for members in bodies], body, where)
+        mends.append(phrase)
     triangles, contracted = without_short_edges(X, triangles)
     if contracted:
-        said.append(f"contracted {contracted} edges that are next to nothing beside those around them")
+        mends.append(f"contracted {contracted} edges that are next to nothing beside those around them")
     X, moved = _untangled(X, triangles)
     if moved:
-        said.append(f"moved {moved} nodes where the surface passed through itself")
+        mends.append(f"moved {moved} nodes where the surface passed through itself")
     used, numbered = np.unique(triangles, return_inverse=True)
-    return X[used], numbered.reshape(triangles.shape), said, len(bodies)
+    return MendedSurface(X[used], numbered.reshape(triangles.shape), tuple(mends), len(bodies))
 
 
 def _without_copies(triangles: np.ndarray) -> tuple[np.ndarray, int]:
-    """Without triangles that are a line, and with one of each set of copies; and how many fewer these are."""
-    whole = triangles[(np.sort(triangles, axis=1)[:, 1:] != np.sort(triangles, axis=1)[:, :-1]).all(axis=1)]
-    _, first = np.unique(np.sort(whole, axis=1), axis=0, return_index=True)
-    return whole[np.sort(first)], len(triangles) - len(first)
+    """Triangles without those that are a line and without copies; and how many fewer these are."""
+    corners = np.sort(triangles, axis=1)
+    proper = triangles[(corners[:, 1:] != corners[:, :-1]).all(axis=1)]
+    _, first = np.unique(np.sort(proper, axis=1), axis=0, return_index=True)
+    return proper[np.sort(first)], len(triangles) - len(first)
 
 
 def _without_slivers(X: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, int]:
-    """A sliver, whose third corner lies on its longest edge, and the triangle across that edge become two others."""
+    """Triangles after flips of the longest edges of slivers, whose third corner lies on that edge; and the number of
+    flips. A sliver and the triangle across its longest edge become two others."""
     triangles, flips = triangles.copy(), 0
     for _ in range(_ROUNDS):
         corners = X[triangles]
         sides = np.linalg.norm(corners[:, [1, 2, 0]] - corners, axis=2)
-        area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-        flat = np.flatnonzero(area < _FLAT * sides.max(axis=1) ** 2)
+        twice_area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+        flat = np.flatnonzero(twice_area < _FLAT * sides.max(axis=1) ** 2)
         if len(flat) == 0:
             break
         ends = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2), axis=2)
         owners: dict[tuple[int, int], list[int]] = {}
-        for number, own in enumerate(ends.tolist()):
-            for edge in own:
-                owners.setdefault((edge[0], edge[1]), []).append(number)
-        touched: set[int] = set()
+        for number, edges in enumerate(ends.tolist()):
+            for a, b in edges:
+                owners.setdefault((a, b), []).append(number)
+        changed: set[int] = set()
         for sliver in flat.tolist():
             longest = int(sides[sliver].argmax())
             a, b, c = np.roll(triangles[sliver], -longest).tolist()
-            others = [each for each in owners[(min(a, b), max(a, b))] if each != sliver]
-            if len(others) != 1 or {sliver, others[0]} & touched:
+            across = [number for number in owners[(min(a, b), max(a, b))] if number != sliver]
+            if len(across) != 1 or {sliver, across[0]} & changed:
                 continue
-            far = [corner for corner in triangles[others[0]].tolist() if corner not in (a, b)]
+            far = [corner for corner in triangles[across[0]].tolist() if corner not in (a, b)]
             if len(far) != 1 or far[0] == c:
                 continue
-            triangles[sliver], triangles[others[0]] = (a, far[0], c), (far[0], b, c)
-            touched |= {sliver, others[0]}
+            triangles[sliver], triangles[across[0]] = (a, far[0], c), (far[0], b, c)
+            changed |= {sliver, across[0]}
             flips += 1
-        if not touched:
+        if not changed:
             break
     return triangles, flips
 
 
 def _edges(triangles: np.ndarray) -> np.ndarray:
-    """(3 m, 2), in the direction of each triangle."""
+    """Directed edges (3 m, 2), in the sense of each triangle."""
     return np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2)
 
 
 def _demand_two(X: np.ndarray, triangles: np.ndarray, where: str) -> None:
+    """Raises InputError where an edge belongs to more than two triangles."""
     keys, uses = np.unique(np.sort(_edges(triangles), axis=1), axis=0, return_counts=True)
-    many = np.flatnonzero(uses > 2)
-    if len(many):
-        place = ", ".join(f"{value:.4g}" for value in X[keys[many[0]]].mean(axis=0))
-        what = f"its surface branches: {len(many)} edges belong to more than two triangles, one at ({place})"
+    branching = np.flatnonzero(uses > 2)
+    if len(branching):
+        place = ", ".join(f"{value:.4g}" for value in X[keys[branching[0]]].mean(axis=0))
+        what = f"its surface branches: {len(branching)} edges belong to more than two triangles, one at ({place})"
         raise InputError(what, where=where, do="join bodies that touch to one, or export STEP")
 
 
-def _alike(triangles: np.ndarray) -> tuple[np.ndarray, int]:
-    """Neighbours oriented alike; and how many were turned."""
+def _oriented_alike(triangles: np.ndarray) -> tuple[np.ndarray, int]:
+    """Triangles oriented as their neighbours, most of each piece as they were; and how many were turned."""
     edges = _edges(triangles)
     keys, number = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True)
     order = np.argsort(number.ravel(), kind="stable")
     starts = np.searchsorted(number.ravel()[order], np.arange(len(keys)))
     forward = edges[:, 0] < edges[:, 1]
-    neighbours: list[list[tuple[int, bool]]] = [[] for _ in triangles]
+    neighbours: list[list[tuple[int, bool]]] = [[] for _ in triangles]  # and whether it is oriented the other way
     for start, end in zip(starts, [*starts[1:], len(order)], strict=True):
         if end - start == 2:
-            one, other = order[start], order[start + 1]
-            same = bool(forward[one] == forward[other])
-            neighbours[one // 3].append((other // 3, same))
-            neighbours[other // 3].append((one // 3, same))
+            first, second = order[start], order[start + 1]  # the shared edge, as each of two triangles runs along it
+            opposed = bool(forward[first] == forward[second])
+            neighbours[first // 3].append((second // 3, opposed))
+            neighbours[second // 3].append((first // 3, opposed))
     turn = np.full(len(triangles), -1)
     for seed in range(len(triangles)):
         if turn[seed] >= 0:
             continue
         turn[seed], piece, queue = 0, [seed], deque([seed])
         while queue:
-            here = queue.popleft()
-            for other, same in neighbours[here]:
-                if turn[other] < 0:
-                    turn[other] = turn[here] ^ same
-                    piece.append(other)
-                    queue.append(other)
+            triangle = queue.popleft()
+            for neighbour, opposed in neighbours[triangle]:
+                if turn[neighbour] < 0:
+                    turn[neighbour] = turn[triangle] ^ opposed
+                    piece.append(neighbour)
+                    queue.append(neighbour)
         if 2 * turn[piece].sum() > len(piece):  # the majority is right
             turn[piece] ^= 1
     wrong = turn == 1
@@ -151,7 +160,7 @@ def _alike(triangles: np.ndarray) -> tuple[np.ndarray, int]:
 
 
 def _closed(X: np.ndarray, triangles: np.ndarray, where: str) -> tuple[np.ndarray, np.ndarray, list[float]]:
-    """With a fan of triangles in each hole, from a new node in its middle; and the widths of the holes."""
+    """Surface with each hole closed by a fan of triangles around a new node in its middle; and the holes' widths."""
     edges = _edges(triangles)
     _, number, uses = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True, return_counts=True)
     rim = edges[uses[number.ravel()] == 1]
@@ -179,8 +188,8 @@ def _closed(X: np.ndarray, triangles: np.ndarray, where: str) -> tuple[np.ndarra
 
 
 def _untangled(X: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, int]:
-    """Nodes about places where triangles pass through others come half way to the mean of their neighbours until none
-    does; and how many have moved. As it was where that does not help."""
+    """Nodes X (n, 3) of a surface that no longer passes through itself, and how many have moved; none where that does
+    not help. Nodes of triangles that cross come half way to the mean of their neighbours until none does."""
     start, neighbours = X, None
     for _ in range(_ROUNDS):
         edges, pierced = crossings(X, triangles)
@@ -203,7 +212,7 @@ def _loops(rim: np.ndarray) -> list[list[int]]:
     after: dict[int, list[int]] = {}
     for start, end in rim.tolist():
         after.setdefault(start, []).append(end)
-    found = []
+    loops = []
     for first in list(after):
         while after[first]:
             path, node = [first], first
@@ -211,11 +220,11 @@ def _loops(rim: np.ndarray) -> list[list[int]]:
                 node = after[node].pop()
                 if node in path:
                     cut = path.index(node)
-                    found.append(path[cut:])
+                    loops.append(path[cut:])
                     path = path[: cut + 1]
                 else:
                     path.append(node)
-    return [loop for loop in found if len(loop) > 2]
+    return [loop for loop in loops if len(loop) > 2]
 
 
 def _outward(X: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, bool, list[np.ndarray]]:
@@ -224,18 +233,18 @@ def _outward(X: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, bool, li
     count, part = components(triangles)
     triangles, turned = triangles.copy(), False
     corners = X[triangles]
-    around = np.zeros((count, count), dtype=bool)  # of each shell, those around it
-    for which in range(count):
-        place = corners[part == which][0].mean(axis=0)
-        for shell in range(count):
-            if shell != which:
-                around[which, shell] = abs(solid_angles(corners[part == shell] - place).sum()) > 2 * np.pi
+    around = np.zeros((count, count), dtype=bool)  # [inner, outer]: whether the second shell encloses the first
+    for inner in range(count):
+        place = corners[part == inner][0].mean(axis=0)
+        for outer in range(count):
+            if outer != inner:
+                around[inner, outer] = abs(solid_angles(corners[part == outer] - place).sum()) > 2 * np.pi
     depth = around.sum(axis=1)
-    for which in range(count):
-        members = part == which
+    for shell in range(count):
+        members = part == shell
         middle = corners[members].mean(axis=(0, 1))
         outward = np.linalg.det(corners[members] - middle).sum() > 0
-        if outward != (depth[which] % 2 == 0):
+        if outward != (depth[shell] % 2 == 0):
             triangles[members], turned = triangles[members][:, ::-1], True
     bodies = []
     for outer in np.flatnonzero(depth % 2 == 0):
@@ -244,9 +253,9 @@ def _outward(X: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, bool, li
     return triangles, turned, bodies
 
 
-def _one_of(X: np.ndarray, bodies: list[np.ndarray], body: int, where: str) -> tuple[np.ndarray, str]:
-    """The triangles (m, 3) of one of several bodies, the largest first; and what to say of it."""
-    volumes = np.array([np.linalg.det(X[each]).sum() / 6 for each in bodies])
+def _chosen_body(X: np.ndarray, bodies: list[np.ndarray], body: int, where: str) -> tuple[np.ndarray, str]:
+    """Triangles (m, 3) of body number `body`, the largest being 1; and a phrase about the choice."""
+    volumes = np.array([np.linalg.det(X[triangles]).sum() / 6 for triangles in bodies])
     if body > len(bodies):
         what = f"has {len(bodies)} {'bodies' if len(bodies) > 1 else 'body'}, and the scene asks for number {body}"
         raise InputError(what, where=where, do="set geometry.body (--body) to one of them, the largest first")

@@ -18,12 +18,12 @@ REMESH = "set geometry.remesh: true"  # what to do about cells that are none
 UNSHAPED = "unshaped"  # point data: the nodes before the free form
 # Cells by their number of nodes, as meshio calls them and their facets.
 _NAMES = {4: ("tetra", "triangle"), 10: ("tetra10", "triangle6"), 8: ("hexahedron", "quad")}
-# How the cells of the user's files are taken, by their corners: kind -> number of corners.
-_CORNERS = {"tetra": 4, "tetra10": 4, "hexahedron": 8, "hexahedron20": 8, "hexahedron27": 8}
+# Kinds of solid cells in the user's files, of which the corners alone are taken: kind -> number of corners.
+SOLID_CORNERS = {"tetra": 4, "tetra10": 4, "hexahedron": 8, "hexahedron20": 8, "hexahedron27": 8}
 
 
 def write_mesh(path: Path, mesh: Mesh) -> None:
-    """All cells and boundary facets; each set is an array 'set:<name>' on points (nodes) or cells (facets), or
+    """Writes all cells and boundary facets; each set is an array 'set:<name>' on points (nodes) or cells (facets), or
     'cellset:<name>' on cells (cells)."""
     solid, surface = _NAMES[mesh.cells.shape[1]]
     m, k = len(mesh.cells), len(mesh.facets)
@@ -33,15 +33,15 @@ def write_mesh(path: Path, mesh: Mesh) -> None:
     if mesh.unshaped is not None:
         on_points[UNSHAPED] = mesh.unshaped
     blocks = [(solid, mesh.cells), (surface, mesh.facets)]
-    whole = meshio.Mesh(mesh.X, blocks, point_data=on_points, cell_data=on_facets | on_solid)
+    data = meshio.Mesh(mesh.X, blocks, point_data=on_points, cell_data=on_facets | on_solid)
     partial = path.with_suffix(".part.vtu")
-    meshio.write(partial, whole, file_format="vtu")
+    meshio.write(partial, data, file_format="vtu")
     write_whole(path, partial.read_bytes())
     partial.unlink()
 
 
 def read_mesh(path: Path) -> Mesh:
-    """What `write_mesh` wrote. InputError where it is missing or damaged."""
+    """Mesh that `write_mesh` wrote. InputError where the file is missing or damaged."""
     data = read_data(path)
     blocks = {block.type: index for index, block in enumerate(data.cells)}
     solid, surface = next((pair for pair in _NAMES.values() if pair[0] in blocks), (None, None))
@@ -68,11 +68,11 @@ def read_own(path: Path, unit: float) -> Mesh:
     data = read_data(path)
     join_pieces(data)
     kinds = sorted({block.type for block in data.cells if block.dim == 3})
-    corners = {_CORNERS.get(kind, 0) for kind in kinds}
+    corners = {SOLID_CORNERS.get(kind, 0) for kind in kinds}
     if corners not in ({4}, {8}):
-        found = kinds or sorted({block.type for block in data.cells})
+        got = kinds or sorted({block.type for block in data.cells})
         raise InputError(
-            f"must hold tetrahedra or hexahedra and no other solid cells, got {', '.join(found) or 'none'}",
+            f"must hold tetrahedra or hexahedra and no other solid cells, got {', '.join(got) or 'none'}",
             where=str(path),
             do="mesh the volume with either",
         )
@@ -120,7 +120,7 @@ def _upright(X: np.ndarray, cells: np.ndarray, path: Path) -> np.ndarray:
 
 
 def read_data(path: Path) -> meshio.Mesh:
-    """What a file holds, its nodes and cells looked at. InputError where it cannot be read."""
+    """Data of a mesh file, its coordinates and node numbers checked. InputError where it cannot be read."""
     if not path.is_file():
         raise InputError("no such file", where=str(path), do="check the path, or run the stage that makes it")
     try:
@@ -145,7 +145,7 @@ def read_data(path: Path) -> meshio.Mesh:
 
 
 def _format(path: Path) -> str | None:
-    """As meshio calls it, where the name of the file misleads: some programs call a .vtu a .vtk."""
+    """Format in meshio's words where the suffix misleads, else None: some programs call a .vtu a .vtk."""
     with open(path, "rb") as file:
         head = file.read(200).lstrip()
     if path.suffix.lower() == ".vtk" and (head.startswith(b"<?xml") or head.startswith(b"<VTKFile")):

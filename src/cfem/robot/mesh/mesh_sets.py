@@ -26,27 +26,30 @@ def named_sets(
     for name, nodes in _node_groups(data):
         node_sets[name] = np.flatnonzero(np.isin(used, nodes))
     for name, groups in _cell_groups(data):
-        members = {index: own for index, own in enumerate(groups) if len(own)}
-        if members.keys() <= first.keys():
-            chosen = [first[index] + own for index, own in members.items()]
-            cell_sets[name] = np.concatenate(chosen) if chosen else np.empty(0, dtype=int)
+        by_block = {index: members for index, members in enumerate(groups) if len(members)}
+        if by_block.keys() <= first.keys():
+            numbers = [first[index] + members for index, members in by_block.items()]
+            cell_sets[name] = np.concatenate(numbers) if numbers else np.empty(0, dtype=int)
             continue
-        blocks = [data.cells[index] for index in members]
-        chosen = [block.data[own] for block, own in zip(blocks, members.values(), strict=True)]
+        blocks = [data.cells[index] for index in by_block]
+        faces = [block.data[members] for block, members in zip(blocks, by_block.values(), strict=True)]
         corners = [
-            frozenset(cell[: _CORNERS.get(block.type, 1)])
-            for block, cells in zip(blocks, chosen, strict=True)
-            for cell in cells.tolist()
+            frozenset(face[: _CORNERS.get(block.type, 1)])
+            for block, block_faces in zip(blocks, faces, strict=True)
+            for face in block_faces.tolist()
         ]
-        if all(cell in boundary for cell in corners):
-            facet_sets[name] = np.unique([boundary[cell] for cell in corners])
+        if all(face in boundary for face in corners):
+            facet_sets[name] = np.unique([boundary[face] for face in corners])
         else:
-            node_sets[name] = np.flatnonzero(np.isin(used, np.concatenate([cells.ravel() for cells in chosen])))
-    return tuple({name: own for name, own in sets.items() if len(own)} for sets in (node_sets, facet_sets, cell_sets))
+            nodes = np.concatenate([block_faces.ravel() for block_faces in faces])
+            node_sets[name] = np.flatnonzero(np.isin(used, nodes))
+    return tuple(
+        {name: members for name, members in sets.items() if len(members)} for sets in (node_sets, facet_sets, cell_sets)
+    )
 
 
 def arrays(data: Mapping, prefix: str) -> Iterator[tuple[str, np.ndarray]]:
-    """The arrays whose name has that prefix, by their name without it."""
+    """Arrays whose name begins with `prefix`, by their name without it."""
     for name, flags in data.items():
         if name.startswith(prefix):
             yield name.removeprefix(prefix), flags
@@ -60,14 +63,14 @@ def _node_groups(data: meshio.Mesh) -> Iterator[tuple[str, np.ndarray]]:
 
 
 def _cell_groups(data: meshio.Mesh) -> Iterator[tuple[str, list[np.ndarray]]]:
-    """Name and members, block by block."""
+    """Name of each group of cells, and the indices of its members in each block."""
     for prefix in (SET, CELL_SET):
         for name, flags in arrays(data.cell_data, prefix):
-            yield name, [np.flatnonzero(own) for own in flags]
+            yield name, [np.flatnonzero(block_flags) for block_flags in flags]
     tags = data.cell_data.get("gmsh:physical", [])
     for name, (tag, dimension) in data.field_data.items():
         if name in data.cell_sets:  # of .msh 4, where an entity may be of several groups
-            yield name, [np.asarray(own, dtype=int) for own in data.cell_sets[name]]
+            yield name, [np.asarray(members, dtype=int) for members in data.cell_sets[name]]
         elif len(tags) == len(data.cells):
             pairs = zip(data.cells, tags, strict=True)
-            yield name, [np.flatnonzero((own == tag) & (block.dim == dimension)) for block, own in pairs]
+            yield name, [np.flatnonzero((tagged == tag) & (block.dim == dimension)) for block, tagged in pairs]

@@ -11,13 +11,10 @@ from cfem.mechanics.element import ELEMENTS
 from cfem.mechanics.mesh import TET_EDGES, Mesh, boundary_facets, quadratic, tet_volumes
 from cfem.robot import selection
 from cfem.robot.cad import Box, Difference, File, Placed, Solid, SurfaceSolid, as_data
-from cfem.robot.catalogue.bar import bar
-from cfem.robot.catalogue.diamond import diamond
-from cfem.robot.catalogue.soft_finger import soft_finger
+from cfem.robot.catalogue.solids import CATALOGUE
 from cfem.robot.catalogue.stiff_flop import section_shape, slice_mesh
-from cfem.robot.catalogue.taper import filled, rod_mesh, taper
-from cfem.robot.catalogue.trunk import trunk
-from cfem.robot.geometry import Assembly, Bar, Diamond, MeshFile, Part, Single, SoftFinger, StiffFlop, Taper, Trunk
+from cfem.robot.catalogue.taper import filled, rod_mesh
+from cfem.robot.geometry import Assembly, Bar, MeshFile, Part, Single, StiffFlop, Taper
 from cfem.robot.mesh import hexahedra
 from cfem.robot.mesh.ask_gmsh import ask_gmsh
 from cfem.robot.mesh.mesh_file import read_own
@@ -28,7 +25,6 @@ from cfem.robot.spec import Meshing, SceneSpec
 _FAR = 1e4  # mm, beyond any robot
 
 Region = Box | Placed
-CATALOGUE = {Bar: bar, Diamond: diamond, SoftFinger: soft_finger, Taper: taper, Trunk: trunk}
 
 
 @dataclass(frozen=True)
@@ -62,9 +58,9 @@ def make_mesh(scene: SceneSpec, folder: Path, grading: Grading | None = None) ->
         demand_cells(scene.mesh, length / scene.mesh.size, np.array([length, width, width]))
         return rod_mesh(scene.geometry, scene.mesh.size), None
     if isinstance(scene.geometry, Assembly):
-        made = {part.name: _part(part, scene.mesh, regions, folder, grading) for part in scene.geometry.parts}
-        mesh = join({name: mesh for name, (mesh, _) in made.items()})
-        volumes = [volume for _, volume in made.values()]
+        parts = {part.name: _part(part, scene.mesh, regions, folder, grading) for part in scene.geometry.parts}
+        mesh = join({name: mesh for name, (mesh, _) in parts.items()})
+        volumes = [volume for _, volume in parts.values()]
         volume = None if None in volumes else sum(volumes)
     else:
         mesh, volume = corner_mesh(scene.geometry, scene.mesh, regions, folder, "geometry", grading)
@@ -73,20 +69,20 @@ def make_mesh(scene: SceneSpec, folder: Path, grading: Grading | None = None) ->
 
 
 def _length(geometry: StiffFlop) -> float:
-    """mm."""
+    """Length mm of the trunk, all modules."""
     return geometry.modules * geometry.module_length
 
 
 def _part(
     part: Part, meshing: Meshing, regions: Sequence[Box], folder: Path, grading: Grading | None
 ) -> tuple[Mesh, float | None]:
-    """As `make_mesh`, corners only, in the scene's coordinates."""
-    own = meshing.model_copy(update={"size": part.size or meshing.size, "refine": part.refine})
-    seen = [seen_from(region, part) for region in regions]
+    """Mesh of a part, corner nodes only, in the scene's coordinates, and its CAD volume. Errors as `make_mesh`."""
+    part_meshing = meshing.model_copy(update={"size": part.size or meshing.size, "refine": part.refine})
+    part_regions = [seen_from(region, part) for region in regions]
     if grading is not None:
-        mine = replace(grading.mesh, cells=grading.mesh.cells[grading.mesh.cell_sets[part.name]])
-        grading = Grading(place_back(mine, part), grading.sizes)
-    mesh, volume = corner_mesh(part.geometry, own, seen, folder, f"part '{part.name}'", grading)
+        graded = replace(grading.mesh, cells=grading.mesh.cells[grading.mesh.cell_sets[part.name]])
+        grading = Grading(place_back(graded, part), grading.sizes)
+    mesh, volume = corner_mesh(part.geometry, part_meshing, part_regions, folder, f"part '{part.name}'", grading)
     return place(mesh, part), volume
 
 
@@ -104,22 +100,22 @@ def corner_mesh(
     kind = "hexahedra" if ELEMENTS[meshing.element].n_nodes == 8 else "tetrahedra"
     if isinstance(geometry, MeshFile) and not geometry.meshed_here:
         mesh, volume = read_own(folder / geometry.path, geometry.unit), None
-        held = "hexahedra" if mesh.cells.shape[1] == 8 else "tetrahedra"
-        if held != kind:
-            works = "hex8" if held == "hexahedra" else "tet4, tet10 or tet10p0"
+        in_file = "hexahedra" if mesh.cells.shape[1] == 8 else "tetrahedra"
+        if in_file != kind:
+            elements = "hex8" if in_file == "hexahedra" else "tet4, tet10 or tet10p0"
             raise SpecError(
-                f"{where}: {geometry.path} holds {held}, and mesh.element {meshing.element} is of {kind}",
-                do=f"set mesh.element to {works}",
+                f"{where}: {geometry.path} holds {in_file}, and mesh.element {meshing.element} is of {kind}",
+                do=f"set mesh.element to {elements}",
             )
         return mesh, volume
     solid = solid_of(geometry, folder)
     if kind == "hexahedra":
         X, cells, volume = _hexahedra(geometry, solid, meshing, regions, where)
     else:
-        filled_here = isinstance(geometry, MeshFile)
         axis = None if meshing.mirror is None else "xyz".index(meshing.mirror)
-        whole = solid if axis is None else Difference(solid, (_behind(axis),))
-        X, cells, volume = run_gmsh(whole, meshing, () if filled_here else regions, grading)
+        half = solid if axis is None else Difference(solid, (_behind(axis),))
+        conforms_to = () if isinstance(geometry, MeshFile) else regions
+        X, cells, volume = run_gmsh(half, meshing, conforms_to, grading)
         if axis is not None:
             X, cells, volume = *mirrored(X, cells, axis), 2 * volume
         inverted = tet_volumes(X, cells) < 0
@@ -130,7 +126,7 @@ def corner_mesh(
 
 
 def _behind(axis: int) -> Box:
-    """Where the coordinate `axis` is negative."""
+    """Box of all places where the coordinate `axis` is negative."""
     low, high = np.full(3, -_FAR), np.full(3, _FAR)
     high[axis] = 0.0
     return Box(tuple(low), tuple(high))
@@ -139,19 +135,19 @@ def _behind(axis: int) -> Box:
 def mirrored(X: np.ndarray, cells: np.ndarray, axis: int) -> tuple[np.ndarray, np.ndarray]:
     """Tetrahedra on one side of the plane where the coordinate `axis` is 0, and their mirror images."""
     X = X.copy()
-    on = np.abs(X[:, axis]) < 1e-9 * np.ptp(X, axis=0).max()
-    X[on, axis] = 0.0
+    on_plane = np.abs(X[:, axis]) < 1e-9 * np.ptp(X, axis=0).max()
+    X[on_plane, axis] = 0.0
     image = np.arange(len(X))
-    image[~on] = len(X) + np.arange((~on).sum())
-    other = X[~on].copy()
-    other[:, axis] *= -1
-    return np.concatenate([X, other]), np.concatenate([cells, image[cells]])
+    image[~on_plane] = len(X) + np.arange((~on_plane).sum())
+    mirror_X = X[~on_plane].copy()
+    mirror_X[:, axis] *= -1
+    return np.concatenate([X, mirror_X]), np.concatenate([cells, image[cells]])
 
 
 def _corner_sizes(grading: Grading) -> list[list[float]]:
-    """A row a cell: x of its four corners, y, z, then their sizes; in steps of 2 %, so that the rounding of whatever
-    computed them does not change the mesh. Two cells more lie beyond opposite corners of the body, as gmsh's search
-    tree loses cells that touch its bounds."""
+    """Rows, one a cell: x of its four corners, y, z, then their sizes; in steps of 2 %, so that the rounding of
+    whatever computed them does not change the mesh. Two cells more lie beyond opposite corners of the body, as gmsh's
+    search tree loses cells that touch its bounds."""
     corners = grading.mesh.cells[:, :4]
     sizes = np.exp(np.round(np.log(grading.sizes) * 50) / 50)
     X, sizes = grading.mesh.X[corners], sizes[corners]
@@ -165,6 +161,8 @@ def _corner_sizes(grading: Grading) -> list[list[float]]:
 def _hexahedra(
     geometry: Single, solid: Solid, meshing: Meshing, regions: Sequence[Region], where: str
 ) -> tuple[np.ndarray, np.ndarray, float]:
+    """X (n, 3) mm, cells (m, 8) and volume mm^3 of a bar. SpecError for other geometries and for boxes of finer
+    cells."""
     if not isinstance(geometry, Bar):
         raise SpecError(
             f"{where}: kind {geometry.kind} cannot be meshed with hex8",
@@ -219,12 +217,12 @@ def run_gmsh(
     region."""
     refine = [
         {
-            "low": part.corners.min(axis=0).tolist(),
-            "high": part.corners.max(axis=0).tolist(),
-            "size": part.size,
-            "blend": part.blend,
+            "low": box.corners.min(axis=0).tolist(),
+            "high": box.corners.max(axis=0).tolist(),
+            "size": box.size,
+            "blend": box.blend,
         }
-        for part in meshing.refine
+        for box in meshing.refine
     ]
     job = {
         "solid": as_data(solid),
@@ -241,7 +239,7 @@ def run_gmsh(
 
 
 def demand_cells(meshing: Meshing, about: float, extent: np.ndarray) -> None:
-    """SpecError where the cells would be too many, or larger than the body, extent (3,) mm."""
+    """Raises SpecError where the cells would be too many, or larger than the body, extent (3,) mm."""
     body = " x ".join(f"{side:.3g}" for side in extent)
     if meshing.size > 1.01 * extent.max():
         what = f"cells of {meshing.size:g} mm are larger than the body, {body} mm"

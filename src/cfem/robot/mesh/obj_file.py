@@ -25,7 +25,7 @@ def read_obj(path: Path) -> tuple[np.ndarray, np.ndarray]:
             raise InputError(f"line {number} is damaged: {error}", where=str(path), do="export it again") from None
     if not triangles:
         raise InputError("has no faces", where=str(path), do="export the surface again")
-    points, faces = np.array([each if len(each) == 3 else [np.nan] * 3 for each in X]), np.array(triangles)
+    points, faces = np.array([x if len(x) == 3 else [np.nan] * 3 for x in X]), np.array(triangles)
     if faces.max() >= len(X) or not np.isfinite(points).all():
         what = "is damaged: a face names a vertex that it does not have, or a vertex has not three finite numbers"
         raise InputError(what, where=str(path), do="export it again")

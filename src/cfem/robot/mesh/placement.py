@@ -41,13 +41,13 @@ def join(parts: Mapping[str, Mesh]) -> Mesh:
         X.append(mesh.X)
         cells.append(mesh.cells + nodes)
         facets.append(mesh.facets + nodes)
-        for sets, own, start, count in (
+        for sets, part_sets, start, count in (
             (node_sets, mesh.node_sets, nodes, len(mesh.X)),
             (facet_sets, mesh.facet_sets, n_facets, len(mesh.facets)),
             (cell_sets, mesh.cell_sets, n_cells, len(mesh.cells)),
         ):
             sets[name] = start + np.arange(count)
-            sets.update({f"{name}.{key}": start + members for key, members in own.items()})
+            sets.update({f"{name}.{key}": start + members for key, members in part_sets.items()})
         nodes, n_cells, n_facets = nodes + len(mesh.X), n_cells + len(mesh.cells), n_facets + len(mesh.facets)
     return Mesh(np.concatenate(X), np.concatenate(cells), np.concatenate(facets), node_sets, facet_sets, cell_sets)
 

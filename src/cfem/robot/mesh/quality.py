@@ -18,23 +18,21 @@ _FAITHFUL = 0.03  # of the volume; the error of the bending stiffness is about t
 
 @dataclass(frozen=True)
 class Quality:
-    """Of tetrahedra the smallest and largest dihedral angle in degrees; of hexahedra the smallest scaled Jacobian of a
-    corner, 1 for a right angle on all sides; None each for the other. Volumes in mm^3, volume_error relative to the CAD
-    volume (None where there is none); flat: how many cells nearly are, by FLAT and SKEWED."""
+    """Figures of a mesh: counts, shape of the worst cell, volume."""
 
     nodes: int
     cells: int
-    smallest_dihedral_deg: float | None
+    smallest_dihedral_deg: float | None  # of tetrahedra
     largest_dihedral_deg: float | None
-    smallest_scaled_jacobian: float | None
+    smallest_scaled_jacobian: float | None  # of hexahedra: at the worst corner, 1 for a right angle on all sides
     inverted: int
-    volume: float
-    cad_volume: float | None
-    volume_error: float | None
-    flat: int = 0
+    volume: float  # mm^3
+    cad_volume: float | None  # mm^3
+    volume_error: float | None  # relative to the CAD volume
+    flat: int = 0  # cells that are nearly flat, by FLAT and SKEWED
 
     def sentence(self) -> str:
-        """For a person."""
+        """Sentence for a person."""
         corners = (
             f"smallest scaled Jacobian {self.smallest_scaled_jacobian:.2g}"
             if self.smallest_dihedral_deg is None
@@ -44,9 +42,9 @@ class Quality:
         return f"{self.nodes} nodes, {self.cells} cells; volume {self.volume:.6g} mm^3{cad}; {corners}"
 
     def doubts(self, from_file: bool = False) -> list[str]:
-        """Why no results on the mesh can be trusted, a sentence each. from_file: whether its cells were
-        read, not made here."""
-        found = self._unfaithful()
+        """Sentences on why no results on the mesh can be trusted. from_file: whether its cells were read, not made
+        here."""
+        doubts = self._unfaithful()
         if self.flat:
             worst = (
                 f"a scaled Jacobian down to {self.smallest_scaled_jacobian:.2g}"
@@ -56,22 +54,23 @@ class Quality:
             do = "give a smaller mesh.size, or a surface without slivers"
             if from_file:
                 do = "give its surface as .stl, which cfem meshes itself, or mesh the body again where the file is from"
-            found.append(f"{self.flat} of {self.cells} cells are nearly flat, with {worst}: {do}")
-        return found
+            doubts.append(f"{self.flat} of {self.cells} cells are nearly flat, with {worst}: {do}")
+        return doubts
 
     def _unfaithful(self) -> list[str]:
+        """A sentence if the cells hold clearly more or less than the CAD model."""
         if self.volume_error is None or abs(self.volume_error) <= _FAITHFUL:
             return []
         share = 100 * abs(self.volume_error)
-        way, stiff = ("less", "softer") if self.volume_error < 0 else ("more", "stiffer")
+        amount, stiffness = ("less", "softer") if self.volume_error < 0 else ("more", "stiffer")
         return [
-            f"the cells hold {share:.1f} % {way} than the CAD model, and the body is about {2 * share:.0f} % {stiff} "
-            "in bending: make mesh.size smaller where the surface is curved"
+            f"the cells hold {share:.1f} % {amount} than the CAD model, and the body is about {2 * share:.0f} % "
+            f"{stiffness} in bending: make mesh.size smaller where the surface is curved"
         ]
 
 
 def quality(mesh: Mesh, cad_volume: float | None) -> Quality:
-    """Inverted cells are tetrahedra of negative volume, and hexahedra with a corner that is."""
+    """Figures of a mesh. Inverted are tetrahedra of negative volume, and hexahedra with a corner that is."""
     volume = float(mesh.volumes.sum())
     if mesh.cells.shape[1] == 8:
         corners = scaled_jacobians(mesh)
@@ -96,7 +95,8 @@ def quality(mesh: Mesh, cad_volume: float | None) -> Quality:
 
 
 def dihedral_angles(mesh: Mesh) -> np.ndarray:
-    """(m, 6) degrees. The gradient of a barycentric coordinate is normal to the face it vanishes on."""
+    """Dihedral angles (m, 6) degrees of tetrahedra. The gradient of a barycentric coordinate is normal to the face it
+    vanishes on."""
     gradients = barycentric_gradients(mesh.X, mesh.cells)
     normals = gradients / np.linalg.norm(gradients, axis=2, keepdims=True)
     first, second = np.triu_indices(4, 1)
@@ -105,7 +105,7 @@ def dihedral_angles(mesh: Mesh) -> np.ndarray:
 
 
 def scaled_jacobians(mesh: Mesh) -> np.ndarray:
-    """(m, 8) in [-1, 1]: determinant of the unit vectors along the three edges at each corner of hexahedra (Knupp,
-    Int. J. Numer. Meth. Engng 48, 2000)."""
+    """Scaled Jacobians (m, 8) in [-1, 1]: determinant of the unit vectors along the three edges at each corner of
+    hexahedra (Knupp, Int. J. Numer. Meth. Engng 48, 2000)."""
     edges = mesh.X[mesh.cells[:, _NEIGHBOURS]] - mesh.X[mesh.cells][:, :, None]
     return np.linalg.det(edges / np.linalg.norm(edges, axis=3, keepdims=True))

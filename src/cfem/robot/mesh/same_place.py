@@ -9,7 +9,7 @@ _SAME = 1e-6  # of the diagonal: coordinates of four bytes are not better
 
 
 def representatives(X: np.ndarray) -> np.ndarray:
-    """(n,) for each node X (n, 3) the first of those at its place."""
+    """Indices (n,): for each node X (n, 3) the first of those at its place."""
     pairs = cKDTree(X).query_pairs(_SAME * float(np.linalg.norm(np.ptp(X, axis=0))), output_type="ndarray")
     if len(pairs) == 0:
         return np.arange(len(X))

@@ -19,24 +19,24 @@ def without_short_edges(X: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarra
     ends = np.unique(ends, axis=0)
     lengths = np.linalg.norm(X[ends[:, 0]] - X[ends[:, 1]], axis=1)
     short = np.flatnonzero(lengths < _NOTHING * np.ptp(X[triangles].reshape(-1, 3), axis=0).max())
-    into = np.arange(len(X))
+    merged_into = np.arange(len(X))
     contracted = 0
     for index in short[np.argsort(lengths[short], kind="stable")].tolist():
-        a, b = (_last(into, int(node)) for node in ends[index])
+        a, b = (_last(merged_into, int(node)) for node in ends[index])
         if a == b or not surface.is_short(a, b) or surface.leads_through(a, b):
             continue
-        for kept, dropped in sorted(((a, b), (b, a)), key=lambda pair: surface.moved(*pair)):
+        for kept, dropped in sorted(((a, b), (b, a)), key=lambda pair: surface.quadric_error(*pair)):
             if surface.can_contract(kept, dropped):
                 surface.contract(kept, dropped)
-                into[dropped], contracted = kept, contracted + 1
+                merged_into[dropped], contracted = kept, contracted + 1
                 break
     return np.array(list(surface.triangles.values())), contracted
 
 
-def _last(into: np.ndarray, node: int) -> int:
+def _last(merged_into: np.ndarray, node: int) -> int:
     """The node that a node has become."""
-    while into[node] != node:
-        node = int(into[node])
+    while merged_into[node] != node:
+        node = int(merged_into[node])
     return node
 
 
@@ -53,27 +53,29 @@ class _Surface:
 
     def neighbours(self, node: int) -> set[int]:
         """Nodes that share an edge with a node."""
-        return {other for number in self.around[node] for other in self.triangles[number]} - {node}
+        return {corner for number in self.around[node] for corner in self.triangles[number]} - {node}
 
     def is_short(self, a: int, b: int) -> bool:
-        """Whether the edge from a to b is next to nothing beside the others at its ends."""
+        """True if the edge from a to b is next to nothing beside the others at its ends."""
         beside = [np.linalg.norm(self.X[end] - self.X[node]) for end in (a, b) for node in self.neighbours(end)]
         return bool(np.linalg.norm(self.X[a] - self.X[b]) < _BESIDE * np.median(beside))
 
     def leads_through(self, a: int, b: int) -> bool:
-        """Whether a face at one end of an edge looks along it, and one at the other end against it."""
+        """True if the edge joins two sides of a thin wall or slot: a face at one end looks along it, one at the other
+        end against it."""
         along = (self.X[b] - self.X[a]) / np.linalg.norm(self.X[b] - self.X[a])
         first, second = (self._normals(self.around[node], {})[0] @ along for node in (a, b))
         wall = first.min() < -_FACING and second.max() > _FACING
         return bool(wall or (first.max() > _FACING and second.min() < -_FACING))
 
-    def moved(self, kept: int, dropped: int) -> float:
-        """mm^2 by which the faces around `dropped` are left (quadric error, Garland and Heckbert 1997)."""
+    def quadric_error(self, kept: int, dropped: int) -> float:
+        """Quadric error mm^2 (Garland and Heckbert 1997): squared distances of `kept` from the faces around
+        `dropped`."""
         normals, _ = self._normals(self.around[dropped], {})
         return float(((normals @ (self.X[kept] - self.X[dropped])) ** 2).sum())
 
     def can_contract(self, kept: int, dropped: int) -> bool:
-        """Whether the surface stays closed, with no triangle turned over."""
+        """True if the surface stays closed, with no triangle turned over."""
         shared = self.neighbours(kept) & self.neighbours(dropped)
         between = self.around[kept] & self.around[dropped]
         if len(shared) != 2 or len(between) != 2:
@@ -98,7 +100,7 @@ class _Surface:
     def _normals(self, numbers: set[int], moved: dict[int, int]) -> tuple[np.ndarray, np.ndarray]:
         """Unit normals (k, 3) of triangles, and twice their areas (k,), a node that moved being where it went."""
         corners = [[moved.get(node, node) for node in self.triangles[number]] for number in sorted(numbers)]
-        a, b, c = (self.X[[each[i] for each in corners]] for i in range(3))
+        a, b, c = (self.X[[nodes[i] for nodes in corners]] for i in range(3))
         normal = np.cross(b - a, c - a)
         size = np.linalg.norm(normal, axis=1)
         return normal / np.maximum(size, np.finfo(float).tiny)[:, None], size

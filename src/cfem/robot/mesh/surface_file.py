@@ -12,21 +12,18 @@ import numpy as np
 from cfem.core.errors import InputError
 from cfem.core.stl import read_stl
 from cfem.mechanics.mesh import boundary_facets
-from cfem.robot.geometry import Assembly, Geometry, MeshFile
-from cfem.robot.mesh.mend import mend
-from cfem.robot.mesh.mesh_file import join_pieces, read_data
+from cfem.robot.geometry import Geometry, MeshFile, singles
+from cfem.robot.mesh.mend import MendedSurface, mend
+from cfem.robot.mesh.mesh_file import SOLID_CORNERS, join_pieces, read_data
 from cfem.robot.mesh.obj_file import read_obj
 
 # Numbers of a .3mf in mm, by the unit that it states.
 _UNITS = {"micron": 1e-3, "millimeter": 1.0, "centimeter": 10.0, "inch": 25.4, "foot": 304.8, "meter": 1000.0}
-_CORNERS = {"tetra": 4, "tetra10": 4, "hexahedron": 8, "hexahedron20": 8, "hexahedron27": 8}
 
 
-@cache
-def _read(path: Path, body: int, changed: tuple[int, int]) -> tuple[np.ndarray, np.ndarray, tuple[str, ...], int]:
-    X, triangles = _triangles(path)
-    X, triangles, said, bodies = mend(X, triangles, str(path), body)
-    return X, triangles, tuple(said), bodies
+@cache  # until the file changes
+def _read(path: Path, body: int, changed: tuple[int, int]) -> MendedSurface:
+    return mend(*_triangles(path), str(path), body)
 
 
 def read_surface(path: Path, body: int = 1) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
@@ -37,11 +34,11 @@ def read_surface(path: Path, body: int = 1) -> tuple[np.ndarray, np.ndarray, tup
 
 
 def count_bodies(path: Path) -> int:
-    """How many separate bodies the surface in a file bounds. Errors as `read_surface`."""
-    return _known(path, 1)[3]
+    """Number of separate bodies that the surface in a file bounds. Errors as `read_surface`."""
+    return _known(path, 1).bodies
 
 
-def _known(path: Path, body: int) -> tuple[np.ndarray, np.ndarray, tuple[str, ...], int]:
+def _known(path: Path, body: int) -> MendedSurface:
     if not path.is_file():
         raise InputError("no such file", where=str(path), do="check the path")
     stat = path.stat()
@@ -49,22 +46,23 @@ def _known(path: Path, body: int) -> tuple[np.ndarray, np.ndarray, tuple[str, ..
 
 
 def mended(path: Path, surface: bool, body: int = 1) -> tuple[str, ...]:
-    """What is mended of a file when it is read, as the surface of a body or as cells, a phrase each."""
+    """Phrases about the mends of a file when it is read, as the surface of a body or as cells."""
     if surface:
-        return read_surface(path, body)[2]
+        return _known(path, body).mends
     merged = join_pieces(read_data(path))
     return (f"merged {merged} duplicate nodes, which kept cells apart",) if merged else ()
 
 
 def mends_of(geometry: Geometry, folder: Path) -> Iterator[tuple[Path, str]]:
-    """Each file of a geometry that is read mended, and how."""
-    parts = [part.geometry for part in geometry.parts] if isinstance(geometry, Assembly) else [geometry]
-    for part in parts:
-        if isinstance(part, MeshFile):
-            yield from ((part.path, phrase) for phrase in mended(folder / part.path, part.meshed_here, part.body))
+    """Files of a geometry that are mended when they are read, each with a phrase on how."""
+    for single in singles(geometry).values():
+        if isinstance(single, MeshFile):
+            phrases = mended(folder / single.path, single.meshed_here, single.body)
+            yield from ((single.path, phrase) for phrase in phrases)
 
 
 def _triangles(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    """X (n, 3) and triangles (m, 3) of a file as they stand there; of solid cells their boundary."""
     suffix = path.suffix.lower()
     if suffix == ".stl":
         return read_stl(path)
@@ -74,29 +72,30 @@ def _triangles(path: Path) -> tuple[np.ndarray, np.ndarray]:
         return _read_3mf(path)
     data = read_data(path)
     X = np.asarray(data.points, dtype=float)
-    solids = [block for block in data.cells if block.type in _CORNERS]
-    if solids:  # its skin
-        sides = [boundary_facets(block.data[:, : _CORNERS[block.type]].astype(np.int64)) for block in solids]
-        found = [part for side in sides for part in _split(side)]
+    solids = [block for block in data.cells if block.type in SOLID_CORNERS]
+    if solids:
+        faces = [boundary_facets(block.data[:, : SOLID_CORNERS[block.type]].astype(np.int64)) for block in solids]
     else:
-        found = [part for block in data.cells if block.dim == 2 for part in _split(_faces(block.data))]
-    if not found:
+        faces = [_faces(block.data) for block in data.cells if block.dim == 2]
+    triangles = [part for polygons in faces for part in _split(polygons)]
+    if not triangles:
         raise InputError("has neither triangles nor solid cells", where=str(path), do="export the surface again")
-    return X, np.concatenate(found).astype(np.int64)
+    return X, np.concatenate(triangles).astype(np.int64)
 
 
 def _faces(data) -> np.ndarray:
-    """Corners of faces, a polygon cut from its first corner."""
+    """Corners of faces, without the nodes in the middle of their sides."""
     data = np.asarray(data)
     return data[:, : {6: 3, 8: 4, 9: 4}.get(data.shape[1], data.shape[1])]
 
 
 def _split(faces: np.ndarray) -> list[np.ndarray]:
+    """Triangles of polygons (f, k), each cut from its first corner: k - 2 arrays (f, 3)."""
     return [faces[:, [0, k, k + 1]] for k in range(1, faces.shape[1] - 1)]
 
 
 def _read_3mf(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """All objects that the file builds, in their places; mm."""
+    """Triangles of all objects that the file builds, in their places: X (n, 3) mm, (m, 3)."""
     try:
         with zipfile.ZipFile(path) as package:
             names = [name for name in package.namelist() if name.lower().endswith(".model")]
@@ -111,19 +110,20 @@ def _read_3mf(path: Path) -> tuple[np.ndarray, np.ndarray]:
     points, triangles, count = [], [], 0
 
     def add(name: str | None, motion: np.ndarray, depth: int = 0) -> None:
+        """Appends an object and its components, moved by `motion` (4, 3)."""
         nonlocal count
         node = objects.get(name)
         if node is None or depth > 20:
             raise InputError(f"builds an object '{name}' that it does not have", where=str(path), do="export it again")
-        corners = [[float(each.get(axis)) for axis in "xyz"] for each in node.iter("vertex")]
+        corners = [[float(vertex.get(axis)) for axis in "xyz"] for vertex in node.iter("vertex")]
         if corners:
             points.append(np.column_stack([np.array(corners), np.ones(len(corners))]) @ motion)
-            faces = [[int(each.get(key)) for key in ("v1", "v2", "v3")] for each in node.iter("triangle")]
+            faces = [[int(triangle.get(key)) for key in ("v1", "v2", "v3")] for triangle in node.iter("triangle")]
             triangles.append(np.array(faces, dtype=np.int64).reshape(-1, 3) + count)
             count += len(corners)
         for part in node.iter("component"):
-            own = np.column_stack([_transform(part), [0, 0, 0, 1]])
-            add(part.get("objectid"), own @ motion, depth + 1)
+            within = np.column_stack([_transform(part), [0, 0, 0, 1]])
+            add(part.get("objectid"), within @ motion, depth + 1)
 
     try:
         for name, motion in items or [(name, _transform(None)) for name in objects]:
@@ -139,7 +139,8 @@ def _read_3mf(path: Path) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _parsed(text: bytes, path: Path) -> ElementTree.Element:
-    """Names without their spaces. A document type, in which entities could be defined, is refused."""
+    """Tree of an XML text, its names without their namespaces. A document type, in which entities could be defined, is
+    refused."""
     if b"<!DOCTYPE" in text or b"<!ENTITY" in text:
         raise InputError("has a document type, which no .3mf has", where=str(path), do="export it again")
     try:
@@ -152,7 +153,7 @@ def _parsed(text: bytes, path: Path) -> ElementTree.Element:
 
 
 def _transform(node: ElementTree.Element | None) -> np.ndarray:
-    """(4, 3), by which a row (x, y, z, 1) is multiplied."""
+    """Matrix (4, 3) by which a row (x, y, z, 1) is multiplied to place a component or item."""
     text = None if node is None else node.get("transform")
     if text is None:
         return np.vstack([np.eye(3), np.zeros(3)])

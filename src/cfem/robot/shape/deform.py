@@ -33,7 +33,8 @@ def shaped(form: FreeForm, mesh: Mesh) -> Mesh:
 
 
 class Deformation:
-    """Of meshes of one connectivity. mesh: of the geometry alone, whose elasticity carries walls."""
+    """A free form that deforms meshes of one connectivity. mesh: of the geometry alone, whose elasticity carries
+    walls."""
 
     def __init__(self, form: FreeForm, mesh: Mesh):
         self._surfaces = [_surface(wall, mesh, index) for index, wall in enumerate(form.walls)]
@@ -49,11 +50,11 @@ class Deformation:
             )
             X += self._inner.extended(on_walls)
         X[self._edges[:, 0]] = (X[self._edges[:, 1]] + X[self._edges[:, 2]]) / 2
-        made = replace(mesh, X=X, unshaped=mesh.X)
-        left = made.volumes / mesh.volumes
+        deformed = replace(mesh, X=X, unshaped=mesh.X)
+        left = deformed.volumes / mesh.volumes
         if not left.min() > THINNEST:
             raise _too_far(form, mesh, left)
-        return made
+        return deformed
 
 
 def displacement(controls: Sequence[Control], points: np.ndarray) -> np.ndarray:
@@ -93,7 +94,7 @@ def _surface(wall: WallThickness, mesh: Mesh, index: int) -> np.ndarray:
 
 
 def _growth(wall: WallThickness, X: np.ndarray, facets: np.ndarray) -> np.ndarray:
-    """(n, 3) mm: the surface's corners moved along its normals, which point into the void."""
+    """Displacements (n, 3) mm of the corners of a wall's surface along its normals, which point into the void."""
     corners = facets[:, :4] if facets.shape[1] == 4 else facets[:, :3]
     a, b, c, d = (X[corners[:, i]] for i in (0, 1, 2, -1))
     area = np.cross(c - a, d - b) if corners.shape[1] == 4 else np.cross(b - a, c - a)
@@ -120,7 +121,7 @@ class _Inner:
         self._factor = splu(K[free][:, free]) if free.any() else None
 
     def extended(self, moves: np.ndarray) -> np.ndarray:
-        """(n, 3): moves of the boundary, and of the corners inside as they follow."""
+        """Displacements (n, 3) of all corners, given those of the boundary."""
         total = moves.copy()
         if self._factor is not None:
             known = moves[self._corners].ravel()
@@ -137,6 +138,6 @@ def _too_far(form: FreeForm, mesh: Mesh, left: np.ndarray) -> NumericalError:
         (f"shape.controls.{i}", image) for i, control in enumerate(form.controls) for image, _ in _images(control)
     ]
     places += [(f"shape.walls.{i}", np.asarray(wall.at)) for i, wall in enumerate(form.walls)]
-    name, _ = min(places, key=lambda each: float(np.linalg.norm(each[1] - place)))
+    name, _ = min(places, key=lambda named: float(np.linalg.norm(named[1] - place)))
     what = f"the free form leaves a cell at {show(np.round(place, 2))} mm with {left[cell]:.2g} of its volume"
     return NumericalError(what, where=name, do="move it less, or give it a larger radius")

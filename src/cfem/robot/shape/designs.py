@@ -16,7 +16,7 @@ from cfem.mechanics.body import with_materials
 from cfem.mechanics.mesh import Mesh
 from cfem.robot import constraints
 from cfem.robot.build import build_robot, materials_of
-from cfem.robot.mesh.meshing import CATALOGUE
+from cfem.robot.catalogue.solids import CATALOGUE
 from cfem.robot.places import cable_points, effector_points, pull_point
 from cfem.robot.shape.deform import Deformation
 from cfem.robot.shape.morph import Morph, Unreachable
@@ -72,13 +72,13 @@ class Designs:
             raise Unreachable(error.what, error.near, where=where, do=do) from None
 
     def changes(self, scene: SceneSpec, sums: Sequence[Sequence[tuple[float, SceneSpec]]]) -> np.ndarray:
-        """(k, n, 3): k weighted sums of the nodes before their free form of scenes that hardly differ from `scene`, to
-        first order; the weights of each sum add up to 0. Unreachable as `mesh`."""
+        """Weighted sums (k, n, 3) of nodes, before the free form, of scenes that hardly differ from `scene`, to first
+        order; the weights of each sum add up to 0. Unreachable as `mesh`."""
         solid = CATALOGUE[type(scene.geometry)]
-        all_ = [
-            [(weight, solid(design.geometry), self._prescribed(design)) for weight, design in each] for each in sums
+        sums_of_solids = [
+            [(weight, solid(design.geometry), self._prescribed(design)) for weight, design in terms] for terms in sums
         ]
-        return self._morph.changes(solid(scene.geometry), self.base(scene).X, all_)
+        return self._morph.changes(solid(scene.geometry), self.base(scene).X, sums_of_solids)
 
     def beside(self, scene: SceneSpec, base: Mesh, change: np.ndarray | float) -> Robot:
         """Robot of a scene that hardly differs from that of the mesh `base`, whose nodes `change` (n, 3) mm moves."""
@@ -90,22 +90,20 @@ class Designs:
     def _prescribed(self, scene: SceneSpec) -> np.ndarray:
         """Places (k, 3) mm to which a design moves the attached points."""
         cables = [point for _, _, point in _places(scene)]
-        both = zip(scene.effectors, self.reference.effectors, strict=True)
-        inside = [effector_points(scene, item) for item, effector in both if isinstance(effector, PointEffector)]
+        pairs = zip(scene.effectors, self.reference.effectors, strict=True)
+        inside = [effector_points(scene, item) for item, effector in pairs if isinstance(effector, PointEffector)]
         return np.array(cables + inside)
 
     def _design(self, scene: SceneSpec) -> str:
         """Words for the parameters of the geometry that differ from the reference."""
         fields = type(scene.geometry).model_fields
-        both = ((name, getattr(self._geometry, name), getattr(scene.geometry, name)) for name in fields)
-        return (
-            ", ".join(
-                f"{name} {_said(fields[name], now)} for {_said(fields[name], was)}"
-                for name, was, now in both
-                if was != now
-            )
-            or "of the scene"
-        )
+        values = ((name, getattr(self._geometry, name), getattr(scene.geometry, name)) for name in fields)
+        changes = [
+            f"{name} {_with_unit(fields[name], now)} for {_with_unit(fields[name], was)}"
+            for name, was, now in values
+            if was != now
+        ]
+        return ", ".join(changes) or "of the scene"
 
     def robot(self, scene: SceneSpec) -> Robot:
         """Robot of the scene with another geometry. Unreachable as `mesh`."""
@@ -121,8 +119,8 @@ class Designs:
                 actuators.append(actuator)
                 continue
             count = len(cable_points(scene, item))
-            mine = points[used : used + count]
-            actuators.append(make_cable(mine, pull_point(scene, item), item.name, item.friction))
+            along = points[used : used + count]
+            actuators.append(make_cable(along, pull_point(scene, item), item.name, item.friction))
             used += count
         inside, effectors = iter(points[used:]), []
         for item, effector in zip(scene.effectors, self.reference.effectors, strict=True):
@@ -143,6 +141,6 @@ def _places(scene: SceneSpec) -> Sequence[tuple[str, float, np.ndarray]]:
     return [(item.name, item.radius, point) for item in cables for point in cable_points(scene, item)]
 
 
-def _said(field: FieldInfo, value: float) -> str:
+def _with_unit(field: FieldInfo, value: float) -> str:
     unit = unit_of(field)
     return f"{value:.4g}" if unit == "1" else written(float(f"{value:.6g}"), unit)

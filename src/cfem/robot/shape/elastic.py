@@ -11,7 +11,7 @@ POISSON = 0.3
 
 
 def middles(mesh: Mesh) -> np.ndarray:
-    """(k, 3) nodes at the middle of an edge, and its two ends; none of linear tetrahedra."""
+    """Nodes (k, 3) at the middle of an edge, and its two ends; none of linear tetrahedra."""
     if mesh.order == 1:
         return np.empty((0, 3), dtype=int)
     ends = mesh.cells[:, :4][:, TET_EDGES].reshape(-1, 2)
@@ -20,7 +20,7 @@ def middles(mesh: Mesh) -> np.ndarray:
 
 
 def stiffness(mesh: Mesh) -> sp.csc_matrix:
-    """(3 corners, 3 corners) of linear elasticity with Young's modulus 1 / volume of each cell."""
+    """Stiffness (3 corners, 3 corners) of linear elasticity with Young's modulus 1 / volume of each cell."""
     cells = np.searchsorted(np.unique(mesh.cells[:, :4]), mesh.cells[:, :4])
     gradients = barycentric_gradients(mesh.X, mesh.cells)  # (m, 4, 3), constant in a straight cell
     lam, mu = POISSON / ((1 + POISSON) * (1 - 2 * POISSON)), 1 / (2 * (1 + POISSON))

@@ -77,14 +77,14 @@ class Morph:
         """The mesh of another design: its tree, and where the points (k, 3) mm go. Unreachable where it cannot be
         reached or a cell is left too thin."""
         now = surfaces(solid)
-        X, past = self.mesh.X.copy(), _Past()
+        X, past = self.mesh.X.copy(), _Anderson()
         for _ in range(_ITERATIONS):
             missing = self._missing(now, places, X)
             if np.abs(missing).max(initial=0.0) <= _TOLERANCE:
                 break
             right = np.concatenate([np.zeros(self._n), self._scale * missing[self._kept]])
             u = self._factor.solve(right)[: self._n]
-            X[self._corners] += past.better(missing, u).reshape(-1, 3)
+            X[self._corners] += past.accelerated(missing, u).reshape(-1, 3)
             X[self._edges[:, 0]] = (X[self._edges[:, 1]] + X[self._edges[:, 2]]) / 2
         else:
             last = int(np.abs(missing).argmax()) - (len(missing) - 3 * len(places))
@@ -99,22 +99,22 @@ class Morph:
         return replace(self.mesh, X=X)
 
     def changes(self, solid: Solid, X: np.ndarray, sums: Sequence[Sequence[tuple[float, Solid, np.ndarray]]]):
-        """(k, n, 3): k weighted sums of the nodes of designs near to `solid`, to first order; each design its weight,
-        its tree and its points' places, and the weights of a sum add up to 0, as those of a difference do. X (n, 3): of
-        the mesh of `solid` itself. Unreachable where the mesh does not follow."""
-        wanted = [sum(w * self._missing(surfaces(design), places, X) for w, design, places in each) for each in sums]
+        """Weighted sums (k, n, 3) of the nodes of designs near to `solid`, to first order. sums: of each the weight,
+        tree and points' places of every design; weights add up to 0, as those of a difference do. X (n, 3): the mesh of
+        `solid` itself. Unreachable where the mesh does not follow."""
+        wanted = [sum(w * self._missing(surfaces(design), places, X) for w, design, places in terms) for terms in sums]
         D = np.stack(wanted, axis=1)
         G = sp.vstack([self._bound(self._normals(surfaces(solid), X), slice(None)), self._led]).tocsr()
-        U, past = np.zeros((self._n, len(sums))), [_Past() for _ in sums]
-        enough = _OF_SLOPES * np.abs(D).max(axis=0, initial=0.0)
+        U, past = np.zeros((self._n, len(sums))), [_Anderson() for _ in sums]
+        tolerance = _OF_SLOPES * np.abs(D).max(axis=0, initial=0.0)
         for _ in range(_ITERATIONS):
             left = D - G @ U
-            going = np.flatnonzero(np.abs(left).max(axis=0, initial=0.0) > enough)
+            going = np.flatnonzero(np.abs(left).max(axis=0, initial=0.0) > tolerance)
             if not len(going):
                 break
             right = np.vstack([np.zeros((self._n, len(going))), self._scale * left[self._kept][:, going]])
             for column, step in zip(going, self._factor.solve(right)[: self._n].T, strict=True):
-                U[:, column] += past[column].better(left[:, column], step)
+                U[:, column] += past[column].accelerated(left[:, column], step)
         else:
             raise Unreachable("the mesh does not follow a small change of the design", None)
         moves = np.zeros((len(sums), *X.shape))
@@ -132,9 +132,9 @@ class Morph:
         """Normals (m, 3) of the surfaces at the nodes that are bound to them."""
         return np.concatenate([now[bound.surface].gradient(X[bound.nodes]) for bound in self._bounds])
 
-    def _bound(self, normals: np.ndarray, which: np.ndarray | slice) -> sp.csr_matrix:
+    def _bound(self, normals: np.ndarray, chosen: np.ndarray | slice) -> sp.csr_matrix:
         """Gradient (k, 3 corners) of the distances of chosen bound nodes from their surfaces."""
-        nodes, normals = self._bound_nodes[which], normals[which]
+        nodes, normals = self._bound_nodes[chosen], normals[chosen]
         rows = np.repeat(np.arange(len(nodes)), 3)
         columns = (3 * self._place[nodes, None] + np.arange(3)).ravel()
         return sp.csr_matrix((normals.ravel(), (rows, columns)), (len(nodes), 3 * len(self._corners)))
@@ -148,7 +148,7 @@ class Morph:
         return sp.vstack([bound, self._led]).tocsr(), kept
 
     def _leading(self) -> sp.csr_matrix:
-        """(3 points, 3 corners) of the points' places. A middle node follows its two corners."""
+        """Gradient (3 points, 3 corners) of the points' places. A middle node follows its two corners."""
         corner = sp.lil_matrix((len(self.mesh.X), len(self._corners)))
         corner[self._corners, np.arange(len(self._corners))] = 1.0
         for side in (1, 2):
@@ -159,7 +159,7 @@ class Morph:
         return sp.csr_matrix(sp.kron(weights.tocsr() @ corner.tocsr(), sp.eye(3)))
 
 
-class _Past:
+class _Anderson:
     """Steps so far. Where surfaces meet at small angles, plain steps converge slowly; Anderson's combine them (J. ACM
     12, 1965; Walker and Ni, SIAM J. Numer. Anal. 49, 2011)."""
 
@@ -168,7 +168,7 @@ class _Past:
         self._moved: list[np.ndarray] = []
         self._last: tuple[np.ndarray, ...] = ()
 
-    def better(self, missing: np.ndarray, step: np.ndarray) -> np.ndarray:
+    def accelerated(self, missing: np.ndarray, step: np.ndarray) -> np.ndarray:
         """Step to take instead of the plain one: Anderson acceleration with the steps before."""
         if self._last:
             self._missing.append(missing - self._last[0])
@@ -183,7 +183,8 @@ class _Past:
 
 
 def _bounds(mesh: Mesh, now: Sequence[Surface]) -> list[_Bound]:
-    """Which nodes keep to which surface: those of facets whose corners all lie on it, and which face along it."""
+    """Surfaces and the nodes that keep to them: those of facets whose corners all lie on the surface, and which face
+    along it."""
     facets = mesh.facets[:, :3]
     a, b, c = (mesh.X[facets[:, i]] for i in range(3))
     normal = np.cross(b - a, c - a)
@@ -193,9 +194,9 @@ def _bounds(mesh: Mesh, now: Sequence[Surface]) -> list[_Bound]:
     for least in (_ALONG, _STEEP):
         before = covered.copy()
         for number, surface in enumerate(now):
-            on = np.max([np.abs(surface.value(corner)) for corner in (a, b, c)], axis=0) <= _ON * mesh.size
+            on_surface = np.max([np.abs(surface.value(corner)) for corner in (a, b, c)], axis=0) <= _ON * mesh.size
             along = np.abs(np.einsum("ij,ij->i", surface.gradient(centre), normal))
-            bound = on & (along > least) & (~before if least == _STEEP else True)
+            bound = on_surface & (along > least) & (~before if least == _STEEP else True)
             if (bound & ~covered).any():  # a surface that says nothing new is another's twin
                 bounds.append(_Bound(number, np.unique(facets[bound])))
             covered |= bound

@@ -52,12 +52,13 @@ Surface = PlaneSurface | ConeSurface
 
 
 def surfaces(solid: Solid) -> list[Surface]:
-    """Surfaces of all primitives of a CAD tree. ValueError where those of one are not known: of a file, or placed."""
+    """Surfaces of all primitives of a CAD tree. ValueError for a file or a placed solid, whose surfaces are not
+    known."""
     match solid:
         case Union(parts):
             return [surface for part in parts for surface in surfaces(part)]
-        case Difference(whole, parts):
-            return [surface for part in (whole, *parts) for surface in surfaces(part)]
+        case Difference(minuend, parts):
+            return [surface for part in (minuend, *parts) for surface in surfaces(part)]
         case Box(low, high):
             return [PlaneSurface(axis, end[i]) for i, axis in enumerate(np.eye(3)) for end in (low, high)]
         case Prism(polygon, x_low, x_high):
@@ -67,9 +68,9 @@ def surfaces(solid: Solid) -> list[Surface]:
             return [*sides, PlaneSurface(np.eye(3)[0], x_low), PlaneSurface(np.eye(3)[0], x_high)]
         case Frustum(base, axis, r0, r1):
             length = float(np.linalg.norm(axis))
-            unit, at = np.array(axis) / length, np.array(base, float)
-            ends = [PlaneSurface(unit, float(at @ unit)), PlaneSurface(unit, float(at @ unit) + length)]
-            return [ConeSurface(at, unit, r0, (r1 - r0) / length), *ends]
+            unit, foot = np.array(axis) / length, np.array(base, float)
+            ends = [PlaneSurface(unit, float(foot @ unit)), PlaneSurface(unit, float(foot @ unit) + length)]
+            return [ConeSurface(foot, unit, r0, (r1 - r0) / length), *ends]
         case Loft(first, second):
             bottom, top = np.array(first, float), np.array(second, float)
             following = np.roll(bottom, -1, axis=0)

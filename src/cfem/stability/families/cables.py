@@ -121,10 +121,10 @@ def _special() -> list[Case]:
     ]
 
 
-def _slack(which: Sequence[bool], trial: Trial) -> str | None:
+def _slack(expected: Sequence[bool], trial: Trial) -> str | None:
     slack = trial.answer.slack.tolist()
-    right = slack == list(which) or not trial.answer.converged
-    return None if right else f"slack cables are {slack}, not {list(which)}"
+    right = slack == list(expected) or not trial.answer.converged
+    return None if right else f"slack cables are {slack}, not {list(expected)}"
 
 
 def _single(law: str = "neo-hookean") -> Robot:

@@ -59,14 +59,14 @@ def hollow_mesh(element: str) -> Mesh:
         return ((centroids < cell) | (centroids > size - cell)).any(axis=1)
 
     def to_walls(X: np.ndarray) -> np.ndarray:
-        stops = [np.array([[0 * w, w, s - w, s] for w, s in zip(each, size, strict=True)]) for each in (cell, wall)]
+        stops = [np.array([[0 * w, w, s - w, s] for w, s in zip(inner, size, strict=True)]) for inner in (cell, wall)]
         return np.column_stack([np.interp(X[:, axis], stops[0][axis], stops[1][axis]) for axis in range(3)])
 
     return box(SIZE, [CELLS[element]] * 3, element, keep=at_the_rim, bend=to_walls)
 
 
 def hollow(element: str) -> Robot:
-    """30 x 20 x 20 mm with a void of 18 x 12 x 12 mm."""
+    """Robot of 30 x 20 x 20 mm with a void of 18 x 12 x 12 mm."""
     mesh = hollow_mesh(element)
     body = make_body(mesh, ELEMENTS[element], Material(LAWS["neo-hookean"], 1.0, 0.45))
     walls = mesh.facets[enclosed(mesh, np.array(SIZE) / 2)]

@@ -143,7 +143,7 @@ def _contacts(points: list, radius: float = 2.0, rigid: bool = False) -> Robot:
 
 
 def _one(element: str) -> Robot:
-    """One cell, held at x = 0, its far corner drawn sideways."""
+    """Robot of one cell, held at x = 0, its far corner drawn sideways."""
     X, cells = CUBE if ELEMENTS[element].n_nodes == 8 else TETRAHEDRON
     mesh = in_element(Mesh(X, cells, boundary_facets(cells)), element)
     corner = mesh.X[cells[0, 6]] if len(cells[0]) == 8 else mesh.X[cells[0, 3]]

@@ -130,9 +130,9 @@ def _bad_stiffness_and_starts() -> list[Case]:
 def _start(x: float, lam: float) -> Callable[[Robot], State]:
     """Positions off by noise of x times the body's size (all NaN where x is), and multipliers lam."""
 
-    def start(made: Robot) -> State:
-        X = made.body.mesh.X
-        noise = np.random.default_rng(0).standard_normal(X.shape) * made.body.mesh.size
+    def start(robot: Robot) -> State:
+        X = robot.body.mesh.X
+        noise = np.random.default_rng(0).standard_normal(X.shape) * robot.body.mesh.size
         return State(X + x * noise, np.empty(0), np.full(2, lam))
 
     return start
@@ -143,7 +143,7 @@ def _of_young(young: float) -> Robot:
 
 
 def _heavy(force_on_each: float) -> Robot:
-    """N on every node, downwards."""
+    """Bar with this force N on every node, downwards."""
     body = bar_body()
     loads = np.zeros_like(body.mesh.X)
     loads[:, 2] = -force_on_each

@@ -154,17 +154,18 @@ def _reach(robot: Robot) -> np.ndarray:
 
 
 def _strength(robot: Robot) -> float:
-    """N, the force that would shear the whole body by its size; for chambers the same number of MPa is absurd too."""
+    """Force N that would shear the whole body by its size; for chambers the same number of MPa is absurd too."""
     return min(part.shear for part in robot.body.solids) * robot.body.mesh.size**2
 
 
 def _gentle(robot: Robot) -> Actuation:
-    """All actuators with the same share of their reach, by forces in proportion: within reach of any robot."""
+    """Actuation of all actuators by the same share of their reach, by forces in proportion: within reach of any
+    robot."""
     return pull(np.full(robot.rows.n_a, GENTLE), _reach(robot))
 
 
-def _alone(which: np.ndarray, robot: Robot) -> Actuation:
-    return pull(which.astype(float), _reach(robot))
+def _alone(driven: np.ndarray, robot: Robot) -> Actuation:
+    return pull(driven.astype(float), _reach(robot))
 
 
 def _weighed(scene: SceneSpec, mesh: Mesh, share: float) -> Robot:
@@ -187,5 +188,5 @@ def _inverted(scene: SceneSpec, mesh: Mesh) -> Robot:
 
 
 def _opened(scene: SceneSpec, mesh: Mesh) -> Cavity:
-    chambers = [each for each in build_robot(scene, mesh).actuators if isinstance(each, Cavity)]
+    chambers = [actuator for actuator in build_robot(scene, mesh).actuators if isinstance(actuator, Cavity)]
     return make_cavity(mesh.X, chambers[0].cliques[0][1:], "chamber")

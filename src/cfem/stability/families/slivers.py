@@ -54,7 +54,7 @@ def _squeezed(aspect: float, element: str) -> Robot:
 
 
 def _plate(element: str) -> Robot:
-    """100 x 60 x 1 mm, held at one edge, its free edge pulled upwards."""
+    """Robot of 100 x 60 x 1 mm, held at one edge, its free edge pulled upwards."""
     mesh = box((100.0, 60.0, 1.0), THIN[element], element)
     lift = cable(mesh, [(95.0, 30.0, 0.5)], (95.0, 30.0, 200.0))
     return robot(make_body(mesh, ELEMENTS[element], SOFT), [lift], [watched(mesh, (99.0, 30.0, 0.5))])

@@ -47,11 +47,11 @@ def fit(
         coefficients = np.vstack([constant, output[:, network.width :].T])
         polynomials.append(polynomial_parts(coefficients, to_box[:, : s.shape[1]], order))
         best[name] = state.best_iteration
-        every = max(spec.iterations // 100, 1)
+        interval = max(spec.iterations // 100, 1)
         history += [
             {"quantity": name, **record}
             for record in state.history
-            if record["iteration"] % every == 0 or record is state.history[-1]
+            if record["iteration"] % interval == 0 or record is state.history[-1]
         ]
     arrays["polynomial"] = np.hstack(polynomials)
     return arrays, {"form": spec.form, "best_iteration": best}, history
@@ -84,8 +84,8 @@ def fit_quantity(
 
 
 def standard_deviations(observed: Observations) -> np.ndarray:
-    """(k, q) of each component, those of one order together; derivatives by parameters apart from those by s. What does
-    not vary counts as if it varied by a `CONSTANT` share of the largest entry of its order."""
+    """Standard deviations (k, q) of each component, those of one order together; derivatives by parameters apart from
+    those by s. What does not vary counts as if it varied by a `CONSTANT` share of the largest entry of its order."""
     groups = [(len(axes), max(axes, default=0) >= observed.n_s) for axes in observed.derivatives]
     divisors, largest = np.empty(observed.values.shape[1:]), np.abs(observed.values).max()
     for group in set(groups):
@@ -98,7 +98,7 @@ def standard_deviations(observed: Observations) -> np.ndarray:
 
 
 def polynomial_parts(coefficients: np.ndarray, slopes: np.ndarray, order: int) -> np.ndarray:
-    """(1 + n + n (n + 1) / 2, k q) coefficients of 1, z_i and z_i z_j in a quadratic and its derivatives by s up to an
+    """Coefficients (1 + n + n (n + 1) / 2, k q) of 1, z_i and z_i z_j in a quadratic and its derivatives by s up to an
     order, from those of the quadratic itself (1 + n + n (n + 1) / 2, q); slopes (n, n_a): dz/ds. In the order of
     `cfem.predict.energy.layout`."""
     n, n_a = slopes.shape

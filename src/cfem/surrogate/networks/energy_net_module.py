@@ -36,7 +36,7 @@ class EnergyNet(nn.Module):
 
 
 class SineNetworkModule(nn.Module):
-    """One quantity's hidden units, as cfem.predict.kinds.energy_net.SineNetwork."""
+    """Hidden units of one quantity, as those of cfem.predict.kinds.energy_net.SineNetwork."""
 
     def __init__(self, name: str, arrays: dict[str, np.ndarray], order: int, n_a: int):
         """Registers the layers of one quantity. order: of the derivatives by s that are wanted, 0 to 2."""

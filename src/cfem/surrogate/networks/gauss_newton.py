@@ -100,7 +100,8 @@ def minimise(
 
 
 def _step(fitted: DerivativeResiduals, state: LeastSquaresState) -> float:
-    """One step down, and the damping of the next; the sum of squares reached. Marks the end where none goes down."""
+    """Takes one step down and sets the damping of the next; returns the sum of squares reached. Marks the end where no
+    step goes down."""
     r, matrix = fitted(state.theta), fitted.normal_matrix(state.theta)
     now, gradient = float(np.sum(r**2)), fitted.pull_back(state.theta, r)
     diagonal = np.diag_indices(len(matrix))

@@ -79,7 +79,7 @@ def judge(dataset: Any, spec: MlpSpec, choice: dict[str, Any], report: Report) -
 
 
 def train(dataset: Any, spec: MlpSpec, checkpoint: Path | None = None, report: Report | None = None) -> Training:
-    """One network, without a search; checkpoint, report: as in `cfem.surrogate.networks.descent.descend`.
+    """Trains one network, without a search; checkpoint, report: as in `cfem.surrogate.networks.descent.descend`.
 
     Raises InputError where no row is left to validate or the device is not there, NumericalError where it diverges."""
     device, m = device_of(spec), len(dataset.delta_a)
@@ -109,7 +109,7 @@ def device_of(spec: MlpSpec) -> torch.device:
 
 
 def network_inputs(dataset: Any, spec: MlpSpec) -> tuple[np.ndarray, np.ndarray]:
-    """(m, n_a + k) s and what is beside it, and (n_a + k,) how large each may be."""
+    """Inputs (m, n_a + k), s and what is beside it, and the scale (n_a + k,) of each."""
     s, q = inputs(dataset, spec.form)
     size = np.maximum(np.abs(s).max(axis=0), SIZE)
     if spec.at_rest is None:

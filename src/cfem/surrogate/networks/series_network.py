@@ -81,12 +81,12 @@ class DerivativeResiduals:
         self._monomials = np.concatenate([self._z, products], axis=2)
 
     def __call__(self, theta: np.ndarray) -> np.ndarray:
-        """(k, m, q)."""
+        """Residuals (k, m, q) at parameters theta."""
         inputs, _ = self._run(theta, slice(None))
         return _affine(inputs[-1], *self.network.layers(theta)[-1]) * self._weights - self._targets
 
     def square(self, theta: np.ndarray) -> float:
-        """The sum of squares."""
+        """Sum of the squared residuals."""
         return float(np.sum(self(theta) ** 2))
 
     def pull_back(self, theta: np.ndarray, v: np.ndarray) -> np.ndarray:
@@ -106,7 +106,7 @@ class DerivativeResiduals:
         return gradient
 
     def normal_matrix(self, theta: np.ndarray) -> np.ndarray:
-        """J^T J (size, size)."""
+        """Normal matrix J^T J (size, size)."""
         matrix = np.zeros((self.network.size, self.network.size))
         for rows in self.jacobian(theta):
             matrix += rows.T @ rows
@@ -140,7 +140,7 @@ class DerivativeResiduals:
         return rows.reshape(m * k * q, -1)
 
     def _products(self, f: np.ndarray, g: np.ndarray) -> np.ndarray:
-        """(k, m, q, o), (k, m, i) -> (m, k q o, i) the series of every f_o g_i, as one matrix product a state."""
+        """Series (m, k q o, i) of every f_o g_i, from f (k, m, q, o) and g (k, m, i), as one matrix product a state."""
         k, m, q, o = f.shape
         padded = np.concatenate([f, np.zeros((1, m, q, o))])
         convolving = padded[self.taylor.terms].transpose(2, 0, 3, 4, 1)  # (m, k, q, o, k)

@@ -24,8 +24,8 @@ def folders(spec: SerialSpec) -> list[Path]:
 def compose(
     training: Any, spec: SerialSpec, folder: Path | None = None
 ) -> tuple[dict[str, np.ndarray], dict[str, Any], list[dict[str, Any]]]:
-    """Arrays, what model.json says of them, and how the modules' models learned. InputError where they do not fit the
-    whole: other effectors, another number of actuators, another mass."""
+    """Arrays, what model.json says of them, and how the modules' models learned. InputError where they do not go
+    together: other effectors, another number of actuators, another mass."""
     paths = folders(spec)
     cards, arrays = zip(*map(read_model, paths), strict=True)
     history = [row for card in cards for row in card.pop("history")]
@@ -42,8 +42,8 @@ def compose(
 
 
 def _demand_module(folder: Path, card: dict[str, Any], module: Predictor) -> None:
-    """InputError where a model is not one of a module: an end with its orientation, perhaps a centre of mass, form
-    displacement."""
+    """Raises InputError where a model is not one of a module: an end with its orientation, perhaps a centre of mass,
+    form displacement."""
     effectors = module.rows.effectors
     axes = tuple(name.rsplit(".", 1)[-1] for name in effectors)
     named = {name.rsplit(".", 1)[0] for name in effectors[END:]} == set(card.get("masses", {}))
@@ -58,7 +58,8 @@ def _demand_module(folder: Path, card: dict[str, Any], module: Predictor) -> Non
 
 
 def _demand_whole(training: Any, spec: SerialSpec, cards: list[dict[str, Any]]) -> None:
-    """InputError where the modules do not make up the robot of the dataset: its actuators, effectors and mass."""
+    """Raises InputError where the modules do not make up the robot of the dataset: its actuators, effectors and
+    mass."""
     rows, n_a = training.rows, sum(len(card["rows"]["actuators"]) for card in cards)
     masses = training.meta.get("masses", {})
     heavy = len(rows.effectors) == 3 + CENTRE and set(masses) == {rows.effectors[3].rsplit(".", 1)[0]}

@@ -31,9 +31,9 @@ class Serial(nn.Module):
         R, P = self.one[None].expand(s.shape[0], 3, 3), torch.zeros_like(s[:, :1]).expand(s.shape[0], 3)
         placed, centres = [], []
         for i, model in enumerate(self.models):
-            each, n_e, softer = s[:, self.own[i][0] : self.own[i][1]], self.watched[i], self.softer[i]
-            W, free = model(each)
-            lam = spd_inverse(W[:, n_e:, n_e:]) @ (each - free[:, n_e:])[:, :, None]
+            s_module, n_e, softer = s[:, self.own[i][0] : self.own[i][1]], self.watched[i], self.softer[i]
+            W, free = model(s_module)
+            lam = spd_inverse(W[:, n_e:, n_e:]) @ (s_module - free[:, n_e:])[:, :, None]
             pose = free[:, :p] + (W[:, :p, n_e:] @ lam)[:, :, 0]
             spin = self.cross(pose[:, 3:END])
             J = self.left_jacobian(pose[:, 3:END], spin)
@@ -73,7 +73,7 @@ class Serial(nn.Module):
         return total
 
     def moving(self, base: Tensor, arm: Tensor, end: float, centre: float) -> Tensor:
-        """(B, 3, p): how a place moves with a module's rows: `end` of its end and, by spins, of the arm from there,
+        """Motion (B, 3, p) of a place with a module's rows: `end` of its end and, by spins, of the arm from there,
         `centre` of its centre of mass."""
         turned = -base @ self.cross((base.transpose(1, 2) @ arm[:, :, None])[:, :, 0])
         return torch.cat([end * base, turned] + ([centre * base] if self.heavy else []), dim=2)

@@ -29,16 +29,16 @@ def add_serial_skin(
     arrays = joined([read_arrays(path, OF_MODULE) for path in folders(spec)])
     write_npz(folder / FILE, arrays)
     predictor.skin_source = lambda: skins_of(predictor, arrays)
-    if test.whole is None:
+    if test.with_skin is None:
         return None
     true = read_skin(artefact_file(dataset_folder, SKIN))
-    distance, mine = cKDTree(predictor.surface.rest).query(true.rest)
+    distance, nearest = cKDTree(predictor.surface.rest).query(true.rest)
     same = np.flatnonzero(distance <= SAME * predictor.length)
     if not len(same):
         return None
-    places = true.rest + true.displacements(test.whole.delta_s)
-    apart = np.linalg.norm(predictor.shape(test.delta_a)[:, mine[same]] - places[:, same], axis=2)
-    weights, (left_rms, left_max) = true.weights[same] / true.weights[same].sum(), test.whole.left.T
+    places = true.rest + true.displacements(test.with_skin.delta_s)
+    apart = np.linalg.norm(predictor.shape(test.delta_a)[:, nearest[same]] - places[:, same], axis=2)
+    weights, (left_rms, left_max) = true.weights[same] / true.weights[same].sum(), test.with_skin.left.T
     rms = float(np.sqrt(np.mean(apart**2 @ weights + left_rms**2)))
     largest = float((apart.max(axis=1) + left_max).max())
     return {

@@ -25,7 +25,7 @@ def index_set(weights: np.ndarray, max_terms: int, max_degree: int) -> tuple[np.
 
 
 def _within(weights: np.ndarray, degree: float, max_terms: int) -> np.ndarray | None:
-    """All k (M, n) with weights . k <= degree, None where they are more than max_terms."""
+    """Multi-indices (M, n), all k with weights . k <= degree, None where they are more than max_terms."""
     indices = np.zeros((1, 0), dtype=np.int64)
     left = np.full(1, degree + 1e-9)
     for weight in weights:
@@ -42,7 +42,7 @@ def _within(weights: np.ndarray, degree: float, max_terms: int) -> np.ndarray | 
 def design_rows(
     z: np.ndarray, indices: np.ndarray, derivatives: tuple[tuple[int, ...], ...], D: list | None = None
 ) -> np.ndarray:
-    """(m, k, M) the stated derivatives of the basis at z (m, n)."""
+    """Stated derivatives (m, k, M) of the basis at z (m, n)."""
     D = D or derivative_matrices(indices)
     known = {(): basis(z, indices)}
     for axes in sorted(derivatives, key=len):

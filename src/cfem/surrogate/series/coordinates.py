@@ -38,7 +38,7 @@ def _scaled(s: np.ndarray, q: np.ndarray, axes: np.ndarray) -> tuple[np.ndarray,
 
 
 def mean_square(second: np.ndarray, n: int) -> np.ndarray:
-    """(n, n) mean over states and components of H^2, of symmetric matrices H given as upper triangles (m, pairs, q). Of
+    """Mean (n, n) over states and components of H^2, of symmetric matrices H given as upper triangles (m, pairs, q). Of
     the second derivatives of a map its principal axes tell the directions along which the map bends from those along
     which it hardly does."""
     first_axis, second_axis = np.triu_indices(n)

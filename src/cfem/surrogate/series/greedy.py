@@ -25,7 +25,7 @@ def greedy_set(
     max_terms: int,
     max_degree: int,
 ) -> tuple[np.ndarray, list[int]]:
-    """(M, n) multi-indices in the order in which they were added, M <= max_terms, and the size of the set after each
+    """Multi-indices (M, n) in the order in which they were added, M <= max_terms, and the size of the set after each
     step. targets (m, k, q), divisors (k,) as `Observations.scaled`."""
     n = z.shape[1]
     indices, _ = index_set(np.ones(n), max(max_terms // 2, 1), WHOLE)
@@ -56,7 +56,7 @@ def greedy_set(
 
 
 def neighbours(indices: np.ndarray, max_degree: int) -> np.ndarray:
-    """(M', n) multi-indices one above a closed set (M, n), all of whose smaller neighbours are in it."""
+    """Multi-indices (M', n) one above a closed set (M, n), all of whose smaller neighbours are in it."""
     known, above = set(map(tuple, indices.tolist())), {}
     for k in indices.tolist():
         if sum(k) >= max_degree:
@@ -68,7 +68,7 @@ def neighbours(indices: np.ndarray, max_degree: int) -> np.ndarray:
             below = (
                 (*candidate[:j], candidate[j] - 1, *candidate[j + 1 :]) for j in range(len(candidate)) if candidate[j]
             )
-            if all(each in known for each in below):
+            if all(index in known for index in below):
                 above[candidate] = None
     return np.array(list(above), dtype=np.int64).reshape(-1, indices.shape[1])
 
@@ -81,5 +81,5 @@ def _solve(G: np.ndarray, right: np.ndarray) -> np.ndarray:
 def _bulk(gain: np.ndarray, most: int) -> np.ndarray:
     """The fewest of largest gain that add up to their share of all, at most `most` of them."""
     order = np.argsort(-gain, kind="stable")
-    enough = int(np.searchsorted(np.cumsum(gain[order]), BULK * gain.sum())) + 1
-    return order[: max(1, min(enough, most))]
+    count = int(np.searchsorted(np.cumsum(gain[order]), BULK * gain.sum())) + 1
+    return order[: max(1, min(count, most))]

@@ -21,8 +21,8 @@ def triangular(blocks: Iterable[np.ndarray]) -> np.ndarray:
 
 
 def solve_nested(R: np.ndarray, outputs: int, counts: Sequence[int]) -> list[np.ndarray | None]:
-    """(M, outputs) solutions with the first M columns, for every M in counts; None where these are dependent. R: of
-    [A b] with b the last `outputs` columns."""
+    """Solutions (M, outputs) with the first M columns, for every M in counts; None where these are dependent. R: of [A
+    b] with b the last `outputs` columns."""
     columns = R.shape[1] - outputs
     diagonal = np.abs(np.diag(R[:, :columns]))
     solutions = []

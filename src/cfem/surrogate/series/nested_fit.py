@@ -37,7 +37,7 @@ def try_counts(
     counts: list[int],
     folds: int,
 ) -> list[tuple[float, np.ndarray]]:
-    """(relative root mean square error of states left out, coefficients fitted to all states) for every count."""
+    """Relative root mean square error of states left out, and coefficients fitted to all states, for every count."""
     m, k, outputs = targets.shape
     members = [np.arange(m)[np.arange(m) % folds == fold] for fold in range(folds)]
     left_out = [triangular(blocks(z[rows], derivatives, targets[rows], divisors, indices)) for rows in members]

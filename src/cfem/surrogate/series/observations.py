@@ -22,7 +22,7 @@ Derivative = tuple[int, ...]  # the axes by which is derived, ascending: () the 
 
 @dataclass(frozen=True)
 class Observations:
-    """What states know of one quantity with q components.
+    """What states show of one quantity with q components.
 
     derivatives: k of them, by axes of t = (s, q), s having n_s of these
     values: (m, k, q)"""
@@ -32,8 +32,8 @@ class Observations:
     n_s: int
 
     def scaled(self, fall: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
-        """(m, k, q) each derivative divided by the largest standard deviation among those of its order times
-        fall^order, and (k,) those divisors: with 1, all orders weigh alike, but for one that is rounding beside the
+        """Derivatives (m, k, q), each divided by the largest standard deviation among those of its order times
+        fall^order, and those divisors (k,): with 1, all orders weigh alike, but for one that is rounding beside the
         others (in box coordinates)."""
         deviation = self.values.std(axis=0).max(axis=1)
         size = np.abs(self.values).max(axis=(0, 2))
@@ -153,6 +153,7 @@ def mean_hessian(potential: Observations) -> np.ndarray:
 
 
 def _symmetric(third: np.ndarray, axes: Derivative) -> np.ndarray:
-    """(m,) entry of a tensor (m, k, i, j) that is symmetric in all three, but for rounding: the mean of its equals."""
+    """Entries (m,) of a tensor (m, k, i, j) that is symmetric in all three, but for rounding: the mean of its
+    equals."""
     i, j, k = axes
     return (third[:, i, j, k] + third[:, j, i, k] + third[:, k, i, j]) / 3

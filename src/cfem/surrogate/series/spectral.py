@@ -119,7 +119,7 @@ def _metric(s: np.ndarray, q: np.ndarray, known: dict[str, Observations]) -> np.
 
 
 def _rests(dataset: Any) -> np.ndarray | None:
-    """(n_c, n_a) where the coordinates that were drawn about their rest have it; None where none were."""
+    """Rests (n_c, n_a) of the coordinates that were drawn about their rest; None where none were."""
     free = dataset.meta["plan"]["contact"].get("about_rest")
     if not free:
         return None
@@ -128,24 +128,24 @@ def _rests(dataset: Any) -> np.ndarray | None:
 
 
 def _mean_hessian(known: dict[str, Observations], n_a: int) -> np.ndarray:
-    """(n_a, n_a) of the potential by s."""
+    """Mean Hessian (n_a, n_a) of the potential by s."""
     mean = known["potential"].values[:, 1 + n_a : 1 + n_a + n_a * (n_a + 1) // 2, 0].mean(axis=0)
     hessian = np.zeros((n_a, n_a))
     hessian[np.triu_indices(n_a)] = mean
     return hessian + np.triu(hessian, 1).T
 
 
-Chosen = tuple["Series", np.ndarray, list[dict[str, Any]]]
+Choice = tuple["Series", np.ndarray, list[dict[str, Any]]]
 
 
-def _values_first(z: np.ndarray, observed: Observations, equal: Chosen, limits: tuple) -> Chosen:
-    """What is chosen with derivatives that count less, where that gives the values at states left out better than
-    `equal`, chosen with equal weights. limits: as of `fit_quantity`."""
+def _values_first(z: np.ndarray, observed: Observations, equal: Choice, limits: tuple) -> Choice:
+    """Choice with derivatives that count less, where that gives the values at states left out better than `equal`, the
+    choice with equal weights. limits: as of `fit_quantity`."""
     chosen = fit_quantity(z, observed, *limits, fall=FALL)
     folds = min(limits[2], len(z))
     errors = [
-        values_left_out(z, observed.derivatives, observed.scaled(fall), each[0].indices, folds)
-        for fall, each in ((1.0, equal), (FALL, chosen))
+        values_left_out(z, observed.derivatives, observed.scaled(fall), choice[0].indices, folds)
+        for fall, choice in ((1.0, equal), (FALL, chosen))
     ]
     return chosen if errors[1] < FAR * errors[0] else equal
 
@@ -265,15 +265,20 @@ def _fewer(z: np.ndarray, targets: np.ndarray, terms: int) -> tuple[np.ndarray, 
 def series(chosen: dict[str, Series], to_box: np.ndarray, n_a: int) -> dict[str, np.ndarray]:
     """Arrays of the series: indices (M, n), the union of the index sets; series (n_out, M), coefficients of every part
     of `cfem.predict.energy.layout`, derivatives by s (n_a,); and of D where it was fitted."""
+    indices, padded = united(chosen)
+    psi, e, compliance = (padded[name] for name in ("potential", "effector", "effector_compliance"))
+    arrays = {"indices": indices, "series": differentiated(indices, to_box, n_a, psi, e, compliance)}
+    return arrays | ({THIRD: padded[THIRD].T.copy()} if THIRD in chosen else {})
+
+
+def united(chosen: dict[str, Series]) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """Multi-indices (M, n) of several series together, by degree, and the coefficients (M, q) of each, 0 where it has
+    no such term."""
     union = {tuple(k) for part in chosen.values() for k in part.indices.tolist()}
     indices = np.array(sorted(union, key=lambda k: (sum(k), k)), dtype=np.int64)
     position = {tuple(k): i for i, k in enumerate(indices.tolist())}
-
-    def padded(part: Series) -> np.ndarray:
-        full = np.zeros((len(indices), part.coefficients.shape[1]))
-        full[[position[tuple(k)] for k in part.indices.tolist()]] = part.coefficients
-        return full
-
-    psi, e, compliance = (padded(chosen[name]) for name in ("potential", "effector", "effector_compliance"))
-    arrays = {"indices": indices, "series": differentiated(indices, to_box, n_a, psi, e, compliance)}
-    return arrays | ({THIRD: padded(chosen[THIRD]).T.copy()} if THIRD in chosen else {})
+    padded = {}
+    for name, part in chosen.items():
+        padded[name] = np.zeros((len(indices), part.coefficients.shape[1]))
+        padded[name][[position[tuple(k)] for k in part.indices.tolist()]] = part.coefficients
+    return indices, padded

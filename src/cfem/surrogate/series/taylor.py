@@ -44,7 +44,7 @@ class Taylor:
         return out
 
     def correlate(self, f: np.ndarray, h: np.ndarray) -> np.ndarray:
-        """(k, ...) the transpose of g -> multiply(f, g), applied to h."""
+        """Product (k, ...) of the transpose of g -> multiply(f, g) with h."""
         out = f[0] * h
         for i, j, k in self._beyond_value:
             out[k] += f[j] * h[i]
@@ -61,7 +61,7 @@ class Taylor:
         return sine * even + cosine * odd, cosine * even - sine * odd
 
     def _nilpotent_product(self, f: np.ndarray, g: np.ndarray) -> np.ndarray:
-        """(f - f_0) (g - g_0)."""
+        """Product (f - f_0) (g - g_0)."""
         out = np.zeros_like(f)
         for i, j, k in self._nilpotent:
             out[i] += f[j] * g[k]

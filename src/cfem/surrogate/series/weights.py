@@ -20,7 +20,7 @@ def searched_weights(
     terms: int,
     max_degree: int,
 ) -> np.ndarray:
-    """(n,) weights >= 1, the smallest 1, by which at most `terms` terms come closest to a fifth of the states that is
+    """Weights (n,) >= 1, the smallest 1, by which at most `terms` terms come closest to a fifth of the states that is
     left out: from equal ones on, each in turn is multiplied or divided by a step, 1.5 at first, while that helps."""
     states = np.arange(min(len(z), max(5, SEARCH_ROWS * terms // len(derivatives))))
     fitted, left_out = states[states % 5 != 0], states[states % 5 == 0]
@@ -49,7 +49,7 @@ def searched_weights(
 
 
 def decay_weights(indices: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
-    """(n,) weights >= 1 by how fast the coefficients fall with the degree in each coordinate: the rate of a geometric
+    """Weights (n,) >= 1 by how fast the coefficients fall with the degree in each coordinate: the rate of a geometric
     fall from degree 1 on, that of the slowest coordinate being 1."""
     size = np.linalg.norm(coefficients / np.abs(coefficients).max(axis=0, initial=1e-300), axis=1)
     rates = np.full(indices.shape[1], np.inf)
@@ -67,8 +67,8 @@ def decay_weights(indices: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
 
 
 def active_weights(metric: np.ndarray, s: np.ndarray, n_q: int) -> np.ndarray | None:
-    """(n,) 2 for the coordinates along which the effectors' map hardly bends, by the metric that the coordinates of
-    `box_coordinates` come from, 1 for the others and for parameters; None for one or two inputs."""
+    """Weights (n,): 2 for the coordinates along which the effectors' map hardly bends, by the metric that the
+    coordinates of `box_coordinates` come from, 1 for the others and for parameters; None for one or two inputs."""
     if s.shape[1] <= 2:
         return None
     spread = np.ptp(s, axis=0)

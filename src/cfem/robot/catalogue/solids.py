@@ -1,0 +1,10 @@
+"""The solid of each body of the catalogue, by the type of its geometry."""
+
+from cfem.robot.catalogue.bar import bar
+from cfem.robot.catalogue.diamond import diamond
+from cfem.robot.catalogue.soft_finger import soft_finger
+from cfem.robot.catalogue.taper import taper
+from cfem.robot.catalogue.trunk import trunk
+from cfem.robot.geometry import Bar, Diamond, SoftFinger, Taper, Trunk
+
+CATALOGUE = {Bar: bar, Diamond: diamond, SoftFinger: soft_finger, Taper: taper, Trunk: trunk}
