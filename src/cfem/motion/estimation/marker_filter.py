@@ -73,7 +73,7 @@ class MarkerFilter:
     known: the state after the last frame, None before the first
     scale (n,), box (n, 2): size of the numbers that markers show, and where they are looked for
     swing: amplitude of inner motions at the start
-    jump (n_a,): what an actuator that is not where its command is lacks, as is commanded: mm, or the N that hold so many
+    jump (n_a,): mm that an actuator may be off its command, or the N that hold so many where forces are commanded
     last: mean and covariance of what markers show, after the last frame
     """
 
