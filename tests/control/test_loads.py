@@ -8,9 +8,9 @@ import yaml
 
 import cfem
 from cfem.constraint.patch import PatchLoad
+from cfem.control.loads import load_doubts
 from cfem.core.errors import InputError, SpecError
 from cfem.predict.load import load_model
-from cfem.control.loads import load_doubts
 from cfem.predict.loads.loaded import loaded
 from cfem.predict.loads.spec import LoadSpec, loads_of
 

@@ -148,9 +148,10 @@ def test_malformed_answers_are_named(tmp_path, answer, words):
 
 def test_a_device_that_measures_in_metres_is_named(tmp_path):
     robot = {"length": 100.0, "rest_e": np.array([10.0, 100.0])}
-    with script(tmp_path, "say({'t': 1, 'x_e': [0.012, 0.095]})", **robot) as plant:
-        with pytest.raises(InputError, match=r"answered x_e = \[0.012, 0.095\], which is in metres: x_e is in mm"):
-            plant.step(np.ones(1))
+    words = r"answered x_e = \[0.012, 0.095\], which is in metres: x_e is in mm"
+    answer = "say({'t': 1, 'x_e': [0.012, 0.095]})"
+    with script(tmp_path, answer, **robot) as plant, pytest.raises(InputError, match=words):
+        plant.step(np.ones(1))
 
 
 @pytest.mark.parametrize(

@@ -48,8 +48,8 @@ def cable_doubts(scene: spec.SceneSpec, robot: Robot) -> list[str]:
 
 
 def _turns_back(points: np.ndarray, near: float) -> int | None:
-    """Number of the first of points (k, 3) mm after which a cable runs back over its own way, within `near` mm of it; None
-    where there is none."""
+    """Number of the first of points (k, 3) mm at which a cable turns back over its own way, within `near` mm of it, or
+    None."""
     for number in range(1, len(points) - 1):
         ways = [points[end] - points[number] for end in (number - 1, number + 1)]
         shorter, longer = sorted(ways, key=np.linalg.norm)
