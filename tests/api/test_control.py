@@ -118,6 +118,10 @@ def test_a_goal_in_another_unit_is_refused_and_the_command_stays(model, goal, of
     with pytest.raises(cfem.InputError, match=words):
         controller.tick(of(goal))
     assert controller.belief.u is before
+    with pytest.raises(cfem.InputError, match=words):
+        cfem.find_actuation(model, of(goal))
+    with pytest.raises(cfem.InputError, match=words):
+        cfem.inverse_step(model, model.at_displacement([0.0]), of(goal))
 
 
 @pytest.mark.parametrize("weights", [[0, 0, 0], [1, -1, 0]])

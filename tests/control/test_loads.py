@@ -8,6 +8,7 @@ import yaml
 
 import cfem
 from cfem.constraint.patch import PatchLoad
+from cfem.control.loads import load_doubts
 from cfem.core.errors import InputError, SpecError
 from cfem.predict.load import load_model
 from cfem.predict.loads.loaded import loaded
@@ -140,3 +141,13 @@ def test_a_payload_may_hang_on_a_patch():
     forces, (stone,) = loads_of(loads, {})
     assert list(forces) == ["tip"]
     assert stone.same(PatchLoad([50, 5, 0], 6.0, [0, 2e-3 * 9.81, 0])) and stone.name == "stone"
+
+
+def test_a_payload_whose_weight_is_in_another_unit_is_poor(bar):
+    """9.81 mm/s^2: a thousandth of its weight. The run says so first."""
+    weightless = {"tip": PAYLOAD["tip"] | {"gravity": {"mm/s^2": [0, 9.81, 0]}}}
+    found = cfem.run_stage("control", control(bar, "weightless", loads=weightless))["results"]["judgement"]
+    assert [each["what"] for each in found if "gravity" in each["what"]] == [
+        "loads.tip.gravity is 0.00981 m/s^2, and on earth 9.81 m/s^2: check its unit"
+    ]
+    assert load_doubts({"tip": LoadSpec.model_validate(PAYLOAD["tip"])}) == []

@@ -217,7 +217,8 @@ def test_what_cannot_be_answered_holds_the_command(tmp_path):
 
 def test_a_state_outside_of_the_data_is_reported(tmp_path):
     controller = compiled(tmp_path, observer="measured")
-    assert controller.step(np.zeros(3), delta_a=np.array([24.0, 24.0])).status & OUTSIDE
+    goal = build(*spectral()).rest_e
+    assert controller.step(goal, delta_a=np.array([24.0, 24.0])).status & OUTSIDE
 
 
 @pytest.mark.parametrize("scalar", ["double", "float"])
@@ -306,6 +307,16 @@ def test_a_goal_two_lengths_away_holds_the_command(tmp_path):
     assert not controller.step(model.rest_e + [0.0, 1.99 * model.length, 0.0]).status & HELD
 
 
+def test_a_goal_in_metres_holds_the_command(tmp_path):
+    model = build(*spectral())
+    controller = compiled(tmp_path)
+    goal = model.rest_e + [0.0, 5.0, 3.0]
+    before = controller.step(goal)
+    after = controller.step(goal / 1e3)
+    assert after.status == HELD | BAD_INPUT | FAR and after.delta_a == pytest.approx(before.delta_a, abs=0)
+    assert not controller.step(goal).status & HELD
+
+
 def test_samples_correct_as_in_python_tick_by_tick(tmp_path):
     """Late, rare, lost, repeated, old and not finite ones, with a delay that grows and falls: the same corrections and
     gains as Python's rule on the same references."""
@@ -348,6 +359,17 @@ def test_an_outlier_where_the_robot_cannot_be_is_rejected(tmp_path):
         found = controller.step(goal, model.rest_e + np.array([0.0, away, 0.0]), first.tick)
         assert bool(found.status & REJECTED) == rejected and not found.status & HELD
         assert controller.moved.any() != rejected
+
+
+def test_a_sample_in_metres_is_rejected(tmp_path):
+    model = build(*spectral())
+    controller = compiled(tmp_path, command="force", observer="equilibrium")
+    goal = curve(model, 3)[0]
+    for unit, rejected in ((1.0, False), (1e-3, True)):
+        controller.reset()
+        first = controller.step(goal)
+        found = controller.step(goal, unit * (model.rest_e + [0.0, 1.0, 0.0]), first.tick)
+        assert bool(found.status & REJECTED) == rejected and controller.moved.any() != rejected
 
 
 @pytest.fixture(scope="module")

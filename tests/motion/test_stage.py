@@ -84,3 +84,10 @@ def test_a_bad_spec_says_what_is_wrong(spec):
         run(spec("time [s],cable.displacement [mm]\n1,2\n2,3\n"), ["until=0.5 s"], None, QUIET)
     with pytest.raises(SpecError, match="no effector"):
         run(spec(RAMP, "payload: {mass: 1 g, effector: hand}\n"), [], None, QUIET)
+
+
+@pytest.mark.parametrize(("unit", "poor"), [("m/s^2", 0), ("mm/s^2", 1)])
+def test_a_payload_whose_weight_is_in_another_unit_is_poor(spec, unit, poor):
+    payload = f"payload: {{mass: 0.5 g, gravity: {{{unit}: [0, 0, -9.81]}}}}\n"
+    found = run(spec(RAMP, payload), [], None, QUIET)["results"].get("judgement", [])
+    assert len(found) == poor and all("payload.gravity is 0.00981 m/s^2" in each["what"] for each in found)

@@ -50,6 +50,7 @@ def inverse_step(
 
     Raises:
         SpecError: goal or weights are not n_e finite numbers.
+        InputError: the goal is not in mm, as it is two lengths of the robot away, or in metres.
         NumericalError: the program has no trustworthy answer.
 
     Examples:
@@ -61,11 +62,7 @@ def inverse_step(
     from cfem.control.search.inverse import inverse_step as solve_step
 
     n_e = model.rows.n_e
-    aim = Aim(
-        vector("goal", goal, n_e) - model.rest_e,
-        _weights(weights, n_e),
-        ridge_of(regularisation, model.reach, model.length),
-    )
+    aim = Aim(_meant(model, goal), _weights(weights, n_e), ridge_of(regularisation, model.reach, model.length))
     limits = _limits(model, unilateral, largest_force).within(state.delta_a, step)
     return solve_step(state, aim, limits)
 
@@ -100,6 +97,7 @@ def find_actuation(
 
     Raises:
         SpecError: goal, start or weights have a wrong length or are not finite.
+        InputError: the goal is not in mm, as it is two lengths of the robot away, or in metres.
         NumericalError: the model has no answer at the start.
 
     Examples:
@@ -112,11 +110,7 @@ def find_actuation(
     from cfem.control.search.multistart import RESTARTS, all_over, multistart
 
     n_e, n_a = model.rows.n_e, model.rows.n_a
-    aim = Aim(
-        vector("goal", goal, n_e) - model.rest_e,
-        _weights(weights, n_e),
-        ridge_of(regularisation, model.reach, model.length),
-    )
+    aim = Aim(_meant(model, goal), _weights(weights, n_e), ridge_of(regularisation, model.reach, model.length))
     first = model.at_displacement(np.zeros(n_a) if start is None else vector("start", start, n_a))
     limits, settings = _limits(model, unilateral, largest_force), SearchSettings.of(model.reach, iterations)
     result = search_goal(model, aim, limits, Iterate.at(first), settings)
@@ -184,6 +178,15 @@ def make_controller(
     pilot = Pilot(model, command, observer, limits, _weights(weights, n_e), ridge, search, rate)
     first = None if start is None else vector("start", start, model.rows.n_a)
     return Controller(pilot, model.rest_e, _feedback(gains, phase_margin), first, far_of(model.rows, model.length))
+
+
+def _meant(model: "Predictor | Robot", goal: ArrayLike) -> np.ndarray:
+    """Goal (n_e,) mm from rest. SpecError where it has not n_e finite numbers, InputError where it cannot be in mm."""
+    from cfem.condensed.far import demand_near, far_of
+
+    wanted = vector("goal", goal, model.rows.n_e)
+    demand_near(wanted, model.rest_e, far_of(model.rows, model.length))
+    return wanted - model.rest_e
 
 
 def _feedback(gains: tuple[float, float] | None, phase_margin: float) -> "Gains":

@@ -2,11 +2,13 @@
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from cfem.constraint.patch import PatchLoad
 from cfem.control.run_spec import LoadedSpec
+from cfem.core.artefact.judgement import poor
 from cfem.core.errors import InputError
 from cfem.equilibrium.contact.patch_effectors import PatchYield
 from cfem.equilibrium.robot import Robot
@@ -14,8 +16,9 @@ from cfem.plant.fem_plant import pushed
 from cfem.predict.at_parameters import AtParameters
 from cfem.predict.contact.kept_patches import yield_of
 from cfem.predict.loads.loaded import loaded, wrench_of
-from cfem.predict.loads.spec import loads_of
+from cfem.predict.loads.spec import LoadSpec, loads_of
 from cfem.predict.protocol import Predictor
+from cfem.robot.checks.plausible import gravity_doubts
 from cfem.robot.load import made_from
 
 
@@ -34,6 +37,16 @@ def carrying(
 
         carrying_models[name] = _under(wrench, patches, model, str(models[name]), by_fe)
     return under_loads(spec, robot), carrying_models
+
+
+def load_doubts(loads: Mapping[str, LoadSpec]) -> list[dict[str, Any]]:
+    """Findings that make a run poor: gravity in another unit."""
+    return [
+        poor(sentence)
+        for name, load in loads.items()
+        if load.gravity is not None
+        for sentence in gravity_doubts(load.gravity, f"loads.{name}.gravity")
+    ]
 
 
 def under_loads(spec: LoadedSpec, robot: Robot) -> Robot:

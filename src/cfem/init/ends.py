@@ -65,7 +65,7 @@ def place(shape: Shape, run: Run, count: int, air: bool | None = None) -> Placem
         try:
             return place(shape, run, count, air=True)
         except SpecError:
-            pass
+            pass  # `refused` says what keeps cables inside, which is what a person can change
     raise refused
 
 

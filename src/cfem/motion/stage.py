@@ -33,12 +33,14 @@ def _extra(spec: SimulateSpec, base: Path) -> dict[str, Any]:
 def _work(folder: Path, spec: SimulateSpec, base: Path) -> dict[str, Any]:
     """Results: steps, travel of each effector, largest forces, slack cables, when the motion left what the model has
     learned from, and the distance from full finite elements."""
+    from cfem.core.artefact.judgement import KEY, poor
     from cfem.core.console.progress import doing
     from cfem.motion.commands import read_commands, starting
     from cfem.motion.load import load_motion
     from cfem.motion.modes import natural_modes
     from cfem.motion.simulate import simulate
     from cfem.motion.step import MotionCommand
+    from cfem.robot.checks.plausible import gravity_doubts
 
     model = load_motion(base / spec.model)
     commands = read_commands(base / spec.commands, model)
@@ -50,6 +52,7 @@ def _work(folder: Path, spec: SimulateSpec, base: Path) -> dict[str, Any]:
             do="raise it",
         )
     payload, unilateral = _payload(spec, model), _unilateral(spec, model)
+    doubts = gravity_doubts(payload.gravity, "payload.gravity") if payload else []
     start = starting(model, commands, payload)
     held = commands.kind == "displacement"
     first = natural_modes(model, start.q[: model.n_a], held, 1, payload).frequency[0]
@@ -76,7 +79,8 @@ def _work(folder: Path, spec: SimulateSpec, base: Path) -> dict[str, Any]:
     if spec.full is not None:
         motion = (model, commands, payload, unilateral)
         results["full"] = _beside(folder, spec, base, motion, columns, dt, until)
-    return {"headline": _headline(results, run, model.rows.actuators, until), **results}
+    headline = _headline(results, run, model.rows.actuators, until)
+    return {"headline": headline, KEY: [poor(sentence) for sentence in doubts], **results}
 
 
 def _headline(results: dict[str, Any], run: Any, actuators: Sequence[str], until: float) -> list[str]:

@@ -102,6 +102,13 @@ def test_a_sample_where_the_robot_cannot_be_changes_nothing(place, heard):
     assert said.sample(1, np.array([place, 0.0])) == heard == said.moved.any()
 
 
+@pytest.mark.parametrize(("unit", "heard"), [(1.0, True), (1e-3, False)])
+def test_a_sample_in_metres_changes_nothing(unit, heard):
+    said = feedback(rest_e=np.array([10.0, 100.0]), far=np.array([200.0, 200.0]))
+    said.commanded(np.array([12.0, 95.0]))
+    assert said.sample(1, unit * np.array([14.0, 90.0])) == heard == said.moved.any()
+
+
 def test_rows_that_nobody_measures_do_not_correct():
     correction = Feedback(Gains(0.1, 0.5), np.array([True, False]))
     correction.commanded(np.ones(2))

@@ -151,8 +151,9 @@ def test_without_a_command_the_plan_goes_on(folder):
     said = compiled.step(np.full(3, np.nan))
     assert said.status == HELD | BAD_INPUT
     np.testing.assert_allclose(said.u, told.u, rtol=1e-10)
-    far = compiled.step(1e3 * there[5:])  # micrometres
-    assert far.status == HELD | BAD_INPUT | FAR and np.isfinite(far.u).all()
+    for factor in (1e3, 1e-3):  # micrometres, metres
+        far = compiled.step(factor * there[5:])
+        assert far.status == HELD | BAD_INPUT | FAR and np.isfinite(far.u).all()
     late = compiled.step(there[5:], there[0], sampled=9)  # of a tick that has not been
     assert late.status == HELD | BAD_INPUT and np.isfinite(late.u).all()
     assert compiled.step(there[6:], there[5], sampled=5).status & HELD == 0

@@ -1,5 +1,6 @@
 """The filter of what moves in C against that of Python, and against the truth, on the bar's model."""
 
+import ctypes
 import re
 
 import numpy as np
@@ -161,3 +162,30 @@ def test_what_has_no_c_code_gets_one_sentence(folder):
         refused(asked(folder, loads=("skin.1",)))
     with pytest.raises(SpecError, match="double precision"):
         refused(asked(folder, scalar="float"))
+
+
+@pytest.mark.parametrize("driven", ["displacement", "force"])
+def test_the_slope_by_a_slip_is_that_of_the_command(folder, tmp_path, driven):
+    """Against differences of the frame's own motion, of two steps or more."""
+    spec = asked(folder, driven)
+    rare = spec.model_copy(update={"estimate": spec.estimate.model_copy(update={"rate": 100.0})})
+    made = written(tmp_path, folder, rare)
+    compiled = CompiledSwing(tmp_path)
+    assert made.forward.count(0.01) > 1
+    stands = at_rest(made.motion, made.estimator.middle[:1])
+    u = stands.q[:1] if driven == "displacement" else stands.lam
+
+    def after(command):
+        compiled.reset()
+        state = compiled._filter
+        np.ctypeslib.as_array(state.z)[: made.motion.n_q] = stands.q
+        np.ctypeslib.as_array(state.u)[:], state.known = u, 1
+        compiled._library.cfem_swing_advance(ctypes.byref(state), (ctypes.c_double * 1)(*command))
+        assert state.known
+        return np.array(state.z), np.array(state.by_slip)[:, 0]
+
+    h = 1e-4 * u
+    expected = (after(1.05 * u + h)[0] - after(1.05 * u - h)[0]) / (2 * h)
+    found, n_q = after(1.05 * u)[1], made.motion.n_q
+    for part in (slice(n_q), slice(n_q + (driven == "displacement"), 2 * n_q)):
+        np.testing.assert_allclose(found[part], expected[part], atol=3e-2 * np.abs(expected[part]).max())

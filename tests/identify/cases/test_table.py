@@ -84,6 +84,11 @@ def test_a_mistake_is_told_with_its_line_and_column(tmp_path, old, new, message)
         read(tmp_path, text.replace(old, new).splitlines())
 
 
+def test_a_marker_that_no_case_has_is_told(tmp_path):
+    with pytest.raises(InputError, match="csv: holds no marker 'tip'; it has TIP, base"):
+        read(tmp_path, [row.replace("tip", "TIP") for row in ROWS])
+
+
 def test_a_title_that_stands_twice_is_refused(tmp_path):
     with pytest.raises(InputError, match="csv:1: two columns are called 'x'"):
         read(tmp_path, head=HEAD.replace("y", "x"))

@@ -76,6 +76,12 @@ BAD = {
         r"the stretch falls from line 8 on",
     ),
     "falling": ("strain, stress [kPa]", STRAIN, -KPA, "stress does not rise with stretch"),
+    "compression above zero": (
+        "compressive strain, compressive stress [kPa]",
+        STRAIN,
+        KPA,
+        "'compressive strain': values above zero would be read as tension .write strains and stresses of compression",
+    ),
     "one stretch": ("strain, stress [kPa]", 0 * STRAIN + 0.1, KPA, "holds one stretch only"),
 }
 

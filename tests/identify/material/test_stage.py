@@ -84,6 +84,21 @@ def test_a_unit_that_no_rubber_has_is_doubted_by_name(tmp_path, unit, young, sai
     assert first.startswith(f"POOR: Young's modulus is {said}, and 1 kPa to 1 GPa") and f"'stress [{unit}]'" in first
 
 
+@pytest.mark.parametrize("unit, peak, said", [
+    ("MPa", 1.0, "the stress reaches 525 MPa, and no rubber bears more than about 100 MPa"),
+    ("kPa", 100.0, "misses the curve by"),
+])  # fmt: skip
+def test_a_stress_that_no_rubber_bears_and_a_point_that_is_not_of_the_curve_are_doubted(tmp_path, unit, peak, said):
+    """kPa titled MPa, of a rubber of 900 kPa; one of 20 points a hundred times too large."""
+    stretch, path = np.linspace(1.0, 2.0, 20), tmp_path / "wrong.csv"
+    stress = 300 * (stretch - stretch**-2)
+    stress[10] *= peak
+    path.write_text(f"stretch,stress [{unit}]\n" + "".join(f"{x},{y}\n" for x, y in zip(stretch, stress, strict=True)))
+    done = cfem("material", "fit", path, "--law", "neo-hookean")
+    first = done.stdout.splitlines()[0]
+    assert first.startswith("POOR: ") and said in first
+
+
 def test_list_and_show():
     listed = cfem("material", "list")
     assert listed.exit_code == 0 and all(name in listed.stdout for name in ELASTOMERS)

@@ -223,6 +223,16 @@ def test_the_first_state_is_as_uncertain_as_is_stated(parts, kind):
     assert unknown_command.u == pytest.approx(2.0, abs=0.05)
 
 
+def test_a_jump_is_as_large_in_forces_as_in_displacements(parts):
+    """5 % of the reach, or the force that the static model needs for it."""
+    estimator, motion = parts
+    held, driven = (MarkerFilter(*parts, kind, unknown()).jump for kind in ("displacement", "force"))
+    assert held == pytest.approx(0.05 * np.abs(estimator.model.reach).max())
+    middle = estimator.middle[:1]
+    lam = [at_rest(motion, middle + side * held / 2).lam for side in (-1, 1)]
+    assert driven == pytest.approx(np.abs(lam[1] - lam[0]), rel=0.05)
+
+
 def test_commanded_forces_are_needed_where_they_drive(parts):
     with pytest.raises(InputError, match="commanded forces are missing"):
         MarkerFilter(*parts, "force", unknown()).tick(parts[0].rest)

@@ -51,7 +51,7 @@ def script(tmp_path, text, **changes):
         "    if 'bye' in m:\n"
         "        break\n" + textwrap.indent(textwrap.dedent(text), "    ")
     )
-    return PipePlant([sys.executable, str(path)], ROWS, np.zeros(2), **changes)
+    return PipePlant([sys.executable, str(path)], ROWS, **{"rest_e": np.zeros(2)} | changes)
 
 
 def test_the_fake_device_is_the_model_behind_a_pipe(folder):
@@ -144,6 +144,14 @@ def test_malformed_answers_are_named(tmp_path, answer, words):
     with script(tmp_path, f"say({answer})", **robot) as plant, pytest.raises(InputError, match=words) as caught:
         plant.step(np.ones(1))
     assert len(str(caught.value)) < 500 and str(caught.value).isprintable()
+
+
+def test_a_device_that_measures_in_metres_is_named(tmp_path):
+    robot = {"length": 100.0, "rest_e": np.array([10.0, 100.0])}
+    words = r"answered x_e = \[0.012, 0.095\], which is in metres: x_e is in mm"
+    answer = "say({'t': 1, 'x_e': [0.012, 0.095]})"
+    with script(tmp_path, answer, **robot) as plant, pytest.raises(InputError, match=words):
+        plant.step(np.ones(1))
 
 
 @pytest.mark.parametrize(

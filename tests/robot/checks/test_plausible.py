@@ -77,6 +77,10 @@ DOUBTED = {
         {"actuators": CABLE % ("[25, 0, 3], [15, 0, 3], [5, 0, 3]", "0, 0, 3", "mm", 3)},
         "cable 'c' begins 25 mm from its pull point and ends 5 mm from it",
     ),
+    "back over its way": (
+        {"actuators": CABLE % ("[5, 0, 3], [20, 0, 3], [10, 0, 3], [25, 0, 3]", "0, 0, 3", "mm", 3)},
+        "cable 'c' runs back over its own way at point 1: check their order",
+    ),
     "free end": (
         {"actuators": CABLE % ("[25, 0, 3], [15, 0, 3], [5, 0, 3]", "30, 0, 3", "mm", 3)},
         "cable 'c' is pulled from the free end, 30.1 mm from what is held",
@@ -106,11 +110,12 @@ def test_what_hardly_can_be_meant_is_doubted_by_name(tmp_path, changes, part):
         {},
         {"actuators": CABLE % (POINTS, "0, 0, 3", "mm", 3)},
         {"actuators": CABLE % ("[25, 0, 3]", "0, 0, 3", "mm", 3)},
+        {"actuators": CABLE % ("[5, 0, 3], [25, 0, 3], [5, 0, -3]", "0, 0, 3", "mm", 3)},
         {"gravity": WEIGHT % ("m/s^2", 0), "material": MATERIAL % ("1 MPa", 0.3, "1070 kg/m^3")},
         {"mesh": "{size: 5 mm, element: tet10p0}", "material": "{young: 1 MPa, poisson: 0.4999}"},
         {"effectors": "[{name: a, point: {mm: [29, 0, 0]}}, {name: b, point: {mm: [29, 0, 0]}, orientation: true}]"},
     ],
-    ids=["bar", "cable", "one point", "no gravity", "incompressible", "orientation"],
+    ids=["bar", "cable", "one point", "there and back", "no gravity", "incompressible", "orientation"],
 )
 def test_what_can_be_meant_is_not_doubted(tmp_path, changes):
     assert said_of(tmp_path, **changes) == []

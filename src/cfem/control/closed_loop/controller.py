@@ -9,11 +9,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cfem.condensed.far import doubt
+from cfem.condensed.far import demand_near
 from cfem.condensed.model import PathDependent
 from cfem.control.closed_loop.feedback import Feedback
 from cfem.control.closed_loop.tick import Belief, Pilot, drive
-from cfem.core.errors import InputError, NumericalError, SpecError
+from cfem.core.errors import NumericalError, SpecError
 from cfem.plant.gains import Gains
 from cfem.plant.protocol import Measurement
 
@@ -76,9 +76,7 @@ class Controller:
         goal = np.asarray(goal, float)
         if goal.shape != self._rest_e.shape or not np.isfinite(goal).all():
             raise SpecError(f"expected {len(self._rest_e)} finite numbers, got {goal.tolist()}", where="goal")
-        strange = doubt(goal, self._rest_e, self._far)
-        if strange:
-            raise InputError(f"the goal {goal.tolist()} {strange}", do="give it in mm, in the frame of the scene")
+        demand_near(goal, self._rest_e, self._far)
         self._tick += 1
         self.aimed = goal
         if self.feedback:

@@ -18,6 +18,7 @@ from collections import deque
 
 import numpy as np
 
+from cfem.condensed.far import in_metres
 from cfem.core.errors import InputError
 from cfem.plant.gains import Gains, late_samples
 
@@ -62,7 +63,7 @@ class Feedback:
 
     def sample(self, tick: int, x_e: np.ndarray) -> bool:
         """Takes a sample and returns True if it corrects. One that was taken before, that is older than the history,
-        not finite or too far from rest changes nothing. InputError for a command that was not given yet.
+        not finite, too far from rest or in metres changes nothing. InputError for a command that was not given yet.
 
         tick: number of the command that the sample followed, from 1 on
         x_e: (n_e,) mm"""
@@ -77,6 +78,8 @@ class Feedback:
             return False
         error = np.where(self._measured, self._references[-age] - x_e, 0.0)
         if not np.isfinite(error).all() or (np.abs(x_e - self._rest_e) > self._far)[self._measured].any():
+            return False
+        if in_metres(x_e, self._rest_e, self._far):
             return False
         self._ages.append(age)
         if not first:

@@ -20,6 +20,7 @@ from cfem.control.closed_loop.tick import Pilot
 from cfem.control.closed_loop.tick_log import tick_log
 from cfem.control.goals.doubts import one_point, wide
 from cfem.control.goals.trajectory_spec import meant_beyond
+from cfem.control.loads import load_doubts
 from cfem.core.artefact.judgement import KEY
 from cfem.core.console.progress import progress
 from cfem.equilibrium.robot import Robot
@@ -60,7 +61,8 @@ def run_controllers(
     # Laps run on whether a goal is reached or not.
     counted = {} if loop.laps else {name: results[name] for name in goals if not meant_beyond(spec.trajectories[name])}
     far = [] if loop.laps else wide(loop.settle.radius, robot.length, "loop.settle.radius")
-    verdict = {"headline": headline(results), KEY: [*judged(counted), *one_point(goals, robot.length), *far]}
+    judgement = [*judged(counted), *one_point(goals, robot.length), *far, *load_doubts(spec.loads)]
+    verdict = {"headline": headline(results), KEY: judgement}
     return {**verdict, "plant": spec.plant, "loop": results, "length": robot.length}
 
 

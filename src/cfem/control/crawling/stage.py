@@ -17,7 +17,7 @@ from cfem.control.holding.assembly import box_surface, place_of
 from cfem.control.open_loop.summary import summarise
 from cfem.control.prepared import demand_same_rows, robot_and_models
 from cfem.control.search.optimality import Verdict
-from cfem.core.artefact.judgement import KEY
+from cfem.core.artefact.judgement import KEY, poor
 from cfem.core.errors import InputError
 from cfem.dataset.writer import write_records
 from cfem.equilibrium.contact.points import PlacedRobot
@@ -26,6 +26,7 @@ from cfem.equilibrium.quasi_static import CONVERGED
 from cfem.equilibrium.robot import Robot
 from cfem.plant.fem_plant import pushed
 from cfem.predict.contact.leg import LearnedLeg, held_by
+from cfem.robot.checks.plausible import gravity_doubts
 from cfem.robot.load import load_scene_and_mesh
 
 Place = tuple[np.ndarray, np.ndarray]
@@ -85,7 +86,10 @@ def crawl(folder: Path, spec: CrawlingSpec, base: Path, mesh: Path, models: Mapp
     np.savez_compressed(folder / "states.npz", **_pictures(fe, walks["fe"], setting.places, robot, gait))
     account = account_of(walks["fe"])
     return {
-        KEY: judged(far, course.unit, ratio),
+        KEY: [
+            *judged(far, course.unit, ratio),
+            *map(poor, gravity_doubts([] if gait.gravity is None else [gait.gravity], "gait.gravity")),
+        ],
         "headline": headline(far, course.unit, sweep, walks, account, gait.ground.friction, outside, alone),
         "gait": {key: getattr(best, key).tolist() for key in ("mean", "amplitude", "phase")},
         "per_cycle": {key: known(walk.per_cycle(gait.steps, course.direction)) for key, walk in walks.items()},

@@ -33,8 +33,8 @@ def lifted(model, aim: Aim, limits: Limits, iterate: Iterate, settings: SearchSe
         try:
             above = search_goal(model.air, aim, limits, Iterate.at(model.air.at_displacement(model.air.home)), settings)
             iterate = Iterate.at(model.at_displacement(above.delta_a))
-        except NumericalError:  # no way from the table to there
-            pass
+        except NumericalError:
+            pass  # it cannot be carried there through the air: the search begins on the table
     return search_goal(model, aim, limits, iterate, settings, place)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from cfem.control.closed_loop.controller import Controller
 from cfem.control.goals.trajectory_spec import has_been, meant_beyond
 from cfem.control.holding.spec import HoldingSpec
+from cfem.control.loads import load_doubts
 from cfem.control.open_loop.doubts import doubts
 from cfem.control.open_loop.experiment import follow
 from cfem.control.open_loop.mesh_error import discretisation, states_to_refine
@@ -66,6 +67,7 @@ def carry_out(folder: Path, spec: PlannedSpec, base: Path, prepared: Prepared, s
         KEY: [
             *judged(results, {name: meant_beyond(trajectory) for name, trajectory in spec.trajectories.items()}),
             *doubts(prepared.goals, spec.reached, refined, robot.length),
+            *(load_doubts(spec.loads) if isinstance(spec, LoadedSpec) else []),
             *(prepared.touched.judged(robot.length) if prepared.touched else []),
         ],
         "object": held,

@@ -51,7 +51,7 @@ class Optimality:
         try:
             lam = inverse_step(condensed, free, limits).lambda_a
         except NumericalError:
-            pass
+            pass  # without an answer, `nearest` stays 0: the state is not called optimal
         else:
             nearest = aim.missed(condensed.W_ea @ lam + condensed.delta_free[condensed.rows.e])
         return cls(missed, nearest)

@@ -164,8 +164,8 @@ def _to_stderr(text: str) -> None:
     try:
         sys.stderr.write(text)
         sys.stderr.flush()
-    except (OSError, ValueError):  # nobody reads it any more: no reason to end the work
-        pass
+    except (OSError, ValueError):
+        pass  # nobody reads progress any more, and the work goes on without
 
 
 @contextmanager

@@ -90,6 +90,7 @@ def swing_constants(made: MarkerFilter, rate: float) -> tuple[dict[str, object],
     constants = {
         "scale": made.scale,
         "box": made.box,
+        "jump": made.jump,
         "rows": np.asarray(estimator.loaded_rows if n_w else [0], dtype=np.int32),
         "degrees": indices.astype(np.uint8),
         "markers": np.ascontiguousarray(of_markers[: 3 * m * motion.n_r].T),

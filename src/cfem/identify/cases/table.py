@@ -135,12 +135,12 @@ def _cases(table: TextTable, layout: TableColumns) -> _Rows:
 
 
 def _demand_markers(table: TextTable, cases: _Rows, markers: list[str]) -> None:
-    """Raises InputError where the table has none of the markers, or where some cases have an unknown name and lack a
-    marker: it is misspelt. Names that the spec leaves out are otherwise ignored."""
+    """Raises InputError where no case has a marker, or where some cases have an unknown name and lack a marker: it is
+    misspelt. Names that the spec leaves out are otherwise ignored."""
     known = set(markers)
     seen = {name for case in cases.values() for name in case}
-    if not seen & known:
-        what = f"holds none of the markers {', '.join(markers)}; it has {', '.join(sorted(seen))}"
+    if absent := [name for name in markers if name not in seen]:
+        what = f"holds no marker '{absent[0]}'; it has {', '.join(sorted(seen))}"
         raise InputError(what, where=str(table.path), do="name the markers as the table does")
     for name in sorted(seen - known):
         inside = [case for case in cases.values() if name in case]

@@ -166,7 +166,7 @@ def profile(problem: Problem, z: np.ndarray, index: int, known: Uncertainty) -> 
                     return None
                 width = min(1.6 * width, room)
         except (NumericalError, ValueError):
-            pass
+            return None  # no fit, or none of one sign, that far out: the end is not known
         return None
 
     return end(-1), end(1)

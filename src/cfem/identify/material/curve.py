@@ -54,6 +54,8 @@ def read_curve(path: Path, mode: Mode = "uniaxial", length: float | None = None,
             f"holds {len(table.rows)} points, and a fit needs {FEWEST}", where=str(path), do="record more points"
         )
     x, y = _points(table, (across, up))
+    for values, column in ((x, across), (y, up)):
+        _demand_sign(values, table.titles[column], path)
     stretch = _stretch(x, table.titles[across], length, path)
     stress = _stress(y, table.titles[up], area, path)
     return Curve(mode, *_rising(stretch, stress, table), str(path), table.titles[up])
@@ -101,6 +103,13 @@ def _columns(cells: tuple[str, ...], words: tuple[str, ...]) -> list[int]:
     named = [i for i in named if not re.search(r"\b(true|rate|cauchy)\b", cells[i].lower())]
     engineering = [i for i in named if re.search(r"engineering|nominal", cells[i].lower())]
     return engineering or named
+
+
+def _demand_sign(values: np.ndarray, title: str, path: Path) -> None:
+    """Raises InputError where a column of compression counts it above zero: it would be read as tension."""
+    if "compress" in title.lower() and "stretch" not in title.lower() and values.mean() > 0:
+        what = f"'{title}': values above zero would be read as tension"
+        raise InputError(what, where=str(path), do="write strains and stresses of compression below zero")
 
 
 def _stretch(x: np.ndarray, title: str, length: float | None, path: Path) -> np.ndarray:

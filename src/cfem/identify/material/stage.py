@@ -9,16 +9,20 @@ import numpy as np
 
 from cfem.core.artefact.files import write_json, write_whole
 from cfem.core.artefact.judgement import KEY, poor
+from cfem.core.console.shown import stress
 from cfem.core.errors import OutputError, SpecError
 from cfem.core.units import parse_quantity
 from cfem.identify.material.choose import Candidate, candidates, choose
 from cfem.identify.material.constants import as_yaml, intervals, scene_material
 from cfem.identify.material.curve import Curve, read_curve, up_to
+from cfem.identify.material.fit import LawFit
 from cfem.identify.material.forms import FORMS, Form, Mode
 from cfem.robot.checks.plausible import RUBBER, modulus_doubts
 
 DEFAULT = tuple(name for name in FORMS if name != "ogden-3")
 _SQUEEZED = 0.01  # strain beyond which a specimen is compressed
+STRENGTH = 100.0  # MPa of tension over the area at rest: above what the strongest rubbers bear
+MISSED = 0.1  # rms over the largest stress: a law that misses by more does not describe the curve
 FILES = ("material.yaml", "fit.json", "fit.png")
 
 
@@ -109,9 +113,8 @@ def _results(curves: list[Curve], tried: list[Candidate], chosen: Candidate, req
     fit = chosen.fit
     material = scene_material(fit, request.poisson)
     constants = {name: _known(interval) for name, interval in intervals(fit).items()}
-    titles = ", ".join(f"'{curve.title}' in {curve.source}" for curve in curves)
     return {
-        KEY: [poor(what) for what in modulus_doubts(fit.young, RUBBER, f"check the unit of {titles}")],
+        KEY: [poor(what) for what in _doubts(curves, fit)],
         "material": material,
         "scene": f"material: {as_yaml(material)}",
         "law": fit.form.name,
@@ -137,6 +140,21 @@ def _results(curves: list[Curve], tried: list[Candidate], chosen: Candidate, req
         "stable to": fit.stable,
         "not measured": [mode for mode in ("biaxial", "planar") if mode not in request.files],
     }
+
+
+def _doubts(curves: list[Curve], fit: LawFit) -> list[str]:
+    """Sentences on units that can hardly be meant, and on a law that misses its curves."""
+    titles = ", ".join(f"'{curve.title}' in {curve.source}" for curve in curves)
+    sentences = modulus_doubts(fit.young, RUBBER, f"check the unit of {titles}")
+    pulled = max(float(curve.stress.max()) for curve in curves)
+    largest = max(float(np.abs(curve.stress).max()) for curve in curves)
+    if pulled > STRENGTH and not sentences:
+        what = f"the stress reaches {stress(pulled)}, and no rubber bears more than about {stress(STRENGTH)}"
+        sentences.append(f"{what}: check the unit of {titles}")
+    if fit.rms > MISSED * largest:
+        share = f"{100 * fit.rms / largest:.0f} % of the largest stress"
+        sentences.append(f"{fit.form.name} misses the curve by {share} (rms): look for points that are not of it")
+    return sentences
 
 
 def _known(interval: tuple[float, float]) -> list[float | None]:

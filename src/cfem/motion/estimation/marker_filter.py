@@ -73,6 +73,7 @@ class MarkerFilter:
     known: the state after the last frame, None before the first
     scale (n,), box (n, 2): size of the numbers that markers show, and where they are looked for
     swing: amplitude of inner motions at the start
+    jump (n_a,): mm that an actuator may be off its command, or the N that hold so many where forces are commanded
     last: mean and covariance of what markers show, after the last frame
     """
 
@@ -93,6 +94,9 @@ class MarkerFilter:
         self._shown = np.r_[0:n_q, n_z : n_z + n_w + 1]  # of the numbers of the state
         H = motion.paths(estimator.middle[:n_a])[0][:3]
         self.swing = uncertainty.swing / np.sqrt((H**2).sum())  # an amplitude
+        self.jump = JUMP * estimator.scale[:n_a]
+        if kind == "force":
+            self.jump = self.jump * np.abs(np.diag(motion.forces(estimator.middle[:n_a])[1]))
         swings, soft = np.full(motion.n_r, self.swing), max(uncertainty.stiffness, 1e-6)
         self.scale = np.r_[estimator.scale[:n_a], swings, estimator.scale[n_a:], soft]
         far = FAR * np.r_[swings, soft]
@@ -238,7 +242,7 @@ class MarkerFilter:
     def _jumped(self, state: MovingState) -> Gaussian:
         """The distribution if actuators were not where their commands are: cables that are slack for a moment."""
         covariance, n_z = state.covariance.copy(), len(state.by_slip)
-        by_jump = JUMP * state.by_slip * self.estimator.scale[: self.motion.n_a]
+        by_jump = state.by_slip * self.jump
         covariance[:n_z, :n_z] += by_jump @ by_jump.T
         return Gaussian(state.distribution.mean, covariance)
 

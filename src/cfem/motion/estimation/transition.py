@@ -82,9 +82,10 @@ class Transition:
             middle[:n_a] = state.z[:n_a] + (u - begin) / 2
         place, by_slip = places(self._motion, middle[None, :n_a]), np.zeros((self.n_z, len(begin)))
         J = self._load_slopes(place, middle)
-        for share in np.arange(1, count + 1) / count:
-            state, A, B = self._step(state, begin + share * (u - begin), time / count, place, J)
-            by_slip = A @ by_slip + B / count
+        for number in range(1, count + 1):
+            state, A, B = self._step(state, begin + number / count * (u - begin), time / count, place, J)
+            # a displacement grows by as much in each step, a force acts with its mean over the step
+            by_slip = A @ by_slip + B * (1 if self._held else number - 0.5) / count
         return replace(state, by_slip=by_slip)
 
     def count(self, time: float) -> int:
@@ -94,7 +95,7 @@ class Transition:
     def _step(
         self, state: MovingState, u: np.ndarray, dt: float, place: MotionTerms, J: np.ndarray
     ) -> tuple[MovingState, np.ndarray, np.ndarray]:
-        """The state after one step to the command u, and the slopes of z by the z before and by the command.
+        """The state after one step to the command u, and the slopes of z by the z before and by what acts in the step.
 
         place: whose inertia is taken; J (n_w, n_q): slopes of the rows with forces by q."""
         n_a, n_q, n_z = self._motion.n_a, self._motion.n_q, self.n_z

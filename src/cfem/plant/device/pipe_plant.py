@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from cfem.condensed import Rows
+from cfem.condensed.far import far_of, in_metres
 from cfem.core.errors import InputError
 from cfem.plant.device.answer import FAR, Malformed, answer_of, numbers, shown, step_of
 from cfem.plant.device.process import DeviceProcess
@@ -55,6 +56,7 @@ class PipePlant:
         self._folder, self._markers = folder, tuple(markers)
         self._length = FAR * length
         self._farthest_e = np.where(rows.turns, FAR * 2 * np.pi, self._length)
+        self._far = far_of(rows, length)
         self._farthest_a = np.inf if reach is None else FAR * np.abs(reach).max(axis=1)
         self._process: DeviceProcess | None = None
         self._last = Measurement(np.full(rows.n_e, np.nan), None, None, 0, "")
@@ -119,6 +121,8 @@ class PipePlant:
         none = np.zeros(self._rows.n_a)
         delta_a, lambda_a = numbers(answer, "delta_a", none, self._farthest_a), numbers(answer, "lambda_a", none)
         unseen = x_e is None
+        if not unseen and in_metres(x_e, self._rest_e, self._far):
+            raise Malformed(f"answered x_e = {shown(answer['x_e'])}, which is in metres: x_e is in mm")
         measurement = Measurement(
             np.full(self._rows.n_e, np.nan) if unseen else x_e,
             delta_a,

@@ -1,5 +1,6 @@
 """What a robot meets, and what control does with it, as `control.yaml` says it."""
 
+from abc import abstractmethod
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -42,16 +43,20 @@ class _Any(Spec):
     def pressed(self) -> bool:
         return self.press is not None or self.largest_force is not None
 
+
+class _Solid(_Any):
+    """An obstacle that does not yield."""
+
+    @abstractmethod
+    def made(self, folder: Path) -> Obstacle:
+        """The obstacle where it stands; folder: of the control.yaml."""
+
     def course(self, folder: Path) -> PrescribedMotion:
         """Motion of the obstacle over the run; folder: of the control.yaml."""
         return Translation(self.made(folder), np.zeros((1, 3)) if self.path is None else np.asarray(self.path, float))
 
-    def made(self, folder: Path) -> Obstacle:
-        """The obstacle where it stands; folder: of the control.yaml."""
-        raise NotImplementedError
 
-
-class PlaneObstacle(_Any):
+class PlaneObstacle(_Solid):
     """A wall or a table: everything behind a plane."""
 
     kind: Literal["plane"]
@@ -65,7 +70,7 @@ class PlaneObstacle(_Any):
         return Plane(R=_turned(self.normal), t=np.array(self.point))
 
 
-class SphereObstacle(_Any):
+class SphereObstacle(_Solid):
     """A ball."""
 
     kind: Literal["sphere"]
@@ -79,7 +84,7 @@ class SphereObstacle(_Any):
         return Sphere(self.radius, t=np.array(self.centre))
 
 
-class BoxObstacle(_Any):
+class BoxObstacle(_Solid):
     """A box."""
 
     kind: Literal["box"]
@@ -95,7 +100,7 @@ class BoxObstacle(_Any):
         return Box(np.array(self.half_size), R=_rotation(self.rotate), t=np.array(self.centre))
 
 
-class CapsuleObstacle(_Any):
+class CapsuleObstacle(_Solid):
     """A rod with round ends."""
 
     kind: Literal["capsule"]
@@ -117,7 +122,7 @@ class CapsuleObstacle(_Any):
         )
 
 
-class MeshObstacle(_Any):
+class MeshObstacle(_Solid):
     """A body of any shape."""
 
     kind: Literal["mesh"]

@@ -1,6 +1,7 @@
 """What hardly can be meant, such as a robot of 0.06 mm: most of it is a number written in another unit."""
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from cfem.core.console.shown import stress
 from cfem.equilibrium.robot import Robot
@@ -31,7 +32,9 @@ def doubts(scene, robot: Robot) -> list[str]:
     extent = np.ptp(robot.X, axis=0)
     if not extent.max() / LENGTHS <= scene.length <= LENGTHS * extent.max():
         sentences.append(f"length is {scene.length:.4g} mm, and the body measures {sides(extent)} mm: check its unit")
-    sentences += _width_doubts(scene, extent) + _material_doubts(scene) + _gravity_doubts(scene)
+    sentences += _width_doubts(scene, extent) + _material_doubts(scene)
+    if scene.gravity is not None:
+        sentences += gravity_doubts(scene.gravity.acceleration, "gravity")
     return sentences + cable_doubts(scene, robot) + effector_doubts(scene) + stroke_doubts(scene, robot)
 
 
@@ -58,11 +61,12 @@ def _material_doubts(scene) -> list[str]:
     return sentences
 
 
-def _gravity_doubts(scene) -> list[str]:
-    size = 0.0 if scene.gravity is None else float(np.linalg.norm(scene.gravity.acceleration))
+def gravity_doubts(acceleration: ArrayLike, key: str) -> list[str]:
+    """Says if an acceleration (3,) mm/s^2, stated under `key`, is hardly that of gravity."""
+    size = float(np.linalg.norm(acceleration))
     if size == 0 or GRAVITIES[0] <= size <= GRAVITIES[1]:
         return []
-    return [f"gravity is {size / 1e3:.4g} m/s^2, and on earth 9.81 m/s^2: check its unit"]
+    return [f"{key} is {size / 1e3:.4g} m/s^2, and on earth 9.81 m/s^2: check its unit"]
 
 
 def modulus_doubts(young: float, known: tuple[float, float], do: str) -> list[str]:

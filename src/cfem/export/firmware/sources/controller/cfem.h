@@ -35,13 +35,13 @@ enum {
     CFEM_BAD_INPUT = 32,  /*   a number of the input is not finite */
     CFEM_NO_MODEL = 64,   /*   the model's stiffness is not positive definite or not finite here */
     CFEM_NO_QP = 128,     /*   the program has no trustworthy answer */
-    CFEM_REJECTED = 256,  /* the sample was not used: not finite, more than two lengths of the robot from rest, older than CFEM_LATE
-                             commands, of a command not given yet, or unlike what the observer expects of it (cfem_gate.h) */
+    CFEM_REJECTED = 256,  /* the sample was not used: not finite, more than two lengths of the robot from rest or in metres, older than
+                             CFEM_LATE commands, of a command not given yet, or unlike what the observer expects of it (cfem_gate.h) */
     CFEM_RESTARTED = 512, /* too many samples were unlike that, or the estimate was lost: the observer began again */
     CFEM_OUT_OF_REACH = 1024, /* the robot stands at the nearest point to its goal: by the optimality conditions no move within
                               the bounds of force and course brings the effectors nearer */
     CFEM_FAR = 2048        /*   with CFEM_BAD_INPUT: the goal is more than two lengths of the robot from where the effectors rest,
-                              so that its unit is another one */
+                              or would be near the robot if it were in metres: its unit is another one */
 };
 
 /* What the controller knows at a tick. */

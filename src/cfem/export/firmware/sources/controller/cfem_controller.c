@@ -1,3 +1,4 @@
+#include "cfem_far.h"
 #include "cfem_inverse.h"
 #include "cfem_linear.h"
 #include "cfem_parts.h"
@@ -122,14 +123,12 @@ static unsigned outside(const cfem_condensed *m) {
 
 /* 0, or what is wrong with the input. */
 static unsigned complaint(const cfem_input *in) {
-    int good = 1, far = 0;
-    for (int e = 0; e < NE; e++) {
-        good &= cfem_finite((double)in->goal[e]);
-        far |= fabs((double)in->goal[e] - cfem_rest_e[e]) > cfem_far[e];
-    }
+    double goal[MOST_NE];
+    int good = 1;
+    for (int e = 0; e < NE; e++) goal[e] = (double)in->goal[e], good &= cfem_finite(goal[e]);
     if (CFEM_OBSERVER == CFEM_OBSERVER_MEASURED)
         for (int i = 0; i < NA; i++) good &= cfem_finite((double)in->delta_a[i]);
-    return !good ? CFEM_HELD | CFEM_BAD_INPUT : far ? CFEM_HELD | CFEM_BAD_INPUT | CFEM_FAR : CFEM_OK;
+    return !good ? CFEM_HELD | CFEM_BAD_INPUT : cfem_is_far(goal) ? CFEM_HELD | CFEM_BAD_INPUT | CFEM_FAR : CFEM_OK;
 }
 
 static unsigned answer(const cfem_controller *c, unsigned status, cfem_output *out) {

@@ -1,7 +1,6 @@
 #include "cfem_feedback.h"
 
-#include "cfem.h"
-#include "cfem_linear.h"
+#include "cfem_far.h"
 
 #define WINDOW CFEM_FEEDBACK_WINDOW
 
@@ -31,18 +30,19 @@ static int late_samples(const cfem_feedback *f) {
 unsigned cfem_feedback_hear(cfem_feedback *f, uint32_t tick, const cfem_real *x_e) {
     const uint32_t age = f->given - tick + 1, interval = tick - f->heard; /* numbers may run over */
     const int first = f->heard == 0;
-    double error[CFEM_MOST_NE], square = 0.0;
+    double place[CFEM_MOST_NE], error[CFEM_MOST_NE], square = 0.0;
     if ((int32_t)(tick - f->given) > 0) return CFEM_REJECTED;
     if ((int32_t)interval <= 0) return CFEM_OK;
     f->heard = tick;
     if (age > CFEM_LATE) return CFEM_REJECTED;
     const double *const reference = f->references[(f->next + CFEM_LATE - (int)age) % CFEM_LATE];
     for (int e = 0; e < CFEM_NE; e++) {
-        const double place = (double)x_e[e];
-        error[e] = cfem_effector_weight[e] > 0.0 ? reference[e] - place : 0.0;
+        place[e] = (double)x_e[e];
+        error[e] = cfem_effector_weight[e] > 0.0 ? reference[e] - place[e] : 0.0;
         if (!cfem_finite(error[e])) return CFEM_REJECTED;
-        if (cfem_effector_weight[e] > 0.0 && fabs(place - cfem_rest_e[e]) > cfem_far[e]) return CFEM_REJECTED;
+        if (cfem_effector_weight[e] > 0.0 && fabs(place[e] - cfem_rest_e[e]) > cfem_far[e]) return CFEM_REJECTED;
     }
+    if (cfem_in_metres(place)) return CFEM_REJECTED;
     into(f->ages, &f->samples, age);
     if (!first) into(f->intervals, &f->gaps, interval);
     f->late = late_samples(f);

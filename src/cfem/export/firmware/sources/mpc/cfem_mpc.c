@@ -2,6 +2,7 @@
 
 #include <string.h>
 
+#include "cfem_far.h"
 #include "cfem_linear.h"
 #include "cfem_parts.h"
 
@@ -160,12 +161,11 @@ static unsigned planned(cfem_mpc *m, const cfem_mpc_input *in, double *u, unsign
     double sum = 0.0;
     int far = 0;
     const int known = in->ahead < 1 ? 1 : in->ahead < TICKS ? in->ahead : TICKS;
-    for (int k = 0; k < TICKS; k++)
-        for (int e = 0; e < NE; e++) {
-            const double goal = in->goal[k < known ? k : known - 1][e];
-            m->plan.goal[k][e] = goal - cfem_rest_e[e], sum += goal;
-            far |= fabs(goal - cfem_rest_e[e]) > cfem_far[e];
-        }
+    for (int k = 0; k < TICKS; k++) {
+        const double *goal = in->goal[k < known ? k : known - 1];
+        for (int e = 0; e < NE; e++) m->plan.goal[k][e] = goal[e] - cfem_rest_e[e], sum += goal[e];
+        far |= cfem_is_far(goal);
+    }
     if (CFEM_MPC_SENSED) {
         if (in->sampled > m->sent || in->sampled < 0) return CFEM_HELD | CFEM_BAD_INPUT;
         *heard = cfem_observer_hear(m, in->x_e, in->sampled);

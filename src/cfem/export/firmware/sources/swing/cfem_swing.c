@@ -17,7 +17,6 @@
 #define REST (NZ - NQ) /* momenta and memory, which markers do not tell */
 #define HELD (!CFEM_SWING_FORCE)
 #define SAG 0.5   /* of the square of a swing over the length of the robot: how far its arc is from a line */
-#define JUMP 0.05 /* of the reach: of an actuator that is not where its command is */
 #define UNSEEN 0.3
 
 /* Place of an unknown that markers tell (N), in the covariance (NX). */
@@ -92,7 +91,7 @@ static void jump(const cfem_swing *s, double P[NX][NX]) {
     memcpy(P, s->covariance, sizeof s->covariance);
     for (int i = 0; i < NZ; i++)
         for (int j = 0; j < NZ; j++)
-            for (int a = 0; a < NA; a++) P[i][j] += JUMP * JUMP * cfem_swing_scale[a] * cfem_swing_scale[a] * s->by_slip[i][a] * s->by_slip[j][a];
+            for (int a = 0; a < NA; a++) P[i][j] += cfem_swing_jump[a] * cfem_swing_jump[a] * s->by_slip[i][a] * s->by_slip[j][a];
 }
 
 /* (N, N) of the least squares; 0 where there is none. */

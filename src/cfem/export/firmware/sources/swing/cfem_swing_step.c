@@ -31,7 +31,7 @@ static void slopes(const double *q, const cfem_inner *inner, double J[LOADS][NQ]
     }
 }
 
-/* A (NZ, NZ), B (NZ, NA): the state by the one before, and by the command. */
+/* A (NZ, NZ), B (NZ, NA): the state by the one before, and by what acts in the step. */
 static void formed(const cfem_stage *stage, double A[NZ][NZ], double B[NZ][NA]) {
     double one[NZ * NA];
     cfem_stage_of_block(stage, NA, NULL, 1.0, B[0], NULL);
@@ -81,8 +81,8 @@ static void carry(double F[NX][NX], double P[NX][NX]) {
         for (int j = 0; j <= i; j++) P[i][j] = cfem_dot(NX, FP[i], F[j]);
 }
 
-/* One step, in which the command moves to u. 0, or 1 where the robot is lost. */
-static int step(cfem_swing *s, const double *u, cfem_place *place, double J[LOADS][NQ]) {
+/* One step, in which the command moves to u; share: of a slip over the frame that acts in it. 0, or 1 where the robot is lost. */
+static int step(cfem_swing *s, const double *u, double share, cfem_place *place, double J[LOADS][NQ]) {
     const cfem_material material = {exp(s->stiffness), 1.0};
     double half_push[NQ] = {0.0}, A[NZ][NZ], B[NZ][NA], half[NZ][NQ], F[NX][NX], by_material[NZ][2], by_slip[NZ][NA], sum = 0.0;
     const double keeps = CFEM_SWING_KEEPS, wander = CFEM_SWING_WANDER * CFEM_SWING_STIFFNESS;
@@ -121,7 +121,7 @@ static int step(cfem_swing *s, const double *u, cfem_place *place, double J[LOAD
     for (int i = 0; i < NZ; i++) {
         s->z[i] = moving.z[i] + (i >= NQ && i < 2 * NQ ? half_push[i - NQ] : 0.0), sum += s->z[i];
         for (int a = 0; a < NA; a++) {
-            by_slip[i][a] = B[i][a] / CFEM_SWING_STEPS;
+            by_slip[i][a] = B[i][a] * share;
             for (int k = 0; k < NZ; k++) by_slip[i][a] += A[i][k] * s->by_slip[k][a];
         }
     }
@@ -144,6 +144,7 @@ void cfem_swing_advance(cfem_swing *s, const double *u) {
     for (int k = 1; k <= CFEM_SWING_STEPS && s->known; k++) {
         const double share = (double)k / CFEM_SWING_STEPS;
         for (int a = 0; a < NA; a++) now[a] = before[a] + share * (u[a] - before[a]);
-        if (step(s, now, &place, J)) s->known = 0;
+        /* a displacement grows by as much in each step, a force acts with its mean over the step */
+        if (step(s, now, (HELD ? 1.0 : k - 0.5) / CFEM_SWING_STEPS, &place, J)) s->known = 0;
     }
 }
