@@ -1,4 +1,4 @@
-"""The stroke found by solving ends where the body is bent or strained to its limit."""
+"""The stroke found by solving ends where the body is bent or strained to its limit, or has softened."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -121,6 +121,43 @@ def test_a_body_that_touches_itself_from_the_start_has_the_stroke_of_one_that_do
     (first,) = strokes(bar("tet4", divisions=(12, 2, 2), cables=1))
     assert first.reach == pytest.approx(found[1][0].reach, rel=0.05)
     assert first.why == f"{found[1][0].why}; its surface touches itself from the start, which is left out of account"
+
+
+def column(off: float) -> Robot:
+    """A bar whose one cable leads through the air to its end, `off` mm beside its middle: it is pressed, then gives way
+    sideways."""
+    plain = bar("tet10p0", divisions=(8, 1, 1), cables=1)
+    end = attach(plain.body.mesh, np.array([55.0, 5.0, 5.0 - off]), 4.0, "cable-0")
+    return replace(plain, actuators=(make_cable([end], np.array([0.0, 5.0, 5.0 - off]), "cable-0"),))
+
+
+def stiffness(robot: Robot, amount: float) -> float:
+    """N/mm of the cable, by the forces on either side."""
+    states = [
+        solve(Problem(robot), Actuation(np.eye(1), np.array([near]), np.zeros(1)), slack=False)
+        for near in (amount - 0.01, amount + 0.01)
+    ]
+    return float(np.diff([ended.state.lam[0] for ended in states])[0] / 0.02)
+
+
+def test_a_limb_that_gives_way_ends_the_stroke_at_a_quarter_of_its_stiffness():
+    """From 1.22 N/mm at 0.1 of a right angle, where the first state lies that is bent so far."""
+    robot = column(1.0)
+    (given_way,) = strokes(robot)
+    assert given_way.why == "softened to 25 % of its stiffness"
+    assert stiffness(robot, given_way.reach) == pytest.approx(stiffness(robot, 0.94) / 4, rel=0.15)
+
+
+def test_a_column_that_is_only_pressed_at_first_goes_on_until_it_has_softened_as_a_bent_one(monkeypatch):
+    robot = column(0.2)
+    (bent,) = strokes(robot)
+    monkeypatch.setattr(stroke, "_BENT", 0.0)
+    (pressed,) = strokes(robot)
+    assert bent.reach > 1.5 * pressed.reach
+
+
+def test_a_cable_that_bends_a_body_from_the_start_is_not_ended_by_softening(found):
+    assert not any("softened" in each.why for each in found[1])
 
 
 def test_a_failing_solve_ends_the_stroke(found, monkeypatch):

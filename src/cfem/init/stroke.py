@@ -1,5 +1,5 @@
-"""How far each actuator of a robot goes, found by solving: until the body is strained or bent to a limit or meets
-itself, or a solve fails, as where it buckles."""
+"""How far each actuator of a robot goes, found by solving: until the body is strained or bent to a limit, has softened
+or meets itself, or a solve fails, as where it buckles."""
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
@@ -24,6 +24,8 @@ from cfem.init.written import short
 
 STRAIN = 0.5  # largest principal stretch less one, as a mean of high power over the body
 BEND = np.pi / 2  # rad by which the tip turns
+SOFT = 0.25  # of the stiffness d lambda / d delta that a cable or a push meets first: a limb gives way to it
+_BENT = 0.1  # of strain or bend, from where stiffness counts as the first: a straight column is only pressed before
 _POWER = 8.0
 _FIRST = {"mm": 0.01, "mm^3": 0.02}  # of the length of a cable, of the volume of a chamber
 _LEAST = 1e-3  # of the first amount, below which nothing is tried
@@ -142,13 +144,14 @@ def _until(problem: Problem, index: int, tip: np.ndarray, advance: Callable[[int
     """meets: whether the body must not meet itself."""
     robot = problem.robot
     row, unit = robot.actuators[index], robot.actuator_units[index][0]
+    softens = unit != "mm^3"  # chambers soften as they grow, as balloons do, and are followed all the same
     whole = getattr(row, "rest_volume", None) or getattr(row, "rest_length", None) or robot.length
     C = np.eye(robot.rows.n_a)[[index]]
     amount, most = _FIRST[unit] * whole, _MOST[unit] * whole
-    done, force, before, state = 0.0, 0.0, 0.0, None
+    done, force, before, state, first = 0.0, 0.0, 0.0, None, None
     while True:
         target = Actuation(C, np.array([amount]), np.zeros(robot.rows.n_a))
-        ended = solve(problem, target, state, state, _LOOSE, slack=False, wanted=Wanted(condense=False))
+        ended = solve(problem, target, state, state, _LOOSE, slack=False, wanted=Wanted(condense=softens))
         advance(1)
         if ended.status is not Status.CONVERGED:
             if done == 0.0 and amount > _LEAST * _FIRST[unit] * whole:
@@ -162,6 +165,11 @@ def _until(problem: Problem, index: int, tip: np.ndarray, advance: Callable[[int
             amount = (done + most) / 2
             continue
         used, why = _used(problem, ended, tip)
+        if softens:
+            stiffness = 1.0 / float(ended.condensed.W_aa[index, index])
+            first = stiffness if first is None and used >= _BENT else first
+            lost = (1.0 - stiffness / first) / (1.0 - SOFT) if first else 0.0
+            used, why = max((used, why), (lost, f"softened to {100 * SOFT:.0f} % of its stiffness"))
         here = float(abs(ended.state.lam[index]))
         if used >= 1.0:
             share = (1.0 - before) / (used - before)
