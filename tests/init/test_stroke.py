@@ -11,12 +11,15 @@ from support.blocks import bar
 from cfem.constraint.attachment import attach
 from cfem.constraint.cable import make_cable
 from cfem.constraint.effector import make_effector
+from cfem.core.errors import SpecError
 from cfem.equilibrium.actuation import Actuation
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.robot import Robot
 from cfem.equilibrium.solve import Wanted, solve
 from cfem.init import stroke
-from cfem.init.stroke import strokes
+from cfem.init.drive import Drive
+from cfem.init.question import answer
+from cfem.init.stroke import Stroke, alike, reaches, strokes
 from cfem.mechanics.body import make_body
 from cfem.mechanics.element import ELEMENTS
 from cfem.mechanics.material import LAWS
@@ -61,7 +64,8 @@ def together(monkeypatch):
 
     def strokes_where(borne):
         def solved(problem, actuation, **how):
-            share = 1 / (2 * 4.0 * actuation.C[0, 0])
+            assert float((actuation.C @ [4.0, 4.0])[0]) == pytest.approx(1.0)
+            share = actuation.target[0]
             return SimpleNamespace(status=stroke.Status.CONVERGED if borne(share) else stroke.Status.OUT_OF_REACH)
 
         monkeypatch.setattr(stroke, "_alone", lambda *given: stroke.Stroke(4.0, 1.0, "alone"))
@@ -77,6 +81,61 @@ def test_strokes_are_as_much_as_all_actuators_bear_together(together, most):
     """To an eighth of the step between two shares that are tried."""
     first, second = together(lambda share: share <= most)
     assert first == second and most - 0.02 <= first <= max(most, 0.02)
+
+
+def test_all_together_unlike_actuators_are_pulled_in_the_proportion_of_their_forces(monkeypatch):
+    """So that one of a tenth of the other's stroke goes no farther beyond it than the other: both rows end at mu."""
+    pulled = []
+
+    def solved(problem, actuation, **how):
+        pulled.append(actuation)
+        return SimpleNamespace(status=stroke.Status.CONVERGED)
+
+    alone = iter([Stroke(4.0, 2.0, "alone"), Stroke(0.4, 3.0, "alone")])
+    monkeypatch.setattr(stroke, "_alone", lambda *given: next(alone))
+    monkeypatch.setattr(stroke, "_meets_itself", lambda *given: False)
+    monkeypatch.setattr(stroke, "solve", solved)
+    assert [each.reach for each in strokes(bar("tet4", divisions=(6, 1, 1)))] == [4.0, 0.4]
+    assert pulled[-1].C[0, 1] / pulled[-1].C[0, 0] == pytest.approx(3 / 2)
+    assert float((pulled[-1].C @ [4.0, 0.4])[0]) == pytest.approx(pulled[-1].target[0]) == 1.0
+
+
+def test_strokes_that_are_nearly_alike_are_the_shorter_and_others_are_kept():
+    found = [Stroke(reach, 1.0, "x") for reach in (10.0, 11.9, 30.0, 12.0, 33.0, 2.0)]
+    assert [each.reach for each in alike(found)] == [10, 10, 30, 10, 30, 2]
+    assert alike([]) == []
+
+
+class TestWhatIsAsked:
+    @pytest.fixture
+    def robot(self, monkeypatch):
+        ends = [Stroke(4.0, 1.0, "bent"), Stroke(9.0, 2.5, "strained")]
+        monkeypatch.setattr(stroke, "strokes", lambda robot, advance: ends)
+        return bar("tet4", divisions=(6, 1, 1))
+
+    def asked(self, robot, text=None):
+        questions = []
+
+        def ask(question):
+            questions.append(question)
+            return answer(question, text)
+
+        stated = () if text is None else ("reach",)
+        return reaches(robot, Drive(cables=(None, None)), 0, stated, ask, "a coarse mesh"), questions[0]
+
+    def test_unlike_strokes_are_suggested_one_by_one_with_the_reason_of_each(self, robot):
+        (first, second), question = self.asked(robot)
+        assert (first.value, second.value, question.default) == (4.0, 9.0, "4 mm, 9 mm")
+        assert first.guess == "bent, at 1 N on a coarse mesh"
+        assert second.guess == "strained, at 2.5 N on a coarse mesh"
+        assert question.why == f"cable-0: {first.guess}; cable-1: {second.guess}"
+
+    def test_one_amount_is_for_all_and_as_many_as_there_are_for_each(self, robot):
+        assert [each.value for each in self.asked(robot, "7 mm")[0]] == [7, 7]
+        stated = self.asked(robot, "7 mm, 1 cm")[0]
+        assert [(each.value, each.guess) for each in stated] == [(7, None), (10, None)]
+        with pytest.raises(SpecError, match="expected one quantity for all, or 2 with commas, got '1 mm, 2 mm, 3 mm'"):
+            self.asked(robot, "1 mm, 2 mm, 3 mm")
 
 
 def test_strokes_are_not_cut_where_all_go_together(together):
