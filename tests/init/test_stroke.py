@@ -199,20 +199,12 @@ def stiffness(robot: Robot, amount: float) -> float:
     return float(np.diff([ended.state.lam[0] for ended in states])[0] / 0.02)
 
 
-def test_a_limb_that_gives_way_ends_the_stroke_at_a_quarter_of_its_stiffness():
-    """From 1.22 N/mm at 0.1 of a right angle, where the first state lies that is bent so far."""
-    robot = column(1.0)
+@pytest.mark.parametrize("off", [0.2, 1.0])
+def test_a_limb_that_gives_way_ends_the_stroke_at_a_quarter_of_its_stiffness(off):
+    robot = column(off)
     (given_way,) = strokes(robot)
-    assert given_way.why == "softened to 25 % of its stiffness"
-    assert stiffness(robot, given_way.reach) == pytest.approx(stiffness(robot, 0.94) / 4, rel=0.15)
-
-
-def test_a_column_that_is_only_pressed_at_first_goes_on_until_it_has_softened_as_a_bent_one(monkeypatch):
-    robot = column(0.2)
-    (bent,) = strokes(robot)
-    monkeypatch.setattr(stroke, "_BENT", 0.0)
-    (pressed,) = strokes(robot)
-    assert bent.reach > 1.5 * pressed.reach
+    assert given_way.why == "softened to 25 % of its stiffness" and given_way.force > 1
+    assert stiffness(robot, given_way.reach) == pytest.approx(stiffness(robot, 0.55) / 4, rel=0.15)
 
 
 def test_a_cable_that_bends_a_body_from_the_start_is_not_ended_by_softening(found):

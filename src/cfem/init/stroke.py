@@ -25,7 +25,6 @@ from cfem.init.written import short
 STRAIN = 0.5  # largest principal stretch less one, as a mean of high power over the body
 BEND = np.pi / 2  # rad by which the tip turns
 SOFT = 0.25  # of the stiffness d lambda / d delta that a cable or a push meets first: a limb gives way to it
-_BENT = 0.1  # of strain or bend, from where stiffness counts as the first: a straight column is only pressed before
 _POWER = 8.0
 _FIRST = {"mm": 0.01, "mm^3": 0.02}  # of the length of a cable, of the volume of a chamber
 _LEAST = 1e-3  # of the first amount, below which nothing is tried
@@ -201,9 +200,9 @@ def _until(problem: Problem, index: int, tip: np.ndarray, advance: Callable[[int
         used, why = _used(problem, ended, tip)
         if softens:
             stiffness = 1.0 / float(ended.condensed.W_aa[index, index])
-            first = stiffness if first is None and used >= _BENT else first
-            lost = (1.0 - stiffness / first) / (1.0 - SOFT) if first else 0.0
-            used, why = max((used, why), (lost, f"softened to {100 * SOFT:.0f} % of its stiffness"))
+            first = first or stiffness
+            lost = np.log(max(stiffness / first, SOFT**4)) / np.log(SOFT)  # it falls by factors where a limb buckles
+            used, why = max((used, why), (float(lost), f"softened to {100 * SOFT:.0f} % of its stiffness"))
         here = float(abs(ended.state.lam[index]))
         if used >= 1.0:
             share = (1.0 - before) / (used - before)
