@@ -11,7 +11,7 @@ import jsonschema
 import meshio
 import numpy as np
 import pytest
-from init.bodies import chambered, write_cells, write_stl
+from init.bodies import chambered, frame, write_cells, write_stl
 from support.blocks import block
 from typer.testing import CliRunner
 
@@ -331,6 +331,21 @@ def test_poor_cells_are_kept_where_their_surface_cannot_be_meshed(tmp_path):
     assert asked.exit_code == 2 and "--remesh: its surface cannot be meshed" in asked.stderr
     cells = init(tmp_path, tmp_path / "own.vtu", *words, "--cells", "500", "--force")
     assert cells.exit_code == 2 and "--cells: the mesh in the file is taken as it is, as its surface" in cells.stderr
+
+
+def test_fewer_cables_than_asked_for_are_said_on_screen_and_in_the_scene(tmp_path):
+    shape = frame()
+    meshio.write(tmp_path / "ring.vtu", meshio.Mesh(shape.mesh.X, [("tetra", shape.mesh.cells)]))
+    done = init(tmp_path, tmp_path / "ring.vtu", "--unit", "mm", "--fixed", "left", "--reach", "1 mm, 2 mm", "--quiet")
+    assert done.exit_code == 0, done.stderr
+    said, do = "2 cables where 3 were asked for: 2 ways around the body lead to the tip", "for more, hold another part"
+    assert f"{said}; {do}" in done.stdout
+    text = (tmp_path / "pipelines" / "own" / "scene.yaml").read_text()
+    assert f"# {said}\n# {do}" in text
+    np.testing.assert_array_equal(built(tmp_path)[1].reach[:, 1], [1, 2])
+    again = ["--cables", "2", "--reach", "1 mm", "--force", "--quiet"]
+    enough = init(tmp_path, tmp_path / "ring.vtu", "--unit", "mm", "--fixed", "left", *again)
+    assert "asked for" not in enough.stdout
 
 
 def test_a_mesh_with_a_cell_without_volume_is_meshed_anew_from_its_surface(tmp_path):

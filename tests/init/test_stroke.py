@@ -1,4 +1,4 @@
-"""The stroke found by solving ends where the body is bent or strained to its limit."""
+"""The stroke found by solving ends where the body is bent or strained to its limit, or has softened."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -11,12 +11,15 @@ from support.blocks import bar
 from cfem.constraint.attachment import attach
 from cfem.constraint.cable import make_cable
 from cfem.constraint.effector import make_effector
+from cfem.core.errors import SpecError
 from cfem.equilibrium.actuation import Actuation
 from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.robot import Robot
 from cfem.equilibrium.solve import Wanted, solve
 from cfem.init import stroke
-from cfem.init.stroke import strokes
+from cfem.init.drive import Drive
+from cfem.init.question import answer
+from cfem.init.stroke import Stroke, alike, reaches, strokes
 from cfem.mechanics.body import make_body
 from cfem.mechanics.element import ELEMENTS
 from cfem.mechanics.material import LAWS
@@ -61,7 +64,8 @@ def together(monkeypatch):
 
     def strokes_where(borne):
         def solved(problem, actuation, **how):
-            share = 1 / (2 * 4.0 * actuation.C[0, 0])
+            assert float((actuation.C @ [4.0, 4.0])[0]) == pytest.approx(1.0)
+            share = actuation.target[0]
             return SimpleNamespace(status=stroke.Status.CONVERGED if borne(share) else stroke.Status.OUT_OF_REACH)
 
         monkeypatch.setattr(stroke, "_alone", lambda *given: stroke.Stroke(4.0, 1.0, "alone"))
@@ -77,6 +81,61 @@ def test_strokes_are_as_much_as_all_actuators_bear_together(together, most):
     """To an eighth of the step between two shares that are tried."""
     first, second = together(lambda share: share <= most)
     assert first == second and most - 0.02 <= first <= max(most, 0.02)
+
+
+def test_all_together_unlike_actuators_are_pulled_in_the_proportion_of_their_forces(monkeypatch):
+    """So that one of a tenth of the other's stroke goes no farther beyond it than the other: both rows end at mu."""
+    pulled = []
+
+    def solved(problem, actuation, **how):
+        pulled.append(actuation)
+        return SimpleNamespace(status=stroke.Status.CONVERGED)
+
+    alone = iter([Stroke(4.0, 2.0, "alone"), Stroke(0.4, 3.0, "alone")])
+    monkeypatch.setattr(stroke, "_alone", lambda *given: next(alone))
+    monkeypatch.setattr(stroke, "_meets_itself", lambda *given: False)
+    monkeypatch.setattr(stroke, "solve", solved)
+    assert [each.reach for each in strokes(bar("tet4", divisions=(6, 1, 1)))] == [4.0, 0.4]
+    assert pulled[-1].C[0, 1] / pulled[-1].C[0, 0] == pytest.approx(3 / 2)
+    assert float((pulled[-1].C @ [4.0, 0.4])[0]) == pytest.approx(pulled[-1].target[0]) == 1.0
+
+
+def test_strokes_that_are_nearly_alike_are_the_shorter_and_others_are_kept():
+    found = [Stroke(reach, 1.0, "x") for reach in (10.0, 11.9, 30.0, 12.0, 33.0, 2.0)]
+    assert [each.reach for each in alike(found)] == [10, 10, 30, 10, 30, 2]
+    assert alike([]) == []
+
+
+class TestWhatIsAsked:
+    @pytest.fixture
+    def robot(self, monkeypatch):
+        ends = [Stroke(4.0, 1.0, "bent"), Stroke(9.0, 2.5, "strained")]
+        monkeypatch.setattr(stroke, "strokes", lambda robot, advance: ends)
+        return bar("tet4", divisions=(6, 1, 1))
+
+    def asked(self, robot, text=None):
+        questions = []
+
+        def ask(question):
+            questions.append(question)
+            return answer(question, text)
+
+        stated = () if text is None else ("reach",)
+        return reaches(robot, Drive(cables=(None, None)), 0, stated, ask, "a coarse mesh"), questions[0]
+
+    def test_unlike_strokes_are_suggested_one_by_one_with_the_reason_of_each(self, robot):
+        (first, second), question = self.asked(robot)
+        assert (first.value, second.value, question.default) == (4.0, 9.0, "4 mm, 9 mm")
+        assert first.guess == "bent, at 1 N on a coarse mesh"
+        assert second.guess == "strained, at 2.5 N on a coarse mesh"
+        assert question.why == f"cable-0: {first.guess}; cable-1: {second.guess}"
+
+    def test_one_amount_is_for_all_and_as_many_as_there_are_for_each(self, robot):
+        assert [each.value for each in self.asked(robot, "7 mm")[0]] == [7, 7]
+        stated = self.asked(robot, "7 mm, 1 cm")[0]
+        assert [(each.value, each.guess) for each in stated] == [(7, None), (10, None)]
+        with pytest.raises(SpecError, match="expected one quantity for all, or 2 with commas, got '1 mm, 2 mm, 3 mm'"):
+            self.asked(robot, "1 mm, 2 mm, 3 mm")
 
 
 def test_strokes_are_not_cut_where_all_go_together(together):
@@ -121,6 +180,35 @@ def test_a_body_that_touches_itself_from_the_start_has_the_stroke_of_one_that_do
     (first,) = strokes(bar("tet4", divisions=(12, 2, 2), cables=1))
     assert first.reach == pytest.approx(found[1][0].reach, rel=0.05)
     assert first.why == f"{found[1][0].why}; its surface touches itself from the start, which is left out of account"
+
+
+def column(off: float) -> Robot:
+    """A bar whose one cable leads through the air to its end, `off` mm beside its middle: it is pressed, then gives way
+    sideways."""
+    plain = bar("tet10p0", divisions=(8, 1, 1), cables=1)
+    end = attach(plain.body.mesh, np.array([55.0, 5.0, 5.0 - off]), 4.0, "cable-0")
+    return replace(plain, actuators=(make_cable([end], np.array([0.0, 5.0, 5.0 - off]), "cable-0"),))
+
+
+def stiffness(robot: Robot, amount: float) -> float:
+    """N/mm of the cable, by the forces on either side."""
+    states = [
+        solve(Problem(robot), Actuation(np.eye(1), np.array([near]), np.zeros(1)), slack=False)
+        for near in (amount - 0.01, amount + 0.01)
+    ]
+    return float(np.diff([ended.state.lam[0] for ended in states])[0] / 0.02)
+
+
+@pytest.mark.parametrize("off", [0.2, 1.0])
+def test_a_limb_that_gives_way_ends_the_stroke_at_a_quarter_of_its_stiffness(off):
+    robot = column(off)
+    (given_way,) = strokes(robot)
+    assert given_way.why == "softened to 25 % of its stiffness" and given_way.force > 1
+    assert stiffness(robot, given_way.reach) == pytest.approx(stiffness(robot, 0.55) / 4, rel=0.15)
+
+
+def test_a_cable_that_bends_a_body_from_the_start_is_not_ended_by_softening(found):
+    assert not any("softened" in each.why for each in found[1])
 
 
 def test_a_failing_solve_ends_the_stroke(found, monkeypatch):

@@ -56,7 +56,8 @@ def init_scene(
     mended = [f"mended {source.name}: {phrase}" for phrase in made["mended"]]
     questions = [f"open: what drives the robot? {sentence}" for sentence in made["open"]]
     first = "answer what is marked OPEN in" if questions else "look at"
-    return "\n".join([*mended, _text(made, f"{first} {made['folder']}/scene.yaml, then "), *questions])
+    text = _text(made, f"{first} {made['folder']}/scene.yaml, then ")
+    return "\n".join([*mended, text, *made["fewer"], *questions])
 
 
 def _words(

@@ -53,7 +53,7 @@ def create(
 ) -> dict[str, Any]:
     """Writes folder / name, asking what is open; stated: what options say about actuators, and the flags to which `ask`
     has an answer already; show: is given what is suggested before the first question about it. Returns what was made;
-    open: what nobody could answer, a sentence each.
+    open: what nobody could answer, fewer: why there are fewer cables than asked for, a sentence each.
 
     Raises SpecError (an answer that cannot be), InputError (no shape in the file), OutputError (there is such a scene
     and not `force`)."""
@@ -84,6 +84,7 @@ def create(
         "coarse_cells": cells,
         "mended": list(source.mended),
         "open": [robot.drive.missing] if robot.drive.missing else [],
+        "fewer": [robot.drive.fewer] if robot.drive.fewer else [],
     }
 
 
@@ -212,9 +213,7 @@ def _robot(name: str, copy: str, source: Source, stated: Stated, ask: Ask, known
         poisson=poisson,
         drive=replace(driven, missing=None) if also.pushes else driven,
         further=also,
-        reach=None,
-        growth=None,
-        travel=None,
+        reach=(),
         least=(),
         effector=effector,
         carrier_radius=carrier_radius(shape.mesh, effector.value) if outside else None,

@@ -18,7 +18,8 @@ _AIR = {"yes": True, "no": False, "auto": None}
 @dataclass(frozen=True)
 class Drive:
     """cables and chambers, and how each came to be so where nobody said so; radius: mm, of the attachments;
-    through_air: of all cables; missing: why there are none where some were wanted."""
+    through_air: of all cables; missing: why there are none where some were wanted; fewer: why there are fewer cables
+    than were asked for."""
 
     cables: tuple[CableLine, ...] = ()
     chambers: tuple[Chamber, ...] = ()
@@ -27,6 +28,7 @@ class Drive:
     radius: float = 0.0
     through_air: bool = False
     missing: str | None = None
+    fewer: str | None = None
 
 
 @dataclass(frozen=True)
@@ -76,7 +78,8 @@ def drive(shape: Shape, run: Run, stated: Stated, known: Proposal | None, ask: A
     except SpecError as error:
         return Drive((), chambers, None, offered, radius, missing=error.what)
     _demand_distinct([*found.cables, *chambers])
-    return Drive(found.cables, chambers, found.how, offered, found.radius, found.through_air)
+    few = found.fewer(count)
+    return Drive(found.cables, chambers, found.how, offered, found.radius, found.through_air, fewer=few)
 
 
 def count_question(default: int) -> Question:

@@ -23,12 +23,22 @@ _LONGER = 1.2  # times the way from another end: such an end of the body is one 
 @dataclass(frozen=True)
 class Placement:
     """cables: of a common attachment radius, mm; how they were placed, in words; through_air: whether they leave the
-    body between their points."""
+    body between their points; ways: how many of them the body has, in words, where that decides."""
 
     cables: tuple[CableLine, ...]
     radius: float
     how: str
     through_air: bool = False
+    ways: str = ""
+
+    def fewer(self, count: int) -> str | None:
+        """What to say where `count` cables were asked for; None where there are so many."""
+        made = len(self.cables)
+        if made >= count:
+            return None
+        asked = "1 cable where" if made == 1 else f"{made} cables where"
+        do = "for more, hold another part (--fixed), or give each as --cable 'NAME: pull point; point; ...'"
+        return f"{asked} {count} were asked for: {self.ways}; {do}"
 
 
 @dataclass(frozen=True)
@@ -48,10 +58,13 @@ def place(shape: Shape, run: Run, count: int, air: bool | None = None) -> Placem
     air: whether they have to go through the air, may (None) or must not. SpecError where there are none: what is in the
     way of straight cables up to the tip."""
     if air:
-        return Placement(*cables_through_air(shape, run, count), "through the air from part to part", through_air=True)
+        lines, radius = cables_through_air(shape, run, count)
+        many = f"{len(lines)} of {count} straight ways along {'xyz'[run.axis]} pass enough parts of the body"
+        return Placement(lines, radius, "through the air from part to part", True, many)
     found = cables_in_channels(shape, run)
     if found is not None and (not found.through_air or air is None):
-        return Placement(found.cables, found.radius, found.how, through_air=found.through_air)
+        many = f"the body has {_count(len(found.cables), 'channel')}, and each gets one"
+        return Placement(found.cables, found.radius, found.how, found.through_air, many)
     middle = centreline(shape.voxels, run)
     try:
         return _or_wider(shape, run, count, inside(shape, run, count, middle), air)
@@ -60,13 +73,18 @@ def place(shape: Shape, run: Run, count: int, air: bool | None = None) -> Placem
     if middle is not None and middle.branches > 1:
         legs = cables_in_legs(shape, run)
         if legs is not None:
-            return Placement(*legs, f"one along each of {len(legs[0])} legs, on its outer side")
+            many = f"{_count(len(legs[0]), 'way')} around the body lead to the tip"
+            return Placement(*legs, f"one along each of {len(legs[0])} legs, on its outer side", ways=many)
     if air is None:
         try:
             return place(shape, run, count, air=True)
         except SpecError:
             pass  # `refused` says what keeps cables inside, which is what a person can change
     raise refused
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}{'s' if number > 1 else ''}"
 
 
 def inside(shape: Shape, run: Run, count: int, middle: Centreline | None) -> Placement:

@@ -1,5 +1,5 @@
-"""How far each actuator of a robot goes, found by solving: until the body is strained or bent to a limit or meets
-itself, or a solve fails, as where it buckles."""
+"""How far each actuator of a robot goes, found by solving: until the body is strained or bent to a limit, has softened
+or meets itself, or a solve fails, as where it buckles."""
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from cfem.constraint.surface import triangulated
 from cfem.contact.crossing import crossings
 from cfem.core.console.progress import progress
-from cfem.equilibrium.actuation import Actuation, pull
+from cfem.equilibrium.actuation import Actuation
 from cfem.equilibrium.evaluation import Evaluation
 from cfem.equilibrium.fields import Strain
 from cfem.equilibrium.newton import NewtonSettings
@@ -24,6 +24,7 @@ from cfem.init.written import short
 
 STRAIN = 0.5  # largest principal stretch less one, as a mean of high power over the body
 BEND = np.pi / 2  # rad by which the tip turns
+SOFT = 0.25  # of the stiffness d lambda / d delta that a cable or a push meets first: a limb gives way to it
 _POWER = 8.0
 _FIRST = {"mm": 0.01, "mm^3": 0.02}  # of the length of a cable, of the volume of a chamber
 _LEAST = 1e-3  # of the first amount, below which nothing is tried
@@ -33,6 +34,7 @@ _GROWTH = 1.7
 _TIP = 0.1  # of the robot's length: nodes so near to the watched point turn with it
 _ALL = (0.15, 0.3, 0.45, 0.6, 0.75, 0.9, 1.0)  # shares of the strokes tried in turn where all actuators go together
 _HALVINGS = 3  # of the interval between a share that is reached and the first that is not
+_ALIKE = 0.8  # of a stroke: one that is no shorter than this is taken for both, as of cables that are alike by symmetry
 # The last amount that was reached counts, so that the exact place where a path ends is worth no steps.
 _CLOSE = 0.2  # of the smallest amount at which the body meets itself: so near to it is near enough
 _MEETS = "beyond it, the body meets itself"
@@ -63,9 +65,12 @@ def strokes(robot: Robot, advance: Callable[[int], None] = lambda _: None) -> li
     if len(found) < 2:
         return found
     reach, touches = np.array([each.reach for each in found]), any(each.touches for each in found)
+    pulls = np.array([each.force for each in found])  # in this proportion, so that unlike ones come about as far
+    pulls = pulls if pulls.all() else 1 / reach
 
     def reached(share: float) -> bool:
-        ended = solve(problem, pull(np.ones(len(reach)), share * reach), settings=_LOOSE, wanted=Wanted(condense=False))
+        together = Actuation((pulls / (pulls @ reach))[None], np.array([share]), np.zeros(len(reach)))
+        ended = solve(problem, together, settings=_LOOSE, wanted=Wanted(condense=False))
         advance(1)
         return ended.status in _REACHED and (touches or not _meets_itself(problem, ended))
 
@@ -93,41 +98,71 @@ def _up_to(reached: Callable[[float], bool]) -> float:
 
 
 def reaches(
-    robot: Robot, driven: Drive, pushes: int, stated: Collection[str], ask: Ask
-) -> tuple[Answer | None, Answer | None, Answer | None]:
-    """Of cables in mm, of chambers in mm^3 and of pushes in mm: how far they go until a limit, by solving on the coarse
-    mesh. stated: the flags to which `ask` has an answer already."""
-    cables, chambers = len(driven.cables), len(driven.chambers)
-    wanted = [flag for flag, count in (("reach", cables), ("growth", chambers), ("travel", pushes)) if count]
+    robot: Robot, driven: Drive, pushes: int, stated: Collection[str], ask: Ask, cells: str
+) -> tuple[Answer, ...]:
+    """How far each actuator goes until a limit, cables and pushes in mm, chambers in mm^3, by solving on the coarse
+    mesh. stated: the flags to which `ask` has an answer already; cells: of that mesh, in words."""
+    kinds = (
+        ("reach", "By how much may each cable be shortened?", "mm", "N", len(driven.cables)),
+        ("growth", "By how much may each chamber grow?", "mm^3", "kPa", len(driven.chambers)),
+        ("travel", "By how far may each push move its point?", "mm", "N", pushes),
+    )
+    kinds = tuple(kind for kind in kinds if kind[-1])
     found: list[Stroke] = []
-    if any(flag not in stated for flag in wanted):
+    if any(flag not in stated for flag, *_ in kinds):
         with progress(
             "finding how far the actuators go, on the coarse mesh", _SOLVES * robot.rows.n_a, estimate=False
         ) as advance:
             found = strokes(robot, advance)
-    reach = growth = travel = None
-    if cables:
-        default, why = _least(found[:cables], "mm", "N")
-        text = "By how much may each cable be shortened?"
-        reach = ask(Question("reach", text, default, why, lambda text: positive(text, "mm")))
-    if chambers:
-        default, why = _least(found[cables : cables + chambers], "mm^3", "kPa")
-        text = "By how much may each chamber grow?"
-        growth = ask(Question("growth", text, default, why, lambda text: positive(text, "mm^3")))
-    if pushes:
-        default, why = _least(found[cables + chambers :], "mm", "N")
-        text = "By how far may each push move its point?"
-        travel = ask(Question("travel", text, default, why, lambda text: positive(text, "mm")))
-    return reach, growth, travel
+    answers: list[Answer] = []
+    for flag, text, unit, of_force, count in kinds:
+        mine = slice(len(answers), len(answers) + count)
+        default, whys = _suggested(alike(found[mine]), count, unit, f"{of_force} on {cells}")
+        question = Question(flag, text, default, _by_name(robot.rows.actuators[mine], whys), _amounts(unit, count))
+        answer = ask(question)
+        answers += [Answer(value, why if answer.guess else None) for value, why in zip(answer.value, whys, strict=True)]
+    return tuple(answers)
 
 
-def _least(found: Sequence[Stroke], unit: str, of_force: str) -> tuple[str, str]:
-    """The shortest stroke as text, and why it ends there; 1 of the unit where nobody looked."""
+def alike(found: Sequence[Stroke]) -> list[Stroke]:
+    """Those that are nearly as long as a shorter one have that in its place."""
+    least: list[Stroke] = []
+    chosen = {}
+    for place in np.argsort([each.reach for each in found], kind="stable").tolist():
+        if not least or found[place].reach * _ALIKE > least[-1].reach:
+            least.append(found[place])
+        chosen[place] = least[-1]
+    return [chosen[place] for place in range(len(found))]
+
+
+def _suggested(found: Sequence[Stroke], count: int, unit: str, of_force: str) -> tuple[str, list[str]]:
+    """Strokes as text, one where they are the same, and why each ends there; 1 of the unit where nobody looked."""
     if not found:
-        return f"1 {unit}", "a first try"
-    least = min(found, key=lambda each: each.reach)
-    force = least.force * (1000 if of_force == "kPa" else 1)
-    return f"{short(least.reach)} {unit}", f"{least.why}, at {short(force)} {of_force} on a coarse mesh"
+        return f"1 {unit}", ["a first try"] * count
+    amounts = [f"{short(each.reach)} {unit}" for each in found]
+    forces = [each.force * (1000 if of_force.startswith("kPa") else 1) for each in found]
+    whys = [f"{each.why}, at {short(force)} {of_force}" for each, force in zip(found, forces, strict=True)]
+    return amounts[0] if len(set(amounts)) == 1 else ", ".join(amounts), whys
+
+
+def _by_name(names: Sequence[str], whys: Sequence[str]) -> str:
+    """One why where it is the same, else each with the names of those that it is said of."""
+    if len(set(whys)) == 1:
+        return whys[0]
+    said = {why: ", ".join(name for name, other in zip(names, whys, strict=True) if other == why) for why in whys}
+    return "; ".join(f"{of}: {why}" for why, of in said.items())
+
+
+def _amounts(unit: str, count: int) -> Callable[[str], tuple[float, ...]]:
+    """Reads one quantity for all actuators, or one each with commas between."""
+
+    def read(text: str) -> tuple[float, ...]:
+        values = [positive(part, unit) for part in text.split(",")]
+        if len(values) not in (1, count):
+            raise ValueError(f"expected one quantity for all, or {count} with commas, got '{text}'")
+        return tuple(values * count if len(values) == 1 else values)
+
+    return read
 
 
 def _alone(problem: Problem, index: int, tip: np.ndarray, advance: Callable[[int], None]) -> Stroke:
@@ -142,13 +177,14 @@ def _until(problem: Problem, index: int, tip: np.ndarray, advance: Callable[[int
     """meets: whether the body must not meet itself."""
     robot = problem.robot
     row, unit = robot.actuators[index], robot.actuator_units[index][0]
+    softens = unit != "mm^3"  # chambers soften as they grow, as balloons do, and are followed all the same
     whole = getattr(row, "rest_volume", None) or getattr(row, "rest_length", None) or robot.length
     C = np.eye(robot.rows.n_a)[[index]]
     amount, most = _FIRST[unit] * whole, _MOST[unit] * whole
-    done, force, before, state = 0.0, 0.0, 0.0, None
+    done, force, before, state, first = 0.0, 0.0, 0.0, None, None
     while True:
         target = Actuation(C, np.array([amount]), np.zeros(robot.rows.n_a))
-        ended = solve(problem, target, state, state, _LOOSE, slack=False, wanted=Wanted(condense=False))
+        ended = solve(problem, target, state, state, _LOOSE, slack=False, wanted=Wanted(condense=softens))
         advance(1)
         if ended.status is not Status.CONVERGED:
             if done == 0.0 and amount > _LEAST * _FIRST[unit] * whole:
@@ -162,6 +198,11 @@ def _until(problem: Problem, index: int, tip: np.ndarray, advance: Callable[[int
             amount = (done + most) / 2
             continue
         used, why = _used(problem, ended, tip)
+        if softens:
+            stiffness = 1.0 / float(ended.condensed.W_aa[index, index])
+            first = first or stiffness
+            lost = np.log(max(stiffness / first, SOFT**4)) / np.log(SOFT)  # it falls by factors where a limb buckles
+            used, why = max((used, why), (float(lost), f"softened to {100 * SOFT:.0f} % of its stiffness"))
         here = float(abs(ended.state.lam[index]))
         if used >= 1.0:
             share = (1.0 - before) / (used - before)

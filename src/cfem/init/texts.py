@@ -26,10 +26,9 @@ class NewScene:
     whether its inside is meshed anew; mended: what was mended, a phrase each; unit: text, None where the file states
     its own; extent (3,) mm; volume mm^3; length mm, along axis; size mm; cells: None where the mesh is the user's;
     element; hold: an Answer, the parts that are held, the first of which it stretches from; young, poisson: each an
-    Answer; drive: cables and chambers; further: what else there is; reach: an Answer in mm, of cables; growth: in mm^3,
-    of chambers; travel: in mm, of pushes; least: of each actuator, the lower end of its reach; effector: an Answer
-    (3,) mm; carrier_radius: mm, of an effector outside the
-    body."""
+    Answer; drive: cables and chambers; further: what else there is; reach: an Answer of each actuator, in mm of cables,
+    then in mm^3 of chambers, then in mm of pushes; least: of each actuator, the lower end of its reach; effector: an
+    Answer (3,) mm; carrier_radius: mm, of an effector outside the body."""
 
     name: str
     kind: str
@@ -50,9 +49,7 @@ class NewScene:
     poisson: Answer
     drive: Drive
     further: Further
-    reach: Answer | None
-    growth: Answer | None
-    travel: Answer | None
+    reach: Sequence[Answer]
     least: Sequence[float]
     effector: Answer
     carrier_radius: float | None
@@ -112,11 +109,12 @@ def _scene(robot: NewScene) -> str:
 
 
 def _actuators(robot: NewScene) -> list[str]:
-    driven, least = robot.drive, iter(robot.least)
+    driven, reach = robot.drive, zip(robot.least, robot.reach, strict=True)
     if not robot.n_a:
         return [*_open_question(robot), "actuators: []"]
     placed = [f"guessed: {why}" for why in (driven.placed, driven.offered) if why]
-    lines = ["actuators:" + note("; ".join(placed))]
+    lines = [f"# {part}" for part in driven.fewer.split("; ", 1)] if driven.fewer else []
+    lines.append("actuators:" + note("; ".join(placed)))
     for cable in driven.cables:
         lines += [
             "  - kind: cable",
@@ -127,7 +125,7 @@ def _actuators(robot: NewScene) -> list[str]:
             *(f"        - {vector(point)}" for point in cable.points),
             f"    radius: {short(robot.radius)} mm" + note("of the region through which each point acts"),
             *(["    through_air: true" + note("between its points it leaves the body")] if driven.through_air else []),
-            _reach("mm", next(least), robot.reach),
+            _reach("mm", *next(reach)),
         ]
     for chamber in driven.chambers:
         lines += [
@@ -135,11 +133,11 @@ def _actuators(robot: NewScene) -> list[str]:
             f"    name: {chamber.name}",
             f"    inside: {{mm: {vector(np.round(chamber.inside, 4))}}}" + note(f"in {short(chamber.volume)} mm^3"),
             "    unilateral: true" + note("it is blown up and never sucked empty"),
-            _reach("mm^3", next(least), robot.growth),
+            _reach("mm^3", *next(reach)),
         ]
     for push in robot.further.pushes:
         lines += push_lines(push, robot.radius)
-        lines.append(_reach("mm", next(least), robot.travel))
+        lines.append(_reach("mm", *next(reach)))
     return lines
 
 

@@ -33,7 +33,9 @@ _OPTIONS = {
     "rigid": "--rigid",
     "contacts": "--contact",
 }
-_QUADRATIC = 1200  # cells of which strokes are found with quadratic tetrahedra, and above with linear ones
+# Cells of which strokes are found with quadratic tetrahedra, and above with linear ones: those are so stiff in thin
+# limbs that they do not show where these buckle.
+_QUADRATIC = 2500
 
 
 def tried(robot: NewScene, path: Path, stated: Stated, ask: Ask) -> tuple[NewScene, int]:
@@ -42,9 +44,7 @@ def tried(robot: NewScene, path: Path, stated: Stated, ask: Ask) -> tuple[NewSce
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
         shutil.copyfile(path, folder / robot.file)
-        little = Answer(robot.length / 1000)
-        provisional = replace(robot, reach=little, growth=Answer(1e-3), travel=little, least=(0.0,) * robot.n_a)
-        spec = _written(provisional, folder)
+        spec = _written(_provisional(robot), folder)
         mesh, _ = make_mesh(spec, folder)
         try:
             made = _built(spec, mesh)
@@ -52,14 +52,20 @@ def tried(robot: NewScene, path: Path, stated: Stated, ask: Ask) -> tuple[NewSce
             if stated.cables or stated.chambers or error.where not in (None, "--cable"):
                 raise
             robot = replace(robot, drive=Drive(missing=error.what))
-            made = _built(_written(replace(provisional, drive=robot.drive), folder), mesh)
-        pushes = len(robot.further.pushes)
-        reach, growth, travel = reaches(_light(folder, made, mesh), robot.drive, pushes, stated.flags, ask)
-        robot = replace(robot, reach=reach, growth=growth, travel=travel)
+            made = _built(_written(_provisional(robot), folder), mesh)
+        light, cells = _light(folder, made, mesh)
+        robot = replace(robot, reach=reaches(light, robot.drive, len(robot.further.pushes), stated.flags, ask, cells))
         if robot.n_a:
             robot = replace(robot, least=_least(made, robot))
             _built(_written(robot, folder), mesh)
     return robot, len(mesh.cells)
+
+
+def _provisional(robot: NewScene) -> NewScene:
+    """It with strokes so small that nobody doubts them."""
+    little, pushes = Answer(robot.length / 1000), len(robot.further.pushes)
+    reach = [little] * len(robot.drive.cables) + [Answer(1e-3)] * len(robot.drive.chambers) + [little] * pushes
+    return replace(robot, reach=tuple(reach), least=(0.0,) * robot.n_a)
 
 
 def _least(made: Robot, robot: NewScene) -> tuple[float, ...]:
@@ -67,9 +73,7 @@ def _least(made: Robot, robot: NewScene) -> tuple[float, ...]:
     rest = solve(Problem(made), force(np.zeros(robot.n_a)))
     if not rest.converged:
         raise NumericalError(f"no equilibrium with free actuators: {rest.status.value}", where="init")
-    numbers = len(robot.drive.cables), len(robot.drive.chambers), len(robot.further.pushes)
-    answers = zip((robot.reach, robot.growth, robot.travel), numbers, strict=True)
-    reach = np.array([answer.value for answer, count in answers for _ in range(count)])
+    reach = np.array([answer.value for answer in robot.reach])
     return tuple(let_out(rest.condensed.W_aa, reach).tolist())
 
 
@@ -78,13 +82,15 @@ def _written(robot: NewScene, folder: Path) -> SceneSpec:
     return load_spec(folder / "scene.yaml", SceneSpec)
 
 
-def _light(folder: Path, made: Robot, mesh: Mesh) -> Robot:
-    """The robot in which many states are solved in little time: of linear tetrahedra where it has many cells."""
+def _light(folder: Path, made: Robot, mesh: Mesh) -> tuple[Robot, str]:
+    """The robot in which many states are solved in little time: of linear tetrahedra where it has many cells; and what
+    its cells are, in words."""
     spec = load_spec(folder / "scene.yaml", SceneSpec)
     if mesh.order == 1 or len(mesh.cells) <= _QUADRATIC:
-        return made
+        return made, "a coarse mesh"
     meshing = spec.mesh.model_copy(update={"element": "tet4"})
-    return build_robot(spec.model_copy(update={"mesh": meshing}), corners_of(mesh))
+    linear = build_robot(spec.model_copy(update={"mesh": meshing}), corners_of(mesh))
+    return linear, "a coarse mesh of linear cells, stiffer than the robot"
 
 
 def _built(spec: SceneSpec, mesh: Mesh) -> Robot:

@@ -48,7 +48,7 @@ def facts(robot: NewScene) -> dict[str, str]:
     driven = robot.drive
     if driven.cables:
         names = ", ".join(cable.name for cable in driven.cables)
-        words["--cables"] = f"{len(driven.cables)}: {names}{_why(driven.placed)}"
+        words["--cables"] = f"{len(driven.cables)}: {names}{_why(driven.placed)}{_why(driven.fewer)}"
     if driven.chambers:
         names = ", ".join(f"{chamber.name} of {short(chamber.volume)} mm³" for chamber in driven.chambers)
         words["--chambers"] = f"{names}{_why(driven.offered)}"

@@ -1,5 +1,6 @@
 """Goals of every kind of trajectory, and what does not fit the robot."""
 
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,7 +11,9 @@ from cfem.condensed import Rows
 from cfem.control.goals.from_spec import demand_fits, demand_near, goals_of
 from cfem.control.goals.trajectory_spec import GoalsSpec, TrajectorySpec
 from cfem.core.errors import SpecError
+from cfem.core.yaml import read_yaml
 
+PIPELINES = Path(__file__).parents[3] / "pipelines"
 TRAJECTORY = TypeAdapter(TrajectorySpec)
 ROBOT = SimpleNamespace(
     rows=SimpleNamespace(n_e=3, n_a=2), rest_e=np.array([0.0, 10.0, -120.0]), aims=np.ones(3, dtype=bool)
@@ -43,6 +46,27 @@ def test_an_arc_begins_at_rest_where_it_is_asked_to():
     late = goals(**arc, plane="yz", goals=4, from_rest=3)
     np.testing.assert_allclose(late[0], ROBOT.rest_e)
     np.testing.assert_allclose(late[3:], plain, atol=1e-12)
+
+
+def test_goals_about_rest_follow_a_longer_robot_and_those_of_the_published_one_stay_where_they_are():
+    """The tip of the diamond is 125 mm up where it is 163 mm high: its paper's circle is at 133 mm."""
+    read = TypeAdapter(dict[str, TrajectorySpec]).validate_python
+    spec = read(read_yaml(PIPELINES / "diamond" / "control.yaml")[0]["trajectories"])
+    for name, height in (("circle", 133.0), ("circle-above", 141.0)):
+        for rest in (125.0, 187.5):
+            robot = SimpleNamespace(**{**vars(ROBOT), "rest_e": np.array([0.0, 0.0, rest])})
+            found = goals_of(name, spec[name], robot, Fem(), NOWHERE)
+            np.testing.assert_array_equal(found[:, 2], height + rest - 125)
+            np.testing.assert_allclose(np.linalg.norm(found[:, :2], axis=1), 20)
+
+
+def test_points_about_rest_leave_what_no_goal_is_set_for_at_rest():
+    rest = np.array([0.0, 10.0, -120.0, 3.0])
+    robot = SimpleNamespace(rows=SimpleNamespace(n_e=4, n_a=2), rest_e=rest, aims=np.array([True, True, True, False]))
+    found = goals(robot, kind="goals", about="rest", points={"mm": [[1, 2, 3]]})
+    np.testing.assert_array_equal(found, [[1, 12, -117, 3]])
+    every = goals(robot, kind="goals", about="rest", points={"mm": [[1, 2, 3, 4]]})
+    np.testing.assert_array_equal(every, [[1, 12, -117, 7]])
 
 
 def test_a_curve_in_the_cube_is_where_finite_elements_end():

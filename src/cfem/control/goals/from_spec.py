@@ -16,14 +16,14 @@ def goals_of(name: str, trajectory: TrajectorySpec, robot: Robot, fem: FemPlant,
     by how much they move with a design, empty without one."""
     if isinstance(trajectory, ArcSpec):
         on_arc = arc(*(getattr(trajectory, key) for key in ("centre", "radius", "start", "end", "plane", "goals")))
-        on_arc = _fit(name, on_arc, robot, shift)
+        on_arc = _fit(name, trajectory, on_arc, robot, shift)
         return with_approach(on_arc, robot.rest_e, trajectory.from_rest)
     if isinstance(trajectory, HalfSphereSpec):
         points = half_sphere(trajectory.centre, trajectory.radius, trajectory.turns, trajectory.goals)
-        return _fit(name, points, robot, shift)
+        return _fit(name, trajectory, points, robot, shift)
     if isinstance(trajectory, GoalsSpec):
         oriented = [] if trajectory.rotation is None else [trajectory.rotation]
-        return _fit(name, np.hstack([trajectory.points, *oriented]), robot, shift)
+        return _fit(name, trajectory, np.hstack([trajectory.points, *oriented]), robot, shift)
     centre, radii = _shares(name, trajectory, robot.rows.n_a)
     shares = loop_of_shares(centre, radii, trajectory.goals, trajectory.shape)
     goals = []
@@ -59,11 +59,15 @@ def _demand_rows(name: str, numbers: int, rows: int) -> None:
         raise SpecError(what, where=f"trajectories.{name}", do=do)
 
 
-def _fit(name: str, goals: np.ndarray, robot: Robot, shift: np.ndarray) -> np.ndarray:
-    if goals.shape[1] == robot.aims.sum():  # no goal is set for a centre of mass
-        goals, stated = np.tile(robot.rest_e, (len(goals), 1)), goals
-        goals[:, robot.aims] = stated
-    _demand_rows(name, goals.shape[1], robot.rows.n_e)
+def _fit(
+    name: str, trajectory: ArcSpec | HalfSphereSpec | GoalsSpec, goals: np.ndarray, robot: Robot, shift: np.ndarray
+) -> np.ndarray:
+    aims = robot.aims
+    if goals.shape[1] != aims.sum():  # no goal is set for a centre of mass, unless all rows are stated
+        _demand_rows(name, goals.shape[1], robot.rows.n_e)
+        aims = np.ones(robot.rows.n_e, dtype=bool)
+    stated, goals = goals, np.tile(robot.rest_e, (len(goals), 1))
+    goals[:, aims] = stated + (robot.rest_e[aims] if trajectory.about == "rest" else 0.0)
     return goals + shift if len(shift) else goals
 
 

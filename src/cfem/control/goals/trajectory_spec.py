@@ -7,6 +7,8 @@ from pydantic import Field, NonNegativeInt, PositiveInt
 from cfem.core.spec import Spec
 from cfem.core.units import Angle, AngleMatrix, Length, LengthMatrix, LengthVector
 
+About = Literal["origin", "rest"]
+
 
 class ArcSpec(Spec):
     """Goals on an arc of a circle, whether the robot can reach them or not."""
@@ -15,6 +17,9 @@ class ArcSpec(Spec):
     """An arc of a circle."""
     centre: LengthVector
     """Centre of the circle."""
+    about: About = "origin"
+    """From where places are measured: origin, that of the scene; or rest, where the effector (or object) is at rest,
+    so that goals follow a robot of another length."""
     radius: Length
     """Radius of the circle."""
     start: Angle
@@ -40,6 +45,9 @@ class HalfSphereSpec(Spec):
     """A spiral over a half sphere."""
     centre: LengthVector
     """Centre of the sphere."""
+    about: About = "origin"
+    """From where places are measured: origin, that of the scene; or rest, where the effector (or object) is at rest,
+    so that goals follow a robot of another length."""
     radius: Length
     """Radius of the sphere."""
     turns: float = 3.0
@@ -58,6 +66,9 @@ class GoalsSpec(Spec):
     """Stated goals."""
     points: LengthMatrix
     """Goals of the effectors, one row per goal."""
+    about: About = "origin"
+    """From where places are measured: origin, that of the scene; or rest, where the effector (or object) is at rest,
+    so that goals follow a robot of another length."""
     rotation: AngleMatrix | None = None
     """Orientation of the object at the goals: its rotation vector from rest, one row per goal. It is left free unless
     given."""
