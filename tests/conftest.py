@@ -10,26 +10,33 @@ import shutil
 import signal
 import sys
 from pathlib import Path
+from unittest.mock import patch
 
 import pytest
+from support.compiled_once import compiled_once
 from support.one_thread import solving_beside, solving_here
 
 import cfem
+from cfem.export.compiled import build
 
 sys.dont_write_bytecode = False
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's job in the background ignores it, and its children
 
 BAR = Path(__file__).parents[1] / "pipelines" / "bar"
+SIZES, UNCOUNTED = build.sizes, {"here": None, "cortex-m7": None}
 TOGETHER = ("tests/gym/",)  # folders whose tests share kernels that take half a minute to compile
+LONG = (*TOGETHER, "tests/export/", "tests/design/", "tests/control/", "tests/robot/mesh/", "tests/init/")  # go first
 
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config, log):
-    """By `--dist loadfile`, a folder of `TOGETHER` goes to one process, as each file does."""
+    """By `--dist loadfile`, a folder of `TOGETHER` goes to one process, as each file does; files in the order below."""
     if config.getvalue("dist") != "loadfile":
         return None
     from xdist.scheduler import LoadFileScheduling
+
+    config.option.loadscopereorder = False
 
     class LoadFolders(LoadFileScheduling):
         def _split_scope(self, nodeid):
@@ -38,16 +45,30 @@ def pytest_xdist_make_scheduler(config, log):
     return LoadFolders(config, log)
 
 
+def pytest_collection_modifyitems(items):
+    """What takes long begins first, so that no process is left alone with it in the end."""
+    items.sort(key=lambda item: not item.nodeid.startswith(LONG))
+
+
 @pytest.fixture(scope="session", autouse=True)
-def here():
-    """Sampling starts no processes where a test does not ask for `processes`."""
-    with solving_here():
+def here(tmp_path_factory):
+    """Sampling starts no processes where a test does not ask for `processes`; kernels and C are compiled once; exports
+    leave out the bytes of the code, for which it is compiled twice more, where a test does not ask for `counted`."""
+    base = tmp_path_factory.getbasetemp()
+    shared = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+    with solving_here(), compiled_once(shared), patch.object(build, "sizes", lambda folder: UNCOUNTED):
         yield
 
 
 @pytest.fixture
 def processes():
     with solving_beside():
+        yield
+
+
+@pytest.fixture
+def counted():
+    with patch.object(build, "sizes", SIZES):
         yield
 
 

@@ -8,8 +8,10 @@ import sys
 import textwrap
 
 import pytest
+from typer.testing import CliRunner
 
 import cfem
+from cfem.cli.app import app
 
 SPEC = """
 scene: {scene}
@@ -47,11 +49,11 @@ DEVICE = """
 
 
 @pytest.fixture
-def started(bar, tmp_path):
-    """A run with a device that does `more` at each command; in a session of its own, as in a terminal of its own."""
-    processes = []
+def written(bar, tmp_path, monkeypatch):
+    """Writes a spec with a device that does `more` at each command; the words that run it."""
+    monkeypatch.chdir(tmp_path)
 
-    def start(more="pass"):
+    def write(more="pass"):
         specs, model = bar / "pipelines" / "bar", bar / "models" / "bar" / "spectral"
         (tmp_path / "device.py").write_text(textwrap.dedent(DEVICE) % more)
         known = cfem.load_model(model)
@@ -59,15 +61,20 @@ def started(bar, tmp_path):
         places = {"scene": specs / "scene.yaml", "mesh": bar / "data" / "bar" / "mesh", "model": model, "goal": goal}
         text = SPEC.format(**places, device=json.dumps([sys.executable, "device.py"]))
         (tmp_path / "control.yaml").write_text(text)
-        words = [sys.executable, "-m", "cfem", "control", "control.yaml", "--quiet"]
-        pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-        processes.append(subprocess.Popen(words, cwd=tmp_path, start_new_session=True, **pipes))
-        return processes[-1]
+        return ["control", "control.yaml", "--quiet"]
 
-    yield start
-    for one in processes:
-        one.kill()
-        one.communicate()
+    return write
+
+
+@pytest.fixture
+def process(written):
+    """A run in a session of its own, as in a terminal of its own."""
+    words = [sys.executable, "-m", "cfem", *written()]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    running = subprocess.Popen(words, start_new_session=True, **pipes)
+    yield running
+    running.kill()
+    running.communicate()
 
 
 def wait_for(path, process):
@@ -78,9 +85,8 @@ def wait_for(path, process):
 
 
 @pytest.mark.skipif(not hasattr(os, "killpg"), reason="this system has no process groups")
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_a_signal_to_all_of_the_terminal_releases_the_robot(started, tmp_path, number):
-    process = started()
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, pytest.param(signal.SIGHUP, marks=pytest.mark.slow)])
+def test_a_signal_to_all_of_the_terminal_releases_the_robot(process, tmp_path, number):
     wait_for(tmp_path / "tick", process)
     os.killpg(process.pid, number)
     _, said = process.communicate(timeout=60)
@@ -88,16 +94,15 @@ def test_a_signal_to_all_of_the_terminal_releases_the_robot(started, tmp_path, n
     assert process.returncode == 130 and "cfem: interrupted" in said and "Traceback" not in said
 
 
-def test_a_device_that_closes_its_output_and_lives_on_ends_the_run(started, tmp_path):
-    process = started("if m['t'] == 3: os.close(1); continue")
-    _, said = process.communicate(timeout=60)
-    assert (tmp_path / "released").exists() and process.returncode == 3
-    assert "closed its output and lives on" in said and "a defect" not in said
+def test_a_device_that_closes_its_output_and_lives_on_ends_the_run(written, tmp_path):
+    done = CliRunner().invoke(app, written("if m['t'] == 3: os.close(1); continue"))
+    assert (tmp_path / "released").exists() and done.exit_code == 3
+    assert "closed its output and lives on" in done.stderr and "a defect" not in done.stderr
 
 
 @pytest.mark.parametrize("answer", ["'[' * 100000", "'{\"t\": 1' + '0' * 400 + '}'"])
-def test_what_is_no_answer_is_no_defect_of_cfem(started, tmp_path, answer):
-    process = started(f"print({answer}, flush=True); continue")
-    _, said = process.communicate(timeout=60)
-    assert (tmp_path / "released").exists() and process.returncode == 3
+def test_what_is_no_answer_is_no_defect_of_cfem(written, tmp_path, answer):
+    done = CliRunner().invoke(app, written(f"print({answer}, flush=True); continue"))
+    assert (tmp_path / "released").exists() and done.exit_code == 3
+    said = done.stderr
     assert "see the protocol" in said and "a defect" not in said and len(said.splitlines()) == 1

@@ -20,9 +20,9 @@ def measured(folder, *target: str) -> tuple[np.ndarray, str]:
     ("robot", "cpu", "scalar", "tolerance", "most"),
     [
         (spectral, "m7", "double", 1e-9, 40_000),
-        (spectral, "m7", "float", 1e-6, 40_000),
-        (spectral, "m4", "float", 1e-6, 400_000),
-        (serial, "m7", "double", 1e-9, 120_000),
+        pytest.param(spectral, "m7", "float", 1e-6, 40_000, marks=pytest.mark.slow),
+        pytest.param(spectral, "m4", "float", 1e-6, 400_000, marks=pytest.mark.slow),
+        pytest.param(serial, "m7", "double", 1e-9, 120_000, marks=pytest.mark.slow),
     ],
 )
 def test_it_commands_what_it_commands_here(tmp_path, robot, cpu, scalar, tolerance, most):

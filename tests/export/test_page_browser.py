@@ -18,6 +18,11 @@ WIDE, PHONE = {"width": 1280, "height": 800}, {"width": 390, "height": 844}
 OUTSIDE = 4  # of the status
 
 
+def fast_is(name, names):
+    """Names, all but one marked slow."""
+    return [one if one == name else pytest.param(one, marks=pytest.mark.slow) for one in names]
+
+
 @pytest.fixture(scope="module")
 def chromium():
     with browser() as one:
@@ -63,7 +68,7 @@ def shown(tab) -> dict:
     return {key: value if key == "words" else np.array(value) for key, value in said.items()}
 
 
-@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("name", fast_is("two cables", ROBOTS))
 def test_tip_and_surface_are_python_s(chromium, files, name):
     """100 commands set by hand: the effectors and every point of the surface to 1e-6 mm."""
     meta, arrays = ROBOTS[name]()
@@ -87,7 +92,7 @@ def test_tip_and_surface_are_python_s(chromium, files, name):
     tab.context.close()
 
 
-@pytest.mark.parametrize("name", ["two cables", "modules"])
+@pytest.mark.parametrize("name", fast_is("two cables", ["two cables", "modules"]))
 def test_the_goal_is_dragged_and_the_robot_is_where_python_has_it(chromium, files, name):
     meta, arrays = ROBOTS[name]()
     model = build(meta, arrays)
@@ -118,6 +123,7 @@ def test_the_goal_is_dragged_and_the_robot_is_where_python_has_it(chromium, file
     tab.context.close()
 
 
+@pytest.mark.slow
 def test_a_goal_that_the_robot_can_reach_is_reached(tab):
     meta, arrays = ROBOTS["two cables"]()
     model = build(meta, arrays)
@@ -129,6 +135,7 @@ def test_a_goal_that_the_robot_can_reach_is_reached(tab):
             assert np.linalg.norm(shown(tab)["tip"] - goal) < 1e-3
 
 
+@pytest.mark.slow
 def test_fingers_drag_and_zoom(chromium, files):
     tab = opened(chromium, files("two cables"), viewport=PHONE, has_touch=True, is_mobile=True, device_scale_factor=2)
     settle(tab)
@@ -155,6 +162,7 @@ def test_fingers_drag_and_zoom(chromium, files):
     tab.context.close()
 
 
+@pytest.mark.slow
 def test_keys_move_the_goal_and_turn_the_view(tab):
     before, azimuth = shown(tab), tab.evaluate("() => cfem.state.camera.azimuth")
     tab.focus("#view")
@@ -170,6 +178,7 @@ def test_keys_move_the_goal_and_turn_the_view(tab):
     assert np.abs(shown(tab)["goal"] - before["goal"]).max() < 1e-9
 
 
+@pytest.mark.slow
 def test_sliders_set_the_actuators_by_hand(tab):
     tab.evaluate(
         "() => { const s = document.getElementById('a0'); s.value = 6; "
@@ -185,6 +194,7 @@ def test_sliders_set_the_actuators_by_hand(tab):
     assert shown(tab)["words"] == "On the goal."
 
 
+@pytest.mark.slow
 def test_a_cable_that_would_push_is_slack_and_goes_where_the_other_leads(tab):
     meta, arrays = ROBOTS["two cables"]()
     model = build(meta, arrays)
@@ -196,6 +206,7 @@ def test_a_cable_that_would_push_is_slack_and_goes_where_the_other_leads(tab):
     assert np.abs(after["tip"] - model.rest_e - expected.delta_e).max() < EXACT
 
 
+@pytest.mark.slow
 def test_a_slack_cable_says_what_its_slider_says(tab):
     """Told 4 mm beside 14 of the other, the left one hangs: its way has become 10.7 mm shorter."""
     tab.evaluate(
@@ -230,6 +241,7 @@ def pixels(tab, *actuators):
     return unpacked(tab.evaluate(PIXELS))
 
 
+@pytest.mark.slow
 def test_a_robot_that_has_left_its_rest_shows_where_that_was(tab):
     """The pale colour of the ghost is the picture's where the robot has been and is not."""
     rest, bent = pixels(tab, 0, 0), pixels(tab, 14, 14)
@@ -238,6 +250,7 @@ def test_a_robot_that_has_left_its_rest_shows_where_that_was(tab):
     assert (bent[left, :3].max(axis=1) < 80).mean() > 0.5  # the ink's
 
 
+@pytest.mark.slow
 def test_colours_of_strain_follow_the_stretch_of_the_surface(tab):
     """Against the singular values of the gradient on each triangle; the button colours by them."""
     plain = pixels(tab, 14, 2)
@@ -265,6 +278,7 @@ def test_colours_of_strain_follow_the_stretch_of_the_surface(tab):
     assert (plain == pixels(tab, 14, 2)).all() and not tab.is_visible("#strained")
 
 
+@pytest.mark.slow
 def test_an_unreachable_goal_names_the_limits(tab):
     tab.evaluate("() => cfem.moveGoal(cfem.goals[0], [20, 190, -10])")
     settle(tab)
@@ -274,6 +288,7 @@ def test_an_unreachable_goal_names_the_limits(tab):
     assert tab.locator(".actuator em.binding").count() >= 1
 
 
+@pytest.mark.slow
 def test_a_goal_that_no_limit_keeps_from_the_robot_lies_beside_its_reach(tab):
     model = build(*ROBOTS["two cables"]())
     tip, one, other = (model.rest_e + model.at_displacement(at).delta_e for at in ([5.0, 5.0], [5.1, 5.0], [5.0, 5.1]))
@@ -284,6 +299,7 @@ def test_a_goal_that_no_limit_keeps_from_the_robot_lies_beside_its_reach(tab):
     assert tab.locator(".actuator em.binding").count() == 0
 
 
+@pytest.mark.slow
 def test_a_far_state_is_found_from_where_the_robot_is(chromium, tmp_path):
     """The cable that the other one leads is let out at once by 4 mm: between the two states the model has no answer."""
     meta, arrays = wedge()
@@ -300,11 +316,13 @@ def test_a_far_state_is_found_from_where_the_robot_is(chromium, tmp_path):
     tab.context.close()
 
 
+@pytest.mark.slow
 def test_the_robot_at_rest_is_no_state_outside_of_the_model(tab):
     settle(tab)
     assert tab.inner_text("#note") == ""
 
 
+@pytest.mark.slow
 def test_an_actuator_that_is_pointed_at_is_drawn_thicker(tab):
     tab.hover(".actuator:nth-of-type(2)")
     assert tab.evaluate("() => cfem.state.lit") == 1
@@ -312,6 +330,7 @@ def test_an_actuator_that_is_pointed_at_is_drawn_thicker(tab):
     assert tab.evaluate("() => cfem.state.lit") is None
 
 
+@pytest.mark.slow
 def test_the_bar_of_the_scale_is_as_long_as_it_says(tab):
     for height in (200, 37, 4):
         tab.evaluate("height => { cfem.state.camera.height = height; cfem.state.shown = true; }", height)
@@ -324,6 +343,7 @@ def test_the_bar_of_the_scale_is_as_long_as_it_says(tab):
         assert 40 < pixels <= 112
 
 
+@pytest.mark.slow
 def test_the_theme_follows_the_system_and_the_button(chromium, files):
     tab = opened(chromium, files("two cables"), color_scheme="dark")
     ground = "() => getComputedStyle(document.body).backgroundColor"

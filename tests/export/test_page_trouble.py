@@ -27,7 +27,9 @@ def trouble(tab) -> str:
     return tab.inner_text("#trouble")
 
 
-@pytest.mark.parametrize("share", [0.3, 0.9, 0.9999])
+@pytest.mark.parametrize(
+    "share", [pytest.param(0.3, marks=pytest.mark.slow), 0.9, pytest.param(0.9999, marks=pytest.mark.slow)]
+)
 def test_a_page_whose_data_were_cut_says_so_and_draws_nothing(chromium, file, tmp_path, share):
     text = file.read_text()
     begin = text.index('<script id="robot"')
@@ -37,6 +39,7 @@ def test_a_page_whose_data_were_cut_says_so_and_draws_nothing(chromium, file, tm
     tab.context.close()
 
 
+@pytest.mark.slow
 def test_a_page_without_its_data_or_with_other_data_says_so(chromium, file, tmp_path):
     text = file.read_text()
     place = text.rindex("</script>") - 4000
@@ -53,6 +56,7 @@ def test_a_page_without_its_data_or_with_other_data_says_so(chromium, file, tmp_
         tab.context.close()
 
 
+@pytest.mark.slow
 def test_a_page_cut_in_its_program_shows_a_sentence(chromium, file, tmp_path):
     text = file.read_text()
     (tmp_path / "cut.html").write_text(text[: text.index("async function makeRobot")])
@@ -61,6 +65,7 @@ def test_a_page_cut_in_its_program_shows_a_sentence(chromium, file, tmp_path):
     tab.context.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("script", "word"),
     [

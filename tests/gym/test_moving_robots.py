@@ -60,6 +60,17 @@ def test_each_robot_moves_as_one_alone(model, kind, monkeypatch):
         assert moved > 0.05 and robots.forces_of(states)[b] == pytest.approx(one.lam, rel=1e-3, abs=1e-3)
 
 
+def test_one_robot_and_many_run_the_same_machine_code(model):
+    """numba compiles once more for arrays of another order, which takes as long as the first time."""
+    for count in (1, 3):
+        robots = MovingRobots(model)
+        u = np.full((count, 2), 0.4) * robots.static.largest_force
+        states = robots.standing(u, np.ones(count), np.ones(count))
+        for _ in range(2):
+            robots.move(states, u)
+    assert len(robots._ticks.signatures) == 1
+
+
 def test_what_the_tolerance_leaves_out_is_small(model):
     coarse, fine = MovingRobots(model), MovingRobots(model, tolerance=1e-6)
     steps = list(commands(coarse, 30))

@@ -73,6 +73,7 @@ def test_it_draws_the_body_within_the_picture(tab):
     assert tab.get_attribute(".viewer canvas", "aria-label") == "the body"
 
 
+@pytest.mark.slow
 def test_the_reader_scrubs_and_hears_of_each_goal(tab):
     first = picture(tab)
     scrub(tab, 2)
@@ -82,6 +83,7 @@ def test_the_reader_scrubs_and_hears_of_each_goal(tab):
     assert tab.inner_text(".viewer output") == "goal 1 of 3, error 0.1 mm" and (picture(tab) == first).mean() > 0.99
 
 
+@pytest.mark.slow
 def test_the_reader_chooses_a_trajectory(tab):
     scrub(tab, 2)
     last = picture(tab)
@@ -90,6 +92,7 @@ def test_the_reader_chooses_a_trajectory(tab):
     assert (blue(tab) == (last[..., 2] > last[..., 0] + 40)).mean() > 0.98  # the other's first shape is its last
 
 
+@pytest.mark.slow
 def test_the_reader_turns_it(tab):
     before, box = blue(tab), tab.locator(".viewer canvas").bounding_box()
     x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
@@ -101,6 +104,7 @@ def test_the_reader_turns_it(tab):
     assert after.shape != before.shape or (after != before).sum() > 500
 
 
+@pytest.mark.slow
 def test_it_plays_unless_the_reader_wants_no_motion(chromium, file, tab):
     assert tab.inner_text(".viewer button") == "▶"
     playing = opened(chromium, file, waits=False)
@@ -108,12 +112,14 @@ def test_it_plays_unless_the_reader_wants_no_motion(chromium, file, tab):
     playing.context.close()
 
 
+@pytest.mark.slow
 def test_without_a_canvas_the_still_picture_stays(chromium, file):
     bare = opened(chromium, file, "HTMLCanvasElement.prototype.getContext = () => null", waits=False)
     assert bare.locator(".viewer img").count() == 1 and bare.locator(".viewer canvas").count() == 0
     bare.context.close()
 
 
+@pytest.mark.slow
 def test_nothing_is_left_of_the_shape_before(tab):
     """The picture after other shapes is that of a fresh page, at each of its pixels."""
     scrub(tab, 0)

@@ -16,7 +16,7 @@ from cfem.predict.series import input_derivatives
 
 @dataclass
 class MovingStates:
-    """States of B robots in motion, robots last.
+    """States of B robots in motion, robots last, in C's order: the kernel is compiled anew for any other.
 
     q, p, v, gain: (n_q, B) as of `cfem.motion.step.CondensedMotion` in coordinates q / scale
     lam, held: (n_a, B) alike
@@ -88,7 +88,7 @@ class MovingRobots:
         held = np.zeros((model.n_a, count))
         if not self.forces:
             held[:] = (states.delta_a <= u + 1e-9).T if self.static.pulls else 1.0
-        none, lam = np.zeros_like(q), states.lambda_a.T * stiffness * self._scale
+        none, lam = np.zeros_like(q), np.multiply(states.lambda_a.T * stiffness, self._scale, order="C")
         out = np.zeros(count)
         return MovingStates(
             q,
@@ -97,7 +97,7 @@ class MovingRobots:
             none.copy(),
             lam,
             held,
-            np.array(u.T),
+            np.array(u.T, order="C"),
             stiffness.copy(),
             viscosity.copy(),
             states.tip.copy(),
@@ -118,7 +118,7 @@ class MovingRobots:
             self._learned, self._effectors, lanes, begin, end, self.forces, self.static.pulls,
             self.tick / self.substeps, self.substeps, self._small, self._tolerance, tip, states.outside,
         )  # fmt: skip
-        states.u, states.tip = np.array(u.T), np.ascontiguousarray(tip.T)
+        states.u, states.tip = np.array(u.T, order="C"), np.ascontiguousarray(tip.T)
 
     def displacements_of(self, states: MovingStates) -> np.ndarray:
         """Displacements (B, n_a) mm of the actuators now."""

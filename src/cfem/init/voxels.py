@@ -12,6 +12,7 @@ from scipy.sparse.csgraph import dijkstra
 from cfem.init.interior import Interior
 
 _INSIDE = 30_000  # cubes inside the body, about
+_PAIRS = 500_000  # of tetrahedra and cubes at a time
 _PAD = 2
 # Half of the 26 neighbours: each pair once.
 _NEIGHBOURS = [way for way in product((-1, 0, 1), repeat=3) if way > (0, 0, 0)]
@@ -72,11 +73,15 @@ def voxels(body: Interior, volume: float) -> Voxels:
     inside = np.zeros(count, dtype=bool)
     start = np.maximum(np.ceil((body.low - first) / step - 1e-9).astype(int), 0)
     end = np.minimum(np.floor((body.high - first) / step + 1e-9).astype(int) + 1, count)
-    for number, (begin, stop) in enumerate(zip(start, end, strict=True)):
-        if (stop <= begin).any():
-            continue
-        box = tuple(slice(a, b) for a, b in zip(begin, stop, strict=True))
-        grid = np.stack(np.mgrid[box], axis=-1) * step + first
-        inner = grid @ body.slope[number].T + body.shift[number]
-        inside[box] |= (inner >= -1e-9).all(axis=-1) & (inner.sum(axis=-1) <= 1 + 1e-9)
+    sizes = np.maximum(end - start, 0)
+    counts = sizes.prod(axis=1)
+    parts = np.flatnonzero(np.diff(np.cumsum(counts) // _PAIRS)) + 1
+    for cells in np.split(np.arange(len(counts)), parts):
+        owner = np.repeat(cells, counts[cells])
+        position = np.arange(len(owner)) - np.repeat(np.cumsum(counts[cells]) - counts[cells], counts[cells])
+        rest, z = np.divmod(position, sizes[owner, 2])
+        cubes = start[owner] + np.stack([*np.divmod(rest, sizes[owner, 1]), z], axis=1)
+        inner = np.einsum("kij,kj->ki", body.slope[owner], first + step * cubes) + body.shift[owner]
+        within = (inner >= -1e-9).all(axis=1) & (inner.sum(axis=1) <= 1 + 1e-9)
+        inside[tuple(cubes[within].T)] = True
     return Voxels(first, step, inside)

@@ -126,6 +126,7 @@ def test_the_folder_s_own_test_passes_and_its_arrays_do_not_grow(both):
     assert not re.search(r" [bBdDC] ", symbols) and "malloc" not in symbols
 
 
+@pytest.mark.slow
 def test_it_runs_on_an_emulated_cortex_m7(bar, tmp_path):
     tool("arm-none-eabi-gcc"), tool("qemu-system-arm")
     model = load_model(bar / "models" / "bar" / "spectral")
@@ -190,8 +191,10 @@ def left_after_bad_frames(made, compiled, seed, kind, what, python=None):
     return np.inf if status else float((np.abs(off - clean) / deviation).max())
 
 
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("what", ["place", "displacement", "force", "all"])
+@pytest.mark.parametrize(
+    ("kind", "what"),
+    [*((kind, "all") for kind in KINDS), *(("burst", what) for what in ("place", "displacement", "force"))],
+)
 def test_bad_frames_are_rejected_as_in_python_and_left_behind(both, kind, what):
     made, compiled, _ = both
     python = Filter(made.estimator, made.slip, made.ticks, made.offset, made.gate.spec)

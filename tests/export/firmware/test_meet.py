@@ -167,6 +167,7 @@ def test_areas_are_the_normals_of_the_bent_surface(patched):
 
 
 @needs_compiler
+@pytest.mark.slow
 def test_it_meets_on_an_emulated_processor_as_here(exported):
     tool("arm-none-eabi-gcc")
     done = subprocess.run([tool("make"), "-s", "-C", exported[0], "meet-m7.elf"], capture_output=True, text=True)

@@ -6,6 +6,7 @@ import re
 import shutil
 import subprocess  # nosec B404
 import tempfile
+from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
 
@@ -98,9 +99,15 @@ def _library(
     command = demand_compiler()
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as place:  # Windows keeps a library that is loaded
         out = Path(place) / "libcfem.so"
-        sources = [str((folder / name).resolve()) for name in names]
-        run([command, *STANDARD, *flags, "-shared", "-fPIC", "-o", str(out), *sources, "-lm"], place)
+        compiled = objects([command, *STANDARD, *flags, "-fPIC"], folder, names, Path(place))
+        run([command, *flags, "-shared", "-o", str(out), *map(str, compiled), "-lm"], place)
         return ctypes.CDLL(str(out))
+
+
+def objects(command: list[str], folder: Path, names: Sequence[str], place: Path) -> list[Path]:
+    """Object files, in `place`, of sources of a folder."""
+    run([*command, "-c", *(str((folder / name).resolve()) for name in names)], place)
+    return [place / f"{Path(name).stem}.o" for name in names]
 
 
 def defines_of(*headers: Path) -> dict[str, str]:
