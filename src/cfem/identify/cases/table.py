@@ -93,7 +93,7 @@ def read_cases(
         what = f"names no column of actuator '{lacking[0]}'"
         raise SpecError(what, where="layout.forces", do=f"give the columns of {', '.join(actuators)}")
     cases = _cases(table, layout)
-    _demand_markers(table, cases, markers)
+    _demand_markers(table, cases, markers, measured)
     driving = [layout.forces[name].column for name in actuators]
     position = layout.position if measured or set(layout.position) <= set(table.titles) else []
     # one call: all columns of numbers agree on the decimal mark
@@ -134,19 +134,20 @@ def _cases(table: TextTable, layout: TableColumns) -> _Rows:
     return cases
 
 
-def _demand_markers(table: TextTable, cases: _Rows, markers: list[str]) -> None:
-    """Raises InputError where no case has a marker, or where some cases have an unknown name and lack a marker: it is
-    misspelt. Names that the spec leaves out are otherwise ignored."""
+def _demand_markers(table: TextTable, cases: _Rows, markers: list[str], measured: bool) -> None:
+    """Raises InputError where measured cases lack a marker throughout, where no marker is known, or where some cases
+    have an unknown name and lack a marker: it is misspelt. Names that the spec leaves out are otherwise ignored."""
     known = set(markers)
     seen = {name for case in cases.values() for name in case}
-    if absent := [name for name in markers if name not in seen]:
+    absent = [name for name in markers if name not in seen]
+    if absent and (measured or not seen & known):
         what = f"holds no marker '{absent[0]}'; it has {', '.join(sorted(seen))}"
         raise InputError(what, where=str(table.path), do="name the markers as the table does")
     for name in sorted(seen - known):
         inside = [case for case in cases.values() if name in case]
         if len(inside) < len(cases) and all(known - set(case) for case in inside):
-            absent = ", ".join(sorted(known - set(inside[0])))
-            what = f"marker '{name}' is none of {', '.join(markers)}, and this case lacks {absent}"
+            lacked = ", ".join(sorted(known - set(inside[0])))
+            what = f"marker '{name}' is none of {', '.join(markers)}, and this case lacks {lacked}"
             raise InputError(what, where=table.where(inside[0][name]), do="name it as `markers` does, or leave it out")
 
 
