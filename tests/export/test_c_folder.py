@@ -4,6 +4,7 @@ import json
 import shutil
 import subprocess
 import tempfile
+from itertools import product
 from pathlib import Path
 
 import pytest
@@ -24,6 +25,10 @@ VARIANTS = {
     "sanitised": ["-O0", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"],
     "contracted": ["-O3", "-ffp-contract=fast"],
     "not contracted": ["-O2", "-ffp-contract=off"],
+}
+BOARDS = {
+    "m7": CORTEX_M7,
+    "m4": ("-Os", "-mcpu=cortex-m4", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard", "-mthumb"),
 }
 MODELS = {
     "double": (spectral, {"full": True}),
@@ -97,13 +102,16 @@ def test_c_plus_plus_takes_the_header(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("model", "flags"),
-    [("double", CORTEX_M7), ("row", ("-Os", "-mcpu=cortex-m4", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard", "-mthumb"))],
+    ("model", "board"),
+    [
+        pytest.param(*one, marks=() if one in (("double", "m7"), ("row", "m4")) else pytest.mark.slow)
+        for one in product(MODELS, BOARDS)
+    ],
 )
-def test_it_compiles_for_a_microcontroller(model, flags, tmp_path):
+def test_it_compiles_for_a_microcontroller(model, board, tmp_path):
     made, spec = MODELS[model]
     export(tmp_path, made(), **spec)
-    build.objects([tool("arm-none-eabi-gcc"), *flags, *STRICT], tmp_path, library_files(tmp_path), tmp_path)
+    build.objects([tool("arm-none-eabi-gcc"), *BOARDS[board], *STRICT], tmp_path, library_files(tmp_path), tmp_path)
 
 
 @needs_compiler

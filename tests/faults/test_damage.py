@@ -53,7 +53,7 @@ def read_all(dataset: Path, model: Path) -> None:
     artefact_file(model, "test_vectors.npz")
 
 
-@pytest.mark.parametrize("flips, cuts", [(60, 24), pytest.param(1000, 200, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("flips, cuts", [(20, 8), pytest.param(1000, 200, marks=pytest.mark.slow)])
 def test_all_damage_is_found_by_verify_and_by_what_reads(folder, flips, cuts):
     dataset, model = folder / "dataset", folder / "model"
     files = [path for one in (dataset, model) for path in sorted(one.rglob("*")) if path.is_file()]
@@ -74,7 +74,7 @@ def test_all_damage_is_found_by_verify_and_by_what_reads(folder, flips, cuts):
     print(f"{flips} flips and {cuts} cuts of {len(files)} files: all found")
 
 
-@pytest.mark.parametrize("flips, cuts", [(60, 20), pytest.param(3000, 500, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("flips, cuts", [(20, 7), pytest.param(3000, 500, marks=pytest.mark.slow)])
 def test_a_damaged_parquet_file_alone_is_read_or_refused_but_never_crashes(folder, tmp_path, flips, cuts):
     """Without its manifest there are the checksums of its pages, which do not cover its metadata."""
     source, file = folder / "dataset" / "train.parquet", tmp_path / "train.parquet"

@@ -44,7 +44,7 @@ def shards(out):
     return {path.name: path.stat().st_mtime_ns for path in (partial_folder(out) / "shards").glob("shard-*.parquet")}
 
 
-@pytest.mark.parametrize("kills", [12, pytest.param(200, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("kills", [5, pytest.param(200, marks=pytest.mark.slow)])
 def test_killed_at_random_moments_it_ends_with_the_same_content(processes, whole, quick, kills):
     moments = random.Random(kills)
     done = datasets = lost = redone = 0

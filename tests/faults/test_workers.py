@@ -102,7 +102,9 @@ def disturbed(workers, names, work, disturb, delay=0.03):
     return tables
 
 
-@pytest.mark.parametrize("how, timeout", [(signal.SIGKILL, None), (signal.SIGSTOP, 6.0)])
+@pytest.mark.parametrize(
+    "how, timeout", [(signal.SIGKILL, None), pytest.param(signal.SIGSTOP, 6.0, marks=pytest.mark.slow)]
+)
 def test_a_process_that_is_killed_or_stopped_is_replaced(whole, names, tmp_path, capfd, how, timeout):
     lost = []
 

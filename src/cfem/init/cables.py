@@ -90,13 +90,13 @@ def place_cables(
     ways = directions(cuts, count) if len(sections) > 1 and base is not None else []
     for attempt in range(_TRIES if ways else 0):
         for margin in _MARGINS:
-            found = [_outermost(shape, *each, margin * radius) for each in zip(cuts, ways, strict=True)]
-            if any(places is None for places in found):
+            found = _outermost_of_all(shape, cuts, ways, margin * radius)
+            if found is None:
                 continue
             fitted = True
-            outside = _outside(shape, np.array(found), radius)
+            outside = _outside(shape, found, radius)
             if outside is None:
-                return _lines(np.array(found), sections, run), radius
+                return _lines(found, sections, run), radius
         if attempt in (0, _TRIES // 2) and fitted:
             found = _clear_of_all(shape, way, cuts, ways, radius)
             if found is not None and _outside(shape, found, radius) is None:
@@ -122,8 +122,8 @@ def _clear_of_all(
     shares = np.linspace(_FIRST, 1 - _LAST, _FINE * (len(cuts) - 2) + 1)
     fine = [cuts[0], *_cuts(shape, way, shares)]
     fine_ways = directions(fine, len(ways[0]))
-    found = [_outermost(shape, *each, radius) for each in zip(fine, fine_ways, strict=True)]
-    if any(places is None for places in found):
+    found = _outermost_of_all(shape, fine, fine_ways, radius)
+    if found is None:
         return None
     offsets = np.array([np.linalg.norm(at - each.centre, axis=1) for at, each in zip(found, fine, strict=True)])
     narrow = ndimage.minimum_filter1d(offsets, 2 * _FINE + 1, axis=0, mode="nearest")
@@ -173,6 +173,19 @@ def make_line(name: str, places: np.ndarray, run: Run, offset: float | None) -> 
     pull, *points = np.round(places / step) * step
     pull[run.axis] = run.base
     return CableLine(name, pull, np.array(points), offset)
+
+
+def _outermost_of_all(
+    shape: Shape, sections: list[Section], ways: list[np.ndarray], radius: float
+) -> np.ndarray | None:
+    """(k, count, 3) mm: `_outermost` of each section; None as soon as one has none."""
+    found = []
+    for section, outward in zip(sections, ways, strict=True):
+        places = _outermost(shape, section, outward, radius)
+        if places is None:
+            return None
+        found.append(places)
+    return np.array(found)
 
 
 def _outermost(shape: Shape, section: Section, ways: np.ndarray, radius: float) -> np.ndarray | None:

@@ -24,7 +24,7 @@ def held(a):
 def spec(**changes):
     base = SimpleNamespace(centre=[0.0, 0, 2], half_size=[3.0, 3, 2], weight=1.0, pads=0.01)
     ground = SimpleNamespace(point=[0.0, 0, 0], normal=[0.0, 0, 1], friction=0.5)
-    whole = {"base": base, "ground": ground, "direction": [1.0, 0, 0], "pulls": (0.0, 1.0), "steps": 8, "cycles": 2}
+    whole = {"base": base, "ground": ground, "direction": [1.0, 0, 0], "pulls": (0.0, 1.0), "steps": 4, "cycles": 2}
     whole["distance"] = None
     return SimpleNamespace(**(whole | changes))
 
@@ -66,7 +66,7 @@ def test_legs_with_a_weight_press_the_ground_by_it_and_row_farther():
     down, at = np.array([0.0, 0, -0.2]), [leg.points[0] for leg in light.legs]
     legs = [replace(leg, held=twice, load=down) for leg in light.legs]
     heavy = crawler_of(spec(), legs, ["one", "other"], [LegWeight(0.2, one, np.eye(3)) for one in at])
-    walks = [one.walk(commands(3), 0.5) for one in (light, heavy)]
+    walks = [one.walk(commands(2), 0.5) for one in (light, heavy)]
     assert [one.status for one in walks] == ["converged"] * 2
     for touch in walks[1].touches:
         assert touch.posed.force[::3].sum() == pytest.approx(1.4, rel=1e-2) and touch.check.largest <= 1e-8
@@ -115,8 +115,8 @@ ROWS = Gait(np.array([0.5, 0.45]), np.array([0.5, 0.35]), np.array([0.0, 0.25]))
 def test_a_course_walks_a_gait_and_tells_of_it():
     course, one = Course(spec(), [False, False], 2), crawler()
     planned = course.plan(one, ROWS)
-    assert len(planned.commands) == 16
-    account = {"commands": 16, "points": {"stick": 3}, "law_residual": 1e-9}
+    assert len(planned.commands) == 8
+    account = {"commands": 8, "points": {"stick": 3}, "law_residual": 1e-9}
     far = dict.fromkeys(("planned", "fe"), course.far(planned))
     sweep, walks = [course.at_friction(0.8, ROWS, one, one)], {"planned": planned, "fe": planned}
     lines = headline(far, course.unit, sweep, walks, account, 0.5, 0)
@@ -126,7 +126,7 @@ def test_a_course_walks_a_gait_and_tells_of_it():
     assert [row["planned"] for row in alone] == [course.far(planned), sweep[0]["planned"]]
     said = headline(far, course.unit, sweep, walks, account, 0.5, 3, alone)
     assert said[2].startswith("planned alone") and "at 0.5," in said[2] and said[2].endswith("at 0.8")
-    assert said[0].endswith("3 of 16 plans OUTSIDE what the model was trained on")
+    assert said[0].endswith("3 of 8 plans OUTSIDE what the model was trained on")
 
 
 def test_a_stated_distance_is_walked_and_no_command_more():

@@ -154,13 +154,14 @@ def test_what_does_not_fit_gets_one_sentence(model, tmp_path, change, said):
 
 
 SPOILT, CLEAN = 60, 20  # frames
+NUMBERS = ("place", "displacement", "force")
 
 
 def spoilt_frames(made, seed, kind, what):
     """(frame, unknowns) of a robot that moves; `what` of these is spoilt for a while: places, displacement, force, or
     all at once; kind None: nothing."""
     rng, one = np.random.default_rng(seed), made.estimator
-    names = [name for name in ("place", "displacement", "force") if kind is not None and what in (name, "all")]
+    names = [name for name in NUMBERS if kind is not None and what in (name, "all")]
     spoilt = {name: spoiling(kind, np.random.default_rng(seed), SPOILT) for name in names}
     for number in range(30 + SPOILT + CLEAN):
         u = np.array([3 + 1.5 * np.sin(0.1 * number)])
@@ -191,10 +192,8 @@ def left_after_bad_frames(made, compiled, seed, kind, what, python=None):
     return np.inf if status else float((np.abs(off - clean) / deviation).max())
 
 
-@pytest.mark.parametrize(
-    ("kind", "what"),
-    [*((kind, "all") for kind in KINDS), *(("burst", what) for what in ("place", "displacement", "force"))],
-)
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("what", ["all", *(pytest.param(one, marks=pytest.mark.slow) for one in NUMBERS)])
 def test_bad_frames_are_rejected_as_in_python_and_left_behind(both, kind, what):
     made, compiled, _ = both
     python = Filter(made.estimator, made.slip, made.ticks, made.offset, made.gate.spec)
