@@ -93,7 +93,7 @@ def read_cases(
         what = f"names no column of actuator '{lacking[0]}'"
         raise SpecError(what, where="layout.forces", do=f"give the columns of {', '.join(actuators)}")
     cases = _cases(table, layout)
-    _demand_markers(table, cases, markers)
+    _demand_markers(table, cases, markers, measured)
     driving = [layout.forces[name].column for name in actuators]
     position = layout.position if measured or set(layout.position) <= set(table.titles) else []
     # one call: all columns of numbers agree on the decimal mark
@@ -134,13 +134,14 @@ def _cases(table: TextTable, layout: TableColumns) -> _Rows:
     return cases
 
 
-def _demand_markers(table: TextTable, cases: _Rows, markers: list[str]) -> None:
-    """Raises InputError where no case has a marker, or where some cases have an unknown name and lack a marker: it is
-    misspelt. Names that the spec leaves out are otherwise ignored."""
+def _demand_markers(table: TextTable, cases: _Rows, markers: list[str], measured: bool) -> None:
+    """Raises InputError where no case has a marker that is to be `measured`, or none has any, and where some cases have
+    an unknown name and lack a marker: it is misspelt. Names that the spec leaves out are otherwise ignored."""
     known = set(markers)
     seen = {name for case in cases.values() for name in case}
-    if absent := [name for name in markers if name not in seen]:
-        what = f"holds no marker '{absent[0]}'; it has {', '.join(sorted(seen))}"
+    unseen = [name for name in markers if name not in seen]
+    if unseen and (measured or len(unseen) == len(markers)):
+        what = f"holds no marker '{unseen[0]}'; it has {', '.join(sorted(seen))}"
         raise InputError(what, where=str(table.path), do="name the markers as the table does")
     for name in sorted(seen - known):
         inside = [case for case in cases.values() if name in case]
