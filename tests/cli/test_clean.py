@@ -7,6 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 from cfem.cli.app import app
+from cfem.core.artefact.files import locked
 from cfem.core.artefact.stage_run import Stage
 from cfem.core.spec import Spec
 from cfem.core.stage import Options, run_stage
@@ -77,6 +78,21 @@ def test_a_copy_is_deleted_and_what_is_dear_only_on_demand(data):
     assert left(data) == ALL[3:]
     assert not list(data.rglob(".*.made_from"))
     assert (data / "noted" / "samples.old-1" / "notes.txt").read_text() == "mine"
+
+
+def test_unfinished_work_that_no_command_works_on_is_told_and_dear(tmp_path):
+    out = tmp_path / "data" / "killed" / "samples"
+    with pytest.raises(KeyboardInterrupt):
+        make(out, "a", seconds=1.0)
+    own, foreign = out.with_name(".samples.partial"), out.with_name(".thesis.partial")
+    foreign.mkdir()
+    (foreign / "chapter.tex").write_text("years")
+    with locked(out):
+        assert run(tmp_path).strip() == "nothing is set aside"
+    said = run(tmp_path, "--delete")
+    assert "keeps: unfinished work" in said and "1 kB more with --delete --dear" in said and own.is_dir()
+    run(tmp_path, "--delete", "--dear")
+    assert not own.exists() and not out.with_name(".samples.made_from").exists() and foreign.is_dir()
 
 
 def test_a_copy_of_what_is_damaged_stays(data):

@@ -105,7 +105,7 @@ def clean(
     dear: Annotated[bool, typer.Option("--dear", help="Also samples and unfinished work, which took long.")] = False,
     json: Json = False,
 ) -> None:
-    """Say how much room is taken by what was set aside (NAME.old-1 and so on). Deletes nothing unless told."""
+    """Say how much room set-aside folders (NAME.old-1) and unfinished work take. Deletes nothing unless told."""
 
     def work(_):
         return import_module("cfem.cli.clean").clean(folders or [], delete, dear, json)

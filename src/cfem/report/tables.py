@@ -35,6 +35,11 @@ def tabulate(rows: Iterable[Any], columns: Mapping[str, Callable[[Any], str]]) -
     return ReportTable(tuple(heads[i] for i in kept), [tuple(row[i] for i in kept) for row in cells])
 
 
+def loss(errors: Mapping[str, Any]) -> str:
+    """The paper's loss of a model, a dash where its test states do not differ and the loss has no unit."""
+    return number(None if errors.get("entries") == 0 else errors["loss"])
+
+
 def number(value: float | None, digits: int = 3) -> str:
     """Three digits, powers of ten only where they help; a dash where there is none."""
     if value is None or value != value:

@@ -59,6 +59,13 @@ def test_a_state_at_rest_does_not_swell_the_shares():
     assert found == extrapolated([pulled], 2.0, 60.0) and found["force_percent"] == pytest.approx(100 * 0.05 * 4 / 3)
 
 
+def test_a_robot_that_stays_at_rest_has_no_estimate():
+    """The share of its reach was 2100 %, by rounding."""
+    scene, mesh, robot = bar()
+    found = mesh_error(scene, mesh, robot, BAR, [pulled(robot, 0.0)], MeshErrorSpec())
+    assert found == {"left_out": "the commands leave the robot at rest"}
+
+
 def test_states_are_far_from_rest_and_from_each_other():
     goals = [np.array([x, 0.0]) for x in (0.0, 1.0, 9.0, 8.9, -5.0)]
     assert chosen(goals, np.zeros(2), 3) == [2, 4, 1]

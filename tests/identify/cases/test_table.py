@@ -21,9 +21,9 @@ LAYOUT = TableColumns(
 )
 
 
-def read(tmp_path, rows=ROWS, head=HEAD, layout=LAYOUT):
+def read(tmp_path, rows=ROWS, head=HEAD, layout=LAYOUT, measured=True):
     (tmp_path / "given.csv").write_text("\n".join([head, *rows]) + "\n")
-    return read_cases(tmp_path / "given.csv", layout, ["tip", "base"], ["cable"], ["N"], 120.0)
+    return read_cases(tmp_path / "given.csv", layout, ["tip", "base"], ["cable"], ["N"], 120.0, measured)
 
 
 def test_a_table_is_read(tmp_path):
@@ -87,6 +87,7 @@ def test_a_mistake_is_told_with_its_line_and_column(tmp_path, old, new, message)
 def test_a_marker_that_no_case_has_is_told(tmp_path):
     with pytest.raises(InputError, match="csv: holds no marker 'tip'; it has TIP, base"):
         read(tmp_path, [row.replace("tip", "TIP") for row in ROWS])
+    assert len(read(tmp_path, [row for row in ROWS if "tip" in row], measured=False)) == 3  # cases to predict
 
 
 def test_a_title_that_stands_twice_is_refused(tmp_path):

@@ -45,8 +45,16 @@ def test_no_errors_are_drawn_of_two_points_nor_seconds_of_one_model():
 
 def test_a_published_model_has_dashes_where_nothing_is_known():
     table = model_table({"one": MODELS["one"]}, Published(source="a paper", loss=4e-6, query_us=100.0), force="MPa")
-    assert table.rows[1] == ("a paper", "–", "4.00·10⁻⁶", "–", "–", "–", "–", "100 µs")
+    assert table.rows[1] == ("a paper", "–", "–", "4.00·10⁻⁶", "–", "–", "–", "–", "100 µs")
     assert "force error, mean / max (MPa)" in table.head
+
+
+def test_a_loss_over_test_states_that_do_not_differ_is_none():
+    """A single state: its variance is 0, and so would be the loss."""
+    single = {**MODELS["one"], "errors": {**MODELS["one"]["errors"], "states": 1, "entries": 0, "loss": 0.0}}
+    both = model_table({"one": single, "two": MODELS["two"]})
+    assert both.head[2] == "test states" and both.rows[0][2:4] == ("1", "–")
+    assert "the paper's loss" not in model_table({"one": single}).head
 
 
 def test_histories_of_series_and_of_networks_are_drawn():

@@ -46,7 +46,7 @@ def tick_log(folder: Path) -> Iterator[Callable[[dict[str, Any]], None]]:
             if not count:
                 path.unlink()
                 raise
-            kept = f"the {count} ticks before are kept in {path}"
+            kept = f"the {count} ticks before are kept in {os.path.normpath(path)}"
             if isinstance(error, CfemError):
                 raise type(error)(f"{error.what}; {kept}", where=error.where, do=error.do) from error
             say(f"control: {kept}")

@@ -33,6 +33,7 @@ from cfem.robot.mesh.finer import carried_over, dimensions, finer_mesh, growth
 from cfem.robot.spec import SceneSpec
 
 ORDER = 2.0
+STILL = 1e-6  # of the robot's length: below it effectors have not moved
 
 
 @dataclass(frozen=True)
@@ -105,6 +106,8 @@ def mesh_error(
     expected = growth(scene, spec.cells) * len(mesh.cells)
     if expected > spec.largest:
         return {"left_out": f"the finer mesh would have {expected:.0f} cells, and mesh_error.largest is {spec.largest}"}
+    if states and max(np.abs(state.delta_e).max() for state in states) <= STILL * robot.length:
+        return {"left_out": "the commands leave the robot at rest"}
     doing("meshing more finely, for the discretisation error")
     try:
         finer = finer_mesh(scene, mesh, robot, folder, spec.cells)

@@ -19,8 +19,9 @@ def artefact_file(folder: Path, name: str) -> Path:
     manifest = read_manifest(folder)
     known = manifest["files"].get(name) if is_inside(name) else None
     if known is None:
-        what = f"holds no {name}: it was made by cfem {manifest.get('stage')}"
-        raise InputError(what, where=str(folder), do="check the path in the spec")
+        there = ", ".join(sorted(manifest["files"]))
+        what = f"holds no {name}: cfem {manifest.get('stage')} made {there} there"
+        raise InputError(what, where=str(folder), do="check the path, and what the spec of that stage asks for")
     if file_sha256(folder / name) != known:
         raise InputError(
             "is damaged: its SHA-256 differs from the manifest",

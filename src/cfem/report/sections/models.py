@@ -12,7 +12,7 @@ from cfem.report.sections.choices import QUANTITIES, choice_table
 from cfem.report.sections.trust import Trust, trust_chart, trust_summary, trust_table
 from cfem.report.spec import Published
 from cfem.report.style import INK, LEARNED
-from cfem.report.tables import ReportTable, lengths, number, spread, tabulate
+from cfem.report.tables import ReportTable, lengths, loss, number, spread, tabulate
 
 KINDS = {"spectral": LEARNED[0], "energy_net": LEARNED[1], "mlp": LEARNED[2]}
 MARKS = "os^Dv"
@@ -75,7 +75,8 @@ def model_table(
         {
             "model": lambda row: row[0],
             "samples": lambda row: str(row[1]["samples"]),
-            "the paper's loss": lambda row: number(row[1]["errors"]["loss"]),
+            "test states": lambda row: str(row[1]["errors"].get("states", "–")),
+            "the paper's loss": lambda row: loss(row[1]["errors"]),
             "tip error, mean / max": lambda row: lengths(row[1]["errors"]["tip_mm"]),
             f"force error, mean / max ({force})": lambda row: spread(row[1]["errors"]["force_N"]),
             "CPU time of sampling": lambda row: _time(row[1]["seconds_sampling"]),

@@ -13,7 +13,7 @@ from cfem.report.page import ReportSection
 from cfem.report.sections.models import ERRORS, FLOORS, KINDS, MARKS
 from cfem.report.spec import Published
 from cfem.report.style import FE, INK, LEARNED, ticks_at
-from cfem.report.tables import ReportTable, lengths, number, spread, tabulate
+from cfem.report.tables import ReportTable, lengths, loss, number, spread, tabulate
 
 
 def sampling_rows(method: str, model: str, trained: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
@@ -94,7 +94,7 @@ def sampling_table(rows: Sequence[Mapping[str, Any]]) -> ReportTable:
         {
             "model, method": lambda row: f"{row['model']}, {row['method']}",
             "rows": lambda row: str(row["samples"]),
-            "the paper's loss": lambda row: number(row["errors"]["loss"]),
+            "the paper's loss": lambda row: loss(row["errors"]),
             "tip error, mean / max": lambda row: lengths(row["errors"]["tip_mm"]),
             "force error, mean / max (N)": lambda row: spread(row["errors"]["force_N"]),
             "training": lambda row: duration(row["seconds_fit"]),
@@ -150,7 +150,7 @@ def sizes_table(rows: Sequence[Mapping[str, Any]]) -> ReportTable:
         {
             "mesh": lambda line: line[0],
             "samples": lambda line: str(line[1]["samples"]),
-            "the paper's loss": lambda line: number(line[1]["errors"]["loss"]),
+            "the paper's loss": lambda line: loss(line[1]["errors"]),
             "tip error, mean / max": lambda line: lengths(line[1]["errors"].get("tip_mm")),
             "samples per second, one core": lambda line: (
                 number(line[1]["samples"] / line[1]["seconds_sampling"]) if "seconds_sampling" in line[1] else ""
