@@ -27,6 +27,18 @@ def test_its_states_are_those_of_the_robot(model):
     assert (space.lambda_a >= 0).all() and (space.delta_a >= 0).all() and (space.delta_a <= 20).all()
 
 
+def test_its_states_are_searched_together_and_are_those_that_are_found_one_by_one(model, monkeypatch):
+    evaluated, true = [], model.at
+    monkeypatch.setattr(model, "at", lambda s, p=None: evaluated.append(len(s)) or true(s, p))
+    space = model.workspace(200)
+    assert 0 < len(evaluated) < 100 and sum(evaluated) >= 200
+    monkeypatch.undo()
+    for place in range(0, 200, 10):
+        state = model.at_force(space.lambda_a[place])
+        np.testing.assert_allclose(state.delta_a, space.delta_a[place], rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(model.rest_e + state.delta_e, space.x_e[place], rtol=1e-9, atol=1e-9)
+
+
 def test_a_good_part_of_its_states_has_a_slack_cable(model):
     space = model.workspace(300)
     assert 0.1 < (space.lambda_a == 0).mean() < 0.4

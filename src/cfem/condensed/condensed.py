@@ -33,6 +33,10 @@ class Condensed:
         arrays = ([getattr(state, name) for state in states] for name in ("W", "delta_free", "lam"))
         return Condensed(states[0].rows, *map(np.array, arrays))
 
+    def each(self) -> "list[Condensed]":
+        """The states of a batch (m,), one by one."""
+        return [Condensed(self.rows, *row) for row in zip(self.W, self.delta_free, self.lam, strict=True)]
+
     @cached_property
     def delta(self) -> np.ndarray:
         """Displacements (..., n) at the state itself."""

@@ -1,7 +1,7 @@
 """What answers for a robot: a model gives the condensed robot where its actuators stand, and is searched for where they
 stand under given forces."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Literal, Protocol, runtime_checkable
 
 import numpy as np
@@ -14,6 +14,7 @@ ITERATIONS, HALVINGS = 60, 12
 
 Form = Literal["displacement", "force"]  # what a model is a function of: delta_a, or lambda_a
 Evaluate = Callable[[np.ndarray], Condensed]  # the state at inputs (n_a,) of the form
+EvaluateMany = Callable[[np.ndarray, np.ndarray], Sequence[Condensed]]  # of several, and which of them these are
 
 
 class Model(Protocol):
@@ -73,37 +74,65 @@ def under_force(model: Model, lambda_a: np.ndarray, near: Condensed) -> Condense
 
 def with_dual(evaluate: Evaluate, form: Form, wanted: np.ndarray, near: Condensed, rounding: float = NEAR) -> Condensed:
     """State whose forces are `wanted` (n_a,), or whose displacements are where `form` is 'force'; searched from `near`.
+    NumericalError where there is no such state. evaluate: gives the state at inputs of the form; rounding: as below."""
+    states, left = with_duals(lambda inputs, _: [evaluate(inputs[0])], form, wanted[None], [near], rounding)
+    demand_found(form, wanted[None], left)
+    return states[0]
 
-    evaluate: gives the state at inputs of the form
+
+def with_duals(
+    evaluate: EvaluateMany, form: Form, wanted: np.ndarray, near: Sequence[Condensed], rounding: float = NEAR
+) -> tuple[list[Condensed], np.ndarray]:
+    """States whose forces are `wanted` (m, n_a), or whose displacements are where `form` is 'force', each searched from
+    its own of `near`; and what is left of each (m,) in N or mm, 0 where it is found.
+
+    evaluate: gives the states at inputs (k, n_a) of the form, of those with the numbers (k,)
     rounding: largest step, as a share of the displacements on the way, at which a search that stalls is over
 
-    The search is Newton's method, as d delta_a / d lambda_a = W_aa (Legendre's transform of the condensed energy).
-    A step that brings the state no nearer is halved. NumericalError where there is no such state."""
-    by_force, state = form == "force", near
-    scale = np.full(len(wanted), np.finfo(float).tiny)  # of each actuator on the way, in its unit
+    The search is Newton's method, as d delta_a / d lambda_a = W_aa (Legendre's transform of the condensed energy), of
+    all states at once. A step that brings its state no nearer is halved."""
+    by_force, states = form == "force", list(near)
+    scale = np.full(wanted.shape, np.finfo(float).tiny)  # of each actuator on the way, in its unit
+    size, missing = np.full(len(wanted), np.inf), np.full(len(wanted), np.inf)
+    searched = np.arange(len(wanted))
     for _ in range(ITERATIONS):
-        inputs, dual = (state.lambda_a, state.delta_a) if by_force else (state.delta_a, state.lambda_a)
-        slope, residual = np.linalg.inv(state.W_aa) if by_force else state.W_aa, wanted - dual
-        step = slope @ residual
-        strong = np.maximum(np.abs(dual), np.abs(wanted))
-        scale = np.maximum(scale, np.maximum(np.abs(inputs), np.abs(slope) @ strong))
-        size = float((np.abs(step) / scale).max())
-        if size <= EXACT:
-            return state
-        nearer = None
+        delta_a, lambda_a = (np.array([getattr(states[i], name) for i in searched]) for name in ("delta_a", "lambda_a"))
+        inputs, dual = (lambda_a, delta_a) if by_force else (delta_a, lambda_a)
+        slope = np.array([states[i].W_aa for i in searched])
+        slope, residual = np.linalg.inv(slope) if by_force else slope, wanted[searched] - dual
+        step = (slope @ residual[..., None])[..., 0]
+        strong = np.maximum(np.abs(dual), np.abs(wanted[searched]))
+        scale[searched] = np.maximum(
+            scale[searched], np.maximum(np.abs(inputs), (np.abs(slope) @ strong[..., None])[..., 0])
+        )
+        size[searched] = (np.abs(step) / scale[searched]).max(axis=1)
+        missing[searched] = np.abs(residual).max(axis=1)
+        going = size[searched] > EXACT
+        searched, inputs, step = searched[going], inputs[going], step[going]
+        distance, waiting = np.linalg.norm(residual[going], axis=1), np.arange(len(searched))
         for share in 0.5 ** np.arange(HALVINGS):
+            if not len(waiting):
+                break
             try:
-                trial = evaluate(inputs + share * step)
+                trials = evaluate(inputs[waiting] + share * step[waiting], searched[waiting])
             except NumericalError:  # beyond what the model knows: a shorter step may be within it
                 continue
-            if np.linalg.norm(wanted - (trial.delta_a if by_force else trial.lambda_a)) < np.linalg.norm(residual):
-                nearer = trial
-                break
-        if nearer is None:
+            reached = np.array([trial.delta_a if by_force else trial.lambda_a for trial in trials])
+            nearer = np.linalg.norm(wanted[searched[waiting]] - reached, axis=1) < distance[waiting]
+            for place in np.flatnonzero(nearer):
+                states[searched[waiting[place]]] = trials[place]
+            waiting = waiting[~nearer]
+        searched = np.delete(searched, waiting)
+        if not len(searched):
             break
-        state = nearer
-    if size <= rounding:
-        return state
-    what = f"at the displacements {wanted.tolist()} mm" if by_force else f"under the forces {wanted.tolist()} N"
-    left = f"{np.abs(residual).max():.2g} {'mm' if by_force else 'N'} are left"
-    raise NumericalError(f"the model has no state {what}: {left}", do="ask nearer to the states of its training")
+    return states, np.where(size <= rounding, 0.0, missing)
+
+
+def demand_found(form: Form, wanted: np.ndarray, left: np.ndarray) -> None:
+    """NumericalError where something is left (m,) of the states that `wanted` (m, n_a) asks for, as `with_duals` has
+    it."""
+    at, unit = ("at the displacements", "mm") if form == "force" else ("under the forces", "N")
+    for asked, rest in zip(wanted.tolist(), left, strict=True):
+        if rest:
+            what = f"the model has no state {at} {asked} {unit}: {rest:.2g} {unit} are left"
+            raise NumericalError(what, do="ask nearer to the states of its training")

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cfem.condensed import Condensed, Rows
-from cfem.condensed.model import Form, with_dual
+from cfem.condensed.model import Form, demand_found, with_duals
 from cfem.condensed.parameters import coordinates, from_json, references
 from cfem.core.errors import InputError, NumericalError
 from cfem.predict.domain import Domain
@@ -148,6 +148,15 @@ class Predictor(ABC):
         self._demand_near(lambda_a, *(bound / softer for bound in self.domain.lambda_a), "forces", "N")
         return self.at(lambda_a, p) if self.form == "force" else self._with_dual(lambda_a, p)
 
+    def under_forces(self, lambda_a: np.ndarray) -> tuple[list[Condensed], np.ndarray]:
+        """The condensed robot under each of lambda_a (m, n_a) N, at the scene's own parameters, and whether there is
+        one (m,): the other states mean nothing."""
+        p = np.broadcast_to(self._reference, (len(lambda_a), len(self.parameters)))
+        if self.form == "force":
+            return self.at(lambda_a, p).each(), np.ones(len(lambda_a), dtype=bool)
+        states, left = self._with_duals(lambda_a, p)
+        return states, left == 0
+
     def jacobian(self, state: Condensed) -> np.ndarray:
         """(..., n_e, n_a) d delta_e / d delta_a = W_ea W_aa^-1 at a state found with this model."""
         return state.effector_jacobian
@@ -196,17 +205,30 @@ class Predictor(ABC):
         return InputError(f"{what} is one finite number for each actuator ({names}); got {shown}")
 
     def _with_dual(self, wanted: np.ndarray, p: np.ndarray | None) -> Condensed:
-        """States whose forces are `wanted` (..., n_a), or displacements for the form 'force', each searched from the
-        nearest training state. NumericalError where one is not found."""
-        dual: Form = "force" if self.form == "displacement" else "displacement"
+        """States whose forces are `wanted` (..., n_a), or displacements for the form 'force'. NumericalError where one
+        is not found."""
+        rows = wanted.reshape(-1, wanted.shape[-1])
         every = np.broadcast_to(self._p(p), (*wanted.shape[:-1], len(self.parameters)))
-        if wanted.ndim > 1:
-            return Condensed.batch([self._with_dual(*row) for row in zip(wanted, every, strict=True)])
+        states, left = self._with_duals(rows, every.reshape(len(rows), -1))
+        demand_found(self.form, rows, left)
+        batch = Condensed.batch(states)
+        arrays = (batch.W, batch.delta_free, batch.lam)
+        return Condensed(self.rows, *(array.reshape(*wanted.shape[:-1], *array.shape[1:]) for array in arrays))
+
+    def _with_duals(self, wanted: np.ndarray, p: np.ndarray) -> tuple[list[Condensed], np.ndarray]:
+        """States (m,) of wanted (m, n_a) and p (m, n_p), each searched from the nearest training state; what is left of
+        each (m,), 0 where it is found."""
+        dual: Form = "force" if self.form == "displacement" else "displacement"
         # the domain's states are those of the reference of exact parameters
-        softer = self.softer(every) if self.parameters else 1.0
-        start = self.domain.nearest(wanted * softer if dual == "force" else wanted, dual, self.q(every))
+        softer = self.softer(p)[:, None] if self.parameters else np.ones((len(p), 1))
+        asked = wanted * softer if dual == "force" else wanted
+        start = np.array([self.domain.nearest(s, dual, q) for s, q in zip(asked, self.q(p), strict=True)])
         start = start if dual == "force" else start / softer
-        return with_dual(lambda s: self.at(s, every), self.form, wanted, self.at(start, every), _ROUNDING)
+
+        def evaluate(inputs: np.ndarray, which: np.ndarray) -> list[Condensed]:
+            return self.at(inputs, p[which]).each()
+
+        return with_duals(evaluate, self.form, wanted, evaluate(start, np.arange(len(p))), _ROUNDING)
 
     def inside(self, condensed: Condensed, p: ArrayLike | None = None) -> bool | np.ndarray:
         """True for each state found with this model that is like those that it was trained on."""

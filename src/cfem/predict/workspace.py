@@ -4,14 +4,13 @@ States are drawn by force (a low-discrepancy sequence over the forces of the tra
 pulls carries at least nothing. Every such state exists, and a fifth of the draws of each cable leave it slack, so that
 the faces of the workspace are drawn too. States outside the reach or unlike the training states are left out."""
 
-from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
 
 from cfem.condensed import Condensed, Rows
-from cfem.core.errors import InputError, NumericalError
+from cfem.core.errors import InputError
 from cfem.predict.domain import Domain
 
 _SLACK = 0.25  # of the range of forces: drawn below 0 and lifted to it
@@ -29,7 +28,7 @@ class Queried(Protocol):
     @property
     def pulls(self) -> np.ndarray: ...
 
-    def at_force(self, lambda_a: np.ndarray) -> Condensed: ...
+    def under_forces(self, lambda_a: np.ndarray) -> tuple[list[Condensed], np.ndarray]: ...
 
     def inside(self, condensed: Condensed) -> np.ndarray: ...
 
@@ -101,10 +100,7 @@ def workspace_of(model: Queried, states: int, seed: int = 0) -> Workspace:
 
 def _states_within(model: Queried, forces: np.ndarray) -> list[Condensed]:
     """States under forces (m, n_a) that the model has, within its reach and like its training states."""
-    states, (low, high) = [], model.reach[: model.rows.n_a].T
-    for force in forces:
-        with suppress(NumericalError):
-            state = model.at_force(force)
-            if ((state.delta_a >= low) & (state.delta_a <= high)).all() and model.inside(state):
-                states.append(state)
-    return states
+    states, found = model.under_forces(forces)
+    batch, (low, high) = Condensed.batch(states), model.reach[: model.rows.n_a].T
+    within = ((batch.delta_a >= low) & (batch.delta_a <= high)).all(axis=1)
+    return [states[place] for place in np.flatnonzero(found & within & model.inside(batch))]
