@@ -11,11 +11,11 @@ from cfem.identify.cases.fit import fit_with_discrepancy
 from cfem.identify.cases.scatter import Scatter
 
 
-def test_there_is_none_without_load():
+def test_there_is_none_without_load_and_no_more_beyond_the_calibration():
     lacking = Discrepancy(np.array([2.0, 3.0]), np.ones(K))
-    features = lacking.features(np.array([[0.0, 0.0], [2.0, 0.0], [1.0, 3.0]]))
+    features = lacking.features(np.array([[0.0, 0.0], [2.0, 0.0], [1.0, 3.0], [4.0, 0.0]]))
     assert lacking.terms == [(0,), (1,), (0, 0), (0, 1), (1, 1)]
-    np.testing.assert_allclose(features, [[0, 0, 0, 0, 0], [1, 0, 1, 0, 0], [0.5, 1, 0.25, 0.5, 1]])
+    np.testing.assert_allclose(features, [[0, 0, 0, 0, 0], [1, 0, 1, 0, 0], [0.5, 1, 0.25, 0.5, 1], [1, 0, 1, 0, 0]])
 
 
 def test_its_size_goes_with_how_far_the_markers_moved():

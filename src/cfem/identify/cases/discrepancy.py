@@ -34,8 +34,8 @@ class Discrepancy:
         return [t for degree in (1, 2) for t in combinations_with_replacement(range(len(self.largest)), degree)]
 
     def features(self, forces: np.ndarray) -> np.ndarray:
-        """(m, n_b) of forces (m, n_a)."""
-        x = forces / self.largest
+        """(m, n_b) of forces (m, n_a). Beyond the calibration they stay what they are at its largest force."""
+        x = np.clip(forces / self.largest, -1.0, 1.0)
         return np.stack([x[:, list(term)].prod(axis=1) for term in self.terms], axis=1)
 
     @property
