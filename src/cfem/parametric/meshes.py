@@ -60,9 +60,9 @@ class Meshes:
                 f"{MOST} designs have meshes of their own already, and the search asks for another",
                 do="narrow the ranges, or make the mesh of a scene in their middle",
             )
-        own = self._made(p)
-        self.own.append(own)
-        return own.family, own.family.at(p)
+        added = self._made(p)
+        self.own.append(added)
+        return added.family, added.family.at(p)
 
     def edge(self, remeshed: OwnMesh) -> np.ndarray:
         """Last design (n_p,) on the straight way from the scene's own to that of `remeshed` to which the scene's mesh
