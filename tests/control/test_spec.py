@@ -43,6 +43,22 @@ def test_a_mark_that_is_empty_makes_no_other_run():
     assert type(load_spec(PIPELINES / "pincer" / "control.yaml", ControlSpec, ["gait=null"])) is ObstaclesSpec
 
 
+@pytest.mark.parametrize(
+    ("more", "at_nodes"),
+    [
+        (["contact={friction: 0.3}"], True),
+        (["contact={resolution: mesh}"], True),
+        (["contact={resolution: patches}"], False),
+        (["contact={patches: 4 mm}"], False),
+        (["contact={sharp_edges: true}"], False),
+        (["contact={}", "obstacles={me: {kind: itself}}"], False),
+    ],
+)
+def test_rigid_obstacles_are_touched_at_the_nodes_of_the_mesh_unless_patches_are_asked_for(more, at_nodes):
+    spec = load_spec(PIPELINES / "soft-finger" / "control-press.yaml", ControlSpec, more)
+    assert spec.at_nodes == at_nodes
+
+
 def test_the_schema_says_what_goes_with_what():
     schema = json_schema(ControlSpec)
     kinds = [one["$ref"].rpartition("/")[2] for one in schema["oneOf"]]

@@ -141,6 +141,7 @@ def test_where_a_long_step_could_end_in_several_states_both_say_so(compiled, pat
         compiled.reset()
         found, other = contact_step(patched, [1.5], [box], mu=mu), compiled([1.5], [box], mu)
         assert other.deep == found.deep
+        assert compiled([1.5], [box], mu).deep == contact_step(patched, [1.5], [box], mu=mu, before=found).deep
         if not found.trusted or other.deep or other.bending > TRUSTED:
             continue
         known += 1

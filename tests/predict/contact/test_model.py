@@ -7,7 +7,7 @@ import pytest
 
 from cfem.condensed.strokes import ridge_of
 from cfem.contact.clearance import nearest_of_surface
-from cfem.contact.obstacle import Plane, Sphere
+from cfem.contact.obstacle import Box, Plane, Sphere
 from cfem.contact.prescribed_motion import ActuatedRobot, Translation
 from cfem.control.search.goal_search import Iterate, SearchSettings, SearchStatus, search_goal
 from cfem.control.search.inverse import Aim, Limits
@@ -19,6 +19,7 @@ from cfem.predict.contact.bodies import PlacedModel
 from cfem.predict.contact.loaded_robot import LoadedRobot
 from cfem.predict.contact.model import TRUSTED, ContactModel
 from cfem.predict.contact.patched_model import PatchedModel, patches_of
+from cfem.predict.contact.scene import contact_step
 from cfem.predict.contact.surface_model import patch_states
 from cfem.predict.load import load_model
 from cfem.robot.build import build_robot
@@ -124,6 +125,26 @@ def test_what_comes_and_lifts_the_robot_makes_its_cable_slack_until_it_goes(patc
         assert here.delta_e[-1] == pytest.approx(force, rel=1e-3) if force else here.delta_e[-1] < 0
 
 
+def test_a_step_in_which_a_patch_begins_too_deep_is_taken_in_halves(patched, monkeypatch):
+    """A plate comes edge first, by 1 mm at once: its edge pushes the patch before it, as in short steps. So it does
+    where the plate stands and the bar comes to it."""
+    monkeypatch.setattr("cfem.predict.contact.model.LONGEST", 1.0)
+    places = patched.patches.mean(patched.model.shape(DELTA))
+    top = places[np.argmax(places[:, 2])]
+    plate = Box(np.array([3.0, 0.5, 3.0]), t=top + [0, 0.1, 2.0])
+    assert contact_step(patched, DELTA, [plate]).deep
+    comes = Translation(replace(plate, t=plate.t + [0, 0, 1.1]), np.array([[0.0, 0.0, 0.0], [0.0, 0.0, -1.1]]))
+    moving = ContactModel(patched, {"plate": plate}, courses={"plate": comes}).standing(0.0)
+    moving.settle(DELTA)
+    moving.pass_to(1.0)
+    standing = ContactModel(patched, {"plate": plate})
+    standing.settle(0.5 * DELTA)
+    assert not standing.before.forces.any()
+    for state in (moving.before, standing.touched(DELTA)):
+        assert state.trusted
+        assert np.abs(state.push).max(axis=0).argmax() == 2
+
+
 def test_the_force_is_continuous_where_contact_begins(patched, table):
     """Before it a negative one says how far the obstacle is."""
     world = ContactModel(patched, {"table": table}, ("table",))
@@ -183,6 +204,7 @@ def test_a_load_that_bends_the_robot_beyond_its_order_is_outside(patched, table)
     share = np.linalg.norm(ends[0] + ends[1]) / np.linalg.norm(ends[0] - ends[1])
     assert share / size == pytest.approx(state.bending, rel=1e-4) and state.bending > 0
     assert world.inside(state) and not world.inside(replace(state, bending=1.01 * TRUSTED))
+    assert not world.inside(replace(state, deep=True))
 
 
 def test_no_contact_state_is_an_error(patched, table, monkeypatch):

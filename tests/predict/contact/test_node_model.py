@@ -56,7 +56,7 @@ def obstacle_above(model, kind):
     obstacle = {
         "ball": Sphere(6.0, t=t),
         "plane": Plane(R=np.diag([1.0, -1.0, -1.0]), t=t),
-        "edge": Box(np.array([5.0, 5.0, 5.0]), R=turn, t=t),
+        "edge": Box(np.array([5.0, 5.0, 5.0]), R=turn, t=t + [0, 0.2, 0]),  # beside the nodes in the middle
     }[kind]
     for _ in range(200):  # down until it is there: no step is longer than the distance
         obstacle = replace(obstacle, t=obstacle.t + obstacle.distance(x).min() * DOWN)
@@ -79,6 +79,29 @@ def test_it_presses_as_finite_elements_do_that_touch_at_every_node(nodes, robot,
     assert np.linalg.norm(force - exact) < (0.05 if mu else 0.02) * np.linalg.norm(exact)
     assert found.delta_e[0] == pytest.approx(truth.solved[0].delta_e, abs=0.02)
     assert here.distance(found.places).min() > -1e-6 * nodes.model.length  # no node is in the obstacle
+
+
+def test_where_an_edge_comes_straight_at_a_node_either_side_is_a_state_and_the_answer_is_not_known(nodes, skinned):
+    """Finite elements that come from 0.05 mm aside end on either side; the learned state is one of theirs."""
+    x, edge = nodes.model.shape(DELTA), obstacle_above(nodes.model, "edge")
+    node = np.argmin(edge.distance(x))
+
+    def at(depth, aside=0.0):
+        return replace(edge, t=x[node] + (depth - 5.0 * np.sqrt(2)) * DOWN + [0, aside, 0])
+
+    found, truths = None, []
+    for depth in (0.02, 0.2, 0.4):
+        found = contact_step(nodes, DELTA, [at(depth)], before=found)
+    assert found.converged and not found.trusted
+    for aside in (0.05, -0.05):
+        truth = SurfaceScene([skinned], ObstacleSet((at(-1.0),))).go([DELTA])
+        for obstacle in (at(0.02, aside), at(0.2, aside), at(0.4, aside), at(0.4)):
+            truth = SurfaceScene([skinned], ObstacleSet((obstacle,))).step([DELTA], truth)
+        assert truth.converged
+        truths.append(truth.forces.sum(axis=0))
+    assert truths[0][1] * truths[1][1] < 0
+    off = [np.linalg.norm(found.forces.sum(axis=0) - force) / np.linalg.norm(force) for force in truths]
+    assert min(off) < 0.05 and max(off) > 1.0
 
 
 def test_the_compliance_of_nodes_is_symmetric_and_positive(nodes):

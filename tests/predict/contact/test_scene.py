@@ -195,6 +195,18 @@ def test_a_step_that_is_too_long_says_so(patched):
     assert not pushed.deep and pushed.bending > TRUSTED and not pushed.trusted
 
 
+def test_what_began_too_deep_is_not_known_until_it_lets_go(patched):
+    """The next steps are short, and the patch stays on the side on which the long one has put it."""
+    places = patched.patches.mean(patched.model.shape(DELTA))
+    plate = Box(np.array([0.5, 3.0, 3.0]), t=places[np.argmax(places[:, 2])] + [0.1, 0, 2.0])
+    far = contact_step(patched, DELTA, [plate])
+    later = contact_step(patched, DELTA, [plate], before=far)
+    assert later.converged and later.forces.any() and later.deep and not later.trusted
+    away = contact_step(patched, DELTA, [replace(plate, t=plate.t + [0, 0, 9.0])], before=later)
+    again = contact_step(patched, DELTA, [replace(plate, t=plate.t + [0, 0, 9.0])], before=away)
+    assert not again.forces.any() and again.trusted
+
+
 def test_friction_holds_what_slides_without_it(patched):
     """The cable pulls on while a patch stands at a wall: with friction it stays where it was."""
     obstacle = wall(patched, 0.3)

@@ -60,7 +60,7 @@ def with_obstacles(
         demand_apart(learned[name])
     first, model = next(iter(learned.values())), next(iter(predictors.values()))
     points: Patches | SurfacePoints = first.patched.patches
-    if spec.contact.resolution == "mesh":
+    if spec.at_nodes:
         facets = robot.body.mesh.facets
         points = at_nodes(robot.X, facets, outer_surface(robot.X, facets))
     skinned = SkinnedRobot(robot, model.skin.nodes, model.skin.triangles, points)
@@ -71,7 +71,7 @@ def _touched(
     spec: ObstaclesSpec, model: Predictor, folder: Path, robot: Robot, made_of: Mapping[str, Any]
 ) -> SurfaceModel:
     """A model that may be touched at the points that the spec asks for."""
-    if spec.contact.resolution == "mesh":
+    if spec.at_nodes:
         return node_model_of(model, folder, robot, made_of)
     return patched_model_of(model, folder, robot, made_of, *spec.contact.cut)
 

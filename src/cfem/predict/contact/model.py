@@ -11,9 +11,10 @@ Derivatives by delta_a are central differences of whole contact states: they kno
 stiffness, the curvature of obstacles included. They are of one side where a patch begins to touch or slide, and where
 no contact state is found on the other."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -32,13 +33,17 @@ from cfem.predict.contact.surface_model import SurfaceModel
 
 STEP = 1e-4  # of the reach: of the differences
 LONGEST = 0.005  # of the length: the longest way of an obstacle in one quasi-static step
+HALVINGS = 6  # of a step in which a patch begins too deep
+
+Step = Callable[[Any, Any, ContactState | None], ContactState]  # from where, to where, and the state there
 
 
 @dataclass(frozen=True)
 class InContact(Condensed):
-    """Condensed robot in contact. bending: as `ContactState` has it."""
+    """Condensed robot in contact. bending, deep: as `ContactState` has them."""
 
     bending: float
+    deep: bool
 
 
 @dataclass
@@ -122,9 +127,9 @@ class ContactModel:
         """States in which the last step to delta_a (n_a,) mm begins and ends."""
         if not self.touches:
             return None, None
-        if not self.depends_on_way:
-            return self.before, self._step(delta_a, self.before)
         begin = np.zeros(len(delta_a)) if self.before is None else self.before.deltas[0]
+        if not self.depends_on_way:
+            return self.before, self._in_halves(self._stepped_from, begin, delta_a, self.before)
         states = [self._step(begin, None)] if self.before is None else [self.before]
 
         def go(target: np.ndarray) -> str:
@@ -137,6 +142,20 @@ class ContactModel:
         if status != CONVERGED:
             raise NumericalError(f"learned contact: {status}")
         return states[-2], states[-1]
+
+    def _stepped_from(self, _: np.ndarray, delta_a: np.ndarray, before: ContactState | None) -> ContactState:
+        return self._step(delta_a, before)
+
+    def _in_halves(
+        self, go: Step, begin: Any, end: Any, before: ContactState | None, times: int = HALVINGS
+    ) -> ContactState:
+        """The state at the end of a step; in halves, which are halved `times` at most, where a patch begins deeper in
+        an obstacle than can be trusted."""
+        state = go(begin, end, before)
+        if not times or not state.deep or (before is not None and before.deep):
+            return state
+        middle = (begin + end) / 2
+        return self._in_halves(go, middle, end, self._in_halves(go, begin, middle, before, times - 1), times - 1)
 
     def _stepped(
         self, delta_a: np.ndarray, before: ContactState | None, unilateral: np.ndarray | None = None
@@ -167,18 +186,22 @@ class ContactModel:
         held, or slack. NumericalError where there is no contact state: then it stays where there was one."""
         longest, others = LONGEST * self.patched.model.length, [course for _, course in self.others.values()]
         for begin, end in stops([*self.courses.values(), *others], self.share, share, longest):
-            last = self.share
-            self._stand(end)
-            try:
-                if self.at is not None and self.touches:
-                    courses = {
-                        self.numbers[name]: course for name, course in self.courses.items() if name in self.numbers
-                    }
-                    state = self.before and self.before.carried(courses, begin, end)
-                    self.before = self._step(self.at, state, self.unilateral)
-            except NumericalError:
-                self._stand(last)
-                raise
+            if self.at is None or not self.touches:
+                self._stand(end)
+            else:
+                self._in_halves(self._carried, begin, end, self.before)
+
+    def _carried(self, begin: float, end: float, before: ContactState | None) -> ContactState:
+        """The state after everything that moves has gone from one share of the run to another."""
+        courses = {self.numbers[name]: course for name, course in self.courses.items() if name in self.numbers}
+        self._stand(end)
+        try:
+            self.before = self._step(self.at, before and before.carried(courses, begin, end), self.unilateral)
+        except NumericalError:
+            self._stand(begin)
+            self.before = before
+            raise
+        return self.before
 
     def standing(self, share: float) -> "ContactModel":
         """A robot at rest, that has touched nothing yet, with what moves where it is at this share of the run."""
@@ -212,7 +235,8 @@ class ContactModel:
         W, W_ea = np.empty((rows.n, rows.n)), J @ W_aa
         W[rows.e, rows.e], W[rows.e, rows.a], W[rows.a, rows.e], W[rows.a, rows.a] = W_ea @ J.T, W_ea, W_ea.T, W_aa
         delta = np.concatenate([e, delta_a])
-        return InContact(rows, W, delta - W[:, rows.a] @ lam, lam, 0.0 if state is None else state.bending)
+        bending, deep = (0.0, False) if state is None else (state.bending, state.deep)
+        return InContact(rows, W, delta - W[:, rows.a] @ lam, lam, bending, deep)
 
     def _sides(
         self, delta_a: np.ndarray, step: np.ndarray, near: ContactState, middle: tuple[np.ndarray, np.ndarray]
@@ -233,9 +257,9 @@ class ContactModel:
         return sides, width
 
     def inside(self, condensed: Condensed) -> bool:
-        """True where the model knows the state, and forces bend the robot no further than a model of second order can
-        say."""
-        known = not isinstance(condensed, InContact) or condensed.bending <= TRUSTED
+        """True where the model knows the state, forces bend the robot no further than a model of second order can say,
+        and on which side of an obstacle each patch lies is known."""
+        known = not isinstance(condensed, InContact) or (condensed.bending <= TRUSTED and not condensed.deep)
         return known and self.patched.model.inside(condensed)
 
     def distance(self, condensed: Condensed) -> float:

@@ -204,8 +204,10 @@ ObstacleSpec = Annotated[
 class ContactSpec(Spec):
     """How the robot's surface touches."""
 
-    resolution: Literal["patches", "mesh"] = "patches"
-    """`mesh`: at every node of the surface, in the plan and in the FE robot. `patches`: at the means of patches."""
+    resolution: Literal["patches", "mesh"] | None = None
+    """`mesh`: at every node of the surface, in the plan and in the FE robot. `patches`: at the means of patches, which
+    is coarser and faster. Unless given, `control` takes the mesh where all obstacles are rigid and neither `patches`
+    nor `sharp_edges` are given, and everything else takes patches."""
     patches: Length | None = Field(None, gt=0)
     """Distance of the patches into which the surface is cut. Each touches as a point. A twentieth of the robot's length
     unless given."""
@@ -218,6 +220,11 @@ class ContactSpec(Spec):
     def check(self) -> None:
         if self.resolution == "mesh" and (self.patches is not None or self.sharp_edges):
             raise ValueError("contact: resolution mesh has no patches: leave out patches and sharp_edges")
+
+    @property
+    def of_patches(self) -> bool:
+        """True where the spec asks for patches."""
+        return self.resolution == "patches" or self.patches is not None or self.sharp_edges
 
     @property
     def cut(self) -> tuple[float | None, bool]:

@@ -59,6 +59,7 @@ class Rounds:
         self.distance, self.which = scene.obstacles.nearest(self.places, FAR * scene.length)
         self.distance[scene.held_still] = np.inf
         self.deep = begins_deep(scene.obstacles, self.places, self.distance, self.which)
+        self.deep |= before is not None and before.deep and len(before.near) > 0  # it may still be on the wrong side
         self.soft = SoftPairs(self.robots, before, self.places) if scene.soft else None
 
     def _take_up(self, before: ContactState) -> None:

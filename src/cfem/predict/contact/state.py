@@ -28,7 +28,8 @@ class ContactState(Pressing):
         cable that is held would have to push
     rows (k,) mm: of each robot's skin, from which `LearnedSkin.surface` draws it, without what is local
     bending: second order of the motion over its first, the largest of all robots and rounds
-    deep: whether a patch began so far within an obstacle that, twice as far in, another side of it is nearer"""
+    deep: whether a patch began so far within an obstacle that, twice as far in, another side of it is nearer: in this
+        step, or in one before, since when some patch has been near an obstacle"""
 
     status: StepStatus
     forces: np.ndarray
@@ -52,9 +53,10 @@ class ContactState(Pressing):
 
     @property
     def trusted(self) -> bool:
-        """True where the step was no longer than what it is linear about allows. Beyond, forces may be wrong, a patch
-        may lie on another side than the one on which it came in, and rounding may choose between states that all obey
-        the law: take shorter steps."""
+        """True where no step was longer than what it is linear about allows. Beyond, forces may be wrong, a patch may
+        lie on another side than the one on which it came in, and rounding may choose between states that all obey the
+        law: take shorter steps. Where an edge comes straight at a point of the surface there are two states however
+        short they are."""
         return self.bending <= TRUSTED and not self.deep
 
     @property

@@ -233,6 +233,7 @@ unsigned cfem_touch(const double delta_a[CFEM_NA], const cfem_obstacle *obstacle
     }
     if (bear(&at)) return now->status = CFEM_TOUCH_NO_MODEL;
     for (int p = 0; p < N; p++) look(&at, p, FAR * CFEM_PATCH_LENGTH), now->deep |= deep(&at, p);
+    now->deep |= before && before->near_count && before->deep; /* it may still be on the wrong side */
     now->status = rounds(&at);
     if (now->status == CFEM_TOUCH_MANY || now->status == CFEM_TOUCH_NO_MODEL) now->count = 0;
     finish(&at);

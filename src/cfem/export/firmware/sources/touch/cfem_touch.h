@@ -24,7 +24,8 @@ enum {
     CFEM_TOUCH_NO_MODEL = 5    /* the model has no trustworthy answer here */
 };
 /* Where `bending` is larger, or with `deep`, the step was longer than what it is linear about allows. Forces may be wrong, a patch may lie
- * on another side than the one on which it came in, and rounding may choose between states that all obey the law. Take shorter steps. */
+ * on another side than the one on which it came in, and rounding may choose between states that all obey the law. Take shorter steps from
+ * a state before. */
 #define CFEM_TOUCH_TRUSTED 0.3
 
 enum { CFEM_TOUCH_OPEN, CFEM_TOUCH_STICK, CFEM_TOUCH_SLIP };
@@ -44,7 +45,8 @@ typedef struct {
     double delta_a[CFEM_NA];           /* mm: where the actuators are */
     double lambda_a[CFEM_NA];          /* N: what holds them there */
     double bending;                    /* second order of the motion over its first, the largest of all rounds */
-    int deep;                          /* a patch began so far within an obstacle that twice as far in another side of it is nearer */
+    int deep;                          /* a patch began so far within an obstacle that twice as far in another side of it is nearer,
+                                        * in this step or in one before, since when some patch has been near an obstacle */
     double place[CFEM_PATCHES][3];     /* mm, of all patches */
     double stuck[CFEM_PATCHES][3];     /* mm: where friction holds each patch; read where `holds` */
     unsigned char holds[CFEM_PATCHES];

@@ -62,7 +62,7 @@ static unsigned step(cfem_touch_controller *c, const double *delta_a, const cfem
 
 static const cfem_touched *own(const cfem_touched *state) { return state; }
 
-static int known(const cfem_touched *state) { return state->bending <= CFEM_TOUCH_TRUSTED; }
+static int known(const cfem_touched *state) { return state->bending <= CFEM_TOUCH_TRUSTED && !state->deep; }
 
 static double other(const cfem_touch_controller *c, int i) { return c->delta_a[i]; }
 
