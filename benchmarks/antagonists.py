@@ -20,12 +20,12 @@ os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL
 import numpy as np
 
 from cfem.core.spec import load_spec
-from cfem.equilibrium.actuation import force, pulling_only
 from cfem.equilibrium.predictor import knot, predict
-from cfem.equilibrium.problem import Problem
-from cfem.equilibrium.robot import Robot
-from cfem.equilibrium.solution import Equilibrium
 from cfem.equilibrium.solve import solve
+from cfem.equilibrium.system.actuation import force, pulling_only
+from cfem.equilibrium.system.problem import Problem
+from cfem.equilibrium.system.robot import Robot
+from cfem.equilibrium.system.solution import Equilibrium
 from cfem.robot.build import build_robot
 from cfem.robot.mesh.grading import scene_mesh
 from cfem.robot.spec import SceneSpec

@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 
 from cfem.core.spec import load_spec
-from cfem.equilibrium.actuation import displacement
-from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import solve
+from cfem.equilibrium.system.actuation import displacement
+from cfem.equilibrium.system.problem import Problem
 from cfem.robot.build import build_robot
 from cfem.robot.mesh.grading import scene_mesh
 from cfem.robot.spec import SceneSpec

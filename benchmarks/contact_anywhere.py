@@ -21,10 +21,10 @@ from cfem.condensed.patches import Patches
 from cfem.contact.obstacle import Box, Obstacle, Plane, Sphere, tangents
 from cfem.contact.obstacle_set import ObstacleSet
 from cfem.core.artefact.content import artefact_content
-from cfem.equilibrium.actuation import displacement
 from cfem.equilibrium.contact.obstacles import obstacle_step
 from cfem.equilibrium.contact.patch_compliance import with_patches
-from cfem.equilibrium.problem import Problem
+from cfem.equilibrium.system.actuation import displacement
+from cfem.equilibrium.system.problem import Problem
 from cfem.export.compiled.build import compiler
 from cfem.export.compiled.touch import CompiledTouch
 from cfem.export.firmware.folder import write_c

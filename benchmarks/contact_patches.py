@@ -16,7 +16,7 @@ from cfem.condensed.patches import cut
 from cfem.constraint.surface import Surface, outer_surface
 from cfem.contact.obstacle import Box, Obstacle, Plane, Sphere
 from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
-from cfem.equilibrium.robot import Robot
+from cfem.equilibrium.system.robot import Robot
 from cfem.plant.touch_plant import TouchPlant
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh

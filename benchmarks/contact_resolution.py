@@ -32,7 +32,7 @@ from cfem.contact.obstacle_set import ObstacleSet
 from cfem.core.artefact.content import artefact_content
 from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
 from cfem.equilibrium.contact.surfaces import SurfaceScene, SurfacesState
-from cfem.equilibrium.robot import Robot
+from cfem.equilibrium.system.robot import Robot
 from cfem.predict.contact.kept_patches import node_model_of, patched_model_of
 from cfem.predict.contact.node_model import NodeModel
 from cfem.predict.contact.on_obstacles import begins_deep

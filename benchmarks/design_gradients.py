@@ -20,7 +20,7 @@ from cfem.core.stage import Options
 from cfem.core.yaml import read_yaml
 from cfem.design.formulation import problem_of
 from cfem.design.spec import DesignSpec
-from cfem.equilibrium.problem import Problem
+from cfem.equilibrium.system.problem import Problem
 from cfem.parametric.differentiable import Differentiable
 from cfem.robot.load import load_scene_and_mesh
 from cfem.robot.stage import run as make_mesh

@@ -19,9 +19,9 @@ import numpy as np
 
 from cfem.core.spec import load_spec
 from cfem.equilibrium.friction.sticking import Follower
-from cfem.equilibrium.problem import Problem
-from cfem.equilibrium.robot import Robot
-from cfem.equilibrium.solution import Status
+from cfem.equilibrium.system.problem import Problem
+from cfem.equilibrium.system.robot import Robot
+from cfem.equilibrium.system.solution import Status
 from cfem.robot.build import build_robot
 from cfem.robot.mesh.meshing import make_mesh
 from cfem.robot.spec import SceneSpec

@@ -20,10 +20,10 @@ import yaml
 import cfem
 from cfem.constraint.patch import PatchLoad
 from cfem.core.errors import InputError
-from cfem.equilibrium.actuation import displacement, force
 from cfem.equilibrium.contact.patch_effectors import patch_yield
-from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import solve
+from cfem.equilibrium.system.actuation import displacement, force
+from cfem.equilibrium.system.problem import Problem
 from cfem.plant.fem_plant import FemPlant, pushed
 from cfem.predict.contact.surface_model import patch_states
 from cfem.predict.energy import THIRD

@@ -39,9 +39,9 @@ import numpy as np
 from scipy.optimize import minimize
 
 from cfem.core.spec import load_spec
-from cfem.equilibrium.actuation import force
-from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import Wanted, solve
+from cfem.equilibrium.system.actuation import force
+from cfem.equilibrium.system.problem import Problem
 from cfem.fe_motion.modes import natural_modes
 from cfem.fe_motion.problem import MovingProblem
 from cfem.robot.build import build_robot

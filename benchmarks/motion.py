@@ -28,9 +28,9 @@ from cfem.condensed.viscosity import Viscosity
 from cfem.core.stage import Options
 from cfem.core.yaml import parse_yaml
 from cfem.dataset.reader import read_dataset
-from cfem.equilibrium.actuation import displacement, force
 from cfem.equilibrium.motion.inner_motions import rod_stresses
 from cfem.equilibrium.solve import Wanted, solve
+from cfem.equilibrium.system.actuation import displacement, force
 from cfem.export.compiled.build import compiler, library
 from cfem.export.firmware.folder import write_c
 from cfem.export.firmware.motion import write_c_motion

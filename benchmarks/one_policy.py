@@ -16,7 +16,7 @@ import numpy as np
 import torch
 
 from cfem.control.design import robot_at
-from cfem.equilibrium.robot import Robot
+from cfem.equilibrium.system.robot import Robot
 from cfem.gym.environments import RobotVectorEnv
 from cfem.gym.tasks import observation
 from cfem.gym.train import Mean, errors, train

@@ -17,10 +17,10 @@ import numpy as np
 
 from cfem.core.errors import NumericalError
 from cfem.core.spec import load_spec
-from cfem.equilibrium.actuation import displacement
-from cfem.equilibrium.problem import Problem
-from cfem.equilibrium.robot import Robot
 from cfem.equilibrium.solve import solve
+from cfem.equilibrium.system.actuation import displacement
+from cfem.equilibrium.system.problem import Problem
+from cfem.equilibrium.system.robot import Robot
 from cfem.parametric.family import FiniteElementFamily
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh

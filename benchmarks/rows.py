@@ -24,9 +24,9 @@ import numpy as np
 import yaml
 
 import cfem
-from cfem.equilibrium.actuation import displacement, force
-from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import solve
+from cfem.equilibrium.system.actuation import displacement, force
+from cfem.equilibrium.system.problem import Problem
 from cfem.export.compiled.build import sizes
 from cfem.export.compiled.controller import CompiledController
 from cfem.export.firmware.folder import write_c

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from support.blocks import bar, box_body
 
-from cfem.equilibrium import actuation
-from cfem.equilibrium.evaluation import SolveCost
 from cfem.equilibrium.predictor import knot, predict
-from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import solve
+from cfem.equilibrium.system import actuation
+from cfem.equilibrium.system.evaluation import SolveCost
+from cfem.equilibrium.system.problem import Problem
 from cfem.mechanics.body import response
 from cfem.mechanics.element import ELEMENTS
 from cfem.mechanics.factorization import SOLVERS, analyze

@@ -18,7 +18,7 @@ import numpy as np
 
 from cfem.core.spec import load_spec
 from cfem.equilibrium import condensation, newton, predictor, problem, solve
-from cfem.equilibrium.actuation import force
+from cfem.equilibrium.system.actuation import force
 from cfem.mechanics import factorization
 from cfem.robot.build import build_robot
 from cfem.robot.mesh.grading import scene_mesh

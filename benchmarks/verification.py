@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 
 from cfem.core.spec import load_spec
-from cfem.equilibrium import actuation
 from cfem.equilibrium.newton import NewtonSettings
-from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import solve
+from cfem.equilibrium.system import actuation
+from cfem.equilibrium.system.problem import Problem
 from cfem.mechanics.assembly import symmetric_product
 from cfem.robot.build import build_robot
 from cfem.robot.mesh.grading import scene_mesh

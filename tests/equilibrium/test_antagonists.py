@@ -8,11 +8,11 @@ import pytest
 from support.trunks import trunk
 
 from cfem.core.spec import load_spec
-from cfem.equilibrium.actuation import Actuation, displacement, force, pulling_only
 from cfem.equilibrium.newton import NewtonSettings
 from cfem.equilibrium.predictor import knot, predict
-from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import Wanted, solve
+from cfem.equilibrium.system.actuation import Actuation, displacement, force, pulling_only
+from cfem.equilibrium.system.problem import Problem
 from cfem.robot.build import build_robot
 from cfem.robot.mesh.grading import scene_mesh
 from cfem.robot.spec import SceneSpec

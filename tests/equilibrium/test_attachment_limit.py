@@ -14,9 +14,9 @@ from cfem.constraint.attachment import attach
 from cfem.constraint.cable import make_cable
 from cfem.constraint.contact import make_contact
 from cfem.constraint.effector import make_effector
-from cfem.equilibrium import actuation
-from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import solve
+from cfem.equilibrium.system import actuation
+from cfem.equilibrium.system.problem import Problem
 
 # n of three meshes; behind them the orders of W measured for a region.
 FAST = {"tet10p0": (1, 2, 3), "hex8": (2, 4, 6)}  # 1.3, 1.0

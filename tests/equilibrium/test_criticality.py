@@ -7,13 +7,13 @@ import pytest
 from scipy.linalg import null_space
 from support.blocks import bar
 
-from cfem.equilibrium.actuation import displacement, force
 from cfem.equilibrium.criticality import softest_mode
-from cfem.equilibrium.evaluation import SolveCost
 from cfem.equilibrium.newton import NewtonResult
-from cfem.equilibrium.problem import Problem
-from cfem.equilibrium.solution import Status
 from cfem.equilibrium.solve import solve
+from cfem.equilibrium.system.actuation import displacement, force
+from cfem.equilibrium.system.evaluation import SolveCost
+from cfem.equilibrium.system.problem import Problem
+from cfem.equilibrium.system.solution import Status
 from cfem.mechanics.load import gravity
 from cfem.stability.families.buckling import arch
 

@@ -7,10 +7,10 @@ from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
 from support.blocks import bar
 
-from cfem.equilibrium import actuation
 from cfem.equilibrium.newton import NewtonSettings
-from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import solve
+from cfem.equilibrium.system import actuation
+from cfem.equilibrium.system.problem import Problem
 
 TURN = Rotation.from_euler("zyx", [37, -20, 65], degrees=True).as_matrix()
 SHIFT = np.array([120.0, -45.0, 30.0])

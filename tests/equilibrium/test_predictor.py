@@ -6,8 +6,8 @@ from sample.synthetic import FACTS, SyntheticSolver
 from surrogate.synthetic import energy
 
 from cfem.equilibrium import predictor
-from cfem.equilibrium.actuation import displacement, force
 from cfem.equilibrium.predictor import Knot, knot, predict
+from cfem.equilibrium.system.actuation import displacement, force
 from cfem.sample.plan import actuation
 
 SOLVER = SyntheticSolver()

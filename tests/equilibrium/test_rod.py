@@ -9,9 +9,9 @@ from cfem.constraint.cable import make_cable
 from cfem.constraint.chambers import make_rod_chambers
 from cfem.constraint.contact import ContactPoint
 from cfem.constraint.section_point import attach_to_sections
-from cfem.equilibrium.actuation import Actuation, displacement, force
-from cfem.equilibrium.solution import Status
 from cfem.equilibrium.solve import Wanted, solve
+from cfem.equilibrium.system.actuation import Actuation, displacement, force
+from cfem.equilibrium.system.solution import Status
 from cfem.mechanics.assembly import symmetric_product
 from cfem.mechanics.body import response
 

@@ -12,13 +12,13 @@ from cfem.constraint.attachment import attach
 from cfem.constraint.cable import make_cable
 from cfem.constraint.contact import make_contact
 from cfem.constraint.effector import make_effector
-from cfem.equilibrium import actuation
-from cfem.equilibrium.evaluation import SolveCost
 from cfem.equilibrium.newton import NewtonSettings, judged, linear_motion, newton
-from cfem.equilibrium.problem import Problem
-from cfem.equilibrium.robot import Robot
-from cfem.equilibrium.solution import State, Status
 from cfem.equilibrium.solve import Wanted, rest_state, solve
+from cfem.equilibrium.system import actuation
+from cfem.equilibrium.system.evaluation import SolveCost
+from cfem.equilibrium.system.problem import Problem
+from cfem.equilibrium.system.robot import Robot
+from cfem.equilibrium.system.solution import State, Status
 from cfem.mechanics.assembly import symmetric_product
 from cfem.mechanics.element import ELEMENTS
 from cfem.mechanics.material import LAWS

@@ -5,9 +5,9 @@ import time
 import numpy as np
 from support.blocks import bar
 
-from cfem.equilibrium.actuation import displacement
-from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import solve
+from cfem.equilibrium.system.actuation import displacement
+from cfem.equilibrium.system.problem import Problem
 
 
 def test_factorizations_and_seconds_are_those_of_the_solve(monkeypatch):

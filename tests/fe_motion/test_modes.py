@@ -7,8 +7,8 @@ from support.rods import LENGTH, MATERIAL, SHAPE
 
 from cfem.condensed.viscosity import Viscosity
 from cfem.core.errors import InputError
-from cfem.equilibrium.actuation import displacement, force
 from cfem.equilibrium.solve import rest_state, solve
+from cfem.equilibrium.system.actuation import displacement, force
 from cfem.fe_motion.modes import natural_modes
 
 BENDING = np.array([1.875104068711961, 4.694091132974174, 7.854757438237613])  # of a clamped-free beam

@@ -9,9 +9,9 @@ from support.blocks import bar
 from support.released import released
 
 from cfem.condensed.viscosity import Viscosity
-from cfem.equilibrium.actuation import displacement, force
 from cfem.equilibrium.newton import NewtonSettings
 from cfem.equilibrium.solve import rest_state, solve
+from cfem.equilibrium.system.actuation import displacement, force
 from cfem.fe_motion.modes import natural_modes
 from cfem.fe_motion.problem import MovingProblem
 from cfem.fe_motion.scheme import Scheme

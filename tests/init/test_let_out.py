@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from support.blocks import bar
 
-from cfem.equilibrium.actuation import force
-from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import solve
+from cfem.equilibrium.system.actuation import force
+from cfem.equilibrium.system.problem import Problem
 from cfem.init.let_out import let_out
 
 

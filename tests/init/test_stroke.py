@@ -12,10 +12,10 @@ from cfem.constraint.attachment import attach
 from cfem.constraint.cable import make_cable
 from cfem.constraint.effector import make_effector
 from cfem.core.errors import SpecError
-from cfem.equilibrium.actuation import Actuation
-from cfem.equilibrium.problem import Problem
-from cfem.equilibrium.robot import Robot
 from cfem.equilibrium.solve import Wanted, solve
+from cfem.equilibrium.system.actuation import Actuation
+from cfem.equilibrium.system.problem import Problem
+from cfem.equilibrium.system.robot import Robot
 from cfem.init import stroke
 from cfem.init.drive import Drive
 from cfem.init.question import answer

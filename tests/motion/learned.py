@@ -8,8 +8,8 @@ from fe_motion.moving import moving_bar
 
 from cfem.condensed.packing import pack_symmetric3
 from cfem.condensed.viscosity import Viscosity
-from cfem.equilibrium.actuation import displacement
 from cfem.equilibrium.solve import Wanted, solve
+from cfem.equilibrium.system.actuation import displacement
 from cfem.motion.model import MotionModel
 from cfem.predict.chebyshev import Basis
 from cfem.predict.domain import Domain

@@ -9,8 +9,8 @@ from motion.learned import LARGEST, TAU, dataset, model, problem, states
 
 from cfem.condensed.viscosity import Viscosity
 from cfem.core.errors import InputError, NumericalError
-from cfem.equilibrium.actuation import displacement, force
 from cfem.equilibrium.solve import solve
+from cfem.equilibrium.system.actuation import displacement, force
 from cfem.fe_motion import modes as full_modes
 from cfem.fe_motion.problem import MovingProblem
 from cfem.fe_motion.scheme import Scheme

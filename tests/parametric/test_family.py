@@ -9,9 +9,9 @@ from surrogate.synthetic import dataset
 from cfem.condensed import Condensed
 from cfem.condensed.parameters import Parameter, from_shares, shares
 from cfem.core.errors import InputError, NumericalError
-from cfem.equilibrium.actuation import displacement, force
-from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import solve
+from cfem.equilibrium.system.actuation import displacement, force
+from cfem.equilibrium.system.problem import Problem
 from cfem.parametric.family import FiniteElementFamily, LearnedFamily
 from cfem.predict.energy import FORMS
 from cfem.predict.load import build

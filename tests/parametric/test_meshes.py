@@ -7,9 +7,9 @@ from cfem.condensed.parameters import Parameter
 from cfem.core.errors import NumericalError
 from cfem.core.spec import load_spec
 from cfem.core.stage import Options
-from cfem.equilibrium.actuation import displacement
-from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import solve
+from cfem.equilibrium.system.actuation import displacement
+from cfem.equilibrium.system.problem import Problem
 from cfem.parametric import meshes
 from cfem.parametric.differentiable import Differentiable
 from cfem.parametric.family import FiniteElementFamily

@@ -12,12 +12,12 @@ from cfem.constraint.cable import make_cable
 from cfem.constraint.contact import make_contact
 from cfem.constraint.effector import make_effector
 from cfem.contact.obstacle import Box
-from cfem.equilibrium.actuation import displacement
 from cfem.equilibrium.contact.grasp import FreeObject, holding_stiffness
 from cfem.equilibrium.contact.points import PlacedRobot
-from cfem.equilibrium.problem import Problem
-from cfem.equilibrium.robot import Robot
 from cfem.equilibrium.solve import solve
+from cfem.equilibrium.system.actuation import displacement
+from cfem.equilibrium.system.problem import Problem
+from cfem.equilibrium.system.robot import Robot
 from cfem.mechanics.body import make_body
 from cfem.mechanics.element import ELEMENTS
 from cfem.mechanics.material import LAWS

@@ -12,7 +12,7 @@ from cfem.contact.step_status import StepStatus
 from cfem.control.holding.assembly import table_under
 from cfem.equilibrium.contact.grasp import FreeObject
 from cfem.equilibrium.contact.points import PlacedRobot
-from cfem.equilibrium.problem import Problem
+from cfem.equilibrium.system.problem import Problem
 from cfem.plant.grip_plant import GripPlant
 
 REST = np.array([30.0, 5.0, 9.0])

@@ -5,7 +5,7 @@ import pytest
 from fe_motion.moving import moving_bar
 from motion.learned import model, problem, states
 
-from cfem.equilibrium.actuation import force
+from cfem.equilibrium.system.actuation import force
 from cfem.fe_motion.simulate import StepControl, simulate
 from cfem.fe_motion.start import at_rest
 from cfem.motion.altered import Altered

@@ -8,11 +8,11 @@ from cfem.constraint.surface import outer_surface
 from cfem.contact.closed_surface import ClosedSurface
 from cfem.contact.modes import Mode
 from cfem.contact.obstacle import Plane, Sphere
-from cfem.equilibrium.actuation import displacement
 from cfem.equilibrium.contact.obstacles import obstacle_step
 from cfem.equilibrium.contact.patch_compliance import with_patches
 from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
-from cfem.equilibrium.problem import Problem
+from cfem.equilibrium.system.actuation import displacement
+from cfem.equilibrium.system.problem import Problem
 from cfem.plant.fem_plant import FemPlant
 from cfem.plant.touch_plant import TouchPlant
 

@@ -14,9 +14,9 @@ from support.blocks import hexahedra
 
 from cfem.core.errors import SpecError
 from cfem.core.spec import load_spec
-from cfem.equilibrium.actuation import displacement
-from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import solve
+from cfem.equilibrium.system.actuation import displacement
+from cfem.equilibrium.system.problem import Problem
 from cfem.mechanics.mesh import Mesh, boundary_facets
 from cfem.robot.build import build_robot
 from cfem.robot.mesh.mesh_file import write_mesh
@@ -99,7 +99,8 @@ def test_the_smallest_scene_pays_for_nothing_that_it_has_not(bar):
     assert (robot.contacts, robot.rigid, robot.loads, len(robot.body.solids)) == ((), (), None, 1)
     code = (
         "import sys\n"
-        "from cfem.equilibrium import problem, solve\nfrom cfem.robot import build, load\nimport cfem.sample.runner\n"
+        "from cfem.equilibrium import solve\nfrom cfem.equilibrium.system import problem\n"
+        "from cfem.robot import build, load\nimport cfem.sample.runner\n"
         "print([m for m in ('torch', 'gmsh', 'matplotlib', 'onnx', 'onnxruntime', 'pandas') if m in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

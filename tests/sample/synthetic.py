@@ -10,8 +10,8 @@ from surrogate import synthetic as closed_form
 
 from cfem.condensed import Condensed, Rows
 from cfem.condensed.skin import Skin
-from cfem.equilibrium.actuation import Actuation
-from cfem.equilibrium.solution import Equilibrium, ParameterSlopes, State, Status
+from cfem.equilibrium.system.actuation import Actuation
+from cfem.equilibrium.system.solution import Equilibrium, ParameterSlopes, State, Status
 from cfem.sample.solver import Facts
 
 NONE = np.zeros(0)

@@ -9,11 +9,11 @@ from support.blocks import bar
 
 from cfem.condensed.contact_pose import onto_patch
 from cfem.dataset.reader import as_dataset
-from cfem.equilibrium.actuation import force
 from cfem.equilibrium.contact.held_patch import contact_points, patch_of
 from cfem.equilibrium.newton import NewtonSettings
-from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import Wanted, solve
+from cfem.equilibrium.system.actuation import force
+from cfem.equilibrium.system.problem import Problem
 from cfem.sample.runner import sample
 from cfem.sample.solver import Facts, row_units
 from cfem.sample.spec import SampleSpec

@@ -6,7 +6,7 @@ from support.bar_scene import bar_scene
 
 from cfem.core.errors import NumericalError, SpecError
 from cfem.core.spec import load_spec
-from cfem.equilibrium.actuation import displacement
+from cfem.equilibrium.system.actuation import displacement
 from cfem.robot.build import build_robot
 from cfem.robot.mesh.meshing import make_mesh
 from cfem.robot.spec import SceneSpec

@@ -14,11 +14,11 @@ from cfem.core.stage import Options
 from cfem.dataset.inspect import describe
 from cfem.dataset.reader import read_dataset
 from cfem.dataset.schema import schema
-from cfem.equilibrium.actuation import displacement
 from cfem.equilibrium.motion.inertia import mass_of
 from cfem.equilibrium.newton import NewtonSettings
-from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import Wanted, solve
+from cfem.equilibrium.system.actuation import displacement
+from cfem.equilibrium.system.problem import Problem
 from cfem.robot import stage as mesh_stage
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh

@@ -11,7 +11,7 @@ from cfem.core.errors import SpecError
 from cfem.core.stage import Options
 from cfem.dataset.reader import read_dataset
 from cfem.dataset.schema import parameters_of
-from cfem.equilibrium.actuation import displacement
+from cfem.equilibrium.system.actuation import displacement
 from cfem.robot.load import load_scene_and_mesh
 from cfem.robot.stage import run as make_mesh
 from cfem.sample.plan import actuation

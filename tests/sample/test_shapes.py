@@ -5,7 +5,7 @@ import pytest
 
 from cfem.core.errors import SpecError
 from cfem.core.spec import load_spec
-from cfem.equilibrium.actuation import displacement
+from cfem.equilibrium.system.actuation import displacement
 from cfem.robot.build import build_robot
 from cfem.robot.mesh.meshing import make_mesh
 from cfem.robot.spec import SceneSpec

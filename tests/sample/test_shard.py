@@ -9,7 +9,7 @@ from sample.synthetic import FACTS, Factory, SyntheticSolver
 
 from cfem.core.errors import NumericalError
 from cfem.equilibrium.predictor import knot
-from cfem.equilibrium.solution import Status
+from cfem.equilibrium.system.solution import Status
 from cfem.sample.knots_file import knots_bytes, read_knots
 from cfem.sample.plan import actuation
 from cfem.sample.runner import sample

@@ -16,10 +16,10 @@ from cfem.core.stage import Options
 from cfem.dataset.inspect import describe
 from cfem.dataset.reader import read_dataset
 from cfem.dataset.schema import SKIN
-from cfem.equilibrium.actuation import displacement
 from cfem.equilibrium.newton import NewtonSettings
-from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import solve
+from cfem.equilibrium.system.actuation import displacement
+from cfem.equilibrium.system.problem import Problem
 from cfem.robot import stage as mesh_stage
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh

@@ -5,10 +5,10 @@ import multiprocessing
 import pytest
 from support.blocks import bar
 
-from cfem.equilibrium.actuation import displacement
 from cfem.equilibrium.newton import NewtonSettings
-from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import solve
+from cfem.equilibrium.system.actuation import displacement
+from cfem.equilibrium.system.problem import Problem
 from cfem.sample import tally
 from cfem.sample.tally import Tally, shared_counts
 

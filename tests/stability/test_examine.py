@@ -6,8 +6,8 @@ from functools import partial
 import numpy as np
 import pytest
 
-from cfem.equilibrium.actuation import displacement, force
-from cfem.equilibrium.solution import Status
+from cfem.equilibrium.system.actuation import displacement, force
+from cfem.equilibrium.system.solution import Status
 from cfem.stability.bodies import bar
 from cfem.stability.case import Case, converges
 from cfem.stability.evidence import misbehaviours

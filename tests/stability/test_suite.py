@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from cfem.cli.app import app
 from cfem.core.errors import NumericalError, SpecError
-from cfem.equilibrium.solution import Status
+from cfem.equilibrium.system.solution import Status
 from cfem.stability.case import Case, converges, named, refuses
 from cfem.stability.command import built_in
 from cfem.stability.evidence import Evidence

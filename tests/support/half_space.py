@@ -6,7 +6,7 @@ from cfem.condensed import Rows
 from cfem.constraint.surface import outer_surface
 from cfem.constraint.surface_points import around_nodes, at_nodes
 from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
-from cfem.equilibrium.robot import Robot
+from cfem.equilibrium.system.robot import Robot
 from cfem.mechanics.body import make_body
 from cfem.mechanics.element import ELEMENTS
 from cfem.mechanics.material import LAWS

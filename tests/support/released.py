@@ -4,7 +4,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
-from cfem.equilibrium.actuation import Actuation
+from cfem.equilibrium.system.actuation import Actuation
 from cfem.fe_motion.problem import MovingProblem
 from cfem.fe_motion.scheme import Motion
 from cfem.fe_motion.start import settled_memory

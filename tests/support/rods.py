@@ -6,8 +6,8 @@ from scipy.integrate import solve_bvp
 from cfem.condensed import Rows
 from cfem.constraint.effector import PointEffector
 from cfem.constraint.section_point import attach_to_sections
-from cfem.equilibrium.problem import Problem
-from cfem.equilibrium.robot import Robot
+from cfem.equilibrium.system.problem import Problem
+from cfem.equilibrium.system.robot import Robot
 from cfem.mechanics.body import make_rod_body
 from cfem.mechanics.element import SECTIONED
 from cfem.mechanics.material import LAWS

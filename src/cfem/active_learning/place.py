@@ -13,7 +13,7 @@ def place(
     predictor: Predictor, C: np.ndarray, target: np.ndarray, p: np.ndarray, start: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Inputs s (m, n_a) of the model at which C . delta_a = target (m,) under forces in the proportion C (m, n_a), a
-    row of a pulling plan each (`cfem.equilibrium.actuation.pull`), and whether they were found (m,). start: (m, n_a).
+    row of a pulling plan each (`pull` of cfem.equilibrium), and whether they were found (m,). start: (m, n_a).
 
     The condensed model solves its own linearisation: lambda = mu C, mu = (target - C delta_free) / (C W_aa C^T)."""
     a, s = predictor.rows.a, start.copy()

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from cfem.control.closed_loop.tick import Observer
     from cfem.control.search.goal_search import SearchResult
     from cfem.control.search.inverse import InverseStep, Limits
-    from cfem.equilibrium.robot import Robot
+    from cfem.equilibrium.system.robot import Robot
     from cfem.plant.gains import Gains
     from cfem.plant.protocol import Command
     from cfem.predict.protocol import Predictor

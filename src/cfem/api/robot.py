@@ -12,8 +12,8 @@ from cfem.core.errors import NumericalError, SpecError
 from cfem.core.optional import says_what_is_missing
 
 if TYPE_CHECKING:
-    from cfem.equilibrium.robot import Robot
-    from cfem.equilibrium.solution import Equilibrium
+    from cfem.equilibrium.system.robot import Robot
+    from cfem.equilibrium.system.solution import Equilibrium
 
 
 @says_what_is_missing
@@ -79,9 +79,9 @@ def solve(
         >>> found = cfem.solve(robot, displacement=[5.0])
         >>> found.delta_e, found.lambda_a, found.condensed.W
     """
-    from cfem.equilibrium import actuation
-    from cfem.equilibrium.problem import Problem
     from cfem.equilibrium.solve import solve as solve_problem
+    from cfem.equilibrium.system import actuation
+    from cfem.equilibrium.system.problem import Problem
 
     if displacement is not None and force is not None:
         raise SpecError("got a displacement and a force", do="give one of the two")

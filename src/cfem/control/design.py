@@ -8,7 +8,7 @@ import numpy as np
 from cfem.condensed.parameter_values import vector
 from cfem.condensed.parameters import Parameter, sampled
 from cfem.core.errors import SpecError
-from cfem.equilibrium.robot import Robot
+from cfem.equilibrium.system.robot import Robot
 from cfem.mechanics.mesh import Mesh
 from cfem.predict.at_parameters import AtParameters
 from cfem.predict.protocol import Predictor

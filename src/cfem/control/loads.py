@@ -11,7 +11,7 @@ from cfem.control.run_spec import LoadedSpec
 from cfem.core.artefact.judgement import poor
 from cfem.core.errors import InputError
 from cfem.equilibrium.contact.patch_effectors import PatchYield
-from cfem.equilibrium.robot import Robot
+from cfem.equilibrium.system.robot import Robot
 from cfem.plant.fem_plant import pushed
 from cfem.predict.at_parameters import AtParameters
 from cfem.predict.contact.kept_patches import yield_of

@@ -19,7 +19,7 @@ from cfem.control.obstacles.world import ObstacleWorld
 from cfem.control.run_spec import FamilySpec, LoadedSpec, RunSpec, TrackingSpec
 from cfem.core.actuator_units import demand_units
 from cfem.core.errors import InputError
-from cfem.equilibrium.robot import Robot
+from cfem.equilibrium.system.robot import Robot
 from cfem.mechanics.mesh import Mesh
 from cfem.plant.fem_plant import FemPlant
 from cfem.plant.model_plant import ModelPlant

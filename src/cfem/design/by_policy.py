@@ -14,7 +14,7 @@ from scipy.stats import qmc
 
 from cfem.core.errors import InputError, NumericalError
 from cfem.design.task import Task
-from cfem.equilibrium.robot import Robot
+from cfem.equilibrium.system.robot import Robot
 from cfem.gym.policy import Policy
 from cfem.gym.robots import Robots
 from cfem.parametric.family import LearnedFamily, Varied

@@ -52,7 +52,7 @@ def write_page(
 def front_page(
     problem: DesignProblem, front: Front, robot: Any, shapes: list, sensitivity: dict[str, Any] | None
 ) -> str:
-    """Page of the front. robot: cfem.equilibrium.robot.Robot, any of the family's."""
+    """Page of the front. robot: cfem.equilibrium.system.robot.Robot, any of the family's."""
     triangles = flat_triangles(robot.facets)
     held = np.isin(triangles, robot.fixed).all(axis=1)
     takes = tuple(

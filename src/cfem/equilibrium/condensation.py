@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from cfem.condensed import Condensed
-from cfem.equilibrium.evaluation import Evaluation, SolveCost, Tangent
-from cfem.equilibrium.problem import Problem
-from cfem.equilibrium.robot import watched_displacements
+from cfem.equilibrium.system.evaluation import Evaluation, SolveCost, Tangent
+from cfem.equilibrium.system.problem import Problem
+from cfem.equilibrium.system.robot import watched_displacements
 from cfem.mechanics.assembly import symmetric_product
 from cfem.mechanics.factorization import Factor
 

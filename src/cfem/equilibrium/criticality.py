@@ -6,10 +6,10 @@ crosses: a bifurcation (Wriggers, Nonlinear Finite Element Methods, 2008, sectio
 
 import numpy as np
 
-from cfem.equilibrium.actuation import Actuation
 from cfem.equilibrium.newton import NewtonResult
-from cfem.equilibrium.problem import Problem
-from cfem.equilibrium.solution import Status
+from cfem.equilibrium.system.actuation import Actuation
+from cfem.equilibrium.system.problem import Problem
+from cfem.equilibrium.system.solution import Status
 
 _ITERATIONS = 60
 # What the load does on the mode, below which it does not drive it: meshes are not symmetric to the last digit.

@@ -9,16 +9,16 @@ import scipy.sparse as sp
 
 from cfem.condensed import Condensed
 from cfem.constraint.protocol import Watched
-from cfem.equilibrium.actuation import Actuation
 from cfem.equilibrium.condensation import condense, response
 from cfem.equilibrium.derivatives.fourth_order import load_curvatures
 from cfem.equilibrium.derivatives.parameter_slopes import ParameterSlopes, Sides, differences, parameter_slopes
 from cfem.equilibrium.derivatives.third_order import compliance_derivatives, load_derivatives
-from cfem.equilibrium.evaluation import SolveCost
 from cfem.equilibrium.motion.inertia import Inertia, inertia
 from cfem.equilibrium.newton import NewtonResult
-from cfem.equilibrium.problem import Problem
-from cfem.equilibrium.solution import Linearisation
+from cfem.equilibrium.system.actuation import Actuation
+from cfem.equilibrium.system.evaluation import SolveCost
+from cfem.equilibrium.system.problem import Problem
+from cfem.equilibrium.system.solution import Linearisation
 
 
 @dataclass(frozen=True)

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from cfem.core.errors import InputError
-from cfem.equilibrium.evaluation import Evaluation
-from cfem.equilibrium.problem import Problem
+from cfem.equilibrium.system.evaluation import Evaluation
+from cfem.equilibrium.system.problem import Problem
 from cfem.mechanics.further_stress import add_stress
 from cfem.mechanics.material.law import evaluate
 from cfem.mechanics.solid import Solid, SolidResponse

@@ -16,12 +16,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cfem.equilibrium import complementarity
-from cfem.equilibrium.actuation import Actuation
 from cfem.equilibrium.complementarity import NoActiveSetError
 from cfem.equilibrium.condensation import ENOUGH
-from cfem.equilibrium.evaluation import Evaluation, SolveCost, Tangent
-from cfem.equilibrium.problem import Problem
-from cfem.equilibrium.solution import State, Status
+from cfem.equilibrium.system.actuation import Actuation
+from cfem.equilibrium.system.evaluation import Evaluation, SolveCost, Tangent
+from cfem.equilibrium.system.problem import Problem
+from cfem.equilibrium.system.solution import State, Status
 from cfem.mechanics.factorization import SingularMatrixError
 
 _EXACT = 1e-13  # of the body's size: positions are no more exact

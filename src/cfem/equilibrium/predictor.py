@@ -15,8 +15,8 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from cfem.equilibrium import complementarity
-from cfem.equilibrium.actuation import Actuation
-from cfem.equilibrium.solution import Equilibrium, State
+from cfem.equilibrium.system.actuation import Actuation
+from cfem.equilibrium.system.solution import Equilibrium, State
 
 NEIGHBOURS = 20
 MAX_DEGREE = 6

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from cfem.condensed.skin import Skin
 from cfem.constraint.skin_rows import SkinRows
-from cfem.equilibrium.robot import Robot
+from cfem.equilibrium.system.robot import Robot
 
 
 def skinned(robot: Robot, skin: Skin) -> Robot:

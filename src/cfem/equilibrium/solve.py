@@ -11,14 +11,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cfem.equilibrium.actuation import Actuation, pulling_only
 from cfem.equilibrium.criticality import classify, softest_mode
 from cfem.equilibrium.derived import W_ALONE, Derived, Wanted, derive
-from cfem.equilibrium.evaluation import SolveCost, Tangent
 from cfem.equilibrium.newton import NewtonResult, NewtonSettings, judged, linear_motion, newton
-from cfem.equilibrium.problem import Problem
-from cfem.equilibrium.robot import demand_without_friction, watched_displacements
-from cfem.equilibrium.solution import Equilibrium, State, Status
+from cfem.equilibrium.system.actuation import Actuation, pulling_only
+from cfem.equilibrium.system.evaluation import SolveCost, Tangent
+from cfem.equilibrium.system.problem import Problem
+from cfem.equilibrium.system.robot import demand_without_friction, watched_displacements
+from cfem.equilibrium.system.solution import Equilibrium, State, Status
 from cfem.mechanics.factorization import SingularMatrixError
 
 DEFAULT = NewtonSettings()

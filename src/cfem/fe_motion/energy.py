@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cfem.equilibrium.evaluation import Evaluation
+from cfem.equilibrium.system.evaluation import Evaluation
 from cfem.fe_motion.problem import MovingEvaluation, MovingProblem
 from cfem.fe_motion.scheme import Motion
 from cfem.mechanics import viscosity as viscous

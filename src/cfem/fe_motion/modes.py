@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from cfem.core.errors import NumericalError
-from cfem.equilibrium.actuation import Actuation, displacement
-from cfem.equilibrium.evaluation import Evaluation, SolveCost
 from cfem.equilibrium.motion.vibration import lowest_modes
-from cfem.equilibrium.solution import State
+from cfem.equilibrium.system.actuation import Actuation, displacement
+from cfem.equilibrium.system.evaluation import Evaluation, SolveCost
+from cfem.equilibrium.system.solution import State
 from cfem.fe_motion.problem import MovingProblem
 from cfem.mechanics import viscosity as viscous
 from cfem.mechanics.assembly import symmetric_product

@@ -15,10 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from cfem.equilibrium.evaluation import Evaluation
 from cfem.equilibrium.motion.inertia import mass_of
-from cfem.equilibrium.problem import Problem
-from cfem.equilibrium.robot import Robot
+from cfem.equilibrium.system.evaluation import Evaluation
+from cfem.equilibrium.system.problem import Problem
+from cfem.equilibrium.system.robot import Robot
 from cfem.mechanics import viscosity as viscous
 from cfem.mechanics.assembly import add_blocks
 from cfem.mechanics.viscosity import Overstress

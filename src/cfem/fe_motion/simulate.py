@@ -10,11 +10,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from cfem.equilibrium.actuation import Actuation, pulling_only
-from cfem.equilibrium.evaluation import SolveCost, Tangent
 from cfem.equilibrium.newton import NewtonResult, NewtonSettings, newton
-from cfem.equilibrium.robot import effector_displacements
-from cfem.equilibrium.solution import State, Status
+from cfem.equilibrium.system.actuation import Actuation, pulling_only
+from cfem.equilibrium.system.evaluation import SolveCost, Tangent
+from cfem.equilibrium.system.robot import effector_displacements
+from cfem.equilibrium.system.solution import State, Status
 from cfem.fe_motion import energy as energies
 from cfem.fe_motion.energy import Energy
 from cfem.fe_motion.problem import MovingEvaluation, MovingProblem, TimeStep

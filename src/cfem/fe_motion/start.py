@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cfem.equilibrium.solution import State
+from cfem.equilibrium.system.solution import State
 from cfem.fe_motion.problem import MovingProblem
 from cfem.fe_motion.scheme import Motion
 from cfem.mechanics import viscosity as viscous

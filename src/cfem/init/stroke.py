@@ -10,14 +10,14 @@ from scipy.spatial.transform import Rotation
 from cfem.constraint.surface import triangulated
 from cfem.contact.crossing import crossings
 from cfem.core.console.progress import progress
-from cfem.equilibrium.actuation import Actuation
-from cfem.equilibrium.evaluation import Evaluation
 from cfem.equilibrium.fields import Strain
 from cfem.equilibrium.newton import NewtonSettings
-from cfem.equilibrium.problem import Problem
-from cfem.equilibrium.robot import Robot
-from cfem.equilibrium.solution import Equilibrium, Status
 from cfem.equilibrium.solve import Wanted, solve
+from cfem.equilibrium.system.actuation import Actuation
+from cfem.equilibrium.system.evaluation import Evaluation
+from cfem.equilibrium.system.problem import Problem
+from cfem.equilibrium.system.robot import Robot
+from cfem.equilibrium.system.solution import Equilibrium, Status
 from cfem.init.drive import Drive
 from cfem.init.question import Answer, Ask, Question, positive
 from cfem.init.written import short

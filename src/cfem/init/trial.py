@@ -10,10 +10,10 @@ import numpy as np
 
 from cfem.core.errors import NumericalError, SpecError
 from cfem.core.spec import load_spec
-from cfem.equilibrium.actuation import force
-from cfem.equilibrium.problem import Problem
-from cfem.equilibrium.robot import Robot
 from cfem.equilibrium.solve import solve
+from cfem.equilibrium.system.actuation import force
+from cfem.equilibrium.system.problem import Problem
+from cfem.equilibrium.system.robot import Robot
 from cfem.init.drive import Drive, Stated
 from cfem.init.let_out import let_out
 from cfem.init.question import Answer, Ask

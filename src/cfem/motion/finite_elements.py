@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 
 from cfem.core.errors import InputError, NumericalError
-from cfem.equilibrium.actuation import Actuation, displacement, force
-from cfem.equilibrium.robot import Robot
 from cfem.equilibrium.solve import solve
+from cfem.equilibrium.system.actuation import Actuation, displacement, force
+from cfem.equilibrium.system.robot import Robot
 from cfem.fe_motion import problem as full
 from cfem.fe_motion.simulate import MotionRun, StepControl, simulate
 from cfem.fe_motion.start import at_rest

@@ -158,7 +158,7 @@ class Differentiable(FiniteElementFamily):
     def _sides(self, problem: Any, p: np.ndarray, free: Sequence[int]) -> tuple[list[Any], dict[str, np.ndarray]]:
         """Robots on either side in each parameter of `free`, by its share; and the derivatives of volume and mass."""
         from cfem.equilibrium.derivatives.parameter_slopes import Sides
-        from cfem.equilibrium.problem import Problem
+        from cfem.equilibrium.system.problem import Problem
 
         family, _ = self._problem(p)
         low, high = range_coordinates(self.parameters)

@@ -126,10 +126,10 @@ class FiniteElementFamily:
         self, kind: Kind, u: np.ndarray, p: np.ndarray, push: np.ndarray | None = None, keep: bool = False
     ) -> tuple[Any, Any]:
         """The equilibrium and its problem; p without exact parameters; keep: as `equilibrium.solve` has it."""
-        from cfem.equilibrium import actuation
-        from cfem.equilibrium.problem import Problem
-        from cfem.equilibrium.solution import State
         from cfem.equilibrium.solve import Wanted, solve
+        from cfem.equilibrium.system import actuation
+        from cfem.equilibrium.system.problem import Problem
+        from cfem.equilibrium.system.solution import State
         from cfem.plant.fem_plant import pushed
 
         family, problem = self._problem(p)
@@ -152,7 +152,7 @@ class FiniteElementFamily:
 
     def _problem(self, p: np.ndarray) -> tuple[Any, Any]:
         """The family of robots on one mesh, and the problem."""
-        from cfem.equilibrium.problem import Problem
+        from cfem.equilibrium.system.problem import Problem
 
         key = p.tobytes()
         if key not in self._built:
@@ -180,9 +180,9 @@ class FiniteElementFamily:
 
     def _jump(self, remeshed: Any, kind: Kind, u: np.ndarray) -> dict[str, float]:
         """Differences of W and of the effectors' places between both meshes at the edge."""
-        from cfem.equilibrium import actuation
-        from cfem.equilibrium.problem import Problem
         from cfem.equilibrium.solve import solve
+        from cfem.equilibrium.system import actuation
+        from cfem.equilibrium.system.problem import Problem
 
         edge, answers = self.meshes.edge(remeshed), []
         for family in (self.meshes.main, remeshed.family):

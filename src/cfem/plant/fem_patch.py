@@ -6,11 +6,11 @@ import numpy as np
 from cfem.condensed import Condensed
 from cfem.condensed.contact_pose import onto_patch
 from cfem.condensed.coupling import Coupled
-from cfem.equilibrium.actuation import displacement
 from cfem.equilibrium.contact.held_patch import contact_points, held, patch_of
 from cfem.equilibrium.newton import NewtonSettings
-from cfem.equilibrium.problem import Problem
-from cfem.equilibrium.robot import Robot
+from cfem.equilibrium.system.actuation import displacement
+from cfem.equilibrium.system.problem import Problem
+from cfem.equilibrium.system.robot import Robot
 from cfem.plant.fem_robot import FemRobot
 from cfem.plant.protocol import Changing
 

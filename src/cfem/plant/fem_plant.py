@@ -11,10 +11,10 @@ from numpy.typing import ArrayLike
 from cfem.condensed import Condensed
 from cfem.constraint.patch import PatchLoad
 from cfem.core.errors import NumericalError
-from cfem.equilibrium.actuation import displacement, force, pull
 from cfem.equilibrium.contact.patch_effectors import with_patches
-from cfem.equilibrium.robot import Robot
 from cfem.equilibrium.solve import solve
+from cfem.equilibrium.system.actuation import displacement, force, pull
+from cfem.equilibrium.system.robot import Robot
 from cfem.plant.fem_robot import FemRobot
 from cfem.plant.protocol import Changing, Command, Measurement
 from cfem.sample.plan import borne, borne_together

@@ -6,13 +6,13 @@ from collections import deque
 import numpy as np
 
 from cfem.core.errors import NumericalError
-from cfem.equilibrium.actuation import Actuation, pulling_only
 from cfem.equilibrium.newton import NewtonSettings
 from cfem.equilibrium.predictor import Knot, is_new, knot, predict
-from cfem.equilibrium.problem import Problem
-from cfem.equilibrium.robot import Robot
-from cfem.equilibrium.solution import Equilibrium
 from cfem.equilibrium.solve import DEFAULT, solve
+from cfem.equilibrium.system.actuation import Actuation, pulling_only
+from cfem.equilibrium.system.problem import Problem
+from cfem.equilibrium.system.robot import Robot
+from cfem.equilibrium.system.solution import Equilibrium
 from cfem.plant.protocol import Changing
 
 

@@ -11,12 +11,12 @@ import numpy as np
 
 from cfem.contact.modes import Mode
 from cfem.contact.problem import Law
-from cfem.equilibrium.actuation import displacement
 from cfem.equilibrium.contact.grasp import FreeObject, grasp_step, holding_stiffness
 from cfem.equilibrium.contact.ground import Pads
 from cfem.equilibrium.contact.points import PlacedRobot, PointRobot, PointsState
-from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.quasi_static import CONVERGED, carried_out
+from cfem.equilibrium.system.actuation import displacement
+from cfem.equilibrium.system.problem import Problem
 from cfem.plant.contact_account import ContactAccount
 from cfem.plant.protocol import Changing, Command, Measurement
 

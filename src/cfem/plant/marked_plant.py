@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from cfem.constraint.surface import outer_surface
-from cfem.equilibrium.robot import Robot
+from cfem.equilibrium.system.robot import Robot
 from cfem.plant.protocol import Command, Measurement, Plant
 from cfem.predict.estimation.markers import on_triangles
 

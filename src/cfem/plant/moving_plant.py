@@ -9,9 +9,9 @@ from numpy.typing import ArrayLike
 
 from cfem.condensed.model import under_force
 from cfem.core.errors import NumericalError
-from cfem.equilibrium.actuation import Actuation, displacement, force
-from cfem.equilibrium.robot import Robot
 from cfem.equilibrium.solve import solve
+from cfem.equilibrium.system.actuation import Actuation, displacement, force
+from cfem.equilibrium.system.robot import Robot
 from cfem.fe_motion.problem import MovingProblem
 from cfem.fe_motion.scheme import Scheme
 from cfem.fe_motion.simulate import KeptTangent, MotionRun, StepControl, simulate

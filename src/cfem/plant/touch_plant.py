@@ -18,8 +18,8 @@ from cfem.contact.prescribed_motion import ActuatedRobot, PrescribedMotion, stop
 from cfem.core.errors import InputError
 from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
 from cfem.equilibrium.contact.surfaces import SurfaceScene, SurfacesState
-from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.quasi_static import CONVERGED, carried_out
+from cfem.equilibrium.system.problem import Problem
 from cfem.plant.contact_account import ContactAccount
 from cfem.plant.protocol import Changing, Command, Measurement
 from cfem.predict.contact.model import LONGEST

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cfem.equilibrium.robot import Robot
+from cfem.equilibrium.system.robot import Robot
 from cfem.plant.fem_plant import FemPlant, pushed
 from cfem.plant.protocol import Command, Measurement
 

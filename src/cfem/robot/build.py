@@ -20,7 +20,7 @@ from cfem.constraint.push import Push, make_push
 from cfem.constraint.rod_cable import RodCable, make_rod_cable
 from cfem.constraint.section_point import attach_to_sections, make_section_effector
 from cfem.core.errors import SpecError
-from cfem.equilibrium.robot import Robot
+from cfem.equilibrium.system.robot import Robot
 from cfem.mechanics.body import Body, make_body, make_rod_body
 from cfem.mechanics.element import ELEMENTS, SECTIONED
 from cfem.mechanics.load import gravity

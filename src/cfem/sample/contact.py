@@ -11,8 +11,8 @@ import numpy as np
 from cfem.condensed.pose import COORDINATES, Patch
 from cfem.condensed.resting import resting
 from cfem.core.actuator_units import demand_units
-from cfem.equilibrium.actuation import Actuation, force
 from cfem.equilibrium.contact.held_patch import held
+from cfem.equilibrium.system.actuation import Actuation, force
 from cfem.sample.solver import Facts
 from cfem.sample.spec import SampleSpec
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from cfem.condensed.parameters import Parameter, coordinates, range_coordinates, sampled, values
-from cfem.equilibrium.robot import Robot
+from cfem.equilibrium.system.robot import Robot
 from cfem.mechanics.body import with_materials
 from cfem.mechanics.mesh import Mesh
 from cfem.robot.build import build_robot, materials_of, with_actuator

@@ -5,8 +5,8 @@ from collections.abc import Callable
 import numpy as np
 
 from cfem.core.errors import SpecError
-from cfem.equilibrium.actuation import Actuation, displacement, force, pull
-from cfem.equilibrium.solution import Equilibrium
+from cfem.equilibrium.system.actuation import Actuation, displacement, force, pull
+from cfem.equilibrium.system.solution import Equilibrium
 from cfem.sample.spec import SplitSpec
 
 # A pull of all at once that is not borne is made smaller by this factor, and given up below the other.
@@ -77,7 +77,7 @@ def actuation(
 
 
 def within_reach(share: np.ndarray, reach: np.ndarray, compliance: np.ndarray) -> float:
-    """The amount of a pull (`cfem.equilibrium.actuation.pull`) at which the cable that comes nearest to its reach has
+    """The amount of a pull (`pull` of cfem.equilibrium) at which the cable that comes nearest to its reach has
     gone the largest share of it, were the robot as compliant as at rest. Cables on opposite sides pay out what others
     take in, so that their mean says little about any."""
     C = share / (share.sum() * reach)

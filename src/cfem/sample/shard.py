@@ -18,10 +18,10 @@ from cfem.condensed.parameters import coordinates, from_shares, sampled, slopes
 from cfem.condensed.pose import Patch
 from cfem.condensed.skin import Skin, skin_bytes, skin_from
 from cfem.dataset.writer import table_bytes
-from cfem.equilibrium.actuation import Actuation, pulling_only
 from cfem.equilibrium.motion.inertia import Inertia
 from cfem.equilibrium.predictor import Knot, knot, nearest, predict
-from cfem.equilibrium.solution import Equilibrium, ParameterSlopes, State
+from cfem.equilibrium.system.actuation import Actuation, pulling_only
+from cfem.equilibrium.system.solution import Equilibrium, ParameterSlopes, State
 from cfem.sample import tally
 from cfem.sample.contact import ContactPlan
 from cfem.sample.knots_file import demand_states, knots_bytes, read_knots

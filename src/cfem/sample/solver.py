@@ -14,8 +14,8 @@ from cfem.condensed.viscosity import Viscosity
 from cfem.constraint.skin_rows import SkinRows
 from cfem.constraint.surface import Surface, outer_surface
 from cfem.core.errors import NumericalError, SpecError
-from cfem.equilibrium.actuation import Actuation
-from cfem.equilibrium.solution import Equilibrium, State
+from cfem.equilibrium.system.actuation import Actuation
+from cfem.equilibrium.system.solution import Equilibrium, State
 from cfem.mechanics.mesh import Mesh
 from cfem.robot.same_robot import robot_of
 from cfem.robot.spec import SceneSpec
@@ -110,13 +110,13 @@ class FiniteElements:
     def __call__(self) -> Solver:
         """Solver of the scene in this process."""
         from cfem.condensed.contact_pose import onto_patch
-        from cfem.equilibrium.actuation import force
         from cfem.equilibrium.contact.held_patch import contact_points, patch_of
         from cfem.equilibrium.motion.inertia import mass_of
         from cfem.equilibrium.motion.inner_motions import rod_stresses
         from cfem.equilibrium.newton import NewtonSettings
-        from cfem.equilibrium.problem import Problem
         from cfem.equilibrium.solve import solve
+        from cfem.equilibrium.system.actuation import force
+        from cfem.equilibrium.system.problem import Problem
         from cfem.sample.family import RobotFamily
 
         family = RobotFamily(self.scene, self.mesh, self.parameters)
@@ -233,8 +233,8 @@ class _FiniteElementSolver:
         )
 
     def _problem(self, robot: Any, skin: Skin | None, like: Any) -> Any:
-        from cfem.equilibrium.problem import Problem
         from cfem.equilibrium.skinned import skinned
+        from cfem.equilibrium.system.problem import Problem
 
         return Problem(robot if skin is None else skinned(robot, skin), like=like)
 

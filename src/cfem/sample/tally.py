@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from cfem.equilibrium.evaluation import SolveCost
+from cfem.equilibrium.system.evaluation import SolveCost
 
 SLOW = 12  # factorisations from which a solve that goes on is named
 _SPLITS = ("train", "test")

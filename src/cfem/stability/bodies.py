@@ -9,7 +9,7 @@ from cfem.constraint.attachment import attach
 from cfem.constraint.cable import Cable, make_cable
 from cfem.constraint.effector import make_effector
 from cfem.constraint.protocol import Constraint, Watched
-from cfem.equilibrium.robot import Robot
+from cfem.equilibrium.system.robot import Robot
 from cfem.mechanics.body import Body, make_body
 from cfem.mechanics.element import ELEMENTS
 from cfem.mechanics.load import gravity

@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cfem.equilibrium.actuation import Actuation
-from cfem.equilibrium.problem import Problem
-from cfem.equilibrium.robot import Robot
-from cfem.equilibrium.solution import Equilibrium, State
 from cfem.equilibrium.solve import solve
+from cfem.equilibrium.system.actuation import Actuation
+from cfem.equilibrium.system.problem import Problem
+from cfem.equilibrium.system.robot import Robot
+from cfem.equilibrium.system.solution import Equilibrium, State
 from cfem.mechanics.assembly import symmetric_product
 from cfem.mechanics.body import response
 from cfem.stability.evidence import Evidence, LimitCheck

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cfem.constraint.protocol import Watched
-from cfem.equilibrium.robot import Robot
+from cfem.equilibrium.system.robot import Robot
 from cfem.mechanics.body import response
 
 

@@ -25,7 +25,7 @@ from cfem.equilibrium.contact.grasp import FreeObject
 from cfem.equilibrium.contact.held_patch import contact_points, patch_of
 from cfem.equilibrium.contact.patch_compliance import within_patch
 from cfem.equilibrium.contact.points import PlacedRobot, PointsState
-from cfem.equilibrium.problem import Problem
+from cfem.equilibrium.system.problem import Problem
 from cfem.plant.fem_patch import FemPatch
 from cfem.plant.grip_plant import GripPlant
 from cfem.predict.contact.gripping_finger import LearnedFinger, WithinPatch

@@ -9,9 +9,9 @@ from cfem.control.open_loop.mesh_error import ORDER, MeshDifference, chosen, dis
 from cfem.control.open_loop.spec import MeshErrorSpec
 from cfem.control.spec import ControlSpec
 from cfem.core.spec import load_spec
-from cfem.equilibrium.actuation import displacement
-from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import solve
+from cfem.equilibrium.system.actuation import displacement
+from cfem.equilibrium.system.problem import Problem
 from cfem.robot.build import build_robot
 from cfem.robot.mesh.meshing import make_mesh
 from cfem.robot.spec import SceneSpec

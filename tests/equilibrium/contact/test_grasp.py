@@ -9,12 +9,12 @@ from support.blocks import bar
 from cfem.contact.modes import Mode
 from cfem.contact.obstacle import Box, Plane
 from cfem.contact.step_status import StepStatus
-from cfem.equilibrium.actuation import displacement, force
 from cfem.equilibrium.contact.grasp import FreeObject, grasp_step
 from cfem.equilibrium.contact.ground import Pads
 from cfem.equilibrium.contact.obstacles import obstacle_step
 from cfem.equilibrium.contact.points import PlacedRobot
-from cfem.equilibrium.problem import Problem
+from cfem.equilibrium.system.actuation import displacement, force
+from cfem.equilibrium.system.problem import Problem
 
 REST = np.array([30.0, 5.0, 9.0])  # of a bar's contact point, which its cables lift
 FLIP = np.diag([1.0, -1.0, -1.0])

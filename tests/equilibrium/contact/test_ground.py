@@ -5,9 +5,9 @@ import pytest
 
 from cfem.contact.modes import Mode
 from cfem.contact.obstacle import Plane
-from cfem.equilibrium.actuation import displacement
 from cfem.equilibrium.contact.grasp import grasp_step
 from cfem.equilibrium.contact.ground import Ground, Pads
+from cfem.equilibrium.system.actuation import displacement
 
 CORNERS = np.array([[-2.0, -1, 0], [2, -1, 0], [-2, 1, 0], [2, 1, 0]])
 SOFT = 0.01

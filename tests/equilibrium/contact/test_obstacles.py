@@ -9,10 +9,10 @@ from support.blocks import bar
 from cfem.contact.modes import Mode
 from cfem.contact.obstacle import Box, Capsule, Plane, Sphere
 from cfem.contact.step_status import StepStatus
-from cfem.equilibrium.actuation import displacement, force
 from cfem.equilibrium.contact.obstacles import obstacle_step
-from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import solve
+from cfem.equilibrium.system.actuation import displacement, force
+from cfem.equilibrium.system.problem import Problem
 
 REST = np.array([30.0, 5.0, 9.0])  # of the bar's contact point, which the cables lift
 UPSIDE_DOWN = np.diag([1.0, -1.0, -1.0])

@@ -9,11 +9,11 @@ from support.blocks import bar
 from cfem.condensed.patches import cut
 from cfem.condensed.skin import Skin
 from cfem.constraint.surface import outer_surface
-from cfem.equilibrium import actuation
 from cfem.equilibrium.contact.patch_compliance import patch_response, with_patches
 from cfem.equilibrium.newton import NewtonSettings
-from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import solve
+from cfem.equilibrium.system import actuation
+from cfem.equilibrium.system.problem import Problem
 from cfem.plant.fem_plant import pushed
 
 DELTA = np.array([2.0, 3.5])

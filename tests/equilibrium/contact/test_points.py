@@ -10,12 +10,12 @@ from support.blocks import bar
 from cfem.contact.modes import Mode
 from cfem.contact.obstacle import Box, Plane
 from cfem.contact.step_status import StepStatus
-from cfem.equilibrium.actuation import displacement
 from cfem.equilibrium.contact.grasp import FreeObject
 from cfem.equilibrium.contact.obstacles import Obstacles
 from cfem.equilibrium.contact.points import PlacedRobot, points_step
-from cfem.equilibrium.evaluation import SolveCost
-from cfem.equilibrium.problem import Problem
+from cfem.equilibrium.system.actuation import displacement
+from cfem.equilibrium.system.evaluation import SolveCost
+from cfem.equilibrium.system.problem import Problem
 
 REST = np.array([30.0, 5.0, 9.0])  # of the bar's contact point
 LIFT = displacement(np.array([-1.0, 1.0]))

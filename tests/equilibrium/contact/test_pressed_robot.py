@@ -8,14 +8,14 @@ from support.blocks import bar
 
 from cfem.condensed.patches import cut
 from cfem.constraint.surface import outer_surface
-from cfem.equilibrium.actuation import Actuation, displacement
 from cfem.equilibrium.contact.patch_compliance import with_patches
 from cfem.equilibrium.contact.pressed_robot import PressedRobot
 from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
-from cfem.equilibrium.evaluation import SolveCost
 from cfem.equilibrium.newton import NewtonSettings
-from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import solve
+from cfem.equilibrium.system.actuation import Actuation, displacement
+from cfem.equilibrium.system.evaluation import SolveCost
+from cfem.equilibrium.system.problem import Problem
 
 DELTA = np.array([2.0, 3.5])
 EXACT = NewtonSettings(tolerance=1e-12)

@@ -7,15 +7,15 @@ import pytest
 from support.blocks import bar
 
 from cfem.core.errors import InputError
-from cfem.equilibrium import actuation
 from cfem.equilibrium.condensation import ENOUGH
 from cfem.equilibrium.derivatives.adjoint import Weights, gradients
 from cfem.equilibrium.derivatives.jacobian import jacobian
 from cfem.equilibrium.derivatives.parameter_slopes import Sides
 from cfem.equilibrium.fields import Strain, Stress
 from cfem.equilibrium.newton import NewtonSettings
-from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import Wanted, solve
+from cfem.equilibrium.system import actuation
+from cfem.equilibrium.system.problem import Problem
 from cfem.mechanics.body import with_materials
 from cfem.mechanics.material import LAWS
 from cfem.mechanics.material.law import Material

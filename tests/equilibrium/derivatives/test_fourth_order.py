@@ -9,10 +9,10 @@ from support.blocks import bar
 from cfem.condensed.packing import symmetric4_indices
 from cfem.constraint.attachment import attach
 from cfem.constraint.cable import make_cable
-from cfem.equilibrium import actuation
 from cfem.equilibrium.newton import NewtonSettings
-from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import Wanted, solve
+from cfem.equilibrium.system import actuation
+from cfem.equilibrium.system.problem import Problem
 from cfem.plant.fem_plant import pushed
 
 EXACT = NewtonSettings(tolerance=1e-12)

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from support.blocks import bar
 
-from cfem.equilibrium import actuation
 from cfem.equilibrium.derivatives.parameter_slopes import Sides
 from cfem.equilibrium.newton import NewtonSettings
-from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import Wanted, solve
+from cfem.equilibrium.system import actuation
+from cfem.equilibrium.system.problem import Problem
 from cfem.mechanics.body import with_materials
 from cfem.mechanics.material import LAWS
 from cfem.mechanics.material.law import Material

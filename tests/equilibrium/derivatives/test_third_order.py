@@ -12,13 +12,13 @@ from cfem.condensed.viscosity import Viscosity
 from cfem.constraint.attachment import attach
 from cfem.constraint.cable import make_cable
 from cfem.constraint.surface import outer_surface
-from cfem.equilibrium import actuation
 from cfem.equilibrium.derivatives.third_order import skin_load_derivatives
 from cfem.equilibrium.motion.inertia import mass_of
 from cfem.equilibrium.newton import NewtonSettings
-from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.skinned import skinned
 from cfem.equilibrium.solve import Wanted, solve
+from cfem.equilibrium.system import actuation
+from cfem.equilibrium.system.problem import Problem
 from cfem.plant.fem_plant import pushed
 
 EXACT = NewtonSettings(tolerance=1e-12)

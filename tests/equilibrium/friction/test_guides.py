@@ -8,11 +8,11 @@ from support.rods import rod_problem
 
 from cfem.constraint.rod_cable import make_rod_cable
 from cfem.core.errors import SpecError
-from cfem.equilibrium.actuation import force
 from cfem.equilibrium.friction.guides import slipping, solve_slipping
-from cfem.equilibrium.problem import Problem
-from cfem.equilibrium.solution import Status
 from cfem.equilibrium.solve import Wanted, solve
+from cfem.equilibrium.system.actuation import force
+from cfem.equilibrium.system.problem import Problem
+from cfem.equilibrium.system.solution import Status
 
 POINTS = np.array([[0, 0, 0.6], [100, 0, 0.6]])
 

@@ -10,11 +10,11 @@ from support.rods import LENGTH, rod_problem
 from cfem.constraint.attachment import Attachment
 from cfem.constraint.cable import make_cable
 from cfem.constraint.rod_cable import make_rod_cable
-from cfem.equilibrium.actuation import force
 from cfem.equilibrium.friction.guides import solve_slipping
 from cfem.equilibrium.friction.sticking import Follower
-from cfem.equilibrium.problem import Problem
-from cfem.equilibrium.solution import Status
+from cfem.equilibrium.system.actuation import force
+from cfem.equilibrium.system.problem import Problem
+from cfem.equilibrium.system.solution import Status
 
 OFF, FRICTION, LARGEST = 0.6, 0.4, 0.05
 

@@ -11,10 +11,10 @@ from fe_motion.moving import moving_bar, moving_rod
 
 from cfem.condensed.viscosity import Viscosity
 from cfem.core.errors import InputError
-from cfem.equilibrium.actuation import displacement, force
 from cfem.equilibrium.motion.inertia import mass_of
-from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import Wanted, solve
+from cfem.equilibrium.system.actuation import displacement, force
+from cfem.equilibrium.system.problem import Problem
 from cfem.fe_motion.modes import natural_modes
 
 TAU = 2e-3

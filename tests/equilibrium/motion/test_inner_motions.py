@@ -6,11 +6,11 @@ from fe_motion.moving import moving_rod
 from scipy.linalg import eigh
 
 from cfem.condensed.viscosity import Viscosity
-from cfem.equilibrium.actuation import force
 from cfem.equilibrium.motion.inertia import mass_of
 from cfem.equilibrium.motion.inner_motions import rod_stresses
-from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import Wanted, solve
+from cfem.equilibrium.system.actuation import force
+from cfem.equilibrium.system.problem import Problem
 from cfem.fe_motion.modes import natural_modes
 
 TAU = 2e-3

@@ -9,13 +9,13 @@ from scipy.linalg import eigh, null_space
 from support.blocks import bar
 
 from cfem.core.errors import NumericalError
-from cfem.equilibrium import actuation
 from cfem.equilibrium.derivatives.adjoint import Weights, gradients
 from cfem.equilibrium.derivatives.parameter_slopes import Sides
 from cfem.equilibrium.motion.inertia import mass_of, times_mass
 from cfem.equilibrium.motion.vibration import lowest
-from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import Wanted, solve
+from cfem.equilibrium.system import actuation
+from cfem.equilibrium.system.problem import Problem
 from cfem.fe_motion.modes import natural_modes
 from cfem.fe_motion.problem import MovingProblem
 from cfem.mechanics.body import on_nodes

@@ -7,9 +7,9 @@ from scipy.spatial.transform import Rotation
 
 from cfem.core.spec import load_spec
 from cfem.core.stage import Options
-from cfem.equilibrium.actuation import force
-from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import Wanted, solve
+from cfem.equilibrium.system.actuation import force
+from cfem.equilibrium.system.problem import Problem
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh
 from cfem.robot.spec import SceneSpec

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from cfem.core.spec import load_spec
 from cfem.equilibrium.friction.sticking import Follower
-from cfem.equilibrium.problem import Problem
+from cfem.equilibrium.system.problem import Problem
 from cfem.identify.cases.load import load_lab
 from cfem.identify.cases.prediction.stage import run as predict
 from cfem.identify.cases.spec import CasesSpec, TableColumns

@@ -10,9 +10,9 @@ import pytest
 from identify.recordings.recordings import PLACES, SHIFT, TURN, write_c3d, write_optitrack
 
 from cfem.core.stage import Options
-from cfem.equilibrium.actuation import force
-from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import Wanted, solve
+from cfem.equilibrium.system.actuation import force
+from cfem.equilibrium.system.problem import Problem
 from cfem.identify.cases.stage import run as calibrate
 from cfem.identify.recordings.stage import run as reduce
 from cfem.robot.build import build_robot

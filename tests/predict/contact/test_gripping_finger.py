@@ -9,11 +9,11 @@ from support.blocks import bar
 from cfem.condensed import Rows
 from cfem.condensed.rotation import turn
 from cfem.constraint.contact import make_contact
-from cfem.equilibrium.actuation import displacement
 from cfem.equilibrium.contact.held_patch import contact_points, patch_of
 from cfem.equilibrium.contact.patch_compliance import within_patch
 from cfem.equilibrium.contact.points import PlacedRobot
-from cfem.equilibrium.problem import Problem
+from cfem.equilibrium.system.actuation import displacement
+from cfem.equilibrium.system.problem import Problem
 from cfem.plant.fem_patch import FemPatch
 from cfem.predict.contact.gripping_finger import LearnedFinger, WithinPatch
 

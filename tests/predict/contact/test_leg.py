@@ -8,9 +8,9 @@ import pytest
 
 from cfem.constraint.contact import ContactPoint
 from cfem.core.errors import InputError
-from cfem.equilibrium.actuation import displacement
 from cfem.equilibrium.contact.points import PlacedRobot
-from cfem.equilibrium.problem import Problem
+from cfem.equilibrium.system.actuation import displacement
+from cfem.equilibrium.system.problem import Problem
 from cfem.predict.contact.leg import LearnedLeg, held_by
 from cfem.predict.load import load_model
 from cfem.predict.loads.wrench_series import Held

@@ -8,12 +8,12 @@ import pytest
 from cfem.contact.obstacle import Box, Capsule, Plane, Sphere
 from cfem.contact.step_status import StepStatus
 from cfem.core.errors import InputError, SpecError
-from cfem.equilibrium.actuation import Actuation, displacement
 from cfem.equilibrium.contact.obstacles import obstacle_step
 from cfem.equilibrium.contact.patch_compliance import patch_response, with_patches
 from cfem.equilibrium.newton import NewtonSettings
-from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import solve
+from cfem.equilibrium.system.actuation import Actuation, displacement
+from cfem.equilibrium.system.problem import Problem
 from cfem.predict.contact.loaded_robot import LoadedRobot
 from cfem.predict.contact.patched_model import PatchedModel, patches_of
 from cfem.predict.contact.rounds import TOLERANCE

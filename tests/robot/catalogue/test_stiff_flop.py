@@ -9,9 +9,9 @@ import pytest
 from cfem.constraint.cavity import make_cavity
 from cfem.core.errors import SpecError
 from cfem.core.spec import load_spec
-from cfem.equilibrium.actuation import force
-from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import solve
+from cfem.equilibrium.system.actuation import force
+from cfem.equilibrium.system.problem import Problem
 from cfem.mechanics.element import HEX_CORNERS
 from cfem.mechanics.rod.region import CrossSection
 from cfem.robot.build import build_robot

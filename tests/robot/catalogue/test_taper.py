@@ -6,9 +6,9 @@ from robot.scenes import scene
 from scipy.optimize import minimize
 
 from cfem.core.errors import SpecError
-from cfem.equilibrium.actuation import force
-from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import Wanted, solve
+from cfem.equilibrium.system.actuation import force
+from cfem.equilibrium.system.problem import Problem
 from cfem.robot.build import build_robot
 from cfem.robot.catalogue.taper import volume
 from cfem.robot.mesh.meshing import make_mesh

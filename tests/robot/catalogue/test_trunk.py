@@ -9,9 +9,9 @@ import pytest
 from cfem.constraint.attachment import locate
 from cfem.core.errors import SpecError
 from cfem.core.spec import load_spec
-from cfem.equilibrium.actuation import pull
-from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import solve
+from cfem.equilibrium.system.actuation import pull
+from cfem.equilibrium.system.problem import Problem
 from cfem.robot.build import build_robot
 from cfem.robot.mesh.meshing import make_mesh
 from cfem.robot.places import cable_points, pull_point

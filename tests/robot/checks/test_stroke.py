@@ -3,9 +3,9 @@
 import numpy as np
 from robot.scenes import scene
 
-from cfem.equilibrium.actuation import force
-from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import solve
+from cfem.equilibrium.system.actuation import force
+from cfem.equilibrium.system.problem import Problem
 from cfem.robot.build import build_robot
 from cfem.robot.checks.stroke import linear_motion
 from cfem.robot.mesh.meshing import make_mesh

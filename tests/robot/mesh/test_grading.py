@@ -8,9 +8,9 @@ from support.blocks import block
 
 from cfem.core.errors import SpecError
 from cfem.core.stage import Options
-from cfem.equilibrium import actuation
-from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import solve
+from cfem.equilibrium.system import actuation
+from cfem.equilibrium.system.problem import Problem
 from cfem.robot.build import build_robot
 from cfem.robot.mesh.grading import estimate, grade, scene_mesh
 from cfem.robot.mesh.mesh_file import read_mesh

@@ -5,9 +5,9 @@ import pytest
 from robot.scenes import scene
 
 from cfem.core.errors import NumericalError
-from cfem.equilibrium.actuation import force
-from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import solve
+from cfem.equilibrium.system.actuation import force
+from cfem.equilibrium.system.problem import Problem
 from cfem.mechanics.mesh import Mesh, boundary_facets
 from cfem.robot.build import build_robot
 from cfem.robot.cad import Box

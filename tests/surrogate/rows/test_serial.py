@@ -16,9 +16,9 @@ from cfem.contact.closed_surface import ClosedSurface
 from cfem.contact.obstacle import Sphere
 from cfem.core.errors import InputError, NumericalError
 from cfem.core.stage import Options
-from cfem.equilibrium.actuation import displacement, force
-from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import solve
+from cfem.equilibrium.system.actuation import displacement, force
+from cfem.equilibrium.system.problem import Problem
 from cfem.export.compiled.build import compiler
 from cfem.export.compiled.shape import CompiledShape
 from cfem.export.firmware.folder import write_c

@@ -13,7 +13,7 @@ from cfem.control.run_spec import FE_BASED
 from cfem.control.search.goal_search import Iterate, search_goal
 from cfem.control.search.inverse import Aim, Limits
 from cfem.core.errors import SpecError
-from cfem.equilibrium.robot import Robot
+from cfem.equilibrium.system.robot import Robot
 from cfem.plant.gains import PHASE_MARGIN, Gains
 from cfem.predict.protocol import Predictor
 

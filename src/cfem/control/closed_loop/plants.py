@@ -15,7 +15,7 @@ from cfem.control.design import robot_at
 from cfem.control.loads import under_loads
 from cfem.core.errors import SpecError
 from cfem.core.spec import load_spec
-from cfem.equilibrium.robot import Robot
+from cfem.equilibrium.system.robot import Robot
 from cfem.motion.altered import Altered
 from cfem.motion.model import MotionModel
 from cfem.plant.device.pipe_plant import PipePlant

@@ -25,7 +25,7 @@ from cfem.control.closed_loop.run_spec import ClosedLoopSpec
 from cfem.control.closed_loop.spec import ControllerSpec, LoopSpec
 from cfem.control.closed_loop.summary import record, summarise
 from cfem.control.closed_loop.tick import Pilot
-from cfem.equilibrium.robot import Robot
+from cfem.equilibrium.system.robot import Robot
 from cfem.motion.model import MotionModel
 from cfem.plant.gains import Gains
 from cfem.predict.protocol import Predictor

@@ -23,7 +23,7 @@ from cfem.control.goals.trajectory_spec import meant_beyond
 from cfem.control.loads import load_doubts
 from cfem.core.artefact.judgement import KEY
 from cfem.core.console.progress import progress
-from cfem.equilibrium.robot import Robot
+from cfem.equilibrium.system.robot import Robot
 from cfem.motion.load import load_motion
 from cfem.motion.model import MotionModel
 from cfem.predict.protocol import Predictor

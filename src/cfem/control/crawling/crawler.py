@@ -9,11 +9,11 @@ import numpy as np
 from cfem.contact.obstacle import Plane, tangents
 from cfem.control.crawling.spec import GaitSpec
 from cfem.core.errors import SpecError
-from cfem.equilibrium.actuation import displacement
 from cfem.equilibrium.contact.grasp import grasp_step
 from cfem.equilibrium.contact.ground import Ground, Pads
 from cfem.equilibrium.contact.points import PointRobot, PointsState
 from cfem.equilibrium.quasi_static import CONVERGED, carried_out
+from cfem.equilibrium.system.actuation import displacement
 
 LONGEST = 0.25  # mm that an actuator goes in one quasi-static step; friction depends on it (docs/locomotion.md)
 INSIDE = 1e-6  # mm

@@ -8,7 +8,7 @@ from cfem.constraint.centre_of_mass import CentreOfMass
 from cfem.control.crawling.crawler import LegWeight
 from cfem.control.crawling.spec import GaitSpec
 from cfem.core.errors import InputError
-from cfem.equilibrium.robot import Robot
+from cfem.equilibrium.system.robot import Robot
 
 
 def own_weight(

@@ -21,9 +21,9 @@ from cfem.core.artefact.judgement import KEY, poor
 from cfem.core.errors import InputError
 from cfem.dataset.writer import write_records
 from cfem.equilibrium.contact.points import PlacedRobot
-from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.quasi_static import CONVERGED
-from cfem.equilibrium.robot import Robot
+from cfem.equilibrium.system.problem import Problem
+from cfem.equilibrium.system.robot import Robot
 from cfem.plant.fem_plant import pushed
 from cfem.predict.contact.leg import LearnedLeg, held_by
 from cfem.robot.checks.plausible import gravity_doubts

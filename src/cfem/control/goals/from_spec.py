@@ -7,7 +7,7 @@ from cfem.control.goals.trajectory import arc, half_sphere, loop_of_shares, with
 from cfem.control.goals.trajectory_spec import ArcSpec, GoalsSpec, HalfSphereSpec, ImageSpec, TrajectorySpec
 from cfem.core.console.progress import progress
 from cfem.core.errors import SpecError
-from cfem.equilibrium.robot import Robot
+from cfem.equilibrium.system.robot import Robot
 from cfem.plant.fem_plant import FemPlant
 
 

@@ -21,8 +21,8 @@ from cfem.equilibrium.contact.ground import Pads
 from cfem.equilibrium.contact.held_patch import contact_points, patch_of
 from cfem.equilibrium.contact.patch_compliance import within_patch
 from cfem.equilibrium.contact.points import PlacedRobot, PointRobot
-from cfem.equilibrium.problem import Problem
-from cfem.equilibrium.robot import Robot
+from cfem.equilibrium.system.problem import Problem
+from cfem.equilibrium.system.robot import Robot
 from cfem.plant.fem_patch import CoupledFem, FemPatch
 from cfem.plant.grip_plant import GripPlant
 from cfem.predict.contact.gripping_finger import LearnedFinger, WithinPatch
@@ -35,7 +35,7 @@ TOUCHES = 1e-6  # mm between a contact point and the object at rest
 
 @dataclass(frozen=True)
 class RobotsAndObject:
-    """Several robots and what they hold, with the interface that control asks of one (`cfem.equilibrium.robot.Robot`).
+    """Several robots and what they hold, with the interface that control asks of one (`Robot` of cfem.equilibrium).
     X (n, 3) and facets are of all robots, one after the other, at rest, and of the object, whose points are the last.
     forces: no bounds stated."""
 

@@ -7,7 +7,7 @@ import numpy as np
 from cfem.contact.obstacle import Obstacle, Plane
 from cfem.contact.prescribed_motion import PrescribedMotion
 from cfem.core.errors import InputError, NumericalError, SpecError
-from cfem.equilibrium.robot import Robot
+from cfem.equilibrium.system.robot import Robot
 from cfem.predict.contact.model import ContactModel
 
 STOPS = 21  # places of a way that are looked at

@@ -15,7 +15,7 @@ from cfem.control.obstacles.spec import ObstaclesSpec
 from cfem.control.obstacles.world import ObstacleWorld, world_of
 from cfem.core.spec import meaning
 from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
-from cfem.equilibrium.robot import Robot
+from cfem.equilibrium.system.robot import Robot
 from cfem.plant.touch_plant import TouchPlant
 from cfem.predict.contact.bodies import PlacedModel
 from cfem.predict.contact.kept_patches import node_model_of, patched_model_of

@@ -22,11 +22,11 @@ from cfem.control.open_loop.spec import MeshErrorSpec, OpenLoopSpec
 from cfem.control.run_spec import PlannedSpec
 from cfem.core.console.progress import doing, progress
 from cfem.core.errors import CfemError
-from cfem.equilibrium.actuation import displacement
-from cfem.equilibrium.problem import Problem
-from cfem.equilibrium.robot import Robot
-from cfem.equilibrium.solution import Equilibrium, State
 from cfem.equilibrium.solve import Wanted, solve
+from cfem.equilibrium.system.actuation import displacement
+from cfem.equilibrium.system.problem import Problem
+from cfem.equilibrium.system.robot import Robot
+from cfem.equilibrium.system.solution import Equilibrium, State
 from cfem.mechanics.mesh import Mesh
 from cfem.robot.build import build_robot
 from cfem.robot.mesh.finer import carried_over, dimensions, finer_mesh, growth

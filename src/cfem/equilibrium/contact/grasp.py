@@ -9,8 +9,8 @@ from scipy.spatial.transform import Rotation
 from cfem.condensed.rotation import cross_matrix
 from cfem.contact.obstacle import Obstacle
 from cfem.contact.problem import Law
-from cfem.equilibrium.actuation import Actuation
 from cfem.equilibrium.contact.points import PlacedRobot, PointsState, points_step
+from cfem.equilibrium.system.actuation import Actuation
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from cfem.equilibrium.actuation import Actuation
 from cfem.equilibrium.contact.grasp import FreeObject
+from cfem.equilibrium.system.actuation import Actuation
 
 
 @dataclass(frozen=True)

@@ -3,8 +3,8 @@
 import numpy as np
 
 from cfem.condensed.pose import Patch
-from cfem.equilibrium.actuation import Actuation
-from cfem.equilibrium.problem import Problem
+from cfem.equilibrium.system.actuation import Actuation
+from cfem.equilibrium.system.problem import Problem
 
 
 def patch_of(points: np.ndarray, turns: bool) -> Patch:

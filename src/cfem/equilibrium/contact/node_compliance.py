@@ -21,9 +21,9 @@ from cfem.core.console.progress import progress
 from cfem.equilibrium.contact.patch_compliance import solved_at
 from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
 from cfem.equilibrium.derivatives.third_order import skin_load_derivatives
-from cfem.equilibrium.evaluation import Evaluation, SolveCost
-from cfem.equilibrium.robot import Robot
 from cfem.equilibrium.skinned import skinned
+from cfem.equilibrium.system.evaluation import Evaluation, SolveCost
+from cfem.equilibrium.system.robot import Robot
 
 AT_ONCE = 192  # right-hand sides
 OVER = 4  # random forces for each mode, all states together

@@ -8,11 +8,11 @@ import numpy as np
 from cfem.contact.obstacle import Obstacle
 from cfem.contact.problem import Law
 from cfem.contact.step_status import StepStatus
-from cfem.equilibrium.actuation import Actuation
 from cfem.equilibrium.contact.points import PlacedRobot, PointsState, points_step
 from cfem.equilibrium.newton import NewtonSettings
-from cfem.equilibrium.problem import Problem
 from cfem.equilibrium.solve import solve
+from cfem.equilibrium.system.actuation import Actuation
+from cfem.equilibrium.system.problem import Problem
 
 
 @dataclass(frozen=True)

@@ -13,14 +13,14 @@ from cfem.constraint.attachment import Attachment
 from cfem.constraint.contact import ContactPoint
 from cfem.core.console.progress import progress
 from cfem.core.errors import NumericalError
-from cfem.equilibrium.actuation import displacement
 from cfem.equilibrium.contact.held_patch import held
 from cfem.equilibrium.derivatives.third_order import load_derivatives, skin_load_derivatives
-from cfem.equilibrium.problem import Problem
-from cfem.equilibrium.robot import Robot
 from cfem.equilibrium.skinned import skinned
-from cfem.equilibrium.solution import Equilibrium, Linearisation, State
 from cfem.equilibrium.solve import Wanted, solve
+from cfem.equilibrium.system.actuation import displacement
+from cfem.equilibrium.system.problem import Problem
+from cfem.equilibrium.system.robot import Robot
+from cfem.equilibrium.system.solution import Equilibrium, Linearisation, State
 
 
 def with_patches(robot: Robot, nodes: np.ndarray, patches: Patches | SurfacePoints, numbers: np.ndarray) -> Robot:

@@ -11,10 +11,10 @@ from cfem.constraint.patch import PatchLoad
 from cfem.constraint.surface import outer_surface
 from cfem.core.console.progress import progress
 from cfem.core.errors import NumericalError
-from cfem.equilibrium.actuation import displacement
-from cfem.equilibrium.problem import Problem
-from cfem.equilibrium.robot import Robot
 from cfem.equilibrium.solve import Wanted, solve
+from cfem.equilibrium.system.actuation import displacement
+from cfem.equilibrium.system.problem import Problem
+from cfem.equilibrium.system.robot import Robot
 
 
 def with_patches(robot: Robot, patches: Sequence[PatchLoad]) -> Robot:

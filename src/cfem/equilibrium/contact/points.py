@@ -19,13 +19,13 @@ from cfem.contact.modes import Mode
 from cfem.contact.problem import ContactProblem, Law
 from cfem.contact.solve import FEW, ContactSolution, ContactStatus, solve_contact
 from cfem.contact.step_status import StepStatus
-from cfem.equilibrium.actuation import Actuation
 from cfem.equilibrium.contact.held_patch import contact_points, held
-from cfem.equilibrium.evaluation import Tangent
 from cfem.equilibrium.newton import NewtonSettings
-from cfem.equilibrium.problem import Problem
-from cfem.equilibrium.solution import Equilibrium
 from cfem.equilibrium.solve import Wanted, solve
+from cfem.equilibrium.system.actuation import Actuation
+from cfem.equilibrium.system.evaluation import Tangent
+from cfem.equilibrium.system.problem import Problem
+from cfem.equilibrium.system.solution import Equilibrium
 
 EXACT, ROUGH = 1e-11, 1e-5  # relative residuals of a robot: of the last state, and far from it
 NEARLY = 1e-4  # of law and balance: from here on robots are solved exactly

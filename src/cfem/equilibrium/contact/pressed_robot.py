@@ -12,15 +12,15 @@ from dataclasses import replace
 import numpy as np
 import scipy.sparse as sp
 
-from cfem.equilibrium.actuation import displacement
 from cfem.equilibrium.contact.held_patch import held
 from cfem.equilibrium.contact.patch_compliance import with_patches
 from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
-from cfem.equilibrium.evaluation import Evaluation, SolveCost, Tangent
 from cfem.equilibrium.newton import Correction, NewtonSettings, advanced, closed
-from cfem.equilibrium.problem import Problem
-from cfem.equilibrium.solution import Equilibrium, State
 from cfem.equilibrium.solve import Wanted, solve
+from cfem.equilibrium.system.actuation import displacement
+from cfem.equilibrium.system.evaluation import Evaluation, SolveCost, Tangent
+from cfem.equilibrium.system.problem import Problem
+from cfem.equilibrium.system.solution import Equilibrium, State
 
 STRICT = NewtonSettings(tolerance=1e-11)
 AT_ONCE = 96  # right-hand sides

@@ -8,8 +8,8 @@ import scipy.sparse as sp
 
 from cfem.condensed.patches import Patches, SurfacePoints
 from cfem.contact.detection import along, area_vectors
-from cfem.equilibrium.problem import Problem
-from cfem.equilibrium.robot import Robot
+from cfem.equilibrium.system.problem import Problem
+from cfem.equilibrium.system.robot import Robot
 
 HELD = 0.9  # share of a patch's nodes that are held: it touches nothing
 

@@ -21,13 +21,13 @@ from cfem.contact.pairs import Memory, Pairs, Pressing, Surroundings
 from cfem.contact.patch_forces import balance
 from cfem.contact.problem import demand_friction
 from cfem.contact.step_status import StepStatus
-from cfem.equilibrium.actuation import displacement
 from cfem.equilibrium.contact.pressed_robot import STRICT, PressedRobot
 from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
-from cfem.equilibrium.evaluation import SolveCost
 from cfem.equilibrium.quasi_static import all_carried_out
-from cfem.equilibrium.solution import Equilibrium
 from cfem.equilibrium.solve import Wanted, solve
+from cfem.equilibrium.system.actuation import displacement
+from cfem.equilibrium.system.evaluation import SolveCost
+from cfem.equilibrium.system.solution import Equilibrium
 from cfem.mechanics.factorization import SingularMatrixError
 
 NEAR = 0.4  # distances of patches: of pairs whose gap is less the patches are contact points

@@ -29,9 +29,9 @@ from cfem.equilibrium.condensation import EXACT, refined
 from cfem.equilibrium.derivatives.explicit import Changing, Columns, explicit, row_curvatures
 from cfem.equilibrium.derivatives.parameter_slopes import Sides
 from cfem.equilibrium.derivatives.third_order import steepest
-from cfem.equilibrium.evaluation import Evaluation
-from cfem.equilibrium.problem import Problem
-from cfem.equilibrium.solution import Linearisation
+from cfem.equilibrium.system.evaluation import Evaluation
+from cfem.equilibrium.system.problem import Problem
+from cfem.equilibrium.system.solution import Linearisation
 
 # Change of the displacement gradient, where it changes most, that a step along z makes. Truncation of fourth order,
 # rounding 1e-16 over its square.

@@ -19,10 +19,10 @@ from typing import Protocol
 import numpy as np
 
 from cfem.equilibrium.derivatives.parameter_slopes import Sides
-from cfem.equilibrium.evaluation import Evaluation
-from cfem.equilibrium.problem import Problem, curvature_form
-from cfem.equilibrium.robot import watched_displacements
-from cfem.equilibrium.solution import Linearisation
+from cfem.equilibrium.system.evaluation import Evaluation
+from cfem.equilibrium.system.problem import Problem, curvature_form
+from cfem.equilibrium.system.robot import watched_displacements
+from cfem.equilibrium.system.solution import Linearisation
 from cfem.mechanics.mass import kinetic_form
 
 Side = tuple[Problem, Evaluation]

@@ -14,8 +14,8 @@ import numpy as np
 from cfem.condensed.packing import symmetric4_indices
 from cfem.equilibrium.condensation import refined
 from cfem.equilibrium.derivatives.third_order import steepest
-from cfem.equilibrium.evaluation import Evaluation
-from cfem.equilibrium.solution import Linearisation
+from cfem.equilibrium.system.evaluation import Evaluation
+from cfem.equilibrium.system.solution import Linearisation
 
 # Changes of the displacement gradient, where it changes most, of the outer difference and of the inner ones. Truncation
 # grows with the square of the outer one, rounding with its inverse, both with what is stiff: of d2C at most 2e-3, 5 %

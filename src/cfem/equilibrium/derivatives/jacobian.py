@@ -15,7 +15,7 @@ from cfem.equilibrium.condensation import EXACT, refined
 from cfem.equilibrium.derivatives.explicit import explicit
 from cfem.equilibrium.derivatives.parameter_slopes import Sides
 from cfem.equilibrium.derivatives.third_order import SkinRowsChange, derivative_along
-from cfem.equilibrium.solution import Linearisation
+from cfem.equilibrium.system.solution import Linearisation
 
 
 @dataclass(frozen=True)

@@ -13,10 +13,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cfem.equilibrium.evaluation import Evaluation
-from cfem.equilibrium.problem import Problem
-from cfem.equilibrium.robot import watched_displacements
-from cfem.equilibrium.solution import ParameterSlopes
+from cfem.equilibrium.system.evaluation import Evaluation
+from cfem.equilibrium.system.problem import Problem
+from cfem.equilibrium.system.robot import watched_displacements
+from cfem.equilibrium.system.solution import ParameterSlopes
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,9 @@ from itertools import permutations
 import numpy as np
 import scipy.sparse as sp
 
-from cfem.equilibrium.evaluation import Evaluation
-from cfem.equilibrium.problem import Problem
-from cfem.equilibrium.solution import Linearisation
+from cfem.equilibrium.system.evaluation import Evaluation
+from cfem.equilibrium.system.problem import Problem
+from cfem.equilibrium.system.solution import Linearisation
 from cfem.mechanics.turning import change_of_work, levers
 
 # Change of the displacement gradient, where it changes most, that a step makes. Truncation grows with its square,

@@ -12,11 +12,11 @@ import numpy as np
 
 from cfem.constraint.cable import Cable
 from cfem.constraint.rod_cable import RodCable
-from cfem.equilibrium.actuation import Actuation
-from cfem.equilibrium.problem import Problem
-from cfem.equilibrium.robot import Robot
-from cfem.equilibrium.solution import Equilibrium, State, Status
 from cfem.equilibrium.solve import Wanted, solve
+from cfem.equilibrium.system.actuation import Actuation
+from cfem.equilibrium.system.problem import Problem
+from cfem.equilibrium.system.robot import Robot
+from cfem.equilibrium.system.solution import Equilibrium, State, Status
 
 _TURNS = 60
 _ENOUGH = 1e-7  # change of any share

@@ -19,12 +19,12 @@ from scipy.optimize import lsq_linear
 from cfem.constraint.cable import Cable
 from cfem.constraint.protocol import Constraint
 from cfem.constraint.rod_cable import RodCable
-from cfem.equilibrium.actuation import force
-from cfem.equilibrium.evaluation import SolveCost
-from cfem.equilibrium.problem import Evaluation, Problem
-from cfem.equilibrium.robot import Robot
-from cfem.equilibrium.solution import Equilibrium, State, Status
 from cfem.equilibrium.solve import Wanted, solve
+from cfem.equilibrium.system.actuation import force
+from cfem.equilibrium.system.evaluation import SolveCost
+from cfem.equilibrium.system.problem import Evaluation, Problem
+from cfem.equilibrium.system.robot import Robot
+from cfem.equilibrium.system.solution import Equilibrium, State, Status
 
 _TURNS = 60
 _ENOUGH = 1e-7  # of the largest command: change of any tension

@@ -18,9 +18,9 @@ import scipy.sparse as sp
 
 from cfem.core.errors import InputError
 from cfem.equilibrium.condensation import ENOUGH, Condensation, refined
-from cfem.equilibrium.evaluation import Evaluation
-from cfem.equilibrium.problem import Problem
-from cfem.equilibrium.robot import Robot
+from cfem.equilibrium.system.evaluation import Evaluation
+from cfem.equilibrium.system.problem import Problem
+from cfem.equilibrium.system.robot import Robot
 from cfem.mechanics import viscosity as viscous
 from cfem.mechanics.mass import mass_matrix
 

@@ -9,13 +9,13 @@ lowest vibrations of some equilibria: what each leaves out of a vibration is of 
 import numpy as np
 import scipy.sparse as sp
 
-from cfem.equilibrium.actuation import Actuation, force, pull
 from cfem.equilibrium.condensation import EXACT, refined
 from cfem.equilibrium.motion.inertia import times_mass
 from cfem.equilibrium.motion.vibration import lowest_modes
-from cfem.equilibrium.problem import Problem
-from cfem.equilibrium.solution import Equilibrium
 from cfem.equilibrium.solve import Wanted, solve
+from cfem.equilibrium.system.actuation import Actuation, force, pull
+from cfem.equilibrium.system.problem import Problem
+from cfem.equilibrium.system.solution import Equilibrium
 
 STATES, MODES = 16, 3  # equilibria besides that at rest, and vibrations of each
 LEAST = 1e-3  # of the strongest component's energy

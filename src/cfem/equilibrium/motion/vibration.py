@@ -22,7 +22,7 @@ from cfem.core.errors import NumericalError
 from cfem.equilibrium.condensation import EXACT, refined
 from cfem.equilibrium.derivatives.explicit import Columns
 from cfem.equilibrium.motion.inertia import times_mass
-from cfem.equilibrium.solution import Linearisation
+from cfem.equilibrium.system.solution import Linearisation
 
 _TOGETHER = 1e-6  # of w^2: modes of one frequency
 _COUNT = 4  # modes that are computed, so that those of one frequency are among them

@@ -8,11 +8,11 @@ from scipy.spatial.transform import Rotation
 
 from cfem.condensed.parameters import Parameter
 from cfem.core.errors import NumericalError
-from cfem.equilibrium.actuation import force
 from cfem.equilibrium.friction.guides import Shares, has_friction, solve_slipping
 from cfem.equilibrium.friction.sticking import Followed, Follower
-from cfem.equilibrium.problem import Problem
-from cfem.equilibrium.solution import Equilibrium, State, Status
+from cfem.equilibrium.system.actuation import force
+from cfem.equilibrium.system.problem import Problem
+from cfem.equilibrium.system.solution import Equilibrium, State, Status
 from cfem.mechanics.mesh import Mesh
 from cfem.robot.spec import SceneSpec
 from cfem.sample.family import RobotFamily

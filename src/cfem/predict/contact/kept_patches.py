@@ -18,7 +18,7 @@ from cfem.core.reading import read_npz
 from cfem.equilibrium.contact.node_compliance import NodeResponse, node_response
 from cfem.equilibrium.contact.patch_compliance import PatchResponse, patch_response
 from cfem.equilibrium.contact.patch_effectors import PatchYield, patch_yield
-from cfem.equilibrium.robot import Robot
+from cfem.equilibrium.system.robot import Robot
 from cfem.predict.contact.node_model import MODES, NEAR, NodeModel, node_patches
 from cfem.predict.contact.patched_model import PatchedModel, patches_of
 from cfem.predict.contact.surface_model import linear_states, patch_states

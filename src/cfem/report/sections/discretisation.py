@@ -140,10 +140,10 @@ def _at(scene: SceneSpec, case: MeshCase) -> SceneSpec:
 
 def _solve(scene: SceneSpec, mesh: Mesh, shares: Sequence[Sequence[float]]) -> Solved:
     """Solved states of a robot on a mesh. NumericalError where one does not converge."""
-    from cfem.equilibrium.actuation import pull
     from cfem.equilibrium.predictor import knot, predict
-    from cfem.equilibrium.problem import Problem
     from cfem.equilibrium.solve import solve
+    from cfem.equilibrium.system.actuation import pull
+    from cfem.equilibrium.system.problem import Problem
     from cfem.robot.build import build_robot
 
     robot = build_robot(scene, mesh)
@@ -178,10 +178,10 @@ def _solve(scene: SceneSpec, mesh: Mesh, shares: Sequence[Sequence[float]]) -> S
 
 def _tolerances(scene: SceneSpec, folder: Path, spec: Discretisation) -> list[dict]:
     """Error of tip and W by the solver's tolerance alone, on the scene's own mesh, against 1e-12."""
-    from cfem.equilibrium.actuation import pull
     from cfem.equilibrium.newton import NewtonSettings
-    from cfem.equilibrium.problem import Problem
     from cfem.equilibrium.solve import solve
+    from cfem.equilibrium.system.actuation import pull
+    from cfem.equilibrium.system.problem import Problem
     from cfem.robot.build import build_robot
     from cfem.robot.mesh.grading import scene_mesh
 

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cfem.core.console.shown import stress
-from cfem.equilibrium.robot import Robot
+from cfem.equilibrium.system.robot import Robot
 from cfem.robot.checks.routing import cable_doubts, effector_doubts
 from cfem.robot.checks.stroke import stroke_doubts
 

@@ -1,7 +1,7 @@
 """What cannot be: a reach beyond the cable, a watched point that is held."""
 
 from cfem.core.errors import SpecError
-from cfem.equilibrium.robot import Robot
+from cfem.equilibrium.system.robot import Robot
 from cfem.robot.checks.soundness import moves_nothing, stands_still
 
 

@@ -5,7 +5,7 @@ from itertools import combinations
 import numpy as np
 
 from cfem.core.errors import SpecError
-from cfem.equilibrium.robot import Robot
+from cfem.equilibrium.system.robot import Robot
 from cfem.robot import spec
 from cfem.robot.places import cable_points, effector_points, pull_point
 

@@ -9,7 +9,7 @@ from cfem.constraint.attachment import attach
 from cfem.constraint.effector import CombinedEffector, PointEffector, RotationEffector
 from cfem.constraint.protocol import Watched
 from cfem.core.errors import InputError
-from cfem.equilibrium.robot import Robot
+from cfem.equilibrium.system.robot import Robot
 from cfem.mechanics.element import shape_derivatives
 from cfem.mechanics.mesh import TET_EDGES, Mesh
 from cfem.robot.mesh.quality import scaled_jacobians

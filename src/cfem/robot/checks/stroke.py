@@ -9,9 +9,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from cfem.core.errors import CfemError
-from cfem.equilibrium.evaluation import SolveCost
-from cfem.equilibrium.problem import Problem
-from cfem.equilibrium.robot import Robot
+from cfem.equilibrium.system.evaluation import SolveCost
+from cfem.equilibrium.system.problem import Problem
+from cfem.equilibrium.system.robot import Robot
 
 LEAST, MOST = 0.003, 8.0  # times the robot's size, that a full reach may move it by
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from cfem.core.errors import SpecError
-from cfem.equilibrium.robot import Robot
+from cfem.equilibrium.system.robot import Robot
 from cfem.mechanics.element import SECTIONED, barycentric_gradients, shape
 from cfem.mechanics.mesh import Mesh, tet_volumes
 from cfem.robot.geometry import Assembly, MeshFile

@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 
 from cfem.core.console.progress import doing, progress
-from cfem.equilibrium.evaluation import SolveCost
-from cfem.equilibrium.problem import Problem
-from cfem.equilibrium.robot import Robot
+from cfem.equilibrium.system.evaluation import SolveCost
+from cfem.equilibrium.system.problem import Problem
+from cfem.equilibrium.system.robot import Robot
 from cfem.mechanics.element import shape
 from cfem.mechanics.mesh import Mesh
 from cfem.mechanics.solid import Solid

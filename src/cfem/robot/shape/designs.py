@@ -11,7 +11,7 @@ from cfem.constraint.cable import make_cable
 from cfem.constraint.effector import CarriedEffector, PointEffector
 from cfem.core.errors import SpecError
 from cfem.core.units import unit_of, written
-from cfem.equilibrium.robot import Robot
+from cfem.equilibrium.system.robot import Robot
 from cfem.mechanics.body import with_materials
 from cfem.mechanics.mesh import Mesh
 from cfem.robot import constraints

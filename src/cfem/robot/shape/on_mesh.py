@@ -11,7 +11,7 @@ from cfem.constraint.cavity import Cavity
 from cfem.constraint.effector import CarriedEffector, CombinedEffector, PointEffector, RotationEffector
 from cfem.constraint.push import Push
 from cfem.core.errors import SpecError
-from cfem.equilibrium.robot import Robot
+from cfem.equilibrium.system.robot import Robot
 from cfem.mechanics.body import on_nodes
 from cfem.mechanics.load import gravity
 from cfem.mechanics.mesh import Mesh

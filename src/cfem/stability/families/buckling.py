@@ -4,8 +4,8 @@ from functools import partial
 
 import numpy as np
 
-from cfem.equilibrium.actuation import displacement, force
-from cfem.equilibrium.robot import Robot
+from cfem.equilibrium.system.actuation import displacement, force
+from cfem.equilibrium.system.robot import Robot
 from cfem.mechanics.body import make_body
 from cfem.mechanics.element import ELEMENTS
 from cfem.mechanics.material import LAWS

@@ -6,8 +6,8 @@ from functools import partial
 import numpy as np
 
 from cfem.core.errors import SpecError
-from cfem.equilibrium.actuation import displacement, force, pull
-from cfem.equilibrium.robot import Robot
+from cfem.equilibrium.system.actuation import displacement, force, pull
+from cfem.equilibrium.system.robot import Robot
 from cfem.mechanics.element import ELEMENTS
 from cfem.mechanics.material import LAWS
 from cfem.stability.bodies import bar, bar_body, bar_cables, cable, robot, watched

@@ -7,8 +7,8 @@ from itertools import product
 import numpy as np
 
 from cfem.constraint.cavity import enclosed, make_cavity
-from cfem.equilibrium.actuation import Actuation, displacement, force
-from cfem.equilibrium.robot import Robot
+from cfem.equilibrium.system.actuation import Actuation, displacement, force
+from cfem.equilibrium.system.robot import Robot
 from cfem.mechanics.body import make_body
 from cfem.mechanics.element import ELEMENTS
 from cfem.mechanics.material import LAWS

@@ -6,8 +6,8 @@ import numpy as np
 
 from cfem.constraint.contact import make_contact
 from cfem.core.errors import SpecError
-from cfem.equilibrium.actuation import Actuation, displacement, force
-from cfem.equilibrium.robot import Robot
+from cfem.equilibrium.system.actuation import Actuation, displacement, force
+from cfem.equilibrium.system.robot import Robot
 from cfem.mechanics.body import make_body
 from cfem.mechanics.element import ELEMENTS
 from cfem.mechanics.mesh import Mesh, boundary_facets

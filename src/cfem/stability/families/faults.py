@@ -9,9 +9,9 @@ import numpy as np
 from cfem.constraint.attachment import attach
 from cfem.constraint.cavity import enclosed, make_cavity
 from cfem.core.errors import InputError, SpecError
-from cfem.equilibrium.actuation import displacement, force
-from cfem.equilibrium.robot import Robot
-from cfem.equilibrium.solution import State
+from cfem.equilibrium.system.actuation import displacement, force
+from cfem.equilibrium.system.robot import Robot
+from cfem.equilibrium.system.solution import State
 from cfem.mechanics.body import make_body
 from cfem.mechanics.element import ELEMENTS
 from cfem.mechanics.mesh import Mesh, boundary_facets

@@ -4,7 +4,7 @@ from functools import partial
 from itertools import product
 
 from cfem.core.errors import InputError
-from cfem.equilibrium.actuation import displacement
+from cfem.equilibrium.system.actuation import displacement
 from cfem.mechanics.element import ELEMENTS
 from cfem.mechanics.material import LAWS
 from cfem.stability.bodies import bar, bar_body

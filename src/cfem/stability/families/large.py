@@ -1,8 +1,8 @@
 """A body of 1e5 linear tetrahedra."""
 
 from cfem.core.system import peak_memory
-from cfem.equilibrium.actuation import displacement
-from cfem.equilibrium.robot import Robot
+from cfem.equilibrium.system.actuation import displacement
+from cfem.equilibrium.system.robot import Robot
 from cfem.mechanics.body import make_body
 from cfem.mechanics.element import ELEMENTS
 from cfem.stability.bodies import SOFT, box, cable, robot, watched

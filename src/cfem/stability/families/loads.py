@@ -5,8 +5,8 @@ from itertools import product
 
 import numpy as np
 
-from cfem.equilibrium.actuation import force
-from cfem.equilibrium.robot import Robot
+from cfem.equilibrium.system.actuation import force
+from cfem.equilibrium.system.robot import Robot
 from cfem.stability.bodies import bar, bar_body
 from cfem.stability.case import AWAY, Case, converges, either
 from cfem.stability.examine import attempt

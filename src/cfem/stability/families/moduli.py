@@ -5,8 +5,8 @@ from itertools import product
 
 import numpy as np
 
-from cfem.equilibrium.actuation import displacement, force
-from cfem.equilibrium.robot import Robot
+from cfem.equilibrium.system.actuation import displacement, force
+from cfem.equilibrium.system.robot import Robot
 from cfem.mechanics.element import ELEMENTS
 from cfem.stability.bodies import bar, bar_body, bar_cables, robot, watched
 from cfem.stability.case import AWAY, Case, converges, either

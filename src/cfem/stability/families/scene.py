@@ -10,8 +10,8 @@ import numpy as np
 from cfem.constraint.attachment import attach
 from cfem.constraint.cavity import Cavity, make_cavity
 from cfem.core.errors import InputError, SpecError
-from cfem.equilibrium.actuation import Actuation, displacement, force, pull
-from cfem.equilibrium.robot import Robot
+from cfem.equilibrium.system.actuation import Actuation, displacement, force, pull
+from cfem.equilibrium.system.robot import Robot
 from cfem.mechanics.body import make_body
 from cfem.mechanics.element import ELEMENTS
 from cfem.mechanics.load import gravity

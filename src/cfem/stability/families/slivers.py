@@ -5,8 +5,8 @@ from itertools import product
 
 import numpy as np
 
-from cfem.equilibrium.actuation import displacement, force
-from cfem.equilibrium.robot import Robot
+from cfem.equilibrium.system.actuation import displacement, force
+from cfem.equilibrium.system.robot import Robot
 from cfem.mechanics.body import make_body
 from cfem.mechanics.element import ELEMENTS
 from cfem.stability.bodies import BAR, COARSE, SOFT, bar, bar_body, box, cable, robot, watched

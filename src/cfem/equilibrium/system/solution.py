@@ -9,9 +9,9 @@ import numpy as np
 from cfem.condensed import Condensed
 
 if TYPE_CHECKING:
-    from cfem.equilibrium.evaluation import Evaluation
     from cfem.equilibrium.motion.inertia import Inertia
-    from cfem.equilibrium.problem import Problem
+    from cfem.equilibrium.system.evaluation import Evaluation
+    from cfem.equilibrium.system.problem import Problem
     from cfem.mechanics.factorization import Factor
 
 

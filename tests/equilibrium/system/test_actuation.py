@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cfem.equilibrium.actuation import displacement, force, pull
+from cfem.equilibrium.system.actuation import displacement, force, pull
 
 
 def test_displacement_and_force_are_the_two_extremes():

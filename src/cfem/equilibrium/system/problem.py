@@ -14,8 +14,8 @@ import numpy as np
 from cfem.constraint.cable import Cable
 from cfem.constraint.protocol import Watched
 from cfem.constraint.rod_row import RodRow
-from cfem.equilibrium.evaluation import Evaluation, SolveCost, Tangent
-from cfem.equilibrium.robot import Robot
+from cfem.equilibrium.system.evaluation import Evaluation, SolveCost, Tangent
+from cfem.equilibrium.system.robot import Robot
 from cfem.mechanics.assembly import Pattern, add_blocks
 from cfem.mechanics.body import (
     bulk_over_volume,
