@@ -44,7 +44,7 @@ NOTHING = Stated()
 
 
 def wants_cables(shape: Shape, stated: Stated, ask: Ask) -> int:
-    """How many cables are to be placed before it is known what is held: none where some are stated, or chambers."""
+    """Number of cables to be placed before it is known what is held: none where some are stated, or chambers."""
     if stated.cables or stated.chambers:
         return 0
     if "cables" in stated.flags:
@@ -53,7 +53,7 @@ def wants_cables(shape: Shape, stated: Stated, ask: Ask) -> int:
 
 
 def proposal(shape: Shape, stated: Stated, ask: Ask) -> Proposal:
-    """What to hold; from where cables stay inside, where both are to be guessed."""
+    """Suggestion of what to hold; from where cables stay inside, where both are to be guessed."""
     count = 0 if "fixed" in stated.flags else wants_cables(shape, stated, ask)
     return propose(shape, count) if count else Proposal(*guess_hold(shape))
 

@@ -32,7 +32,7 @@ class Placement:
     ways: str = ""
 
     def fewer(self, count: int) -> str | None:
-        """What to say where `count` cables were asked for; None where there are so many."""
+        """Sentence to say where `count` cables were asked for; None where there are so many."""
         made = len(self.cables)
         if made >= count:
             return None
@@ -130,8 +130,8 @@ def _lever(placement: Placement) -> float:
 
 
 def propose(shape: Shape, count: int) -> Proposal:
-    """What `guess_hold` says where `count` cables from there stay inside up to the tip, or where the mesh names what is
-    held. Else the end from which the longest way leads through the body, where cables along it stay inside. Else the
+    """Hold of `guess_hold` where `count` cables from there stay inside up to the tip, or where the mesh names what
+    is held. Else the end from which the longest way leads through the body, where cables along it stay inside. Else the
     first end with `count` cables, or with most: the guess, the other end of that axis, then the ends of the other axes,
     the longer first, of each the smaller coordinate first. The guess itself where there is none."""
     guess, why = guess_hold(shape)

@@ -56,7 +56,7 @@ class Further:
 
     @property
     def dense(self) -> str:
-        """What each material says of its density."""
+        """Density that each material states."""
         return "" if self.density is None else f", density: {self.density.value}"
 
     @property
@@ -110,7 +110,7 @@ def further_lines(of: Further, radius: float) -> list[str]:
 
 
 def push_lines(push: PushLine, radius: float) -> list[str]:
-    """Of an actuator, all but its reach."""
+    """Lines of an actuator of kind push, without its reach."""
     return [
         "  - kind: push",
         f"    name: {push.name}",

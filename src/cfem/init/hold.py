@@ -29,14 +29,14 @@ class Hold:
     name: str | None = None
 
     def selection(self) -> Plane | Named:
-        """As a scene has it."""
+        """Region of the scene that is held."""
         if self.name is not None:
             return Named(kind="name", name=self.name)
         normal = np.eye(3)[self.axis] * (-1 if self.below else 1)
         return Plane(kind="plane", point={"mm": (np.eye(3)[self.axis] * self.level).tolist()}, normal=normal.tolist())
 
     def holds(self, place: np.ndarray) -> bool:
-        """Whether it is a half space that a point (3,) mm is in."""
+        """True where what is held is a half space with a point (3,) mm inside."""
         beyond = (self.level - place[self.axis]) * (1 if self.below else -1)
         return self.name is None and bool(beyond >= -1e-9 * abs(self.level))
 
@@ -133,7 +133,7 @@ def run_from(hold: Hold, shape: Shape) -> Run:
 
 
 def is_flat(shape: Shape, axis: int, end: float, area: float) -> bool:
-    """Whether the facets in the plane of an end make up half of `area` mm^2 or more."""
+    """True where the facets in the plane of an end make up half of `area` mm^2 or more."""
     mesh = shape.mesh
     facets = mesh.facets[(np.abs(mesh.X[mesh.facets][:, :, axis] - end) < 1e-6 * mesh.size).all(axis=1)]
     return bool(0 < 0.5 * area < surface_area(mesh.X[facets]))
@@ -164,7 +164,7 @@ def _held_nodes(shape: Shape, hold: Hold) -> np.ndarray:
 
 
 def _holds(held: np.ndarray) -> bool:
-    """Whether nodes (k, 3) are not on one line."""
+    """True where nodes (k, 3) are not on one line."""
     spread = np.linalg.svd(held - held.mean(axis=0), compute_uv=False)
     return len(held) > 2 and bool(spread[1] > 1e-6 * np.ptp(held, axis=0).max())
 

@@ -59,7 +59,7 @@ def cables_in_legs(shape: Shape, run: Run) -> tuple[tuple[CableLine, ...], float
 
 
 def _path(before: np.ndarray, end: int) -> list[int]:
-    """From the source of the search to `end`."""
+    """Nodes of the path from the source of the search to `end`."""
     path = [int(end)]
     while before[path[-1]] >= 0:
         path.append(int(before[path[-1]]))

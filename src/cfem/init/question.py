@@ -35,7 +35,7 @@ Ask = Callable[[Question], Answer]
 
 
 def answer(question: Question, text: str | None) -> Answer:
-    """What `text` says, the default where it is None. SpecError, naming the option, where it says nothing sensible."""
+    """Answer that `text` gives, the default where it is None. SpecError, naming the option, where it makes no sense."""
     try:
         value = question.read(question.default if text is None else text)
     except (SpecError, ValueError) as error:
@@ -86,7 +86,7 @@ def parts(text: str) -> list[str]:
 
 
 def stress(text: str) -> str:
-    """As it is written. ValueError where it is not above zero."""
+    """Stress as text with its unit, as it is written. ValueError where it is not above zero."""
     positive(text, "MPa")
     return " ".join(text.split())
 

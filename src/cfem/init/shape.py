@@ -62,12 +62,12 @@ class Shape:
 
     @cached_property
     def interior(self) -> Interior:
-        """Its inside."""
+        """Interior of the body."""
         return interior(self.mesh)
 
     @cached_property
     def voxels(self) -> Voxels:
-        """As a lattice."""
+        """Body as a lattice of cubes."""
         return voxels(self.interior, float(np.abs(self.mesh.volumes).sum()))
 
     @property
@@ -109,7 +109,7 @@ def read_source(path: Path, remesh: bool = False, body: int = 1) -> Source:
 
 
 def geometry(path: Path, unit: float, remesh: bool = False, body: int = 1) -> StepFile | MeshFile:
-    """As a scene has it."""
+    """Geometry of the scene that reads the file."""
     if path.suffix.lower() in STEP:
         return StepFile(kind="step", path=path)
     if path.suffix.lower() in BREP:

@@ -56,7 +56,7 @@ class Stroke:
 
 
 def strokes(robot: Robot, advance: Callable[[int], None] = lambda _: None) -> list[Stroke]:
-    """Of each actuator alone, the others without force. How far all can go at once is found where states are drawn.
+    """Strokes of all actuators, each alone. How far all can go at once is found where states are drawn.
     advance: called after each solve."""
     problem = Problem(robot)
     near = np.linalg.norm(robot.X - robot.rest_e[:3], axis=1)
@@ -100,7 +100,7 @@ def _up_to(reached: Callable[[float], bool]) -> float:
 def reaches(
     robot: Robot, driven: Drive, pushes: int, stated: Collection[str], ask: Ask, cells: str
 ) -> tuple[Answer, ...]:
-    """How far each actuator goes until a limit, cables and pushes in mm, chambers in mm^3, by solving on the coarse
+    """Reach of each actuator until a limit, cables and pushes in mm, chambers in mm^3, by solving on the coarse
     mesh. stated: the flags to which `ask` has an answer already; cells: of that mesh, in words."""
     kinds = (
         ("reach", "By how much may each cable be shortened?", "mm", "N", len(driven.cables)),
@@ -217,7 +217,7 @@ def _until(problem: Problem, index: int, tip: np.ndarray, advance: Callable[[int
 
 
 def _meets_itself(problem: Problem, ended: Equilibrium) -> bool:
-    """Whether the surface passes through itself, more than at rest, as where a slit has closed."""
+    """True where the surface passes through itself, more than at rest, as where a slit has closed."""
     facets = triangulated(problem.robot.body.mesh.facets)
     count = len(crossings(ended.state.x, facets)[0])
     return count > 0 and count > len(crossings(problem.rest, facets)[0])

@@ -148,7 +148,7 @@ def _reach(unit: str, least: float, most: Answer) -> str:
 
 
 def _open_question(robot: NewScene) -> list[str]:
-    """Where the actuators go, as a comment that need only be filled in."""
+    """Place where the actuators go, as a comment that need only be filled in."""
     low = vector([0.0] * 3)
     return [
         f"# OPEN: what drives the robot? {robot.drive.missing}.".replace("..", "."),

@@ -65,7 +65,7 @@ class Voxels:
 
 
 def voxels(body: Interior, volume: float) -> Voxels:
-    """Of a body of `volume` mm^3."""
+    """Cubes inside a body of `volume` mm^3."""
     low, high = body.low.min(axis=0), body.high.max(axis=0)
     step = float(max((volume / _INSIDE) ** (1 / 3), (high - low).max() / 400))
     count = np.ceil((high - low) / step).astype(int) + 2 * _PAD

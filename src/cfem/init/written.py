@@ -7,7 +7,7 @@ from cfem.init.hold import Hold
 
 
 def number(value: float) -> str:
-    """To nine digits, which node coordinates are compared to."""
+    """Number as text, to nine digits, which node coordinates are compared to."""
     return f"{value + 0.0:.9g}" if abs(value) > 1e-12 else "0"
 
 

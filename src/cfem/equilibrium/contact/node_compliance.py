@@ -53,7 +53,7 @@ class NodeResponse:
     left: np.ndarray
 
     def rounded(self) -> "NodeResponse":
-        """The same in fewer bytes, to 5e-4 of each number: far below the error of the modes."""
+        """Compliance in fewer bytes, to 5e-4 of each number: far below the error of the modes."""
         half, single = np.float16, np.float32
         return replace(
             self,

@@ -103,7 +103,7 @@ class Rig:
         return np.repeat(np.concatenate([*alike, *lacking, []]), 3)
 
     def with_discrepancy(self, discrepancy: Discrepancy) -> "Rig":
-        """The same rig with another prior of what the model lacks."""
+        """This rig with another prior of what the model lacks."""
         other = copy.copy(self)
         other.discrepancy = discrepancy
         return other

@@ -52,7 +52,7 @@ def patched_model_of(
 
 
 def node_model_of(model: Predictor, folder: Path, robot: Robot, made_of: Mapping[str, Any]) -> NodeModel:
-    """The same of a model that may be touched at every node of its surface."""
+    """Model that may be touched at every node of its surface."""
     skin, states = model.skin, patch_states(model.domain, robot.rows.n_a)
     local, near = linear_states(model.domain, states), NEAR * model.length
     asked = {"nodes": skin.nodes, "states": states, "local": local, "skin": skin.modes, "modes": MODES, "near": near}

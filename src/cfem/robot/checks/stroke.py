@@ -47,7 +47,7 @@ def stroke_doubts(scene, robot: Robot) -> list[str]:
 
 
 def _ranges(item, unit: str, by_displacement: float, by_force: float) -> Iterator[tuple[str, float, str, float]]:
-    """What an actuator's keys allow: what it is, its largest size, its unit, and the mm by which that moves the
+    """Limits of an actuator by its keys: what it is, its largest size, its unit, and the mm by which that moves the
     body."""
     most = float(np.abs(item.reach).max())
     yield "the reach", most, unit, most * by_displacement
