@@ -31,7 +31,7 @@ def held_cubes(shape: Voxels, run: Run) -> np.ndarray:
 
 
 def centreline(shape: Voxels, run: Run) -> Centreline | None:
-    """Points at the middles of sets of equal distance from what is held, each the largest piece that joins the one after
+    """Middles of the sets of equal distance from what is held, each the largest piece that joins the one after
     it. None where nothing is held, or too little is free."""
     distance = shape.distances(held_cubes(shape, run))
     distance[~np.isfinite(distance)] = 0.0

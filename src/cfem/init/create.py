@@ -109,7 +109,7 @@ def _source(path: Path, stated: Stated, ask: Ask) -> Source:
 
 
 def _cells_or_surface(path: Path, own: Source | None, why: str, stated: Stated, ask: Ask, poor: bool = True) -> Source:
-    """Geometry that is taken of a mesh file: its cells, None where they cannot be used, or its surface, which is suggested
+    """Geometry taken of a mesh file: its cells, None where they cannot be used, or its surface, which is suggested
     where they are poor. Where the surface cannot be meshed, poor cells are better than none."""
     anew = refused = None
     if poor:
