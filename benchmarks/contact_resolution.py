@@ -1,16 +1,16 @@
 """A learned robot pressed onto obstacles at unseen places and states, against finite elements that touch at every node.
 
 python benchmarks/contact_resolution.py SCENE MODEL [--places 30] [--mu 0.5] [--seed 0] [--nodes] [--patches 6]
-    [--judge FILE]
+    [--judge FILE] [--aside 1.5]
 
-A sphere of 3, 8 or 20 mm, a plane, an edge or a corner of a box, or a capsule comes to a random node of the surface and
-moves 0.3 to 1.5 mm on, in three steps, and in shorter ones, down to 1/64 of the way, where a node would begin a step
-so deep that another side of the obstacle is near. The robot stands at the mean of two random training states. The judge
-is `cfem.equilibrium.contact.surfaces` with all nodes of the surface as contact points, on the mesh of the samples; FILE
-keeps its answers for the next run with the same places. Prints for each learned model the error of the force, as a
-vector over the size of the judge's, the error of the tip, the depth of the surface in the obstacle, and the processor
-time of a step. Where the model says that its state is not known, the judge comes to the same place again, from aside,
-so that it comes in on the side of the model."""
+A sphere of 3, 8 or 20 mm, a plane, an edge or a corner of a box, or a capsule comes straight to a random node of the
+surface, or up to so many mm aside of it, and moves 0.3 to 1.5 mm on: in three steps, and in shorter ones, down to 1/64
+of the way, where a node would begin a step so deep that another side of the obstacle is near. The robot stands at the
+mean of two random training states. The judge is `cfem.equilibrium.contact.surfaces` with all nodes of the surface as
+contact points, on the mesh of the samples; FILE keeps its answers for the next run with the same places. Prints for
+each learned model the error of the force, as a vector over the size of the judge's, the error of the tip, the depth of
+the surface in the obstacle, and the processor time of a step. Where the model says that its state is not known, the
+judge comes to the same place again, from aside, so that it comes in on the side of the model."""
 
 import argparse
 import time
@@ -111,14 +111,14 @@ def obstacle_of(kind: str, point: np.ndarray, normal: np.ndarray, depth: float) 
     return placed(name, point, normal, depth, float(size[0]) if size else 8.0)
 
 
-def places_of(model: Predictor, held: np.ndarray, count: int, seed: int) -> list[Place]:
+def places_of(model: Predictor, held: np.ndarray, count: int, seed: int, aside: float = 0.0) -> list[Place]:
     """`count` places; held (m,) bool: surface nodes that cannot move. Left out is what no robot meets: an obstacle that
     comes to where the body is held, or begins in the body."""
     rng, places = np.random.default_rng(seed), []
     states = model.domain.states[:, : model.rows.n_a]
     while len(places) < count:
         delta = states[rng.integers(len(states), size=2)].mean(axis=0)
-        place = _place(model, KINDS[len(places) % len(KINDS)], delta, held, rng)
+        place = _place(model, KINDS[len(places) % len(KINDS)], delta, held, rng, aside)
         x = model.shape(delta)
         reaches_held = place.obstacle.distance(x[held]).min(initial=np.inf) <= 0
         if not reaches_held and depth_of(x, model.skin.triangles, place.reached(0.0)) < INSIDE:
@@ -126,16 +126,21 @@ def places_of(model: Predictor, held: np.ndarray, count: int, seed: int) -> list
     return places
 
 
-def _place(model: Predictor, kind: str, delta: np.ndarray, held: np.ndarray, rng: np.random.Generator) -> Place:
+def _place(
+    model: Predictor, kind: str, delta: np.ndarray, held: np.ndarray, rng: np.random.Generator, aside: float
+) -> Place:
     x, skin, depth = model.shape(delta), model.skin, rng.uniform(0.3, 1.5)
     apart = np.linalg.norm(skin.rest[:, None] - skin.rest[held], axis=2).min(axis=1, initial=np.inf)
     normals, node = area_vectors(x, skin.triangles), rng.choice(np.flatnonzero(apart > FROM_HELD))
     normal = normals[node] / np.linalg.norm(normals[node])
     if kind == "plane":  # the foremost node decides how deep
         node = int(np.argmax(x @ normal))
-    obstacle = obstacle_of(kind, x[node], normal, depth)
-    for _ in range(20):  # back, where other nodes are deeper in it
-        obstacle = moved(obstacle, max(0.0, -obstacle.distance(x).min() - depth) * normal)
+    obstacle, shallowest = obstacle_of(kind, x[node], normal, depth), 0.0
+    if aside:
+        across, shallowest = np.cross(normal, rng.standard_normal(3)), -np.inf
+        obstacle = moved(obstacle, rng.uniform(0.0, aside) * across / np.linalg.norm(across))
+    for _ in range(20):  # back, where other nodes are deeper in it, or on, where the node is beside it
+        obstacle = moved(obstacle, max(shallowest, -obstacle.distance(x).min() - depth) * normal)
     return Place(kind, delta, obstacle, normal, depth)
 
 
@@ -258,12 +263,13 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--patches", type=float, nargs="*", default=[6.0], help="distances of patches to try, mm")
     parser.add_argument("--nodes", action="store_true", help="try the model that touches at every node")
+    parser.add_argument("--aside", type=float, default=0.0, help="mm by which obstacles miss the node, at most")
     parser.add_argument("--judge", type=Path, help="where the judge's answers are kept (.npz)")
     given = parser.parse_args()
     scene, mesh = load_scene_and_mesh(given.scene)
     model, robot = load_model(given.model), build_robot(scene, mesh)
     surface = outer_surface(robot.X, robot.body.mesh.facets)
-    places = places_of(model, np.isin(surface.nodes, robot.fixed), given.places, given.seed)
+    places = places_of(model, np.isin(surface.nodes, robot.fixed), given.places, given.seed, given.aside)
     judge = Judge(robot, surface, given.mu)
     answers = kept(given.judge, lambda: judge.answers(places))
     made_of = {
