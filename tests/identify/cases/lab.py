@@ -39,7 +39,7 @@ measurements: given.csv
 out: calibrated
 layout:
   case: [case]
-  session: session
+  session: [session]
   position: [x_mm, y_mm, z_mm]
   forces:
     tendon: {column: tension_N, unit: N}

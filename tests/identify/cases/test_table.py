@@ -42,7 +42,6 @@ def test_two_columns_name_a_session(tmp_path):
     layout = LAYOUT.model_copy(update={"session": ["load_N", "up"]})
     assert read(tmp_path, layout=layout).sessions == ("1.5 0", "2 0", "3 1")
     assert read(tmp_path).sessions == ("", "", "")
-    assert TableColumns(case=["case"], position=LAYOUT.position, forces=LAYOUT.forces, session="up").session == ["up"]
 
 
 def test_rows_of_separators_alone_end_no_table(tmp_path):

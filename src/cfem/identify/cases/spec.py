@@ -3,18 +3,12 @@
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema
+from pydantic import AfterValidator, Field, WithJsonSchema
 
 from cfem.core.names import Name
 from cfem.core.spec import Spec
 from cfem.core.units import Length, Point
 from cfem.sample.spec import ParameterSpec
-
-
-def _as_list(value: Any) -> Any:
-    """A column alone is a list of one."""
-    return [value] if isinstance(value, str) else value
-
 
 _SD = {"type": ["string", "number"], "description": "a quantity with its unit, a number, or a share such as '20 %'"}
 
@@ -34,7 +28,7 @@ class TableColumns(Spec):
 
     case: list[str] = Field(min_length=1)
     """Columns that together name a load case."""
-    session: Annotated[list[str], BeforeValidator(_as_list)] = []
+    session: list[str] = []
     """Columns that together name the session, in which cameras and markers stayed where they were. Two recordings that
     were laid on the scene apart from each other are two sessions."""
     marker: str = "marker"
