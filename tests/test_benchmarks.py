@@ -65,7 +65,12 @@ LONG = {
 }
 
 
-@pytest.mark.parametrize("named", QUICK)
+ALWAYS = ("tour.py", "convergence.py", "many_inputs.py bar")  # the others run in the slow suite
+
+
+@pytest.mark.parametrize(
+    "named", [pytest.param(name, marks=[] if name in ALWAYS else pytest.mark.slow) for name in QUICK]
+)
 def test_a_benchmark_runs(named, monkeypatch, capsys):
     script, *words = named.split()
     monkeypatch.chdir(ROOT)
@@ -80,6 +85,7 @@ def test_a_benchmark_runs(named, monkeypatch, capsys):
     assert printed if script == "stiff_flop.py" else json.loads(printed)
 
 
+@pytest.mark.slow
 def test_the_timed_benchmarks_run():
     command = [sys.executable, "-m", "pytest", "-q", "benchmarks", "--benchmark-disable"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)

@@ -88,6 +88,7 @@ def test_test_states_choose_nothing(tmp_path):
     assert ids[0] == ids[1]
 
 
+@pytest.mark.slow
 def test_parameters_and_forces_too(tmp_path):
     factory = replace(Factory(), parameters=(POISSON, YOUNG), third_order=True)
     until = {**SPEC["until"], "error": "0.1 mm", "first": 30, "batch": 30, "form": "force", "largest": 120}

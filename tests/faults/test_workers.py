@@ -136,6 +136,7 @@ def test_a_state_that_kills_every_process_is_named_and_what_others_finish_is_kep
     assert capfd.readouterr().err.count("fresh workers") == FRESH
 
 
+@pytest.mark.slow
 def test_dask_workers_are_killed_and_join_during_the_run(whole, names, tmp_path):
     with dask_processes(tmp_path) as processes:
         first, _ = processes.worker(), processes.worker()

@@ -28,6 +28,7 @@ def W_of(folder, mesh):
     return found.condensed.W, made, volume
 
 
+@pytest.mark.slow
 def test_a_graded_mesh_errs_less_than_an_even_one_of_as_many_cells(tmp_path):
     fine, _, _ = W_of(tmp_path, "{size: 6 mm, cells: 6000, element: tet10p0}")
     graded, mesh, volume = W_of(tmp_path, "{size: 10 mm, cells: 1200, element: tet10p0}")
