@@ -17,7 +17,8 @@ os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL
 import numpy as np
 
 from cfem.core.spec import load_spec
-from cfem.equilibrium import condensation, newton, predictor, problem, solve
+from cfem.equilibrium import condensation, newton, predictor, solve
+from cfem.equilibrium.system import problem
 from cfem.equilibrium.system.actuation import force
 from cfem.mechanics import factorization
 from cfem.robot.build import build_robot
