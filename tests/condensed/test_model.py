@@ -4,7 +4,7 @@ from support.arc_robot import ArcRobot
 from surrogate.synthetic import dataset, energy, rows_of
 
 from cfem.condensed import Condensed
-from cfem.condensed.model import under_force, with_dual
+from cfem.condensed.model import under_force, with_dual, with_duals
 from cfem.core.errors import NumericalError
 from cfem.predict.load import build
 from cfem.surrogate.model_card import model_card
@@ -36,6 +36,18 @@ def test_steps_beyond_what_the_model_knows_are_shortened():
     np.testing.assert_allclose(found.delta_a, [8.5, 8.4], atol=1e-10)
     with pytest.raises(NumericalError, match="no state under"):
         under_force(model, 3 * there.lambda_a, there)
+
+
+def test_a_state_that_the_model_refuses_costs_the_others_of_its_batch_nothing():
+    """The first step of the second state ends beyond the limit, and so does the state of the third."""
+    whole, model = ArcRobot(), ArcRobot(limit=8.55)
+    there = [whole.at_displacement(np.array(where)) for where in ([3.0, 2.5], [8.5, 8.4], [12.0, 11.0])]
+    wanted, rest = np.array([state.lambda_a for state in there]), whole.at_displacement(np.zeros(2))
+    states, left = with_duals(
+        lambda inputs, _: [model.at_displacement(row) for row in inputs], "displacement", wanted, [rest] * 3
+    )
+    np.testing.assert_allclose([state.delta_a for state in states[:2]], [[3.0, 2.5], [8.5, 8.4]], atol=1e-10)
+    assert (left > 0).tolist() == [False, False, True]
 
 
 def test_a_first_step_too_far_is_shortened():

@@ -113,11 +113,9 @@ def with_duals(
         for share in 0.5 ** np.arange(HALVINGS):
             if not len(waiting):
                 break
-            try:
-                trials = evaluate(inputs[waiting] + share * step[waiting], searched[waiting])
-            except NumericalError:  # beyond what the model knows: a shorter step may be within it
-                continue
-            reached = np.array([trial.delta_a if by_force else trial.lambda_a for trial in trials])
+            trials = _known(evaluate, inputs[waiting] + share * step[waiting], searched[waiting])
+            duals = [None if trial is None else trial.delta_a if by_force else trial.lambda_a for trial in trials]
+            reached = np.array([np.full(wanted.shape[1], np.inf) if dual is None else dual for dual in duals])
             nearer = np.linalg.norm(wanted[searched[waiting]] - reached, axis=1) < distance[waiting]
             for place in np.flatnonzero(nearer):
                 states[searched[waiting[place]]] = trials[place]
@@ -126,6 +124,17 @@ def with_duals(
         if not len(searched):
             break
     return states, np.where(size <= rounding, 0.0, missing)
+
+
+def _known(evaluate: EvaluateMany, inputs: np.ndarray, numbers: np.ndarray) -> list[Condensed | None]:
+    """States (k,) at inputs (k, n_a), None beyond what the model knows, where a shorter step may be within it. One that
+    it refuses costs the others nothing."""
+    try:
+        return list(evaluate(inputs, numbers))
+    except NumericalError:
+        if len(inputs) == 1:
+            return [None]
+        return [_known(evaluate, *single)[0] for single in zip(inputs[:, None], numbers[:, None], strict=True)]
 
 
 def demand_found(form: Form, wanted: np.ndarray, left: np.ndarray) -> None:
