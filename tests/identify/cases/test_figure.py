@@ -3,6 +3,7 @@
 import numpy as np
 from support.blocks import block
 
+from cfem.identify.cases import figure
 from cfem.identify.cases.figure import _views, shapes_figure
 from cfem.identify.cases.robots import Pose
 from cfem.identify.cases.table import Cases
@@ -24,3 +25,14 @@ def test_cases_without_an_equilibrium_are_drawn_as_measured():
     computed = np.array([[[1.0, 0, 0]], [[np.nan] * 3]])
     made = shapes_figure(cases, posed, computed, np.abs(computed), MESH, "Cases", np.array([0, 0, -1.0]))
     assert made[:4] == b"\x89PNG"
+
+
+def test_cases_that_are_left_out_are_said(monkeypatch):
+    monkeypatch.setattr(figure, "png", lambda drawn: drawn)
+    for count, title in ((20, "Cases"), (21, "Cases (the first 20 of 21)")):
+        cases = Cases(
+            ("a",) * count, ("",) * count, np.zeros((count, 1)), np.ones(count), np.zeros((count, 1, 3)), None
+        )
+        drawn = shapes_figure(cases, (None,) * count, cases.places, cases.places, MESH, "Cases")
+        assert drawn.get_suptitle() == title
+        assert sum(ax.get_visible() for ax in drawn.axes) == 2 * 20

@@ -8,7 +8,7 @@ from cfem.identify.cases.table import Cases
 from cfem.mechanics.mesh import Mesh
 from cfem.report.style import FE, GRID, INK, LEARNED, plt, png
 
-_LARGEST = 12  # cases that are drawn
+_LARGEST = 20  # cases that are drawn
 _COLUMNS = 5
 _BODY = "#c3cbd3"
 
@@ -30,6 +30,8 @@ def shapes_figure(
     mesh:     of the robot at rest
     gravity:  (3,) its direction, None without"""
     count = min(len(cases), _LARGEST)
+    if count < len(cases):
+        title += f" (the first {count} of {len(cases)})"
     columns, views = min(count, _COLUMNS), _views(mesh.X, gravity)
     bands = -(-count // columns)
     start = 0.0 if cases.rest is None else cases.rest
