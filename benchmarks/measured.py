@@ -6,7 +6,8 @@ python benchmarks/measured.py coverage [--trials 400] [--quick]
     within their 95 % intervals and of markers within their 95 % radius. lacks: what the model lacks, one pattern a
     case, as a multiple of the noise. models: from how many the one was chosen that predicts left-out cases best; with
     more than one, a fifth of the trials. grows: share of the noise's variance that goes with the square of the
-    displacement, null for any. given, asked: ranges of the forces. Three minutes.
+    displacement, null for any. given, asked: ranges of the forces. smooth: what the model lacks, a smooth function of
+    the force, as a multiple of the noise; discrepancy: whether it is estimated. Six minutes.
 
 python benchmarks/measured.py rods [--sizes 10 8 6 5] [--quick]
 
@@ -64,6 +65,8 @@ def coverages(trials: int) -> list[dict]:
     small, large, rows = (0.25, 0.35), (0.8, 1.0), []
     asked = [(m, Sort(lacks, sd)) for m, sd in ((4, 0.0), (5, 5.0), (8, 5.0)) for lacks in (0.0, 1.0, 3.0)]
     asked += [(5, Sort(grows=grows)) for grows in (1.0, None)]
+    asked += [(8, Sort(smooth=smooth, discrepancy=True)) for smooth in (0.0, 3.0)]
+    asked += [(12, Sort(smooth=10.0, discrepancy=estimated)) for estimated in (False, True)]
     asked += [(4, Sort(grows=grows, given=small, asked=large)) for grows in (0.0, 1.0, None)]
     for m, sort in [*asked, (5, Sort(1.0, 5.0, 12)), (5, Sort(3.0, 5.0, 12))]:
         count = trials if sort.models == 1 else max(trials // 5, 1)
