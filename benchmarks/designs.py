@@ -33,11 +33,11 @@ from cfem.condensed.parameters import shares
 from cfem.condensed.strokes import ridge_of
 from cfem.control.closed_loop.controller import Controller
 from cfem.control.closed_loop.tick import Pilot
-from cfem.control.design import designed
-from cfem.control.goals.trajectory import arc
 from cfem.control.open_loop.experiment import follow
 from cfem.control.search.goal_search import SearchSettings
 from cfem.control.search.inverse import Limits
+from cfem.control.task.design import designed
+from cfem.control.task.goals.trajectory import arc
 from cfem.core.artefact.content import artefact_file
 from cfem.core.spec import load_spec
 from cfem.dataset.reader import read_dataset

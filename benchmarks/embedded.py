@@ -39,9 +39,9 @@ def loop(goals_count: int = 24, ticks: int = 3) -> dict:
     from cfem.control.closed_loop.controller import Controller
     from cfem.control.closed_loop.run import Pace, run_closed_loop
     from cfem.control.closed_loop.tick import Pilot
-    from cfem.control.goals.trajectory import loop_of_shares
     from cfem.control.search.goal_search import SearchSettings
     from cfem.control.search.inverse import Limits
+    from cfem.control.task.goals.trajectory import loop_of_shares
     from cfem.export.compiled.controller import CompiledController
     from cfem.plant.fem_plant import FemPlant
     from cfem.plant.gains import Gains
@@ -105,9 +105,9 @@ def arc(ticks: int = 5) -> dict:
     from cfem.condensed.strokes import ridge_of
     from cfem.control.closed_loop.controller import Controller
     from cfem.control.closed_loop.tick import Pilot
-    from cfem.control.goals.trajectory import arc
     from cfem.control.search.goal_search import SearchSettings
     from cfem.control.search.inverse import Limits
+    from cfem.control.task.goals.trajectory import arc
     from cfem.export.compiled.controller import CompiledController
     from cfem.predict.load import load_model
 
@@ -134,9 +134,9 @@ def trunk(goals_count: int = 40, ticks: int = 10) -> dict:
     from cfem.control.closed_loop.controller import Controller
     from cfem.control.closed_loop.run import Pace, run_closed_loop
     from cfem.control.closed_loop.tick import Pilot
-    from cfem.control.goals.trajectory import arc
     from cfem.control.search.goal_search import SearchSettings
     from cfem.control.search.inverse import Limits
+    from cfem.control.task.goals.trajectory import arc
     from cfem.core.spec import load_spec
     from cfem.plant.fem_plant import FemPlant
     from cfem.plant.gains import Gains

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from cfem.control.design import robot_at
+from cfem.control.task.design import robot_at
 from cfem.equilibrium.system.robot import Robot
 from cfem.gym.environments import RobotVectorEnv
 from cfem.gym.tasks import observation

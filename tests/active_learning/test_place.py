@@ -5,8 +5,8 @@ import pytest
 from surrogate.synthetic import dataset
 
 from cfem.active_learning.place import effectors, place
-from cfem.predict.energy import FORMS
 from cfem.predict.load import build
+from cfem.predict.series.energy import FORMS
 from cfem.surrogate.model_card import model_card
 from cfem.surrogate.series.spectral import fit
 

@@ -5,9 +5,9 @@ import pytest
 from cfem.control.closed_loop.run_spec import ClosedLoopSpec
 from cfem.control.crawling.spec import CrawlingSpec
 from cfem.control.holding.spec import HoldingSpec
-from cfem.control.obstacles.spec import ObstaclesSpec
 from cfem.control.open_loop.spec import OpenLoopSpec
 from cfem.control.spec import ControlSpec
+from cfem.control.task.obstacles.spec import ObstaclesSpec
 from cfem.core.errors import SpecError
 from cfem.core.spec import json_schema, load_spec
 

@@ -13,9 +13,9 @@ from export.embedded import serial, spectral
 from cfem.export.firmware.embedding import Embedding
 from cfem.export.page.page import page
 from cfem.export.spec import CSpec
-from cfem.predict.chebyshev import Basis, basis
-from cfem.predict.energy import layout
 from cfem.predict.rows.serial import module_arrays
+from cfem.predict.series.chebyshev import Basis, basis
+from cfem.predict.series.energy import layout
 from cfem.surrogate.series.spectral import Series, series
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")

@@ -6,8 +6,8 @@ from export.embedded import export, needs_compiler, network, serial, spectral, s
 
 from cfem.core.errors import InputError, SpecError
 from cfem.export.compiled.controller import CompiledController
-from cfem.predict.energy import layout
 from cfem.predict.load import build
+from cfem.predict.series.energy import layout
 
 pytestmark = needs_compiler
 TOLERANCE = {"double": 1e-12, "float": 1e-5}

@@ -11,9 +11,9 @@ from cfem.condensed.viscosity import Viscosity
 from cfem.equilibrium.solve import Wanted, solve
 from cfem.equilibrium.system.actuation import displacement
 from cfem.motion.model import MotionModel
-from cfem.predict.chebyshev import Basis
-from cfem.predict.domain import Domain
-from cfem.predict.energy import Splitter
+from cfem.predict.series.chebyshev import Basis
+from cfem.predict.series.domain import Domain
+from cfem.predict.series.energy import Splitter
 from cfem.surrogate.motion import fit_motion
 from cfem.surrogate.series.spectral import fit
 

@@ -13,8 +13,8 @@ from cfem.equilibrium.solve import solve
 from cfem.equilibrium.system.actuation import displacement, force
 from cfem.equilibrium.system.problem import Problem
 from cfem.parametric.family import FiniteElementFamily, LearnedFamily
-from cfem.predict.energy import FORMS
 from cfem.predict.load import build
+from cfem.predict.series.energy import FORMS
 from cfem.robot.build import build_robot
 from cfem.robot.mesh.meshing import make_mesh
 from cfem.surrogate.model_card import model_card

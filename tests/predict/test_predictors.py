@@ -11,8 +11,8 @@ from surrogate.synthetic import dataset, energy
 from cfem.core.errors import InputError, NumericalError
 from cfem.core.stage import Options
 from cfem.export.stage import run
-from cfem.predict.energy import FORMS
 from cfem.predict.load import build, load_model
+from cfem.predict.series.energy import FORMS
 from cfem.surrogate.model_card import model_card
 from cfem.surrogate.series.spectral import fit
 

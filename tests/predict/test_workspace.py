@@ -6,8 +6,8 @@ from scipy.spatial import ConvexHull
 from surrogate.synthetic import dataset, effector, energy
 
 from cfem.core.errors import InputError
-from cfem.predict.energy import FORMS
 from cfem.predict.load import build
+from cfem.predict.series.energy import FORMS
 from cfem.surrogate.model_card import model_card
 from cfem.surrogate.series.spectral import fit
 

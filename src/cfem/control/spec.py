@@ -7,8 +7,8 @@ from pydantic import BeforeValidator, Discriminator, Field, Tag
 from cfem.control.closed_loop.run_spec import ClosedLoopSpec
 from cfem.control.crawling.spec import CrawlingSpec
 from cfem.control.holding.spec import HoldingSpec
-from cfem.control.obstacles.spec import ObstaclesSpec
 from cfem.control.open_loop.spec import OpenLoopSpec
+from cfem.control.task.obstacles.spec import ObstaclesSpec
 
 # Key that makes a run one of this kind -> its name in an error.
 MARKS = {"gait": "a gait", "object": "an object", "obstacles": "an obstacle", "loop": "a loop"}

@@ -6,11 +6,11 @@ from typing import Any
 
 from cfem.control.closed_loop.run_spec import ClosedLoopSpec
 from cfem.control.crawling.spec import CrawlingSpec
-from cfem.control.goals.from_spec import demand_fits
 from cfem.control.holding.spec import HoldingSpec
-from cfem.control.obstacles.spec import ObstaclesSpec
-from cfem.control.run_spec import RunSpec, TrackingSpec
 from cfem.control.spec import ControlSpec
+from cfem.control.task.goals.from_spec import demand_fits
+from cfem.control.task.obstacles.spec import ObstaclesSpec
+from cfem.control.task.run_spec import RunSpec, TrackingSpec
 from cfem.core.spec import load_spec
 from cfem.core.stage import Command
 from cfem.robot.spec import SceneSpec, demand_driven, scene_meaning
@@ -43,7 +43,7 @@ def _work(folder: Path, spec: RunSpec, base: Path) -> dict[str, Any]:
     from cfem.control.open_loop.planners import pilot_of
     from cfem.control.open_loop.resume import SoFar
     from cfem.control.open_loop.run import carry_out
-    from cfem.control.prepared import prepare
+    from cfem.control.task.prepared import prepare
 
     mesh, models = base / spec.mesh, {name: base / path for name, path in spec.models.items()}
     if isinstance(spec, CrawlingSpec):

@@ -15,7 +15,7 @@ from cfem.predict.load import build, skin_of, skins_of
 from cfem.predict.protocol import Predictor
 from cfem.predict.rows import serial_skin
 from cfem.predict.rows.serial import SerialPredictor
-from cfem.predict.skin import FILE
+from cfem.predict.series.skin import FILE
 
 SHAPES = {"onnx": "shape.onnx", "torchscript": "shape.ts"}
 STATES = 20  # at which shapes are compared
@@ -24,8 +24,8 @@ STATES = 20  # at which shapes are compared
 def write_skin(
     folder: Path, spec: ExportSpec, meta: dict, arrays: dict[str, np.ndarray], skin: dict, vectors: dict
 ) -> dict[str, float]:
-    """Writes what the spec asks for; skin: arrays of `cfem.predict.skin`. By format, the largest difference of any
-    surface node from the trained skin relative to the robot's length, at test inputs."""
+    """Writes what the spec asks for; skin: arrays of `cfem.predict.series.skin`. By format, the largest difference of
+    any surface node from the trained skin relative to the robot's length, at test inputs."""
     write_npz(folder / FILE, skin)
     if not spec.shape:
         return {}

@@ -22,7 +22,7 @@ from cfem.motion import load as motion
 from cfem.predict.load import VECTORS, build, has_file, has_skin, read_arrays, read_meta, read_model, read_vectors
 from cfem.predict.loads.loaded_skin import skin_under_loads_of
 from cfem.predict.rows import serial_skin
-from cfem.predict.skin import FILE
+from cfem.predict.series.skin import FILE
 from cfem.robot.same_robot import demand_robot
 from cfem.robot.spec import SceneSpec, scene_meaning
 

@@ -10,8 +10,8 @@ from cfem.core.errors import InputError
 from cfem.gym.robots import Robots
 from cfem.motion.model import MotionModel, layout
 from cfem.motion.modes import natural_modes, prewarp
-from cfem.predict.energy import layout as static_layout
-from cfem.predict.series import input_derivatives
+from cfem.predict.series.derivatives import input_derivatives
+from cfem.predict.series.energy import layout as static_layout
 
 
 @dataclass

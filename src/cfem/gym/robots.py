@@ -12,10 +12,10 @@ from cfem.condensed.parameters import coordinates, values
 from cfem.condensed.strokes import STEP, stroke
 from cfem.core.errors import InputError
 from cfem.core.optional import demand
-from cfem.predict.energy import layout, unpacking
 from cfem.predict.kinds.spectral import SpectralPredictor
 from cfem.predict.protocol import Predictor
-from cfem.predict.series import input_derivatives
+from cfem.predict.series.derivatives import input_derivatives
+from cfem.predict.series.energy import layout, unpacking
 
 
 @dataclass

@@ -4,9 +4,9 @@ import numpy as np
 
 from cfem.core.errors import InputError
 from cfem.core.reading import take
-from cfem.predict.chebyshev import Basis
-from cfem.predict.mode_series import joined
-from cfem.predict.series import input_derivatives
+from cfem.predict.series.chebyshev import Basis
+from cfem.predict.series.derivatives import input_derivatives
+from cfem.predict.series.modes import joined
 
 
 class InnerSkin:

@@ -22,9 +22,9 @@ from cfem.condensed.viscosity import Viscosity
 from cfem.core.errors import InputError
 from cfem.core.reading import take
 from cfem.motion.inner_skin import InnerSkin
-from cfem.predict.chebyshev import Basis
-from cfem.predict.energy import unpacking
-from cfem.predict.series import input_derivatives
+from cfem.predict.series.chebyshev import Basis
+from cfem.predict.series.derivatives import input_derivatives
+from cfem.predict.series.energy import unpacking
 
 
 @runtime_checkable
@@ -32,7 +32,8 @@ class HasParts(Protocol):
     """A model of an energy, whose parts can be asked."""
 
     def parts(self, s: np.ndarray, q: np.ndarray) -> dict[str, np.ndarray]:
-        """The potential, its derivatives and what is beside them at s (..., n_a): see `cfem.predict.energy.layout`."""
+        """The potential, its derivatives and what is beside them at s (..., n_a): see
+        `cfem.predict.series.energy.layout`."""
         ...
 
 

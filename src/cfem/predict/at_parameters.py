@@ -7,8 +7,8 @@ import numpy as np
 
 from cfem.condensed import Condensed, Rows
 from cfem.condensed.model import Form
-from cfem.predict.domain import Domain
 from cfem.predict.protocol import Predictor
+from cfem.predict.series.domain import Domain
 
 
 @dataclass

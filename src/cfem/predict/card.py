@@ -14,7 +14,7 @@ FORMAT = 3
 
 
 class DomainCard(Data):
-    """See `cfem.predict.domain.Domain`."""
+    """See `cfem.predict.series.domain.Domain`."""
 
     delta_a: tuple[list[float], list[float]]
     lambda_a: tuple[list[float], list[float]]
@@ -55,7 +55,7 @@ class ModelCard(Data):
     wrench: constant load that the samples did not carry, on each effector row
     patch_loads: others, on patches of the surface
     wrench_error: estimated error that these loads make, mm
-    semidefinite: of each effector row, see `cfem.predict.semidefinite`
+    semidefinite: of each effector row, see `cfem.predict.series.semidefinite`
     masses: t, by the name of the effector that is their centre
     modules, row: of modules in a row
     motion: of mass and viscosity, see `cfem.motion`

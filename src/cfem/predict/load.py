@@ -18,7 +18,7 @@ from cfem.predict.kinds import energy_net, mlp, spectral  # noqa: F401  (each jo
 from cfem.predict.protocol import Predictor, build
 from cfem.predict.rows import kind as row_kind  # noqa: F401  (joins KINDS)
 from cfem.predict.rows import serial, serial_skin
-from cfem.predict.skin import FILE, LearnedSkin
+from cfem.predict.series.skin import FILE, LearnedSkin
 
 TRIES = 10  # to read a folder that is replaced meanwhile
 ASKED = 16  # states at which a model that is loaded has to give finite numbers

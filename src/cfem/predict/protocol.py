@@ -12,8 +12,8 @@ from cfem.condensed import Condensed, Rows
 from cfem.condensed.model import Form, demand_found, with_duals
 from cfem.condensed.parameters import coordinates, from_json, references
 from cfem.core.errors import InputError, NumericalError
-from cfem.predict.domain import Domain
-from cfem.predict.skin import LearnedSkin
+from cfem.predict.series.domain import Domain
+from cfem.predict.series.skin import LearnedSkin
 
 if TYPE_CHECKING:
     from cfem.predict.workspace import Workspace

@@ -11,7 +11,7 @@ import numpy as np
 
 from cfem.condensed import Condensed, Rows
 from cfem.core.errors import InputError
-from cfem.predict.domain import Domain
+from cfem.predict.series.domain import Domain
 
 _SLACK = 0.25  # of the range of forces: drawn below 0 and lifted to it
 _ROUNDS = 20  # draws of as many states as are asked for, at most

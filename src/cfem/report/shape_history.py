@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from cfem.control.run_spec import FE_BASED
+from cfem.control.task.run_spec import FE_BASED
 from cfem.core.artefact.content import artefact_content, artefact_file
 from cfem.core.errors import InputError
 from cfem.core.reading import read_npz

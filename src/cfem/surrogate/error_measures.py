@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 
 from cfem.condensed import Rows, entries
-from cfem.predict.chebyshev import basis
-from cfem.predict.energy import FOURTH, FOURTH_INDICES, THIRD
+from cfem.predict.series.chebyshev import basis
+from cfem.predict.series.energy import FOURTH, FOURTH_INDICES, THIRD
 
 CONSTANT = 1e-9  # standard deviation, relative to the largest entry of its kind, below which an entry says nothing
 SIZE = 1.0  # mm, mm^3 or rad: delta_free is taken to be at least so large, as at rest without load it is rounding alone

@@ -6,7 +6,7 @@ from cfem.condensed.model import Form
 from cfem.core.artefact.files import plain
 from cfem.core.artefact.provenance import versions
 from cfem.predict.card import FORMAT
-from cfem.predict.domain import Domain
+from cfem.predict.series.domain import Domain
 from cfem.surrogate.series.observations import inputs
 
 QUANTITIES = ("delta_a", "lambda_a", "delta_e", "W", "delta_free", "energy")

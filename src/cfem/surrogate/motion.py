@@ -9,7 +9,7 @@ import numpy as np
 
 from cfem.condensed import pack_upper
 from cfem.core.errors import InputError
-from cfem.predict.energy import unpacking3
+from cfem.predict.series.energy import unpacking3
 from cfem.surrogate.inner_motions import inner_motions
 from cfem.surrogate.series.coordinates import box_coordinates
 from cfem.surrogate.series.observations import Observations

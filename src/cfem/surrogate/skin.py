@@ -12,7 +12,7 @@ from cfem.condensed import Rows
 from cfem.condensed.model import Form
 from cfem.condensed.packing import upper_indices
 from cfem.condensed.skin import Skin
-from cfem.predict.skin import LearnedSkin
+from cfem.predict.series.skin import LearnedSkin
 from cfem.surrogate.series.coordinates import box_coordinates
 from cfem.surrogate.series.observations import Observations, in_box, inputs, mean_hessian, observations
 from cfem.surrogate.series.spectral import fit_quantity
@@ -31,8 +31,8 @@ class SkinFront:
 
 
 def fit_skin(dataset: Any, skin: Skin, form: Form, core: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """The arrays of `cfem.predict.skin.LearnedSkin`. dataset: training rows (cfem.dataset.reader.Dataset) that have the
-    skin; core: arrays of the model, whose box coordinates serve again if it has them."""
+    """The arrays of `cfem.predict.series.skin.LearnedSkin`. dataset: training rows (cfem.dataset.reader.Dataset) that
+    have the skin; core: arrays of the model, whose box coordinates serve again if it has them."""
     s, q = inputs(dataset, form)
     known = observations(joined(dataset), form)
     n_e, k = dataset.rows.n_e, len(skin.modes)

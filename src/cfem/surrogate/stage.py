@@ -25,7 +25,7 @@ from cfem.core.stage import Command
 from cfem.dataset.schema import SKIN
 from cfem.predict.load import build, skin_of
 from cfem.predict.protocol import Predictor
-from cfem.predict.skin import FILE
+from cfem.predict.series.skin import FILE
 from cfem.surrogate.series.observations import inputs
 from cfem.surrogate.spec import EnergyNetSpec, MlpSpec, ModelSpec, SerialSpec, SpectralSpec, TrainSpec
 from cfem.surrogate.verdict import headline, judged

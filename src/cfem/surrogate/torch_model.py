@@ -13,8 +13,8 @@ from torch import Tensor, nn
 from cfem.condensed import Rows
 from cfem.condensed.packing import upper_indices
 from cfem.condensed.parameters import Parameter
-from cfem.predict.energy import Form, layout, unpacking
-from cfem.predict.semidefinite import FLOOR
+from cfem.predict.series.energy import Form, layout, unpacking
+from cfem.predict.series.semidefinite import FLOOR
 
 ACTIVATIONS = {"relu": nn.ReLU, "tanh": nn.Tanh, "silu": nn.SiLU}
 
@@ -57,8 +57,8 @@ COORDINATES = {"linear": lambda p: p, "log": torch.log, "log(1-2p)": lambda p: t
 
 
 class Condense(nn.Module):
-    """Flat outputs (B, k) in the order of `cfem.predict.energy.layout` to W (B, n, n), delta_free (B, n), as
-    `cfem.predict.energy.condense`."""
+    """Flat outputs (B, k) in the order of `cfem.predict.series.energy.layout` to W (B, n, n), delta_free (B, n), as
+    `cfem.predict.series.energy.condense`."""
 
     def __init__(self, form: Form, rows: Rows, sizes: list[float] | None = None):
         super().__init__()
@@ -90,8 +90,8 @@ class Condense(nn.Module):
 
 
 class NearestSemidefinite(nn.Module):
-    """C (B, k, k) to the nearest semidefinite matrix in units of the sizes (k,), as `cfem.predict.semidefinite`, by
-    (C + |C|) / 2, |C| = C sign C: products alone, which every export format has, and smooth.
+    """C (B, k, k) to the nearest semidefinite matrix in units of the sizes (k,), as `cfem.predict.series.semidefinite`,
+    by (C + |C|) / 2, |C| = C sign C: products alone, which every export format has, and smooth.
 
     The sign of what is beyond 1e-11 of the whole is found by polynomials 3.4445 x - 4.775 x^3 + 2.0315 x^5, which keep
     [0, 1.13] and take what is small 3.4 times closer (Jordan, Muon, 2024), then by Newton and Schulz's of degree 5.
@@ -142,7 +142,7 @@ class SeriesModule(nn.Module):
         return self.basis(t @ self.to_box.T + self.offset) @ self.series.T
 
     def basis(self, z: Tensor) -> Tensor:
-        """Basis (B, M) at z (B, n), by the doubling of cfem.predict.chebyshev."""
+        """Basis (B, M) at z (B, n), by the doubling of cfem.predict.series.chebyshev."""
         table = torch.stack([torch.ones_like(z), z])
         known = 1
         while known < self.degree:
@@ -168,8 +168,8 @@ class Spectral(nn.Module):
 
 
 class SurfaceModule(nn.Module):
-    """The whole surface, (B, m, 3) mm; arrays as cfem.predict.skin.LearnedSkin. forward(s), or forward(s, p) where
-    there are parameters."""
+    """The whole surface, (B, m, 3) mm; arrays as cfem.predict.series.skin.LearnedSkin. forward(s), or forward(s, p)
+    where there are parameters."""
 
     def __init__(self, form: Form, parameters: tuple[Parameter, ...], arrays: dict[str, np.ndarray]):
         super().__init__()

@@ -20,7 +20,7 @@ from cfem.motion.model import MotionModel
 from cfem.plant.gains import Gains
 from cfem.plant.imperfect_plant import Imperfection, ImperfectPlant
 from cfem.plant.moving_plant import MovingModelPlant
-from cfem.predict.energy import condense
+from cfem.predict.series.energy import condense
 from cfem.surrogate.motion import fit_motion
 from cfem.surrogate.series.spectral import fit
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from support.serial_rows import DELTA, chain
 
-from cfem.predict.chebyshev import basis
-from cfem.predict.energy import unpacking4
 from cfem.predict.loads.curvature import CurvatureSeries
+from cfem.predict.series.chebyshev import basis
+from cfem.predict.series.energy import unpacking4
 
 W = np.array([0.5, -0.4, 0.3, 2.0, 1.0, -3.0, 0.2, 0.1, -0.6])
 

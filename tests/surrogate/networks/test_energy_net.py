@@ -7,8 +7,8 @@ from surrogate.synthetic import dataset
 
 from cfem.export.onnx import onnx_bytes
 from cfem.export.torchscript import torchscript_bytes
-from cfem.predict.energy import FORMS, layout
 from cfem.predict.kinds.energy_net import EnergyNetPredictor
+from cfem.predict.series.energy import FORMS, layout
 from cfem.surrogate.error_measures import measure
 from cfem.surrogate.model_card import model_card
 from cfem.surrogate.networks.energy_net import fit, polynomial_parts

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.polynomial import chebyshev
 
-from cfem.predict.chebyshev import polynomials
-from cfem.predict.series import derivative_matrices
+from cfem.predict.series.chebyshev import polynomials
+from cfem.predict.series.derivatives import derivative_matrices
 from cfem.surrogate.series.chebyshev import design_rows, index_set
 
 

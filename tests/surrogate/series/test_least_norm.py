@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cfem.predict.chebyshev import basis
+from cfem.predict.series.chebyshev import basis
 from cfem.surrogate.series.chebyshev import index_set
 from cfem.surrogate.series.least_norm import DEGREE, least_norm
 

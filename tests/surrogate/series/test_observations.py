@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from surrogate.synthetic import dataset
 
-from cfem.predict.energy import FORMS
+from cfem.predict.series.energy import FORMS
 from cfem.surrogate.series.chebyshev import design_rows
 from cfem.surrogate.series.coordinates import box_coordinates
 from cfem.surrogate.series.observations import Observations, in_box, inputs, observations

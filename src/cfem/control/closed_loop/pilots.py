@@ -9,9 +9,9 @@ from cfem.condensed import Condensed
 from cfem.condensed.model import Model
 from cfem.control.closed_loop.spec import ControllerSpec, LoopSpec
 from cfem.control.closed_loop.tick import Pilot
-from cfem.control.run_spec import FE_BASED
 from cfem.control.search.goal_search import Iterate, search_goal
 from cfem.control.search.inverse import Aim, Limits
+from cfem.control.task.run_spec import FE_BASED
 from cfem.core.errors import SpecError
 from cfem.equilibrium.system.robot import Robot
 from cfem.plant.gains import PHASE_MARGIN, Gains

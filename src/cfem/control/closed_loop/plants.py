@@ -11,8 +11,8 @@ from cfem.control.closed_loop.estimated import camera_of
 from cfem.control.closed_loop.estimated_account import judged
 from cfem.control.closed_loop.run_spec import ClosedLoopSpec
 from cfem.control.closed_loop.spec import LoopSpec
-from cfem.control.design import robot_at
-from cfem.control.loads import under_loads
+from cfem.control.task.design import robot_at
+from cfem.control.task.loads import under_loads
 from cfem.core.errors import SpecError
 from cfem.core.spec import load_spec
 from cfem.equilibrium.system.robot import Robot

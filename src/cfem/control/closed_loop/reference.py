@@ -7,7 +7,7 @@ import numpy as np
 
 from cfem.control.closed_loop.run import Pace
 from cfem.control.closed_loop.spec import LoopSpec
-from cfem.control.goals.trajectory import laps
+from cfem.control.task.goals.trajectory import laps
 
 
 @dataclass(frozen=True)

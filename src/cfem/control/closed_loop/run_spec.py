@@ -4,7 +4,7 @@ from typing import Literal
 
 from cfem.control.closed_loop.spec import LoopSpec
 from cfem.control.open_loop.spec import MeshErrorSpec
-from cfem.control.run_spec import FE_BASED, FamilySpec
+from cfem.control.task.run_spec import FE_BASED, FamilySpec
 
 
 class ClosedLoopSpec(FamilySpec):

@@ -18,9 +18,9 @@ from cfem.control.closed_loop.spec import LoopSpec
 from cfem.control.closed_loop.summary import headline, judged
 from cfem.control.closed_loop.tick import Pilot
 from cfem.control.closed_loop.tick_log import tick_log
-from cfem.control.goals.doubts import one_point, wide
-from cfem.control.goals.trajectory_spec import meant_beyond
-from cfem.control.loads import load_doubts
+from cfem.control.task.goals.doubts import one_point, wide
+from cfem.control.task.goals.trajectory_spec import meant_beyond
+from cfem.control.task.loads import load_doubts
 from cfem.core.artefact.judgement import KEY
 from cfem.core.console.progress import progress
 from cfem.equilibrium.system.robot import Robot

@@ -5,7 +5,7 @@ from typing import Annotated
 from pydantic import Field, PositiveInt
 
 from cfem.control.holding.spec import RobotSpec, demand_names
-from cfem.control.run_spec import RunSpec
+from cfem.control.task.run_spec import RunSpec
 from cfem.core.names import Name
 from cfem.core.spec import Spec
 from cfem.core.units import Acceleration, Force, Length, LengthRange, Point

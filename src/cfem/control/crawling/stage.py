@@ -15,8 +15,8 @@ from cfem.control.crawling.own_weight import own_weight
 from cfem.control.crawling.spec import CrawlingSpec, GaitSpec
 from cfem.control.holding.assembly import box_surface, place_of
 from cfem.control.open_loop.summary import summarise
-from cfem.control.prepared import demand_same_rows, robot_and_models
 from cfem.control.search.optimality import Verdict
+from cfem.control.task.prepared import demand_same_rows, robot_and_models
 from cfem.core.artefact.judgement import KEY, poor
 from cfem.core.errors import InputError
 from cfem.dataset.writer import write_records

@@ -22,8 +22,8 @@ from cfem.contact.sensitivity import sensitivity
 from cfem.control.closed_loop.tick import Pilot
 from cfem.control.holding.on_table import lifted, put_down
 from cfem.control.holding.spec import HoldingSpec
-from cfem.control.obstacles.world import ObstacleWorld
 from cfem.control.search.optimality import Verdict
+from cfem.control.task.obstacles.world import ObstacleWorld
 from cfem.core.errors import NumericalError
 from cfem.equilibrium.quasi_static import CONVERGED
 from cfem.plant.grip_plant import GripPlant

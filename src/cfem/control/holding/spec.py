@@ -4,8 +4,8 @@ from typing import Literal
 
 from pydantic import Field, PositiveInt
 
-from cfem.control.goals.trajectory_spec import GoalsSpec
-from cfem.control.run_spec import PlannedSpec
+from cfem.control.task.goals.trajectory_spec import GoalsSpec
+from cfem.control.task.run_spec import PlannedSpec
 from cfem.core.spec import Spec
 from cfem.core.units import ForceVector, Point
 from cfem.robot.geometry import Turn

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from cfem.control.goals.doubts import one_point, wide
+from cfem.control.task.goals.doubts import one_point, wide
 from cfem.core.artefact.judgement import FORCE_SHARE, poor
 
 

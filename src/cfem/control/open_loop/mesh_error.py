@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 
 from cfem.condensed.spread import outermost, spread
-from cfem.control.loads import under_loads
-from cfem.control.obstacles.spec import ObstaclesSpec
 from cfem.control.open_loop.spec import MeshErrorSpec, OpenLoopSpec
-from cfem.control.run_spec import PlannedSpec
+from cfem.control.task.loads import under_loads
+from cfem.control.task.obstacles.spec import ObstaclesSpec
+from cfem.control.task.run_spec import PlannedSpec
 from cfem.core.console.progress import doing, progress
 from cfem.core.errors import CfemError
 from cfem.equilibrium.solve import Wanted, solve

@@ -11,12 +11,12 @@ from cfem.condensed.strokes import FE_TOLERANCE, ridge_of, stated_or_share
 from cfem.control.closed_loop.tick import Pilot
 from cfem.control.holding.gripping import Gripping
 from cfem.control.holding.spec import HoldingSpec
-from cfem.control.obstacles.spec import ObstaclesSpec
-from cfem.control.obstacles.world import ObstacleWorld
-from cfem.control.run_spec import FE_BASED, PlannedSpec, TrackingSpec
 from cfem.control.search.goal_search import SearchSettings
 from cfem.control.search.inverse import Limits
 from cfem.control.search.multistart import RESTARTS
+from cfem.control.task.obstacles.spec import ObstaclesSpec
+from cfem.control.task.obstacles.world import ObstacleWorld
+from cfem.control.task.run_spec import FE_BASED, PlannedSpec, TrackingSpec
 from cfem.core.errors import SpecError
 from cfem.predict.contact.model import ContactModel
 from cfem.predict.protocol import Predictor

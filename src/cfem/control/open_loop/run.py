@@ -7,17 +7,17 @@ from typing import Any
 import numpy as np
 
 from cfem.control.closed_loop.controller import Controller
-from cfem.control.goals.trajectory_spec import has_been, meant_beyond
 from cfem.control.holding.spec import HoldingSpec
-from cfem.control.loads import load_doubts
 from cfem.control.open_loop.doubts import doubts
 from cfem.control.open_loop.experiment import follow
 from cfem.control.open_loop.mesh_error import discretisation, states_to_refine
 from cfem.control.open_loop.planners import counted_rows, pilots_of
 from cfem.control.open_loop.resume import SoFar
 from cfem.control.open_loop.summary import headline, judged, record, summarise
-from cfem.control.prepared import Prepared
-from cfem.control.run_spec import FE_BASED, LoadedSpec, PlannedSpec
+from cfem.control.task.goals.trajectory_spec import has_been, meant_beyond
+from cfem.control.task.loads import load_doubts
+from cfem.control.task.prepared import Prepared
+from cfem.control.task.run_spec import FE_BASED, LoadedSpec, PlannedSpec
 from cfem.core.artefact.judgement import KEY
 from cfem.core.console.progress import progress
 from cfem.dataset.writer import write_records

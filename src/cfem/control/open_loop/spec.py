@@ -4,7 +4,7 @@ from typing import Literal
 
 from pydantic import Field, PositiveInt
 
-from cfem.control.run_spec import FamilySpec, PlannedSpec
+from cfem.control.task.run_spec import FamilySpec, PlannedSpec
 from cfem.core.spec import Spec
 
 

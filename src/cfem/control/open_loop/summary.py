@@ -4,10 +4,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from cfem.control.obstacles.world import ObstacleWorld
 from cfem.control.open_loop.experiment import Tracked
-from cfem.control.run_spec import FE_BASED
 from cfem.control.search.optimality import Verdict
+from cfem.control.task.obstacles.world import ObstacleWorld
+from cfem.control.task.run_spec import FE_BASED
 from cfem.core.artefact.judgement import poor
 from cfem.core.console.shown import duration, length
 

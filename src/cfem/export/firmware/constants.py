@@ -17,10 +17,10 @@ from cfem.export.firmware.at_rest import right_at_rest, with_rest
 from cfem.export.firmware.series import Group, trees_of
 from cfem.export.spec import CSpec, FirmwareControllerSpec
 from cfem.plant.gains import Gains
-from cfem.predict.energy import layout
 from cfem.predict.load import build
 from cfem.predict.protocol import Predictor
 from cfem.predict.rows.serial import SerialPredictor, module_arrays
+from cfem.predict.series.energy import layout
 
 ACTIVATIONS = ("relu", "tanh", "silu")
 KINDS = ("spectral", "mlp", "serial")

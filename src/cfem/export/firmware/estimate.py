@@ -11,12 +11,12 @@ from cfem.core.errors import InputError
 from cfem.export.firmware import c_text
 from cfem.export.firmware.copying import copy_sources
 from cfem.export.spec import CEstimateSpec, CSpec
-from cfem.predict.chebyshev import basis
 from cfem.predict.estimation.filter import Filter, filter_of
 from cfem.predict.estimation.fit import EstimateStatus
 from cfem.predict.estimation.force_series import compliance_series, displacement_series, potential_series
-from cfem.predict.mode_series import compliance_columns, joined
 from cfem.predict.protocol import Predictor
+from cfem.predict.series.chebyshev import basis
+from cfem.predict.series.modes import compliance_columns, joined
 
 SHARED = tuple(f"controller/{name}" for name in ("cost.h", "cfem_chebyshev.h", "cfem_gate.h", "cfem_linear.h"))
 MOST = 32  # markers, and unknowns: bits of a status

@@ -9,12 +9,12 @@ import numpy as np
 from cfem.condensed.packing import pack_upper, symmetric3_indices, symmetric4_indices
 from cfem.constraint.patch import PatchLoad
 from cfem.export.firmware import c_text
-from cfem.predict.chebyshev import union
-from cfem.predict.energy import FOURTH, FOURTH_INDICES, unpacking4
 from cfem.predict.kinds.spectral import SpectralPredictor
 from cfem.predict.loads.loaded_rows import rows_of
 from cfem.predict.rows.patches import RowPatches
 from cfem.predict.rows.serial import SerialPredictor
+from cfem.predict.series.chebyshev import union
+from cfem.predict.series.energy import FOURTH, FOURTH_INDICES, unpacking4
 
 PARTS = ("potential", "effector", "compliance", "change", "curvature")
 TYPES = """

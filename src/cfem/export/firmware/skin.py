@@ -13,7 +13,7 @@ from cfem.predict.rows.serial import SerialPredictor
 
 
 def write_c_skin(folder: Path, model: Predictor, arrays: dict[str, np.ndarray], spec: CSpec) -> int:
-    """Adds the skin (arrays of `cfem.predict.skin`) of a model to its C folder; the bytes of its constants."""
+    """Adds the skin (arrays of `cfem.predict.series.skin`) of a model to its C folder; the bytes of its constants."""
     return _write(folder, skin_constants(model, arrays, spec), len(arrays["rest"]), "shape")
 
 

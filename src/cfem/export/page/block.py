@@ -27,7 +27,7 @@ class SkinSeries:
 
 
 def skin_series(predictor: Predictor, skin: dict[str, np.ndarray], p: np.ndarray) -> SkinSeries:
-    """Series of the arrays of `cfem.predict.skin`, at parameters p (n_p,)."""
+    """Series of the arrays of `cfem.predict.series.skin`, at parameters p (n_p,)."""
     n_a, indices, series = predictor.rows.n_a, skin["indices"].astype(np.int64), skin["series"]
     kept = np.flatnonzero((series != 0).any(axis=0))
     axes, trees = trees_of(indices, {"skin": kept})

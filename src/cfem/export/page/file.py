@@ -18,7 +18,7 @@ from cfem.motion.load import FILE as MOTION
 from cfem.predict.load import has_file, read_arrays, read_meta, skin_of
 from cfem.predict.loads.loaded_skin import skin_under_loads_of
 from cfem.predict.protocol import Predictor, build
-from cfem.predict.skin import FILE
+from cfem.predict.series.skin import FILE
 
 
 def write_page(

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cfem.predict.energy import THIRD, layout
 from cfem.predict.kinds.spectral import SpectralPredictor
 from cfem.predict.loads.loaded import TRUSTED, loaded, wrench_error
 from cfem.predict.loads.loaded_skin import loaded_skin
 from cfem.predict.protocol import Predictor
+from cfem.predict.series.energy import THIRD, layout
 
 SHARES = np.arange(4) / 3  # of the largest weight; its energy is of third degree
 KEPT = 1e-300  # stands for a coefficient that is 0 at one weight and not at another, so that all blocks are alike

@@ -41,9 +41,9 @@ def page(
     moving: dict[str, np.ndarray] | None = None,
     walls: Sequence[ChamberWall] = (),
 ) -> str:
-    """The whole file. skin: arrays of `cfem.predict.skin`; concerns: what is poor about the model, said first; moving:
-    arrays of its motion.npz, where it has learned to move; walls: of its chambers.
-    InputError where the page has no room for the robot."""
+    """The whole file. skin: arrays of `cfem.predict.series.skin`; concerns: what is poor about the model, said first;
+    moving: arrays of its motion.npz, where it has learned to move; walls: of its chambers. InputError where the page
+    has no room for the robot."""
     if meta["kind"] not in KINDS:
         raise InputError(f"kind {meta['kind']!r} has no page", do=f"train kind: {' or '.join(KINDS)}")
     if robot.rest_e is not None:

@@ -14,7 +14,7 @@ from cfem.core.errors import InputError
 from cfem.motion.inner_skin import InnerSkin
 from cfem.motion.model import MotionModel
 from cfem.predict.estimation.estimate import Estimator
-from cfem.predict.mode_series import ModeSeries
+from cfem.predict.series.modes import ModeSeries
 
 
 class MovingMarkers:

@@ -1,7 +1,7 @@
 """A learned robot whose surface is cut into patches, and their compliance.
 
 Patches p of the skin are where it may be touched. Their places follow from the modes u_k of the skin
-(`cfem.predict.skin`) and from the forces f_p on them, which work on the modes by w_k = sum_p u_kp . f_p:
+(`cfem.predict.series.skin`) and from the forces f_p on them, which work on the modes by w_k = sum_p u_kp . f_p:
 
     x_p = X_p + sum_k u_kp s_k + sum_q R_p L_pq R_q^T f_q + R_p E_p[g_p, g_p] / 2        g_p = R_p^T f_p
     s = s_0 + C_ss w        e = e_0 + C_es w + sum_p (T_p g_p + F_p[g_p, g_p] / 2)

@@ -1,9 +1,9 @@
 """A learned robot whose surface may be touched at points: what its contact needs, whatever is known of the points.
 
-The places of the points follow from the modes u_k of the skin (`cfem.predict.skin`) and from forces on them. How forces
-on the modes change the compliance is known by finite elements at a few states, and a polynomial in delta_a between
-them. How the points themselves yield, subclasses say: of patches (`cfem.predict.contact.patched_model`) or of the nodes
-of the mesh (`cfem.predict.contact.node_model`)."""
+The places of the points follow from the modes u_k of the skin (`cfem.predict.series.skin`) and from forces on them. How
+forces on the modes change the compliance is known by finite elements at a few states, and a polynomial in delta_a
+between them. How the points themselves yield, subclasses say: of patches (`cfem.predict.contact.patched_model`) or of
+the nodes of the mesh (`cfem.predict.contact.node_model`)."""
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
@@ -20,9 +20,9 @@ from cfem.contact.detection import along
 from cfem.core.errors import InputError
 from cfem.equilibrium.contact.node_compliance import NodeResponse
 from cfem.equilibrium.contact.patch_compliance import PatchResponse
-from cfem.predict.chebyshev import Basis, basis
-from cfem.predict.domain import Domain
 from cfem.predict.protocol import Predictor
+from cfem.predict.series.chebyshev import Basis, basis
+from cfem.predict.series.domain import Domain
 
 STILL = 1e-9  # of the largest compliance: a patch that is held has less
 BENT = 0.005  # of all that is known of how loads on the modes change the compliance: what is left out
@@ -143,7 +143,7 @@ class SurfaceModel(ABC):
     def cubic(self) -> tuple[np.ndarray, tuple[np.ndarray, ...], np.ndarray]:
         """Series of bent[v, v, v], v loads on the mixtures, a symmetric cubic form: coefficients (terms, c) mm/N^2, the
         three mixtures (c,) that each goes with, and derivatives (n_a, terms, terms) 1/mm of the series by delta_a."""
-        from cfem.predict.series import input_derivatives
+        from cfem.predict.series.derivatives import input_derivatives
 
         low, high = self.model.domain.delta_a
         i, j, k = symmetric3_indices(self.bends.shape[1])

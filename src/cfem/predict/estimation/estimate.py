@@ -5,13 +5,13 @@ marker m is a fixed mean of surface nodes, Phi_m of the modes; at a state it sta
 
     y_m = X_m + Phi_m s        s = s_0(delta_a) + C_s,loads(delta_a) w
 
-where s_0 and C are the model's (`cfem.predict.skin`). Sensors of the actuators, where there are any, measure delta_a,
-and load cells their forces, which a push changes (`cfem.predict.estimation.force_series`).
-The answer minimises the squares of all residuals, each over its own standard deviation: of markers, of sensors, and of
-the prior (Gauss-Newton with Levenberg's damping). A single frame has a prior of the loads' size alone; a filter knows
-more (`cfem.predict.estimation.filter`). The covariance is the inverse of J^T J (Bard, *Nonlinear Parameter
-Estimation*, 1974, chapter 7). Markers that do not fit are left out and named (`cfem.predict.estimation.fit`); missing
-ones are NaN. Unknowns that the measurements do not observe are named too."""
+where s_0 and C are the model's (`cfem.predict.series.skin`). Sensors of the actuators, where there are any, measure
+delta_a, and load cells their forces, which a push changes (`cfem.predict.estimation.force_series`). The answer
+minimises the squares of all residuals, each over its own standard deviation: of markers, of sensors, and of the prior
+(Gauss-Newton with Levenberg's damping). A single frame has a prior of the loads' size alone; a filter knows more
+(`cfem.predict.estimation.filter`). The covariance is the inverse of J^T J (Bard, *Nonlinear Parameter Estimation*,
+1974, chapter 7). Markers that do not fit are left out and named (`cfem.predict.estimation.fit`); missing ones are NaN.
+Unknowns that the measurements do not observe are named too."""
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -34,8 +34,8 @@ from cfem.predict.estimation.fit import (
 from cfem.predict.estimation.force_series import ForceSeries
 from cfem.predict.estimation.series import ReferenceSeries
 from cfem.predict.loads.response import RowResponse
-from cfem.predict.mode_series import ModeSeries
 from cfem.predict.protocol import Predictor
+from cfem.predict.series.modes import ModeSeries
 
 ACROSS = 0.01  # of the largest load: standard deviation of a load across a known direction
 BEYOND, MOST = 0.25, 8.0  # of the range that the model was trained on; of the largest load

@@ -13,11 +13,11 @@ from functools import cached_property
 
 import numpy as np
 
-from cfem.predict.chebyshev import Basis
-from cfem.predict.energy import layout, unpacking
 from cfem.predict.kinds.spectral import SpectralPredictor
-from cfem.predict.mode_series import BoxMap, joined
-from cfem.predict.series import input_derivatives
+from cfem.predict.series.chebyshev import Basis
+from cfem.predict.series.derivatives import input_derivatives
+from cfem.predict.series.energy import layout, unpacking
+from cfem.predict.series.modes import BoxMap, joined
 
 
 @dataclass(frozen=True, eq=False)

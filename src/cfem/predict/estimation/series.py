@@ -11,8 +11,8 @@ from cfem.core.errors import InputError
 from cfem.predict.estimation.force_series import ForceSeries
 from cfem.predict.estimation.markers import on_triangles
 from cfem.predict.kinds.spectral import SpectralPredictor
-from cfem.predict.mode_series import ModeSeries
 from cfem.predict.protocol import Predictor
+from cfem.predict.series.modes import ModeSeries
 
 
 class ReferenceSeries:

@@ -7,10 +7,10 @@ derivatives are polynomials as well: one product with `polynomial` gives those o
 import numpy as np
 
 from cfem.core.reading import take
-from cfem.predict.energy import Parts, Splitter, layout
 from cfem.predict.kinds.potential import PotentialPredictor
+from cfem.predict.series.energy import Parts, Splitter, layout
 
-# quantity: highest order of its derivatives by s in `cfem.predict.energy.layout`
+# quantity: highest order of its derivatives by s in `cfem.predict.series.energy.layout`
 ORDERS = {"potential": 2, "effector": 1, "effector_compliance": 0}
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from cfem.condensed import entries, unpack_upper
 from cfem.core.reading import take
 from cfem.predict.protocol import ArrayPredictor, build
-from cfem.predict.semidefinite import with_nearest
+from cfem.predict.series.semidefinite import with_nearest
 
 
 def _silu(x: np.ndarray) -> np.ndarray:

@@ -5,15 +5,15 @@ from abc import abstractmethod
 import numpy as np
 
 from cfem.condensed import Condensed
-from cfem.predict.energy import Parts, condense
 from cfem.predict.protocol import ArrayPredictor
+from cfem.predict.series.energy import Parts, condense
 
 
 class PotentialPredictor(ArrayPredictor):
     @abstractmethod
     def parts(self, s: np.ndarray, q: np.ndarray) -> Parts:
-        """(..., n_a), (..., n_q) -> the potential, its gradient, ...: every part of `cfem.predict.energy.layout`,
-        matrices in full."""
+        """(..., n_a), (..., n_q) -> the potential, its gradient, ...: every part of
+        `cfem.predict.series.energy.layout`, matrices in full."""
 
     def learned(self, s: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return condense(self.form, self.rows, s, self.parts(s, q), self.sizes)

@@ -10,9 +10,9 @@ import numpy as np
 
 from cfem.core.errors import InputError
 from cfem.core.reading import take
-from cfem.predict.chebyshev import Basis
-from cfem.predict.energy import Parts, Splitter, layout, unpacking
 from cfem.predict.kinds.potential import PotentialPredictor
+from cfem.predict.series.chebyshev import Basis
+from cfem.predict.series.energy import Parts, Splitter, layout, unpacking
 
 LARGEST_DEGREE = 255  # what a byte of the C export holds
 
@@ -23,7 +23,7 @@ class SpectralPredictor(PotentialPredictor, kind="spectral"):
     to_box, offset: (n, n) and (n,) with z = to_box t + offset in [-1, 1] on the data, t = (s, q) the inputs of the form
     and the coordinates of the learned parameters
     indices: (M, n) degrees of the basis functions
-    series: (n_out, M) as `cfem.predict.energy.layout`"""
+    series: (n_out, M) as `cfem.predict.series.energy.layout`"""
 
     def __init__(self, meta: dict, arrays: dict[str, np.ndarray]):
         """Reads the arrays, and demands that their shapes fit the model card."""

@@ -11,10 +11,10 @@ from math import factorial, prod
 
 import numpy as np
 
-from cfem.predict.chebyshev import Basis
-from cfem.predict.energy import FOURTH, FOURTH_INDICES, unpacking4
 from cfem.predict.kinds.spectral import SpectralPredictor
-from cfem.predict.series import input_derivatives
+from cfem.predict.series.chebyshev import Basis
+from cfem.predict.series.derivatives import input_derivatives
+from cfem.predict.series.energy import FOURTH, FOURTH_INDICES, unpacking4
 
 
 class CurvatureSeries:

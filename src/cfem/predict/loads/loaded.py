@@ -1,8 +1,8 @@
 """A model under a constant load that its samples did not carry: a payload, a push, a weight in another direction.
 
 A wrench w (n_e,) on the effectors' rows adds its work to the potential. With C the compliance of the effectors' rows at
-the state (`cfem.predict.energy`) and D = dC/dw, symmetric in its three indices, where the samples knew it, the loaded
-robot is again one of an energy:
+the state (`cfem.predict.series.energy`) and D = dC/dw, symmetric in its three indices, where the samples knew it, the
+loaded robot is again one of an energy:
 
     form displacement   Psi_w  = Psi  - w . e - w . C w / 2 - D[w, w, w] / 6     gradient: the forces that hold it there
     form force          Psi*_w = Psi* + w . e + w . C w / 2 + D[w, w, w] / 6     gradient: where the actuators then are
@@ -22,9 +22,6 @@ from cfem.condensed.packing import pack_upper, symmetric3_indices
 from cfem.constraint.patch import PatchLoad
 from cfem.core.errors import InputError, SpecError
 from cfem.equilibrium.contact.patch_effectors import PatchYield
-from cfem.predict.chebyshev import Basis
-from cfem.predict.domain import Domain
-from cfem.predict.energy import THIRD
 from cfem.predict.kinds.spectral import SpectralPredictor
 from cfem.predict.loads.loaded_rows import LEFT, LoadedRows, rows_of
 from cfem.predict.loads.loaded_skin import skin_under
@@ -32,7 +29,10 @@ from cfem.predict.protocol import ArrayPredictor, Predictor
 from cfem.predict.rows.loaded_serial import LoadedSerialPredictor
 from cfem.predict.rows.serial import SerialPredictor
 from cfem.predict.rows.serial_patches import row_patches
-from cfem.predict.series import differentiated
+from cfem.predict.series.chebyshev import Basis
+from cfem.predict.series.derivatives import differentiated
+from cfem.predict.series.domain import Domain
+from cfem.predict.series.energy import THIRD
 
 TRUSTED = 0.005  # of the length: the estimated error of e_w up to which a wrench is taken
 FITTED = 3e-4  # and what polynomials leave of that

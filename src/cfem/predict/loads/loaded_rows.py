@@ -14,10 +14,10 @@ import numpy as np
 
 from cfem.constraint.patch import PatchLoad
 from cfem.core.errors import InputError, SpecError
-from cfem.predict.chebyshev import basis, union
-from cfem.predict.energy import THIRD, layout, unpacking, unpacking3
 from cfem.predict.kinds.spectral import SpectralPredictor
-from cfem.predict.skin import LearnedSkin
+from cfem.predict.series.chebyshev import basis, union
+from cfem.predict.series.energy import THIRD, layout, unpacking, unpacking3
+from cfem.predict.series.skin import LearnedSkin
 
 if TYPE_CHECKING:
     from cfem.equilibrium.contact.patch_effectors import PatchYield

@@ -5,11 +5,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from cfem.constraint.patch import PatchLoad
-from cfem.predict.chebyshev import union
-from cfem.predict.energy import unpacking
 from cfem.predict.loads.loaded_rows import on_modes
 from cfem.predict.protocol import Predictor
-from cfem.predict.skin import LearnedSkin
+from cfem.predict.series.chebyshev import union
+from cfem.predict.series.energy import unpacking
+from cfem.predict.series.skin import LearnedSkin
 
 
 def skin_under(model: Predictor, wrench: np.ndarray, patches: Sequence[PatchLoad] = ()) -> LearnedSkin | None:
@@ -22,7 +22,7 @@ def skin_under(model: Predictor, wrench: np.ndarray, patches: Sequence[PatchLoad
 def loaded_skin(
     model: Predictor, arrays: dict[str, np.ndarray], wrench: Sequence[float], patches: Sequence[PatchLoad] = ()
 ) -> dict[str, np.ndarray]:
-    """The arrays of `cfem.predict.skin` of a model under a wrench (n_e,) N and N mm, and forces on patches."""
+    """The arrays of `cfem.predict.series.skin` of a model under a wrench (n_e,) N and N mm, and forces on patches."""
     n_e, k = model.rows.n_e, len(arrays["modes"])
     C_es, C_ss = np.split(arrays["compliance"], [n_e * k])
     moved = np.tensordot(np.asarray(wrench, float), C_es.reshape(n_e, k, -1), axes=1)  # (k, L)

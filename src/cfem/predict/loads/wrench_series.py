@@ -22,12 +22,12 @@ import numpy as np
 
 from cfem.condensed.packing import pack_upper, symmetric3_indices
 from cfem.constraint.patch import PatchLoad
-from cfem.predict.chebyshev import Basis
-from cfem.predict.energy import FOURTH, unpacking, unpacking3
 from cfem.predict.kinds.spectral import SpectralPredictor
 from cfem.predict.loads.curvature import CurvatureSeries, HeldCurvature
 from cfem.predict.loads.loaded_rows import rows_of
-from cfem.predict.series import input_derivatives
+from cfem.predict.series.chebyshev import Basis
+from cfem.predict.series.derivatives import input_derivatives
+from cfem.predict.series.energy import FOURTH, unpacking, unpacking3
 
 NEAR = 0.5  # share of the load that would buckle, by the series: up to here it is believed
 STIFF = -2.0  # where the load has taken all but 1 / 27 of the compliance

@@ -23,12 +23,12 @@ from scipy.linalg import block_diag
 from cfem.condensed.rotation import turn
 from cfem.constraint.patch import PatchLoad
 from cfem.core.errors import NumericalError
-from cfem.predict.energy import condense
 from cfem.predict.loads.loaded_rows import LEFT, on_modes
 from cfem.predict.loads.wrench_series import NEAR, Held, Loaded, WrenchSeries
 from cfem.predict.rows.patches import RowPatches
 from cfem.predict.rows.serial import END, SerialPredictor
 from cfem.predict.rows.serial_patches import row_patches, skins_within
+from cfem.predict.series.energy import condense
 
 ITERATIONS = 50
 STEP = 1e-5  # of the reach: by which shapes are differenced

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cfem.constraint.patch import PatchLoad
-from cfem.predict.skin import LearnedSkin
+from cfem.predict.series.skin import LearnedSkin
 
 
 @dataclass(frozen=True)

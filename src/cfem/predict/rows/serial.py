@@ -23,7 +23,7 @@ from cfem.core.errors import InputError
 from cfem.predict.protocol import ArrayPredictor, Predictor, build
 from cfem.predict.rows.patches import RowPatches
 from cfem.predict.rows.serial_skin import SerialSkin, in_a_row
-from cfem.predict.skin import LearnedSkin
+from cfem.predict.series.skin import LearnedSkin
 
 END, CENTRE = 6, 3  # rows of a module: the pose of its end, and the place of its centre of mass
 

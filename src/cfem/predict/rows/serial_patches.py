@@ -10,7 +10,7 @@ from cfem.predict.loads.loaded_rows import on_modes
 from cfem.predict.protocol import Predictor
 from cfem.predict.rows.patches import RowPatches
 from cfem.predict.rows.serial import SerialPredictor, module_arrays
-from cfem.predict.skin import LearnedSkin
+from cfem.predict.series.skin import LearnedSkin
 
 
 def row_patches(row: SerialPredictor, patches: Sequence[PatchLoad]) -> RowPatches | None:

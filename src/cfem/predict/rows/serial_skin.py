@@ -1,6 +1,6 @@
 """The surface of modules in a row from the skins of the modules: module i moves with the frame at its base.
 
-    y = P_i + R_i x_i(delta_i)        x_i: the surface of the module (cfem.predict.skin), in that frame
+    y = P_i + R_i x_i(delta_i)        x_i: the surface of the module (cfem.predict.series.skin), in that frame
 
 Where nodes of a module's end lie on nodes of the next one's base, they are one node, that of the end, and the faces
 between them are left out."""
@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cfem.predict.skin import LearnedSkin
+from cfem.predict.series.skin import LearnedSkin
 
 FILE = "module-skin.npz"  # of the folder of a serial model
 SAME = 1e-6  # of the module's length: nodes that are one

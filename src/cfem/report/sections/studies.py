@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from cfem.control.run_spec import FE_BASED
+from cfem.control.task.run_spec import FE_BASED
 from cfem.core.console.shown import duration
 from cfem.core.errors import InputError
 from cfem.report.chart import chart, panel

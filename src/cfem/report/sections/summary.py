@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from cfem.control.run_spec import FE_BASED
 from cfem.control.search.optimality import Verdict
+from cfem.control.task.run_spec import FE_BASED
 from cfem.core.console.shown import duration, length, times
 from cfem.report.page import Number, Summary
 from cfem.report.sections.tracking import Tracking

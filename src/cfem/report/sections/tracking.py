@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from cfem.condensed.strokes import FE_TOLERANCE, TOLERANCE
-from cfem.control.run_spec import FE_BASED
+from cfem.control.task.run_spec import FE_BASED
 from cfem.core.artefact.content import artefact_file
 from cfem.core.console.shown import length, length_unit
 from cfem.dataset.parquet import read_parquet

@@ -10,8 +10,8 @@ from cfem.condensed.parameters import completed
 from cfem.core.console.shown import length_unit
 from cfem.core.errors import InputError, NumericalError
 from cfem.dataset.reader import Dataset
-from cfem.predict.domain import FAR
 from cfem.predict.protocol import Predictor
+from cfem.predict.series.domain import FAR
 from cfem.report.chart import Chart, chart, panel
 from cfem.report.style import FAINT, LEARNED
 from cfem.report.tables import ReportTable, lengths, number, tabulate

@@ -100,7 +100,7 @@ def standard_deviations(observed: Observations) -> np.ndarray:
 def polynomial_parts(coefficients: np.ndarray, slopes: np.ndarray, order: int) -> np.ndarray:
     """Coefficients (1 + n + n (n + 1) / 2, k q) of 1, z_i and z_i z_j in a quadratic and its derivatives by s up to an
     order, from those of the quadratic itself (1 + n + n (n + 1) / 2, q); slopes (n, n_a): dz/ds. In the order of
-    `cfem.predict.energy.layout`."""
+    `cfem.predict.series.energy.layout`."""
     n, n_a = slopes.shape
     q = coefficients.shape[1]
     first, second = np.triu_indices(n)

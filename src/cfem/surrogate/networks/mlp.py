@@ -23,9 +23,9 @@ from cfem.condensed import entries
 from cfem.condensed.parameters import sampled
 from cfem.core.errors import InputError
 from cfem.core.spec import meaning
-from cfem.predict.domain import MARGIN
 from cfem.predict.kinds.mlp import AT_REST, rest_entries
 from cfem.predict.load import build, read_model
+from cfem.predict.series.domain import MARGIN
 from cfem.surrogate.error_measures import CONSTANT, SIZE, sizes
 from cfem.surrogate.networks.descent import descend
 from cfem.surrogate.networks.search import Report, search

@@ -13,7 +13,7 @@ from cfem.dataset.schema import SKIN
 from cfem.predict.load import has_skin, read_arrays, skins_of
 from cfem.predict.rows.serial import SerialPredictor, joined
 from cfem.predict.rows.serial_skin import FILE, SAME
-from cfem.predict.skin import FILE as OF_MODULE
+from cfem.predict.series.skin import FILE as OF_MODULE
 from cfem.surrogate.rows.serial import folders
 from cfem.surrogate.spec import SerialSpec
 

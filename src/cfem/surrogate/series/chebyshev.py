@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from cfem.predict.chebyshev import basis
-from cfem.predict.series import derivative_matrices
+from cfem.predict.series.chebyshev import basis
+from cfem.predict.series.derivatives import derivative_matrices
 
 
 def index_set(weights: np.ndarray, max_terms: int, max_degree: int) -> tuple[np.ndarray, np.ndarray]:

@@ -7,7 +7,7 @@ chapter 1). The decay d is the one with the least error at states left out, (K^-
 
 import numpy as np
 
-from cfem.predict.chebyshev import basis
+from cfem.predict.series.chebyshev import basis
 from cfem.surrogate.series.chebyshev import index_set
 
 DECAYS = (0.3, 0.4, 0.5, 0.6, 0.7)  # of the coefficients from degree to degree

@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from cfem.predict.series import derivative_matrices
+from cfem.predict.series.derivatives import derivative_matrices
 from cfem.surrogate.series.chebyshev import design_rows
 from cfem.surrogate.series.least_squares import residual_square, solve_nested, triangular
 from cfem.surrogate.series.observations import Derivative

@@ -2,8 +2,8 @@
 
 Every state gives, for nothing, the value, gradient and Hessian of the potential (energy, multipliers or displacements,
 W_aa or its inverse) and the value and gradient of e; datasets of third order (dW/dlambda) give one derivative more of
-each, and those with parameters the derivatives by them of the potential, its gradient and e. See `cfem.predict.energy`
-for the two forms."""
+each, and those with parameters the derivatives by them of the potential, its gradient and e. See
+`cfem.predict.series.energy` for the two forms."""
 
 from dataclasses import dataclass, replace
 from itertools import combinations_with_replacement

@@ -15,8 +15,8 @@ import numpy as np
 
 from cfem.condensed.pose import COORDINATES
 from cfem.condensed.resting import resting
-from cfem.predict.energy import FOURTH, FOURTH_INDICES, THIRD, Form
-from cfem.predict.series import differentiated
+from cfem.predict.series.derivatives import differentiated
+from cfem.predict.series.energy import FOURTH, FOURTH_INDICES, THIRD, Form
 from cfem.surrogate.series.chebyshev import design_rows, index_set
 from cfem.surrogate.series.coordinates import box_coordinates, held_coordinates, mean_square
 from cfem.surrogate.series.greedy import greedy_set
@@ -264,7 +264,7 @@ def _fewer(z: np.ndarray, targets: np.ndarray, terms: int) -> tuple[np.ndarray, 
 
 def series(chosen: dict[str, Series], to_box: np.ndarray, n_a: int) -> dict[str, np.ndarray]:
     """Arrays of the series: indices (M, n), the union of the index sets; series (n_out, M), coefficients of every part
-    of `cfem.predict.energy.layout`, derivatives by s (n_a,); and of D where it was fitted."""
+    of `cfem.predict.series.energy.layout`, derivatives by s (n_a,); and of D where it was fitted."""
     indices, padded = united(chosen)
     psi, e, compliance = (padded[name] for name in ("potential", "effector", "effector_compliance"))
     arrays = {"indices": indices, "series": differentiated(indices, to_box, n_a, psi, e, compliance)}

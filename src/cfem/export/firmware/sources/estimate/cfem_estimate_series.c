@@ -1,5 +1,5 @@
 /* Series of the estimator: where the markers are, forces of the actuators, effectors and modes, with their derivatives, as
- * src/cfem/predict/mode_series.py and force_series.py have them. */
+ * src/cfem/predict/series/modes.py and force_series.py have them. */
 #include "cfem_estimate_parts.h"
 
 #include <string.h>

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, PositiveInt
 
-from cfem.control.goals.trajectory_spec import GoalsSpec, TrajectorySpec
+from cfem.control.task.goals.trajectory_spec import GoalsSpec, TrajectorySpec
 from cfem.core.actuator_units import Displacement, Effort
 from cfem.core.names import Name
 from cfem.core.spec import Spec

@@ -2,8 +2,9 @@
 
 Every mode is a row of W, as an effector is: its displacement s is a Chebyshev series of the model's inputs, beside it a
 series of the compliances C_es and C_ss that are left with the actuators locked (form 'displacement') or their forces
-held ('force'). The blocks of W follow from W_aa and W_ea of the model as those of effectors do (`cfem.predict.energy`).
-A model of any kind has such a skin, or none; what does not ask for shapes never reads it."""
+held ('force'). The blocks of W follow from W_aa and W_ea of the model as those of effectors do
+(`cfem.predict.series.energy`). A model of any kind has such a skin, or none; what does not ask for shapes never reads
+it."""
 
 from dataclasses import replace
 from functools import cached_property
@@ -15,9 +16,9 @@ from cfem.condensed import Condensed
 from cfem.condensed.skin import PREFIX, Skin
 from cfem.core.errors import InputError
 from cfem.core.reading import take
-from cfem.predict.chebyshev import Basis
-from cfem.predict.energy import Form, unpacking, upper_indices
-from cfem.predict.semidefinite import with_nearest
+from cfem.predict.series.chebyshev import Basis
+from cfem.predict.series.energy import Form, unpacking, upper_indices
+from cfem.predict.series.semidefinite import with_nearest
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -133,7 +134,7 @@ class LearnedSkin:
     @cached_property
     def _slopes_T(self) -> np.ndarray:
         """(M, k n_a) series of the gradient."""
-        from cfem.predict.series import input_derivatives  # which needs SciPy, as no shape does
+        from cfem.predict.series.derivatives import input_derivatives  # which needs SciPy, as no shape does
 
         by_s = input_derivatives(self._indices, self._to_box, self._n_a)
         return np.stack([D @ self._series_T for D in by_s], axis=-1).reshape(len(self._indices), -1)
@@ -143,7 +144,7 @@ class LearnedSkin:
         """(n_a L, L), one matrix below the other: derivatives of the series of the compliance by s."""
         from scipy.sparse import vstack  # which no shape needs
 
-        from cfem.predict.series import input_derivatives
+        from cfem.predict.series.derivatives import input_derivatives
 
         return vstack(input_derivatives(self._compliance_basis.indices, self._to_box, self._n_a), format="csr")
 

@@ -10,9 +10,9 @@ from export.test_graphs import energy_net, network_of_forces
 
 from cfem.export.compiled.controller import CompiledController
 from cfem.export.onnx import onnx_bytes
-from cfem.predict.energy import layout, unpacking
 from cfem.predict.load import build
-from cfem.predict.semidefinite import FLOOR, nearest
+from cfem.predict.series.energy import layout, unpacking
+from cfem.predict.series.semidefinite import FLOOR, nearest
 from cfem.surrogate.definiteness import smallest_eigenvalue
 from cfem.surrogate.modules import module_of
 

@@ -8,7 +8,7 @@ import yaml
 
 import cfem
 from cfem.constraint.patch import PatchLoad
-from cfem.control.loads import load_doubts
+from cfem.control.task.loads import load_doubts
 from cfem.core.errors import InputError, SpecError
 from cfem.predict.load import load_model
 from cfem.predict.loads.loaded import loaded

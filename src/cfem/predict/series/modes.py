@@ -14,10 +14,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cfem.core.errors import InputError
-from cfem.predict.chebyshev import Basis, union
-from cfem.predict.energy import unpacking
-from cfem.predict.series import input_derivatives
-from cfem.predict.skin import LearnedSkin
+from cfem.predict.series.chebyshev import Basis, union
+from cfem.predict.series.derivatives import input_derivatives
+from cfem.predict.series.energy import unpacking
+from cfem.predict.series.skin import LearnedSkin
 
 
 @dataclass(frozen=True, eq=False)

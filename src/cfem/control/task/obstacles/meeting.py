@@ -9,10 +9,10 @@ from cfem.condensed.patches import Patches, SurfacePoints
 from cfem.constraint.surface import outer_surface
 from cfem.constraint.surface_points import at_nodes
 from cfem.contact.prescribed_motion import ActuatedRobot
-from cfem.control.obstacles.clearance import demand_apart, demand_outside, demand_way
-from cfem.control.obstacles.read import ReadObstacles, naming, read_obstacles
-from cfem.control.obstacles.spec import ObstaclesSpec
-from cfem.control.obstacles.world import ObstacleWorld, world_of
+from cfem.control.task.obstacles.clearance import demand_apart, demand_outside, demand_way
+from cfem.control.task.obstacles.read import ReadObstacles, naming, read_obstacles
+from cfem.control.task.obstacles.spec import ObstaclesSpec
+from cfem.control.task.obstacles.world import ObstacleWorld, world_of
 from cfem.core.spec import meaning
 from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
 from cfem.equilibrium.system.robot import Robot

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from cfem.control.goals.trajectory import arc, half_sphere, laps, loop_of_shares, with_approach
+from cfem.control.task.goals.trajectory import arc, half_sphere, laps, loop_of_shares, with_approach
 
 
 def test_quarter_circle_of_the_finger():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cfem.core.errors import InputError
-from cfem.predict.mode_series import ModeSeries, joined
+from cfem.predict.series.modes import ModeSeries, joined
 
 
 def test_values_and_slopes_are_the_skin_s(model):

@@ -6,7 +6,7 @@ from numpy.polynomial.chebyshev import chebval
 
 from cfem.condensed import Condensed, Rows
 from cfem.core.errors import InputError
-from cfem.predict.skin import LearnedSkin
+from cfem.predict.series.skin import LearnedSkin
 
 N_A, K, M = 2, 3, 4  # actuators, modes, nodes of the surface
 INDICES = np.array([[i, j] for i in range(4) for j in range(4 - i)])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.polynomial import chebyshev
 
-from cfem.predict.chebyshev import Basis, basis
+from cfem.predict.series.chebyshev import Basis, basis
 
 
 @pytest.mark.parametrize("n", [1, 2, 3, 4, 5, 8])

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from cfem.constraint.patch import PatchLoad
-from cfem.control.run_spec import LoadedSpec
+from cfem.control.task.run_spec import LoadedSpec
 from cfem.core.artefact.judgement import poor
 from cfem.core.errors import InputError
 from cfem.equilibrium.contact.patch_effectors import PatchYield

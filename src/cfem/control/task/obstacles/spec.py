@@ -5,7 +5,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from cfem.control.run_spec import LoadedSpec, PlannedSpec
+from cfem.control.task.run_spec import LoadedSpec, PlannedSpec
 from cfem.core.names import Name
 from cfem.predict.contact.obstacle_spec import ContactSpec, MeshObstacle, ObstacleSpec, RobotObstacle
 

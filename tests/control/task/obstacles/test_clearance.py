@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cfem.contact.obstacle import Plane, Sphere
-from cfem.control.obstacles.clearance import demand_outside, demand_way
+from cfem.control.task.obstacles.clearance import demand_outside, demand_way
 from cfem.core.errors import SpecError
 
 ROBOT = SimpleNamespace(X=np.array([[0.0, 0, 0], [10.0, 0, 0], [20.0, 0, 0]]), fixed=np.array([0]), length=20.0)

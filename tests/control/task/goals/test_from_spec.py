@@ -8,8 +8,8 @@ import pytest
 from pydantic import TypeAdapter
 
 from cfem.condensed import Rows
-from cfem.control.goals.from_spec import demand_fits, demand_near, goals_of
-from cfem.control.goals.trajectory_spec import GoalsSpec, TrajectorySpec
+from cfem.control.task.goals.from_spec import demand_fits, demand_near, goals_of
+from cfem.control.task.goals.trajectory_spec import GoalsSpec, TrajectorySpec
 from cfem.core.errors import SpecError
 from cfem.core.yaml import read_yaml
 

@@ -7,9 +7,9 @@ from scipy.sparse import csr_array
 def differentiated(
     indices: np.ndarray, to_box: np.ndarray, n_a: int, psi: np.ndarray, e: np.ndarray, compliance: np.ndarray
 ) -> np.ndarray:
-    """(n_out, M) coefficients of every part of `cfem.predict.energy.layout`, derivatives by the first n_a inputs, from
-    those of the potential psi (M, 1), the effectors e (M, n_e) and the packed compliance (M, n_e (n_e + 1) / 2);
-    indices (M, n); to_box (n, n) as in `cfem.predict.kinds.spectral`."""
+    """(n_out, M) coefficients of every part of `cfem.predict.series.energy.layout`, derivatives by the first n_a
+    inputs, from those of the potential psi (M, 1), the effectors e (M, n_e) and the packed compliance (M, n_e (n_e + 1)
+    / 2); indices (M, n); to_box (n, n) as in `cfem.predict.kinds.spectral`."""
     by_s = input_derivatives(indices, to_box, n_a)
     psi_i = [D_i @ psi for D_i in by_s]
     psi_ij = [by_s[j] @ psi_i[i] for i in range(n_a) for j in range(i, n_a)]

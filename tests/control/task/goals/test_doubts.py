@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cfem.control.goals.doubts import one_point, wide
+from cfem.control.task.goals.doubts import one_point, wide
 
 CIRCLE = np.array([[np.cos(t), np.sin(t), 100.0] for t in np.linspace(0, 6, 24)])
 

@@ -5,7 +5,7 @@ import json
 import numpy as np
 from surrogate.synthetic import dataset, energy
 
-from cfem.predict.domain import Domain
+from cfem.predict.series.domain import Domain
 
 
 def test_it_holds_its_states_and_survives_json():

@@ -7,8 +7,8 @@ import numpy as np
 
 from cfem.condensed import Rows
 from cfem.control.closed_loop.tick import Pilot
-from cfem.control.obstacles.read import ReadObstacles
-from cfem.control.obstacles.spec import ObstaclesSpec
+from cfem.control.task.obstacles.read import ReadObstacles
+from cfem.control.task.obstacles.spec import ObstaclesSpec
 from cfem.predict.contact.model import ContactModel
 
 PRESSED = 0.05  # of the force that is wanted: how far off it may be where a goal is reached

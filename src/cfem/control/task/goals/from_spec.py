@@ -3,8 +3,8 @@
 import numpy as np
 
 from cfem.condensed.far import doubt, far_of
-from cfem.control.goals.trajectory import arc, half_sphere, loop_of_shares, with_approach
-from cfem.control.goals.trajectory_spec import ArcSpec, GoalsSpec, HalfSphereSpec, ImageSpec, TrajectorySpec
+from cfem.control.task.goals.trajectory import arc, half_sphere, loop_of_shares, with_approach
+from cfem.control.task.goals.trajectory_spec import ArcSpec, GoalsSpec, HalfSphereSpec, ImageSpec, TrajectorySpec
 from cfem.core.console.progress import progress
 from cfem.core.errors import SpecError
 from cfem.equilibrium.system.robot import Robot

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from cfem.contact.obstacle import Obstacle
 from cfem.contact.prescribed_motion import ActuatedRobot, PrescribedMotion
-from cfem.control.obstacles.spec import ObstaclesSpec
+from cfem.control.task.obstacles.spec import ObstaclesSpec
 from cfem.core.errors import InputError
 from cfem.predict.contact.obstacle_spec import RobotObstacle
 from cfem.predict.load import load_model

@@ -8,15 +8,15 @@ from typing import Any
 import numpy as np
 
 from cfem.control.closed_loop.run_spec import ClosedLoopSpec
-from cfem.control.design import designed
-from cfem.control.goals.from_spec import demand_near, goals_of
 from cfem.control.holding.assembly import assembled, gripped
 from cfem.control.holding.spec import HoldingSpec
-from cfem.control.loads import carrying
-from cfem.control.obstacles.meeting import with_obstacles
-from cfem.control.obstacles.spec import ObstaclesSpec
-from cfem.control.obstacles.world import ObstacleWorld
-from cfem.control.run_spec import FamilySpec, LoadedSpec, RunSpec, TrackingSpec
+from cfem.control.task.design import designed
+from cfem.control.task.goals.from_spec import demand_near, goals_of
+from cfem.control.task.loads import carrying
+from cfem.control.task.obstacles.meeting import with_obstacles
+from cfem.control.task.obstacles.spec import ObstaclesSpec
+from cfem.control.task.obstacles.world import ObstacleWorld
+from cfem.control.task.run_spec import FamilySpec, LoadedSpec, RunSpec, TrackingSpec
 from cfem.core.actuator_units import demand_units
 from cfem.core.errors import InputError
 from cfem.equilibrium.system.robot import Robot

@@ -8,8 +8,8 @@ import pytest
 
 from cfem.condensed import Rows
 from cfem.control.closed_loop.tick import Pilot
-from cfem.control.obstacles.world import PRESSED, ObstacleWorld, world_of
 from cfem.control.search.inverse import Limits
+from cfem.control.task.obstacles.world import PRESSED, ObstacleWorld, world_of
 
 ROWS = Rows(("tip.x", "tip.y", "tip.z", "pad.force", "stop.force", "wall.distance"), ("cable",))
 PAD = SimpleNamespace(press=2.0, largest_force=3.0, avoid=None)

@@ -17,7 +17,7 @@ import numpy as np
 from cfem.condensed import Rows
 from cfem.condensed.model import Form
 from cfem.condensed.packing import symmetric3_indices, symmetric4_indices, upper_indices
-from cfem.predict.semidefinite import nearest, with_nearest
+from cfem.predict.series.semidefinite import nearest, with_nearest
 
 FORMS: tuple[Form, ...] = ("displacement", "force")
 Parts = dict[str, np.ndarray]

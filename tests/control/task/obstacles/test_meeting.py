@@ -46,7 +46,7 @@ def test_a_stated_force_is_what_finite_elements_feel(bar):
 
 def test_a_stated_force_is_what_finite_elements_feel_that_touch_at_every_node(bar, monkeypatch):
     """Plan and FE robot touch at nodes unless patches are asked for."""
-    monkeypatch.delattr("cfem.control.obstacles.meeting.patched_model_of")
+    monkeypatch.delattr("cfem.control.task.obstacles.meeting.patched_model_of")
     obstacles = {"ceiling": {**CEILING, "press": "30 mN"}}
     more = {"search": {"step": "0.5 mm", "weights": [0, 0, 0]}, "contact": {}}
     found = cfem.run_stage("control", control(bar, "press-mesh", obstacles, **more))["results"]
@@ -122,7 +122,7 @@ def test_patches_as_large_as_the_robot_are_refused(bar):
 
 
 def test_robots_that_overlap_are_refused_before_finite_elements_take_a_while(bar, monkeypatch):
-    monkeypatch.delattr("cfem.control.obstacles.meeting.patched_model_of")
+    monkeypatch.delattr("cfem.control.task.obstacles.meeting.patched_model_of")
     inside = {**TOUCHED, "translate": {"mm": [0, 0, 9]}}
     with pytest.raises(SpecError, match=r"obstacles\.twin: the robot starts 4\.5 mm inside it.*move it away"):
         cfem.run_stage("control", control(bar, "overlap", {"twin": inside}))
