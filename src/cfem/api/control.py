@@ -114,7 +114,7 @@ def find_actuation(
     first = model.at_displacement(np.zeros(n_a) if start is None else vector("start", start, n_a))
     limits, settings = _limits(model, unilateral, largest_force), SearchSettings.of(model.reach, iterations)
     result = search_goal(model, aim, limits, Iterate.at(first), settings)
-    return multistart(model, aim, limits, result, settings, by_displacement, all_over(limits, RESTARTS))
+    return multistart(model, aim, limits, result, settings, by_displacement, all_over(model, limits, RESTARTS))
 
 
 @says_what_is_missing

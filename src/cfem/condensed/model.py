@@ -57,6 +57,16 @@ class KnowsDomain(Protocol):
 
 
 @runtime_checkable
+class KnowsStates(Protocol):
+    """A model that has kept some of the states that it was trained on."""
+
+    @property
+    def trained(self) -> np.ndarray:
+        """Displacements (k, n_a) of training states, spread over all of them, the middle first."""
+        ...
+
+
+@runtime_checkable
 class KnowsSlopes(Protocol):
     """A model that answers forces and stiffness of many states at once."""
 

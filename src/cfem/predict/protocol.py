@@ -234,6 +234,11 @@ class Predictor(ABC):
         """True for each state found with this model that is like those that it was trained on."""
         return self.domain.holds(*self._where(condensed, p))
 
+    @property
+    def trained(self) -> np.ndarray:
+        """Displacements (k, n_a) of training states, spread over all of them, the middle first."""
+        return self.domain.states[:, : self.rows.n_a]
+
     def distance(self, condensed: Condensed, p: ArrayLike | None = None) -> float | np.ndarray:
         """Distance of each state from the training states: about 1 or less among them (`Domain.distance`)."""
         return self.domain.distance(*self._where(condensed, p))

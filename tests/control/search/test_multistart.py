@@ -72,12 +72,46 @@ def test_starts_are_not_computed_for_a_goal_that_was_met():
 
 
 def test_starts_all_over_lie_within_the_course_and_differ():
-    starts = np.array(list(all_over(LIMITS, 8)))
+    starts = np.array(list(all_over(Held(), LIMITS, 8)))
     assert starts.shape == (8, 2) and len(np.unique(starts, axis=0)) == 8
     assert (starts > 0.0).all() and (starts < 10.0).all()
-    assert not list(all_over(Limits(LIMITS.lambda_a, LIMITS.lambda_a), 8))
+    assert not list(all_over(Held(), Limits(LIMITS.lambda_a, LIMITS.lambda_a), 8))
 
 
 def test_the_first_answer_stays_where_none_is_better():
     first, found = searched(Held(hole=4.0), [2.0, 0.95], [2.0, 4.3])
     np.testing.assert_array_equal(found.delta_a, first.delta_a)
+
+
+class Learned(Held):
+    """Knows the states below 4, where it was trained."""
+
+    trained = np.array([[1.0, 3.0], [2.0, 12.0]])
+
+    def inside(self, condensed):
+        return bool(condensed.delta_a[1] < 4.0)
+
+    def distance(self, condensed):
+        return max(0.0, condensed.delta_a[1] - 4.0)
+
+
+def test_an_answer_beside_what_the_model_knows_gives_way_to_another_that_reaches_the_goal():
+    """The goal is met at 4.15 + 0.08 and at 3.9653."""
+    model, aim = Learned(), Aim(np.array([2.0, 1.08]), np.ones(2), np.full(2, 1e-6))
+    settings = SearchSettings(tolerance=1e-9)
+    first = search_goal(model, aim, LIMITS, Iterate.at(model.at_displacement(np.array([2.0, 4.3]))), settings)
+    assert first.delta_a[1] == pytest.approx(4.23, abs=1e-4)
+    best = multistart(model, aim, LIMITS, first, settings, by_displacement, all_over(model, LIMITS, 8))
+    assert best.delta_a[1] == pytest.approx(3.965, abs=1e-4)
+
+
+def test_where_nothing_that_the_model_knows_reaches_the_goal_the_answer_beside_it_stays():
+    model, aim = Learned(), Aim(np.array([2.0, 3.0]), np.ones(2), np.full(2, 1e-6))
+    settings = SearchSettings(tolerance=1e-9)
+    first = search_goal(model, aim, LIMITS, Iterate.at(model.at_displacement(np.array([2.0, 4.3]))), settings)
+    best = multistart(model, aim, LIMITS, first, settings, by_displacement, all_over(model, LIMITS, 8))
+    np.testing.assert_array_equal(best.delta_a, first.delta_a)
+
+
+def test_starts_are_states_that_the_model_was_trained_on_within_the_course():
+    np.testing.assert_array_equal(list(all_over(Learned(), LIMITS, 8)), [[1.0, 3.0], [2.0, 10.0]])

@@ -81,3 +81,19 @@ def test_a_state_without_spread_has_a_unit_of_one():
     domain = Domain.of(np.full((3, 1), 2.0), np.array([[0.0], [1.0], [2.0]]))
     assert domain.outside(np.array([2.0]), np.array([1.0])) == 0.0
     assert domain.outside(np.array([2.5]), np.array([1.0])) == 0.5
+
+
+def test_a_state_beside_a_thin_sheet_of_states_is_not_among_them():
+    """Three cables that move with two bends: a third direction, in which they differ by a hundredth, is part of the
+    body's stretch, and a state half as far along it as along the others lies within both boxes all the same."""
+    rng = np.random.default_rng(3)
+    angles = np.radians([0.0, 120.0, 240.0])
+    bends = np.column_stack([np.cos(angles), np.sin(angles)])
+    delta_a = rng.uniform(-1, 1, (60, 2)) @ bends.T + 0.01 * rng.uniform(-1, 1, (60, 1))
+    lambda_a = rng.uniform(0, 1, (60, 3))
+    domain = Domain.of(delta_a, lambda_a)
+    middle, among = np.full(3, 0.5), delta_a.mean(axis=0)
+    beside = among + 0.05
+    assert domain.outside(beside, middle) == 0.0 and domain.distance(beside, middle) < 2
+    assert domain.holds(among, middle) and not domain.holds(beside, middle)
+    assert domain.holds(delta_a[:4], np.tile(middle, (4, 1))).all()

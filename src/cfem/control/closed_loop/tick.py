@@ -148,7 +148,7 @@ def drive(
             return replace(belief, status=result.status.value, plan=result)
         kinked = getattr(pilot.model, "kinked", False)
         if kinked or pilot.restarts:
-            starts = around(result, limits) if kinked else all_over(limits, pilot.restarts)
+            starts = around(result, limits) if kinked else all_over(pilot.model, limits, pilot.restarts)
             place = by_displacement if kinked else place
             result = multistart(pilot.model, aim, limits, result, pilot.settings, place, starts)
         # Whether a goal is out of reach is a matter of the robot, not of what one tick may change.

@@ -1,7 +1,8 @@
 """Goals that a search has missed are searched for again from other places, since it only goes downhill.
 
 Friction: where a patch sticks it holds the robot, and on either side of that another answer may lie: places around the
-one that was found. Elsewhere an arm that curls comes near to a goal twice: places all over the reach."""
+one that was found. Elsewhere an arm that curls comes near to a goal twice: places all over the reach. An answer beside
+what a learned model knows is no answer: another is sought, and taken where it reaches the goal."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
@@ -9,7 +10,7 @@ from itertools import product
 
 import numpy as np
 
-from cfem.condensed.model import Model
+from cfem.condensed.model import KnowsDomain, KnowsStates, Model
 from cfem.control.search.goal_search import Iterate, Place, SearchResult, SearchSettings, SearchStatus, search_goal
 from cfem.control.search.inverse import Aim, Limits
 from cfem.control.search.optimality import arrived
@@ -29,10 +30,12 @@ def around(first: SearchResult, limits: Limits) -> list[np.ndarray]:
     return [np.clip(first.delta_a + step, *limits.delta_a.T) for step in aside]
 
 
-def all_over(limits: Limits, count: int) -> Iterator[np.ndarray]:
-    """Starts: `count` displacements (n_a,) spread over the course (Halton's sequence), none where it has no end.
-    Nothing is computed before the first is asked for."""
-    if np.isfinite(limits.delta_a).all():
+def all_over(model: Model, limits: Limits, count: int) -> Iterator[np.ndarray]:
+    """Starts: `count` displacements (n_a,) spread over what the model was trained on, or else over the course (Halton's
+    sequence); none where that has no end. Nothing is computed before the first is asked for."""
+    if isinstance(model, KnowsStates):
+        yield from np.clip(model.trained[:count], *limits.delta_a.T)
+    elif np.isfinite(limits.delta_a).all():
         from scipy.stats import qmc
 
         low, high = limits.delta_a.T
@@ -48,8 +51,10 @@ def multistart(
     place: Place,
     starts: Iterable[np.ndarray],
 ) -> SearchResult:
-    """Best of `first` and of searches from `starts` (n_a,), which end with the first that does not miss the goal."""
-    if arrived(first.iterate.condensed, aim, limits):
+    """Best of `first` and of searches from `starts` (n_a,), which end with the first that does not miss the goal, at a
+    state that the model knows."""
+    known = _known(model, first)
+    if known and arrived(first.iterate.condensed, aim, limits):
         return first
     best, cost = first, aim.cost(first.delta_e, first.delta_a)
     beyond = max(_beyond(first, limits, settings), BEYOND * float(np.abs(settings.scale * first.lambda_a).sum()))
@@ -64,15 +69,22 @@ def multistart(
             queries=best.queries + result.queries + 1,
             seconds=best.seconds + result.seconds,
         )
-        if result.status is SearchStatus.QP_FAILED or aim.cost(result.delta_e, result.delta_a) >= (1 - BETTER) * cost:
+        if result.status is SearchStatus.QP_FAILED or not _known(model, result):
             continue
-        if _beyond(result, limits, settings) > beyond:
+        there = arrived(result.iterate.condensed, aim, limits)
+        nearer = aim.cost(result.delta_e, result.delta_a) < (1 - BETTER) * cost
+        if not (nearer or (there and not known)) or _beyond(result, limits, settings) > beyond:
             continue
         spent = {name: getattr(best, name) for name in ("iterations", "queries", "seconds")}
-        best, cost = replace(result, **spent), aim.cost(result.delta_e, result.delta_a)
-        if arrived(best.iterate.condensed, aim, limits):
+        best, cost, known = replace(result, **spent), aim.cost(result.delta_e, result.delta_a), True
+        if there:
             break
     return best
+
+
+def _known(model: Model, result: SearchResult) -> bool:
+    """True where the search ended at a state like those that the model was trained on, or it cannot tell."""
+    return not isinstance(model, KnowsDomain) or bool(model.inside(result.iterate.condensed))
 
 
 def _beyond(result: SearchResult, limits: Limits, settings: SearchSettings) -> float:

@@ -11,12 +11,15 @@ from cfem.condensed.spread import spread
 MARGIN = 0.05  # share of each range by which the boxes are wider than the data
 STATES = 128  # kept of the training states
 FAR = 2.0  # gaps: a state farther than this from all of them is not among the data
+_ROUNDING = 1e-9
+ASIDE = 0.5  # of the data's range along each of its principal axes: how far beyond it a state is still among them
 
 
 @dataclass(frozen=True)
 class Domain:
     """The states that a model was trained on. Pulling states fill a wedge of the displacements, whose box would be
-    mostly empty: the box of the multipliers cuts the wedge out of it.
+    mostly empty: the box of the multipliers cuts the wedge out of it. More cables than the body has ways to bend fill a
+    thin sheet, beside which a model's multipliers are as wrong as its displacements: the sheet's principal axes bound it.
 
     delta_a, lambda_a: (2, n_a) smallest and largest of the training states, with a margin
     p: (2, n_p) the same of the parameters' coordinates
@@ -59,7 +62,7 @@ class Domain:
 
     def holds(self, delta_a: np.ndarray, lambda_a: np.ndarray, p: np.ndarray | None = None) -> bool | np.ndarray:
         """(...,) whether states (..., n_a) are like those that the model was trained on."""
-        within = np.equal(self.outside(delta_a, lambda_a, p), 0.0)
+        within = np.equal(self.outside(delta_a, lambda_a, p), 0.0) & np.less_equal(self._aside(delta_a), ASIDE)
         return _plain(within & np.less_equal(self.distance(delta_a, lambda_a, p), FAR))
 
     def nearest(self, s: np.ndarray, form: Form, p: np.ndarray | None = None) -> np.ndarray:
@@ -74,6 +77,25 @@ class Domain:
         if p is not None and len(p):
             apart += (((known[:, 2 * n_a :] - p) / width[2 * n_a :]) ** 2).sum(axis=1)
         return known[np.argmin(apart), answer]
+
+    def _aside(self, delta_a: np.ndarray) -> np.ndarray:
+        """(...,) how far displacements (..., n_a) lie beyond the kept states along their principal axes, as a share of
+        the states' range along each; 0 among them."""
+        axes, low, high = self._principal
+        along = delta_a @ axes
+        return (np.maximum(low - along, along - high) / (high - low)).max(axis=-1, initial=0.0)
+
+    @cached_property
+    def _principal(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Principal axes (n_a, n_a), as columns, of the kept states' displacements as shares of their box, and the
+        smallest and largest of the states along each. An axis along which they do not differ beyond rounding is left out."""
+        known = self.states[:, : self.delta_a.shape[1]]
+        width = _range(self.delta_a)
+        scaled = known / width
+        _, size, axes = np.linalg.svd(scaled - scaled.mean(axis=0), full_matrices=False)
+        axes = (axes[size > _ROUNDING * size.max(initial=1.0)] / width).T
+        along = known @ axes
+        return axes, along.min(axis=0), along.max(axis=0)
 
     @cached_property
     def _box(self) -> np.ndarray:

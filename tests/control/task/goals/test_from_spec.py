@@ -13,7 +13,7 @@ from cfem.control.task.goals.trajectory_spec import GoalsSpec, TrajectorySpec
 from cfem.core.errors import SpecError
 from cfem.core.yaml import read_yaml
 
-PIPELINES = Path(__file__).parents[3] / "pipelines"
+PIPELINES = Path(__file__).parents[4] / "pipelines"
 TRAJECTORY = TypeAdapter(TrajectorySpec)
 ROBOT = SimpleNamespace(
     rows=SimpleNamespace(n_e=3, n_a=2), rest_e=np.array([0.0, 10.0, -120.0]), aims=np.ones(3, dtype=bool)
