@@ -34,6 +34,7 @@ _GROWTH = 1.7
 _TIP = 0.1  # of the robot's length: nodes so near to the watched point turn with it
 _ALL = (0.15, 0.3, 0.45, 0.6, 0.75, 0.9, 1.0)  # shares of the strokes tried in turn where all actuators go together
 _HALVINGS = 3  # of the interval between a share that is reached and the first that is not
+_MARGIN = 0.8  # of where a solve fails or the body meets itself: on another mesh it folds elsewhere
 _ALIKE = 0.8  # of a stroke: one that is no shorter than this is taken for both, as of cables that are alike by symmetry
 # The last amount that was reached counts, so that the exact place where a path ends is worth no steps.
 _CLOSE = 0.2  # of the smallest amount at which the body meets itself: so near to it is near enough
@@ -190,11 +191,11 @@ def _until(problem: Problem, index: int, tip: np.ndarray, advance: Callable[[int
             if done == 0.0 and amount > _LEAST * _FIRST[unit] * whole:
                 amount /= 4
                 continue
-            return Stroke(0.8 * (done or amount), 0.8 * force, f"beyond it, {_short(ended.status)}")
+            return Stroke(_MARGIN * (done or amount), _MARGIN * force, f"beyond it, {_short(ended.status)}")
         if meets and _meets_itself(problem, ended):
             most = amount
             if most - done < _CLOSE * most or most < _LEAST * _FIRST[unit] * whole:
-                return Stroke(done or most, force, _MEETS, touches=done == 0.0)
+                return Stroke(_MARGIN * (done or most), _MARGIN * force, _MEETS, touches=done == 0.0)
             amount = (done + most) / 2
             continue
         used, why = _used(problem, ended, tip)

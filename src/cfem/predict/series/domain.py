@@ -19,7 +19,7 @@ ASIDE = 0.5  # of the data's range along each of its principal axes: how far bey
 class Domain:
     """The states that a model was trained on. Pulling states fill a wedge of the displacements, whose box would be
     mostly empty: the box of the multipliers cuts the wedge out of it. More cables than the body has ways to bend fill a
-    thin sheet, beside which a model's multipliers are as wrong as its displacements: the sheet's principal axes bound it.
+    thin sheet, beside which the multipliers of a model are wrong too: the principal axes of the sheet bound it.
 
     delta_a, lambda_a: (2, n_a) smallest and largest of the training states, with a margin
     p: (2, n_p) the same of the parameters' coordinates
@@ -88,7 +88,7 @@ class Domain:
     @cached_property
     def _principal(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Principal axes (n_a, n_a), as columns, of the kept states' displacements as shares of their box, and the
-        smallest and largest of the states along each. An axis along which they do not differ beyond rounding is left out."""
+        smallest and largest of the states along each; axes along which they do not differ are left out."""
         known = self.states[:, : self.delta_a.shape[1]]
         width = _range(self.delta_a)
         scaled = known / width
