@@ -256,7 +256,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--count", type=int, default=60, help="changes to try")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--only", default="", help="files whose path begins so")
+    parser.add_argument("--only", nargs="*", default=[""], help="files whose path begins so")
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--least", type=float, default=0.9, help="share that has to be caught, else it exits with 1")
     parser.add_argument("--record", type=Path, default=ROOT / "build/covering-tests", help="which test runs which line")
@@ -271,7 +271,7 @@ def main() -> None:
     files = [each for each in files if each.as_posix().startswith(tuple(CORE))]
     what = {(file, i): change for file in files for i, change in enumerate(named(file))}
     known = equivalent(set(what.values()))
-    every = [one for one in what if what[one] not in known and one[0].as_posix().startswith(arguments.only)]
+    every = [one for one in what if what[one] not in known and one[0].as_posix().startswith(tuple(arguments.only))]
     chosen = random.Random(arguments.seed).sample(every, min(arguments.count, len(every)))
 
     def tried(one: tuple[Path, int]) -> bool:

@@ -64,6 +64,7 @@ def test_the_bar_is_tracked_by_its_learned_model(outcomes):
     assert learned["distance_to_fe_based"]["max"] < 0.1
 
 
+@pytest.mark.slow
 def test_the_bar_is_controlled_over_time_though_it_is_stiffer_than_its_model(bar, outcomes):
     loop = (
         "{rate: 10 Hz, command: {kind: force}, controllers: {open: {mode: open}, closed: {mode: closed}}, "

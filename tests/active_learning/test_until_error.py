@@ -48,6 +48,7 @@ def test_it_stops_at_the_error_asked_for_and_the_test_states_agree(explored):
     assert len(tables["test"]) == 30
 
 
+@pytest.mark.slow
 def test_a_smaller_error_takes_more_states(explored, tmp_path):
     _, _, smaller = explore(tmp_path, until={**SPEC["until"], "error": "1e-3 mm"})
     assert explored[2]["samples"] < smaller["samples"]

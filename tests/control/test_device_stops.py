@@ -85,7 +85,9 @@ def wait_for(path, process):
 
 
 @pytest.mark.skipif(not hasattr(os, "killpg"), reason="this system has no process groups")
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, pytest.param(signal.SIGHUP, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "number", [signal.SIGINT, *(pytest.param(one, marks=pytest.mark.slow) for one in (signal.SIGTERM, signal.SIGHUP))]
+)
 def test_a_signal_to_all_of_the_terminal_releases_the_robot(process, tmp_path, number):
     wait_for(tmp_path / "tick", process)
     os.killpg(process.pid, number)

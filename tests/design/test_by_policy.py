@@ -72,6 +72,7 @@ def judge_of(family, folder, goals, ticks=30, **changed):
     return ByPolicy(family, task_of(goals, **changed), Policy(folder / "reach.onnx"), p0, [0], ticks)
 
 
+@pytest.mark.slow
 def test_a_design_is_judged_by_the_episode_that_the_environment_has(family, folder):
     judge, p, goal = judge_of(family, folder, [[-0.5, 0, 4.0]], ticks=12), np.array([[9.5], [11.0]]), [-0.5, 0, 4.0]
     rewards, distance = judge.judge(p)

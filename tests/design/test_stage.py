@@ -184,6 +184,7 @@ def test_a_wrong_spec_says_where(folder, tmp_path, overrides, message):
         run(folder / "design.yaml", [*first, *overrides], tmp_path / "out", QUIET)
 
 
+@pytest.mark.slow
 def test_best_designs_come_as_cad_files_and_with_their_controllers(folder):
     asked = (
         "verify=no",
@@ -206,6 +207,7 @@ def test_best_designs_come_as_cad_files_and_with_their_controllers(folder):
         assert one["parity"] is None or one["parity"] < 1e-12
 
 
+@pytest.mark.slow
 def test_designs_are_refined_by_finite_elements(folder):
     """A model that is wrong (of few terms): finite elements still end at an optimum of their own, no worse than the
     model's best design."""

@@ -69,7 +69,8 @@ def test_it_passes_its_own_test_without_undefined_behaviour(folder):
 
 
 @pytest.mark.parametrize(
-    ("compiler", "variant"), [("gcc", "contracted"), ("gcc", "not contracted"), ("clang", "sanitised")]
+    ("compiler", "variant"),
+    [("gcc", "contracted"), pytest.param("gcc", "not contracted", marks=pytest.mark.slow), ("clang", "sanitised")],
 )
 def test_it_passes_however_it_is_compiled(tmp_path, compiler, variant):
     export(tmp_path, spectral())

@@ -120,6 +120,7 @@ def test_the_estimator_survives(tmp_path, bar):
     at_rest(tmp_path, bar, FEW)
 
 
+@pytest.mark.slow
 def test_the_filter_of_what_moves_survives(tmp_path, moving_bar):
     swinging(tmp_path, moving_bar, FEW // 4)  # each costs four times the others'
 

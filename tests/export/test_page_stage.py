@@ -46,6 +46,7 @@ def test_the_page_of_a_trained_model_is_its_shape(made, bar):
     assert (cable[:, 0] == cable[0, 0]).all() and np.ptp(cable[:, -1], axis=0).max() > 1  # pull point, last point
 
 
+@pytest.mark.slow
 def test_a_weight_at_the_tip_is_that_of_the_loaded_model(made, bar):
     """Tip, tension and every surface node, to 1e-6 mm and 1e-9 N; without weight again, what was before."""
     model = load_model(bar / "models" / "bar" / "spectral")
@@ -99,6 +100,7 @@ def test_a_model_without_a_skin_says_what_makes_one(bar, tmp_path):
     assert (tmp_path / "page" / "page.html").exists()
 
 
+@pytest.mark.slow
 def test_a_page_under_loads_is_the_loaded_model(bar, tmp_path):
     """A page of a stated load has that load, and no slider for another one."""
     spec = bar / "pipelines" / "bar" / "export.yaml"

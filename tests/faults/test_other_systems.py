@@ -7,6 +7,7 @@ import subprocess
 import sys
 import textwrap
 
+import pytest
 from core.test_optional import write_scene
 from support.blocked import BLOCK, cfem_without
 
@@ -59,6 +60,7 @@ def run(words, folder, system):
     return done.stdout
 
 
+@pytest.mark.slow
 def test_windows_meshes_samples_and_verifies(tmp_path):
     write_scene(tmp_path, "hex8")
     assert "mesh: done" in run(["mesh", "scene.yaml"], tmp_path, WINDOWS)

@@ -60,6 +60,7 @@ def built(folder):
     return scene, build_robot(scene, make_mesh(scene, own)[0])
 
 
+@pytest.mark.slow
 def test_a_step_file_becomes_a_scene(tmp_path):
     done = init(tmp_path, STEP)
     assert done.exit_code == 0, done.stderr
@@ -83,6 +84,7 @@ def test_a_step_file_becomes_a_scene(tmp_path):
     assert f"then cfem run {own}" in done.stdout and "guessed" not in done.stdout
 
 
+@pytest.mark.slow
 def test_a_robot_of_more_cables_than_a_page_has_room_for_has_none(tmp_path):
     assert init(tmp_path, STEP, "--cables", "9", "--reach", "3 mm").exit_code == 0
     own = tmp_path / "pipelines" / "own"
@@ -203,6 +205,7 @@ def test_a_poor_surface_is_mended_and_that_is_said(tmp_path):
     assert "# own.stl was mended: closed a hole" in (tmp_path / "pipelines" / "own" / "scene.yaml").read_text()
 
 
+@pytest.mark.slow
 def test_of_several_bodies_in_a_file_one_is_taken_which_is_said_and_can_be_chosen(tmp_path):
     large, small = block((60.0, 10.0, 10.0), (6, 1, 1)), block((40.0, 10.0, 10.0), (4, 1, 1))
     X = np.vstack([large.X, small.X + [0, 100, 0]])
@@ -414,6 +417,7 @@ class TestAtATerminal:
         assert not (tmp_path / "pipelines").exists()
 
 
+@pytest.mark.slow
 def test_a_forced_scene_takes_the_new_shape(tmp_path, mesh_file):
     assert init(tmp_path, mesh_file, "--reach", "3 mm").exit_code == 0
     other = tmp_path / "other.vtu"
@@ -422,6 +426,7 @@ def test_a_forced_scene_takes_the_new_shape(tmp_path, mesh_file):
     assert built(tmp_path)[0].length == 80
 
 
+@pytest.mark.slow
 def test_the_tutorial_shows_what_is_said_and_written(tmp_path):
     text = (STEP.parents[1] / "tutorial.md").read_text()
     assert (STEP.parent / "s-arm.py").read_text() in text

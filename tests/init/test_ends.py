@@ -63,6 +63,7 @@ def test_a_ring_has_a_cable_in_each_half():
     assert sorted(sides) == [-1, 1]
 
 
+@pytest.mark.slow
 def test_a_body_of_four_legs_is_held_where_all_four_begin():
     """From its sides, which are farther apart, two ways lead around."""
     shape = cage()
@@ -80,6 +81,7 @@ def test_as_many_cables_as_asked_for_lead_through_the_rings_of_a_lattice():
     assert np.abs(middles.sum(axis=0)).max() < 1 and (np.linalg.norm(middles, axis=1) > 8).all()
 
 
+@pytest.mark.slow
 def test_a_backbone_with_discs_has_cables_through_the_air_unless_that_is_not_wanted():
     shape = discs()
     run = run_from(read_hold("z <= 0 mm", shape), shape)

@@ -87,7 +87,7 @@ def test_the_skeleton_and_the_shards_only_change_the_digits_below_the_tolerance(
         np.testing.assert_allclose(after, before, atol=1e-8)
 
 
-@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT])
+@pytest.mark.parametrize("how", [signal.SIGKILL, pytest.param(signal.SIGINT, marks=pytest.mark.slow)])
 def test_killed_or_interrupted_the_next_run_ends_with_the_same_content_and_no_worker_is_left(tables, tmp_path, how):
     script = tmp_path / "child.py"
     script.write_text(CHILD.format(tests=str(Path(__file__).parents[1])))

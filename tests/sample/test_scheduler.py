@@ -62,6 +62,7 @@ def cfem(*words):
     return CliRunner().invoke(app, [*map(str, words), "--quiet"])
 
 
+@pytest.mark.slow
 def test_finite_elements_give_the_same_content(dask, bar, processes, tmp_path):
     for name, option, value in (("local", "--workers", 2), ("dask", "--scheduler", dask.address)):
         found = cfem("sample", bar / "sample.yaml", *SMALL, "--out", tmp_path / name, option, value)
@@ -70,6 +71,7 @@ def test_finite_elements_give_the_same_content(dask, bar, processes, tmp_path):
     assert remote["content"] == local["content"] and remote["made_from"] == local["made_from"]
 
 
+@pytest.mark.slow
 def test_workers_need_no_file_of_the_machine_that_asks(dask, bar, tmp_path):
     pipeline = shutil.copytree(bar, tmp_path / "scene")
     mesh = shutil.copytree(bar.parents[1] / "data" / "bar" / "mesh", tmp_path / "mesh")
@@ -112,6 +114,7 @@ def test_interrupted_it_withdraws_what_waits_and_goes_on(dask, tmp_path):
     assert content_hash(in_process(tmp_path / "work")) == content_hash(in_process(tmp_path / "whole"))
 
 
+@pytest.mark.slow
 def test_a_scheduler_that_ends_is_said_and_what_is_finished_stays(tmp_path):
     with dask_processes(tmp_path) as processes:
         processes.worker()
@@ -137,6 +140,7 @@ def test_a_cluster_without_workers_is_said_after_the_timeout(tmp_path):
         with_workers(workers, lambda one: sample(SPEC, None, tmp_path, one, timeout=workers.timeout))
 
 
+@pytest.mark.slow
 def test_workers_that_lack_cfem_are_said(tmp_path):
     block = tmp_path / "block.py"
     block.write_text("import sys\nsys.modules['cfem'] = None\n")

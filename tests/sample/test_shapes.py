@@ -68,7 +68,10 @@ def parameters(folder, *names):
     return scene_parameters(asked, folder / "scene.yaml")
 
 
-@pytest.mark.parametrize("names", [("bulge", "waist"), ("reach", "stiff"), ("inset", "pulled_at", "bulge")])
+@pytest.mark.parametrize(
+    "names",
+    [("bulge", "waist"), ("reach", "stiff"), pytest.param(("inset", "pulled_at", "bulge"), marks=pytest.mark.slow)],
+)
 def test_slopes_by_shape_routing_and_region_are_those_of_solved_robots(folder, robot, names):
     found = parameters(folder, *names)
     solve = FiniteElements(*robot, 1e-11, found)().solve

@@ -141,6 +141,7 @@ def test_the_rows_of_a_grid_are_others_when_there_are_more(spec, tmp_path):
         run(spec, [*grid, "splits.train.rows=5"], tmp_path, QUIET, workers=1)
 
 
+@pytest.mark.slow
 def test_states_of_robots_that_differ_in_a_modulus_and_in_a_radius(spec, tmp_path):
     """Energies of all rows are one smooth function of (delta_a, p): its slopes by p against whole solves."""
     overrides = [*SMALL, "splits.train.rows=3", "splits.test.rows=1", "skeleton=2", "third_order=true"]

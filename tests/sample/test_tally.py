@@ -45,6 +45,7 @@ def test_solves_of_no_row_are_in_nobodys_sight(counts):
     assert tally.read(counts) == Tally()
 
 
+@pytest.mark.slow
 def test_a_solve_counts_the_steps_that_it_halves(counts):
     """One correction a step is never enough, so that each step is halved until it is too small."""
     problem = Problem(bar(divisions=(4, 1, 1)))

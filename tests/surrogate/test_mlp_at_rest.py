@@ -119,6 +119,7 @@ def test_models_of_other_robots_or_without_rest_are_refused(tmp_path):
 
 
 @pytest.mark.filterwarnings("ignore:.*torch.jit:DeprecationWarning")
+@pytest.mark.slow
 def test_a_stored_pair_is_stale_with_its_model_at_rest_and_exports_whole(tmp_path):
     store_dataset(tmp_path / "samples", **FAMILY)
     store_dataset(tmp_path / "rest", rest=True, **FAMILY)

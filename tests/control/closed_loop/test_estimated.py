@@ -85,6 +85,7 @@ def test_the_report_shows_forces_with_their_intervals(told, bar):
     assert "95 % intervals that hold" in page and "tip.y (mN)" in page and "error of the shape (mm rms)" in page
 
 
+@pytest.mark.slow
 def test_a_push_is_not_taken_for_another_material(bar, bar_of_any_material, tmp_path):
     """Forces are commanded to a bar a fifth softer: adaptation finds its Young's modulus from the same markers."""
     adapt = "adaptive: {mode: closed, adapt: {noise: 0.05 mm, find: [young]}}"

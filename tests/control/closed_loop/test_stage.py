@@ -204,6 +204,7 @@ def test_a_push_moves_the_fe_effector_by_its_compliance():
     )
 
 
+@pytest.mark.slow
 def test_a_controller_adapts_to_a_robot_that_changes(tmp_path, tmp_path_factory):
     folder = train_folder(tmp_path_factory.mktemp("p"), "{kind: spectral, max_degree: 8}", train=80, parameters=True)
     adapt = "loop.controllers={plain: {mode: open}, adaptive: {mode: open, adapt: {noise: 0.02 mm, find: [young]}}}"

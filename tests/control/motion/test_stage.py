@@ -56,6 +56,7 @@ def control(root, out, *overrides):
     return run(root / "pipelines" / "bar" / "moving.yaml", list(overrides), out, QUIET)["results"]
 
 
+@pytest.mark.slow
 def test_a_lap_in_finite_elements_that_move(root, tmp_path):
     results = control(root, tmp_path / "out")
     found = results["loop"]["eight at 10 Hz"]
@@ -70,6 +71,7 @@ def test_a_lap_in_finite_elements_that_move(root, tmp_path):
     assert np.ptp(begin, axis=0).max() < 0.3  # both stood still before they began
 
 
+@pytest.mark.slow
 def test_markers_instead_of_the_tip(root, tmp_path):
     """Controllers of a robot that moves, on what the filter on the dynamics makes of markers."""
     bare = "{pi: {mode: closed, gains: {integral: 0.05}}, mpc: {mode: closed, mpc: {horizon: 10}}}"

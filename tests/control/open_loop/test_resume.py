@@ -35,7 +35,7 @@ def swing(bar):
     return spec, whole
 
 
-@pytest.mark.parametrize("after", [2, 5])
+@pytest.mark.parametrize("after", [2, pytest.param(5, marks=pytest.mark.slow)])
 def test_interrupted_it_ends_with_the_same_figures(swing, tmp_path, capfd, monkeypatch, after):
     spec, whole = swing
     cut = tmp_path / "cut"

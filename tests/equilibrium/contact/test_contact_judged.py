@@ -47,7 +47,9 @@ def coarse():
     return half_space(1.3, 0.5, 120.0)
 
 
-@pytest.mark.parametrize(("points", "force_off"), [("nodes", 0.02), ("around", 0.03)])
+@pytest.mark.parametrize(
+    ("points", "force_off"), [("nodes", 0.02), pytest.param("around", 0.03, marks=pytest.mark.slow)]
+)
 def test_a_ball_presses_a_half_space_as_hertz_says(coarse, points, force_off):
     """Cells half as large as the radius of contact. The block, held where a half space would
     move by 4 / (3 pi) a / far of the depth, should need some 0.5 % more force."""

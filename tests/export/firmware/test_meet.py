@@ -73,6 +73,7 @@ def robots(patched):
 
 
 @needs_compiler
+@pytest.mark.slow
 def test_the_export_says_how_far_c_is_from_python(exported):
     assert exported[1]["parity"]["c contact"] < 1e-7 and exported[1]["c"]["contact"]["robots"] == 2
 

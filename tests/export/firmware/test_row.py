@@ -64,7 +64,7 @@ def demand_same(controller, row, scalar):
     return steps
 
 
-@pytest.mark.parametrize("scalar", ["double", "float"])
+@pytest.mark.parametrize("scalar", ["double", pytest.param("float", marks=pytest.mark.slow)])
 @pytest.mark.parametrize(("wrench", "third"), [(WRENCH, True), (0 * WRENCH, False)])
 def test_forces_on_patches_are_those_of_python(tmp_path, wrench, third, scalar):
     """Two on one module, one on another, none on the first: of that of the first model there are two in C."""

@@ -143,6 +143,7 @@ def test_a_command_that_no_robot_reaches_is_not_followed(both, garbage):
         np.testing.assert_allclose(found.x / made.scale, filtered.last[0] / made.scale, atol=1e-8)
 
 
+@pytest.mark.slow
 def test_a_folder_with_predictive_control_too_tests_itself(folder, tmp_path):
     """Its steps are compiled twice, with other lengths. No static memory."""
     spec = asked(folder, mpc={"ticks": "100 Hz", "horizon": 5}, controller={"command": "force"})

@@ -54,6 +54,7 @@ def test_without_its_mesh_or_on_another_one_there_is_none(made, tmp_path):
     assert [len(wall.triangles) for wall in walls(model, unknown, skin)] == [0]
 
 
+@pytest.mark.slow
 def test_a_chamber_is_drawn_with_the_volume_that_the_model_states(tmp_path):
     meta, arrays = ROBOTS["two cables"]()
     X, facets = icosphere(2)

@@ -75,6 +75,7 @@ def test_cases_that_nobody_measured_are_predicted_too(folder, tmp_path):
     assert manifest["results"]["cases"] == 1 and "mean_mm" not in manifest["results"]
 
 
+@pytest.mark.slow
 def test_models_are_compared_and_friction_is_told_apart(folder, tmp_path):
     overrides = ["find=[young, roll]", "compare={alone: [young], rubbing: [young, roll, friction]}"]
     results = calibrate(folder / "cases.yaml", overrides, tmp_path / "out", QUIET)["results"]

@@ -51,7 +51,7 @@ def test_its_law_is_chosen_and_a_scene_takes_what_is_written(tmp_path):
 
 @pytest.mark.parametrize("end", [0.95, 0.5, 0.05])
 @pytest.mark.parametrize("mode", ["uniaxial", "planar", "biaxial"])
-@pytest.mark.parametrize("points", [6, 30])
+@pytest.mark.parametrize("points", [6, pytest.param(30, marks=pytest.mark.slow)])
 def test_a_specimen_may_be_compressed(tmp_path, end, mode, points):
     """A neo-Hookean rubber of 300 kPa; the search of exponents passes zero, where a term bears nothing."""
     stretch, path = np.linspace(1.0, end, points), tmp_path / "pressed.csv"

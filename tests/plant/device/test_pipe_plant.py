@@ -76,6 +76,7 @@ def test_without_options_the_fake_device_is_the_model_itself(folder):
     np.testing.assert_allclose(seen.delta_a, [4.0, 3.5], atol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_late_and_slow_device_is_led_to_its_goal(folder):
     model = load_model(folder)
     controller, goal = make_controller(model, command="force"), model.rest_e + model.at_displacement([6.0, 5.0]).delta_e

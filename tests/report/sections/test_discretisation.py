@@ -38,6 +38,7 @@ def results(tmp_path_factory):
     return folder / "report", json.loads((folder / "report" / "results.json").read_text())["discretisation"]
 
 
+@pytest.mark.slow
 def test_errors_are_those_of_the_element(results):
     _, found = results
     at = {

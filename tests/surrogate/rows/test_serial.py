@@ -284,6 +284,7 @@ def test_the_left_jacobian_takes_rotation_vectors_to_spins():
     np.testing.assert_allclose(np.eye(3) + cross_matrix(phi) @ J, turned, atol=1e-13)
 
 
+@pytest.mark.slow
 def test_an_exported_row_has_its_shape_in_python(project, tmp_path):
     trained = project / "models" / WHOLE / "serial"
     spec = tmp_path / "export.yaml"
@@ -312,6 +313,7 @@ def test_its_surface_in_c_is_that_of_python(project, tmp_path):
 
 
 @needs_compiler
+@pytest.mark.slow
 def test_an_exported_row_under_its_weight_is_in_c_that_of_python(project, tmp_path):
     """And under a force on its flank; what is read again carries all of them."""
     spec, folder = tmp_path / "export.yaml", project / "models" / WHOLE / "serial"

@@ -28,7 +28,13 @@ def loss(training, test, form="displacement") -> float:
 
 @pytest.mark.parametrize(
     ("n_a", "unilateral", "bound"),
-    [(1, True, 1e-20), (2, True, 1e-15), (2, False, 1e-15), (3, False, 1e-10), (4, False, 1e-7)],
+    [
+        (1, True, 1e-20),
+        (2, True, 1e-15),
+        (2, False, 1e-15),
+        (3, False, 1e-10),
+        pytest.param(4, False, 1e-7, marks=pytest.mark.slow),
+    ],
 )
 def test_it_learns_the_robot_from_a_hundred_states(n_a, unilateral, bound):
     assert loss(dataset(100, 1, n_a, unilateral), dataset(100, 2, n_a, unilateral)) < bound
@@ -39,7 +45,10 @@ def test_so_does_the_dual(n_a, bound):
     assert loss(dataset(100, 1, n_a), dataset(50, 2, n_a), "force") < bound
 
 
-@pytest.mark.parametrize(("n_a", "form"), [(2, "displacement"), (3, "displacement"), (4, "displacement"), (2, "force")])
+@pytest.mark.parametrize(
+    ("n_a", "form"),
+    [(2, "displacement"), (3, "displacement"), pytest.param(4, "displacement", marks=pytest.mark.slow), (2, "force")],
+)
 def test_third_order_gains(n_a, form):
     """From few states, where each counts."""
     test = dataset(50, 2, n_a, n_a == 2)

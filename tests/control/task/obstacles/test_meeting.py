@@ -31,6 +31,7 @@ def control(bar, name, obstacles, **more):
     return path
 
 
+@pytest.mark.slow
 def test_a_stated_force_is_what_finite_elements_feel(bar):
     obstacles = {"ceiling": {**CEILING, "press": "30 mN"}}
     search = {"step": "0.5 mm", "weights": [0, 0, 0]}
@@ -143,6 +144,7 @@ def test_a_mesh_that_is_not_closed_is_refused(bar):
         cfem.run_stage("control", control(bar, "open", {"thing": {"kind": "mesh", "file": "open.stl"}}))
 
 
+@pytest.mark.slow
 def test_a_payload_and_an_obstacle_go_together(bar):
     """The plan knows that the load presses too."""
     obstacles = {"ceiling": {**CEILING, "press": "30 mN"}}
