@@ -221,6 +221,18 @@ def test_a_state_outside_of_the_data_is_reported(tmp_path):
     assert controller.step(goal, delta_a=np.array([24.0, 24.0])).status & OUTSIDE
 
 
+def test_a_state_beside_the_sheet_of_the_data_is_reported(tmp_path):
+    """The kept states lie on a line; both states here lie within their boxes."""
+    meta, arrays = spectral()
+    both = np.linspace(2.0, 9.0, 20)
+    states = [[delta, delta + 0.05 * (-1) ** n, 1.0, 1.0] for n, delta in enumerate(both)]
+    box = {"delta_a": [[0.0, 0.0], [11.0, 11.0]], "lambda_a": [[-9.0, -9.0], [9.0, 9.0]], "states": states}
+    export(tmp_path, (meta | {"domain": meta["domain"] | box}, arrays), None, controller={"observer": "measured"})
+    controller, goal = CompiledController(tmp_path), build(meta, arrays).rest_e
+    assert controller.step(goal, delta_a=np.array([5.0, 5.03])).status & OUTSIDE == 0
+    assert controller.step(goal, delta_a=np.array([5.0, 6.0])).status & OUTSIDE
+
+
 @pytest.mark.parametrize("scalar", ["double", "float"])
 def test_rest_is_not_outside_though_every_training_state_pulls_a_little(tmp_path, scalar):
     meta, arrays = spectral()

@@ -61,10 +61,12 @@ def test_stated_pressures_bound_the_forces():
 def test_rest_is_among_the_known_states_where_the_model_is_right_there():
     meta, arrays = spectral()
     predictor = build(meta, arrays)
-    box = {f"cfem_domain_{name}_a": np.array([[1.0, 2.0], [9.0, 8.0]]) for name in ("delta", "lambda")}
+    names = ("delta_a", "lambda_a", "along")
+    box = {f"cfem_domain_{name}": np.array([[1.0, 2.0], [9.0, 8.0]]) for name in names}
+    box["cfem_domain_axes"] = np.eye(2)
     assert right_at_rest(predictor, box, np.zeros(0))
     wide = with_rest(predictor, box, np.zeros(0))
-    assert len(wide) == 2 and all(np.abs(one - [[0.0, 0.0], [9.0, 8.0]]).max() < 1e-3 for one in wide.values())
+    assert len(wide) == 3 and all(np.abs(one - [[0.0, 0.0], [9.0, 8.0]]).max() < 1e-3 for one in wide.values())
     shifted = arrays["series"].copy()
     gradient = slice(1, 1 + predictor.rows.n_a)  # behind the energy
     shifted[gradient, (arrays["indices"] == 0).all(axis=1)] += 1.0  # forces without any displacement

@@ -109,7 +109,7 @@ def test_hello_says_who_asks_and_for_which_robot(tmp_path):
     "how, words", [("die", r"ended \(exit code 3\)"), ("hang", "no answer within 1.5 s"), ("garbage", "no JSON object")]
 )
 def test_a_device_that_fails_is_one_error(folder, how, words):
-    with fake(folder, "--fail", how, "--at", "2", timeout=1.5) as plant:
+    with fake(folder, "--fail", how, "--at", "2", timeout=1.5 if how == "hang" else 60.0) as plant:
         plant.step(np.ones(2))
         with pytest.raises(InputError, match=words) as caught:
             plant.step(np.ones(2))

@@ -19,8 +19,13 @@ def with_rest(predictor: Predictor, constants: dict[str, np.ndarray], p: np.ndar
     """The box of the training states with the robot at rest in it, where every robot begins. Training states pull a
     little, so rest lies beside their box."""
     at = predictor.at(np.zeros(predictor.rows.n_a), p if len(p) else None)
+    along = constants["cfem_domain_axes"] @ at.delta_a
     found = {}
-    for name, rest in (("cfem_domain_delta_a", at.delta_a), ("cfem_domain_lambda_a", at.lambda_a)):
+    for name, rest in (
+        ("cfem_domain_delta_a", at.delta_a),
+        ("cfem_domain_lambda_a", at.lambda_a),
+        ("cfem_domain_along", along),
+    ):
         low, high = constants[name]
         rounding = 1e-5 * (high - low)  # of firmware in single precision
         found[name] = np.stack([np.minimum(low, rest - rounding), np.maximum(high, rest + rounding)])

@@ -20,6 +20,7 @@ from cfem.plant.gains import Gains
 from cfem.predict.load import build
 from cfem.predict.protocol import Predictor
 from cfem.predict.rows.serial import SerialPredictor, module_arrays
+from cfem.predict.series.domain import Domain
 from cfem.predict.series.energy import layout
 
 ACTIVATIONS = ("relu", "tanh", "silu")
@@ -238,6 +239,16 @@ def _weights_and_start(spec: FirmwareControllerSpec, n_a: int, n_e: int) -> tupl
     return weights, start
 
 
+def _sheet(domain: Domain) -> dict[str, np.ndarray]:
+    """Axes (n_a, n_a) of the sheet that the training states fill, and its bounds (2, n_a); axes that it lacks are 0."""
+    axes, bounds = domain.sheet
+    lacking = domain.delta_a.shape[1] - len(axes)
+    return {
+        "cfem_domain_axes": np.pad(axes, ((0, lacking), (0, 0))),
+        "cfem_domain_along": np.pad(bounds, ((0, 0), (0, lacking))),
+    }
+
+
 def controller(
     predictor: Predictor, p: np.ndarray, spec: FirmwareControllerSpec, scalar: str, pressures: np.ndarray | None = None
 ) -> tuple[dict, dict]:
@@ -269,6 +280,7 @@ def controller(
         "cfem_lambda_rate": everywhere * (np.inf if spec.force_rate is None else spec.force_rate),
         "cfem_domain_delta_a": domain.delta_a,
         "cfem_domain_lambda_a": domain.lambda_a / softer,
+        **_sheet(domain),
         "cfem_home": home,
         "cfem_integral_gain": np.array([gains.integral_at(late) for late in range(spec.late)]),
     }

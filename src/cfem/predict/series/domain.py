@@ -62,7 +62,7 @@ class Domain:
 
     def holds(self, delta_a: np.ndarray, lambda_a: np.ndarray, p: np.ndarray | None = None) -> bool | np.ndarray:
         """(...,) whether states (..., n_a) are like those that the model was trained on."""
-        within = np.equal(self.outside(delta_a, lambda_a, p), 0.0) & np.less_equal(self._aside(delta_a), ASIDE)
+        within = np.equal(self.outside(delta_a, lambda_a, p), 0.0) & self._on_sheet(delta_a)
         return _plain(within & np.less_equal(self.distance(delta_a, lambda_a, p), FAR))
 
     def nearest(self, s: np.ndarray, form: Form, p: np.ndarray | None = None) -> np.ndarray:
@@ -78,24 +78,24 @@ class Domain:
             apart += (((known[:, 2 * n_a :] - p) / width[2 * n_a :]) ** 2).sum(axis=1)
         return known[np.argmin(apart), answer]
 
-    def _aside(self, delta_a: np.ndarray) -> np.ndarray:
-        """(...,) how far displacements (..., n_a) lie beyond the kept states along their principal axes, as a share of
-        the states' range along each; 0 among them."""
-        axes, low, high = self._principal
-        along = delta_a @ axes
-        return (np.maximum(low - along, along - high) / (high - low)).max(axis=-1, initial=0.0)
+    def _on_sheet(self, delta_a: np.ndarray) -> np.ndarray:
+        """(...,) True where displacements (..., n_a) lie in the sheet."""
+        axes, (low, high) = self.sheet
+        along = delta_a @ axes.T
+        return ((low <= along) & (along <= high)).all(axis=-1)
 
     @cached_property
-    def _principal(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Principal axes (n_a, n_a), as columns, of the kept states' displacements as shares of their box, and the
-        smallest and largest of the states along each; axes along which they do not differ are left out."""
+    def sheet(self) -> tuple[np.ndarray, np.ndarray]:
+        """Principal axes (k, n_a) of the kept states' displacements, those along which they differ,
+        and the bounds (2, k) along each between which a state is still among them."""
         known = self.states[:, : self.delta_a.shape[1]]
         width = _range(self.delta_a)
         scaled = known / width
         _, size, axes = np.linalg.svd(scaled - scaled.mean(axis=0), full_matrices=False)
-        axes = (axes[size > _ROUNDING * size.max(initial=1.0)] / width).T
-        along = known @ axes
-        return axes, along.min(axis=0), along.max(axis=0)
+        axes = axes[size > _ROUNDING * size.max(initial=1.0)] / width
+        along = known @ axes.T
+        low, high = along.min(axis=0), along.max(axis=0)
+        return axes, np.stack([low - ASIDE * (high - low), high + ASIDE * (high - low)])
 
     @cached_property
     def _box(self) -> np.ndarray:

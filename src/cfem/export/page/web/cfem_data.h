@@ -78,6 +78,8 @@ typedef double cfem_real;
 #define CFEM_MATRICES(X) \
     X(cfem_domain_delta_a, 2, CFEM_MOST_NA, 2, CFEM_NA) \
     X(cfem_domain_lambda_a, 2, CFEM_MOST_NA, 2, CFEM_NA) \
+    X(cfem_domain_axes, CFEM_MOST_NA, CFEM_MOST_NA, CFEM_NA, CFEM_NA) \
+    X(cfem_domain_along, 2, CFEM_MOST_NA, 2, CFEM_NA) \
     X(cfem_to_box, CFEM_MOST_NZ, CFEM_MOST_NA, CFEM_NZ, CFEM_SERIES_NA) \
     X(cfem_skin_to_box, CFEM_MOST_NZ, CFEM_MOST_NA, CFEM_SKIN_NZ, CFEM_NA)
 

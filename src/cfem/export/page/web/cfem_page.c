@@ -195,14 +195,6 @@ static unsigned set_to(const double *delta_a, cfem_condensed *m) {
     return status;
 }
 
-static unsigned outside(const cfem_condensed *m) {
-    for (int i = 0; i < CFEM_NA; i++)
-        if (m->delta_a[i] < cfem_domain_delta_a[0][i] || m->delta_a[i] > cfem_domain_delta_a[1][i] ||
-            m->lambda_a[i] < cfem_domain_lambda_a[0][i] || m->lambda_a[i] > cfem_domain_lambda_a[1][i])
-            return CFEM_OUTSIDE;
-    return CFEM_OK;
-}
-
 /* The start; io.goal is where the effectors are. */
 void SERVED(home)(void) {
     cfem_init(&controller);
@@ -242,5 +234,5 @@ unsigned SERVED(set)(int by_force, int keep) {
         for (int e = 0; e < CFEM_NE; e++) controller.reference[e] = io.x_e[e];
         controller.at = m, controller.stands = 1;
     }
-    return outside(&m);
+    return cfem_outside(&m);
 }

@@ -108,6 +108,10 @@ unsigned cfem_step(cfem_controller *controller, const cfem_input *input, cfem_ou
  * CFEM_NO_MODEL where it has no trustworthy answer, with what was found in `condensed`. */
 unsigned cfem_model(const double s[CFEM_MOST_NA], cfem_condensed *condensed);
 
+/* CFEM_OUTSIDE where a state is none of those that the model was trained on: beyond their boxes, or beside the sheet that
+ * the displacements of redundant actuators fill. Else CFEM_OK. */
+unsigned cfem_outside(const cfem_condensed *m);
+
 #ifdef __cplusplus
 }
 #endif

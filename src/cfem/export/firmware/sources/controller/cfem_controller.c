@@ -113,11 +113,15 @@ static unsigned observe(const cfem_controller *c, const cfem_input *in, double *
     return ask(c, s, m);
 }
 
-static unsigned outside(const cfem_condensed *m) {
-    for (int i = 0; i < NA; i++)
+unsigned cfem_outside(const cfem_condensed *m) {
+    for (int i = 0; i < NA; i++) {
+        double along = 0.0;
+        for (int j = 0; j < NA; j++) along += cfem_domain_axes[i][j] * m->delta_a[j];
         if (m->delta_a[i] < cfem_domain_delta_a[0][i] || m->delta_a[i] > cfem_domain_delta_a[1][i] ||
-            m->lambda_a[i] < cfem_domain_lambda_a[0][i] || m->lambda_a[i] > cfem_domain_lambda_a[1][i])
+            m->lambda_a[i] < cfem_domain_lambda_a[0][i] || m->lambda_a[i] > cfem_domain_lambda_a[1][i] ||
+            along < cfem_domain_along[0][i] || along > cfem_domain_along[1][i])
             return CFEM_OUTSIDE;
+    }
     return CFEM_OK;
 }
 
@@ -191,7 +195,7 @@ unsigned cfem_step(cfem_controller *c, const cfem_input *in, cfem_output *out) {
     found |= observe(c, in, s, &m);
     if (found & CFEM_NO_MODEL) return answer(c, CFEM_HELD | found, out);
     for (int iteration = 0;; iteration++) {
-        found |= outside(&m);
+        found |= cfem_outside(&m);
         l = of_this_tick(c, m.delta_a, 1.0);
 #if CFEM_MOST_HALVINGS
         if (CFEM_HALVINGS) {
