@@ -29,7 +29,7 @@ enum {
     CFEM_OK = 0,
     CFEM_LIMITED = 1,     /* a bound of force, course or step decided: on the way as well as in the end */
     CFEM_SOFTENED = 2,    /* no force within its bounds keeps the course: it is exceeded by as little as possible */
-    CFEM_OUTSIDE = 4,     /* the model was asked outside of the box that it was trained on */
+    CFEM_OUTSIDE = 4,     /* the model was asked where it has no training states: cfem_outside */
     CFEM_NOT_FOUND = 8,   /* the observer did not converge: its best guess was used */
     CFEM_HELD = 16,       /* no new command, because: */
     CFEM_BAD_INPUT = 32,  /*   a number of the input is not finite */
