@@ -132,14 +132,15 @@ def work(
     report = None
     fmus = []
     if {"c", "fmu"} & set(spec.formats):
-        from cfem.export.fmu.pack import lasting_or_not, write_fmus
+        from cfem.export.fmu.pack import lasting_or_not, motion_of, write_fmus
 
         with lasting_or_not(folder / FILES["c"], "c" in spec.formats) as code:
             report, found, bytes_ = _write_c(code, spec, model_folder, meta, arrays, vectors["s"], embedded, scene)
             parity |= found
             sizes |= bytes_
             if "fmu" in spec.formats:
-                fmus, sizes["fmu"] = write_fmus(folder / FILES["fmu"], code, spec, model_folder, meta, arrays, embedded)
+                place, motion = folder / FILES["fmu"], motion_of(spec, model_folder)
+                fmus, sizes["fmu"] = write_fmus(place, code, spec, embedded.at_rest(meta), arrays, motion)
     parity |= _write_shape(folder, spec, model_folder, meta, arrays, vectors)
     write_json(folder / "model.json", {**meta, "parity": parity})
     headline = [

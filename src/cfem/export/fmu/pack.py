@@ -22,7 +22,6 @@ from cfem.export.compiled.build import FAST, STANDARD, compiler, objects, run
 from cfem.export.firmware import c_text
 from cfem.export.firmware.constants import controller, surrogate
 from cfem.export.firmware.copying import copy_sources, library_files
-from cfem.export.firmware.embedding import Embedding
 from cfem.export.fmu.description import Fmu, build_description, model_description
 from cfem.export.fmu.variables import controller_blocks, estimator_blocks, robot_blocks
 from cfem.export.spec import ExportSpec, FmuPart
@@ -59,6 +58,12 @@ def parts_of(spec: ExportSpec, moves: bool) -> tuple[FmuPart, ...]:
     return spec.fmu.parts or tuple(name for name, can in able.items() if can)
 
 
+def motion_of(spec: ExportSpec, model_folder: Path) -> MotionModel | None:
+    """That of the robot that the spec exports, None where it has none."""
+    moves = has_file(model_folder, MOTION) and not spec.loads and not spec.c.parameters
+    return load_motion(model_folder) if moves else None
+
+
 @contextmanager
 def lasting_or_not(folder: Path, lasts: bool) -> Iterator[Path]:
     """The folder, or one of the same name beside it that goes when the context ends."""
@@ -73,24 +78,21 @@ def write_fmus(
     folder: Path,
     code: Path,
     spec: ExportSpec,
-    model_folder: Path,
     meta: dict,
     arrays: dict[str, np.ndarray],
-    embedded: Embedding,
+    motion: MotionModel | None,
 ) -> tuple[list[str], int]:
     """Writes NAME.fmu of each part; what to say of them, and their bytes. code: the C folder of the same spec; meta,
-    arrays: of the model, under the loads of the spec."""
-    meta = meta if embedded.rest_e is None else {**meta, "rest_e": embedded.rest_e.tolist()}
+    arrays: of the model, its effectors at rest where the robot has them; motion: None of a robot that has none."""
     model, p = surrogate(meta, arrays, spec.c)
     home = controller(model.reference, p, spec.c.controller, spec.c.scalar)[1]["cfem_home"]
     start = model.reference.at(home, p if len(p) else None)
-    moves = has_file(model_folder, MOTION) and not spec.loads and not spec.c.parameters
-    motion, sizes = load_motion(model_folder) if moves else None, {}
+    sizes = {}
     with disk_errors(folder):
         folder.mkdir(exist_ok=True)
     with tempfile.TemporaryDirectory(dir=folder, ignore_cleanup_errors=True) as place:
         shared = _compiled(code, library_files(code), Path(place)) if compiler() else None
-        for part in parts_of(spec, moves):
+        for part in parts_of(spec, motion is not None):
             fmu = _fmu(part, spec, model.reference, start, motion)
             data = _packed(fmu, part, code, Path(place) / part, shared)
             write_whole(folder / f"{part}.fmu", data)
@@ -122,7 +124,7 @@ def _packed(fmu: Fmu, part: FmuPart, code: Path, place: Path, shared: Sequence[P
     """The file. place: a folder to be made; shared: objects of the C folder, None where there is no compiler."""
     own = ("cfem_fmu.c", "cfem_fmu_absent.c", f"cfem_fmu_{ADAPTERS[part]}.c")
     copy_sources(place, *(f"fmu/{name}" for name in ("cfem_fmi3.h", "cfem_fmu.h", *own)))
-    headers = (one.name for one in code.glob("*.h") if not one.name.endswith("_vectors.h"))
+    headers = (one.name for one in code.glob("cfem*.h") if not one.name.endswith("_vectors.h"))
     with disk_errors(place):
         for name in (*library_files(code), *headers):
             shutil.copyfile(code / name, place / name)
