@@ -39,7 +39,7 @@ class Unit:
         self.description = fmpy.read_model_description(str(self.folder))
         self.variables = {one.name: one for one in self.description.modelVariables}
         simulation = self.description.coSimulation
-        self.tick = simulation.fixedInternalStepSize
+        self.tick = float(simulation.fixedInternalStepSize or 0)
         token, name = self.description.guid, simulation.modelIdentifier
         self.fmu = FMU3Slave(guid=token, unzipDirectory=str(self.folder), modelIdentifier=name, instanceName="it")
         self.time = 0.0
