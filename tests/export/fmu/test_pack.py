@@ -1,5 +1,6 @@
 """The FMUs as fmpy sees them: valid, equal to Python, and clear about what they refuse."""
 
+import shutil
 import subprocess
 import zipfile
 from pathlib import Path
@@ -8,7 +9,7 @@ import fmpy
 import numpy as np
 import pytest
 from export import moving
-from export.embedded import needs_compiler, spectral
+from export.embedded import needs_compiler, serial, spectral
 from export.fmus import Unit, written
 from export.test_c_controller import curve, limits_of
 from fmpy.fmi1 import FMICallException
@@ -91,6 +92,17 @@ def test_so_is_the_robot_under_forces(forced, unit):
         robot.step(0.02)
         assert robot.get("displacement") == pytest.approx(u, abs=EXACT)
         assert robot.get("position") == pytest.approx(model.rest_e + model.at_displacement(u).delta_e, abs=EXACT)
+
+
+def test_modules_in_a_row_are_a_robot_too(tmp_path, unit):
+    meta, arrays = serial()
+    model = build(meta, arrays)
+    robot = unit(written(tmp_path, (meta, arrays), None, {"parts": ["robot"]})["robot"])
+    u = np.linspace(2.0, 9.0, model.rows.n_a)
+    robot.put("command", u)
+    robot.step()
+    assert robot.get("position") == pytest.approx(model.rest_e + model.at_displacement(u).delta_e, abs=EXACT)
+    assert robot.get("force") == pytest.approx(model.at_displacement(u).lambda_a, abs=EXACT)
 
 
 def test_fmpy_simulates_it(placed):
@@ -308,7 +320,8 @@ def test_fmpy_compiles_it_from_its_sources(placed, unit, tmp_path, part):
     fmpy.extract(str(placed[part]), str(stripped))
     binary = next((stripped / "binaries").glob("*/*"))
     binary.unlink()
-    build_platform_binary(stripped)
+    (tmp_path / "build").mkdir()
+    build_platform_binary(stripped, tmp_path / "build")
     assert binary.exists()
     packed = tmp_path / f"{part}.fmu"
     with zipfile.ZipFile(packed, "w") as out:
@@ -322,3 +335,19 @@ def test_fmpy_compiles_it_from_its_sources(placed, unit, tmp_path, part):
         each.step()
     outputs = ("command", "reference", "position", "force")
     assert one.get(*outputs) == pytest.approx(other.get(*outputs), abs=EXACT)
+
+
+def test_the_program_that_the_page_shows_closes_the_loop(placed, tmp_path, monkeypatch):
+    for path in placed.values():
+        shutil.copyfile(path, tmp_path / path.name)
+    monkeypatch.chdir(tmp_path)
+    text = (Path(__file__).parents[3] / "docs" / "fmi.md").read_text()
+    shown = {}
+    exec(text.split("```python\n")[1].split("```")[0], shown)
+    model = build(*spectral())
+    last = shown["robot"].getFloat64(shown["of_robot"]["position"])
+    commanded = shown["robot"].getFloat64(shown["of_robot"]["command"])
+    assert last == pytest.approx(model.rest_e + model.at_displacement(commanded).delta_e, abs=EXACT)
+    assert np.linalg.norm(np.subtract(last, shown["goal"])) < np.linalg.norm(np.subtract(shown["rest"], shown["goal"]))
+    for name in ("robot", "controller"):
+        shutil.rmtree(shown[name].unzipDirectory)
