@@ -148,7 +148,7 @@ def test_the_controller_is_that_of_python(forced, unit):
         controller.put("goal", goal)
         controller.step()
         belief = drive(pilot, belief, goal - model.rest_e)
-        assert controller.get("command") == pytest.approx(belief.u, rel=1e-8, abs=1e-8)
+        assert controller.get("command") == pytest.approx(belief.u, rel=EXACT, abs=EXACT)
 
 
 def test_two_fmus_track_a_curve_and_the_loop_removes_an_offset(placed, unit):
