@@ -15,7 +15,8 @@ HEAD = """# Dependencies and their licences
 Every package that cfem uses, with its licence, as `scripts/licences.py` finds them installed. cfem itself is
 Apache-2.0 and holds no code of these; each is installed from its own package. gmsh is GPL-2.0-or-later;
 `cfem/robot/mesh/gmsh_process.py` runs it in its own process. py-mkl-pardiso contains Intel's MKL, free to use and
-redistribute under the Intel Simplified Software License.
+redistribute under the Intel Simplified Software License. fmpy, which tests alone use, states its licence in its
+LICENSE.txt: BSD-2-Clause.
 
 The README of SoftRobots.Inverse, a plugin of SOFA, names the patent family FR3002047 and WO2014/122134, on the control
 of deformable robots in real time by a reduction of their equations to constraint space.

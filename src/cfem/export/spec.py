@@ -11,13 +11,14 @@ from cfem.core.actuator_units import Displacement, Displacements, Effort
 from cfem.core.names import Name
 from cfem.core.optional import installed
 from cfem.core.spec import Spec
-from cfem.core.units import Angle, Frequency, Length, Point
+from cfem.core.units import Angle, Frequency, Length, Point, Time
 from cfem.motion.mpc_spec import MpcSpec
 from cfem.predict.contact.obstacle_spec import ContactSpec, ObstacleSpec
 from cfem.predict.estimation.spec import DrivenDynamicsSpec, MarkersSpec
 from cfem.predict.loads.spec import LoadSpec
 
-Format = Literal["arrays", "onnx", "torchscript", "c", "html"]
+Format = Literal["arrays", "onnx", "torchscript", "c", "html", "fmu"]
+FmuPart = Literal["controller", "robot", "moving", "estimator"]
 PACKAGES: dict[Format, tuple[str, ...]] = {
     "arrays": (),
     "onnx": ("torch", "onnx", "onnxscript", "onnxruntime"),
@@ -136,6 +137,18 @@ class CSpec(Spec):
             raise ValueError("contact.resolution: mesh is of `cfem control` alone; C touches by patches")
 
 
+class FmuSpec(Spec):
+    """Units of co-simulation by FMI 3.0, of the C99 that `c` describes."""
+
+    parts: tuple[FmuPart, ...] | None = Field(None, min_length=1)
+    """The controller; the robot, at rest at each instant; the robot that moves, of a model that has learned to; the
+    estimator of `c.estimate`. All that there can be unless given."""
+    ticks: Frequency = 100.0
+    """Ticks a second of the controller."""
+    step: Annotated[Time, Field(gt=0)] | None = None
+    """Longest step of the robot that moves. A fortieth of the period of its first vibration unless given."""
+
+
 class ExportSpec(Spec):
     """Which trained model to write, in which formats."""
 
@@ -156,11 +169,15 @@ class ExportSpec(Spec):
     shape: bool = False
     """Whether to write the whole surface in every format too: shape.onnx, shape.ts, cfem_shape in C."""
     c: CSpec = CSpec()
-    """Settings of format c; of its controller and parameters, for format html too."""
+    """Settings of format c, and of fmu; of its controller and parameters, for format html too."""
+    fmu: FmuSpec = FmuSpec()
+    """Settings of format fmu."""
 
     def check(self) -> None:
         if self.c.obstacles and (self.scene is None or self.loads):
             raise ValueError("c.obstacles need `scene`, of which the surface is solved, and do not go with loads yet")
+        if self.c.obstacles and "fmu" in self.formats:
+            raise ValueError("c.obstacles do not go into an FMU yet: leave out the format fmu, or the obstacles")
         for name, one in self.c.obstacles.items():
             if one.kind == "robot" and (one.model != self.model or one.scene is not None):
                 what = f"in C another robot is one of the exported model: take model: {self.model}, without scene"

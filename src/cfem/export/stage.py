@@ -27,8 +27,9 @@ from cfem.robot.same_robot import demand_robot
 from cfem.robot.spec import SceneSpec, scene_meaning
 
 MOTION = motion.FILE
-FILES = {"arrays": "weights.npz", "onnx": "model.onnx", "torchscript": "model.ts", "c": "c", "html": "page.html"}
-CONTROLLERS = {"c", "html"}
+FILES = {"arrays": "weights.npz", "onnx": "model.onnx", "torchscript": "model.ts"}
+FILES |= {"c": "c", "html": "page.html", "fmu": "fmu"}
+CONTROLLERS = {"c", "html", "fmu"}
 IN_PYTHON = {  # not of the model alone
     "c contact": "contact in Python",
     "c estimate": "the estimator in Python",
@@ -129,10 +130,17 @@ def work(
     }
     sizes = {name: (folder / FILES[name]).stat().st_size for name in parity}
     report = None
-    if "c" in spec.formats:
-        report, found, bytes_ = _write_c(folder, spec, model_folder, meta, arrays, vectors["s"], embedded, scene)
-        parity |= found
-        sizes |= bytes_
+    fmus = []
+    if {"c", "fmu"} & set(spec.formats):
+        from cfem.export.fmu.pack import lasting_or_not, motion_of, write_fmus
+
+        with lasting_or_not(folder / FILES["c"], "c" in spec.formats) as code:
+            report, found, bytes_ = _write_c(code, spec, model_folder, meta, arrays, vectors["s"], embedded, scene)
+            parity |= found
+            sizes |= bytes_
+            if "fmu" in spec.formats:
+                place, motion = folder / FILES["fmu"], motion_of(spec, model_folder)
+                fmus, sizes["fmu"] = write_fmus(place, code, spec, embedded.at_rest(meta), arrays, motion)
     parity |= _write_shape(folder, spec, model_folder, meta, arrays, vectors)
     write_json(folder / "model.json", {**meta, "parity": parity})
     headline = [
@@ -144,6 +152,7 @@ def work(
         headline.append("c: not compared with the trained model, there is no C compiler here")
     if spec.formats == writable() and (left := [name for name in PACKAGES if name not in spec.formats]):
         headline.append(f"{' and '.join(left)}: left out, they need PyTorch ({remedy('torch')})")
+    headline += fmus
     if page_bytes is not None:
         sizes["html"] = page_bytes
         headline.append(f"html: {FILES['html']}, {size(page_bytes)}")
@@ -152,7 +161,7 @@ def work(
 
 
 def _write_c(
-    folder: Path,
+    place: Path,
     spec: ExportSpec,
     model_folder: Path,
     meta: dict,
@@ -163,7 +172,6 @@ def _write_c(
 ) -> tuple[dict[str, Any], dict[str, float], dict[str, int]]:
     """The controller, and what the spec asks for beside it: motion, predictive control, contact, an estimator. What
     is reported of it; relative differences from the trained model, where there is a compiler; bytes."""
-    place = folder / FILES["c"]
     report = write_embedded(place, spec.c, meta, arrays, states, embedded)
     parity, sizes = {"c": report["parity"]}, {"c": report["coefficient_bytes"]}
     moves = has_file(model_folder, MOTION) and not spec.loads

@@ -22,6 +22,10 @@ class Embedding:
     pressures: np.ndarray | None = None
     rest_e: np.ndarray | None = None
 
+    def at_rest(self, meta: dict) -> dict:
+        """The model's meta, its effectors at rest where the robot has them."""
+        return meta if self.rest_e is None else {**meta, "rest_e": self.rest_e.tolist()}
+
 
 def embedding(meta: dict, spec: CSpec, scene: SceneSpec | None) -> Embedding:
     """InputError where the scene is of other actuators than the model (meta), or is needed and not there."""
@@ -67,8 +71,7 @@ def write_embedded(
     from cfem.export.compiled.controller import CompiledController
     from cfem.export.firmware.folder import at_robot, write_c
 
-    if robot.rest_e is not None:
-        meta = {**meta, "rest_e": robot.rest_e.tolist()}
+    meta = robot.at_rest(meta)
     report = write_c(folder, meta, arrays, spec, s, robot.pressures)
     report["bytes"] = sizes(folder)
     write_json(folder / "report.json", report)
