@@ -20,16 +20,20 @@ typedef struct {
 const size_t cfem_fmu_bytes = sizeof(robot);
 
 /* Outputs; delta, lambda (CFEM_NA,): of the actuators; ends (CFEM_NE,) mm from rest. */
-static void show(const double *delta, const double *lambda, const double *ends, double *value) {
-    unsigned outside = 0;
-    for (int i = 0; i < CFEM_NA; i++) {
-        value[CFEM_FMU_DISPLACEMENT + i] = delta[i], value[CFEM_FMU_FORCE + i] = lambda[i];
-        outside |= delta[i] < cfem_domain_delta_a[0][i] || delta[i] > cfem_domain_delta_a[1][i];
-        outside |= !CFEM_FMU_MOVES && (lambda[i] < cfem_domain_lambda_a[0][i] || lambda[i] > cfem_domain_lambda_a[1][i]);
-    }
+static void show(const double *delta, const double *lambda, const double *ends, unsigned outside, double *value) {
+    for (int i = 0; i < CFEM_NA; i++) value[CFEM_FMU_DISPLACEMENT + i] = delta[i], value[CFEM_FMU_FORCE + i] = lambda[i];
     for (int e = 0; e < CFEM_NE; e++) value[CFEM_FMU_POSITION + e] = cfem_rest_e[e] + ends[e];
-    value[CFEM_FMU_OUTSIDE] = outside;
+    value[CFEM_FMU_OUTSIDE] = outside != 0;
 }
+
+#if CFEM_FMU_MOVES
+/* Forces of a robot in motion are those of inertia too, so that actuators alone are compared. */
+static unsigned beyond(const double *delta) {
+    unsigned outside = 0;
+    for (int i = 0; i < CFEM_NA; i++) outside |= delta[i] < cfem_domain_delta_a[0][i] || delta[i] > cfem_domain_delta_a[1][i];
+    return outside;
+}
+#endif
 
 /* The equilibrium under the command. */
 static int stand(robot *r, double *value, cfem_condensed *m, char said[CFEM_FMU_SAID]) {
@@ -49,7 +53,11 @@ static int stand(robot *r, double *value, cfem_condensed *m, char said[CFEM_FMU_
         ends[e] = m->free_e[e];
         for (int i = 0; i < CFEM_NA; i++) ends[e] += m->W_ea[e][i] * m->lambda_a[i];
     }
-    show(m->delta_a, m->lambda_a, ends, value);
+#if CFEM_FMU_MOVES
+    show(m->delta_a, m->lambda_a, ends, beyond(m->delta_a), value);
+#else
+    show(m->delta_a, m->lambda_a, ends, cfem_outside(m), value);
+#endif
     return CFEM_FMU_OK;
 }
 
@@ -84,7 +92,7 @@ int cfem_fmu_step(void *state, double *value, double step, int ticks, char said[
     }
     for (int i = 0; i < CFEM_NA; i++) r->command[i] = command[i];
     cfem_motion_effectors(&r->motion, ends);
-    show(r->motion.q, r->motion.lambda_a, ends, value);
+    show(r->motion.q, r->motion.lambda_a, ends, beyond(r->motion.q), value);
     return CFEM_FMU_OK;
 }
 #else
