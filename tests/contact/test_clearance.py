@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from support.closed import box_arrays, octahedral_sphere
 
-from cfem.contact.clearance import depth_in_itself, nearest_of_surface
+from cfem.contact.clearance import nearest_of_surface
 from cfem.contact.closed_surface import ClosedSurface
 from cfem.contact.obstacle import Box, Capsule, ClosedMesh, Plane, Sphere
 
@@ -61,14 +61,3 @@ def test_flat_on_flat_ends_with_what_is_certain():
         below = ClosedMesh(ClosedSurface(*box_arrays([-6, -6, -1 - gap], [6, 6, -gap])))
         found = nearest_of_surface(nodes, triangles, below, 1e-2)
         assert found.distance == pytest.approx(gap, abs=1e-12) and found.at_least > gap - 0.5
-
-
-@pytest.mark.parametrize("gap", [0.5, -0.25, -0.6])
-def test_a_surface_that_goes_through_itself_is_told_how_deep(gap):
-    """Two boxes of one surface, the smaller above the larger: its corners lie in the other by what they overlap."""
-    low, faces = box_arrays([0, 0, 0], [4, 4, 2])
-    high, _ = box_arrays([0.5, 0.5, 2 + gap], [3.5, 3.5, 4 + gap])
-    nodes, triangles = np.vstack([low, high]), np.vstack([faces, faces + len(low)])
-    every = np.arange(len(nodes))
-    assert depth_in_itself(nodes, triangles, every) == pytest.approx(max(0.0, -gap), abs=1e-9)
-    assert depth_in_itself(nodes, triangles, every[: len(low)]) == 0.0

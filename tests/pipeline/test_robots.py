@@ -11,7 +11,7 @@ from cfem.cli.app import app
 from cfem.pipeline.plan import own_specs, plan
 from cfem.pipeline.robots import ROBOTS, copy_robot, robots
 
-SHOWN = ["bar", "diamond", "parametric-finger", "soft-finger", "soft-gripper", "stiff-flop", "trunk"]
+SHOWN = ["bar", "diamond", "parametric-finger", "pneunet", "soft-finger", "soft-gripper", "stiff-flop", "trunk"]
 
 
 def init(tmp_path, *words):

@@ -24,6 +24,7 @@ from cfem.dataset.writer import content_hash, write_table
 from cfem.predict.load import build
 from cfem.predict.protocol import Predictor
 from cfem.sample import artefact, tour
+from cfem.sample.overlap import read_overlap
 from cfem.sample.plan import actuation
 from cfem.sample.pool import with_workers
 from cfem.sample.runner import Job, make_job, merge, solve_rows, solve_skeleton
@@ -64,8 +65,9 @@ def fill(folder: Path, spec: SampleSpec, factory: SolverFactory, made_from: str,
     artefact.keep_skin(folder / "shards", folder)
     for split, table in tables.items():
         write_table(folder / f"{split}.parquet", table)
+    plain = artefact.results(tables, artefact.kept_skin(folder), read_overlap(folder / "shards"))
     shutil.rmtree(folder / "shards")
-    outcome, plain = verdict(spec.until, tables, rounds), artefact.results(tables, artefact.kept_skin(folder))
+    outcome = verdict(spec.until, tables, rounds)
     return {
         **plain,
         "until": outcome,

@@ -7,13 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cfem.contact.closed_surface import winding
 from cfem.contact.obstacle import Obstacle
-from cfem.contact.triangles import closest
 
 TOLERANCE = 1e-3  # mm
 MOST = 20_000  # triangles at a time, before the rest is left to the bound
-OUT = 1e-6  # of the size: how far before the surface it is seen whether another part of the body is there
 _MIDDLES = np.array([[1, 1, 0], [0, 1, 1], [1, 0, 1]]) / 2
 _SPLIT = np.array([*([corner, *_MIDDLES[[i, i - 1]]] for i, corner in enumerate(np.eye(3))), _MIDDLES])
 
@@ -66,21 +63,3 @@ def nearest_of_surface(
         parents = np.repeat(parents, 4)
     place = shares @ nodes[triangles[triangle]]
     return Nearest(best, min(best, float(floor)), place, triangle, shares, obstacle.normals(place[None])[0])
-
-
-def depth_in_itself(nodes: np.ndarray, triangles: np.ndarray, tried: np.ndarray) -> float:
-    """Depth, mm, by which a closed surface of nodes (m, 3) mm and triangles (t, 3) has gone through itself, at the
-    nodes of numbers `tried`, 0 where it has not. What is next to such a node's outer side is within the body; the way
-    out is to the nearest triangle that faces the node."""
-    corners = nodes[triangles]
-    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    outward = np.zeros(nodes.shape)
-    for corner in triangles.T:
-        np.add.at(outward, corner, across)
-    outward /= np.maximum(np.linalg.norm(outward, axis=1), 1e-300)[:, None]
-    before = nodes[tried] + OUT * np.linalg.norm(np.ptp(nodes, axis=0)) * outward[tried]
-    deepest = 0.0
-    for number in tried[winding(corners, before) > 0.5]:
-        facing = corners[across @ outward[number] < 0]
-        deepest = max(deepest, float(closest(facing, np.broadcast_to(nodes[number], (len(facing), 3)))[1].min()))
-    return deepest

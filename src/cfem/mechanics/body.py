@@ -9,8 +9,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cfem.core.errors import InputError
+from cfem.mechanics import layer as membrane
 from cfem.mechanics import solid as region
 from cfem.mechanics.element import Element, reference_gradients
+from cfem.mechanics.layer import Fabric, Layer, LayerResponse
 from cfem.mechanics.material.law import Material
 from cfem.mechanics.mesh import Mesh
 from cfem.mechanics.rod import region as rods
@@ -33,13 +35,15 @@ class Body:
     solids: its regions
     cells: (m, n_nodes) of all of them, one region after the other: the order of element pressures
     sections: rigid ones in a row, where the body is of these
-    rod: that joins them"""
+    rod: that joins them
+    layers: on faces of the cells"""
 
     mesh: Mesh
     element: Element
     solids: tuple[Solid, ...]
     sections: Sections | None = None
     rod: Rod | None = None
+    layers: tuple[Layer, ...] = ()
 
     @property
     def cells(self) -> np.ndarray:
@@ -66,7 +70,7 @@ class BodyResponse:
     """Response of a body at positions x and element pressures p.
 
     energy: N mm
-    force: (n, 3) N internal of the solids, with the given p
+    force: (n, 3) N internal of the solids and layers, with the given p
     mismatch, pressure, min_J: (m,) MPa and number as of its regions (solid.py), min_J 0 or less also where sections of
     the rod touch
     rod: its own response, whose forces act on the sections' frames (rod.py)"""
@@ -78,6 +82,7 @@ class BodyResponse:
     min_J: float
     solids: tuple[region.SolidResponse, ...]
     rod: RodResponse | None = None
+    layers: tuple[LayerResponse, ...] = ()
 
 
 def make_body(
@@ -111,6 +116,13 @@ def make_body(
             f"{bad} of {len(mesh.cells)} cells of the mesh are inverted or flat", do="mesh it again, with another size"
         )
     return Body(mesh, element, solids)
+
+
+def with_layers(body: Body, faces: Sequence[tuple[np.ndarray, Fabric]]) -> Body:
+    """The body of tetrahedra with layers on faces (k, 3 | 6). InputError where a face is none of a cell, or fibres are
+    normal to it."""
+    X, cells = body.mesh.X, body.cells
+    return replace(body, layers=tuple(membrane.make_layer(X, cells, facets, fabric) for facets, fabric in faces))
 
 
 def make_rod_body(
@@ -174,7 +186,8 @@ def on_nodes(body: Body, mesh: Mesh) -> Body:
             raise InputError("the moved mesh has cells that are inverted or flat", do="move it less")
         return replace(part, X=mesh.X, gradients=gradients, weights=weights)
 
-    return replace(body, mesh=mesh, solids=tuple(map(remade, body.solids)))
+    layers = tuple(membrane.moved(layer, mesh.X, body.cells) for layer in body.layers)
+    return replace(body, mesh=mesh, solids=tuple(map(remade, body.solids)), layers=layers)
 
 
 def _check(material: Material, element: Element) -> None:
@@ -191,12 +204,17 @@ def without(body: Body, cells_within: np.ndarray) -> Body:
     """The body without the cells all of whose nodes carry the same number >= 0 in cells_within (n,): the inside of a
     rigid group deforms nothing."""
 
+    def deforms(cells: np.ndarray) -> np.ndarray:
+        numbers = cells_within[cells]
+        return (numbers < 0).any(axis=1) | (numbers != numbers[:, :1]).any(axis=1)
+
     def kept(part: Solid) -> Solid:
-        numbers = cells_within[part.cells]
-        keep = (numbers < 0).any(axis=1) | (numbers != numbers[:, :1]).any(axis=1)
+        keep = deforms(part.cells)
         return replace(part, cells=part.cells[keep], gradients=part.gradients[keep], weights=part.weights[keep])
 
-    return replace(body, solids=tuple(part for part in map(kept, body.solids) if len(part.cells)))
+    left = replace(body, solids=tuple(part for part in map(kept, body.solids) if len(part.cells)), layers=())
+    keep = deforms(body.cells)
+    return replace(left, layers=tuple(membrane.kept(layer, keep, left.cells) for layer in body.layers))
 
 
 def response(body: Body, x: np.ndarray, pressure: np.ndarray | None = None) -> BodyResponse:
@@ -207,23 +225,25 @@ def response(body: Body, x: np.ndarray, pressure: np.ndarray | None = None) -> B
         region.response(part, x, given[place] if len(given) else given, force) for part, place in body.parts()
     )
     rod = None if body.rod is None else rods.response(body.rod, x)
+    layers = tuple(membrane.response(layer, x, force) for layer in body.layers)
     none = np.empty(0)
     return BodyResponse(
-        energy=sum(solid.energy for solid in solids) + (rod.energy if rod else 0.0),
+        energy=sum(part.energy for part in (*solids, *layers)) + (rod.energy if rod else 0.0),
         force=force,
         mismatch=np.concatenate([none, *(solid.mismatch for solid in solids)]),
         pressure=np.concatenate([none, *(solid.pressure for solid in solids)]),
         min_J=float(np.min([solid.min_J for solid in solids] + ([rod.shortest] if rod else []))),
         solids=solids,
         rod=rod,
+        layers=layers,
     )
 
 
 def tangent(
     body: Body, state: BodyResponse, slots: np.ndarray, data: np.ndarray, before: BodyResponse | None = None
 ) -> np.ndarray:
-    """Adds the solids' tangent stiffness (N/mm) to the lower triangle `data`, slots (m, n_nodes, n_nodes, 3) of
-    assembly.py. Returns dtheta (m, n_nodes, 3) mm^2, the gradients of theta_mean V; empty without element pressures.
+    """Adds the tangent stiffness (N/mm) to the lower triangle `data`, slots (m, n_nodes, n_nodes, 3) of assembly.py.
+    Returns dtheta (m, n_nodes, 3) mm^2, the gradients of theta_mean V; empty without element pressures.
 
     before: where the linear step to `state` began; the geometric part then uses the stress predicted there."""
     lags = [None] * len(body.solids)
@@ -235,14 +255,19 @@ def tangent(
         region.tangent(part, part_response, slots[place], data, lag)
         for (part, place), part_response, lag in zip(body.parts(), state.solids, lags, strict=True)
     ]
+    for number, layer in enumerate(body.layers):
+        membrane.tangent(layer, state.layers[number], slots, data, before and before.layers[number])
     return np.concatenate([np.zeros((0, body.element.n_nodes, 3)), *dtheta])
 
 
 def tangent_form(body: Body, state: BodyResponse, motions: np.ndarray) -> np.ndarray:
-    """Form M^T A M (k, k) N mm of the solids' tangent stiffness A and motions M (n, 3, k) mm."""
-    parts = zip(body.solids, state.solids, strict=True)
-    none = np.zeros((motions.shape[2], motions.shape[2]))
-    return sum((region.tangent_form(part, part_response, motions) for part, part_response in parts), none)
+    """Form M^T A M (k, k) N mm of the tangent stiffness A of solids and layers, and motions M (n, 3, k) mm."""
+    form = np.zeros((motions.shape[2], motions.shape[2]))
+    for part, part_response in zip(body.solids, state.solids, strict=True):
+        form += region.tangent_form(part, part_response, motions)
+    for layer, layer_response in zip(body.layers, state.layers, strict=True):
+        form += membrane.tangent_form(layer, layer_response, motions)
+    return form
 
 
 def pressure_force(body: Body, dtheta: np.ndarray, pressure: np.ndarray) -> np.ndarray:

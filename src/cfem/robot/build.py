@@ -33,6 +33,7 @@ from cfem.robot import constraints, spec
 from cfem.robot.catalogue import stiff_flop, taper
 from cfem.robot.catalogue.sections import sections_of
 from cfem.robot.checks.possible import demand_possible
+from cfem.robot.layers import layered
 from cfem.robot.materials import MaterialSpec
 from cfem.robot.places import cable_points, effector_points, pull_point
 from cfem.robot.rigid import rigid_groups
@@ -118,7 +119,7 @@ def _body(scene: spec.SceneSpec, mesh: Mesh, regions: list[np.ndarray], sections
     element, (main, *others) = scene.mesh.element, materials_of(scene)
     parts = list(zip(regions, others, strict=True))
     if element not in SECTIONED:
-        return make_body(mesh, ELEMENTS[element], main, parts)
+        return layered(scene.layers, mesh, make_body(mesh, ELEMENTS[element], main, parts))
     rigid_sections = Sections(mesh.X, np.stack(sections))
     if element == "beam":
         shape = _section_shape(scene, rigid_sections)

@@ -142,6 +142,38 @@ class StiffFlop(Spec):
             raise ValueError("the chambers must lie between bore_radius and radius")
 
 
+class PneuNet(Spec):
+    """Cells in a row along x from the origin with gaps between them, on a common floor from z = 0 up, with one chamber:
+    a room in each cell, joined by a duct through the floor (after Mosadegh et al. 2014). A layer on the floor that does
+    not stretch makes it bend: `layers`."""
+
+    kind: Literal["pneunet"]
+    """A PneuNet."""
+    cells: PositiveInt = 5
+    """Number of cells."""
+    cell_length: Length = Field(default=10.0, gt=0)
+    """Length of a cell along x, walls included."""
+    gap: Length = Field(default=1.5, gt=0)
+    """Distance from cell to cell."""
+    width: Length = Field(default=15.0, gt=0)
+    """Width along y."""
+    height: Length = Field(default=18.0, gt=0)
+    """Height along z, floor included."""
+    wall: Length = Field(default=1.5, gt=0)
+    """Thickness of the walls and the roof of a room."""
+    floor: Length = Field(default=3.0, gt=0)
+    """Thickness of the floor below the rooms."""
+    duct: Length = Field(default=2.0, gt=0)
+    """Width and height of the duct."""
+
+    def check(self) -> None:
+        if 2 * self.wall >= min(self.cell_length, self.width) or self.floor + self.duct + self.wall >= self.height:
+            what = "2 wall must be smaller than cell_length and width, and floor, duct and wall together than height"
+            raise ValueError(what)
+        if self.duct >= self.width - 2 * self.wall:
+            raise ValueError("the duct must be narrower than a room")
+
+
 SURFACES = (".stl", ".obj", ".3mf", ".ply", ".off")  # files of triangles alone
 
 
@@ -187,7 +219,7 @@ class StepFile(Spec):
             raise ValueError("unit: a STEP file states its own units, leave it out")
 
 
-Single = SoftFinger | Bar | Diamond | Trunk | Taper | StiffFlop | MeshFile | StepFile
+Single = SoftFinger | Bar | Diamond | Trunk | Taper | StiffFlop | PneuNet | MeshFile | StepFile
 
 
 class Refinement(Spec):

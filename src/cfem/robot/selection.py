@@ -8,7 +8,7 @@ from pydantic import AfterValidator, Field
 from cfem.core.errors import SpecError
 from cfem.core.spec import Spec
 from cfem.core.units import Length, Point, Points
-from cfem.mechanics.mesh import Mesh
+from cfem.mechanics.mesh import TET_EDGES, TET_FACES, TRIANGLE_EDGES, Mesh
 
 
 def _directed(value: list[float]) -> list[float]:
@@ -35,6 +35,12 @@ class Box(Spec):
     @property
     def high(self) -> np.ndarray:
         return self.corners.max(axis=0)
+
+    @property
+    def flat(self) -> int | None:
+        """Axis across which the box has no thickness; None where there is none, or more than one."""
+        axes = np.flatnonzero(self.high == self.low)
+        return int(axes[0]) if len(axes) == 1 else None
 
 
 class Sphere(Spec):
@@ -104,6 +110,37 @@ def facets_of(mesh: Mesh, name: str, where: str) -> np.ndarray:
     if name not in mesh.facet_sets:
         raise _unknown(where, "facet set", name, mesh.facet_sets)
     return mesh.facets[mesh.facet_sets[name]]
+
+
+def select_faces(mesh: Mesh, selection: Shape | Named, where: str) -> np.ndarray:
+    """Nodes (k, 3 | 6) of the faces meant: of the surface all of whose nodes lie inside, or a facet set; of a box
+    without thickness those of tetrahedra in the body too, normals along its axis there. SpecError, naming `where`, if
+    there are none."""
+    if isinstance(selection, Named):
+        return facets_of(mesh, selection.name, where)
+    inside = _inside(mesh.X, selection, 1e-6 * mesh.size)
+    chosen = mesh.facets[inside[mesh.facets].all(axis=1)]
+    if isinstance(selection, Box) and selection.flat is not None:
+        chosen = np.concatenate([chosen, _faces_within(mesh, inside, selection.flat)])
+    if not len(chosen):
+        message = f"the {selection.kind} selects no face of the mesh"
+        raise SpecError(message, where=where, do="check its coordinates and units")
+    return chosen
+
+
+def _faces_within(mesh: Mesh, inside: np.ndarray, axis: int) -> np.ndarray:
+    """Nodes (k, 3 | 6) of the faces between two tetrahedra whose corners are all `inside` (n,), each once, normals
+    along the axis."""
+    cell, face = np.nonzero(inside[mesh.cells[:, TET_FACES]].all(axis=2))
+    local = TET_FACES[face]
+    if mesh.order == 2:
+        pairs = np.sort(local[:, TRIANGLE_EDGES], axis=2)
+        middle = 4 + (pairs[:, :, None] == np.sort(TET_EDGES, axis=1)).all(axis=3).argmax(axis=2)
+        local = np.hstack([local, middle])
+    faces = mesh.cells[cell[:, None], local]
+    a, b, c = mesh.X[faces[:, :3]].swapaxes(0, 1)
+    _, number, count = np.unique(np.sort(faces[:, :3], axis=1), axis=0, return_inverse=True, return_counts=True)
+    return faces[(count[number.ravel()] == 2) & (np.cross(b - a, c - a)[:, axis] > 0)]
 
 
 def _named_nodes(mesh: Mesh, name: str, where: str) -> np.ndarray:

@@ -12,6 +12,7 @@ from cfem.mechanics.element import SECTIONED
 from cfem.robot.catalogue import routes
 from cfem.robot.constraints import Actuator, Chambers, Contact, Effector, Load
 from cfem.robot.geometry import Assembly, Geometry, MeshFile, Refinement, StiffFlop, Taper
+from cfem.robot.layers import LayerSpec
 from cfem.robot.materials import MaterialRegion, MaterialSpec
 from cfem.robot.selection import Selection
 from cfem.robot.shape.free_form import FreeForm
@@ -64,6 +65,8 @@ class SceneSpec(Spec):
     """Material of the body."""
     materials: list[MaterialRegion] = []
     """Regions of another material. Later regions win."""
+    layers: list[LayerSpec] = []
+    """Thin layers on faces of tetrahedra that resist stretching alone: paper, fabric, windings."""
     fixed: list[Selection] = Field(min_length=1)
     """What is held: regions or named sets of nodes that do not move."""
     rigid: list[Selection] = []
@@ -111,7 +114,7 @@ class SceneSpec(Spec):
         needs_tip = [f"actuators.{i}.route" for i, item in enumerate(self.actuators) if getattr(item, "route", None)]
         needs_tip += [f"effectors.{i}.at" for i, item in enumerate(self.effectors) if item.at == "tip"]
         if needs_tip and not routes.has_tip(self.geometry):
-            raise ValueError(f"{needs_tip[0]}: needs a geometry of kind soft-finger, bar, diamond or trunk")
+            raise ValueError(f"{needs_tip[0]}: needs a geometry of kind soft-finger, bar, diamond, trunk or pneunet")
         for index, item in enumerate(self.actuators):
             wrong = routes.fault(self.geometry, item.route) if getattr(item, "route", None) else ""
             if wrong:
@@ -131,6 +134,8 @@ class SceneSpec(Spec):
             raise ValueError("mesh.cells: grades tetrahedra that are made here, not hexahedra or a mesh file")
         if mesh.mirror and (isinstance(geometry, Assembly | MeshFile | StiffFlop) or mesh.element == "hex8"):
             raise ValueError("mesh.mirror: is for tetrahedra of one body that is meshed here")
+        if self.layers and mesh.element in ("hex8", *SECTIONED):
+            raise ValueError("layers: lie on faces of tetrahedra, set mesh.element to tet10p0 or tet10")
         if isinstance(geometry, Assembly) and mesh.refine:
             raise ValueError("mesh.refine: has no place in an assembly, give each part its own `refine`")
 

@@ -13,12 +13,14 @@ import pyarrow.compute as pc
 from cfem.condensed.skin import Skin, read_skin
 from cfem.core.artefact.files import write_whole
 from cfem.core.artefact.judgement import FAILED_SHARE, poor
+from cfem.core.artefact.manifest import read_manifest
 from cfem.core.console.shown import duration, length
 from cfem.core.errors import InputError, NumericalError
 from cfem.dataset.inspect import cost
 from cfem.dataset.reader import CONVERGED, column_array, read_table
 from cfem.dataset.schema import SKIN, metadata
 from cfem.dataset.writer import content_hash, write_table
+from cfem.sample.overlap import deeper, finding, read_overlap
 from cfem.sample.pool import with_workers
 from cfem.sample.runner import sample
 from cfem.sample.skin import TOLERANCE
@@ -46,8 +48,9 @@ def fill(
         keep_skin(shards, folder)
         for split, table in tables.items():
             write_table(files[split], table)
+    before = None if known is None else (read_manifest(known)["results"] or {}).get("overlap")
+    outcome = results(tables, kept_skin(folder), deeper(read_overlap(shards), before))
     shutil.rmtree(shards, ignore_errors=True)
-    outcome = results(tables, kept_skin(folder))
     if known is not None:
         kept = sum(len(read_table(known / file.name)) for file in files.values())
         outcome["kept"] = kept
@@ -66,8 +69,11 @@ def kept_skin(folder: Path) -> Skin | None:
     return read_skin(folder / SKIN) if (folder / SKIN).exists() else None
 
 
-def results(tables: dict[str, pa.Table], skin: Skin | None = None) -> dict[str, Any]:
-    """Results of the sampling, and its cost. Raises NumericalError where no row of a split converged."""
+def results(
+    tables: dict[str, pa.Table], skin: Skin | None = None, overlap: dict[str, Any] | None = None
+) -> dict[str, Any]:
+    """Results of the sampling, and its cost; overlap: figures on the skeleton. Raises NumericalError where no row of a
+    split converged."""
     for split, table in tables.items():
         if not pc.any(pc.equal(table["status"], CONVERGED)).as_py():
             raise NumericalError(f"no row of '{split}' converged: {table['reason'][0]}", where="sample")
@@ -85,12 +91,16 @@ def results(tables: dict[str, pa.Table], skin: Skin | None = None) -> dict[str, 
             *drawn_back(table),
             *skin_line(skin_figures),
         ],
-        "judgement": failures(table.filter(pc.not_equal(table["status"], CONVERGED)), len(table)),
+        "judgement": [
+            *failures(table.filter(pc.not_equal(table["status"], CONVERGED)), len(table)),
+            *finding(overlap, metadata(table).get("length", np.inf)),
+        ],
         "rows": {split: len(table) for split, table in tables.items()},
         "failed": failed,
         **costs,
         "residual_max": worst,
         "skin": skin_figures,
+        "overlap": overlap,
     }
 
 

@@ -21,6 +21,7 @@ from cfem.dataset.schema import SKIN, content
 from cfem.dataset.writer import content_hash, write_table
 from cfem.sample import tour
 from cfem.sample.artefact import keep_skin, kept_skin, results
+from cfem.sample.overlap import read_overlap
 from cfem.sample.pool import with_workers
 from cfem.sample.runner import make_job, merge, solve_rows, solve_skeleton
 from cfem.sample.solver import SolverFactory
@@ -93,7 +94,7 @@ def fill_merged(folder: Path, spec: SampleSpec, parts: Sequence[Path], made_from
     keep_skin(parts[0], folder)
     wall = max(manifest["results"]["wall_seconds"] for manifest in manifests)
     return {
-        **results(tables, kept_skin(folder)),
+        **results(tables, kept_skin(folder), read_overlap(parts[0])),
         "parts": len(parts),
         "wall_seconds": wall,
         "content": content_hash(tables),

@@ -5,6 +5,7 @@ and how often the work was interrupted, leaves no trace in the numbers. Workers 
 files, which are written here: they need to see no disk of this machine."""
 
 import hashlib
+import json
 import pickle  # nosec B403
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, Executor, Future
@@ -30,6 +31,7 @@ from cfem.mechanics.factorization import solver_name
 from cfem.sample import shard, tour
 from cfem.sample.contact import contact_plan
 from cfem.sample.knots_file import read_knots
+from cfem.sample.overlap import FILE
 from cfem.sample.plan import unit_rows, with_idle
 from cfem.sample.shard import Piece
 from cfem.sample.solver import Facts, SolverFactory
@@ -193,9 +195,13 @@ def solve_skeleton(job: Job, rows: np.ndarray, known: bytes | None = None) -> Jo
         solves = len(rows) * (2 if finds else 1)  # once to find the rows of the skin, once more with them
         with progress("skeleton, from which all other states start", solves, estimate=False, **_shown(_counter(job))):
             _, (records, states, skin) = next(_results(job.executor, job.timeout, {"skeleton": call}))
+        calls = {"overlaps of the skeleton": (shard.overlaps, job.robot, states)}
+        _, overlap = next(_results(job.executor, job.timeout, calls))
         with_skin = skinned(job, skin)
         if skin:
             write_whole(job.skin_file, skin)
+        if overlap:
+            write_whole(job.skeleton / FILE, json.dumps(overlap).encode())
         write_whole(job.skeleton_states, states)
         write_whole(job.skeleton_rows, shard.rows_bytes(records, with_skin.schema))
     return skinned(job, job.skin_file.read_bytes()) if job.asked else job

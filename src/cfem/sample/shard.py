@@ -22,7 +22,7 @@ from cfem.equilibrium.motion.inertia import Inertia
 from cfem.equilibrium.predictor import Knot, knot, nearest, predict
 from cfem.equilibrium.system.actuation import Actuation, pulling_only
 from cfem.equilibrium.system.solution import Equilibrium, ParameterSlopes, State
-from cfem.sample import tally
+from cfem.sample import overlap, tally
 from cfem.sample.contact import ContactPlan
 from cfem.sample.knots_file import demand_states, knots_bytes, read_knots
 from cfem.sample.plan import actuation, borne_together
@@ -116,6 +116,14 @@ def solve_skeleton(
     records = [_record(solver.facts, skin, piece, index, row) for index, row in enumerate(rows)]
     states = knots_bytes([row.knot for row in rows if row.solved.converged])
     return records, states, skin_bytes(skin)
+
+
+def overlaps(robot: bytes, skeleton: bytes) -> dict[str, Any] | None:
+    """Figures on parts of the body that pass through each other in the states of `skeleton`; None where nobody can
+    tell."""
+    boundary = _solver(robot).facts.boundary
+    states = [known.x for known in read_knots(io.BytesIO(skeleton))]
+    return overlap.overlaps(boundary, states) if boundary and states else None
 
 
 def solve_shard(robot: bytes, skin: bytes, skeleton: bytes, piece: Piece) -> bytes:

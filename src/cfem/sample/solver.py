@@ -12,7 +12,8 @@ from cfem.condensed.pose import Patch
 from cfem.condensed.skin import Skin
 from cfem.condensed.viscosity import Viscosity
 from cfem.constraint.skin_rows import SkinRows
-from cfem.constraint.surface import Surface, outer_surface
+from cfem.constraint.surface import Surface, outer_surface, triangulated
+from cfem.contact.overlap import Boundary, boundary_of
 from cfem.core.errors import NumericalError, SpecError
 from cfem.equilibrium.system.actuation import Actuation
 from cfem.equilibrium.system.solution import Equilibrium, State
@@ -48,6 +49,7 @@ class Facts:
     inner: the number of inner motions whose mass is recorded
     masses: t, by the name of the effector that is the centre of that mass
     inside: the nodes that are not of the surface, None where there are none
+    boundary: by which parts of the body may pass through each other, None of rigid sections in a row
     unilateral: (n_a,) actuators that go slack rather than push, (0,) where none does"""
 
     scene: str
@@ -68,6 +70,7 @@ class Facts:
     masses: Mapping[str, float] = field(default_factory=dict)
     inside: Inside | None = None
     unilateral: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    boundary: Boundary | None = None
 
 
 class Solver(Protocol):
@@ -157,6 +160,7 @@ class FiniteElements:
             masses=robot.masses,
             inside=Inside(within, robot.X[within]) if len(within) else None,
             unilateral=robot.unilateral if self.slack else np.zeros(0, dtype=bool),
+            boundary=None if robot.body.sections else boundary_of(robot.X, triangulated(robot.body.mesh.facets)),
         )
         options = self.third_order, self.loads, self.slack
         return _FiniteElementSolver(facts, family, problem, settings, *options, mass, stresses)

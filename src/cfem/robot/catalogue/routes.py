@@ -4,9 +4,9 @@ from typing import Any
 
 import numpy as np
 
-from cfem.robot.catalogue import bar, diamond, soft_finger, trunk
+from cfem.robot.catalogue import bar, diamond, pneunet, soft_finger, trunk
 from cfem.robot.constraints import Route
-from cfem.robot.geometry import Bar, Diamond, SoftFinger, Trunk
+from cfem.robot.geometry import Bar, Diamond, PneuNet, SoftFinger, Trunk
 
 _SIDES = {f"{axis}{sign}": float(f"{sign}1") * np.eye(3)["xyz".index(axis)] for axis in "xyz" for sign in "+-"}
 _ALONG_Z = ("x+", "x-", "y+", "y-")
@@ -15,8 +15,9 @@ _BODIES = {  # the module of each, and the sides along which its cables run
     Diamond: (diamond, _ALONG_Z),
     Trunk: (trunk, _ALONG_Z),
     SoftFinger: (soft_finger, ()),
+    PneuNet: (pneunet, ()),
 }
-BODIES = {body.model_fields["kind"].annotation.__args__[0]: body for body in _BODIES}  # bodies with routes, by kind
+BODIES = {body.model_fields["kind"].annotation.__args__[0]: body for body in _BODIES}  # bodies with tips, by kind
 
 
 def points(geometry: Any, route: Route) -> np.ndarray:
@@ -40,13 +41,15 @@ def tip(geometry: Any) -> np.ndarray:
 
 
 def has_tip(geometry: Any) -> bool:
-    """True for a body whose free end and routes are known."""
+    """True for a body whose free end, and whose routes if it has any, are known."""
     return type(geometry) in _BODIES
 
 
 def fault(geometry: Any, route: Route) -> str:
     """Sentence about a route that does not go with its body, empty where it does. The body has routes."""
     kind, sides, disks = geometry.kind, _BODIES[type(geometry)][1], getattr(geometry, "disks", 0)
+    if isinstance(geometry, PneuNet):
+        return f"cables through a {kind} have points, not a route"
     if not sides:
         stated = route.x is not None and route.y is not None and route.side is None and route.disks is None
         return "" if stated else f"a {kind} needs x and y of the cable, and nothing else"

@@ -2,9 +2,17 @@
 
 from cfem.robot.catalogue.bar import bar
 from cfem.robot.catalogue.diamond import diamond
+from cfem.robot.catalogue.pneunet import pneunet
 from cfem.robot.catalogue.soft_finger import soft_finger
 from cfem.robot.catalogue.taper import taper
 from cfem.robot.catalogue.trunk import trunk
-from cfem.robot.geometry import Bar, Diamond, SoftFinger, Taper, Trunk
+from cfem.robot.geometry import Bar, Diamond, PneuNet, SoftFinger, Taper, Trunk
 
-CATALOGUE = {Bar: bar, Diamond: diamond, SoftFinger: soft_finger, Taper: taper, Trunk: trunk}
+CATALOGUE = {
+    Bar: bar,
+    Diamond: diamond,
+    PneuNet: pneunet,
+    SoftFinger: soft_finger,
+    Taper: taper,
+    Trunk: trunk,
+}

@@ -47,7 +47,7 @@ def make_mesh(scene: SceneSpec, folder: Path, grading: Grading | None = None) ->
         Box(tuple(item.region.low.tolist()), tuple(item.region.high.tolist()))
         for item in scene.materials
         if isinstance(item.region, selection.Box)
-    ]
+    ] + [_behind_sheet(item.faces) for item in scene.layers if getattr(item.faces, "flat", None) is not None]
     if isinstance(scene.geometry, StiffFlop):
         length = _length(scene.geometry)
         demand_cells(scene.mesh, length / scene.mesh.size, np.array([length, *[2 * scene.geometry.radius] * 2]))
@@ -66,6 +66,13 @@ def make_mesh(scene: SceneSpec, folder: Path, grading: Grading | None = None) ->
         mesh, volume = corner_mesh(scene.geometry, scene.mesh, regions, folder, "geometry", grading)
     mesh = with_middles(mesh) if ELEMENTS[scene.mesh.element].order == 2 else mesh
     return (mesh, volume) if scene.shape is None else (shaped(scene.shape, mesh), None)
+
+
+def _behind_sheet(sheet: selection.Box) -> Box:
+    """Box of all places behind a box without thickness, on which a mesh then has faces."""
+    high = sheet.high.copy()
+    high[sheet.flat] = _FAR
+    return Box(tuple(sheet.low.tolist()), tuple(high.tolist()))
 
 
 def _length(geometry: StiffFlop) -> float:
