@@ -62,6 +62,21 @@ def test_changes_that_alter_nothing_are_known_and_gone_ones_named(mutate, monkey
     assert capsys.readouterr().err == "equivalent.toml: is no more: b\n"
 
 
+@pytest.mark.parametrize("status", [0, 1])
+def test_tests_that_fail_without_a_change_end_the_run(mutate, monkeypatch, status):
+    """Every change would count as caught."""
+    asked = []
+    monkeypatch.setattr(mutate, "run_tests", lambda package, tests, seconds: asked.append(tests) or status)
+    monkeypatch.setattr(mutate, "changed_package", lambda file, index, place: asked.append(index))
+    covering = mutate.CoveringTests({}, {})
+    if status:
+        with pytest.raises(SystemExit, match="nothing was changed"):
+            mutate.demand_green(Path("contact/path.py"), covering)
+    else:
+        mutate.demand_green(Path("contact/path.py"), covering)
+    assert asked[0] is None and "tests/contact/test_path.py" in asked[1]
+
+
 @pytest.fixture
 def record(mutate):
     """Which tests run which lines of two files."""
