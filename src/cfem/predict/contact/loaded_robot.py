@@ -88,6 +88,19 @@ class LoadedRobot:
         second = response.modes.second / 2 * response.change[:n_e] @ response.v
         return response.modes.first * self.C_es @ self.w + second + local + dents
 
+    def stored(self) -> float:
+        """N mm that the forces have stored beside what the actuators have: their work, less the integral of places over
+        forces. Of the latter the orders w . C w and D[w, w, w] have 1/2 and 1/6 (`cfem.predict.loads.high_order`), and
+        of the work 1 and 1/2."""
+        if not self.forces.any():
+            return 0.0
+        free, response, f = self._compliance_of(self.patches), self._response, self.forces
+        flexible = free.flexibility * (f**2).sum(axis=1)
+        dents = 2 / 3 * ((f * response.places).sum(axis=1) + flexible) - response.firsts * flexible / 6 - flexible / 2
+        local = f.ravel() @ free.local @ f.ravel() / 2
+        modes = 2 / 3 * self.w @ response.modes.motion - response.modes.first * self.w @ self.C_ss @ self.w / 6
+        return float(modes + local + dents.sum())
+
     def relief(self) -> np.ndarray:
         """(n_a,) N by which the forces help the actuators to stay."""
         skin, w = self.model.model.skin, self.w
