@@ -1,5 +1,5 @@
-"""Learned soft robots on the bodies of a MuJoCo model: contact of their whole surface with its geoms and with each other,
-with friction, implicit in time.
+"""Learned soft robots on the bodies of a MuJoCo model. Their whole surface touches its geoms and each other, with
+friction, implicit in time.
 
     finger = SoftRobot.load("models/soft-finger/spectral", "pipelines/soft-finger/scene.yaml")
     world = World("scene.xml", {"left": finger, "right": finger})       # at the sites `left` and `right`

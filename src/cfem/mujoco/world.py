@@ -23,6 +23,7 @@ from cfem.predict.contact.scene import ContactScene
 from cfem.predict.contact.state import ContactState
 
 INSIDE = 1e-3  # of the length: by how much a robot may overlap a geom at the start
+FAST = 0.05  # of the length: the longest way of a geom in one step that may touch a robot in it
 LONGEST = 0.01  # of the length: how far a patch may begin beyond the middle of a geom
 GIVEN = 0.02  # of all energy that contact has exchanged: what rounding and prediction may add to it
 LEAST = 1e-3  # N mm: less is not looked at
@@ -71,9 +72,13 @@ class World:
         friction: float = 0.5,
         robots_touch: bool = True,
     ):
-        """Robots at the sites of these names. friction: coefficient of all surfaces of the robots; robots_touch: whether
-        they may touch each other, which takes longer. InputError where a geom is of a kind that they do not touch, or
-        touches one at the start, where the actuators are at 0."""
+        """Robots at the sites of these names.
+
+        friction: coefficient of all surfaces of the robots
+        robots_touch: whether they may touch each other, which takes longer
+
+        InputError where a geom is of a kind that they do not touch, or touches one at the start, where the actuators
+        are at 0."""
         self.model = _compiled(mjcf, robots)
         self.data, self._ahead = mujoco.MjData(self.model), mujoco.MjData(self.model)
         self.robots, self.friction, self.robots_touch = dict(robots), friction, robots_touch
@@ -92,8 +97,9 @@ class World:
         self._wrench = np.zeros(6 * len(self.rigid.bodies))
         scene = self._scene(self.data)
         start = replace(scene, obstacles=ObstacleSet(())).start(self._deltas)
-        for robot, name, patches in zip(scene.robots, self.robots, scene.slices, strict=True):
-            places = start.places[patches][~robot.patched.held_still]
+        for robot, name, rows in zip(scene.robots, self.robots, start.rows, strict=True):
+            free = ~robot.patched.held_still[robot.patched.patches.of]
+            places = robot.patched.model.skin.surface(rows)[free] @ robot.R.T + robot.t
             for geom, obstacle in zip(self.geoms.names, scene.obstacles.obstacles, strict=True):
                 inside = -float(obstacle.distance(places).min())
                 if inside > INSIDE * robot.patched.model.length:
@@ -111,8 +117,10 @@ class World:
         mujoco.mj_fwdPosition(model, ahead)
         rigid.begin(ahead)
         ahead.qfrc_applied += rigid.joint_forces(self._wrench)
+        begin = ahead.geom_xpos[self.geoms.numbers].copy()
         mujoco.mj_step(model, ahead)
         mujoco.mj_kinematics(model, ahead)
+        self._demand_slow(MM * (ahead.geom_xpos[self.geoms.numbers] - begin))
         scene = replace(self._scene(ahead), rigid=rigid.ahead(ahead, self._wrench))
         state = scene.step(deltas, self.contact)
         self._demand_sound(scene, state)
@@ -144,7 +152,8 @@ class World:
         model, data = self.model, self.data
         mujoco.mj_kinematics(model, data)
         for number, (name, robot) in enumerate(self.robots.items()):
-            skin, flex = robot.surface.model.skin, model.flex(skin_name(name)).id
+            skin = robot.surface.model.skin
+            flex = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_FLEX, skin_name(name))
             rows = skin.rows(self._deltas[number], np.zeros(0)) if self.contact is None else self.contact.rows[number]
             R, t = self._pose(data, number)
             first = model.flex_vertadr[flex]
@@ -189,6 +198,18 @@ class World:
             deltas.append(delta)
         return deltas
 
+    def _demand_slow(self, ways: np.ndarray) -> None:
+        """NumericalError where a geom that is near a robot goes so far in one step, (n, 3) mm, that it may pass it."""
+        ways = np.linalg.norm(ways, axis=1)
+        for i in np.flatnonzero(ways > FAST * min(robot.surface.model.length for robot in self.robots.values())):
+            if (
+                self.contact is not None
+                and self.contact.obstacles.obstacles[i].distance(self.contact.places).min() < ways[i]
+            ):
+                what = f"the geom '{self.geoms.names[i]}' goes {ways[i]:.2g} mm in one step near a soft robot"
+                what += f" at t = {self.data.time:.4g} s, and may pass it"
+                raise NumericalError(what, do=f"take a timestep shorter than {self.model.opt.timestep:g} s")
+
     def _demand_sound(self, scene: ContactScene, state: ContactState) -> None:
         """NumericalError where a state cannot be gone on from."""
         when = f"at t = {self.data.time:.4g} s"
@@ -227,7 +248,8 @@ class World:
 
 def _compiled(mjcf: Path | str | mujoco.MjSpec, robots: Mapping[str, SoftRobot]) -> mujoco.MjModel:
     """The model with the robots' skins and sensors. InputError where MuJoCo does not read it."""
-    where = str(mjcf) if isinstance(mjcf, Path) or isinstance(mjcf, str) and not mjcf.lstrip().startswith("<") else None
+    is_text = isinstance(mjcf, str) and mjcf.lstrip().startswith("<")
+    where = None if is_text or isinstance(mjcf, mujoco.MjSpec) else str(mjcf)
     try:
         if isinstance(mjcf, mujoco.MjSpec):
             spec = mjcf.copy()

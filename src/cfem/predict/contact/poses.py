@@ -22,9 +22,9 @@ class Poses:
         """Moves rigid bodies by the forces of the robots, and push (d, 3) N of obstacles `which` (d,) on patches near
         (d,). Places (N, 3) mm of all patches then."""
         places = self.robots.places()
-        if self.rigid is None:
+        if self.rigid is None or not len(self.rigid.centres):
             return places
-        for _ in range(2):  # levers hardly change
+        for _ in range(1 + (self.rigid.of_robots >= 0).any()):  # once more with the levers where robots have come to
             R, t = self.rigid.motions(self._wrench(places, near, which, push))
             self.obstacles = self.scene.obstacles.moved(self.rigid.of_obstacles, R, t)
             self.robots.placed = [
@@ -53,7 +53,7 @@ class Poses:
         G = self._of_patches(near, places) - self.rigid.levers(self.rigid.of_obstacles[which], places[near])
         if soft is not None:
             G = np.concatenate([G, np.einsum("qc,cij->qij", soft, self._of_patches(self.robots.known, places))])
-        G = G.reshape(-1, G.shape[-1])
+        G = G.reshape(3 * len(G), G.shape[-1])
         return G @ self.rigid.mobility @ G.T
 
     def carried(self, points: np.ndarray, which: np.ndarray, before: ObstacleSet | None) -> np.ndarray:
