@@ -19,6 +19,7 @@ from cfem.mujoco.geoms import MM, Geoms
 from cfem.mujoco.rigid import Rigid
 from cfem.mujoco.soft_robot import SoftRobot, skin_name
 from cfem.predict.contact.bodies import PlacedModel
+from cfem.predict.contact.node_model import NodeModel
 from cfem.predict.contact.scene import ContactScene
 from cfem.predict.contact.state import ContactState
 
@@ -70,15 +71,18 @@ class World:
         mjcf: Path | str | mujoco.MjSpec,
         robots: Mapping[str, SoftRobot],
         friction: float = 0.5,
-        robots_touch: bool = True,
+        robots_touch: bool = False,
     ):
         """Robots at the sites of these names.
 
         friction: coefficient of all surfaces of the robots
-        robots_touch: whether they may touch each other, which takes longer
+        robots_touch: whether robots may touch each other, at patches alone
 
         InputError where a geom is of a kind that they do not touch, or touches one at the start, where the actuators
         are at 0."""
+        if robots_touch and any(isinstance(robot.surface, NodeModel) for robot in robots.values()):
+            do = "load them with `patches`, or let them pass through each other"
+            raise InputError("robots that touch at every node of their surfaces do not touch each other", do=do)
         self.model = _compiled(mjcf, robots)
         self.data, self._ahead = mujoco.MjData(self.model), mujoco.MjData(self.model)
         self.robots, self.friction, self.robots_touch = dict(robots), friction, robots_touch

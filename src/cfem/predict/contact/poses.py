@@ -26,12 +26,12 @@ class Poses:
             return places
         for _ in range(1 + (self.rigid.of_robots >= 0).any()):  # once more with the levers where robots have come to
             R, t = self.rigid.motions(self._wrench(places, near, which, push))
-            self.obstacles = self.scene.obstacles.moved(self.rigid.of_obstacles, R, t)
             self.robots.placed = [
                 robot if body < 0 else replace(robot, R=R[body] @ robot.R, t=R[body] @ robot.t + t[body])
                 for robot, body in zip(self.scene.robots, self.rigid.of_robots.tolist(), strict=True)
             ]
             places = self.robots.places()
+        self.obstacles = self.scene.obstacles.moved(self.rigid.of_obstacles, R, t)
         return places
 
     def _wrench(self, places: np.ndarray, near: np.ndarray, which: np.ndarray, push: np.ndarray) -> np.ndarray:
