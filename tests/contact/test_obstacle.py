@@ -8,12 +8,13 @@ from scipy.spatial.transform import Rotation
 from support.closed import octahedral_sphere
 
 from cfem.contact.closed_surface import ClosedSurface
-from cfem.contact.obstacle import Box, Capsule, ClosedMesh, Plane, Sphere, tangents
+from cfem.contact.obstacle import Box, Capsule, ClosedMesh, Cylinder, Ellipsoid, Plane, Sphere, tangents
 from cfem.core.errors import SpecError
 
 DIRECTIONS, TRIANGLES = octahedral_sphere(2)
 RUGGED = ClosedMesh(ClosedSurface(DIRECTIONS * (3 + np.sin(4 * DIRECTIONS[:, :1])), TRIANGLES))
-CONVEX = [Plane(), Sphere(2.0), Box(np.array([1.0, 2.0, 3.0])), Capsule(1.0, 2.5)]
+CURVED = [Cylinder(1.5, 2.0), Ellipsoid(np.array([1.0, 2.0, 3.0]))]
+CONVEX = [Plane(), Sphere(2.0), Box(np.array([1.0, 2.0, 3.0])), Capsule(1.0, 2.5), *CURVED]
 SHAPES = [*CONVEX, RUGGED]
 
 
@@ -50,6 +51,21 @@ def test_the_distance_is_the_way_to_the_surface(shape, seed):
     assert (np.abs(obstacle.distance(others) - distance) <= np.linalg.norm(others - points, axis=1) + 1e-12).all()
 
 
+@pytest.mark.parametrize("shape", CURVED)
+def test_bends_are_the_slope_of_the_normals(shape):
+    obstacle, rng = posed(shape, 3)
+    points, h = obstacle.t + 4 * rng.normal(size=(60, 3)), 1e-5
+    sides = [[obstacle.normals(points + sign * step) for step in h * np.eye(3)] for sign in (1, -1)]
+    slopes = (np.subtract(*sides) / (2 * h)).transpose(1, 2, 0)
+    s = (points - obstacle.t) @ obstacle.R
+    smooth = np.ones(60, dtype=bool)
+    if isinstance(shape, Cylinder):  # of its rim nothing is known
+        smooth = (np.hypot(s[:, 0], s[:, 1]) < 1.45) | (np.abs(s[:, 2]) < 1.95)
+    assert smooth.sum() > 10
+    np.testing.assert_allclose(obstacle.bends(points)[smooth], slopes[smooth], atol=1e-7)
+    assert np.abs(slopes[smooth]).max() > 0.1
+
+
 @settings(max_examples=50, deadline=None)
 @given(st.sampled_from(SHAPES), st.integers(0, 10**6))
 def test_frames_are_right_handed_and_start_with_the_normal(shape, seed):
@@ -80,6 +96,11 @@ def test_frames_change_little_over_a_small_turn_of_the_normal():
         (Box(np.array([1.0, 2.0, 3.0])), [1.0, 2.0, 3.0], 0.0),
         (Capsule(1.0, 2.5), [0.0, 0.0, 2.0], -1.0),
         (Capsule(1.0, 2.5), [3.0, 0.0, 6.5], 4.0),
+        (Cylinder(1.5, 2.0), [0.0, 0.0, 0.5], -1.5),
+        (Cylinder(1.5, 2.0), [0.0, 4.5, 6.0], 5.0),
+        (Ellipsoid(np.array([1.0, 2.0, 3.0])), [0.0, 0.0, 0.0], -1.0),
+        (Ellipsoid(np.array([1.0, 2.0, 3.0])), [0.0, -5.0, 0.0], 3.0),
+        (Ellipsoid(np.full(3, 2.0)), [0.0, 3.0, 4.0], 3.0),
     ],
 )
 def test_known_distances(shape, point, distance):

@@ -14,6 +14,7 @@ from cfem.contact.closed_surface import ClosedSurface
 from cfem.core.errors import SpecError
 
 AXES = np.eye(3)
+ROOT, EXACT = 100, 1e-14  # steps of Newton's method at most, and where it stops
 
 
 class Obstacle(Protocol):
@@ -41,6 +42,7 @@ class Obstacle(Protocol):
 class _Posed(ABC):
     """An obstacle with a pose: rotation R (3, 3) and place t (3,) mm."""
 
+    curved = False  # whether `bends` is more than 0
     R: np.ndarray = field(default_factory=lambda: np.eye(3), kw_only=True)
     t: np.ndarray = field(default_factory=lambda: np.zeros(3), kw_only=True)
 
@@ -64,6 +66,14 @@ class _Posed(ABC):
         distance, normal = self._local((centroid - self.t) @ self.R)
         along = np.einsum("kci,ki->kc", corners - centroid[:, None], normal @ self.R.T)
         return distance, distance + along.min(axis=1)
+
+    def bends(self, points: np.ndarray) -> np.ndarray:
+        """(k, 3, 3) 1/mm: derivative of the normal by the place; 0 on flat faces, and at edges, where there is none."""
+        return self.R @ self._bends((points - self.t) @ self.R) @ self.R.T
+
+    def _bends(self, s: np.ndarray) -> np.ndarray:
+        """(k, 3, 3) 1/mm in the shape's coordinates."""
+        return np.zeros((len(s), 3, 3))
 
     @abstractmethod
     def _local(self, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -140,6 +150,71 @@ class Box(Rounded):
     @property
     def core(self) -> np.ndarray:
         return np.asarray(self.half, float)
+
+
+@dataclass(frozen=True)
+class Cylinder(_Posed):
+    """The points within `radius` mm of its own z axis, between -half_length and half_length mm."""
+
+    radius: float
+    half_length: float
+    curved = True
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _demand(self.radius > 0 and self.half_length > 0, "radius and half length of a cylinder must be above 0 mm")
+
+    def _local(self, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """That of a rectangle, in the plane of the axis and the point."""
+        r = np.hypot(s[:, 0], s[:, 1])
+        x, y = np.where(r[:, None] > 0, s[:, :2], [1.0, 0.0]).T / np.where(r > 0, r, 1.0)
+        section = np.column_stack([r, np.zeros(len(s)), s[:, 2]])
+        distance, n = rounded(section, np.array([self.radius, np.inf, self.half_length]), 0.0, False)
+        return distance, np.column_stack([n[:, 0] * x, n[:, 0] * y, n[:, 2]])
+
+    def _bends(self, s: np.ndarray) -> np.ndarray:
+        n = self._local(s)[1]
+        around = np.column_stack([-n[:, 1], n[:, 0], np.zeros(len(s))])
+        of_side = (n[:, 2] == 0) / np.maximum(np.hypot(s[:, 0], s[:, 1]), 1e-9 * self.radius)
+        return of_side[:, None, None] * around[:, :, None] * around[:, None]
+
+
+@dataclass(frozen=True)
+class Ellipsoid(_Posed):
+    """The points of an ellipsoid about its own origin with half axes `half` (3,) mm along its own axes."""
+
+    half: np.ndarray
+    curved = True
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        half = np.asarray(self.half, float)
+        _demand(half.shape == (3,) and (half > 0).all(), "the three half axes of an ellipsoid must be above 0 mm")
+
+    def _local(self, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The nearest point of the surface is x_i = a_i^2 s_i / (u + a_i^2), where u is the largest root of a convex
+        function, which Newton's method approaches from below (Eberly, *Distance from a point to an ellipse, an
+        ellipsoid, or a hyperellipsoid*, 2013)."""
+        a = np.asarray(self.half, float)
+        p = np.maximum(np.abs(s), 1e-9 * a)
+        u = (a * p - a**2).max(axis=1)
+        for _ in range(ROOT):
+            share = a * p / (u[:, None] + a**2)
+            left = (share**2).sum(axis=1) - 1
+            if (left <= EXACT).all():
+                break
+            u = u + left / (2 * share**2 / (u[:, None] + a**2)).sum(axis=1)
+        x = a**2 * p / (u[:, None] + a**2)
+        n = np.where(s < 0, -1.0, 1.0) * x / a**2
+        n /= np.linalg.norm(n, axis=1)[:, None]
+        return np.sign(u) * np.linalg.norm(p - x, axis=1), n
+
+    def _bends(self, s: np.ndarray) -> np.ndarray:
+        """S (1 + d S)^-1 with the curvature S of the surface at the nearest point, d away."""
+        d, n = self._local(s)
+        flat, slope = np.eye(3) - n[:, :, None] * n[:, None], np.diag(np.asarray(self.half, float) ** -2)
+        S = flat @ slope @ flat / np.linalg.norm((s - d[:, None] * n) @ slope, axis=1)[:, None, None]
+        return np.linalg.solve(np.eye(3) + d[:, None, None] * S, S)
 
 
 @dataclass(frozen=True, eq=False)

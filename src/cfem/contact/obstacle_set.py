@@ -3,7 +3,7 @@
 Rounded boxes, which all but closed meshes are, are asked together."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -43,16 +43,28 @@ class ObstacleSet:
                 frames[mine] = rounded_boxes.frames(self._boxes, place, np.ascontiguousarray(points[mine], float))
         return frames
 
+    def moved(self, bodies: np.ndarray, R: np.ndarray, t: np.ndarray) -> "ObstacleSet":
+        """The obstacles after motions x -> R x + t, R (b, 3, 3) and t (b, 3) mm, of the bodies (n,) to which they are
+        fixed; -1: of none."""
+        return ObstacleSet(
+            tuple(
+                obstacle if body < 0 else replace(obstacle, R=R[body] @ obstacle.R, t=R[body] @ obstacle.t + t[body])
+                for obstacle, body in zip(self.obstacles, bodies.tolist(), strict=True)
+            )
+        )
+
     @cached_property
     def curved(self) -> bool:
         """True where any obstacle has a curvature that `bends` knows."""
-        return bool(self._boxes.rounding.any())
+        return bool(self._boxes.rounding.any()) or any(self.obstacles[i].curved for i in self._others)
 
     def bends(self, which: np.ndarray, points: np.ndarray) -> np.ndarray:
         """(c, 3, 3) 1/mm: derivative of the normal by the place. 0 on flat faces, and at edges, where there is none."""
         slopes = np.zeros((len(points), 3, 3))
         for mine, place in self._groups(which):
-            if place is not None:
+            if place is None:
+                slopes[mine] = self.obstacles[which[mine][0]].bends(points[mine])
+            else:
                 slopes[mine] = rounded_boxes.bends(self._boxes, place, np.ascontiguousarray(points[mine], float))
         return slopes
 

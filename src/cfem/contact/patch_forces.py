@@ -103,13 +103,15 @@ def balance(
     forces: np.ndarray,
     push: np.ndarray,
     mu: float,
+    mobility: np.ndarray | None = None,
 ) -> Balance | None:
     """The law of contact on p pairs of c patches with `compliance` (3 c, 3 c) mm/N in the scene's axes, under forces
     (c, 3) N; None where nothing obeys it.
 
     relative (p, c): how pairs depend on the patches (`Pairs.relative`), None where each patch has one, in their order
     frames (p, 3, 3), and in these gaps (p, 3) mm: normal gap and slip
-    push (p, 3) N: a guess in the scene; `forces` where relative is None"""
+    push (p, 3) N: a guess in the scene; `forces` where relative is None
+    mobility (3 p, 3 p) mm/N: by how much the pairs yield beside the patches, as the bodies move that they are on"""
     if not len(frames):
         return Balance((), np.zeros((0, 3)), np.zeros((0, 3)), 0 * forces, -forces, compliance)
     guess, pair_compliance = (frames @ push[:, :, None])[..., 0], compliance
@@ -119,6 +121,8 @@ def balance(
         pair_compliance = by_patches @ B.T
         unguessed = by_patches @ (forces.ravel() - B.T @ push.ravel())  # mm, by forces that are not of the guess
         gaps = gaps - (frames @ unguessed.reshape(-1, 3, 1))[..., 0]
+    if mobility is not None:
+        pair_compliance = pair_compliance + mobility
     answer = pressed(pair_compliance, gaps, frames, guess, mu)
     if answer is None:
         return None

@@ -130,6 +130,21 @@ def test_what_it_answers_obeys_the_law(patched, mu):
     assert (np.abs(found.pairs.gaps[normal > 1e-9]) < 1e-6 * patched.model.length).all()
 
 
+def test_what_is_stored_is_the_work_of_the_forces(patched):
+    """Of forces that grow, which bend the bar and dent it: the integral of forces over places."""
+    held, patches = LoadedRobot(patched, DELTA), np.array([4, 9, 21])
+    forces = np.array([[2.0, 1.0, -30.0], [1.0, 20.0, 4.0], [-9.0, 3.0, 20.0]]) * 1e-3
+    work, shares = 0.0, np.linspace(0.0, 1.0, 41)
+    places = []
+    for share in shares:
+        held.load(patches, share * forces)
+        places.append(held.places()[patches])
+    for first, second, a, b in zip(shares, shares[1:], places, places[1:], strict=False):
+        work += (first + second) / 2 * float((forces * (b - a)).sum())
+    assert held.stored() == pytest.approx(work, rel=1e-4)
+    assert held.bending > 0.005
+
+
 def off_the_law(patched, delta, obstacle, mu, found, before):
     """mm by which patches are off: those that bear from the surface; those that stick from where friction holds them,
     along the surface; those that slide from the line of their friction. Where they are follows from the forces anew."""

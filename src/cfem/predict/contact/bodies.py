@@ -11,6 +11,7 @@ from cfem.contact.detection import NEVER, patch_normals, separation
 from cfem.contact.obstacle_set import ObstacleSet
 from cfem.contact.pairs import Surroundings
 from cfem.contact.problem import demand_friction
+from cfem.contact.rigid_bodies import RigidBodies
 from cfem.predict.contact.state import ContactState
 from cfem.predict.contact.surface_model import SurfaceModel
 
@@ -39,11 +40,16 @@ class PlacedModel:
 @dataclass(frozen=True, eq=False)
 class Bodies:
     """Robots, the obstacles that all of them may touch, and the coefficient of friction mu. SpecError where mu is no
-    coefficient of friction."""
+    coefficient of friction.
+
+    rigid: bodies that some of them are fixed to, None where all stand still
+    meet: whether robots may touch each other"""
 
     robots: Sequence[PlacedModel]
     obstacles: ObstacleSet = field(default_factory=lambda: ObstacleSet(()))
     mu: float = 0.0
+    rigid: RigidBodies | None = None
+    meet: bool = True
 
     def __post_init__(self) -> None:
         demand_friction(self.mu)
@@ -51,7 +57,7 @@ class Bodies:
     @cached_property
     def soft(self) -> bool:
         """True where soft surfaces may touch: of two robots, or of one that may touch itself."""
-        return len(self.robots) > 1 or self.robots[0].itself
+        return (self.meet and len(self.robots) > 1) or any(robot.itself for robot in self.robots)
 
     @cached_property
     def slices(self) -> list[slice]:
@@ -91,10 +97,10 @@ class Bodies:
         skins = [robot.patched for robot in self.robots]
         return Surroundings.of(skins, [robot.itself for robot in self.robots], self.length, ObstacleSet(()))
 
-    def normals(self, rows: Sequence[np.ndarray]) -> np.ndarray:
-        """(N, 3) outward of all patches in the scene, by the rows of each robot's skin."""
+    def normals(self, rows: Sequence[np.ndarray], placed: Sequence[PlacedModel] | None = None) -> np.ndarray:
+        """(N, 3) outward of all patches in the scene, by the rows of each robot's skin; placed: robots elsewhere."""
         normals = []
-        for robot, of_robot in zip(self.robots, rows, strict=True):
+        for robot, of_robot in zip(placed or self.robots, rows, strict=True):
             patches, skin = robot.patched.patches, robot.patched.model.skin
             surface = skin.surface(of_robot)
             normals.append(patch_normals(surface, skin.triangles, patches.of, len(patches)) @ robot.R.T)

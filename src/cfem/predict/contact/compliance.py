@@ -40,7 +40,7 @@ class LoadResponse(NamedTuple):
     bending: size of the second order of that motion over the first
     places (c, 3) mm: motion of the patches by dents, beyond what `PatchCompliance.local` says
     slopes (c, 3, 3) mm/N: derivatives of `places` by the forces
-    seconds (c,): share of the second order that is taken"""
+    firsts, seconds (c,): shares of the first and of the second order that are taken"""
 
     w: np.ndarray
     v: np.ndarray
@@ -49,6 +49,7 @@ class LoadResponse(NamedTuple):
     bending: float
     places: np.ndarray
     slopes: np.ndarray
+    firsts: np.ndarray
     seconds: np.ndarray
 
 
@@ -163,7 +164,7 @@ def load_response(forces, C_ss, bends, D, U, flexibility, dents):
         size += first[row] ** 2
         more += second[row] ** 2 / 4
     bending = np.sqrt(more / size) if size > 0 else 0.0
-    places, slopes, seconds = np.empty((c, 3)), np.empty((c, 3, 3)), np.empty(c)
+    places, slopes, firsts, seconds = np.empty((c, 3)), np.empty((c, 3, 3)), np.empty(c), np.empty(c)
     bent, linear, by_bent, stiff = np.empty((3, 3)), np.empty(3), np.empty(3), np.zeros((3, 3))
     for i in range(c):
         f = forces[i]
@@ -178,5 +179,5 @@ def load_response(forces, C_ss, bends, D, U, flexibility, dents):
             places[i, a] = dent.motion[a] - linear[a]
             for b in range(3):
                 slopes[i, a, b] = inclined[a, b] - stiff[a, b]
-        seconds[i] = dent.second
-    return LoadResponse(w, v, change, modes, bending, places, slopes, seconds)
+        firsts[i], seconds[i] = dent.first, dent.second
+    return LoadResponse(w, v, change, modes, bending, places, slopes, firsts, seconds)

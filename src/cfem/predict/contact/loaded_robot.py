@@ -33,12 +33,13 @@ class LoadedRobot:
         self.free = model.patches.rest + (model.flat @ self.unloaded).reshape(-1, 3)
         self._known: tuple[bytes, PatchCompliance] | None = None
         self._response: LoadResponse | None = None
+        self._places: np.ndarray | None = None
         self.patches, self.forces = np.zeros(0, dtype=np.int64), np.zeros((0, 3))
         self.w, self.rows, self.bending = np.zeros(k), self.unloaded, 0.0
 
     def load(self, patches: np.ndarray, forces: np.ndarray) -> None:
         """Puts forces (c, 3) N on patches (c,), and takes all others off."""
-        self.patches, self.forces = patches, forces
+        self.patches, self.forces, self._places = patches, forces, None
         if not len(patches):
             self.w, self.rows = np.zeros(len(self.unloaded)), self.unloaded
             return
@@ -53,10 +54,11 @@ class LoadedRobot:
         """(N, 3) mm of all patches. What is local is known of the loaded ones alone."""
         if not len(self.patches):
             return self.free
-        places = self.free + (self.model.flat @ self._response.modes.motion).reshape(-1, 3)
-        local = (self._compliance_of(self.patches).local @ self.forces.ravel()).reshape(-1, 3)
-        places[self.patches] += local + self._response.places
-        return places
+        if self._places is None:
+            self._places = self.free + (self.model.flat @ self._response.modes.motion).reshape(-1, 3)
+            local = (self._compliance_of(self.patches).local @ self.forces.ravel()).reshape(-1, 3)
+            self._places[self.patches] += local + self._response.places
+        return self._places
 
     def compliance(self) -> np.ndarray:
         """(3 c, 3 c) mm/N: derivative of the loaded patches' places by the forces on them, symmetric."""
@@ -87,6 +89,19 @@ class LoadedRobot:
         dents = pairs.ravel() @ free.dents[..., 3:].reshape(-1, n_e)
         second = response.modes.second / 2 * response.change[:n_e] @ response.v
         return response.modes.first * self.C_es @ self.w + second + local + dents
+
+    def stored(self) -> float:
+        """N mm that the forces have stored beside what the actuators have: their work, less the integral of places over
+        forces. Of the latter the orders w . C w and D[w, w, w] have 1/2 and 1/6 (`cfem.predict.loads.high_order`), and
+        of the work 1 and 1/2."""
+        if not self.forces.any():
+            return 0.0
+        free, response, f = self._compliance_of(self.patches), self._response, self.forces
+        flexible = free.flexibility * (f**2).sum(axis=1)
+        dents = 2 / 3 * ((f * response.places).sum(axis=1) + flexible) - response.firsts * flexible / 6 - flexible / 2
+        local = f.ravel() @ free.local @ f.ravel() / 2
+        modes = 2 / 3 * self.w @ response.modes.motion - response.modes.first * self.w @ self.C_ss @ self.w / 6
+        return float(modes + local + dents.sum())
 
     def relief(self) -> np.ndarray:
         """(n_a,) N by which the forces help the actuators to stay."""

@@ -12,11 +12,12 @@ from cfem.predict.contact.loaded_robot import LoadedRobot
 class LoadedRobots:
     """Loaded robots of a scene.
 
+    placed: the robots where they stand now
     known (c,): patches, among all N of the scene, whose local motion is known, and that may bear forces
     forces (N, 3) N: on all patches, in the scene's axes"""
 
     def __init__(self, scene: Bodies, deltas: Sequence[np.ndarray], known: np.ndarray, forces: np.ndarray):
-        self.scene = scene
+        self.scene, self.placed = scene, list(scene.robots)
         self.loaded = [LoadedRobot(robot.patched, delta) for robot, delta in zip(scene.robots, deltas, strict=True)]
         self.know(known, forces)
 
@@ -40,7 +41,7 @@ class LoadedRobots:
 
     def places(self) -> np.ndarray:
         """(N, 3) mm of all patches."""
-        each = zip(self.scene.robots, self.loaded, strict=True)
+        each = zip(self.placed, self.loaded, strict=True)
         places = [
             loaded.places() if robot.in_scene else loaded.places() @ robot.R.T + robot.t for robot, loaded in each
         ]
@@ -48,7 +49,7 @@ class LoadedRobots:
 
     def normals(self) -> np.ndarray:
         """(N, 3) outward of all patches."""
-        return self.scene.normals([loaded.rows for loaded in self.loaded])
+        return self.scene.normals([loaded.rows for loaded in self.loaded], self.placed)
 
     def compliance(self, under_forces: bool) -> np.ndarray:
         """(3 c, 3 c) mm/N of the known patches; under_forces: as the forces have changed it."""
@@ -61,18 +62,20 @@ class LoadedRobots:
             blocks.append(C)
         return blocks[0] if len(blocks) == 1 else block_diag(*blocks)
 
-    def outputs(self) -> tuple[list[np.ndarray], list[np.ndarray]]:
-        """Displacements delta_e (n_e,) mm and forces lambda_a (n_a,) N of each robot."""
-        delta_e, lambda_a = [], []
+    def outputs(self) -> tuple[list[np.ndarray], list[np.ndarray], list[np.ndarray]]:
+        """Displacements delta_e (n_e,) mm and forces lambda_a (n_a,) N of each robot, and by how much (n_a,) N the
+        forces on patches relieve the actuators."""
+        delta_e, lambda_a, relief = [], [], []
         for robot, loaded in zip(self.scene.robots, self.loaded, strict=True):
             free, pressed = robot.patched.model.at_displacement(loaded.delta), loaded.forces.any()
             delta_e.append(free.delta_e + (loaded.effector_motion() if pressed else 0.0))
-            lambda_a.append(free.lambda_a - (loaded.relief() if pressed else 0.0))
-        return delta_e, lambda_a
+            relief.append(loaded.relief() if pressed else np.zeros(len(free.lambda_a)))
+            lambda_a.append(free.lambda_a - relief[-1])
+        return delta_e, lambda_a, relief
 
     def _each(self) -> Iterator[tuple[PlacedModel, LoadedRobot, np.ndarray, int]]:
         """Robots, the known patches of each, and the number of its first patch."""
-        for robot, loaded, patches in zip(self.scene.robots, self.loaded, self.scene.slices, strict=True):
+        for robot, loaded, patches in zip(self.placed, self.loaded, self.scene.slices, strict=True):
             known = self.known
             if len(self.loaded) > 1:
                 known = known[(known >= patches.start) & (known < patches.stop)]

@@ -16,6 +16,7 @@ from cfem.contact.step_status import StepStatus
 from cfem.predict.contact.bodies import Bodies
 from cfem.predict.contact.loaded_robots import LoadedRobots
 from cfem.predict.contact.on_obstacles import begins_deep, held_by_friction, pairs_with_obstacles
+from cfem.predict.contact.poses import Poses
 from cfem.predict.contact.soft_pairs import SoftPairs
 from cfem.predict.contact.state import ContactState
 
@@ -52,13 +53,17 @@ class Rounds:
         else:
             self.robots = LoadedRobots(scene, deltas, before.known, before.forces)
             self._take_up(before)
-        self.places = self.robots.places()
+        self.poses, self.which = Poses(scene, self.robots), np.zeros(count, dtype=np.int64)
+        self._stood = None
+        if before is not None:
+            self._stood, self.which[before.near] = before.obstacles, before.met
+        self._place()
         self.stuck = self.places  # what did not touch slides from where it was
         if before is not None and scene.mu:
             self.stuck = np.where(np.isnan(before.stuck), before.places, before.stuck)
-        self.distance, self.which = scene.obstacles.nearest(self.places, FAR * scene.length)
-        self.distance[scene.held_still] = np.inf
-        self.deep = begins_deep(scene.obstacles, self.places, self.distance, self.which)
+        self._look_at_all()
+        self.depth = max(0.0, -float(self.distance.min(initial=0.0)))
+        self.deep = begins_deep(self.poses.obstacles, self.places, self.distance, self.which)
         self.deep |= before is not None and before.deep and len(before.near) > 0  # it may still be on the wrong side
         self.soft = SoftPairs(self.robots, before, self.places) if scene.soft else None
 
@@ -68,6 +73,15 @@ class Rounds:
         patches = before.pairs.points[on_obstacles]
         self.near, self.push[patches] = before.near, before.push[on_obstacles]
         self._sticks[patches] = [before.modes.get(patch + count) is Mode.STICK for patch in patches.tolist()]
+
+    def _place(self) -> None:
+        """Puts patches and rigid bodies where the forces bring them."""
+        self.places = self.poses.follow(self.near, self.which[self.near], self.push[self.near])
+
+    def _look_at_all(self) -> None:
+        """Finds how far all patches are from obstacles."""
+        self.distance, self.which = self.poses.obstacles.nearest(self.places, FAR * self.scene.length)
+        self.distance[self.scene.held_still] = np.inf
 
     @property
     def gap(self) -> float:
@@ -110,7 +124,9 @@ class Rounds:
         self._let_go()
         if self.soft is None:
             return StepStatus.CONVERGED
-        self.places = self.robots.places()
+        self._place()
+        if self.scene.rigid is not None:
+            self._look_at_all()
         self.soft.detect(self.places)
         return StepStatus.CONVERGED if free and self.soft.apart(self.places) else None
 
@@ -127,8 +143,9 @@ class Rounds:
         known = near if touching is None else np.union1d(np.union1d(before, touching.used), near)
         if len(known) > len(before):
             self.robots.know(known, self.robots.forces)
-            self.places, self._frames = self.robots.places(), None  # moved by those beside them
-            self.distance[near], self.which[near] = self.scene.obstacles.nearest(self.places[near])
+            self._place()  # moved by those beside them
+            self._frames = None
+            self.distance[near], self.which[near] = self.poses.obstacles.nearest(self.places[near])
             if self.soft is not None:
                 self.soft.onwards(self.places)
                 touching = self.soft.touch(self.places)
@@ -153,7 +170,10 @@ class Rounds:
             gaps = np.concatenate([gaps, self.soft.gaps(self.places, mu)])
             frames = np.concatenate([frames, touching.frames])
             push = np.concatenate([push, self.soft.push_of(touching)])
-        given = gaps, self.robots.on_known, push, mu
+        self._mobility = self.poses.mobility(
+            self.places, self.near, self.which[self.near], None if relative is None else relative[len(self.near) :]
+        )
+        given = gaps, self.robots.on_known, push, mu, self._mobility
         if turning is not None:
             answer = balance(relative, frames, turning.compliance, *given)
             if answer is not None:
@@ -165,12 +185,12 @@ class Rounds:
 
     def _turned(self, compliance: np.ndarray, frames: np.ndarray) -> TurningCompliance | None:
         """Compliance with forces that turn by the curvature of obstacles, None without curvature; frames (d, 3, 3)."""
-        if not self.scene.obstacles.curved or not len(self.near):
+        if not self.poses.obstacles.curved or not len(self.near):
             return None
         pressing = np.where(self._sticks[self.near], 0.0, (frames[:, 0] * self.push[self.near]).sum(axis=1))
         if not pressing.any():
             return None
-        bends = self.scene.obstacles.bends(self.which[self.near], self.places[self.near])
+        bends = self.poses.obstacles.bends(self.which[self.near], self.places[self.near])
         return turned(compliance, self._on_known(pressing[:, None, None] * bends))
 
     def _gaps(self, frames: np.ndarray) -> np.ndarray:
@@ -178,7 +198,7 @@ class Rounds:
         stuck."""
         gaps = np.zeros((len(frames), 3))
         if self.scene.mu:
-            gaps = (frames @ (self.places - self.stuck)[self.near, :, None])[:, :, 0]
+            gaps = (frames @ (self.places[self.near] - self._stuck_now(self.near))[:, :, None])[:, :, 0]
         gaps[:, 0] = self.distance[self.near]
         return gaps
 
@@ -193,7 +213,8 @@ class Rounds:
         self._sticks[:] = False
         self._sticks[self.near[sticks]] = True
         self._press(push, forces)
-        before, self.places = self.places, self.robots.places()
+        before = self.places
+        self._place()
         if self.soft is not None:
             self.soft.press(answer.push[d:], float(np.abs(answer.step).max()))
         self._look(np.abs(self.places - before).max())
@@ -213,10 +234,14 @@ class Rounds:
         lawful, local = (local[:, None] @ frames)[:, 0], local.copy()
         lawful[sticks], local[sticks] = push[sticks], (frames[sticks] @ push[sticks, :, None])[:, :, 0]
         moved = np.abs(compliance @ self._on_known(lawful - push).ravel()).max()
+        by_bodies = 0.0
+        if self._mobility is not None:
+            by_bodies = self._mobility[: local.size, : local.size]
+            moved += np.abs(by_bodies @ (lawful - push).ravel()).max()
         if self.soft is not None:
             rows = (3 * self._of_near()[:, None] + np.arange(3)).ravel()
             compliance = compliance[np.ix_(rows, rows)]
-        residual = max(moved, violation(local, self._gaps(frames), compliance, scene.mu))
+        residual = max(moved, violation(local, self._gaps(frames), compliance + by_bodies, scene.mu))
         if residual > TOLERANCE * scene.length or self.distance.min() < -OVERLAP * scene.length:
             return None
         beyond = np.hypot(local[:, 1], local[:, 2]) - scene.mu * local[:, 0]
@@ -245,17 +270,20 @@ class Rounds:
     def _look(self, farthest: float) -> None:
         """Updates distances and soft pairs after no patch has moved by more than `farthest` mm along an axis. Patches
         that cannot have come near an obstacle keep the distance that is certain."""
-        self.distance = self.distance - 2 * farthest  # more than the root of 3
-        near = self.distance <= 0
-        near[self.near] = True
-        self.distance[near], self.which[near] = self.scene.obstacles.nearest(self.places[near])
+        if self.scene.rigid is not None:
+            self._look_at_all()
+        else:
+            self.distance = self.distance - 2 * farthest  # more than the root of 3
+            near = self.distance <= 0
+            near[self.near] = True
+            self.distance[near], self.which[near] = self.poses.obstacles.nearest(self.places[near])
         if self.soft is not None:
             self.soft.detect(self.places)
 
     def _frames_of_near(self) -> np.ndarray:
         """Frames (d, 3, 3) of the obstacles at patches near them."""
         if self._frames is None or len(self._frames) != len(self.near):
-            self._frames = self.scene.obstacles.frames(self.which[self.near], self.places[self.near])
+            self._frames = self.poses.obstacles.frames(self.which[self.near], self.places[self.near])
         return self._frames
 
     def _state(self, status: StepStatus) -> ContactState:
@@ -270,8 +298,8 @@ class Rounds:
             modes |= dict(zip(soft.touching.slots.tolist(), self.modes[len(near) :], strict=False))
             memory, pairs = soft.memory_after(self.places, modes), soft.pairs.joined(pairs)
             push = np.concatenate([soft.push_of(soft.pairs), push])
-            known = soft.to_be_known(self.places, self.scene.obstacles)
-        delta_e, lambda_a = self.robots.outputs()
+            known = soft.to_be_known(self.places, self.poses.obstacles)
+        delta_e, lambda_a, relief = self.robots.outputs()
         return ContactState(
             pairs,
             push,
@@ -287,10 +315,15 @@ class Rounds:
             [robot.delta for robot in loaded],
             delta_e,
             lambda_a,
+            relief,
             [robot.rows for robot in loaded],
             max(robot.bending for robot in loaded),
             self.deep,
+            self.depth,
             self.iterations,
+            self.poses.obstacles,
+            self.which[next_near],
+            sum(robot.stored() for robot in loaded),
         )
 
     def _pairs(self, touches: np.ndarray) -> Pairs:
@@ -304,4 +337,10 @@ class Rounds:
         if not self.scene.mu or not self.modes or not len(self.near):
             return np.full_like(self.places, np.nan)
         pressed, sticks = self.near[self.push[self.near].any(axis=1)], self._sticks[self.near]
-        return held_by_friction(self.places, self.stuck, pressed, self.near[sticks], self._frames[sticks, 0])
+        stuck, held = self.stuck.copy(), self.near[sticks]
+        stuck[held] = self._stuck_now(held)
+        return held_by_friction(self.places, stuck, pressed, held, self._frames[sticks, 0])
+
+    def _stuck_now(self, patches: np.ndarray) -> np.ndarray:
+        """(d, 3) mm from where the slip of patches (d,) counts, on obstacles that have moved."""
+        return self.poses.carried(self.stuck[patches], self.which[patches], self._stood)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cfem.contact.modes import Mode
+from cfem.contact.obstacle_set import ObstacleSet
 from cfem.contact.pairs import Memory, Pressing
 from cfem.contact.prescribed_motion import PrescribedMotion
 from cfem.contact.step_status import StepStatus
@@ -25,11 +26,15 @@ class ContactState(Pressing):
     stuck (N, 3) mm: where friction of an obstacle holds each patch, NaN where none does
     memory: from where the slip of soft surfaces counts
     deltas (n_a,) mm, delta_e (n_e,) mm, lambda_a (n_a,) N of each robot in its own frame; lambda_a is negative where a
-        cable that is held would have to push
+        cable that is held would have to push; relief (n_a,) N of it is what the forces on patches take off
     rows (k,) mm: of each robot's skin, from which `LearnedSkin.surface` draws it, without what is local
     bending: second order of the motion over its first, the largest of all robots and rounds
     deep: whether a patch began so far within an obstacle that, twice as far in, another side of it is nearer: in this
-        step, or in one before, since when some patch has been near an obstacle"""
+        step, or in one before, since when some patch has been near an obstacle
+    depth: mm, how far within an obstacle the deepest patch began
+    obstacles: where they stand
+    met (d,): those that the patches `near` are near
+    stored: N mm, by which forces on the patches have changed the energy of all robots"""
 
     status: StepStatus
     forces: np.ndarray
@@ -42,10 +47,15 @@ class ContactState(Pressing):
     deltas: list[np.ndarray]
     delta_e: list[np.ndarray]
     lambda_a: list[np.ndarray]
+    relief: list[np.ndarray]
     rows: list[np.ndarray]
     bending: float
     deep: bool
+    depth: float
     iterations: int
+    obstacles: ObstacleSet
+    met: np.ndarray
+    stored: float
 
     @property
     def converged(self) -> bool:

@@ -1,0 +1,81 @@
+"""Geoms of a MuJoCo model as obstacles, in mm."""
+
+from collections.abc import Collection
+from dataclasses import replace
+from typing import Any
+
+import mujoco
+import numpy as np
+from scipy.spatial import ConvexHull
+
+from cfem.contact.closed_surface import ClosedSurface
+from cfem.contact.obstacle import Box, Capsule, ClosedMesh, Cylinder, Ellipsoid, Plane, Sphere
+from cfem.contact.obstacle_set import ObstacleSet
+from cfem.core.errors import InputError
+
+MM = 1000.0  # of MuJoCo's metre
+
+
+class Geoms:
+    """Geoms of a model that collide, but for those on the bodies that robots are fixed to. InputError where the shape
+    of one is not known.
+
+    numbers: (n,) of the geoms
+    bodies: (n,) numbers of their bodies, -1 of those that no joint moves"""
+
+    def __init__(self, model: mujoco.MjModel, carriers: Collection[int]):
+        """carriers: bodies that robots are fixed to; the world's own geoms always take part."""
+        collide = (model.geom_contype | model.geom_conaffinity) != 0
+        carried = np.isin(model.geom_bodyid, [body for body in carriers if body > 0])
+        self.numbers = np.flatnonzero(collide & ~carried)
+        body = model.geom_bodyid[self.numbers]
+        self.bodies = np.where(model.body_weldid[body] > 0, body, -1)
+        self.names = [name_of(model, mujoco.mjtObj.mjOBJ_GEOM, number) for number in self.numbers.tolist()]
+        self._shapes = [_shape(model, *each) for each in zip(self.numbers.tolist(), self.names, strict=True)]
+
+    def placed(self, data: mujoco.MjData) -> ObstacleSet:
+        """The geoms where `data` has them."""
+        R, t = data.geom_xmat[self.numbers].reshape(-1, 3, 3), data.geom_xpos[self.numbers] * MM
+        return ObstacleSet(tuple(replace(shape, R=R[i], t=t[i]) for i, shape in enumerate(self._shapes)))
+
+
+def name_of(model: mujoco.MjModel, kind: Any, number: int) -> str:
+    """Name of an object, or its kind and number where it has none."""
+    return mujoco.mj_id2name(model, kind, number) or f"{kind.name.removeprefix('mjOBJ_').lower()} {number}"
+
+
+def _shape(model: mujoco.MjModel, number: int, name: str) -> Any:
+    """The shape about its own origin."""
+    size, kind = model.geom_size[number] * MM, mujoco.mjtGeom(int(model.geom_type[number]))
+    match kind:
+        case mujoco.mjtGeom.mjGEOM_PLANE:
+            return Plane()
+        case mujoco.mjtGeom.mjGEOM_SPHERE:
+            return Sphere(float(size[0]))
+        case mujoco.mjtGeom.mjGEOM_CAPSULE:
+            return Capsule(float(size[0]), float(size[1]))
+        case mujoco.mjtGeom.mjGEOM_CYLINDER:
+            return Cylinder(float(size[0]), float(size[1]))
+        case mujoco.mjtGeom.mjGEOM_ELLIPSOID:
+            return Ellipsoid(size)
+        case mujoco.mjtGeom.mjGEOM_BOX:
+            return Box(size)
+        case mujoco.mjtGeom.mjGEOM_MESH:
+            mesh = model.geom_dataid[number]
+            first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
+            return ClosedMesh(_hull(model.mesh_vert[first : first + count].astype(float) * MM))
+    what = f"geom '{name}' is of a kind, {kind.name.removeprefix('mjGEOM_').lower()}, that soft robots do not touch"
+    do = "take a plane, sphere, capsule, cylinder, ellipsoid, box or mesh, or let it not collide: contype=conaffinity=0"
+    raise InputError(what, do=do)
+
+
+def _hull(points: np.ndarray) -> ClosedSurface:
+    """Convex hull, as MuJoCo collides meshes."""
+    hull = ConvexHull(points)
+    corners = points[hull.simplices]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    inwards = (normals * hull.equations[:, :3]).sum(axis=1) < 0
+    triangles = np.where(inwards[:, None], hull.simplices[:, ::-1], hull.simplices)
+    order = np.full(len(points), -1)
+    order[hull.vertices] = np.arange(len(hull.vertices))
+    return ClosedSurface(points[hull.vertices], order[triangles])

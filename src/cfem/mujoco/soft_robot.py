@@ -1,0 +1,79 @@
+"""A learned robot at a site of a MuJoCo model: its contact, its skin that is drawn, and its sensors."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from cfem.core.errors import InputError
+from cfem.mujoco.geoms import MM
+from cfem.predict.contact.kept_patches import node_model_of, patched_model_of
+from cfem.predict.contact.surface_model import SurfaceModel
+from cfem.predict.load import load_model
+from cfem.robot.build import build_robot
+from cfem.robot.load import load_scene_and_mesh, made_from
+
+
+@dataclass(frozen=True, eq=False)
+class SoftRobot:
+    """A learned robot whose surface may be touched; its frame is that of the site. unilateral: (n_a,) bool, actuators
+    that go slack where they would push; None: all are held."""
+
+    surface: SurfaceModel
+    unilateral: np.ndarray | None = None
+
+    @classmethod
+    def load(
+        cls, model: Path | str, scene: Path | str, patches: float | None = None, sharp_edges: bool = False
+    ) -> "SoftRobot":
+        """A trained model, its folder, of a scene.yaml. It touches at every node of its surface, or at patches this far
+        from each other, mm, which is coarser and faster. Finite elements say once how these yield, which takes a minute
+        or two and is kept beside the model. InputError where the model cannot be touched."""
+        folder, scene = Path(model), Path(scene)
+        learned, (spec, mesh) = load_model(folder), load_scene_and_mesh(scene)
+        robot, made_of = build_robot(spec, mesh), made_from(scene, scene.parent / spec.out) | {"loads": {}}
+        try:
+            if patches is None and not sharp_edges:
+                surface: SurfaceModel = node_model_of(learned, folder, robot, made_of)
+            else:
+                surface = patched_model_of(learned, folder, robot, made_of, patches, sharp_edges)
+        except InputError as error:
+            raise InputError(error.what, where=error.where or str(folder), do=error.do) from None
+        return cls(surface, robot.unilateral)
+
+    @property
+    def points(self) -> list[str]:
+        """Names of the effectors that have a place."""
+        rows = self.surface.model.rows.effectors
+        names = dict.fromkeys(row.rpartition(".")[0] for row in rows)
+        return [name for name in names if all(f"{name}.{axis}" in rows for axis in "xyz")]
+
+    def point(self, name: str, delta_e: np.ndarray) -> np.ndarray:
+        """(3,) mm in the robot's frame of such an effector; delta_e (n_e,) mm."""
+        model = self.surface.model
+        rows = [model.rows.effectors.index(f"{name}.{axis}") for axis in "xyz"]
+        return (model.rest_e + delta_e)[rows]
+
+    def add_to(self, spec: mujoco.MjSpec, name: str) -> None:
+        """Adds the skin and the sensors of a robot at the site `name`. InputError where there is no such site."""
+        site = next((each for each in spec.sites if each.name == name), None)
+        if site is None:
+            known = ", ".join(each.name for each in spec.sites if each.name) or "none"
+            raise InputError(f"the MuJoCo model has no site '{name}'", do=f"known are {known}")
+        skin = self.surface.model.skin
+        flex = spec.add_flex()
+        flex.name, flex.dim, flex.vertbody = skin_name(name), 2, [site.parent.name or "world"]
+        flex.vert, flex.elem = (skin.rest / MM).ravel(), skin.triangles.ravel()
+        flex.contype = flex.conaffinity = 0
+        flex.rgba = [0.9, 0.55, 0.4, 1.0]
+        flex.radius = 1e-4
+        for sensor in ("force", *self.points):
+            spec.add_sensor(
+                name=f"{name}.{sensor}", type=mujoco.mjtSensor.mjSENS_USER, dim=3, needstage=mujoco.mjtStage.mjSTAGE_ACC
+            )
+
+
+def skin_name(robot: str) -> str:
+    """Name of the flex that draws a robot."""
+    return f"{robot}.skin"

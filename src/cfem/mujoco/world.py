@@ -1,0 +1,268 @@
+"""A MuJoCo model with learned soft robots, in steps of its own timestep.
+
+A step predicts where all rigid bodies will be, under the contact forces of the last step. There the contact of all
+robots with all geoms and with each other is one problem (`cfem.predict.contact`), in which rigid bodies give way by
+dt^2 J M^-1 J^T and robots by their compliance. Its forces act on both sides in MuJoCo's own step: implicit Euler for
+contact, so that no damping is needed. Robots have no inertia of their own."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cfem.contact.obstacle_set import ObstacleSet
+from cfem.core.errors import InputError, NumericalError, SpecError
+from cfem.mujoco.geoms import MM, Geoms
+from cfem.mujoco.rigid import Rigid
+from cfem.mujoco.soft_robot import SoftRobot, skin_name
+from cfem.predict.contact.bodies import PlacedModel
+from cfem.predict.contact.node_model import NodeModel
+from cfem.predict.contact.scene import ContactScene
+from cfem.predict.contact.state import ContactState
+
+INSIDE = 1e-3  # of the length: by how much a robot may overlap a geom at the start
+FAST = 0.05  # of the length: the longest way of a geom in one step that may touch a robot in it
+LONGEST = 0.01  # of the length: how far a patch may begin beyond the middle of a geom
+GIVEN = 0.02  # of all energy that contact has exchanged: what rounding and prediction may add to it
+LEAST = 1e-3  # N mm: less is not looked at
+
+
+@dataclass(frozen=True, eq=False)
+class Energies:
+    """Energies of contact since the start, N mm.
+
+    commanded: work of the commands against contact
+    passed: work on rigid bodies, of the robots' bases too
+    stored: in the robots, as long as they are touched
+    turned: sum of all that was exchanged, of either sign"""
+
+    commanded: float = 0.0
+    passed: float = 0.0
+    stored: float = 0.0
+    turned: float = 0.0
+
+    @property
+    def lost(self) -> float:
+        """To friction, and to the steps."""
+        return self.commanded - self.passed - self.stored
+
+
+@dataclass(frozen=True, eq=False)
+class Saved:
+    """All that a world goes on from."""
+
+    mujoco: np.ndarray
+    contact: ContactState | None
+    deltas: list[np.ndarray]
+    wrench: np.ndarray
+    energies: Energies
+
+
+class World:
+    """model, data: MuJoCo's, free to use between steps
+    contact: state of the robots after the last step, None before the first; in mm and N
+    energies: what contact has done since the start"""
+
+    def __init__(
+        self,
+        mjcf: Path | str | mujoco.MjSpec,
+        robots: Mapping[str, SoftRobot],
+        friction: float = 0.5,
+        robots_touch: bool = False,
+    ):
+        """Robots at the sites of these names.
+
+        friction: coefficient of all surfaces of the robots
+        robots_touch: whether robots may touch each other, at patches alone
+
+        InputError where a geom is of a kind that they do not touch, or touches one at the start, where the actuators
+        are at 0."""
+        if robots_touch and any(isinstance(robot.surface, NodeModel) for robot in robots.values()):
+            do = "load them with `patches`, or let them pass through each other"
+            raise InputError("robots that touch at every node of their surfaces do not touch each other", do=do)
+        self.model = _compiled(mjcf, robots)
+        self.data, self._ahead = mujoco.MjData(self.model), mujoco.MjData(self.model)
+        self.robots, self.friction, self.robots_touch = dict(robots), friction, robots_touch
+        self._sites = np.array([self.model.site(name).id for name in robots], dtype=np.int64)
+        carriers = self.model.site_bodyid[self._sites]
+        self.geoms = Geoms(self.model, carriers.tolist())
+        self.rigid = Rigid(self.model, carriers, self.geoms)
+        self.reset()
+
+    def reset(self) -> None:
+        """Back to the start, the actuators at 0. InputError where a geom touches a robot there."""
+        mujoco.mj_resetData(self.model, self.data)
+        mujoco.mj_forward(self.model, self.data)
+        self.contact, self.energies = None, Energies()
+        self._deltas = [np.zeros(robot.surface.model.rows.n_a) for robot in self.robots.values()]
+        self._wrench = np.zeros(6 * len(self.rigid.bodies))
+        scene = self._scene(self.data)
+        start = replace(scene, obstacles=ObstacleSet(())).start(self._deltas)
+        for robot, name, rows in zip(scene.robots, self.robots, start.rows, strict=True):
+            free = ~robot.patched.held_still[robot.patched.patches.of]
+            places = robot.patched.model.skin.surface(rows)[free] @ robot.R.T + robot.t
+            for geom, obstacle in zip(self.geoms.names, scene.obstacles.obstacles, strict=True):
+                inside = -float(obstacle.distance(places).min())
+                if inside > INSIDE * robot.patched.model.length:
+                    what = f"geom '{geom}' and the soft robot '{name}' overlap by {inside:.2g} mm at the start"
+                    raise InputError(what, do="move one of them, or let the geom not collide: contype=conaffinity=0")
+        self._write_sensors(start)
+
+    def step(self, commands: Mapping[str, ArrayLike]) -> ContactState:
+        """One timestep, to displacements (n_a,) of the actuators of robots by name, mm or mm^3; others stay. SpecError
+        where there is no such robot. NumericalError where contact finds no state, the timestep is too long for what is
+        touched, or energy appears from nowhere."""
+        model, data, ahead, rigid = self.model, self.data, self._ahead, self.rigid
+        deltas = self._commanded(commands)
+        mujoco.mj_copyData(ahead, model, data)
+        mujoco.mj_fwdPosition(model, ahead)
+        rigid.begin(ahead)
+        ahead.qfrc_applied += rigid.joint_forces(self._wrench)
+        begin = ahead.geom_xpos[self.geoms.numbers].copy()
+        mujoco.mj_step(model, ahead)
+        mujoco.mj_kinematics(model, ahead)
+        self._demand_slow(MM * (ahead.geom_xpos[self.geoms.numbers] - begin))
+        scene = replace(self._scene(ahead), rigid=rigid.ahead(ahead, self._wrench))
+        state = scene.step(deltas, self.contact)
+        self._demand_sound(scene, state)
+        wrench, before, own = rigid.wrench(state), data.qvel.copy(), data.qfrc_applied.copy()
+        forces = rigid.joint_forces(wrench)
+        data.qfrc_applied += forces
+        mujoco.mj_step(model, data)
+        data.qfrc_applied[:] = own
+        passed = MM * model.opt.timestep * float(forces @ (before + data.qvel)) / 2
+        mujoco.mj_kinematics(model, data)
+        self.energies = self._account(state, passed)
+        self.contact, self._deltas, self._wrench = state, state.deltas, wrench
+        self._write_sensors(state)
+        return state
+
+    def force(self, robot: str, geom: str | None = None) -> np.ndarray:
+        """(3,) N on a robot in the axes of the world, of one geom or of all that it touches."""
+        state, number = self.contact, list(self.robots).index(robot)
+        if state is None:
+            return np.zeros(3)
+        if geom is None:
+            return state.forces[state.bodies == number].sum(axis=0)
+        partner = len(self.robots) + self.geoms.names.index(geom)
+        mine = (state.bodies[state.pairs.points] == number) & (state.pairs.partners == partner)
+        return state.push[mine].sum(axis=0)
+
+    def draw(self) -> None:
+        """Brings the skins that MuJoCo draws to where the robots are; before a renderer or viewer updates its scene."""
+        model, data = self.model, self.data
+        mujoco.mj_kinematics(model, data)
+        for number, (name, robot) in enumerate(self.robots.items()):
+            skin = robot.surface.model.skin
+            flex = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_FLEX, skin_name(name))
+            rows = skin.rows(self._deltas[number], np.zeros(0)) if self.contact is None else self.contact.rows[number]
+            R, t = self._pose(data, number)
+            first = model.flex_vertadr[flex]
+            data.flexvert_xpos[first : first + len(skin.rest)] = (skin.surface(rows) @ R.T + t) / MM
+
+    def save(self) -> Saved:
+        """The state of MuJoCo and of the robots, for `restore`."""
+        kind = mujoco.mjtState.mjSTATE_INTEGRATION
+        vector = np.empty(mujoco.mj_stateSize(self.model, kind))
+        mujoco.mj_getState(self.model, self.data, vector, kind)
+        return Saved(vector, self.contact, self._deltas, self._wrench, self.energies)
+
+    def restore(self, saved: Saved) -> None:
+        """Goes back to a saved state of this world, or of another one of the same model and robots."""
+        mujoco.mj_setState(self.model, self.data, saved.mujoco, mujoco.mjtState.mjSTATE_INTEGRATION)
+        mujoco.mj_forward(self.model, self.data)
+        self.contact, self._deltas, self._wrench = saved.contact, saved.deltas, saved.wrench
+        self.energies = saved.energies
+
+    def _pose(self, data: mujoco.MjData, number: int) -> tuple[np.ndarray, np.ndarray]:
+        site = self._sites[number]
+        return data.site_xmat[site].reshape(3, 3).copy(), data.site_xpos[site] * MM
+
+    def _scene(self, data: mujoco.MjData) -> ContactScene:
+        """Robots and geoms where `data` has them."""
+        robots = [
+            PlacedModel(robot.surface, *self._pose(data, number), False, robot.unilateral)
+            for number, robot in enumerate(self.robots.values())
+        ]
+        return ContactScene(robots, self.geoms.placed(data), self.friction, meet=self.robots_touch)
+
+    def _commanded(self, commands: Mapping[str, ArrayLike]) -> list[np.ndarray]:
+        for name in commands:
+            if name not in self.robots:
+                raise SpecError(f"there is no soft robot '{name}'", do=f"known are {', '.join(self.robots)}")
+        deltas = []
+        for (name, robot), now in zip(self.robots.items(), self._deltas, strict=True):
+            delta = np.asarray(commands.get(name, now), float)
+            if delta.shape != now.shape or not np.isfinite(delta).all():
+                names = ", ".join(robot.surface.model.rows.actuators)
+                raise SpecError(f"robot '{name}' takes one finite number for each of its actuators, {names}")
+            deltas.append(delta)
+        return deltas
+
+    def _demand_slow(self, ways: np.ndarray) -> None:
+        """NumericalError where a geom that is near a robot goes so far in one step, (n, 3) mm, that it may pass it."""
+        ways = np.linalg.norm(ways, axis=1)
+        for i in np.flatnonzero(ways > FAST * min(robot.surface.model.length for robot in self.robots.values())):
+            if (
+                self.contact is not None
+                and self.contact.obstacles.obstacles[i].distance(self.contact.places).min() < ways[i]
+            ):
+                what = f"the geom '{self.geoms.names[i]}' goes {ways[i]:.2g} mm in one step near a soft robot"
+                what += f" at t = {self.data.time:.4g} s, and may pass it"
+                raise NumericalError(what, do=f"take a timestep shorter than {self.model.opt.timestep:g} s")
+
+    def _demand_sound(self, scene: ContactScene, state: ContactState) -> None:
+        """NumericalError where a state cannot be gone on from."""
+        when = f"at t = {self.data.time:.4g} s"
+        if not state.converged:
+            do = "take a shorter timestep, or slower commands"
+            raise NumericalError(f"contact of soft robots {when}: {state.status.value}", do=do)
+        if state.deep and state.depth > LONGEST * scene.length:
+            what = (
+                f"{when} a geom comes {state.depth:.2g} mm into a soft robot in one step, too far to know on which side"
+            )
+            raise NumericalError(what, do=f"take a timestep shorter than {self.model.opt.timestep:g} s")
+
+    def _account(self, state: ContactState, passed: float) -> Energies:
+        """Energies after a step that has passed this work, N mm, on to rigid bodies. NumericalError where they have
+        come from nowhere."""
+        before, commanded = self.energies, 0.0
+        if self.contact is not None:
+            last = self.contact
+            for end, begin, now, then in zip(state.deltas, last.deltas, state.relief, last.relief, strict=True):
+                commanded -= float((end - begin) @ (now + then)) / 2
+        turned = before.turned + abs(passed) + abs(commanded)
+        energies = Energies(before.commanded + commanded, before.passed + passed, state.stored, turned)
+        if energies.lost < -GIVEN * turned - LEAST:
+            what = f"contact has given {-energies.lost:.3g} N mm more than it was given by t = {self.data.time:.4g} s"
+            raise NumericalError(what, do=f"take a timestep shorter than {self.model.opt.timestep:g} s")
+        return energies
+
+    def _write_sensors(self, state: ContactState) -> None:
+        for number, (name, robot) in enumerate(self.robots.items()):
+            R, t = self._pose(self.data, number)
+            self.data.sensor(f"{name}.force").data[:] = state.forces[state.bodies == number].sum(axis=0)
+            for point in robot.points:
+                place = R @ robot.point(point, state.delta_e[number]) + t
+                self.data.sensor(f"{name}.{point}").data[:] = place / MM
+
+
+def _compiled(mjcf: Path | str | mujoco.MjSpec, robots: Mapping[str, SoftRobot]) -> mujoco.MjModel:
+    """The model with the robots' skins and sensors. InputError where MuJoCo does not read it."""
+    is_text = isinstance(mjcf, str) and mjcf.lstrip().startswith("<")
+    where = None if is_text or isinstance(mjcf, mujoco.MjSpec) else str(mjcf)
+    try:
+        if isinstance(mjcf, mujoco.MjSpec):
+            spec = mjcf.copy()
+        elif where:
+            spec = mujoco.MjSpec.from_file(where)
+        else:
+            spec = mujoco.MjSpec.from_string(mjcf)
+        for name, robot in robots.items():
+            robot.add_to(spec, name)
+        return spec.compile()
+    except (ValueError, mujoco.FatalError) as error:
+        raise InputError(" ".join(str(error).split()), where=where or "the MuJoCo model") from None

@@ -1,0 +1,24 @@
+"""The bar as a soft robot in MuJoCo: a beam along x, held at x = 0, with a cable."""
+
+import pytest
+
+from cfem.equilibrium.contact.patch_compliance import patch_response
+from cfem.mujoco import SoftRobot
+from cfem.predict.contact.patched_model import PatchedModel, patches_of
+from cfem.predict.contact.surface_model import patch_states
+from cfem.predict.load import load_model
+from cfem.robot.build import build_robot
+from cfem.robot.load import load_scene_and_mesh
+
+
+@pytest.fixture(scope="session")
+def fe_bar(bar):
+    return build_robot(*load_scene_and_mesh(bar / "pipelines" / "bar" / "scene.yaml"))
+
+
+@pytest.fixture(scope="session")
+def soft_bar(bar, fe_bar):
+    model = load_model(bar / "models" / "bar" / "spectral")
+    patches = patches_of(model, 8.0)
+    by_fe = patch_response(fe_bar, model.skin.watched, patches, patch_states(model.domain, 1))
+    return SoftRobot(PatchedModel(model, patches, by_fe))
