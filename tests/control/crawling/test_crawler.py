@@ -54,7 +54,6 @@ def test_it_rows_itself_along_by_less_than_its_stroke_and_holds_its_course():
         assert lift.sum() == pytest.approx(1.0, rel=1e-2)  # the weight; the ground tilts by a little
 
 
-@pytest.mark.slow
 def test_legs_with_a_weight_press_the_ground_by_it_and_row_farther():
     """Their centre of mass is their foot, which goes down by its share of the weight."""
 

@@ -77,6 +77,14 @@ def test_its_covariance_is_that_of_its_errors():
     np.testing.assert_array_equal(observer.covariance, observer.covariance.T)
 
 
+def test_under_forces_without_an_equilibrium_it_begins_in_the_middle_of_the_training_states():
+    at = clocked()
+    observer = Observer(at, at.at_rest(standing(2.4)), np.ones(3), Doubt(noise=NOISE))
+    observer.reset(np.array([1e9]))
+    low, high = at.model.static.domain.delta_a
+    np.testing.assert_allclose(observer.state.z[: at.n_a], (low + high) / 2)
+
+
 def test_samples_are_used_once_and_lost_ones_are_no_harm():
     at = clocked()
     observer = Observer(at, at.at_rest(standing(2.4)), np.ones(3), Doubt(noise=NOISE))

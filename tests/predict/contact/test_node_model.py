@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from cfem.constraint.surface import outer_surface
 from cfem.constraint.surface_points import at_nodes
@@ -14,7 +15,7 @@ from cfem.equilibrium.contact.node_compliance import NodeResponse, node_response
 from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
 from cfem.equilibrium.contact.surfaces import SurfaceScene
 from cfem.predict.contact.loaded_robot import LoadedRobot
-from cfem.predict.contact.node_model import NodeModel, node_patches
+from cfem.predict.contact.node_model import NodeModel, _add_local, node_patches
 from cfem.predict.contact.scene import contact_step
 from cfem.predict.contact.surface_model import patch_states
 from cfem.predict.load import load_model
@@ -42,6 +43,26 @@ def skinned(robot):
     surface = outer_surface(robot.X, robot.body.mesh.facets)
     points = at_nodes(robot.X, robot.body.mesh.facets, surface)
     return SkinnedRobot(robot, surface.nodes, surface.triangles, points, itself=False)
+
+
+def test_what_is_near_adds_the_compliance_of_its_pairs_turned_with_both_nodes():
+    """Against the products R_i L_ij R_j^T written out, of three of five nodes."""
+    rng = np.random.default_rng(2)
+    pairs = np.array([[0, 0], [0, 2], [0, 4], [1, 1], [2, 2], [2, 4], [3, 3], [4, 4]])
+    first = np.searchsorted(pairs[:, 0], np.arange(6))
+    left, linear, points = rng.normal(size=(2, len(pairs), 3, 3)), np.array([1.0, 0.3]), np.array([4, 0, 2])
+    R = Rotation.random(3, rng).as_matrix()
+    total = np.zeros((9, 9))
+    _add_local(total, points, R, linear, first, pairs[:, 1], left)
+    expected = np.zeros((3, 3, 3, 3))
+    for pair, (low, high) in enumerate(pairs):
+        i, j = (list(points).index(node) if node in points else -1 for node in (low, high))
+        if min(i, j) >= 0:
+            block = R[i] @ np.tensordot(linear, left[:, pair], axes=1) @ R[j].T
+            expected[i, :, j] += block
+            if i != j:
+                expected[j, :, i] += block.T
+    np.testing.assert_allclose(total, expected.reshape(9, 9), atol=1e-14)
 
 
 DOWN = np.array([0.0, 0.0, -1.0])
