@@ -47,13 +47,19 @@ _LOOSE = NewtonSettings(tolerance=1e-6, smallest_step=0.1)
 
 @dataclass(frozen=True)
 class Stroke:
-    """reach: mm (mm^3 of a chamber); force: N (MPa) there; why: what says stop, in words; touches: whether the body
-    meets itself from the start, as at a slit of no width, so that this says nothing."""
+    """reach: mm (mm^3 of a chamber); force: N (MPa) there; why: what says stop, in words; sudden: whether a solve fails
+    or the body meets itself there; touches: whether it does from the start, as at a slit of no width, so that this says
+    nothing."""
 
     reach: float
     force: float
     why: str
+    sudden: bool = False
     touches: bool = False
+
+    def shortened(self, share: float, why: str = "") -> "Stroke":
+        """A share of the stroke, and why."""
+        return replace(self, reach=share * self.reach, force=share * self.force, why=self.why + why)
 
 
 def strokes(robot: Robot, advance: Callable[[int], None] = lambda _: None) -> list[Stroke]:
@@ -62,7 +68,9 @@ def strokes(robot: Robot, advance: Callable[[int], None] = lambda _: None) -> li
     problem = Problem(robot)
     near = np.linalg.norm(robot.X - robot.rest_e[:3], axis=1)
     tip = near.argsort()[: max(8, int((near < _TIP * robot.length).sum()))]
-    found = [_alone(problem, index, tip, advance) for index in range(robot.rows.n_a)]
+    units = [unit for unit, _ in robot.actuator_units]
+    found = alike([_alone(problem, index, tip, advance) for index in range(robot.rows.n_a)], units)
+    found = [each.shortened(_MARGIN) if each.sudden else each for each in found]
     if len(found) < 2:
         return found
     reach, touches = np.array([each.reach for each in found]), any(each.touches for each in found)
@@ -79,7 +87,7 @@ def strokes(robot: Robot, advance: Callable[[int], None] = lambda _: None) -> li
     if share == 1.0:
         return found
     why = "; less, as all actuators cannot go so far at once"
-    return [replace(each, reach=share * each.reach, force=share * each.force, why=each.why + why) for each in found]
+    return [each.shortened(share, why) for each in found]
 
 
 def _up_to(reached: Callable[[float], bool]) -> float:
@@ -118,22 +126,23 @@ def reaches(
     answers: list[Answer] = []
     for flag, text, unit, of_force, count in kinds:
         mine = slice(len(answers), len(answers) + count)
-        default, whys = _suggested(alike(found[mine]), count, unit, f"{of_force} on {cells}")
+        default, whys = _suggested(found[mine], count, unit, f"{of_force} on {cells}")
         question = Question(flag, text, default, _by_name(robot.rows.actuators[mine], whys), _amounts(unit, count))
         answer = ask(question)
         answers += [Answer(value, why if answer.guess else None) for value, why in zip(answer.value, whys, strict=True)]
     return tuple(answers)
 
 
-def alike(found: Sequence[Stroke]) -> list[Stroke]:
-    """Those that are nearly as long as a shorter one have that in its place."""
-    least: list[Stroke] = []
-    chosen = {}
-    for place in np.argsort([each.reach for each in found], kind="stable").tolist():
-        if not least or found[place].reach * _ALIKE > least[-1].reach:
-            least.append(found[place])
-        chosen[place] = least[-1]
-    return [chosen[place] for place in range(len(found))]
+def alike(found: Sequence[Stroke], units: Sequence[str]) -> list[Stroke]:
+    """Those that are nearly as long as a shorter one of the same unit have that in its place."""
+    chosen = list(found)
+    for unit in set(units):
+        least = None
+        for place in sorted((n for n, its_unit in enumerate(units) if its_unit == unit), key=lambda n: found[n].reach):
+            if least is None or found[place].reach * _ALIKE > least.reach:
+                least = found[place]
+            chosen[place] = least
+    return chosen
 
 
 def _suggested(found: Sequence[Stroke], count: int, unit: str, of_force: str) -> tuple[str, list[str]]:
@@ -191,11 +200,11 @@ def _until(problem: Problem, index: int, tip: np.ndarray, advance: Callable[[int
             if done == 0.0 and amount > _LEAST * _FIRST[unit] * whole:
                 amount /= 4
                 continue
-            return Stroke(_MARGIN * (done or amount), _MARGIN * force, f"beyond it, {_short(ended.status)}")
+            return Stroke(done or amount, force, f"beyond it, {_short(ended.status)}", sudden=True)
         if meets and _meets_itself(problem, ended):
             most = amount
             if most - done < _CLOSE * most or most < _LEAST * _FIRST[unit] * whole:
-                return Stroke(_MARGIN * (done or most), _MARGIN * force, _MEETS, touches=done == 0.0)
+                return Stroke(done or most, force, _MEETS, sudden=True, touches=done == 0.0)
             amount = (done + most) / 2
             continue
         used, why = _used(problem, ended, tip)
