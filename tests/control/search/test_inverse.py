@@ -121,3 +121,8 @@ def test_forces_have_no_part_in_the_distance():
     aim = Aim(np.zeros(3), np.ones(3), RIDGE, places=np.array([True, True, False]))
     assert aim.distance(np.array([3.0, 4.0, 9.0])) == pytest.approx(5.0)
     assert aim.cost(np.array([0.0, 0.0, 2.0]), np.zeros(2)) == pytest.approx(2.0)
+
+
+def test_the_cost_is_half_the_squares_of_what_is_missed_and_of_what_lies_beside_the_preload():
+    aim = Aim(np.zeros(3), np.array([1.0, 2.0, 0.0]), np.array([0.1, 1.0]), preload=np.array([1.0, 3.0]))
+    assert aim.cost(np.array([3.0, 1.0, 9.0]), np.array([5.0, 2.0])) == pytest.approx((9 + 4 + 0.16 + 1) / 2)
