@@ -169,7 +169,7 @@ def test_the_shape_of_other_materials_is_theirs_and_of_other_bodies_refused(bar,
         assert apart < 5e-3 and other > 3 * apart
     moved = replace(model.parameters[0], key="geometry.length")
     model.parameters = (moved, *model.parameters[1:])
-    with pytest.raises(InputError, match="the shape of other designs is not known"):
+    with pytest.raises(InputError, match=f"the shape of other designs is not known: '{moved.name}' changes where"):
         model.shape([4.0], p)
 
 
