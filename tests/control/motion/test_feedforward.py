@@ -2,6 +2,7 @@
 
 from collections import deque
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -94,3 +95,17 @@ def test_a_command_changes_by_its_rate_at_most():
     computed = Computed(replace(pilot(), rate=0.05), robot(), robot().rest_e, start.delta_a, DT)
     u = np.array([start.lambda_a, *(computed.tick(goal, None, goals[k:]).u for k, goal in enumerate(goals))])
     assert np.abs(np.diff(u, axis=0)).max() == pytest.approx(0.05)
+
+
+def test_slow_motion_is_resisted_by_each_loss_for_as_long_as_it_lasts():
+    """A relaxation, and terms of Prony's series of shares g and times tau: sum of g tau."""
+    losses = [
+        SimpleNamespace(relaxation=0.01, prony=[(0.2, 0.5), (0.1, 3.0)]),
+        SimpleNamespace(relaxation=0.2, prony=[]),
+    ]
+    F = np.stack([np.eye(2), np.array([[2.0, 1.0], [1.0, 2.0]])])
+    computed = SimpleNamespace(_model=SimpleNamespace(losses=losses))
+    lost = Computed._lost(computed, SimpleNamespace(F=F, M=np.zeros((2, 2))))
+    np.testing.assert_allclose(lost, 0.41 * F[0] + 0.2 * F[1])
+    computed._model.losses = []
+    np.testing.assert_array_equal(Computed._lost(computed, SimpleNamespace(F=F, M=np.ones((2, 2)))), np.zeros((2, 2)))
