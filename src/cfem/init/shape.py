@@ -99,13 +99,13 @@ def read_source(path: Path, remesh: bool = False, body: int = 1) -> Source:
     if suffix in MESH and not remesh:
         data = read_data(path)
         if any(block.dim == 3 for block in data.cells):
-            own = read_own(path, 1.0)
+            mesh = read_own(path, 1.0)
             return Source(
-                path, float(own.volumes.sum()), surface_area(own.X[own.facets]), own, False, mended(path, False)
+                path, float(mesh.volumes.sum()), surface_area(mesh.X[mesh.facets]), mesh, False, mended(path, False)
             )
         remesh = True
-    said = mended(path, True, body) if suffix in SURFACES + MESH else ()
-    return Source(path, *measure(solid_of(geometry(path, 1.0, remesh, body), Path())), None, remesh, said, body)
+    mends = mended(path, True, body) if suffix in SURFACES + MESH else ()
+    return Source(path, *measure(solid_of(geometry(path, 1.0, remesh, body), Path())), None, remesh, mends, body)
 
 
 def geometry(path: Path, unit: float, remesh: bool = False, body: int = 1) -> StepFile | MeshFile:
