@@ -97,11 +97,11 @@ def _source(path: Path, stated: Stated, ask: Ask) -> Source:
             raise
         source = _cells_or_surface(path, None, error.what, stated, ask)
     else:
-        if source.own is not None and source.own.cells.shape[1] == 4:
-            angles = dihedral_angles(source.own)
+        if source.mesh is not None and source.mesh.cells.shape[1] == 4:
+            angles = dihedral_angles(source.mesh)
             poor, why = angles.min() < _SHARP, f"its angles go from {angles.min():.0f} to {angles.max():.0f} degrees"
             source = _cells_or_surface(path, source, why, stated, ask, poor)
-    count = count_bodies(path) if source.own is None and path.suffix.lower() in SURFACES + MESH else 1
+    count = count_bodies(path) if source.mesh is None and path.suffix.lower() in SURFACES + MESH else 1
     if count > 1 or "body" in stated.flags:
         source = read_source(path, source.remesh, ask(_body_question(count)).value)
     _demand_use(source, stated.flags)
@@ -151,7 +151,7 @@ def _demand_use(source: Source, stated: Collection[str]) -> None:
     """SpecError where an answer would be of no effect."""
     if source.has_unit and "unit" in stated:
         raise SpecError(f"a {source.path.suffix} file states its own unit", where="--unit", do="leave it out")
-    if source.own is not None and "cells" in stated:
+    if source.mesh is not None and "cells" in stated:
         do = "leave it out, or say --remesh yes"
         raise SpecError("the mesh in the file is taken as it is", where="--cells", do=do)
 
@@ -240,7 +240,7 @@ def _unit(source: Source, ask: Ask) -> Answer | None:
 
 
 def _cells(source: Source, ask: Ask) -> Answer | None:
-    if source.own is not None:
+    if source.mesh is not None:
         return None
     why = "minutes, not hours"
     read = lambda text: integer(text, 300, 1_000_000)  # noqa: E731
@@ -289,4 +289,4 @@ def _rounded(place: np.ndarray) -> list[float]:
 def _element(shape: Shape, source: Source) -> str:
     if shape.mesh.cells.shape[1] == 8:
         return "hex8"
-    return "tet10p0" if source.own is None or len(shape.mesh.cells) <= _LINEAR else "tet4"
+    return "tet10p0" if source.mesh is None or len(shape.mesh.cells) <= _LINEAR else "tet4"
