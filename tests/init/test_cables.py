@@ -9,14 +9,14 @@ from cfem.constraint.attachment import locate
 from cfem.core.errors import SpecError
 from cfem.init.cables import attachment_radius, place_cables, read_cable, sections_along
 from cfem.init.hold import guess_hold, read_hold, run_from
-from cfem.init.way import straight
+from cfem.init.spine import straight
 
 
 def placed(shape, count, hold=None):
     run = run_from(read_hold(hold, shape) if hold else guess_hold(shape)[0], shape)
-    way = straight(run)
-    sections = sections_along(shape, way)
-    return *place_cables(shape, run, way, sections, count, attachment_radius(sections, run)), run
+    spine = straight(run)
+    sections = sections_along(shape, spine)
+    return *place_cables(shape, run, spine, sections, count, attachment_radius(sections, run)), run
 
 
 def to_surface(mesh, points):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cfem.core.errors import SpecError
-from cfem.init.question import Question, answer, point, positive, whole
+from cfem.init.question import Question, answer, integer, point, positive
 
 
 @pytest.mark.parametrize("text", ["1, -2, 3e1", "1,-2,30 mm", " 0.1, -0.2, 3 cm ", "1e-3,-2e-3,0.03m"])
@@ -21,7 +21,7 @@ def test_what_is_no_point(text):
 @pytest.mark.parametrize("text", ["0", "13", "-1", "2.5", "two", ""])
 def test_what_is_no_count(text):
     with pytest.raises(ValueError, match="whole number from 1 to 12"):
-        whole(text, 1, 12)
+        integer(text, 1, 12)
 
 
 def test_a_default_is_a_guess_and_an_answer_is_not():

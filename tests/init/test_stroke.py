@@ -19,7 +19,7 @@ from cfem.equilibrium.system.robot import Robot
 from cfem.init import stroke
 from cfem.init.drive import Drive
 from cfem.init.question import answer
-from cfem.init.stroke import Stroke, alike, reaches, strokes
+from cfem.init.stroke import Stroke, alike, find_strokes, reaches
 from cfem.mechanics.body import make_body
 from cfem.mechanics.element import ELEMENTS
 from cfem.mechanics.material import LAWS
@@ -30,7 +30,7 @@ from cfem.mechanics.mesh import Mesh, boundary_facets
 @pytest.fixture(scope="module")
 def found():
     robot = bar("tet4", divisions=(12, 2, 2))
-    return robot, strokes(robot)
+    return robot, find_strokes(robot)
 
 
 def test_at_its_stroke_an_actuator_is_at_a_limit(found):
@@ -54,7 +54,7 @@ def test_the_limit_is_said(found):
 
 def test_a_lower_limit_ends_the_stroke_earlier(found, monkeypatch):
     monkeypatch.setattr(stroke, "STRAIN", 0.02)
-    (first,) = strokes(bar("tet4", divisions=(12, 2, 2), cables=1))
+    (first,) = find_strokes(bar("tet4", divisions=(12, 2, 2), cables=1))
     assert first.reach < 0.6 * found[1][0].reach and first.why == "strained by 2 %"
 
 
@@ -71,7 +71,7 @@ def together(monkeypatch):
         monkeypatch.setattr(stroke, "_alone", lambda *given: stroke.Stroke(4.0, 1.0, "alone"))
         monkeypatch.setattr(stroke, "_meets_itself", lambda *given: False)
         monkeypatch.setattr(stroke, "solve", solved)
-        return [each.reach / 4.0 for each in strokes(bar("tet4", divisions=(6, 1, 1)))]
+        return [each.reach / 4.0 for each in find_strokes(bar("tet4", divisions=(6, 1, 1)))]
 
     return strokes_where
 
@@ -95,7 +95,7 @@ def test_all_together_unlike_actuators_are_pulled_in_the_proportion_of_their_for
     monkeypatch.setattr(stroke, "_alone", lambda *given: next(alone))
     monkeypatch.setattr(stroke, "_meets_itself", lambda *given: False)
     monkeypatch.setattr(stroke, "solve", solved)
-    assert [each.reach for each in strokes(bar("tet4", divisions=(6, 1, 1)))] == [4.0, 0.4]
+    assert [each.reach for each in find_strokes(bar("tet4", divisions=(6, 1, 1)))] == [4.0, 0.4]
     assert pulled[-1].C[0, 1] / pulled[-1].C[0, 0] == pytest.approx(3 / 2)
     assert float((pulled[-1].C @ [4.0, 0.4])[0]) == pytest.approx(pulled[-1].target[0]) == 1.0
 
@@ -113,14 +113,14 @@ def test_strokes_that_end_suddenly_are_compared_before_they_are_shortened(monkey
     alone = iter([Stroke(10.0, 2.0, "35 %"), Stroke(9.0, 1.8, "folds", sudden=True)])
     monkeypatch.setattr(stroke, "_alone", lambda *given: next(alone))
     monkeypatch.setattr(stroke, "_up_to", lambda reached: 1.0)
-    assert [each.reach for each in strokes(bar("tet4", divisions=(12, 2, 2), cables=2))] == [7.2, 7.2]
+    assert [each.reach for each in find_strokes(bar("tet4", divisions=(12, 2, 2), cables=2))] == [7.2, 7.2]
 
 
 class TestWhatIsAsked:
     @pytest.fixture
     def robot(self, monkeypatch):
         ends = [Stroke(4.0, 1.0, "bent"), Stroke(9.0, 2.5, "strained")]
-        monkeypatch.setattr(stroke, "strokes", lambda robot, advance: ends)
+        monkeypatch.setattr(stroke, "find_strokes", lambda robot, advance: ends)
         return bar("tet4", divisions=(6, 1, 1))
 
     def asked(self, robot, text=None):
@@ -180,7 +180,7 @@ def slit(width: float) -> Robot:
 
 def test_a_slit_that_closes_ends_the_stroke():
     """The slit's faces stand on their edges, 1 mm apart: the cable is shortened by hardly more than that."""
-    (narrow,), (wide,) = strokes(slit(1.0)), strokes(slit(3.0))
+    (narrow,), (wide,) = find_strokes(slit(1.0)), find_strokes(slit(3.0))
     assert narrow.why == "beyond it, the body meets itself" and narrow.force > 0
     assert 0.4 < narrow.reach < 2.4 and narrow.reach < 0.7 * wide.reach
     problem = Problem(slit(1.0))
@@ -190,9 +190,9 @@ def test_a_slit_that_closes_ends_the_stroke():
 
 def test_a_body_that_touches_itself_from_the_start_has_the_stroke_of_one_that_does_not(monkeypatch):
     robot = bar("tet4", divisions=(12, 2, 2), cables=1)
-    (clear,) = strokes(robot)
+    (clear,) = find_strokes(robot)
     monkeypatch.setattr(stroke, "_meets_itself", lambda *given: True)
-    (first,) = strokes(robot)
+    (first,) = find_strokes(robot)
     assert first.reach == pytest.approx(clear.reach, rel=0.05)
     assert first.why == f"{clear.why}; its surface touches itself from the start, which is left out of account"
 
@@ -217,7 +217,7 @@ def stiffness(robot: Robot, amount: float) -> float:
 @pytest.mark.parametrize("off", [0.2, 1.0])
 def test_a_limb_that_gives_way_ends_the_stroke_at_a_quarter_of_its_stiffness(off):
     robot = column(off)
-    (given_way,) = strokes(robot)
+    (given_way,) = find_strokes(robot)
     assert given_way.why == "softened to 25 % of its stiffness" and given_way.force > 1
     assert stiffness(robot, given_way.reach) == pytest.approx(stiffness(robot, 0.55) / 4, rel=0.15)
 
@@ -235,7 +235,7 @@ def test_a_failing_solve_ends_the_stroke(found, monkeypatch):
         return replace(ended, status=stroke.Status.LIMIT_POINT) if far else ended
 
     monkeypatch.setattr(stroke, "solve", fails)
-    (first,) = strokes(bar("tet4", divisions=(12, 2, 2), cables=1))
+    (first,) = find_strokes(bar("tet4", divisions=(12, 2, 2), cables=1))
     assert 0.3 < first.reach < 1.0 and first.why == "beyond it, a limit point"
 
 
@@ -250,6 +250,6 @@ def test_the_end_of_a_path_is_not_looked_for_in_small_steps(monkeypatch):
         return solved[-1]
 
     monkeypatch.setattr(stroke, "solve", counted)
-    (first,) = strokes(bar("tet4", divisions=(12, 2, 2), cables=1))
+    (first,) = find_strokes(bar("tet4", divisions=(12, 2, 2), cables=1))
     assert first.why == "beyond it, out of reach" and all(ended.converged for ended in solved[:-1])
     assert not solved[-1].converged and solved[-1].steps <= 30

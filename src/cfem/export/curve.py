@@ -16,10 +16,10 @@ def curve_of(model: MotionModel) -> tuple[np.ndarray, np.ndarray]:
     largest = np.abs(static.domain.lambda_a).max(axis=0)
     turn = np.pi * (2 * np.arange(n_a) + 1) / (2 * n_a)
     phase = 2 * np.pi * np.arange(POINTS + 1)[:, None] / POINTS
-    share = MIDDLE + SWING * (np.cos(turn) * np.sin(phase) + np.sin(turn) * np.sin(2 * phase))
-    near, found, start = static.at_displacement(static.domain.nearest(MIDDLE * largest, "force")), [], None
-    for one in share:
-        near = under_force(static, one * largest, near)
+    shares = MIDDLE + SWING * (np.cos(turn) * np.sin(phase) + np.sin(turn) * np.sin(2 * phase))
+    near, places, start = static.at_displacement(static.domain.nearest(MIDDLE * largest, "force")), [], None
+    for share in shares:
+        near = under_force(static, share * largest, near)
         start = near.delta_a if start is None else start
-        found.append(model.rest_e + near.delta_e)
-    return start, np.array(found[:-1])
+        places.append(model.rest_e + near.delta_e)
+    return start, np.array(places[:-1])

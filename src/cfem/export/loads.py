@@ -23,7 +23,7 @@ from cfem.robot.load import load_scene_and_mesh, made_from
 
 def solves_patches(spec: ExportSpec) -> bool:
     """Tells whether finite elements say how patches under loads yield."""
-    return spec.scene is not None and any(one.at is not None for one in spec.loads.values())
+    return spec.scene is not None and any(load.at is not None for load in spec.loads.values())
 
 
 def under_loads(
@@ -47,7 +47,7 @@ def under_loads(
         model = loaded(trained, wrench_of(trained.rows, forces), patches, by_fe)
     except InputError as error:
         raise InputError(error.what, where=where, do=error.do) from None
-    kept = [i for i, one in enumerate(trained.parameters) if not one.exact]
+    kept = [i for i, parameter in enumerate(trained.parameters) if not parameter.exact]
     p = vectors["p"][:, kept]
     W, delta_free = model.evaluate(vectors["s"], p if kept else None)
     carried = with_skins(model.arrays, read_arrays(folder, serial_skin.FILE)) if row and patches else model.arrays

@@ -57,5 +57,5 @@ def onnx_bytes(model: nn.Module, meta: dict[str, Any], outputs: tuple[str, ...] 
 def example(meta: dict[str, Any]) -> tuple[torch.Tensor, ...]:
     """Inputs inside the domain, a batch of two, for tracing: s (2, n_a), and p (2, n_p) where the model has any."""
     s = torch.tensor(meta["domain"]["delta_a" if meta["form"] == "displacement" else "lambda_a"], dtype=torch.float64)
-    p = torch.tensor([[one["low"], one["high"]] for one in meta["parameters"]], dtype=torch.float64)
+    p = torch.tensor([[parameter["low"], parameter["high"]] for parameter in meta["parameters"]], dtype=torch.float64)
     return (s, p.T.contiguous()) if meta["parameters"] else (s,)

@@ -32,11 +32,11 @@ def write_skin(
     model = build(meta, arrays)
     s, p = vectors["s"][:STATES], vectors["p"][:STATES]
     graphs = {name: file for name, file in SHAPES.items() if name in spec.formats}
-    found = _graphs(folder, graphs, meta, skin, s, p) if graphs else {}
+    surfaces = _graphs(folder, graphs, meta, skin, s, p) if graphs else {}
     trained = skin_of(model, skin)
-    length, own = model.length, s * model.softer(p)[:, None] if meta["parameters"] and model.form == "force" else s
-    expected = trained.surface(trained.rows(own, model.q(p if meta["parameters"] else None)))
-    parity = {name: float(np.abs(x - expected).max()) / length for name, x in found.items()}
+    length, inputs = model.length, s * model.softer(p)[:, None] if meta["parameters"] and model.form == "force" else s
+    expected = trained.surface(trained.rows(inputs, model.q(p if meta["parameters"] else None)))
+    parity = {name: float(np.abs(x - expected).max()) / length for name, x in surfaces.items()}
     if "c" in spec.formats:
         parity |= _c(folder / "c", spec, model, skin, s)
     return {f"{name} shape": value for name, value in parity.items()}
@@ -49,15 +49,15 @@ def _graphs(folder: Path, graphs: dict[str, str], meta: dict, skin: dict, s: np.
     from cfem.surrogate.modules import shape_module
 
     module, given = shape_module(meta, skin), ((s, p) if meta["parameters"] else (s,))
-    found: dict[str, Any] = {}
+    surfaces: dict[str, Any] = {}
     if "onnx" in graphs:
         import onnxruntime
 
         data = onnx_bytes(module, meta, ("x",))
         write_whole(folder / graphs["onnx"], data)
         session = onnxruntime.InferenceSession(data, providers=["CPUExecutionProvider"])
-        names = [one.name for one in session.get_inputs()]
-        found["onnx"] = session.run(["x"], dict(zip(names, given, strict=True)))[0]
+        names = [tensor.name for tensor in session.get_inputs()]
+        surfaces["onnx"] = session.run(["x"], dict(zip(names, given, strict=True)))[0]
     if "torchscript" in graphs:
         import torch
 
@@ -65,8 +65,8 @@ def _graphs(folder: Path, graphs: dict[str, str], meta: dict, skin: dict, s: np.
         with warnings.catch_warnings(), torch.no_grad():
             warnings.simplefilter("ignore", DeprecationWarning)
             loaded = torch.jit.load(folder / graphs["torchscript"])
-            found["torchscript"] = loaded(*map(torch.as_tensor, given)).numpy()
-    return found
+            surfaces["torchscript"] = loaded(*map(torch.as_tensor, given)).numpy()
+    return surfaces
 
 
 def _c(folder: Path, spec: ExportSpec, model: Predictor, skin: dict, s: np.ndarray) -> dict[str, float]:
@@ -81,9 +81,9 @@ def _c(folder: Path, spec: ExportSpec, model: Predictor, skin: dict, s: np.ndarr
         return {}
     p, s = at_robot(model, spec.c, s)
     trained, shape = skin_of(model, skin), CompiledShape(folder)
-    own = s * model.softer(p) if p is not None and model.form == "force" else s
-    expected = trained.surface(trained.rows(own, np.broadcast_to(model.q(p), (len(s), model.q(p).shape[-1]))))
-    return {"c": float(np.abs(np.array([shape(one) for one in s]) - expected).max()) / model.length}
+    inputs = s * model.softer(p) if p is not None and model.form == "force" else s
+    expected = trained.surface(trained.rows(inputs, np.broadcast_to(model.q(p), (len(s), model.q(p).shape[-1]))))
+    return {"c": float(np.abs(np.array([shape(state) for state in s]) - expected).max()) / model.length}
 
 
 def write_row_skin(
@@ -110,4 +110,4 @@ def write_row_skin(
     if not compiler():
         return {}
     s, shape = vectors["s"][:STATES], CompiledShape(folder / "c")
-    return {"c shape": float(np.abs(np.array([shape(one) for one in s]) - row.shape(s)).max()) / row.length}
+    return {"c shape": float(np.abs(np.array([shape(state) for state in s]) - row.shape(s)).max()) / row.length}

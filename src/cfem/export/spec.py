@@ -130,8 +130,8 @@ class CSpec(Spec):
     """How the robot's surface touches obstacles."""
 
     def check(self) -> None:
-        for name, one in self.obstacles.items():
-            if one.pressed or one.avoid is not None or one.path is not None:
+        for name, obstacle in self.obstacles.items():
+            if obstacle.pressed or obstacle.avoid is not None or obstacle.path is not None:
                 raise ValueError(f"obstacles.{name}: press, largest_force, avoid and path are of `cfem control` alone")
         if self.contact.resolution == "mesh":
             raise ValueError("contact.resolution: mesh is of `cfem control` alone; C touches by patches")
@@ -178,7 +178,7 @@ class ExportSpec(Spec):
             raise ValueError("c.obstacles need `scene`, of which the surface is solved, and do not go with loads yet")
         if self.c.obstacles and "fmu" in self.formats:
             raise ValueError("c.obstacles do not go into an FMU yet: leave out the format fmu, or the obstacles")
-        for name, one in self.c.obstacles.items():
-            if one.kind == "robot" and (one.model != self.model or one.scene is not None):
+        for name, obstacle in self.c.obstacles.items():
+            if obstacle.kind == "robot" and (obstacle.model != self.model or obstacle.scene is not None):
                 what = f"in C another robot is one of the exported model: take model: {self.model}, without scene"
                 raise ValueError(f"c.obstacles.{name}: {what}")

@@ -56,17 +56,17 @@ def _solves(spec: ExportSpec) -> bool:
 def _extra(spec: ExportSpec, base: Path) -> Callable[[], dict[str, Any]]:
     def extra() -> dict[str, Any]:
         chosen = CONTROLLERS & set(spec.formats)
-        found: dict[str, Any] = {name: _sources(name) for name in sorted(chosen)}
+        contents: dict[str, Any] = {name: _sources(name) for name in sorted(chosen)}
         if _solves(spec):
-            found["scene"] = scene_meaning(base / spec.scene)
-        return found | ({"embedding": plain(vars(_embedding(spec, base)))} if chosen else {})
+            contents["scene"] = scene_meaning(base / spec.scene)
+        return contents | ({"embedding": plain(vars(_embedding(spec, base)))} if chosen else {})
 
     return extra
 
 
 def _work(folder: Path, spec: ExportSpec, base: Path) -> dict[str, Any]:
     """Results: largest relative difference from the trained model and size, by format."""
-    skin, scene = (base / one if one else None for one in (spec.skin, spec.scene))
+    skin, scene = (base / path if path else None for path in (spec.skin, spec.scene))
     return work(folder, spec, base / spec.model, _embedding(spec, base), skin, scene)
 
 
@@ -135,8 +135,8 @@ def work(
         from cfem.export.fmu.pack import lasting_or_not, motion_of, write_fmus
 
         with lasting_or_not(folder / FILES["c"], "c" in spec.formats) as code:
-            report, found, bytes_ = _write_c(code, spec, model_folder, meta, arrays, vectors["s"], embedded, scene)
-            parity |= found
+            report, c_parity, bytes_ = _write_c(code, spec, model_folder, meta, arrays, vectors["s"], embedded, scene)
+            parity |= c_parity
             sizes |= bytes_
             if "fmu" in spec.formats:
                 place, motion = folder / FILES["fmu"], motion_of(spec, model_folder)
@@ -194,7 +194,7 @@ def _write_c(
         parity["c contact"], sizes["c contact"] = report["contact"]["parity"], report["contact"]["bytes"]
     if spec.c.estimate is not None:
         parity |= _estimator(place, spec, model_folder)
-    return report, {name: one for name, one in parity.items() if one is not None}, sizes
+    return report, {name: error for name, error in parity.items() if error is not None}, sizes
 
 
 def _write_shape(
@@ -225,16 +225,16 @@ def _estimator(folder: Path, spec: ExportSpec, model_folder: Path) -> dict[str, 
 
     if spec.loads:
         raise InputError("an estimator of a loaded robot has no C code", where="loads", do="leave out c.estimate")
-    made, own = write_c_estimate(folder, load_model(model_folder), spec.c), spec.c.estimate
+    made, estimate = write_c_estimate(folder, load_model(model_folder), spec.c), spec.c.estimate
     parity = {"c estimate": estimate_parity(folder, made)} if compiler() else {}
-    if own.dynamics is None:
+    if estimate.dynamics is None:
         return parity
     from cfem.export.compiled.swing import swing_parity
     from cfem.export.firmware.swing import write_c_swing
     from cfem.motion.load import load_motion
 
     filtered = write_c_swing(folder, made, spec.c, load_motion(model_folder))
-    return parity | ({"c swing": swing_parity(folder, filtered, 1 / own.rate)} if compiler() else {})
+    return parity | ({"c swing": swing_parity(folder, filtered, 1 / estimate.rate)} if compiler() else {})
 
 
 def write_graphs(folder: Path, spec: ExportSpec, meta: dict, arrays: dict[str, np.ndarray]) -> None:
@@ -250,9 +250,9 @@ def write_graphs(folder: Path, spec: ExportSpec, meta: dict, arrays: dict[str, n
         write_whole(folder / FILES["torchscript"], torchscript_bytes(model, example(meta)))
 
 
-def difference(reference: np.ndarray, found: np.ndarray) -> float:
+def difference(reference: np.ndarray, values: np.ndarray) -> float:
     """Largest difference, relative to the largest entry."""
-    return float(np.abs(found - reference).max() / np.abs(reference).max())
+    return float(np.abs(values - reference).max() / np.abs(reference).max())
 
 
 def _run_arrays(path: Path, meta: dict, s: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -54,16 +54,16 @@ def _found(X: np.ndarray, triangles: np.ndarray, volume: float) -> tuple[Chamber
     count, part = components(triangles)
     if count == 1:
         return ()
-    found = []
+    voids = []
     for number in range(count):
         corners = X[triangles[part == number]]
         void = -float(np.linalg.det(corners - corners.mean(axis=(0, 1))).sum()) / 6
         if void > _LEAST * volume:
-            found.append((void, corners))
-    found.sort(key=lambda each: -each[0])
-    names = ["chamber"] if len(found) == 1 else [f"chamber-{index + 1}" for index in range(len(found))]
+            voids.append((void, corners))
+    voids.sort(key=lambda each: -each[0])
+    names = ["chamber"] if len(voids) == 1 else [f"chamber-{index + 1}" for index in range(len(voids))]
     return tuple(
-        Chamber(name, _point_inside(corners), void, corners) for name, (void, corners) in zip(names, found, strict=True)
+        Chamber(name, _point_inside(corners), void, corners) for name, (void, corners) in zip(names, voids, strict=True)
     )
 
 
@@ -75,27 +75,27 @@ def _point_inside(corners: np.ndarray) -> np.ndarray:
     areas = np.linalg.norm(normals, axis=1)
     best, longest = middles[0], -1.0
     for facet in np.argsort(-areas)[:40]:
-        way = normals[facet] / areas[facet]
-        across = _first_hit(corners, middles[facet], way, facet)
-        place = middles[facet] + way * across / 2
+        direction = normals[facet] / areas[facet]
+        across = _first_hit(corners, middles[facet], direction, facet)
+        place = middles[facet] + direction * across / 2
         room = float(np.linalg.norm(middles - place, axis=1).min()) if np.isfinite(across) else -1.0
         if room > longest:
             best, longest = place, room
     return best
 
 
-def _first_hit(corners: np.ndarray, start: np.ndarray, way: np.ndarray, left_out: int) -> float:
+def _first_hit(corners: np.ndarray, start: np.ndarray, direction: np.ndarray, left_out: int) -> float:
     """mm along a ray to the first of the triangles (Moeller and Trumbore, Journal of Graphics Tools 2, 1997); infinite
     where it meets none."""
     a, b, c = corners.swapaxes(0, 1)
     first, second = b - a, c - a
-    across = np.cross(way, second)
+    across = np.cross(direction, second)
     det = (first * across).sum(axis=1)
     with np.errstate(all="ignore"):
         offset = start - a
         u = (offset * across).sum(axis=1) / det
         q = np.cross(offset, first)
-        v = q @ way / det
+        v = q @ direction / det
         distance = (second * q).sum(axis=1) / det
         hits = (np.abs(det) > 1e-14) & (u >= -1e-9) & (v >= -1e-9) & (u + v <= 1 + 1e-9) & (distance > 1e-9)
     hits[left_out] = False

@@ -11,7 +11,7 @@ from cfem.init.chambers import chambers_of
 from cfem.init.hold import Run
 from cfem.init.section import lattice_across
 from cfem.init.shape import Shape
-from cfem.init.way import straight
+from cfem.init.spine import straight
 
 _CUTS, _FINE = 60, 90  # cuts along the body, and points across a cut
 _SMALL = 0.12  # of the area within the outline of a cut: larger holes are no channel
@@ -50,10 +50,10 @@ class _Track:
 
 def cables_in_channels(shape: Shape, run: Run) -> InChannels | None:
     """A cable in each channel that leads along the axis from the held part; None where there is none."""
-    way, shares = straight(run), np.linspace(0.01, 0.99, _CUTS)
+    spine, shares = straight(run), np.linspace(0.01, 0.99, _CUTS)
     tracks: list[_Track] = []
     for number, share in enumerate(shares):
-        place, normal = way.at(share)
+        place, normal = spine.at(share)
         for hole, radius in _holes(shape, place, normal):
             near = [track for track in tracks if _meets(track, hole, radius, run.axis)]
             if near:
@@ -86,14 +86,14 @@ def _holes(shape: Shape, place: np.ndarray, normal: np.ndarray) -> list[tuple[np
         return []
     filled = ndimage.binary_fill_holes(lattice.inside)
     label, count = ndimage.label(filled & ~lattice.inside)
-    found = []
+    holes = []
     for number in range(1, count + 1):
-        own = label == number
-        if _FEWEST <= own.sum() <= _SMALL * filled.sum():
-            middle = lattice.points[own].mean(axis=0)
+        piece = label == number
+        if _FEWEST <= piece.sum() <= _SMALL * filled.sum():
+            middle = lattice.points[piece].mean(axis=0)
             if not any(abs(solid_angles(each.corners - middle).sum()) > 2 * np.pi for each in chambers_of(shape)):
-                found.append((middle, float(np.sqrt(own.sum() / np.pi) * lattice.step)))
-    return found
+                holes.append((middle, float(np.sqrt(piece.sum() / np.pi) * lattice.step)))
+    return holes
 
 
 def _meets(track: _Track, hole: np.ndarray, radius: float, axis: int) -> bool:

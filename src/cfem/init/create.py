@@ -18,7 +18,7 @@ from cfem.init.drive import NOTHING, Stated, drive, proposal
 from cfem.init.ends import Proposal
 from cfem.init.further import further
 from cfem.init.hold import Hold, Run, read_hold, run_from
-from cfem.init.question import Answer, Ask, Question, choice, parts, point, positive, ratio, stress, whole
+from cfem.init.question import Answer, Ask, Question, choice, integer, parts, point, positive, ratio, stress
 from cfem.init.shape import MESH, Shape, Source, demand_unit, geometry, make_shape, natural_unit, read_source
 from cfem.init.texts import SPECS, NewScene, texts
 from cfem.init.trial import tried
@@ -97,18 +97,20 @@ def _source(path: Path, stated: Stated, ask: Ask) -> Source:
             raise
         source = _cells_or_surface(path, None, error.what, stated, ask)
     else:
-        if source.own is not None and source.own.cells.shape[1] == 4:
-            angles = dihedral_angles(source.own)
+        if source.mesh is not None and source.mesh.cells.shape[1] == 4:
+            angles = dihedral_angles(source.mesh)
             poor, why = angles.min() < _SHARP, f"its angles go from {angles.min():.0f} to {angles.max():.0f} degrees"
             source = _cells_or_surface(path, source, why, stated, ask, poor)
-    count = count_bodies(path) if source.own is None and path.suffix.lower() in SURFACES + MESH else 1
+    count = count_bodies(path) if source.mesh is None and path.suffix.lower() in SURFACES + MESH else 1
     if count > 1 or "body" in stated.flags:
         source = read_source(path, source.remesh, ask(_body_question(count)).value)
     _demand_use(source, stated.flags)
     return source
 
 
-def _cells_or_surface(path: Path, own: Source | None, why: str, stated: Stated, ask: Ask, poor: bool = True) -> Source:
+def _cells_or_surface(
+    path: Path, with_cells: Source | None, why: str, stated: Stated, ask: Ask, poor: bool = True
+) -> Source:
     """Geometry taken of a mesh file: its cells, None where they cannot be used, or its surface, which is suggested
     where they are poor. Where the surface cannot be meshed, poor cells are better than none."""
     anew = refused = None
@@ -116,7 +118,7 @@ def _cells_or_surface(path: Path, own: Source | None, why: str, stated: Stated, 
         try:
             anew = read_source(path, remesh=True)
         except InputError as error:
-            if own is None:
+            if with_cells is None:
                 raise
             refused = f"its surface cannot be meshed: {error.what}"
     if refused and "cells" in stated.flags:
@@ -129,7 +131,7 @@ def _cells_or_surface(path: Path, own: Source | None, why: str, stated: Stated, 
         lambda text: choice(text, ("yes", "no")),
     )
     if ask(question).value == "no":
-        return own or read_source(path)
+        return with_cells or read_source(path)
     if refused:
         raise SpecError(refused, where="--remesh", do="say --remesh no")
     return anew or read_source(path, remesh=True)
@@ -141,7 +143,7 @@ def _body_question(count: int) -> Question:
         f"Which of the {count} bodies in the file, the largest first?",
         "1",
         "the largest",
-        lambda text: whole(text, 1, count),
+        lambda text: integer(text, 1, count),
     )
 
 
@@ -149,15 +151,15 @@ def _demand_use(source: Source, stated: Collection[str]) -> None:
     """SpecError where an answer would be of no effect."""
     if source.has_unit and "unit" in stated:
         raise SpecError(f"a {source.path.suffix} file states its own unit", where="--unit", do="leave it out")
-    if source.own is not None and "cells" in stated:
+    if source.mesh is not None and "cells" in stated:
         do = "leave it out, or say --remesh yes"
         raise SpecError("the mesh in the file is taken as it is", where="--cells", do=do)
 
 
 def _demand_room(target: Path, files: Sequence[str], source: Path, force: bool) -> None:
-    there = [file for file in files if (target / file).exists() and not _same(source, target / file)]
-    if there and not force:
-        raise OutputError(f"holds {', '.join(there)}", where=str(target), do="choose another name, or --force")
+    existing = [file for file in files if (target / file).exists() and not _same(source, target / file)]
+    if existing and not force:
+        raise OutputError(f"holds {', '.join(existing)}", where=str(target), do="choose another name, or --force")
 
 
 def _same(path: Path, other: Path) -> bool:
@@ -238,10 +240,10 @@ def _unit(source: Source, ask: Ask) -> Answer | None:
 
 
 def _cells(source: Source, ask: Ask) -> Answer | None:
-    if source.own is not None:
+    if source.mesh is not None:
         return None
     why = "minutes, not hours"
-    read = lambda text: whole(text, 300, 1_000_000)  # noqa: E731
+    read = lambda text: integer(text, 300, 1_000_000)  # noqa: E731
     return ask(Question("cells", "About how many tetrahedra?", "5000", why, read))
 
 
@@ -287,4 +289,4 @@ def _rounded(place: np.ndarray) -> list[float]:
 def _element(shape: Shape, source: Source) -> str:
     if shape.mesh.cells.shape[1] == 8:
         return "hex8"
-    return "tet10p0" if source.own is None or len(shape.mesh.cells) <= _LINEAR else "tet4"
+    return "tet10p0" if source.mesh is None or len(shape.mesh.cells) <= _LINEAR else "tet4"

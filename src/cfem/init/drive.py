@@ -8,9 +8,9 @@ from cfem.init.cables import CableLine, attachment_radius, read_cable, sections_
 from cfem.init.chambers import Chamber, chambers_of, read_chamber
 from cfem.init.ends import Proposal, place, propose
 from cfem.init.hold import Run, guess_hold
-from cfem.init.question import Ask, Question, choice, whole
+from cfem.init.question import Ask, Question, choice, integer
 from cfem.init.shape import Shape
-from cfem.init.way import straight
+from cfem.init.spine import straight
 
 _AIR = {"yes": True, "no": False, "auto": None}
 
@@ -74,12 +74,12 @@ def drive(shape: Shape, run: Run, stated: Stated, known: Proposal | None, ask: A
     air = ask(_air_question("auto")).value
     placement = known.placement if known and known.count == count and air is None else None
     try:
-        found = placement or place(shape, run, count, air)
+        placement = placement or place(shape, run, count, air)
     except SpecError as error:
         return Drive((), chambers, None, offered, radius, missing=error.what)
-    _demand_distinct([*found.cables, *chambers])
-    few = found.fewer(count)
-    return Drive(found.cables, chambers, found.how, offered, found.radius, found.through_air, fewer=few)
+    _demand_distinct([*placement.cables, *chambers])
+    few = placement.fewer(count)
+    return Drive(placement.cables, chambers, placement.how, offered, placement.radius, placement.through_air, fewer=few)
 
 
 def count_question(default: int) -> Question:
@@ -88,7 +88,7 @@ def count_question(default: int) -> Question:
         "How many cables, placed for you?",
         str(default),
         "along channels of the body, else at equal angles near its surface",
-        lambda text: whole(text, 0, 12),
+        lambda text: integer(text, 0, 12),
     )
 
 
@@ -105,8 +105,8 @@ def _air_question(default: str) -> Question:
 def _chambers(shape: Shape, stated: Stated, ask: Ask) -> tuple[tuple[Chamber, ...], str | None]:
     """And where they come from, in words, where nobody stated them."""
     if stated.chambers:
-        found = tuple(_stated(text, lambda text: read_chamber(text, shape), "--chamber") for text in stated.chambers)
-        return found, None
+        chambers = tuple(_stated(text, lambda text: read_chamber(text, shape), "--chamber") for text in stated.chambers)
+        return chambers, None
     known = chambers_of(shape)
     if not known or (stated.cables and "chambers" not in stated.flags):
         return (), None

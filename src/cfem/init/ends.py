@@ -12,8 +12,8 @@ from cfem.init.channels import cables_in_channels
 from cfem.init.hold import Hold, Run, end_hold, guess_hold, run_from
 from cfem.init.legs import cables_in_legs
 from cfem.init.shape import Shape
+from cfem.init.spine import Spine, along, straight
 from cfem.init.through_air import cables_through_air
-from cfem.init.way import Way, along, straight
 
 _LONG = 0.5  # of the longest extent: shorter axes have no ends
 _WIDER = 1.6  # times the lever: for so much more, cables go through the air
@@ -61,10 +61,10 @@ def place(shape: Shape, run: Run, count: int, air: bool | None = None) -> Placem
         lines, radius = cables_through_air(shape, run, count)
         many = f"{len(lines)} of {count} straight ways along {'xyz'[run.axis]} pass enough parts of the body"
         return Placement(lines, radius, "through the air from part to part", True, many)
-    found = cables_in_channels(shape, run)
-    if found is not None and (not found.through_air or air is None):
-        many = f"the body has {_count(len(found.cables), 'channel')}, and each gets one"
-        return Placement(found.cables, found.radius, found.how, found.through_air, many)
+    in_channels = cables_in_channels(shape, run)
+    if in_channels is not None and (not in_channels.through_air or air is None):
+        many = f"the body has {_count(len(in_channels.cables), 'channel')}, and each gets one"
+        return Placement(in_channels.cables, in_channels.radius, in_channels.how, in_channels.through_air, many)
     middle = centreline(shape.voxels, run)
     try:
         return _or_wider(shape, run, count, inside(shape, run, count, middle), air)
@@ -105,22 +105,22 @@ def inside(shape: Shape, run: Run, count: int, middle: Centreline | None) -> Pla
     raise refused
 
 
-def _along(shape: Shape, run: Run, way: Way, count: int, finer: int = 1) -> tuple[tuple[CableLine, ...], float]:
-    sections = sections_along(shape, way, finer)
-    return place_cables(shape, run, way, sections, count, attachment_radius(sections, run))
+def _along(shape: Shape, run: Run, spine: Spine, count: int, finer: int = 1) -> tuple[tuple[CableLine, ...], float]:
+    sections = sections_along(shape, spine, finer)
+    return place_cables(shape, run, spine, sections, count, attachment_radius(sections, run))
 
 
-def _or_wider(shape: Shape, run: Run, count: int, found: Placement, air: bool | None) -> Placement:
+def _or_wider(shape: Shape, run: Run, count: int, placement: Placement, air: bool | None) -> Placement:
     """Cables through the air instead, where those have much more of a lever: a backbone with discs is made for them."""
     if air is not None:
-        return found
+        return placement
     try:
         wider = place(shape, run, count, air=True)
     except SpecError:
-        return found
-    if len(wider.cables) == count and _lever(wider) > _WIDER * _lever(found):
+        return placement
+    if len(wider.cables) == count and _lever(wider) > _WIDER * _lever(placement):
         return wider
-    return found
+    return placement
 
 
 def _lever(placement: Placement) -> float:
@@ -158,10 +158,10 @@ def propose(shape: Shape, count: int) -> Proposal:
         return Proposal(guess, why)
     hold = max(placements, key=lambda hold: min(count, len(placements[hold].cables)))
     if hold is not guess:
-        here, there = len(placements[hold].cables), placements.get(guess)
+        number, of_guess = len(placements[hold].cables), placements.get(guess)
         why = f"cables from here stay inside the body, and those from {guess} would leave it"
-        if there is not None:
-            why = f"{here} cables find a way from here, and {len(there.cables)} from {guess}"
+        if of_guess is not None:
+            why = f"{number} cables find a way from here, and {len(of_guess.cables)} from {guess}"
     return Proposal(hold, why, count, placements[hold])
 
 

@@ -74,37 +74,37 @@ def further(shape: Shape, source: Source, stated: Collection[str], ask: Ask) -> 
         text = f"What else belongs to the robot ({', '.join(WORDS)}; several with commas)?"
         why = "what options say is all" if wanted else "none of these"
         wanted |= ask(Question("also", text, NONE, why, _words)).value
-    found = {word: ask(question).value for word, question in _questions(shape, source).items() if word in wanted}
-    dense = found.get("gravity") is not None or "density" in stated  # motion needs it too
+    answers = {word: ask(question).value for word, question in _questions(shape, source).items() if word in wanted}
+    dense = answers.get("gravity") is not None or "density" in stated  # motion needs it too
     density = ask(_density_question()) if dense else None
     return Further(
-        found.get("push", ()),
-        found.get("gravity"),
+        answers.get("push", ()),
+        answers.get("gravity"),
         density,
-        found.get("region", ()),
-        found.get("rigid", ()),
-        found.get("contact", ()),
-        found.get("symmetry"),
+        answers.get("region", ()),
+        answers.get("rigid", ()),
+        answers.get("contact", ()),
+        answers.get("symmetry"),
     )
 
 
-def further_lines(of: Further, radius: float) -> list[str]:
+def further_lines(extras: Further, radius: float) -> list[str]:
     """Lines of a scene, all but the actuators; radius: mm, of attachments."""
     lines = []
-    if of.regions:
+    if extras.regions:
         lines.append("materials:")
-        for region in of.regions:
-            material = f"young: {region.young}, poisson: {number(region.poisson)}{of.dense}"
+        for region in extras.regions:
+            material = f"young: {region.young}, poisson: {number(region.poisson)}{extras.dense}"
             shown, _, comment = selection(region.part).partition("    #")
             lines.append(f"  - region: {shown}" + note(comment.strip()))
             lines.append(f"    material: {{law: neo-hookean-log, {material}}}")
-    if of.rigid:
-        lines += ["rigid:", *(f"  - {selection(part)}" for part in of.rigid)]
-    if of.gravity is not None:
-        lines.append(f"gravity: {{acceleration: {{m/s^2: {vector(of.gravity)}}}}}")
-    if of.contacts:
+    if extras.rigid:
+        lines += ["rigid:", *(f"  - {selection(part)}" for part in extras.rigid)]
+    if extras.gravity is not None:
+        lines.append(f"gravity: {{acceleration: {{m/s^2: {vector(extras.gravity)}}}}}")
+    if extras.contacts:
         lines.append("contacts:")
-        for name, place in of.contacts:
+        for name, place in extras.contacts:
             lines.append(f"  - {{name: {name}, point: {{mm: {vector(place)}}}, radius: {short(radius)} mm}}")
     return lines
 
@@ -174,13 +174,13 @@ def _each(read: Callable[[str], T]) -> Callable[[str], tuple[T, ...]]:
 
 def _push(text: str) -> PushLine:
     name, places = _named(text, "'NAME: x, y, z; dx, dy, dz'")
-    place, semicolon, direction = places.partition(";")
+    place_text, semicolon, direction_text = places.partition(";")
     if not semicolon:
         raise ValueError(f"expected 'NAME: x, y, z; dx, dy, dz', got '{text}'")
-    way = point(direction)
-    if not way.any():
-        raise ValueError(f"expected a direction, got '{direction.strip()}'")
-    return PushLine(name, point(place), way)
+    direction = point(direction_text)
+    if not direction.any():
+        raise ValueError(f"expected a direction, got '{direction_text.strip()}'")
+    return PushLine(name, point(place_text), direction)
 
 
 def _contact(text: str) -> tuple[str, np.ndarray]:

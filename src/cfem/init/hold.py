@@ -99,7 +99,7 @@ def guess_hold(shape: Shape) -> tuple[Hold, str]:
     if names:
         return Hold(axis, True, float(shape.low[axis]), names[0]), f"the set '{names[0]}' of the mesh file"
     ends, inwards = (shape.low[axis], shape.high[axis]), shape.extent[axis] * np.array([1, -1])
-    areas = [_area(shape, axis, end + 0.1 * way) for end, way in zip(ends, inwards, strict=True)]
+    areas = [_area(shape, axis, end + 0.1 * inward) for end, inward in zip(ends, inwards, strict=True)]
     if max(areas) > _THICKER * min(areas):
         side, why = int(np.argmax(areas)), "thicker"
     else:
@@ -173,7 +173,7 @@ def _between(shape: Shape, axis: int) -> str:
     return f"the body's {AXES[axis]} goes from {shape.low[axis]:.6g} to {shape.high[axis]:.6g} mm"
 
 
-def _area(shape: Shape, axis: int, at: float) -> float:
+def _area(shape: Shape, axis: int, coordinate: float) -> float:
     """mm^2 of the largest piece of a cut."""
-    section = cut(shape.interior, axis, at)
+    section = cut(shape.interior, axis, coordinate)
     return 0.0 if section is None else section.area

@@ -34,14 +34,14 @@ class Interior:
         """(k,) whether each point (k, 3) mm lies in one of the tetrahedra `among`."""
         if len(among) == 0:
             return np.zeros(len(points), dtype=bool)
-        slope, shift, found = self.slope[among], self.shift[among], []
+        slope, shift, contained = self.slope[among], self.shift[among], []
         for part in np.array_split(points, 1 + len(points) * len(among) // _PAIRS):
             inner = [part @ slope[:, side].T + shift[:, side] for side in range(3)]
             inside = inner[0] + inner[1] + inner[2] <= 1 + _SLACK
             for each in inner:
                 inside &= each >= -_SLACK
-            found.append(inside.any(axis=1))
-        return np.concatenate(found)
+            contained.append(inside.any(axis=1))
+        return np.concatenate(contained)
 
 
 def interior(mesh: Mesh) -> Interior:

@@ -39,9 +39,9 @@ def answer(question: Question, text: str | None) -> Answer:
     try:
         value = question.read(question.default if text is None else text)
     except (SpecError, ValueError) as error:
-        said = error.what if isinstance(error, SpecError) else str(error)
+        reason = error.what if isinstance(error, SpecError) else str(error)
         do = error.do if isinstance(error, SpecError) else f"write it as in '{question.default}'"
-        raise SpecError(said, where=f"--{question.flag}", do=do) from None
+        raise SpecError(reason, where=f"--{question.flag}", do=do) from None
     return Answer(value, question.why if text is None else None)
 
 
@@ -53,7 +53,7 @@ def positive(text: str, unit: str) -> float:
     return value
 
 
-def whole(text: str, least: int, most: int) -> int:
+def integer(text: str, least: int, most: int) -> int:
     """An integer within bounds. ValueError for anything else."""
     if not re.fullmatch(r"\s*\d+\s*", text) or not least <= int(text) <= most:
         raise ValueError(f"expected a whole number from {least} to {most}, got '{text}'")

@@ -41,9 +41,10 @@ class Lattice:
     v: np.ndarray
 
 
-def cut(body: Interior, axis: int, at: float) -> Section | None:
-    """The largest piece where the coordinate along `axis` (0, 1, 2) is `at` mm; None where the body is not there."""
-    return cut_across(body, np.eye(3)[axis] * at, np.eye(3)[axis])
+def cut(body: Interior, axis: int, coordinate: float) -> Section | None:
+    """The largest piece where the coordinate along `axis` (0, 1, 2) is `coordinate` mm; None where the body is not
+    there."""
+    return cut_across(body, np.eye(3)[axis] * coordinate, np.eye(3)[axis])
 
 
 def cut_across(body: Interior, place: np.ndarray, normal: np.ndarray, near: np.ndarray | None = None) -> Section | None:

@@ -29,13 +29,13 @@ _MISSING = 0.02  # of the volume: what straight edges may leave out of a round b
 @dataclass(frozen=True)
 class Source:
     """A file as it is: volume and surface in the cube and square of its unit (of mm in a STEP or 3MF file);
-    own: its mesh where its cells are taken; mended: what was mended, a phrase each; body: of several that surfaces in
-    the file bound."""
+    mesh: of the file where its cells are taken; mended: what was mended, a phrase each; body: of several that surfaces
+    in the file bound."""
 
     path: Path
     volume: float
     area: float
-    own: Mesh | None
+    mesh: Mesh | None
     remesh: bool = False
     mended: tuple[str, ...] = ()
     body: int = 1
@@ -47,9 +47,9 @@ class Source:
     @cached_property
     def extent(self) -> np.ndarray | None:
         """(3,) in the file's unit; None of a CAD file, which is not looked into."""
-        if self.own is None and self.path.suffix.lower() in STEP + BREP:
+        if self.mesh is None and self.path.suffix.lower() in STEP + BREP:
             return None
-        X = self.own.X if self.own is not None else read_surface(self.path, self.body)[0]
+        X = self.mesh.X if self.mesh is not None else read_surface(self.path, self.body)[0]
         return np.ptp(X, axis=0)
 
 
@@ -99,13 +99,13 @@ def read_source(path: Path, remesh: bool = False, body: int = 1) -> Source:
     if suffix in MESH and not remesh:
         data = read_data(path)
         if any(block.dim == 3 for block in data.cells):
-            own = read_own(path, 1.0)
+            mesh = read_own(path, 1.0)
             return Source(
-                path, float(own.volumes.sum()), surface_area(own.X[own.facets]), own, False, mended(path, False)
+                path, float(mesh.volumes.sum()), surface_area(mesh.X[mesh.facets]), mesh, False, mended(path, False)
             )
         remesh = True
-    said = mended(path, True, body) if suffix in SURFACES + MESH else ()
-    return Source(path, *measure(solid_of(geometry(path, 1.0, remesh, body), Path())), None, remesh, said, body)
+    mends = mended(path, True, body) if suffix in SURFACES + MESH else ()
+    return Source(path, *measure(solid_of(geometry(path, 1.0, remesh, body), Path())), None, remesh, mends, body)
 
 
 def geometry(path: Path, unit: float, remesh: bool = False, body: int = 1) -> StepFile | MeshFile:
@@ -139,8 +139,8 @@ def make_shape(source: Source, unit: float, cells: int) -> Shape:
     """unit: mm. Cells as large as a third of the body is thick on average, or larger, so that they are no more than
     half of `cells` and sizes graded from them have room. The size for the scene is smaller where the body is round.
     InputError where the body cannot be meshed."""
-    if source.own is not None:
-        mesh = replace(source.own, X=source.own.X * unit)
+    if source.mesh is not None:
+        mesh = replace(source.mesh, X=source.mesh.X * unit)
         return Shape(mesh, _two_digits((_REGULAR * mesh.volumes.mean()) ** (1 / 3)))
     volume, area = source.volume * unit**3, source.area * unit**2
     size = max(4 * volume / area / 3, (_REGULAR * volume / (cells / 2)) ** (1 / 3))

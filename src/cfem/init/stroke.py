@@ -62,19 +62,19 @@ class Stroke:
         return replace(self, reach=share * self.reach, force=share * self.force, why=self.why + why)
 
 
-def strokes(robot: Robot, advance: Callable[[int], None] = lambda _: None) -> list[Stroke]:
+def find_strokes(robot: Robot, advance: Callable[[int], None] = lambda _: None) -> list[Stroke]:
     """Strokes of all actuators, each alone. How far all can go at once is found where states are drawn.
     advance: called after each solve."""
     problem = Problem(robot)
     near = np.linalg.norm(robot.X - robot.rest_e[:3], axis=1)
     tip = near.argsort()[: max(8, int((near < _TIP * robot.length).sum()))]
     units = [unit for unit, _ in robot.actuator_units]
-    found = alike([_alone(problem, index, tip, advance) for index in range(robot.rows.n_a)], units)
-    found = [each.shortened(_MARGIN) if each.sudden else each for each in found]
-    if len(found) < 2:
-        return found
-    reach, touches = np.array([each.reach for each in found]), any(each.touches for each in found)
-    pulls = np.array([each.force for each in found])  # in this proportion, so that unlike ones come about as far
+    alone = alike([_alone(problem, index, tip, advance) for index in range(robot.rows.n_a)], units)
+    alone = [each.shortened(_MARGIN) if each.sudden else each for each in alone]
+    if len(alone) < 2:
+        return alone
+    reach, touches = np.array([each.reach for each in alone]), any(each.touches for each in alone)
+    pulls = np.array([each.force for each in alone])  # in this proportion, so that unlike ones come about as far
     pulls = pulls if pulls.all() else 1 / reach
 
     def reached(share: float) -> bool:
@@ -85,9 +85,9 @@ def strokes(robot: Robot, advance: Callable[[int], None] = lambda _: None) -> li
 
     share = _up_to(reached)
     if share == 1.0:
-        return found
+        return alone
     why = "; less, as all actuators cannot go so far at once"
-    return [each.shortened(share, why) for each in found]
+    return [each.shortened(share, why) for each in alone]
 
 
 def _up_to(reached: Callable[[float], bool]) -> float:
@@ -117,41 +117,43 @@ def reaches(
         ("travel", "By how far may each push move its point?", "mm", "N", pushes),
     )
     kinds = tuple(kind for kind in kinds if kind[-1])
-    found: list[Stroke] = []
+    strokes: list[Stroke] = []
     if any(flag not in stated for flag, *_ in kinds):
         with progress(
             "finding how far the actuators go, on the coarse mesh", _SOLVES * robot.rows.n_a, estimate=False
         ) as advance:
-            found = strokes(robot, advance)
+            strokes = find_strokes(robot, advance)
     answers: list[Answer] = []
     for flag, text, unit, of_force, count in kinds:
         mine = slice(len(answers), len(answers) + count)
-        default, whys = _suggested(found[mine], count, unit, f"{of_force} on {cells}")
+        default, whys = _suggested(strokes[mine], count, unit, f"{of_force} on {cells}")
         question = Question(flag, text, default, _by_name(robot.rows.actuators[mine], whys), _amounts(unit, count))
         answer = ask(question)
         answers += [Answer(value, why if answer.guess else None) for value, why in zip(answer.value, whys, strict=True)]
     return tuple(answers)
 
 
-def alike(found: Sequence[Stroke], units: Sequence[str]) -> list[Stroke]:
+def alike(strokes: Sequence[Stroke], units: Sequence[str]) -> list[Stroke]:
     """Those that are nearly as long as a shorter one of the same unit have that in its place."""
-    chosen = list(found)
+    chosen = list(strokes)
     for unit in set(units):
         least = None
-        for place in sorted((n for n, its_unit in enumerate(units) if its_unit == unit), key=lambda n: found[n].reach):
-            if least is None or found[place].reach * _ALIKE > least.reach:
-                least = found[place]
+        for place in sorted(
+            (n for n, its_unit in enumerate(units) if its_unit == unit), key=lambda n: strokes[n].reach
+        ):
+            if least is None or strokes[place].reach * _ALIKE > least.reach:
+                least = strokes[place]
             chosen[place] = least
     return chosen
 
 
-def _suggested(found: Sequence[Stroke], count: int, unit: str, of_force: str) -> tuple[str, list[str]]:
+def _suggested(strokes: Sequence[Stroke], count: int, unit: str, of_force: str) -> tuple[str, list[str]]:
     """Strokes as text, one where they are the same, and why each ends there; 1 of the unit where nobody looked."""
-    if not found:
+    if not strokes:
         return f"1 {unit}", ["a first try"] * count
-    amounts = [f"{short(each.reach)} {unit}" for each in found]
-    forces = [each.force * (1000 if of_force.startswith("kPa") else 1) for each in found]
-    whys = [f"{each.why}, at {short(force)} {of_force}" for each, force in zip(found, forces, strict=True)]
+    amounts = [f"{short(each.reach)} {unit}" for each in strokes]
+    forces = [each.force * (1000 if of_force.startswith("kPa") else 1) for each in strokes]
+    whys = [f"{each.why}, at {short(force)} {of_force}" for each, force in zip(strokes, forces, strict=True)]
     return amounts[0] if len(set(amounts)) == 1 else ", ".join(amounts), whys
 
 
@@ -159,8 +161,8 @@ def _by_name(names: Sequence[str], whys: Sequence[str]) -> str:
     """One why where it is the same, else each with the names of those that it is said of."""
     if len(set(whys)) == 1:
         return whys[0]
-    said = {why: ", ".join(name for name, other in zip(names, whys, strict=True) if other == why) for why in whys}
-    return "; ".join(f"{of}: {why}" for why, of in said.items())
+    actuators = {why: ", ".join(name for name, other in zip(names, whys, strict=True) if other == why) for why in whys}
+    return "; ".join(f"{carriers}: {why}" for why, carriers in actuators.items())
 
 
 def _amounts(unit: str, count: int) -> Callable[[str], tuple[float, ...]]:
@@ -176,11 +178,11 @@ def _amounts(unit: str, count: int) -> Callable[[str], tuple[float, ...]]:
 
 
 def _alone(problem: Problem, index: int, tip: np.ndarray, advance: Callable[[int], None]) -> Stroke:
-    found = _until(problem, index, tip, advance, meets=True)
-    if not found.touches:
-        return found
-    found = _until(problem, index, tip, advance, meets=False)
-    return replace(found, why=found.why + _TOUCHES, touches=True)
+    stroke = _until(problem, index, tip, advance, meets=True)
+    if not stroke.touches:
+        return stroke
+    stroke = _until(problem, index, tip, advance, meets=False)
+    return replace(stroke, why=stroke.why + _TOUCHES, touches=True)
 
 
 def _until(problem: Problem, index: int, tip: np.ndarray, advance: Callable[[int], None], meets: bool) -> Stroke:
@@ -188,22 +190,22 @@ def _until(problem: Problem, index: int, tip: np.ndarray, advance: Callable[[int
     robot = problem.robot
     row, unit = robot.actuators[index], robot.actuator_units[index][0]
     softens = unit != "mm^3"  # chambers soften as they grow, as balloons do, and are followed all the same
-    whole = getattr(row, "rest_volume", None) or getattr(row, "rest_length", None) or robot.length
+    rest_size = getattr(row, "rest_volume", None) or getattr(row, "rest_length", None) or robot.length
     C = np.eye(robot.rows.n_a)[[index]]
-    amount, most = _FIRST[unit] * whole, _MOST[unit] * whole
+    amount, most = _FIRST[unit] * rest_size, _MOST[unit] * rest_size
     done, force, before, state, first = 0.0, 0.0, 0.0, None, None
     while True:
         target = Actuation(C, np.array([amount]), np.zeros(robot.rows.n_a))
         ended = solve(problem, target, state, state, _LOOSE, slack=False, wanted=Wanted(condense=softens))
         advance(1)
         if ended.status is not Status.CONVERGED:
-            if done == 0.0 and amount > _LEAST * _FIRST[unit] * whole:
+            if done == 0.0 and amount > _LEAST * _FIRST[unit] * rest_size:
                 amount /= 4
                 continue
             return Stroke(done or amount, force, f"beyond it, {_short(ended.status)}", sudden=True)
         if meets and _meets_itself(problem, ended):
             most = amount
-            if most - done < _CLOSE * most or most < _LEAST * _FIRST[unit] * whole:
+            if most - done < _CLOSE * most or most < _LEAST * _FIRST[unit] * rest_size:
                 return Stroke(done or most, force, _MEETS, sudden=True, touches=done == 0.0)
             amount = (done + most) / 2
             continue
@@ -213,12 +215,12 @@ def _until(problem: Problem, index: int, tip: np.ndarray, advance: Callable[[int
             first = first or stiffness
             lost = np.log(max(stiffness / first, SOFT**4)) / np.log(SOFT)  # it falls by factors where a limb buckles
             used, why = max((used, why), (float(lost), f"softened to {100 * SOFT:.0f} % of its stiffness"))
-        here = float(abs(ended.state.lam[index]))
+        end_force = float(abs(ended.state.lam[index]))
         if used >= 1.0:
             share = (1.0 - before) / (used - before)
-            return Stroke(done + share * (amount - done), force + share * (here - force), why)
-        done, force, before, state = amount, here, used, ended.state
-        if most < _MOST[unit] * whole:
+            return Stroke(done + share * (amount - done), force + share * (end_force - force), why)
+        done, force, before, state = amount, end_force, used, ended.state
+        if most < _MOST[unit] * rest_size:
             amount = (done + most) / 2
             continue
         if amount >= most:
@@ -244,8 +246,8 @@ def _used(problem: Problem, ended: Equilibrium, tip: np.ndarray) -> tuple[float,
     return shares[why], why
 
 
-def _strain(problem: Problem, at: Evaluation) -> float:
-    return Strain(_POWER).value(problem, at)
+def _strain(problem: Problem, evaluation: Evaluation) -> float:
+    return Strain(_POWER).value(problem, evaluation)
 
 
 def _short(status: Status) -> str:

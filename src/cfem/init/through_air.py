@@ -9,7 +9,7 @@ from cfem.init.cables import CableLine, directions, make_line
 from cfem.init.hold import Run
 from cfem.init.section import Section, clear
 from cfem.init.shape import Shape
-from cfem.init.way import straight
+from cfem.init.spine import straight
 
 _CUTS = 60
 _SHARES = np.linspace(0.9, 0.3, 13)  # of the way from the middle to the surface
@@ -20,17 +20,17 @@ _FIRST, _LAST = 0.4, 0.7  # shares of the way by which the first part has come, 
 def cables_through_air(shape: Shape, run: Run, count: int) -> tuple[tuple[CableLine, ...], float]:
     """Up to `count` cables at equal angles, as far out as parts of the body stand in their way; and the attachment
     radius, mm. SpecError where no cable would pass three parts."""
-    way = straight(run)
+    spine = straight(run)
     shares = np.linspace(0.01, 0.99, _CUTS)
-    cuts = [(share, way.section(shape.interior, share)) for share in shares]
+    cuts = [(share, spine.section(shape.interior, share)) for share in shares]
     cuts = [(share, _whole(shape, run, section)) for share, section in cuts if section is not None]
     radius = min(run.length / 40, max((section.inscribed for _, section in cuts), default=0.0) / 4)
     if len(cuts) > _PARTS:
         for _ in range(3):
             best: list[np.ndarray] = []
             for out in _SHARES:
-                found = _lines(shape, [each for _, each in cuts], np.array([s for s, _ in cuts]), count, out, radius)
-                best = found if len(found) > len(best) else best
+                lines = _lines(shape, [each for _, each in cuts], np.array([s for s, _ in cuts]), count, out, radius)
+                best = lines if len(lines) > len(best) else best
                 if len(best) == count:
                     break
             if best:
@@ -66,7 +66,7 @@ def _lines(
     straightened = np.stack([line(shares) for line in middle], axis=1)
     wide = np.polynomial.Polynomial.fit(shares, widths, 1)(shares)
     wide *= (widths / wide).max()
-    found = []
+    cables = []
     for side in np.array(directions(cuts, count)).swapaxes(0, 1):
         line = straightened + out * wide[:, None] * side
         within = clear(shape.interior, line, radius)
@@ -74,5 +74,5 @@ def _lines(
         parts = [(start + end - 1) // 2 for start, end in ends.reshape(-1, 2)]
         if len(parts) >= _PARTS and shares[parts[0]] <= _FIRST and shares[parts[-1]] >= _LAST:
             parts = [each for each in parts if shares[each] > 0.05]
-            found.append(np.vstack([line[0], line[parts]]))
-    return found
+            cables.append(np.vstack([line[0], line[parts]]))
+    return cables

@@ -15,7 +15,7 @@ _INSIDE = 30_000  # cubes inside the body, about
 _PAIRS = 500_000  # of tetrahedra and cubes at a time
 _PAD = 2
 # Half of the 26 neighbours: each pair once.
-_NEIGHBOURS = [way for way in product((-1, 0, 1), repeat=3) if way > (0, 0, 0)]
+_NEIGHBOURS = [offset for offset in product((-1, 0, 1), repeat=3) if offset > (0, 0, 0)]
 
 
 @dataclass(frozen=True)
@@ -47,13 +47,13 @@ class Voxels:
         number = np.full(self.inside.shape, -1)
         number[self.inside] = np.arange(len(self.centres))
         rows, columns, lengths = [], [], []
-        for way in _NEIGHBOURS:
-            here = tuple(slice(max(-w, 0), n - max(w, 0)) for w, n in zip(way, self.inside.shape, strict=True))
-            there = tuple(slice(max(w, 0), n + min(w, 0)) for w, n in zip(way, self.inside.shape, strict=True))
-            pairs = (number[here] >= 0) & (number[there] >= 0)
-            rows.append(number[here][pairs])
-            columns.append(number[there][pairs])
-            lengths.append(np.full(int(pairs.sum()), self.step * np.linalg.norm(way)))
+        for offset in _NEIGHBOURS:
+            cubes = tuple(slice(max(-o, 0), n - max(o, 0)) for o, n in zip(offset, self.inside.shape, strict=True))
+            neighbours = tuple(slice(max(o, 0), n + min(o, 0)) for o, n in zip(offset, self.inside.shape, strict=True))
+            pairs = (number[cubes] >= 0) & (number[neighbours] >= 0)
+            rows.append(number[cubes][pairs])
+            columns.append(number[neighbours][pairs])
+            lengths.append(np.full(int(pairs.sum()), self.step * np.linalg.norm(offset)))
         k = len(self.centres)
         return coo_array(
             (np.concatenate(lengths), (np.concatenate(rows), np.concatenate(columns))), shape=(k, k)

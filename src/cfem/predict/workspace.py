@@ -100,7 +100,7 @@ def workspace_of(model: Queried, states: int, seed: int = 0) -> Workspace:
 
 def _states_within(model: Queried, forces: np.ndarray) -> list[Condensed]:
     """States under forces (m, n_a) that the model has, within its reach and like its training states."""
-    states, found = model.under_forces(forces)
+    states, solved = model.under_forces(forces)
     batch, (low, high) = Condensed.batch(states), model.reach[: model.rows.n_a].T
     within = ((batch.delta_a >= low) & (batch.delta_a <= high)).all(axis=1)
-    return [states[place] for place in np.flatnonzero(found & within & model.inside(batch))]
+    return [states[place] for place in np.flatnonzero(solved & within & model.inside(batch))]

@@ -103,7 +103,7 @@ def node_response(
     nodes = SurfacePoints(csr_array((np.ones(m), (numbers, numbers)), shape=(m, m)), skin.rest, np.zeros(m))
     touched = SkinnedRobot(skinned(robot, skin), skin.nodes, skin.triangles, nodes, itself=False)
     members, rng, start = members_of(skin.triangles, numbers, m), np.random.default_rng(0), None
-    known, found, bent, tip, by_modes, left = [], [], [], [], [], []
+    known, samples, bent, tip, by_modes, left = [], [], [], [], [], []
     with progress("pushing all nodes of the surface by FE, in bent states", 2 * len(states)) as advance:
         for delta in states:
             moved = solved_at(touched.problem, delta, base=start)
@@ -113,9 +113,9 @@ def node_response(
             known.append((at, moved.linear.lam, R))
             pushed = _Pushed(touched, *known[-1])
             tip.append(pushed.tip)
-            found.append(pushed.moved_by(rng.standard_normal((3 * m, -(-OVER * modes // len(states))))))
+            samples.append(pushed.moved_by(rng.standard_normal((3 * m, -(-OVER * modes // len(states))))))
             advance(1)
-        basis = np.linalg.svd(np.concatenate(found, axis=1), full_matrices=False)[0][:, :modes]
+        basis = np.linalg.svd(np.concatenate(samples, axis=1), full_matrices=False)[0][:, :modes]
         pairs = _pairs(skin.rest, near)
         for number, state in enumerate(known):
             pushed = _Pushed(touched, *state)

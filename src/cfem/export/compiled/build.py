@@ -30,11 +30,10 @@ def sizes(folder: Path) -> dict[str, dict[str, int] | None]:
     """Bytes of the compiled core by compiler: flash (code and constants), static_ram, stack (the sum of all its frames,
     more than any chain of calls needs); None for a compiler that is not here."""
     host, target = compiler(), shutil.which("arm-none-eabi-gcc")
-    found = {
+    return {
         "here": _size(folder, [host, "-Os"], "size") if host else None,
         "cortex-m7": _size(folder, [target, *CORTEX_M7], "arm-none-eabi-size") if target else None,
     }
-    return found
 
 
 def _size(folder: Path, command: list[str], size: str) -> dict[str, int] | None:
@@ -73,10 +72,10 @@ def run(command: list[str], folder: Path | str) -> str:
 
 def demand_compiler() -> str:
     """The compiler. InputError where there is none."""
-    found = compiler()
-    if not found:
+    executable = compiler()
+    if not executable:
         raise InputError("there is no C compiler on the PATH", do="install gcc or clang")
-    return found
+    return executable
 
 
 def files_of(folder: Path) -> tuple[tuple[str, str], ...]:

@@ -32,7 +32,7 @@ class CompiledController:
         )
         self.n_a, self.n_e = len(self._model.delta_a), len(self._model.free_e)
         self._library = library(folder)
-        self._references = [ctypes.byref(one) for one in (self._state, self._input, self._output)]
+        self._references = [ctypes.byref(struct) for struct in (self._state, self._input, self._output)]
         self.reset()
 
     def reset(self) -> None:

@@ -17,7 +17,7 @@ MEASURED = ("place", "displacement", "force", "command")
 
 
 @dataclass(frozen=True)
-class Found:
+class EstimateInC:
     """x (n,), covariance (n, n), effector (n_e,) mm from rest; left_out, unseen: bits; status, iterations: as in C."""
 
     x: np.ndarray
@@ -34,22 +34,24 @@ class CompiledFilter:
     """A filter of a folder, of markers at rest or in motion."""
 
     def __init__(self, folder: Path, header: str, names: tuple[str, str], flags: tuple[str, ...]):
-        """names: types of the filter and of what it finds, in a header of the folder."""
+        """names: types of the filter and of its estimate, in a header of the folder."""
         types, sizes = structures(folder, header), defines_of(folder / "cfem_estimate_data.h")
-        self._filter, self._found = (types[name]() for name in names)
+        self._filter, self._estimate = (types[name]() for name in names)
         self._frame = types["cfem_frame"]()
         self._modes = (ctypes.c_double * int(sizes["CFEM_ESTIMATE_ROWS"]))()
         self._library = library(folder, flags)
         self.reset()
 
-    def _asked(self, call: Callable[..., Any], measured: dict[str, np.ndarray], *before: Any) -> Found:
-        """Answer of a call in a frame; its arguments are those `before`, the frame and what is found."""
+    def _asked(self, call: Callable[..., Any], measured: dict[str, np.ndarray], *before: Any) -> EstimateInC:
+        """Answer of a call in a frame; its arguments are those `before`, the frame and the estimate."""
         for name, values in measured.items():
             numbers(getattr(self._frame, name))[...] = values
-        call(*before, ctypes.byref(self._frame), ctypes.byref(self._found))
-        one = self._found
-        arrays = np.array(one.x), np.array(one.covariance), np.array(one.effector)
-        return Found(*arrays, one.noise, one.left_out, one.unseen, one.status, one.iterations)
+        call(*before, ctypes.byref(self._frame), ctypes.byref(self._estimate))
+        estimate = self._estimate
+        arrays = np.array(estimate.x), np.array(estimate.covariance), np.array(estimate.effector)
+        return EstimateInC(
+            *arrays, estimate.noise, estimate.left_out, estimate.unseen, estimate.status, estimate.iterations
+        )
 
     def _shape(self, call: Callable[..., Any], x: np.ndarray) -> np.ndarray:
         call((ctypes.c_double * len(x))(*x.tolist()), self._modes)
@@ -65,11 +67,11 @@ class CompiledEstimator(CompiledFilter):
     def reset(self) -> None:
         self._library.cfem_filter_init(ctypes.byref(self._filter))
 
-    def tick(self, **measured: np.ndarray) -> Found:
+    def tick(self, **measured: np.ndarray) -> EstimateInC:
         """place (m, 3), displacement, force, command (n_a,): nan for what is not measured or known."""
         return self._asked(self._library.cfem_filter_tick, measured, ctypes.byref(self._filter))
 
-    def alone(self, **measured: np.ndarray) -> Found:
+    def alone(self, **measured: np.ndarray) -> EstimateInC:
         """Estimate from one frame by itself; arguments as of `tick`."""
         return self._asked(self._library.cfem_estimate_frame, measured)
 
@@ -83,17 +85,19 @@ def estimate_parity(folder: Path, made: Filter) -> float:
     return difference(moving_frames(made), CompiledEstimator(folder).tick, made.estimator.scale, whole=False)
 
 
-def difference(frames: list[dict[str, Any]], ask: Callable[..., Found], scale: np.ndarray, whole: bool = True) -> float:
+def difference(
+    frames: list[dict[str, Any]], ask: Callable[..., EstimateInC], scale: np.ndarray, whole: bool = True
+) -> float:
     """The largest difference of unknowns and standard deviations from Python's over their scale, and of the effectors
     over the first's; inf where a status differs. whole: those whose status is not 0 too."""
     most = 0.0
-    for one in frames:
-        found, answer = ask(**{name: one[name] for name in MEASURED}), one["answer"]
-        if found.status != status_of(answer.status):
+    for frame in frames:
+        estimate, answer = ask(**{name: frame[name] for name in MEASURED}), frame["answer"]
+        if estimate.status != status_of(answer.status):
             return np.inf
-        if found.status and not whole:
+        if estimate.status and not whole:
             continue
-        apart = [found.x - one["x"], np.sqrt(np.diag(found.covariance)) - np.sqrt(np.diag(one["covariance"]))]
-        ends = np.abs(found.effector - answer.delta_e).max() / scale[0]
+        apart = [estimate.x - frame["x"], np.sqrt(np.diag(estimate.covariance)) - np.sqrt(np.diag(frame["covariance"]))]
+        ends = np.abs(estimate.effector - answer.delta_e).max() / scale[0]
         most = max(most, float(np.abs(np.array(apart) / scale).max()), float(ends))
     return most

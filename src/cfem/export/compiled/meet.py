@@ -53,20 +53,20 @@ class CompiledMeet:
         if not status:
             self._before = now
         forces, places = [], []
-        for one, pose in zip(now.robot, self.placed, strict=True):
-            own = np.zeros((len(one.place), 3))
-            own[one.patch[: one.count]] = np.array(one.force)[: one.count]
-            forces.append(own @ np.array(pose.R).T)
-            places.append(np.array(one.place))
+        for robot, pose in zip(now.robot, self.placed, strict=True):
+            local_forces = np.zeros((len(robot.place), 3))
+            local_forces[robot.patch[: robot.count]] = np.array(robot.force)[: robot.count]
+            forces.append(local_forces @ np.array(pose.R).T)
+            places.append(np.array(robot.place))
         met = [(a, b) for a in range(len(places)) for b in range(a, len(places) + len(obstacles))]
         return MetInC(
             status,
             now.iterations,
             np.concatenate(forces),
             np.concatenate(places),
-            sum(self.library.cfem_meet_pressed(ctypes.byref(now), *two) for two in met),
+            sum(self.library.cfem_meet_pressed(ctypes.byref(now), *pair) for pair in met),
             *(
-                [np.array(getattr(one, name)) for one in now.robot]
+                [np.array(getattr(robot, name)) for robot in now.robot]
                 for name in ("delta_e", "delta_a", "lambda_a", "rows")
             ),
         )
@@ -82,8 +82,8 @@ class CompiledMeet:
     def _given(self, deltas: Sequence[np.ndarray], obstacles: Sequence[Rounded], mu: float) -> tuple:
         """The state that a step fills, and its arguments."""
         _, (_, bodies, count, friction, *_) = self._touch.given(deltas[0], obstacles, mu)
-        at = (ctypes.c_double * (len(deltas) * len(deltas[0])))(*np.concatenate(deltas).tolist())
+        displacements = (ctypes.c_double * (len(deltas) * len(deltas[0])))(*np.concatenate(deltas).tolist())
         now = self._states[1] if self._before is self._states[0] else self._states[0]
         before = ctypes.byref(self._before) if self._before else None
         states = before, ctypes.byref(now), ctypes.byref(self._room)
-        return now, (at, self.placed, bodies, count, friction, *states)
+        return now, (displacements, self.placed, bodies, count, friction, *states)

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from cfem.export.compiled.build import FAST
-from cfem.export.compiled.estimate import CompiledFilter, Found, difference
+from cfem.export.compiled.estimate import CompiledFilter, EstimateInC, difference
 from cfem.export.firmware import swing as c_swing
 from cfem.motion.estimation.marker_filter import MarkerFilter
 
@@ -21,7 +21,7 @@ class CompiledSwing(CompiledFilter):
     def reset(self) -> None:
         self._library.cfem_swing_init(ctypes.byref(self._filter))
 
-    def frame(self, **measured: np.ndarray) -> Found:
+    def frame(self, **measured: np.ndarray) -> EstimateInC:
         """place (m, 3), displacement, force, command (n_a,): nan for what is not measured or known."""
         return self._asked(self._library.cfem_swing_frame, measured, ctypes.byref(self._filter))
 

@@ -85,12 +85,12 @@ class CompiledTouch:
     def given(self, delta_a: np.ndarray, obstacles: Sequence[Rounded], mu: float) -> tuple[ctypes.Structure, tuple]:
         """The state that a step fills, and its arguments."""
         bodies = (self._body * max(len(obstacles), 1))()
-        for body, one in zip(bodies, obstacles, strict=False):
+        for body, obstacle in zip(bodies, obstacles, strict=False):
             for name in ("R", "t", "core"):
-                numbers(getattr(body, name))[...] = getattr(one, name)
-            body.rounding, body.below = one.rounding, bool(np.isinf(one.core[0]))
+                numbers(getattr(body, name))[...] = getattr(obstacle, name)
+            body.rounding, body.below = obstacle.rounding, bool(np.isinf(obstacle.core[0]))
         now = self._states[1] if self._before is self._states[0] else self._states[0]
         before = ctypes.byref(self._before) if self._before else None
-        at = (ctypes.c_double * self.n_a)(*np.asarray(delta_a, float).tolist())
+        deltas = (ctypes.c_double * self.n_a)(*np.asarray(delta_a, float).tolist())
         friction = ctypes.c_double(mu)
-        return now, (at, bodies, len(obstacles), friction, before, ctypes.byref(now), ctypes.byref(self._room))
+        return now, (deltas, bodies, len(obstacles), friction, before, ctypes.byref(now), ctypes.byref(self._room))

@@ -50,7 +50,7 @@ def string(text: str) -> str:
     """A string literal of the text in UTF-8. Octal escapes end after three digits; `?` could begin a trigraph."""
     plain = re.compile(rb"[A-Za-z0-9 _.,:;()\[\]/+*=<>-]")
     pieces = (bytes([byte]) for byte in text.encode("utf-8", "replace"))
-    return '"' + "".join(one.decode() if plain.match(one) else f"\\{one[0]:03o}" for one in pieces) + '"'
+    return '"' + "".join(piece.decode() if plain.match(piece) else f"\\{piece[0]:03o}" for piece in pieces) + '"'
 
 
 def comment(text: str) -> str:
@@ -64,7 +64,7 @@ def defines(values: Mapping[str, object]) -> str:
 
 def write_constants(
     file: Path,
-    said: str,
+    heading: str,
     words: Mapping[str, object],
     prefix: str,
     constants: Mapping[str, np.ndarray],
@@ -72,9 +72,9 @@ def write_constants(
     defined: str = "",
 ) -> int:
     """Writes file.h and file.c: the words as `#define`s, the arrays under `prefix` and their names; the bytes of these.
-    said: the comment that begins the header; declared: what comes next there; defined: what ends the source."""
+    heading: the comment that begins the header; declared: what comes next there; defined: what ends the source."""
     guard = f"{file.name.upper()}_H"
-    header = [f"{said}\n#ifndef {guard}\n#define {guard}\n\n#include <stdint.h>\n{declared}\n{defines(words)}\n"]
+    header = [f"{heading}\n#ifndef {guard}\n#define {guard}\n\n#include <stdint.h>\n{declared}\n{defines(words)}\n"]
     body = [f'#include "{file.name}.h"\n\n#include <math.h>\n\n']
     for name, values in constants.items():
         declaration, definition = array(f"{prefix}{name}", values, KINDS[values.dtype.str[1:]])

@@ -54,9 +54,11 @@ class Surrogate:
     @property
     def coefficient_bytes(self) -> int:
         """Bytes of flash that the model's numbers take."""
-        arrays = [*self.arrays.values(), *(a for one in self.layers for a in (one.weight, one.step, one.bias))]
-        own = sum(a.nbytes for a in arrays if a is not None) + sum(one.nbytes for one in self.modules)
-        return own + sum(2 * ((4 + max(len(one.degrees), 1)) // 2) for groups in self.groups.values() for one in groups)
+        arrays = [*self.arrays.values(), *(a for layer in self.layers for a in (layer.weight, layer.step, layer.bias))]
+        array_bytes = sum(a.nbytes for a in arrays if a is not None) + sum(module.nbytes for module in self.modules)
+        return array_bytes + sum(
+            2 * ((4 + max(len(group.degrees), 1)) // 2) for groups in self.groups.values() for group in groups
+        )
 
 
 def surrogate(meta: dict, arrays: dict[str, np.ndarray], spec: CSpec) -> tuple[Surrogate, np.ndarray]:
@@ -64,7 +66,7 @@ def surrogate(meta: dict, arrays: dict[str, np.ndarray], spec: CSpec) -> tuple[S
     cannot hold."""
     if meta["kind"] not in KINDS:
         raise InputError(f"kind {meta['kind']!r} has no C code", do=f"train kind: {', '.join(KINDS)}, or export ONNX")
-    other = [one["kind"] for one in meta.get("modules") or [] if one["kind"] != "spectral"]
+    other = [module["kind"] for module in meta.get("modules") or [] if module["kind"] != "spectral"]
     if other:
         raise InputError(f"modules of kind {other[0]!r} have no C code", do="train the module with kind: spectral")
     if meta.get("n_c"):
@@ -72,14 +74,14 @@ def surrogate(meta: dict, arrays: dict[str, np.ndarray], spec: CSpec) -> tuple[S
     predictor = build(meta, {name: np.asarray(a, float) if a.dtype.kind == "f" else a for name, a in arrays.items()})
     p = vector(predictor.parameters, spec.parameters, "c.parameters")
     kinds = {"spectral": _spectral, "mlp": _mlp, "serial": _serial}
-    found = kinds[meta["kind"]](predictor, arrays, p, spec)
+    model = kinds[meta["kind"]](predictor, arrays, p, spec)
     if not spec.full:
-        return found, p
+        return model, p
     # W_ee alone is concerned, which control does not use
     sizes = np.zeros(0) if predictor.sizes is None else predictor.sizes
-    defines = {**found.defines, "CFEM_SEMIDEFINITE": int(len(sizes) > 0)}
+    defines = {**model.defines, "CFEM_SEMIDEFINITE": int(len(sizes) > 0)}
     units = {"cfem_sizes": sizes * np.sqrt(_softer(predictor, p))} if len(sizes) else {}
-    return replace(found, defines=defines, arrays={**found.arrays, **units}), p
+    return replace(model, defines=defines, arrays={**model.arrays, **units}), p
 
 
 def _softer(predictor: Predictor, p: np.ndarray) -> float:
@@ -175,7 +177,7 @@ def _mlp(predictor: Predictor, arrays: dict[str, np.ndarray], p: np.ndarray, spe
         "CFEM_SERIAL": 0,
         "CFEM_ROW": 0,
         "CFEM_MLP_LAYERS": depth,
-        "CFEM_MLP_WIDTH": max([n_a] + [len(one.bias) for one in layers[:-1]]),
+        "CFEM_MLP_WIDTH": max([n_a] + [len(layer.bias) for layer in layers[:-1]]),
         "CFEM_MLP_OUTPUTS": len(chosen),
         "CFEM_ACTIVATION": ACTIVATIONS.index(predictor.meta["activation"]),
     }

@@ -52,11 +52,11 @@ def _row(model: Surrogate, n_a: int, n_e: int) -> int:
     count = model.defines["CFEM_MODULES"]
     N, total = pose * count, 0
     for which in model.arrays["cfem_module_model"]:
-        own, n = model.modules[which], len(model.modules[which].offset)
+        module, n = model.modules[which], len(model.modules[which].offset)
         all_ = 1 + n + n * (n + 1) // 2
-        outputs = sum(coefficients.size for _, coefficients in own.series.values())
-        terms = sum(len(numbers) for numbers, _ in own.series.values())
-        total += len(own.degrees) * (all_ + 1) * n + 5 * outputs + terms * (all_ + pose * (2 + n))
+        outputs = sum(coefficients.size for _, coefficients in module.series.values())
+        terms = sum(len(numbers) for numbers, _ in module.series.values())
+        total += len(module.degrees) * (all_ + 1) * n + 5 * outputs + terms * (all_ + pose * (2 + n))
         total += ROW_STEPS * 4 * pose**3
     newton = ROW_STEPS * (pose * N * N + N**3 // 3)
     return total + newton + N**3 // 3 + n_a * N * (2 * N + n_e) + n_a**3 + (n_e + 2) * n_a**2
@@ -74,13 +74,13 @@ def _spectral(model: Surrogate, n_a: int, n_e: int) -> int:
     count = n * n_a + 6 * n * (model.defines["CFEM_DEGREE"] + 1)  # polynomials and their derivatives
     count += 3 * len(model.arrays["cfem_potential"]) + 2 * model.arrays["cfem_effector"].size
     for name, groups in model.groups.items():
-        for left in (n - d for one in groups for d in range(one.depth, n - 1)):  # coordinates from d on
+        for left in (n - d for group in groups for d in range(group.depth, n - 1)):  # coordinates from d on
             count += (left + 1) * (left + 2) // 2 if name == "potential" else (left + 1) * outputs
     return count + 2 * n_a * n**2 + n_e * n_a * n
 
 
 def _network(model: Surrogate) -> int:
-    return int(sum(np.prod(one.weight.shape) for one in model.layers))
+    return int(sum(np.prod(layer.weight.shape) for layer in model.layers))
 
 
 def _program(n: int, rows: int, m: int, steps: int) -> int:

@@ -46,10 +46,10 @@ def embedding(meta: dict, spec: CSpec, scene: SceneSpec | None) -> Embedding:
 
 def stated_pressures(scene: SceneSpec, names: list[str]) -> np.ndarray | None:
     """(n_a, 2) MPa, None where no actuator has any. InputError where they are not those of the model (names)."""
-    found = [item.name for item in scene.actuators]
-    if found != names:
+    actuators = [item.name for item in scene.actuators]
+    if actuators != names:
         raise InputError(
-            f"its actuators are {', '.join(found)}, and those of the model {', '.join(names)}",
+            f"its actuators are {', '.join(actuators)}, and those of the model {', '.join(names)}",
             where=f"scene '{scene.name}'",
         )
     stated = [getattr(item, "pressure", None) for item in scene.actuators]
@@ -80,9 +80,11 @@ def write_embedded(
     model, controller = build(meta, arrays), CompiledController(folder)
     p, s = at_robot(model, spec, s)
     e, a = model.rows.e, model.rows.a
-    expected = [model.at(one, p) for one in s]
-    W, free, delta = (np.array([getattr(one, name) for one in expected]) for name in ("W", "delta_free", "delta"))
-    here = [controller.model(one) for one in s]
+    expected = [model.at(state, p) for state in s]
+    W, free, delta = (
+        np.array([getattr(condensed, name) for condensed in expected]) for name in ("W", "delta_free", "delta")
+    )
+    compiled = [controller.model(state) for state in s]
     # delta_free is a part of delta, whose size it takes: of a robot as linear as a rod it is rounding alone.
     blocks = {
         "W_aa": (W[:, a, a], W[:, a, a]),
@@ -90,8 +92,8 @@ def write_embedded(
         "free_a": (free[:, a], delta[:, a]),
         "free_e": (free[:, e], delta[:, e]),
     }
-    off = [
-        np.abs(np.reshape([one[name] for one in here], block.shape) - block).max() / np.abs(size).max()
+    differences = [
+        np.abs(np.reshape([members[name] for members in compiled], block.shape) - block).max() / np.abs(size).max()
         for name, (block, size) in blocks.items()
     ]
-    return {**report, "parity": float(max(off))}
+    return {**report, "parity": float(max(differences))}

@@ -41,35 +41,41 @@ def write_c_estimate(folder: Path, model: Predictor, spec: CSpec) -> Filter:
     copy_sources(folder, "estimate", *SHARED)
     sizes, constants = estimate_constants(made)
     names = " ".join(spec.estimate.markers)
-    said = c_text.comment(f"Markers {names}; unknown {' '.join(made.estimator.unknowns)}: by cfem export.")
+    heading = c_text.comment(f"Markers {names}; unknown {' '.join(made.estimator.unknowns)}: by cfem export.")
     alone = {name: value for name, value in constants.items() if isinstance(value, float)}
     words = sizes | {f"cfem_estimate_{name}": value for name, value in alone.items()}
     arrays = {name: values for name, values in constants.items() if name not in alone}
-    c_text.write_constants(folder / "cfem_estimate_data", said, words, "cfem_estimate_", arrays)
+    c_text.write_constants(folder / "cfem_estimate_data", heading, words, "cfem_estimate_", arrays)
     write_frames(folder, "estimate", moving_frames(made), made.estimator.unknowns, TOLERANCE)
     return made
 
 
 def estimate_constants(made: Filter) -> tuple[dict[str, int], dict[str, np.ndarray | float]]:
     """Sizes, and numbers by name: parameters and scales of the robot are folded in."""
-    one = made.estimator
-    model, skin, rows = one.model, one.model.skin, one.model.rows
-    n_a, n_w, n_e, m, k = rows.n_a, len(one.loaded), rows.n_e, len(one.markers), len(skin)
-    arrays, (q, softer), loaded = model.arrays, one.material, one.loaded_rows
+    estimator = made.estimator
+    model, skin, rows = estimator.model, estimator.model.skin, estimator.model.rows
+    n_a, n_w, n_e, m, k = rows.n_a, len(estimator.loaded), rows.n_e, len(estimator.markers), len(skin)
+    arrays, (q, softer), loaded = model.arrays, estimator.material, estimator.loaded_rows
     if not all(np.array_equal(arrays[name], skin.arrays[name]) for name in ("to_box", "offset")):
         raise InputError("the skin and the model are not of the same training", do="train it again")
-    own = skin.arrays
-    soft = [softer * own["compliance"][column] for column in compliance_columns(k, n_e, loaded)]
-    across = joined([(own["indices"], own["series"]), *((own["compliance_indices"], one) for one in soft)])
+    skin_arrays = skin.arrays
+    soft = [softer * skin_arrays["compliance"][column] for column in compliance_columns(k, n_e, loaded)]
+    across = joined(
+        [
+            (skin_arrays["indices"], skin_arrays["series"]),
+            *((skin_arrays["compliance_indices"], coefficients) for coefficients in soft),
+        ]
+    )
     effectors = [displacement_series(model, row) for row in range(n_e)]
     effectors += [_times(softer, compliance_series(model, e, int(row))) for row in loaded for e in range(n_e)]
     ends = joined(effectors)
     force_indices, force, _ = potential_series(model, loaded)
     force = force * np.concatenate([[1 / softer], np.ones(n_w), np.full(len(force) - 1 - n_w, softer)])[:, None]
-    moved = [one.marker_map @ part for part in soft] or [np.zeros((3 * m, len(own["compliance_indices"])))]
+    moved = [estimator.marker_map @ coefficients for coefficients in soft]
+    moved = moved or [np.zeros((3 * m, len(skin_arrays["compliance_indices"])))]
     series = {  # by term first
-        "markers": (own["indices"], (one.marker_map @ own["series"]).T, "TERMS", "degrees"),
-        "soft": (own["compliance_indices"], np.array(moved).transpose(2, 0, 1), "SOFT_TERMS", "soft_degrees"),
+        "markers": (skin_arrays["indices"], (estimator.marker_map @ skin_arrays["series"]).T, "TERMS", "degrees"),
+        "soft": (skin_arrays["compliance_indices"], np.array(moved).transpose(2, 0, 1), "SOFT_TERMS", "soft_degrees"),
         "modes_series": (across[0], _by_row(across[1]), "MODE_TERMS", "mode_degrees"),
         "effectors": (ends[0], _by_row(ends[1].reshape(1 + n_w, n_e, -1)), "EFFECTOR_TERMS", "effector_degrees"),
         "force": (force_indices, force.T, "FORCE_TERMS", "force_degrees"),
@@ -78,16 +84,16 @@ def estimate_constants(made: Filter) -> tuple[dict[str, int], dict[str, np.ndarr
     still = ~to_box.any(axis=1)  # coordinates of parameters
     n_z = int((~still).sum())
     sizes = {"NA": n_a, "NW": n_w, "N": n_a + n_w, "NZ": n_z, "NE": n_e, "MARKERS": m, "ROWS": k}
-    starts, places = one.starts
+    starts, places = estimator.starts
     constants: dict[str, np.ndarray | float] = {
         "to_box": to_box[~still],
         "offset": offset[~still],
-        "scale": one.scale,
-        "box": one.box,
-        "rest": one.rest,
-        "middle": one.middle[:n_a],
-        "load_root": one.before.root[:, n_a:] if n_w else np.zeros((1, 1)),
-        "load_covariance": one.load_covariance if n_w else np.zeros((1, 1)),
+        "scale": estimator.scale,
+        "box": estimator.box,
+        "rest": estimator.rest,
+        "middle": estimator.middle[:n_a],
+        "load_root": estimator.before.root[:, n_a:] if n_w else np.zeros((1, 1)),
+        "load_covariance": estimator.load_covariance if n_w else np.zeros((1, 1)),
         "starts": starts,
         "start_places": places.reshape(len(starts), -1),
     }
@@ -101,7 +107,11 @@ def estimate_constants(made: Filter) -> tuple[dict[str, int], dict[str, np.ndarr
         sizes[terms] = len(kept)
         degree = max(degree, int(indices[kept].max(initial=0)))
     sizes |= {"DEGREE": degree, "STARTS": len(starts), "GATE_SAMPLES": made.gate.samples}
-    constants |= {"noise": float(one.noise), "sensor": float(one.sensor), "tension": float(one.tension)}
+    constants |= {
+        "noise": float(estimator.noise),
+        "sensor": float(estimator.sensor),
+        "tension": float(estimator.tension),
+    }
     constants |= {"keeps": made.keeps, "slip": made.slip, "first": made.offset}
     constants |= {"gate_sigmas": made.gate.sigmas}
     return {f"CFEM_ESTIMATE_{name}": value for name, value in sizes.items()}, constants
@@ -118,9 +128,9 @@ def _standing(
     """A series by term (M, ...) without the coordinates `still` (n,), which stay at z (n,), and its fewer terms."""
     factors = basis(z[still], indices[:, still]) if still.any() else np.ones(len(indices))
     left, place = np.unique(indices[:, ~still], axis=0, return_inverse=True)
-    found = np.zeros((len(left), *values.shape[1:]))
-    np.add.at(found, place.ravel(), values * factors.reshape(-1, *[1] * (values.ndim - 1)))
-    return left, found
+    summed = np.zeros((len(left), *values.shape[1:]))
+    np.add.at(summed, place.ravel(), values * factors.reshape(-1, *[1] * (values.ndim - 1)))
+    return left, summed
 
 
 def _times(factor: float, part: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
@@ -129,20 +139,20 @@ def _times(factor: float, part: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarr
 
 def moving_frames(made: Filter, count: int = FRAMES) -> list[dict[str, np.ndarray]]:
     """A robot that moves as the filter assumes, some markers lost or wrong, and what Python estimates: by frame."""
-    one, rng, found = made.estimator, np.random.default_rng(0), []
-    n_a, m = one.model.rows.n_a, len(one.markers)
-    states = one.model.domain.states[:, :n_a]
-    u, w = states[len(states) // 2].copy(), np.zeros(len(one.loaded))
-    usual = np.linalg.cholesky(one.load_covariance)
-    filtered = Filter(one, made.slip, made.ticks, made.offset, made.gate.spec)
+    estimator, rng, frames = made.estimator, np.random.default_rng(0), []
+    n_a, m = estimator.model.rows.n_a, len(estimator.markers)
+    states = estimator.model.domain.states[:, :n_a]
+    u, w = states[len(states) // 2].copy(), np.zeros(len(estimator.loaded))
+    usual = np.linalg.cholesky(estimator.load_covariance)
+    filtered = Filter(estimator, made.slip, made.ticks, made.offset, made.gate.spec)
     for number in range(count):
         toward = states[(number // 10) % len(states)] - u
         u = u + 0.1 * toward
         w = 0.9 * w + 0.4 * usual @ rng.normal(size=len(w))
         x = np.concatenate([u, w])
-        places = one.places(x) + one.noise * rng.normal(size=(m, 3))
-        sensed = u + one.sensor * rng.normal(size=n_a)
-        forces = one.tensions(x) + one.tension * rng.normal(size=n_a)
+        places = estimator.places(x) + estimator.noise * rng.normal(size=(m, 3))
+        sensed = u + estimator.sensor * rng.normal(size=n_a)
+        forces = estimator.tensions(x) + estimator.tension * rng.normal(size=n_a)
         if number % 4 == 1:
             places[rng.integers(m)] += 20.0 * rng.normal(size=3)
         if number % 5 == 2:
@@ -150,13 +160,13 @@ def moving_frames(made: Filter, count: int = FRAMES) -> list[dict[str, np.ndarra
         if number % 3 == 0:
             sensed[:], forces[:] = np.nan, np.nan
         command = np.full(n_a, np.nan) if number % 7 == 6 else u
-        told = None if np.isnan(command).any() else command
-        answer = filtered.tick(places, sensed, told, forces)
-        found.append(
+        given = None if np.isnan(command).any() else command
+        answer = filtered.tick(places, sensed, given, forces)
+        frames.append(
             {"place": places, "displacement": sensed, "force": forces, "command": command}
             | {"answer": answer, "x": np.concatenate([answer.delta_a, answer.loads]), "covariance": answer.covariance}
         )
-    return found
+    return frames
 
 
 def status_of(status: EstimateStatus) -> int:
@@ -170,17 +180,17 @@ def bits(numbers: tuple[int, ...]) -> int:
 
 def write_frames(folder: Path, filter: str, frames: list[dict], unknowns: Sequence[str], tolerance: float) -> None:
     """cfem_<filter>_vectors.h, which frames.h runs through. tolerance: of each unknown's scale."""
-    rows, own = [], f"CFEM_{filter.upper()}"
-    for one in frames:
-        answer = one["answer"]
-        frame = ", ".join(numbers(one[name]) for name in ("place", "displacement", "force", "command"))
-        values = ", ".join(map(numbers, (one["x"], np.diag(one["covariance"]), answer.delta_e)))
+    rows, prefix = [], f"CFEM_{filter.upper()}"
+    for frame in frames:
+        answer = frame["answer"]
+        measured = ", ".join(numbers(frame[name]) for name in ("place", "displacement", "force", "command"))
+        values = ", ".join(map(numbers, (frame["x"], np.diag(frame["covariance"]), answer.delta_e)))
         unseen = bits(tuple(unknowns.index(name) for name in answer.unseen))
-        rows.append(f"{{{{{frame}}}, {values}, {bits(answer.outliers)}u, {unseen}u, {status_of(answer.status)}u}}")
+        rows.append(f"{{{{{measured}}}, {values}, {bits(answer.outliers)}u, {unseen}u, {status_of(answer.status)}u}}")
     text = (
         "/* Frames of a robot that moves, and what Python estimates: by cfem export. */\n"
         f'#include <math.h>\n\n#include "cfem_{filter}.h"\n\n#define FRAMES {len(rows)}\n'
-        f"#define TOLERANCE {tolerance} /* of each unknown's scale */\n#define UNKNOWNS {own}_N\n\n"
+        f"#define TOLERANCE {tolerance} /* of each unknown's scale */\n#define UNKNOWNS {prefix}_N\n\n"
         "typedef struct { cfem_frame frame; double x[UNKNOWNS], variance[UNKNOWNS], effector[CFEM_ESTIMATE_NE]; "
         "uint32_t left_out, unseen; unsigned status; } vector;\n\n"
         "static const vector vectors[FRAMES] = {\n" + ",\n".join(rows) + "};\n"
@@ -190,5 +200,5 @@ def write_frames(folder: Path, filter: str, frames: list[dict], unknowns: Sequen
 
 def numbers(values: np.ndarray) -> str:
     if values.ndim > 1:
-        return "{" + ", ".join(numbers(one) for one in values) + "}"
-    return "{" + ", ".join("NAN" if np.isnan(one) else c_text.number(one, "double") for one in values) + "}"
+        return "{" + ", ".join(numbers(row) for row in values) + "}"
+    return "{" + ", ".join("NAN" if np.isnan(value) else c_text.number(value, "double") for value in values) + "}"

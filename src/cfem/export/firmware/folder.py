@@ -38,11 +38,11 @@ def write_c(
     _, states = at_robot(predictor, spec, states)
     box = multipliers(spec.controller, predictor.rows.n_a, pressures)
     vectors = [_vector(predictor, p, s, spec, box) for s in states[: spec.vectors]]
-    reachable = [one["x_e"] for one in vectors if one["reachable"]]
+    reachable = [case["x_e"] for case in vectors if case["reachable"]]
     constants["cfem_example_goal"] = reachable[0] if reachable else predictor.rest_e
     contact = 0  # 1: the tick plans among rigid obstacles, 2: among soft ones too
     if spec.obstacles and predictor.form == spec.controller.command == "displacement":
-        contact = 1 + any(one.kind in ("robot", "itself") for one in spec.obstacles.values())
+        contact = 1 + any(obstacle.kind in ("robot", "itself") for obstacle in spec.obstacles.values())
     defines_here = {**defines, "CFEM_FULL": int(spec.full), "CFEM_CONTACT": contact}
     header, data = _data(meta, model, defines_here, constants, spec.scalar)
     write_whole(folder / "cfem_data.h", header.encode())
@@ -107,7 +107,9 @@ def _data(
         )
         for name, groups in model.groups.items():
             header.append(f"extern const cfem_group cfem_{name}_groups[CFEM_{name.upper()}_GROUPS];\n")
-            rows = [f"{{{one.end}, {one.depth}, {{{', '.join(map(str, one.degrees or [0]))}}}}}" for one in groups]
+            rows = [
+                f"{{{group.end}, {group.depth}, {{{', '.join(map(str, group.degrees or [0]))}}}}}" for group in groups
+            ]
             body.append(f"const cfem_group cfem_{name}_groups[] = {{" + ",\n".join(rows) + "};\n\n")
     if model.modules:
         more = c_row.text(model.modules)
@@ -136,14 +138,17 @@ extern const cfem_layer cfem_layers[];
 def _layers(layers: list[Layer]) -> tuple[str, str]:
     """Text of a network's layers, for cfem_data.h and for cfem_data.c."""
     body, rows = [], []
-    for i, one in enumerate(layers):
-        narrow = one.step is not None
-        parts = (("weight", one.weight.ravel(), "int16_t" if narrow else "cfem_real"), ("step", one.step, "cfem_real"))
-        for part, values, kind in (*parts, ("bias", one.bias, "cfem_real")):
+    for i, layer in enumerate(layers):
+        narrow = layer.step is not None
+        parts = (
+            ("weight", layer.weight.ravel(), "int16_t" if narrow else "cfem_real"),
+            ("step", layer.step, "cfem_real"),
+        )
+        for part, values, kind in (*parts, ("bias", layer.bias, "cfem_real")):
             if values is not None:
                 body.append("static " + c_text.array(f"{part}_{i}", values, kind)[1] + "\n\n")
         weights = f"0, weight_{i}, step_{i}" if narrow else f"weight_{i}, 0, 0"
-        rows.append(f"{{{one.weight.shape[0]}, {one.weight.shape[1]}, {weights}, bias_{i}}}")
+        rows.append(f"{{{layer.weight.shape[0]}, {layer.weight.shape[1]}, {weights}, bias_{i}}}")
     body.append("const cfem_layer cfem_layers[] = {" + ",\n".join(rows) + "};\n")
     return LAYER, "".join(body)
 
@@ -161,7 +166,7 @@ def _vector(predictor: Predictor, p: np.ndarray, s: np.ndarray, spec: CSpec, box
     )
     scale = float(np.abs(predictor.domain.lambda_a).max())
     strong = (lam > box[:, 0] + MARGIN * scale) & (lam < box[:, 1] - MARGIN * scale)
-    found = {
+    numbers = {
         "s": s,
         "delta_a": delta[rows.a],
         "lambda_a": lam,
@@ -173,10 +178,10 @@ def _vector(predictor: Predictor, p: np.ndarray, s: np.ndarray, spec: CSpec, box
         "reachable": bool(inside.all() and strong.all()),
     }
     if spec.full:
-        found["W_ee"] = W[rows.e, rows.e].ravel()
-    if not all(np.isfinite(value).all() for value in found.values()):
+        numbers["W_ee"] = W[rows.e, rows.e].ravel()
+    if not all(np.isfinite(value).all() for value in numbers.values()):
         raise NumericalError("the model gives numbers that are not finite at a test state", do="train it again")
-    return found
+    return numbers
 
 
 def _vectors(vectors: list[dict], length: float, spec: CSpec) -> str:
@@ -184,9 +189,9 @@ def _vectors(vectors: list[dict], length: float, spec: CSpec) -> str:
     names = [name for name in vectors[0] if name != "reachable"]
     fields = "".join(f" double {'goal' if name == 'x_e' else name}[{len(vectors[0][name])}];" for name in names)
     rows = []
-    for one in vectors:
-        numbers = ", ".join("{" + ", ".join(c_text.number(x, "double") for x in one[name]) + "}" for name in names)
-        rows.append("{" + numbers + f", {int(one['reachable'])}}}")
+    for case in vectors:
+        numbers = ", ".join("{" + ", ".join(c_text.number(x, "double") for x in case[name]) + "}" for name in names)
+        rows.append("{" + numbers + f", {int(case['reachable'])}}}")
     sizes = c_text.defines(
         {
             "CFEM_VECTORS": len(vectors),

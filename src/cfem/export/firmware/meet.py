@@ -27,38 +27,38 @@ def write_c_meet(folder: Path, robots: Sequence[PlacedModel]) -> int:
     patched = robots[0].patched
     sizes = {"CFEM_MEET_ROBOTS": len(robots), "CFEM_MEET_SPACING": repr(float(patched.patches.spacing))}
     rows = ",\n".join(
-        f"{{{c_text.braces(one.R)}, {c_text.braces(one.t)}, {int(one.itself)}, {c_text.braces(np.uint8(cables))}}}"
-        for one, cables in zip(robots, np.split(ContactScene(robots).unilateral, len(robots)), strict=True)
+        f"{{{c_text.braces(robot.R)}, {c_text.braces(robot.t)}, {int(robot.itself)}, {c_text.braces(np.uint8(pulls))}}}"
+        for robot, pulls in zip(robots, np.split(ContactScene(robots).unilateral, len(robots)), strict=True)
     )
     defined = f'#include "cfem_meet.h"\n\nconst cfem_placed cfem_robots[] = {{{rows}}};\n'
     sizes_of = "sizeof(cfem_met), sizeof(cfem_meet_room), CFEM_MEET_ROBOTS"
     defined += f"const unsigned long cfem_meet_sizes[] = {{{sizes_of}}};\n"
-    said = "/* Robots that meet: by cfem export. Units: mm, N. */"
-    constants = {"area": areas(patched), "itself": own(patched)}
-    return c_text.write_constants(folder / "cfem_meet_data", said, sizes, "cfem_meet_", constants, "", defined)
+    heading = "/* Robots that meet: by cfem export. Units: mm, N. */"
+    constants = {"area": areas(patched), "itself": self_pairs(patched)}
+    return c_text.write_constants(folder / "cfem_meet_data", heading, sizes, "cfem_meet_", constants, "", defined)
 
 
-def write_way(folder: Path, way: Sequence[ContactState]) -> None:
+def write_states(folder: Path, states: Sequence[ContactState]) -> None:
     """cfem_meet_vectors.h: states one after the other, for meet.c."""
     names = ("deltas", "delta_e", "lambda_a")
-    each = [[np.concatenate(getattr(one, name)) for name in names] for one in way]
-    sizes = zip(("delta_a", *names[1:]), each[0], strict=True)
+    arrays = [[np.concatenate(getattr(state, name)) for name in names] for state in states]
+    sizes = zip(("delta_a", *names[1:]), arrays[0], strict=True)
     fields = "".join(f" double {name}[{len(values)}];" for name, values in sizes)
-    rows = ",\n".join("{" + ", ".join(map(c_text.braces, one)) + "}" for one in each)
-    words = {"CFEM_MEET_VECTORS": len(way), "CFEM_MEET_TOLERANCE": TOLERANCE}
-    words |= {f"CFEM_MEET_{name.upper()}": repr(float(scale(way, name))) for name in names[1:]}
-    said = "/* Robots that meet in Python, step by step: by cfem export. */\n"
-    text = f'{said}#include "cfem_meet.h"\n\n{c_text.defines(words)}\n'
+    rows = ",\n".join("{" + ", ".join(map(c_text.braces, row)) + "}" for row in arrays)
+    words = {"CFEM_MEET_VECTORS": len(states), "CFEM_MEET_TOLERANCE": TOLERANCE}
+    words |= {f"CFEM_MEET_{name.upper()}": repr(float(scale(states, name))) for name in names[1:]}
+    heading = "/* Robots that meet in Python, step by step: by cfem export. */\n"
+    text = f'{heading}#include "cfem_meet.h"\n\n{c_text.defines(words)}\n'
     text += f"typedef struct {{{fields} }} cfem_meet_vector;\n\nstatic const cfem_meet_vector vectors[] = {{{rows}}};\n"
     write_whole(folder / "cfem_meet_vectors.h", text.encode())
 
 
-def scale(way: Sequence[ContactState], name: str) -> float:
+def scale(states: Sequence[ContactState], name: str) -> float:
     """The largest number of an array, or of a list of arrays, of states."""
-    return max(float(np.abs(np.concatenate(getattr(one, name))).max()) for one in way)
+    return max(float(np.abs(np.concatenate(getattr(state, name))).max()) for state in states)
 
 
-def own(patched: PatchedModel) -> np.ndarray:
+def self_pairs(patched: PatchedModel) -> np.ndarray:
     """(N, N) which patches of one robot may meet: see `cfem.contact.detection.may_meet`."""
     return may_meet([patched.along], [APART * patched.model.length]).astype(np.uint8)
 
@@ -72,5 +72,5 @@ def areas(patched: PatchedModel) -> np.ndarray:
     belongs = coo_array((np.ones(3 * count), (of[skin.triangles.T].ravel(), each)), shape=(len(patched.patches), count))
     first, second = b - a, c - a
     pairs = [(i, j) for i in range(len(a)) for j in range(i, len(a))]
-    found = [np.cross(first[i], second[j]) + (np.cross(first[j], second[i]) if i != j else 0.0) for i, j in pairs]
-    return np.stack([belongs.tocsr() @ one for one in found], axis=2)
+    products = [np.cross(first[i], second[j]) + (np.cross(first[j], second[i]) if i != j else 0.0) for i, j in pairs]
+    return np.stack([belongs.tocsr() @ product for product in products], axis=2)

@@ -36,8 +36,8 @@ def write_c_mpc(
     copy_sources(folder, "mpc")
     names = {f"CFEM_MPC_{name}": value for name, value in sizes.items()}
     names |= {f"CFEM_MPC_{name}": repr(float(value)) for name, value in numbers.items()}
-    said = c_text.comment(f"Predictive control of {meta['scene']}: by cfem. Units: mm, N, s.")
-    c_text.write_constants(folder / "cfem_mpc_data", said, names, "cfem_mpc_", constants)
+    heading = c_text.comment(f"Predictive control of {meta['scene']}: by cfem. Units: mm, N, s.")
+    c_text.write_constants(folder / "cfem_mpc_data", heading, names, "cfem_mpc_", constants)
     write_whole(folder / "cfem_mpc_vectors.h", _curve(spec, meta, arrays, moving).encode())
 
 
@@ -49,9 +49,9 @@ def mpc_constants(
     pressures: np.ndarray | None = None,
 ) -> tuple[dict[str, int], dict[str, float], dict[str, np.ndarray]]:
     """Sizes, numbers and arrays by name. InputError where the model cannot move."""
-    own, predictor = spec.mpc, build(meta, arrays)
+    mpc, predictor = spec.mpc, build(meta, arrays)
     model = MotionModel(predictor, moving, meta["motion"]["viscosity"])
-    n_e, force, dt = model.rows.n_e, spec.controller.command == "force", 1 / own.ticks
+    n_e, force, dt = model.rows.n_e, spec.controller.command == "force", 1 / mpc.ticks
     _, limits = controller(predictor, np.zeros(0), spec.controller, spec.scalar, pressures)
     known, home = predictor.domain, limits["cfem_home"]
     bound = {
@@ -59,22 +59,22 @@ def mpc_constants(
     }
     command, course = (bound["lambda"], bound["delta"]) if force else (bound["delta"], bound["lambda"])
     size = np.abs(known.lambda_a if force else predictor.reach.T).max(axis=0)
-    other = np.abs(predictor.reach.T if force else known.lambda_a).max(axis=0)
+    course_size = np.abs(predictor.reach.T if force else known.lambda_a).max(axis=0)
     held = not force
     warp = prewarp(float(natural_modes(model, home, held, 1).frequency[0]), dt)
-    begins = np.arange(own.horizon) if own.moves is None else blocks(own.horizon, own.moves)
+    begins = np.arange(mpc.horizon) if mpc.moves is None else blocks(mpc.horizon, mpc.moves)
     normals, levels = _planes(spec, n_e, predictor.rest_e)
     sizes = {
-        "TICKS": own.horizon,
+        "TICKS": mpc.horizon,
         "MOVES": len(begins),
         "EVERY": EVERY,
-        "PLANES": len(own.obstacles),
+        "PLANES": len(mpc.obstacles),
         "FORCE": int(force),
-        "SENSED": int(own.sensor),
-        "LATE": own.late,
-        "GATE_SAMPLES": own.gate.samples,
+        "SENSED": int(mpc.sensor),
+        "LATE": mpc.late,
+        "GATE_SAMPLES": mpc.gate.samples,
     }
-    doubt = own.doubt
+    doubt = mpc.doubt
     numbers = {
         "DT": dt,
         "WARP": warp,
@@ -85,18 +85,18 @@ def mpc_constants(
         "DOUBT_WANDER": doubt.wander,
         "DOUBT_OFFSET": doubt.offset,
         "DOUBT_PUSH": doubt.push,
-        "GATE_SIGMAS": own.gate.sigmas,
+        "GATE_SIGMAS": mpc.gate.sigmas,
     }
     constants = {
         "begins": begins.astype(np.int32),
         "weight": limits["cfem_effector_weight"],
-        "smooth": np.sqrt(own.smooth) * predictor.length / size,
-        "effort": np.sqrt(own.effort) * predictor.length / size,
+        "smooth": np.sqrt(mpc.smooth) * predictor.length / size,
+        "effort": np.sqrt(mpc.effort) * predictor.length / size,
         "size": size,
         "command": command,
         "rate": limits["cfem_lambda_rate" if force else "cfem_delta_rate"],
         "course": course,
-        "course_size": other,
+        "course_size": course_size,
         "normal": normals,
         "level": levels,
     }
@@ -109,11 +109,13 @@ def _curve(spec: CSpec, meta: dict, arrays: dict[str, np.ndarray], moving: dict[
     start, curve = curve_of(model)
     first = float(natural_modes(model, start, spec.controller.command == "displacement", 1).frequency[0])
     words = {"CFEM_MPC_CURVE": len(curve), "CFEM_MPC_LAPS": f"{first / 4:.2g}"}
-    parts = [c_text.array(f"cfem_mpc_{name}", one, "double")[1] for name, one in (("start", start), ("curve", curve))]
+    parts = [
+        c_text.array(f"cfem_mpc_{name}", values, "double")[1] for name, values in (("start", start), ("curve", curve))
+    ]
     return (
         "/* What mpc_loop.c follows: by cfem export. */\n"
         + c_text.defines(words)
-        + "".join(f"static {one}\n" for one in parts)
+        + "".join(f"static {part}\n" for part in parts)
     )
 
 
@@ -123,7 +125,7 @@ def _planes(spec: CSpec, n_e: int, rest_e: np.ndarray) -> tuple[np.ndarray, np.n
     if planes and n_e < 3:
         raise InputError("a plane needs an effector with rows x, y, z", where="c.mpc.obstacles")
     normals, levels = np.zeros((max(len(planes), 1), n_e)), np.zeros(max(len(planes), 1))
-    for k, one in enumerate(planes):
-        normal = np.asarray(one.normal, float) / np.linalg.norm(one.normal)
-        normals[k, :3], levels[k] = normal, float(normal @ (np.asarray(one.point, float) - rest_e[:3]))
+    for k, plane in enumerate(planes):
+        normal = np.asarray(plane.normal, float) / np.linalg.norm(plane.normal)
+        normals[k, :3], levels[k] = normal, float(normal @ (np.asarray(plane.point, float) - rest_e[:3]))
     return normals, levels

@@ -49,7 +49,7 @@ class Tables:
 
     @property
     def nbytes(self) -> int:
-        return self.degrees.nbytes + sum(one.nbytes for pair in self.series.values() for one in pair)
+        return self.degrees.nbytes + sum(values.nbytes for pair in self.series.values() for values in pair)
 
 
 def more_than_series(row: SerialPredictor) -> bool:
@@ -59,13 +59,15 @@ def more_than_series(row: SerialPredictor) -> bool:
 
 def tables_of(row: SerialPredictor, scalar: str) -> tuple[list[Tables], list[int]]:
     """Tables of each model, and which of these the modules are. A module under forces on patches has its own."""
-    on = borne(row)
-    loaded = any(row.meta.get("wrench") or []) or on.places > 0
-    kinds = [(number, i if mine else -1) for i, (number, mine) in enumerate(zip(row.which, on.each, strict=True))]
-    each = sorted(set(kinds))
-    of = [(row.models[number], () if i < 0 else on.each[i]) for number, i in each]
-    found = [tables(model, row.pose, loaded, scalar, patches, on.places) for model, patches in of]
-    return found, [each.index(one) for one in kinds]
+    patches = borne(row)
+    loaded = any(row.meta.get("wrench") or []) or patches.places > 0
+    kinds = [
+        (number, i if loads else -1) for i, (number, loads) in enumerate(zip(row.which, patches.each, strict=True))
+    ]
+    distinct = sorted(set(kinds))
+    models = [(row.models[number], () if i < 0 else patches.each[i]) for number, i in distinct]
+    every = [tables(model, row.pose, loaded, scalar, loads, patches.places) for model, loads in models]
+    return every, [distinct.index(kind) for kind in kinds]
 
 
 def borne(row: SerialPredictor) -> RowPatches:
@@ -86,32 +88,30 @@ def tables(
     kept = np.r_[:watched, model.rows.n_e : rows.e.shape[1]]
     still, indices = (0, watched + 3 * places - len(kept)), rows.indices.astype(np.int64)
     C = np.pad(rows.C[:, kept][:, :, kept], ((0, 0), still, still))
-    found, none = (
-        {"potential": rows.psi, "effector": np.pad(rows.e[:, kept], ((0, 0), still))},
-        np.zeros((len(indices), 1)),
-    )
-    found["compliance"] = pack_upper(C) if loaded else none
+    parts = {"potential": rows.psi, "effector": np.pad(rows.e[:, kept], ((0, 0), still))}
+    none = np.zeros((len(indices), 1))
+    parts["compliance"] = pack_upper(C) if loaded else none
     third = loaded and rows.D is not None
-    found["change"] = rows.D[:, *symmetric3_indices(watched)] if third else none
+    parts["change"] = rows.D[:, *symmetric3_indices(watched)] if third else none
     fourth = third and FOURTH in arrays
     known = arrays[FOURTH_INDICES].astype(np.int64) if fourth else indices[:0]
     indices, (of_own, of_fourth) = union(indices, known)
-    for name, one in found.items():
-        found[name] = np.zeros((one.shape[1], len(indices)))
-        found[name][:, of_own] = one.T
-    found["curvature"] = np.zeros((comb(watched + 3, 4) if fourth else 1, len(indices)))
+    for name, coefficients in parts.items():
+        parts[name] = np.zeros((coefficients.shape[1], len(indices)))
+        parts[name][:, of_own] = coefficients.T
+    parts["curvature"] = np.zeros((comb(watched + 3, 4) if fourth else 1, len(indices)))
     if fourth:
-        found["curvature"][:, of_fourth] = arrays[FOURTH][unpacking4(model.rows.n_e)[*symmetric4_indices(watched)]]
-    used = np.flatnonzero(np.any([(one != 0).any(axis=0) for one in found.values()], axis=0))
+        parts["curvature"][:, of_fourth] = arrays[FOURTH][unpacking4(model.rows.n_e)[*symmetric4_indices(watched)]]
+    used = np.flatnonzero(np.any([(coefficients != 0).any(axis=0) for coefficients in parts.values()], axis=0))
     number = np.zeros(len(indices), np.uint16)
     number[used] = np.arange(len(used))
-    kept = {name: np.flatnonzero((one != 0).any(axis=0)) for name, one in found.items()}
+    kept = {name: np.flatnonzero((coefficients != 0).any(axis=0)) for name, coefficients in parts.items()}
     real = np.dtype("float32" if scalar == "float" else "float64")
     return Tables(
         arrays["to_box"],
         arrays["offset"],
         indices[used].astype(np.uint8),
-        {name: (number[terms], found[name][:, terms].T.astype(real)) for name, terms in kept.items()},
+        {name: (number[terms], parts[name][:, terms].T.astype(real)) for name, terms in kept.items()},
     )
 
 
@@ -119,7 +119,7 @@ def constants(
     row: SerialPredictor, models: list[Tables], which: list[int]
 ) -> tuple[dict[str, float], dict[str, np.ndarray]]:
     """Defines and arrays of the row."""
-    on = borne(row)
+    patches = borne(row)
     defines = {
         "CFEM_SPECTRAL": 0,
         "CFEM_MLP": 0,
@@ -128,15 +128,15 @@ def constants(
         "CFEM_MODULES": len(row.which),
         "CFEM_MODELS": len(models),
         "CFEM_POSE": row.pose,
-        "CFEM_ROW_PATCHES": on.places,
-        "CFEM_MODULE_NA": max(len(one.offset) for one in models),
-        "CFEM_MODULE_DEGREE": max(int(one.degrees.max(initial=1)) for one in models),
+        "CFEM_ROW_PATCHES": patches.places,
+        "CFEM_MODULE_NA": max(len(model.offset) for model in models),
+        "CFEM_MODULE_DEGREE": max(int(model.degrees.max(initial=1)) for model in models),
         "CFEM_MODULE_LENGTH": repr(row.length / len(row.which)),
     }
     arrays = {
         "cfem_module_model": np.array(which, np.uint8),
-        "cfem_module_rest": np.hstack([row.rests, on.rests]),
-        "cfem_row_force": on.forces if on.places else np.zeros((len(which), 3)),  # C has no empty arrays
+        "cfem_module_rest": np.hstack([row.rests, patches.rests]),
+        "cfem_row_force": patches.forces if patches.places else np.zeros((len(which), 3)),  # C has no empty arrays
         "cfem_module_share": row.shares,
         "cfem_softer": row.softer,
         "cfem_wrench": np.asarray(row.meta.get("wrench") or np.zeros(row.rows.n_e), float),
@@ -152,19 +152,21 @@ def text(models: list[Tables]) -> tuple[str, str]:
         body.append("static " + c_text.array(name, values, kind)[1] + "\n\n")
         return name
 
-    for number, one in enumerate(models):
-        places = [add(f"module_{number}_{name}", getattr(one, name).ravel(), "double") for name in ("to_box", "offset")]
-        places.append(add(f"module_{number}_degrees", one.degrees.ravel(), "uint8_t"))
+    for number, model in enumerate(models):
+        places = [
+            add(f"module_{number}_{name}", getattr(model, name).ravel(), "double") for name in ("to_box", "offset")
+        ]
+        places.append(add(f"module_{number}_degrees", model.degrees.ravel(), "uint8_t"))
         series = []
         for name in PARTS:
-            terms, coefficients = one.series[name]
+            terms, coefficients = model.series[name]
             if not len(terms):
                 series.append("{0, 0, 0}")
                 continue
             which = add(f"module_{number}_{name}_terms", terms, "uint16_t")
             values = add(f"module_{number}_{name}", coefficients.ravel(), "cfem_real")
             series.append(f"{{{len(terms)}, {which}, {values}}}")
-        sizes = [len(one.offset), len(one.degrees), int(one.degrees.max(initial=1))]
+        sizes = [len(model.offset), len(model.degrees), int(model.degrees.max(initial=1))]
         rows.append("{" + ", ".join([*map(str, sizes), *places, *series]) + "}")
     body.append("const cfem_module cfem_modules[CFEM_MODELS] = {" + ",\n".join(rows) + "};\n")
     return TYPES, "".join(body)

@@ -20,12 +20,12 @@ def write_c_skin(folder: Path, model: Predictor, arrays: dict[str, np.ndarray], 
 def write_c_row_skin(folder: Path, row: SerialPredictor, spec: CSpec) -> int:
     """Adds the skin of modules in a row, all of one model; the bytes of its constants. Each node names its module and
     its number there."""
-    whole = row.surface
-    constants = skin_constants(row.models[0], whole.modules[0].arrays, spec)
-    constants["triangles"] = _numbers(whole.triangles, len(whole.rest))
-    constants["owner"] = whole.owner.astype(np.uint8)
-    constants["own"] = _numbers(whole.own, len(whole.modules[0].rest))
-    return _write(folder, constants, len(whole.rest), "shape", "row_shape")
+    surface = row.surface
+    constants = skin_constants(row.models[0], surface.modules[0].arrays, spec)
+    constants["triangles"] = _numbers(surface.triangles, len(surface.rest))
+    constants["owner"] = surface.owner.astype(np.uint8)
+    constants["own"] = _numbers(surface.own, len(surface.modules[0].rest))
+    return _write(folder, constants, len(surface.rest), "shape", "row_shape")
 
 
 def _write(folder: Path, constants: dict[str, np.ndarray], nodes: int, *parts: str) -> int:
@@ -40,8 +40,8 @@ def _write(folder: Path, constants: dict[str, np.ndarray], nodes: int, *parts: s
         "CFEM_SKIN_NZ": degrees.shape[1],
         "CFEM_SKIN_DEGREE": int(degrees.max(initial=0)),
     }
-    said, data = "/* The surface of the robot: by cfem export. */", '#include "cfem_data.h"\n'
-    return c_text.write_constants(folder / "cfem_skin", said, sizes, "cfem_skin_", constants, data)
+    heading, data = "/* The surface of the robot: by cfem export. */", '#include "cfem_data.h"\n'
+    return c_text.write_constants(folder / "cfem_skin", heading, sizes, "cfem_skin_", constants, data)
 
 
 def skin_constants(model: Predictor, arrays: dict[str, np.ndarray], spec: CSpec) -> dict[str, np.ndarray]:

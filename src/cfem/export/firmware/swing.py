@@ -32,7 +32,7 @@ TOLERANCE = 1e-7  # of each unknown's scale
 def moving_filter_of(still: Filter, spec: CSpec, motion: MotionModel) -> MarkerFilter:
     """Filter of Python that the C code repeats; still: the filter of the same robot at rest. InputError where there is
     no C code."""
-    own, rows = spec.estimate, still.estimator.loaded_rows
+    estimate, rows = spec.estimate, still.estimator.loaded_rows
     if spec.scalar != "double":
         raise SpecError(
             "the filter of a moving robot needs double precision", where="c.scalar", do="take `scalar: double`"
@@ -40,8 +40,8 @@ def moving_filter_of(still: Filter, spec: CSpec, motion: MotionModel) -> MarkerF
     if (rows >= motion.rows.n_e).any():
         what = "the filter of a moving robot in C has loads on effectors only"
         raise InputError(what, where="c.estimate.loads.rows", do="name rows of effectors")
-    uncertainty = motion_uncertainty(own, still.estimator.model, own.rate)
-    return MarkerFilter(still.estimator, motion, own.dynamics.driven, uncertainty, own.gate)
+    uncertainty = motion_uncertainty(estimate, still.estimator.model, estimate.rate)
+    return MarkerFilter(still.estimator, motion, estimate.dynamics.driven, uncertainty, estimate.gate)
 
 
 def write_c_swing(folder: Path, still: Filter, spec: CSpec, motion: MotionModel) -> MarkerFilter:
@@ -54,10 +54,10 @@ def write_c_swing(folder: Path, still: Filter, spec: CSpec, motion: MotionModel)
             text = f'#include "{header}"\n\n' + source.read_text(encoding="utf-8")
             write_whole(folder / name, text.encode())
     sizes, constants = swing_constants(made, rate)
-    said = c_text.comment(f"Markers {' '.join(spec.estimate.markers)} on a robot that moves: by cfem export.")
+    heading = c_text.comment(f"Markers {' '.join(spec.estimate.markers)} on a robot that moves: by cfem export.")
     words = {f"CFEM_SWING_{name}": value for name, value in sizes.items()}
     file, declared = folder / "cfem_swing_data", '#include "cfem_motion_data.h"\n'
-    c_text.write_constants(file, said, words, "cfem_swing_", constants, declared)
+    c_text.write_constants(file, heading, words, "cfem_swing_", constants, declared)
     frames = swinging_frames(made, 1 / rate)
     c_estimate.write_frames(folder, "swing", frames, made.unknowns, TOLERANCE)
     return made
@@ -69,7 +69,7 @@ def swing_constants(made: MarkerFilter, rate: float) -> tuple[dict[str, object],
     n_w, m, k = len(estimator.loaded), len(estimator.markers), len(estimator.model.skin)
     count = forward.count(1 / rate)
     dt = 1 / rate / count
-    (indices, of_markers), (_, of_modes) = (one.parts for one in made.markers.inner)  # of the same indices
+    (indices, of_markers), (_, of_modes) = (series.parts for series in made.markers.inner)  # of the same indices
     sizes = {"N": motion.n_q + n_w + 1, "NZ": forward.n_z, "NX": forward.n_z + n_w + 1, "LOADS": max(n_w, 1)}
     sizes |= {"STEPS": count, "FORCE": int(made.kind == "force"), "TERMS": len(indices)}
     sizes |= {"DEGREE": max(int(indices.max(initial=0)), 1)}
@@ -102,37 +102,39 @@ def swing_constants(made: MarkerFilter, rate: float) -> tuple[dict[str, object],
 def swinging_frames(made: MarkerFilter, period: float, count: int = FRAMES) -> list[dict]:
     """The model's own motion under commands that jump, some markers lost or wrong, an actuator that is not where its
     command is, and what Python estimates: by frame."""
-    one, motion, found, rng = made.estimator, made.motion, [], np.random.default_rng(0)
-    filtered = MarkerFilter(one, motion, made.kind, made.uncertainty, made.gate.spec)
-    n_a, m, states = motion.n_a, len(one.markers), one.model.domain.states[:, : motion.n_a]
-    stands = one.middle[:n_a]
+    estimator, motion, frames, rng = made.estimator, made.motion, [], np.random.default_rng(0)
+    filtered = MarkerFilter(estimator, motion, made.kind, made.uncertainty, made.gate.spec)
+    n_a, m, states = motion.n_a, len(estimator.markers), estimator.model.domain.states[:, : motion.n_a]
+    stands = estimator.middle[:n_a]
     now, force = at_rest(motion, stands), made.kind == "force"
     push = np.zeros(motion.rows.n_e)
-    push[one.loaded_rows] = np.linalg.cholesky(one.load_covariance) @ rng.normal(size=len(one.loaded_rows))
-    before = told = now.lam if force else stands
+    push[estimator.loaded_rows] = np.linalg.cholesky(estimator.load_covariance) @ rng.normal(
+        size=len(estimator.loaded_rows)
+    )
+    before = commanded = now.lam if force else stands
     for number in range(count):
         if number % 15 == 5:
-            stands = one.middle[:n_a] + 0.15 * (states[number % len(states)] - one.middle[:n_a])
-            told = at_rest(motion, stands).lam if force else stands
-        astray = 0.02 * one.scale[:n_a] if not force and number >= 40 else np.zeros(n_a)
+            stands = estimator.middle[:n_a] + 0.15 * (states[number % len(states)] - estimator.middle[:n_a])
+            commanded = at_rest(motion, stands).lam if force else stands
+        astray = 0.02 * estimator.scale[:n_a] if not force and number >= 40 else np.zeros(n_a)
         for share in (0.25, 0.5, 0.75, 1.0):
-            acts = {made.kind: before + share * (told - before) + astray}
+            acts = {made.kind: before + share * (commanded - before) + astray}
             now = step(motion, now, MotionCommand(**acts, push=push), period / 4)
-        before, y = told, np.r_[now.q, push[one.loaded_rows], 0.0]
-        places = one.rest + made.markers.seen(y)[0].reshape(-1, 3) + one.noise * rng.normal(size=(m, 3))
-        sensed = now.q[:n_a] + one.sensor * rng.normal(size=n_a) if number % 3 == 0 else np.full(n_a, np.nan)
+        before, y = commanded, np.r_[now.q, push[estimator.loaded_rows], 0.0]
+        places = estimator.rest + made.markers.seen(y)[0].reshape(-1, 3) + estimator.noise * rng.normal(size=(m, 3))
+        sensed = now.q[:n_a] + estimator.sensor * rng.normal(size=n_a) if number % 3 == 0 else np.full(n_a, np.nan)
         if number % 4 == 1:
             places[rng.integers(m)] += 20.0 * rng.normal(size=3)
         if number % 5 == 2:
             places[rng.integers(m)] = np.nan
         if number == 30:
             places[:] = np.nan
-        command = np.full(n_a, np.nan) if number % 13 == 12 else told
+        command = np.full(n_a, np.nan) if number % 13 == 12 else commanded
         given = None if np.isnan(command).any() else command
         answer = filtered.tick(places, sensed, given, period if number else 0.0)
         known = filtered.last
-        found.append(
+        frames.append(
             {"place": places, "displacement": sensed, "force": np.full(n_a, np.nan), "command": command}
             | {"answer": answer, "x": known[0], "covariance": known[1]}
         )
-    return found
+    return frames

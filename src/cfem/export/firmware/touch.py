@@ -44,7 +44,7 @@ def write_c_touch(
         "CFEM_TOUCH_OBSTACLES": len(obstacles),
         "CFEM_TOUCH_FRICTION": repr(float(friction)),
     }
-    said = "/* The robot's surface and what it touches: by cfem export. Units: mm, N. */"
+    heading = "/* The robot's surface and what it touches: by cfem export. Units: mm, N. */"
     declared = '#include "cfem.h"\n#include "cfem_obstacle.h"\n\n'
     declared += f"extern const cfem_obstacle cfem_obstacles[{max(len(obstacles), 1)}];\n"
     rows = ",\n".join(map(_obstacle, obstacles))
@@ -52,16 +52,16 @@ def write_c_touch(
     defined = '#include "cfem_touch.h"\n\nconst unsigned long cfem_touch_room_size = sizeof(cfem_touch_room);\n'
     defined += f"const cfem_obstacle cfem_obstacles[] = {{{rows}}};\n"
     file = folder / "cfem_touch_data"
-    return c_text.write_constants(file, said, sizes, "cfem_patch_", constants, declared, defined)
+    return c_text.write_constants(file, heading, sizes, "cfem_patch_", constants, declared, defined)
 
 
 def touch_constants(patched: PatchedModel) -> dict[str, np.ndarray]:
     """Arrays that the patches need of the skin, and series of what its modes leave: of pairs p <= q, row by row."""
     skin, N = patched.model.skin, len(patched.patches)
     arrays, (spread, by_row) = skin.arrays, patched.spread
-    one, other = np.triu_indices(N)
-    local = patched.local[one, other].reshape(len(one), len(patched.degrees), 9)
-    (a, b, c), whole = symmetric3_indices(3), -patched.bent.shape[1] % 4  # vectors of a processor
+    p, q = np.triu_indices(N)
+    local = patched.local[p, q].reshape(len(p), len(patched.degrees), 9)
+    (a, b, c), padding = symmetric3_indices(3), -patched.bent.shape[1] % 4  # vectors of a processor
     return {
         "to_box": np.asarray(arrays["to_box"], float),
         "offset": np.asarray(arrays["offset"], float),
@@ -76,7 +76,7 @@ def touch_constants(patched: PatchedModel) -> dict[str, np.ndarray]:
             patched.dented[:, :, UPPER[0], UPPER[1], 3:].transpose(1, 0, 3, 2), dtype=np.float32
         ),
         "local_tip": np.ascontiguousarray(patched.local_tip.transpose(2, 0, 1, 3)),
-        "bent": np.pad(patched.bent, [(0, 0), (0, whole)]).astype(np.float32),
+        "bent": np.pad(patched.bent, [(0, 0), (0, padding)]).astype(np.float32),
         "bends": patched.bends,
         "bending": patched.U @ patched.bends,
         "held": patched.held_still.astype(np.uint8),
@@ -89,9 +89,9 @@ def touch_constants(patched: PatchedModel) -> dict[str, np.ndarray]:
     }
 
 
-def _obstacle(one: Obstacle) -> str:
-    if not isinstance(one, Rounded):
+def _obstacle(obstacle: Obstacle) -> str:
+    if not isinstance(obstacle, Rounded):
         what = "closed meshes have no C code"
         raise InputError(what, where="c.obstacles", do="take planes, spheres, boxes and capsules")
-    R, t, core = (c_text.braces(np.asarray(values, float)) for values in (one.R, one.t, one.core))
-    return f"{{{R}, {t}, {core}, {c_text.number(one.rounding, 'double')}, {int(np.isinf(one.core[0]))}}}"
+    R, t, core = (c_text.braces(np.asarray(values, float)) for values in (obstacle.R, obstacle.t, obstacle.core))
+    return f"{{{R}, {t}, {core}, {c_text.number(obstacle.rounding, 'double')}, {int(np.isinf(obstacle.core[0]))}}}"

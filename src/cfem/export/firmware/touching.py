@@ -38,32 +38,34 @@ def write_touch(folder: Path, spec: CSpec, scene: Path, model_folder: Path, s: n
     robot_scene, mesh = load_scene_and_mesh(scene)
     made_of = made_from(scene, scene.parent / robot_scene.out) | {"loads": {}}
     robot = build_robot(robot_scene, mesh)
-    met = [one for one in spec.obstacles.values() if one.kind == "robot"]
+    met = [obstacle for obstacle in spec.obstacles.values() if obstacle.kind == "robot"]
     try:
         patched = patched_model_of(model, model_folder, robot, made_of, *spec.contact.cut)
-        courses = [one.actuated(model) for one in met]
+        courses = [obstacle.actuated(model) for obstacle in met]
     except InputError as error:
         raise InputError(error.what, where=error.where or str(model_folder), do=error.do) from None
-    itself = any(one.kind == "itself" for one in spec.obstacles.values())
-    solid = [one.made(scene.parent) for one in spec.obstacles.values() if one.kind not in ("robot", "itself")]
+    itself = any(obstacle.kind == "itself" for obstacle in spec.obstacles.values())
+    solid = [
+        obstacle.made(scene.parent) for obstacle in spec.obstacles.values() if obstacle.kind not in ("robot", "itself")
+    ]
     mu, soft = spec.contact.friction, bool(met or itself)
     more = {"robots": 1 + len(met), "most": c_meet.MOST} if soft else {}
     size = write_c_touch(folder, patched, solid, mu, robot.unilateral, **more)
-    found: dict[str, Any] = {"patches": len(patched.patches), "bytes": size, "parity": None}
+    report: dict[str, Any] = {"patches": len(patched.patches), "bytes": size, "parity": None}
     if not soft:
-        return found | (
+        return report | (
             {"parity": touch_parity(folder, patched, robot.unilateral, solid, mu, s[:STATES])} if compiler() else {}
         )
-    places = [(np.eye(3), np.zeros(3), itself), *((one.R, one.t, False) for one in courses)]
+    places = [(np.eye(3), np.zeros(3), itself), *((course.R, course.t, False) for course in courses)]
     robots = [PlacedModel(patched, *place, robot.unilateral) for place in places]
-    found["bytes"] += c_meet.write_c_meet(folder, robots)
+    report["bytes"] += c_meet.write_c_meet(folder, robots)
     meeting = ContactScene(robots, ObstacleSet.of(solid), mu)
     try:
-        ways = [way(meeting, courses, end) for end in s[:STATES]]
+        sequences = [states_to(meeting, courses, end) for end in s[:STATES]]
     except InputError as error:
         raise InputError(error.what, where=error.where or "c.obstacles", do=error.do) from None
-    c_meet.write_way(folder, max(ways, key=lambda one: one[-1].pressed))
-    return found | {"robots": len(robots), "parity": meet_parity(folder, meeting, ways) if compiler() else None}
+    c_meet.write_states(folder, max(sequences, key=lambda states: states[-1].pressed))
+    return report | {"robots": len(robots), "parity": meet_parity(folder, meeting, sequences) if compiler() else None}
 
 
 def touch_parity(
@@ -76,40 +78,44 @@ def touch_parity(
         compiled.reset()
         for share in np.arange(1, STEPS + 1) / STEPS:
             before = contact_step(patched, share * end, solid, mu=mu, before=before, unilateral=unilateral)
-            here = compiled(share * end, solid, mu, slack=True)
+            computed = compiled(share * end, solid, mu, slack=True)
             if not before.converged:
                 break
-            _demand_state(here.status)
+            _demand_state(computed.status)
             forces = np.zeros((len(patched.patches), 3))
-            forces[here.patches] = here.forces
-            pairs = [(before.forces, forces), (before.delta_e[0], here.delta_e), (before.lambda_a[0], here.lambda_a)]
+            forces[computed.patches] = computed.forces
+            pairs = [
+                (before.forces, forces),
+                (before.delta_e[0], computed.delta_e),
+                (before.lambda_a[0], computed.lambda_a),
+            ]
             worst = max([worst, *(np.abs(a - b).max() / max(np.abs(a).max(), 1e-9) for a, b in pairs)])
     return float(worst)
 
 
-def way(meeting: ContactScene, courses: Sequence[ActuatedRobot], end: np.ndarray) -> list[ContactState]:
+def states_to(meeting: ContactScene, courses: Sequence[ActuatedRobot], end: np.ndarray) -> list[ContactState]:
     """States of the first robot from rest to end (n_a,) mm, while the others go along their courses, up to one that
     does not converge. InputError where robots overlap at the begin."""
-    found = [meeting.start([0 * end, *(one.deltas(0.0) for one in courses)])]
+    states = [meeting.start([0 * end, *(course.deltas(0.0) for course in courses)])]
     for share in np.arange(1, FINE + 1) / FINE:
-        now = meeting.step([share * end, *(one.deltas(share) for one in courses)], found[-1])
-        if not now.converged:
+        state = meeting.step([share * end, *(course.deltas(share) for course in courses)], states[-1])
+        if not state.converged:
             break
-        found.append(now)
-    return found
+        states.append(state)
+    return states
 
 
-def meet_parity(folder: Path, meeting: ContactScene, ways: Sequence[Sequence[ContactState]]) -> float:
+def meet_parity(folder: Path, meeting: ContactScene, sequences: Sequence[Sequence[ContactState]]) -> float:
     """Largest relative difference of C from Python on ways of robots that meet."""
     compiled, worst, solid = CompiledMeet(folder), 0.0, meeting.obstacles.obstacles
-    for states in ways:
+    for states in sequences:
         compiled.reset()
         for state in states:
-            here = compiled(state.deltas, solid, meeting.mu)
-            _demand_state(here.status)
+            computed = compiled(state.deltas, solid, meeting.mu)
+            _demand_state(computed.status)
             for name in ("forces", "delta_e", "lambda_a"):
-                off = np.abs(np.concatenate(getattr(state, name)) - np.concatenate(getattr(here, name))).max()
-                worst = max(worst, float(off) / max(c_meet.scale(states, name), 1e-9))
+                error = np.abs(np.concatenate(getattr(state, name)) - np.concatenate(getattr(computed, name))).max()
+                worst = max(worst, float(error) / max(c_meet.scale(states, name), 1e-9))
     return worst
 
 

@@ -33,7 +33,7 @@ class Fmu:
     @property
     def variables(self) -> list[Variable]:
         """By value reference, from 1 on; time is 0."""
-        return [one for block in self.blocks.values() for one in block]
+        return [variable for block in self.blocks.values() for variable in block]
 
 
 def model_description(fmu: Fmu, token: str) -> bytes:
@@ -57,7 +57,7 @@ def model_description(fmu: Fmu, token: str) -> bytes:
     if fmu.tick is not None:
         simulation.set("fixedInternalStepSize", repr(fmu.tick))
     units = SubElement(root, "UnitDefinitions")
-    for name in sorted({"s", *(one.unit for one in fmu.variables if one.unit)}):
+    for name in sorted({"s", *(variable.unit for variable in fmu.variables if variable.unit)}):
         exponents, factor = UNITS[name]
         base = {unit: str(power) for unit, power in exponents.items()}
         SubElement(SubElement(units, "Unit", name=name), "BaseUnit", base | {"factor": repr(factor)})
@@ -68,26 +68,26 @@ def model_description(fmu: Fmu, token: str) -> bytes:
     variables, structure = SubElement(root, "ModelVariables"), SubElement(root, "ModelStructure")
     time = {"name": "time", "valueReference": "0", "causality": "independent", "variability": "continuous", "unit": "s"}
     SubElement(variables, "Float64", time)
-    for reference, one in enumerate(fmu.variables, start=1):
-        SubElement(variables, "UInt32" if one.counts else "Float64", _attributes(one, reference))
-        if not one.input:
+    for reference, variable in enumerate(fmu.variables, start=1):
+        SubElement(variables, "UInt32" if variable.counts else "Float64", _attributes(variable, reference))
+        if not variable.input:
             SubElement(structure, "Output", valueReference=str(reference))
-    for reference, one in enumerate(fmu.variables, start=1):
-        if not one.input:
+    for reference, variable in enumerate(fmu.variables, start=1):
+        if not variable.input:
             SubElement(structure, "InitialUnknown", valueReference=str(reference))
     return _bytes(root)
 
 
-def _attributes(one: Variable, reference: int) -> dict[str, str]:
-    found = {"name": one.name, "valueReference": str(reference), "description": one.description}
-    found |= {
-        "causality": "input" if one.input else "output",
-        "variability": "discrete" if one.counts else "continuous",
+def _attributes(variable: Variable, reference: int) -> dict[str, str]:
+    attributes = {"name": variable.name, "valueReference": str(reference), "description": variable.description}
+    attributes |= {
+        "causality": "input" if variable.input else "output",
+        "variability": "discrete" if variable.counts else "continuous",
     }
-    if one.input:
-        shown = "NaN" if one.missing else repr(int(one.start) if one.counts else float(one.start))
-        found["start"] = shown
-    return found if one.counts else found | {"unit": one.unit}
+    if variable.input:
+        shown = "NaN" if variable.missing else repr(int(variable.start) if variable.counts else float(variable.start))
+        attributes["start"] = shown
+    return attributes if variable.counts else attributes | {"unit": variable.unit}
 
 
 def build_description(identifier: str, sources: Sequence[str]) -> bytes:

@@ -104,17 +104,17 @@ def write_fmus(
 
 def _fmu(part: FmuPart, spec: ExportSpec, model: Predictor, start: Condensed, motion: MotionModel | None) -> Fmu:
     """start: the robot where the controller begins."""
-    scene, own = model.meta["scene"], spec.c.controller
+    scene, settings = model.meta["scene"], spec.c.controller
     described = re.sub(r"\W", "_", f"{scene}_{part}"), f"{scene}: {WHAT[part]}"
     if part == "estimator":
         moves = spec.c.estimate.dynamics is not None
         return Fmu(*described, estimator_blocks(model, spec.c), 1 / spec.c.estimate.rate, None, moves)
-    command = start.lambda_a if own.command == "force" else start.delta_a
+    command = start.lambda_a if settings.command == "force" else start.delta_a
     if part == "controller":
         return Fmu(*described, controller_blocks(model, spec.c), 1 / spec.fmu.ticks, None, False)
     longest = None
     if part == "moving":
-        held = own.command == "displacement"
+        held = settings.command == "displacement"
         first = float(natural_modes(motion, start.delta_a, held, 1).frequency[0])
         longest = spec.fmu.step or 1 / (STEPS * first)
     return Fmu(*described, robot_blocks(model, spec.c, command), None, longest, part == "moving")
@@ -122,23 +122,23 @@ def _fmu(part: FmuPart, spec: ExportSpec, model: Predictor, start: Condensed, mo
 
 def _packed(fmu: Fmu, part: FmuPart, code: Path, place: Path, shared: Sequence[Path] | None) -> bytes:
     """The file. place: a folder to be made; shared: objects of the C folder, None where there is no compiler."""
-    own = ("cfem_fmu.c", "cfem_fmu_absent.c", f"cfem_fmu_{ADAPTERS[part]}.c")
-    copy_sources(place, *(f"fmu/{name}" for name in ("cfem_fmi3.h", "cfem_fmu.h", *own)))
-    headers = (one.name for one in code.glob("cfem*.h") if not one.name.endswith("_vectors.h"))
+    adapter = ("cfem_fmu.c", "cfem_fmu_absent.c", f"cfem_fmu_{ADAPTERS[part]}.c")
+    copy_sources(place, *(f"fmu/{name}" for name in ("cfem_fmi3.h", "cfem_fmu.h", *adapter)))
+    headers = (path.name for path in code.glob("cfem*.h") if not path.name.endswith("_vectors.h"))
     with disk_errors(place):
         for name in (*library_files(code), *headers):
             shutil.copyfile(code / name, place / name)
-    token = _token(model_description(fmu, ""), *(one.read_bytes() for one in sorted(place.iterdir())))
+    token = _token(model_description(fmu, ""), *(path.read_bytes() for path in sorted(place.iterdir())))
     for name, text in zip(("cfem_fmu_data.h", "cfem_fmu_data.c"), _data(fmu, token), strict=True):
         write_whole(place / name, text.encode())
     files = {"modelDescription.xml": model_description(fmu, token)}
     files["sources/buildDescription.xml"] = build_description(fmu.identifier, library_files(place))
-    files |= {f"sources/{one.name}": one.read_bytes() for one in sorted(place.iterdir())}
+    files |= {f"sources/{path.name}": path.read_bytes() for path in sorted(place.iterdir())}
     if shared is not None:
         system, end = target()
         library = f"{fmu.identifier}{end}"
-        parts = (*shared, *_compiled(place, (*own, "cfem_fmu_data.c"), place))
-        run([compiler(), *FAST, "-shared", "-o", library, *(str(one.resolve()) for one in parts), "-lm"], place)
+        parts = (*shared, *_compiled(place, (*adapter, "cfem_fmu_data.c"), place))
+        run([compiler(), *FAST, "-shared", "-o", library, *(str(path.resolve()) for path in parts), "-lm"], place)
         files[f"binaries/{system}/{library}"] = (place / library).read_bytes()
     return _zip(files)
 
@@ -151,14 +151,14 @@ def _data(fmu: Fmu, token: str) -> tuple[str, str]:
     rows = ['{"time", "s", 0, 0, 0, 0.0}']
     for block, variables in fmu.blocks.items():
         words[f"CFEM_FMU_{block}"] = len(rows)
-        for one in variables:
-            texts = c_text.string(one.name), c_text.string(one.unit)
-            flags = int(one.counts), int(one.input), int(one.missing)
-            start = "NAN" if one.missing else c_text.number(one.start, "double")
+        for variable in variables:
+            texts = c_text.string(variable.name), c_text.string(variable.unit)
+            flags = int(variable.counts), int(variable.input), int(variable.missing)
+            start = "NAN" if variable.missing else c_text.number(variable.start, "double")
             rows.append("{" + ", ".join(map(str, (*texts, *flags, start))) + "}")
     words["CFEM_FMU_VARIABLES"] = len(rows)
-    said = c_text.comment(f"{fmu.description}, as a unit of co-simulation: by cfem export.")
-    header = f"{said}\n#ifndef CFEM_FMU_DATA_H\n#define CFEM_FMU_DATA_H\n\n{c_text.defines(words)}\n#endif\n"
+    heading = c_text.comment(f"{fmu.description}, as a unit of co-simulation: by cfem export.")
+    header = f"{heading}\n#ifndef CFEM_FMU_DATA_H\n#define CFEM_FMU_DATA_H\n\n{c_text.defines(words)}\n#endif\n"
     table = ",\n".join(rows)
     body = f"const cfem_fmu_variable cfem_fmu_variables[CFEM_FMU_VARIABLES] = {{\n{table}}};\n"
     return header, f'#include "cfem_fmu.h"\n\n#include <math.h>\n\n{body}'

@@ -72,14 +72,17 @@ def robot_blocks(model: Predictor, spec: CSpec, home: np.ndarray) -> Blocks:
 
 
 def estimator_blocks(model: Predictor, spec: CSpec) -> Blocks:
-    own, names = spec.estimate, model.rows.actuators
+    estimate, names = spec.estimate, model.rows.actuators
     strokes, forces = ([*zip(names, units, strict=True)] for units in zip(*model.actuator_units, strict=True))
-    driven = "displacement" if own.dynamics is None else own.dynamics.driven
+    driven = "displacement" if estimate.dynamics is None else estimate.dynamics.driven
     commanded = strokes if driven == "displacement" else forces
-    loads = [(name, "N mm" if re.search(r"\.r[xyz]$", name) else "N") for name in (own.loads.rows if own.loads else ())]
+    loads = [
+        (name, "N mm" if re.search(r"\.r[xyz]$", name) else "N")
+        for name in (estimate.loads.rows if estimate.loads else ())
+    ]
     unknowns = [*((f"displacement.{_name(n)}", unit) for n, unit in strokes)]
     unknowns += [(f"force.{_name(name)}", unit) for name, unit in loads]
-    axes = [(f"{_name(name)}.{axis}", "mm") for name in own.markers for axis in "xyz"]
+    axes = [(f"{_name(name)}.{axis}", "mm") for name in estimate.markers for axis in "xyz"]
     return {
         "MARKER": _inputs("marker", axes, "where it is seen; NaN: not seen", UNKNOWN, named=True),
         "DISPLACEMENT": _inputs("displacement", strokes, "by the actuator's sensor; NaN: not measured", UNKNOWN),
@@ -103,20 +106,20 @@ def _commanded(model: Predictor, spec: CSpec) -> list[tuple[str, str]]:
 
 
 def _inputs(
-    block: str, scalars: Iterable[tuple[str, str]], said: str, start: np.ndarray | float, named: bool = False
+    block: str, scalars: Iterable[tuple[str, str]], description: str, start: np.ndarray | float, named: bool = False
 ) -> list[Variable]:
     """named: whether the names are ready for the description."""
     scalars = [*scalars]
     starts = np.broadcast_to(start, len(scalars)).tolist()
     missing = start is UNKNOWN
     return [
-        Variable(f"{block}.{name if named else _name(name)}", unit, said, True, missing, value)
+        Variable(f"{block}.{name if named else _name(name)}", unit, description, True, missing, value)
         for (name, unit), value in zip(scalars, starts, strict=True)
     ]
 
 
-def _outputs(block: str, scalars: Iterable[tuple[str, str]], said: str, named: bool = False) -> list[Variable]:
-    return [Variable(f"{block}.{name if named else _name(name)}", unit, said) for name, unit in scalars]
+def _outputs(block: str, scalars: Iterable[tuple[str, str]], description: str, named: bool = False) -> list[Variable]:
+    return [Variable(f"{block}.{name if named else _name(name)}", unit, description) for name, unit in scalars]
 
 
 def _name(name: str) -> str:

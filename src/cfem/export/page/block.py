@@ -58,17 +58,21 @@ def block(model: Surrogate, defines: dict, constants: dict[str, np.ndarray], ski
     arrays |= {"cfem_observer_tolerance": [sizes["CFEM_OBSERVER_TOLERANCE"]]}
     arrays |= {"cfem_skin_to_box": skin.to_box, "cfem_skin_offset": skin.offset}
     arrays |= {"cfem_skin": skin.coefficients, "cfem_skin_degrees": skin.degrees}
-    groups = {f"cfem_{name}": of for name, of in model.groups.items()} | {"cfem_skin": skin.groups}
+    groups = {f"cfem_{name}": series_groups for name, series_groups in model.groups.items()} | {
+        "cfem_skin": skin.groups
+    }
     parts: list[np.ndarray | bytes] = lists.parts(sizes, arrays)
     for name in lists.trees:
         degrees = np.asarray(arrays[f"{name}_degrees"], np.uint8)
         parts += [np.array([len(degrees), len(groups[name])], "<i4"), np.asarray(arrays[name], "<f8"), degrees]
-        parts.append(b"".join(_group(one, lists.room["CFEM_MOST_NZ"] - 1) for one in groups[name]))
+        parts.append(b"".join(_group(group, lists.room["CFEM_MOST_NZ"] - 1) for group in groups[name]))
     return joined(parts)
 
 
-def _group(one: Group, degrees: int) -> bytes:
+def _group(group: Group, degrees: int) -> bytes:
     """A group as C has it, with memory for so many degrees. InputError where its end is beyond 16 bits."""
-    if one.end > 0xFFFF:
-        raise InputError(f"the page has no room for {one.end} terms of a series", do="train it to a lower degree")
-    return np.array(one.end, "<u2").tobytes() + bytes([one.depth, *one.degrees, *[0] * (degrees - len(one.degrees))])
+    if group.end > 0xFFFF:
+        raise InputError(f"the page has no room for {group.end} terms of a series", do="train it to a lower degree")
+    return np.array(group.end, "<u2").tobytes() + bytes(
+        [group.depth, *group.degrees, *[0] * (degrees - len(group.degrees))]
+    )

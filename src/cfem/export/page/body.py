@@ -59,9 +59,9 @@ def body(skin: dict[str, np.ndarray], lines: Sequence[Tube], walls: Sequence[Cha
         points.append(wall.rest)
         moving.append(within(wall, skin))
     again, outer = sharpened(rest, skin["triangles"], sum(map(len, points)))
-    whole, moved = np.concatenate(points), np.concatenate(moving, axis=1)
+    places, moved = np.concatenate(points), np.concatenate(moving, axis=1)
     return DrawnBody(
-        rest=np.concatenate([whole, whole[again]]),
+        rest=np.concatenate([places, places[again]]),
         modes=np.concatenate([moved, moved[:, again]], axis=1),
         triangles=np.concatenate([outer, *inner]),
         lines=placed,
@@ -95,9 +95,9 @@ def carriers(points: np.ndarray, surface: np.ndarray) -> np.ndarray:
         basis = np.column_stack([np.ones(near.shape[1]), (surface[near[place]] - point) / size])
         # the smallest weights that reproduce what they can of 1, x, y, z
         scaled = basis * np.sqrt(close)[:, None]
-        found = np.linalg.pinv(scaled.T, rcond=1e-3) @ np.array([1.0, 0, 0, 0])
-        found *= np.sqrt(close)
-        weights[place, near[place]] = found / found.sum()
+        shares = np.linalg.pinv(scaled.T, rcond=1e-3) @ np.array([1.0, 0, 0, 0])
+        shares *= np.sqrt(close)
+        weights[place, near[place]] = shares / shares.sum()
     return weights
 
 

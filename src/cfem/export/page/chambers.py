@@ -33,12 +33,14 @@ class ChamberWall:
 def walls(model_folder: Path, robot: dict[str, Any] | None, skin: dict[str, np.ndarray]) -> list[ChamberWall]:
     """Those of the cavities that the model says its robot has; none where its mesh is gone, or is no longer the one
     that the skin was made on."""
-    cavities = [(i, one) for i, one in enumerate(robot["actuators"] if robot else []) if one["kind"] == "cavity"]
+    cavities = [
+        (i, actuator) for i, actuator in enumerate(robot["actuators"] if robot else []) if actuator["kind"] == "cavity"
+    ]
     mesh = mesh_of(model_folder) if cavities else None
     nodes = skin.get("nodes", np.zeros(0, int))
     if mesh is None or not len(nodes) or nodes.max() >= len(mesh.X) or not np.allclose(mesh.X[nodes], skin["rest"]):
         return []
-    return [_wall(number, mesh, facets_around(mesh, one)) for number, one in cavities]
+    return [_wall(number, mesh, facets_around(mesh, cavity)) for number, cavity in cavities]
 
 
 def mesh_of(artefact: Path) -> Mesh | None:

@@ -1,4 +1,4 @@
-"""Arrays and what is said of them as one text for a page: compressed, with its length and a checksum, so that a page
+"""Arrays and facts about them as one text for a page: compressed, with its length and a checksum, so that a page
 whose data were cut or changed says so. web/data.js reads it."""
 
 import base64
@@ -29,22 +29,23 @@ class Fixed:
     values: np.ndarray
     steps: np.ndarray
 
-    def whole(self) -> np.ndarray:
+    def integers(self) -> np.ndarray:
+        """Multiples of the step."""
         steps = self.steps.reshape(-1, *[1] * (self.values.ndim - 1))
         return np.rint(self.values / steps).astype("<i4")
 
 
-def pack(said: dict[str, Any], arrays: dict[str, np.ndarray | Fixed | bytes]) -> Packed:
-    """said: JSON; arrays: bytes as they are, whole numbers and float32 as 32 bits, others as Fixed or double."""
+def pack(facts: dict[str, Any], arrays: dict[str, np.ndarray | Fixed | bytes]) -> Packed:
+    """facts: JSON; arrays: bytes as they are, whole numbers and float32 as 32 bits, others as Fixed or double."""
     index, parts = {}, []
     for name, array in arrays.items():
         described, data = _described(array)
         index[name] = {**described, "bytes": len(data)}
         parts.append(data + bytes(-len(data) % 8))
-    head = json.dumps({**said, "arrays": index}, ensure_ascii=False, allow_nan=False).encode()
+    head = json.dumps({**facts, "arrays": index}, ensure_ascii=False, allow_nan=False).encode()
     head += b" " * (-len(head) % 8)
-    whole = b"".join([MAGIC, np.uint32(len(head)).astype("<u8").tobytes(), head, *parts])
-    return Packed(base64.b64encode(zlib.compress(whole, 9)).decode(), len(whole), zlib.crc32(whole))
+    content = b"".join([MAGIC, np.uint32(len(head)).astype("<u8").tobytes(), head, *parts])
+    return Packed(base64.b64encode(zlib.compress(content, 9)).decode(), len(content), zlib.crc32(content))
 
 
 def _described(array: np.ndarray | Fixed | bytes) -> tuple[dict[str, Any], bytes]:
@@ -52,7 +53,7 @@ def _described(array: np.ndarray | Fixed | bytes) -> tuple[dict[str, Any], bytes
     if isinstance(array, bytes):
         return {"type": "bytes"}, array
     if isinstance(array, Fixed):
-        return {"type": "fixed", "steps": array.steps.tolist()}, _planes(array.whole())
+        return {"type": "fixed", "steps": array.steps.tolist()}, _planes(array.integers())
     if array.dtype == np.float32:
         return {"type": "single"}, _planes(array.view("<i4"))
     if np.issubdtype(array.dtype, np.integer):
@@ -60,6 +61,6 @@ def _described(array: np.ndarray | Fixed | bytes) -> tuple[dict[str, Any], bytes
     return {"type": "double"}, array.astype("<f8").tobytes()
 
 
-def _planes(whole: np.ndarray) -> bytes:
+def _planes(integers: np.ndarray) -> bytes:
     """First all lowest bytes, then all next ones: high bytes are much alike, and compress."""
-    return whole.reshape(-1, 1).view(np.uint8).T.tobytes()
+    return integers.reshape(-1, 1).view(np.uint8).T.tobytes()

@@ -32,7 +32,9 @@ def write_page(
 ) -> int:
     """Bytes of the page. meta, arrays: of the model, under the loads of the spec; skin_folder: of the model whose
     skin it draws."""
-    moved = [one["name"] for one in meta["parameters"] if one["key"].startswith(("geometry", "shape"))]
+    moved = [
+        parameter["name"] for parameter in meta["parameters"] if parameter["key"].startswith(("geometry", "shape"))
+    ]
     if spec.c.parameters and moved:
         what = f"the surface of other designs is not known: '{moved[0]}' changes where it rests"
         raise InputError(what, where="c.parameters", do="leave the parameters out, for the scene's own design")
@@ -56,13 +58,13 @@ def read_skin(folder: Path, predictor: Predictor) -> dict[str, np.ndarray]:
         raise InputError("the model has no skin, so there is nothing to draw", where=str(folder), do=do)
     arrays, other = read_arrays(folder, FILE), read_meta(folder)
     mine = predictor.meta
-    for what, one, two in (
+    for what, expected, present in (
         ("actuators", mine["rows"]["actuators"], other["rows"]["actuators"]),
         ("form", mine["form"], other["form"]),
         ("robot", mine.get("robot"), other.get("robot")),
         ("parameters", mine["parameters"], other["parameters"]),
     ):
-        if one != two:
+        if expected != present:
             raise InputError(
                 f"the skin is of a model with another {what}", where=str(folder), do="name one of this robot"
             )
@@ -76,5 +78,7 @@ def read_skin(folder: Path, predictor: Predictor) -> dict[str, np.ndarray]:
 def sources() -> dict[str, Any]:
     """Content hashes of what every page holds, and of what puts it together."""
     folders = [Path(str(ASSETS)), Path(viewer.__file__).parent]
-    held = [one for folder in folders for one in folder.iterdir() if one.is_file() and one.suffix not in (".c", ".h")]
-    return {one.name: file_sha256(one) for one in sorted([*held, *Path(__file__).parent.glob("*.py")])}
+    held = [
+        path for folder in folders for path in folder.iterdir() if path.is_file() and path.suffix not in (".c", ".h")
+    ]
+    return {path.name: file_sha256(path) for path in sorted([*held, *Path(__file__).parent.glob("*.py")])}

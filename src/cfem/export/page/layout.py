@@ -42,11 +42,11 @@ class BlockLayout:
 
     def parts(self, sizes: Mapping[str, int], arrays: Mapping[str, np.ndarray]) -> list[np.ndarray]:
         """Counts and arrays in the order of the block. InputError where the page has no room for a count."""
-        for one in self.counts:
-            if sizes[one.name] > one.most:
-                what = f"the page has room for {one.most} {one.what}, and this robot has {sizes[one.name]}"
+        for count in self.counts:
+            if sizes[count.name] > count.most:
+                what = f"the page has room for {count.most} {count.what}, and this robot has {sizes[count.name]}"
                 raise InputError(what, do="export C")
-        parts = [np.array([sizes[one.name] for one in self.counts], "<i4")]
+        parts = [np.array([sizes[count.name] for count in self.counts], "<i4")]
         parts += [np.asarray(arrays[name], "<i4") for name in self.integers]
         parts += [np.asarray(arrays[name], "<f8") for name in self.vectors]
         return parts + [np.asarray(row, "<f8") for name in self.matrices for row in arrays[name]]

@@ -45,14 +45,16 @@ def weight(
     parts = layout(predictor.rows.n_a, predictor.rows.n_e)
     series = [robot.arrays["series"].copy() for robot in robots]
     for rows in (parts["energy"], parts["effector"]):
-        alike([one[rows] for one in series])
-    alike([one["series"] for one in skins])
-    filled = [type(predictor)(one.meta, {**one.arrays, "series": own}) for one, own in zip(robots, series, strict=True)]
-    blocks = [block_of(*one) for one in zip(filled, skins, strict=True)]
-    words = np.stack([np.frombuffer(one, "<f8") for one in blocks])
+        alike([coefficients[rows] for coefficients in series])
+    alike([arrays["series"] for arrays in skins])
+    blocks = [
+        block_of(type(predictor)(robot.meta, {**robot.arrays, "series": coefficients}), arrays)
+        for robot, coefficients, arrays in zip(robots, series, skins, strict=True)
+    ]
+    words = np.stack([np.frombuffer(block, "<f8") for block in blocks])
     positions = np.flatnonzero((np.frombuffer(blocks[0], "<i8") != words.view("<i8")).any(axis=0))
-    found = np.linalg.solve(np.vander(SHARES[1:], 4)[:, 2::-1], words[1:, positions] - words[0, positions])
-    return blocks[0], Weight(largest, positions, found)
+    changes = np.linalg.solve(np.vander(SHARES[1:], 4)[:, 2::-1], words[1:, positions] - words[0, positions])
+    return blocks[0], Weight(largest, positions, changes)
 
 
 def trusted(predictor: SpectralPredictor, down: np.ndarray) -> float:
@@ -60,15 +62,15 @@ def trusted(predictor: SpectralPredictor, down: np.ndarray) -> float:
     force's second power, or third where the model has third derivatives."""
     power = 3 if THIRD in predictor.arrays else 2
     error = wrench_error(predictor, down)
-    found = 0.9 * (TRUSTED * predictor.length / error) ** (1 / power) if error > 0 else np.inf
-    if not np.isfinite(found):
+    force = 0.9 * (TRUSTED * predictor.length / error) ** (1 / power) if error > 0 else np.inf
+    if not np.isfinite(force):
         return np.inf
-    digit = 10.0 ** (np.floor(np.log10(found)) - 1)
-    return float(np.floor(found / digit) * digit)
+    digit = 10.0 ** (np.floor(np.log10(force)) - 1)
+    return float(np.floor(force / digit) * digit)
 
 
 def alike(series: list[np.ndarray]) -> None:
     """Terms (outputs, M) that any of them has are kept in all."""
-    used = np.any([(one != 0).any(axis=0) for one in series], axis=0)
-    for one in series:
-        one[0, used & (one == 0).all(axis=0)] = KEPT
+    used = np.any([(coefficients != 0).any(axis=0) for coefficients in series], axis=0)
+    for coefficients in series:
+        coefficients[0, used & (coefficients == 0).all(axis=0)] = KEPT

@@ -21,11 +21,11 @@ TICKS_A_PERIOD = 10
 
 @dataclass(frozen=True)
 class Moves:
-    """block: of bytes; curve (POINTS, n_e) mm absolute, closed; said: what the page's program is told."""
+    """block: of bytes; curve (POINTS, n_e) mm absolute, closed; facts: what the page's program is told."""
 
     block: bytes
     curve: np.ndarray
-    said: dict[str, Any]
+    facts: dict[str, Any]
 
 
 def moves(meta: dict, predictor: Predictor, moving: dict[str, np.ndarray], spec: CSpec) -> Moves | None:
@@ -38,27 +38,27 @@ def moves(meta: dict, predictor: Predictor, moving: dict[str, np.ndarray], spec:
         return None
     many = model.n_a > 3  # more actuators than coordinates of a point
     default = {"ticks": f"{TICKS_A_PERIOD * first:.3g} Hz", "moves": 8 if many else None}
-    own = spec.mpc or FirmwareMpcSpec(**default, effort=1e-6 if many else 1e-10)
-    chosen = spec.model_copy(update={"mpc": own.model_copy(update={"obstacles": []}), "scalar": "double"})
+    mpc = spec.mpc or FirmwareMpcSpec(**default, effort=1e-6 if many else 1e-10)
+    chosen = spec.model_copy(update={"mpc": mpc.model_copy(update={"obstacles": []}), "scalar": "double"})
     sizes, numbers, constants = mpc_constants(chosen, meta, predictor.arrays, moving)
     counts, arrays, series = motion_constants(meta, moving)
     lists, losses = motion_layout(), counts["LOSSES"]
-    whole = _named("CFEM_MOTION_", counts) | _named("CFEM_MPC_", sizes)
+    integers = _named("CFEM_MOTION_", counts) | _named("CFEM_MPC_", sizes)
     scalars = _named("cfem_mpc_", {name: [numbers[name.upper()]] for name in ("dt", "warp", "length")})
     vectors = scalars | _named("cfem_motion_", arrays) | _named("cfem_mpc_", constants | {"start": start})
     vectors |= {"cfem_motion_kappa": [float(moving["stiffness"])]}
     for name, size in (("prony_terms", losses), ("relaxation", losses), ("prony", counts["TERMS"])):
         vectors[f"cfem_motion_{name}"] = arrays[name][:size]  # C has no empty arrays
-    parts = lists.parts(whole, vectors)
+    parts = lists.parts(integers, vectors)
     parts += [arrays["first_degrees"], arrays["second_degrees"][:-1]]
     kept = [*series["root"], *series["inner"], *series["loss"][:losses], *series["curve"][: counts["CURVED"]]]
-    for one in kept:
-        parts.append(np.array([len(one.first), len(one.second)], "<i4"))
-        parts += [np.asarray(each, "<u2") for each in (one.first, one.end, one.second)]
-        parts.append(one.coefficients.astype("<f8"))
+    for packed in kept:
+        parts.append(np.array([len(packed.first), len(packed.second)], "<i4"))
+        parts += [np.asarray(each, "<u2") for each in (packed.first, packed.end, packed.second)]
+        parts.append(packed.coefficients.astype("<f8"))
     # half of the first frequency at most: the eight swings twice a lap
-    said = {"dt": numbers["DT"], "ticks": sizes["TICKS"], "most": float(f"{first / 2:.2g}")}
-    return Moves(joined(parts), curve, said)
+    facts = {"dt": numbers["DT"], "ticks": sizes["TICKS"], "most": float(f"{first / 2:.2g}")}
+    return Moves(joined(parts), curve, facts)
 
 
 def _named(prefix: str, values: Mapping[str, Any]) -> dict[str, Any]:

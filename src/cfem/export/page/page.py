@@ -56,23 +56,23 @@ def page(
     predictor = model.reference
     points, chosen = watched(predictor), spec.controller
     if chosen.weights is None:  # a goal is a place: rotations follow
-        dragged = [row for one in points for row in range(*one["rows"])]
+        dragged = [row for point in points for row in range(*point["rows"])]
         weights = np.isin(np.arange(predictor.rows.n_e), dragged).astype(float).tolist()
         chosen = chosen.model_copy(update={"weights": weights})
     defines, constants = controller(predictor, p, chosen, "double", robot.pressures)
     right = right_at_rest(predictor, constants, p)
 
-    def block_of(one: Predictor, its_skin: dict[str, np.ndarray]) -> bytes:
-        its_model, _ = surrogate(one.meta, one.arrays, spec)
-        _, its_constants = controller(one, p, chosen, "double", robot.pressures)
+    def block_of(variant: Predictor, its_skin: dict[str, np.ndarray]) -> bytes:
+        its_model, _ = surrogate(variant.meta, variant.arrays, spec)
+        _, its_constants = controller(variant, p, chosen, "double", robot.pressures)
         if right:
-            its_constants |= with_rest(one, its_constants, p)
-        return block(its_model, defines, its_constants, skin_series(one, its_skin, p))
+            its_constants |= with_rest(variant, its_constants, p)
+        return block(its_model, defines, its_constants, skin_series(variant, its_skin, p))
 
     rest = np.zeros((int(right), predictor.rows.n_a))  # among the states that the reach is drawn from
     weighed = weight(predictor, skin, points[0]["rows"][0], block_of)
     drawn = body(skin, lines(meta["robot"], predictor.length), walls)
-    said = _said(predictor, constants, drawn, points, chosen) | {"weight": weighed and weighed[1].largest}
+    facts = _facts(predictor, constants, drawn, points, chosen) | {"weight": weighed and weighed[1].largest}
     data = {
         "code": (ASSETS / "cfem.wasm").read_bytes(),
         "block": weighed[0] if weighed else block_of(predictor, skin),
@@ -83,14 +83,14 @@ def page(
     }
     runs = moves(meta, predictor, moving, spec.model_copy(update={"controller": chosen})) if moving else None
     if runs:
-        said["motion"] = runs.said
+        facts["motion"] = runs.facts
         data |= {"motion": runs.block, "curve": runs.curve}
     if weighed:
         data |= {"positions": weighed[1].positions, "changes": weighed[1].changes}
-    return fill(said, data, meta["scene"], about(meta, predictor), concerns)
+    return fill(facts, data, meta["scene"], about(meta, predictor), concerns)
 
 
-def _said(
+def _facts(
     predictor: Predictor,
     constants: dict[str, np.ndarray],
     drawn: DrawnBody,
@@ -106,8 +106,8 @@ def _said(
         "room": room(),
         "length": predictor.length,
         "outer": drawn.outer,
-        "chambers": [dict(zip(("actuator", "first", "count"), one, strict=True)) for one in drawn.chambers],
-        "lines": [dict(zip(("actuator", "first", "count", "radius"), one, strict=True)) for one in drawn.lines],
+        "chambers": [dict(zip(("actuator", "first", "count"), chamber, strict=True)) for chamber in drawn.chambers],
+        "lines": [dict(zip(("actuator", "first", "count", "radius"), line, strict=True)) for line in drawn.lines],
         "command": chosen.command,
         "tolerance": constants["cfem_tolerance"].tolist(),
         "paced": chosen.rate is not None or chosen.force_rate is not None,
@@ -122,26 +122,26 @@ def room() -> dict[str, int]:
 
 def watched(predictor: Predictor) -> list[dict[str, Any]]:
     """The points that can be dragged: name, first row and the row behind the last. InputError where there is none."""
-    found = []
+    points = []
     names = predictor.rows.effectors
     for row in range(len(names) - 2):
         name, _, axis = names[row].rpartition(".")
-        if axis == "x" and names[row : row + 3] == tuple(f"{name}.{one}" for one in POINT):
-            found.append({"name": name, "rows": [row, row + 3]})
-    if not found:
+        if axis == "x" and names[row : row + 3] == tuple(f"{name}.{letter}" for letter in POINT):
+            points.append({"name": name, "rows": [row, row + 3]})
+    if not points:
         raise InputError("no effector is a point with rows x, y and z, so there is no goal to drag")
-    return found
+    return points
 
 
 def actuators(predictor: Predictor, constants: dict[str, np.ndarray]) -> list[dict[str, Any]]:
     """delta: smallest and largest, mm or mm^3; lambda: the same, N or MPa, null where open; scale: the largest force in
     the training states of an actuator of its kind, where the colours end."""
-    largest, found = np.abs(constants["cfem_domain_lambda_a"]).max(axis=0), []
+    largest, entries = np.abs(constants["cfem_domain_lambda_a"]).max(axis=0), []
     cables = np.array([unit == "mm" for unit, _ in predictor.actuator_units])
     for i, name in enumerate(predictor.rows.actuators):
         cable = bool(cables[i])
         low, high = (constants[f"cfem_lambda_{end}"][i] for end in ("low", "high"))
-        found.append(
+        entries.append(
             {
                 "name": name,
                 "kind": "cable" if cable else "chamber",
@@ -149,11 +149,11 @@ def actuators(predictor: Predictor, constants: dict[str, np.ndarray]) -> list[di
                 "forceUnit": "N" if cable else "kPa",
                 "forceFactor": 1 if cable else 1000,
                 "delta": [float(constants[f"cfem_delta_{end}"][i]) for end in ("low", "high")],
-                "lambda": [float(one) if np.isfinite(one) else None for one in (low, high)],
+                "lambda": [float(force) if np.isfinite(force) else None for force in (low, high)],
                 "scale": float(largest[cables == cable].max()),
             }
         )
-    return found
+    return entries
 
 
 def about(meta: dict, predictor: Predictor) -> str:
@@ -161,21 +161,21 @@ def about(meta: dict, predictor: Predictor) -> str:
     error = (meta.get("errors") or {}).get("tip_mm", {}).get("max")
     known = ""
     if error is not None:
-        off = length(error) if error >= LEAST else f"less than {LEAST:g} mm"
-        known = f" The largest error of its tip in unseen states: {off}."
+        shown = length(error) if error >= LEAST else f"less than {LEAST:g} mm"
+        known = f" The largest error of its tip in unseen states: {shown}."
     return (
         f"A learned condensed finite-element model ({meta['kind']}) computes all that you see, on your device.{known} "
         "Nothing is sent anywhere. Made by cfem."
     )
 
 
-def fill(said: dict[str, Any], data: dict[str, Any], title: str, words: str, concerns: Sequence[str]) -> str:
-    """The page of what is said and the arrays of `data`."""
-    packed = pack(said, data)
+def fill(facts: dict[str, Any], data: dict[str, Any], title: str, words: str, concerns: Sequence[str]) -> str:
+    """The page of facts and the arrays of `data`."""
+    packed = pack(facts, data)
     text = {
         "title": escape(title),
         "about": escape(words),
-        "concerns": "".join(f'<p class="poor">{escape(one)}</p>\n' for one in concerns),
+        "concerns": "".join(f'<p class="poor">{escape(concern)}</p>\n' for concern in concerns),
         "style": _asset("page.css") + viewer.asset("viewer.css"),
         "script": viewer.script(*map(_asset, SCRIPTS)),
         "bytes": packed.bytes,
@@ -183,7 +183,7 @@ def fill(said: dict[str, Any], data: dict[str, Any], title: str, words: str, con
         "data": packed.text,
     }
     first, *others = _asset("page.html").split("{{")
-    split = (one.partition("}}") for one in others)
+    split = (part.partition("}}") for part in others)
     return first + "".join(f"{text[name]}{rest}" for name, _, rest in split)
 
 

@@ -11,7 +11,7 @@ from cfem.init.section import Section, cut_across
 
 
 @dataclass(frozen=True)
-class Way:
+class Spine:
     """points (k, 3) mm; normals (k, 3), unit, across the cuts; follows: whether it follows the middle of the body, so
     that of each cut the piece there counts, and not the largest."""
 
@@ -36,12 +36,12 @@ class Way:
         return cut_across(body, place, normal, place if self.follows else None)
 
 
-def straight(run: Run) -> Way:
+def straight(run: Run) -> Spine:
     """Along the axis, over the free part."""
     axis = np.eye(3)[run.axis]
-    return Way(np.array([run.level * axis, run.tip * axis]), np.array([axis, axis]), False)
+    return Spine(np.array([run.level * axis, run.tip * axis]), np.array([axis, axis]), False)
 
 
-def along(line: Centreline) -> Way:
+def along(line: Centreline) -> Spine:
     """Through the middle of the body."""
-    return Way(line.points, line.tangents, True)
+    return Spine(line.points, line.tangents, True)
