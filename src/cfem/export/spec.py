@@ -128,6 +128,9 @@ class CSpec(Spec):
     `shares` say where they go when C is compared with Python. Needs `scene`."""
     contact: ContactSpec = ContactSpec()
     """How the robot's surface touches obstacles."""
+    wire: bool = False
+    """Whether to write the firmware's side of the wire, over which `cfem control` and the board exchange frames, with
+    an example."""
 
     def check(self) -> None:
         for name, one in self.obstacles.items():

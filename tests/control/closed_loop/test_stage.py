@@ -140,16 +140,20 @@ def test_a_budget_ends_the_run(tmp_path, model_folder):
     assert found["closed"]["ticks"] == 25 and found["closed"]["reached"]["max"] == 1
 
 
+def device(words):
+    return json.dumps({"kind": "program", "command": words})
+
+
 def test_a_device_is_a_plant(tmp_path, model_folder):
-    device = [sys.executable, "-m", "cfem.plant.device.fake", str(model_folder), "--stiffer", "1.1", "--delay", "1"]
+    words = [sys.executable, "-m", "cfem.plant.device.fake", str(model_folder), "--stiffer", "1.1", "--delay", "1"]
     fast = ["loop.rate=1 kHz", "loop.settle.hold=10 ms", "loop.settle.at_most=40 ms"]
     closed = "loop.controllers={closed: {mode: closed}}"
     patient = "loop.answer_within=20 s"  # a busy machine takes a second to end a program
-    overrides = ["plant=pipe", "loop.real.stiffer=1", "loop.seeds=[0]", closed, patient, *fast]
-    found = control(tmp_path, load(tmp_path, *overrides, f"loop.device={json.dumps(device)}"), model_folder)
+    overrides = ["plant=device", "loop.real.stiffer=1", "loop.seeds=[0]", closed, patient, *fast]
+    found = control(tmp_path, load(tmp_path, *overrides, f"loop.device={device(words)}"), model_folder)
     assert found["loop"]["points"]["closed"]["reached"]["min"] == 2
     assert not list(tmp_path.glob("*.jsonl"))
-    dying = json.dumps([*device, "--fail", "die", "--at", "5"])
+    dying = device([*words, "--fail", "die", "--at", "5"])
     for run in (1, 2):
         with pytest.raises(InputError, match=rf"ended.*; the 4 ticks before are kept in \S+interrupted-{run}\.jsonl"):
             control(tmp_path, load(tmp_path, *overrides, f"loop.device={dying}"), model_folder)
@@ -184,7 +188,7 @@ def test_pipelines_are_valid(pipeline):
         ("loop.controllers.open.gains={integral: 0.1}", "mode: open takes none"),
         ("loop.controllers.open.observr=measured", "did you mean 'observer'"),
         ("loop.controllers.open.model=mlp", r"models \['mlp'\] are not among"),
-        ("plant=pipe", "needs loop.device"),
+        ("plant=device", "needs loop.device"),
         ("plant=fem", "stiffer needs plant: model"),
         ("loop.real.scene=[material.young=1 MPa]", "need plant: fem"),
     ],
