@@ -31,6 +31,10 @@ class Transport(Protocol):
         for longer than `timeout` seconds or says what is no answer."""
         ...
 
+    def losses(self) -> dict[str, int] | None:
+        """What was lost on the way; None where nothing can be."""
+        ...
+
     def end(self) -> None:
         """Says goodbye. Called once the device was started, whatever came of it."""
         ...
@@ -103,6 +107,11 @@ class DevicePlant:
 
     def __exit__(self, *_: object) -> None:
         self.transport.end()
+
+    @property
+    def losses(self) -> dict[str, int] | None:
+        """What was lost on the way so far; None where nothing can be."""
+        return self.transport.losses()
 
     def step(self, u: np.ndarray, kind: Command = "displacement") -> Measurement:
         """Measurement after a command, sent at the next tick of the clock."""

@@ -39,6 +39,9 @@ class Lines:
             raise Malformed(f"gave no answer within {timeout:g} s")
         return answer_of(line)
 
+    def losses(self) -> None:
+        """None: a pipe loses nothing."""
+
     def end(self) -> None:
         """Says goodbye and ends the program."""
         self._process.end(GOODBYE)

@@ -22,9 +22,7 @@ WORDS = {Kind.DISPLACEMENT: "displacements", Kind.FORCE: "forces", Kind.GOAL: "g
 class Wire:
     """Messages of `DevicePlant` over a channel. rows: of the robot; period: s of a tick, 0 for as fast as the device
     answers.
-
-    missed: commands without an answer in their tick; stops: how often the device says that its watchdog stopped it;
-    skipped: bytes that belonged to no frame."""
+    """
 
     def __init__(self, channel: Channel, rows: Rows, period: float = 0.0):
         self._channel, self._rows, self._period = channel, rows, period
@@ -32,12 +30,13 @@ class Wire:
         self._takes, self._sent, self._t = 0, 0, 0
         self._sequence: int | None = None  # of the last frame that came
         self._heard = self._byte = 0.0  # times of the last answer, and of the last byte
-        self.where, self.missed, self.stops = channel.where, 0, 0
+        self._missed = self._stops = 0
+        self.where = channel.where
 
-    @property
-    def skipped(self) -> int:
-        """Bytes that belonged to no frame."""
-        return self._receiver.skipped
+    def losses(self) -> dict[str, int]:
+        """missed: commands without an answer in their tick; stops: how often the device said that its watchdog has
+        stopped it; skipped: bytes that belonged to no frame."""
+        return {"missed": self._missed, "stops": self._stops, "skipped": self._receiver.skipped}
 
     def start(self) -> None:
         """OSError where the channel cannot be opened."""
@@ -113,7 +112,7 @@ class Wire:
         elif time.monotonic() - self._heard > timeout:
             raise Malformed(f"gave no answer within {timeout:g} s")
         else:
-            self.missed += 1
+            self._missed += 1
         return answer
 
     def _newest(self, frames: Sequence[Frame]) -> dict[str, Any] | None:
@@ -125,7 +124,7 @@ class Wire:
             self._sequence = frame.sequence
             if frame.kind == Kind.FAULT:
                 raise Malformed(f"reports fault {frame.tick}")
-            self.stops += frame.kind == Kind.STOPPED and not twice
+            self._stops += frame.kind == Kind.STOPPED and not twice
             if twice or frame.version != VERSION or len(frame.payload) != sizes.get(frame.kind):
                 continue
             if frame.kind == Kind.COMMAND:
