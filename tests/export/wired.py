@@ -1,6 +1,7 @@
 """The example of firmware at a wire, compiled here, behind a pseudo-terminal or a socket."""
 
 import os
+import re
 import socket
 import subprocess
 import threading
@@ -60,6 +61,28 @@ def on_a_serial_port(program: Path):
     finally:
         os.close(port)  # the program's input ends
         assert running.wait(60) == 0
+
+
+@contextmanager
+def on_an_emulated_board(folder: Path, cpu: str = "m7"):
+    """A channel to the folder's firmware on an emulated Cortex-M, whose UART is a pseudo-terminal."""
+    qemu, board = tool("qemu-system-arm"), {"m4": "mps2-an386", "m7": "mps2-an500"}[cpu]
+    tool("arm-none-eabi-gcc")
+    build.run([tool("make"), "-s", "-C", str(folder), f"wire-{cpu}.elf", f"CPU={cpu}"], folder)
+    words = [qemu, "-M", board, "-nographic", "-monitor", "none", "-serial", "pty", "-kernel", f"wire-{cpu}.elf"]
+    words += ["-semihosting-config", "enable=on,target=native"]
+    running = subprocess.Popen(words, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    try:
+        said = ""
+        while not (place := re.search(r"redirected to (\S+)", said)):
+            line = running.stdout.readline()
+            assert line, said
+            said += line
+        yield SerialChannel(place[1], 115200)
+    finally:
+        running.kill()
+        running.wait(60)
+        running.stdout.close()
 
 
 @contextmanager

@@ -1,5 +1,5 @@
-"""A device over a channel that loses, doubles and flips bytes: messages as frames. What is lost is not sent again, as
-the next tick replaces it."""
+"""A device over a channel that loses, doubles and flips bytes: messages as frames. A message without an answer is sent
+again within its tick; the next tick replaces it."""
 
 import math
 import time
@@ -13,6 +13,7 @@ from cfem.plant.device.frame import VERSION, Frame, Kind, Receiver, floats, robo
 
 AGAIN = 0.5  # s from one hello to the next, until the device is ready: a board that starts up hears none
 SHARE = 0.25  # of the time that a device may be silent: a wait for an answer where ticks have no period
+TRIES = 3  # of a message in its tick; the device acts on the first that arrives, and repeats its answer to others
 BYES = 3  # goodbyes, as one may be lost
 TAKES = {Kind.DISPLACEMENT: 1, Kind.FORCE: 2, Kind.GOAL: 4}  # flags of what a device takes
 KINDS = {"displacement": Kind.DISPLACEMENT, "force": Kind.FORCE}
@@ -55,7 +56,7 @@ class Wire:
         """Says goodbye and closes the channel."""
         try:
             for _ in range(BYES):
-                self._send(Kind.BYE)
+                self._channel.write(self._packed(Kind.BYE))
         except OSError:
             pass  # it is gone already
         self._channel.close()
@@ -64,7 +65,8 @@ class Wire:
         self._markers = tuple(message.get("markers", ()))
         end = time.monotonic() + timeout
         while (now := time.monotonic()) < end:
-            self._send(Kind.HELLO, 0, floats([self._period or timeout * SHARE], message["rest_e"]))
+            period = self._period or timeout * SHARE
+            self._channel.write(self._packed(Kind.HELLO, 0, floats([period], message["rest_e"])))
             again = min(now + AGAIN, end)
             while (left := again - time.monotonic()) > 0:
                 for frame in self._frames(left):
@@ -102,10 +104,15 @@ class Wire:
             payload = floats(message["u"])
             self._t = message["t"]
         late = self._newest(self._frames(0.0))
-        self._send(kind, message["t"], payload)
-        end, answer = time.monotonic() + (self._period or timeout * SHARE), None
-        while answer is None and (left := end - time.monotonic()) > 0:
-            answer = self._newest(self._frames(left))
+        data, answer = self._packed(kind, message["t"], payload), None
+        share = (self._period or timeout * SHARE) / TRIES
+        end = time.monotonic()
+        for _ in range(TRIES):
+            if answer is None:
+                self._channel.write(data)
+            end += share
+            while answer is None and (left := end - time.monotonic()) > 0:
+                answer = self._newest(self._frames(left))
         answer = answer or late
         if answer is not None:
             self._heard = time.monotonic()
@@ -145,10 +152,10 @@ class Wire:
             answer["markers"] = dict(zip(self._markers, map(_known, places), strict=True))
         return answer
 
-    def _send(self, kind: Kind, tick: int = 0, payload: tuple[float, ...] = ()) -> None:
-        stamp = int(time.monotonic() * 1e6)
-        self._channel.write(Frame(kind, tick, payload, self._sent, stamp).packed())
+    def _packed(self, kind: Kind, tick: int = 0, payload: tuple[float, ...] = ()) -> bytes:
+        """Bytes of the next frame."""
         self._sent += 1
+        return Frame(kind, tick, payload, self._sent, int(time.monotonic() * 1e6)).packed()
 
     def _frames(self, timeout: float) -> list[Frame]:
         """Those that have come, or come first within `timeout` seconds."""

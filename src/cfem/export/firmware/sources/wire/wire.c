@@ -25,6 +25,8 @@ static cfem_wire_receiver receiver;
 static cfem_wire_frame in, out;
 static uint32_t tick;         /* of the last command */
 static uint16_t last;         /* sequence of the last frame that was heeded */
+static uint8_t said[CFEM_WIRE_BYTES]; /* the last frame that was sent, */
+static int length;                    /* and its bytes */
 static int greeted, running;  /* hello was said; commands come */
 static uint64_t heard, quiet; /* ns: when the last command came, and the last byte */
 static uint64_t period;       /* ns of a tick */
@@ -61,9 +63,18 @@ static void measure(float *x_e, float *delta_a, float *lambda_a) {
 
 #if defined(__arm__) /* UART and timer of the MPS2 boards that QEMU emulates; on a board, receive by interrupt */
 #define UART ((volatile uint32_t *)0x40004000u)
-static void begin(void) { start(), UART[4] = 16, UART[2] = 3; }
+#define SYSTEM(address) (*(volatile uint32_t *)(0xe000e000u + (address)))
+static void begin(void) {
+    start();
+    UART[4] = 16, UART[2] = 1 | 2 | 8;         /* speed; sends, receives, and interrupts for what is received */
+    SYSTEM(0x100) = 1;                         /* that interrupt is on, */
+    SYSTEM(0x14) = 24999, SYSTEM(0x10) = 7;    /* and that of a millisecond; */
+    __asm volatile("cpsid i");                 /* they wake, and call nothing */
+}
 static int read_bytes(uint8_t *bytes, int most) {
     int count = 0;
+    if (!(UART[1] & 2)) __asm volatile("wfi");
+    UART[3] = 2, SYSTEM(0x280) = 1, SYSTEM(0xd04) = 1u << 25; /* no longer pending */
     for (; count < most && UART[1] & 2; count++) bytes[count] = (uint8_t)UART[0];
     return count;
 }
@@ -97,10 +108,10 @@ static uint64_t clock_ns(void) { return now(); }
 /* ---- The robot's side of the wire. ---- */
 
 static void say(uint8_t kind, uint32_t number, int count) {
-    static uint8_t bytes[CFEM_WIRE_BYTES];
     out.version = CFEM_WIRE_VERSION, out.kind = kind, out.count = (uint8_t)count, out.tick = number;
     out.stamp = (uint32_t)(clock_ns() / 1000);
-    write_bytes(bytes, cfem_wire_pack(&out, bytes));
+    length = cfem_wire_pack(&out, said);
+    write_bytes(said, length);
     out.sequence++;
 }
 
@@ -164,7 +175,11 @@ static void heed(void) {
     const int goal = in.kind == CFEM_WIRE_GOAL && in.count == 2 * CFEM_NE;
     const int order = in.kind == direct && in.count == CFEM_NA, bye = in.kind == CFEM_WIRE_BYE && !in.count;
     if (in.version != CFEM_WIRE_VERSION || !greeted || !(goal || order || bye)) return;
-    if (running && (int16_t)(in.sequence - last) <= 0) return; /* it came twice, or too late */
+    if (running && in.sequence == last) { /* it came before, and the answer was lost */
+        write_bytes(said, length);
+        return;
+    }
+    if (running && (int16_t)(in.sequence - last) < 0) return; /* it comes too late */
     if (bye) {
         stop();
         greeted = 0;
