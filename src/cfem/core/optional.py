@@ -34,6 +34,7 @@ EXTRAS = {
     "pymklpardiso": "fast",
     "dask": "cluster",
     "distributed": "cluster",
+    "serial": "serial",
 }
 
 

@@ -218,14 +218,17 @@ def tracked(channel, model, period):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("cpu", ["m7", "m4"])
-@pytest.mark.parametrize(("share", "period", "most"), [(0.0, 2.0, 0.01), (0.01, 0.3, 1.0)])
-def test_an_emulated_board_tracks_a_closed_curve(program, model, cpu, share, period, most):
+@pytest.mark.parametrize(("share", "period"), [(0.0, 2.0), (0.01, 0.3)])
+def test_an_emulated_board_tracks_a_closed_curve(program, model, cpu, share, period):
     """Without feedback the robot would be beside the curve by its offset, 1.4 mm. Ticks are so long that a busy machine
-    misses none; they end when the answer comes."""
+    misses none; they end when the answer comes. On a bad wire the board stops now and then, which takes the robot home,
+    and comes back to the curve."""
     with on_an_emulated_board(program.parent, cpu) as channel:
         errors, commands, losses = tracked(BadWire(channel, share, 2), model, period)
-    rms = np.sqrt(np.mean(errors[LAP:] ** 2))
-    print(f"Cortex-{cpu.upper()}, {share:.0%} of bytes damaged: rms {rms:.3f} mm, {losses}")
+    errors = errors[LAP:]
+    rms, median = np.sqrt(np.mean(errors**2)), np.median(errors)
+    print(f"Cortex-{cpu.upper()}, {share:.0%} of bytes damaged: rms {rms:.1g} mm, median {median:.1g} mm, {losses}")
     low, high = model.reach.T
     assert (commands >= low - SINGLE).all() and (commands <= high + SINGLE).all()
-    assert rms < most and losses["missed"] * (not share) == 0
+    assert median < 0.01 and np.mean(errors < 1.0) > 0.8
+    assert share or (rms < 0.01 and losses == {"missed": 0, "stops": 0, "skipped": 0})

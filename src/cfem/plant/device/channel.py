@@ -31,13 +31,13 @@ class SerialChannel:
     """A serial port by its name, with 8 data bits, no parity and one stop bit. baud: bits a second."""
 
     def __init__(self, port: str, baud: int):
-        self._port, self._baud, self._serial = port, baud, None
+        self.port, self._baud, self._serial = port, baud, None
         self.where = f"device on serial port {port}"
 
     def open(self) -> None:
         from serial import Serial
 
-        self._serial = Serial(self._port, self._baud, timeout=0.0, write_timeout=0.5)
+        self._serial = Serial(self.port, self._baud, timeout=0.0, write_timeout=0.5)
 
     def write(self, data: bytes) -> None:
         from serial import SerialTimeoutException
