@@ -19,7 +19,7 @@ mesh: {mesh}
 models: {{spectral: {model}}}
 out: out
 mesh_error: null
-plant: pipe
+plant: device
 trajectories:
   points: {{kind: goals, points: {{mm: [{goal}]}}}}
 search: {{weights: [0, 0, 1]}}
@@ -28,7 +28,7 @@ loop:
   command: {{kind: displacement}}
   controllers: {{closed: {{mode: closed}}}}
   settle: {{radius: 0.01 mm, hold: 600 s, at_most: 600 s}}
-  device: {device}
+  device: {{kind: program, command: {device}}}
   answer_within: 20 s
 """
 DEVICE = """

@@ -83,7 +83,7 @@ def test_the_schema_says_what_goes_with_what():
         ("stiff-flop/control-closed-loop", OBJECT, r"'loop' does not go with an object"),
         ("pincer/control", "design={E: 1}", r"'design' does not go with an obstacle$"),
         ("pincer/control", "runtime=onnx", r"runtime: expected 'arrays', got 'onnx'$"),
-        ("pincer/control", "plant=pipe", r"plant: expected 'fem' or 'model', got 'pipe'$"),
+        ("pincer/control", "plant=device", r"plant: expected 'fem' or 'model', got 'device'$"),
         ("pincer/control", "fe_based=true", r"obstacles need fe_based: false$"),
         ("soft-gripper/control-place", "loads={tip: {force: {N: [0, 0, 1]}}}", r"'loads' does not go with an object$"),
         ("soft-gripper/control-place", "plant=model", r"plant: expected 'fem', got 'model'$"),

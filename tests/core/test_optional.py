@@ -113,7 +113,7 @@ def said(done):
 
 def test_the_base_alone_asks_models_and_steps_controllers(tmp_path):
     modules = ["predict.load", "control.search.inverse", "control.closed_loop.tick", "control.search.qp"]
-    modules += ["plant.device.pipe_plant", "cli.app", "export.firmware.folder", "cli.inspect", "cli.verify"]
+    modules += ["plant.device.device_plant", "cli.app", "export.firmware.folder", "cli.inspect", "cli.verify"]
     code = "\n".join(f"import cfem.{name}" for name in modules)
     assert python_without(set(EXTRAS), code, tmp_path).stderr == ""
 

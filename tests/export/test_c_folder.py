@@ -31,7 +31,7 @@ BOARDS = {
     "m4": ("-Os", "-mcpu=cortex-m4", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard", "-mthumb"),
 }
 MODELS = {
-    "double": (spectral, {"full": True}),
+    "double": (spectral, {"full": True, "wire": True}),
     "forces": (
         lambda: spectral("force"),
         {"scalar": "float", "controller": {"command": "force", "observer": "equilibrium"}},

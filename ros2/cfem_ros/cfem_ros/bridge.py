@@ -78,7 +78,7 @@ class Told:
 
 
 class Bridge:
-    """model: with one effector of rows x, y and z; plant: a `PipePlant`, or None for a robot on topics; frame: of the
+    """model: with one effector of rows x, y and z; plant: a `DevicePlant`, or None for a robot on topics; frame: of the
     scene. ValueError where the model is none that this node can control."""
 
     def __init__(

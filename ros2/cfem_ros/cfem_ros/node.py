@@ -16,7 +16,8 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Header, MultiArrayDimension, MultiArrayLayout
 
 import cfem
-from cfem.plant.device.pipe_plant import PipePlant
+from cfem.plant.device.device_plant import DevicePlant
+from cfem.plant.device.lines import Lines
 from cfem_ros.bridge import DEFAULTS, Bridge, Refused, Settings, Types
 
 TYPES = Types(
@@ -42,7 +43,8 @@ class Controller(Node):
         device, plant = [word for word in given["device"] if word], None
         if device:
             known = {"length": model.length, "reach": model.reach}
-            plant = stack.enter_context(PipePlant(device, model.rows, model.rest_e, given["answer_within"], **known))
+            pipe = DevicePlant(Lines(device), model.rows, model.rest_e, given["answer_within"], **known)
+            plant = stack.enter_context(pipe)
         self.bridge, self.failed = Bridge(model, TYPES, plant, settings, given["frame"]), None
         topics = {"command": JointState, "commands": Float64MultiArray, "diagnostics": DiagnosticArray}
         self._say = {name: self.create_publisher(kind, name, 10) for name, kind in topics.items()}

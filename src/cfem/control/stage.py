@@ -84,6 +84,6 @@ COMMAND = Command(
         | {name: scene_meaning(path) for name, path in _scenes_of_obstacles(spec, base).items()}
     ),
     agrees=_agrees,
-    precious=lambda spec: spec.plant == "pipe",  # what hardware did cannot be computed again
+    precious=lambda spec: spec.plant == "device",  # what hardware did cannot be computed again
 )
 run, stage = COMMAND.run, COMMAND.stage

@@ -35,6 +35,7 @@ EXTRAS = {
     "dask": "cluster",
     "distributed": "cluster",
     "mujoco": "mujoco",
+    "serial": "serial",
 }
 
 

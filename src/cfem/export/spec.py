@@ -17,7 +17,7 @@ from cfem.predict.contact.obstacle_spec import ContactSpec, ObstacleSpec
 from cfem.predict.estimation.spec import DrivenDynamicsSpec, MarkersSpec
 from cfem.predict.loads.spec import LoadSpec
 
-Format = Literal["arrays", "onnx", "torchscript", "c", "html", "fmu"]
+Format = Literal["arrays", "onnx", "torchscript", "c", "html", "fmu", "arduino"]
 FmuPart = Literal["controller", "robot", "moving", "estimator"]
 PACKAGES: dict[Format, tuple[str, ...]] = {
     "arrays": (),
@@ -128,6 +128,9 @@ class CSpec(Spec):
     `shares` say where they go when C is compared with Python. Needs `scene`."""
     contact: ContactSpec = ContactSpec()
     """How the robot's surface touches obstacles."""
+    wire: bool = False
+    """Whether to write the firmware's side of the wire, over which `cfem control` and the board exchange frames, with
+    an example."""
 
     def check(self) -> None:
         for name, obstacle in self.obstacles.items():
@@ -169,7 +172,7 @@ class ExportSpec(Spec):
     shape: bool = False
     """Whether to write the whole surface in every format too: shape.onnx, shape.ts, cfem_shape in C."""
     c: CSpec = CSpec()
-    """Settings of format c, and of fmu; of its controller and parameters, for format html too."""
+    """Settings of format c, of fmu and of arduino; of its controller and parameters, for format html too."""
     fmu: FmuSpec = FmuSpec()
     """Settings of format fmu."""
 

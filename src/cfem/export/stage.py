@@ -28,8 +28,9 @@ from cfem.robot.spec import SceneSpec, scene_meaning
 
 MOTION = motion.FILE
 FILES = {"arrays": "weights.npz", "onnx": "model.onnx", "torchscript": "model.ts"}
-FILES |= {"c": "c", "html": "page.html", "fmu": "fmu"}
-CONTROLLERS = {"c", "html", "fmu"}
+FILES |= {"c": "c", "html": "page.html", "fmu": "fmu", "arduino": "arduino"}
+IN_C = {"c", "fmu", "arduino"}
+CONTROLLERS = {*IN_C, "html"}
 IN_PYTHON = {  # not of the model alone
     "c contact": "contact in Python",
     "c estimate": "the estimator in Python",
@@ -130,17 +131,26 @@ def work(
     }
     sizes = {name: (folder / FILES[name]).stat().st_size for name in parity}
     report = None
-    fmus = []
-    if {"c", "fmu"} & set(spec.formats):
-        from cfem.export.fmu.pack import lasting_or_not, motion_of, write_fmus
+    made = []
+    if IN_C & set(spec.formats):
+        from cfem.export.firmware.copying import lasting_or_not
 
         with lasting_or_not(folder / FILES["c"], "c" in spec.formats) as code:
             report, c_parity, bytes_ = _write_c(code, spec, model_folder, meta, arrays, vectors["s"], embedded, scene)
             parity |= c_parity
             sizes |= bytes_
+            if "arduino" in spec.formats:
+                from cfem.export.firmware.arduino import write_library
+
+                library = write_library(folder / FILES["arduino"], code, meta)
+                sizes["arduino"] = sum(path.stat().st_size for path in library.rglob("*") if path.is_file())
+                made.append(f"arduino: library {library.name}, {size(sizes['arduino'])}")
             if "fmu" in spec.formats:
+                from cfem.export.fmu.pack import motion_of, write_fmus
+
                 place, motion = folder / FILES["fmu"], motion_of(spec, model_folder)
                 fmus, sizes["fmu"] = write_fmus(place, code, spec, embedded.at_rest(meta), arrays, motion)
+                made += fmus
     parity |= _write_shape(folder, spec, model_folder, meta, arrays, vectors)
     write_json(folder / "model.json", {**meta, "parity": parity})
     headline = [
@@ -152,7 +162,7 @@ def work(
         headline.append("c: not compared with the trained model, there is no C compiler here")
     if spec.formats == writable() and (left := [name for name in PACKAGES if name not in spec.formats]):
         headline.append(f"{' and '.join(left)}: left out, they need PyTorch ({remedy('torch')})")
-    headline += fmus
+    headline += made
     if page_bytes is not None:
         sizes["html"] = page_bytes
         headline.append(f"html: {FILES['html']}, {size(page_bytes)}")

@@ -98,7 +98,7 @@ def test_a_push_is_not_taken_for_another_material(bar, bar_of_any_material, tmp_
 @pytest.mark.parametrize(
     ("override", "said"),
     [
-        ("plant=pipe", "a device loses markers as it does"),
+        ("plant=device", "a device loses markers as it does"),
         ("loop.sensor.noise=0.1 mm", "leave out sensor.noise"),
         ("loop.moving={substeps: 4}", "leave actuators.force out"),
         ("loop.real.wall={point: {mm: [0, 0, 0]}, normal: [0, 0, 1]}", "leave out real.wall"),
@@ -107,7 +107,7 @@ def test_a_push_is_not_taken_for_another_material(bar, bar_of_any_material, tmp_
 )
 def test_a_wrong_spec_gets_one_sentence(told, override, said):
     folder, _ = told
-    more = ["loop.device=[x]", "loop.real.scene=[]"] if "pipe" in override else []
+    more = ["loop.device={kind: program, command: [x]}", "loop.real.scene=[]"] if "device" in override else []
     with pytest.raises(cfem.CfemError, match=said):
         cfem.run_stage("control", folder / "control.yaml", overrides=[override, *more], out=folder / "wrong")
 

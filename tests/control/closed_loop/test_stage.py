@@ -1,6 +1,7 @@
 """The loop part of the spec, from YAML to the table: a model as the plant, and a device behind a pipe."""
 
 import json
+import os
 import sys
 from pathlib import Path
 from types import SimpleNamespace
@@ -8,6 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from export.wired import firmware, on_a_serial_port
 from support.blocks import bar
 from surrogate.stored import train_folder
 
@@ -21,7 +23,7 @@ from cfem.core.errors import InputError, SpecError
 from cfem.core.spec import load_spec
 from cfem.plant.fem_plant import FemPlant, pushed
 from cfem.plant.gains import integral_for
-from cfem.predict.load import load_model
+from cfem.predict.load import load_model, read_model
 
 SPEC = """
 scene: scene.yaml
@@ -140,16 +142,20 @@ def test_a_budget_ends_the_run(tmp_path, model_folder):
     assert found["closed"]["ticks"] == 25 and found["closed"]["reached"]["max"] == 1
 
 
+def device(words):
+    return json.dumps({"kind": "program", "command": words})
+
+
 def test_a_device_is_a_plant(tmp_path, model_folder):
-    device = [sys.executable, "-m", "cfem.plant.device.fake", str(model_folder), "--stiffer", "1.1", "--delay", "1"]
+    words = [sys.executable, "-m", "cfem.plant.device.fake", str(model_folder), "--stiffer", "1.1", "--delay", "1"]
     fast = ["loop.rate=1 kHz", "loop.settle.hold=10 ms", "loop.settle.at_most=40 ms"]
     closed = "loop.controllers={closed: {mode: closed}}"
     patient = "loop.answer_within=20 s"  # a busy machine takes a second to end a program
-    overrides = ["plant=pipe", "loop.real.stiffer=1", "loop.seeds=[0]", closed, patient, *fast]
-    found = control(tmp_path, load(tmp_path, *overrides, f"loop.device={json.dumps(device)}"), model_folder)
+    overrides = ["plant=device", "loop.real.stiffer=1", "loop.seeds=[0]", closed, patient, *fast]
+    found = control(tmp_path, load(tmp_path, *overrides, f"loop.device={device(words)}"), model_folder)
     assert found["loop"]["points"]["closed"]["reached"]["min"] == 2
     assert not list(tmp_path.glob("*.jsonl"))
-    dying = json.dumps([*device, "--fail", "die", "--at", "5"])
+    dying = device([*words, "--fail", "die", "--at", "5"])
     for run in (1, 2):
         with pytest.raises(InputError, match=rf"ended.*; the 4 ticks before are kept in \S+interrupted-{run}\.jsonl"):
             control(tmp_path, load(tmp_path, *overrides, f"loop.device={dying}"), model_folder)
@@ -157,6 +163,22 @@ def test_a_device_is_a_plant(tmp_path, model_folder):
         assert [row["tick"] for row in kept] == [1, 2, 3, 4]
         assert set(kept[0]) == set(pq.read_table(tmp_path / "loop.parquet").column_names)
         assert kept[-1]["x_e"] and len(kept[-1]["command"]) == 2
+
+
+@pytest.mark.skipif(not hasattr(os, "openpty"), reason="this system has no pseudo-terminals")
+def test_a_board_on_a_serial_port_is_a_plant(tmp_path, model_folder):
+    """The loop commands forces; so does the exported firmware."""
+    meta, arrays = read_model(model_folder)
+    program = firmware(tmp_path / "c", (meta, arrays), controller={"command": "force"})
+    fast = ["loop.rate=50 Hz", "loop.settle.hold=60 ms", "loop.settle.at_most=400 ms", "loop.answer_within=20 s"]
+    overrides = ["plant=device", "loop.real.stiffer=1", "loop.controllers={closed: {mode: closed}}", *fast]
+    for seeds in ("[0]", "[0, 1]"):
+        with on_a_serial_port(program) as channel:
+            port = f"loop.device={{kind: serial, port: {channel.port}}}"
+            found = control(tmp_path, load(tmp_path, *overrides, port, f"loop.seeds={seeds}"), model_folder)
+        points = found["loop"]["points"]["closed"]
+        assert points["reached"]["min"] == 2 and len(points["losses"]) == len(json.loads(seeds))
+        assert all(lost["skipped"] == 0 for lost in points["losses"])
 
 
 @pytest.mark.parametrize(
@@ -184,7 +206,9 @@ def test_pipelines_are_valid(pipeline):
         ("loop.controllers.open.gains={integral: 0.1}", "mode: open takes none"),
         ("loop.controllers.open.observr=measured", "did you mean 'observer'"),
         ("loop.controllers.open.model=mlp", r"models \['mlp'\] are not among"),
-        ("plant=pipe", "needs loop.device"),
+        ("plant=device", "needs loop.device"),
+        ("loop.device={kind: can, port: x}", "kind"),
+        ("loop.device={kind: udp, host: robot, port: 0}", "port"),
         ("plant=fem", "stiffer needs plant: model"),
         ("loop.real.scene=[material.young=1 MPa]", "need plant: fem"),
     ],

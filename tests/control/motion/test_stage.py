@@ -155,9 +155,10 @@ for line in sys.stdin:
 def test_a_device_that_moves_is_known_by_its_markers(root, tmp_path):
     """Behind a pipe the filter on the dynamics is asked for by name: of a robot that stands where it is told."""
     (tmp_path / "device.py").write_text(DEVICE)
-    device = [sys.executable, str(tmp_path / "device.py"), str(root / "models" / "bar" / "spectral")]
+    words = [sys.executable, str(tmp_path / "device.py"), str(root / "models" / "bar" / "spectral")]
+    device = {"kind": "program", "command": words}
     estimate = ESTIMATE.replace(" lost: 0.05,", " dynamics: {},")
-    overrides = ("plant=pipe", f"loop.device={json.dumps(device)}", f"loop.estimate={estimate}", "loop.sensor={}")
+    overrides = ("plant=device", f"loop.device={json.dumps(device)}", f"loop.estimate={estimate}", "loop.sensor={}")
     more = ("loop.command={kind: displacement}", "loop.moving=null", "loop.real={}", "loop.rate=50 Hz")
     model = load_model(root / "models" / "bar" / "spectral")
     goals = [(model.rest_e + model.at_displacement([d]).delta_e).tolist() for d in (2.0, 3.0)]

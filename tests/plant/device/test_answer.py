@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from cfem.condensed import Rows
 from cfem.plant.device.answer import DEEPEST, Malformed, answer_of, nesting, shown
-from cfem.plant.device.pipe_plant import PipePlant
+from cfem.plant.device.device_plant import DevicePlant
+from cfem.plant.device.lines import Lines
 
 REACH = np.array([[0.0, 30.0], [-5.0, 30.0]])
 ROWS = Rows(("tip.x", "tip.y", "tip.rx"), ("left", "right"))
@@ -35,7 +36,7 @@ OBJECTS = st.fixed_dictionaries(
 
 def judged(line, markers=()):
     """The measurement of a line, None where it is refused in a sentence."""
-    plant = PipePlant(["device"], ROWS, np.zeros(3), markers=markers, length=50.0, reach=REACH)
+    plant = DevicePlant(Lines(["device"]), ROWS, np.zeros(3), markers=markers, length=50.0, reach=REACH)
     plant._t = 3
     try:
         found = plant._measured(answer_of(line))

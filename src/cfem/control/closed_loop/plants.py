@@ -18,7 +18,8 @@ from cfem.core.spec import load_spec
 from cfem.equilibrium.system.robot import Robot
 from cfem.motion.altered import Altered
 from cfem.motion.model import MotionModel
-from cfem.plant.device.pipe_plant import PipePlant
+from cfem.plant.device.device_plant import DevicePlant
+from cfem.plant.device.spec import transport_of
 from cfem.plant.imperfect_plant import DriftingPlant, Imperfection, ImperfectPlant, Stiffer
 from cfem.plant.marked_plant import MarkedPlant
 from cfem.plant.model_plant import ModelPlant
@@ -40,11 +41,12 @@ def plants_of(
 ) -> PlantOf:
     """Factory of plants, one for each run: the same robot for all, with sensors of its own; a device starts anew."""
     loop, rest_e = spec.loop, robot.rest_e
-    if spec.plant == "pipe":
+    if spec.plant == "device":
         markers = () if loop.estimate is None else tuple(loop.estimate.markers)
         known = {"markers": markers, "length": robot.length, "reach": robot.reach}
-        return lambda seed: PipePlant(
-            loop.device, robot.rows, rest_e, loop.answer_within, period=1 / loop.rate, folder=base, **known
+        period = 1 / loop.rate
+        return lambda seed: DevicePlant(
+            transport_of(loop.device, robot.rows, base, period), robot.rows, rest_e, loop.answer_within, period, **known
         )
     push, since = push_of(loop, robot)
     if spec.plant == "model" and loop.moving:

@@ -78,6 +78,7 @@ def run_controller(
     model, gains = model_of(spec, setting.predictors, robot), gains_of(spec)
     pilot = pilot_of(setting.pilot, spec, loop, model, robot)
     runs, rows, parameters, controller, account = [], [], [], None, None
+    losses: list[dict[str, int]] = []  # by seed, of a plant at the other end of a wire
     for seed in seeds_of(spec, loop):
         controller = setting.controller(spec, pilot, gains, situation)
         count, account = _Counter(advance), _account(loop, controller, robot)
@@ -101,6 +102,8 @@ def run_controller(
                     reference.goals, pilot, plant, robot.rest_e, reference.pace, after=after, controller=controller
                 )
             )
+        if lost := getattr(plant, "losses", None):
+            losses.append(lost)
         parameters.append(known(controller, setting.n_parameters))
     return {
         "gains": gains and {"proportional": gains.proportional, "integral": controller.feedback.integral},
@@ -108,6 +111,7 @@ def run_controller(
         "over_time": over_time(runs, loop.rate),
         "saturated": saturation(runs, pilot, robot.rows.actuators),
         **at_the_end(parameters, model, spec),
+        **({"losses": losses} if losses else {}),
         **({} if account is None else {"estimate": estimate_results(rows, account.unknowns)}),
     }
 

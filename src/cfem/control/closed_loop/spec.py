@@ -14,6 +14,7 @@ from cfem.core.names import Name
 from cfem.core.spec import Spec
 from cfem.core.units import Angle, ForceVector, Frequency, Length, Point, Time
 from cfem.motion.mpc_spec import MpcSpec
+from cfem.plant.device.spec import DeviceSpec
 from cfem.robot.selection import Direction
 
 PositiveDisplacement = Annotated[Displacement, Field(gt=0)]
@@ -215,8 +216,8 @@ class LoopSpec(Spec):
     """How the real robot differs from the model."""
     disturbance: DisturbanceSpec | None = None
     """A force that appears during the run."""
-    device: list[str] | None = Field(None, min_length=1)
-    """Command line of the device, for plant: pipe."""
+    device: DeviceSpec | None = None
+    """The device, for plant: device."""
     answer_within: Time = 1.0
     """Time in which the device must answer."""
 

@@ -46,7 +46,7 @@ def run_controllers(
     setting = Setting(spec, base, robot, predictors, motions, plant_of, pilot, parameters_of(loop, predictors))
     references = references_of(goals, loop)
     records, results = [], {}
-    log = tick_log(folder) if spec.plant == "pipe" else nullcontext(lambda row: None)
+    log = tick_log(folder) if spec.plant == "device" else nullcontext(lambda row: None)
     with progress("goals of all controllers and seeds", _visits(references, loop)) as advance, log as append:
 
         def write(row: dict[str, Any]) -> None:

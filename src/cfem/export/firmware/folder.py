@@ -31,7 +31,7 @@ def write_c(
 ) -> dict:
     """Fills `folder`; states (m, n_a): inputs of the model for the self-test; pressures: (n_a, 2) MPa that the scene
     states, if any. Returns what it costs, without compiling it."""
-    copy_sources(folder, "controller")
+    copy_sources(folder, "controller", *(["wire"] if spec.wire else []))
     model, p = surrogate(meta, arrays, spec)
     predictor = model.reference
     defines, constants = controller(predictor, p, spec.controller, spec.scalar, pressures)

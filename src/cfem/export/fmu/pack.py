@@ -8,8 +8,7 @@ import shutil
 import sys
 import tempfile
 import zipfile
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +20,7 @@ from cfem.core.errors import InputError
 from cfem.export.compiled.build import FAST, STANDARD, compiler, objects, run
 from cfem.export.firmware import c_text
 from cfem.export.firmware.constants import controller, surrogate
-from cfem.export.firmware.copying import copy_sources, library_files
+from cfem.export.firmware.copying import copy_sources, library_files, target_files
 from cfem.export.fmu.description import Fmu, build_description, model_description
 from cfem.export.fmu.variables import controller_blocks, estimator_blocks, robot_blocks
 from cfem.export.spec import ExportSpec, FmuPart
@@ -62,16 +61,6 @@ def motion_of(spec: ExportSpec, model_folder: Path) -> MotionModel | None:
     """That of the robot that the spec exports, None where it has none."""
     moves = has_file(model_folder, MOTION) and not spec.loads and not spec.c.parameters
     return load_motion(model_folder) if moves else None
-
-
-@contextmanager
-def lasting_or_not(folder: Path, lasts: bool) -> Iterator[Path]:
-    """The folder, or one of the same name beside it that goes when the context ends."""
-    if lasts:
-        yield folder
-        return
-    with tempfile.TemporaryDirectory(dir=folder.parent, ignore_cleanup_errors=True) as place:
-        yield Path(place) / folder.name
 
 
 def write_fmus(
@@ -124,9 +113,8 @@ def _packed(fmu: Fmu, part: FmuPart, code: Path, place: Path, shared: Sequence[P
     """The file. place: a folder to be made; shared: objects of the C folder, None where there is no compiler."""
     adapter = ("cfem_fmu.c", "cfem_fmu_absent.c", f"cfem_fmu_{ADAPTERS[part]}.c")
     copy_sources(place, *(f"fmu/{name}" for name in ("cfem_fmi3.h", "cfem_fmu.h", *adapter)))
-    headers = (path.name for path in code.glob("cfem*.h") if not path.name.endswith("_vectors.h"))
     with disk_errors(place):
-        for name in (*library_files(code), *headers):
+        for name in target_files(code):
             shutil.copyfile(code / name, place / name)
     token = _token(model_description(fmu, ""), *(path.read_bytes() for path in sorted(place.iterdir())))
     for name, text in zip(("cfem_fmu_data.h", "cfem_fmu_data.c"), _data(fmu, token), strict=True):

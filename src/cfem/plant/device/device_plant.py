@@ -1,79 +1,89 @@
-"""A plant that is another program: JSON lines on its stdin and stdout. The protocol is in docs/closed-loop.md; the
-program may be in any language and drive valves, motors and a tracker."""
+"""A plant that is a device: a program, or a board at the other end of a wire. The protocol is in docs/closed-loop.md;
+the device may be in any language and drive valves, motors and a tracker."""
 
-import json
 import time
 from collections.abc import Sequence
-from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from cfem.condensed import Rows
 from cfem.condensed.far import far_of, in_metres
 from cfem.core.errors import InputError
-from cfem.plant.device.answer import FAR, Malformed, answer_of, numbers, shown, step_of
-from cfem.plant.device.process import DeviceProcess
+from cfem.plant.device.answer import FAR, Malformed, numbers, shown, step_of
 from cfem.plant.protocol import Command, Measurement
 
 VERSION = 1
 FIRST_TIMEOUT = 30.0  # s
-GOODBYE = '{"bye": true}'
 
 
-class PipePlant:
-    """Runs `command` and speaks to it; to be used in a `with`, which tells the device to let go and ends it.
+class Transport(Protocol):
+    """What carries messages to a device and back. where: its name in messages."""
+
+    where: str
+
+    def start(self) -> None:
+        """OSError where there is no device."""
+        ...
+
+    def ask(self, message: dict[str, Any], timeout: float) -> dict[str, Any] | None:
+        """Answer to a message; None where it was lost, which a program's never is. Malformed where the device is silent
+        for longer than `timeout` seconds or says what is no answer."""
+        ...
+
+    def losses(self) -> dict[str, int] | None:
+        """What was lost on the way; None where nothing can be."""
+        ...
+
+    def end(self) -> None:
+        """Says goodbye. Called once the device was started, whatever came of it."""
+        ...
+
+
+class DevicePlant:
+    """Speaks to a device; to be used in a `with`, which tells the device to let go and ends it.
 
     rest_e: (n_e,) mm; timeout: s that it may take to answer, but the first time; period: s from one command
-    to the next, 0 for as fast as it answers; folder: where it starts; markers: names of those that it answers; length
+    to the next, 0 for as fast as it answers; markers: names of those that it answers; length
     (mm) and reach (n_a, 2) mm (mm^3) of the robot: a position farther from rest than FAR times these is none; late:
     commands that were sent later than the period asks. InputError where it cannot be started, ends, is silent or talks
-    nonsense."""
+    nonsense. A step whose answer was lost repeats the last measurement, which keeps its number."""
 
     def __init__(
         self,
-        command: Sequence[str],
+        transport: Transport,
         rows: Rows,
         rest_e: np.ndarray,
         timeout: float = 1.0,
         period: float = 0.0,
-        folder: Path | None = None,
         markers: Sequence[str] = (),
         length: float = np.inf,
         reach: np.ndarray | None = None,
     ):
-        """Names the device's program and what its answers must fit.
+        """Names the device and what its answers must fit.
 
-        command: the program and its arguments
+        transport: what carries messages to it
         rows, rest_e: of the robot, (n_e,) mm
         timeout: s for an answer
         period: s of a tick
-        folder: where the program starts
         markers: names that answers may have
         length, reach: mm and (n_a, 2), beyond multiples of which numbers are in another unit"""
-        self._command, self._rows, self._rest_e = tuple(command), rows, rest_e
-        self._timeout, self._period = timeout, period
-        self._folder, self._markers = folder, tuple(markers)
+        self.transport, self._rows, self._rest_e = transport, rows, rest_e
+        self._timeout, self._period, self._markers = timeout, period, tuple(markers)
         self._length = FAR * length
         self._farthest_e = np.where(rows.turns, FAR * 2 * np.pi, self._length)
         self._far = far_of(rows, length)
         self._farthest_a = np.inf if reach is None else FAR * np.abs(reach).max(axis=1)
-        self._process: DeviceProcess | None = None
         self._last = Measurement(np.full(rows.n_e, np.nan), None, None, 0, "")
         self._t, self._due, self.late = 0, 0.0, 0
 
-    @property
-    def returncode(self) -> int | None:
-        """Exit code of the device, None while it runs."""
-        return self._process.returncode
-
-    def __enter__(self) -> "PipePlant":
+    def __enter__(self) -> "DevicePlant":
         """Starts the device and says hello. InputError where it cannot be started or answers otherwise than the
         protocol has it."""
         try:
-            self._process = DeviceProcess(self._command, self._folder)
+            self.transport.start()
         except OSError as error:
-            raise self._wrong(f"cannot be started: {error.strerror}") from error
+            raise self._wrong(f"cannot be started: {error.strerror or error}") from error
         try:
             answer = self._ask(
                 {
@@ -91,12 +101,17 @@ class PipePlant:
                 expected = f'{{"ready": true, "version": {VERSION}}}'
                 raise self._wrong(f"answered {shown(answer)} to hello, expected {expected}")
         except BaseException:
-            self._process.end(GOODBYE)
+            self.transport.end()
             raise
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._process.end(GOODBYE)
+        self.transport.end()
+
+    @property
+    def losses(self) -> dict[str, int] | None:
+        """What was lost on the way so far; None where nothing can be."""
+        return self.transport.losses()
 
     def step(self, u: np.ndarray, kind: Command = "displacement") -> Measurement:
         """Measurement after a command, sent at the next tick of the clock."""
@@ -109,7 +124,7 @@ class PipePlant:
         self._t += 1
         answer = self._ask({"t": self._t, "kind": kind, "u": np.asarray(u, float).tolist()}, self._timeout)
         try:
-            self._last = self._measured(answer)
+            self._last = self._last if answer is None else self._measured(answer)
         except Malformed as why:
             raise self._wrong(str(why)) from why
         return self._last
@@ -148,24 +163,15 @@ class PipePlant:
         positions = (numbers(places, name, rest, self._length) for name in self._markers)
         return np.array([nothing if position is None else position for position in positions])
 
-    def _ask(self, message: dict[str, Any], timeout: float) -> dict[str, Any]:
+    def _ask(self, message: dict[str, Any], timeout: float) -> dict[str, Any] | None:
         """Answer to a message. InputError of `_wrong` where the device gives none that can be read."""
         try:
-            early = self._process.line(0.0)
-            if early is not None:
-                raise Malformed(f"said '{shown(early[:200])}' without being asked")
-            self._process.tell(json.dumps(message))
-            line = self._process.line(timeout)
-            if line is None:
-                raise Malformed(f"gave no answer within {timeout:g} s")
-            return answer_of(line)
+            return self.transport.ask(message, timeout)
         except Malformed as why:
             raise self._wrong(str(why)) from why
 
     def _wrong(self, what: str) -> InputError:
-        return InputError(
-            what, where=f"device '{' '.join(self._command)}'", do="see the protocol in docs/closed-loop.md"
-        )
+        return InputError(what, where=self.transport.where, do="see the protocol in docs/closed-loop.md")
 
 
 def _same_sample(measurement: Measurement, last: Measurement) -> bool:

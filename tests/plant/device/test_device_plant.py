@@ -1,4 +1,4 @@
-"""The pipe protocol with the fake device, and with devices that fail."""
+"""Devices as plants: the pipe protocol with the fake device, and with devices that fail."""
 
 import json
 import os
@@ -19,7 +19,8 @@ from surrogate.stored import train_folder
 from cfem import make_controller
 from cfem.condensed import Rows
 from cfem.core.errors import InputError
-from cfem.plant.device.pipe_plant import PipePlant
+from cfem.plant.device.device_plant import DevicePlant
+from cfem.plant.device.lines import Lines
 from cfem.plant.imperfect_plant import Imperfection, ImperfectPlant, Stiffer
 from cfem.plant.model_plant import ModelPlant
 from cfem.predict.load import load_model
@@ -35,10 +36,10 @@ def folder(tmp_path_factory):
 def fake(folder, *options, **changes):
     model = load_model(folder)
     command = [sys.executable, "-m", "cfem.plant.device.fake", str(folder), *options]
-    return PipePlant(command, model.rows, model.rest_e, **changes)
+    return DevicePlant(Lines(command), model.rows, model.rest_e, **changes)
 
 
-def script(tmp_path, text, **changes):
+def script(tmp_path, text, folder=None, **changes):
     """A device that runs `text` for every message `m` after hello."""
     path = tmp_path / "device.py"
     path.write_text(
@@ -51,7 +52,8 @@ def script(tmp_path, text, **changes):
         "    if 'bye' in m:\n"
         "        break\n" + textwrap.indent(textwrap.dedent(text), "    ")
     )
-    return PipePlant([sys.executable, str(path)], ROWS, **{"rest_e": np.zeros(2)} | changes)
+    device = Lines([sys.executable, str(path)], folder)
+    return DevicePlant(device, ROWS, **{"rest_e": np.zeros(2)} | changes)
 
 
 def test_the_fake_device_is_the_model_behind_a_pipe(folder):
@@ -63,7 +65,7 @@ def test_the_fake_device_is_the_model_behind_a_pipe(folder):
             got, expected = plant.step(u, kind), same.step(u, kind)
             assert got.t == expected.t
             np.testing.assert_allclose(got.x_e, expected.x_e, atol=1e-9)
-    assert plant.returncode == 0
+    assert plant.transport.returncode == 0
 
 
 def test_without_options_the_fake_device_is_the_model_itself(folder):
@@ -93,7 +95,7 @@ def test_hello_says_who_asks_and_for_which_robot(tmp_path):
     path.write_text("import sys; open('hello.json', 'w').write(sys.stdin.readline()); print('{}', flush=True)")
     with (
         pytest.raises(InputError, match="to hello"),
-        PipePlant([sys.executable, str(path)], ROWS, np.array([1.0, 2.0]), folder=tmp_path),
+        DevicePlant(Lines([sys.executable, str(path)], tmp_path), ROWS, np.array([1.0, 2.0])),
     ):
         pass
     assert json.loads((tmp_path / "hello.json").read_text()) == {
@@ -114,7 +116,7 @@ def test_a_device_that_fails_is_one_error(folder, how, words):
         with pytest.raises(InputError, match=words) as caught:
             plant.step(np.ones(2))
     assert "plant.device.fake" in str(caught.value) and "docs/closed-loop.md" in str(caught.value)
-    assert plant.returncode is not None
+    assert plant.transport.returncode is not None
 
 
 @pytest.mark.parametrize(
@@ -204,7 +206,7 @@ def test_one_that_closes_its_output_and_lives_on_is_told_goodbye(tmp_path):
         pytest.raises(InputError, match="closed its output and lives on"),
     ):
         plant.step(np.ones(1))
-    assert (tmp_path / "released").read_text() == '{"bye": true}\n' and plant.returncode == 0
+    assert (tmp_path / "released").read_text() == '{"bye": true}\n' and plant.transport.returncode == 0
 
 
 def ended(process):
@@ -226,7 +228,7 @@ def test_one_that_listens_to_nothing_is_ended_with_its_children(tmp_path):
     with script(tmp_path, text, timeout=20.0) as plant, pytest.raises(InputError, match="answered t = ") as caught:
         plant.step(np.ones(1))
     child = int(re.search(r"answered t = (\d+)", str(caught.value))[1])
-    assert plant.returncode == -signal.SIGKILL
+    assert plant.transport.returncode == -signal.SIGKILL
     # The signal was sent; the system ends a process when it next gives it time.
     assert any(ended(child) or time.sleep(0.05) for _ in range(200))
 
@@ -241,7 +243,7 @@ def test_one_that_does_not_read_holds_nobody_up(tmp_path):
             plant.step(np.full(20_000, np.pi))
         with pytest.raises(InputError, match=r"no answer within 0\.5 s"):
             plant.step(np.full(20_000, np.pi))
-    assert plant.returncode is not None
+    assert plant.transport.returncode is not None
 
 
 def judged_over_the_pipe(said, then):
@@ -256,12 +258,12 @@ def judged_over_the_pipe(said, then):
         "while sys.stdin.readline(): pass\n"
     )
     robot = {"length": 100.0, "reach": np.array([[0.0, 30.0]])}
-    with PipePlant([sys.executable, "-S", "-E", "-c", code], ROWS, np.zeros(2), timeout=0.4, **robot) as plant:
+    with DevicePlant(Lines([sys.executable, "-S", "-E", "-c", code]), ROWS, np.zeros(2), timeout=0.4, **robot) as plant:
         for _ in range(2):
             with suppress(InputError):
                 found = plant.step(np.ones(1))
                 assert found.t in (0, 1) and (np.isnan(found.x_e).all() or np.abs(found.x_e).max() <= 1000)
-    assert plant.returncode is not None
+    assert plant.transport.returncode is not None
 
 
 SAID = st.one_of(
@@ -293,7 +295,7 @@ def test_whatever_ends_the_run_the_device_is_told_goodbye(tmp_path, cause):
     with pytest.raises(cause), device as plant:
         plant.step(np.ones(1))
         raise cause
-    assert (tmp_path / "released").exists() and plant.returncode == 0
+    assert (tmp_path / "released").exists() and plant.transport.returncode == 0
 
 
 def test_a_device_that_talks_too_much_is_stopped(tmp_path):
@@ -312,7 +314,7 @@ def test_an_effector_out_of_sight_is_a_measurement(tmp_path):
 
 def test_a_device_of_another_protocol_is_refused():
     command = [sys.executable, "-c", "input(); print('{}', flush=True); input()"]
-    with pytest.raises(InputError, match="to hello"), PipePlant(command, ROWS, np.zeros(2)):
+    with pytest.raises(InputError, match="to hello"), DevicePlant(Lines(command), ROWS, np.zeros(2)):
         pass
 
 
@@ -324,13 +326,16 @@ def test_a_device_of_another_robot_is_refused(folder):
 
 
 def test_a_program_that_is_not_there():
-    with pytest.raises(InputError, match="cannot be started"), PipePlant(["./no-such-device"], ROWS, np.zeros(2)):
+    with (
+        pytest.raises(InputError, match="cannot be started"),
+        DevicePlant(Lines(["./no-such-device"]), ROWS, np.zeros(2)),
+    ):
         pass
 
 
 def test_it_starts_in_its_folder(tmp_path):
     script(tmp_path, "say({'t': m['t'], 'x_e': [0, 0]})")
-    with PipePlant([sys.executable, "device.py"], ROWS, np.zeros(2), folder=tmp_path) as plant:
+    with DevicePlant(Lines([sys.executable, "device.py"], tmp_path), ROWS, np.zeros(2)) as plant:
         assert plant.step(np.ones(1)).t == 1
 
 
@@ -351,7 +356,7 @@ class Clock:
 @pytest.mark.parametrize("takes, slept, late", [(0.02, [0.03] * 3, 0), (0.07, [], 3)])
 def test_the_period_is_kept_and_lateness_counted(tmp_path, monkeypatch, takes, slept, late):
     clock = Clock()
-    monkeypatch.setattr("cfem.plant.device.pipe_plant.time", clock)
+    monkeypatch.setattr("cfem.plant.device.device_plant.time", clock)
     with script(tmp_path, "say({'t': m['t'], 'x_e': [0, 0]})", period=0.05) as plant:
         ask = plant._ask
 
