@@ -5,7 +5,7 @@
 
 Designs lie on a line from the reference to a corner of the ranges, and beyond where the morph reaches. Prints JSON, a
 record a design: share of the way; smallest volume left of a morphed cell; W and tip on the morphed mesh against those
-on the design's own mesh; and the own mesh's error by one with `ratio` times as many cells. Errors of W in %, as in
+on the design's own mesh; and the own mesh's error by one of cells half as large. Errors of W in %, as in
 many_inputs.py; of the tip in mm. --beyond: designs to which the morph does not reach, to which `cfem optimize-design`
 gives meshes of their own: the jump where such a mesh takes over, as its results state it."""
 
@@ -29,8 +29,6 @@ from cfem.robot.mesh.grading import scene_mesh
 from cfem.sample.family import RobotFamily
 from cfem.sample.parameters import scene_parameters, with_values
 from cfem.sample.spec import SampleSpec
-
-RATIO = 4.0
 
 
 def answer(robot: Robot, pull: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -69,7 +67,7 @@ def main() -> None:
         here = with_values(scene, keys, p)
         own, _ = scene_mesh(here, folder)
         mine = build_robot(here, own)
-        finer = build_robot(here, finer_mesh(here, own, mine, folder, RATIO))
+        finer = build_robot(here, finer_mesh(here, own, folder))
         answers = answer(mine, pull), answer(finer, pull)
         record = {"share": share, "cells": len(own.cells), "own_mesh_error": apart(*answers)}
         try:

@@ -1,5 +1,6 @@
 """Control with a learned model: one inverse step, a search, a controller."""
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -93,7 +94,8 @@ def find_actuation(
 
     Returns:
         What was found: `delta_a`, `lambda_a` (n_a,), `distance` mm that remains, `status`, which says how it ended, and
-        `verdict()`: reached, out of reach (the optimality conditions show it), or not converged.
+        `verdict()`: reached, out of reach (the optimality conditions show it), or not converged. `mesh_error`: between
+        how many mm the error lies that the mesh of the samples adds, None without `mesh_error` in sample.yaml.
 
     Raises:
         SpecError: goal, start or weights have a wrong length or are not finite.
@@ -114,7 +116,8 @@ def find_actuation(
     first = model.at_displacement(np.zeros(n_a) if start is None else vector("start", start, n_a))
     limits, settings = _limits(model, unilateral, largest_force), SearchSettings.of(model.reach, iterations)
     result = search_goal(model, aim, limits, Iterate.at(first), settings)
-    return multistart(model, aim, limits, result, settings, by_displacement, all_over(model, limits, RESTARTS))
+    result = multistart(model, aim, limits, result, settings, by_displacement, all_over(model, limits, RESTARTS))
+    return replace(result, mesh_error=model.tip_error_of_mesh(result.delta_e))
 
 
 @says_what_is_missing

@@ -53,8 +53,8 @@ def _coarser(kind: str, stage: Stage) -> Iterator[str]:
                 yield f"splits.{name}.rows={max(min(FEWEST, split.rows), ceil(split.rows / SHARE))}"
         if spec.until is not None:
             yield "until=null"
+    yield from (f"{key}=null" for key in ("mesh_error",) if getattr(spec, key, None) is not None)
     if kind == "control":
-        yield from (f"{key}=null" for key in ("mesh_error",) if getattr(spec, key, None) is not None)
         yield from (f"{key}=false" for key in ("fe_based",) if getattr(spec, key, False))
         for name, trajectory in getattr(spec, "trajectories", {}).items():
             if isinstance(goals := getattr(trajectory, "goals", None), int) and goals > GOALS:

@@ -5,6 +5,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, field_validator
 
 from cfem.condensed.card import MOST, Pair, ParameterCard, RowsCard, Units
+from cfem.condensed.mesh_error import MeshError
 from cfem.condensed.model import Form
 from cfem.core.names import Name
 from cfem.core.reading import Data
@@ -55,6 +56,7 @@ class ModelCard(Data):
     wrench: constant load that the samples did not carry, on each effector row
     patch_loads: others, on patches of the surface
     wrench_error: estimated error that these loads make, mm
+    mesh_error: of the mesh that the samples were solved on, see `cfem.condensed.mesh_error`
     semidefinite: of each effector row, see `cfem.predict.series.semidefinite`
     masses: t, by the name of the effector that is their centre
     modules, row: of modules in a row
@@ -79,6 +81,7 @@ class ModelCard(Data):
     wrench: list[float] | None = None
     patch_loads: list[PatchLoadCard] | None = None
     wrench_error: float | None = None
+    mesh_error: MeshError | None = None
     errors: dict[str, Any] = {}
     history: list[Any] = []
     versions: dict[str, str] = {}

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cfem.condensed import Condensed, Rows
+from cfem.condensed.mesh_error import mesh_error_of
 from cfem.condensed.model import Form, demand_found, with_duals
 from cfem.condensed.parameters import coordinates, from_json, references
 from cfem.core.errors import InputError, NumericalError
@@ -34,7 +35,8 @@ class Predictor(ABC):
     reach:  (n_a, 2) mm
     length: mm, what '% of length' refers to
     sizes:  (n_e,) in whose squares its locked compliance is made semidefinite (semidefinite.py), None where it is not
-    domain: where it was trained"""
+    domain: where it was trained
+    mesh_error: of the mesh that its samples were solved on, None where nobody has estimated it"""
 
     def __init__(self, meta: dict):
         """Takes over what model.json says; the skin comes from `skin_source` once it is set."""
@@ -51,6 +53,7 @@ class Predictor(ABC):
         self.length = float(meta["length"])
         self.sizes = None if meta.get("semidefinite") is None else np.asarray(meta["semidefinite"], float)
         self.domain = Domain.from_json(meta["domain"])
+        self.mesh_error = mesh_error_of(meta.get("mesh_error"))
         self._reference = references(self.parameters)
         self._learned = [i for i, parameter in enumerate(self.parameters) if not parameter.exact]
         self._exact = [i for i, parameter in enumerate(self.parameters) if parameter.exact]
@@ -101,6 +104,13 @@ class Predictor(ABC):
         if self.form == "force":
             s = self.at_displacement(s, p).lambda_a * self.softer(p)[..., None]
         return s, self.q(p)
+
+    def tip_error_of_mesh(self, delta_e: ArrayLike) -> tuple[float, float] | None:
+        """Smallest and largest error, mm, that the mesh of the samples makes where the effectors have moved by delta_e
+        (n_e,), orientations left out; None where nobody has estimated it."""
+        places = [not name.split(".")[-1].startswith("r") for name in self.rows.effectors]
+        travel = float(np.linalg.norm(np.asarray(delta_e, float)[places]))
+        return None if self.mesh_error is None else self.mesh_error.tip.bounds(travel)
 
     @property
     def n_inputs(self) -> int:

@@ -99,9 +99,13 @@ def sample(
     job = make_job(spec, factory, folder, executor, made_from, timeout)
     kept = {} if known is None else {split: read_table(known / f"{split}.parquet") for split in spec.splits}
     has = [number < len(kept.get(split, ())) for split, number in zip(job.split, job.id, strict=True)]
-    new = np.flatnonzero(~np.array(has))
+    new, skin = np.flatnonzero(~np.array(has)), None if known is None else skin_of(known)
+    if not len(new):
+        if skin:
+            write_whole(job.skin_file, skin)
+        return merge([known / f"{split}.parquet" for split in kept], list(spec.splits))
     first = new[tour.skeleton(job.u[new], spec.skeleton)]
-    job = solve_skeleton(job, first, None if known is None else skin_of(known))
+    job = solve_skeleton(job, first, skin)
     solved = solve_rows(job, np.setdiff1d(new, first), spec.shard)
     return merge([job.skeleton_rows, *solved, *(known / f"{split}.parquet" for split in kept)], list(spec.splits))
 

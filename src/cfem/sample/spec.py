@@ -8,6 +8,7 @@ from pydantic import AfterValidator, Field, WithJsonSchema
 from cfem.core.actuator_units import Effort
 from cfem.core.spec import Spec
 from cfem.core.units import AngleRanges, Length, LengthRanges
+from cfem.robot.mesh.error_spec import MeshErrorSpec
 
 SEQUENCES = ("random", "scrambled-halton")  # methods whose row i depends on the seed and on i alone
 
@@ -173,6 +174,9 @@ class SampleSpec(Spec):
     """Add states where a task goes to a dataset that is there, instead of sampling it."""
     contact: HeldPatchSpec | None = None
     """Draw the actuators' forces and the pose of the patch that holds the contact points, instead of a space."""
+    mesh_error: MeshErrorSpec | None = None
+    """How the error of the mesh is estimated over the range of the training states, for models to state. Each of its
+    states takes about two factorisations on a mesh of eight times as many cells."""
     tolerance: float = Field(1e-10, gt=0, le=1e-6)
     """Largest relative residual of a converged state."""
 
@@ -187,6 +191,8 @@ class SampleSpec(Spec):
             raise ValueError("slack: false needs space: displacement, and does not go with contact")
         if self.idle and (self.space != "pulling" or self.contact):
             raise ValueError("idle needs space: pulling, and does not go with contact")
+        if self.mesh_error and (self.contact or self.space == "rest"):
+            raise ValueError("mesh_error does not go with contact or space: rest yet")
         if self.contact and (self.parameters or self.until):
             raise ValueError("contact does not go with parameters or until yet")
         if self.dynamics and self.contact:

@@ -1,5 +1,7 @@
 """`cfem sample`: a scene, its mesh and a plan to a dataset."""
 
+import hashlib
+import json
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -63,6 +65,8 @@ def run(
         known = None if options.force else _first_rows(sampling)
         work_on = fill or artefact.fill
         outcome = work_on(folder, placed(spec, spec_path.parent), factory(), made_from, crew, known)
+        if spec.mesh_error is not None:
+            outcome = _with_mesh_error(outcome, folder, spec, spec_path.parent)
         return {**outcome, KEY: [poor(COARSE), *outcome.get(KEY, [])]} if quick else outcome
 
     if shard is None:
@@ -75,6 +79,19 @@ def run(
     part = parse_part(shard)
     part_stage = replace(sampling, out=out or part.folder(sampling.out), extra={**sampling.extra, "part": vars(part)})
     return run_stage(part_stage, lambda folder: fill_part(folder, spec, factory(), made_from, part, crew), options)
+
+
+def _with_mesh_error(outcome: dict[str, Any], dataset: Path, spec: SampleSpec, base: Path) -> dict[str, Any]:
+    """The results of a dataset's folder with the error of the mesh within its range."""
+    from cfem.robot.load import load_scene_and_mesh
+    from cfem.sample.mesh_error import mesh_error_line, sampled_mesh_error
+
+    path = base / spec.scene
+    scene, mesh = load_scene_and_mesh(path, base / spec.mesh)
+    error = sampled_mesh_error(dataset / "train.parquet", scene, mesh, path.parent, spec.mesh_error)
+    content = hashlib.sha256(json.dumps([outcome["content"], error]).encode()).hexdigest()  # models state it
+    line = mesh_error_line(error)
+    return {**outcome, "headline": [*outcome["headline"], line], "mesh_error": error, "content": content}
 
 
 def merge(
@@ -152,7 +169,7 @@ def continues(origin: dict[str, Any], before: Any) -> bool:
 
 
 def _apart(origin: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """The splits of an origin, and the origin without their numbers of rows."""
+    """The splits of an origin, and the origin without their numbers of rows and what is estimated from them."""
     splits = origin["spec"]["splits"]
     uncounted = {name: {**split, "rows": None} for name, split in splits.items()}
-    return splits, {**origin, "spec": {**origin["spec"], "splits": uncounted}}
+    return splits, {**origin, "spec": {**origin["spec"], "splits": uncounted, "mesh_error": None}}

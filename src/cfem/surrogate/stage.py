@@ -14,10 +14,12 @@ from typing import Any
 
 import numpy as np
 
+from cfem.condensed.mesh_error import mesh_error_of
 from cfem.condensed.parameters import completed
 from cfem.condensed.skin import read_skin
 from cfem.core.artefact.content import artefact_content, artefact_file
 from cfem.core.artefact.files import file_sha256, write_json, write_npz
+from cfem.core.artefact.manifest import read_manifest
 from cfem.core.console.progress import doing
 from cfem.core.errors import InputError, NumericalError
 from cfem.core.optional import demand
@@ -71,6 +73,9 @@ def work(folder: Path, spec: TrainSpec, dataset_folder: Path) -> dict[str, Any]:
     if moves(training, spec.model):
         doing("learning how it moves")
         results["motion"] = meta["motion"] = add_motion(folder, training)
+    mesh_error = read_manifest(dataset_folder).get("results", {}).get("mesh_error")
+    if mesh_error_of(mesh_error) is not None and not isinstance(spec.model, SerialSpec):  # of a module, not of a row
+        results["mesh_error"] = meta["mesh_error"] = mesh_error
     write_json(folder / "model.json", {**meta, "dataset": data, "positive_definite": definite})
     write_npz(folder / "weights.npz", arrays)
     s, p = model_inputs(predictor, test)

@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from cfem.condensed.mesh_error import mesh_error_of
 from cfem.core.artefact.judgement import INDEFINITE_SHARE, LOSS, poor
 from cfem.core.console.shown import duration, length
 
@@ -27,6 +28,12 @@ def headline(results: dict[str, Any], units: dict[str, Any]) -> list[str]:
         f"{loss}; "
         f"fitted in {duration(results['seconds_fit'])}, {duration(1e-6 * results['microseconds_query'])} per query"
     ]
+    known = mesh_error_of(results.get("mesh_error"))
+    if known is not None:
+        low, high = (100 * share for share in known.tip.far)
+        lines.append(
+            f"the mesh of the samples adds {low:.2g} to {high:.2g} % of the effectors' travel, where it is largest"
+        )
     if "skin" in results:
         lines.append(skin_line(results["skin"]))
     if definite["share"] < 1:

@@ -22,7 +22,7 @@ SWING = [
     "trajectories={swing: {kind: image, centre: [0.5], radii: [0.4], goals: 3}, "
     "there: {kind: goals, points: {mm: [[58.9, 0, 1.5], [58.8, 0, 1.8]]}}}",
     "models={spectral: ../../models/bar/spectral}",
-    "mesh_error={states: 1, cells: 1.5}",
+    "mesh_error={states: 1}",
 ]
 
 

@@ -5,8 +5,7 @@ from support.blocks import block
 from cfem.core.errors import SpecError
 from cfem.core.spec import load_spec
 from cfem.mechanics.mesh import Mesh, boundary_facets, tet_volumes
-from cfem.robot.build import build_robot
-from cfem.robot.mesh.finer import carried_over, cut_in_eight, finer_mesh, growth
+from cfem.robot.mesh.finer import carried_over, cut_in_eight, finer_mesh
 from cfem.robot.mesh.meshing import make_mesh
 from cfem.robot.spec import SceneSpec
 
@@ -72,14 +71,13 @@ def scene(tmp_path, geometry, mesh):
 def test_scenes_are_meshed_more_finely(tmp_path, mesh):
     spec = scene(tmp_path, "{kind: bar}", mesh)
     coarse = make_mesh(spec, tmp_path)[0]
-    finer = finer_mesh(spec, coarse, build_robot(spec, coarse), tmp_path, 2.5)
-    assert 1.5 < len(finer.cells) / len(coarse.cells) < 4.5 and finer.cells.shape[1] == coarse.cells.shape[1]
+    finer = finer_mesh(spec, coarse, tmp_path)
+    assert len(finer.cells) == 8 * len(coarse.cells) and finer.cells.shape[1] == coarse.cells.shape[1]
     np.testing.assert_allclose(finer.volumes.sum(), 6000, rtol=1e-9)
 
 
 def test_hexahedra_of_a_file_are_refused(tmp_path):
     spec = scene(tmp_path, "{kind: mesh-file, path: any.vtu}", "{size: 5 mm, element: hex8}")
-    assert growth(spec, 2.5) == 8
     coarse = make_mesh(scene(tmp_path, "{kind: bar}", "{size: 5 mm, element: hex8}"), tmp_path)[0]
     with pytest.raises(SpecError, match="hexahedra of a mesh file are not cut"):
-        finer_mesh(spec, coarse, None, tmp_path, 2.5)
+        finer_mesh(spec, coarse, tmp_path)

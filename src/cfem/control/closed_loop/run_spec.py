@@ -3,8 +3,8 @@
 from typing import Literal
 
 from cfem.control.closed_loop.spec import LoopSpec
-from cfem.control.open_loop.spec import MeshErrorSpec
 from cfem.control.task.run_spec import FE_BASED, FamilySpec
+from cfem.robot.mesh.error_spec import MeshErrorSpec
 
 
 class ClosedLoopSpec(FamilySpec):

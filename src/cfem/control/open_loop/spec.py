@@ -2,21 +2,8 @@
 
 from typing import Literal
 
-from pydantic import Field, PositiveInt
-
 from cfem.control.task.run_spec import FamilySpec, PlannedSpec
-from cfem.core.spec import Spec
-
-
-class MeshErrorSpec(Spec):
-    """How the discretisation error is estimated: some commands are carried out once more on a finer mesh."""
-
-    states: PositiveInt = 3
-    """Number of goals whose commands are carried out."""
-    cells: float = Field(2.5, ge=1.5, le=8)
-    """Cells of the finer mesh relative to the mesh at hand. Eight where the mesh is a file, whose cells are cut."""
-    largest: PositiveInt = 60_000
-    """No estimate is made where the finer mesh would have more cells."""
+from cfem.robot.mesh.error_spec import MeshErrorSpec
 
 
 class OpenLoopSpec(PlannedSpec, FamilySpec):
@@ -25,7 +12,7 @@ class OpenLoopSpec(PlannedSpec, FamilySpec):
     plant: Literal["fem", "model"] = "fem"
     """What the commands act on: fem, the finite-element robot; model, the first model itself, for trying out."""
     mesh_error: MeshErrorSpec | None = MeshErrorSpec()
-    """How the discretisation error is estimated, null to leave it out."""
+    """How the error of the mesh is estimated from goals' commands, null to leave it out."""
 
     def check(self) -> None:
         super().check()

@@ -169,12 +169,12 @@ def discretisation_sentence(error: dict) -> str:
     """Sentence about what the mesh itself leaves uncertain."""
     if "left_out" in error:
         return f"discretisation error: not estimated ({error['left_out']})"
+    states = f"{error['states']} state{'s' * (error['states'] > 1)}"
     return (
-        f"discretisation error: the mesh itself leaves {length(error['tip_mm'], digits=2)} uncertain at the tip "
+        f"discretisation error: the mesh itself leaves up to {length(error['tip_mm'], digits=2)} uncertain at the tip "
         f"({error['tip_percent']:.2g} % of the length), {error['force_percent']:.2g} % of the actuator forces and "
-        f"{error['reach_percent']:.2g} % of the reach (estimated: {error['states']} state{'s' * (error['states'] > 1)} "
-        f"on {error['finer_cells']} "
-        f"instead of {error['cells']} cells)"
+        f"{error['reach_percent']:.2g} % of the reach (estimated: rest and {states} "
+        f"on {error['finer_cells']} instead of {error['cells']} cells)"
     )
 
 

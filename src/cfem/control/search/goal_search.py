@@ -143,7 +143,9 @@ class SearchResult:
     iterate: to start the next goal from
     aim, limits: what was searched for, within what
     via: displacements (n_a,) to go by on the way there
-    tried: whether states around it were tried, as the slopes of a model with kinks tell of one side only"""
+    tried: whether states around it were tried, as the slopes of a model with kinks tell of one side only
+    mesh_error: mm, between which the effectors' error lies that the mesh of the model's samples makes, None where
+        nobody has estimated it"""
 
     delta_a: np.ndarray
     lambda_a: np.ndarray
@@ -160,6 +162,7 @@ class SearchResult:
     limits: Limits
     via: tuple[np.ndarray, ...] = ()
     tried: bool = False
+    mesh_error: tuple[float, float] | None = None
 
     @cached_property
     def optimality(self) -> Optimality:

@@ -163,6 +163,9 @@ def about(meta: dict, predictor: Predictor) -> str:
     if error is not None:
         shown = length(error) if error >= LEAST else f"less than {LEAST:g} mm"
         known = f" The largest error of its tip in unseen states: {shown}."
+    if predictor.mesh_error is not None:
+        low, high = (100 * share for share in predictor.mesh_error.tip.far)
+        known += f" Its mesh adds {low:.2g} to {high:.2g} % of how far the tip travels (estimated)."
     return (
         f"A learned condensed finite-element model ({meta['kind']}) computes all that you see, on your device.{known} "
         "Nothing is sent anywhere. Made by cfem."

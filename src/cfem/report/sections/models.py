@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from cfem.condensed.mesh_error import mesh_error_of
 from cfem.core.console.shown import duration
 from cfem.core.errors import InputError
 from cfem.report.chart import Chart, chart, panel
@@ -78,12 +79,19 @@ def model_table(
             "test states": lambda row: str(row[1]["errors"].get("states", "–")),
             "the paper's loss": lambda row: loss(row[1]["errors"]),
             "tip error, mean / max": lambda row: lengths(row[1]["errors"]["tip_mm"]),
+            "the mesh adds (% of travel)": lambda row: _of_mesh(row[1].get("mesh_error")),
             f"force error, mean / max ({force})": lambda row: spread(row[1]["errors"]["force_N"]),
             "CPU time of sampling": lambda row: _time(row[1]["seconds_sampling"]),
             "training time": lambda row: _time(row[1]["seconds_fit"]),
             "one query": lambda row: _time(row[1]["microseconds_query"], 1e-6),
         },
     )
+
+
+def _of_mesh(error: Mapping[str, Any] | None) -> str:
+    """Between which shares the error of the mesh lies where the tip travels farthest."""
+    known = mesh_error_of(error)
+    return "–" if known is None else " to ".join(number(100 * share, 2) for share in known.tip.far)
 
 
 def _time(value: float | None, unit: float = 1.0) -> str:

@@ -5,11 +5,9 @@ from pathlib import Path
 import numpy as np
 
 from cfem.core.errors import SpecError
-from cfem.equilibrium.system.robot import Robot
 from cfem.mechanics.element import SECTIONED, barycentric_gradients, shape
 from cfem.mechanics.mesh import Mesh, tet_volumes
 from cfem.robot.geometry import Assembly, MeshFile
-from cfem.robot.mesh.grading import estimate, grade
 from cfem.robot.mesh.meshing import make_mesh, with_middles
 from cfem.robot.shape.deform import shaped
 from cfem.robot.spec import SceneSpec
@@ -23,31 +21,22 @@ _FOUR = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]])
 _CELLS = 20  # nearest cells among which the one that holds a node is looked for
 
 
-def growth(scene: SceneSpec, ratio: float) -> float:
-    """Ratio of the number of cells of `finer_mesh` to those at hand: about `ratio`, and 8 where a file's cells are
-    cut."""
-    return 8.0 if _cells_of_file(scene) else ratio
-
-
 def dimensions(scene: SceneSpec) -> int:
     """Number of directions in which cells become smaller: one along a row of sections, else three."""
     return 1 if scene.mesh.element in SECTIONED else 3
 
 
-def finer_mesh(scene: SceneSpec, mesh: Mesh, robot: Robot, folder: Path, ratio: float) -> Mesh:
-    """Mesh of about `growth` times as many cells as `mesh`, that of `scene` and `robot`. SpecError where a mesh file
-    holds hexahedra; else what `make_mesh` raises."""
-    if _cells_of_file(scene):
-        if mesh.cells.shape[1] == 8:
-            raise SpecError("hexahedra of a mesh file are not cut")
+def finer_mesh(scene: SceneSpec, mesh: Mesh, folder: Path) -> Mesh:
+    """Mesh of cells half as large as those of `mesh`, that of `scene`. Tetrahedra are cut: what the mesh at hand cannot
+    show is what cells within its own can show, whereas another mesh errs in its own way, by as much where a cable holds
+    in a region smaller than a cell. Others are made anew. SpecError where a mesh file holds hexahedra."""
+    if mesh.cells.shape[1] in (4, 10):
         finer = cut_in_eight(mesh.base)
         finer = with_middles(finer) if mesh.order == 2 else finer
         return finer if scene.shape is None else shaped(scene.shape, finer)
-    finer = _scaled(scene, ratio ** (-1 / dimensions(scene)))
-    if scene.mesh.cells is None:
-        return make_mesh(finer, folder)[0]
-    cells = round(ratio * len(mesh.cells))
-    return make_mesh(finer, folder, grade(mesh, estimate(robot), cells, finer.mesh.size))[0]
+    if _cells_of_file(scene):
+        raise SpecError("hexahedra of a mesh file are not cut")
+    return make_mesh(_halved(scene), folder)[0]
 
 
 def _cells_of_file(scene: SceneSpec) -> bool:
@@ -55,19 +44,11 @@ def _cells_of_file(scene: SceneSpec) -> bool:
     return isinstance(scene.geometry, MeshFile) and not scene.geometry.meshed_here
 
 
-def _scaled(scene: SceneSpec, shrink: float) -> SceneSpec:
-    """The scene with all its mesh sizes `shrink` times as large."""
-
-    def smaller(boxes: list) -> list:
-        return [box.model_copy(update={"size": shrink * box.size}) for box in boxes]
-
-    meshing = {"size": shrink * scene.mesh.size, "refine": smaller(scene.mesh.refine)}
-    update = {"mesh": scene.mesh.model_copy(update=meshing)}
+def _halved(scene: SceneSpec) -> SceneSpec:
+    """The scene with all its mesh sizes half as large."""
+    update = {"mesh": scene.mesh.model_copy(update={"size": scene.mesh.size / 2})}
     if isinstance(scene.geometry, Assembly):
-        parts = [
-            part.model_copy(update={"size": part.size and shrink * part.size, "refine": smaller(part.refine)})
-            for part in scene.geometry.parts
-        ]
+        parts = [part.model_copy(update={"size": part.size and part.size / 2}) for part in scene.geometry.parts]
         update["geometry"] = scene.geometry.model_copy(update={"parts": parts})
     return scene.model_copy(update=update)
 
