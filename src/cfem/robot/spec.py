@@ -1,9 +1,9 @@
 """scene.yaml: what the robot is. Geometry, mesh, material, what holds it, what drives it, what is watched."""
 
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import BeforeValidator, Field, WithJsonSchema
 
 from cfem.core.errors import SpecError
 from cfem.core.spec import Spec, load_spec, meaning
@@ -18,6 +18,26 @@ from cfem.robot.selection import Selection
 from cfem.robot.shape.free_form import FreeForm
 
 
+def _percent(given: Any) -> Any:
+    """'1 %' as 0.01; all else as it is."""
+    return float(given[:-1]) / 100 if isinstance(given, str) and given.endswith("%") else given
+
+
+Percent = Annotated[
+    float,
+    Field(gt=0, lt=1),
+    BeforeValidator(_percent),
+    WithJsonSchema(
+        {
+            "anyOf": [
+                {"type": "number", "exclusiveMinimum": 0, "exclusiveMaximum": 1},
+                {"type": "string", "pattern": r"^\s*\d+(\.\d+)?\s*%$"},
+            ]
+        }
+    ),
+]
+
+
 class Meshing(Spec):
     """How the body is meshed."""
 
@@ -26,6 +46,10 @@ class Meshing(Spec):
     cells: int | None = Field(default=None, ge=100)
     """For how many tetrahedra sizes are graded, finest where W needs it. It makes 0.5 to 2.5 times as many, and more
     where `size` alone makes more."""
+    accuracy: Percent | None = None
+    """Largest error of the mesh, relative to how far the effectors travel, e.g. '1 %', in place of `cells`. It is
+    estimated with single actuators at their reach, and the mesh is made finer until it has it. Of tetrahedra that are
+    made here."""
     max_cells: int = Field(default=300_000, ge=1, exclude=True)
     """Number of cells above which the mesh is refused before it is made. It changes nothing else."""
     refine: list[Refinement] = []
@@ -132,6 +156,10 @@ class SceneSpec(Spec):
         cells_of_file = isinstance(geometry, MeshFile) and not geometry.meshed_here
         if mesh.cells is not None and (mesh.element in ("hex8", *SECTIONED) or cells_of_file):
             raise ValueError("mesh.cells: grades tetrahedra that are made here, not hexahedra or a mesh file")
+        if mesh.accuracy is not None and (mesh.element in ("hex8", *SECTIONED) or cells_of_file):
+            raise ValueError("mesh.accuracy: is of tetrahedra that are made here, not of hexahedra or a mesh file")
+        if mesh.accuracy is not None and (mesh.cells is not None or not self.actuators):
+            raise ValueError("mesh.accuracy: needs actuators, and does not go with mesh.cells")
         if mesh.mirror and (isinstance(geometry, Assembly | MeshFile | StiffFlop) or mesh.element == "hex8"):
             raise ValueError("mesh.mirror: is for tetrahedra of one body that is meshed here")
         if self.layers and mesh.element in ("hex8", *SECTIONED):

@@ -31,12 +31,16 @@ def _work(target: Path, scene: SceneSpec, folder: Path) -> Mapping[str, Any]:
     from cfem.robot.checks.cable_passage import demand_inside
     from cfem.robot.checks.plausible import doubts
     from cfem.robot.checks.soundness import demand_held, demand_independent, demand_unfolded
-    from cfem.robot.mesh.grading import scene_mesh
+    from cfem.robot.mesh.accuracy import accurate_mesh
+    from cfem.robot.mesh.grading import graded_mesh
     from cfem.robot.mesh.mesh_file import write_mesh
     from cfem.robot.mesh.quality import quality
     from cfem.robot.mesh.surface_file import mends_of
 
-    mesh, volume = scene_mesh(scene, folder)
+    if scene.mesh.accuracy is None:
+        (mesh, volume), error = graded_mesh(scene, folder), None
+    else:
+        mesh, volume, error = accurate_mesh(scene, folder)
     figures = quality(mesh, volume)
     demand_unfolded(mesh, scene.name)
     robot = build_robot(scene, mesh)  # an attachment that cannot be made is an error now, not after an hour of sampling
@@ -47,7 +51,12 @@ def _work(target: Path, scene: SceneSpec, folder: Path) -> Mapping[str, Any]:
     judgement = [poor(doubt) for doubt in [*doubts(scene, robot), *figures.doubts(reads_cells(scene))]]
     mends = [f"{path}: {phrase}" for path, phrase in mends_of(scene.geometry, folder)]
     graded = "" if scene.mesh.cells is None else f"; sizes were graded for {scene.mesh.cells} cells"
-    return {"headline": [figures.sentence() + graded, *mends], "judgement": judgement, **asdict(figures)}
+    if error is not None:
+        graded = (
+            f"; its error is at most {100 * error['tip_mm'] / error['tip']['largest']:.2g} % of the effectors' travel"
+        )
+    estimated = {} if error is None else {"mesh_error": error}
+    return {"headline": [figures.sentence() + graded, *mends], "judgement": judgement, **asdict(figures), **estimated}
 
 
 def reads_cells(scene: SceneSpec) -> bool:

@@ -87,7 +87,7 @@ def test_goals_out_of_reach_lead_where_nothing_was_reached():
     ]
     first, second = headline({"circle": summarise(far, 100.0)}, {**DISCRETISATION, "states": 1})
     assert "0 of 4 goals reached; 4 goals are out of reach: the robot ended 203 mm away" in first
-    assert "(estimated: 1 state on" in second
+    assert "(estimated: rest and 1 state on" in second
 
 
 def test_a_discretisation_error_that_is_not_known_is_said_to_be_so():
