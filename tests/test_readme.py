@@ -36,7 +36,8 @@ def test_the_example_robots_are_valid_scenes(tmp_path):
     from cfem.core.spec import load_spec
     from cfem.robot.spec import SceneSpec
 
-    whole, more, form = re.findall(r"```yaml\n(.*?)```", (ROOT / "docs" / "scenes.md").read_text(), re.DOTALL)
+    examples = re.findall(r"```yaml\n(.*?)```", (ROOT / "docs" / "scenes.md").read_text(), re.DOTALL)
+    whole, more, layers, pneunet, form = examples
     path = tmp_path / "scene.yaml"
     path.write_text(whole)
     assert load_spec(path, SceneSpec).name == "my-robot"
@@ -44,3 +45,6 @@ def test_the_example_robots_are_valid_scenes(tmp_path):
     scene = load_spec(path, SceneSpec)
     assert len(scene.materials) == len(scene.rigid) == 1 and scene.actuators[0].name == "chamber"
     assert len(scene.shape.controls) == 2 and scene.shape.walls[0].thicker == 0.4
+    path.write_text(layers + re.sub("geometry:.*\n", pneunet, whole))
+    scene = load_spec(path, SceneSpec)
+    assert scene.geometry.kind == "pneunet" and len(scene.layers) > 1
