@@ -16,7 +16,7 @@ from cfem.core.optional import EXTRAS, demand, explained
 
 PROJECT = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]
 BROUGHT_BY = {"llvmlite": "numba", "dask": "distributed", "pymklpardiso": "py-mkl-pardiso", "PIL": "pillow"}
-BROUGHT_BY |= {"mpl_toolkits": "matplotlib"}
+BROUGHT_BY |= {"mpl_toolkits": "matplotlib", "serial": "pyserial"}
 BROUGHT_BY |= {"stable_baselines3": "stable-baselines3"}
 
 
