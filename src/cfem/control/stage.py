@@ -73,7 +73,7 @@ def _agrees(spec: RunSpec, base: Path) -> None:
 
 COMMAND = Command(
     "control",
-    11,
+    12,
     ControlSpec,
     _work,
     ("mesh",),
