@@ -54,7 +54,7 @@ class MeshError(Data):
 
 
 def mesh_error_of(found: Mapping[str, Any] | None) -> MeshError | None:
-    """What an artefact says of the error of its mesh, None where it says nothing."""
+    """Error of the mesh that an artefact states, None where it says nothing."""
     if not found or "left_out" in found:
         return None
     return MeshError.model_validate_json(json.dumps(dict(found)))

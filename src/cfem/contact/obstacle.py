@@ -165,7 +165,7 @@ class Cylinder(_Posed):
         _demand(self.radius > 0 and self.half_length > 0, "radius and half length of a cylinder must be above 0 mm")
 
     def _local(self, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """That of a rectangle, in the plane of the axis and the point."""
+        """Signed distance to a rectangle, in the plane of the axis and the point."""
         r = np.hypot(s[:, 0], s[:, 1])
         x, y = np.where(r[:, None] > 0, s[:, :2], [1.0, 0.0]).T / np.where(r > 0, r, 1.0)
         section = np.column_stack([r, np.zeros(len(s)), s[:, 2]])

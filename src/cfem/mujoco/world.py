@@ -46,7 +46,7 @@ class Energies:
 
     @property
     def lost(self) -> float:
-        """To friction, and to the steps."""
+        """Energy lost to friction, and to the steps."""
         return self.commanded - self.passed - self.stored
 
 

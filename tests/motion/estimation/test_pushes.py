@@ -47,3 +47,10 @@ def test_a_force_is_half_a_step_of_momentum_before_and_half_after():
             ends.append(tick.step(begun, state.u, MaterialShares())[0].z + sign * kick)
         expected = (ends[0] - ends[1]) / (2 * h)
         np.testing.assert_allclose(slope[:, k], expected, atol=1e-4 * np.abs(expected).max())
+
+
+def test_a_force_acts_on_momenta_alone_where_the_state_has_strains_that_relax_behind_them():
+    """Positions, momenta and two inner strains: half of a force before the step, half after."""
+    A, dt = np.random.default_rng(1).normal(size=(6, 6)), 0.1
+    expected = dt / 2 * (A[:, 2:4] + np.eye(6)[:, 2:4])
+    np.testing.assert_allclose(slope_by_force(A, 2, dt), expected)

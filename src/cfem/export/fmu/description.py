@@ -32,7 +32,7 @@ class Fmu:
 
     @property
     def variables(self) -> list[Variable]:
-        """By value reference, from 1 on; time is 0."""
+        """Variables by value reference, from 1 on; time is 0."""
         return [variable for block in self.blocks.values() for variable in block]
 
 

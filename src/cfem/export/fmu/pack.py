@@ -58,7 +58,7 @@ def parts_of(spec: ExportSpec, moves: bool) -> tuple[FmuPart, ...]:
 
 
 def motion_of(spec: ExportSpec, model_folder: Path) -> MotionModel | None:
-    """That of the robot that the spec exports, None where it has none."""
+    """Motion of the robot that the spec exports, None where it has none."""
     moves = has_file(model_folder, MOTION) and not spec.loads and not spec.c.parameters
     return load_motion(model_folder) if moves else None
 
@@ -165,7 +165,7 @@ def _compiled(folder: Path, names: Sequence[str], place: Path) -> list[Path]:
 
 
 def _token(*contents: bytes) -> str:
-    """The same for the same contents."""
+    """Instantiation token, the same for the same contents."""
     digest = hashlib.sha256(b"".join(contents)).hexdigest()
     return "{" + "-".join((digest[:8], digest[8:12], digest[12:16], digest[16:20], digest[20:32])) + "}"
 

@@ -11,8 +11,8 @@ def slope_by_force(A: np.ndarray, n_q: int, dt: float) -> np.ndarray:
     """Slope (n_z, n_q) of the state after a step of `dt` seconds by forces on q; A (n_z, n_z): by that before.
 
     A force is like momentum, half of it before the step and half after: the midpoint rule's own way."""
-    by_force = A[:, n_q:].copy()
-    by_force[n_q:] += np.eye(n_q)
+    by_force = A[:, n_q : 2 * n_q].copy()
+    by_force[n_q : 2 * n_q] += np.eye(n_q)
     return dt / 2 * by_force
 
 

@@ -32,7 +32,7 @@ class Transport(Protocol):
         ...
 
     def losses(self) -> dict[str, int] | None:
-        """What was lost on the way; None where nothing can be."""
+        """Losses on the way; None where nothing can be."""
         ...
 
     def end(self) -> None:
@@ -110,7 +110,7 @@ class DevicePlant:
 
     @property
     def losses(self) -> dict[str, int] | None:
-        """What was lost on the way so far; None where nothing can be."""
+        """Losses on the way so far; None where nothing can be."""
         return self.transport.losses()
 
     def step(self, u: np.ndarray, kind: Command = "displacement") -> Measurement:

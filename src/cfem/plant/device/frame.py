@@ -45,7 +45,7 @@ class Frame:
     version: int = VERSION
 
     def packed(self) -> bytes:
-        """Its bytes."""
+        """Bytes of the frame."""
         count, short, long = len(self.payload), 2**16, 2**32
         numbers = self.sequence % short, self.tick % long, self.stamp % long
         head = HEAD.pack(SYNC, self.version, self.kind, count, MOST - count, *numbers)

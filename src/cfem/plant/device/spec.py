@@ -44,7 +44,7 @@ DeviceSpec = Annotated[ProgramSpec | SerialSpec | UdpSpec, Field(discriminator="
 
 
 def transport_of(spec: DeviceSpec, rows: Rows, folder: Path | None, period: float) -> Transport:
-    """What carries messages to a device. rows: of the robot; folder: where a program starts; period: s of a tick."""
+    """Transport of messages to a device. rows: of the robot; folder: where a program starts; period: s of a tick."""
     if spec.kind == "program":
         return Lines(spec.command, folder)
     from cfem.plant.device.channel import SerialChannel, UdpChannel

@@ -44,7 +44,7 @@ class Wire:
         self._channel.open()
 
     def ask(self, message: dict[str, Any], timeout: float) -> dict[str, Any] | None:
-        """What the device says to a message: hello, a command, or {"goal": (n_e,), "x_e": (n_e,) or None, "t": the
+        """Answer of the device to a message: hello, a command, or {"goal": (n_e,), "x_e": (n_e,) or None, "t": the
         number of the command that x_e followed}. None where no answer came in this tick. Malformed where the device
         is silent for longer than `timeout`, reports a fault, or takes no such message."""
         try:
@@ -142,7 +142,7 @@ class Wire:
         return answer
 
     def _measured(self, frame: Frame) -> dict[str, Any]:
-        """As the answer of a line."""
+        """Answer in the form that a line has."""
         n_e, n_a = self._rows.n_e, self._rows.n_a
         e, a, force = frame.payload[:n_e], frame.payload[n_e : n_e + n_a], frame.payload[n_e + n_a : n_e + 2 * n_a]
         answer = {"t": frame.tick, "x_e": _known(e), "delta_a": _known(a), "lambda_a": _known(force)}

@@ -14,7 +14,7 @@ class Poses:
     """Poses during one step. obstacles: where they stand now."""
 
     def __init__(self, scene: Bodies, robots: LoadedRobots):
-        """Where the scene says, which is where nothing moves."""
+        """Poses that the scene states, where nothing moves."""
         self.scene, self.robots, self.obstacles = scene, robots, scene.obstacles
         self.rigid: RigidBodies | None = scene.rigid
 
