@@ -19,7 +19,7 @@ class Channel(Protocol):
         ...
 
     def read(self, timeout: float) -> bytes:
-        """Bytes that have come, or that come first within `timeout` seconds; nothing after that. OSError as for `write`."""
+        """Bytes that have come, or come first within `timeout` seconds; nothing after that. OSError as `write`."""
         ...
 
     def close(self) -> None:
