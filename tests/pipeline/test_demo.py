@@ -71,7 +71,7 @@ def test_three_numbers_are_said_once():
     goals, error, time = numbers(RESULTS)
     assert "23 of 24 of the curve 'curve'" in goals
     assert error == (
-        "tracking error:     about 1.4 mm (1.2 % of the robot's length) in a robot of a much finer mesh; "
+        "tracking error:     up to 1.4 mm (1.2 % of the robot's length) in a robot of a much finer mesh, as estimated; "
         "2 nm on average on the mesh that the model has learned"
     )
     assert "500 µs with the learned model; one FE solve takes 300 ms, 600 times as long" in time

@@ -40,7 +40,7 @@ class ErrorShare(Data):
 
 
 class MeshError(Data):
-    """How far the robot on an infinitely fine mesh is from the robot on this one, at the same command.
+    """Estimated distance between the robot on an infinitely fine mesh and the robot on this one, at the same command.
 
     tip: relative to how far the effectors travel, mm; actuators: of what is not commanded, forces where displacements
     are, and displacements where forces are, relative to the largest actuator's
@@ -53,8 +53,8 @@ class MeshError(Data):
     finer_cells: int = Field(ge=1)
 
 
-def mesh_error_of(found: Mapping[str, Any] | None) -> MeshError | None:
+def mesh_error_of(stated: Mapping[str, Any] | None) -> MeshError | None:
     """Error of the mesh that an artefact states, None where it says nothing."""
-    if not found or "left_out" in found:
+    if not stated or "left_out" in stated:
         return None
-    return MeshError.model_validate_json(json.dumps(dict(found)))
+    return MeshError.model_validate_json(json.dumps(dict(stated)))

@@ -62,8 +62,8 @@ def numbers(control: Mapping[str, Any]) -> list[str]:
     error = f"{length(near['mean'])} on average" if near else "none, as no goal is in reach,"
     error += " on the mesh that the model has learned"
     if "tip_mm" in mesh:
-        finer = f"about {length(mesh['tip_mm'], digits=2)} ({mesh['tip_percent']:.2g} % of the robot's length)"
-        error = f"{finer} in a robot of a much finer mesh; {error}"
+        finer = f"up to {length(mesh['tip_mm'], digits=2)} ({mesh['tip_percent']:.2g} % of the robot's length)"
+        error = f"{finer} in a robot of a much finer mesh, as estimated; {error}"
     else:
         error += f"; on a finer mesh it is not known: {mesh['left_out']}"
     step = summary["step_us"]["median"] / 1e6

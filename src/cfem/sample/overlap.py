@@ -18,11 +18,11 @@ ALLOWED = 0.01  # of the robot's length, to which parts of the body may pass thr
 def overlaps(boundary: Boundary, states: Sequence[np.ndarray]) -> dict[str, Any]:
     """Figures on the states x (n, 3) mm, as plain data: how many there are, in how many any part passes through
     another, the largest depth, and where that is in the body at rest."""
-    found = [boundary.overlap(x) for x in states]
-    deepest = max(found, key=lambda each: each.depth)
+    depths = [boundary.overlap(x) for x in states]
+    deepest = max(depths, key=lambda each: each.depth)
     place = boundary.rest[deepest.node].tolist() if deepest.depth else None
-    count = sum(each.depth > 0 for each in found)
-    return {"states": len(found), "overlapping": count, "depth_mm": deepest.depth, "place_mm": place}
+    count = sum(each.depth > 0 for each in depths)
+    return {"states": len(depths), "overlapping": count, "depth_mm": deepest.depth, "place_mm": place}
 
 
 def read_overlap(folder: Path) -> dict[str, Any] | None:

@@ -12,12 +12,16 @@ def said(goals, refined, near=0.1):
     return [one["what"] for one in doubts(goals, near, refined, 120.0)]
 
 
+@pytest.mark.parametrize("key", ["force_percent", "travel_percent"])
 @pytest.mark.parametrize("percent, poor", [(36.0, True), (20.1, True), (19.9, False), (float("nan"), True)])
-def test_forces_that_the_mesh_leaves_uncertain_are_poor(percent, poor):
-    found = said({"circle": CIRCLE}, {"force_percent": percent, "cells": 560})
-    assert bool(found) == poor
-    if percent == 36.0:
-        assert found == ["the mesh of 560 cells leaves 36 % of the actuator forces uncertain: use a finer mesh"]
+def test_forces_or_travels_that_the_mesh_leaves_uncertain_are_poor(key, percent, poor):
+    assert bool(said({"circle": CIRCLE}, {key: percent, "cells": 560})) == poor
+
+
+def test_what_the_mesh_leaves_uncertain_is_named():
+    refined = {"force_percent": 36.0, "travel_percent": 25.0, "cells": 560}
+    what = "36 % of the actuator forces and 25 % of the effectors' travel"
+    assert said({"circle": CIRCLE}, refined) == [f"the mesh of 560 cells leaves {what} uncertain: use a finer mesh"]
 
 
 def test_a_goal_that_is_reached_from_far_away_is_poor():

@@ -6,7 +6,9 @@ from typing import Any
 import numpy as np
 
 from cfem.control.task.goals.doubts import one_point, wide
-from cfem.core.artefact.judgement import FORCE_SHARE, poor
+from cfem.core.artefact.judgement import UNCERTAIN, poor
+
+QUANTITIES = {"the actuator forces": "force_percent", "the effectors' travel": "travel_percent"}
 
 
 def doubts(
@@ -15,8 +17,8 @@ def doubts(
     """Findings about goals and mesh that leave the results in doubt. goals: (m, n_e) mm of each trajectory; near: mm
     from a goal where it counts as reached; refined: of `mesh_error.discretisation`; length: mm of the robot."""
     findings = [*one_point(goals, length), *wide(near, length, "reached")]
-    share = refined.get("force_percent", 0.0) / 100
-    if not share <= FORCE_SHARE:
-        what = f"the mesh of {refined['cells']} cells leaves {100 * share:.2g} % of the actuator forces uncertain"
-        findings.append(poor(f"{what}: use a finer mesh"))
+    uncertain = {quantity: refined.get(key, 0.0) / 100 for quantity, key in QUANTITIES.items()}
+    what = " and ".join(f"{100 * share:.2g} % of {of}" for of, share in uncertain.items() if not share <= UNCERTAIN)
+    if what:
+        findings.append(poor(f"the mesh of {refined['cells']} cells leaves {what} uncertain: use a finer mesh"))
     return findings

@@ -71,13 +71,13 @@ def multistart(
         )
         if result.status is SearchStatus.QP_FAILED or not _known(model, result):
             continue
-        there = arrived(result.iterate.condensed, aim, limits)
+        reaches = arrived(result.iterate.condensed, aim, limits)
         nearer = aim.cost(result.delta_e, result.delta_a) < (1 - BETTER) * cost
-        if not (nearer or (there and not known)) or _beyond(result, limits, settings) > beyond:
+        if not (nearer or (reaches and not known)) or _beyond(result, limits, settings) > beyond:
             continue
         spent = {name: getattr(best, name) for name in ("iterations", "queries", "seconds")}
         best, cost, known = replace(result, **spent), aim.cost(result.delta_e, result.delta_a), True
-        if there:
+        if reaches:
             break
     return best
 

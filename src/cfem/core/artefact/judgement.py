@@ -24,8 +24,8 @@ NOISE_RATIO = 3.0
 # model neither ranks designs nor states what they do.
 DESIGN_GAP = 0.1
 
-# Estimated share of the actuator forces that the mesh leaves uncertain: one in five is no force to design by.
-FORCE_SHARE = 0.2
+# Share of the actuator forces, or of the effectors' travel, that the mesh may leave uncertain, as estimated: a fifth.
+UNCERTAIN = 0.2
 
 KEY = "judgement"
 

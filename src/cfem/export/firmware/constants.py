@@ -30,7 +30,7 @@ OBSERVERS = ("measured", "previous_step", "equilibrium")
 
 
 @dataclass(frozen=True)
-class Layer:
+class NetworkLayer:
     """weight (inputs, outputs), float or int16 in steps (inputs,) of its rows; bias (outputs,)."""
 
     weight: np.ndarray
@@ -46,7 +46,7 @@ class Surrogate:
 
     defines: dict[str, int]
     arrays: dict[str, np.ndarray]
-    layers: list[Layer]
+    layers: list[NetworkLayer]
     groups: dict[str, list[Group]]
     reference: Predictor
     modules: list[c_row.Tables] = field(default_factory=list)
@@ -170,7 +170,7 @@ def _mlp(predictor: Predictor, arrays: dict[str, np.ndarray], p: np.ndarray, spe
         weight = np.ascontiguousarray(weight.T)
         if spec.hidden_weights == "int16" and 0 < i < depth - 1:
             step, weight = _quantised(weight)
-        layers.append(Layer(*(None if a is None else _as(a, spec.scalar) for a in (weight, step, bias))))
+        layers.append(NetworkLayer(*(None if a is None else _as(a, spec.scalar) for a in (weight, step, bias))))
     sizes = {
         "CFEM_SPECTRAL": 0,
         "CFEM_MLP": 1,

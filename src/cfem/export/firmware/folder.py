@@ -9,7 +9,7 @@ from cfem.core.artefact.files import write_whole
 from cfem.core.errors import NumericalError
 from cfem.export.firmware import c_text
 from cfem.export.firmware import row as c_row
-from cfem.export.firmware.constants import OBSERVERS, Layer, Surrogate, controller, multipliers, surrogate
+from cfem.export.firmware.constants import OBSERVERS, NetworkLayer, Surrogate, controller, multipliers, surrogate
 from cfem.export.firmware.copying import copy_sources
 from cfem.export.firmware.cost import operations
 from cfem.export.spec import CSpec
@@ -135,7 +135,7 @@ extern const cfem_layer cfem_layers[];
 """
 
 
-def _layers(layers: list[Layer]) -> tuple[str, str]:
+def _layers(layers: list[NetworkLayer]) -> tuple[str, str]:
     """Text of a network's layers, for cfem_data.h and for cfem_data.c."""
     body, rows = [], []
     for i, layer in enumerate(layers):

@@ -43,11 +43,9 @@ class Transport(Protocol):
 class DevicePlant:
     """Speaks to a device; to be used in a `with`, which tells the device to let go and ends it.
 
-    rest_e: (n_e,) mm; timeout: s that it may take to answer, but the first time; period: s from one command
-    to the next, 0 for as fast as it answers; markers: names of those that it answers; length
-    (mm) and reach (n_a, 2) mm (mm^3) of the robot: a position farther from rest than FAR times these is none; late:
-    commands that were sent later than the period asks. InputError where it cannot be started, ends, is silent or talks
-    nonsense. A step whose answer was lost repeats the last measurement, which keeps its number."""
+    late: number of commands that were sent later than the period asks. InputError where the device cannot be started,
+    ends, is silent, or answers otherwise than the protocol has it. A step whose answer was lost repeats the last
+    measurement, which keeps its number."""
 
     def __init__(
         self,
@@ -64,10 +62,10 @@ class DevicePlant:
 
         transport: what carries messages to it
         rows, rest_e: of the robot, (n_e,) mm
-        timeout: s for an answer
-        period: s of a tick
+        timeout: s that the device may take to answer; the first time it has FIRST_TIMEOUT
+        period: s from one command to the next, 0 for as fast as it answers
         markers: names that answers may have
-        length, reach: mm and (n_a, 2), beyond multiples of which numbers are in another unit"""
+        length, reach: mm, and (n_a, 2) mm or mm^3: a position farther from rest than FAR times these is none"""
         self.transport, self._rows, self._rest_e = transport, rows, rest_e
         self._timeout, self._period, self._markers = timeout, period, tuple(markers)
         self._length = FAR * length

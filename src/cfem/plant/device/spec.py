@@ -20,7 +20,7 @@ class ProgramSpec(Spec):
     """The program and its arguments. It starts in the folder of the spec."""
 
 
-class SerialSpec(Spec):
+class SerialPortSpec(Spec):
     """A board on a serial port, which exchanges frames."""
 
     kind: Literal["serial"]
@@ -35,12 +35,12 @@ class UdpSpec(Spec):
 
     kind: Literal["udp"]
     host: str = Field(min_length=1)
-    """Its name or address."""
+    """Name or address of the board."""
     port: Annotated[int, Field(ge=1, le=65535)]
     """The port on which it listens."""
 
 
-DeviceSpec = Annotated[ProgramSpec | SerialSpec | UdpSpec, Field(discriminator="kind")]
+DeviceSpec = Annotated[ProgramSpec | SerialPortSpec | UdpSpec, Field(discriminator="kind")]
 
 
 def transport_of(spec: DeviceSpec, rows: Rows, folder: Path | None, period: float) -> Transport:

@@ -95,7 +95,7 @@ class Wire:
     def _answered(self, message: dict[str, Any], timeout: float) -> dict[str, Any] | None:
         kind = Kind.GOAL if "goal" in message else KINDS[message["kind"]]
         if not self._takes & TAKES[kind]:
-            able = [WORDS[one] for one, flag in TAKES.items() if self._takes & flag]
+            able = [WORDS[taken] for taken, flag in TAKES.items() if self._takes & flag]
             raise Malformed(f"takes {' and '.join(able) or 'nothing'}, and is told {WORDS[kind]}")
         if kind == Kind.GOAL:
             unseen = [math.nan] * self._rows.n_e
@@ -158,7 +158,7 @@ class Wire:
         return Frame(kind, tick, payload, self._sent, int(time.monotonic() * 1e6)).packed()
 
     def _frames(self, timeout: float) -> list[Frame]:
-        """Those that have come, or come first within `timeout` seconds."""
+        """Frames that have come, or come first within `timeout` seconds."""
         data, now = self._channel.read(timeout), time.monotonic()
         if data:
             self._byte = now

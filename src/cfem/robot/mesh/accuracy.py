@@ -37,13 +37,13 @@ def accurate_mesh(scene: SceneSpec, folder: Path) -> tuple[Mesh, float | None, d
         meshing = scene.mesh.model_copy(update={"accuracy": None, "cells": cells})
         mesh, volume = graded_mesh(scene.model_copy(update={"mesh": meshing}), folder)
         robot = build_robot(scene, mesh)
-        found = mesh_error(scene, mesh, robot, folder, at_reach(robot), MeshErrorSpec(states=STATES))
-        error = mesh_error_of(found)
+        estimate = mesh_error(scene, mesh, robot, folder, at_reach(robot), MeshErrorSpec(states=STATES))
+        error = mesh_error_of(estimate)
         if error is None:
-            left = f"the error of {len(mesh.cells)} cells is not known: {found['left_out']}"
+            left = f"the error of {len(mesh.cells)} cells is not known: {estimate['left_out']}"
             break
         if error.tip.highest <= allowed:
-            return mesh, volume, found
+            return mesh, volume, estimate
         ratio = error.tip.highest / allowed
         left = f"{len(mesh.cells)} cells leave {100 * error.tip.highest:.2g} %"
         cells = ceil(len(mesh.cells) * min(_MORE * ratio**_POWER, _MOST))
@@ -60,8 +60,8 @@ def at_reach(robot: Robot) -> list[Equilibrium]:
     W = solve(problem, force(np.zeros(n_a))).condensed.W
     alone = W[rows] * (robot.reach[:, 1] / np.diag(W[rows[1], rows[1]]))
     farthest = chosen(alone.T, np.zeros(len(alone)), STATES)
-    found = [solve(problem, _command(robot, index)) for index in farthest]
-    return [state for state in found if state.converged]
+    states = [solve(problem, _command(robot, index)) for index in farthest]
+    return [state for state in states if state.converged]
 
 
 def _command(robot: Robot, index: int) -> Actuation:

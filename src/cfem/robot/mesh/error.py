@@ -39,8 +39,8 @@ FAR = 0.5  # of the largest travel: states from which the error of large travels
 
 
 @dataclass(frozen=True)
-class Answer:
-    """What a robot does at a command.
+class Response:
+    """Response of a robot to a command.
 
     tip: mm, of all effector points from rest; reaction: (n_a,) of what is not commanded"""
 
@@ -50,7 +50,8 @@ class Answer:
 
 @dataclass(frozen=True)
 class Compared:
-    """One command on both meshes: the share by which each quantity differs, at rest in that direction and there.
+    """One command on both meshes: the shares by which each quantity differs, of a small command in its direction and of
+    the command itself.
 
     travel: mm; reaction: the largest of what is not commanded"""
 
@@ -76,10 +77,10 @@ def mesh_error(
     spec: MeshErrorSpec,
     load: Callable[[Robot], Robot] = lambda robot: robot,
 ) -> dict[str, Any]:
-    """Estimated error of the mesh, as plain data: `MeshError`, and `tip_mm`, `tip_percent` of the scene's length,
-    `reach_percent` of how far the effectors move, `force_percent` of the largest actuator's force (or displacement,
-    where forces are commanded), all upper bounds for the states given; `factorizations` on the finer mesh.
-    Where it could not be estimated, only `left_out`: the sentence that says why.
+    """Estimated error of the mesh, as plain data: `MeshError`; upper bounds for the states given, which are `tip_mm`,
+    `tip_percent` of the scene's length, `travel_percent` of how far the effectors move, `reach_percent` by which that
+    changes, and `force_percent` of the largest actuator's force (displacement, where forces are commanded); and
+    `factorizations` on the finer mesh. Where it could not be estimated, only `left_out`: the sentence that says why.
 
     states: of the robot on `mesh`; load: puts the loads of these states on the robot of the finer mesh"""
     expected = 2 ** dimensions(scene) * len(mesh.cells)
@@ -116,8 +117,8 @@ def stated(compared: Sequence[Compared], smaller: float, length: float) -> dict[
         return low, high
 
     def share(key: str, quantity: float) -> ErrorShare:
-        rest, there = np.maximum([getattr(each, key) for each in far], EXACT).T
-        return ErrorShare(rest=bounds(rest), far=bounds(there), largest=max(quantity, np.finfo(float).tiny))
+        at_rest, at_state = np.maximum([getattr(each, key) for each in far], EXACT).T
+        return ErrorShare(rest=bounds(at_rest), far=bounds(at_state), largest=max(quantity, np.finfo(float).tiny))
 
     tip, actuators = share("tip", largest), share("actuators", max(each.reaction for each in compared))
     reach = factors[1] * max(each.reach for each in compared) / largest
@@ -128,6 +129,7 @@ def stated(compared: Sequence[Compared], smaller: float, length: float) -> dict[
         "tip_mm": tip.highest * largest,
         "tip_percent": 100 * tip.highest * largest / length,
         "reach_percent": 100 * reach,
+        "travel_percent": 100 * tip.highest,
         "force_percent": 100 * actuators.highest,
     }
 
@@ -163,20 +165,20 @@ def _compare(robot: Robot, resting: Sequence[Equilibrium], state: Equilibrium, f
     """One command on both meshes. Orientations of effectors are left out, as they are no lengths."""
     places = [index for index, name in enumerate(robot.rows.effectors) if not name.split(".")[-1].startswith("r")]
     by_force = robot.forces is not None
-    there = [Answer(found.delta_e[places], found.delta_a if by_force else found.lambda_a) for found in (state, finer)]
-    near = [_linear(rest, resting[0], state, places, by_force) for rest in resting]
-    travel, reaction = float(np.linalg.norm(there[0].tip)), float(np.abs(there[0].reaction).max())
+    solved = [Response(each.delta_e[places], each.delta_a if by_force else each.lambda_a) for each in (state, finer)]
+    linear = [_linear(rest, resting[0], state, places, by_force) for rest in resting]
+    travel, reaction = float(np.linalg.norm(solved[0].tip)), float(np.abs(solved[0].reaction).max())
     return Compared(
         travel=travel,
         reaction=reaction,
-        tip=(_apart(near, "tip"), _apart(there, "tip")),
-        actuators=(_apart(near, "reaction"), _apart(there, "reaction")),
-        reach=abs(float(np.linalg.norm(there[1].tip)) - travel),
+        tip=(_difference(linear, "tip"), _difference(solved, "tip")),
+        actuators=(_difference(linear, "reaction"), _difference(solved, "reaction")),
+        reach=abs(float(np.linalg.norm(solved[1].tip)) - travel),
     )
 
 
-def _linear(rest: Equilibrium, coarse: Equilibrium, state: Equilibrium, places: list[int], by_force: bool) -> Answer:
-    """The answer to a small command in the direction of a state's forces, by the compliance at rest. coarse: the rest
+def _linear(rest: Equilibrium, coarse: Equilibrium, state: Equilibrium, places: list[int], by_force: bool) -> Response:
+    """Response to a small command in the direction of a state's forces, by the compliance at rest. coarse: the rest
     of the mesh at hand, whose displacements are those commanded."""
     rows, lam = rest.condensed.rows, state.lambda_a
     pulling = np.abs(lam) > STILL * np.abs(lam).max()
@@ -184,13 +186,13 @@ def _linear(rest: Equilibrium, coarse: Equilibrium, state: Equilibrium, places: 
     W, commanded = rest.condensed.W, lam[pulling]
     within = np.ix_(actuators, actuators)
     if by_force:
-        return Answer(W[np.ix_(effectors, actuators)] @ commanded, W[within] @ commanded)
+        return Response(W[np.ix_(effectors, actuators)] @ commanded, W[within] @ commanded)
     carried = np.linalg.solve(W[within], coarse.condensed.W[within] @ commanded)
-    return Answer(W[np.ix_(effectors, actuators)] @ carried, carried)
+    return Response(W[np.ix_(effectors, actuators)] @ carried, carried)
 
 
-def _apart(answers: Sequence[Answer], key: str) -> float:
-    """Difference of two answers relative to the first."""
+def _difference(responses: Sequence[Response], key: str) -> float:
+    """Difference of two responses relative to the first."""
     norm = np.linalg.norm if key == "tip" else (lambda values: np.abs(values).max())
-    here, finer = (getattr(answer, key) for answer in answers)
-    return float(norm(finer - here) / max(norm(here), np.finfo(float).tiny))
+    coarse, fine = (getattr(response, key) for response in responses)
+    return float(norm(fine - coarse) / max(norm(coarse), np.finfo(float).tiny))
