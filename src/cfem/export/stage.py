@@ -130,27 +130,15 @@ def work(
         if name not in CONTROLLERS
     }
     sizes = {name: (folder / FILES[name]).stat().st_size for name in parity}
-    report = None
-    made = []
+    report, made = None, []
     if IN_C & set(spec.formats):
         from cfem.export.firmware.copying import lasting_or_not
 
         with lasting_or_not(folder / FILES["c"], "c" in spec.formats) as code:
             report, c_parity, bytes_ = _write_c(code, spec, model_folder, meta, arrays, vectors["s"], embedded, scene)
-            parity |= c_parity
-            sizes |= bytes_
-            if "arduino" in spec.formats:
-                from cfem.export.firmware.arduino import write_library
-
-                library = write_library(folder / FILES["arduino"], code, meta)
-                sizes["arduino"] = sum(path.stat().st_size for path in library.rglob("*") if path.is_file())
-                made.append(f"arduino: library {library.name}, {size(sizes['arduino'])}")
-            if "fmu" in spec.formats:
-                from cfem.export.fmu.pack import motion_of, write_fmus
-
-                place, motion = folder / FILES["fmu"], motion_of(spec, model_folder)
-                fmus, sizes["fmu"] = write_fmus(place, code, spec, embedded.at_rest(meta), arrays, motion)
-                made += fmus
+            made, made_sizes = _write_made_of_c(folder, code, spec, model_folder, embedded.at_rest(meta), arrays)
+        parity |= c_parity
+        sizes |= bytes_ | made_sizes
     parity |= _write_shape(folder, spec, model_folder, meta, arrays, vectors)
     write_json(folder / "model.json", {**meta, "parity": parity})
     headline = [
@@ -168,6 +156,32 @@ def work(
         headline.append(f"html: {FILES['html']}, {size(page_bytes)}")
     results = {"headline": headline, "kind": meta["kind"], "parity": parity, "bytes": sizes, "errors": meta["errors"]}
     return {**results, "c": report} if report else results
+
+
+def _write_made_of_c(
+    folder: Path,
+    code: Path,
+    spec: ExportSpec,
+    model_folder: Path,
+    meta: dict,
+    arrays: dict[str, np.ndarray],
+) -> tuple[list[str], dict[str, int]]:
+    """Formats that are made of the C folder `code`: lines of the headline, and bytes by format. meta: of the model, its
+    effectors at rest where the robot has them."""
+    lines, sizes = [], {}
+    if "arduino" in spec.formats:
+        from cfem.export.firmware.arduino import write_library
+
+        library = write_library(folder / FILES["arduino"], code, meta)
+        sizes["arduino"] = sum(path.stat().st_size for path in library.rglob("*") if path.is_file())
+        lines.append(f"arduino: library {library.name}, {size(sizes['arduino'])}")
+    if "fmu" in spec.formats:
+        from cfem.export.fmu.pack import motion_of, write_fmus
+
+        place, motion = folder / FILES["fmu"], motion_of(spec, model_folder)
+        fmus, sizes["fmu"] = write_fmus(place, code, spec, meta, arrays, motion)
+        lines += fmus
+    return lines, sizes
 
 
 def _write_c(

@@ -11,6 +11,7 @@ from cfem.core.errors import InputError
 from cfem.export.firmware import c_text
 from cfem.export.firmware.copying import copy_sources
 from cfem.export.spec import CEstimateSpec, CSpec
+from cfem.predict.estimation.estimate import Estimator
 from cfem.predict.estimation.filter import Filter, filter_of
 from cfem.predict.estimation.fit import EstimateStatus
 from cfem.predict.estimation.force_series import compliance_series, displacement_series, potential_series
@@ -55,31 +56,10 @@ def estimate_constants(made: Filter) -> tuple[dict[str, int], dict[str, np.ndarr
     estimator = made.estimator
     model, skin, rows = estimator.model, estimator.model.skin, estimator.model.rows
     n_a, n_w, n_e, m, k = rows.n_a, len(estimator.loaded), rows.n_e, len(estimator.markers), len(skin)
-    arrays, (q, softer), loaded = model.arrays, estimator.material, estimator.loaded_rows
+    arrays, (q, _) = model.arrays, estimator.material
     if not all(np.array_equal(arrays[name], skin.arrays[name]) for name in ("to_box", "offset")):
         raise InputError("the skin and the model are not of the same training", do="train it again")
-    skin_arrays = skin.arrays
-    soft = [softer * skin_arrays["compliance"][column] for column in compliance_columns(k, n_e, loaded)]
-    across = joined(
-        [
-            (skin_arrays["indices"], skin_arrays["series"]),
-            *((skin_arrays["compliance_indices"], coefficients) for coefficients in soft),
-        ]
-    )
-    effectors = [displacement_series(model, row) for row in range(n_e)]
-    effectors += [_times(softer, compliance_series(model, e, int(row))) for row in loaded for e in range(n_e)]
-    ends = joined(effectors)
-    force_indices, force, _ = potential_series(model, loaded)
-    force = force * np.concatenate([[1 / softer], np.ones(n_w), np.full(len(force) - 1 - n_w, softer)])[:, None]
-    moved = [estimator.marker_map @ coefficients for coefficients in soft]
-    moved = moved or [np.zeros((3 * m, len(skin_arrays["compliance_indices"])))]
-    series = {  # by term first
-        "markers": (skin_arrays["indices"], (estimator.marker_map @ skin_arrays["series"]).T, "TERMS", "degrees"),
-        "soft": (skin_arrays["compliance_indices"], np.array(moved).transpose(2, 0, 1), "SOFT_TERMS", "soft_degrees"),
-        "modes_series": (across[0], _by_row(across[1]), "MODE_TERMS", "mode_degrees"),
-        "effectors": (ends[0], _by_row(ends[1].reshape(1 + n_w, n_e, -1)), "EFFECTOR_TERMS", "effector_degrees"),
-        "force": (force_indices, force.T, "FORCE_TERMS", "force_degrees"),
-    }
+    series = _series(estimator)
     to_box, offset = arrays["to_box"][:, :n_a], arrays["offset"] + arrays["to_box"][:, n_a:] @ q
     still = ~to_box.any(axis=1)  # coordinates of parameters
     n_z = int((~still).sum())
@@ -115,6 +95,35 @@ def estimate_constants(made: Filter) -> tuple[dict[str, int], dict[str, np.ndarr
     constants |= {"keeps": made.keeps, "slip": made.slip, "first": made.offset}
     constants |= {"gate_sigmas": made.gate.sigmas}
     return {f"CFEM_ESTIMATE_{name}": value for name, value in sizes.items()}, constants
+
+
+def _series(estimator: Estimator) -> dict[str, tuple[np.ndarray, np.ndarray, str, str]]:
+    """Series by name: indices of the terms, coefficients by term, names of their number and of their degrees. They are of
+    the markers, what loads change of these (`soft`), and modes, effectors and forces with what loads change."""
+    model, (_, softer), loaded = estimator.model, estimator.material, estimator.loaded_rows
+    n_w, n_e = len(estimator.loaded), model.rows.n_e
+    skin_arrays = model.skin.arrays
+    soft = [softer * skin_arrays["compliance"][column] for column in compliance_columns(len(model.skin), n_e, loaded)]
+    across = joined(
+        [
+            (skin_arrays["indices"], skin_arrays["series"]),
+            *((skin_arrays["compliance_indices"], coefficients) for coefficients in soft),
+        ]
+    )
+    effectors = [displacement_series(model, row) for row in range(n_e)]
+    effectors += [_times(softer, compliance_series(model, e, int(row))) for row in loaded for e in range(n_e)]
+    ends = joined(effectors)
+    force_indices, force, _ = potential_series(model, loaded)
+    force = force * np.concatenate([[1 / softer], np.ones(n_w), np.full(len(force) - 1 - n_w, softer)])[:, None]
+    moved = [estimator.marker_map @ coefficients for coefficients in soft]
+    moved = moved or [np.zeros((3 * len(estimator.markers), len(skin_arrays["compliance_indices"])))]
+    return {
+        "markers": (skin_arrays["indices"], (estimator.marker_map @ skin_arrays["series"]).T, "TERMS", "degrees"),
+        "soft": (skin_arrays["compliance_indices"], np.array(moved).transpose(2, 0, 1), "SOFT_TERMS", "soft_degrees"),
+        "modes_series": (across[0], _by_row(across[1]), "MODE_TERMS", "mode_degrees"),
+        "effectors": (ends[0], _by_row(ends[1].reshape(1 + n_w, n_e, -1)), "EFFECTOR_TERMS", "effector_degrees"),
+        "force": (force_indices, force.T, "FORCE_TERMS", "force_degrees"),
+    }
 
 
 def _by_row(series: np.ndarray) -> np.ndarray:
