@@ -141,6 +141,18 @@ def work(
         sizes |= bytes_ | made_sizes
     parity |= _write_shape(folder, spec, model_folder, meta, arrays, vectors)
     write_json(folder / "model.json", {**meta, "parity": parity})
+    headline = [*_compared(spec, parity, sizes, report), *made]
+    if page_bytes is not None:
+        sizes["html"] = page_bytes
+        headline.append(f"html: {FILES['html']}, {size(page_bytes)}")
+    results = {"headline": headline, "kind": meta["kind"], "parity": parity, "bytes": sizes, "errors": meta["errors"]}
+    return {**results, "c": report} if report else results
+
+
+def _compared(
+    spec: ExportSpec, parity: dict[str, float], sizes: dict[str, int], report: dict[str, Any] | None
+) -> list[str]:
+    """Lines about how far each format is from the trained model, and which were left out."""
     headline = [
         f"{name}: {f'{size(sizes[name])}, ' if name in sizes else ''}largest relative difference from "
         f"{IN_PYTHON.get(name, 'the trained model')} {error:.1e}"
@@ -150,12 +162,7 @@ def work(
         headline.append("c: not compared with the trained model, there is no C compiler here")
     if spec.formats == writable() and (left := [name for name in PACKAGES if name not in spec.formats]):
         headline.append(f"{' and '.join(left)}: left out, they need PyTorch ({remedy('torch')})")
-    headline += made
-    if page_bytes is not None:
-        sizes["html"] = page_bytes
-        headline.append(f"html: {FILES['html']}, {size(page_bytes)}")
-    results = {"headline": headline, "kind": meta["kind"], "parity": parity, "bytes": sizes, "errors": meta["errors"]}
-    return {**results, "c": report} if report else results
+    return headline
 
 
 def _write_made_of_c(

@@ -98,8 +98,8 @@ def estimate_constants(made: Filter) -> tuple[dict[str, int], dict[str, np.ndarr
 
 
 def _series(estimator: Estimator) -> dict[str, tuple[np.ndarray, np.ndarray, str, str]]:
-    """Series by name: indices of the terms, coefficients by term, names of their number and of their degrees. They are of
-    the markers, what loads change of these (`soft`), and modes, effectors and forces with what loads change."""
+    """Series by name: indices of the terms, coefficients by term, names of their number and of their degrees: of the
+    markers, of what loads change there (`soft`), and of modes, effectors and forces with what loads change."""
     model, (_, softer), loaded = estimator.model, estimator.material, estimator.loaded_rows
     n_w, n_e = len(estimator.loaded), model.rows.n_e
     skin_arrays = model.skin.arrays
