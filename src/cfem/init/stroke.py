@@ -138,9 +138,8 @@ def alike(strokes: Sequence[Stroke], units: Sequence[str]) -> list[Stroke]:
     chosen = list(strokes)
     for unit in set(units):
         least = None
-        for place in sorted(
-            (n for n, its_unit in enumerate(units) if its_unit == unit), key=lambda n: strokes[n].reach
-        ):
+        same = [place for place, of_place in enumerate(units) if of_place == unit]
+        for place in sorted(same, key=lambda place: strokes[place].reach):
             if least is None or strokes[place].reach * _ALIKE > least.reach:
                 least = strokes[place]
             chosen[place] = least

@@ -59,6 +59,7 @@ CABLE = "[{kind: cable, name: c, points: {mm: [%s]}, pull_point: {mm: [%s]}, rea
 POINTS = "[5, 0, 3], [15, 0, 3], [25, 0, 3]"
 WEIGHT = "{acceleration: {%s: [0, 0, -%s]}}"
 MATERIAL = "{young: %s, poisson: %s, density: %s}"
+LAYER = "[{faces: {kind: plane, point: {mm: [0, 0, -5]}, normal: [0, 0, -1]}, thickness: 0.1 mm, young: 20 MPa}]"
 
 DOUBTED = {
     "gels": (
@@ -71,6 +72,7 @@ DOUBTED = {
     "heavy": ({"gravity": WEIGHT % ("m/s^2", 9810)}, "gravity is 9810 m/s^2, and on earth 9.81 m/s^2"),
     "weightless": ({"gravity": WEIGHT % ("mm/s^2", 9.81)}, "gravity is 0.00981 m/s^2"),
     "locking": ({"material": MATERIAL % ("1 MPa", 0.4999, "1070 kg/m^3")}, "tet4 locks at Poisson's ratio 0.4999"),
+    "layer": ({"layers": LAYER}, "tet4 below a layer locks"),
     "micrometres": ({"actuators": CABLE % (POINTS, "0, 0, 3", "um", 3)}, "reach of cable 'c' ends at 0.003 mm, which"),
     "far": ({"actuators": CABLE % (POINTS, "-400, 0, 3", "mm", 3)}, "cable 'c' is pulled from 405 mm away"),
     "backwards": (

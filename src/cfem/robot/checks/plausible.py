@@ -58,6 +58,8 @@ def _material_doubts(scene) -> list[str]:
         if scene.mesh.element == "tet4" and item.poisson > LOCKS:
             what = f"tet4 locks at Poisson's ratio {item.poisson:g} of {key}, and forces come out far too large"
             sentences.append(f"{what}: use tet10p0, or a ratio of at most {LOCKS:g}")
+    if scene.mesh.element == "tet4" and scene.layers:
+        sentences.append("tet4 below a layer locks, and bends far too little: use tet10p0")
     return sentences
 
 
