@@ -53,7 +53,7 @@ def test_force_and_tangent_are_the_derivatives_of_the_energy(element):
     )
     pattern = make_pattern(len(x), [body.cells], np.array([], dtype=int))
     data = np.zeros(pattern.nnz)
-    tangent(body, state, pattern.slots[0], data)
+    tangent(body, state, pattern.slots, data)
     by_force = slope(lambda y: response(body, y).force, x, direction)
     product = symmetric_product(pattern, data, direction.reshape(-1, 1)).reshape(-1, 3)
     np.testing.assert_allclose(product, by_force, atol=1e-6 * np.abs(by_force).max())
@@ -67,7 +67,7 @@ def test_the_stress_of_the_last_step_is_exact_where_the_step_was_none():
     state, pattern = response(body, bent(body)), make_pattern(len(body.mesh.X), [body.cells], np.array([], dtype=int))
     for before in (None, state):
         data.append(np.zeros(pattern.nnz))
-        tangent(body, state, pattern.slots[0], data[-1], before)
+        tangent(body, state, pattern.slots, data[-1], before)
     np.testing.assert_allclose(*data, rtol=1e-12, atol=1e-9)
 
 

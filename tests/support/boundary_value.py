@@ -22,7 +22,7 @@ def newton(
     predicted: whether the stiffness has the stress that the last step predicted. Element pressures are independent
     unknowns, at first zero. Converged where the free residual, with the pressures that x demands, is below `tolerance`
     of the internal force. Raises ArithmeticError where it does not get there."""
-    pattern = make_pattern(len(start), [body.cells], np.array([], dtype=int))
+    pattern = make_pattern(len(start), list(body.cliques), np.array([], dtype=int))
     factor = analyze(pattern)
     held = held.ravel()
     column = np.repeat(np.arange(pattern.n_dof), np.diff(pattern.indptr))
@@ -32,7 +32,7 @@ def newton(
     for _ in range(25):
         at = response(body, x, pressure)
         data = np.zeros(pattern.nnz)
-        dtheta = tangent(body, at, pattern.slots[0], data, before)
+        dtheta = tangent(body, at, pattern.slots, data, before)
         before = at if predicted else None
         force = at.force + pressure_force(body, dtheta, at.mismatch) if body.n_pressures else at.force
         rest = np.where(held, 0.0, (force - load).ravel())

@@ -12,19 +12,28 @@ def crossings(X: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndar
     """
     sides = np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2)
     edges = np.unique(np.sort(sides, axis=1), axis=0)
-    edge, triangle = _near(X, edges, triangles)
+    edge, triangle = _near(X[edges], X[triangles])
     apart = (edges[edge][:, :, None] != triangles[triangle][:, None]).all(axis=(1, 2))
     edge, triangle = edge[apart], triangle[apart]
-    pierced = _pierces(X[edges[edge]], X[triangles[triangle]])
+    pierced, *_ = _pierces(X[edges[edge]], X[triangles[triangle]])
     return edges[edge[pierced]], triangle[pierced]
 
 
-def _near(X: np.ndarray, edges: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Pairs of edges and triangles, numbers (k,) each, whose surrounding balls meet. Triangles are sought by classes of
-    size, so that large ones do not make every edge near."""
-    middles, centres = X[edges].mean(axis=1), X[triangles].mean(axis=1)
-    halves = np.linalg.norm(X[edges[:, 1]] - X[edges[:, 0]], axis=1) / 2
-    radii = np.linalg.norm(X[triangles] - centres[:, None], axis=2).max(axis=1)
+def pierced_by(segments: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """All piercings of segments (k, 2, 3) through triangles with corners (m, 3, 3): the numbers (p,) of segment and
+    triangle, the share (p,) of the segment, and the barycentric coordinates (p, 3) in the triangle."""
+    segment, triangle = _near(segments, corners)
+    pierced, *at = _pierces(segments[segment], corners[triangle])
+    share, u, v = (value[pierced] for value in at)
+    return segment[pierced], triangle[pierced], share, np.column_stack([1 - u - v, u, v])
+
+
+def _near(edges: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Pairs of edges (k, 2, 3) and triangles (m, 3, 3), numbers (p,) each, whose surrounding balls meet. Triangles are
+    sought by classes of size, so that large ones do not make every edge near."""
+    middles, centres = edges.mean(axis=1), triangles.mean(axis=1)
+    halves = np.linalg.norm(edges[:, 1] - edges[:, 0], axis=1) / 2
+    radii = np.linalg.norm(triangles - centres[:, None], axis=2).max(axis=1)
     classes = np.floor(np.log2(np.maximum(radii, 1e-9 * radii.max())))
     found_edges, found_triangles = [np.empty(0, dtype=np.int64)], [np.empty(0, dtype=np.int64)]
     for each in np.unique(classes):
@@ -37,8 +46,9 @@ def _near(X: np.ndarray, edges: np.ndarray, triangles: np.ndarray) -> tuple[np.n
     return np.concatenate(found_edges), np.concatenate(found_triangles)
 
 
-def _pierces(edges: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """(k,) bool of edges (k, 2, 3) and triangles (k, 3, 3)."""
+def _pierces(edges: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """(k,) bool of edges (k, 2, 3) and triangles (k, 3, 3); where they do, the share of the edge, and the second and
+    third barycentric coordinates in the triangle."""
     start, along = edges[:, 0], edges[:, 1] - edges[:, 0]
     a, first, second = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     across = np.cross(along, second)
@@ -51,4 +61,5 @@ def _pierces(edges: np.ndarray, corners: np.ndarray) -> np.ndarray:
         u = np.einsum("ki,ki->k", offset, across) / det
         v = np.einsum("ki,ki->k", along, turned) / det
         share = np.einsum("ki,ki->k", second, turned) / det
-        return slanted & (u > 0) & (v > 0) & (u + v < 1) & (share > 0) & (share < 1)
+        pierced = slanted & (u > 0) & (v > 0) & (u + v < 1) & (share > 0) & (share < 1)
+    return pierced, share, u, v

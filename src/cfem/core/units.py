@@ -12,7 +12,7 @@ from functools import lru_cache
 from typing import Annotated, Any, get_args
 
 import numpy as np
-from pydantic import BeforeValidator, WithJsonSchema
+from pydantic import BeforeValidator, Field, WithJsonSchema
 from pydantic.fields import FieldInfo
 
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
@@ -223,3 +223,23 @@ VolumeRange = _vector("mm^3", 1, 2)  # (2,) mm^3
 AccelerationVector = _vector("mm/s^2", 1, 3)  # (3,) mm/s^2
 Forces = _vector("N", 1)  # (k,) N
 ForceVector = _vector("N", 1, 3)  # (3,) N
+
+
+def _percent(given: Any) -> Any:
+    """'1 %' as 0.01; all else as it is."""
+    return float(given[:-1]) / 100 if isinstance(given, str) and given.endswith("%") else given
+
+
+Percent = Annotated[
+    float,
+    Field(gt=0, lt=1),
+    BeforeValidator(_percent),
+    WithJsonSchema(
+        {
+            "anyOf": [
+                {"type": "number", "exclusiveMinimum": 0, "exclusiveMaximum": 1},
+                {"type": "string", "pattern": r"^\s*\d+(\.\d+)?\s*%$"},
+            ]
+        }
+    ),
+]

@@ -10,6 +10,7 @@ import numpy as np
 
 from cfem.core.errors import InputError
 from cfem.mechanics import layer as membrane
+from cfem.mechanics import self_contact as walls
 from cfem.mechanics import solid as region
 from cfem.mechanics.element import Element, reference_gradients
 from cfem.mechanics.layer import Fabric, Layer, LayerResponse
@@ -18,6 +19,7 @@ from cfem.mechanics.mesh import Mesh
 from cfem.mechanics.rod import region as rods
 from cfem.mechanics.rod.region import CrossSection, Rod, RodResponse
 from cfem.mechanics.rod.sections import Sections
+from cfem.mechanics.self_contact import SelfContact, SelfContactResponse
 from cfem.mechanics.solid import Solid, make_solid
 
 # Laws of rubber, whose fibres a rod that may contract takes for neo-Hookean.
@@ -36,7 +38,8 @@ class Body:
     cells: (m, n_nodes) of all of them, one region after the other: the order of element pressures
     sections: rigid ones in a row, where the body is of these
     rod: that joins them
-    layers: on faces of the cells"""
+    layers: on faces of the cells
+    contact: of its surface with itself"""
 
     mesh: Mesh
     element: Element
@@ -44,10 +47,16 @@ class Body:
     sections: Sections | None = None
     rod: Rod | None = None
     layers: tuple[Layer, ...] = ()
+    contact: SelfContact | None = None
 
     @property
     def cells(self) -> np.ndarray:
         return np.concatenate([self.mesh.cells[:0], *(part.cells for part in self.solids)])
+
+    @property
+    def cliques(self) -> tuple[np.ndarray, ...]:
+        """Groups (m, k) of nodes that the tangent couples."""
+        return (self.cells,) if self.contact is None else (self.cells, self.contact.nodes)
 
     @property
     def shear(self) -> float:
@@ -70,7 +79,7 @@ class BodyResponse:
     """Response of a body at positions x and element pressures p.
 
     energy: N mm
-    force: (n, 3) N internal of the solids and layers, with the given p
+    force: (n, 3) N internal of the solids, layers and contact, with the given p
     mismatch, pressure, min_J: (m,) MPa and number as of its regions (solid.py), min_J 0 or less also where sections of
     the rod touch
     rod: its own response, whose forces act on the sections' frames (rod.py)"""
@@ -83,6 +92,7 @@ class BodyResponse:
     solids: tuple[region.SolidResponse, ...]
     rod: RodResponse | None = None
     layers: tuple[LayerResponse, ...] = ()
+    contact: SelfContactResponse | None = None
 
 
 def make_body(
@@ -133,8 +143,7 @@ def make_rod_body(
     material: Material,
     regions: Sequence[tuple[np.ndarray, Material]] = (),
 ) -> Body:
-    """A rod of sections of that shape; materials as in `make_body`, an element's that of most of
-    the cells between its sections."""
+    """A rod of sections of that shape; materials as in `make_body`, an element's that of most cells around it."""
     materials, owner = _assigned(mesh, element, material, regions)
     section_of = np.empty(len(mesh.X), dtype=int)
     section_of[sections.nodes] = np.arange(len(sections.nodes))[:, None]
@@ -174,7 +183,9 @@ def with_materials(body: Body, materials: Sequence[Material]) -> Body:
         return replace(part, law=material.law, parameters=parameters, bulk=bulk)
 
     rod = None if body.rod is None else rods.with_moduli(body.rod, _moduli(materials))
-    return replace(body, solids=tuple(map(remade, body.solids)), rod=rod)
+    other = replace(body, solids=tuple(map(remade, body.solids)), rod=rod)
+    contact = body.contact and replace(body.contact, touching=walls.touching_pressure(other.shear))
+    return replace(other, contact=contact)
 
 
 def on_nodes(body: Body, mesh: Mesh) -> Body:
@@ -187,7 +198,8 @@ def on_nodes(body: Body, mesh: Mesh) -> Body:
         return replace(part, X=mesh.X, gradients=gradients, weights=weights)
 
     layers = tuple(membrane.moved(layer, mesh.X, body.cells) for layer in body.layers)
-    return replace(body, mesh=mesh, solids=tuple(map(remade, body.solids)), layers=layers)
+    contact = body.contact and walls.at_rest(body.contact, mesh.X)
+    return replace(body, mesh=mesh, solids=tuple(map(remade, body.solids)), layers=layers, contact=contact)
 
 
 def _check(material: Material, element: Element) -> None:
@@ -226,9 +238,9 @@ def response(body: Body, x: np.ndarray, pressure: np.ndarray | None = None) -> B
     )
     rod = None if body.rod is None else rods.response(body.rod, x)
     layers = tuple(membrane.response(layer, x, force) for layer in body.layers)
-    none = np.empty(0)
+    contact, none = body.contact and walls.response(body.contact, x, force), np.empty(0)
     return BodyResponse(
-        energy=sum(part.energy for part in (*solids, *layers)) + (rod.energy if rod else 0.0),
+        energy=sum(part.energy for part in (*solids, *layers, rod, contact) if part),
         force=force,
         mismatch=np.concatenate([none, *(solid.mismatch for solid in solids)]),
         pressure=np.concatenate([none, *(solid.pressure for solid in solids)]),
@@ -236,14 +248,15 @@ def response(body: Body, x: np.ndarray, pressure: np.ndarray | None = None) -> B
         solids=solids,
         rod=rod,
         layers=layers,
+        contact=contact,
     )
 
 
 def tangent(
-    body: Body, state: BodyResponse, slots: np.ndarray, data: np.ndarray, before: BodyResponse | None = None
+    body: Body, state: BodyResponse, slots: Sequence[np.ndarray], data: np.ndarray, before: BodyResponse | None = None
 ) -> np.ndarray:
-    """Adds the tangent stiffness (N/mm) to the lower triangle `data`, slots (m, n_nodes, n_nodes, 3) of assembly.py.
-    Returns dtheta (m, n_nodes, 3) mm^2, the gradients of theta_mean V; empty without element pressures.
+    """Adds the tangent stiffness (N/mm) to the lower triangle `data`, slots (m, k, k, 3) of each of the body's cliques
+    as in assembly.py. Returns dtheta (m, n_nodes, 3) mm^2, the gradients of theta_mean V; empty without pressures.
 
     before: where the linear step to `state` began; the geometric part then uses the stress predicted there."""
     lags = [None] * len(body.solids)
@@ -252,21 +265,25 @@ def tangent(
             region.stress_lag(*responses) for responses in zip(body.solids, before.solids, state.solids, strict=True)
         ]
     dtheta = [
-        region.tangent(part, part_response, slots[place], data, lag)
+        region.tangent(part, part_response, slots[0][place], data, lag)
         for (part, place), part_response, lag in zip(body.parts(), state.solids, lags, strict=True)
     ]
     for number, layer in enumerate(body.layers):
-        membrane.tangent(layer, state.layers[number], slots, data, before and before.layers[number])
+        membrane.tangent(layer, state.layers[number], slots[0], data, before and before.layers[number])
+    if body.contact is not None:
+        walls.tangent(body.contact, state.contact, slots[1], data)
     return np.concatenate([np.zeros((0, body.element.n_nodes, 3)), *dtheta])
 
 
 def tangent_form(body: Body, state: BodyResponse, motions: np.ndarray) -> np.ndarray:
-    """Form M^T A M (k, k) N mm of the tangent stiffness A of solids and layers, and motions M (n, 3, k) mm."""
+    """Form M^T A M (k, k) N mm of the tangent stiffness A of solids, layers and contact, and motions M (n, 3, k) mm."""
     form = np.zeros((motions.shape[2], motions.shape[2]))
     for part, part_response in zip(body.solids, state.solids, strict=True):
         form += region.tangent_form(part, part_response, motions)
     for layer, layer_response in zip(body.layers, state.layers, strict=True):
         form += membrane.tangent_form(layer, layer_response, motions)
+    if body.contact is not None:
+        form += walls.tangent_form(body.contact, state.contact, motions)
     return form
 
 

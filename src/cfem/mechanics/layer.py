@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cfem.core.errors import InputError
-from cfem.mechanics.mesh import TET_FACES, TRIANGLE_EDGES
+from cfem.mechanics.mesh import TET_FACES
 from cfem.mechanics.solid_kernels import (
     add_form,
     add_form_of_few,
@@ -24,6 +24,7 @@ from cfem.mechanics.solid_kernels import (
     scatter_force,
     scatter_stiffness,
 )
+from cfem.mechanics.triangle import slopes
 
 _FEW = 12  # motions up to which the kernel for few is faster
 _NORMAL = 1e-3  # of a direction's length: shorter in a face, it is normal to it
@@ -116,21 +117,10 @@ def make_layer(
     frames = np.stack([first, np.cross(normal, first)], axis=1)
     opposite = np.stack([c - b, a - c, b - a], axis=1)
     barycentric = np.cross(normal[:, None], opposite) / twice[:, None, None]
-    gradients = np.einsum("qnl,kli->kqni", _slopes(facets.shape[1], points), barycentric)
+    gradients = np.einsum("qnl,kli->kqni", slopes(facets.shape[1], points), barycentric)
     weights = np.repeat((fabric.thickness * twice / 2 / len(points))[:, None], len(points), axis=1)
     gradients = np.ascontiguousarray(gradients)
     return Layer(X, facets, fabric, points, owner, nodes, gradients, weights, frames, fabric.moduli(frames))
-
-
-def _slopes(n_nodes: int, points: np.ndarray) -> np.ndarray:
-    """(q, n_nodes, 3) derivatives of a triangle's shape functions by the barycentric coordinates."""
-    if n_nodes == 3:
-        return np.repeat(np.eye(3)[None], len(points), axis=0)
-    slopes = np.zeros((len(points), 6, 3))
-    slopes[:, range(3), range(3)] = 4 * points - 1
-    for edge, (a, b) in enumerate(TRIANGLE_EDGES, 3):
-        slopes[:, edge, a], slopes[:, edge, b] = 4 * points[:, b], 4 * points[:, a]
-    return slopes
 
 
 def _owners(cells: np.ndarray, facets: np.ndarray) -> np.ndarray:

@@ -38,6 +38,7 @@ from cfem.robot.materials import MaterialSpec
 from cfem.robot.places import cable_points, effector_points, pull_point
 from cfem.robot.rigid import rigid_groups
 from cfem.robot.selection import cells_of, facets_of, select_cells, select_nodes
+from cfem.robot.self_contact import touching_itself
 from cfem.robot.shape.deform import shaped
 from cfem.robot.shape.on_mesh import on_mesh
 
@@ -119,7 +120,8 @@ def _body(scene: spec.SceneSpec, mesh: Mesh, regions: list[np.ndarray], sections
     element, (main, *others) = scene.mesh.element, materials_of(scene)
     parts = list(zip(regions, others, strict=True))
     if element not in SECTIONED:
-        return layered(scene.layers, mesh, make_body(mesh, ELEMENTS[element], main, parts))
+        solid = layered(scene.layers, mesh, make_body(mesh, ELEMENTS[element], main, parts))
+        return touching_itself(scene.self_contact, solid, scene.length)
     rigid_sections = Sections(mesh.X, np.stack(sections))
     if element == "beam":
         shape = _section_shape(scene, rigid_sections)

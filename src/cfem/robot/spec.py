@@ -1,13 +1,13 @@
 """scene.yaml: what the robot is. Geometry, mesh, material, what holds it, what drives it, what is watched."""
 
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
-from pydantic import BeforeValidator, Field, WithJsonSchema
+from pydantic import Field
 
 from cfem.core.errors import SpecError
 from cfem.core.spec import Spec, load_spec, meaning
-from cfem.core.units import AccelerationVector, Length
+from cfem.core.units import AccelerationVector, Length, Percent
 from cfem.mechanics.element import SECTIONED
 from cfem.robot.catalogue import routes
 from cfem.robot.constraints import Actuator, Chambers, Contact, Effector, Load
@@ -15,27 +15,8 @@ from cfem.robot.geometry import Assembly, Geometry, MeshFile, Refinement, StiffF
 from cfem.robot.layers import LayerSpec
 from cfem.robot.materials import MaterialRegion, MaterialSpec
 from cfem.robot.selection import Selection
+from cfem.robot.self_contact import OptionalSelfContact
 from cfem.robot.shape.free_form import FreeForm
-
-
-def _percent(given: Any) -> Any:
-    """'1 %' as 0.01; all else as it is."""
-    return float(given[:-1]) / 100 if isinstance(given, str) and given.endswith("%") else given
-
-
-Percent = Annotated[
-    float,
-    Field(gt=0, lt=1),
-    BeforeValidator(_percent),
-    WithJsonSchema(
-        {
-            "anyOf": [
-                {"type": "number", "exclusiveMinimum": 0, "exclusiveMaximum": 1},
-                {"type": "string", "pattern": r"^\s*\d+(\.\d+)?\s*%$"},
-            ]
-        }
-    ),
-]
 
 
 class Meshing(Spec):
@@ -91,6 +72,8 @@ class SceneSpec(Spec):
     """Regions of another material. Later regions win."""
     layers: list[LayerSpec] = []
     """Thin layers on faces of tetrahedra that resist stretching alone: paper, fabric, windings."""
+    self_contact: OptionalSelfContact = None
+    """Contact of the surface with itself, of tetrahedra: `true`, or its settings. None unless given."""
     fixed: list[Selection] = Field(min_length=1)
     """What is held: regions or named sets of nodes that do not move."""
     rigid: list[Selection] = []
@@ -164,6 +147,8 @@ class SceneSpec(Spec):
             raise ValueError("mesh.mirror: is for tetrahedra of one body that is meshed here")
         if self.layers and mesh.element in ("hex8", *SECTIONED):
             raise ValueError("layers: lie on faces of tetrahedra, set mesh.element to tet10p0 or tet10")
+        if self.self_contact and mesh.element in ("hex8", *SECTIONED):
+            raise ValueError("self_contact: is of the faces of tetrahedra, set mesh.element to tet10p0 or tet10")
         if isinstance(geometry, Assembly) and mesh.refine:
             raise ValueError("mesh.refine: has no place in an assembly, give each part its own `refine`")
 

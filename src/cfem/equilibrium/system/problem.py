@@ -52,7 +52,7 @@ class Problem:
         in_a_row = sections is not None and np.array_equal(groups, np.arange(-1, len(robot.rigid)))
         if like is None:
             cliques = [clique for row in robot.active for clique in row.cliques]
-            groups_of_nodes = [self.body.cells, *cliques, *coupled]
+            groups_of_nodes = [*self.body.cliques, *cliques, *coupled]
             row = sections if in_a_row else None
             self.kinematics = make_kinematics(self.rest, groups_of_nodes, robot.fixed, robot.rigid, joints, row)
             self._factor, self._made = analyze(self.pattern), []
@@ -141,8 +141,9 @@ class Problem:
             return self._with_rod(evaluation, lam, data), none
         full = self.kinematics.full
         data = np.zeros(full.nnz)
-        dtheta = tangent(self.body, evaluation.response, full.slots[0], data, before and before.response)
-        slots, column = iter(full.slots[1:]), 0
+        of_body = len(self.body.cliques)
+        dtheta = tangent(self.body, evaluation.response, full.slots[:of_body], data, before and before.response)
+        slots, column = iter(full.slots[of_body:]), 0
         for row in self.robot.active:
             mine = [next(slots) for _ in row.cliques]
             if mine and lam[column] != 0.0:
