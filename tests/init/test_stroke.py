@@ -131,7 +131,9 @@ class TestWhatIsAsked:
             return answer(question, text)
 
         stated = () if text is None else ("reach",)
-        return reaches(robot, Drive(cables=(None, None)), 0, stated, ask, "a coarse mesh"), questions[0]
+        answers, contact = reaches(robot, Drive(cables=(None, None)), 0, stated, ask, "a coarse mesh")
+        assert contact is None
+        return answers, questions[0]
 
     def test_unlike_strokes_are_suggested_one_by_one_with_the_reason_of_each(self, robot):
         (first, second), question = self.asked(robot)
@@ -186,6 +188,32 @@ def test_a_slit_that_closes_ends_the_stroke():
     problem = Problem(slit(1.0))
     states = (solve(problem, displacement(np.array([share * narrow.reach])), slack=False) for share in (1.2, 1.6))
     assert [stroke._meets_itself(problem, state) for state in states] == [False, True]  # it ends well before
+
+
+class TestWhetherWallsPushEachOther:
+    def of(self, robot, typed=None):
+        questions = []
+
+        def ask(question):
+            questions.append(question)
+            return answer(question, typed)
+
+        strokes, contact = stroke.with_contact(robot, ask, typed is not None, lambda count: None)
+        return strokes[0], contact, [question.default for question in questions]
+
+    def test_it_is_suggested_where_a_slit_ends_the_stroke(self):
+        (without,), (pushed, contact, asked) = find_strokes(slit(1.0)), self.of(slit(1.0))
+        assert asked == ["yes"] and contact.value == "yes" and "narrow gap" in contact.guess
+        assert not pushed.meets and pushed.reach > stroke.WORTH * without.reach
+        stays, contact, asked = self.of(slit(1.0), "no")
+        assert stays == without and contact.value == "no" and asked == ["yes"]
+
+    def test_nobody_is_asked_where_nothing_meets_or_no_walls_face_each_other(self):
+        assert self.of(bar("tet4", divisions=(12, 2, 2), cables=1))[1:] == (None, [])
+        far, contact, asked = self.of(slit(4.0))
+        assert far.meets and (contact, asked) == (None, [])
+        with pytest.raises(SpecError, match=r"no walls of the body face each other within 3 mm"):
+            self.of(slit(4.0), "yes")
 
 
 def test_a_body_that_touches_itself_from_the_start_has_the_stroke_of_one_that_does_not(monkeypatch):

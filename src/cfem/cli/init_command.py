@@ -25,6 +25,7 @@ _ANSWERS = {
     "chambers": "Which closed inner surfaces are inflated: all or none.",
     "reach": "Largest shortening of each cable: '10 mm', or one each with commas.",
     "growth": "Largest growth of each chamber: '2 ml', or one each with commas.",
+    "self-contact": "Whether walls that face each other across a narrow gap push each other: yes or no.",
     "remesh": "Whether to replace the cells of a mesh file by a new mesh of its surface: yes or no.",
     "body": "Which of several bodies in a file of surfaces, the largest first: 1, 2, ...",
     "effector": "The watched point: 'x, y, z' in mm.",

@@ -11,6 +11,7 @@ from cfem.contact.facets import components
 from cfem.contact.triangles import closest
 
 JITTER = 1e-8  # of the size: mirrored halves meet at edges exactly, where none would pierce the other
+ALLOWED = 0.01  # of a robot's length, to which parts of its body may pass through each other
 OUT = 1e-6  # of the size: how far before the surface it is seen whether another part of the body is there
 
 

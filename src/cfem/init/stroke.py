@@ -9,7 +9,9 @@ from scipy.spatial.transform import Rotation
 
 from cfem.constraint.surface import triangulated
 from cfem.contact.crossing import crossings
+from cfem.contact.overlap import ALLOWED, boundary_of
 from cfem.core.console.progress import progress
+from cfem.core.errors import SpecError
 from cfem.equilibrium.fields import Strain
 from cfem.equilibrium.newton import NewtonSettings
 from cfem.equilibrium.solve import Wanted, solve
@@ -19,8 +21,9 @@ from cfem.equilibrium.system.problem import Problem
 from cfem.equilibrium.system.robot import Robot
 from cfem.equilibrium.system.solution import Equilibrium, Status
 from cfem.init.drive import Drive
-from cfem.init.question import Answer, Ask, Question, positive
+from cfem.init.question import Answer, Ask, Question, choice, positive
 from cfem.init.written import short
+from cfem.robot.self_contact import SelfContactSpec, touching_itself
 
 STRAIN = 0.5  # largest principal stretch less one, as a mean of high power over the body
 BEND = np.pi / 2  # rad by which the tip turns
@@ -39,6 +42,7 @@ _ALIKE = 0.8  # of a stroke: one that is no shorter than this is taken for both,
 # The last amount that was reached counts, so that the exact place where a path ends is worth no steps.
 _CLOSE = 0.2  # of the smallest amount at which the body meets itself: so near to it is near enough
 _MEETS = "beyond it, the body meets itself"
+WORTH = 1.25  # times the stroke: what self-contact must gain to be suggested
 _TOUCHES = "; its surface touches itself from the start, which is left out of account"
 # Where all together buckle the body, pulls of several are drawn back (`cfem.sample.plan.borne`), and strokes are not.
 _REACHED = (Status.CONVERGED, Status.UNSTABLE, Status.BIFURCATION)
@@ -56,6 +60,11 @@ class Stroke:
     why: str
     sudden: bool = False
     touches: bool = False
+
+    @property
+    def meets(self) -> bool:
+        """Whether it ends where the body meets itself."""
+        return self.why.startswith(_MEETS)
 
     def shortened(self, share: float, why: str = "") -> "Stroke":
         """A share of the stroke, and why."""
@@ -108,9 +117,10 @@ def _up_to(reached: Callable[[float], bool]) -> float:
 
 def reaches(
     robot: Robot, driven: Drive, pushes: int, stated: Collection[str], ask: Ask, cells: str
-) -> tuple[Answer, ...]:
+) -> tuple[tuple[Answer, ...], Answer | None]:
     """Reach of each actuator until a limit, cables and pushes in mm, chambers in mm^3, by solving on the coarse
-    mesh. stated: the flags to which `ask` has an answer already; cells: of that mesh, in words."""
+    mesh; and whether walls push each other (`with_contact`). stated: the flags to which `ask` has an answer already;
+    cells: of that mesh, in words."""
     kinds = (
         ("reach", "By how much may each cable be shortened?", "mm", "N", len(driven.cables)),
         ("growth", "By how much may each chamber grow?", "mm^3", "kPa", len(driven.chambers)),
@@ -118,11 +128,12 @@ def reaches(
     )
     kinds = tuple(kind for kind in kinds if kind[-1])
     strokes: list[Stroke] = []
-    if any(flag not in stated for flag, *_ in kinds):
+    contact = None
+    if "self-contact" in stated or any(flag not in stated for flag, *_ in kinds):
         with progress(
             "finding how far the actuators go, on the coarse mesh", _SOLVES * robot.rows.n_a, estimate=False
         ) as advance:
-            strokes = find_strokes(robot, advance)
+            strokes, contact = with_contact(robot, ask, "self-contact" in stated, advance)
     answers: list[Answer] = []
     for flag, text, unit, of_force, count in kinds:
         mine = slice(len(answers), len(answers) + count)
@@ -130,7 +141,37 @@ def reaches(
         question = Question(flag, text, default, _by_name(robot.rows.actuators[mine], whys), _amounts(unit, count))
         answer = ask(question)
         answers += [Answer(value, why if answer.guess else None) for value, why in zip(answer.value, whys, strict=True)]
-    return tuple(answers)
+    return tuple(answers), contact
+
+
+def with_contact(
+    robot: Robot, ask: Ask, asked: bool, advance: Callable[[int], None]
+) -> tuple[list[Stroke], Answer | None]:
+    """Strokes, and whether walls that meet push each other (yes, no), None where nobody was asked: where the body meets
+    itself, walls face each other, and all actuators go as far with contact, and one WORTH farther; or where an option
+    says it (asked). SpecError where it says yes and no walls face each other."""
+    strokes = find_strokes(robot, advance)
+    if not asked and not any(each.meets for each in strokes):
+        return strokes, None
+    pushed, why, default = strokes, "walls that face each other across a narrow gap", "yes"
+    try:
+        body = touching_itself(SelfContactSpec(), robot.body, robot.length)
+    except SpecError as error:
+        body, why, default = None, error.what, "no"
+    if body is not None:
+        pushed = find_strokes(replace(robot, body=body), advance)
+        gains = [after.reach / before.reach for before, after in zip(strokes, pushed, strict=True)]
+        if max(gains) < WORTH or min(gains) < 1:
+            default, why = "no", "the actuators go no farther with it"
+    if not asked and default == "no":
+        return strokes, None
+    text = "Do walls that face each other push each other (yes, no)?"
+    answer = ask(Question("self-contact", text, default, why, lambda text: choice(text, ("yes", "no"))))
+    if answer.value == "no":
+        return strokes, answer
+    if body is None:
+        raise SpecError(why, where="--self-contact", do="say --self-contact no")
+    return pushed, answer
 
 
 def alike(strokes: Sequence[Stroke], units: Sequence[str]) -> list[Stroke]:
@@ -228,8 +269,11 @@ def _until(problem: Problem, index: int, tip: np.ndarray, advance: Callable[[int
 
 
 def _meets_itself(problem: Problem, ended: Equilibrium) -> bool:
-    """True where the surface passes through itself, more than at rest, as where a slit has closed."""
+    """True where the surface passes through itself, more than at rest, as where a slit has closed; with self-contact,
+    deeper than sampling allows."""
     facets = triangulated(problem.robot.body.mesh.facets)
+    if problem.body.contact is not None:
+        return boundary_of(problem.rest, facets).overlap(ended.state.x).depth > ALLOWED * problem.robot.length
     count = len(crossings(ended.state.x, facets)[0])
     return count > 0 and count > len(crossings(problem.rest, facets)[0])
 

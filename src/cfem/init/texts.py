@@ -28,7 +28,8 @@ class NewScene:
     element; hold: an Answer, the parts that are held, the first of which it stretches from; young, poisson: each an
     Answer; drive: cables and chambers; further: what else there is; reach: an Answer of each actuator, in mm of cables,
     then in mm^3 of chambers, then in mm of pushes; least: of each actuator, the lower end of its reach; effector: an
-    Answer (3,) mm; carrier_radius: mm, of an effector outside the body."""
+    Answer (3,) mm; carrier_radius: mm, of an effector outside the body; self_contact: an Answer,
+    yes or no, None where nobody was asked."""
 
     name: str
     kind: str
@@ -53,6 +54,7 @@ class NewScene:
     least: Sequence[float]
     effector: Answer
     carrier_radius: float | None
+    self_contact: Answer | None = None
 
     @property
     def radius(self) -> float:
@@ -92,6 +94,7 @@ def _scene(robot: NewScene) -> str:
         f"material: {{law: neo-hookean-log, young: {robot.young.value}, poisson: {number(robot.poisson.value)}"
         + f"{robot.further.dense}}}"
         + note(_guesses(robot.young, robot.poisson, *robot.further.guessed)),
+        *_self_contact(robot.self_contact),
         "fixed:" + note(_guesses(robot.hold)),
         *(f"  - {selection(part)}" for part in robot.hold.value),
         *further_lines(robot.further, robot.radius),
@@ -106,6 +109,10 @@ def _scene(robot: NewScene) -> str:
     if robot.carrier_radius is not None:
         lines.append(f"    carrier_radius: {short(robot.carrier_radius)} mm" + note("what lies so near carries it"))
     return "\n".join(lines) + "\n"
+
+
+def _self_contact(answer: Answer | None) -> list[str]:
+    return ["self_contact: true" + note(_guesses(answer))] if answer and answer.value == "yes" else []
 
 
 def _actuators(robot: NewScene) -> list[str]:

@@ -32,6 +32,7 @@ _OPTIONS = {
     "materials": "--region",
     "rigid": "--rigid",
     "contacts": "--contact",
+    "self_contact": "--self-contact",
 }
 # Cells of which strokes are found with quadratic tetrahedra, and above with linear ones: those are so stiff in thin
 # limbs that they do not show where these buckle.
@@ -54,7 +55,8 @@ def tried(robot: NewScene, path: Path, stated: Stated, ask: Ask) -> tuple[NewSce
             robot = replace(robot, drive=Drive(missing=error.what))
             made = _built(_written(_provisional(robot), folder), mesh)
         light, cells = _light(folder, made, mesh)
-        robot = replace(robot, reach=reaches(light, robot.drive, len(robot.further.pushes), stated.flags, ask, cells))
+        reach, contact = reaches(light, robot.drive, len(robot.further.pushes), stated.flags, ask, cells)
+        robot = replace(robot, reach=reach, self_contact=contact)
         if robot.n_a:
             robot = replace(robot, least=_least(made, robot))
             _built(_written(robot, folder), mesh)

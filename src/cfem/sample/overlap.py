@@ -1,4 +1,5 @@
-"""Whether parts of the body pass through each other in the states of a skeleton, which knows no self-contact."""
+"""Whether parts of the body pass through each other in the states of a skeleton: without self-contact, or where walls
+have no partners."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -7,12 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from cfem.contact.overlap import Boundary
+from cfem.contact.overlap import ALLOWED, Boundary
 from cfem.core.artefact.judgement import poor
 from cfem.core.console.shown import length
 
 FILE = "overlap.json"  # beside the skeleton
-ALLOWED = 0.01  # of the robot's length, to which parts of the body may pass through each other
 
 
 def overlaps(boundary: Boundary, states: Sequence[np.ndarray]) -> dict[str, Any]:
@@ -49,7 +49,7 @@ def finding(overlap: Mapping[str, Any] | None, body: float) -> list[dict[str, An
     return [
         poor(
             f"parts of the body pass through each other by {share}, at ({place}) mm of the body at rest, and in "
-            f"{overlap['overlapping']} of {overlap['states']} states spread over the plan: no self-contact is sampled, "
-            "so that forces are too low there. Reduce the reach, or widen the gap"
+            f"{overlap['overlapping']} of {overlap['states']} states spread over the plan, so that forces are too low "
+            "there. Set `self_contact: true` in the scene (a larger `within` where it has it), or reduce the reach"
         )
     ]
