@@ -16,6 +16,7 @@ class ProgramSpec(Spec):
     """A program that exchanges lines of JSON on its standard input and output."""
 
     kind: Literal["program"]
+    """A program."""
     command: list[str] = Field(min_length=1)
     """The program and its arguments. It starts in the folder of the spec."""
 
@@ -24,6 +25,7 @@ class SerialPortSpec(Spec):
     """A board on a serial port, which exchanges frames."""
 
     kind: Literal["serial"]
+    """A serial port."""
     port: str = Field(min_length=1)
     """The port, as /dev/ttyUSB0 or COM3."""
     baud: PositiveInt = 115200
@@ -34,6 +36,7 @@ class UdpSpec(Spec):
     """A board in the network, which exchanges frames, each in a datagram."""
 
     kind: Literal["udp"]
+    """A port of UDP."""
     host: str = Field(min_length=1)
     """Name or address of the board."""
     port: Annotated[int, Field(ge=1, le=65535)]
