@@ -11,7 +11,17 @@ from cfem.cli.app import app
 from cfem.pipeline.plan import own_specs, plan
 from cfem.pipeline.robots import ROBOTS, copy_robot, robots
 
-SHOWN = ["bar", "diamond", "parametric-finger", "pneunet", "soft-finger", "soft-gripper", "stiff-flop", "trunk"]
+SHOWN = [
+    "bar",
+    "bellows",
+    "diamond",
+    "parametric-finger",
+    "pneunet",
+    "soft-finger",
+    "soft-gripper",
+    "stiff-flop",
+    "trunk",
+]
 
 
 def init(tmp_path, *words):
@@ -61,7 +71,7 @@ def test_specs_that_somebody_edited_are_kept(tmp_path):
 @pytest.mark.parametrize(
     "words, said",
     [
-        (["x", "--robot", "finger"], "use one of bar, crawler, diamond"),
+        (["x", "--robot", "finger"], "use one of bar, bellows, crawler"),
         (["x"], "give --from FILE or --robot NAME"),
         (["x", "--robot", "bar", "--from", "x.step"], "one of the two"),
         (["x", "--robot", "bar", "--young", "1 MPa"], "--young goes with --from"),

@@ -3,10 +3,11 @@
 Points of each face are paired at rest with the point of another face that lies straight before them, and keep this
 partner. With p the place of the point, y that of its partner and n the normal of the partner's face as it is deformed,
 
-    g = n . (p - y),        pressure = touching ((onset - g) / onset)^3 where g < onset, else none
+    g = n . (p - y),        pressure = touching c^3,    c = (onset - g) / onset where g < onset, else none
 
-touching: the pressure at which the gap is 0. Half of the energy comes from the points of either side. It is a function
-of the positions alone, three times continuously differentiable: forces are its exact gradient, and compliance and its
+touching: the pressure at which the gap is 0; then it grows in proportion, as 3 c - 2, so that Newton's method leaves deep
+overlaps at once. Half of the energy comes from the points of either side. It is a function of the positions alone,
+three times continuously differentiable but where walls overlap: forces are its exact gradient, and compliance and its
 slope are continuous.
 A point that slides along its partner meets the plane that touches the wall there (the "small sliding" of finite-element
 codes): of a wall of curvature k, a slide by s is wrong by k s^2 / 2."""
@@ -113,10 +114,13 @@ def response(contact: SelfContact, x: np.ndarray, force: np.ndarray) -> SelfCont
     (pairs,) = np.nonzero(gap < contact.onset)
     frames, onset, weights = frames[pairs], contact.onset[pairs], contact.weights[pairs]
     closing = (onset - gap[pairs]) / onset
-    push, stiffness = contact.touching * weights * closing**3, 3 * contact.touching * weights * closing**2 / onset
+    soft, beyond = np.minimum(closing, 1.0), np.maximum(closing - 1.0, 0.0)
+    force_unit = contact.touching * weights
+    push, stiffness = force_unit * (soft**3 + 3 * beyond), 3 * force_unit * soft**2 / onset
+    energy = force_unit * onset @ (soft**4 / 4 + beyond + 1.5 * beyond**2)
     by_frame = -push[:, None, None] * _gradient(frames)
     np.add.at(force, contact.nodes[pairs], contact.shares[pairs].swapaxes(1, 2) @ by_frame)
-    return SelfContactResponse(float(push @ (closing * onset)) / 4, gap, pairs, frames, push, stiffness)
+    return SelfContactResponse(float(energy), gap, pairs, frames, push, stiffness)
 
 
 def tangent(contact: SelfContact, state: SelfContactResponse, slots: np.ndarray, data: np.ndarray) -> None:

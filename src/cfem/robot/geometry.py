@@ -1,6 +1,6 @@
 """The shapes that a robot may have: from the catalogue, from a file, or several of these placed side by side."""
 
-from math import cos, pi
+from math import cos, hypot, pi
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -174,6 +174,35 @@ class PneuNet(Spec):
             raise ValueError("the duct must be narrower than a room")
 
 
+class Bellows(Spec):
+    """Folds in a row along x from the origin, round about this axis, between two end plates, with one chamber. Walls of
+    the folds touch when it is sucked empty: `self_contact`."""
+
+    kind: Literal["bellows"]
+    """A bellows."""
+    folds: PositiveInt = 4
+    """Number of folds."""
+    narrow: Length = Field(default=7.0, gt=0)
+    """Radius of its outside in the troughs."""
+    wide: Length = Field(default=13.0, gt=0)
+    """Radius of its outside at the crests."""
+    slope: Length = Field(default=2.0, gt=0)
+    """Length along x from a trough to a crest."""
+    crest: Length = Field(default=3.0, gt=0)
+    """Length along x of the outside of a crest, and of a trough."""
+    wall: Length = Field(default=1.5, gt=0)
+    """Thickness of the walls of the folds."""
+    plate: Length = Field(default=3.0, gt=0)
+    """Thickness of each end plate."""
+
+    def check(self) -> None:
+        if not self.wall < self.narrow < self.wide - self.wall:
+            raise ValueError("the wall must be thinner than narrow, and than wide less narrow")
+        thinner = self.wall * (hypot(self.wide - self.narrow, self.slope) - self.slope) / (self.wide - self.narrow)
+        if thinner >= self.crest / 2:
+            raise ValueError(f"walls of the folds fill the crests: crest must be above {2 * thinner:.3g} mm")
+
+
 SURFACES = (".stl", ".obj", ".3mf", ".ply", ".off")  # files of triangles alone
 
 
@@ -219,7 +248,7 @@ class StepFile(Spec):
             raise ValueError("unit: a STEP file states its own units, leave it out")
 
 
-Single = SoftFinger | Bar | Diamond | Trunk | Taper | StiffFlop | PneuNet | MeshFile | StepFile
+Single = SoftFinger | Bar | Diamond | Trunk | Taper | StiffFlop | PneuNet | Bellows | MeshFile | StepFile
 
 
 class Refinement(Spec):

@@ -1,15 +1,17 @@
 """The solid of each body of the catalogue, by the type of its geometry."""
 
 from cfem.robot.catalogue.bar import bar
+from cfem.robot.catalogue.bellows import bellows
 from cfem.robot.catalogue.diamond import diamond
 from cfem.robot.catalogue.pneunet import pneunet
 from cfem.robot.catalogue.soft_finger import soft_finger
 from cfem.robot.catalogue.taper import taper
 from cfem.robot.catalogue.trunk import trunk
-from cfem.robot.geometry import Bar, Diamond, PneuNet, SoftFinger, Taper, Trunk
+from cfem.robot.geometry import Bar, Bellows, Diamond, PneuNet, SoftFinger, Taper, Trunk
 
 CATALOGUE = {
     Bar: bar,
+    Bellows: bellows,
     Diamond: diamond,
     PneuNet: pneunet,
     SoftFinger: soft_finger,

@@ -137,18 +137,21 @@ def stated(compared: Sequence[Compared], smaller: float, length: float) -> dict[
 def _compared(
     problem: Problem, mesh: Mesh, refined: Problem, finer: Mesh, states: Sequence[Equilibrium]
 ) -> tuple[list[Compared], int]:
-    """The states that converged on the finer mesh, and its factorisations."""
+    """The states that converged on the finer mesh, each from the one before where its own start is no good, from small
+    travels to large ones; and its factorisations."""
     robot = problem.robot
     free = force(np.zeros(robot.rows.n_a))
     resting = solve(problem, free), solve(refined, free)
-    factorizations, compared = resting[1].factorizations, []
+    factorizations, compared, base = resting[1].factorizations, [], None
+    states = sorted(states, key=lambda state: np.linalg.norm(state.delta_e))
     tetrahedra = mesh.cells.shape[1] in (4, 10)
     with progress("commands on the finer mesh", len(states)) as advance:
         for state in states:
             start = (
                 State(carried_over(mesh, state.state.x, finer), np.empty(0), state.state.lam) if tetrahedra else None
             )
-            solved = solve(refined, _command(robot, state), start, wanted=Wanted(condense=False))
+            solved = solve(refined, _command(robot, state), start, base, wanted=Wanted(condense=False))
+            base = solved.state if solved.converged else base
             factorizations += solved.factorizations
             advance(1)
             if solved.converged and all(rest.converged for rest in resting):
