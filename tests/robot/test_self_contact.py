@@ -22,7 +22,7 @@ def slotted(tmp_path, self_contact):
     return build_robot(own, mesh).body.contact
 
 
-@pytest.mark.parametrize(("given", "onset"), [("{within: 3 mm}", 0.1), ("{within: 3 mm, onset: 20 %}", 0.4)])
+@pytest.mark.parametrize(("given", "onset"), [("{within: 3 mm}", 0.2), ("{within: 3 mm, onset: 20 %}", 0.4)])
 def test_walls_of_a_slot_face_each_other(tmp_path, given, onset):
     contact = slotted(tmp_path, given)
     assert contact.weights.sum() == pytest.approx(15 * 10)  # half of either side

@@ -21,7 +21,7 @@ class SelfContactSpec(Spec):
 
     within: Length | None = Field(default=None, gt=0)
     """Widest gap, straight out of a wall, across which it has a partner: 5 % of the robot's length unless given."""
-    onset: Percent = 0.05
+    onset: Percent = 0.1
     """Share of the gap at rest at which walls begin to push. They touch at a pressure of a tenth of Young's modulus."""
 
 
