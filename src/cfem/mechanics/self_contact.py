@@ -5,8 +5,8 @@ partner. With p the place of the point, y that of its partner and n the normal o
 
     g = n . (p - y),        pressure = touching c^3,    c = (onset - g) / onset where g < onset, else none
 
-touching: the pressure at which the gap is 0; then it grows in proportion, as 3 c - 2, so that Newton's method leaves deep
-overlaps at once. Half of the energy comes from the points of either side. It is a function of the positions alone,
+touching: the pressure at which the gap is 0; then it grows in proportion, as 3 c - 2, so that Newton's method leaves
+deep overlaps at once. Half of the energy comes from the points of either side. It is a function of the positions alone,
 three times continuously differentiable but where walls overlap: forces are its exact gradient, and compliance and its
 slope are continuous.
 A point that slides along its partner meets the plane that touches the wall there (the "small sliding" of finite-element

@@ -5,7 +5,9 @@ from typing import Annotated
 
 from pydantic import BeforeValidator, Field
 
+from cfem.constraint.surface import triangulated
 from cfem.contact.facing import facing
+from cfem.contact.overlap import boundary_of
 from cfem.core.errors import SpecError
 from cfem.core.spec import Spec
 from cfem.core.units import Length, Percent
@@ -13,6 +15,7 @@ from cfem.mechanics.body import Body
 from cfem.mechanics.self_contact import POINTS, make_self_contact
 
 WITHIN = 0.05  # of the robot's length
+OVERLAP = 1e-3  # of the robot's length: what may be rounding of the shape at rest
 
 
 class SelfContactSpec(Spec):
@@ -35,12 +38,16 @@ OptionalSelfContact = Annotated[SelfContactSpec | None, BeforeValidator(_as_spec
 
 def touching_itself(spec: SelfContactSpec | None, body: Body, length: float) -> Body:
     """The body, of a robot of `length` mm, with the self-contact of its scene. SpecError where no walls face each
-    other."""
+    other, or parts of the body overlap at rest."""
     if spec is None:
         return body
     X, facets = body.mesh.X, body.mesh.facets
     within = spec.within or WITHIN * length
     pairs = facing(X, facets[:, :3], POINTS, within)
+    at_rest = boundary_of(X, triangulated(facets)).at_rest
+    if at_rest > OVERLAP * length:
+        what = f"parts of the body pass through each other by {at_rest:.3g} mm at rest"
+        raise SpecError(what, where="self_contact", do="take them apart in the program that made the shape")
     if not len(pairs[0]):
         what = f"no walls of the body face each other within {within:.3g} mm"
         raise SpecError(what, where="self_contact", do="leave it out, or give a larger `within`")
