@@ -1,7 +1,7 @@
 """Self-contact of walls: error against run time. Usage: self_contact.py [--scene FILE] [--volumes MM3 ...].
 
-The PneuNet of the catalogue is inflated to the same volumes without self-contact, with onsets from 20 to 2 % of the gap,
-and with 0.5 %, the reference. A row has the distance of the tip from the reference (largest, % of the length), the
+The PneuNet of the catalogue is inflated to the same volumes without self-contact, with onsets from 20 to 2 % of the
+gap, and with 0.5 %, the reference. A row has the distance of the tip from the reference (largest, % of the length), the
 difference of the pressure (largest, %), by how much walls overlap (mm), and what a state costs: factorisations and CPU
 seconds. Prints a table."""
 
