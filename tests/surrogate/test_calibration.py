@@ -8,7 +8,16 @@ import pytest
 from surrogate.synthetic import dataset
 
 from cfem.condensed.model_error import ModelError
+from cfem.condensed.strokes import ridge_of
+from cfem.control.closed_loop.tick import Pilot
+from cfem.control.open_loop.experiment import follow
+from cfem.control.open_loop.summary import record
+from cfem.control.search.goal_search import SearchSettings
+from cfem.control.search.inverse import Limits
+from cfem.plant.model_plant import ModelPlant
 from cfem.predict.load import build
+from cfem.predict.loads.loaded import loaded
+from cfem.predict.state_error import LOADS
 from cfem.surrogate.calibration import ENOUGH, STEEPEST, answers, bound, calibrated, powers
 from cfem.surrogate.spec import SpectralSpec
 from cfem.surrogate.stage import train_and_judge
@@ -102,3 +111,21 @@ def test_forces_of_a_stiffer_robot_err_by_more_as_they_are_larger():
     errors = [model.error(model.at_displacement(place, p), p) for p in (soft, stiff)]
     assert errors[1].actuators == pytest.approx(2 * errors[0].actuators) and errors[1].tip == errors[0].tip
     assert pytest.approx(errors[0].W) == 2 * errors[1].W
+
+
+def test_a_plan_of_control_has_the_bound_of_its_state(model):
+    goals = model.rest_e + model.at_displacement(model.trained[:2]).delta_e
+    ridge, limits = ridge_of(1e-10, model.reach, model.length), Limits.of(model.reach, np.array([True, True]))
+    settings = SearchSettings()
+    pilot = Pilot(model, "displacement", "equilibrium", limits, np.ones(3), ridge, settings, approach=settings)
+    for (tracked,) in follow(goals, {"learned": pilot}, ModelPlant(model, model.rest_e), model.rest_e):
+        state = tracked.plan.iterate.condensed
+        assert record("round", tracked, 0.1, None)["model_error"] == model.error(state).tip > 0
+
+
+def test_loads_that_no_sample_carried_widen_the_bound_of_the_tip_alone(model):
+    under_load = loaded(model, [0.0, 0.005, 0.0])
+    place = model.trained[0]
+    widened, own = (each.error(each.at_displacement(place)) for each in (under_load, model))
+    assert widened.tip == pytest.approx(own.tip + LOADS * under_load.meta["wrench_error"]) and widened.tip > own.tip
+    assert np.isnan(widened.actuators).all() and np.isnan(widened.W).all()

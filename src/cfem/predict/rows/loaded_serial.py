@@ -130,7 +130,7 @@ class LoadedSerialPredictor(SerialPredictor):
         W, free = (np.array(each).reshape(*s.shape[:-1], *each[0].shape) for each in zip(*states, strict=True))
         return W, free
 
-    def error(self) -> float:
+    def wrench_error(self) -> float:
         """Estimated error of the tip, mm, where that is worst among the training states. Those are left out in which an
         actuator that only pulled in training (a chamber: only pushed) would have to do the other under the loads,
         unless it is so in all: no robot goes there."""
