@@ -122,6 +122,11 @@ class Predictor(ABC):
         outside its domain. None where the model states none."""
         return state_error(self, state, p)
 
+    def load_error(self, delta_a: np.ndarray) -> np.ndarray | float | None:
+        """Estimated error of the tip (...,), mm, by loads that the samples did not carry, at displacements (..., n_a);
+        None where there are none."""
+        return self.meta.get("wrench_error")
+
     @cached_property
     def christoffel(self) -> Christoffel:
         """How far the model extrapolates at its inputs: s and q."""

@@ -26,10 +26,11 @@ def state_error(model: "Predictor", state: Condensed, p: np.ndarray | None = Non
     sizes = reaction_sizes(model, stated.command, p)
     actuators = (stated.actuators.at(L) + beyond)[..., None] * sizes
     entries = (stated.W.at(L) + beyond)[..., None, None] * entry_sizes(state.W)
-    if "wrench_error" in model.meta:
-        by_loads = (1.0 if model.meta.get("patch_loads") else LOADS) * model.meta["wrench_error"]
-        return StateError(stated.probability, tip + by_loads, np.nan * actuators, np.nan * entries)
-    return StateError(stated.probability, tip, actuators, entries)
+    by_loads = model.load_error(state.delta_a)
+    if by_loads is None:
+        return StateError(stated.probability, tip, actuators, entries)
+    tip = tip + (1.0 if model.meta.get("patch_loads") else LOADS) * by_loads
+    return StateError(stated.probability, tip, np.nan * actuators, np.nan * entries)
 
 
 def extrapolation(model: "Predictor", state: Condensed, p: np.ndarray | None = None) -> np.ndarray:

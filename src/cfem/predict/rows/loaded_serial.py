@@ -141,6 +141,12 @@ class LoadedSerialPredictor(SerialPredictor):
         kept = np.array([(self.at(state).lam >= 0)[one_sided].all() for state in states])
         return float((errors[kept] if kept.any() else errors).max())
 
+    def load_error(self, delta_a: np.ndarray) -> np.ndarray:
+        """`error_at` of displacements (..., n_a): the largest of all states is many times that of most."""
+        return np.array([self.error_at(each) for each in delta_a.reshape(-1, delta_a.shape[-1])]).reshape(
+            delta_a.shape[:-1]
+        )
+
     def error_at(self, delta_a: ArrayLike) -> float:
         """Estimated error of the tip, mm, at one state, n_a actuators. Without D as
         `cfem.predict.loads.loaded.wrench_error`.
