@@ -22,7 +22,7 @@ class ErrorBound(Data):
 
     everywhere: _Size
     factor: _Size
-    power: _Size
+    power: Annotated[float, Field(ge=0, le=100)]
 
     def at(self, extrapolation: np.ndarray) -> np.ndarray:
         """(...,) bounds where the model extrapolates by so much (...,)."""
