@@ -8,6 +8,7 @@ from cfem.core.artefact.judgement import INDEFINITE_SHARE, LOSS, poor
 from cfem.core.console.shown import duration, length
 from cfem.surrogate.calibration import ENOUGH, PROBABILITY
 
+LEAST = 1e-6  # mm: a smaller bound says no more
 FEWEST = 10  # test states from which figures say something of others
 
 
@@ -32,11 +33,11 @@ def headline(results: dict[str, Any], units: dict[str, Any]) -> list[str]:
     ]
     stated = model_error_of(results.get("model_error"))
     if stated is not None:
-        reaction = "displacements" if stated.command == "force" else "forces"
+        reaction, share = "displacements" if stated.command == "force" else "forces", 100 * stated.actuators.everywhere
         few = f" ({ENOUGH} test states in it promise {100 * PROBABILITY:.0f} %)" if stated.states < ENOUGH else ""
         lines.append(
             f"in {stated.percent} of unseen states in its domain{few} the tip is off by at most "
-            f"{length(stated.tip.everywhere)}, {reaction} by {100 * stated.actuators.everywhere:.2g} % of the largest; "
+            f"{length(max(stated.tip.everywhere, LEAST))}, {reaction} by {share:.2g} % of the largest; "
             "model.error(state) bounds each state by its place"
         )
     known = mesh_error_of(results.get("mesh_error"))

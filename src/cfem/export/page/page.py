@@ -160,9 +160,8 @@ def about(meta: dict, predictor: Predictor) -> str:
     """Sentences on the model for the reader."""
     known = ""
     if (stated := predictor.model_error) is not None:
-        error = stated.tip.everywhere
-        shown = length(error) if error >= LEAST else f"less than {LEAST:g} mm"
-        known = f" In {stated.percent} of unseen states in its domain its tip is off by at most {shown}."
+        at_most = length(max(stated.tip.everywhere, LEAST))
+        known = f" In {stated.percent} of unseen states in its domain its tip is off by at most {at_most}."
     if predictor.mesh_error is not None:
         low, high = (100 * share for share in predictor.mesh_error.tip.far)
         known += f" Its mesh adds {low:.2g} to {high:.2g} % of how far the tip travels (estimated)."
