@@ -116,7 +116,7 @@ def table(model, robot, shares: list[float]) -> None:
                 forces = {"body": share * 9810 * mass * side, "tip": push * np.array([0.0, 0.6, -0.8])}
                 wrench = wrench_of(rows, forces)
                 carrying = LoadedSerialPredictor({**model.meta, "wrench": wrench.tolist()}, model.arrays)
-                stated.append(carrying.error())
+                stated.append(carrying.wrench_error())
                 problem = Problem(pushed(robot, wrench))
                 for at in states:
                     solved = solve(problem, displacement(at), slack=False)

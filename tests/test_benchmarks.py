@@ -59,6 +59,7 @@ LONG = {
     "meeting.py": "minutes of finite elements: see its help",
     "mesh_error.py": "minutes of finite elements: see its help",
     "self_contact.py": "minutes of finite elements: see its help",
+    "model_error.py": "minutes of finite elements: see its help",
     "ringing.py": "cfem run pipelines/moving-finger/train.yaml",
     "rows.py": "minutes of finite elements: see its help",
     "one_policy.py": "make finger-shapes, and an hour: see its help",

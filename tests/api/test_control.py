@@ -27,6 +27,7 @@ def test_the_actuation_of_a_reachable_goal_is_found(model, goal):
     found = cfem.find_actuation(model, goal)
     assert found.delta_a == pytest.approx([4.0], abs=1e-4) and found.distance < 1e-3
     assert found.status.value == "converged"
+    assert 0 < found.model_error == model.error(model.at_displacement(found.delta_a)).tip < 1e-3
 
 
 def test_a_goal_out_of_reach_ends_at_the_reach(model):

@@ -26,11 +26,14 @@ class Recorder:
     def distance(self, *asked):
         return "distance", *asked
 
+    def error(self, *asked):
+        return "error", *asked
+
 
 def test_a_model_is_asked_at_its_own_parameters():
     p = np.array([1.0, 2.0])
     model = AtParameters(Recorder(), p)
-    for name in ("at_displacement", "at_force", "inside", "distance"):
+    for name in ("at_displacement", "at_force", "inside", "distance", "error"):
         assert getattr(model, name)("state") == (name, "state", p)
     assert (model.rows, model.form, model.meta, model.domain) == ("rows", "force", "meta", "domain")
 

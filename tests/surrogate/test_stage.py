@@ -40,6 +40,8 @@ def test_it_writes_a_model_that_knows_itself(spec):
         "effector_compliance",
     }
     assert results["positive_definite"]["share"] == 1.0 and results["positive_definite"]["queries"] == 100_000
+    assert results["model_error"]["states"] + results["model_error"]["left_out"] == 20
+    assert model.model_error.model_dump(mode="json") == results["model_error"]
     assert run(spec, [], None, Options())["status"] == "up to date"
 
 
@@ -61,6 +63,9 @@ def test_figures_of_few_states_are_called_so(tmp_path, count, said):
     (tmp_path / "train.yaml").write_text(SPEC)
     results = run(tmp_path / "train.yaml", ["learning_curve=[]"], None, Options())["results"]
     assert said in results["headline"][0]
+    inside = results["model_error"]["states"]
+    promised = f"in {100 * inside / (inside + 1):.0f} % of unseen states in its domain"
+    assert results["headline"][1].startswith(f"{promised} (19 test states in it promise 95 %) the tip")
     unknown = "the paper's loss is not known, as the test states do not differ"
     assert (unknown in results["headline"][0]) == (count == 1)
     judged = [one["what"] for one in results.get("judgement", [])]

@@ -96,6 +96,7 @@ def find_actuation(
         What was found: `delta_a`, `lambda_a` (n_a,), `distance` mm that remains, `status`, which says how it ended, and
         `verdict()`: reached, out of reach (the optimality conditions show it), or not converged. `mesh_error`: between
         how many mm the error lies that the mesh of the samples adds, None without `mesh_error` in sample.yaml.
+        `model_error`: the model's own error there, mm at most, infinite outside its domain (`Predictor.error`).
 
     Raises:
         SpecError: goal, start or weights have a wrong length or are not finite.
@@ -117,7 +118,9 @@ def find_actuation(
     limits, settings = _limits(model, unilateral, largest_force), SearchSettings.of(model.reach, iterations)
     result = search_goal(model, aim, limits, Iterate.at(first), settings)
     result = multistart(model, aim, limits, result, settings, by_displacement, all_over(model, limits, RESTARTS))
-    return replace(result, mesh_error=model.tip_error_of_mesh(result.delta_e))
+    error = model.error(result.iterate.condensed)
+    model_error = None if error is None else float(error.tip)
+    return replace(result, mesh_error=model.tip_error_of_mesh(result.delta_e), model_error=model_error)
 
 
 @says_what_is_missing

@@ -7,6 +7,7 @@ import numpy as np
 
 from cfem.condensed import Condensed, Rows
 from cfem.condensed.model import Form
+from cfem.condensed.model_error import StateError
 from cfem.predict.protocol import Predictor
 from cfem.predict.series.domain import Domain
 
@@ -42,6 +43,9 @@ class AtParameters:
 
     def inside(self, condensed: Condensed) -> bool:
         return self.predictor.inside(condensed, self.p)
+
+    def error(self, condensed: Condensed) -> StateError | None:
+        return self.predictor.error(condensed, self.p)
 
     def distance(self, condensed: Condensed) -> float:
         return self.predictor.distance(condensed, self.p)

@@ -7,6 +7,7 @@ from pydantic import Field, field_validator
 from cfem.condensed.card import MOST, Pair, ParameterCard, RowsCard, Units
 from cfem.condensed.mesh_error import MeshError
 from cfem.condensed.model import Form
+from cfem.condensed.model_error import ModelError
 from cfem.core.names import Name
 from cfem.core.reading import Data
 from cfem.predict.protocol import KINDS
@@ -57,6 +58,7 @@ class ModelCard(Data):
     patch_loads: others, on patches of the surface
     wrench_error: estimated error that these loads make, mm
     mesh_error: of the mesh that the samples were solved on, see `cfem.condensed.mesh_error`
+    model_error: of the model beside that mesh, see `cfem.condensed.model_error`
     semidefinite: of each effector row, see `cfem.predict.series.semidefinite`
     masses: t, by the name of the effector that is their centre
     modules, row: of modules in a row
@@ -82,6 +84,7 @@ class ModelCard(Data):
     patch_loads: list[PatchLoadCard] | None = None
     wrench_error: float | None = None
     mesh_error: MeshError | None = None
+    model_error: ModelError | None = None
     errors: dict[str, Any] = {}
     history: list[Any] = []
     versions: dict[str, str] = {}

@@ -11,10 +11,13 @@ from numpy.typing import ArrayLike
 from cfem.condensed import Condensed, Rows
 from cfem.condensed.mesh_error import mesh_error_of
 from cfem.condensed.model import Form, demand_found, with_duals
+from cfem.condensed.model_error import StateError, model_error_of
 from cfem.condensed.parameters import coordinates, from_json, references
 from cfem.core.errors import InputError, NumericalError
+from cfem.predict.series.christoffel import Christoffel
 from cfem.predict.series.domain import Domain
 from cfem.predict.series.skin import LearnedSkin
+from cfem.predict.state_error import state_error
 
 if TYPE_CHECKING:
     from cfem.predict.workspace import Workspace
@@ -36,7 +39,8 @@ class Predictor(ABC):
     length: mm, what '% of length' refers to
     sizes:  (n_e,) in whose squares its locked compliance is made semidefinite (semidefinite.py), None where it is not
     domain: where it was trained
-    mesh_error: of the mesh that its samples were solved on, None where nobody has estimated it"""
+    mesh_error: of the mesh that its samples were solved on, None where nobody has estimated it
+    model_error: its own, beside that mesh, None where it states none"""
 
     def __init__(self, meta: dict):
         """Takes over what model.json says; the skin comes from `skin_source` once it is set."""
@@ -54,6 +58,7 @@ class Predictor(ABC):
         self.sizes = None if meta.get("semidefinite") is None else np.asarray(meta["semidefinite"], float)
         self.domain = Domain.from_json(meta["domain"])
         self.mesh_error = mesh_error_of(meta.get("mesh_error"))
+        self.model_error = model_error_of(meta.get("model_error"))
         self._reference = references(self.parameters)
         self._learned = [i for i, parameter in enumerate(self.parameters) if not parameter.exact]
         self._exact = [i for i, parameter in enumerate(self.parameters) if parameter.exact]
@@ -112,6 +117,23 @@ class Predictor(ABC):
         travel = float(np.linalg.norm(np.asarray(delta_e, float)[places]))
         return None if self.mesh_error is None else self.mesh_error.tip.bounds(travel)
 
+    def error(self, state: Condensed, p: ArrayLike | None = None) -> StateError | None:
+        """Bounds of the model's own error at states found with it, which hold with the stated probability; infinite
+        outside its domain. None where the model states none."""
+        return state_error(self, state, p)
+
+    def load_error(self, delta_a: np.ndarray) -> np.ndarray | float | None:
+        """Estimated error of the tip (...,), mm, by loads that the samples did not carry, at displacements (..., n_a);
+        None where there are none."""
+        return self.meta.get("wrench_error")
+
+    @cached_property
+    def christoffel(self) -> Christoffel:
+        """How far the model extrapolates at its inputs: s and q."""
+        n_a, states = self.rows.n_a, self.domain.states
+        s = states[:, :n_a] if self.form == "displacement" else states[:, n_a : 2 * n_a]
+        return Christoffel.of(np.hstack([s, states[:, 2 * n_a :]]))
+
     @property
     def n_inputs(self) -> int:
         """Number of learned inputs: actuators, and coordinates of the parameters that are not exact."""
@@ -125,6 +147,10 @@ class Predictor(ABC):
         """(..., n_p) -> (...) reference over Young's modulus where its effect is exact (identity 6 of the condensed
         model: W ~ 1/E, lambda ~ E), else 1."""
         return np.prod(self._reference[self._exact] / p[..., self._exact], axis=-1)
+
+    def softness(self, p: np.ndarray | None) -> np.ndarray | float:
+        """`softer` as a column (..., 1), for the actuators."""
+        return self.softer(self._p(p))[..., None] if self.parameters else 1.0
 
     def q(self, p: np.ndarray | None) -> np.ndarray:
         """(..., n_p) -> (..., n_q) coordinates of the parameters that are learned."""
@@ -154,8 +180,7 @@ class Predictor(ABC):
         """The condensed robot under lambda_a (..., n_a) N. NumericalError where there is none, and far outside the
         domain."""
         lambda_a = self._one_each(lambda_a, "a state of forces")
-        softer = self.softer(self._p(p))[..., None] if self.parameters else 1.0
-        self._demand_near(lambda_a, *(bound / softer for bound in self.domain.lambda_a), "forces", "N")
+        self._demand_near(lambda_a, *(bound / self.softness(p) for bound in self.domain.lambda_a), "forces", "N")
         return self.at(lambda_a, p) if self.form == "force" else self._with_dual(lambda_a, p)
 
     def under_forces(self, lambda_a: np.ndarray) -> tuple[list[Condensed], np.ndarray]:
@@ -242,7 +267,7 @@ class Predictor(ABC):
 
     def inside(self, condensed: Condensed, p: ArrayLike | None = None) -> bool | np.ndarray:
         """True for each state found with this model that is like those that it was trained on."""
-        return self.domain.holds(*self._where(condensed, p))
+        return self.domain.holds(*self.where(condensed, p))
 
     @property
     def trained(self) -> np.ndarray:
@@ -251,11 +276,11 @@ class Predictor(ABC):
 
     def distance(self, condensed: Condensed, p: ArrayLike | None = None) -> float | np.ndarray:
         """Distance of each state from the training states: about 1 or less among them (`Domain.distance`)."""
-        return self.domain.distance(*self._where(condensed, p))
+        return self.domain.distance(*self.where(condensed, p))
 
-    def _where(self, condensed: Condensed, p: np.ndarray | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        softer = self.softer(self._p(p))[..., None] if self.parameters else 1.0
-        return condensed.delta_a, condensed.lambda_a * softer, self.q(p)
+    def where(self, condensed: Condensed, p: ArrayLike | None = None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Displacements, multipliers at the reference of exact parameters, and q, as the domain has them."""
+        return condensed.delta_a, condensed.lambda_a * self.softness(p), self.q(p)
 
     def __repr__(self) -> str:
         """Kind, scene, actuators with their reach, rows and parameters, for a person."""

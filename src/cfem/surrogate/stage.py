@@ -28,6 +28,7 @@ from cfem.dataset.schema import SKIN
 from cfem.predict.load import build, skin_of
 from cfem.predict.protocol import Predictor
 from cfem.predict.series.skin import FILE
+from cfem.surrogate.calibration import calibrated
 from cfem.surrogate.series.observations import inputs
 from cfem.surrogate.spec import EnergyNetSpec, MlpSpec, ModelSpec, SerialSpec, SpectralSpec, TrainSpec
 from cfem.surrogate.verdict import headline, judged
@@ -64,6 +65,7 @@ def work(folder: Path, spec: TrainSpec, dataset_folder: Path) -> dict[str, Any]:
     doing("checking the model")
     predictor = build(meta, arrays)
     results["positive_definite"] = definite = check_definite(predictor, training)
+    results["model_error"] = meta["model_error"] = calibrated(predictor, test)
     results["learning_curve"] = [
         learning_point(first_rows(training, samples), test, spec.model, checkpoints)
         for samples in spec.learning_curve

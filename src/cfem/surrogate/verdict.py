@@ -3,9 +3,12 @@
 from typing import Any
 
 from cfem.condensed.mesh_error import mesh_error_of
+from cfem.condensed.model_error import model_error_of
 from cfem.core.artefact.judgement import INDEFINITE_SHARE, LOSS, poor
 from cfem.core.console.shown import duration, length
+from cfem.surrogate.calibration import ENOUGH, PROBABILITY
 
+LEAST = 1e-6  # mm: a smaller bound says no more
 FEWEST = 10  # test states from which figures say something of others
 
 
@@ -28,6 +31,15 @@ def headline(results: dict[str, Any], units: dict[str, Any]) -> list[str]:
         f"{loss}; "
         f"fitted in {duration(results['seconds_fit'])}, {duration(1e-6 * results['microseconds_query'])} per query"
     ]
+    stated = model_error_of(results.get("model_error"))
+    if stated is not None:
+        reaction, share = "displacements" if stated.command == "force" else "forces", 100 * stated.actuators.everywhere
+        few = f" ({ENOUGH} test states in it promise {100 * PROBABILITY:.0f} %)" if stated.states < ENOUGH else ""
+        lines.append(
+            f"in {stated.percent} of unseen states in its domain{few} the tip is off by at most "
+            f"{length(max(stated.tip.everywhere, LEAST))}, {reaction} by {share:.2g} % of the largest; "
+            "model.error(state) bounds each state by its place"
+        )
     known = mesh_error_of(results.get("mesh_error"))
     if known is not None:
         low, high = (100 * share for share in known.tip.far)

@@ -105,6 +105,8 @@ def test_the_stated_error_is_of_third_order_and_of_what_the_models_are_off():
     moved = np.linalg.norm((chain(0.01 * WRENCH).at(DELTA).delta_e - bare)[:3])
     assert 0.02 * moved < rough.error_at(DELTA) - small < 0.2 * moved
     assert rough.error_at(DELTA) != rough.error_at(-DELTA)
+    both = rough.load_error(np.array([[DELTA, -DELTA]]))
+    assert both.tolist() == [[rough.error_at(DELTA), rough.error_at(-DELTA)]] and rough.load_error(DELTA) == both[0, 0]
 
 
 def test_the_series_here_are_definite():

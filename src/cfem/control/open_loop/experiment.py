@@ -1,11 +1,11 @@
 """Open-loop tracking: controllers plan a goal a tick, the plant carries out what they plan, both are recorded."""
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cfem.condensed.model import KnowsDomain, Timed
+from cfem.condensed.model import KnowsDomain, KnowsError, Timed
 from cfem.control.closed_loop.controller import Controller
 from cfem.control.closed_loop.tick import Pilot
 from cfem.control.search.goal_search import SearchResult
@@ -81,6 +81,8 @@ def follow(
             if isinstance(model, KnowsDomain):
                 condensed = plan.iterate.condensed
                 inside, distance = model.inside(condensed), model.distance(condensed)
+            if isinstance(model, KnowsError) and (stated := model.error(plan.iterate.condensed)) is not None:
+                plan = replace(plan, model_error=float(stated.tip))
             matters = pilots[name].weights > 0
             turning = matters & plan.iterate.condensed.rows.turns
             if pilots[name].places is not None:

@@ -53,6 +53,7 @@ def record(
         and (world is None or world.met(measured.x_e, reached)),
         "inside": tracked.inside,
         "distance_to_data": tracked.distance,
+        "model_error": np.nan if plan.model_error is None else plan.model_error,
         "status": plan.status.value,
         "plant_status": measured.status,
         "iterations": plan.iterations,

@@ -145,7 +145,9 @@ class SearchResult:
     via: displacements (n_a,) to go by on the way there
     tried: whether states around it were tried, as the slopes of a model with kinks tell of one side only
     mesh_error: mm, between which the effectors' error lies that the mesh of the model's samples makes, None where
-        nobody has estimated it"""
+        nobody has estimated it
+    model_error: mm, the effectors' error that the model itself makes there, at most, with the probability that it
+        states; infinite outside its domain, None where it states none"""
 
     delta_a: np.ndarray
     lambda_a: np.ndarray
@@ -163,6 +165,7 @@ class SearchResult:
     via: tuple[np.ndarray, ...] = ()
     tried: bool = False
     mesh_error: tuple[float, float] | None = None
+    model_error: float | None = None
 
     @cached_property
     def optimality(self) -> Optimality:

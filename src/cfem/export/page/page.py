@@ -158,11 +158,10 @@ def actuators(predictor: Predictor, constants: dict[str, np.ndarray]) -> list[di
 
 def about(meta: dict, predictor: Predictor) -> str:
     """Sentences on the model for the reader."""
-    error = (meta.get("errors") or {}).get("tip_mm", {}).get("max")
     known = ""
-    if error is not None:
-        shown = length(error) if error >= LEAST else f"less than {LEAST:g} mm"
-        known = f" The largest error of its tip in unseen states: {shown}."
+    if (stated := predictor.model_error) is not None:
+        at_most = length(max(stated.tip.everywhere, LEAST))
+        known = f" In {stated.percent} of unseen states in its domain its tip is off by at most {at_most}."
     if predictor.mesh_error is not None:
         low, high = (100 * share for share in predictor.mesh_error.tip.far)
         known += f" Its mesh adds {low:.2g} to {high:.2g} % of how far the tip travels (estimated)."

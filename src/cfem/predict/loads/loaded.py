@@ -79,7 +79,7 @@ def loaded(
     if serial:
         meta = {**model.meta, "wrench": wrench.tolist()}
         under_load = LoadedSerialPredictor(meta, model.arrays, row_patches(model, patches))
-        error = under_load.error()
+        error = under_load.wrench_error()
         _demand_trusted(model.length, trusted, error, lambda share: share**2 * error)
     else:
         rows, w = rows_of(model, patches, by_fe), _all_rows(wrench, patches)

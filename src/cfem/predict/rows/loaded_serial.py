@@ -130,7 +130,7 @@ class LoadedSerialPredictor(SerialPredictor):
         W, free = (np.array(each).reshape(*s.shape[:-1], *each[0].shape) for each in zip(*states, strict=True))
         return W, free
 
-    def error(self) -> float:
+    def wrench_error(self) -> float:
         """Estimated error of the tip, mm, where that is worst among the training states. Those are left out in which an
         actuator that only pulled in training (a chamber: only pushed) would have to do the other under the loads,
         unless it is so in all: no robot goes there."""
@@ -140,6 +140,12 @@ class LoadedSerialPredictor(SerialPredictor):
         one_sided = known[:, n_a : 2 * n_a].min(axis=0) >= 0
         kept = np.array([(self.at(state).lam >= 0)[one_sided].all() for state in states])
         return float((errors[kept] if kept.any() else errors).max())
+
+    def load_error(self, delta_a: np.ndarray) -> np.ndarray:
+        """`error_at` of displacements (..., n_a): the largest of all states is many times that of most."""
+        return np.array([self.error_at(each) for each in delta_a.reshape(-1, delta_a.shape[-1])]).reshape(
+            delta_a.shape[:-1]
+        )
 
     def error_at(self, delta_a: ArrayLike) -> float:
         """Estimated error of the tip, mm, at one state, n_a actuators. Without D as

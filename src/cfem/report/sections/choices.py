@@ -9,7 +9,7 @@ from cfem.report.tables import ReportTable, number
 # Of a result of `cfem train`, all but these is what the kind of model chose for itself.
 COMMON = {
     "kind", "form", "samples", "seconds_fit", "seconds_sampling", "microseconds_query", "errors", "history",
-    "positive_definite", "learning_curve", "headline", "module", "judgement", "mesh_error",
+    "positive_definite", "learning_curve", "headline", "module", "judgement", "mesh_error", "model_error",
 }  # fmt: skip
 QUANTITIES = {
     "potential": "energy",

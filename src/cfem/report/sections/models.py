@@ -5,7 +5,8 @@ from pathlib import Path
 from typing import Any
 
 from cfem.condensed.mesh_error import mesh_error_of
-from cfem.core.console.shown import duration
+from cfem.condensed.model_error import model_error_of
+from cfem.core.console.shown import duration, length
 from cfem.core.errors import InputError
 from cfem.report.chart import Chart, chart, panel
 from cfem.report.page import ReportSection
@@ -52,7 +53,8 @@ def models_section(
     if trusts:
         parts += [trust_chart(trusts, prefix), trust_table(summaries)]
     text = (
-        "All errors are those at the test states, which no training has seen. The paper's loss is the mean squared "
+        "All errors are those at the test states, which no training has seen. The bound of the tip error holds in that "
+        "share of further states in the model's domain. The paper's loss is the mean squared "
         "error of the entries of W and delta_free, each divided by its standard deviation over the test set. It "
         "depends on the axes of the scene. cfem train prints it, and judges the model by the same error of whole "
         "vectors, which does not. W is checked at random states between the samples."
@@ -79,6 +81,7 @@ def model_table(
             "test states": lambda row: str(row[1]["errors"].get("states", "–")),
             "the paper's loss": lambda row: loss(row[1]["errors"]),
             "tip error, mean / max": lambda row: lengths(row[1]["errors"]["tip_mm"]),
+            "tip error, bound": lambda row: _bound(row[1].get("model_error")),
             "the mesh adds (% of travel)": lambda row: _of_mesh(row[1].get("mesh_error")),
             f"force error, mean / max ({force})": lambda row: spread(row[1]["errors"]["force_N"]),
             "CPU time of sampling": lambda row: _time(row[1]["seconds_sampling"]),
@@ -86,6 +89,12 @@ def model_table(
             "one query": lambda row: _time(row[1]["microseconds_query"], 1e-6),
         },
     )
+
+
+def _bound(error: Mapping[str, Any] | None) -> str:
+    """Tip error that is not exceeded with the stated probability: '12 µm in 95 %'."""
+    stated = model_error_of(error)
+    return "–" if stated is None else f"{length(stated.tip.everywhere)} in {stated.percent}"
 
 
 def _of_mesh(error: Mapping[str, Any] | None) -> str:

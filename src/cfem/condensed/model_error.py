@@ -1,0 +1,79 @@
+"""The error of a learned model beside the finite elements that it learned from, at any of its states."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import Field
+
+from cfem.condensed.model import Form
+from cfem.core.reading import Data
+
+_Size = Annotated[float, Field(ge=0)]
+
+
+class ErrorBound(Data):
+    """Bound that the error of one quantity keeps with the stated probability.
+
+    everywhere: of any state in the domain; factor, power: factor L^power of a state where the model extrapolates by L
+    (`cfem.predict.series.christoffel`), much less for most states"""
+
+    everywhere: _Size
+    factor: _Size
+    power: Annotated[float, Field(ge=0, le=100)]
+
+    def at(self, extrapolation: np.ndarray) -> np.ndarray:
+        """(...,) bounds where the model extrapolates by so much (...,)."""
+        return self.factor * extrapolation**self.power
+
+
+class ModelError(Data):
+    """Bounds of the distance between a model's answer and the finite elements' to the same command, on one mesh.
+
+    tip: of all effector points together, mm, orientations left out; actuators: of what is not commanded, forces where
+    displacements are, and displacements where forces are, each relative to its actuator's largest in the domain; W: of
+    each entry W_ij, relative to the root of W_ii W_jj
+    probability: of a state like the test states that the bound holds; states: test states in the domain, which it was
+    taken from; left_out: the others"""
+
+    probability: float = Field(gt=0, lt=1)
+    states: int = Field(ge=1)
+    left_out: int = Field(ge=0)
+    command: Form
+    tip: ErrorBound
+    actuators: ErrorBound
+    W: ErrorBound
+
+    @property
+    def percent(self) -> str:
+        """The probability in words: '95 %'."""
+        return f"{100 * self.probability:.0f} %"
+
+
+def model_error_of(stated: Mapping[str, Any] | None) -> ModelError | None:
+    """Error that a model states, None where it says nothing."""
+    if not stated:
+        return None
+    return ModelError.model_validate_json(json.dumps(dict(stated)))
+
+
+@dataclass(frozen=True)
+class StateError:
+    """Bounds of a model's error at one state or several, infinite outside its domain: nothing is promised there.
+
+    probability: of each bound
+    tip: (...,) mm
+    actuators: (..., n_a) of what is not commanded, in its unit; W: (..., n, n); both NaN under loads that the samples
+    did not carry"""
+
+    probability: float
+    tip: np.ndarray
+    actuators: np.ndarray
+    W: np.ndarray
+
+    @property
+    def inside(self) -> np.ndarray:
+        """(...,) whether the states lie in the model's domain."""
+        return np.isfinite(self.tip)
