@@ -274,7 +274,7 @@ def first_rows(dataset: Any, samples: int | None, folder: Path | None = None) ->
 
 COMMAND = Command(
     "train",
-    9,
+    10,
     TrainSpec,
     lambda folder, spec, base: work(
         folder, spec.model_copy(update={"model": _placed(spec.model, base)}), base / spec.dataset
