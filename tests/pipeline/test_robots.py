@@ -15,6 +15,7 @@ SHOWN = [
     "bar",
     "bellows",
     "diamond",
+    "mckibben",
     "parametric-finger",
     "pneunet",
     "soft-finger",

@@ -22,6 +22,14 @@ SELECTIONS = {
         {"kind": "sphere", "centre": {"mm": [4, 2, 2]}, "radius": "1 mm"},
         np.linalg.norm(PLAIN.X - [4, 2, 2], axis=1) <= 1,
     ),
+    "cylinder": (
+        {"kind": "cylinder", "point": {"mm": [9, 2, 1]}, "direction": [3, 0, 0], "radius": "1 mm"},
+        np.hypot(PLAIN.X[:, 1] - 2, PLAIN.X[:, 2] - 1) <= 1,
+    ),
+    "outside a cylinder": (
+        {"kind": "cylinder", "point": {"mm": [9, 2, 1]}, "direction": [3, 0, 0], "radius": "2 mm", "side": "outside"},
+        np.hypot(PLAIN.X[:, 1] - 2, PLAIN.X[:, 2] - 1) >= 2,
+    ),
     "plane": ({"kind": "plane", "point": {"cm": [0.3, 0, 0]}, "normal": [2, 0, 0]}, PLAIN.X[:, 0] >= 3),
 }
 

@@ -203,6 +203,26 @@ class Bellows(Spec):
             raise ValueError(f"walls of the folds fill the crests: crest must be above {2 * thinner:.3g} mm")
 
 
+class Tube(Spec):
+    """A tube along x from the origin, round about this axis, closed by a plate at each end, with one chamber. With a
+    braid on its outside it is a McKibben muscle: `layers`."""
+
+    kind: Literal["tube"]
+    """A closed tube."""
+    length: Length = Field(default=70.0, gt=0)
+    """Length along x, plates included."""
+    radius: Length = Field(default=8.0, gt=0)
+    """Radius of its outside."""
+    wall: Length = Field(default=1.5, gt=0)
+    """Thickness of the wall."""
+    plate: Length = Field(default=5.0, gt=0)
+    """Thickness of each end plate."""
+
+    def check(self) -> None:
+        if self.wall >= self.radius or 2 * self.plate >= self.length:
+            raise ValueError("the wall must be thinner than the radius, and two plates than the length")
+
+
 SURFACES = (".stl", ".obj", ".3mf", ".ply", ".off")  # files of triangles alone
 
 
@@ -248,7 +268,7 @@ class StepFile(Spec):
             raise ValueError("unit: a STEP file states its own units, leave it out")
 
 
-Single = SoftFinger | Bar | Diamond | Trunk | Taper | StiffFlop | PneuNet | Bellows | MeshFile | StepFile
+Single = SoftFinger | Bar | Diamond | Trunk | Taper | StiffFlop | PneuNet | Bellows | Tube | MeshFile | StepFile
 
 
 class Refinement(Spec):

@@ -1,4 +1,4 @@
-"""Which part of a mesh is meant: boxes, balls, half spaces, or sets by name. Coordinates are the scene's."""
+"""Which part of a mesh is meant: boxes, balls, cylinders, half spaces, or sets by name. Coordinates are the scene's."""
 
 from typing import Annotated, Literal
 
@@ -65,6 +65,21 @@ class Plane(Spec):
     """Direction, x, y and z, in which the selected side lies."""
 
 
+class Cylinder(Spec):
+    """All points within a distance of an axis without ends, or beyond it."""
+
+    kind: Literal["cylinder"]
+    """Around an axis."""
+    point: Point
+    """A point of the axis."""
+    direction: Direction
+    """Direction of the axis, x, y and z."""
+    radius: Length = Field(gt=0)
+    """Distance from the axis."""
+    side: Literal["inside", "outside"] = "inside"
+    """Which points are meant."""
+
+
 class Named(Spec):
     """A node, facet or cell set of the mesh: a physical group of the mesh file, or a part of an assembly."""
 
@@ -74,7 +89,7 @@ class Named(Spec):
     """Name of the set."""
 
 
-Shape = Box | Sphere | Plane
+Shape = Box | Sphere | Plane | Cylinder
 Selection = Annotated[Shape | Named, Field(discriminator="kind")]
 
 
@@ -159,6 +174,10 @@ def _inside(points: np.ndarray, shape: Shape, slack: float) -> np.ndarray:
         return ((shape.low - slack <= points) & (shape.high + slack >= points)).all(axis=1)
     if isinstance(shape, Sphere):
         return np.linalg.norm(points - shape.centre, axis=1) <= shape.radius + slack
+    if isinstance(shape, Cylinder):
+        away = np.linalg.norm(np.cross(points - shape.point, shape.direction), axis=1)
+        away /= np.linalg.norm(shape.direction)
+        return away <= shape.radius + slack if shape.side == "inside" else away >= shape.radius - slack
     normal = np.asarray(shape.normal)
     return (points - shape.point) @ normal >= -slack * np.linalg.norm(normal)
 

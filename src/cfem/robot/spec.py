@@ -122,7 +122,7 @@ class SceneSpec(Spec):
         needs_tip += [f"effectors.{i}.at" for i, item in enumerate(self.effectors) if item.at == "tip"]
         if needs_tip and not routes.has_tip(self.geometry):
             raise ValueError(
-                f"{needs_tip[0]}: needs a geometry of kind soft-finger, bar, diamond, trunk, pneunet or bellows"
+                f"{needs_tip[0]}: needs a geometry of kind soft-finger, bar, diamond, trunk, pneunet, bellows or tube"
             )
         for index, item in enumerate(self.actuators):
             wrong = routes.fault(self.geometry, item.route) if getattr(item, "route", None) else ""

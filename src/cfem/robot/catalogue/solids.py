@@ -7,7 +7,8 @@ from cfem.robot.catalogue.pneunet import pneunet
 from cfem.robot.catalogue.soft_finger import soft_finger
 from cfem.robot.catalogue.taper import taper
 from cfem.robot.catalogue.trunk import trunk
-from cfem.robot.geometry import Bar, Bellows, Diamond, PneuNet, SoftFinger, Taper, Trunk
+from cfem.robot.catalogue.tube import tube
+from cfem.robot.geometry import Bar, Bellows, Diamond, PneuNet, SoftFinger, Taper, Trunk, Tube
 
 CATALOGUE = {
     Bar: bar,
@@ -17,4 +18,5 @@ CATALOGUE = {
     SoftFinger: soft_finger,
     Taper: taper,
     Trunk: trunk,
+    Tube: tube,
 }
