@@ -127,5 +127,6 @@ def test_loads_that_no_sample_carried_widen_the_bound_of_the_tip_alone(model):
     under_load = loaded(model, [0.0, 0.005, 0.0])
     place = model.trained[0]
     widened, own = (each.error(each.at_displacement(place)) for each in (under_load, model))
+    assert own.probability == 0.95 and widened.probability is None  # the part of the loads is an estimate
     assert widened.tip == pytest.approx(own.tip + LOADS * under_load.meta["wrench_error"]) and widened.tip > own.tip
     assert np.isnan(widened.actuators).all() and np.isnan(widened.W).all()

@@ -63,12 +63,12 @@ def model_error_of(stated: Mapping[str, Any] | None) -> ModelError | None:
 class StateError:
     """Bounds of a model's error at one state or several, infinite outside its domain: nothing is promised there.
 
-    probability: of each bound
+    probability: of each bound; None under loads that the samples did not carry, whose part is an estimate
     tip: (...,) mm
     actuators: (..., n_a) of what is not commanded, in its unit; W: (..., n, n); both NaN under loads that the samples
     did not carry"""
 
-    probability: float
+    probability: float | None
     tip: np.ndarray
     actuators: np.ndarray
     W: np.ndarray

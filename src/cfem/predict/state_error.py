@@ -30,7 +30,7 @@ def state_error(model: "Predictor", state: Condensed, p: np.ndarray | None = Non
     if by_loads is None:
         return StateError(stated.probability, tip, actuators, entries)
     tip = tip + (1.0 if model.meta.get("patch_loads") else LOADS) * by_loads
-    return StateError(stated.probability, tip, np.nan * actuators, np.nan * entries)
+    return StateError(None, tip, np.nan * actuators, np.nan * entries)
 
 
 def extrapolation(model: "Predictor", state: Condensed, p: np.ndarray | None = None) -> np.ndarray:
