@@ -22,7 +22,7 @@ STAGES = {
     "train": ("fitting a small model to them", "2 s"),
     "export": ("writing the model for a controller", "5 s"),
     "export-page": ("writing the page in which you move the robot", "1 s"),
-    "control": ("following a curve with the model; the FE robot is the judge", "30 s"),
+    "control": ("following a curve with the model; the FE robot is the judge", "1 min"),
     "report": ("drawing the report", "10 s"),
 }
 

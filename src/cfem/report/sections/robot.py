@@ -4,12 +4,14 @@ from typing import Any
 
 import numpy as np
 
+from cfem.core.console.shown import stress
 from cfem.dataset.reader import Dataset
 from cfem.mechanics.mesh import Mesh
 from cfem.report.page import Card
 from cfem.report.tables import number
 from cfem.report.viewer import BODY, HELD, Polyline, Take, Viewer, carried_along, flat_triangles
 from cfem.robot.constraints import Cable
+from cfem.robot.layers import LayerSpec
 from cfem.robot.places import cable_points, pull_point
 from cfem.robot.spec import SceneSpec
 
@@ -74,6 +76,10 @@ def facts(scene: SceneSpec, mesh: Mesh, held: int) -> dict[str, str]:
     }
     if scene.materials:
         words["other materials"] = "; ".join(_material(item.material) for item in scene.materials)
+    if scene.layers:
+        words["layers"] = "; ".join(map(_layer, scene.layers))
+    if scene.self_contact:
+        words["self-contact"] = "walls that face each other across a narrow gap push each other"
     words["held"] = f"{held} of {len(mesh.X)} nodes"
     words["actuators"] = _actuators(scene)
     words["watched"] = ", ".join(item.name for item in scene.effectors)
@@ -89,8 +95,14 @@ def facts(scene: SceneSpec, mesh: Mesh, held: int) -> dict[str, str]:
 
 
 def _material(material: Any) -> str:
-    young = f"{number(material.young)} MPa" if material.young >= 1 else f"{number(1000 * material.young)} kPa"
-    return f"{material.law}, Young's modulus {young}, Poisson's ratio {material.poisson:g}"
+    return f"{material.law}, Young's modulus {stress(material.young)}, Poisson's ratio {material.poisson:g}"
+
+
+def _layer(layer: LayerSpec) -> str:
+    parts = [f"{number(layer.thickness)} mm thick"]
+    parts += [] if layer.young is None else [f"Young's modulus {stress(layer.young)}"]
+    parts += [f"fibres of {stress(family.young)}" for family in layer.fibres]
+    return ", ".join(parts)
 
 
 def _actuators(scene: SceneSpec) -> str:
