@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from export.embedded import export, needs_compiler, network, serial, spectral, states
+from support.fast_cases import fast_are
 
 from cfem.core.errors import InputError, SpecError
 from cfem.export.compiled.controller import CompiledController
@@ -38,8 +39,8 @@ def largest_difference(controller: CompiledController, model, s: np.ndarray, p=N
     )
 
 
-@pytest.mark.parametrize("scalar", ["double", "float"])
-@pytest.mark.parametrize("case", CASES, ids=str)
+@pytest.mark.parametrize("scalar", fast_are({"double"}, ["double", "float"]))
+@pytest.mark.parametrize("case", fast_are({"two cables", "forces", "robots"}, CASES), ids=str)
 def test_the_energy_model(tmp_path, case, scalar):
     arguments, options = CASES[case]
     meta, arrays = spectral(*arguments)
@@ -53,8 +54,8 @@ def test_the_energy_model(tmp_path, case, scalar):
     assert largest_difference(CompiledController(tmp_path), model, s, p) <= TOLERANCE[scalar]
 
 
-@pytest.mark.parametrize("scalar", ["double", "float"])
-@pytest.mark.parametrize("modules", [1, 2, 3])
+@pytest.mark.parametrize("scalar", fast_are({"double"}, ["double", "float"]))
+@pytest.mark.parametrize("modules", fast_are({3}, [1, 2, 3]))
 def test_modules_in_a_row(tmp_path, modules, scalar):
     """And where a module does not turn, where the closed form of its Jacobian is 0 / 0."""
     meta, arrays = serial(modules)

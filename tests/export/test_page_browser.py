@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from export.embedded import states
 from export.pages import PACKED, ROBOTS, browser, opened, page_of, skin_of, surface, unpacked, until, wedge
+from support.fast_cases import fast_are
 
 from cfem.export.firmware.embedding import Embedding
 from cfem.export.page.page import page
@@ -16,11 +17,6 @@ EXACT = 1e-6  # mm
 COMMANDS = 100
 WIDE, PHONE = {"width": 1280, "height": 800}, {"width": 390, "height": 844}
 OUTSIDE = 4  # of the status
-
-
-def fast_is(name, names):
-    """Names, all but one marked slow."""
-    return [one if one == name else pytest.param(one, marks=pytest.mark.slow) for one in names]
 
 
 @pytest.fixture(scope="module")
@@ -68,7 +64,7 @@ def shown(tab) -> dict:
     return {key: value if key == "words" else np.array(value) for key, value in said.items()}
 
 
-@pytest.mark.parametrize("name", fast_is("two cables", ROBOTS))
+@pytest.mark.parametrize("name", fast_are({"two cables"}, ROBOTS))
 def test_tip_and_surface_are_python_s(chromium, files, name):
     """100 commands set by hand: the effectors and every point of the surface to 1e-6 mm."""
     meta, arrays = ROBOTS[name]()
@@ -92,7 +88,7 @@ def test_tip_and_surface_are_python_s(chromium, files, name):
     tab.context.close()
 
 
-@pytest.mark.parametrize("name", fast_is("two cables", ["two cables", "modules"]))
+@pytest.mark.parametrize("name", fast_are({"two cables"}, ["two cables", "modules"]))
 def test_the_goal_is_dragged_and_the_robot_is_where_python_has_it(chromium, files, name):
     meta, arrays = ROBOTS[name]()
     model = build(meta, arrays)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from export.embedded import tool
 from export.planning import Planning, demand_same_ticks
+from support.fast_cases import fast_are
 
 import cfem
 from cfem.contact.detection import patch_normals
@@ -79,7 +80,7 @@ def test_the_export_says_how_far_c_is_from_python(exported):
 
 
 @needs_compiler
-@pytest.mark.parametrize("mu", [0.0, 0.3])
+@pytest.mark.parametrize("mu", fast_are({0.3}, [0.0, 0.3]))
 def test_steps_are_those_of_python(exported, robots, mu):
     """Bars that bend towards each other, one of them onto a wall at its side too."""
     compiled = CompiledMeet(exported[0], STRICT)
@@ -102,7 +103,7 @@ def test_steps_are_those_of_python(exported, robots, mu):
 
 
 @needs_compiler
-@pytest.mark.parametrize("mu", [0.0, 0.3])
+@pytest.mark.parametrize("mu", fast_are({0.3}, [0.0, 0.3]))
 def test_cables_go_slack_as_in_python(exported, patched, mu):
     """A bar that bends up from below lifts the other one beyond what its cable bends it, then goes down again."""
     pulls, below = np.ones(1, dtype=bool), np.array([0.0, 0.0, -16.0])
@@ -122,7 +123,7 @@ def test_cables_go_slack_as_in_python(exported, patched, mu):
 
 
 @needs_compiler
-@pytest.mark.parametrize("mu", [0.0, 0.3])
+@pytest.mark.parametrize("mu", fast_are({0.3}, [0.0, 0.3]))
 def test_a_tick_plans_among_soft_robots_as_python_does(exported, patched, robots, mu):
     """The bar bends up into the twin above; then that one bends too."""
     over, course = (robots[1].R, robots[1].t), np.array([[0.0], [0.5]])
@@ -152,6 +153,7 @@ def test_what_cannot_be_met_ends_with_a_status(exported, patched):
 
 
 @needs_compiler
+@pytest.mark.slow
 def test_more_patches_than_c_has_room_for_are_named(bar, tmp_path, monkeypatch):
     monkeypatch.setattr("cfem.export.firmware.meet.MOST", 2)
     with pytest.raises(NumericalError, match=r"c\.contact\.patches: more patches touch at once.*take larger patches"):

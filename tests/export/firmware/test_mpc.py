@@ -8,6 +8,7 @@ import pytest
 from export.embedded import needs_compiler
 from export.moving import both, goals, model, robot, spec
 from support.bad_samples import KINDS, spoiling
+from support.fast_cases import fast_are
 
 from cfem.core.errors import InputError, SpecError
 from cfem.export.firmware.mpc import mpc_constants, write_c_mpc
@@ -53,7 +54,7 @@ def followed(chosen, folder, ticks=TICKS, spoilt=lambda tick, sample: sample):
     return found
 
 
-@pytest.mark.parametrize("case", CASES, ids=str)
+@pytest.mark.parametrize("case", fast_are({"bounded displacements", "planes that cannot be kept"}, CASES), ids=str)
 def test_commands_are_those_of_python(tmp_path, case):
     found = followed(CASES[case], tmp_path)
     u, wanted = (np.array([each.u for each in one]) for one in zip(*found, strict=True))
@@ -73,13 +74,13 @@ def elsewhere(tick, sample):
     return sample + (np.array([9.0, -6.0, 4.0]) if tick >= 20 else 0.0)
 
 
-@pytest.fixture(scope="module", params=["force", "displacement"])
+@pytest.fixture(scope="module", params=fast_are({"displacement"}, ["force", "displacement"]))
 def plain(request, tmp_path_factory):
     """A spec, and a folder that is compiled once."""
     return spec(request.param), tmp_path_factory.mktemp(request.param)
 
 
-@pytest.mark.parametrize("case", [*KINDS, "pushed"])
+@pytest.mark.parametrize("case", fast_are({"burst", "pushed"}, [*KINDS, "pushed"]))
 def test_bad_samples_are_rejected_as_in_python(plain, case):
     chosen, folder = plain
     spoilt = elsewhere if case == "pushed" else spoiling(case, np.random.default_rng(3), 40)

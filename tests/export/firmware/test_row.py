@@ -4,6 +4,7 @@ differences and finite elements."""
 import numpy as np
 import pytest
 from export.embedded import needs_compiler
+from support.fast_cases import fast_are
 from support.serial_rows import REST, WRENCH, chain, skinned, skins
 
 from cfem.condensed.strokes import STEP, ridge_of, stroke
@@ -30,16 +31,16 @@ def compiled(folder, row, **spec) -> CompiledController:
     return CompiledController(folder)
 
 
-@pytest.mark.parametrize("scalar", ["double", "float"])
+@pytest.mark.parametrize("scalar", fast_are({"double"}, ["double", "float"]))
 @pytest.mark.parametrize(
     ("wrench", "heavy", "mixed", "curved"),
     [
-        (WRENCH, True, True, False),
         (WRENCH, True, True, True),
-        (WRENCH, False, False, True),
-        (3 * WRENCH, True, True, True),
+        pytest.param(WRENCH, True, True, False, marks=pytest.mark.slow),
+        pytest.param(WRENCH, False, False, True, marks=pytest.mark.slow),
+        pytest.param(3 * WRENCH, True, True, True, marks=pytest.mark.slow),
         (0 * WRENCH, True, False, False),
-        (None, False, True, False),
+        pytest.param(None, False, True, False, marks=pytest.mark.slow),
     ],
 )
 def test_it_is_the_row_of_python(tmp_path, wrench, heavy, mixed, curved, scalar):

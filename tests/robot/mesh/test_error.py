@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.fast_cases import fast_are
 
 from cfem.condensed.mesh_error import mesh_error_of
 from cfem.core.spec import load_spec
@@ -39,7 +40,9 @@ def exact():
     return {amount: pulled(problem, amount) for amount in PULLS}
 
 
-@pytest.mark.parametrize("element, size", [("tet4", "4 mm"), ("tet10p0", "8 mm"), ("hex8", "5 mm")])
+@pytest.mark.parametrize(
+    "element, size", fast_are({("tet10p0", "8 mm")}, [("tet4", "4 mm"), ("tet10p0", "8 mm"), ("hex8", "5 mm")])
+)
 def test_the_stated_error_holds_at_commands_from_which_it_was_not_estimated(element, size, exact):
     scene, mesh, robot = bar(f"mesh.element={element}", f"mesh.size={size}")
     problem = Problem(robot)
