@@ -2,15 +2,12 @@
 stand under given forces."""
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Literal, Protocol, runtime_checkable
+from typing import Literal, Protocol, runtime_checkable
 
 import numpy as np
 
 from cfem.condensed.condensed import Condensed
 from cfem.core.errors import NumericalError
-
-if TYPE_CHECKING:
-    from cfem.condensed.model_error import StateError
 
 EXACT, NEAR = 1e-11, 1e-5  # shares of the displacements: where Newton stops, and what rounding may leave
 ITERATIONS, HALVINGS = 60, 12
@@ -56,15 +53,6 @@ class KnowsDomain(Protocol):
 
     def distance(self, condensed: Condensed) -> float:
         """Distance of a state from those of the training; 1 is the largest of theirs."""
-        ...
-
-
-@runtime_checkable
-class KnowsError(Protocol):
-    """A model that states how far its answers may be off."""
-
-    def error(self, condensed: Condensed) -> "StateError | None":
-        """Bounds of the error at a state; None where the model states none."""
         ...
 
 

@@ -3,11 +3,12 @@
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, Protocol, runtime_checkable
 
 import numpy as np
 from pydantic import Field
 
+from cfem.condensed.condensed import Condensed
 from cfem.condensed.model import Form
 from cfem.core.reading import Data
 
@@ -77,3 +78,12 @@ class StateError:
     def inside(self) -> np.ndarray:
         """(...,) whether the states lie in the model's domain."""
         return np.isfinite(self.tip)
+
+
+@runtime_checkable
+class KnowsError(Protocol):
+    """A model that states how far its answers may be off."""
+
+    def error(self, condensed: Condensed) -> StateError | None:
+        """Bounds of the error at a state; None where the model states none."""
+        ...

@@ -63,7 +63,7 @@ class Stroke:
 
     @property
     def meets(self) -> bool:
-        """Whether it ends where the body meets itself."""
+        """True where the body meets itself at its end."""
         return self.why.startswith(_MEETS)
 
     def shortened(self, share: float, why: str = "") -> "Stroke":

@@ -94,7 +94,7 @@ def make_self_contact(
 
 
 def at_rest(contact: SelfContact, X: np.ndarray) -> SelfContact:
-    """The same pairs where the nodes rest at X (n, 3) mm."""
+    """Self-contact of the same pairs where the nodes rest at X (n, 3) mm."""
     a, b, c = X[contact.nodes[:, :3]].swapaxes(0, 1)
     areas = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
     gap = _gaps(_frames(contact, X))[0]

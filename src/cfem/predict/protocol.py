@@ -129,7 +129,7 @@ class Predictor(ABC):
 
     @cached_property
     def christoffel(self) -> Christoffel:
-        """How far the model extrapolates at its inputs: s and q."""
+        """Christoffel function of the inputs s and q: how far the model extrapolates."""
         n_a, states = self.rows.n_a, self.domain.states
         s = states[:, :n_a] if self.form == "displacement" else states[:, n_a : 2 * n_a]
         return Christoffel.of(np.hstack([s, states[:, 2 * n_a :]]))

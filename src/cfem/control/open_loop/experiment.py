@@ -5,7 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cfem.condensed.model import KnowsDomain, KnowsError, Timed
+from cfem.condensed.model import KnowsDomain, Timed
+from cfem.condensed.model_error import KnowsError
 from cfem.control.closed_loop.controller import Controller
 from cfem.control.closed_loop.tick import Pilot
 from cfem.control.search.goal_search import SearchResult
