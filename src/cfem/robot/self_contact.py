@@ -33,7 +33,7 @@ def _as_spec(given: object) -> object:
     return {True: {}, False: None}.get(given, given) if isinstance(given, bool) else given
 
 
-OptionalSelfContact = Annotated[SelfContactSpec | None, BeforeValidator(_as_spec)]
+OptionalSelfContact = Annotated[SelfContactSpec | bool | None, BeforeValidator(_as_spec)]  # bool for editors alone
 
 
 def touching_itself(spec: SelfContactSpec | None, body: Body, length: float) -> Body:
