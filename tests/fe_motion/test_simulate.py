@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from fe_motion.moving import DENSITY, moving_bar, moving_rod
 from support.blocks import bar
+from support.clip import GAP, clip
 from support.released import released
 
 from cfem.condensed.viscosity import Viscosity
@@ -20,6 +21,7 @@ from cfem.fe_motion.start import at_rest
 from cfem.mechanics.load import gravity
 
 EXACT = NewtonSettings(tolerance=1e-9, max_iterations=30)
+SPEED, LAST = 400.0, 4e-3  # mm/s, s
 
 
 def even(dt):
@@ -197,3 +199,22 @@ def test_a_body_at_rest_stays_where_it_is():
     solved = solve(problem, displacement([3.0, 0.5]))
     run = simulate(problem, at_rest(problem, solved.state), lambda t: displacement([3.0, 0.5]), 0.1)
     assert np.abs(run.end.x - solved.state.x).max() < 1e-5
+
+
+def test_legs_that_strike_each_other_bounce_and_keep_their_energy():
+    """Of a clip with self-contact, its legs thrown towards each other; without it they pass."""
+
+    def thrown(self_contact, steps):
+        problem = MovingProblem(replace(clip("tet4", self_contact=self_contact), density=DENSITY))
+        v = np.zeros_like(problem.rest)
+        x, _, z = problem.rest.T
+        v[:, 2] = np.where(z > 3.5, -1, 1) * np.clip((x - 3) / 21, 0, 1) * SPEED
+        start = released(problem, problem.rest, v, force(np.zeros(2)))
+        run = simulate(problem, start, free(2), LAST, pace=even(LAST / steps), scheme=Scheme(1.0))
+        assert run.why is None
+        balance = np.array([each.balance for each in run.of("energy")])
+        return run.of("delta_e")[:, 2], np.abs(balance / balance[0] - 1).max()
+
+    (bounced, coarse), (_, fine), (passed, _) = thrown(True, 40), thrown(True, 80), thrown(False, 40)
+    assert -0.55 * GAP < bounced.min() < -0.45 * GAP and passed.min() < -1.3 * GAP  # half a gap each, or through it
+    assert fine < 0.03 and fine < 0.4 * coarse  # of second order
