@@ -38,3 +38,11 @@ def test_what_lies_behind_a_face_is_none():
     """The opposite sides of one box face away from each other, through the material."""
     box = block((4, 4, 1), (2, 2, 1))
     assert not len(facing(box.X, box.facets, CENTRE, 10.0)[0])
+
+
+def test_portions_of_rays_give_the_same_pairs(monkeypatch):
+    X, triangles = stacked(0.5)
+    whole = facing(X, triangles, CENTRE, 0.6)
+    monkeypatch.setattr("cfem.contact.crossing.PORTION", 7)
+    for part, expected in zip(facing(X, triangles, CENTRE, 0.6), whole, strict=True):
+        np.testing.assert_array_equal(part, expected)

@@ -5,6 +5,8 @@ from scipy.spatial import cKDTree
 
 _PARALLEL = 1e-12  # of the edge's and the triangle's sizes: an edge in the plane of a triangle does not pierce it
 
+PORTION = 20_000  # segments at a time, for memory
+
 
 def crossings(X: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Edges (k, 2), by their nodes, and the numbers (k,) of triangles that they pierce; X (n, 3), triangles (m, 3).
@@ -22,10 +24,14 @@ def crossings(X: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndar
 def pierced_by(segments: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """All piercings of segments (k, 2, 3) through triangles with corners (m, 3, 3): the numbers (p,) of segment and
     triangle, the share (p,) of the segment, and the barycentric coordinates (p, 3) in the triangle."""
-    segment, triangle = _near(segments, corners)
-    pierced, *at = _pierces(segments[segment], corners[triangle])
-    share, u, v = (value[pierced] for value in at)
-    return segment[pierced], triangle[pierced], share, np.column_stack([1 - u - v, u, v])
+    parts = []
+    for start in range(0, len(segments), PORTION):
+        some = segments[start : start + PORTION]
+        segment, triangle = _near(some, corners)
+        pierced, *at = _pierces(some[segment], corners[triangle])
+        share, u, v = (value[pierced] for value in at)
+        parts.append((start + segment[pierced], triangle[pierced], share, np.column_stack([1 - u - v, u, v])))
+    return tuple(np.concatenate(each) for each in zip(*parts, strict=True))
 
 
 def _near(edges: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
