@@ -73,6 +73,12 @@ def test_its_cards_name_it_and_its_one_header(tmp_path):
     assert not missing
 
 
+def test_a_robot_with_the_name_of_a_part_replaces_none_of_its_headers(tmp_path):
+    place = library(tmp_path, "row")
+    assert place.name == "cfem_robot_row" and (place / "src" / "cfem_robot_row.h").exists()
+    assert (place / "src" / "cfem_row.h").read_bytes() == (tmp_path / "c" / "cfem_row.h").read_bytes()
+
+
 def test_it_has_the_sources_of_the_c_folder_and_no_program(tmp_path):
     place = library(tmp_path)
     assert library_files(place / "src") == library_files(tmp_path / "c")

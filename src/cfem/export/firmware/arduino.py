@@ -20,8 +20,11 @@ TOO_SHORT = """#if defined(__SIZEOF_DOUBLE__) && __SIZEOF_DOUBLE__ < 8
 
 
 def write_library(folder: Path, code: Path, meta: dict) -> Path:
-    """Writes a library cfem_NAME into `folder` and returns it. code: the C folder; meta: of its model."""
+    """Writes a library cfem_NAME into `folder` and returns it, cfem_robot_NAME where a header of the C folder is called
+    so. code: the C folder; meta: of its model."""
     name = f"cfem_{_identifier(meta['scene'])}"
+    if (code / f"{name}.h").exists():
+        name = f"cfem_robot_{_identifier(meta['scene'])}"
     place = folder / name
     with disk_errors(place):
         for part in ("src", "examples/Track"):
