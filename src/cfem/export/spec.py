@@ -129,7 +129,7 @@ class CSpec(Spec):
     contact: ContactSpec = ContactSpec()
     """How the robot's surface touches obstacles."""
     wire: bool = False
-    """Whether to write the firmware's side of the wire, over which `cfem control` and the board exchange frames, with
+    """The firmware's side of the wire is written too, over which `cfem control` and the board exchange frames, with
     an example."""
 
     def check(self) -> None:

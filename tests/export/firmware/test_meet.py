@@ -19,6 +19,7 @@ from cfem.contact.obstacle_set import ObstacleSet
 from cfem.contact.prescribed_motion import ActuatedRobot
 from cfem.core.artefact.content import artefact_content
 from cfem.core.errors import InputError, NumericalError, SpecError
+from cfem.export import firmware
 from cfem.export.compiled.build import compiler
 from cfem.export.compiled.meet import CompiledMeet
 from cfem.export.compiled.structures import numbers
@@ -26,6 +27,7 @@ from cfem.export.firmware.meet import areas
 from cfem.predict.contact.bodies import PlacedModel
 from cfem.predict.contact.kept_patches import patched_model_of
 from cfem.predict.contact.model import ContactModel
+from cfem.predict.contact.rounds import ITERATIONS
 from cfem.predict.contact.scene import ContactScene
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh
@@ -205,3 +207,10 @@ def test_a_robot_that_touches_itself_does_as_in_python(tmp_path):
     done = subprocess.run([tool("make"), "-s", "-C", tmp_path / "out" / "c", "test"], capture_output=True, text=True)
     said = re.search(r"meeting: (\d+) steps, 0 failed; .* pressed with (\S+) N", done.stdout)
     assert said and int(said[1]) > 10 and float(said[2]) > 0.01, done.stdout + done.stderr
+
+
+@pytest.mark.parametrize("file", ["meet/cfem_meet.c", "touch/cfem_touch.c"])
+def test_c_makes_as_many_rounds_as_python(file):
+    """Else it gives up where Python finds a state."""
+    source = Path(firmware.__file__).parent / "sources" / file
+    assert int(re.search(r"enum \{ ITERATIONS = (\d+)", source.read_text())[1]) == ITERATIONS

@@ -14,7 +14,7 @@
 #define NA CFEM_NA
 #define ALL_NA CFEM_SLACK_MOST
 
-enum { ITERATIONS = 30, ON = 99 }; /* ON: another round is needed */
+enum { ITERATIONS = 60, ON = 99 }; /* rounds, as many as in Python (predict/contact/rounds.py); ON: another is needed */
 static const double TOLERANCE = 1e-8, OVERLAP = 1e-6, INSIDE = 1e-3;         /* of the length */
 static const double SETTLING = 0.01, ENTERED = 0.1, NEAR = 0.1;              /* of the distance of patches */
 
