@@ -185,7 +185,7 @@ def importing(file: Path) -> list[str]:
 
 
 def changed_package(file: Path, index: int | None, place: Path) -> None:
-    """A copy of the package in `place`, with a change of a file or none; what is compiled with it is anew."""
+    """A copy of the package in `place`, with one file changed, or none. Its kernels are compiled again."""
     tree = ast.parse((ROOT / "src/cfem" / file).read_text())
     changed = ast.unparse(
         tree if index is None else ast.fix_missing_locations(Change(*changes(tree)[index]).visit(tree))

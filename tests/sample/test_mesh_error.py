@@ -40,7 +40,7 @@ def test_samples_that_are_there_models_and_searches_state_the_same_error(stating
     found = cfem.find_actuation(stated, stated.rest_e + stated.at_displacement([4.0]).delta_e)
     assert found.mesh_error == stated.mesh_error.tip.bounds(np.linalg.norm(found.delta_e))
     assert 0 < found.mesh_error[0] < found.mesh_error[1] < 0.1 * np.linalg.norm(found.delta_e)
-    own = f"In {model.model_error.percent} of unseen states in its domain its tip is off by"
+    own = f"off in {model.model_error.percent} of the unseen states of its domain"
     assert own in about(model.meta, model)
     assert "Its mesh adds" in about(stated.meta, stated) and "Its mesh adds" not in about(model.meta, model)
     assert cfem.find_actuation(model, model.rest_e).mesh_error is None

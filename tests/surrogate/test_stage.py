@@ -64,8 +64,8 @@ def test_figures_of_few_states_are_called_so(tmp_path, count, said):
     results = run(tmp_path / "train.yaml", ["learning_curve=[]"], None, Options())["results"]
     assert said in results["headline"][0]
     inside = results["model_error"]["states"]
-    promised = f"in {100 * inside / (inside + 1):.0f} % of unseen states in its domain"
-    assert results["headline"][1].startswith(f"{promised} (19 test states in it promise 95 %) the tip")
+    promised = f"in {100 * inside / (inside + 1):.0f} % of the unseen states of its domain"
+    assert f"{promised} (19 test states in it promise 95 %); " in results["headline"][1]
     unknown = "the paper's loss is not known, as the test states do not differ"
     assert (unknown in results["headline"][0]) == (count == 1)
     judged = [one["what"] for one in results.get("judgement", [])]

@@ -30,7 +30,7 @@ class SelfContactSpec(Spec):
 
 def _as_spec(given: object) -> object:
     """`true` as all defaults, `false` as none."""
-    return {True: {}, False: None}.get(given, given) if isinstance(given, bool) else given
+    return ({} if given else None) if isinstance(given, bool) else given
 
 
 OptionalSelfContact = Annotated[SelfContactSpec | bool | None, BeforeValidator(_as_spec)]  # bool for editors alone

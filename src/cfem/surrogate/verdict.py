@@ -36,8 +36,8 @@ def headline(results: dict[str, Any], units: dict[str, Any]) -> list[str]:
         reaction, share = "displacements" if stated.command == "force" else "forces", 100 * stated.actuators.everywhere
         few = f" ({ENOUGH} test states in it promise {100 * PROBABILITY:.0f} %)" if stated.states < ENOUGH else ""
         lines.append(
-            f"in {stated.percent} of unseen states in its domain{few} the tip is off by at most "
-            f"{length(max(stated.tip.everywhere, LEAST))}, {reaction} by {share:.2g} % of the largest; "
+            f"the tip is at most {length(max(stated.tip.everywhere, LEAST))} off, {reaction} {share:.2g} % of the "
+            f"largest, in {stated.percent} of the unseen states of its domain{few}; "
             "model.error(state) bounds each state by its place"
         )
     known = mesh_error_of(results.get("mesh_error"))

@@ -161,7 +161,7 @@ def about(meta: dict, predictor: Predictor) -> str:
     known = ""
     if (stated := predictor.model_error) is not None:
         at_most = length(max(stated.tip.everywhere, LEAST))
-        known = f" In {stated.percent} of unseen states in its domain its tip is off by at most {at_most}."
+        known = f" The tip is at most {at_most} off in {stated.percent} of the unseen states of its domain."
     if predictor.mesh_error is not None:
         low, high = (100 * share for share in predictor.mesh_error.tip.far)
         known += f" Its mesh adds {low:.2g} to {high:.2g} % of how far the tip travels (estimated)."
