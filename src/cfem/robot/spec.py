@@ -11,6 +11,7 @@ from cfem.core.units import AccelerationVector, Length, Percent
 from cfem.mechanics.element import SECTIONED
 from cfem.robot.catalogue import routes
 from cfem.robot.constraints import Actuator, Chambers, Contact, Effector, Load
+from cfem.robot.discrepancy import DiscrepancySpec
 from cfem.robot.geometry import Assembly, Geometry, MeshFile, Refinement, StiffFlop, Taper
 from cfem.robot.layers import LayerSpec
 from cfem.robot.materials import MaterialRegion, MaterialSpec
@@ -88,6 +89,8 @@ class SceneSpec(Spec):
     """Points that something may touch."""
     effectors: list[Effector] = Field(min_length=1)
     """What is watched and controlled."""
+    discrepancy: DiscrepancySpec | None = None
+    """What finite elements lack at the effectors. `cfem calibrate-cases` writes it. None unless given."""
 
     @property
     def all_materials(self) -> dict[str, MaterialSpec]:

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from cfem.identify.cases.discrepancy import Discrepancy, discrepancy_of
+from cfem.identify.cases.discrepancy import DiscrepancyPrior, discrepancy_of
 from cfem.identify.cases.fit import fit_with_discrepancy
 from cfem.identify.cases.left_out import leave_one_out
 from cfem.identify.cases.outcome import Calibrated
@@ -51,7 +51,7 @@ class LinearRig:
     def n_d(self) -> int:
         return len(self.d_sd)
 
-    def with_discrepancy(self, discrepancy: Discrepancy):
+    def with_discrepancy(self, discrepancy: DiscrepancyPrior):
         other = copy.copy(self)
         other.discrepancy = discrepancy
         return other
@@ -116,7 +116,7 @@ class Part:
     def __getattr__(self, name: str):
         return getattr(self._whole, name)
 
-    def with_discrepancy(self, discrepancy: Discrepancy):
+    def with_discrepancy(self, discrepancy: DiscrepancyPrior):
         return Part(self._whole.with_discrepancy(discrepancy), self._columns)
 
     def see(self, cases: Cases, z: np.ndarray, d: np.ndarray, slopes: bool = True) -> MarkerPredictions:

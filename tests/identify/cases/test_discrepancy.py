@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from identify.cases.linear import K, LinearRig, Sort, cases_of, coverage, trial
 
-from cfem.identify.cases.discrepancy import Discrepancy, discrepancy_of
+from cfem.identify.cases.discrepancy import DiscrepancyPrior, discrepancy_of
 from cfem.identify.cases.fit import fit_with_discrepancy
 from cfem.identify.cases.scatter import Scatter
 
 
 def test_there_is_none_without_load_and_no_more_beyond_the_calibration():
-    lacking = Discrepancy(np.array([2.0, 3.0]), np.ones(K))
+    lacking = DiscrepancyPrior(np.array([2.0, 3.0]), np.ones(K))
     features = lacking.features(np.array([[0.0, 0.0], [2.0, 0.0], [1.0, 3.0], [4.0, 0.0]]))
     assert lacking.terms == [(0,), (1,), (0, 0), (0, 1), (1, 1)]
     np.testing.assert_allclose(features, [[0, 0, 0, 0, 0], [1, 0, 1, 0, 0], [0.5, 1, 0.25, 0.5, 1], [1, 0, 1, 0, 0]])

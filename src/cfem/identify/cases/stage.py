@@ -20,6 +20,8 @@ def _work(folder: Path, spec: CasesSpec, base: Path) -> dict[str, Any]:
     """Results: parameters with intervals, errors by case and marker, models compared."""
     import time
 
+    from cfem.identify.cases.calibrated_scene import FILE as SCENE
+    from cfem.identify.cases.calibrated_scene import calibrated_scene
     from cfem.identify.cases.load import load_lab
     from cfem.identify.cases.outcome import FILE, read_calibrated, write_calibrated
     from cfem.identify.cases.predict import predict
@@ -35,6 +37,8 @@ def _work(folder: Path, spec: CasesSpec, base: Path) -> dict[str, Any]:
     _, kept = fitted["kept"]
     rig, left_out = kept.rig, kept.left_out
     write_calibrated(folder / FILE, kept.fit, rig, left_out.inflation, kept.degrees, cases)
+    text, left_out_of_scene = calibrated_scene(lab, rig, kept.fit, base / spec.out, base / spec.mesh)
+    write_whole(folder / SCENE, text.encode())
     in_fit = predict(rig, cases, read_calibrated(folder / FILE), spec.confidence)
     write_predictions(folder / TABLE, cases, lab.markers, in_fit, left_out)
     if spec.figure and installed("matplotlib"):
@@ -53,7 +57,8 @@ def _work(folder: Path, spec: CasesSpec, base: Path) -> dict[str, Any]:
         f"{duration(results['cpu_seconds'])} of CPU time"
     )
     lines = headline(results, float(np.nanmean(in_fit.distance)), spec.confidence)
-    return results | {"headline": [*lines, cost]}
+    made = f"{SCENE} is the calibrated robot, for `scene` of sample.yaml"
+    return results | {"headline": [*lines, *left_out_of_scene, made, cost]}
 
 
 def _fitted(lab: Any, cases: Any, find: list[str], spec: CasesSpec) -> tuple[list[str], Any]:
