@@ -14,6 +14,7 @@ QUICK = {
     "antagonists.py": ["--quick"],
     "arm_baselines.py": [],
     "cable_reach.py": ["--quick"],
+    "calibrated_commands.py": ["--quick"],
     "convergence.py": ["--quick"],
     "design_gradients.py": ["--quick"],
     "many_inputs.py bar": ["--quick"],

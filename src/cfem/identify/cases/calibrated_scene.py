@@ -112,8 +112,7 @@ def _within_calibration(data: dict[str, Any], mesh: Mesh) -> list[str]:
         there = float(f"{solved.delta_a[i]:.3g}")
         if solved.converged and low < there < high:
             data["actuators"][i]["reach"] = {unit: [float(low), there]}
-            limit = written(float(robot.discrepancy.largest[i]), robot.actuator_units[i][1])
-            sentences.append(f"the reach of {name} ends at {there:g} {unit}, with the calibration's {limit}")
+            sentences.append(f"the reach of {name} ends at {there:g} {unit}, with the calibration's largest force")
     return sentences
 
 
