@@ -87,6 +87,7 @@ def befall(command, folder, chance, times, harm):
         begin = time.monotonic()
         child = start(command.arguments(turn, folder / f"whole-{turn}"), said)
         child.join()
+        assert child.exitcode == 0, said.read_text() if said.exists() else ""
         longest = min(longest, time.monotonic() - begin)
         wholes.append(numbers(folder / f"whole-{turn}"))
     assert wholes[0] != wholes[1]
