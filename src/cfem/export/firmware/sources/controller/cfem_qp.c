@@ -4,6 +4,10 @@
 
 #define N CFEM_QP_VARIABLES
 #define C CFEM_QP_CONSTRAINTS
+#define ROUNDING CFEM_TOLERANCE(4e-15, 2e-6)
+#define OUTSIDE CFEM_TOLERANCE(1e-12, 1e-6) /* in shares of a constraint's size: what is violated by less is not */
+#define MEETS CFEM_TOLERANCE(1e-10, 1e-5)   /* bounds that exclude each other by less meet */
+#define FLAT CFEM_TOLERANCE(1e-13, 1e-6)    /* of a column: what depends on those before */
 #define OPEN 1e20 /* a box wider than that is meant to be none, and no measure for its variable */
 
 /* The program in its own coordinates: half-spaces low <= normal . y <= high, |normal| = 1, about the point of least |y|. */
@@ -26,7 +30,7 @@ static int violated(void *with, const double *y, const unsigned char *state, dou
         if (h->size[k] == 0.0 || state[k]) continue;
         const double value = cfem_dot(h->n, h->normal[k], y), below = h->low[k] - value, above = value - h->high[k];
         const double by = largest(below, above), bound = below > above ? h->low[k] : h->high[k];
-        if (by > most && by > 4e-15 * (length + fabs(bound)) + 1e-12 / h->size[k]) which = k, most = by, *sign = below > above ? 1.0 : -1.0;
+        if (by > most && by > ROUNDING * (length + fabs(bound)) + OUTSIDE / h->size[k]) which = k, most = by, *sign = below > above ? 1.0 : -1.0;
     }
     return which;
 }
@@ -34,7 +38,7 @@ static int violated(void *with, const double *y, const unsigned char *state, dou
 static cfem_bound bound(void *with, int k, double sign, double *normal) {
     const half_spaces *const h = with;
     for (int j = 0; j < h->n; j++) normal[j] = sign * h->normal[k][j];
-    return (cfem_bound){sign > 0 ? h->low[k] : -h->high[k], 0.0, 1e-10 / h->size[k]};
+    return (cfem_bound){sign > 0 ? h->low[k] : -h->high[k], 0.0, MEETS / h->size[k]};
 }
 
 /* In place, by Householder reflections: B (rows, n + 1) = Q R, of which R (n, n) and, in the last column, the first entries of
@@ -47,7 +51,7 @@ static int triangularise(int n, int rows, double B[CFEM_QP_ROWS][N + 1]) {
         const double whole = sqrt(square), old = B[j][j], norm = old > 0 ? -whole : whole;
         double above = 0.0;
         for (int i = 0; i < j; i++) above += B[i][j] * B[i][j];
-        if (!(whole > 1e-13 * sqrt(square + above))) return 1;
+        if (!(whole > FLAT * sqrt(square + above))) return 1;
         B[j][j] = old - norm; /* the reflection's vector is column j from row j on */
         const double scale = norm * B[j][j];
         for (int c = j + 1; c <= n; c++) {

@@ -43,7 +43,7 @@
 #define CFEM_AT_ONCE 1
 #endif
 #if CFEM_AT_ONCE > 1
-typedef double cfem_lanes __attribute__((vector_size(8 * CFEM_AT_ONCE), aligned(8), may_alias));
+typedef double cfem_lanes __attribute__((vector_size(sizeof(double) * CFEM_AT_ONCE), aligned(sizeof(double)), may_alias));
 #else
 typedef double cfem_lanes;
 #endif

@@ -9,8 +9,8 @@
 #define NA CFEM_MOTION_NA
 #define V CFEM_MPC_VARIABLES
 #define MOST_V CFEM_MPC_MOST_VARIABLES
-#define OUTSIDE 1e-11 /* in shares of a bound's size: what is violated by less is not */
-#define MEETS 1e-9    /* bounds that exclude each other by less meet */
+#define OUTSIDE CFEM_TOLERANCE(1e-11, 1e-5) /* in shares of a bound's size: what is violated by less is not */
+#define MEETS CFEM_TOLERANCE(1e-9, 1e-4) /* bounds that exclude each other by less meet */
 
 static double priced(const cfem_plan *p, int i) { return p->softened && i >= CFEM_PROGRAM_SOFT ? p->price : 0.0; }
 

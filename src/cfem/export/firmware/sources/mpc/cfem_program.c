@@ -130,7 +130,7 @@ int cfem_program_factorise(cfem_plan *p) {
         if (j >= NA) p->L[j][j - NA] -= smooth * smooth;
         largest = fmax(largest, fmax(cfem_mpc_smooth[a], sqrt(many) * cfem_mpc_effort[a]));
     }
-    if (cfem_cholesky(V, MOST_V, p->L[0], 1e-14)) return 1;
+    if (cfem_cholesky(V, MOST_V, p->L[0], CFEM_TOLERANCE(1e-14, 1e-6))) return 1;
     cfem_program_slope(p, none, p->best);
     for (int j = 0; j < V; j++) p->best[j] = -p->best[j];
     cfem_program_forward(p, 0, p->best);
@@ -143,7 +143,7 @@ int cfem_program_factorise(cfem_plan *p) {
             steepest = fmax(steepest, fabs(row[j]) / cfem_mpc_size[j % NA]), sum += row[j];
     }
     for (int j = 0; j < V; j++) sum += p->best[j];
-    const double price = steepest > 0.0 ? 1e3 * largest / steepest : 1.0;
+    const double price = steepest > 0.0 ? CFEM_TOLERANCE(1e3, 1e2) * largest / steepest : 1.0;
     p->price = 1.0 / (price * price);
     return !cfem_finite(sum);
 }
