@@ -1,5 +1,6 @@
 """Folders of C in single precision."""
 
+import ctypes
 import re
 import subprocess
 
@@ -97,6 +98,18 @@ def test_a_figure_eight_is_tracked_as_in_double(tmp_path, kind, options):
     error, u = missed(compiled, chosen, python.belief.u)
     assert error < 1.01 * wanted
     np.testing.assert_allclose(u, exact, atol=2e-3 * np.abs(exact).max())
+
+
+@needs_compiler
+def test_the_state_of_a_finger_fits_into_48_kilobytes(tmp_path):
+    """Two cables, five inner motions, no Prony terms; 20 ticks, 10 commands of each cable."""
+    folder = folder_of(tmp_path, single(mpc={"horizon": 20, "moves": 10}))
+    header = folder / "cfem_motion_data.h"
+    text = header.read_text().replace("CFEM_MOTION_NQ 4", "CFEM_MOTION_NQ 7")
+    header.write_text(text.replace("CFEM_MOTION_TERMS 1", "CFEM_MOTION_TERMS 0"))
+    (folder / "size.c").write_text('#include "cfem_mpc.h"\nint size(void) { return sizeof(cfem_mpc); }\n')
+    build.run([build.compiler(), *build.STANDARD, "-shared", "-fPIC", "-o", "size.so", "size.c"], folder)
+    assert 40_000 < ctypes.CDLL(str(folder / "size.so")).size() <= 48_000
 
 
 def test_what_is_not_in_single_precision_is_refused():

@@ -14,6 +14,9 @@ static inline double cfem_dot(int n, const double *a, const double *b) {
     return i < n ? even + a[i] * b[i] + odd : even + odd;
 }
 
+/* Without a call, as fmax is where a processor has none; b where one is no number. */
+static inline double cfem_larger(double a, double b) { return a > b ? a : b; }
+
 static inline int cfem_finite(double x) { return x - x == 0.0; }
 
 /* A = L L^T of a symmetric matrix (n, n), whose rows begin `stride` numbers after each other; of A only the lower triangle is read, and L
