@@ -34,7 +34,7 @@ LEAST = 1e-3  # N mm: less is not looked at
 class Energies:
     """Energies of contact since the start, N mm.
 
-    commanded: work of the commands against contact
+    commanded: work of the commands against contact, and of weight that turns with a base against it
     passed: work on rigid bodies, of the robots' bases too
     stored: in the robots, as long as they are touched
     turned: sum of all that was exchanged, of either sign"""
@@ -87,6 +87,8 @@ class World:
         self.data, self._ahead = mujoco.MjData(self.model), mujoco.MjData(self.model)
         self.robots, self.friction, self.robots_touch = dict(robots), friction, robots_touch
         self._sites = np.array([self.model.site(name).id for name in robots], dtype=np.int64)
+        for name, robot in robots.items():
+            robot.demand_known(MM * float(np.linalg.norm(self.model.opt.gravity)), name)
         carriers = self.model.site_bodyid[self._sites]
         self.geoms = Geoms(self.model, carriers.tolist())
         self.rigid = Rigid(self.model, carriers, self.geoms)
@@ -183,10 +185,11 @@ class World:
 
     def _scene(self, data: mujoco.MjData) -> ContactScene:
         """Robots and geoms where `data` has them."""
-        robots = [
-            PlacedModel(robot.surface, *self._pose(data, number), False, robot.unilateral)
-            for number, robot in enumerate(self.robots.values())
-        ]
+        robots = []
+        for number, robot in enumerate(self.robots.values()):
+            R, t = self._pose(data, number)
+            wrench = robot.wrench(MM * self.model.opt.gravity @ R)
+            robots.append(PlacedModel(robot.surface, R, t, False, robot.unilateral, wrench))
         return ContactScene(robots, self.geoms.placed(data), self.friction, meet=self.robots_touch)
 
     def _commanded(self, commands: Mapping[str, ArrayLike]) -> list[np.ndarray]:
@@ -232,7 +235,13 @@ class World:
         before, commanded = self.energies, 0.0
         if self.contact is not None:
             last = self.contact
-            for end, begin, now, then in zip(state.deltas, last.deltas, state.relief, last.relief, strict=True):
+            for end, begin, now, then in zip(
+                [*state.deltas, *state.wrenches],
+                [*last.deltas, *last.wrenches],
+                [*state.relief, *state.moved],
+                [*last.relief, *last.moved],
+                strict=True,
+            ):
                 commanded -= float((end - begin) @ (now + then)) / 2
         turned = before.turned + abs(passed) + abs(commanded)
         energies = Energies(before.commanded + commanded, before.passed + passed, state.stored, turned)

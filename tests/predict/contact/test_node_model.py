@@ -14,9 +14,10 @@ from cfem.core.errors import InputError
 from cfem.equilibrium.contact.node_compliance import NodeResponse, node_response
 from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
 from cfem.equilibrium.contact.surfaces import SurfaceScene
+from cfem.predict.contact.bodies import PlacedModel
 from cfem.predict.contact.loaded_robot import LoadedRobot
 from cfem.predict.contact.node_model import NodeModel, _add_local, node_patches
-from cfem.predict.contact.scene import contact_step
+from cfem.predict.contact.scene import ContactScene, contact_step
 from cfem.predict.contact.surface_model import patch_states
 from cfem.predict.load import load_model
 from cfem.robot.build import build_robot
@@ -130,6 +131,16 @@ def test_the_compliance_of_nodes_is_symmetric_and_positive(nodes):
     C = LoadedRobot(nodes, DELTA).free_compliance(some)
     assert np.array_equal(C, C.T) or np.abs(C - C.T).max() < 1e-12 * np.abs(C).max()
     assert np.linalg.eigvalsh(C).min() > -1e-12 * np.abs(C).max()
+
+
+def test_a_robot_that_touches_nothing_waits_while_another_touches(nodes):
+    above = obstacle_above(nodes.model, "ball")
+    obstacle = replace(above, t=above.t + 0.2 * DOWN)
+    here, there = (PlacedModel(nodes, t=t, itself=False) for t in (np.zeros(3), np.array([0.0, 500.0, 0.0])))
+    alone = contact_step(nodes, DELTA, [obstacle])
+    both = ContactScene([here, there], ObstacleSet((obstacle,)), meet=False).step([DELTA, DELTA], None)
+    assert alone.forces.any() and both.forces[: len(alone.forces)] == pytest.approx(alone.forces, abs=1e-12)
+    assert not both.moved[1].any() and not both.forces[len(alone.forces) :].any()
 
 
 def test_a_response_of_other_nodes_is_refused(nodes):

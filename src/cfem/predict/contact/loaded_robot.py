@@ -15,22 +15,29 @@ from cfem.predict.contact.surface_model import NONE, SurfaceModel
 
 
 class LoadedRobot:
-    """The robot at one delta (n_a,) mm.
+    """The robot at one delta (n_a,) mm, under a constant wrench (n_e,) on its effectors, None: none.
 
-    unloaded (k,) mm: rows of the skin without forces, and free (N, 3) mm: places of the patches then
+    unloaded (k,) mm: rows of the skin without forces on patches, and free (N, 3) mm: places of the patches then
     C_es (n_e, k) and C_ss (k, k) mm/N: compliance of effectors and rows to loads on the modes
     patches (c,), forces (c, 3) N: patches and what is on them since `load`, none at first
     w (k,) N: load of the forces on the modes, and rows (k,) mm under it
     bending: second order of what loads do to the modes over the first, the largest of all `load`"""
 
-    def __init__(self, model: SurfaceModel, delta: np.ndarray):
-        """Evaluates the model's series at delta (n_a,) mm, without forces."""
+    def __init__(self, model: SurfaceModel, delta: np.ndarray, wrench: np.ndarray | None = None):
+        """Evaluates the model's series at delta (n_a,) mm, without forces on patches."""
         skin, k = model.model.skin, len(model.model.skin)
         self.model, self.delta, self.unloaded = model, delta, skin.rows(delta, NONE)
         self.C_es, self.C_ss = skin.compliance(delta, NONE)
+        self.wrench = wrench
+        if wrench is not None:
+            self.unloaded = self.unloaded + wrench @ self.C_es
         self._basis = model.basis(model.in_box(delta))
         self._D = (self._basis @ model.bent)[model.bent_at]
         self.free = model.patches.rest + (model.flat @ self.unloaded).reshape(-1, 3)
+        if wrench is not None:
+            series, every = model.local_tip, np.arange(len(self.free))
+            local = wrench @ (self._basis @ series.reshape(len(series), -1)).reshape(len(wrench), -1)
+            self.free += (model.turns(self.unloaded, every) @ local.reshape(-1, 3, 1))[:, :, 0]
         self._known: tuple[bytes, PatchCompliance] | None = None
         self._response: LoadResponse | None = None
         self._places: np.ndarray | None = None
@@ -76,6 +83,14 @@ class LoadedRobot:
         """(3 c, 3 c) mm/N: the same of any patches without forces, symmetric and positive semidefinite."""
         return self._compliance_of(patches).total
 
+    def alone(self) -> tuple[np.ndarray, np.ndarray]:
+        """Displacements (n_e,) mm of the effectors and forces (n_a,) N of the actuators without forces on patches."""
+        if self.wrench is None:
+            condensed = self.model.model.at_displacement(self.delta)
+            return condensed.delta_e, condensed.lambda_a
+        loaded = self.model.wrenches.at(self.delta).under(self.wrench)
+        return loaded.e, loaded.lam
+
     def effector_motion(self) -> np.ndarray:
         """(n_e,) mm by which the forces move the effectors."""
         n_e = len(self.C_es)
@@ -110,6 +125,8 @@ class LoadedRobot:
             return np.zeros(len(self.delta))
         modes, v = self._response.modes, self._response.v
         linear = w @ skin.gradient(self.delta, NONE) + modes.first * skin.compliance_work(self.delta, NONE, w) / 2
+        if self.wrench is not None:
+            linear = linear + skin.wrench_work(self.delta, NONE, self.wrench, w)
         series, (i, j, k), slopes = self.model.cubic
         return linear + modes.second / 6 * (self._basis @ slopes @ (series @ (v[i] * v[j] * v[k])))
 

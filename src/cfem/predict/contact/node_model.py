@@ -63,7 +63,7 @@ class NodeModel(SurfaceModel):
         total = modes @ (basis @ self._by_modes).reshape(k, k) @ modes.T
         linear = np.concatenate([[1.0], self.in_box(delta)])
         _add_local(total, points, R, linear, self._first, self.by_fe.pairs[:, 1], self._left)
-        U = self.U[points].reshape(3 * c, -1)
+        U = self.U[points].reshape(3 * c, self.U.shape[-1])
         return U, total - U @ C_ss @ U.T, total, np.zeros((c, 3, 3, 3 + n_e))
 
     @cached_property

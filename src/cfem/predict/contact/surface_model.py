@@ -20,6 +20,7 @@ from cfem.contact.detection import along
 from cfem.core.errors import InputError
 from cfem.equilibrium.contact.node_compliance import NodeResponse
 from cfem.equilibrium.contact.patch_compliance import PatchResponse
+from cfem.predict.loads.wrench_series import WrenchSeries
 from cfem.predict.protocol import Predictor
 from cfem.predict.series.chebyshev import Basis, basis
 from cfem.predict.series.domain import Domain
@@ -72,6 +73,11 @@ class SurfaceModel(ABC):
     def flat(self) -> np.ndarray:
         """(3 N, k) the same."""
         return self.U.reshape(-1, self.U.shape[-1])
+
+    @cached_property
+    def wrenches(self) -> WrenchSeries:
+        """The model under any wrench on its effectors."""
+        return WrenchSeries(self.model, self.model.rows.n_e)
 
     @cached_property
     def held_still(self) -> np.ndarray:
