@@ -1,5 +1,5 @@
-"""What finite elements lack at a robot's effectors, as a smooth function of its forces (Kennedy and O'Hagan, J. R. Stat.
-Soc. B 63, 2001):
+"""What finite elements lack at a robot's effectors, as a smooth function of its forces (Kennedy and O'Hagan, J. R.
+Stat. Soc. B 63, 2001):
 
     delta(lambda) = sum_b phi_b(x) w_b        x_i = lambda_i / (largest force i of the calibration), within -1 and 1
 
@@ -13,6 +13,7 @@ import numpy as np
 from cfem.condensed.condensed import Condensed
 
 Term = tuple[int, ...]
+BEYOND = 1.03  # times the largest force of the calibration, from which on nothing tells what the model lacks
 
 
 def terms_of(n: int) -> list[Term]:

@@ -17,6 +17,7 @@ from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh
 from cfem.robot.spec import SceneSpec
 from cfem.robot.stage import run as make_mesh
+from cfem.sample.stage import run as sample
 
 TENSIONS, SCALE = (0.3, 0.6, 0.9, 1.2), 1.25
 
@@ -67,3 +68,21 @@ def test_a_drive_that_is_no_multiple_leaves_the_discrepancy_out(folder, tmp_path
     results = calibrate(folder / "cases.yaml", overrides, tmp_path / "out", QUIET)["results"]
     assert any("scene.yaml has no discrepancy: it goes with the commands" in line for line in results["headline"])
     assert load_spec(tmp_path / "out" / "scene.yaml", SceneSpec).discrepancy is None
+
+
+def test_samples_beyond_the_calibration_are_poor(folder, tmp_path):
+    """The reach that the calibration has ended is opened again."""
+    calibrate(folder / "cases.yaml", [], None, QUIET)
+    path = folder / "calibrated" / "scene.yaml"
+    scene = load_spec(path, SceneSpec)
+    low, high = scene.actuators[0].reach
+    assert low == 0 and 5 < high < 15
+    (folder / "far.yaml").write_text(
+        path.read_text().replace(f"reach: {{mm: [0.0, {high:g}]}}", "reach: {mm: [0, 25]}")
+    )
+    plan = f"mesh: {folder}/mesh\nskin: null\nsplits:\n  train: {{rows: 6, method: scrambled-halton, seed: 1}}\n"
+    told = {}
+    for name, file in (("within", path), ("far", folder / "far.yaml")):
+        (tmp_path / f"sample-{name}.yaml").write_text(f"scene: {file}\nout: {name}\nskeleton: 3\n{plan}")
+        told[name] = str(sample(tmp_path / f"sample-{name}.yaml", [], None, QUIET)["results"].get("judgement"))
+    assert "have forces beyond the calibration's largest (tendon" in told["far"] and "beyond" not in told["within"]

@@ -12,13 +12,20 @@ import numpy as np
 from cfem.core.spec import set_key
 from cfem.core.units import written
 from cfem.core.yaml import read_yaml
+from cfem.equilibrium.solve import Wanted, solve
+from cfem.equilibrium.system.actuation import force
+from cfem.equilibrium.system.problem import Problem
 from cfem.identify.cases.fit import CaseFit
 from cfem.identify.cases.load import Lab
 from cfem.identify.cases.rig import Rig
+from cfem.mechanics.mesh import Mesh
+from cfem.robot.build import build_robot
+from cfem.robot.spec import SceneSpec
 
 FILE = "scene.yaml"
 _WIDTH = 110  # characters of a line
-_QUOTED = re.compile(r"[^\w .%^/+-]|^[\s+-]|\s$|^$|^[\d.]+(e[+-]?\d+)?$|^(true|false|null|yes|no|on|off)$", re.IGNORECASE)
+_WORDS = "true|false|null|yes|no|on|off"  # that YAML takes for something else than text
+_QUOTED = re.compile(rf"[^\w .%^/+-]|^[\s+-]|\s$|^$|^[\d.]+(e[+-]?\d+)?$|^({_WORDS})$", re.IGNORECASE)
 
 
 def calibrated_scene(lab: Lab, rig: Rig, fitted: CaseFit, folder: Path, mesh: Path) -> tuple[str, list[str]]:
@@ -39,6 +46,7 @@ def calibrated_scene(lab: Lab, rig: Rig, fitted: CaseFit, folder: Path, mesh: Pa
             missing.append(f"{FILE} has no discrepancy: {why}")
         else:
             data["discrepancy"] = _discrepancy(lab, rig, fitted, scales)
+            missing += _within_calibration(data, lab.mesh)
     head = "# The robot as `cfem calibrate-cases` found it. Made anew by each run: copy it before you change it.\n"
     return head + "".join(f"# {sentence}\n" for sentence in missing) + _text(data), missing
 
@@ -83,13 +91,30 @@ def _discrepancy(lab: Lab, rig: Rig, fitted: CaseFit, scales: np.ndarray) -> dic
     for (kind, name), block in zip(rig.blocks, np.split(fitted.d, len(rig.blocks)), strict=True):
         if kind == "force":
             markers = block.reshape(-1, 3)
-            means = {
-                effector: {"mm": np.mean([w for w, of in zip(markers, effectors, strict=True) if of == effector], 0)}
-                for effector in dict.fromkeys(effectors)
-            }
+            means = {}
+            for effector in dict.fromkeys(effectors):
+                mine = [w for w, of in zip(markers, effectors, strict=True) if of == effector]
+                means[effector] = {"mm": [float(f"{number:.6g}") for number in np.mean(mine, axis=0)]}
             terms.append({"forces": name.split(), "effectors": means})
     forces = {name: written(float(f), lab.units[name]) for name, f in zip(rig.actuators, largest, strict=True)}
     return {"largest": forces, "terms": terms}
+
+
+def _within_calibration(data: dict[str, Any], mesh: Mesh) -> list[str]:
+    """Ends each actuator's reach, in the plain data of a scene, where it alone has the largest force of the
+    calibration, as nothing tells what the model lacks beyond; sentences on what was changed."""
+    robot = build_robot(SceneSpec.model_validate(data), mesh)
+    problem, sentences = Problem(robot), []
+    for i, name in enumerate(robot.rows.actuators):
+        largest = np.where(np.arange(robot.rows.n_a) == i, robot.discrepancy.largest, 0.0)
+        solved = solve(problem, force(largest), wanted=Wanted(condense=False))
+        (low, high), unit = robot.reach[i], robot.actuator_units[i][0]
+        there = float(f"{solved.delta_a[i]:.3g}")
+        if solved.converged and low < there < high:
+            data["actuators"][i]["reach"] = {unit: [float(low), there]}
+            limit = written(float(robot.discrepancy.largest[i]), robot.actuator_units[i][1])
+            sentences.append(f"the reach of {name} ends at {there:g} {unit}, with the calibration's {limit}")
+    return sentences
 
 
 def _text(node: Any, indent: str = "") -> str:
@@ -105,9 +130,7 @@ def _text(node: Any, indent: str = "") -> str:
 
 
 def _flow(node: Any) -> str:
-    """A value in one line; numbers of arrays to six digits."""
-    if isinstance(node, np.ndarray):
-        return "[" + ", ".join(f"{number:.6g}" for number in node) + "]"
+    """A value in one line."""
     if isinstance(node, dict):
         return "{" + ", ".join(f"{key}: {_flow(value)}" for key, value in node.items()) + "}"
     if isinstance(node, list):

@@ -4,14 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cfem.condensed.discrepancy import BEYOND
 from cfem.core.errors import NumericalError
 from cfem.identify.cases.outcome import Calibrated, widened
 from cfem.identify.cases.rig import MarkerPredictions, Rig
 from cfem.identify.cases.robots import Pose
 from cfem.identify.cases.table import Cases
 from cfem.identify.fit.prediction_intervals import half_and_radius, share_covered
-
-_FAR = 1.03  # times the largest force of the calibration, beyond which a case is
 
 
 @dataclass(frozen=True)
@@ -46,7 +45,7 @@ def beyond_calibration(cases: Cases, known: Calibrated) -> np.ndarray:
     """Mask (m,) of cases with a force larger, by more than a thirtieth, than all that the calibration knows."""
     if not known.largest:
         return np.zeros(len(cases), dtype=bool)
-    return (np.abs(cases.forces) > _FAR * np.array(known.largest) + 1e-12).any(axis=1)
+    return (np.abs(cases.forces) > BEYOND * np.array(known.largest) + 1e-12).any(axis=1)
 
 
 def predict(rig: Rig, cases: Cases, known: Calibrated, confidence: float, beyond: float = 0.0) -> Prediction:
