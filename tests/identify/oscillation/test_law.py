@@ -3,6 +3,7 @@ the poles of a polynomial."""
 
 import numpy as np
 import pytest
+import yaml
 from scipy.integrate import solve_ivp
 
 from cfem.condensed.viscosity import Viscosity
@@ -23,7 +24,8 @@ def recording():
         u, v, alpha = state[0], state[1], state[2:]
         overstress = sum(g * (u - a) for (g, _), a in zip(TERMS, alpha, strict=True))
         load = SAG * np.clip((t - RELEASE) / 0.03, 0, 1)
-        return [v, omega**2 * (load - u - overstress), *((u - a) / tau for (_, tau), a in zip(TERMS, alpha, strict=True))]
+        follow = [(u - a) / tau for (_, tau), a in zip(TERMS, alpha, strict=True)]
+        return [v, omega**2 * (load - u - overstress), *follow]
 
     span = (0, TIME[-1])
     return solve_ivp(rate, span, np.zeros(4), t_eval=TIME, rtol=1e-9, atol=1e-9, max_step=0.005).y[0]
@@ -31,7 +33,8 @@ def recording():
 
 def test_a_window_finds_amplitude_frequency_and_damping_beside_another_vibration():
     t = np.arange(0, 1.5, 0.01)
-    decay = np.exp(-2 * np.pi * 7.8 * 0.05 * (t - 0.3)) * np.cos(2 * np.pi * 7.8 * np.sqrt(1 - 0.05**2) * (t - 0.3) + 0.4)
+    phase = 2 * np.pi * 7.8 * (t - 0.3)
+    decay = np.exp(-0.05 * phase) * np.cos(np.sqrt(1 - 0.05**2) * phase + 0.4)
     stand = 0.1 * np.exp(-2 * np.pi * 9.9 * 0.02 * t) * np.sin(2 * np.pi * 9.9 * t)
     found = ring_down(t, 2.0 * decay + stand + 0.3 - 0.1 * t, 0.3, 0.9, 7.0, others=[(9.9, 0.02)])
     assert found.amplitude == pytest.approx(2.0, rel=1e-3)
@@ -51,6 +54,26 @@ def test_terms_that_a_recording_does_not_have_are_left_out():
     shares = dict((tau, g) for g, tau in found.viscosity.prony)
     assert shares[0.008] == pytest.approx(0.3, rel=0.03) and shares[0.4] == pytest.approx(0.07, rel=0.03)
     assert all(shares.get(tau, 0.0) < 0.003 for tau in (0.05, 4.0))
+
+
+def test_the_modulus_that_the_shape_at_last_has_told_is_kept():
+    """After four seconds the terms bear nothing: it is the modulus after a long time."""
+    found = fit_viscosity(TIME, recording(), 0.5, [0.008, 0.05, 0.4, 4.0], guess=7.8, still=ELASTIC)
+    assert found.elastic == pytest.approx(ELASTIC, rel=1e-4)
+    assert dict((tau, g) for g, tau in found.viscosity.prony)[0.008] == pytest.approx(0.3, rel=0.01)
+    slow = fit_viscosity(TIME, recording(), 0.5, [0.008, 0.4, 100.0], guess=7.8, still=1.02 * ELASTIC)
+    held = dict((tau, g) for g, tau in slow.viscosity.prony)[100.0]
+    assert slow.elastic == pytest.approx(1.02 * ELASTIC / np.sqrt(1 + 0.97 * held), rel=0.005)
+
+
+def test_the_scene_takes_what_it_prints():
+    from pydantic import TypeAdapter
+
+    from cfem.robot.materials import ViscositySpec
+
+    found = fit_viscosity(TIME, recording(), 0.5, [tau for _, tau in TERMS], guess=7.8)
+    terms = TypeAdapter(ViscositySpec).validate_python(yaml.safe_load(found.scene)["viscosity"]).prony
+    np.testing.assert_allclose([(term.share, term.time) for term in terms], found.viscosity.prony, rtol=1e-3)
 
 
 def test_a_pole_is_a_root_of_the_characteristic_polynomial():

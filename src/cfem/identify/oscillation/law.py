@@ -59,6 +59,7 @@ def fit_viscosity(
     start: float,
     times: Sequence[float],
     guess: float,
+    still: float | None = None,
     others: Sequence[tuple[float, float]] = (),
 ) -> FittedViscosity:
     """Shares g >= 0 of terms that relax within `times` (s), and the elastic frequency, by least squares.
@@ -66,6 +67,8 @@ def fit_viscosity(
     t, x:   (n,) s, mm of a recording that begins at rest; x of a marker, along the vibration
     start:  s, from which on the body vibrates freely and in small strains
     guess:  Hz, near the frequency
+    still:  Hz, natural frequency at the modulus that the shape at the recording's end has told, without viscosity. The
+            oscillation alone hardly tells it: a term that relaxes within a period or ten is taken for elasticity
     others: frequency (Hz) and damping of vibrations that are in the recording too; their amplitudes are fitted"""
     later = t >= start - 1e-9
     if later.all() or not later.any():
@@ -73,12 +76,16 @@ def fit_viscosity(
     first = ring_down(t, x, start, start + _PERIODS / guess, guess, others)
     tau, time, u = np.asarray(times, float), t[later] - start, x[later] - x[0]
     remembered = _remembered(t[: len(t) - len(time) + 1], x[: len(t) - len(time) + 1], tau)
+    held = _remembered(t, x, tau) / (x[-1] - x[0])  # what each term still bears at the end, of its share
     waves = np.stack([wave for other in others for wave in decaying(time, *other)], axis=1) if others else None
+
+    def elastic_of(p: np.ndarray) -> float:
+        return float(p[0] if still is None else still / np.sqrt(1 + p[4:] @ held))
 
     def residuals(p: np.ndarray) -> np.ndarray:
         """p: Hz, place and speed over omega at the start, place at last (mm), g."""
-        elastic, place, speed, last, g = p[0], p[1], p[2], p[3], p[4:]
-        omega = 2 * np.pi * elastic
+        place, speed, last, g = p[1], p[2], p[3], p[4:]
+        omega = 2 * np.pi * elastic_of(p)
         begin = np.concatenate([[place - last, omega * speed], g * remembered])
         left = u - last - _free(time, _matrix(omega, _law(g, tau)), begin)
         return left if waves is None else left - waves @ np.linalg.lstsq(waves, left, rcond=None)[0]
@@ -92,7 +99,7 @@ def fit_viscosity(
     answer = least_squares(residuals, p, bounds=(low, high), x_scale=scale, xtol=1e-12)
     told = answer.x[4:] > _LEAST
     law = _law(answer.x[4:][told], tau[told])
-    elastic = float(answer.x[0])
+    elastic = elastic_of(answer.x)
     rms = float(np.sqrt(np.mean(answer.fun**2)))
     return FittedViscosity(law, elastic, *free_vibration(elastic, law), rms)
 
