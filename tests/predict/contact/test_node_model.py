@@ -18,8 +18,8 @@ from cfem.predict.contact.bodies import PlacedModel
 from cfem.predict.contact.loaded_robot import LoadedRobot
 from cfem.predict.contact.node_model import NodeModel, _add_local, node_patches
 from cfem.predict.contact.scene import ContactScene, contact_step
-from cfem.predict.contact.surface_model import patch_states
 from cfem.predict.load import load_model
+from cfem.predict.series.few_states import patch_states
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh
 

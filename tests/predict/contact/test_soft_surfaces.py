@@ -16,8 +16,8 @@ from cfem.equilibrium.contact.surfaces import SurfaceScene as MeetingInFe
 from cfem.predict.contact.bodies import PlacedModel
 from cfem.predict.contact.patched_model import PatchedModel, patches_of
 from cfem.predict.contact.scene import ContactScene, contact_step
-from cfem.predict.contact.surface_model import patch_states
 from cfem.predict.load import load_model
+from cfem.predict.series.few_states import patch_states
 
 OVER = np.diag([1.0, -1.0, -1.0]), np.array([0.0, 0.0, 16.0])  # the twin: upside down above, 6 mm away
 HERE = np.eye(3), np.zeros(3)

@@ -175,7 +175,7 @@ class Dynamixel:
         self._answered(write, f"motor {motor.id} (cable {name}) does not answer any more")
 
     def _answered(self, exchange: Callable[[], tuple[Any, int]], silent: str) -> Any:
-        """What an exchange of packets gives, which is tried again where an answer is lost."""
+        """Result of an exchange of packets, which is tried again where an answer is lost."""
         for _ in range(TRIES):
             found, result = exchange()
             if not result:

@@ -21,10 +21,10 @@ from cfem.equilibrium.contact.patch_effectors import PatchYield, patch_yield
 from cfem.equilibrium.system.robot import Robot
 from cfem.predict.contact.node_model import MODES, NEAR, NodeModel, node_patches
 from cfem.predict.contact.patched_model import PatchedModel, patches_of
-from cfem.predict.contact.surface_model import linear_states, patch_states
 from cfem.predict.kinds.spectral import SpectralPredictor
 from cfem.predict.loads.loaded_rows import on_modes
 from cfem.predict.protocol import Predictor
+from cfem.predict.series.few_states import linear_states, patch_states
 
 VERSION = 4  # raised when the same inputs yield otherwise
 T = TypeVar("T")

@@ -37,7 +37,7 @@ def tip(spec: geometry.FinRay) -> np.ndarray:
 
 
 def _slope(spec: geometry.FinRay) -> float:
-    """By how much the back comes nearer to the front a mm along x."""
+    """Slope of the back towards the front, mm a mm along x."""
     return (spec.base - spec.tip) / spec.length
 
 
@@ -47,7 +47,7 @@ def _inner(spec: geometry.FinRay) -> float:
 
 
 def _on_back(spec: geometry.FinRay, x: float, lean: float) -> Corner:
-    """Where the line from (x, wall) on the front, with this lean towards the tip, meets the inside of the back."""
+    """Corner where the line from (x, wall) on the front, with this lean towards the tip, meets the back."""
     height = (_inner(spec) - spec.wall - _slope(spec) * x) / (1 + _slope(spec) * lean)
     return x + height * lean, spec.wall + height
 
