@@ -8,6 +8,7 @@ import pytest
 from identify.cases.lab import CASES, QUIET, lab, rows, write
 from scipy.spatial.transform import Rotation
 
+from cfem.core.errors import SpecError
 from cfem.core.spec import load_spec
 from cfem.equilibrium.solve import Wanted, solve
 from cfem.equilibrium.system.actuation import force
@@ -85,4 +86,6 @@ def test_samples_beyond_the_calibration_are_poor(folder, tmp_path):
     for name, file in (("within", path), ("far", folder / "far.yaml")):
         (tmp_path / f"sample-{name}.yaml").write_text(f"scene: {file}\nout: {name}\nskeleton: 3\n{plan}")
         told[name] = str(sample(tmp_path / f"sample-{name}.yaml", [], None, QUIET)["results"].get("judgement"))
+    with pytest.raises(SpecError, match="loads: the scene's discrepancy, of a calibration"):
+        sample(tmp_path / "sample-within.yaml", ["loads=true"], tmp_path / "loaded", QUIET)
     assert "have forces beyond the calibration's largest (tendon" in told["far"] and "beyond" not in told["within"]
