@@ -200,9 +200,8 @@ def stack(world: World, gif: Path | None = None, objects: tuple[str, ...] = OBJE
         body = world.data.body(name)
         x, y, z = 1e3 * (body.xpos - goal)
         tilt, speed = np.degrees(np.arccos(min(1.0, body.xmat[8]))), 1e3 * np.linalg.norm(body.cvel[3:])
-        print(
-            f"the {name} is {x:+.1f} {y:+.1f} {z:+.1f} mm off its place, tilted by {tilt:.1f} degrees, {speed:.2g} mm/s"
-        )
+        off = f"{x:+.1f} {y:+.1f} {z:+.1f} mm off its place, tilted by {tilt:.1f} degrees"
+        print(f"the {name} is {off}, at {speed:.2g} mm/s")
     energies = world.energies
     print(
         f"contact: the commands have given {energies.commanded:.3g} N mm, {energies.passed:.3g} went to rigid bodies, "

@@ -104,5 +104,5 @@ def test_without_pytorch_the_arrays_are_written_and_the_rest_is_named(tmp_path):
 
 def test_an_unknown_format_is_a_spec_error(tmp_path):
     (tmp_path / "export.yaml").write_text("model: model\nout: export\nformats: [pickle]\n")
-    with pytest.raises(SpecError, match="'arrays', 'onnx', 'torchscript', 'c', 'html', 'fmu' or 'arduino'"):
+    with pytest.raises(SpecError, match="'arrays', 'onnx', 'torchscript', 'c', 'html', 'fmu', 'arduino' or 'mjcf'"):
         run(tmp_path / "export.yaml", [], None, Options())

@@ -17,7 +17,7 @@ from cfem.predict.contact.obstacle_spec import ContactSpec, ObstacleSpec
 from cfem.predict.estimation.spec import DrivenDynamicsSpec, MarkersSpec
 from cfem.predict.loads.spec import LoadSpec
 
-Format = Literal["arrays", "onnx", "torchscript", "c", "html", "fmu", "arduino"]
+Format = Literal["arrays", "onnx", "torchscript", "c", "html", "fmu", "arduino", "mjcf"]
 FmuPart = Literal["controller", "robot", "moving", "estimator"]
 PACKAGES: dict[Format, tuple[str, ...]] = {
     "arrays": (),

@@ -3,13 +3,12 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
 from cfem.core.errors import InputError
 from cfem.equilibrium.system.robot import Robot
-from cfem.mujoco.geoms import MM
+from cfem.mujoco.description import points_of
 from cfem.predict.contact.kept_patches import node_model_of, patched_model_of
 from cfem.predict.contact.surface_model import SurfaceModel
 from cfem.predict.load import load_model
@@ -72,15 +71,7 @@ class SoftRobot:
     @property
     def points(self) -> list[str]:
         """Names of the effectors that have a place."""
-        rows = self.surface.model.rows.effectors
-        names = dict.fromkeys(row.rpartition(".")[0] for row in rows)
-        return [name for name in names if all(f"{name}.{axis}" in rows for axis in "xyz")]
-
-    def point(self, name: str, delta_e: np.ndarray) -> np.ndarray:
-        """(3,) mm in the robot's frame of such an effector; delta_e (n_e,) mm."""
-        model = self.surface.model
-        rows = [model.rows.effectors.index(f"{name}.{axis}") for axis in "xyz"]
-        return (model.rest_e + delta_e)[rows]
+        return points_of(self.surface.model)
 
     def wrench(self, gravity: np.ndarray) -> np.ndarray | None:
         """(n_e,) N of gravity, (3,) mm/s^2 in its frame, on its effectors, beside that in its samples. None where its
@@ -100,26 +91,3 @@ class SoftRobot:
                 what = f"the weight of '{name}' bends it so far that its model would be wrong by about {error:.2g} mm"
                 do = "sample it with `loads: true`, or with gravity and without an effector at its centre of mass"
                 raise InputError(f"{what}, and {TRUSTED * model.length:.2g} mm are allowed", do=do)
-
-    def add_to(self, spec: mujoco.MjSpec, name: str) -> None:
-        """Adds the skin and the sensors of a robot at the site `name`. InputError where there is no such site."""
-        site = next((each for each in spec.sites if each.name == name), None)
-        if site is None:
-            known = ", ".join(each.name for each in spec.sites if each.name) or "none"
-            raise InputError(f"the MuJoCo model has no site '{name}'", do=f"known are {known}")
-        skin = self.surface.model.skin
-        flex = spec.add_flex()
-        flex.name, flex.dim, flex.vertbody = skin_name(name), 2, [site.parent.name or "world"]
-        flex.vert, flex.elem = (skin.rest / MM).ravel(), skin.triangles.ravel()
-        flex.contype = flex.conaffinity = 0
-        flex.rgba = [0.9, 0.55, 0.4, 1.0]
-        flex.radius = 1e-4
-        for sensor in ("force", *self.points):
-            spec.add_sensor(
-                name=f"{name}.{sensor}", type=mujoco.mjtSensor.mjSENS_USER, dim=3, needstage=mujoco.mjtStage.mjSTAGE_ACC
-            )
-
-
-def skin_name(robot: str) -> str:
-    """Name of the flex that draws a robot."""
-    return f"{robot}.skin"
