@@ -8,6 +8,7 @@ import pytest
 from cfem.predict.contact.joint_dents import JointDents, changed, dented_places
 
 TRIPLES = np.array([[0, 0, 0], [0, 0, 1], [0, 1, 1], [0, 1, 2], [1, 1, 1], [2, 2, 2]])
+ALL = np.ones(3, dtype=bool)
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +37,7 @@ def test_places_are_those_at_which_the_energy_makes_the_forces(drawn, size):
     """u -> u . K u / 2 - D[K u, K u, K u] / 6, differentiated by u, is the force that was asked for."""
     C, D, dents = drawn
     forces, K = size * np.random.default_rng(5).normal(size=(3, 3)), np.linalg.inv(C)
-    dented = dented_places(forces, C, dents)
+    dented = dented_places(forces, C, dents, ALL)
     assert dented.share == 1.0
     u, step = C @ forces.ravel() + dented.places.ravel(), 1e-5
 
@@ -49,22 +50,25 @@ def test_places_are_those_at_which_the_energy_makes_the_forces(drawn, size):
     assert dented.energy == pytest.approx(energy(u) - forces.ravel() @ C @ forces.ravel() / 2, abs=1e-12)
 
 
-def test_slopes_are_the_derivatives_of_the_places(drawn):
+@pytest.mark.parametrize("pressed", [ALL, np.array([True, False, True]), ~ALL])
+def test_slopes_and_the_stored_energy_go_with_the_places(drawn, pressed):
     C, _, dents = drawn
     forces, step = 0.5 * np.random.default_rng(5).normal(size=(3, 3)), 1e-6
-    each = []
+    places, stored = [], []
     for unit in np.eye(9).reshape(9, 3, 3):
-        ahead, behind = (dented_places(forces + sign * step * unit, C, dents).places for sign in (1, -1))
-        each.append(((ahead - behind) / (2 * step)).ravel())
-    slopes = dented_places(forces, C, dents).slopes
-    np.testing.assert_allclose(slopes, np.column_stack(each), atol=1e-7 * np.abs(slopes).max())
-    np.testing.assert_array_equal(slopes, slopes.T)
+        ahead, behind = (dented_places(forces + way * unit, C, dents, pressed) for way in (step, -step))
+        places.append(((ahead.places - behind.places) / (2 * step)).ravel())
+        stored.append((ahead.energy - behind.energy) / (2 * step))
+    dented = dented_places(forces, C, dents, pressed)
+    np.testing.assert_allclose(dented.slopes, np.column_stack(places), atol=1e-7 * np.abs(dented.slopes).max())
+    np.testing.assert_array_equal(dented.slopes, dented.slopes.T)
+    np.testing.assert_allclose(stored, forces.ravel() @ dented.slopes, atol=1e-7)
 
 
 def test_of_a_surface_that_would_carry_no_more_a_part_is_taken_and_said(drawn):
     C, _, _ = drawn
     forces = np.zeros((3, 3))
     forces[0] = 50.0
-    dented = dented_places(forces, C, JointDents(np.zeros((1, 3), dtype=int), np.ones((1, 3, 3, 3))))
+    dented = dented_places(forces, C, JointDents(np.zeros((1, 3), dtype=int), np.ones((1, 3, 3, 3))), ALL)
     assert dented.share < 1.0 and np.isfinite(dented.places).all()
     assert np.linalg.eigvalsh(C + dented.slopes).min() > 0

@@ -1,13 +1,15 @@
 """How forces on neighbouring nodes of a surface dent it together.
 
-C (3 c, 3 c) mm/N is the compliance of c nodes and D its change with forces f (c, 3) N on them. The places
-C f + D[f, f] / 2 leave out much where several nodes are pressed. So the energy is taken as cubic in the displacements
-u, which gives the same two orders, and of the higher ones how each node yields to the dents of the others:
+C (3 c, 3 c) mm/N is the compliance of c nodes and D its change with forces f (3 c,) N on them. The places
+C f + D[f, f] / 2 leave out much where several nodes are pressed: as each of them is dented by the others, it gives way.
+The forces that would make its displacement without dents are g = f + h. So the energy of the forces is the stationary
+value of
 
-    u = C g        C f = C g - D[g, g] / 2        energy g . C g / 2 - D[g, g, g] / 6
+    f . C f / 2 - h . C h / 2 + D[g, g, g] / 6        places C f + D[g, g] / 2
 
-g are the forces that would make u without dents. Newton's method finds them on the branch that begins without forces.
-Where a surface softens so far that it carries no more, D is halved."""
+over h at the nodes that have been pressed. Without h this is the second order. With h at all nodes it is the body whose
+energy is cubic in the displacements. Newton's method finds h on the branch that begins without forces. Where a surface
+softens so far that it carries no more, D is halved."""
 
 from typing import NamedTuple
 
@@ -43,32 +45,36 @@ class DentedPlaces(NamedTuple):
     share: float
 
 
-def dented_places(forces: np.ndarray, C: np.ndarray, dents: JointDents) -> DentedPlaces:
-    """Places under forces (c, 3) N."""
-    f, share = forces.ravel(), 1.0
+def dented_places(forces: np.ndarray, C: np.ndarray, dents: JointDents, pressed: np.ndarray) -> DentedPlaces:
+    """Places under forces (c, 3) N; pressed (c,) bool: nodes that give way."""
+    f, mine, share = forces.ravel(), np.flatnonzero(np.repeat(pressed, 3)), 1.0
+    C_pp = C[np.ix_(mine, mine)]
     for _ in range(1 + HALVINGS):
-        g = _undented(f, C, dents, share)
-        if g is not None:
+        h = _given_way(f, C_pp, dents, mine, share)
+        if h is not None:
+            g = f + h
             change = share * changed(g, *dents)
-            slopes = C @ cho_solve(cho_factor(C - change), C) - C
-            energy = g @ (C / 2 - change / 6) @ g - f @ C @ f / 2
+            across = change[mine]
+            slopes = change + across.T @ cho_solve(cho_factor(C_pp - across[:, mine]), across)
+            energy = (f / 2 - g / 6) @ change @ g + h @ C @ h / 2
             return DentedPlaces((change @ g / 2).reshape(-1, 3), (slopes + slopes.T) / 2, float(energy), share)
         share /= 2
     return DentedPlaces(np.zeros(forces.shape), np.zeros(C.shape), 0.0, 0.0)
 
 
-def _undented(f: np.ndarray, C: np.ndarray, dents: JointDents, share: float) -> np.ndarray | None:
-    """g (3 c,) N, None where Newton's method leaves the stable branch."""
-    g, without = f.copy(), C @ f
+def _given_way(f: np.ndarray, C_pp: np.ndarray, dents: JointDents, mine: np.ndarray, share: float) -> np.ndarray | None:
+    """h (3 c,) N, which has entries `mine` alone; None where Newton's method leaves the stable branch."""
+    h = np.zeros_like(f)
     for _ in range(ITERATIONS):
-        change = share * changed(g, *dents)
+        change = share * changed(f + h, *dents)
+        by_dents = (change @ (f + h) / 2)[mine]
         try:
-            step = cho_solve(cho_factor(C - change), without + (change / 2 - C) @ g)
+            step = cho_solve(cho_factor(C_pp - change[np.ix_(mine, mine)]), by_dents - C_pp @ h[mine])
         except np.linalg.LinAlgError:
             return None
-        g += step
-        if np.abs(step).max() <= EXACT * np.abs(f).max():
-            return g
+        h[mine] += step
+        if np.abs(step).max(initial=0.0) <= EXACT * np.abs(f).max():
+            return h
     return None
 
 

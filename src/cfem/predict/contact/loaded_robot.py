@@ -36,6 +36,7 @@ class LoadedRobot:
         self._known: tuple[bytes, PatchCompliance, JointDents | None] | None = None
         self._response: LoadResponse | None = None
         self._dented: DentedPlaces | None = None
+        self._pressed = np.zeros(len(model.patches), dtype=bool)  # once, so that rounds do not alternate
         self._places: np.ndarray | None = None
         self.patches, self.forces = np.zeros(0, dtype=np.int64), np.zeros((0, 3))
         self.w, self.rows, self.bending = np.zeros(k), self.unloaded, 0.0
@@ -54,7 +55,8 @@ class LoadedRobot:
         self.bending = max(self.bending, self._response.bending)
         joint = self._known[2]
         if joint is not None and forces.any():
-            self._dented = dented_places(forces, free.total, joint)
+            self._pressed[patches[forces.any(axis=1)]] = True
+            self._dented = dented_places(forces, free.total, joint, self._pressed[patches])
             if self._dented.share < 1:
                 self.bending = np.inf
 
