@@ -2,9 +2,9 @@
 
 The third derivative of the energy that forces store is -E'''[z_i, z_j, z_k], with the body's energy E and the motion
 z_i by a force on node i. A force strains the elements around its node most by far: these are taken, and E''' is a
-central difference of their E''. The modes of the skin tell what their part m_i of the motions does, so that each product
-here has two factors z - m at least. Of m the elements see the rotation alone; the energy is the same in all rotated
-places, which gives its derivatives along rotations without differences."""
+central difference of their E''. What the part m_i of these motions does that is of the modes of the skin is known of
+the whole body, so that only products with two factors z - m or three are taken here. Of m the elements around a node
+see the rotation alone. The body has the same energy in all rotated places, which gives E''' along two rotations."""
 
 import numpy as np
 from scipy.spatial import cKDTree

@@ -25,7 +25,7 @@ from cfem.predict.protocol import Predictor
 
 MODES = 80  # of the compliance
 NEAR = 0.05  # of the length: nodes between which what the modes leave is known
-DENTED = 0.033  # of the length: nodes that dent each other
+DENTED = 0.028  # of the length: nodes that dent each other
 
 
 @dataclass(frozen=True)
