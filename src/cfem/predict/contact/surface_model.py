@@ -19,6 +19,7 @@ from cfem.contact.detection import along
 from cfem.core.errors import InputError
 from cfem.equilibrium.contact.node_compliance import NodeResponse
 from cfem.equilibrium.contact.patch_compliance import PatchResponse
+from cfem.predict.contact.joint_dents import JointDents
 from cfem.predict.loads.wrench_series import WrenchSeries
 from cfem.predict.protocol import Predictor
 from cfem.predict.series.chebyshev import Basis, basis
@@ -61,6 +62,10 @@ class SurfaceModel(ABC):
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """U, local, total and dents of `PatchCompliance`, of points (c,) turned by R (c, 3, 3). C_ss (k, k) mm/N of the
         modes; basis (terms,), values of the series at delta (n_a,) mm."""
+
+    def joint_dents(self, points: np.ndarray, R: np.ndarray) -> JointDents | None:
+        """Dents of points (c,) turned by R (c, 3, 3) by forces on several of them; None where each has its own."""
+        return None
 
     @cached_property
     def U(self) -> np.ndarray:
