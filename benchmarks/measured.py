@@ -4,10 +4,11 @@ python benchmarks/measured.py coverage [--trials 400] [--quick]
 
     Hundreds of simulated calibrations by markers that are linear in all unknowns: share of coordinates of new cases
     within their 95 % intervals and of markers within their 95 % radius. lacks: what the model lacks, one pattern a
-    case, as a multiple of the noise. models: from how many the one was chosen that predicts left-out cases best; with
-    more than one, a fifth of the trials. grows: share of the noise's variance that goes with the square of the
-    displacement, null for any. given, asked: ranges of the forces. smooth: what the model lacks, a smooth function of
-    the force, as a multiple of the noise; discrepancy: whether it is estimated. Six minutes.
+    case, as a multiple of the noise. models: from how many the one was chosen that predicts left-out cases best;
+    average: whether all of them are averaged instead; with more than one, a fifth of the trials. grows: share of the
+    noise's variance that goes with the square of the displacement, null for any. given, asked: ranges of the forces.
+    smooth: what the model lacks, a smooth function of the force, as a multiple of the noise; discrepancy: whether it
+    is estimated. Thirteen minutes.
 
 python benchmarks/measured.py rods [--sizes 10 8 6 5] [--quick]
 
@@ -58,7 +59,9 @@ def coverages(trials: int) -> list[dict]:
     asked += [(8, Sort(smooth=smooth, discrepancy=True)) for smooth in (0.0, 3.0)]
     asked += [(12, Sort(smooth=10.0, discrepancy=estimated)) for estimated in (False, True)]
     asked += [(4, Sort(grows=grows, given=small, asked=large)) for grows in (0.0, 1.0, None)]
-    for m, sort in [*asked, (5, Sort(1.0, 5.0, 12)), (5, Sort(3.0, 5.0, 12))]:
+    chosen = [(m, lacks) for m in (5, 8) for lacks in (1.0, 3.0)]
+    asked += [(m, Sort(lacks, 5.0, 12, average=average)) for average in (False, True) for m, lacks in chosen]
+    for m, sort in asked:
         count = trials if sort.models == 1 else max(trials // 5, 1)
         coordinates, markers = coverage(count, m, sort)
         row = {"cases": m, **vars(sort), "trials": count}

@@ -22,7 +22,8 @@ class Prediction:
     radius: (m, k) mm distance within which the marker lies
     error:  (m, k, 3) mm computed less measured, nan where nothing was measured
     poses:  of the robot; at rest in failed cases
-    failed: number and reason of each case without an equilibrium, whose numbers are nan"""
+    failed: number and reason of each case without an equilibrium, whose numbers are nan
+    covariance: (m, k, 3, 3) mm^2 of each marker, not inflated"""
 
     y: np.ndarray
     half: np.ndarray
@@ -30,6 +31,7 @@ class Prediction:
     error: np.ndarray
     poses: tuple[Pose, ...]
     failed: dict[int, str]
+    covariance: np.ndarray
 
     @property
     def distance(self) -> np.ndarray:
@@ -57,6 +59,7 @@ def predict(rig: Rig, cases: Cases, known: Calibrated, confidence: float, beyond
     lacks = beyond * beyond_calibration(cases, known)
     y, half = (np.full(cases.places.shape, np.nan) for _ in range(2))
     radius, poses, failed = np.full(y.shape[:2], np.nan), [], {}
+    covariance = np.full((*y.shape, 3), np.nan)
     for i in range(len(cases)):
         try:
             seen: MarkerPredictions = rig.see(cases.only(np.array([i])), z, d)
@@ -65,7 +68,9 @@ def predict(rig: Rig, cases: Cases, known: Calibrated, confidence: float, beyond
             poses.append(Pose(rig.robots.rest, np.tile(np.eye(3), (len(rig.robots.rest), 1, 1)), rig.robots.robot.X))
             continue
         variance = known.scatter.variance(seen.moved) + (lacks[i] * seen.moved) ** 2
-        intervals = half_and_radius(seen.covariance(C, variance), known.inflation, known.degrees, confidence)
+        of_case = seen.covariance(C, variance)
+        intervals = half_and_radius(of_case, known.inflation, known.degrees, confidence)
         y[i], half[i], radius[i] = seen.y[0], intervals[0][0], intervals[1][0]
+        covariance[i] = of_case[0]
         poses.append(seen.poses[0])
-    return Prediction(y, half, radius, y - cases.target, tuple(poses), failed)
+    return Prediction(y, half, radius, y - cases.target, tuple(poses), failed, covariance)
