@@ -117,6 +117,19 @@ def bar_of_any_material(bar, tmp_path_factory):
     return folder / "model"
 
 
+@pytest.fixture(scope="session")
+def patched_bar(bar):
+    """The bar's spectral model that may be touched at patches 8 mm from each other."""
+    from cfem.equilibrium.contact.patch_compliance import patch_response
+    from cfem.predict.contact.patched_model import PatchedModel, patches_of
+    from cfem.predict.contact.surface_model import patch_states
+
+    known = cfem.load_model(bar / "models" / "bar" / "spectral")
+    built = cfem.load_robot(bar / "pipelines" / "bar" / "scene.yaml", bar / "data" / "bar" / "mesh")
+    patches, states = patches_of(known, 8.0), patch_states(known.domain, 1)
+    return PatchedModel(known, patches, patch_response(built, known.skin.watched, patches, states))
+
+
 @pytest.fixture(scope="module")
 def model(bar):
     """The bar's spectral model."""
