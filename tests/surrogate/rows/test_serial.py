@@ -204,7 +204,9 @@ def test_a_force_on_a_patch_of_either_module_is_what_the_whole_trunk_feels(proje
     assert np.abs(here.lam - solved.lambda_a).max() < 1e-4 * change
 
 
-@pytest.mark.parametrize("push", [None, np.array([0.0, 1e-3, 0.0, 0.0, 0.0, -2e-3])])
+@pytest.mark.parametrize(
+    "push", [None, pytest.param(np.array([0.0, 1e-3, 0.0, 0.0, 0.0, -2e-3]), marks=pytest.mark.slow)]
+)
 def test_the_gradients_of_its_surface_and_clearance_are_those_of_differences(project, push):
     model = load_model(project / "models" / WHOLE / "serial")
     model = model if push is None else loaded(model, push)
@@ -297,6 +299,7 @@ def test_an_exported_row_has_its_shape_in_python(project, tmp_path):
 
 
 @needs_compiler
+@pytest.mark.slow
 def test_its_surface_in_c_is_that_of_python(project, tmp_path):
     whole, out = load_model(project / "models" / WHOLE / "serial"), tmp_path / "c"
     rows = {**whole.meta["rows"], "effectors": whole.rows.effectors[:3]}
