@@ -14,10 +14,12 @@ from unittest.mock import patch
 
 import pytest
 from support.compiled_once import compiled_once
+from support.meshed_once import GMSH, meshed_once
 from support.one_thread import solving_beside, solving_here
 
 import cfem
 from cfem.export.compiled import build
+from cfem.robot.mesh import ask_gmsh
 
 sys.dont_write_bytecode = False
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
@@ -52,11 +54,19 @@ def pytest_collection_modifyitems(items):
 
 @pytest.fixture(scope="session", autouse=True)
 def here(tmp_path_factory):
-    """Sampling starts no processes where a test does not ask for `processes`; kernels and C are compiled once; exports
-    leave out the bytes of the code, for which it is compiled twice more, where a test does not ask for `counted`."""
+    """Sampling starts no processes where a test does not ask for `processes`; kernels and C are compiled once, and gmsh
+    meshes once what no test asks for `anew`; exports leave out the bytes of the code, for which it is compiled twice
+    more, where a test does not ask for `counted`."""
     base = tmp_path_factory.getbasetemp()
     shared = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
-    with solving_here(), compiled_once(shared), patch.object(build, "sizes", lambda folder: UNCOUNTED):
+    uncounted = patch.object(build, "sizes", lambda folder: UNCOUNTED)
+    with solving_here(), compiled_once(shared), meshed_once(shared), uncounted:
+        yield
+
+
+@pytest.fixture
+def anew():
+    with patch.object(ask_gmsh, "_run", GMSH):
         yield
 
 
