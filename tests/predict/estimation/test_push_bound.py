@@ -35,10 +35,10 @@ def test_still_frames_add_their_information(estimator):
 
 
 def test_the_filter_is_as_near_as_the_bound_says(estimator):
-    """60 robots, 10 frames each, all drawn as assumed: its error is the bound's, to the scatter of 60."""
+    """120 robots, 10 frames each, all drawn as assumed: its error is the bound's, to the scatter of 120."""
     seen, off = Seen(0.005, 0.3, 50.0, sensed=True, forces=True), []
     keeps = np.exp(-1 / seen.ticks)
-    for seed in range(60):
+    for seed in range(120):
         rng = np.random.default_rng(seed)
         x = np.r_[AT + seen.offset * rng.normal(size=1), LARGEST * rng.normal(size=3)]
         filtered = Filter(estimator, seen.slip, seen.ticks, seen.offset)
