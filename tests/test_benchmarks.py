@@ -69,7 +69,7 @@ LONG = {
 }
 
 
-ALWAYS = ("tour.py", "convergence.py", "many_inputs.py bar")  # the others run in the slow suite
+ALWAYS = ("tour.py", "convergence.py")  # the others run in the slow suite
 
 
 @pytest.mark.parametrize(

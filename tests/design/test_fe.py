@@ -141,6 +141,7 @@ def test_a_robust_objective_is_that_of_scattered_robots_to_first_order(folder):
     assert value[1] - value[0] == pytest.approx(sampled - value[0], rel=0.15)  # a quantile of few robots scatters
 
 
+@pytest.mark.slow
 def test_the_slopes_of_a_robust_objective_are_differences_of_its_values(folder):
     mine = problem(folder, ROBUST, "constraints={}")
     assert mine.slope_error(np.array([0.4, 0.6, 0.3])) < 1e-4

@@ -108,7 +108,7 @@ CONTACT = {
 
 
 def test_predictive_control_survives(tmp_path):
-    predictive(tmp_path, "force", FEW // 4)
+    predictive(tmp_path, "force", FEW)
 
 
 @pytest.mark.parametrize("name", fast_are({"forces"}, ["double", "forces"]))

@@ -4,11 +4,7 @@ import pytest
 import yaml
 
 import cfem
-from cfem.equilibrium.contact.patch_compliance import patch_response
 from cfem.mujoco import SoftRobot
-from cfem.predict.contact.patched_model import PatchedModel, patches_of
-from cfem.predict.load import load_model
-from cfem.predict.series.few_states import patch_states
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh
 
@@ -19,11 +15,8 @@ def fe_bar(bar):
 
 
 @pytest.fixture(scope="session")
-def soft_bar(bar, fe_bar):
-    model = load_model(bar / "models" / "bar" / "spectral")
-    patches = patches_of(model, 8.0)
-    by_fe = patch_response(fe_bar, model.skin.watched, patches, patch_states(model.domain, 1))
-    return SoftRobot(PatchedModel(model, patches, by_fe))
+def soft_bar(patched_bar):
+    return SoftRobot(patched_bar)
 
 
 @pytest.fixture(scope="session")

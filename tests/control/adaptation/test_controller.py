@@ -78,6 +78,7 @@ def run(model, aims, adapt, p_of, seed=0, noise=NOISE, delay=1, spoil=lambda rng
     return np.array(errors), controller
 
 
+@pytest.mark.slow
 def test_a_drifting_robot_is_followed_better(model):
     place = [one.name for one in model.parameters].index("young")
     aims, half = goals(model), TICKS // 2

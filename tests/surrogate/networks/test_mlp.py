@@ -128,6 +128,7 @@ def test_other_rows_or_another_spec_do_not_go_on_from_a_checkpoint(tmp_path):
     assert len(list(tmp_path.iterdir())) == 3
 
 
+@pytest.mark.slow
 def test_a_killed_command_goes_on_and_leaves_no_checkpoint(tmp_path, monkeypatch):
     store_dataset(tmp_path / "samples")
     spec = tmp_path / "train.yaml"

@@ -1,9 +1,11 @@
 """Derivatives that samples state are those of the quantities themselves, in both forms and in any coordinates."""
 
 from dataclasses import replace
+from itertools import cycle, product
 
 import numpy as np
 import pytest
+from support.fast_cases import fast_are
 from surrogate.synthetic import dataset
 
 from cfem.predict.series.energy import FORMS
@@ -12,11 +14,14 @@ from cfem.surrogate.series.coordinates import box_coordinates
 from cfem.surrogate.series.observations import Observations, in_box, inputs, observations
 from cfem.surrogate.series.spectral import fit_quantity
 
+QUANTITIES = ["potential", "effector", "effector_compliance"]
 
-@pytest.mark.parametrize("form", FORMS)
-@pytest.mark.parametrize("quantity", ["potential", "effector", "effector_compliance"])
-@pytest.mark.parametrize("parameters", [False, True])
-def test_derivatives_are_those_of_a_series_fitted_to_values_alone(form, quantity, parameters):
+
+@pytest.mark.parametrize(
+    "quantity, form, parameters",
+    fast_are(zip(QUANTITIES, cycle(FORMS), cycle([True, False])), product(QUANTITIES, FORMS, [False, True])),
+)
+def test_derivatives_are_those_of_a_series_fitted_to_values_alone(quantity, form, parameters):
     states = dataset(400, 1, third_order=True, parameters=parameters)
     s, q = inputs(states, form)
     to_box, offset = box_coordinates(s, q, np.array([[2.0, 1.0], [1.0, 3.0]]))
