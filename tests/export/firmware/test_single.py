@@ -6,9 +6,10 @@ import subprocess
 
 import numpy as np
 import pytest
-from export.embedded import needs_compiler, tool
+from export.embedded import export, needs_compiler, network, row, serial, spectral, tool
 from export.moving import both, folder_of, goals, model, spec
 from pydantic import ValidationError
+from support.fast_cases import fast_are
 
 from cfem.export.compiled import build
 from cfem.export.compiled.mpc import CompiledMpc
@@ -21,6 +22,7 @@ from cfem.plant.moving_plant import MovingModelPlant
 
 M4F = ["-std=c99", "-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16"]
 SOFTENED, HELD = 2, 16
+ROBOTS = {"spectral": spectral, "serial": serial, "network": network, "row": row}
 DOUBLE = """#include "a 1.0 double.h" /* a double, 1.0 */
 #define SMALL 1e-9 // 2.0
 static double root(double x) { return x < .5 ? sqrt(x) * 2. : fmax(1.5e+3, -HUGE_VAL) + 10 + 0x1e3 + 3u; }
@@ -57,8 +59,10 @@ def test_nothing_on_a_board_is_computed_in_double(tmp_path, kind):
 
 
 @needs_compiler
-def test_the_controller_passes_its_test(tmp_path):
-    folder = folder_of(tmp_path, single())
+@pytest.mark.parametrize("robot", fast_are({"spectral"}, ROBOTS))
+def test_the_controller_passes_its_test(tmp_path, robot):
+    folder, options = tmp_path, {"unilateral": robot == "spectral", "damping": 1e-7}
+    export(folder, ROBOTS[robot](), vectors=20, arithmetic="float", controller=options)
     for command in (["make", "-s", "-C", str(folder), "selftest", "CFLAGS=-O1"], [str(folder / "selftest")]):
         done = subprocess.run(command, capture_output=True, text=True)
         assert done.returncode == 0, done.stdout + done.stderr
