@@ -6,9 +6,10 @@ import subprocess
 
 import numpy as np
 import pytest
-from export.embedded import needs_compiler, tool
+from export.embedded import export, needs_compiler, network, row, serial, spectral, tool
 from export.moving import both, folder_of, goals, model, spec
 from pydantic import ValidationError
+from support.fast_cases import fast_are
 
 from cfem.export.compiled import build
 from cfem.export.compiled.mpc import CompiledMpc
@@ -20,6 +21,8 @@ from cfem.plant.imperfect_plant import Imperfection, ImperfectPlant
 from cfem.plant.moving_plant import MovingModelPlant
 
 M4F = ["-std=c99", "-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16"]
+SOFTENED, HELD = 2, 16
+ROBOTS = {"spectral": spectral, "serial": serial, "network": network, "row": row}
 DOUBLE = """#include "a 1.0 double.h" /* a double, 1.0 */
 #define SMALL 1e-9 // 2.0
 static double root(double x) { return x < .5 ? sqrt(x) * 2. : fmax(1.5e+3, -HUGE_VAL) + 10 + 0x1e3 + 3u; }
@@ -56,8 +59,10 @@ def test_nothing_on_a_board_is_computed_in_double(tmp_path, kind):
 
 
 @needs_compiler
-def test_the_controller_passes_its_test(tmp_path):
-    folder = folder_of(tmp_path, single())
+@pytest.mark.parametrize("robot", fast_are({"spectral"}, ROBOTS))
+def test_the_controller_passes_its_test(tmp_path, robot):
+    folder, options = tmp_path, {"unilateral": robot == "spectral", "damping": 1e-7}
+    export(folder, ROBOTS[robot](), vectors=20, arithmetic="float", controller=options)
     for command in (["make", "-s", "-C", str(folder), "selftest", "CFLAGS=-O1"], [str(folder / "selftest")]):
         done = subprocess.run(command, capture_output=True, text=True)
         assert done.returncode == 0, done.stdout + done.stderr
@@ -73,7 +78,7 @@ def missed(compiled: CompiledMpc, chosen: CSpec, u: np.ndarray, ticks: int = 60)
     measured, errors, commands = None, [], []
     for k in range(ticks):
         said = compiled.step(there[k : k + 8], *(() if measured is None else (measured.x_e, measured.t)))
-        assert not said.status & 16
+        assert not said.status & HELD
         measured = plant.step(said.u, chosen.controller.command)
         errors.append(np.linalg.norm(plant.actual.x_e - there[k]))
         commands.append(said.u)
@@ -98,6 +103,21 @@ def test_a_figure_eight_is_tracked_as_in_double(tmp_path, kind, options):
     error, u = missed(compiled, chosen, python.belief.u)
     assert error < 1.01 * wanted
     np.testing.assert_allclose(u, exact, atol=2e-3 * np.abs(exact).max())
+
+
+@needs_compiler
+def test_planes_that_cannot_be_kept_are_missed_and_never_held(tmp_path):
+    """Multipliers of what is missed are large beside the objective's slopes, and a program may need another price."""
+    obstacles = [{"point": {"mm": [0, 50, 0]}, "normal": [0, -1, 0]}]
+    chosen = single(mpc={"obstacles": obstacles}, force_rate="0.1 N")
+    compiled, python = both(tmp_path, chosen)
+    there, before, status = goals(20), python.belief.u, []
+    for k in range(12):
+        said = compiled.step(there[k : k + 8])
+        assert not said.status & HELD and np.abs(said.u - before).max() < 0.1001
+        before = said.u
+        status.append(said.status)
+    assert python.tick(there[0], None, there[:8]).softened and status[0] & SOFTENED
 
 
 @needs_compiler
