@@ -27,7 +27,7 @@ from cfem.equilibrium.system.problem import Problem
 from cfem.equilibrium.system.robot import Robot
 from cfem.equilibrium.system.solution import Equilibrium
 from cfem.robot.build import build_robot
-from cfem.robot.mesh.grading import scene_mesh
+from cfem.robot.mesh.scene_mesh import scene_mesh
 from cfem.robot.spec import SceneSpec
 from cfem.sample import tour
 from cfem.sample.plan import actuation, borne_together, unit_rows

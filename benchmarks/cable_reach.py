@@ -16,7 +16,7 @@ from cfem.equilibrium.solve import solve
 from cfem.equilibrium.system.actuation import displacement
 from cfem.equilibrium.system.problem import Problem
 from cfem.robot.build import build_robot
-from cfem.robot.mesh.grading import scene_mesh
+from cfem.robot.mesh.scene_mesh import scene_mesh
 from cfem.robot.spec import SceneSpec
 
 SCENE = Path(__file__).resolve().parents[1] / "pipelines/parametric-finger/scene.yaml"
@@ -30,7 +30,7 @@ PLACES = (5.0, *np.arange(10, 20.5, 0.5).tolist())
 
 def reach(overrides: list[str], places: tuple[float, ...]) -> dict:
     scene = load_spec(SCENE, SceneSpec, overrides)
-    mesh, _ = scene_mesh(scene, SCENE.parent)
+    mesh, *_ = scene_mesh(scene, SCENE.parent)
     problem, state, found = Problem(build_robot(scene, mesh)), None, {"cells": len(mesh.cells), "lost": None}
     found |= {"N": {}, "tip_mm": {}}
     for place in places:

@@ -4,10 +4,11 @@ python benchmarks/measured.py coverage [--trials 400] [--quick]
 
     Hundreds of simulated calibrations by markers that are linear in all unknowns: share of coordinates of new cases
     within their 95 % intervals and of markers within their 95 % radius. lacks: what the model lacks, one pattern a
-    case, as a multiple of the noise. models: from how many the one was chosen that predicts left-out cases best; with
-    more than one, a fifth of the trials. grows: share of the noise's variance that goes with the square of the
-    displacement, null for any. given, asked: ranges of the forces. smooth: what the model lacks, a smooth function of
-    the force, as a multiple of the noise; discrepancy: whether it is estimated. Six minutes.
+    case, as a multiple of the noise. models: from how many the one was chosen that predicts left-out cases best;
+    average: whether all of them are averaged instead; with more than one, a fifth of the trials. grows: share of the
+    noise's variance that goes with the square of the displacement, null for any. given, asked: ranges of the forces.
+    smooth: what the model lacks, a smooth function of the force, as a multiple of the noise; discrepancy: whether it
+    is estimated. Thirteen minutes.
 
 python benchmarks/measured.py rods [--sizes 10 8 6 5] [--quick]
 
@@ -20,16 +21,9 @@ python benchmarks/measured.py cylinder [--quick]
     A straight cylinder with a cable off its axis: curvature (1/m) at its middle by least energy of fibres on an arc,
     with stiff sections and with sections that swell as they are compressed; by the rod; by tetrahedra of two sizes,
     whose cable presses into the rubber as well. arm_mm: how far the cable then is from the axis (5 mm at rest);
-    with_that_arm: by fibres on an arc that swell and have this arm. A minute.
-
-python benchmarks/measured.py motion [--young 277.4] [--quick]
-
-    The beam's free oscillation about its own weight: natural frequency (Hz) at the modulus (kPa) that static cases
-    gave, and its damping with the one viscosity that meets the damping of cycles 5 to 9, beside what was measured.
-    loaded: with 102 g as a heavy slice of 3 mm at the free end, as the weight moves with the tip. A second."""
+    with_that_arm: by fibres on an arc that swell and have this arm. A minute."""
 
 import argparse
-import csv
 import json
 import sys
 import tempfile
@@ -43,15 +37,12 @@ from cfem.core.spec import load_spec
 from cfem.equilibrium.solve import Wanted, solve
 from cfem.equilibrium.system.actuation import force
 from cfem.equilibrium.system.problem import Problem
-from cfem.fe_motion.modes import natural_modes
-from cfem.fe_motion.problem import MovingProblem
 from cfem.robot.build import build_robot
 from cfem.robot.mesh.meshing import make_mesh
 from cfem.robot.spec import SceneSpec
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
-BEAM = Path("pipelines/measured-beam")
 SCENE = Path("pipelines/measured-tentacle/scene.yaml")
 RADIUS, OFF, YOUNG = 10.0, 5.0, 0.4  # mm, mm, MPa, of the cylinder
 TENSIONS, SIZES = (3.077, 6.154), (10.0, 8.0, 6.0, 5.0)
@@ -68,7 +59,9 @@ def coverages(trials: int) -> list[dict]:
     asked += [(8, Sort(smooth=smooth, discrepancy=True)) for smooth in (0.0, 3.0)]
     asked += [(12, Sort(smooth=10.0, discrepancy=estimated)) for estimated in (False, True)]
     asked += [(4, Sort(grows=grows, given=small, asked=large)) for grows in (0.0, 1.0, None)]
-    for m, sort in [*asked, (5, Sort(1.0, 5.0, 12)), (5, Sort(3.0, 5.0, 12))]:
+    chosen = [(m, lacks) for m in (5, 8) for lacks in (1.0, 3.0)]
+    asked += [(m, Sort(lacks, 5.0, 12, average=average)) for average in (False, True) for m, lacks in chosen]
+    for m, sort in asked:
         count = trials if sort.models == 1 else max(trials // 5, 1)
         coordinates, markers = coverage(count, m, sort)
         row = {"cases": m, **vars(sort), "trials": count}
@@ -163,50 +156,6 @@ def _curvature(problem: Problem, tension: float) -> tuple[float, float]:
     return float(1e3 * abs(turn[1] - turn[0]) / 80), arm
 
 
-def motion(young: float, size: float) -> dict:
-    with open(BEAM / "frequencies.csv", newline="", encoding="utf-8") as file:
-        measured = [(float(row["natural_frequency_Hz"]), float(row["damping_ratio"])) for row in csv.DictReader(file)]
-    slow = _oscillation(young, size, [])
-    relaxation = measured[-1][1] / (np.pi * measured[-1][0])
-    viscous = [f"{key}.viscosity={{relaxation: {relaxation} s}}" for key in ("material", "materials.0.material")]
-    damped = _oscillation(young, size, viscous)
-    heavy = 1070 + 0.102 / (3e-3 * 30e-3 * 30e-3)
-    slice_ = "{kind: box, corners: {mm: [[97, -15, -15], [100, 15, 15]]}}"
-    end = f"{{region: {slice_}, material: {{young: {young} kPa, poisson: 0.499, density: {heavy:.0f} kg/m^3}}}}"
-    clamp = "{region: {kind: box, corners: {mm: [[0, -15, -15], [4, 15, 15]]}}, material: "
-    clamp += f"{{young: {young} kPa, poisson: 0.499, density: 1070 kg/m^3}}}}"
-    loaded = _oscillation(young, size, [f"materials=[{clamp}, {end}]"])
-    return {
-        "frequency_Hz": slow[0],
-        "measured_Hz": [each[0] for each in measured],
-        "stiffer_in_motion": (measured[-1][0] / slow[0]) ** 2,
-        "relaxation_ms": 1e3 * relaxation,
-        "damping": damped[1],
-        "measured_damping": [each[1] for each in measured],
-        "loaded_Hz": loaded[0],
-    }
-
-
-def _oscillation(young: float, size: float, overrides: list[str]) -> tuple[float, float]:
-    """Frequency (Hz) and damping of the lowest mode in the vertical plane."""
-    base = [
-        f"material.young={young} kPa",
-        f"materials.0.material.young={young} kPa",
-        f"mesh={{size: {size} mm, mirror: y}}",
-    ]
-    scene = load_spec(BEAM / "scene.yaml", SceneSpec, base + overrides)
-    with tempfile.TemporaryDirectory() as folder:
-        mesh, _ = make_mesh(scene, Path(folder))
-    problem = MovingProblem(build_robot(scene, mesh))
-    free = force(np.zeros(1))
-    found = solve(problem, free, wanted=Wanted(condense=False))
-    if not found.converged:
-        raise SystemExit(f"no equilibrium under its weight: {found.status.value}")
-    modes = natural_modes(problem, found.state, 2, held=free)
-    upright = int(np.argmax(np.abs(modes.shapes[:, 2]).sum(axis=0)))
-    return float(modes.frequency[upright]), float(modes.damping[upright])
-
-
 def _problem(overrides: list[str]) -> tuple[Problem, float]:
     """And the volume of the cells by that of the body."""
     scene = load_spec(SCENE, SceneSpec, overrides)
@@ -258,8 +207,7 @@ def _markers(problem: Problem, tension: float) -> tuple[np.ndarray, np.ndarray]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=["coverage", "rods", "cylinder", "motion"])
-    parser.add_argument("--young", type=float, default=277.4)
+    parser.add_argument("what", choices=["coverage", "rods", "cylinder"])
     parser.add_argument("--trials", type=int, default=400)
     parser.add_argument("--sizes", type=float, nargs="+", default=SIZES)
     parser.add_argument("--quick", action="store_true")
@@ -268,8 +216,6 @@ def main() -> None:
         rows = coverages(4 if given.quick else given.trials)
     elif given.what == "cylinder":
         rows = cylinder((1.0,), (12.0,)) if given.quick else cylinder((4.0, 8.0), (6.0, 4.0))
-    elif given.what == "motion":
-        rows = motion(given.young, 15.0 if given.quick else 7.5)
     else:
         rows = rods((0.5,), (14.0,)) if given.quick else rods(TENSIONS, tuple(given.sizes))
     print(json.dumps(rows, indent=2))

@@ -28,7 +28,7 @@ from cfem.robot.build import build_robot
 from cfem.robot.mesh.error import chosen, mesh_error
 from cfem.robot.mesh.error_spec import MeshErrorSpec
 from cfem.robot.mesh.finer import carried_over, dimensions
-from cfem.robot.mesh.grading import scene_mesh
+from cfem.robot.mesh.scene_mesh import scene_mesh
 from cfem.robot.spec import SceneSpec
 from cfem.sample.plan import actuation, borne_together, unit_rows
 from cfem.sample.spec import SplitSpec
@@ -87,7 +87,7 @@ def anew(scene: SceneSpec, folder: Path, cells: float) -> Mesh:
     size, graded = scene.mesh.size, scene.mesh.cells
     for _ in range(TRIES):
         meshing = scene.mesh.model_copy(update={"size": size, "cells": graded})
-        mesh, _ = scene_mesh(scene.model_copy(update={"mesh": meshing}), folder)
+        mesh, *_ = scene_mesh(scene.model_copy(update={"mesh": meshing}), folder)
         if len(mesh.cells) >= NEARLY * cells:
             return mesh
         ratio = cells / len(mesh.cells)

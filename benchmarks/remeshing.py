@@ -25,7 +25,7 @@ from cfem.parametric.family import FiniteElementFamily
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh
 from cfem.robot.mesh.finer import finer_mesh
-from cfem.robot.mesh.grading import scene_mesh
+from cfem.robot.mesh.scene_mesh import scene_mesh
 from cfem.sample.family import RobotFamily
 from cfem.sample.parameters import scene_parameters, with_values
 from cfem.sample.spec import SampleSpec
@@ -65,7 +65,7 @@ def main() -> None:
     for share in asked.shares:
         p = reference + share * (corner - reference)
         here = with_values(scene, keys, p)
-        own, _ = scene_mesh(here, folder)
+        own, *_ = scene_mesh(here, folder)
         mine = build_robot(here, own)
         finer = build_robot(here, finer_mesh(here, own, folder))
         answers = answer(mine, pull), answer(finer, pull)

@@ -19,7 +19,7 @@ from cfem.equilibrium.system.actuation import displacement
 from cfem.equilibrium.system.problem import Problem
 from cfem.equilibrium.system.robot import Robot
 from cfem.robot.build import build_robot
-from cfem.robot.mesh.grading import scene_mesh
+from cfem.robot.mesh.scene_mesh import scene_mesh
 from cfem.robot.spec import SceneSpec
 
 SCENE = Path(__file__).parents[1] / "pipelines" / "pneunet" / "scene.yaml"
@@ -55,7 +55,7 @@ def main() -> None:
     parser.add_argument("--volumes", type=float, nargs="+", default=VOLUMES)
     arguments = parser.parse_args()
     scene = load_spec(arguments.scene, SceneSpec)
-    mesh, _ = scene_mesh(scene, arguments.scene.parent)
+    mesh, *_ = scene_mesh(scene, arguments.scene.parent)
     rows = {}
     for onset in (REFERENCE, None, *ONSETS):
         asked = scene.self_contact and onset and scene.self_contact.model_copy(update={"onset": onset})

@@ -22,7 +22,7 @@ from cfem.equilibrium.system import problem
 from cfem.equilibrium.system.actuation import force
 from cfem.mechanics import factorization
 from cfem.robot.build import build_robot
-from cfem.robot.mesh.grading import scene_mesh
+from cfem.robot.mesh.scene_mesh import scene_mesh
 from cfem.robot.spec import SceneSpec
 from cfem.sample import tour
 from cfem.sample.plan import actuation, unit_rows

@@ -25,7 +25,7 @@ signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's job in the
 
 BAR = Path(__file__).parents[1] / "pipelines" / "bar"
 SIZES, UNCOUNTED = build.sizes, {"here": None, "cortex-m7": None}
-TOGETHER = ("tests/gym/",)  # folders whose tests share kernels that take half a minute to compile
+TOGETHER = ("tests/gym/", "tests/faults/")  # folders whose tests share kernels, or a process, that take long to make
 LONG = (*TOGETHER, "tests/export/", "tests/design/", "tests/control/", "tests/robot/mesh/", "tests/init/")  # go first
 
 

@@ -62,6 +62,10 @@ def test_asking_a_model_loads_neither_torch_nor_gmsh_nor_finite_elements():
     assert not loaded & {"torch", "gmsh", "cfem.mechanics.solid"}
 
 
+def test_a_device_that_is_a_model_starts_without_finite_elements():
+    assert not loaded_by("import cfem.plant.device.fake") & {"numba", "scipy", "cfem.mechanics.body"}
+
+
 @pytest.mark.parametrize(
     "module", ["cfem.sample.shard", "cfem.equilibrium.motion.inner_motions", "cfem.control.adaptation.tracker"]
 )

@@ -20,7 +20,15 @@ from cfem.export.stage import run
 MODELS = {"spectral": "{kind: spectral, max_degree: 9}", "mlp": "{kind: mlp, width: 8, depth: 2, epochs: 2}"}
 
 
-@pytest.fixture(scope="module", params=[("spectral", 2), ("spectral", 1), ("spectral", 3), ("mlp", 2)], ids=str)
+FEW = [("spectral", 2), ("mlp", 2)]
+MODELS = [("spectral", 2), ("spectral", 1), ("spectral", 3), ("mlp", 2)]
+
+
+@pytest.fixture(
+    scope="module",
+    params=[pytest.param(model, marks=() if model in FEW else pytest.mark.slow) for model in MODELS],
+    ids=str,
+)
 def exported(request, tmp_path_factory):
     kind, n_a = request.param
     folder = tmp_path_factory.mktemp("export")

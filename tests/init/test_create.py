@@ -403,6 +403,7 @@ class TestAtATerminal:
         assert robot.reach[:, 1].tolist() == [5, 5] and (robot.reach[:, 0] < 0).all()
         np.testing.assert_allclose(robot.rest_e, [0, 5, 5])
 
+    @pytest.mark.slow
     def test_what_an_option_says_is_not_asked(self, tmp_path, mesh_file):
         words = ["--unit", "mm", "--fixed", "left", "--young", "1 MPa", "--poisson", "0.3", "--cables", "1"]
         words += ["--remesh", "no", "--through-air", "auto", "--also", "none"]

@@ -7,8 +7,8 @@ import cfem
 from cfem.equilibrium.contact.patch_compliance import patch_response
 from cfem.mujoco import SoftRobot
 from cfem.predict.contact.patched_model import PatchedModel, patches_of
-from cfem.predict.contact.surface_model import patch_states
 from cfem.predict.load import load_model
+from cfem.predict.series.few_states import patch_states
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh
 

@@ -108,3 +108,12 @@ def test_as_many_processes_solve_samples_as_asked(tmp_path, monkeypatch):
     monkeypatch.setattr("cfem.pipeline.run._figures", lambda steps: {})
     run([tmp_path / "pipelines" / "bar"], [], Options(quiet=True), only="sample", workers=3)
     assert asked == [3]
+
+
+def test_a_missing_scene_names_the_calibration_that_makes_it(tmp_path):
+    folder = tmp_path / "pipelines" / "measured-tentacle"
+    shutil.copytree(PIPELINES / "measured-tentacle", folder)
+    with pytest.raises(
+        InputError, match=r"no such file \(run cfem calibrate-cases .*measured-tentacle/cases.yaml first\)"
+    ):
+        plan([folder / "control-calibrated.yaml"], {})

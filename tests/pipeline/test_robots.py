@@ -15,6 +15,7 @@ SHOWN = [
     "bar",
     "bellows",
     "diamond",
+    "fin-ray",
     "mckibben",
     "parametric-finger",
     "pneunet",

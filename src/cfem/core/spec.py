@@ -128,7 +128,7 @@ def load_spec(path: Path, model: type[S], overrides: Iterable[str] = ()) -> S:
     Raises SpecError naming file, line, key, what was expected and the nearest known key."""
     data, lines = read_yaml(path)
     for override in overrides:
-        _set(data, lines, override)
+        set_key(data, lines, override)
     origin = Origin(str(path), lines)
     try:
         spec = TypeAdapter(model).validate_python(data)
@@ -143,7 +143,7 @@ def load_spec(path: Path, model: type[S], overrides: Iterable[str] = ()) -> S:
         raise SpecError("; ".join(sentences[:3]) + more) from None
 
 
-def _set(data: dict, lines: dict, override: str) -> None:
+def set_key(data: dict, lines: dict, override: str) -> None:
     """Sets a key of the document, 'key.sub=value'. SpecError where there is none."""
     key, sign, text = override.partition("=")
     if not sign or not key:

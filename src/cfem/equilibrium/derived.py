@@ -8,6 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from cfem.condensed import Condensed
+from cfem.condensed.discrepancy import corrected
 from cfem.constraint.protocol import Watched
 from cfem.equilibrium.condensation import condense, response
 from cfem.equilibrium.derivatives.fourth_order import load_curvatures
@@ -18,6 +19,7 @@ from cfem.equilibrium.newton import NewtonResult
 from cfem.equilibrium.system.actuation import Actuation
 from cfem.equilibrium.system.evaluation import SolveCost
 from cfem.equilibrium.system.problem import Problem
+from cfem.equilibrium.system.robot import demand_without_discrepancy
 from cfem.equilibrium.system.solution import Linearisation
 
 
@@ -77,7 +79,18 @@ def derive(
     if wanted.pushed is not None:
         moved = condensation.factor.solve(problem.gradients((wanted.pushed,), evaluation.x))
         pushed = problem.kinematics.spread(evaluation.x, moved)
-    derived = Derived(condensation.condensed, response(problem, evaluation, condensation.Z, active), pushed)
+    seen, lacks = condensation.condensed, problem.robot.discrepancy
+    if lacks is not None:
+        asked = {
+            "contact points": len(problem.robot.contacts) > 0,
+            "slopes by parameters": len(wanted.sides) > 0,
+            "mass": wanted.mass is not None,
+            "loads": wanted.loads > 0,
+        }
+        for what in (name for name, is_asked in asked.items() if is_asked):
+            demand_without_discrepancy(problem.robot, what)
+        seen, _ = corrected(condensation.condensed, lacks, None)
+    derived = Derived(seen, response(problem, evaluation, condensation.Z, active), pushed)
     # stable with those rows held if A has no more negative eigenvalues than C W C^T (Haynsworth's inertia)
     held = actuation.C @ W[active, active] @ actuation.C.T
     if condensation.factor.negative > (np.linalg.eigvalsh(held) < 0).sum():
@@ -89,6 +102,8 @@ def derive(
     if wanted.third_order:
         dW, dV = compliance_derivatives(problem, evaluation, lam, condensation.Z, Y, wanted.mass)
         moves = moves and replace(moves, dV=dV)
+        if lacks is not None:
+            _, dW = corrected(condensation.condensed, lacks, dW)
     if wanted.loads:
         dC = load_derivatives(problem, evaluation, lam, condensation.Z, W)
     slopes = parameter_slopes(problem, evaluation, W, condensation.Z, by_q, moved_by_sides) if by_q else None

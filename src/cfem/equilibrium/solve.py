@@ -194,6 +194,8 @@ def _answer(
         status, derived = Status.INACCURATE, Derived()
     n_a = robot.rows.n_a
     largest, watched = np.abs(result.lam).max(initial=0.0), watched_displacements(robot, x)
+    if robot.discrepancy is not None:
+        watched[robot.discrepancy.numbers(robot.rows.effectors)] += robot.discrepancy.value(result.lam[:n_a])
     nothing = max(1e-9, result.rounding) * max(largest, problem.force_floor)  # near rest, forces are rounding
     slack = robot.unilateral & (np.abs(result.lam[:n_a]) <= nothing)
     return Equilibrium(

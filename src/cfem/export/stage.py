@@ -221,6 +221,10 @@ def _write_c(
             what = "predictive control needs a model that has learned to move, and no loads"
             raise InputError(what, where="c.mpc", do="sample with dynamics: true and train again, or leave `mpc` out")
         write_c_mpc(place, spec.c, meta, arrays, moving, embedded.pressures)
+    if spec.c.arithmetic == "float":
+        from cfem.export.firmware.single import write_single
+
+        write_single(place)
     if spec.c.obstacles:
         from cfem.export.firmware.touching import write_touch
 

@@ -13,7 +13,7 @@ import numpy as np
 from cfem.equilibrium.newton import NewtonResult, NewtonSettings, newton
 from cfem.equilibrium.system.actuation import Actuation, pulling_only
 from cfem.equilibrium.system.evaluation import SolveCost, Tangent
-from cfem.equilibrium.system.robot import effector_displacements
+from cfem.equilibrium.system.robot import demand_without_discrepancy, effector_displacements
 from cfem.equilibrium.system.solution import State, Status
 from cfem.fe_motion import energy as energies
 from cfem.fe_motion.energy import Energy
@@ -106,6 +106,7 @@ def simulate(
     """Simulates the motion from `start` to the time `until`, s. command: time -> what is prescribed to the active rows;
     kinks: times at which it is not smooth. watch: is called with every motion reached; kept: of the run that ended at
     `start`."""
+    demand_without_discrepancy(problem.robot, "motion")
     run, pace, scheme = MotionRun([], start), pace or StepControl(), scheme or Scheme()
     run.samples.append(_sample(problem, start, energies.at_start(problem, start), None))
     ends = [*sorted(t for t in kinks if start.t < t < until), until]

@@ -15,7 +15,7 @@ import numpy as np
 from cfem.condensed.parameters import Parameter, references, sampled
 from cfem.core.console.progress import doing
 from cfem.core.errors import NumericalError, SpecError
-from cfem.robot.mesh.grading import scene_mesh
+from cfem.robot.mesh.scene_mesh import scene_mesh
 from cfem.robot.shape.morph import Unreachable
 from cfem.sample.family import RobotFamily
 from cfem.sample.parameters import with_values
@@ -83,7 +83,7 @@ class Meshes:
         scene = with_values(self._scene, [parameter.key for parameter in self.parameters], p)
         doing("meshing a design again")
         try:
-            mesh, _ = scene_mesh(scene, self._folder)
+            mesh, *_ = scene_mesh(scene, self._folder)
             return OwnMesh(p.copy(), RobotFamily(scene, mesh, self.parameters), len(mesh.cells))
         except SpecError as error:  # a geometry that is no body, or whose surfaces are others than the scene's
             named = ", ".join(

@@ -77,7 +77,10 @@ def plan(goals: Sequence[Path], overrides: Mapping[Path, Sequence[str]], follow:
         if kind is None:
             what = f"its name begins with none of {', '.join(KINDS)}"
             raise SpecError(what, where=str(spec), do="rename it, or give it to its own command")
-        stage = describe(kind, spec, tuple(overrides.get(spec, ())))
+        try:
+            stage = describe(kind, spec, tuple(overrides.get(spec, ())))
+        except InputError as error:
+            raise _naming_maker(error, spec.parent, outs) from None
         needs = tuple(_makers(stage, spec, outs)) if follow else ()
         for maker in needs:
             visit(maker, (*above, real))
@@ -98,6 +101,18 @@ def _makers(stage: Stage, spec: Path, outs: dict[Path, dict[str, Path]]) -> Iter
         elif not path.exists():
             what = f"{spec} needs it, and no spec there or in the folders beside it makes it"
             raise InputError(what, where=os.path.normpath(path), do="look at the path, or at that spec's first lines")
+
+
+def _naming_maker(error: InputError, folder: Path, outs: dict[Path, dict[str, Path]]) -> InputError:
+    """The error, which says what makes a missing file where that lies in the result of another spec."""
+    above = [os.path.realpath(path) for path in Path(error.where or "").parents]
+    known = (
+        {} if Path(error.where or ".").exists() else {place: _outs(place, outs) for place in (folder, *_beside(folder))}
+    )
+    maker = next((by_out[path] for by_out in known.values() for path in above if path in by_out), None)
+    if maker is None:
+        return error
+    return InputError(error.what, where=error.where, do=f"run cfem {KINDS[kind_of(maker)][2]} {maker} first")
 
 
 def _beside(folder: Path) -> list[Path]:

@@ -1,19 +1,34 @@
 """The error of a model at a state, from what it states of all states of its domain."""
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from typing import Any, Protocol
 
 import numpy as np
 
 from cfem.condensed import Condensed
-from cfem.condensed.model_error import StateError
-
-if TYPE_CHECKING:
-    from cfem.predict.protocol import Predictor
+from cfem.condensed.model import Form
+from cfem.condensed.model_error import ModelError, StateError
+from cfem.predict.series.domain import Domain
 
 LOADS = 2.2  # times the estimate of the error by loads, which is the middle of what comes true; of patches it is more
 
 
-def state_error(model: "Predictor", state: Condensed, p: np.ndarray | None = None) -> StateError | None:
+class StatesError(Protocol):
+    """What is asked of a model that states its error; `Predictor` says what each of these is."""
+
+    form: Form
+    meta: Mapping[str, Any]
+    domain: Domain
+    model_error: ModelError | None
+
+    def inside(self, condensed: Condensed, p: Any = None) -> Any: ...
+    def where(self, condensed: Condensed, p: Any = None) -> tuple[np.ndarray, np.ndarray, np.ndarray]: ...
+    def christoffel(self, x: np.ndarray) -> np.ndarray: ...
+    def load_error(self, delta_a: np.ndarray) -> np.ndarray | None: ...
+    def softness(self, p: Any = None) -> Any: ...
+
+
+def state_error(model: StatesError, state: Condensed, p: np.ndarray | None = None) -> StateError | None:
     """Bounds of the error at states found with the model; None where it states none.
 
     Under loads that the samples did not carry, what the model estimates of their error comes on top of the tip's,
@@ -33,14 +48,14 @@ def state_error(model: "Predictor", state: Condensed, p: np.ndarray | None = Non
     return StateError(None, tip, np.nan * actuators, np.nan * entries)
 
 
-def extrapolation(model: "Predictor", state: Condensed, p: np.ndarray | None = None) -> np.ndarray:
+def extrapolation(model: StatesError, state: Condensed, p: np.ndarray | None = None) -> np.ndarray:
     """(...,) how far the model extrapolates at states found with it (`Christoffel`)."""
     delta_a, lambda_a, q = model.where(state, p)
     s = delta_a if model.form == "displacement" else lambda_a
     return model.christoffel(np.concatenate([s, np.broadcast_to(q, (*s.shape[:-1], q.shape[-1]))], axis=-1))
 
 
-def reaction_sizes(model: "Predictor", command: str, p: np.ndarray | None = None) -> np.ndarray:
+def reaction_sizes(model: StatesError, command: str, p: np.ndarray | None = None) -> np.ndarray:
     """(..., n_a) the largest of what is not commanded in the domain, in its unit."""
     if command == "force":
         return np.abs(model.domain.delta_a).max(axis=0)

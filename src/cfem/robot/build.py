@@ -33,6 +33,7 @@ from cfem.robot import constraints, spec
 from cfem.robot.catalogue import stiff_flop, taper
 from cfem.robot.catalogue.sections import sections_of
 from cfem.robot.checks.possible import demand_possible
+from cfem.robot.discrepancy import discrepancy_in
 from cfem.robot.layers import layered
 from cfem.robot.materials import MaterialSpec
 from cfem.robot.places import cable_points, effector_points, pull_point
@@ -92,6 +93,7 @@ def _robot(scene: spec.SceneSpec, mesh: Mesh) -> Robot:
         density=_density(scene, mesh, regions),
         viscosity=_viscosity(scene),
     )
+    robot = replace(robot, discrepancy=discrepancy_in(scene.discrepancy, robot.rows, robot.actuator_units))
     demand_possible(scene, robot)
     return robot
 

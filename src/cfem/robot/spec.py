@@ -11,6 +11,7 @@ from cfem.core.units import AccelerationVector, Length, Percent
 from cfem.mechanics.element import SECTIONED
 from cfem.robot.catalogue import routes
 from cfem.robot.constraints import Actuator, Chambers, Contact, Effector, Load
+from cfem.robot.discrepancy import DiscrepancySpec
 from cfem.robot.geometry import Assembly, Geometry, MeshFile, Refinement, StiffFlop, Taper
 from cfem.robot.layers import LayerSpec
 from cfem.robot.materials import MaterialRegion, MaterialSpec
@@ -88,6 +89,8 @@ class SceneSpec(Spec):
     """Points that something may touch."""
     effectors: list[Effector] = Field(min_length=1)
     """What is watched and controlled."""
+    discrepancy: DiscrepancySpec | None = None
+    """What finite elements lack at the effectors. `cfem calibrate-cases` writes it. None unless given."""
 
     @property
     def all_materials(self) -> dict[str, MaterialSpec]:
@@ -121,9 +124,8 @@ class SceneSpec(Spec):
         needs_tip = [f"actuators.{i}.route" for i, item in enumerate(self.actuators) if getattr(item, "route", None)]
         needs_tip += [f"effectors.{i}.at" for i, item in enumerate(self.effectors) if item.at == "tip"]
         if needs_tip and not routes.has_tip(self.geometry):
-            raise ValueError(
-                f"{needs_tip[0]}: needs a geometry of kind soft-finger, bar, diamond, trunk, pneunet, bellows or tube"
-            )
+            *kinds, last = routes.BODIES
+            raise ValueError(f"{needs_tip[0]}: needs a geometry of kind {', '.join(kinds)} or {last}")
         for index, item in enumerate(self.actuators):
             wrong = routes.fault(self.geometry, item.route) if getattr(item, "route", None) else ""
             if wrong:

@@ -31,16 +31,12 @@ def _work(target: Path, scene: SceneSpec, folder: Path) -> Mapping[str, Any]:
     from cfem.robot.checks.cable_passage import demand_inside
     from cfem.robot.checks.plausible import doubts
     from cfem.robot.checks.soundness import demand_held, demand_independent, demand_unfolded
-    from cfem.robot.mesh.accuracy import accurate_mesh
-    from cfem.robot.mesh.grading import graded_mesh
     from cfem.robot.mesh.mesh_file import write_mesh
     from cfem.robot.mesh.quality import quality
+    from cfem.robot.mesh.scene_mesh import scene_mesh
     from cfem.robot.mesh.surface_file import mends_of
 
-    if scene.mesh.accuracy is None:
-        (mesh, volume), error = graded_mesh(scene, folder), None
-    else:
-        mesh, volume, error = accurate_mesh(scene, folder)
+    mesh, volume, error = scene_mesh(scene, folder)
     figures = quality(mesh, volume)
     demand_unfolded(mesh, scene.name)
     robot = build_robot(scene, mesh)  # an attachment that cannot be made is an error now, not after an hour of sampling

@@ -10,15 +10,17 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from cfem.condensed.discrepancy import BEYOND
 from cfem.condensed.skin import Skin, read_skin
 from cfem.core.artefact.files import write_whole
 from cfem.core.artefact.judgement import FAILED_SHARE, poor
 from cfem.core.artefact.manifest import read_manifest
 from cfem.core.console.shown import duration, length
 from cfem.core.errors import InputError, NumericalError
+from cfem.core.units import parse_quantity
 from cfem.dataset.inspect import cost
 from cfem.dataset.reader import CONVERGED, column_array, read_table
-from cfem.dataset.schema import SKIN, metadata
+from cfem.dataset.schema import SKIN, metadata, rows_of
 from cfem.dataset.writer import content_hash, write_table
 from cfem.sample.overlap import deeper, finding, read_overlap
 from cfem.sample.pool import with_workers
@@ -94,6 +96,7 @@ def results(
         "judgement": [
             *failures(table.filter(pc.not_equal(table["status"], CONVERGED)), len(table)),
             *finding(overlap, metadata(table).get("length", np.inf)),
+            *beyond_calibration(solved),
         ],
         "rows": {split: len(table) for split, table in tables.items()},
         "failed": failed,
@@ -145,6 +148,26 @@ def skin_results(solved: pa.Table, skin: Skin) -> dict[str, Any]:
         if len(skin.inner_nodes)
         else None,
     }
+
+
+def beyond_calibration(solved: pa.Table) -> list[dict[str, Any]]:
+    """Poor where forces are beyond those of the calibration that says what the model lacks."""
+    meta = metadata(solved)
+    lacks = (meta.get("robot") or {}).get("discrepancy")
+    if not lacks:
+        return []
+    rows = rows_of(meta)
+    units = [unit for _, unit in meta["row_units"][rows.a]]
+    largest = [parse_quantity(lacks["largest"][name], unit) for name, unit in zip(rows.actuators, units, strict=True)]
+    beyond = np.abs(column_array(solved, "lambda_a")) > BEYOND * np.array(largest)
+    states = beyond.any(axis=1)
+    if states.sum() <= FAILED_SHARE * len(states):
+        return []
+    limits = ", ".join(
+        f"{name} {lacks['largest'][name]}" for name, far in zip(rows.actuators, beyond.any(axis=0), strict=True) if far
+    )
+    what = f"{states.sum()} of {len(states)} states have forces beyond the calibration's largest ({limits})"
+    return [poor(f"{what}, where nothing tells what the model lacks: make the reach smaller")]
 
 
 def skin_line(skin: dict[str, Any] | None) -> list[str]:

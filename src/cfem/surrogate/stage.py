@@ -166,6 +166,7 @@ def train_and_judge(
     if any."""
     from cfem.surrogate.error_measures import measure, of_loads
     from cfem.surrogate.model_card import model_card
+    from cfem.surrogate.rest import with_rest
     from cfem.surrogate.semidefinite import locked_compliance
     from cfem.surrogate.series.observations import inputs
 
@@ -184,6 +185,7 @@ def train_and_judge(
     except np.linalg.LinAlgError:
         what = f"the model of {len(training)} samples has states without stiffness, where W is singular"
         raise NumericalError(what, do="raise max_degree or max_terms, or sample more rows") from None
+    meta |= with_rest(meta, arrays, training, test)
     if spec.kind == "spectral":
         errors |= of_loads(test, arrays, predictor.box(np.hstack(inputs(test, predictor.form))))
     results = {
@@ -274,7 +276,7 @@ def first_rows(dataset: Any, samples: int | None, folder: Path | None = None) ->
 
 COMMAND = Command(
     "train",
-    10,
+    11,
     TrainSpec,
     lambda folder, spec, base: work(
         folder, spec.model_copy(update={"model": _placed(spec.model, base)}), base / spec.dataset

@@ -7,7 +7,8 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from cfem.identify.cases.discrepancy import Discrepancy, discrepancy_of
+from cfem.identify.cases.average import average_of, averaged
+from cfem.identify.cases.discrepancy import DiscrepancyPrior, discrepancy_of
 from cfem.identify.cases.fit import fit_with_discrepancy
 from cfem.identify.cases.left_out import leave_one_out
 from cfem.identify.cases.outcome import Calibrated
@@ -51,7 +52,7 @@ class LinearRig:
     def n_d(self) -> int:
         return len(self.d_sd)
 
-    def with_discrepancy(self, discrepancy: Discrepancy):
+    def with_discrepancy(self, discrepancy: DiscrepancyPrior):
         other = copy.copy(self)
         other.discrepancy = discrepancy
         return other
@@ -92,6 +93,7 @@ class Sort:
     smooth: the same, of what is a smooth function of the force
     discrepancy: whether the calibration estimates it
     models: above 1 that of so many, each of some of the parameters, which predicts left-out cases best
+    average: whether all of them are averaged instead
     grows:  w of the noise (scatter.py), None for any
     given, asked: ranges of the forces"""
 
@@ -104,6 +106,7 @@ class Sort:
     asked: tuple[float, float] = (0.3, 1.0)
     smooth: float = 0.0
     discrepancy: bool = False
+    average: bool = False
 
 
 class Part:
@@ -116,7 +119,7 @@ class Part:
     def __getattr__(self, name: str):
         return getattr(self._whole, name)
 
-    def with_discrepancy(self, discrepancy: Discrepancy):
+    def with_discrepancy(self, discrepancy: DiscrepancyPrior):
         return Part(self._whole.with_discrepancy(discrepancy), self._columns)
 
     def see(self, cases: Cases, z: np.ndarray, d: np.ndarray, slopes: bool = True) -> MarkerPredictions:
@@ -134,20 +137,24 @@ def trial(rng: np.random.Generator, m: int, sort: Sort, new: int = 6):
     truth = rig.see(cases_of(f, np.zeros((m + new, K, 3))), z, d)
     measured = cases_of(f, truth.y + disturbed(rng, m, f, truth.moved, sort))
     given, asked = measured.only(np.arange(m)), measured.only(np.arange(m, m + new))
-    kept = None
+    fitted = []
     for _ in range(sort.models):
         columns = sorted(rng.choice(N_Z, rng.integers(1, N_Z), replace=False)) if sort.models > 1 else list(range(N_Z))
         known_rig = rig.with_discrepancy(discrepancy_of(given)) if sort.discrepancy else rig
-        part = Part(known_rig, [int(i) for i in columns])
-        part, found = fit_with_discrepancy(part, given, Scatter(sort.noise))
-        left = leave_one_out(part, given, found)
-        if kept is None or left.distance.mean() < kept[2].distance.mean():
-            kept = part, found, left
-    part, found, left = kept
+        part, found = fit_with_discrepancy(Part(known_rig, [int(i) for i in columns]), given, Scatter(sort.noise))
+        fitted.append((part, found, leave_one_out(part, given, found)))
+    if not sort.average:
+        return predicted(*min(fitted, key=lambda model: model[2].distance.mean()), asked)
+    average, _ = average_of([left for *_, left in fitted], [found.count - found.free for _, found, _ in fitted])
+    return averaged([predicted(*model, asked) for model in fitted], average, 0.95)
+
+
+def predicted(part, found, left, asked: Cases):
+    """What one fitted model says of other cases."""
     degrees = left.degrees(found.count - found.free)
-    names = tuple(one.name for one in part.unknowns)
+    names = tuple(unknown.name for unknown in part.unknowns)
     fit = (found.z, found.d, found.covariance, found.scatter)
-    known = Calibrated(names, *fit, left.inflation, degrees, rig.sessions, tuple(part.blocks))
+    known = Calibrated(names, *fit, left.inflation, degrees, part.sessions, tuple(part.blocks))
     return predict(part, asked, known, 0.95)
 
 

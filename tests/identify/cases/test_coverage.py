@@ -14,9 +14,9 @@ _SLOW = pytest.mark.slow
 @pytest.mark.parametrize(
     ("m", "sort"),
     [
-        (4, Sort(lacks=1.0)),
         (5, Sort(lacks=1.0, offset_sd=5.0)),
-        (5, Sort(grows=None)),
+        pytest.param(4, Sort(lacks=1.0), marks=_SLOW),
+        pytest.param(5, Sort(grows=None), marks=_SLOW),
         pytest.param(5, Sort(offset_sd=5.0), marks=_SLOW),
         pytest.param(8, Sort(lacks=1.0, offset_sd=5.0), marks=_SLOW),
         pytest.param(5, Sort(lacks=3.0, offset_sd=5.0), marks=_SLOW),

@@ -20,8 +20,8 @@ from cfem.predict.contact.loaded_robot import LoadedRobot
 from cfem.predict.contact.model import TRUSTED, ContactModel
 from cfem.predict.contact.patched_model import PatchedModel, patches_of
 from cfem.predict.contact.scene import contact_step
-from cfem.predict.contact.surface_model import patch_states
 from cfem.predict.load import load_model
+from cfem.predict.series.few_states import patch_states
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh
 

@@ -8,18 +8,21 @@ from scipy.spatial.transform import Rotation
 
 from cfem.constraint.surface import outer_surface
 from cfem.constraint.surface_points import at_nodes
+from cfem.contact.detection import area_vectors
 from cfem.contact.obstacle import Box, Plane, Sphere
 from cfem.contact.obstacle_set import ObstacleSet
 from cfem.core.errors import InputError
 from cfem.equilibrium.contact.node_compliance import NodeResponse, node_response
 from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
 from cfem.equilibrium.contact.surfaces import SurfaceScene
+from cfem.equilibrium.solve import solve
+from cfem.equilibrium.system.actuation import displacement
 from cfem.predict.contact.bodies import PlacedModel
 from cfem.predict.contact.loaded_robot import LoadedRobot
 from cfem.predict.contact.node_model import NodeModel, _add_local, node_patches
 from cfem.predict.contact.scene import ContactScene, contact_step
-from cfem.predict.contact.surface_model import patch_states
 from cfem.predict.load import load_model
+from cfem.predict.series.few_states import patch_states
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh
 
@@ -35,7 +38,7 @@ def robot(bar):
 def nodes(bar, robot):
     model = load_model(bar / "models" / "bar" / "spectral")
     states = patch_states(model.domain, 1)
-    by_fe = node_response(robot, model.skin.watched, states, np.array([0, len(states) - 1]), 60, 10.0)
+    by_fe = node_response(robot, model.skin.watched, states, np.array([0, len(states) - 1]), 60, 10.0, 10.0)
     return NodeModel(model, node_patches(model), by_fe)
 
 
@@ -147,3 +150,25 @@ def test_a_response_of_other_nodes_is_refused(nodes):
     fewer = NodeResponse(**{**vars(nodes.by_fe), "modes": nodes.by_fe.modes[:-3]})
     with pytest.raises(InputError, match="nodes"):
         NodeModel(nodes.model, nodes.patches, fewer)
+
+
+def test_forces_on_neighbours_dent_the_surface_as_finite_elements_say(nodes, skinned):
+    """The second order of the places under forces, as differences of states with them and against them."""
+    skin, normals = nodes.model.skin, area_vectors(nodes.model.skin.rest, nodes.model.skin.triangles)
+    middle = np.argmin(np.linalg.norm(skin.rest - [50.0, 0.0, 5.0], axis=1))
+    some = np.sort(np.argsort(np.linalg.norm(skin.rest - skin.rest[middle], axis=1))[:3])
+    forces = -0.02 * normals[some] / np.linalg.norm(normals[some], axis=1, keepdims=True) * [[1.0], [0.6], [1.4]]
+    loaded, places, start = LoadedRobot(nodes, DELTA), [], None
+    without = LoadedRobot(replace(nodes, by_fe=replace(nodes.by_fe, dented=0 * nodes.by_fe.dented)), DELTA)
+    for share in (0.0, 1.0, -1.0):
+        nodal = np.zeros_like(skinned.robot.X)
+        nodal[skinned.nodes[some]] = share * forces
+        solved = solve(skinned.problem.under(nodal), displacement(DELTA), start, slack=False)
+        start, each = solved.state, [skinned.surface(solved.state.x)[some]]
+        for learned in (loaded, without):
+            learned.load(some, share * forces)
+            each.append(learned.places()[some])
+        places.append(each)
+    exact, by_dents, by_modes = np.array(places[1]) + np.array(places[2]) - 2 * np.array(places[0])
+    assert np.linalg.norm(by_dents - exact) < 0.1 * np.linalg.norm(exact)
+    assert np.linalg.norm(by_modes - exact) > 0.5 * np.linalg.norm(exact)

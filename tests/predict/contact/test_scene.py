@@ -19,8 +19,8 @@ from cfem.predict.contact.patched_model import PatchedModel, patches_of
 from cfem.predict.contact.rounds import TOLERANCE
 from cfem.predict.contact.scene import contact_step
 from cfem.predict.contact.state import TRUSTED
-from cfem.predict.contact.surface_model import patch_states
 from cfem.predict.load import load_model
+from cfem.predict.series.few_states import patch_states
 
 DELTA = np.array([2.0])
 

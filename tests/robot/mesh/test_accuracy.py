@@ -11,7 +11,7 @@ from cfem.equilibrium.system.problem import Problem
 from cfem.robot.build import build_robot
 from cfem.robot.mesh import accuracy
 from cfem.robot.mesh.accuracy import accurate_mesh, at_reach
-from cfem.robot.mesh.grading import scene_mesh
+from cfem.robot.mesh.scene_mesh import scene_mesh
 from cfem.robot.spec import SceneSpec
 
 BAR = Path(__file__).parents[3] / "pipelines" / "bar"

@@ -12,9 +12,10 @@ from cfem.equilibrium.solve import solve
 from cfem.equilibrium.system import actuation
 from cfem.equilibrium.system.problem import Problem
 from cfem.robot.build import build_robot
-from cfem.robot.mesh.grading import estimate, grade, scene_mesh
+from cfem.robot.mesh.grading import estimate, grade
 from cfem.robot.mesh.mesh_file import read_mesh
 from cfem.robot.mesh.meshing import Grading, make_mesh
+from cfem.robot.mesh.scene_mesh import scene_mesh
 from cfem.robot.stage import run
 
 PULL = "[{kind: cable, name: c, radius: 1 mm, pull_point: {mm: [0, 0, 4]}, points: {mm: [[10, 0, 4], [25, 0, 3]]},"
@@ -23,7 +24,7 @@ PULL += " reach: {mm: [0, 3]}}]"
 
 def W_of(folder, mesh):
     spec = scene(folder, mesh=mesh, actuators=PULL)
-    made, volume = scene_mesh(spec, folder)
+    made, volume, _ = scene_mesh(spec, folder)
     found = solve(Problem(build_robot(spec, made)), actuation.force([0.0]))
     return found.condensed.W, made, volume
 
@@ -42,7 +43,7 @@ def test_a_graded_mesh_errs_less_than_an_even_one_of_as_many_cells(tmp_path):
 
 def test_it_is_the_same_every_time_and_below_the_largest_size(tmp_path):
     spec = scene(tmp_path, mesh="{size: 6 mm, cells: 300, element: tet4}")
-    one, _ = scene_mesh(spec, tmp_path)
+    one, *_ = scene_mesh(spec, tmp_path)
     results = run(tmp_path / "scene.yaml", [], None, Options(quiet=True))["results"]
     np.testing.assert_array_equal(one.X, read_mesh(tmp_path / "mesh" / "mesh.vtu").X)
     assert f"{len(one.cells)} cells; " in results["headline"][0]
@@ -76,7 +77,7 @@ def test_parts_of_an_assembly_are_graded_where_they_stand(tmp_path):
         mesh="{size: 8 mm, cells: 400, element: tet4}",
         fixed="[{kind: box, corners: {mm: [[-9, -9, -9], [1, 60, 9]]}}]",
     )
-    mesh, _ = scene_mesh(spec, tmp_path)
+    mesh, *_ = scene_mesh(spec, tmp_path)
     assert set(mesh.cell_sets) == {"left", "right"}
     # only the left one has a cable, so most of the cells are there
     assert len(mesh.cell_sets["left"]) > len(mesh.cell_sets["right"])

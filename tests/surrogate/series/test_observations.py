@@ -47,6 +47,45 @@ def test_orders_weigh_alike_and_parameters_on_their_own():
         assert len(set(divisors[members])) == 1
 
 
+def test_a_small_force_of_an_unlike_actuator_is_fitted_as_well_as_a_large_one():
+    """Energy of a chamber with a kink in its stiffness, and a hundredth of it that of a cable beside it."""
+    z = np.random.default_rng(0).uniform(-1, 1, (60, 2))
+
+    def observed(z, unlike):
+        x, y = z.T
+        soft, kink = np.log(np.cosh(20 * x)) / 20, np.tanh(20 * x)
+        values = [
+            50 * x**2 + 10 * x * soft + y**2 * (1 + x / 3),
+            100 * x + 10 * (soft + x * kink) + y**2 / 3,
+            2 * y * (1 + x / 3),
+        ]
+        return Observations(((), (0,), (1,)), np.stack(values, axis=1)[..., None], 2, unlike)
+
+    unseen = np.random.default_rng(1).uniform(-1, 1, (200, 2))
+    off = []
+    for unlike in (False, True):
+        series, _, _ = fit_quantity(z, observed(z, unlike), 16, 300, 5)
+        found = design_rows(unseen, series.indices, ((1,),)) @ series.coefficients
+        off.append(np.abs(found - observed(unseen, unlike).values[:, 2:]).max())
+    assert off[1] < off[0] / 3
+
+
+def test_unlike_actuators_weigh_by_their_own_size():
+    known = dataset(50, 1, third_order=True)
+    alike = observations(known, "displacement")["potential"]
+    scaled = replace(known, meta={**known.meta, "units": {"delta_a": ["mm^3", "mm"]}})
+    unlike = {name: part.unlike for name, part in observations(scaled, "displacement").items()}
+    assert not alike.unlike and unlike == {"potential": True, "effector": False, "effector_compliance": False}
+    shrunk = replace(
+        alike, values=alike.values * np.array([1e-3 ** axes.count(1) for axes in alike.derivatives])[:, None]
+    )
+    values, _ = replace(shrunk, unlike=True).scaled()
+    first = [shrunk.derivatives.index(axes) for axes in ((0,), (1,))]
+    assert values[:, first].std(axis=0).ravel() == pytest.approx([1.0, 1.0])
+    again, _ = replace(alike, unlike=True).scaled()
+    assert values[:, first] == pytest.approx(again[:, first])
+
+
 def test_the_dual_potential_is_legendres():
     states = dataset(20, 1)
     psi = observations(states, "displacement")["potential"].values[:, 0, 0]

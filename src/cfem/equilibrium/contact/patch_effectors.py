@@ -14,13 +14,14 @@ from cfem.core.errors import NumericalError
 from cfem.equilibrium.solve import Wanted, solve
 from cfem.equilibrium.system.actuation import displacement
 from cfem.equilibrium.system.problem import Problem
-from cfem.equilibrium.system.robot import Robot
+from cfem.equilibrium.system.robot import Robot, demand_without_discrepancy
 
 
 def with_patches(robot: Robot, patches: Sequence[PatchLoad]) -> Robot:
     """The robot with the places of the patches behind its effectors. SpecError where one is not on the surface."""
     if not patches:
         return robot
+    demand_without_discrepancy(robot, "patches of the surface")
     surface, points = outer_surface(robot.X, robot.body.mesh.facets), []
     for patch in patches:
         shares = patch.shares(surface.rest, surface.triangles, surface.weights)

@@ -9,7 +9,7 @@ import scipy.sparse as sp
 from cfem.condensed.patches import Patches, SurfacePoints
 from cfem.contact.detection import along, area_vectors
 from cfem.equilibrium.system.problem import Problem
-from cfem.equilibrium.system.robot import Robot
+from cfem.equilibrium.system.robot import Robot, demand_without_discrepancy
 
 HELD = 0.9  # share of a patch's nodes that are held: it touches nothing
 
@@ -26,6 +26,9 @@ class SkinnedRobot:
     R: np.ndarray = field(default_factory=lambda: np.eye(3))
     t: np.ndarray = field(default_factory=lambda: np.zeros(3))
     itself: bool = True
+
+    def __post_init__(self):
+        demand_without_discrepancy(self.robot, "contact")
 
     @cached_property
     def problem(self) -> Problem:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cfem.condensed import Rows
+from cfem.condensed.discrepancy import Discrepancy
 from cfem.condensed.viscosity import Viscosity
 from cfem.constraint.centre_of_mass import CentreOfMass
 from cfem.constraint.protocol import Constraint, Watched
@@ -30,7 +31,8 @@ class Robot:
     forces:     (n_a, 2) smallest and largest multiplier of each actuator, None where not all state it
     density:    t/mm^3, one or one a cell of the mesh (m,), None where not all materials state it
     viscosity:  of each material of the body, the main one first; empty where none has any
-    skin:       modes of the surface, in the order of rows.skin, None where nobody asks for the shape"""
+    skin:       modes of the surface, in the order of rows.skin, None where nobody asks for the shape
+    discrepancy: what finite elements lack at the effectors, None where nobody measured it"""
 
     name: str
     body: Body
@@ -48,6 +50,7 @@ class Robot:
     density: np.ndarray | float | None = None
     viscosity: tuple[Viscosity, ...] = ()
     skin: Watched | None = None
+    discrepancy: Discrepancy | None = None
 
     @property
     def X(self) -> np.ndarray:
@@ -114,6 +117,13 @@ def demand_without_friction(robot: Robot) -> None:
         what = f"cable '{rubbing[0]}' has friction, with which the robot has no condensed energy"
         do = "set friction: 0 here; `cfem calibrate-cases` and `cfem predict-cases` follow the friction"
         raise SpecError(what, where=robot.name, do=do)
+
+
+def demand_without_discrepancy(robot: Robot, what: str) -> None:
+    """SpecError where a robot with a discrepancy is asked for something that it says nothing about."""
+    if robot.discrepancy is not None:
+        do = "take `discrepancy` out of the scene, or leave this out"
+        raise SpecError(f"the discrepancy of a calibration says nothing about {what}", where=robot.name, do=do)
 
 
 def effector_displacements(robot: Robot, x: np.ndarray) -> np.ndarray:

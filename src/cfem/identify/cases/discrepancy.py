@@ -1,23 +1,20 @@
-"""What the model lacks, as a smooth function of the forces (Kennedy and O'Hagan, J. R. Stat. Soc. B 63, 2001).
+"""What the model lacks, before any fit (Kennedy and O'Hagan, J. R. Stat. Soc. B 63, 2001).
 
-In the scene's frame, a marker is beside where the model has it by
-
-    delta(f) = sum_b phi_b(x) w_b        x = f / (largest force of the calibration)
-
-with phi_b all x_i and x_i x_j: none without load. Each w_b is normal with mean 0 and the standard deviation
-share * spread of its marker, spread the root mean square of how far the measurements have it from its mean (or from
-rest). Parameters and w are estimated together, and the share from what the fit leaves (fit.py)."""
+In the scene's frame, a marker is beside where the model has it by delta = sum_b phi_b(f / largest) w_b, a polynomial of
+the forces (`cfem.condensed.discrepancy`). Each w_b is normal with mean 0 and the standard deviation share * spread of
+its marker, spread the root mean square of how far the measurements have it from its mean (or from rest). Parameters and
+w are estimated together, and the share from what the fit leaves (fit.py)."""
 
 from dataclasses import dataclass
-from itertools import combinations_with_replacement
 
 import numpy as np
 
+from cfem.condensed.discrepancy import features, terms_of
 from cfem.identify.cases.table import Cases
 
 
 @dataclass(frozen=True)
-class Discrepancy:
+class DiscrepancyPrior:
     """The prior of what the model lacks.
 
     largest: (n_a,) N or MPa, largest force of each actuator in the calibration
@@ -31,12 +28,11 @@ class Discrepancy:
     @property
     def terms(self) -> list[tuple[int, ...]]:
         """Actuators whose forces each feature multiplies."""
-        return [t for degree in (1, 2) for t in combinations_with_replacement(range(len(self.largest)), degree)]
+        return terms_of(len(self.largest))
 
     def features(self, forces: np.ndarray) -> np.ndarray:
         """(m, n_b) of forces (m, n_a). Beyond the calibration they stay what they are at its largest force."""
-        x = np.clip(forces / self.largest, -1.0, 1.0)
-        return np.stack([x[:, list(term)].prod(axis=1) for term in self.terms], axis=1)
+        return features(forces / self.largest)
 
     @property
     def sd(self) -> np.ndarray:
@@ -44,9 +40,9 @@ class Discrepancy:
         return self.share * self.spread
 
 
-def discrepancy_of(cases: Cases) -> Discrepancy:
+def discrepancy_of(cases: Cases) -> DiscrepancyPrior:
     """The prior before any fit, from the range of forces and places of a calibration."""
     target = cases.target if cases.rest is not None else cases.target - np.nanmean(cases.target, axis=0)
     spread = np.sqrt(np.nanmean((target**2).sum(axis=2), axis=0))
     largest = np.abs(cases.forces).max(axis=0)
-    return Discrepancy(np.where(largest > 0, largest, 1.0), spread)
+    return DiscrepancyPrior(np.where(largest > 0, largest, 1.0), spread)

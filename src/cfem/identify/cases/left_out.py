@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import t
 
 from cfem.core.errors import NumericalError
 from cfem.identify.cases.fit import CaseFit, fit_cases
@@ -53,18 +54,32 @@ class LeftOut:
         """Degrees of freedom of the inflation; most: those of the scatter."""
         return degrees_of_freedom(self.ratios, most)
 
-    def covered(self, most: float, confidence: float) -> tuple[float, float]:
-        """Share of coordinates of left-out cases within their intervals, and of markers within their radius. The
-        inflation of a case is that of the other cases. nan where there are no two."""
+    def by_others(self, most: float) -> tuple[np.ndarray, np.ndarray]:
+        """Inflation (m,) and degrees of freedom (m,) of each case as the other cases tell them, nan where there are
+        none."""
         ratios = self._ratio_by_case
-        half, radius = np.full_like(self.residuals, np.nan), np.full_like(self.distance, np.nan)
+        inflation, degrees = np.full((2, len(ratios)), np.nan)
         for i in np.flatnonzero(np.isfinite(ratios)):
             rest = np.delete(ratios, i)
             rest = rest[np.isfinite(rest)]
-            if not len(rest):
+            if len(rest):
+                inflation[i], degrees[i] = inflation_of(rest), degrees_of_freedom(rest, most)
+        return inflation, degrees
+
+    def log_density(self, most: float) -> np.ndarray:
+        """Logarithm (m, k, 3) of the density 1/mm that the other cases give to each measured coordinate."""
+        inflation, degrees = (part[:, None, None] for part in self.by_others(most))
+        return t.logpdf(self.residuals, degrees, scale=inflation * np.sqrt(np.einsum("mkii->mki", self.covariance)))
+
+    def covered(self, most: float, confidence: float) -> tuple[float, float]:
+        """Share of coordinates of left-out cases within their intervals, and of markers within their radius. The
+        inflation of a case is that of the other cases. nan where there are no two."""
+        inflation, degrees = self.by_others(most)
+        half, radius = np.full_like(self.residuals, np.nan), np.full_like(self.distance, np.nan)
+        for i in np.flatnonzero(np.isfinite(self._ratio_by_case)):
+            if not np.isfinite(inflation[i]):
                 return np.nan, np.nan
-            degrees = degrees_of_freedom(rest, most)
-            half[i], radius[i] = half_and_radius(self.covariance[i], inflation_of(rest), degrees, confidence)
+            half[i], radius[i] = half_and_radius(self.covariance[i], inflation[i], degrees[i], confidence)
         return share_covered(self.residuals, half, radius)
 
 

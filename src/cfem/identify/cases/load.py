@@ -8,7 +8,7 @@ import numpy as np
 
 from cfem.condensed.parameters import Parameter
 from cfem.core.errors import SpecError
-from cfem.identify.cases.discrepancy import Discrepancy
+from cfem.identify.cases.discrepancy import DiscrepancyPrior
 from cfem.identify.cases.rig import Rig
 from cfem.identify.cases.robots import CaseRobots
 from cfem.identify.cases.spec import CasesSpec
@@ -61,7 +61,7 @@ class Lab:
         units = [self.units[name] for name in self.actuators]
         return read_cases(path, self.spec.layout, self.markers, self.actuators, units, self.scene.length, measured)
 
-    def rig(self, find: Sequence[str], sessions: Sequence[str], discrepancy: Discrepancy | None = None) -> Rig:
+    def rig(self, find: Sequence[str], sessions: Sequence[str], discrepancy: DiscrepancyPrior | None = None) -> Rig:
         """The rig with these parameters unknown, and what the model lacks."""
         named = {name: self.spec.parameters[name] for name in find}
         unknowns = case_unknowns(named, self.scene_path, sessions, self.units)

@@ -8,7 +8,7 @@ import numpy as np
 
 from cfem.core.artefact.files import write_json
 from cfem.core.errors import InputError
-from cfem.identify.cases.discrepancy import Discrepancy
+from cfem.identify.cases.discrepancy import DiscrepancyPrior
 from cfem.identify.cases.fit import CaseFit
 from cfem.identify.cases.rig import Rig
 from cfem.identify.cases.scatter import Scatter
@@ -42,7 +42,7 @@ class Calibrated:
     degrees: float
     sessions: tuple[str, ...]
     blocks: tuple[tuple[str, str], ...] = ()
-    discrepancy: Discrepancy | None = None
+    discrepancy: DiscrepancyPrior | None = None
     given: tuple[str, ...] = ()
     largest: tuple[float, ...] = ()
 
@@ -91,10 +91,10 @@ def read_calibrated(path: Path) -> Calibrated:
         raise InputError(f"is no calibration by cases of this version: {error}", where=str(path), do=do) from None
 
 
-def _discrepancy(data: dict | None) -> Discrepancy | None:
+def _discrepancy(data: dict | None) -> DiscrepancyPrior | None:
     if data is None:
         return None
-    return Discrepancy(np.array(data["largest"], float), np.array(data["spread"], float), float(data["share"]))
+    return DiscrepancyPrior(np.array(data["largest"], float), np.array(data["spread"], float), float(data["share"]))
 
 
 def widened(known: Calibrated, rig: Rig) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

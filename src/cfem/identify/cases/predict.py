@@ -4,14 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cfem.condensed.discrepancy import BEYOND
 from cfem.core.errors import NumericalError
 from cfem.identify.cases.outcome import Calibrated, widened
 from cfem.identify.cases.rig import MarkerPredictions, Rig
 from cfem.identify.cases.robots import Pose
 from cfem.identify.cases.table import Cases
 from cfem.identify.fit.prediction_intervals import half_and_radius, share_covered
-
-_FAR = 1.03  # times the largest force of the calibration, beyond which a case is
 
 
 @dataclass(frozen=True)
@@ -23,7 +22,8 @@ class Prediction:
     radius: (m, k) mm distance within which the marker lies
     error:  (m, k, 3) mm computed less measured, nan where nothing was measured
     poses:  of the robot; at rest in failed cases
-    failed: number and reason of each case without an equilibrium, whose numbers are nan"""
+    failed: number and reason of each case without an equilibrium, whose numbers are nan
+    covariance: (m, k, 3, 3) mm^2 of each marker, not inflated"""
 
     y: np.ndarray
     half: np.ndarray
@@ -31,6 +31,7 @@ class Prediction:
     error: np.ndarray
     poses: tuple[Pose, ...]
     failed: dict[int, str]
+    covariance: np.ndarray
 
     @property
     def distance(self) -> np.ndarray:
@@ -46,7 +47,7 @@ def beyond_calibration(cases: Cases, known: Calibrated) -> np.ndarray:
     """Mask (m,) of cases with a force larger, by more than a thirtieth, than all that the calibration knows."""
     if not known.largest:
         return np.zeros(len(cases), dtype=bool)
-    return (np.abs(cases.forces) > _FAR * np.array(known.largest) + 1e-12).any(axis=1)
+    return (np.abs(cases.forces) > BEYOND * np.array(known.largest) + 1e-12).any(axis=1)
 
 
 def predict(rig: Rig, cases: Cases, known: Calibrated, confidence: float, beyond: float = 0.0) -> Prediction:
@@ -58,6 +59,7 @@ def predict(rig: Rig, cases: Cases, known: Calibrated, confidence: float, beyond
     lacks = beyond * beyond_calibration(cases, known)
     y, half = (np.full(cases.places.shape, np.nan) for _ in range(2))
     radius, poses, failed = np.full(y.shape[:2], np.nan), [], {}
+    covariance = np.full((*y.shape, 3), np.nan)
     for i in range(len(cases)):
         try:
             seen: MarkerPredictions = rig.see(cases.only(np.array([i])), z, d)
@@ -66,7 +68,9 @@ def predict(rig: Rig, cases: Cases, known: Calibrated, confidence: float, beyond
             poses.append(Pose(rig.robots.rest, np.tile(np.eye(3), (len(rig.robots.rest), 1, 1)), rig.robots.robot.X))
             continue
         variance = known.scatter.variance(seen.moved) + (lacks[i] * seen.moved) ** 2
-        intervals = half_and_radius(seen.covariance(C, variance), known.inflation, known.degrees, confidence)
+        of_case = seen.covariance(C, variance)
+        intervals = half_and_radius(of_case, known.inflation, known.degrees, confidence)
         y[i], half[i], radius[i] = seen.y[0], intervals[0][0], intervals[1][0]
+        covariance[i] = of_case[0]
         poses.append(seen.poses[0])
-    return Prediction(y, half, radius, y - cases.target, tuple(poses), failed)
+    return Prediction(y, half, radius, y - cases.target, tuple(poses), failed, covariance)

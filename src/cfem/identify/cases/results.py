@@ -35,10 +35,10 @@ class FittedModel:
     @property
     def degrees(self) -> float:
         """Degrees of freedom of the inflation."""
-        return self.left_out.degrees(self._most)
+        return self.left_out.degrees(self.most)
 
     @property
-    def _most(self) -> float:
+    def most(self) -> float:
         """Degrees of freedom of the scatter."""
         return self.fit.count - self.fit.free
 
@@ -54,7 +54,7 @@ class FittedModel:
 
     def covered(self, confidence: float) -> list[float | None]:
         """Share of coordinates of left-out cases within their intervals, and of markers within their radius."""
-        shares = self.left_out.covered(self._most, confidence)
+        shares = self.left_out.covered(self.most, confidence)
         return [share if np.isfinite(share) else None for share in shares]
 
     def row(self, find: Sequence[str]) -> dict[str, Any]:
@@ -106,6 +106,25 @@ def case_results(
         "discrepancy_share": None if rig.discrepancy is None else rig.discrepancy.share,
         "discrepancy_mm": _by_block(fitted.d, markers, rig, ("force",)),
         "untold": prior_sentences(rig.unknowns, prior, fitted.z, fitted.covariance[:n_z, :n_z]),
+    }
+
+
+def average_results(
+    names: Sequence[str], models: Sequence[FittedModel], weights: np.ndarray, left_out: LeftOut, confidence: float
+) -> dict[str, Any]:
+    """Weights of the models, errors (mm) of their average at left-out cases, the shares within its intervals, and how
+    far the models are from it there (mm, root of the weighted mean square over markers)."""
+    most = float(weights @ [model.most for model in models])
+    shares = left_out.covered(most, confidence)
+    apart = np.stack([model.left_out.residuals - left_out.residuals for model in models])
+    squares = np.where(np.isfinite(apart), apart, 0.0) ** 2
+    spread = np.einsum("n,nmki->mk", weights, squares)[np.isfinite(left_out.distance)]
+    error = left_out.distance[np.isfinite(left_out.distance)]
+    return {
+        "weights": dict(zip(names, weights.tolist(), strict=True)),
+        "left_out_mm": float(error.mean()) if len(error) else None,
+        "left_out_within": [float(share) if np.isfinite(share) else None for share in shares],
+        "apart_mm": float(np.sqrt(spread.mean())) if len(spread) else None,
     }
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from cfem.core.errors import NumericalError
-from cfem.identify.cases.discrepancy import Discrepancy
+from cfem.identify.cases.discrepancy import DiscrepancyPrior
 from cfem.identify.cases.robots import CaseRobots, Pose
 from cfem.identify.cases.spec import Marker, Offsets
 from cfem.identify.cases.table import Cases
@@ -77,7 +77,7 @@ class Rig:
         actuators: Sequence[str],
         sessions: Sequence[str],
         offsets: Offsets | None,
-        discrepancy: Discrepancy | None = None,
+        discrepancy: DiscrepancyPrior | None = None,
     ):
         """Gathers the unknowns and offsets. watched: names of the effectors; offsets: how far markers may be from where
         they are said to be."""
@@ -102,7 +102,7 @@ class Rig:
         lacking = [] if self.discrepancy is None else [self.discrepancy.sd] * len(self.discrepancy.terms)
         return np.repeat(np.concatenate([*alike, *lacking, []]), 3)
 
-    def with_discrepancy(self, discrepancy: Discrepancy) -> "Rig":
+    def with_discrepancy(self, discrepancy: DiscrepancyPrior) -> "Rig":
         """This rig with another prior of what the model lacks."""
         other = copy.copy(self)
         other.discrepancy = discrepancy

@@ -1,6 +1,7 @@
 """`cfem calibrate-cases`: load cases to the parameters of robot and rig, how well each case is predicted by the others,
 and which model the measurements support."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,8 @@ def _work(folder: Path, spec: CasesSpec, base: Path) -> dict[str, Any]:
     """Results: parameters with intervals, errors by case and marker, models compared."""
     import time
 
+    from cfem.identify.cases.calibrated_scene import FILE as SCENE
+    from cfem.identify.cases.calibrated_scene import calibrated_scene
     from cfem.identify.cases.load import load_lab
     from cfem.identify.cases.outcome import FILE, read_calibrated, write_calibrated
     from cfem.identify.cases.predict import predict
@@ -33,8 +36,11 @@ def _work(folder: Path, spec: CasesSpec, base: Path) -> dict[str, Any]:
     fitted = {name: _fitted(lab, cases, find, spec) for name, find in ({"kept": lab.find} | spec.compare).items()}
     models = {name: model.row(find) for name, (find, model) in fitted.items()}
     _, kept = fitted["kept"]
+    averaged = _average(folder, fitted, cases, spec.confidence)
     rig, left_out = kept.rig, kept.left_out
     write_calibrated(folder / FILE, kept.fit, rig, left_out.inflation, kept.degrees, cases)
+    text, left_out_of_scene = calibrated_scene(lab, rig, kept.fit, base / spec.out, base / spec.mesh)
+    write_whole(folder / SCENE, text.encode())
     in_fit = predict(rig, cases, read_calibrated(folder / FILE), spec.confidence)
     write_predictions(folder / TABLE, cases, lab.markers, in_fit, left_out)
     if spec.figure and installed("matplotlib"):
@@ -46,6 +52,7 @@ def _work(folder: Path, spec: CasesSpec, base: Path) -> dict[str, Any]:
         shapes = left_out.poses, left_out.residuals + cases.target, half
         write_whole(folder / FIGURE, shapes_figure(cases, *shapes, lab.mesh, title, lab.down))
     results = case_results(kept, models, cases, lab.markers, in_fit.distance, spec.confidence)
+    results["average"] = averaged
     results["cpu_seconds"] = time.process_time() - begin
     write_json(folder / RESULT, results)
     cost = (
@@ -53,7 +60,29 @@ def _work(folder: Path, spec: CasesSpec, base: Path) -> dict[str, Any]:
         f"{duration(results['cpu_seconds'])} of CPU time"
     )
     lines = headline(results, float(np.nanmean(in_fit.distance)), spec.confidence)
-    return results | {"headline": [*lines, cost]}
+    made = f"{SCENE} is the calibrated robot, for `scene` of sample.yaml"
+    return results | {"headline": [*lines, *left_out_of_scene, made, cost]}
+
+
+def _average(folder: Path, fitted: Mapping[str, Any], cases: Any, confidence: float) -> dict[str, Any] | None:
+    """Writes every model and their average; weights and errors of the average. None of one model alone."""
+    from cfem.identify.cases.average import FILE as AVERAGE
+    from cfem.identify.cases.average import average_of, write_average
+    from cfem.identify.cases.outcome import FILE, write_calibrated
+    from cfem.identify.cases.results import average_results
+
+    if len(fitted) == 1:
+        return None
+    models = [model for _, model in fitted.values()]
+    most = [model.most for model in models]
+    average, left_out = average_of([model.left_out for model in models], most)
+    rows = []
+    for number, (name, (find, model)) in enumerate(fitted.items()):
+        file = f"{Path(FILE).stem}-{number}.json"
+        write_calibrated(folder / file, model.fit, model.rig, model.left_out.inflation, model.degrees, cases)
+        rows.append((name, find, file))
+    write_average(folder / AVERAGE, average, rows)
+    return average_results(list(fitted), models, average.weights, left_out, confidence)
 
 
 def _fitted(lab: Any, cases: Any, find: list[str], spec: CasesSpec) -> tuple[list[str], Any]:
@@ -72,7 +101,7 @@ def _fitted(lab: Any, cases: Any, find: list[str], spec: CasesSpec) -> tuple[lis
 
 COMMAND = Command(
     "calibrate-cases",
-    4,
+    5,
     CasesSpec,
     _work,
     ("measurements", "mesh"),

@@ -22,7 +22,18 @@ def headline(results: Mapping[str, Any], in_fit: float, confidence: float) -> li
         )
     if len(results["models"]) > 1 and results["best"] is not None:
         lines.append(f"of {len(results['models'])} models '{results['best']}' predicts left-out cases best")
-    return lines + repeats_line(results["repeats_mm"])
+    return lines + _average_lines(results.get("average")) + repeats_line(results["repeats_mm"])
+
+
+def _average_lines(average: Mapping[str, Any] | None) -> list[str]:
+    """The line on the average of the models, none where it cannot be told."""
+    if average is None or average["left_out_mm"] is None:
+        return []
+    weights = sorted(average["weights"].items(), key=lambda named: -named[1])
+    shares = ", ".join(f"{100 * weight:.0f} % '{name}'" for name, weight in weights[:3])
+    more = f" and {len(weights) - 3} more" if len(weights) > 3 else ""
+    line = f"their average is {average['left_out_mm']:.3g} mm off at left-out cases, where they differ by"
+    return [f"{line} {average['apart_mm']:.2g} mm from it ({shares}{more}); `average: true` in predict.yaml takes it"]
 
 
 def repeats_line(largest: float | None) -> list[str]:

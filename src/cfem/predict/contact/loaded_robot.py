@@ -6,7 +6,8 @@ How its rows go is known to the second order in the load w on the modes of the s
 
 with the mixtures Q of the modes that matter to D (`PatchedModel.bends`). The orders beyond follow as far as the energy
 along the load tells them (`cfem.predict.loads.high_order`). So do the dents, by which a force on a patch changes what
-this patch yields. All of it is the derivative of one energy by the forces, so that the compliance is symmetric.
+this patch yields. Nodes, which are close to each other, have joint dents instead (`cfem.predict.contact.joint_dents`).
+All of it is the derivative of one energy by the forces, so that the compliance is symmetric.
 
 A wrench on the effectors, such as weight, moves the rows to its second order, and changes their compliance to its
 first."""
@@ -14,6 +15,7 @@ first."""
 import numpy as np
 
 from cfem.predict.contact.compliance import LoadResponse, PatchCompliance, load_response
+from cfem.predict.contact.joint_dents import DentedPlaces, JointDents, dented_places
 from cfem.predict.contact.surface_model import NONE, SurfaceModel
 
 
@@ -43,15 +45,17 @@ class LoadedRobot:
             series, every = model.local_tip, np.arange(len(self.free))
             local = wrench @ (self._basis @ series.reshape(len(series), -1)).reshape(len(wrench), -1)
             self.free += (model.turns(self.unloaded, every) @ local.reshape(-1, 3, 1))[:, :, 0]
-        self._known: tuple[bytes, PatchCompliance] | None = None
+        self._known: tuple[bytes, PatchCompliance, JointDents | None] | None = None
         self._response: LoadResponse | None = None
+        self._dented: DentedPlaces | None = None
+        self._pressed = np.zeros(len(model.patches), dtype=bool)  # once, so that rounds do not alternate
         self._places: np.ndarray | None = None
         self.patches, self.forces = np.zeros(0, dtype=np.int64), np.zeros((0, 3))
         self.w, self.rows, self.bending = np.zeros(k), self.unloaded, 0.0
 
     def load(self, patches: np.ndarray, forces: np.ndarray) -> None:
         """Puts forces (c, 3) N on patches (c,), and takes all others off."""
-        self.patches, self.forces, self._places = patches, forces, None
+        self.patches, self.forces, self._places, self._dented = patches, forces, None, None
         if not len(patches):
             self.w, self.rows = np.zeros(len(self.unloaded)), self.unloaded
             return
@@ -61,6 +65,12 @@ class LoadedRobot:
         )
         self.w, self.rows = self._response.w, self.unloaded + self._response.modes.motion
         self.bending = max(self.bending, self._response.bending)
+        joint = self._known[2]
+        if joint is not None and forces.any():
+            self._pressed[patches[forces.any(axis=1)]] = True
+            self._dented = dented_places(forces, free.total, joint, self._pressed[patches])
+            if self._dented.share < 1:
+                self.bending = np.inf
 
     def places(self) -> np.ndarray:
         """(N, 3) mm of all patches. What is local is known of the loaded ones alone."""
@@ -69,7 +79,8 @@ class LoadedRobot:
         if self._places is None:
             self._places = self.free + (self.model.flat @ self._response.modes.motion).reshape(-1, 3)
             local = (self._compliance_of(self.patches).local @ self.forces.ravel()).reshape(-1, 3)
-            self._places[self.patches] += local + self._response.places
+            dents = self._response.places if self._dented is None else self._dented.places
+            self._places[self.patches] += local + dents
         return self._places
 
     def compliance(self) -> np.ndarray:
@@ -82,7 +93,7 @@ class LoadedRobot:
         change = modes.second * (V @ self._response.change[n_e:] @ V.T) + modes.rank * np.outer(across, across)
         compliance = free.total + (modes.first - 1) * (free.total - free.local) + change
         compliance.reshape(c, 3, c, 3)[each, :, each] += self._response.slopes
-        return compliance
+        return compliance if self._dented is None else compliance + self._dented.slopes
 
     def free_compliance(self, patches: np.ndarray) -> np.ndarray:
         """(3 c, 3 c) mm/N: the same of any patches without forces, symmetric and positive semidefinite."""
@@ -121,7 +132,8 @@ class LoadedRobot:
         dents = 2 / 3 * ((f * response.places).sum(axis=1) + flexible) - response.firsts * flexible / 6 - flexible / 2
         local = f.ravel() @ free.local @ f.ravel() / 2
         modes = 2 / 3 * self.w @ response.modes.motion - response.modes.first * self.w @ self.C_ss @ self.w / 6
-        return float(modes + local + dents.sum())
+        joint = 0.0 if self._dented is None else self._dented.energy
+        return float(modes + local + dents.sum() + joint)
 
     def relief(self) -> np.ndarray:
         """(n_a,) N by which the forces help the actuators to stay."""
@@ -150,7 +162,7 @@ class LoadedRobot:
                 local, total = local + (nearest - total), nearest
             c, diagonal = len(patches), np.arange(len(patches))
             flexibility = stiff_flexibility(total.reshape(c, 3, c, 3)[diagonal, :, diagonal])
-            self._known = key, PatchCompliance(U, local, total, flexibility, R, dents)
+            self._known = key, PatchCompliance(U, local, total, flexibility, R, dents), model.joint_dents(patches, R)
         return self._known[1]
 
 

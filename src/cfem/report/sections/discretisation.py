@@ -38,14 +38,14 @@ def study(scene: SceneSpec, folder: Path, spec: Discretisation) -> dict:
     """Rows (plain data) of all meshes at every Poisson's ratio, of all tolerances, and of the orders of convergence.
     Errors are relative to the reference: the tip's by the largest displacement of any state, W's by its norm, the
     forces' by the largest. Raises NumericalError where a state does not converge."""
-    from cfem.robot.mesh.grading import scene_mesh
+    from cfem.robot.mesh.scene_mesh import scene_mesh
 
     ratios = spec.poisson or [scene.material.poisson]
     rows, reference = [], {}
     with progress("the robot on other meshes", len(ratios) * (len(spec.cases) + 1)) as advance:
         for case in (spec.reference, *spec.cases):
             case_scene = _at(scene, case)
-            mesh, _ = scene_mesh(case_scene, folder)
+            mesh, *_ = scene_mesh(case_scene, folder)
             for nu in ratios:
                 material = case_scene.material.model_copy(update={"poisson": nu})
                 solved = _solve(case_scene.model_copy(update={"material": material}), mesh, spec.states)
@@ -183,7 +183,7 @@ def _tolerances(scene: SceneSpec, folder: Path, spec: Discretisation) -> list[di
     from cfem.equilibrium.system.actuation import pull
     from cfem.equilibrium.system.problem import Problem
     from cfem.robot.build import build_robot
-    from cfem.robot.mesh.grading import scene_mesh
+    from cfem.robot.mesh.scene_mesh import scene_mesh
 
     if not spec.tolerances:
         return []

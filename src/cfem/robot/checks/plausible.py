@@ -7,6 +7,7 @@ from cfem.core.console.shown import stress
 from cfem.equilibrium.system.robot import Robot
 from cfem.robot.checks.routing import cable_doubts, effector_doubts
 from cfem.robot.checks.stroke import stroke_doubts
+from cfem.robot.checks.walls import wall_doubts
 
 SMALLEST, LARGEST = 1.0, 1e4  # mm, of a soft robot: shorter or longer ones are mostly written in another unit
 LONG = 0.5  # share of a cable's length: no soft robot is known to shorten a cable by more
@@ -35,6 +36,7 @@ def doubts(scene, robot: Robot) -> list[str]:
     sentences += _width_doubts(scene, extent) + _material_doubts(scene)
     if scene.gravity is not None:
         sentences += gravity_doubts(scene.gravity.acceleration, "gravity")
+    sentences += wall_doubts(scene, robot)
     return sentences + cable_doubts(scene, robot) + effector_doubts(scene) + stroke_doubts(scene, robot)
 
 

@@ -38,16 +38,6 @@ class Errors:
     squared: np.ndarray  # (m,) squared errors of the response fields, each relative to its W_ii, summed over the rows
 
 
-def scene_mesh(scene: SceneSpec, folder: Path) -> tuple[Mesh, float | None]:
-    """The scene's mesh and CAD volume (meshing.make_mesh), graded where the scene states a number of cells, or the
-    error that it may have."""
-    if scene.mesh.accuracy is None:
-        return graded_mesh(scene, folder)
-    from cfem.robot.mesh.accuracy import accurate_mesh
-
-    return accurate_mesh(scene, folder)[:2]
-
-
 def graded_mesh(scene: SceneSpec, folder: Path) -> tuple[Mesh, float | None]:
     """The scene's mesh and CAD volume, graded where the scene states a number of cells."""
     doing("meshing")

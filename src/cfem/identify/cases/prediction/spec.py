@@ -18,6 +18,9 @@ class PredictSpec(Spec):
     """Table of the other load cases, in the layout of cases.yaml. The columns of places may be empty."""
     out: Path
     """Folder for the result."""
+    average: bool = False
+    """Whether to average over all models of cases.yaml, `find` and `compare`, by their left-out cases. Intervals then
+    hold how far the models differ."""
     beyond: float = Field(0.03, ge=0)
     """What the model may lack where forces exceed those of the calibration: standard deviation of a coordinate, as a
     share of the marker's displacement."""

@@ -1,6 +1,7 @@
 """`cfem predict-cases`: a table of other load cases to predictions with intervals, and to errors where they were
 measured."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -29,9 +30,10 @@ def _extra(spec: PredictSpec, base: Path) -> dict[str, Any]:
 
 def _work(folder: Path, spec: PredictSpec, base: Path) -> dict[str, Any]:
     """Results: errors by case and marker, share within the intervals."""
+    from cfem.identify.cases.average import FILE as AVERAGE
+    from cfem.identify.cases.average import averaged, read_average
     from cfem.identify.cases.load import load_lab
     from cfem.identify.cases.outcome import read_calibrated
-    from cfem.identify.cases.predict import predict
     from cfem.identify.cases.prediction.results import headline, prediction_results
     from cfem.identify.cases.prediction_table import write_predictions
 
@@ -39,12 +41,15 @@ def _work(folder: Path, spec: PredictSpec, base: Path) -> dict[str, Any]:
     lab = load_lab(load_spec(path, CasesSpec), path.parent)
     known = read_calibrated(artefact_file(base / spec.calibrated, FILE))
     cases = lab.read(base / spec.table, measured=False)
-    rig = lab.rig(lab.find, tuple(dict.fromkeys([*known.sessions, *cases.sessions])), known.discrepancy)
-    strange = [name for name in known.names if name not in {unknown.name for unknown in rig.unknowns}]
-    if strange:
-        what = f"was made with the unknown '{strange[0]}', which {spec.cases} does not find"
-        raise InputError(what, where=str(spec.calibrated), do="run cfem calibrate-cases again")
-    prediction = predict(rig, cases, known, spec.confidence, spec.beyond)
+    if spec.average:
+        average, models = read_average(artefact_file(base / spec.calibrated, AVERAGE))
+        of_models = [
+            _predicted(lab, find, read_calibrated(artefact_file(base / spec.calibrated, file)), cases, spec)
+            for find, file in models
+        ]
+        prediction = averaged(of_models, average, spec.confidence)
+    else:
+        prediction = _predicted(lab, lab.find, known, cases, spec)
     failed = prediction.failed
     if len(failed) == len(cases):
         raise NumericalError(f"no case has an equilibrium; the first: {next(iter(failed.values()))}")
@@ -61,5 +66,17 @@ def _work(folder: Path, spec: PredictSpec, base: Path) -> dict[str, Any]:
     return results | {"headline": headline(results, measured, spec.confidence, TABLE)}
 
 
-COMMAND = Command("predict-cases", 4, PredictSpec, _work, ("calibrated", "table"), outside=("cases",), extra=_extra)
+def _predicted(lab: Any, find: Sequence[str], known: Any, cases: Any, spec: PredictSpec) -> Any:
+    """What one model says of the cases. InputError where it was calibrated by other parameters."""
+    from cfem.identify.cases.predict import predict
+
+    rig = lab.rig(find, tuple(dict.fromkeys([*known.sessions, *cases.sessions])), known.discrepancy)
+    strange = [name for name in known.names if name not in {unknown.name for unknown in rig.unknowns}]
+    if strange:
+        what = f"was made with the unknown '{strange[0]}', which {spec.cases} does not find"
+        raise InputError(what, where=str(spec.calibrated), do="run cfem calibrate-cases again")
+    return predict(rig, cases, known, spec.confidence, spec.beyond)
+
+
+COMMAND = Command("predict-cases", 5, PredictSpec, _work, ("calibrated", "table"), outside=("cases",), extra=_extra)
 run, stage = COMMAND.run, COMMAND.stage

@@ -9,8 +9,8 @@
 #define NA CFEM_MOTION_NA
 #define V CFEM_MPC_VARIABLES
 #define MOST_V CFEM_MPC_MOST_VARIABLES
-#define OUTSIDE 1e-11 /* in shares of a bound's size: what is violated by less is not */
-#define MEETS 1e-9    /* bounds that exclude each other by less meet */
+#define OUTSIDE CFEM_TOLERANCE(1e-11, 1e-5) /* in shares of a bound's size: what is violated by less is not */
+#define MEETS CFEM_TOLERANCE(1e-9, 1e-4) /* bounds that exclude each other by less meet */
 
 static double priced(const cfem_plan *p, int i) { return p->softened && i >= CFEM_PROGRAM_SOFT ? p->price : 0.0; }
 
@@ -55,7 +55,7 @@ static cfem_bound bound(void *with, int i, double sign, double *normal) {
 /* Steps of iterative refinement on the active constraints, and what is left of the optimality conditions. */
 static void refine(cfem_plan *p, cfem_active *set) {
     double unit = 0.0, left[CFEM_PLAN_ACTIVE], slope[MOST_V];
-    for (int i = 0; i < V; i++) unit = fmax(unit, cfem_dot(i + 1, p->L[i], p->L[i]));
+    for (int i = 0; i < V; i++) unit = cfem_larger(cfem_dot(i + 1, p->L[i], p->L[i]), unit);
     for (int round = 0;; round++) {
         double off = 0.0;
         cfem_program_slope(p, p->x, slope);
@@ -64,9 +64,9 @@ static void refine(cfem_plan *p, cfem_active *set) {
             int begin, i = set->which[k], end = cfem_program_row(p, i, row, &begin, &low, &high);
             for (int j = begin; j < end; j++) slope[j] -= set->force[k] * set->sign[k] * row[j];
             left[k] = (set->sign[k] > 0 ? low : -high) - set->sign[k] * cfem_program_at(p, i, p->x) - priced(p, i) * set->force[k];
-            off = fmax(off, fabs(left[k]) / cfem_program_size(i));
+            off = cfem_larger(fabs(left[k]) / cfem_program_size(i), off);
         }
-        for (int j = 0; j < V; j++) off = fmax(off, fabs(slope[j]) / unit), slope[j] = -slope[j];
+        for (int j = 0; j < V; j++) off = cfem_larger(fabs(slope[j]) / unit, off), slope[j] = -slope[j];
         p->kkt = off;
         if (!(off > 1e-2 * CFEM_QP_TOLERANCE) || round == CFEM_QP_REFINEMENTS) return;
         cfem_program_forward(p, 0, slope);
@@ -76,9 +76,9 @@ static void refine(cfem_plan *p, cfem_active *set) {
     }
 }
 
-int cfem_plan_solve(cfem_plan *p) {
+int cfem_plan_solve(cfem_plan *p, cfem_plan_factors *f) {
     double y[MOST_V];
-    cfem_active set = {V, CFEM_PROGRAM_COUNT, CFEM_PLAN_ACTIVE, 0, p->state, p->which, p->sign, p->bound, p->force, p->Q, p->R, 0, 0};
+    cfem_active set = {V, CFEM_PROGRAM_COUNT, CFEM_PLAN_ACTIVE, 0, p->state, p->which, p->sign, p->bound, p->force, f->Q, f->R, 0, 0};
     const cfem_program program = {violated, bound, p};
     p->count = p->softened = 0;
     p->kkt = HUGE_VAL;

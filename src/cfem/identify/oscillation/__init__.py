@@ -1,0 +1,1 @@
+"""Damping and viscosity from a free oscillation that cameras recorded."""
