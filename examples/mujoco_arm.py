@@ -17,7 +17,6 @@ import mujoco
 import numpy as np
 
 import cfem
-from cfem.core.errors import InputError
 from cfem.mujoco import SoftRobot, World
 
 TABLE = """
@@ -62,17 +61,18 @@ def main() -> None:
     parser.add_argument("--patches", type=float, help="mm: touch at patches instead of at every node")
     parser.add_argument("--gif", type=Path, help="file of a moving picture")
     given = parser.parse_args()
+    model = arm_with_hand()
     if not given.model.exists():
         cfem.run_folder(given.scene.parent, until="train")
     finger = SoftRobot.load(given.model, given.scene, given.patches)
-    stack(World(arm_with_hand(), dict.fromkeys(FINGERS, finger), friction=0.8), given.gif)
+    stack(World(model, dict.fromkeys(FINGERS, finger), friction=0.8), given.gif)
 
 
 def arm_with_hand() -> mujoco.MjSpec:
     """The table, the objects and the arm, its gravity balanced, with servos at its joints and a hand."""
     package = find_spec("dm_control")
     if package is None:
-        raise InputError("the arm is not there", do="pip install --no-deps dm_control")
+        raise SystemExit("the model of the arm is not installed: pip install --no-deps dm_control")
     folder = Path(package.submodule_search_locations[0]) / "third_party" / "kinova"
     spec = mujoco.MjSpec.from_string(TABLE)
     arm = mujoco.MjSpec.from_file(str(folder / "jaco_arm.xml"))
@@ -120,7 +120,7 @@ class Arm:
             mujoco.mj_jacBody(self.model, self.data, J[:3], J[3:], self.hand)
             A = J[:, self.columns]
             self.q = self.q + np.clip(A.T @ np.linalg.solve(A @ A.T + 1e-6 * np.eye(6), off), -0.2, 0.2)
-        raise InputError(f"the arm does not reach {np.round(place, 3)} m")
+        raise SystemExit(f"the arm does not reach {np.round(place, 3)} m")
 
     def seconds(self, place: np.ndarray) -> float:
         """How long the joints take to a place, with a smooth start and end, at 90 % of the speed that they may have."""

@@ -7,7 +7,10 @@ How its rows go is known to the second order in the load w on the modes of the s
 with the mixtures Q of the modes that matter to D (`PatchedModel.bends`). The orders beyond follow as far as the energy
 along the load tells them (`cfem.predict.loads.high_order`). So do the dents, by which a force on a patch changes what
 this patch yields. Nodes, which are close to each other, have joint dents instead (`cfem.predict.contact.joint_dents`).
-All of it is the derivative of one energy by the forces, so that the compliance is symmetric."""
+All of it is the derivative of one energy by the forces, so that the compliance is symmetric.
+
+A wrench on the effectors, such as weight, moves the rows to its second order, and changes their compliance to its
+first."""
 
 import numpy as np
 
@@ -30,10 +33,12 @@ class LoadedRobot:
         skin, k = model.model.skin, len(model.model.skin)
         self.model, self.delta, self.unloaded = model, delta, skin.rows(delta, NONE)
         self.C_es, self.C_ss = skin.compliance(delta, NONE)
-        self.wrench = wrench
+        self.wrench, self._basis = wrench, model.basis(model.in_box(delta))
         if wrench is not None:
-            self.unloaded = self.unloaded + wrench @ self.C_es
-        self._basis = model.basis(model.in_box(delta))
+            change = wrench @ np.tensordot(self._basis, model.bent_by_wrench, axes=1)
+            by_wrench, among_rows = np.split(change, [len(wrench)], axis=1)
+            self.unloaded = self.unloaded + wrench @ (self.C_es + by_wrench.T / 2)
+            self.C_es, self.C_ss = self.C_es + by_wrench.T, self.C_ss + among_rows
         self._D = (self._basis @ model.bent)[model.bent_at]
         self.free = model.patches.rest + (model.flat @ self.unloaded).reshape(-1, 3)
         if wrench is not None:

@@ -83,6 +83,15 @@ class SurfaceModel(ABC):
         return WrenchSeries(self.model, self.model.rows.n_e)
 
     @cached_property
+    def bent_by_wrench(self) -> np.ndarray:
+        """(terms, k, n_e, n_e + k) mm/N^2, series of how the compliance between effectors and rows, and of the rows,
+        changes with a wrench on the effectors: the second and third axis are of rows and effectors that bear loads."""
+        n_e = self.model.rows.n_e
+        bent = np.array(self.by_fe.bent[:, :, :n_e], float)
+        bent[..., n_e:] = (bent[..., n_e:] + bent[..., n_e:].swapaxes(1, 3)) / 2
+        return np.tensordot(self._inverse, bent, axes=1)
+
+    @cached_property
     def held_still(self) -> np.ndarray:
         """(N,) bool: points that no force moves, as the body is held there. They touch nothing."""
         largest = self.flexibility.max(axis=1)
