@@ -175,3 +175,21 @@ def test_forces_on_neighbours_dent_the_surface_as_finite_elements_say(nodes, ski
     exact, by_dents, by_modes = np.array(places[1]) + np.array(places[2]) - 2 * np.array(places[0])
     assert np.linalg.norm(by_modes - exact) > 0.9 * np.linalg.norm(exact)
     assert np.linalg.norm(by_dents - exact) < left * np.linalg.norm(by_modes - exact)
+
+
+def test_the_compliance_under_forces_is_the_derivative_of_the_places(nodes):
+    some = np.sort(np.argsort(np.linalg.norm(nodes.model.skin.rest - [15.0, 0.0, 5.0], axis=1))[:3])
+    forces, step = 0.1 * np.random.default_rng(1).normal(size=(3, 3)), 1e-5
+    loaded, each = LoadedRobot(nodes, DELTA), []
+    loaded.load(some, forces)
+    compliance, dents = loaded.compliance(), loaded.places()[some]
+    for unit in np.eye(9).reshape(9, 3, 3):
+        sides = []
+        for way in (step, -step):
+            loaded.load(some, forces + way * unit)
+            sides.append(loaded.places()[some].ravel())
+        each.append((sides[0] - sides[1]) / (2 * step))
+    np.testing.assert_allclose(compliance, np.column_stack(each), atol=1e-6 * np.abs(compliance).max())
+    without = LoadedRobot(replace(nodes, by_fe=replace(nodes.by_fe, dented=0 * nodes.by_fe.dented)), DELTA)
+    without.load(some, forces)
+    assert np.abs(dents - without.places()[some]).max() > 1e-4
