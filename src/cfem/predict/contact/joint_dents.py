@@ -81,9 +81,13 @@ def _given_way(f: np.ndarray, C_pp: np.ndarray, dents: JointDents, mine: np.ndar
 @njit(cache=True, error_model="numpy")
 def changed(forces, triples, change):
     """D[forces] (3 c, 3 c) mm/N; forces (3 c,) N, and the two fields of `JointDents`."""
-    bent = np.zeros((len(forces), len(forces)))
+    bent, loaded = np.zeros((len(forces), len(forces))), np.zeros(len(forces) // 3, dtype=np.bool_)
+    for row in range(len(forces)):
+        loaded[row // 3] |= forces[row] != 0.0
     for t in range(len(triples)):
         i, j, k = triples[t]
+        if not (loaded[i] or loaded[j] or loaded[k]):
+            continue
         for a in range(3):
             for b in range(3):
                 for d in range(3):
