@@ -78,9 +78,9 @@ class Dynamixel:
             return
         with suppress(OSError, Malformed):
             self._unwind()
-        for motor in self._motors:  # of those that still hear
-            with suppress(OSError):
-                self._packets.write1ByteTxOnly(self._port, motor.id, TORQUE[0], 0)
+        for motor in self._motors:  # whatever the others say
+            with suppress(OSError, Malformed):
+                self._write(motor, TORQUE, 0)
         with suppress(OSError):
             self._port.closePort()
 
@@ -186,7 +186,10 @@ class Dynamixel:
     def _demand_sound(self, name: str, motor: Motor, error: int) -> None:
         """Malformed where the error of a status packet is one."""
         if error & ALERT:
-            bits = self._packets.read1ByteTxRx(self._port, motor.id, HARDWARE_ERROR[0])[0]
+            bits = self._answered(
+                lambda: self._packets.read1ByteTxRx(self._port, motor.id, HARDWARE_ERROR[0])[:2],
+                f"motor {motor.id} (cable {name}) reports a hardware error, and does not say which",
+            )
             named = [what for bit, what in ERRORS.items() if bits >> bit & 1]
             what = f"motor {motor.id} (cable {name}) reports {' and '.join(named) or 'a hardware error'}"
             raise Malformed(f"{what}: relieve it, then switch it off and on")
