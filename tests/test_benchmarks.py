@@ -34,6 +34,7 @@ QUICK = {
 # What needs artefacts of pipelines that take minutes: by hand, after the `make` target that its help names.
 LONG = {
     "adaptation.py": "cfem run pipelines/soft-finger/train-material.yaml",
+    "blocked_force.py": "cfem run pipelines/pneunet/train-blocked.yaml, see its help",
     "contact_anywhere.py": "make soft-finger",
     "contact_patches.py": "make soft-finger",
     "contact_resolution.py": "make demo, and minutes of finite elements",
