@@ -134,7 +134,7 @@ class LiftEnv(gymnasium.Env):
 
     @property
     def _cuts(self) -> np.ndarray:
-        """Where the commands of each robot begin."""
+        """Numbers at which the commands of each robot begin."""
         each = [robot.surface.model.rows.n_a for robot in self.world.robots.values()]
         return self.world.model.nu + np.cumsum([0, *each[:-1]])
 

@@ -24,7 +24,9 @@ class NodeDents:
         self._rest, self._body, rest = problem.rest, problem.body, problem.rest[nodes]
         self._x, self._smooth, cells = x, smooth, self._body.cells
         self._near = [np.sort(others) for others in cKDTree(rest).query_ball_point(rest, near)]
-        self._cells = [np.isin(cells, here).any(axis=1) for here in cKDTree(self._rest).query_ball_point(rest, near)]
+        self._cells = [
+            np.isin(cells, within).any(axis=1) for within in cKDTree(self._rest).query_ball_point(rest, near)
+        ]
         around = [np.unique(cells[mine]) for mine in self._cells]
         self._seen = [np.unique(np.concatenate([around[j] for j in others])) for others in self._near]
         self._moved: list[np.ndarray] = [np.zeros((0, 3, 3))] * len(nodes)
@@ -47,12 +49,12 @@ class NodeDents:
         motions = np.zeros((*self._x.shape, 3 * len(later)))
         for place, j in enumerate(later):
             motions[self._seen[j], :, 3 * place : 3 * place + 3] = self._moved[j]
-        here = np.unique(body.cells)
-        arm = self._x[here] - self._x[here].mean(axis=0)
-        turns = _rotation(arm, self._smooth[here]) @ np.hstack(list(loads[later]))
+        nodes = np.unique(body.cells)
+        arm = self._x[nodes] - self._x[nodes].mean(axis=0)
+        turns = _rotation(arm, self._smooth[nodes]) @ np.hstack(list(loads[later]))
         E = self._third(body, motions)
         if E.any():
-            E = E - self._of_turns(body, motions, here, arm, turns)
+            E = E - self._of_turns(body, motions, nodes, arm, turns)
         j, k = np.nonzero(np.triu([np.isin(later, self._near[j]) for j in later]))
         blocks = -E.reshape(3, len(later), 3, len(later), 3)[:, j, :, k]
         return np.column_stack([np.full(len(j), i), later[j], later[k]]), blocks
@@ -69,21 +71,21 @@ class NodeDents:
         return third
 
     def _of_turns(
-        self, body: Body, motions: np.ndarray, here: np.ndarray, arm: np.ndarray, turns: np.ndarray
+        self, body: Body, motions: np.ndarray, nodes: np.ndarray, arm: np.ndarray, turns: np.ndarray
     ) -> np.ndarray:
-        """The part (3, c, c) of `_third` with two or three rotations `turns` (3, c) by the motions, of the nodes `here`
+        """The part (3, c, c) of `_third` with two or three rotations `turns` (3, c) by the motions, of the `nodes`
         with their arms (h, 3) mm.
 
         With S_pq x the second derivative of a rotated place, E'''[p, q, v] = v . S_pq F - E''[S_pq x, v]."""
         S = (_AXES[:, None] @ _AXES[None] + _AXES[None] @ _AXES[:, None]).swapaxes(2, 3) / 2
         rotated = np.zeros((len(self._x), 3, 12))
-        rotated[here, :, :3] = np.einsum("pab,na->nbp", _AXES, arm)
-        rotated[here, :, 3:] = np.einsum("pqab,nb->napq", S, arm).reshape(-1, 3, 9)
+        rotated[nodes, :, :3] = np.einsum("pab,na->nbp", _AXES, arm)
+        rotated[nodes, :, 3:] = np.einsum("pqab,nb->napq", S, arm).reshape(-1, 3, 9)
         state, c = response(body, self._x), motions.shape[2]
         both = np.concatenate([motions, rotated], axis=2)
         stiff = tangent_form(body, state, both)[: c + 3, c + 3 :].reshape(-1, 3, 3)
-        force = np.einsum("pqab,nb->napq", S, state.force[here])
-        second = np.einsum("nav,napq->vpq", both[here][:, :, : c + 3], force) - stiff
+        force = np.einsum("pqab,nb->napq", S, state.force[nodes])
+        second = np.einsum("nav,napq->vpq", both[nodes][:, :, : c + 3], force) - stiff
         one, three = second[:c], second[c:]
         first = turns[:, :3]
         return (

@@ -103,9 +103,9 @@ class Dynamixel:
             self._write(motor, TORQUE, 0)
             self._write(motor, WATCHDOG, 0)
             self._write(motor, OPERATING_MODE, EXTENDED_POSITION)
-        here = self._positions()
+        positions = self._positions()
         stated = [motor.zero for motor in self._motors]
-        self._zero = np.array([there if zero is None else zero for zero, there in zip(stated, here, strict=True)])
+        self._zero = np.array([now if zero is None else zero for zero, now in zip(stated, positions, strict=True)])
         for motor in self._motors:
             self._write(motor, TORQUE, 1)
         return {"ready": True, "version": VERSION}
