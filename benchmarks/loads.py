@@ -25,10 +25,10 @@ from cfem.equilibrium.solve import solve
 from cfem.equilibrium.system.actuation import displacement, force
 from cfem.equilibrium.system.problem import Problem
 from cfem.plant.fem_plant import FemPlant, pushed
-from cfem.predict.contact.surface_model import patch_states
 from cfem.predict.load import build, load_model
 from cfem.predict.loads.loaded import TRUSTED, loaded, wrench_error, wrench_of
 from cfem.predict.series.energy import THIRD
+from cfem.predict.series.few_states import patch_states
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh
 

@@ -25,8 +25,8 @@ from cfem.equilibrium.contact.surfaces import SurfaceScene as MeetingInFe
 from cfem.predict.contact.bodies import PlacedModel
 from cfem.predict.contact.patched_model import PatchedModel, patches_of
 from cfem.predict.contact.scene import ContactScene
-from cfem.predict.contact.surface_model import patch_states
 from cfem.predict.load import load_model
+from cfem.predict.series.few_states import patch_states
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh
 

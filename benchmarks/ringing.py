@@ -20,7 +20,8 @@ from cfem.motion.estimation.marker_filter import MarkerFilter
 from cfem.motion.estimation.uncertainty import MotionUncertainty
 from cfem.motion.load import load_motion
 from cfem.plant.fem_plant import pushed
-from cfem.plant.marked_plant import MarkedPlant, MarkerNoise
+from cfem.plant.marked_plant import MarkedPlant
+from cfem.plant.marker_noise import MarkerNoise
 from cfem.plant.moving_plant import MovingFemPlant
 from cfem.predict.estimation.estimate import Estimator
 from cfem.predict.estimation.filter import Filter

@@ -14,29 +14,8 @@ import numpy as np
 
 import cfem
 from cfem.mujoco import SoftRobot, World
+from cfem.mujoco.table import TABLE
 
-MODEL = """
-<mujoco>
-  <option timestep="0.002" integrator="implicitfast"/>
-  <visual><global offwidth="480" offheight="480"/></visual>
-  <worldbody>
-    <light pos="0.3 0.2 0.6" dir="-0.4 -0.3 -0.8"/>
-    <camera name="side" pos="0.35 0.02 0.16" xyaxes="0 1 0 -0.2 0 1"/>
-    <geom name="table" type="plane" size="0.3 0.3 0.01" rgba="0.8 0.8 0.8 1"/>
-    <body name="carriage" pos="0 0 0.127">
-      <joint name="height" type="slide" axis="0 0 1"/>
-      <geom type="box" pos="0 0 0.01" size="0.02 0.07 0.008" mass="0.5" contype="0" conaffinity="0"/>
-      <site name="left" pos="0 -0.04 0"/>
-      <site name="right" pos="0 0.04 0" euler="0 0 180"/>
-    </body>
-    <body name="cube" pos="0 0 0.015">
-      <freejoint/>
-      <geom name="cube" type="box" size="0.015 0.015 0.015" mass="0.05" rgba="0.2 0.5 0.8 1"/>
-    </body>
-  </worldbody>
-  <actuator><position name="height" joint="height" kp="2000" kv="60"/></actuator>
-</mujoco>
-"""
 CLOSED, LIFT = 4.0, 0.05  # mm of each cable, m
 TIMES = [0.0, 0.6, 0.8, 1.8, 2.6]  # s: the fingers close, hold, lift, and hold again
 PULLS, HEIGHTS = [0.0, CLOSED, CLOSED, CLOSED, CLOSED], [0.0, 0.0, 0.0, LIFT, LIFT]
@@ -52,7 +31,7 @@ def main() -> None:
     if not given.model.exists():
         cfem.run_folder(given.scene.parent, until="train")
     finger = SoftRobot.load(given.model, given.scene, given.patches)
-    world = World(MODEL, {"left": finger, "right": finger}, friction=0.8)
+    world = World(TABLE, {"left": finger, "right": finger}, friction=0.8)
     lift(world, given.gif)
 
 

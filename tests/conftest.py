@@ -14,10 +14,12 @@ from unittest.mock import patch
 
 import pytest
 from support.compiled_once import compiled_once
+from support.meshed_once import GMSH, meshed_once
 from support.one_thread import solving_beside, solving_here
 
 import cfem
 from cfem.export.compiled import build
+from cfem.robot.mesh import ask_gmsh
 
 sys.dont_write_bytecode = False
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
@@ -25,7 +27,7 @@ signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's job in the
 
 BAR = Path(__file__).parents[1] / "pipelines" / "bar"
 SIZES, UNCOUNTED = build.sizes, {"here": None, "cortex-m7": None}
-TOGETHER = ("tests/gym/",)  # folders whose tests share kernels that take half a minute to compile
+TOGETHER = ("tests/gym/", "tests/faults/")  # folders whose tests share kernels, or a process, that take long to make
 LONG = (*TOGETHER, "tests/export/", "tests/design/", "tests/control/", "tests/robot/mesh/", "tests/init/")  # go first
 
 
@@ -52,11 +54,19 @@ def pytest_collection_modifyitems(items):
 
 @pytest.fixture(scope="session", autouse=True)
 def here(tmp_path_factory):
-    """Sampling starts no processes where a test does not ask for `processes`; kernels and C are compiled once; exports
-    leave out the bytes of the code, for which it is compiled twice more, where a test does not ask for `counted`."""
+    """Sampling starts no processes where a test does not ask for `processes`; kernels and C are compiled once, and gmsh
+    meshes once what no test asks for `anew`; exports leave out the bytes of the code, for which it is compiled twice
+    more, where a test does not ask for `counted`."""
     base = tmp_path_factory.getbasetemp()
     shared = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
-    with solving_here(), compiled_once(shared), patch.object(build, "sizes", lambda folder: UNCOUNTED):
+    uncounted = patch.object(build, "sizes", lambda folder: UNCOUNTED)
+    with solving_here(), compiled_once(shared), meshed_once(shared), uncounted:
+        yield
+
+
+@pytest.fixture
+def anew():
+    with patch.object(ask_gmsh, "_run", GMSH):
         yield
 
 
@@ -115,6 +125,19 @@ def bar_of_any_material(bar, tmp_path_factory):
     cfem.run_stage("sample", specs / "sample.yaml", out=folder / "samples", overrides=sample, workers=1)
     cfem.run_stage("train", specs / "train.yaml", out=folder / "model", overrides=[f"dataset={folder / 'samples'}"])
     return folder / "model"
+
+
+@pytest.fixture(scope="session")
+def patched_bar(bar):
+    """The bar's spectral model that may be touched at patches 8 mm from each other."""
+    from cfem.equilibrium.contact.patch_compliance import patch_response
+    from cfem.predict.contact.patched_model import PatchedModel, patches_of
+    from cfem.predict.series.few_states import patch_states
+
+    known = cfem.load_model(bar / "models" / "bar" / "spectral")
+    built = cfem.load_robot(bar / "pipelines" / "bar" / "scene.yaml", bar / "data" / "bar" / "mesh")
+    patches, states = patches_of(known, 8.0), patch_states(known.domain, 1)
+    return PatchedModel(known, patches, patch_response(built, known.skin.watched, patches, states))
 
 
 @pytest.fixture(scope="module")

@@ -14,6 +14,7 @@ QUICK = {
     "antagonists.py": ["--quick"],
     "arm_baselines.py": [],
     "cable_reach.py": ["--quick"],
+    "calibrated_commands.py": ["--quick"],
     "convergence.py": ["--quick"],
     "design_gradients.py": ["--quick"],
     "many_inputs.py bar": ["--quick"],
@@ -33,6 +34,7 @@ QUICK = {
 # What needs artefacts of pipelines that take minutes: by hand, after the `make` target that its help names.
 LONG = {
     "adaptation.py": "cfem run pipelines/soft-finger/train-material.yaml",
+    "blocked_force.py": "cfem run pipelines/pneunet/train-blocked.yaml, see its help",
     "contact_anywhere.py": "make soft-finger",
     "contact_patches.py": "make soft-finger",
     "contact_resolution.py": "make demo, and minutes of finite elements",
@@ -68,7 +70,7 @@ LONG = {
 }
 
 
-ALWAYS = ("tour.py", "convergence.py", "many_inputs.py bar")  # the others run in the slow suite
+ALWAYS = ("tour.py", "convergence.py")  # the others run in the slow suite
 
 
 @pytest.mark.parametrize(

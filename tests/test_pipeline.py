@@ -191,8 +191,14 @@ def test_no_stage_accepts_a_mesh_of_another_geometry_in_silence(bar, outcomes):
     "spec, old, new, first, below",
     [
         ("sample", "rows: 16", "rows: 20", "data/bar/samples: is stale: splits.train.rows: 16 -> 20", 4),
-        ("train", "max_degree: 8", "max_degree: 6", "models/bar/spectral: is stale: model.max_degree: 8 -> 6", 3),
-        ("export", "model:", "formats: [arrays]\nmodel:", "models/bar/spectral-export: is stale: formats: ", 2),
+        pytest.param(
+            *("train", "max_degree: 8", "max_degree: 6", "models/bar/spectral: is stale: model.max_degree: 8 -> 6", 3),
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(
+            *("export", "model:", "formats: [arrays]\nmodel:", "models/bar/spectral-export: is stale: formats: ", 2),
+            marks=pytest.mark.slow,
+        ),
         ("control", "radii: [0.4]", "radii: [0.3]", "data/bar/control: is stale: trajectories.swing.radii.0: 0.4", 1),
     ],
 )

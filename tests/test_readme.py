@@ -37,7 +37,7 @@ def test_the_example_robots_are_valid_scenes(tmp_path):
     from cfem.robot.spec import SceneSpec
 
     examples = re.findall(r"```yaml\n(.*?)```", (ROOT / "docs" / "scenes.md").read_text(), re.DOTALL)
-    whole, more, layers, contact, pneunet, bellows, muscle, form = examples
+    whole, more, layers, contact, pneunet, bellows, muscle, fin_ray, form = examples
     path = tmp_path / "scene.yaml"
     path.write_text(whole)
     assert load_spec(path, SceneSpec).name == "my-robot"
@@ -50,4 +50,8 @@ def test_the_example_robots_are_valid_scenes(tmp_path):
     for kind, text in (("bellows", bellows), ("tube", muscle)):
         path.write_text(re.sub("geometry:.*\n", text, whole))
         assert load_spec(path, SceneSpec).geometry.kind == kind
+    path.write_text(whole.split("geometry:")[0] + fin_ray + "mesh:" + whole.split("mesh:")[1].split("actuators:")[0])
+    with path.open("a") as file:
+        file.write("effectors:\n  - {name: tip, at: tip}\n")
+    assert load_spec(path, SceneSpec).actuators[0].kind == "push"
     assert scene.geometry.kind == "pneunet" and len(scene.layers) > 1 and scene.self_contact.within == 3.0

@@ -1,7 +1,10 @@
 """Rows of a pulling plan are found by the model where they are."""
 
+from itertools import product
+
 import numpy as np
 import pytest
+from support.fast_cases import fast_are
 from surrogate.synthetic import dataset
 
 from cfem.active_learning.place import effectors, place
@@ -11,8 +14,9 @@ from cfem.surrogate.model_card import model_card
 from cfem.surrogate.series.spectral import fit
 
 
-@pytest.mark.parametrize("form", FORMS)
-@pytest.mark.parametrize("parameters", [False, True])
+@pytest.mark.parametrize(
+    "form, parameters", fast_are(zip(FORMS, [False, True], strict=True), product(FORMS, [False, True]))
+)
 def test_places_are_states_of_the_plan(form, parameters):
     training, test = dataset(150, 1, parameters=parameters), dataset(30, 2, parameters=parameters)
     model = build(model_card("spectral", training, form), fit(training, form).arrays)

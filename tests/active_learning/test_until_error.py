@@ -26,6 +26,9 @@ SPEC = {
 }
 
 
+FEW = SPEC["until"] | {"largest": 40}
+
+
 def explore(folder, factory=None, **changes):
     spec = SampleSpec(**{**SPEC, **changes})
     with ThreadPoolExecutor(1) as executor:
@@ -83,7 +86,7 @@ def test_interrupted_it_goes_on_to_the_same_dataset(explored, tmp_path, monkeypa
 def test_test_states_choose_nothing(tmp_path):
     other = {**SPEC["splits"], "test": {"rows": 30, "method": "random", "seed": 9}}
     ids = [
-        set(as_dataset(explore(tmp_path / str(i), splits=splits, skeleton=1)[0]["train"]).id.tolist())
+        set(as_dataset(explore(tmp_path / str(i), splits=splits, skeleton=1, until=FEW)[0]["train"]).id.tolist())
         for i, splits in enumerate((SPEC["splits"], other))
     ]
     assert ids[0] == ids[1]
@@ -99,6 +102,6 @@ def test_parameters_and_forces_too(tmp_path):
 
 
 def test_failed_states_are_no_reason_to_stop(tmp_path):
-    tables, rounds, found = explore(tmp_path, Factory(fails_beyond=15.0), until={**SPEC["until"], "largest": 60})
+    tables, rounds, found = explore(tmp_path, Factory(fails_beyond=15.0), until=FEW)
     assert any(status != "converged" for status in tables["train"]["status"].to_pylist())
     assert found["samples"] > 10 and all(np.isfinite(one.expected) for one in rounds)

@@ -62,12 +62,14 @@ def test_asking_a_model_loads_neither_torch_nor_gmsh_nor_finite_elements():
     assert not loaded & {"torch", "gmsh", "cfem.mechanics.solid"}
 
 
-@pytest.mark.parametrize(
-    "module", ["cfem.sample.shard", "cfem.equilibrium.motion.inner_motions", "cfem.control.adaptation.tracker"]
-)
-def test_a_worker_and_a_tick_do_without_scipy_stats(module):
+def test_a_device_that_is_a_model_starts_without_finite_elements():
+    assert not loaded_by("import cfem.plant.device.fake") & {"numba", "scipy", "cfem.mechanics.body"}
+
+
+def test_workers_and_ticks_do_without_scipy_stats():
     """It takes half a second to import, which each worker process of a sampling run would pay."""
-    assert "scipy.stats" not in loaded_by(f"import {module}")
+    modules = ("cfem.sample.shard", "cfem.equilibrium.motion.inner_motions", "cfem.control.adaptation.tracker")
+    assert "scipy.stats" not in loaded_by(f"import {', '.join(modules)}")
 
 
 @pytest.mark.parametrize("use", ["cfem.FemPlant", f"cfem.load_robot({str(BAR)!r})"])

@@ -73,7 +73,15 @@ def test_an_interrupt_after_the_work_does_not_undo_what_is_said(capsys):
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="this system has no device that is always full")
-@pytest.mark.parametrize("words", [["--help"], ["--version"], ["schema", "--out", "made"]], ids=" ".join)
+@pytest.mark.parametrize(
+    "words",
+    [
+        pytest.param(["--help"], marks=pytest.mark.slow),
+        pytest.param(["--version"], marks=pytest.mark.slow),
+        ["schema", "--out", "made"],
+    ],
+    ids=" ".join,
+)
 def test_a_summary_that_meets_a_full_disk_is_one_sentence(words, tmp_path):
     with open("/dev/full", "w") as full:
         words = [sys.executable, "-m", "cfem", *words]

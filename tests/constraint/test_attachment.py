@@ -1,10 +1,12 @@
 import re
+from itertools import product
 
 import numpy as np
 import pytest
 from constraint.meshes import bricks
 from scipy.spatial.transform import Rotation
 from support.blocks import block
+from support.fast_cases import fast_are
 
 from cfem.constraint.attachment import attach, locate
 from cfem.core.errors import SpecError
@@ -42,10 +44,19 @@ def test_weights_turn_and_shift_with_the_body(mesh, point, radius):
     np.testing.assert_allclose(weights(there, mesh), weights(here, mesh), rtol=0, atol=1e-12)
 
 
-@every_mesh
-@pytest.mark.parametrize("point", [[5.2, 4.9, 4.7], [5.0, 0, 5], [20.0, 10, 10]])  # (the lattice fits the faces)
-def test_weights_are_those_that_the_sums_over_finer_and_finer_lattices_approach(mesh, point):
+INSIDE, ON_A_FACE, IN_A_CORNER = (5.2, 4.9, 4.7), (5.0, 0, 5), (20.0, 10, 10)  # (the lattice fits the faces)
+
+
+@pytest.mark.parametrize(
+    "name, point",
+    fast_are(
+        [("tet10", INSIDE), ("tet4", ON_A_FACE), ("hex8", IN_A_CORNER)],
+        product(MESHES, [INSIDE, ON_A_FACE, IN_A_CORNER]),
+    ),
+)
+def test_weights_are_those_that_the_sums_over_finer_and_finer_lattices_approach(name, point):
     """The error of a lattice falls as its spacing squared, so two lattices extrapolate to the limit (Richardson)."""
+    mesh = MESHES[name]
     coarse, fine = (by_lattice(mesh, np.array(point), 3.0, count) for count in (20, 40))
     found = weights(attach(mesh, np.array(point), 3.0, "point"), mesh)
     np.testing.assert_allclose(found, (4 * fine - coarse) / 3, rtol=0, atol=4e-4)

@@ -56,6 +56,7 @@ def test_a_force_on_it_is_the_weight_of_the_scene(bar, robot):
     assert pushed(robot, push).loads == pytest.approx(heavy.loads, abs=1e-15)
 
 
+@pytest.mark.slow
 def test_the_model_takes_gravity_that_its_samples_did_not_have(bar):
     """0.5 % of the sag with D; `benchmarks/loads.py gravity` has every direction."""
     scene, specs = with_centre(bar, "sags"), bar / "pipelines" / "bar"

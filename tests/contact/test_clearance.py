@@ -1,9 +1,12 @@
 """Smallest distances of surfaces to obstacles, against closed forms and against many points of the surface."""
 
+from itertools import cycle, product
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 from support.closed import box_arrays, octahedral_sphere
+from support.fast_cases import fast_are
 
 from cfem.contact.clearance import nearest_of_surface
 from cfem.contact.closed_surface import ClosedSurface
@@ -19,8 +22,7 @@ SHAPES = {
 }
 
 
-@pytest.mark.parametrize("name", SHAPES)
-@pytest.mark.parametrize("away", [8.0, 3.0])
+@pytest.mark.parametrize("name, away", fast_are(zip(SHAPES, cycle([8.0, 3.0])), product(SHAPES, [8.0, 3.0])))
 def test_no_point_of_the_surface_is_nearer(name, away):
     """A coarse potato beside the obstacle, or into it, of triangles as large as the obstacle's edges."""
     rng = np.random.default_rng(3)

@@ -182,7 +182,9 @@ def test_an_object_that_turns_needs_samples_that_turn(held):
         cfem.run_stage("control", held / "control.yaml", overrides=["object.turns=true"], out=held / "turned")
 
 
-@pytest.mark.parametrize("asked", [[], TOUCHED], ids=["glued", "by friction"])
+@pytest.mark.parametrize(
+    "asked", [pytest.param([], marks=pytest.mark.slow, id="glued"), pytest.param(TOUCHED, id="by friction")]
+)
 def test_an_interrupted_run_goes_on_with_the_object_as_it_was_held(turning, tmp_path, asked):
     for out in ("whole", "cut"):
         if out == "cut":

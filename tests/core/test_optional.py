@@ -17,7 +17,7 @@ from cfem.core.optional import EXTRAS, demand, explained
 PROJECT = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]
 BROUGHT_BY = {"llvmlite": "numba", "dask": "distributed", "pymklpardiso": "py-mkl-pardiso", "PIL": "pillow"}
 BROUGHT_BY |= {"mpl_toolkits": "matplotlib", "serial": "pyserial"}
-BROUGHT_BY |= {"stable_baselines3": "stable-baselines3"}
+BROUGHT_BY |= {"stable_baselines3": "stable-baselines3", "dynamixel_sdk": "dynamixel-sdk"}
 
 
 def absent(monkeypatch, *names):

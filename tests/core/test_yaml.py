@@ -39,7 +39,7 @@ def test_aliases_that_grow_without_end_are_refused():
     "text, what",
     [
         ("a: " + "[" * 60 + "]" * 60, "more than 50 levels"),
-        ("a: " + "[" * 5000 + "]" * 5000, "not valid YAML"),
+        ("a: " + "[" * 100_000, "more than 50 levels"),
         ("b: 1\na: " + "x" * 10_001, "10000 characters"),
         ('a: {b: "x\\0y"}', "cannot be printed"),
         ('"a\\x07": 1', "cannot be printed"),

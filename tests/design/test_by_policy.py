@@ -87,6 +87,7 @@ def test_a_design_is_judged_by_the_episode_that_the_environment_has(family, fold
         assert distance[i, 0] == pytest.approx(np.mean([one[1] for one in found[-by_policy.LAST :]]), rel=1e-4)
 
 
+@pytest.mark.slow
 def test_the_design_of_least_distance_is_that_of_the_task_where_the_policy_gets_there(family, folder, monkeypatch):
     monkeypatch.setattr(by_policy, "FIRST", 64)
     monkeypatch.setattr(by_policy, "ROUND", 32)

@@ -1,9 +1,11 @@
 """Designs judged by finite elements alone: gradients against differences of whole solves, and a whole search."""
 
 import json
+from itertools import product
 
 import numpy as np
 import pytest
+from support.fast_cases import fast_are
 
 from cfem.core.errors import NumericalError, SpecError
 from cfem.core.spec import load_spec
@@ -87,8 +89,12 @@ OVER = (
 )
 
 
-@pytest.mark.parametrize("asked", [MANY, OVER], ids=["of one state", "over actuations"])
-@pytest.mark.parametrize("actuation", ["actuation={displacement: {mm: [3]}}", "actuation={force: {N: [1.5]}}"])
+LED, LOADED = "actuation={displacement: {mm: [3]}}", "actuation={force: {N: [1.5]}}"
+
+
+@pytest.mark.parametrize(
+    "asked, actuation", fast_are([(MANY, LOADED), (OVER, LED)], product([MANY, OVER], [LED, LOADED]))
+)
 def test_slopes_are_those_of_whole_solves(folder, asked, actuation):
     mine = problem(folder, asked, actuation)
     assert mine.slope_error(np.array([0.4, 0.6, 0.3])) < 2e-5
@@ -135,6 +141,7 @@ def test_a_robust_objective_is_that_of_scattered_robots_to_first_order(folder):
     assert value[1] - value[0] == pytest.approx(sampled - value[0], rel=0.15)  # a quantile of few robots scatters
 
 
+@pytest.mark.slow
 def test_the_slopes_of_a_robust_objective_are_differences_of_its_values(folder):
     mine = problem(folder, ROBUST, "constraints={}")
     assert mine.slope_error(np.array([0.4, 0.6, 0.3])) < 1e-4

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.linalg import null_space
 from support.blocks import bar
+from support.fast_cases import fast_are
 
 from cfem.equilibrium.criticality import softest_mode
 from cfem.equilibrium.newton import NewtonResult
@@ -36,7 +37,7 @@ def test_the_softest_mode_is_that_of_the_motions_left_free(actuation):
     np.testing.assert_allclose(A @ mode + held @ reactions, value * mode, atol=2e-3 * value)
 
 
-@pytest.mark.parametrize("weight", [0.0, 1e-5])
+@pytest.mark.parametrize("weight", fast_are({1e-5}, [0.0, 1e-5]))
 def test_an_arch_pulled_at_its_crown_or_by_its_weight_turns_back_at_a_limit_point(weight):
     shallow = arch("tet10")
     if weight:

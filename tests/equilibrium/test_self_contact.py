@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from support.clip import GAP, clip
+from support.fast_cases import fast_are
 
 from cfem.constraint.surface import triangulated
 from cfem.contact.overlap import boundary_of
@@ -32,7 +33,7 @@ def along(problem, state, h, k):
     return both
 
 
-@pytest.mark.parametrize("k", [0, 1])
+@pytest.mark.parametrize("k", fast_are({1}, [0, 1]))
 def test_compliance_and_its_slope_are_those_of_solves_with_other_forces(touching, k):
     problem, state = touching
     h = 1e-3 * np.abs(state.state.lam[k])

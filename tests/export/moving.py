@@ -15,6 +15,7 @@ from cfem.export.compiled.mpc import CompiledMpc
 from cfem.export.firmware.embedding import Embedding
 from cfem.export.firmware.motion import write_c_motion
 from cfem.export.firmware.mpc import mpc_constants, write_c_mpc
+from cfem.export.firmware.single import write_single
 from cfem.export.page.page import page
 from cfem.export.spec import CSpec
 from cfem.motion.clocked import Clocked
@@ -65,9 +66,11 @@ def spec(kind: str = "force", mpc: dict | None = None, **control) -> CSpec:
 
 def folder_of(folder: Path, chosen: CSpec) -> Path:
     meta, arrays, moving = robot()
-    export(folder, (meta, arrays), controller=chosen.controller, vectors=20)
+    export(folder, (meta, arrays), controller=chosen.controller, arithmetic=chosen.arithmetic, vectors=20)
     write_c_motion(folder, meta, arrays, moving)
     write_c_mpc(folder, chosen, meta, arrays, moving)
+    if chosen.arithmetic == "float":
+        write_single(folder)
     return folder
 
 
@@ -95,14 +98,15 @@ def both(folder: Path, chosen: CSpec) -> tuple[CompiledMpc, Mpc]:
     return CompiledMpc(folder_of(folder, chosen)), python
 
 
-def goals(ticks: int, share: float = 0.15) -> np.ndarray:
-    """(ticks, 3) mm: where the tip would rest under forces that swing about their middle."""
+def goals(ticks: int, share: float = 0.15, speeds: tuple[float, float] = (12, 20)) -> np.ndarray:
+    """(ticks, 3) mm: where the tip would rest under forces that swing about their middle; speeds: rad/s, the second
+    twice the first for a figure-eight."""
     moves, found = model(), []
     static, middle = moves.static, moves.static.domain.delta_a.mean(axis=0)
     near = static.at_displacement(middle)
     centre = near.lambda_a
     t = np.arange(ticks) / RATE
-    for swing in share * np.stack([np.sin(12 * t), np.sin(20 * t)], axis=1):
+    for swing in share * np.sin(np.outer(t, speeds)):
         near = under_force(static, centre * (1 + swing), near)
         found.append(moves.rest_e + near.delta_e)
     return np.array(found)

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from export.embedded import export, needs_compiler, network, row, serial, spectral, tool
+from support.fast_cases import fast_are
 from surrogate.stored import train_folder
 
 from cfem.core.errors import InputError, SpecError
@@ -42,7 +43,7 @@ MODELS = {
 }
 
 
-@pytest.fixture(scope="module", params=MODELS, ids=str)
+@pytest.fixture(scope="module", params=fast_are({"forces", "row"}, MODELS), ids=str)
 def folder(request, tmp_path_factory):
     model, spec = MODELS[request.param]
     out = tmp_path_factory.mktemp("c")
@@ -70,7 +71,7 @@ def test_it_passes_its_own_test_without_undefined_behaviour(folder):
 
 @pytest.mark.parametrize(
     ("compiler", "variant"),
-    [("gcc", "contracted"), pytest.param("gcc", "not contracted", marks=pytest.mark.slow), ("clang", "sanitised")],
+    fast_are([("clang", "sanitised")], [("gcc", "contracted"), ("gcc", "not contracted"), ("clang", "sanitised")]),
 )
 def test_it_passes_however_it_is_compiled(tmp_path, compiler, variant):
     export(tmp_path, spectral())
@@ -102,13 +103,7 @@ def test_c_plus_plus_takes_the_header(tmp_path):
     assert done.returncode == 0, done.stderr
 
 
-@pytest.mark.parametrize(
-    ("model", "board"),
-    [
-        pytest.param(*one, marks=() if one in (("double", "m7"), ("row", "m4")) else pytest.mark.slow)
-        for one in product(MODELS, BOARDS)
-    ],
-)
+@pytest.mark.parametrize(("model", "board"), fast_are([("double", "m7")], product(MODELS, BOARDS)))
 def test_it_compiles_for_a_microcontroller(model, board, tmp_path):
     made, spec = MODELS[model]
     export(tmp_path, made(), **spec)

@@ -11,6 +11,7 @@ import pytest
 from export.embedded import export, network, row, serial, spectral
 from export.firmware import test_estimate, test_meet, test_swing, test_touch
 from export.moving import folder_of, spec
+from support.fast_cases import fast_are
 
 from cfem.export.compiled import build
 from cfem.export.firmware.estimate import write_c_estimate
@@ -110,7 +111,7 @@ def test_predictive_control_survives(tmp_path):
     predictive(tmp_path, "force", FEW)
 
 
-@pytest.mark.parametrize("name", ["double", "forces"])
+@pytest.mark.parametrize("name", fast_are({"forces"}, ["double", "forces"]))
 def test_the_controller_survives(tmp_path, name):
     """The other models are among those of 200 000 ticks."""
     inverse(tmp_path, name, FEW)

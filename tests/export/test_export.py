@@ -20,7 +20,15 @@ from cfem.export.stage import run
 MODELS = {"spectral": "{kind: spectral, max_degree: 9}", "mlp": "{kind: mlp, width: 8, depth: 2, epochs: 2}"}
 
 
-@pytest.fixture(scope="module", params=[("spectral", 2), ("spectral", 1), ("spectral", 3), ("mlp", 2)], ids=str)
+FEW = [("spectral", 2), ("mlp", 2)]
+MODELS = [("spectral", 2), ("spectral", 1), ("spectral", 3), ("mlp", 2)]
+
+
+@pytest.fixture(
+    scope="module",
+    params=[pytest.param(model, marks=() if model in FEW else pytest.mark.slow) for model in MODELS],
+    ids=str,
+)
 def exported(request, tmp_path_factory):
     kind, n_a = request.param
     folder = tmp_path_factory.mktemp("export")
@@ -96,5 +104,5 @@ def test_without_pytorch_the_arrays_are_written_and_the_rest_is_named(tmp_path):
 
 def test_an_unknown_format_is_a_spec_error(tmp_path):
     (tmp_path / "export.yaml").write_text("model: model\nout: export\nformats: [pickle]\n")
-    with pytest.raises(SpecError, match="'arrays', 'onnx', 'torchscript', 'c', 'html', 'fmu' or 'arduino'"):
+    with pytest.raises(SpecError, match="'arrays', 'onnx', 'torchscript', 'c', 'html', 'fmu', 'arduino' or 'mjcf'"):
         run(tmp_path / "export.yaml", [], None, Options())

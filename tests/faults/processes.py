@@ -2,6 +2,7 @@
 
 import multiprocessing
 import os
+import sys
 from collections.abc import Sequence
 from functools import cache
 from importlib import import_module
@@ -18,8 +19,9 @@ def processes() -> Any:
     """A context of multiprocessing."""
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(["faults.warm"])
-    # Before Python 3.13 it is not told sys.path; of threads a child of a fork would start anew, one is enough.
-    with patch.dict(os.environ, PYTHONPATH=str(Path(__file__).parents[1]), OMP_NUM_THREADS="1"):
+    # Before Python 3.13 it is not told sys.path, and would import another cfem that is installed; of threads a child of
+    # a fork would start anew, one is enough.
+    with patch.dict(os.environ, PYTHONPATH=os.pathsep.join(filter(None, sys.path)), OMP_NUM_THREADS="1"):
         first = context.Process(target=os.getpid)
         first.start()
         first.join()

@@ -18,7 +18,7 @@ from cfem.core.errors import DiskError
 __all__ = ["quick"]
 
 
-@pytest.mark.parametrize("every", [23, pytest.param(1, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("every", [61, pytest.param(1, marks=pytest.mark.slow)])
 def test_the_nth_operation_fails(quick, every):
     whole = make(quick / "whole")["content"]
     with pytest.MonkeyPatch.context() as patch:

@@ -24,6 +24,7 @@ def trapped(tmp_path, monkeypatch):
     return tmp_path
 
 
+@pytest.mark.usefixtures("anew")
 def test_the_process_of_gmsh_takes_no_module_from_the_working_folder(trapped):
     assert measure(Box((0, 0, 0), (1, 2, 3))) == pytest.approx((6.0, 22.0))
     assert not (trapped / "executed").exists()

@@ -1,14 +1,13 @@
 """Killed at any moment, sampling goes on from what it had: no row lost, none twice, all digits the same."""
 
-import multiprocessing
 import os
 import random
 import signal
 import time
-from pathlib import Path
 
 import pytest
 from core.artefact.test_files import quick
+from faults.processes import processes
 from faults.sampling import PLAN, make, make_as_command, make_quietly
 from support.waiting import PATIENCE, wait_for
 
@@ -18,19 +17,6 @@ from cfem.dataset.reader import read_table
 
 __all__ = ["quick"]
 DELAY = 0.002  # seconds a row takes at least: time to be killed in
-
-
-@pytest.fixture(scope="module")
-def processes():
-    """Forks of a process that has imported everything: each is in its work after milliseconds."""
-    context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(["faults.warm"])
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("PYTHONPATH", str(Path(__file__).parents[1]))  # before Python 3.13 it is not told sys.path
-        first = context.Process(target=os.getpid)
-        first.start()
-    first.join()
-    return context
 
 
 @pytest.fixture(scope="module")
@@ -44,12 +30,12 @@ def shards(out):
     return {path.name: path.stat().st_mtime_ns for path in (partial_folder(out) / "shards").glob("shard-*.parquet")}
 
 
-@pytest.mark.parametrize("kills", [5, pytest.param(200, marks=pytest.mark.slow)])
-def test_killed_at_random_moments_it_ends_with_the_same_content(processes, whole, quick, kills):
+@pytest.mark.parametrize("kills", [1, pytest.param(200, marks=pytest.mark.slow)])
+def test_killed_at_random_moments_it_ends_with_the_same_content(whole, quick, kills):
     moments = random.Random(kills)
     done = datasets = lost = redone = 0
     begin = time.monotonic()
-    child = processes.Process(target=make_quietly, args=(quick / "timed", DELAY))
+    child = processes().Process(target=make_quietly, args=(quick / "timed", DELAY))
     child.start()
     child.join()
     longest = time.monotonic() - begin
@@ -59,7 +45,7 @@ def test_killed_at_random_moments_it_ends_with_the_same_content(processes, whole
         finished = False
         while not finished and done < kills:
             before = shards(out)
-            child = processes.Process(target=make_quietly, args=(out, DELAY))
+            child = processes().Process(target=make_quietly, args=(out, DELAY))
             child.start()
             child.join(moments.uniform(0.0, longest))
             if child.is_alive():
@@ -81,9 +67,9 @@ def test_killed_at_random_moments_it_ends_with_the_same_content(processes, whole
 
 
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
-def test_interrupted_it_says_so_and_goes_on(processes, whole, tmp_path, how):
+def test_interrupted_it_says_so_and_goes_on(whole, tmp_path, how):
     out = tmp_path / "out"
-    child = processes.Process(target=make_as_command, args=(out, 0.06))
+    child = processes().Process(target=make_as_command, args=(out, 0.06))
     child.start()
     wait_for(lambda: len(shards(out)) >= 2 or not child.is_alive())
     os.kill(child.pid, how)

@@ -14,9 +14,9 @@ from sample.test_runner import SPEC
 from support.dask_processes import dask_processes, wait_for
 
 from cfem.dataset.writer import content_hash
-from cfem.sample import tour
+from cfem.sample import pool, tour
 from cfem.sample.plan import actuation, unit_rows
-from cfem.sample.pool import FRESH, with_workers
+from cfem.sample.pool import with_workers
 from cfem.sample.runner import sample
 from cfem.sample.workers import Workers, WorkersLost
 
@@ -26,15 +26,17 @@ pytestmark = pytest.mark.usefixtures("processes")
 @dataclass(frozen=True)
 class Signed(Factory):
     """Every process that solves leaves its id in the folder `names`, and is killed at the state where the pull's amount
-    is `deadly` mm, once `others` shards are finished."""
+    is `deadly` mm, once `others` shards are finished. waits: once two shards are finished, until the file `disturbed`
+    is there."""
 
     names: str = ""
     deadly: float | None = None
     others: int = 0
+    waits: bool = False
 
     def __call__(self):
         (Path(self.names) / str(os.getpid())).touch()
-        return Watched(super().__call__(), Path(self.names), self.deadly, self.others)
+        return Watched(super().__call__(), Path(self.names), self.deadly, self.others, self.waits)
 
 
 @dataclass(frozen=True)
@@ -43,6 +45,7 @@ class Watched:
     names: Path
     deadly: float | None
     others: int
+    waits: bool
 
     @property
     def facts(self):
@@ -55,6 +58,8 @@ class Watched:
         if len(actuation.target) and actuation.target[0] == self.deadly:
             wait_for(lambda: len(shards(self.names.parent / "work")) >= self.others)
             os.kill(os.getpid(), signal.SIGKILL)
+        if self.waits and len(shards(self.names.parent / "work")) >= 2:
+            wait_for((self.names.parent / "disturbed").exists)
         if (self.names.parent / "pause").exists():  # until another has come
             wait_for(lambda: len(solvers(self.names)) >= 3)
         return self.solver.solve(actuation, start, p)
@@ -83,18 +88,20 @@ def shards(work):
     return {path.name: path.stat().st_mtime_ns for path in work.glob("shard-*.parquet")}
 
 
-def disturbed(workers, names, work, disturb, delay=0.03):
-    """The tables, while `disturb` runs beside; and the shards that were finished before it."""
+def disturbed(workers, names, work, disturb):
+    """The tables, while `disturb` runs beside, once both workers solve; shards that were finished before it stay."""
     before = {}
 
     def beside():
         wait_for(lambda: len(shards(work)) >= 2)
+        wait_for(lambda: len(solvers(names)) == 2)
         before.update(shards(work))
         disturb()
+        (names.parent / "disturbed").touch()
 
     thread = threading.Thread(target=beside)
     thread.start()
-    factory = Signed(delay, names=str(names))
+    factory = Signed(0.03, names=str(names), waits=True)
     tables = with_workers(workers, lambda one: sample(SPEC, factory, work, one, timeout=workers.timeout))
     thread.join()
     after = shards(work)
@@ -128,12 +135,13 @@ def deadly(names):
     return Signed(names=str(names), deadly=float(asked.target[0]), others=len(pieces) - 1), len(pieces)
 
 
-def test_a_state_that_kills_every_process_is_named_and_what_others_finish_is_kept(names, tmp_path, capfd):
+def test_a_state_that_kills_every_process_is_named_and_what_others_finish_is_kept(names, tmp_path, capfd, monkeypatch):
+    monkeypatch.setattr(pool, "FRESH", 1)
     factory, count = deadly(names)
     with pytest.raises(WorkersLost, match=r"a worker died; unfinished: shard-00004.parquet \("):
         with_workers(Workers(2), lambda one: sample(SPEC, factory, tmp_path / "work", one))
     assert len(shards(tmp_path / "work")) == count - 1
-    assert capfd.readouterr().err.count("fresh workers") == FRESH
+    assert capfd.readouterr().err.count("fresh workers") == 1
 
 
 @pytest.mark.slow

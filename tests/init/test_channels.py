@@ -20,6 +20,7 @@ def test_a_cable_runs_through_a_channel():
     assert cable.pull[0] == 0 and cable.points[-1, 0] > 50 and cable.offset == pytest.approx(3, abs=0.5)
 
 
+@pytest.mark.slow
 def test_a_cable_runs_through_the_holes_of_walls_in_a_row():
     inside = found(holed(gaps=((8, 20), (28, 40), (46, 54))))
     (cable,) = inside.cables

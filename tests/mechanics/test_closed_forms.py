@@ -158,6 +158,7 @@ def test_cooks_membrane_next_to_incompressible():
     assert cook("tet4", 32, 0.499) < 0.5 * fine
 
 
+@pytest.mark.slow
 def test_cooks_membrane_compressible():
     fine = cook("hex8", 48, 0.3)
     for element, n in {"tet4": 48, "tet10": 16, "tet10p0": 16, "hex8": 24}.items():

@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 from skfem.models.elasticity import lame_parameters, linear_elasticity
 from support.blocks import box
 from support.boundary_value import newton
+from support.fast_cases import fast_are
 
 from cfem.mechanics.assembly import make_pattern, symmetric_product
 from cfem.mechanics.body import make_body, response, tangent
@@ -216,12 +217,25 @@ def our_solution(mesh, element, law, poisson, held, motion):
     return x - mesh.X
 
 
+THEIRS = [("tet4", 0.3), ("tet10", 0.3), ("tet10p0", 0.3), ("tet10p0", 0.499), ("hex8", 0.3)]
+
+
 @pytest.mark.parametrize(
-    "element, poisson", [("tet4", 0.3), ("tet10", 0.3), ("tet10p0", 0.3), ("tet10p0", 0.499), ("hex8", 0.3)]
+    "law, case",
+    fast_are(
+        [
+            ("neo-hookean", ("tet4", 0.3)),
+            ("st-venant-kirchhoff", ("tet10", 0.3)),
+            ("neo-hookean", ("tet10p0", 0.499)),
+            ("st-venant-kirchhoff", ("hex8", 0.3)),
+        ],
+        [(law, case) for law in THEIR_LAWS for case in THEIRS],
+    ),
+    ids=str,
 )
-@pytest.mark.parametrize("law", THEIR_LAWS)
-def test_large_deformation_against_scikit_fem(element, poisson, law):
+def test_large_deformation_against_scikit_fem(law, case):
     """A block that sags, one end held and the other turned by half a radian and pulled by a fifth of its length."""
+    element, poisson = case
     mesh = box(SIZE, (3, 2, 2), element, distort=0.2)
     held = np.flatnonzero((mesh.X[:, 0] < 1e-9) | (mesh.X[:, 0] > SIZE[0] - 1e-9))
     middle = np.array([2.0, 0.5, 0.5])

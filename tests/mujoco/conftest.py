@@ -1,12 +1,10 @@
 """The bar as a soft robot in MuJoCo: a beam along x, held at x = 0, with a cable."""
 
 import pytest
+import yaml
 
-from cfem.equilibrium.contact.patch_compliance import patch_response
+import cfem
 from cfem.mujoco import SoftRobot
-from cfem.predict.contact.patched_model import PatchedModel, patches_of
-from cfem.predict.contact.surface_model import patch_states
-from cfem.predict.load import load_model
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh
 
@@ -17,8 +15,24 @@ def fe_bar(bar):
 
 
 @pytest.fixture(scope="session")
-def soft_bar(bar, fe_bar):
-    model = load_model(bar / "models" / "bar" / "spectral")
-    patches = patches_of(model, 8.0)
-    by_fe = patch_response(fe_bar, model.skin.watched, patches, patch_states(model.domain, 1))
-    return SoftRobot(PatchedModel(model, patches, by_fe))
+def soft_bar(patched_bar):
+    return SoftRobot(patched_bar)
+
+
+@pytest.fixture(scope="session")
+def heavy_scene(bar):
+    """The bar whose model knows its weight, by rows of its centre of mass."""
+    specs, asked = bar / "pipelines" / "bar", ["scene=heavy.yaml", "loads=true", "out=../../data/bar/heavy"]
+    scene = yaml.safe_load((specs / "scene.yaml").read_text())
+    scene["material"]["density"] = "1070 kg/m^3"
+    scene["effectors"].append({"name": "body", "at": "centre-of-mass"})
+    (specs / "heavy.yaml").write_text(yaml.safe_dump(scene))
+    cfem.run_stage("sample", specs / "sample.yaml", overrides=asked, workers=1)
+    trained = ["dataset=../../data/bar/heavy", "out=../../models/bar/heavy"]
+    cfem.run_stage("train", specs / "train.yaml", overrides=trained)
+    return specs / "heavy.yaml"
+
+
+@pytest.fixture(scope="session")
+def heavy_bar(bar, heavy_scene):
+    return SoftRobot.load(bar / "models" / "bar" / "heavy", heavy_scene, patches=8.0)

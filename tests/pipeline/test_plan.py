@@ -111,9 +111,9 @@ def test_as_many_processes_solve_samples_as_asked(tmp_path, monkeypatch):
 
 
 def test_a_missing_scene_names_the_calibration_that_makes_it(tmp_path):
-    for name in ("measured-tentacle", "calibrated-tentacle"):
-        shutil.copytree(PIPELINES / name, tmp_path / "pipelines" / name)
+    folder = tmp_path / "pipelines" / "measured-tentacle"
+    shutil.copytree(PIPELINES / "measured-tentacle", folder)
     with pytest.raises(
         InputError, match=r"no such file \(run cfem calibrate-cases .*measured-tentacle/cases.yaml first\)"
     ):
-        plan(own_specs(tmp_path / "pipelines" / "calibrated-tentacle"), {})
+        plan([folder / "control-calibrated.yaml"], {})

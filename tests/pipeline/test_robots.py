@@ -15,6 +15,7 @@ SHOWN = [
     "bar",
     "bellows",
     "diamond",
+    "fin-ray",
     "mckibben",
     "parametric-finger",
     "pneunet",
@@ -34,11 +35,17 @@ def test_the_packaged_robots_are_those_of_the_checkout():
     assert ROBOTS.samefile(Path(__file__).parents[2] / "pipelines")
 
 
-@pytest.mark.parametrize("robot", robots())
-def test_every_robot_can_be_run_under_another_name(tmp_path, robot):
-    copy_robot(robot, "mine", tmp_path / "pipelines")
-    steps = plan(own_specs(tmp_path / "pipelines" / "mine"), {})
-    outs = [step.stage.out.resolve().relative_to(tmp_path).parts for step in steps]
+@pytest.fixture(scope="module", params=robots())
+def copied(request, tmp_path_factory):
+    """A robot, the folder where it is called `mine`, and the files that were copied."""
+    folder = tmp_path_factory.mktemp(request.param)
+    return request.param, folder, copy_robot(request.param, "mine", folder / "pipelines")["files"]
+
+
+def test_every_robot_can_be_run_under_another_name(copied):
+    robot, folder, _ = copied
+    steps = plan(own_specs(folder / "pipelines" / "mine"), {})
+    outs = [step.stage.out.resolve().relative_to(folder).parts for step in steps]
     own = [out for out, step in zip(outs, steps, strict=True) if step.spec.parent.name == "mine"]
     assert all(out[0] in ("data", "models") and out[1] == "mine" for out in own) and own
     assert not any(out[1] == robot for out in outs)
@@ -84,10 +91,9 @@ def test_words_that_do_not_go_together_are_refused(tmp_path, words, said):
     assert done.exit_code == 2 and said in done.stderr and not (tmp_path / "pipelines").exists()
 
 
-@pytest.mark.parametrize("robot", robots())
-def test_the_comments_of_a_copied_scene_name_no_file_that_was_not_copied(tmp_path, robot):
-    copied = {Path(path) for path in copy_robot(robot, "mine", tmp_path / "pipelines")["files"]}
-    for path in copied:
+def test_the_comments_of_a_copied_scene_name_no_file_that_was_not_copied(copied):
+    files = {Path(path) for path in copied[2]}
+    for path in files:
         if path.name == "scene.yaml" and path.parent.name == "mine":
             named = re.findall(r"\b(\w[\w-]*\.yaml)\b", "".join(re.findall(r"#[^\n]*", path.read_text())))
-            assert {path.with_name(name) for name in named if not name.startswith("yaml-")} <= copied
+            assert {path.with_name(name) for name in named if not name.startswith("yaml-")} <= files

@@ -5,7 +5,8 @@ import pytest
 from support.blocks import bar
 
 from cfem.plant.fem_plant import FemPlant
-from cfem.plant.marked_plant import MarkedPlant, MarkerNoise
+from cfem.plant.marked_plant import MarkedPlant
+from cfem.plant.marker_noise import MarkerNoise
 from cfem.plant.protocol import Measurement
 
 

@@ -61,6 +61,7 @@ def test_primitives_and_booleans(solid, volume):
     assert run_gmsh(solid, COARSE.model_copy(update={"size": 2.0}))[2] == pytest.approx(volume, rel=1e-6)
 
 
+@pytest.mark.usefixtures("anew")
 def test_the_same_job_gives_the_same_mesh_and_refinement_refines():
     first, second = (run_gmsh(soft_finger(FINGER), COARSE) for _ in range(2))
     np.testing.assert_array_equal(first[0], second[0])

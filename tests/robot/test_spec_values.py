@@ -60,7 +60,7 @@ def numbers(data):
         yield data
 
 
-@settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.sampled_from(list(places(SCENE))), VALUE)
 def test_any_value_at_any_key_is_a_scene_or_one_sentence(tmp_path, path, value):
     data = copy.deepcopy(SCENE)

@@ -6,13 +6,19 @@ import numpy as np
 import pytest
 from ros2 import ros
 from ros2.hand import ERROR, OK, STALE, WARN, goal_of, send, tick
+from support.fast_cases import fast_are
 
 from cfem.plant.imperfect_plant import Stiffer
 from cfem.plant.model_plant import ModelPlant
 
 
-@pytest.mark.parametrize(("interval", "delay"), [(1, 5), (10, 0), (4, 3), (1, 20)])
-@pytest.mark.parametrize("stiffness", [1.0, 1.1])
+@pytest.mark.parametrize(
+    ("interval", "delay", "stiffness"),
+    fast_are(
+        [(1, 5, 1.0), (10, 0, 1.1), (4, 3, 1.0), (1, 20, 1.1)],
+        [(*late, stiffness) for late in [(1, 5), (10, 0), (4, 3), (1, 20)] for stiffness in (1.0, 1.1)],
+    ),
+)
 def test_late_and_rare_samples_correct_once(start, messages, interval, delay, stiffness):
     """Of a robot on topics, stamped when they were taken: exact it stays at its goal, stiffer it gets there."""
     run = start(command="force", measured_timeout=5.0)

@@ -84,6 +84,7 @@ def test_workers_need_no_file_of_the_machine_that_asks(dask, bar, tmp_path):
         assert content_hash(remote) == content_hash(sample(spec, factory, here, executor))
 
 
+@pytest.mark.slow
 def test_large_arguments_are_sent_without_a_warning(dask):
     with cluster.cluster(dask.address) as executor:
         large = bytes(30_000_000)
@@ -134,6 +135,7 @@ def test_no_scheduler_is_said(bar, tmp_path, monkeypatch):
     assert "leave one of them out" in cfem(*words, "--workers", 2).stderr
 
 
+@pytest.mark.slow
 def test_a_cluster_without_workers_is_said_after_the_timeout(tmp_path):
     with dask_processes(tmp_path) as processes, pytest.raises(WorkersLost, match=r"for 0.5 s; unfinished: facts"):
         workers = Workers(scheduler=processes.address, timeout=0.5)

@@ -26,8 +26,7 @@ def kept(compile: Callable, kept_in: Path) -> Callable:
 
     def objects(command, folder, names, place):
         names = [str(name) for name in names]
-        texts = preprocessed(command, folder, names)
-        keys = [sha256("\n".join([*command, name, texts[name]]).encode()).hexdigest() for name in names]
+        keys = [sha256("\n".join([*command, name, text_of(folder / name)]).encode()).hexdigest() for name in names]
         missing = [name for name, key in zip(names, keys, strict=True) if not (kept_in / key).exists()]
         made = dict(zip(missing, compile(command, folder, missing, place), strict=True)) if missing else {}
         found = []
@@ -44,16 +43,16 @@ def kept(compile: Callable, kept_in: Path) -> Callable:
     return objects
 
 
-def preprocessed(command, folder, names) -> dict[str, str]:
-    """Text of each source after the preprocessor; relative names, so that it does not depend on the folder."""
-    texts, current = dict.fromkeys(names, ""), None
-    for line in build.run([*command, "-E", *names], folder).splitlines(keepends=True):
-        marker = re.match(r'# \d+ "(.*?)"', line)
-        if marker and marker[1] in texts:
-            current = marker[1]
-        if current:
-            texts[current] += line
-    return texts
+def text_of(path: Path, read: set[Path] | None = None) -> str:
+    """Text of a source and, once each, of the headers of its folder that it includes, and they include."""
+    read = set() if read is None else read
+    text = path.read_text(encoding="utf-8")
+    headers = [path.parent / name for name in re.findall(r'^\s*#\s*include\s+"(.+?)"', text, re.MULTILINE)]
+    for header in headers:
+        if header not in read and header.exists():
+            read.add(header)
+            text += text_of(header, read)
+    return text
 
 
 def kernels_in_turn(shared: Path):

@@ -36,6 +36,7 @@ EXTRAS = {
     "distributed": "cluster",
     "mujoco": "mujoco",
     "serial": "serial",
+    "dynamixel_sdk": "dynamixel",
 }
 
 

@@ -1,5 +1,6 @@
 """Strict YAML 1.2: duplicate keys are errors, `1e-3` is a number, and every value knows its line."""
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ Key = str | int
 MAX_BYTES = 1_000_000
 MAX_VALUES = 100_000
 MAX_DEPTH = 50
+MAX_OPEN = 4 * MAX_DEPTH  # brackets, those in texts included
 MAX_LENGTH = 10_000  # characters of one text
 MAX_INTEGER = 2**63 - 1
 
@@ -40,6 +42,9 @@ def parse_yaml(text: str, source: str) -> tuple[dict, dict[tuple[Key, ...], int]
     from ruamel.yaml import YAML
     from ruamel.yaml.error import MarkedYAMLError
 
+    deepest = _deepest_line(text)
+    if deepest:
+        raise SpecError(f"a spec must not have more than {MAX_DEPTH} levels", where=f"{source}:{deepest}")
     try:
         tree = YAML(typ="rt", pure=True).load(text)
     except MarkedYAMLError as error:
@@ -61,6 +66,18 @@ def parse_yaml(text: str, source: str) -> tuple[dict, dict[tuple[Key, ...], int]
     except _Refused as refused:
         line = f":{lines[refused.path]}" if refused.path in lines else ""
         raise SpecError(f"a spec must not have {refused}", where=f"{source}{line}") from None
+
+
+def _deepest_line(text: str) -> int:
+    """Line (from 1) on which so many brackets are open that a reader, whose time grows with their square, would take
+    long; 0 where none is. Brackets in texts and comments count, and no spec has so many of these open."""
+    depth = 0
+    for number, line in enumerate(text.splitlines(), 1):
+        for bracket in re.findall(r"[\[\]{}]", line):
+            depth = depth + 1 if bracket in "[{" else max(depth - 1, 0)
+            if depth > MAX_OPEN:
+                return number
+    return 0
 
 
 class _Refused(Exception):

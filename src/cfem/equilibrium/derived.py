@@ -85,6 +85,7 @@ def derive(
             "contact points": len(problem.robot.contacts) > 0,
             "slopes by parameters": len(wanted.sides) > 0,
             "mass": wanted.mass is not None,
+            "loads": wanted.loads > 0,
         }
         for what in (name for name, is_asked in asked.items() if is_asked):
             demand_without_discrepancy(problem.robot, what)

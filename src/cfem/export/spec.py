@@ -17,7 +17,7 @@ from cfem.predict.contact.obstacle_spec import ContactSpec, ObstacleSpec
 from cfem.predict.estimation.spec import DrivenDynamicsSpec, MarkersSpec
 from cfem.predict.loads.spec import LoadSpec
 
-Format = Literal["arrays", "onnx", "torchscript", "c", "html", "fmu", "arduino"]
+Format = Literal["arrays", "onnx", "torchscript", "c", "html", "fmu", "arduino", "mjcf"]
 FmuPart = Literal["controller", "robot", "moving", "estimator"]
 PACKAGES: dict[Format, tuple[str, ...]] = {
     "arrays": (),
@@ -108,7 +108,10 @@ class CSpec(Spec):
     """C99 for firmware."""
 
     scalar: Literal["double", "float"] = "double"
-    """Number type of the model. The program is always solved in double."""
+    """Number type of the model. The program is solved in the number type of `arithmetic`."""
+    arithmetic: Literal["double", "float"] = "double"
+    """Number type of all that is computed. float: for processors without double precision, such as a Cortex-M4F; the
+    model is then in float too. Of controller, motion and predictive control."""
     hidden_weights: Literal["scalar", "int16"] = "scalar"
     """Number type of a network's hidden layers: as scalar, or 16-bit integers."""
     full: bool = False
@@ -136,6 +139,8 @@ class CSpec(Spec):
         for name, obstacle in self.obstacles.items():
             if obstacle.pressed or obstacle.avoid is not None or obstacle.path is not None:
                 raise ValueError(f"obstacles.{name}: press, largest_force, avoid and path are of `cfem control` alone")
+        if self.arithmetic == "float" and (self.obstacles or self.estimate):
+            raise ValueError("arithmetic: float is of controller, motion and mpc; obstacles and estimate need double")
         if self.contact.resolution == "mesh":
             raise ValueError("contact.resolution: mesh is of `cfem control` alone; C touches by patches")
 
@@ -181,6 +186,8 @@ class ExportSpec(Spec):
             raise ValueError("c.obstacles need `scene`, of which the surface is solved, and do not go with loads yet")
         if self.c.obstacles and "fmu" in self.formats:
             raise ValueError("c.obstacles do not go into an FMU yet: leave out the format fmu, or the obstacles")
+        if self.c.arithmetic == "float" and "fmu" in self.formats:
+            raise ValueError("c.arithmetic: float is not for an FMU: leave out the format fmu, or take double")
         for name, obstacle in self.c.obstacles.items():
             if obstacle.kind == "robot" and (obstacle.model != self.model or obstacle.scene is not None):
                 what = f"in C another robot is one of the exported model: take model: {self.model}, without scene"

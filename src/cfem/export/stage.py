@@ -28,7 +28,7 @@ from cfem.robot.spec import SceneSpec, scene_meaning
 
 MOTION = motion.FILE
 FILES = {"arrays": "weights.npz", "onnx": "model.onnx", "torchscript": "model.ts"}
-FILES |= {"c": "c", "html": "page.html", "fmu": "fmu", "arduino": "arduino"}
+FILES |= {"c": "c", "html": "page.html", "fmu": "fmu", "arduino": "arduino", "mjcf": "mjcf"}
 IN_C = {"c", "fmu", "arduino"}
 CONTROLLERS = {*IN_C, "html"}
 IN_PYTHON = {  # not of the model alone
@@ -127,7 +127,7 @@ def work(
     parity = {
         name: max(map(difference, reference, RUNNERS[name](folder / FILES[name], meta, vectors["s"], vectors["p"])))
         for name in spec.formats
-        if name not in CONTROLLERS
+        if name in RUNNERS
     }
     sizes = {name: (folder / FILES[name]).stat().st_size for name in parity}
     report, made = None, []
@@ -139,6 +139,9 @@ def work(
             made, made_sizes = _write_made_of_c(folder, code, spec, model_folder, embedded.at_rest(meta), arrays)
         parity |= c_parity
         sizes |= bytes_ | made_sizes
+    if "mjcf" in spec.formats:
+        sizes["mjcf"] = _write_mjcf(folder / FILES["mjcf"], model_folder)
+        made.append(f"mjcf: {FILES['mjcf']}/robot.xml, {size(sizes['mjcf'])}")
     parity |= _write_shape(folder, spec, model_folder, meta, arrays, vectors)
     write_json(folder / "model.json", {**meta, "parity": parity})
     headline = [*_compared(spec, parity, sizes, report), *made]
@@ -218,6 +221,10 @@ def _write_c(
             what = "predictive control needs a model that has learned to move, and no loads"
             raise InputError(what, where="c.mpc", do="sample with dynamics: true and train again, or leave `mpc` out")
         write_c_mpc(place, spec.c, meta, arrays, moving, embedded.pressures)
+    if spec.c.arithmetic == "float":
+        from cfem.export.firmware.single import write_single
+
+        write_single(place)
     if spec.c.obstacles:
         from cfem.export.firmware.touching import write_touch
 
@@ -266,6 +273,16 @@ def _estimator(folder: Path, spec: ExportSpec, model_folder: Path) -> dict[str, 
 
     filtered = write_c_swing(folder, made, spec.c, load_motion(model_folder))
     return parity | ({"c swing": swing_parity(folder, filtered, 1 / estimate.rate)} if compiler() else {})
+
+
+def _write_mjcf(folder: Path, model_folder: Path) -> int:
+    """Writes the robot for MuJoCo; bytes. InputError where the model has no skin."""
+    from cfem.mujoco.description import robot_mjcf
+    from cfem.predict.load import load_model
+
+    text = robot_mjcf(load_model(model_folder)).encode()
+    write_whole(folder / "robot.xml", text)
+    return len(text)
 
 
 def write_graphs(folder: Path, spec: ExportSpec, meta: dict, arrays: dict[str, np.ndarray]) -> None:

@@ -1,6 +1,6 @@
 """Learned robots as Gymnasium environments: `import cfem.gym` then `cfem.gym.register()` makes known
 cfem/Reach-v0, cfem/Follow-v0, cfem/Press-v0, cfem/Carry-v0, and of models that move cfem/MovingReach-v0 and
-cfem/MovingFollow-v0.
+cfem/MovingFollow-v0; with `cfem[mujoco]` also cfem/Lift-v0 (`cfem.mujoco.lift`).
 
     env = gymnasium.make("cfem/Reach-v0", model="models/soft-finger/spectral")
     many = gymnasium.make_vec("cfem/Reach-v0", 1024, vectorization_mode="vector_entry_point", model=...)
@@ -15,6 +15,8 @@ place_compiled_code(Path(__file__).parent)
 
 TASKS = ("reach", "follow", "press", "carry", "moving-reach", "moving-follow")
 NAMES = {f"cfem/{task.title().replace('-', '')}-v0": task for task in TASKS}
+
+LIFT = "cfem/Lift-v0"  # on a world of MuJoCo, not on a batch of robots
 
 
 def register() -> None:
@@ -32,3 +34,5 @@ def register() -> None:
                 vector_entry_point="cfem.gym.environments:RobotVectorEnv",
                 kwargs={"task": task},
             )
+    if LIFT not in gymnasium.registry:
+        gymnasium.register(LIFT, entry_point="cfem.mujoco.lift:LiftEnv")

@@ -220,12 +220,17 @@ def without(body: Body, cells_within: np.ndarray) -> Body:
         numbers = cells_within[cells]
         return (numbers < 0).any(axis=1) | (numbers != numbers[:, :1]).any(axis=1)
 
-    def kept(part: Solid) -> Solid:
-        keep = deforms(part.cells)
-        return replace(part, cells=part.cells[keep], gradients=part.gradients[keep], weights=part.weights[keep])
+    return replace(of_cells(body, deforms(body.cells)), sections=body.sections, rod=body.rod, contact=body.contact)
 
-    left = replace(body, solids=tuple(part for part in map(kept, body.solids) if len(part.cells)), layers=())
-    keep = deforms(body.cells)
+
+def of_cells(body: Body, keep: np.ndarray) -> Body:
+    """The solids and layers of some of the body's cells alone, keep (m,) bool."""
+
+    def kept(part: Solid, mine: np.ndarray) -> Solid:
+        return replace(part, cells=part.cells[mine], gradients=part.gradients[mine], weights=part.weights[mine])
+
+    solids = [kept(part, keep[place]) for part, place in body.parts()]
+    left = Body(body.mesh, body.element, tuple(part for part in solids if len(part.cells)))
     return replace(left, layers=tuple(membrane.kept(layer, keep, left.cells) for layer in body.layers))
 
 

@@ -3,25 +3,51 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-import mujoco
 import numpy as np
+from numpy.typing import ArrayLike
 
 from cfem.core.errors import InputError
-from cfem.mujoco.geoms import MM
+from cfem.equilibrium.system.robot import Robot
+from cfem.mujoco.description import points_of
 from cfem.predict.contact.kept_patches import node_model_of, patched_model_of
 from cfem.predict.contact.surface_model import SurfaceModel
 from cfem.predict.load import load_model
+from cfem.predict.loads.loaded import TRUSTED, wrench_error
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh, made_from
 
 
 @dataclass(frozen=True, eq=False)
+class Weight:
+    """The weight of a robot whose model has an effector at its centre of mass.
+
+    mass: t
+    rows: (3,) numbers of the effector's rows
+    sampled: (3,) mm/s^2, gravity in its samples, in its frame"""
+
+    mass: float
+    rows: np.ndarray
+    sampled: np.ndarray
+
+    @classmethod
+    def of(cls, robot: Robot, sampled: ArrayLike | None) -> "Weight | None":
+        """None where the robot has no such effector, and InputError where it has more than one."""
+        if len(robot.masses) > 1:
+            raise InputError("the scene has several effectors at centres of mass", do="leave one")
+        for name, mass in robot.masses.items():
+            rows = np.array([robot.rows.effectors.index(f"{name}.{axis}") for axis in "xyz"])
+            return cls(mass, rows, np.zeros(3) if sampled is None else np.asarray(sampled, float))
+        return None
+
+
+@dataclass(frozen=True, eq=False)
 class SoftRobot:
     """A learned robot whose surface may be touched; its frame is that of the site. unilateral: (n_a,) bool, actuators
-    that go slack where they would push; None: all are held."""
+    that go slack where they would push; None: all are held. weight: None where its model does not know it."""
 
     surface: SurfaceModel
     unilateral: np.ndarray | None = None
+    weight: "Weight | None" = None
 
     @classmethod
     def load(
@@ -40,40 +66,28 @@ class SoftRobot:
                 surface = patched_model_of(learned, folder, robot, made_of, patches, sharp_edges)
         except InputError as error:
             raise InputError(error.what, where=error.where or str(folder), do=error.do) from None
-        return cls(surface, robot.unilateral)
+        return cls(surface, robot.unilateral, Weight.of(robot, spec.gravity and spec.gravity.acceleration))
 
     @property
     def points(self) -> list[str]:
         """Names of the effectors that have a place."""
-        rows = self.surface.model.rows.effectors
-        names = dict.fromkeys(row.rpartition(".")[0] for row in rows)
-        return [name for name in names if all(f"{name}.{axis}" in rows for axis in "xyz")]
+        return points_of(self.surface.model)
 
-    def point(self, name: str, delta_e: np.ndarray) -> np.ndarray:
-        """(3,) mm in the robot's frame of such an effector; delta_e (n_e,) mm."""
+    def wrench(self, gravity: np.ndarray) -> np.ndarray | None:
+        """(n_e,) N of gravity, (3,) mm/s^2 in its frame, on its effectors, beside that in its samples. None where its
+        model does not know its weight."""
+        if self.weight is None:
+            return None
+        wrench = np.zeros(self.surface.model.rows.n_e)
+        wrench[self.weight.rows] = self.weight.mass * (gravity - self.weight.sampled)
+        return wrench
+
+    def demand_known(self, gravity: float, name: str) -> None:
+        """InputError where gravity of a size, mm/s^2, bends the robot further than its model knows."""
         model = self.surface.model
-        rows = [model.rows.effectors.index(f"{name}.{axis}") for axis in "xyz"]
-        return (model.rest_e + delta_e)[rows]
-
-    def add_to(self, spec: mujoco.MjSpec, name: str) -> None:
-        """Adds the skin and the sensors of a robot at the site `name`. InputError where there is no such site."""
-        site = next((each for each in spec.sites if each.name == name), None)
-        if site is None:
-            known = ", ".join(each.name for each in spec.sites if each.name) or "none"
-            raise InputError(f"the MuJoCo model has no site '{name}'", do=f"known are {known}")
-        skin = self.surface.model.skin
-        flex = spec.add_flex()
-        flex.name, flex.dim, flex.vertbody = skin_name(name), 2, [site.parent.name or "world"]
-        flex.vert, flex.elem = (skin.rest / MM).ravel(), skin.triangles.ravel()
-        flex.contype = flex.conaffinity = 0
-        flex.rgba = [0.9, 0.55, 0.4, 1.0]
-        flex.radius = 1e-4
-        for sensor in ("force", *self.points):
-            spec.add_sensor(
-                name=f"{name}.{sensor}", type=mujoco.mjtSensor.mjSENS_USER, dim=3, needstage=mujoco.mjtStage.mjSTAGE_ACC
-            )
-
-
-def skin_name(robot: str) -> str:
-    """Name of the flex that draws a robot."""
-    return f"{robot}.skin"
+        for direction in np.concatenate([np.eye(3), -np.eye(3)]) if self.weight is not None else []:
+            error = wrench_error(model, self.wrench(gravity * direction))
+            if error > TRUSTED * model.length:
+                what = f"the weight of '{name}' bends it so far that its model would be wrong by about {error:.2g} mm"
+                do = "sample it with `loads: true`, or with gravity and without an effector at its centre of mass"
+                raise InputError(f"{what}, and {TRUSTED * model.length:.2g} mm are allowed", do=do)

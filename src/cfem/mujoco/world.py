@@ -15,9 +15,10 @@ from numpy.typing import ArrayLike
 
 from cfem.contact.obstacle_set import ObstacleSet
 from cfem.core.errors import InputError, NumericalError, SpecError
+from cfem.mujoco.description import add_robot, control_names, place_of, skin_name
 from cfem.mujoco.geoms import MM, Geoms
 from cfem.mujoco.rigid import Rigid
-from cfem.mujoco.soft_robot import SoftRobot, skin_name
+from cfem.mujoco.soft_robot import SoftRobot
 from cfem.predict.contact.bodies import PlacedModel
 from cfem.predict.contact.node_model import NodeModel
 from cfem.predict.contact.scene import ContactScene
@@ -34,7 +35,7 @@ LEAST = 1e-3  # N mm: less is not looked at
 class Energies:
     """Energies of contact since the start, N mm.
 
-    commanded: work of the commands against contact
+    commanded: work of the commands against contact, and of weight that turns with a base against it
     passed: work on rigid bodies, of the robots' bases too
     stored: in the robots, as long as they are touched
     turned: sum of all that was exchanged, of either sign"""
@@ -87,7 +88,16 @@ class World:
         self.data, self._ahead = mujoco.MjData(self.model), mujoco.MjData(self.model)
         self.robots, self.friction, self.robots_touch = dict(robots), friction, robots_touch
         self._sites = np.array([self.model.site(name).id for name in robots], dtype=np.int64)
+        for name, robot in robots.items():
+            robot.demand_known(MM * float(np.linalg.norm(self.model.opt.gravity)), name)
         carriers = self.model.site_bodyid[self._sites]
+        kind = mujoco.mjtObj.mjOBJ_ACTUATOR
+        self._controls = {
+            name: np.array(
+                [mujoco.mj_name2id(self.model, kind, each) for each in control_names(name, robot.surface.model)]
+            )
+            for name, robot in robots.items()
+        }
         self.geoms = Geoms(self.model, carriers.tolist())
         self.rigid = Rigid(self.model, carriers, self.geoms)
         self.reset()
@@ -112,7 +122,8 @@ class World:
         self._write_sensors(start)
 
     def step(self, commands: Mapping[str, ArrayLike]) -> ContactState:
-        """One timestep, to displacements (n_a,) of the actuators of robots by name, mm or mm^3; others stay. SpecError
+        """One timestep, to displacements (n_a,) of the actuators of robots by name, mm or mm^3; those of others
+        are the controls of MuJoCo where it has actuators of their names, or stay. SpecError
         where there is no such robot. NumericalError where contact finds no state, the timestep is too long for what is
         touched, or energy appears from nowhere."""
         model, data, ahead, rigid = self.model, self.data, self._ahead, self.rigid
@@ -183,10 +194,11 @@ class World:
 
     def _scene(self, data: mujoco.MjData) -> ContactScene:
         """Robots and geoms where `data` has them."""
-        robots = [
-            PlacedModel(robot.surface, *self._pose(data, number), False, robot.unilateral)
-            for number, robot in enumerate(self.robots.values())
-        ]
+        robots = []
+        for number, robot in enumerate(self.robots.values()):
+            R, t = self._pose(data, number)
+            wrench = robot.wrench(MM * self.model.opt.gravity @ R)
+            robots.append(PlacedModel(robot.surface, R, t, False, robot.unilateral, wrench))
         return ContactScene(robots, self.geoms.placed(data), self.friction, meet=self.robots_touch)
 
     def _commanded(self, commands: Mapping[str, ArrayLike]) -> list[np.ndarray]:
@@ -195,12 +207,19 @@ class World:
                 raise SpecError(f"there is no soft robot '{name}'", do=f"known are {', '.join(self.robots)}")
         deltas = []
         for (name, robot), now in zip(self.robots.items(), self._deltas, strict=True):
-            delta = np.asarray(commands.get(name, now), float)
+            delta = np.asarray(commands.get(name, self._controlled(name, now)), float)
             if delta.shape != now.shape or not np.isfinite(delta).all():
                 names = ", ".join(robot.surface.model.rows.actuators)
                 raise SpecError(f"robot '{name}' takes one finite number for each of its actuators, {names}")
             deltas.append(delta)
         return deltas
+
+    def _controlled(self, name: str, now: np.ndarray) -> np.ndarray:
+        """(n_a,) what the controls of MuJoCo command of a robot, `now` where it has none."""
+        numbers = self._controls[name]
+        if (numbers < 0).any():
+            return now
+        return np.clip(self.data.ctrl[numbers], *self.model.actuator_ctrlrange[numbers].T)
 
     def _demand_slow(self, ways: np.ndarray) -> None:
         """NumericalError where a geom that is near a robot goes so far in one step, (n, 3) mm, that it may pass it."""
@@ -232,7 +251,13 @@ class World:
         before, commanded = self.energies, 0.0
         if self.contact is not None:
             last = self.contact
-            for end, begin, now, then in zip(state.deltas, last.deltas, state.relief, last.relief, strict=True):
+            for end, begin, now, then in zip(
+                [*state.deltas, *state.wrenches],
+                [*last.deltas, *last.wrenches],
+                [*state.relief, *state.moved],
+                [*last.relief, *last.moved],
+                strict=True,
+            ):
                 commanded -= float((end - begin) @ (now + then)) / 2
         turned = before.turned + abs(passed) + abs(commanded)
         energies = Energies(before.commanded + commanded, before.passed + passed, state.stored, turned)
@@ -246,7 +271,7 @@ class World:
             R, t = self._pose(self.data, number)
             self.data.sensor(f"{name}.force").data[:] = state.forces[state.bodies == number].sum(axis=0)
             for point in robot.points:
-                place = R @ robot.point(point, state.delta_e[number]) + t
+                place = R @ place_of(robot.surface.model, point, state.delta_e[number]) + t
                 self.data.sensor(f"{name}.{point}").data[:] = place / MM
 
 
@@ -262,7 +287,7 @@ def _compiled(mjcf: Path | str | mujoco.MjSpec, robots: Mapping[str, SoftRobot])
         else:
             spec = mujoco.MjSpec.from_string(mjcf)
         for name, robot in robots.items():
-            robot.add_to(spec, name)
+            add_robot(spec, name, robot.surface.model)
         return spec.compile()
     except (ValueError, mujoco.FatalError) as error:
         raise InputError(" ".join(str(error).split()), where=where or "the MuJoCo model") from None

@@ -14,7 +14,7 @@ from cfem.core.errors import NumericalError
 from cfem.equilibrium.contact.patch_effectors import with_patches
 from cfem.equilibrium.solve import solve
 from cfem.equilibrium.system.actuation import displacement, force, pull
-from cfem.equilibrium.system.robot import Robot
+from cfem.equilibrium.system.robot import Robot, demand_without_discrepancy
 from cfem.plant.fem_robot import FemRobot
 from cfem.plant.protocol import Changing, Command, Measurement
 from cfem.sample.plan import borne, borne_together
@@ -28,6 +28,8 @@ APART = 0.01  # of the reach: states nearer to each other than this teach nothin
 def pushed(robot: Robot, push: np.ndarray, patches: Sequence[PatchLoad] = ()) -> Robot:
     """Robot under forces push (n_e,) N on its effectors and on patches of its surface: dead loads on the nodes that
     they follow at rest. SpecError where a patch is not on the surface."""
+    if push.any() or patches:
+        demand_without_discrepancy(robot, "loads")
     loads = np.zeros_like(robot.X) if robot.loads is None else robot.loads.copy()
     push, first = np.concatenate([push, *(patch.force for patch in patches)]), 0
     for effector in with_patches(robot, patches).effectors:

@@ -8,7 +8,7 @@ import numpy as np
 
 from cfem.condensed import Condensed
 from cfem.condensed.model import Model
-from cfem.plant.marked_plant import MarkerNoise
+from cfem.plant.marker_noise import MarkerNoise
 from cfem.plant.protocol import Command, Measurement, Plant
 
 

@@ -59,6 +59,7 @@ class ModelCard(Data):
     wrench_error: estimated error that these loads make, mm
     mesh_error: of the mesh that the samples were solved on, see `cfem.condensed.mesh_error`
     model_error: of the model beside that mesh, see `cfem.condensed.model_error`
+    untrained_rest: whether the domain holds the state at rest, in which no sample was
     semidefinite: of each effector row, see `cfem.predict.series.semidefinite`
     masses: t, by the name of the effector that is their centre
     modules, row: of modules in a row
@@ -85,6 +86,7 @@ class ModelCard(Data):
     wrench_error: float | None = None
     mesh_error: MeshError | None = None
     model_error: ModelError | None = None
+    untrained_rest: bool = False
     errors: dict[str, Any] = {}
     history: list[Any] = []
     versions: dict[str, str] = {}

@@ -132,7 +132,8 @@ class Predictor(ABC):
         """Christoffel function of the inputs s and q: how far the model extrapolates."""
         n_a, states = self.rows.n_a, self.domain.states
         s = states[:, :n_a] if self.form == "displacement" else states[:, n_a : 2 * n_a]
-        return Christoffel.of(np.hstack([s, states[:, 2 * n_a :]]))
+        known = np.hstack([s, states[:, 2 * n_a :]])
+        return Christoffel.of(known[s.any(axis=1)] if self.meta.get("untrained_rest") else known)
 
     @property
     def n_inputs(self) -> int:

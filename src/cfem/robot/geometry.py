@@ -1,6 +1,6 @@
 """The shapes that a robot may have: from the catalogue, from a file, or several of these placed side by side."""
 
-from math import cos, hypot, pi
+from math import cos, hypot, pi, tan
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -223,6 +223,43 @@ class Tube(Spec):
             raise ValueError("the wall must be thinner than the radius, and two plates than the length")
 
 
+class FinRay(Spec):
+    """A Fin Ray finger along x from the origin: a front at z = 0 and a back that meets it at the tip, joined by ribs.
+    An object that presses the front bends the tip towards itself. The foot is held."""
+
+    kind: Literal["fin-ray"]
+    """A Fin Ray finger."""
+    length: Length = Field(default=80.0, gt=0)
+    """Length along x."""
+    base: Length = Field(default=40.0, gt=0)
+    """Height along z at the foot, both walls included."""
+    tip: Length = Field(default=4.5, gt=0)
+    """Height along z at the tip."""
+    width: Length = Field(default=20.0, gt=0)
+    """Width along y."""
+    wall: Length = Field(default=1.5, gt=0)
+    """Thickness of the front and of the back."""
+    ribs: PositiveInt = 4
+    """Number of ribs."""
+    rib: Length = Field(default=1.5, gt=0)
+    """Thickness of a rib."""
+    rib_angle: Angle = Field(default=7 * pi / 36, gt=-pi / 3, lt=pi / 3)
+    """Angle by which ribs lean towards the tip from the front to the back; 0 for ribs square to the front."""
+    foot: Length = Field(default=4.0, gt=0)
+    """Thickness of the foot along x."""
+
+    def check(self) -> None:
+        slope = (self.base - self.tip) / self.length
+        end = (self.base - self.wall * (2 + hypot(1, slope))) / slope if slope > 0 else 0.0
+        end = min(end, self.length - 2 * self.wall)
+        if self.tip <= 2 * self.wall or end <= self.foot:
+            raise ValueError("tip must be above 2 wall, base above tip, and a room must be left between foot and tip")
+        pitch = (end - self.foot) / (self.ribs + 1)
+        height = self.base if self.rib_angle < 0 else self.tip + slope * pitch  # of the room that leaning ribs narrow
+        if pitch - self.rib / cos(self.rib_angle) <= abs(tan(self.rib_angle)) * height:
+            raise ValueError("the ribs fill the finger: take fewer or thinner ones, or a smaller rib_angle")
+
+
 SURFACES = (".stl", ".obj", ".3mf", ".ply", ".off")  # files of triangles alone
 
 
@@ -268,7 +305,8 @@ class StepFile(Spec):
             raise ValueError("unit: a STEP file states its own units, leave it out")
 
 
-Single = SoftFinger | Bar | Diamond | Trunk | Taper | StiffFlop | PneuNet | Bellows | Tube | MeshFile | StepFile
+Body = SoftFinger | Bar | Diamond | Trunk | Taper | StiffFlop | PneuNet | Bellows | Tube | FinRay  # the catalogue
+Single = Body | MeshFile | StepFile
 
 
 class Refinement(Spec):

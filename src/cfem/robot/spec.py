@@ -124,9 +124,8 @@ class SceneSpec(Spec):
         needs_tip = [f"actuators.{i}.route" for i, item in enumerate(self.actuators) if getattr(item, "route", None)]
         needs_tip += [f"effectors.{i}.at" for i, item in enumerate(self.effectors) if item.at == "tip"]
         if needs_tip and not routes.has_tip(self.geometry):
-            raise ValueError(
-                f"{needs_tip[0]}: needs a geometry of kind soft-finger, bar, diamond, trunk, pneunet, bellows or tube"
-            )
+            *kinds, last = routes.BODIES
+            raise ValueError(f"{needs_tip[0]}: needs a geometry of kind {', '.join(kinds)} or {last}")
         for index, item in enumerate(self.actuators):
             wrong = routes.fault(self.geometry, item.route) if getattr(item, "route", None) else ""
             if wrong:

@@ -123,7 +123,7 @@ def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = Non
     scene, around = spec_path.parent / spec.scene, placed(spec, spec_path.parent).around
     beside = spec_path.parent / (f"{spec.out}-around" if around and spec.around.base is None else spec.out)
     sampling = Stage(
-        agrees=lambda: demand_driven(load_spec(scene, SceneSpec)),
+        agrees=lambda: _demand_agreement(spec, load_spec(scene, SceneSpec)),
         name="sample",
         version=VERSION,
         spec=spec,
@@ -142,6 +142,15 @@ def stage(spec_path: Path, overrides: Sequence[str] = (), out: Path | None = Non
     if spec.until or spec.around:
         return sampling
     return replace(sampling, extends=lambda manifest: continues(sampling.origin(), manifest.get("origin")))
+
+
+def _demand_agreement(spec: SampleSpec, scene: SceneSpec) -> None:
+    """SpecError where nothing drives the robot, or its discrepancy says nothing about what is asked for."""
+    demand_driven(scene)
+    asked = {"parameters": spec.parameters, "loads": spec.loads, "dynamics": spec.dynamics, "contact": spec.contact}
+    for key in (key for key, value in asked.items() if value and scene.discrepancy):
+        what = "the scene's discrepancy, of a calibration, is of its states at rest, and says nothing about it"
+        raise SpecError(what, where=key, do="take `discrepancy` out of the scene, or leave this out")
 
 
 def quick_folder(out: Path) -> Path:

@@ -20,6 +20,7 @@ from cfem.predict.state_error import entry_sizes, extrapolation, reaction_sizes
 PROBABILITY = 0.95
 ENOUGH = 19  # states for this probability
 STEEPEST = 8.0  # power
+_POWERS = 0.25  # step of powers that are tried
 _NOTHING = 1e-9  # of the largest error: smaller ones are of rounding
 
 
@@ -32,12 +33,16 @@ def calibrated(predictor: Predictor, test: Any) -> dict[str, Any] | None:
         return None
     errors = state_errors(predictor, states, test.take(answered), command)
     L = extrapolation(predictor, states, completed(predictor.parameters, test.p[answered]))
+    known = dict.fromkeys(errors, (0.0, 1.0))
+    if predictor.meta.get("untrained_rest"):
+        rest_errors, L_rest = at_rest(predictor, test, command)
+        known = {name: (error, L_rest) for name, error in rest_errors.items()}
     error = ModelError(
         probability=PROBABILITY if len(L) >= ENOUGH else len(L) / (len(L) + 1),
         states=len(L),
         left_out=len(test) - len(L),
         command=command,
-        **{name: bound(values, L) for name, values in errors.items()},
+        **{name: bound(values, L, *known[name]) for name, values in errors.items()},
     )
     return error.model_dump(mode="json")
 
@@ -70,12 +75,35 @@ def state_errors(predictor: Predictor, states: Condensed, test: Any, command: st
     }
 
 
-def bound(errors: np.ndarray, extrapolation: np.ndarray) -> ErrorBound:
-    """Bound from errors (n,) of states at which the model extrapolates by so much (n,)."""
+def at_rest(predictor: Predictor, data: Any, command: str) -> tuple[dict[str, float], np.ndarray]:
+    """Errors of the model at rest by quantity, in the units of `ModelError`, and how far it extrapolates there. They
+    are known without a sample, as nothing moves and nothing pulls; of W those between actuators are.
+
+    data: states of the same robot (cfem.dataset.reader.Dataset)"""
+    zero, points = np.zeros(predictor.rows.n_a), ~np.array(predictor.rows.turns)
+    state = predictor.at_force(zero) if command == "force" else predictor.at_displacement(zero)
+    reaction = state.delta_a if command == "force" else state.lambda_a
+    compliance = np.array(data.meta["compliance"], float)
+    errors = {
+        "tip": float(np.linalg.norm(state.delta_e[points])),
+        "actuators": float((np.abs(reaction) / reaction_sizes(predictor, command)).max()),
+        "W": float((np.abs(state.W_aa - compliance) / entry_sizes(compliance)).max()),
+    }
+    return errors, extrapolation(predictor, state)
+
+
+def bound(
+    errors: np.ndarray, extrapolation: np.ndarray, known: float = 0.0, known_extrapolation: float = 1.0
+) -> ErrorBound:
+    """Bound from errors (n,) of states at which the model extrapolates by so much (n,), of so large a power that it
+    holds for a known error as well, if a power up to `STEEPEST` does."""
     power, without = powers(errors, extrapolation)
-    return ErrorBound(
-        everywhere=_quantile(errors), factor=_quantile(errors / extrapolation**without), power=float(power)
-    )
+    for least in np.arange(0.0, STEEPEST + _POWERS, _POWERS):
+        factor = _quantile(errors / extrapolation ** np.maximum(without, least))
+        stated = ErrorBound(everywhere=_quantile(errors), factor=factor, power=float(max(power, least)))
+        if stated.at(np.array(known_extrapolation)) >= known:
+            break
+    return stated
 
 
 def powers(errors: np.ndarray, extrapolation: np.ndarray) -> tuple[float, np.ndarray]:

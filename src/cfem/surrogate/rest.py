@@ -4,26 +4,33 @@ from typing import Any
 
 import numpy as np
 
-from cfem.predict.protocol import Predictor
+from cfem.condensed.model_error import model_error_of
+from cfem.core.errors import NumericalError
+from cfem.predict.load import build
 from cfem.predict.series.domain import Domain
-from cfem.surrogate.error_measures import state
+from cfem.surrogate.calibration import at_rest, calibrated
 
-TIP, FORCE = 1e-4, 1e-3  # of the length, of the largest force: errors at rest that are small enough in any case
+TIP, REACTION, COMPLIANCE = 1e-3, 1e-2, 5e-2  # of the length, the largest force, W: errors at rest that are small
 
 
-def domain_with_rest(predictor: Predictor, training: Any, errors: dict[str, Any]) -> dict[str, Any] | None:
-    """The domain of the training states and the state at rest, as plain data. None where this is none without force
-    and displacement, or the model errs there by more than in the worst test state and by more than `TIP` or `FORCE`.
+def with_rest(meta: dict[str, Any], arrays: dict[str, np.ndarray], training: Any, test: Any) -> dict[str, Any]:
+    """Entries of model.json that take the state at rest into the domain. There are none where the robot has a weight or
+    loads, has been sampled at rest, or the model errs there by more than is small, or than it would state.
 
-    training: cfem.dataset.reader.Dataset; errors: of `measure`"""
-    robot, rows = training.meta.get("robot") or {}, training.rows
-    if robot.get("gravity") or robot.get("loads") or training.n_c or predictor.parameters:
-        return None
-    zero = np.zeros((1, rows.n_a))
-    lambda_a, delta_e = state(rows, *predictor.evaluate(zero, np.zeros((1, 0))), zero)
-    tip, force = np.linalg.norm(delta_e.reshape(-1, 3), axis=1).max(), np.abs(lambda_a).max()
-    small = TIP * float(training.meta["length"]), FORCE * np.abs(training.lambda_a).max()
-    if tip > max(errors["tip_mm"]["max"], small[0]) or force > max(errors["force_N"]["max"], small[1]):
-        return None
-    known = (np.vstack([told, zero]) for told in (training.delta_a, training.lambda_a))
-    return Domain.of(*known).to_json()
+    meta, arrays: of the model; training, test: cfem.dataset.reader.Dataset"""
+    robot = training.meta.get("robot") or {}
+    unknown = robot.get("gravity") or robot.get("loads") or training.n_c or meta["parameters"]
+    if unknown or "compliance" not in test.meta or not training.delta_a.any(axis=1).all():
+        return {}
+    zero = np.zeros((1, training.rows.n_a))
+    domain = Domain.of(*(np.vstack([known, zero]) for known in (training.delta_a, training.lambda_a)))
+    entries = {"domain": domain.to_json(), "untrained_rest": True}
+    predictor = build({**meta, **entries}, arrays)
+    try:
+        stated = model_error_of(calibrated(predictor, test))
+        errors, L = ({}, 0.0) if stated is None else at_rest(predictor, test, stated.command)
+    except NumericalError:  # no state without force is found
+        return {}
+    small = {"tip": TIP * predictor.length, "actuators": REACTION, "W": COMPLIANCE}
+    holds = all(error <= min(small[name], getattr(stated, name).at(L)) for name, error in errors.items())
+    return entries if errors and holds else {}

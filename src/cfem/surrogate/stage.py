@@ -166,7 +166,7 @@ def train_and_judge(
     if any."""
     from cfem.surrogate.error_measures import measure, of_loads
     from cfem.surrogate.model_card import model_card
-    from cfem.surrogate.rest import domain_with_rest
+    from cfem.surrogate.rest import with_rest
     from cfem.surrogate.semidefinite import locked_compliance
     from cfem.surrogate.series.observations import inputs
 
@@ -185,8 +185,7 @@ def train_and_judge(
     except np.linalg.LinAlgError:
         what = f"the model of {len(training)} samples has states without stiffness, where W is singular"
         raise NumericalError(what, do="raise max_degree or max_terms, or sample more rows") from None
-    if domain := domain_with_rest(predictor, training, errors):
-        meta["domain"] = domain
+    meta |= with_rest(meta, arrays, training, test)
     if spec.kind == "spectral":
         errors |= of_loads(test, arrays, predictor.box(np.hstack(inputs(test, predictor.form))))
     results = {

@@ -4,6 +4,7 @@ from contextlib import suppress
 
 import numpy as np
 import pytest
+from support.fast_cases import fast_are
 from surrogate.stored import train_folder
 
 from cfem.condensed.model import under_force
@@ -77,6 +78,7 @@ def run(model, aims, adapt, p_of, seed=0, noise=NOISE, delay=1, spoil=lambda rng
     return np.array(errors), controller
 
 
+@pytest.mark.slow
 def test_a_drifting_robot_is_followed_better(model):
     place = [one.name for one in model.parameters].index("young")
     aims, half = goals(model), TICKS // 2
@@ -130,7 +132,7 @@ def strange(model, seed):
     }
 
 
-@pytest.mark.parametrize("seed", [0, 1, 2, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(3, 8))])
+@pytest.mark.parametrize("seed", fast_are({0}, range(8)))
 def test_no_robot_is_made_much_worse(model, seed):
     aims, wild = goals(model), strange(model, seed)
     plain, _ = run(model, aims, False, **wild)

@@ -5,7 +5,7 @@ import pyarrow.parquet as pq
 import pytest
 
 import cfem
-from cfem.plant.marked_plant import MarkerNoise
+from cfem.plant.marker_noise import MarkerNoise
 from cfem.plant.protocol import Measurement
 from cfem.predict.estimation.markers import markers_near
 from cfem.predict.load import load_model

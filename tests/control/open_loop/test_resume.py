@@ -65,6 +65,7 @@ def count_solves(monkeypatch):
     return solved
 
 
+@pytest.mark.slow
 def test_interrupted_twice(swing, tmp_path):
     spec, whole = swing
     for after in (1, 3):

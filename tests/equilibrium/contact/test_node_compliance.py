@@ -30,7 +30,7 @@ def robot(bar):
 
 @pytest.fixture(scope="module")
 def response(model, robot):
-    return node_response(robot, model.skin.watched, STATES, np.array([0, 1]), 30, NEAR)
+    return node_response(robot, model.skin.watched, STATES, np.array([0, 1]), 30, NEAR, 12.0)
 
 
 @pytest.fixture(scope="module")

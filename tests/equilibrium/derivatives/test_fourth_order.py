@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from support.blocks import bar
+from support.fast_cases import fast_are
 
 from cfem.condensed.packing import symmetric4_indices
 from cfem.constraint.attachment import attach
@@ -24,9 +25,9 @@ ROBOTS = {
 }
 
 
-@pytest.mark.parametrize("robot", ROBOTS.values(), ids=ROBOTS)
-def test_it_is_the_derivative_of_that_of_loaded_solves(robot):
-    problem = Problem(bar(divisions=(4, 1, 1), **robot))
+@pytest.mark.parametrize("name", fast_are({"hex8, ogden", "rigid end"}, ROBOTS))
+def test_it_is_the_derivative_of_that_of_loaded_solves(name):
+    problem = Problem(bar(divisions=(4, 1, 1), **ROBOTS[name]))
     at = solve(problem, actuation.displacement([2.0, 3.5]), settings=EXACT, slack=False, wanted=Wanted(loads=2))
     assert at.converged
     packed, size = at.d2C, np.abs(at.d2C).max()

@@ -1,11 +1,13 @@
 """The step in C against that of Python, on robots that move, made by hand."""
 
 import ctypes
+from itertools import product
 
 import numpy as np
 import pytest
 from export.embedded import export, needs_compiler
 from export.moving import model, robot
+from support.fast_cases import fast_are
 
 from cfem.core.errors import InputError
 from cfem.export.compiled.build import library
@@ -23,8 +25,7 @@ def compiled(folder, n_a):
 
 
 @needs_compiler
-@pytest.mark.parametrize("n_a", [1, 2])
-@pytest.mark.parametrize("held", [True, False])
+@pytest.mark.parametrize("n_a, held", fast_are([(1, True), (2, False)], product([1, 2], [True, False])))
 def test_steps_are_those_of_python(tmp_path, n_a, held):
     python, c = model(n_a), compiled(tmp_path, n_a)
     n_q = python.n_q

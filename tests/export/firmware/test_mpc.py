@@ -189,7 +189,7 @@ def test_samples_that_never_come_are_no_trouble(folder):
 
 def test_what_it_cannot_be_is_said(tmp_path):
     meta, arrays, moving = robot()
-    with pytest.raises(SpecError, match="double precision"):
+    with pytest.raises(SpecError, match="in double or in single precision"):
         write_c_mpc(tmp_path, spec().model_copy(update={"scalar": "float"}), meta, arrays, moving)
     flat = {**meta, "form": "force"}
     with pytest.raises(InputError, match="only energy models"):

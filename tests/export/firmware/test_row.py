@@ -65,8 +65,8 @@ def demand_same(controller, row, scalar):
     return steps
 
 
-@pytest.mark.parametrize("scalar", ["double", pytest.param("float", marks=pytest.mark.slow)])
-@pytest.mark.parametrize(("wrench", "third"), [(WRENCH, True), (0 * WRENCH, False)])
+@pytest.mark.parametrize("scalar", fast_are({"double"}, ["double", "float"]))
+@pytest.mark.parametrize(("wrench", "third"), [(WRENCH, True), pytest.param(0 * WRENCH, False, marks=pytest.mark.slow)])
 def test_forces_on_patches_are_those_of_python(tmp_path, wrench, third, scalar):
     """Two on one module, one on another, none on the first: of that of the first model there are two in C."""
     pushes = [(1, [0.02, -0.03, 0.04]), (2, [0.01, 0.02, 0.0]), (2, [0.0, 0.03, 0.0])]

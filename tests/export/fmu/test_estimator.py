@@ -67,6 +67,7 @@ def compared(
     return refused
 
 
+@pytest.mark.slow
 def test_all_four_of_a_robot_that_moves(folder, tmp_path):
     text = text_of(folder, "{driven: displacement}")
     fmus, results = exported(tmp_path, text)

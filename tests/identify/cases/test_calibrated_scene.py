@@ -8,6 +8,7 @@ import pytest
 from identify.cases.lab import CASES, QUIET, lab, rows, write
 from scipy.spatial.transform import Rotation
 
+from cfem.core.errors import SpecError
 from cfem.core.spec import load_spec
 from cfem.equilibrium.solve import Wanted, solve
 from cfem.equilibrium.system.actuation import force
@@ -46,8 +47,8 @@ def test_its_robot_is_where_the_calibration_predicts_the_markers(folder):
     results = calibrate(folder / "cases.yaml", [], None, QUIET)["results"]
     assert any("drive.tendon.scale is 1.2" in line for line in results["headline"])
     path = folder / "calibrated" / "scene.yaml"
-    scene, mesh = load_scene_and_mesh(path, folder / "mesh")
-    robot = build_robot(scene, mesh)
+    (folder / "turning.yaml").write_text(path.read_text().replace("[100, 0, 0]}", "[100, 0, 0]}, orientation: true"))
+    robot = build_robot(*load_scene_and_mesh(folder / "turning.yaml", folder / "mesh"))
     assert robot.discrepancy.largest == pytest.approx(results["estimates"]["stronger"]["value"] * TENSIONS[-1])
     with open(folder / "calibrated" / "predicted.csv", newline="") as file:
         predicted = [row for row in csv.DictReader(file) if row["marker"] == "t"]
@@ -56,7 +57,7 @@ def test_its_robot_is_where_the_calibration_predicts_the_markers(folder):
         at = force(np.array([told * results["estimates"]["stronger"]["value"]]))
         place = np.array([float(row[f"place_{axis}_mm"]) for axis in "xyz"])
         for problem, beside in ((Problem(robot), 1e-3), (plain, None)):
-            tip = (solve(problem, at, wanted=Wanted(condense=False)).delta_e + robot.rest_e)[6:]
+            tip = (solve(problem, at, wanted=Wanted(condense=False)).delta_e + robot.rest_e)[3:]
             off = np.linalg.norm(tip[:3] + Rotation.from_rotvec(tip[3:]).as_matrix() @ [5, 0, 0] - place)
             assert beside is None or off < beside
             gained.append(off)
@@ -85,4 +86,6 @@ def test_samples_beyond_the_calibration_are_poor(folder, tmp_path):
     for name, file in (("within", path), ("far", folder / "far.yaml")):
         (tmp_path / f"sample-{name}.yaml").write_text(f"scene: {file}\nout: {name}\nskeleton: 3\n{plan}")
         told[name] = str(sample(tmp_path / f"sample-{name}.yaml", [], None, QUIET)["results"].get("judgement"))
+    with pytest.raises(SpecError, match="loads: the scene's discrepancy, of a calibration"):
+        sample(tmp_path / "sample-within.yaml", ["loads=true"], tmp_path / "loaded", QUIET)
     assert "have forces beyond the calibration's largest (tendon" in told["far"] and "beyond" not in told["within"]

@@ -92,6 +92,7 @@ def test_one_case_calibrates_and_is_called_poor(folder, tmp_path):
     assert results["best"] is None and "no case can be left out" in str(results["judgement"])
 
 
+@pytest.mark.slow
 def test_offsets_of_markers_are_found(folder, tmp_path):
     with open(folder / "given.csv", newline="") as file:
         header, *rows = csv.reader(file)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from support.fast_cases import fast_are
 
 from cfem.identify.material.choose import candidates, choose
 from cfem.identify.material.constants import intervals
@@ -42,7 +43,7 @@ def test_a_fit_finds_the_slack(name):
     np.testing.assert_allclose(found.moduli, TRUE[name][0], rtol=1e-2)
 
 
-@pytest.mark.parametrize("name", ["yeoh-2", "ogden-1"])
+@pytest.mark.parametrize("name", fast_are({"yeoh-2"}, ["yeoh-2", "ogden-1"]))
 def test_intervals_hold_the_truth_about_as_often_as_they_say(name):
     held, runs = 0, 60
     for seed in range(runs):
@@ -72,7 +73,7 @@ def test_signs_are_held_where_a_free_fit_would_be_unstable():
     assert found.stable["biaxial"] == pytest.approx(3.0)
 
 
-@pytest.mark.parametrize("name", ["neo-hookean", "yeoh-2", "ogden-1"])
+@pytest.mark.parametrize("name", fast_are({"yeoh-2"}, ["neo-hookean", "yeoh-2", "ogden-1"]))
 def test_the_law_that_made_a_noisy_curve_is_chosen(name):
     tried = candidates([FORMS[one] for one in TRUE], [curve(name, noise=1e-3)])
     chosen = choose(tried).fit

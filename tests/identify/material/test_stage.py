@@ -1,10 +1,12 @@
 """The command from a curve to a scene; its files; its errors; what the table says of itself."""
 
 import json
+from itertools import product
 from pathlib import Path
 
 import numpy as np
 import pytest
+from support.fast_cases import fast_are
 from typer.testing import CliRunner
 
 from cfem.cli.app import app
@@ -49,9 +51,13 @@ def test_its_law_is_chosen_and_a_scene_takes_what_is_written(tmp_path):
     assert again.exit_code == 6 and "holds material.yaml, fit.json, fit.png" in again.stderr
 
 
-@pytest.mark.parametrize("end", [0.95, 0.5, 0.05])
-@pytest.mark.parametrize("mode", ["uniaxial", "planar", "biaxial"])
-@pytest.mark.parametrize("points", [6, pytest.param(30, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "points, mode, end",
+    fast_are(
+        [(6, "uniaxial", 0.05), (6, "planar", 0.95), (6, "biaxial", 0.5)],
+        product([6, 30], ["uniaxial", "planar", "biaxial"], [0.95, 0.5, 0.05]),
+    ),
+)
 def test_a_specimen_may_be_compressed(tmp_path, end, mode, points):
     """A neo-Hookean rubber of 300 kPa; the search of exponents passes zero, where a term bears nothing."""
     stretch, path = np.linspace(1.0, end, points), tmp_path / "pressed.csv"

@@ -28,6 +28,12 @@ from cfem.predict.load import load_model
 ROWS = Rows(("x", "y"), ("a",))
 
 
+@pytest.fixture
+def impatient(monkeypatch):
+    """A device that does not end by itself is not waited for."""
+    monkeypatch.setattr("cfem.plant.device.process.LET_GO", 0.2)
+
+
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     return train_folder(tmp_path_factory.mktemp("pipe"), "{kind: spectral, max_degree: 8}", train=40)
@@ -36,7 +42,7 @@ def folder(tmp_path_factory):
 def fake(folder, *options, **changes):
     model = load_model(folder)
     command = [sys.executable, "-m", "cfem.plant.device.fake", str(folder), *options]
-    return DevicePlant(Lines(command), model.rows, model.rest_e, **changes)
+    return DevicePlant(Lines(command), model.rows, model.rest_e, **{"timeout": 20.0} | changes)
 
 
 def script(tmp_path, text, folder=None, **changes):
@@ -53,7 +59,7 @@ def script(tmp_path, text, folder=None, **changes):
         "        break\n" + textwrap.indent(textwrap.dedent(text), "    ")
     )
     device = Lines([sys.executable, str(path)], folder)
-    return DevicePlant(device, ROWS, **{"rest_e": np.zeros(2)} | changes)
+    return DevicePlant(device, ROWS, **{"rest_e": np.zeros(2), "timeout": 20.0} | changes)
 
 
 def test_the_fake_device_is_the_model_behind_a_pipe(folder):
@@ -110,7 +116,9 @@ def test_hello_says_who_asks_and_for_which_robot(tmp_path):
 @pytest.mark.parametrize(
     "how, words", [("die", r"ended \(exit code 3\)"), ("hang", "no answer within 1.5 s"), ("garbage", "no JSON object")]
 )
-def test_a_device_that_fails_is_one_error(folder, how, words):
+def test_a_device_that_fails_is_one_error(request, folder, how, words):
+    if how == "hang":
+        request.getfixturevalue("impatient")
     with fake(folder, "--fail", how, "--at", "2", timeout=1.5 if how == "hang" else 60.0) as plant:
         plant.step(np.ones(2))
         with pytest.raises(InputError, match=words) as caught:
@@ -216,6 +224,7 @@ def ended(process):
         return True
 
 
+@pytest.mark.usefixtures("impatient")
 @pytest.mark.skipif(not hasattr(os, "killpg"), reason="this system has no process groups")
 def test_one_that_listens_to_nothing_is_ended_with_its_children(tmp_path):
     text = """
@@ -233,6 +242,7 @@ def test_one_that_listens_to_nothing_is_ended_with_its_children(tmp_path):
     assert any(ended(child) or time.sleep(0.05) for _ in range(200))
 
 
+@pytest.mark.usefixtures("impatient")
 def test_one_that_does_not_read_holds_nobody_up(tmp_path):
     """A command longer than a pipe holds, to a device that never reads it."""
     text = "time.sleep(600)"
@@ -273,7 +283,7 @@ SAID = st.one_of(
 THEN = st.sampled_from(["pass", "os.close(1)", "sys.exit(4)"])
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=6, deadline=None)
 @given(said=SAID, then=THEN)
 def test_any_bytes_over_the_pipe_end_in_a_sentence(said, then):
     judged_over_the_pipe(said, then)

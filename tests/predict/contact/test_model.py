@@ -12,16 +12,12 @@ from cfem.contact.prescribed_motion import ActuatedRobot, Translation
 from cfem.control.search.goal_search import Iterate, SearchSettings, SearchStatus, search_goal
 from cfem.control.search.inverse import Aim, Limits
 from cfem.core.errors import NumericalError
-from cfem.equilibrium.contact.patch_compliance import patch_response
 from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
 from cfem.plant.touch_plant import TouchPlant
 from cfem.predict.contact.bodies import PlacedModel
 from cfem.predict.contact.loaded_robot import LoadedRobot
 from cfem.predict.contact.model import TRUSTED, ContactModel
-from cfem.predict.contact.patched_model import PatchedModel, patches_of
 from cfem.predict.contact.scene import contact_step
-from cfem.predict.contact.surface_model import patch_states
-from cfem.predict.load import load_model
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh
 
@@ -30,11 +26,8 @@ UP = np.array([[1.0, 0, 0], [0, 1.0, 0], [0, 0, 1.0]])
 
 
 @pytest.fixture(scope="module")
-def patched(bar):
-    model = load_model(bar / "models" / "bar" / "spectral")
-    robot = build_robot(*load_scene_and_mesh(bar / "pipelines" / "bar" / "scene.yaml"))
-    patches, states = patches_of(model, 8.0), patch_states(model.domain, 1)
-    return PatchedModel(model, patches, patch_response(robot, model.skin.watched, patches, states))
+def patched(patched_bar):
+    return patched_bar
 
 
 @pytest.fixture

@@ -1,24 +1,30 @@
 """A learned robot that touches with every node of its surface, against finite elements that do."""
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from support.fast_cases import fast_are
 
 from cfem.constraint.surface import outer_surface
 from cfem.constraint.surface_points import at_nodes
+from cfem.contact.detection import area_vectors
 from cfem.contact.obstacle import Box, Plane, Sphere
 from cfem.contact.obstacle_set import ObstacleSet
 from cfem.core.errors import InputError
 from cfem.equilibrium.contact.node_compliance import NodeResponse, node_response
 from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
 from cfem.equilibrium.contact.surfaces import SurfaceScene
+from cfem.equilibrium.solve import solve
+from cfem.equilibrium.system.actuation import displacement
+from cfem.predict.contact.bodies import PlacedModel
 from cfem.predict.contact.loaded_robot import LoadedRobot
-from cfem.predict.contact.node_model import NodeModel, _add_local, node_patches
-from cfem.predict.contact.scene import contact_step
-from cfem.predict.contact.surface_model import patch_states
+from cfem.predict.contact.node_model import NodeModel, _add_local, _dents, node_patches
+from cfem.predict.contact.scene import ContactScene, contact_step
 from cfem.predict.load import load_model
+from cfem.predict.series.few_states import patch_states
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh
 
@@ -34,7 +40,7 @@ def robot(bar):
 def nodes(bar, robot):
     model = load_model(bar / "models" / "bar" / "spectral")
     states = patch_states(model.domain, 1)
-    by_fe = node_response(robot, model.skin.watched, states, np.array([0, len(states) - 1]), 60, 10.0)
+    by_fe = node_response(robot, model.skin.watched, states, np.array([0, len(states) - 1]), 60, 10.0, 5.0)
     return NodeModel(model, node_patches(model), by_fe)
 
 
@@ -65,6 +71,19 @@ def test_what_is_near_adds_the_compliance_of_its_pairs_turned_with_both_nodes():
     np.testing.assert_allclose(total, expected.reshape(9, 9), atol=1e-14)
 
 
+def test_dents_of_nodes_that_touch_turn_with_all_three():
+    """Against the products written out, of three of five nodes."""
+    rng = np.random.default_rng(2)
+    triples = np.array([[0, 0, 0], [0, 0, 2], [0, 2, 4], [0, 3, 4], [1, 1, 1], [2, 4, 4], [4, 4, 4]])
+    first, dented = np.searchsorted(triples[:, 0], np.arange(6)), rng.normal(size=(len(triples), 3, 3, 3))
+    points, R = np.array([0, 2, 4]), Rotation.random(3, rng).as_matrix()
+    chosen, turned = _dents(points, R, first, triples, dented)
+    expected = triples[[0, 1, 2, 5, 6]] // 2
+    np.testing.assert_array_equal(chosen, expected)
+    for (i, j, k), each, at_rest in zip(expected, turned, dented[[0, 1, 2, 5, 6]], strict=True):
+        np.testing.assert_allclose(each, np.einsum("ap,bq,cr,pqr", R[i], R[j], R[k], at_rest), atol=1e-14)
+
+
 DOWN = np.array([0.0, 0.0, -1.0])
 
 
@@ -84,8 +103,9 @@ def obstacle_above(model, kind):
     return obstacle
 
 
-@pytest.mark.parametrize("mu", [0.0, 0.5])
-@pytest.mark.parametrize("kind", ["ball", "plane", "edge"])
+@pytest.mark.parametrize(
+    "kind, mu", fast_are([("ball", 0.0), ("plane", 0.5), ("edge", 0.5)], product(["ball", "plane", "edge"], [0.0, 0.5]))
+)
 def test_it_presses_as_finite_elements_do_that_touch_at_every_node(nodes, robot, skinned, kind, mu):
     obstacle, found = obstacle_above(nodes.model, kind), None
     away = replace(obstacle, t=obstacle.t - 5.0 * DOWN)
@@ -132,7 +152,58 @@ def test_the_compliance_of_nodes_is_symmetric_and_positive(nodes):
     assert np.linalg.eigvalsh(C).min() > -1e-12 * np.abs(C).max()
 
 
+def test_a_robot_that_touches_nothing_waits_while_another_touches(nodes):
+    above = obstacle_above(nodes.model, "ball")
+    obstacle = replace(above, t=above.t + 0.2 * DOWN)
+    here, there = (PlacedModel(nodes, t=t, itself=False) for t in (np.zeros(3), np.array([0.0, 500.0, 0.0])))
+    alone = contact_step(nodes, DELTA, [obstacle])
+    both = ContactScene([here, there], ObstacleSet((obstacle,)), meet=False).step([DELTA, DELTA], None)
+    assert alone.forces.any() and both.forces[: len(alone.forces)] == pytest.approx(alone.forces, abs=1e-12)
+    assert not both.moved[1].any() and not both.forces[len(alone.forces) :].any()
+
+
 def test_a_response_of_other_nodes_is_refused(nodes):
     fewer = NodeResponse(**{**vars(nodes.by_fe), "modes": nodes.by_fe.modes[:-3]})
     with pytest.raises(InputError, match="nodes"):
         NodeModel(nodes.model, nodes.patches, fewer)
+
+
+@pytest.mark.parametrize(("x", "left"), [(10.0, 0.4), (15.0, 0.6)])
+def test_forces_on_neighbours_dent_the_surface_as_finite_elements_say(nodes, skinned, x, left):
+    """The second order of the places under forces, as differences of states with them and against them; farther from
+    where the bar is held it bends by more than its four modes tell."""
+    skin, normals = nodes.model.skin, area_vectors(nodes.model.skin.rest, nodes.model.skin.triangles)
+    some = np.sort(np.argsort(np.linalg.norm(skin.rest - [x, 0.0, 5.0], axis=1))[:3])
+    forces = -0.1 * normals[some] / np.linalg.norm(normals[some], axis=1, keepdims=True) * [[1.0], [0.6], [1.4]]
+    loaded, places, start = LoadedRobot(nodes, DELTA), [], None
+    without = LoadedRobot(replace(nodes, by_fe=replace(nodes.by_fe, dented=0 * nodes.by_fe.dented)), DELTA)
+    for share in (0.0, 1.0, -1.0):
+        nodal = np.zeros_like(skinned.robot.X)
+        nodal[skinned.nodes[some]] = share * forces
+        solved = solve(skinned.problem.under(nodal), displacement(DELTA), start, slack=False)
+        start, each = solved.state, [skinned.surface(solved.state.x)[some]]
+        for learned in (loaded, without):
+            learned.load(some, share * forces)
+            each.append(learned.places()[some])
+        places.append(each)
+    exact, by_dents, by_modes = np.array(places[1]) + np.array(places[2]) - 2 * np.array(places[0])
+    assert np.linalg.norm(by_modes - exact) > 0.9 * np.linalg.norm(exact)
+    assert np.linalg.norm(by_dents - exact) < left * np.linalg.norm(by_modes - exact)
+
+
+def test_the_compliance_under_forces_is_the_derivative_of_the_places(nodes):
+    some = np.sort(np.argsort(np.linalg.norm(nodes.model.skin.rest - [15.0, 0.0, 5.0], axis=1))[:3])
+    forces, step = 0.1 * np.random.default_rng(1).normal(size=(3, 3)), 1e-5
+    loaded, each = LoadedRobot(nodes, DELTA), []
+    loaded.load(some, forces)
+    compliance, dents = loaded.compliance(), loaded.places()[some]
+    for unit in np.eye(9).reshape(9, 3, 3):
+        sides = []
+        for way in (step, -step):
+            loaded.load(some, forces + way * unit)
+            sides.append(loaded.places()[some].ravel())
+        each.append((sides[0] - sides[1]) / (2 * step))
+    np.testing.assert_allclose(compliance, np.column_stack(each), atol=1e-6 * np.abs(compliance).max())
+    without = LoadedRobot(replace(nodes, by_fe=replace(nodes.by_fe, dented=0 * nodes.by_fe.dented)), DELTA)
+    without.load(some, forces)
+    assert np.abs(dents - without.places()[some]).max() > 1e-4

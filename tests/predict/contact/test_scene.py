@@ -15,22 +15,16 @@ from cfem.equilibrium.solve import solve
 from cfem.equilibrium.system.actuation import Actuation, displacement
 from cfem.equilibrium.system.problem import Problem
 from cfem.predict.contact.loaded_robot import LoadedRobot
-from cfem.predict.contact.patched_model import PatchedModel, patches_of
 from cfem.predict.contact.rounds import TOLERANCE
 from cfem.predict.contact.scene import contact_step
 from cfem.predict.contact.state import TRUSTED
-from cfem.predict.contact.surface_model import patch_states
-from cfem.predict.load import load_model
 
 DELTA = np.array([2.0])
 
 
 @pytest.fixture(scope="module")
-def patched(bar, robot):
-    model = load_model(bar / "models" / "bar" / "spectral")
-    patches = patches_of(model, 8.0)
-    states = patch_states(model.domain, 1)
-    return PatchedModel(model, patches, patch_response(robot, model.skin.watched, patches, states))
+def patched(patched_bar):
+    return patched_bar
 
 
 def wall(patched, depth, delta=DELTA):

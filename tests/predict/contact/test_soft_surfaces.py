@@ -4,6 +4,7 @@ from itertools import product
 
 import numpy as np
 import pytest
+from support.fast_cases import fast_are
 
 from cfem.contact.modes import Mode
 from cfem.contact.obstacle import Plane
@@ -15,8 +16,8 @@ from cfem.equilibrium.contact.surfaces import SurfaceScene as MeetingInFe
 from cfem.predict.contact.bodies import PlacedModel
 from cfem.predict.contact.patched_model import PatchedModel, patches_of
 from cfem.predict.contact.scene import ContactScene, contact_step
-from cfem.predict.contact.surface_model import patch_states
 from cfem.predict.load import load_model
+from cfem.predict.series.few_states import patch_states
 
 OVER = np.diag([1.0, -1.0, -1.0]), np.array([0.0, 0.0, 16.0])  # the twin: upside down above, 6 mm away
 HERE = np.eye(3), np.zeros(3)
@@ -83,7 +84,7 @@ def test_friction_does_as_in_finite_elements(rubbed, robot, patched):
         assert np.linalg.norm(e - solved.delta_e) < 0.05 * np.linalg.norm(solved.delta_e - free.delta_e)
 
 
-@pytest.mark.parametrize("mu", [0.0, MU])
+@pytest.mark.parametrize("mu", fast_are({MU}, [0.0, MU]))
 def test_a_pushed_robot_lets_its_cable_go_as_in_finite_elements(robot, patched, mu):
     """A bar that bends up from below lifts the other one beyond what its cable bends it, then goes down again."""
     places, skin = [HERE, (np.eye(3), np.array([0.0, 0.0, -16.0]))], patched.model.skin
@@ -123,7 +124,7 @@ def test_forces_and_moments_balance_and_friction_takes_energy(rubbed):
     assert taken == pytest.approx(np.linalg.norm(friction, axis=1) * np.linalg.norm(slips, axis=1), rel=1e-6)
 
 
-@pytest.mark.parametrize("mu", [0.0, MU])
+@pytest.mark.parametrize("mu", fast_are({MU}, [0.0, MU]))
 def test_the_work_of_the_cables_along_a_closed_way_is_what_friction_takes(twins, mu):
     """Without friction nothing, but for 5 % of that: where faces are is not part of the normal's derivative."""
     meeting, worked, taken, size = ContactScene(twins, mu=mu), 0.0, 0.0, 0.0

@@ -72,9 +72,9 @@ def test_what_no_marker_sees_stays_as_uncertain_as_at_first(estimator):
 
 
 def test_intervals_cover(estimator):
-    """Loads, slips and noise drawn as the filter assumes: 95 % intervals hold in 93 to 97 % of 2400 numbers."""
+    """Loads, slips and noise drawn as the filter assumes: 95 % intervals hold in 93 to 97 % of 1200 numbers."""
     ticks, slip, rho, inside = 30, 0.02, np.exp(-1 / 30), []
-    for seed in range(100):
+    for seed in range(50):
         rng = np.random.default_rng(seed)
         u, w = rng.uniform(1.5, 5.0, 1), LARGEST * rng.normal(size=3)
         delta, filtered = u + 0.3 * rng.normal(size=1), Filter(estimator, slip, ticks, 0.3)

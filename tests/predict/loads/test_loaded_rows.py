@@ -7,9 +7,9 @@ from cfem.constraint.patch import PatchLoad
 from cfem.core.errors import InputError, SpecError
 from cfem.equilibrium.contact.patch_effectors import patch_yield
 from cfem.plant.fem_plant import FemPlant, pushed
-from cfem.predict.contact.surface_model import patch_states
 from cfem.predict.load import build
 from cfem.predict.loads.loaded import loaded, wrench_error
+from cfem.predict.series.few_states import patch_states
 
 PLACE = np.array([1.5])
 FORCE = np.array([0.3, 1.0, -1.0])

@@ -7,6 +7,7 @@ import pytest
 import torch
 from export.embedded import compiler, export, network, serial, spectral, states
 from export.test_graphs import energy_net, network_of_forces
+from support.fast_cases import fast_are
 
 from cfem.export.compiled.controller import CompiledController
 from cfem.export.onnx import onnx_bytes
@@ -53,7 +54,7 @@ MODELS = {
 }
 
 
-@pytest.fixture(scope="module", params=MODELS, ids=str)
+@pytest.fixture(scope="module", params=fast_are({"spectral", "energy_net, force", "mlp"}, MODELS), ids=str)
 def model(request):
     """meta, arrays of the spoiled model; the same without what mends it; s and p."""
     made, sizes = MODELS[request.param]
@@ -101,7 +102,7 @@ def test_torch_and_onnx(model):
 
 
 @pytest.mark.skipif(compiler() is None, reason="there is no C compiler on the PATH")
-@pytest.mark.parametrize("kind", ["spectral", "spectral, force", "mlp", "mlp, force"])
+@pytest.mark.parametrize("kind", fast_are({"spectral, force"}, ["spectral", "spectral, force", "mlp", "mlp, force"]))
 def test_compiled(kind, tmp_path):
     made, sizes = MODELS[kind]
     meta, arrays = spoiled(*made(), sizes)

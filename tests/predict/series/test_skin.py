@@ -79,6 +79,9 @@ def test_slopes_are_those_of_finite_differences(arrays):
     w = np.array([0.7, -1.1, 0.4])
     work = [w @ made.compliance(a, NONE)[1] @ w - w @ made.compliance(b, NONE)[1] @ w for a, b in steps]
     np.testing.assert_allclose(made.compliance_work(S, NONE, w), np.array(work) / (2 * h), atol=1e-8)
+    wrench = np.array([1.3])
+    work = [wrench @ made.compliance(a, NONE)[0] @ w - wrench @ made.compliance(b, NONE)[0] @ w for a, b in steps]
+    np.testing.assert_allclose(made.wrench_work(S, NONE, wrench, w), np.array(work) / (2 * h), atol=1e-8)
 
 
 def test_all_nodes_are_where_modes_put_them_in_the_order_of_the_mesh(arrays):

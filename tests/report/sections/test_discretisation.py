@@ -30,17 +30,23 @@ discretisation:
 """
 
 
-@pytest.fixture(scope="module")
-def results(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("study")
+def study(folder, *overrides):
     (folder / "report.yaml").write_text(SPEC)
-    run(folder / "report.yaml", [], None, Options(quiet=True))
+    run(folder / "report.yaml", overrides, None, Options(quiet=True))
     return folder / "report", json.loads((folder / "report" / "results.json").read_text())["discretisation"]
 
 
+@pytest.fixture(scope="module")
+def results(tmp_path_factory):
+    """Of as few meshes as a chart needs, and one material."""
+    cases = [f"{{element: {element}, size: {size} mm}}" for element, size in (("tet4", 6), ("hex8", 5), ("tet10p0", 8))]
+    few = f"discretisation.cases=[{', '.join(cases)}]", "discretisation.poisson=[0.3]"
+    return study(tmp_path_factory.mktemp("study"), *few)
+
+
 @pytest.mark.slow
-def test_errors_are_those_of_the_element(results):
-    _, found = results
+def test_errors_are_those_of_the_element(tmp_path):
+    _, found = study(tmp_path)
     at = {
         (row["element"], row["graded"], row["radius"], row["poisson"]): row
         for row in found["meshes"]

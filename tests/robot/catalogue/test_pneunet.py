@@ -5,8 +5,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cfem.constraint.surface import outer_surface
+from cfem.constraint.surface_points import at_nodes
+from cfem.contact.obstacle import Plane
+from cfem.contact.obstacle_set import ObstacleSet
 from cfem.core.errors import SpecError
 from cfem.core.spec import load_spec
+from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
+from cfem.equilibrium.contact.surfaces import SurfaceScene
 from cfem.equilibrium.solve import solve
 from cfem.equilibrium.system.actuation import displacement
 from cfem.equilibrium.system.problem import Problem
@@ -50,6 +56,22 @@ def test_it_bends_about_its_paper_which_keeps_its_length(small):
     line = line[np.argsort(mesh.X[line, 0])]
     length = np.linalg.norm(np.diff(state.state.x[line], axis=0), axis=1).sum()
     assert length == pytest.approx(21.5, rel=3e-3)
+
+
+def test_what_stops_its_tip_carries_what_a_table_carries_at_its_nodes(small):
+    points = "actuators.1.points={mm: [[21.5, -6, 0], [21.5, -3, 0], [21.5, 0, 0], [21.5, 3, 0], [21.5, 6, 0]]}"
+    changes = ["geometry.cells=2", "length=21.5 mm", "mesh.size=8 mm", points]
+    stopped = build_robot(load_spec(SCENE.with_name("scene-blocked.yaml"), SceneSpec, changes), small[0])
+    state = solve(Problem(stopped), displacement([400.0, -0.5]))
+    robot, facets = small[2], small[0].facets
+    surface = outer_surface(robot.X, facets)
+    nodes = SkinnedRobot(robot, surface.nodes, surface.triangles, at_nodes(robot.X, facets, surface), itself=False)
+    table = ObstacleSet((Plane(t=np.array([0.0, 0.0, -0.5])),))
+    pressed = SurfaceScene([nodes], table).go([[400.0]])
+    assert state.converged and pressed.converged
+    force = pressed.forces.sum(axis=0)[2]
+    assert force > 0.1 and state.lambda_a[1] == pytest.approx(force, rel=0.02)
+    assert state.lambda_a[0] == pytest.approx(pressed.solved[0].lambda_a[0], rel=0.005)
 
 
 @pytest.mark.parametrize(

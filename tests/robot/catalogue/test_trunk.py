@@ -78,6 +78,7 @@ def turns(quarters):
     return np.linalg.matrix_power(QUARTER, quarters % 4)
 
 
+@pytest.mark.slow
 def test_one_cable_gives_the_turned_response_of_the_next(coarse):
     """To what the mesh, which is no quarter turn of itself, leaves."""
     scene, mesh, _ = coarse

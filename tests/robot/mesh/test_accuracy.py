@@ -9,7 +9,7 @@ from cfem.core.spec import load_spec
 from cfem.equilibrium.solve import solve
 from cfem.equilibrium.system.problem import Problem
 from cfem.robot.build import build_robot
-from cfem.robot.mesh import accuracy
+from cfem.robot.mesh import accuracy, grading
 from cfem.robot.mesh.accuracy import accurate_mesh, at_reach
 from cfem.robot.mesh.scene_mesh import scene_mesh
 from cfem.robot.spec import SceneSpec
@@ -40,11 +40,13 @@ def test_meshes_are_made_finer_until_one_is_accurate_enough(monkeypatch):
     monkeypatch.setattr(accuracy, "mesh_error", found)
     monkeypatch.setattr(accuracy, "at_reach", lambda robot: [None])
     monkeypatch.setattr(accuracy, "FIRST", 100)
+    monkeypatch.setattr(grading, "PASSES", 1)
     mesh, volume, error = accurate_mesh(bar("mesh.accuracy=15 %", "mesh.size=20 mm"), BAR)
     assert 1 < len(asked) < 5 and asked == sorted(asked) and asked[-1] == len(mesh.cells) < 3 * 40 / 0.15**1.5
     assert error["tip"]["far"][1] <= 0.15 < (40 / asked[-2]) ** (2 / 3) and volume == pytest.approx(6000)
 
 
+@pytest.mark.slow
 def test_its_error_is_estimated_on_the_mesh_that_is_made():
     mesh, _, error = accurate_mesh(bar("mesh.accuracy=6 %", "mesh.size=20 mm"), BAR)
     assert error["cells"] == len(mesh.cells) and 0 < error["tip"]["far"][0] < error["tip"]["far"][1] < 0.06
@@ -61,6 +63,7 @@ def test_an_accuracy_that_no_mesh_has_is_said_with_what_the_last_one_leaves(monk
     monkeypatch.setattr(accuracy, "mesh_error", stating(lambda cells: 0.5)[0])
     monkeypatch.setattr(accuracy, "ROUNDS", 2)
     monkeypatch.setattr(accuracy, "FIRST", 100)
+    monkeypatch.setattr(grading, "PASSES", 1)
     with pytest.raises(NumericalError, match=r"no mesh with an error of 30 % was found: \d+ cells leave 50 %"):
         accurate_mesh(bar("mesh.accuracy=30 %", "mesh.size=20 mm"), BAR)
 

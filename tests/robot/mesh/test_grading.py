@@ -41,6 +41,7 @@ def test_a_graded_mesh_errs_less_than_an_even_one_of_as_many_cells(tmp_path):
     assert errors[0] < 0.7 * errors[1]
 
 
+@pytest.mark.usefixtures("anew")
 def test_it_is_the_same_every_time_and_below_the_largest_size(tmp_path):
     spec = scene(tmp_path, mesh="{size: 6 mm, cells: 300, element: tet4}")
     one, *_ = scene_mesh(spec, tmp_path)

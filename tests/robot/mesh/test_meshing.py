@@ -145,6 +145,7 @@ def test_two_bodies_in_one_file_are_told_of_assemblies(tmp_path):
         meshing.make_mesh(own, tmp_path)
 
 
+@pytest.mark.usefixtures("anew")
 def test_missing_libraries_become_one_sentence_with_the_packages(tmp_path, monkeypatch):
     fake = tmp_path / "gmsh.py"
     fake.write_text("raise OSError('libGLU.so.1: cannot open shared object file')")

@@ -5,6 +5,7 @@ from itertools import count
 import numpy as np
 import pytest
 import torch
+from support.fast_cases import fast_are
 from surrogate.stored import store_dataset
 from surrogate.synthetic import POISSON, dataset
 
@@ -67,7 +68,7 @@ def test_muon_moves_the_hidden_weights_and_adam_the_rest():
     assert len(descent.optimisers(net, SMALL)) == 1
 
 
-@pytest.mark.parametrize("form", ["displacement", "force"])
+@pytest.mark.parametrize("form", fast_are({"displacement"}, ["displacement", "force"]))
 def test_parameters_are_inputs(form):
     training, test = (dataset(400, seed, parameters=True) for seed in (1, 2))
     model = predictor(training, SMALL.model_copy(update={"form": form}))
@@ -127,6 +128,7 @@ def test_other_rows_or_another_spec_do_not_go_on_from_a_checkpoint(tmp_path):
     assert len(list(tmp_path.iterdir())) == 3
 
 
+@pytest.mark.slow
 def test_a_killed_command_goes_on_and_leaves_no_checkpoint(tmp_path, monkeypatch):
     store_dataset(tmp_path / "samples")
     spec = tmp_path / "train.yaml"

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.fast_cases import fast_are
 from surrogate.synthetic import dataset
 
 from cfem.predict.kinds.spectral import SpectralPredictor
@@ -32,7 +33,7 @@ def loss(training, test, form="displacement") -> float:
         (1, True, 1e-20),
         (2, True, 1e-15),
         (2, False, 1e-15),
-        (3, False, 1e-10),
+        pytest.param(3, False, 1e-10, marks=pytest.mark.slow),
         pytest.param(4, False, 1e-7, marks=pytest.mark.slow),
     ],
 )
@@ -47,7 +48,10 @@ def test_so_does_the_dual(n_a, bound):
 
 @pytest.mark.parametrize(
     ("n_a", "form"),
-    [(2, "displacement"), (3, "displacement"), pytest.param(4, "displacement", marks=pytest.mark.slow), (2, "force")],
+    fast_are(
+        [(2, "displacement"), (2, "force")],
+        [(2, "displacement"), (3, "displacement"), (4, "displacement"), (2, "force")],
+    ),
 )
 def test_third_order_gains(n_a, form):
     """From few states, where each counts."""
@@ -71,7 +75,7 @@ def test_the_papers_loss_is_passed_with_thirty_states():
     assert loss(dataset(30, 1), dataset(200, 2)) < 3.79e-6
 
 
-@pytest.mark.parametrize("n_a", [1, 2, 3])
+@pytest.mark.parametrize("n_a", fast_are({1, 2}, [1, 2, 3]))
 def test_derivatives_in_the_series_are_those_of_its_energy(n_a):
     training = dataset(60, 1, n_a, unilateral=False)
     predictor = predictor_of(training)
@@ -186,7 +190,7 @@ def step(u):
     return t, 2 * (1 - t**2), -8 * t * (1 - t**2)
 
 
-@pytest.mark.parametrize(("jet", "first"), [(fold, True), (step, False)])
+@pytest.mark.parametrize(("jet", "first"), fast_are([(fold, True)], [(fold, True), (step, False)]))
 def test_values_come_first_only_where_states_left_out_say_so(jet, first):
     """Four inputs and 40 states. A series is too short to follow the second derivatives, near the limit of one ridge
     and of steps across six."""

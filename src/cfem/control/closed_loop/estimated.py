@@ -16,7 +16,7 @@ from cfem.control.closed_loop.spec import LoopSpec
 from cfem.motion.estimation.marker_filter import MarkerFilter
 from cfem.motion.estimation.uncertainty import motion_uncertainty
 from cfem.motion.model import MotionModel
-from cfem.plant.marked_plant import MarkerNoise
+from cfem.plant.marker_noise import MarkerNoise
 from cfem.plant.protocol import Measurement
 from cfem.predict.estimation.answer import Estimate
 from cfem.predict.estimation.estimate import Estimator

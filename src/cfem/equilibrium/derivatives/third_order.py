@@ -17,7 +17,7 @@ from cfem.mechanics.turning import change_of_work, levers
 
 # Change of the displacement gradient, where it changes most, that a step makes. Truncation grows with its square,
 # rounding with its inverse, both with the bulk modulus: of dW 2e-8 at nu = 0.3, 3e-7 at 0.49, 1e-6 at 0.499 (finger).
-_STEP = 2e-5
+STEP = 2e-5
 
 
 def compliance_derivatives(
@@ -88,7 +88,7 @@ def load_derivatives(
         most = steepest(problem, kinematics.spread(evaluation.x, Q[:, k]))
         if most == 0.0:
             continue  # attached to held nodes only
-        h = _STEP / most
+        h = STEP / most
         turned[:, k] = (gradients(moved(k, h)) - gradients(moved(k, -h)))[:many] / (2 * h)  # the wrench's direction
         if k < many:
             D[k] = (compliance(k, h) - compliance(k, -h)) / (2 * h)
@@ -156,7 +156,7 @@ def derivative_along(
     most = steepest(problem, problem.kinematics.spread(evaluation.x, motion))
     if most == 0.0:
         return np.zeros((n, q.shape[1]))  # attached to held nodes only
-    h = _STEP / most
+    h = STEP / most
     slope = (compliance(h) - compliance(-h)) / (2 * h)
     if skin is not None:
         change = skin.change(motion, q)
@@ -173,7 +173,12 @@ def steepest(problem: Problem, moved: np.ndarray) -> float:
     if sections is not None:
         apart = np.diff(moved[sections.nodes], axis=0) / sections.apart[:, None, None]
         return float(np.sqrt((apart**2).sum(axis=2).max()))
-    return float((_spans(moved, problem.body.cells) / _spans(problem.rest, problem.body.cells)).max())
+    return steepest_of(problem.rest, problem.body.cells, moved)
+
+
+def steepest_of(rest: np.ndarray, cells: np.ndarray, moved: np.ndarray) -> float:
+    """1/N: the same of some cells (m, n_nodes), nodes at rest (n, 3) mm."""
+    return float((_spans(moved, cells) / _spans(rest, cells)).max())
 
 
 def _spans(places: np.ndarray, cells: np.ndarray) -> np.ndarray:

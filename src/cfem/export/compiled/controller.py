@@ -69,6 +69,6 @@ class CompiledController:
 
     def model(self, s: np.ndarray) -> dict[str, np.ndarray]:
         """The members of cfem_condensed at s (n_a,), flat, and 'status'."""
-        status = self._library.cfem_model((ctypes.c_double * self.n_a)(*s.tolist()), ctypes.byref(self._model))
+        status = self._library.cfem_model(type(self._model.delta_a)(*s.tolist()), ctypes.byref(self._model))
         members = {name: np.array(getattr(self._model, name)).ravel() for name, _ in self._model._fields_}
         return members | {"status": status}

@@ -29,7 +29,7 @@ SAME = re.compile(r"typedef (\w+(?: char)?) (cfem_\w+);")
 CALL = re.compile(r"\w+ \(\*(\w+)\)\(.*\)")
 MEMBER = re.compile(r"(?:const )?(unsigned char|unsigned int|\w+) (.*)")
 DECLARATOR = re.compile(r"(\**) ?(\w+)((?:\[[^\]]+\])*)")
-CHOICE = re.compile(r"(\d+) \? (\d+) : (\d+)")
+CHOICE = re.compile(r"(\d+) \? ([^?:]+) : (\d+)")
 OPERATORS: dict[type, Callable[[int, int], int]] = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,
@@ -64,9 +64,7 @@ def _fields(line: str, types: dict[str, type]) -> list[tuple[str, type]]:
     for pointer, name, sizes in (DECLARATOR.fullmatch(text.strip()).groups() for text in declarators.split(",")):
         field = ctypes.c_void_p if pointer else types[kind]
         for size in reversed(re.findall(r"\[([^\]]+)\]", sizes)):
-            field = field * _size(
-                ast.parse(re.sub(r"(\d+) \? (\d+) : (\d+)", r"\2 if \1 else \3", size), mode="eval").body
-            )
+            field = field * _size(ast.parse(CHOICE.sub(r"\2 if \1 else \3", size), mode="eval").body)
         fields.append((name, field))
     return fields
 

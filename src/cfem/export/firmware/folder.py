@@ -12,6 +12,7 @@ from cfem.export.firmware import row as c_row
 from cfem.export.firmware.constants import OBSERVERS, NetworkLayer, Surrogate, controller, multipliers, surrogate
 from cfem.export.firmware.copying import copy_sources
 from cfem.export.firmware.cost import operations
+from cfem.export.firmware.single import write_single
 from cfem.export.spec import CSpec
 from cfem.predict.protocol import Predictor
 
@@ -31,6 +32,8 @@ def write_c(
 ) -> dict:
     """Fills `folder`; states (m, n_a): inputs of the model for the self-test; pressures: (n_a, 2) MPa that the scene
     states, if any. Returns what it costs, without compiling it."""
+    if spec.arithmetic == "float":
+        spec = spec.model_copy(update={"scalar": "float"})
     copy_sources(folder, "controller", *(["wire"] if spec.wire else []))
     model, p = surrogate(meta, arrays, spec)
     predictor = model.reference
@@ -48,6 +51,8 @@ def write_c(
     write_whole(folder / "cfem_data.h", header.encode())
     write_whole(folder / "cfem_data.c", data.encode())
     write_whole(folder / "cfem_vectors.h", _vectors(vectors, predictor.length, spec).encode())
+    if spec.arithmetic == "float":
+        write_single(folder)
     return {
         "kind": meta["kind"],
         "form": meta["form"],

@@ -31,7 +31,8 @@ def write_c_mpc(
     """Adds to a folder that holds the controller and the step in time. moving: of the model's motion.npz; pressures
     (n_a, 2) MPa: as of `write_c`."""
     if spec.scalar != "double":
-        raise SpecError("predictive control needs double precision", where="c.scalar", do="take `scalar: double`")
+        what = "predictive control is in double or in single precision throughout"
+        raise SpecError(what, where="c.scalar", do="take `arithmetic: float` in its place")
     sizes, numbers, constants = mpc_constants(spec, meta, arrays, moving, pressures)
     copy_sources(folder, "mpc")
     names = {f"CFEM_MPC_{name}": value for name, value in sizes.items()}

@@ -46,6 +46,8 @@ def calibrated_scene(lab: Lab, rig: Rig, fitted: CaseFit, folder: Path, mesh: Pa
             missing.append(f"{FILE} has no discrepancy: {why}")
         else:
             data["discrepancy"] = _discrepancy(lab, rig, fitted, scales)
+            if [effector.pop("orientation") for effector in data["effectors"] if "orientation" in effector]:
+                missing.append("orientations of effectors are left out: the discrepancy says nothing about them")
             missing += _within_calibration(data, lab.mesh)
     head = "# The robot as `cfem calibrate-cases` found it. Made anew by each run: copy it before you change it.\n"
     return head + "".join(f"# {sentence}\n" for sentence in missing) + _text(data), missing
@@ -112,8 +114,7 @@ def _within_calibration(data: dict[str, Any], mesh: Mesh) -> list[str]:
         there = float(f"{solved.delta_a[i]:.3g}")
         if solved.converged and low < there < high:
             data["actuators"][i]["reach"] = {unit: [float(low), there]}
-            limit = written(float(robot.discrepancy.largest[i]), robot.actuator_units[i][1])
-            sentences.append(f"the reach of {name} ends at {there:g} {unit}, with the calibration's {limit}")
+            sentences.append(f"the reach of {name} ends at {there:g} {unit}, with the calibration's largest force")
     return sentences
 
 

@@ -12,7 +12,7 @@ from queue import Empty, Full, Queue
 
 from cfem.plant.device.answer import LONGEST, Malformed
 
-LET_GO, LET_END = 2.0, 1.0  # s from the last line to SIGTERM, and from there to SIGKILL
+LET_GO, LET_END = 5.0, 1.0  # s from the last line to SIGTERM, and from there to SIGKILL
 UNREAD = 16  # lines that wait to be read; what comes beyond is dropped, as one too many is a fault
 CLOSED, TOO_LONG = None, Malformed(f"said a line of more than {LONGEST} bytes")
 

@@ -23,13 +23,15 @@ class PlacedModel:
     R, t: (3, 3) and (3,) mm from its frame to the scene's
     itself: True where it may touch itself
     unilateral: (n_a,) bool, actuators that go slack where they would push (`cfem.predict.slack`); the others are held.
-    None: all are held"""
+    None: all are held
+    wrench: (n_e,) N and N mm on its effectors in its own frame, such as its weight; None: none"""
 
     patched: SurfaceModel
     R: np.ndarray = field(default_factory=lambda: np.eye(3))
     t: np.ndarray = field(default_factory=lambda: np.zeros(3))
     itself: bool = True
     unilateral: np.ndarray | None = None
+    wrench: np.ndarray | None = None
 
     @cached_property
     def in_scene(self) -> bool:

@@ -19,12 +19,12 @@ from cfem.equilibrium.contact.node_compliance import NodeResponse, node_response
 from cfem.equilibrium.contact.patch_compliance import PatchResponse, patch_response
 from cfem.equilibrium.contact.patch_effectors import PatchYield, patch_yield
 from cfem.equilibrium.system.robot import Robot
-from cfem.predict.contact.node_model import MODES, NEAR, NodeModel, node_patches
+from cfem.predict.contact.node_model import DENTED, MODES, NEAR, NodeModel, node_patches
 from cfem.predict.contact.patched_model import PatchedModel, patches_of
-from cfem.predict.contact.surface_model import linear_states, patch_states
 from cfem.predict.kinds.spectral import SpectralPredictor
 from cfem.predict.loads.loaded_rows import on_modes
 from cfem.predict.protocol import Predictor
+from cfem.predict.series.few_states import linear_states, patch_states
 
 VERSION = 4  # raised when the same inputs yield otherwise
 T = TypeVar("T")
@@ -54,12 +54,13 @@ def patched_model_of(
 def node_model_of(model: Predictor, folder: Path, robot: Robot, made_of: Mapping[str, Any]) -> NodeModel:
     """Model that may be touched at every node of its surface."""
     skin, states = model.skin, patch_states(model.domain, robot.rows.n_a)
-    local, near = linear_states(model.domain, states), NEAR * model.length
-    asked = {"nodes": skin.nodes, "states": states, "local": local, "skin": skin.modes, "modes": MODES, "near": near}
+    local, near, denting = linear_states(model.domain, states), NEAR * model.length, DENTED * model.length
+    asked = {"nodes": skin.nodes, "states": states, "local": local, "skin": skin.modes, "modes": MODES}
+    asked |= {"near": near, "denting": denting}
     key = content_sha256({"version": VERSION, "robot": dict(made_of), **asked})[:16]
 
     def solved() -> NodeResponse:
-        return node_response(robot, skin.watched, states, local, MODES, near).rounded()
+        return node_response(robot, skin.watched, states, local, MODES, near, denting).rounded()
 
     return NodeModel(model, node_patches(model), _kept(folder.parent / f"nodes-{key}.npz", NodeResponse, solved))
 

@@ -18,7 +18,8 @@ class LoadedRobots:
 
     def __init__(self, scene: Bodies, deltas: Sequence[np.ndarray], known: np.ndarray, forces: np.ndarray):
         self.scene, self.placed = scene, list(scene.robots)
-        self.loaded = [LoadedRobot(robot.patched, delta) for robot, delta in zip(scene.robots, deltas, strict=True)]
+        each = zip(scene.robots, deltas, strict=True)
+        self.loaded = [LoadedRobot(robot.patched, delta, robot.wrench) for robot, delta in each]
         self.know(known, forces)
 
     def know(self, known: np.ndarray, forces: np.ndarray) -> None:
@@ -62,16 +63,17 @@ class LoadedRobots:
             blocks.append(C)
         return blocks[0] if len(blocks) == 1 else block_diag(*blocks)
 
-    def outputs(self) -> tuple[list[np.ndarray], list[np.ndarray], list[np.ndarray]]:
-        """Displacements delta_e (n_e,) mm and forces lambda_a (n_a,) N of each robot, and by how much (n_a,) N the
-        forces on patches relieve the actuators."""
-        delta_e, lambda_a, relief = [], [], []
-        for robot, loaded in zip(self.scene.robots, self.loaded, strict=True):
-            free, pressed = robot.patched.model.at_displacement(loaded.delta), loaded.forces.any()
-            delta_e.append(free.delta_e + (loaded.effector_motion() if pressed else 0.0))
-            relief.append(loaded.relief() if pressed else np.zeros(len(free.lambda_a)))
-            lambda_a.append(free.lambda_a - relief[-1])
-        return delta_e, lambda_a, relief
+    def outputs(self) -> tuple[list[np.ndarray], list[np.ndarray], list[np.ndarray], list[np.ndarray]]:
+        """Displacements delta_e (n_e,) mm and forces lambda_a (n_a,) N of each robot; by how much (n_a,) N the forces
+        on patches relieve the actuators, and how far (n_e,) mm they move the effectors."""
+        delta_e, lambda_a, relief, moved = [], [], [], []
+        for loaded in self.loaded:
+            (e, lam), pressed = loaded.alone(), loaded.forces.any()
+            moved.append(loaded.effector_motion() if pressed else np.zeros(len(e)))
+            relief.append(loaded.relief() if pressed else np.zeros(len(lam)))
+            delta_e.append(e + moved[-1])
+            lambda_a.append(lam - relief[-1])
+        return delta_e, lambda_a, relief, moved
 
     def _each(self) -> Iterator[tuple[PlacedModel, LoadedRobot, np.ndarray, int]]:
         """Robots, the known patches of each, and the number of its first patch."""

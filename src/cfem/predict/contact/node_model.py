@@ -6,8 +6,9 @@ With R_i the rotation of the surface around node i since rest, the compliance of
 
 with modes Phi of the compliance, and L between nodes that are near each other, by finite elements
 (`cfem.equilibrium.contact.node_compliance`). K is a polynomial in delta as in `cfem.predict.contact.surface_model`, L a
-linear one. What the modes of the skin do under loads, to all orders, is known as with patches. A force on one node does
-not change what this node yields, as one on a patch does: that would depend on the size of the mesh."""
+linear one. What the modes of the skin do under loads, to all orders, is known as with patches. Forces on nodes that are
+close to each other also change what these nodes yield, by dents (`cfem.equilibrium.contact.node_dents`), which in the
+turning frames are the same in all states."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -18,11 +19,13 @@ from numba import njit
 from cfem.condensed.patches import Patches
 from cfem.core.errors import InputError
 from cfem.equilibrium.contact.node_compliance import NodeResponse
+from cfem.predict.contact.joint_dents import JointDents
 from cfem.predict.contact.surface_model import NONE, SurfaceModel
 from cfem.predict.protocol import Predictor
 
 MODES = 80  # of the compliance
 NEAR = 0.05  # of the length: nodes between which what the modes leave is known
+DENTED = 0.028  # of the length: nodes that dent each other
 
 
 @dataclass(frozen=True)
@@ -63,8 +66,11 @@ class NodeModel(SurfaceModel):
         total = modes @ (basis @ self._by_modes).reshape(k, k) @ modes.T
         linear = np.concatenate([[1.0], self.in_box(delta)])
         _add_local(total, points, R, linear, self._first, self.by_fe.pairs[:, 1], self._left)
-        U = self.U[points].reshape(3 * c, -1)
+        U = self.U[points].reshape(3 * c, self.U.shape[-1])
         return U, total - U @ C_ss @ U.T, total, np.zeros((c, 3, 3, 3 + n_e))
+
+    def joint_dents(self, points: np.ndarray, R: np.ndarray) -> JointDents:
+        return JointDents(*_dents(points, R, self._first_triple, self.by_fe.triples, self._dented))
 
     @cached_property
     def _modes(self) -> np.ndarray:
@@ -79,6 +85,16 @@ class NodeModel(SurfaceModel):
     def _first(self) -> np.ndarray:
         """(m + 1,) where the pairs of each node begin."""
         return np.searchsorted(self.by_fe.pairs[:, 0], np.arange(len(self.patches) + 1))
+
+    @cached_property
+    def _first_triple(self) -> np.ndarray:
+        """(m + 1,) where the triples of each node begin."""
+        return np.searchsorted(self.by_fe.triples[:, 0], np.arange(len(self.patches) + 1))
+
+    @cached_property
+    def _dented(self) -> np.ndarray:
+        """(t, 3, 3, 3) mm/N^2"""
+        return self.by_fe.dented.astype(np.float32)
 
     @cached_property
     def _left(self) -> np.ndarray:
@@ -122,3 +138,43 @@ def _add_local(total, points, R, linear, first, second, left):
                     total[3 * i + a, 3 * j + b] += value
                     if i != j:
                         total[3 * j + b, 3 * i + a] += value
+
+
+@njit(cache=True, error_model="numpy")
+def _dents(points, R, first, triples, dented):
+    """Triples (t, 3) of points (c,), by their places among these, and their dents (t, 3, 3, 3) mm/N^2 turned by R
+    (c, 3, 3); the triples of node i are first[i] to first[i + 1]."""
+    place = np.full(len(first) - 1, -1)
+    for i in range(len(points)):
+        place[points[i]] = i
+    count = 0
+    for point in points:
+        for t in range(first[point], first[point + 1]):
+            count += place[triples[t, 1]] >= 0 and place[triples[t, 2]] >= 0
+    chosen, turned = np.empty((count, 3), dtype=np.int64), np.zeros((count, 3, 3, 3))
+    half, more, n = np.empty((3, 3, 3)), np.empty((3, 3, 3)), 0
+    for point in points:
+        for t in range(first[point], first[point + 1]):
+            i, j, k = place[point], place[triples[t, 1]], place[triples[t, 2]]
+            if j < 0 or k < 0:
+                continue
+            chosen[n] = i, j, k
+            for a in range(3):
+                for b in range(3):
+                    for d in range(3):
+                        half[a, b, d] = 0.0
+                        for p in range(3):
+                            half[a, b, d] += R[i, a, p] * dented[t, p, b, d]
+            for a in range(3):
+                for b in range(3):
+                    for d in range(3):
+                        more[a, b, d] = 0.0
+                        for p in range(3):
+                            more[a, b, d] += R[j, b, p] * half[a, p, d]
+            for a in range(3):
+                for b in range(3):
+                    for d in range(3):
+                        for p in range(3):
+                            turned[n, a, b, d] += R[k, d, p] * more[a, b, p]
+            n += 1
+    return chosen, turned

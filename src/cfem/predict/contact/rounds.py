@@ -299,7 +299,7 @@ class Rounds:
             memory, pairs = soft.memory_after(self.places, modes), soft.pairs.joined(pairs)
             push = np.concatenate([soft.push_of(soft.pairs), push])
             known = soft.to_be_known(self.places, self.poses.obstacles)
-        delta_e, lambda_a, relief = self.robots.outputs()
+        delta_e, lambda_a, relief, moved = self.robots.outputs()
         return ContactState(
             pairs,
             push,
@@ -316,6 +316,11 @@ class Rounds:
             delta_e,
             lambda_a,
             relief,
+            [
+                np.zeros_like(e) if robot.wrench is None else robot.wrench
+                for robot, e in zip(loaded, moved, strict=True)
+            ],
+            moved,
             [robot.rows for robot in loaded],
             max(robot.bending for robot in loaded),
             self.deep,

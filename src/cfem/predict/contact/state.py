@@ -27,6 +27,7 @@ class ContactState(Pressing):
     memory: from where the slip of soft surfaces counts
     deltas (n_a,) mm, delta_e (n_e,) mm, lambda_a (n_a,) N of each robot in its own frame; lambda_a is negative where a
         cable that is held would have to push; relief (n_a,) N of it is what the forces on patches take off
+    wrenches (n_e,): on its effectors, 0 without; moved (n_e,) mm: what of delta_e the forces on patches make
     rows (k,) mm: of each robot's skin, from which `LearnedSkin.surface` draws it, without what is local
     bending: second order of the motion over its first, the largest of all robots and rounds
     deep: whether a patch began so far within an obstacle that, twice as far in, another side of it is nearer: in this
@@ -48,6 +49,8 @@ class ContactState(Pressing):
     delta_e: list[np.ndarray]
     lambda_a: list[np.ndarray]
     relief: list[np.ndarray]
+    wrenches: list[np.ndarray]
+    moved: list[np.ndarray]
     rows: list[np.ndarray]
     bending: float
     deep: bool

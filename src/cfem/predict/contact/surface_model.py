@@ -8,10 +8,9 @@ the nodes of the mesh (`cfem.predict.contact.node_model`)."""
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import combinations_with_replacement, permutations
+from itertools import permutations
 
 import numpy as np
-from scipy.linalg import qr
 
 from cfem.condensed.packing import symmetric3_indices
 from cfem.condensed.patches import Patches
@@ -20,13 +19,14 @@ from cfem.contact.detection import along
 from cfem.core.errors import InputError
 from cfem.equilibrium.contact.node_compliance import NodeResponse
 from cfem.equilibrium.contact.patch_compliance import PatchResponse
+from cfem.predict.contact.joint_dents import JointDents
+from cfem.predict.loads.wrench_series import WrenchSeries
 from cfem.predict.protocol import Predictor
 from cfem.predict.series.chebyshev import Basis, basis
-from cfem.predict.series.domain import Domain
+from cfem.predict.series.few_states import degrees
 
 STILL = 1e-9  # of the largest compliance: a patch that is held has less
 BENT = 0.005  # of all that is known of how loads on the modes change the compliance: what is left out
-TERMS, MOST = 10, 3  # of the polynomials through these, and their highest degree
 NONE = np.zeros(0)
 
 
@@ -63,6 +63,10 @@ class SurfaceModel(ABC):
         """U, local, total and dents of `PatchCompliance`, of points (c,) turned by R (c, 3, 3). C_ss (k, k) mm/N of the
         modes; basis (terms,), values of the series at delta (n_a,) mm."""
 
+    def joint_dents(self, points: np.ndarray, R: np.ndarray) -> JointDents | None:
+        """Dents of points (c,) turned by R (c, 3, 3) by forces on several of them; None where each has its own."""
+        return None
+
     @cached_property
     def U(self) -> np.ndarray:
         """(N, 3, k) the modes, means over patches."""
@@ -72,6 +76,20 @@ class SurfaceModel(ABC):
     def flat(self) -> np.ndarray:
         """(3 N, k) the same."""
         return self.U.reshape(-1, self.U.shape[-1])
+
+    @cached_property
+    def wrenches(self) -> WrenchSeries:
+        """The model under any wrench on its effectors."""
+        return WrenchSeries(self.model, self.model.rows.n_e)
+
+    @cached_property
+    def bent_by_wrench(self) -> np.ndarray:
+        """(terms, k, n_e, n_e + k) mm/N^2, series of how the compliance between effectors and rows, and of the rows,
+        changes with a wrench on the effectors: the second and third axis are of rows and effectors that bear loads."""
+        n_e = self.model.rows.n_e
+        bent = np.array(self.by_fe.bent[:, :, :n_e], float)
+        bent[..., n_e:] = (bent[..., n_e:] + bent[..., n_e:].swapaxes(1, 3)) / 2
+        return np.tensordot(self._inverse, bent, axes=1)
 
     @cached_property
     def held_still(self) -> np.ndarray:
@@ -180,32 +198,3 @@ class SurfaceModel(ABC):
     def in_box(self, delta: np.ndarray) -> np.ndarray:
         low, high = self.model.domain.delta_a
         return 2 * (delta - low) / (high - low) - 1
-
-
-def degrees(n_a: int) -> np.ndarray:
-    """(terms, n_a) degrees of the polynomial through L, the lower ones first: of the highest total degree, MOST at
-    most, that has no more than TERMS."""
-    rows = [np.zeros(n_a, dtype=np.int64)]
-    for degree in range(1, MOST + 1):
-        more = [np.bincount(axes, minlength=n_a) for axes in combinations_with_replacement(range(n_a), degree)]
-        if degree > 1 and len(rows) + len(more) > TERMS:
-            break
-        rows += more
-    return np.array(rows)
-
-
-def patch_states(domain: Domain, n_a: int) -> np.ndarray:
-    """(J, n_a) mm: of the training states those at which finite elements say most of a polynomial in delta_a (pivots of
-    a QR factorisation: Sommariva and Vianello, *Computing approximate Fekete points*, 2009)."""
-    states = domain.states[:, :n_a]
-    low, high = domain.delta_a
-    values = basis(2 * (states - low) / (high - low) - 1, degrees(n_a))
-    chosen = qr(values.T, mode="r", pivoting=True)[1][: min(values.shape)]
-    return states[np.sort(chosen)]
-
-
-def linear_states(domain: Domain, states: np.ndarray) -> np.ndarray:
-    """Numbers of those of the states (J, n_a) mm that say most of what is linear in delta_a, as `patch_states`."""
-    low, high = domain.delta_a
-    values = np.column_stack([np.ones(len(states)), 2 * (states - low) / (high - low) - 1])
-    return np.sort(qr(values.T, mode="r", pivoting=True)[1][: min(values.shape)])

@@ -17,6 +17,7 @@ from cfem.core.errors import InputError, SpecError
 from cfem.predict.kinds.spectral import SpectralPredictor
 from cfem.predict.series.chebyshev import basis, union
 from cfem.predict.series.energy import THIRD, layout, unpacking, unpacking3
+from cfem.predict.series.few_states import degrees
 from cfem.predict.series.skin import LearnedSkin
 
 if TYPE_CHECKING:
@@ -64,10 +65,6 @@ def rows_of(
 
 def _corrected(model: SpectralPredictor, rows: LoadedRows, by_fe: "PatchYield") -> LoadedRows:
     """Rows with what finite elements say of the patches, to the second order of the forces."""
-    from cfem.predict.contact.surface_model import (
-        degrees,  # what finite elements need, and the export of a row does not
-    )
-
     n_e, terms = model.rows.n_e, degrees(model.rows.n_a)[: len(by_fe.states)]
     z = model.box(by_fe.states)
     inverse, known = np.linalg.pinv(basis(z, terms)), basis(z, rows.indices)

@@ -107,8 +107,18 @@ class LearnedSkin:
         across = self._n_e * len(self)
         rows, columns = upper_indices(len(self))
         weights = np.where(rows == columns, 1.0, 2.0) * w[rows] * w[columns]
-        series, values = weights @ self._compliance[across:], self._at(self._compliance_basis, s, q)
+        return self._work_slopes(s, q, weights @ self._compliance[across:])
+
+    def _work_slopes(self, s: np.ndarray, q: np.ndarray, series: np.ndarray) -> np.ndarray:
+        """Derivatives (n_a,) by s of a series (L,) of the compliance."""
+        values = self._at(self._compliance_basis, s, q)
         return (self._compliance_slopes @ series).reshape(-1, len(series)) @ values
+
+    def wrench_work(self, s: np.ndarray, q: np.ndarray, wrench: np.ndarray, w: np.ndarray) -> np.ndarray:
+        """Derivatives (n_a,) by s of wrench . C_es w, wrench (n_e,) N on the effectors' rows, w (k,) N."""
+        across = self._n_e * len(self)
+        series = np.outer(wrench, w).ravel() @ self._compliance[:across]
+        return self._work_slopes(s, q, series)
 
     def joined(self, condensed: Condensed, s: np.ndarray, q: np.ndarray, softer: float = 1.0) -> Condensed:
         """The condensed robot with the rows of the skin. s, q: inputs of the reference at which it is; softer: how much

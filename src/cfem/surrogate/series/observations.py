@@ -17,6 +17,7 @@ from cfem.condensed.model import Form
 from cfem.condensed.parameters import coordinates, from_json, sampled, slopes
 
 CONSTANT = 1e-9  # standard deviation over size of what varies by rounding alone
+LEAST = 1e-4  # of the largest size: what varies less by an unlike input is rounding
 Derivative = tuple[int, ...]  # the axes by which is derived, ascending: () the value itself, (0, 2) d2/dt0 dt2
 
 
@@ -25,17 +26,21 @@ class Observations:
     """What states show of one quantity with q components.
 
     derivatives: k of them, by axes of t = (s, q), s having n_s of these
-    values: (m, k, q)"""
+    values: (m, k, q)
+    unlike: whether s has several units, as a chamber's volume beside a cable's way: the size of a derivative by one
+        then says nothing of how much another matters"""
 
     derivatives: tuple[Derivative, ...]
     values: np.ndarray
     n_s: int
+    unlike: bool = False
 
     def scaled(self, fall: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
         """Derivatives (m, k, q), each divided by the largest standard deviation among those of its order times
         fall^order, and those divisors (k,): with 1, all orders weigh alike, but for one that is rounding beside the
-        others (in box coordinates)."""
+        others (in box coordinates). Where inputs are unlike, each axis has its share of these divisors."""
         deviation = self.values.std(axis=0).max(axis=1)
+        shares = self._shares(deviation)
         size = np.abs(self.values).max(axis=(0, 2))
         divisors = np.empty(len(self.derivatives))
         groups = [(len(axes), max(axes, default=0) >= self.n_s) for axes in self.derivatives]
@@ -45,8 +50,21 @@ class Observations:
             if largest <= CONSTANT * size.max():  # rounding, or nothing
                 largest = size.max() or 1.0
             varies = deviation[members].max() > CONSTANT * largest
-            divisors[members] = (deviation[members].max() if varies else largest) * fall ** group[0]
+            common = (deviation[members] / shares[members]).max() if varies else largest
+            divisors[members] = common * shares[members] * fall ** group[0]
         return self.values / divisors[:, None], divisors
+
+    def _shares(self, deviation: np.ndarray) -> np.ndarray:
+        """Sizes (k,) of derivatives beside others of their order: 1, or, where inputs are unlike, the geometric mean
+        over the axes of how much the first derivative by each varies. deviation: (k,) of each derivative."""
+        first = {axes[0]: size for axes, size in zip(self.derivatives, deviation, strict=True) if len(axes) == 1}
+        most = max((size for axis, size in first.items() if axis < self.n_s), default=0.0)
+        if not self.unlike or most == 0:
+            return np.ones(len(self.derivatives))
+        size = {axis: max(first[axis] / most, LEAST) if axis < self.n_s else 1.0 for axis in first}
+        return np.array(
+            [np.prod([size[axis] for axis in axes]) ** (1 / max(len(axes), 1)) for axes in self.derivatives]
+        )
 
 
 def inputs(dataset: Any, form: Form) -> tuple[np.ndarray, np.ndarray]:
@@ -106,8 +124,14 @@ def observations(dataset: Any, form: Form) -> dict[str, Observations]:
     parts = {"potential": potential, "effector": effector, "effector_compliance": locked}
     if dataset.dC is not None and form == "displacement":
         parts["third"] = [(((),), dataset.dC[:, None, :])]
+    unlike = not dataset.n_c and isinstance(units := dataset.meta.get("units", {}).get("delta_a"), list)
     return {
-        name: Observations(sum((names for names, _ in orders), ()), np.concatenate([v for _, v in orders], axis=1), n)
+        name: Observations(
+            sum((names for names, _ in orders), ()),
+            np.concatenate([v for _, v in orders], axis=1),
+            n,
+            name == "potential" and unlike and len(set(units)) > 1,
+        )
         for name, orders in parts.items()
     }
 

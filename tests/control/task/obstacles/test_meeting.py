@@ -45,6 +45,7 @@ def test_a_stated_force_is_what_finite_elements_feel(bar):
     assert "2 of 2 commands carried out" in found["headline"][-1]
 
 
+@pytest.mark.slow
 def test_a_stated_force_is_what_finite_elements_feel_that_touch_at_every_node(bar, monkeypatch):
     """Plan and FE robot touch at nodes unless patches are asked for."""
     monkeypatch.delattr("cfem.control.task.obstacles.meeting.patched_model_of")

@@ -67,7 +67,7 @@ def _work(folder: Path, spec: PredictSpec, base: Path) -> dict[str, Any]:
 
 
 def _predicted(lab: Any, find: Sequence[str], known: Any, cases: Any, spec: PredictSpec) -> Any:
-    """What one model says of the cases. InputError where it was calibrated by other parameters."""
+    """Predictions of the cases by one model. InputError where it was calibrated by other parameters."""
     from cfem.identify.cases.predict import predict
 
     rig = lab.rig(find, tuple(dict.fromkeys([*known.sessions, *cases.sessions])), known.discrepancy)

@@ -4,10 +4,10 @@
 
 #include "cfem_linear.h"
 
-#define DEPENDENT 1e-22        /* squared length of a unit normal outside of the active ones: less depends on them, */
-#define PRICED_DEPENDENT 1e-11 /* where it is a difference of squares */
+#define DEPENDENT CFEM_TOLERANCE(1e-22, 1e-11) /* squared length of a unit normal outside of the active ones: less depends on them, */
+#define PRICED_DEPENDENT CFEM_TOLERANCE(1e-11, 1e-6) /* where it is a difference of squares */
 #define ENOUGH 0.01             /* share of the square of a normal that one pass may leave: less loses more than a digit */
-#define RELIEVED 1e-14         /* share of a normal in an active one below which its multiplier does not fall */
+#define RELIEVED CFEM_TOLERANCE(1e-14, 1e-6) /* share of a normal in an active one below which its multiplier does not fall */
 
 static double *row_of(const cfem_active *set, int k) { return set->R + k * (k + 3) / 2; }
 

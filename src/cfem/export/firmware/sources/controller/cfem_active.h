@@ -15,7 +15,7 @@ enum {
     CFEM_QP_ITERATIONS = 4  /* the steps allowed were not enough */
 };
 
-#define CFEM_QP_TOLERANCE 1e-9 /* of the optimality conditions */
+#define CFEM_QP_TOLERANCE CFEM_TOLERANCE(1e-9, 1e-4) /* of the optimality conditions */
 #define CFEM_QP_REFINEMENTS 3
 
 enum { CFEM_FREE, CFEM_ACTIVE, CFEM_MEETING }; /* states of a constraint; meeting: it contradicts active ones by no more than rounding */

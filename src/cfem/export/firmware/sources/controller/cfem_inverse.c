@@ -58,7 +58,7 @@ unsigned cfem_inverse_step(const cfem_condensed *m, const double *aim, const cfe
         status |= CFEM_SOFTENED;
         for (int i = 0; i < NA; i++)
             if (high[NA + i] - low[NA + i] > widest) widest = high[NA + i] - low[NA + i];
-        const double slack = 1e-9 * widest + 1e-12;
+        const double slack = CFEM_TOLERANCE(1e-9, 1e-5) * widest + 1e-12;
         for (int i = 0; i < NA; i++) {
             const double at = nearest[i] - m->free_a[i];
             if (low[NA + i] > at - slack) low[NA + i] = at - slack;

@@ -1,8 +1,11 @@
-/* Small dense algebra in double precision. */
+/* Small dense algebra. */
 #ifndef CFEM_LINEAR_H
 #define CFEM_LINEAR_H
 
 #include <math.h>
+
+/* A tolerance, by what the numbers resolve: folders are written in double or in single precision. */
+#define CFEM_TOLERANCE(in_double, in_single) (sizeof(double) == 8 ? (in_double) : (in_single))
 
 static inline double cfem_dot(int n, const double *a, const double *b) {
     double even = 0.0, odd = 0.0; /* two sums wait less for each other than one */
@@ -10,6 +13,9 @@ static inline double cfem_dot(int n, const double *a, const double *b) {
     for (; i + 1 < n; i += 2) even += a[i] * b[i], odd += a[i + 1] * b[i + 1];
     return i < n ? even + a[i] * b[i] + odd : even + odd;
 }
+
+/* Without a call, as fmax is where a processor has none; b where one is no number. */
+static inline double cfem_larger(double a, double b) { return a > b ? a : b; }
 
 static inline int cfem_finite(double x) { return x - x == 0.0; }
 
@@ -41,7 +47,7 @@ static inline void cfem_upper(int n, int stride, const double *L, double *b) {
 static inline int cfem_invert(int n, int stride, double *A) {
     for (int i = 0; i < n; i++)
         for (int j = 0; j < i; j++) A[i * stride + j] = A[j * stride + i];
-    if (cfem_cholesky(n, stride, A, 1e-14)) return 1;
+    if (cfem_cholesky(n, stride, A, CFEM_TOLERANCE(1e-14, 1e-6))) return 1;
     for (int j = 0; j < n; j++) { /* L -> L^-1 */
         A[j * stride + j] = 1.0 / A[j * stride + j];
         for (int i = j + 1; i < n; i++) {
@@ -108,7 +114,7 @@ static inline void cfem_jacobi(int n, int stride, double *A, double *V) {
         double off = 0.0, on = 0.0;
         for (int i = 0; i < n; i++)
             for (int j = 0; j < n; j++) *(i == j ? &on : &off) += A[i * stride + j] * A[i * stride + j];
-        if (!(off > 1e-32 * on)) return;
+        if (!(off > CFEM_TOLERANCE(1e-32, 1e-14) * on)) return;
         for (int p = 0; p < n; p++)
             for (int q = p + 1; q < n; q++) {
                 if (A[p * stride + q] == 0.0) continue;

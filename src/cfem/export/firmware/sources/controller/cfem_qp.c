@@ -4,6 +4,10 @@
 
 #define N CFEM_QP_VARIABLES
 #define C CFEM_QP_CONSTRAINTS
+#define ROUNDING CFEM_TOLERANCE(4e-15, 2e-6)
+#define OUTSIDE CFEM_TOLERANCE(1e-12, 1e-6) /* in shares of a constraint's size: what is violated by less is not */
+#define MEETS CFEM_TOLERANCE(1e-10, 1e-5)   /* bounds that exclude each other by less meet */
+#define FLAT CFEM_TOLERANCE(1e-13, 1e-6)    /* of a column: what depends on those before */
 #define OPEN 1e20 /* a box wider than that is meant to be none, and no measure for its variable */
 
 /* The program in its own coordinates: half-spaces low <= normal . y <= high, |normal| = 1, about the point of least |y|. */
@@ -14,8 +18,6 @@ typedef struct {
     double size[C]; /* what one unit of y along the normal is in the scaled x; 0: the row is zero and binds nothing */
 } half_spaces;
 
-static double largest(double a, double b) { return a > b ? a : b; }
-
 /* The constraint that is violated most, as a cfem_program has it. */
 static int violated(void *with, const double *y, const unsigned char *state, double *sign) {
     const half_spaces *const h = with;
@@ -25,8 +27,8 @@ static int violated(void *with, const double *y, const unsigned char *state, dou
     for (int k = 0; k < h->count; k++) {
         if (h->size[k] == 0.0 || state[k]) continue;
         const double value = cfem_dot(h->n, h->normal[k], y), below = h->low[k] - value, above = value - h->high[k];
-        const double by = largest(below, above), bound = below > above ? h->low[k] : h->high[k];
-        if (by > most && by > 4e-15 * (length + fabs(bound)) + 1e-12 / h->size[k]) which = k, most = by, *sign = below > above ? 1.0 : -1.0;
+        const double by = cfem_larger(below, above), bound = below > above ? h->low[k] : h->high[k];
+        if (by > most && by > ROUNDING * (length + fabs(bound)) + OUTSIDE / h->size[k]) which = k, most = by, *sign = below > above ? 1.0 : -1.0;
     }
     return which;
 }
@@ -34,7 +36,7 @@ static int violated(void *with, const double *y, const unsigned char *state, dou
 static cfem_bound bound(void *with, int k, double sign, double *normal) {
     const half_spaces *const h = with;
     for (int j = 0; j < h->n; j++) normal[j] = sign * h->normal[k][j];
-    return (cfem_bound){sign > 0 ? h->low[k] : -h->high[k], 0.0, 1e-10 / h->size[k]};
+    return (cfem_bound){sign > 0 ? h->low[k] : -h->high[k], 0.0, MEETS / h->size[k]};
 }
 
 /* In place, by Householder reflections: B (rows, n + 1) = Q R, of which R (n, n) and, in the last column, the first entries of
@@ -47,7 +49,7 @@ static int triangularise(int n, int rows, double B[CFEM_QP_ROWS][N + 1]) {
         const double whole = sqrt(square), old = B[j][j], norm = old > 0 ? -whole : whole;
         double above = 0.0;
         for (int i = 0; i < j; i++) above += B[i][j] * B[i][j];
-        if (!(whole > 1e-13 * sqrt(square + above))) return 1;
+        if (!(whole > FLAT * sqrt(square + above))) return 1;
         B[j][j] = old - norm; /* the reflection's vector is column j from row j on */
         const double scale = norm * B[j][j];
         for (int c = j + 1; c <= n; c++) {
@@ -81,11 +83,11 @@ static int measure(program *p) {
             slope += p->M[i * p->n + j] * p->d[i];
         }
         const double open = p->high[j] - p->low[j];
-        const int usable = open < OPEN && open > 1e-6 * largest(fabs(p->low[j]), fabs(p->high[j]));
+        const int usable = open < OPEN && open > 1e-6 * cfem_larger(fabs(p->low[j]), fabs(p->high[j]));
         p->width[j] = p->length[j] = usable ? open : square > 0.0 ? 1.0 / sqrt(square) : 1.0;
         if (!cfem_finite(square) || !cfem_finite(slope)) return CFEM_QP_FLAT;
-        p->curvature = largest(p->curvature, square * p->width[j] * p->width[j]);
-        p->steepest = largest(p->steepest, fabs(slope) * p->width[j]);
+        p->curvature = cfem_larger(p->curvature, square * p->width[j] * p->width[j]);
+        p->steepest = cfem_larger(p->steepest, fabs(slope) * p->width[j]);
     }
     for (int k = 0; k < p->m; k++) {
         double square = 0.0;
@@ -167,13 +169,13 @@ static double residual(const program *p, const cfem_qp_answer *a, double *forces
         if (length == 0.0) continue;
         if (k >= n)
             for (int j = 0; j < n; j++) forces[j] += p->A[(k - n) * p->stride + j] * z;
-        kkt = largest(kkt, largest(p->low[k] - at, at - p->high[k]) / length);
+        kkt = cfem_larger(kkt, cfem_larger(p->low[k] - at, at - p->high[k]) / length);
         if (z != 0.0) {
             const double scaled = fabs(z) * length / p->curvature;
-            kkt = largest(kkt, scaled / largest(1.0, scaled) * fabs(at - (z > 0 ? p->high[k] : p->low[k])) / length);
+            kkt = cfem_larger(kkt, scaled / cfem_larger(1.0, scaled) * fabs(at - (z > 0 ? p->high[k] : p->low[k])) / length);
         }
     }
-    const double reference = largest(p->curvature, p->steepest);
+    const double reference = cfem_larger(p->curvature, p->steepest);
     for (int j = 0; j < n; j++) {
         const double part = fabs(forces[j]) * p->width[j] / reference;
         if (!(part <= kkt)) kkt = part; /* also where it is not a number */

@@ -16,7 +16,7 @@
 #define N CFEM_ROW_N
 #define NA CFEM_NA
 #define ITERATIONS 50
-#define TOLERANCE 1e-11 /* of a module's length and of a radian: the largest Newton step of a row that is solved */
+#define TOLERANCE CFEM_TOLERANCE(1e-11, 1e-5) /* of a module's length and of a radian: the largest Newton step of a row that is solved */
 #define FARTHEST 6.0    /* lengths of a module and radians: no pose is farther away */
 #define NEAR 0.5        /* share of the load that would buckle a module, by its model: up to here it is believed */
 

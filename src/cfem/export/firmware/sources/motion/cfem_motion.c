@@ -6,6 +6,7 @@
 
 #include "cfem_block.h"
 #include "cfem_inertia.h"
+#include "cfem_linear.h"
 #include "cfem_parts.h"
 
 #define NA CFEM_MOTION_NA
@@ -15,7 +16,8 @@
 #define ACROSS CFEM_MOTION_ACROSS
 #define ITERATIONS 30
 #define EXPANSIONS 30
-#define TOLERANCE 1e-8
+#define TOLERANCE CFEM_TOLERANCE(1e-8, 1e-5) /* of the motion, */
+#define MOTION CFEM_TOLERANCE(1e-6, 0.1)     /* mm a step at least: shares of less are rounding of the place */
 #define SLOW 0.03 /* rate of the changes from which the slopes are taken again */
 #define NEAR 1e-4 /* of the half width of the learned box */
 
@@ -107,7 +109,7 @@ static int newton(const cfem_motion *motion, expansion *near, const int *free, i
                   double *impulse) {
     double before = HUGE_VAL, size = 0.0, slope[NQ][NQ], A[NQ][NQ];
     int pivots[NQ], stale = 1;
-    for (int i = 0; i < NQ; i++) size = fmax(size, fmax(fabs(v[i]), 1e-6 / dt) * cfem_motion_unit[i]);
+    for (int i = 0; i < NQ; i++) size = fmax(size, fmax(fabs(v[i]), MOTION / dt) * cfem_motion_unit[i]);
     for (int iteration = 0; iteration < ITERATIONS; iteration++) {
         double change[NQ], full[NQ] = {0}, moved = 0.0;
         equations at;

@@ -25,7 +25,7 @@ typedef struct {
 void cfem_motion_rest(cfem_motion *motion, const double *delta_a);
 
 /* After dt s. command (CFEM_MOTION_NA,): force during the step, or displacement at its end where held[i] is not 0. 0, or 1 where the
- * equations are not solved to 1e-8 of the motion: then nothing has changed; take a shorter step. */
+ * equations are not solved to 1e-8 of the motion (1e-5 in single precision): then nothing has changed; take a shorter step. */
 int cfem_motion_step(cfem_motion *motion, const double *command, const int *held, double dt);
 
 /* effectors (CFEM_MOTION_NE,): mm from rest. */

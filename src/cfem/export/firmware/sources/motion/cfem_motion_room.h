@@ -17,6 +17,7 @@
 #define CFEM_MOTION_MOST_LOSSES (CFEM_MOTION_LOSSES ? CFEM_MOTION_LOSSES : 1)
 #define CFEM_MOTION_MOST_TERMS (CFEM_MOTION_TERMS ? CFEM_MOTION_TERMS : 1)
 #define CFEM_MOTION_MOST_PRODUCTS CFEM_MOTION_PRODUCTS
+#define CFEM_MOTION_MOST_KEPT (CFEM_MOTION_TERMS ? CFEM_MOTION_TRIANGLE : 1)
 #endif
 
 #define CFEM_MOTION_TRIANGLE (CFEM_MOTION_MOST_NQ * (CFEM_MOTION_MOST_NQ + 1) / 2)
@@ -43,7 +44,7 @@
 #define CFEM_AT_ONCE 1
 #endif
 #if CFEM_AT_ONCE > 1
-typedef double cfem_lanes __attribute__((vector_size(8 * CFEM_AT_ONCE), aligned(8), may_alias));
+typedef double cfem_lanes __attribute__((vector_size(sizeof(double) * CFEM_AT_ONCE), aligned(sizeof(double)), may_alias));
 #else
 typedef double cfem_lanes;
 #endif

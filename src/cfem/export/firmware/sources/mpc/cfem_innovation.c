@@ -23,7 +23,7 @@ static double exponential(double x) {
 }
 
 int cfem_innovation_of(cfem_mpc *m, const double *x_e, cfem_innovation *of) {
-    double e[CFEM_MOTION_MOST_NE], C[CFEM_MOTION_MOST_NE][MOST_NQ], (*HP)[ACROSS] = m->moved;
+    double e[CFEM_MOTION_MOST_NE], C[CFEM_MOTION_MOST_NE][MOST_NQ], (*HP)[ACROSS] = m->work.moved;
     cfem_tips(m->state.z, &m->near.inner, &m->near.inner, e, C);
     of->n = 0, of->square = of->size = 0.0;
     for (int k = 0; k < NE; k++)
@@ -63,7 +63,7 @@ int cfem_frozen(cfem_mpc *m, const double *x_e, const cfem_innovation *of) {
 
 void cfem_correct(cfem_mpc *m, const cfem_innovation *of) {
     static const double share[2] = {CFEM_MPC_DOUBT_STIFFNESS, CFEM_MPC_DOUBT_VISCOSITY};
-    double (*HP)[ACROSS] = m->moved, (*gain)[ACROSS] = m->moved + NE, change[ACROSS]; /* (n, NX), gain transposed */
+    double (*HP)[ACROSS] = m->work.moved, (*gain)[ACROSS] = m->work.moved + NE, change[ACROSS]; /* (n, NX), gain transposed */
     const int n = of->n;
     for (int i = 0; i < NX; i++) {
         change[i] = 0.0;

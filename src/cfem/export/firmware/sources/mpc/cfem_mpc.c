@@ -50,7 +50,7 @@ static void write_slopes(cfem_mpc *m, int k, int blocks, double C[CFEM_MOTION_MO
                          double lambda[CFEM_MPC_MOST_MOVES][CFEM_MOTION_MOST_NA * CFEM_MOTION_MOST_NA]) {
     for (int b = 0; b < blocks; b++)
         for (int c = 0; c < NA; c++) {
-            const double *column = m->columns[b] + c, size = cfem_mpc_size[c];
+            const double *column = m->work.horizon.columns[b] + c, size = cfem_mpc_size[c];
             for (int e = 0; e < NE; e++) {
                 double sum = 0.0;
                 for (int i = 0; i < NQ; i++) sum += C[e][i] * column[i * NA];
@@ -66,21 +66,22 @@ static int condense(cfem_mpc *m, const cfem_moving *now) {
     double at[CFEM_MPC_MOST_NZ], about[CFEM_MPC_MOST_NZ], C[CFEM_MOTION_MOST_NE][CFEM_MOTION_MOST_NQ];
     double lambda[CFEM_MPC_MOST_MOVES][CFEM_MOTION_MOST_NA * CFEM_MOTION_MOST_NA];
     cfem_plan *plan = &m->plan;
+    cfem_place *const before = &m->work.horizon.before, *const after = &m->work.horizon.after;
     memcpy(at, now->z, sizeof at), memcpy(about, now->z, sizeof about);
     place_of(m, 0, 1, &m->first);
-    m->after = m->first, m->has_first = 1;
+    *after = m->first, m->has_first = 1;
     for (int k = 0, block = 0, from = 0, to = 0; k < TICKS; k++) {
-        const cfem_place *near = &m->after;
+        const cfem_place *near = after;
         cfem_stage *stage = &m->stage[k];
         double v[CFEM_MOTION_MOST_NQ], w[CFEM_MOTION_MOST_NA], off[CFEM_MPC_MOST_NZ], next[CFEM_MPC_MOST_NZ], by[CFEM_MOTION_MOST_NA];
         guess(m, k, v);
         if (k > to) { /* what is learned is asked at every few ticks, and interpolated between */
             from = to, to = from + EVERY < TICKS - 1 ? from + EVERY : TICKS - 1;
-            m->before = m->after;
-            place_of(m, to, 0, &m->after);
+            *before = *after;
+            place_of(m, to, 0, after);
         }
         if (k < to) {
-            cfem_place_between(&m->before, &m->after, (double)(k - from) / (to - from), &m->near);
+            cfem_place_between(before, after, (double)(k - from) / (to - from), &m->near);
             near = &m->near;
         }
         cfem_acting(k ? m->ahead[k - 1] : now->u, m->ahead[k], w);
@@ -100,8 +101,8 @@ static int condense(cfem_mpc *m, const cfem_moving *now) {
         for (int b = 0; b <= block; b++) {
             double out[CFEM_MPC_MOST_NZ * CFEM_MOTION_MOST_NA], share = b == block ? 1.0 : 0.0;
             if (CFEM_MPC_FORCE) share = 0.5 * ((b == block) + (k > 0 && b == earlier));
-            cfem_stage_of_block(stage, NA, b == block && (k == 0 || block != earlier) ? 0 : m->columns[b], share, out, lambda[b]);
-            memcpy(m->columns[b], out, sizeof out);
+            cfem_stage_of_block(stage, NA, b == block && (k == 0 || block != earlier) ? 0 : m->work.horizon.columns[b], share, out, lambda[b]);
+            memcpy(m->work.horizon.columns[b], out, sizeof out);
         }
         double e[CFEM_MOTION_MOST_NE];
         cfem_tips(about, &near->inner, &m->first.inner, e, C);
@@ -180,7 +181,7 @@ static unsigned planned(cfem_mpc *m, const cfem_mpc_input *in, double *u, unsign
     for (int k = 0; m->lost && k <= TICKS; k++) memcpy(m->states[k], now.z, sizeof m->states[k]);
     memcpy(m->plan.told, now.u, sizeof m->plan.told), memcpy(m->plan.rest, m->rest, sizeof m->plan.rest);
     if (condense(m, &now)) return CFEM_HELD | CFEM_NO_MODEL;
-    if (cfem_plan_solve(&m->plan)) return CFEM_HELD | CFEM_NO_QP;
+    if (cfem_plan_solve(&m->plan, &m->work.factors)) return CFEM_HELD | CFEM_NO_QP;
     follow(m, &now, u);
     unsigned status = (m->plan.count ? CFEM_LIMITED : 0u) | (m->plan.softened ? CFEM_SOFTENED : 0u);
     for (int a = 0; a < NA; a++)

@@ -3,8 +3,8 @@
  * iteration). An observer, an extended Kalman filter, follows state, stiffness, viscosity and an offset of the effectors from samples of
  * these, and rejects those that do not fit. As src/cfem/control/moving has it; conventions are those of cfem.h.
  *
- * Units: mm, N, s (chambers: mm^3, MPa). A robot's state is a cfem_mpc that the caller owns: some 100 kB, static rather than on a
- * stack. */
+ * Units: mm, N, s (chambers: mm^3, MPa). A robot's state is a cfem_mpc that the caller owns: 20 to 200 kB by horizon and
+ * precision, static rather than on a stack. */
 #ifndef CFEM_MPC_H
 #define CFEM_MPC_H
 
@@ -32,6 +32,12 @@ typedef struct {
                                          course or planes contradict each other, and are missed by the least sum of squares */
 } cfem_mpc_output;
 
+/* State by the commands of each block, and what is learned at the places between which it is interpolated. */
+typedef struct {
+    double columns[CFEM_MPC_MOST_MOVES][CFEM_MPC_MOST_NZ * CFEM_MOTION_MOST_NA];
+    cfem_place before, after;
+} cfem_horizon;
+
 typedef struct {
     long sent, heard;                                         /* commands given; the tick of the last sample */
     cfem_moving state;                                        /* at that tick; without an observer: now */
@@ -52,9 +58,12 @@ typedef struct {
     cfem_plan plan;
     cfem_stage stage[CFEM_MPC_MOST_TICKS];
     double w[CFEM_MPC_MOST_TICKS][CFEM_MOTION_MOST_NA];
-    double columns[CFEM_MPC_MOST_MOVES][CFEM_MPC_MOST_NZ * CFEM_MOTION_MOST_NA];
-    double moved[CFEM_MPC_COLUMNS][CFEM_MPC_COLUMNS];
-    cfem_place before, after, near, first; /* first: of the last horizon's first tick */
+    cfem_place near, first; /* first: of the last horizon's first tick */
+    union {                 /* one after the other: */
+        double moved[CFEM_MPC_COLUMNS][CFEM_MPC_COLUMNS]; /* the observer hears, */
+        cfem_horizon horizon;                             /* the horizon is linearised, */
+        cfem_plan_factors factors;                        /* its program is solved */
+    } work;
     int has_first;
 } cfem_mpc;
 

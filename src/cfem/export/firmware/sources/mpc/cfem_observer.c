@@ -114,7 +114,7 @@ static void widen(cfem_mpc *m, double square) {
  * by `push`. z (NA,): the actuators at the middle of the tick `stage`. 0, or 1 where there is no stiffness. */
 static int add_pushes(cfem_mpc *m, const double *z, const cfem_inner *place, const cfem_stage *stage) {
     double stiff[CFEM_MOTION_MOST_NA][CFEM_MOTION_MOST_NA], e[CFEM_MOTION_MOST_NE], C[CFEM_MOTION_MOST_NE][MOST_NQ], moved = 0.0;
-    double (*push)[ACROSS] = m->moved; /* (NZ, NQ) by momentum */
+    double (*push)[ACROSS] = m->work.moved; /* (NZ, NQ) by momentum */
     cfem_parts parts;
     cfem_potential_parts(z, &parts);
     memcpy(stiff, parts.hessian, sizeof stiff);
@@ -165,13 +165,13 @@ static int predict(cfem_mpc *m, const double *u) {
     *place = m->place[0];
     if (cfem_tick(&m->state, u, &m->material, place, &m->known[0], stage)) return 1;
     cfem_stage_by_material(stage, by_material);
-    transport(stage, by_material, m->covariance, m->moved);
+    transport(stage, by_material, m->covariance, m->work.moved);
     for (int i = 0; i < NX; i++)
         for (int j = i + 1; j < NX; j++) {
-            const double one = m->moved[i][j];
-            m->moved[i][j] = m->moved[j][i], m->moved[j][i] = one;
+            const double one = m->work.moved[i][j];
+            m->work.moved[i][j] = m->work.moved[j][i], m->work.moved[j][i] = one;
         }
-    transport(stage, by_material, m->moved, m->covariance);
+    transport(stage, by_material, m->work.moved, m->covariance);
     if (add_pushes(m, stage->middle, &place->inner, stage)) return 1;
     for (int k = 0; k < 2; k++) {
         const double wander = CFEM_MPC_DOUBT_WANDER * share[k];

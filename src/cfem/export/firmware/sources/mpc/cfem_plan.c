@@ -9,8 +9,10 @@
 #define NA CFEM_MOTION_NA
 #define V CFEM_MPC_VARIABLES
 #define MOST_V CFEM_MPC_MOST_VARIABLES
-#define OUTSIDE 1e-11 /* in shares of a bound's size: what is violated by less is not */
-#define MEETS 1e-9    /* bounds that exclude each other by less meet */
+#define OUTSIDE CFEM_TOLERANCE(1e-11, 1e-5) /* in shares of a bound's size: what is violated by less is not */
+#define MEETS CFEM_TOLERANCE(1e-9, 1e-4) /* bounds that exclude each other by less meet */
+#define ATTEMPTS 4     /* of a program that is softened, each with less of a price: high ones are inaccurate in single precision */
+#define SOFTER 4.0
 
 static double priced(const cfem_plan *p, int i) { return p->softened && i >= CFEM_PROGRAM_SOFT ? p->price : 0.0; }
 
@@ -55,18 +57,21 @@ static cfem_bound bound(void *with, int i, double sign, double *normal) {
 /* Steps of iterative refinement on the active constraints, and what is left of the optimality conditions. */
 static void refine(cfem_plan *p, cfem_active *set) {
     double unit = 0.0, left[CFEM_PLAN_ACTIVE], slope[MOST_V];
-    for (int i = 0; i < V; i++) unit = fmax(unit, cfem_dot(i + 1, p->L[i], p->L[i]));
+    for (int i = 0; i < V; i++) unit = cfem_larger(cfem_dot(i + 1, p->L[i], p->L[i]), unit);
     for (int round = 0;; round++) {
-        double off = 0.0;
+        double off = 0.0, pull = unit; /* the largest slope that forces have to balance */
         cfem_program_slope(p, p->x, slope);
         for (int k = 0; k < set->count; k++) {
             double row[MOST_V], low, high;
             int begin, i = set->which[k], end = cfem_program_row(p, i, row, &begin, &low, &high);
-            for (int j = begin; j < end; j++) slope[j] -= set->force[k] * set->sign[k] * row[j];
+            for (int j = begin; j < end; j++) {
+                const double by = set->force[k] * set->sign[k] * row[j];
+                slope[j] -= by, pull = cfem_larger(fabs(by), pull);
+            }
             left[k] = (set->sign[k] > 0 ? low : -high) - set->sign[k] * cfem_program_at(p, i, p->x) - priced(p, i) * set->force[k];
-            off = fmax(off, fabs(left[k]) / cfem_program_size(i));
+            off = cfem_larger(fabs(left[k]) / cfem_program_size(i), off);
         }
-        for (int j = 0; j < V; j++) off = fmax(off, fabs(slope[j]) / unit), slope[j] = -slope[j];
+        for (int j = 0; j < V; j++) off = cfem_larger(fabs(slope[j]) / pull, off), slope[j] = -slope[j];
         p->kkt = off;
         if (!(off > 1e-2 * CFEM_QP_TOLERANCE) || round == CFEM_QP_REFINEMENTS) return;
         cfem_program_forward(p, 0, slope);
@@ -76,25 +81,32 @@ static void refine(cfem_plan *p, cfem_active *set) {
     }
 }
 
-int cfem_plan_solve(cfem_plan *p) {
+/* The status. */
+static int solved(cfem_plan *p, cfem_active *set, const cfem_program *program, double *y) {
+    const int status = cfem_active_solve(set, program, 4 * CFEM_PROGRAM_COUNT, y);
+    if (status) return status;
+    refine(p, set);
+    return p->kkt <= CFEM_QP_TOLERANCE ? CFEM_QP_OPTIMAL : CFEM_QP_INACCURATE;
+}
+
+int cfem_plan_solve(cfem_plan *p, cfem_plan_factors *f) {
     double y[MOST_V];
-    cfem_active set = {V, CFEM_PROGRAM_COUNT, CFEM_PLAN_ACTIVE, 0, p->state, p->which, p->sign, p->bound, p->force, p->Q, p->R, 0, 0};
+    cfem_active set = {V, CFEM_PROGRAM_COUNT, CFEM_PLAN_ACTIVE, 0, p->state, p->which, p->sign, p->bound, p->force, f->Q, f->R, 0, 0};
     const cfem_program program = {violated, bound, p};
     p->count = p->softened = 0;
     p->kkt = HUGE_VAL;
     if (cfem_program_factorise(p)) return CFEM_QP_FLAT;
-    int status = cfem_active_solve(&set, &program, 4 * CFEM_PROGRAM_COUNT, y);
+    int status = solved(p, &set, &program, y);
     if (status == CFEM_QP_INFEASIBLE) {
         p->softened = set.priced = 1;
-        status = cfem_active_solve(&set, &program, 4 * CFEM_PROGRAM_COUNT, y);
+        for (int attempt = 0; attempt < ATTEMPTS && status; attempt++, p->price *= SOFTER) status = solved(p, &set, &program, y);
     }
     p->count = set.count;
     if (status) return status;
-    refine(p, &set);
-    if (!(p->kkt <= CFEM_QP_TOLERANCE)) return CFEM_QP_INACCURATE;
-    for (int j = 0; j < V; j++) { /* the box holds exactly */
+    for (int j = 0; j < V; j++) { /* the box holds exactly, and the rate of the command that is sent */
         const int a = j % NA;
-        p->x[j] = fmin(fmax(p->x[j] * cfem_mpc_size[a], cfem_mpc_command[a][0]), cfem_mpc_command[a][1]);
+        const double rate = j < NA ? cfem_mpc_rate[a] : HUGE_VAL, low = p->told[a] - rate, high = p->told[a] + rate;
+        p->x[j] = fmin(fmax(fmin(fmax(p->x[j] * cfem_mpc_size[a], low), high), cfem_mpc_command[a][0]), cfem_mpc_command[a][1]);
     }
     return CFEM_QP_OPTIMAL;
 }

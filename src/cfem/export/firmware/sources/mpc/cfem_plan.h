@@ -33,11 +33,15 @@ typedef struct {
     int known[CFEM_MPC_MOST_TICKS];      /* variables that the effectors and the course of a tick know */
     unsigned char state[CFEM_PLAN_CONSTRAINTS];
     int which[CFEM_PLAN_ACTIVE];
-    double sign[CFEM_PLAN_ACTIVE], bound[CFEM_PLAN_ACTIVE], force[2 * CFEM_PLAN_ACTIVE], R[CFEM_ACTIVE_R(CFEM_PLAN_ACTIVE)];
-    double Q[(CFEM_PLAN_ACTIVE + 2) * CFEM_MPC_MOST_VARIABLES];
+    double sign[CFEM_PLAN_ACTIVE], bound[CFEM_PLAN_ACTIVE], force[2 * CFEM_PLAN_ACTIVE];
 } cfem_plan;
 
+/* Factors of the active constraints, needed while the program is solved. */
+typedef struct {
+    double Q[(CFEM_PLAN_ACTIVE + 2) * CFEM_MPC_MOST_VARIABLES], R[CFEM_ACTIVE_R(CFEM_PLAN_ACTIVE)];
+} cfem_plan_factors;
+
 /* The status: of cfem_active.h. */
-int cfem_plan_solve(cfem_plan *plan);
+int cfem_plan_solve(cfem_plan *plan, cfem_plan_factors *factors);
 
 #endif

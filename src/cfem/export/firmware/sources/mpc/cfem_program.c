@@ -109,7 +109,7 @@ static void add_goals(cfem_plan *p, double *largest) {
         for (int k = from; k < TICKS; k++)
             for (int e = 0; e < NE; e++)
                 for (int c = i; c < i + 2 && c < p->known[k]; c++)
-                    *largest = fmax(*largest, cfem_mpc_weight[e] * fabs(p->E[k][e][c]) / cfem_mpc_size[c % NA]);
+                    *largest = cfem_larger(cfem_mpc_weight[e] * fabs(p->E[k][e][c]) / cfem_mpc_size[c % NA], *largest);
     }
 }
 
@@ -128,9 +128,9 @@ int cfem_program_factorise(cfem_plan *p) {
         const double many = lasting(j / NA);
         p->L[j][j] += (j + NA < V ? 2.0 : 1.0) * smooth * smooth + many * effort * effort;
         if (j >= NA) p->L[j][j - NA] -= smooth * smooth;
-        largest = fmax(largest, fmax(cfem_mpc_smooth[a], sqrt(many) * cfem_mpc_effort[a]));
+        largest = cfem_larger(cfem_larger(cfem_mpc_smooth[a], sqrt(many) * cfem_mpc_effort[a]), largest);
     }
-    if (cfem_cholesky(V, MOST_V, p->L[0], 1e-14)) return 1;
+    if (cfem_cholesky(V, MOST_V, p->L[0], CFEM_TOLERANCE(1e-14, 1e-6))) return 1;
     cfem_program_slope(p, none, p->best);
     for (int j = 0; j < V; j++) p->best[j] = -p->best[j];
     cfem_program_forward(p, 0, p->best);
@@ -140,10 +140,10 @@ int cfem_program_factorise(cfem_plan *p) {
         double row[MOST_V], low, high;
         int begin, end = cfem_program_row(p, i, row, &begin, &low, &high);
         for (int j = begin; j < end && (low > -HUGE_VAL || high < HUGE_VAL); j++)
-            steepest = fmax(steepest, fabs(row[j]) / cfem_mpc_size[j % NA]), sum += row[j];
+            steepest = cfem_larger(fabs(row[j]) / cfem_mpc_size[j % NA], steepest), sum += row[j];
     }
     for (int j = 0; j < V; j++) sum += p->best[j];
-    const double price = steepest > 0.0 ? 1e3 * largest / steepest : 1.0;
+    const double price = steepest > 0.0 ? CFEM_TOLERANCE(1e3, 1e2) * largest / steepest : 1.0;
     p->price = 1.0 / (price * price);
     return !cfem_finite(sum);
 }

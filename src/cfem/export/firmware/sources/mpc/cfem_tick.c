@@ -25,7 +25,7 @@ CFEM_INLINE void respond(const cfem_stage *s, int m, double right[MOST_NQ * MOST
     if (HELD) {
         double held[MOST_NA * MOST_NA];
         for (int i = 0; i < NA * m; i++) held[i] = -X[i];
-        cfem_add_product(NR, NA, s->speed[NA], MOST_NQ, m, held, m, right + NA * m, m);
+        cfem_add_product(NR, NA, s->held[NA], MOST_NA, m, held, m, right + NA * m, m);
     }
     for (int i = FIRST * m; i < NQ * m; i++) X[i] = right[i];
     cfem_solve((const double(*)[CFEM_MOTION_MOST_NQ])s->factor, s->pivots, FIRST, NQ, m, X);
@@ -33,7 +33,7 @@ CFEM_INLINE void respond(const cfem_stage *s, int m, double right[MOST_NQ * MOST
     for (int a = 0; a < NA; a++) /* what the rows of the actuators lack */
         for (int c = 0; c < m; c++) {
             double sum = -right[a * m + c];
-            for (int j = 0; j < NQ; j++) sum += s->speed[a][j] * X[j * m + c];
+            for (int j = 0; j < NQ; j++) sum += s->holding[a][j] * X[j * m + c];
             lambda[a * stride + c] = 2.0 / DT * sum;
         }
 }
@@ -79,7 +79,8 @@ CFEM_INLINE void apply(const cfem_stage *s, int m, int stride, const double *z, 
             CFEM_UNROLL for (int c = 0; c < m; c++) to[c] = p[c] - inner * q[c];
         }
         for (int a = 0; a < NA; a++) CFEM_UNROLL for (int c = 0; c < m; c++) back[a * m + c] = -z[a * stride + c];
-        cfem_add_product(NQ, NA, s->place[0], MOST_NA, m, back, m, right, m);
+        cfem_add_product(NQ, NA, s->turning[0], MOST_NA, m, back, m, right, m);
+        cfem_add_product(NA, NA, s->stiff[0], MOST_NA, m, back, m, right, m);
         for (int l = 0, t = 0; l < CFEM_MOTION_LOSSES; l++)
             for (int k = 0; k < cfem_motion_prony_terms[l]; k++, t++) {
                 const double by = -cfem_motion_prony[t][0] / (1.0 + DT / (2.0 * cfem_motion_prony[t][1]));
@@ -121,7 +122,7 @@ void cfem_stage_by_material(const cfem_stage *stage, double out[CFEM_MPC_MOST_NZ
     }
 }
 
-/* Forces of viscosity, minus their slope by v onto `speed`. */
+/* Forces of viscosity, minus their slope by v onto `factor`. */
 static void viscous(const double *z, const double *v, const cfem_inertia *inertia, double size, cfem_stage *s, double *force) {
     for (int l = 0, t = 0; l < CFEM_MOTION_LOSSES; l++) {
         double rate = cfem_motion_relaxation[l], x[MOST_NQ] = {0};
@@ -136,10 +137,10 @@ static void viscous(const double *z, const double *v, const cfem_inertia *inerti
         double *scaled = s->F[l];
         for (int i = 0; i < NQ; i++)
             for (int j = i; j < NQ; j++, F++) {
-                *scaled++ = DT / 2 * size * *F;
+                if (CFEM_MOTION_TERMS) *scaled++ = DT / 2 * size * *F;
                 const double by = DT / 2 * rate * size * *F;
-                s->speed[i][j] += by;
-                if (i != j) s->speed[j][i] += by;
+                s->factor[i][j] += by;
+                if (i != j) s->factor[j][i] += by;
             }
     }
 }
@@ -155,7 +156,7 @@ int cfem_stage_at(const double *z, const double *v, const double *w, const cfem_
     cfem_potential_parts(s->middle, &parts);
     for (int i = 0; i < NQ; i++)
         for (int j = i; j < NQ; j++) s->M[i][j] = s->M[j][i] = *M++;
-    memcpy(s->speed, s->M, sizeof s->speed);
+    memcpy(s->factor, s->M, sizeof s->factor);
     viscous(z, v, inertia, stiffness * material->viscosity, s, lost);
     s->inner = DT / 2 * kappa;
     for (int a = 0; a < NA; a++) {
@@ -163,16 +164,19 @@ int cfem_stage_at(const double *z, const double *v, const double *w, const cfem_
         elastic[a] = -stiffness * parts.gradient[a];
         turned[a] = cfem_dot(NQ, by_turn[a], v) / 2;
     }
-    for (int r = NA; r < NQ; r++) elastic[r] = -kappa * (z[r] + DT / 2 * v[r]), s->speed[r][r] += DT / 2 * s->inner;
+    for (int r = NA; r < NQ; r++) elastic[r] = -kappa * (z[r] + DT / 2 * v[r]), s->factor[r][r] += DT / 2 * s->inner;
     for (int i = 0; i < NQ; i++)
         for (int a = 0; a < NA; a++) {
             s->turning[i][a] = by_turn[a][i];
-            s->place[i][a] = by_turn[a][i] + (i < NA ? DT / 2 * stiffness * parts.hessian[i][a] : 0.0);
-            s->speed[i][a] += DT / 2 * s->place[i][a];
+            s->factor[i][a] += DT / 2 * by_turn[a][i];
+            if (i >= NA) continue;
+            s->stiff[i][a] = DT / 2 * stiffness * parts.hessian[i][a];
+            s->factor[i][a] += DT / 2 * s->stiff[i][a];
         }
     for (int a = 0; a < NA; a++)
-        for (int j = 0; j < NQ; j++) s->speed[a][j] -= DT / 2 * by_turn[a][j];
-    memcpy(s->factor, s->speed, sizeof s->factor);
+        for (int j = 0; j < NQ; j++) s->factor[a][j] -= DT / 2 * by_turn[a][j];
+    for (int i = 0; i < NQ && HELD; i++)
+        for (int a = 0; a < NA; a++) s->held[i][a] = s->factor[i][a], s->holding[a][i] = s->factor[a][i];
     if (cfem_factorise(FIRST, NQ, s->factor, s->pivots)) return 1;
     cfem_add_symmetric(1.0, inertia->M, v, Mv);
     for (int i = 0; i < NQ; i++) {

@@ -23,12 +23,13 @@ typedef struct {
     double middle[CFEM_MOTION_MOST_NA]; /* of the actuators */
     double M[CFEM_MOTION_MOST_NQ][CFEM_MOTION_MOST_NQ];
     double turning[CFEM_MOTION_MOST_NQ][CFEM_MOTION_MOST_NA]; /* of M v at constant v, by delta_a */
-    double place[CFEM_MOTION_MOST_NQ][CFEM_MOTION_MOST_NA];   /* of the equations by delta_a */
-    double speed[CFEM_MOTION_MOST_NQ][CFEM_MOTION_MOST_NQ];   /* of the equations by v */
-    double factor[CFEM_MOTION_MOST_NQ][CFEM_MOTION_MOST_NQ];  /* of its part that is not held: L U, with row pivots */
+    double stiff[CFEM_MOTION_MOST_NA][CFEM_MOTION_MOST_NA];   /* of the actuators' equations by delta_a, beside `turning` */
+    double held[CFEM_MOTION_MOST_NQ][CFEM_MOTION_MOST_NA];    /* of the equations by v of the actuators, where these are held, */
+    double holding[CFEM_MOTION_MOST_NA][CFEM_MOTION_MOST_NQ]; /* and of theirs by v */
+    double factor[CFEM_MOTION_MOST_NQ][CFEM_MOTION_MOST_NQ];  /* of the part by v that is not held: L U, with row pivots */
     int pivots[CFEM_MOTION_MOST_NQ];
     double inner;                                       /* dt/2 stiffness of the inner motions */
-    double F[CFEM_MOTION_MOST_LOSSES][CFEM_MOTION_TRIANGLE];  /* dt/2 times the material's */
+    double F[CFEM_MOTION_MOST_LOSSES][CFEM_MOTION_MOST_KEPT]; /* dt/2 times the material's, where Prony terms need it */
     double of_material[CFEM_MOTION_MOST_NQ][2];            /* of the equations by the logarithms of stiffness and viscosity */
 } cfem_stage;
 

@@ -1,0 +1,179 @@
+"""A Gymnasium environment on a `World`: soft robots grip an object and bring it to where it shall be.
+
+    cfem.gym.register()
+    env = gymnasium.make("cfem/Lift-v0", model="models/soft-finger/spectral", scene="pipelines/soft-finger/scene.yaml")
+
+What is there, a MuJoCo model says: its actuators and those of the robots are the action."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import mujoco
+import numpy as np
+
+from cfem.core.errors import InputError, NumericalError
+from cfem.mujoco.geoms import MM
+from cfem.mujoco.soft_robot import SoftRobot
+from cfem.mujoco.table import TABLE
+from cfem.mujoco.world import World
+
+LARGEST = 10.0  # number in an observation
+FAILED = -10.0  # reward where a world cannot go on, or the object is lost
+LOST = 3.0  # of the way: farther from its goal the object is lost
+
+
+class LiftEnv(gymnasium.Env):
+    """Soft robots on the bodies of a MuJoCo model, whose object is to go from where it begins by `way`.
+
+    model, scene: of `SoftRobot.load`; or model: a `SoftRobot`
+    mjcf: of `World`; a table, a cube, and two fingers on a carriage, unless given
+    robots: names of the sites that have one each
+    thing: name of the object's body, which has a free joint, and of its geom
+    way: (3,) mm
+    closed: share of the reach to which the robots' actuators go
+    step: share of its range by which an action of 1 changes a command in a tick
+    tick: s, a multiple of the timestep; length: ticks of an episode
+    aside: mm, by which the object begins beside its place, at most, along x and y
+    patches, friction: of `SoftRobot.load` and `World`
+
+    commands (n,): of MuJoCo's actuators, then of the robots', in their units; low, high (n,): their range"""
+
+    metadata = {"render_modes": ["rgb_array"], "render_fps": 25}
+
+    def __init__(
+        self,
+        model: SoftRobot | Path | str,
+        scene: Path | str | None = None,
+        mjcf: Path | str | mujoco.MjSpec = TABLE,
+        robots: tuple[str, ...] = ("left", "right"),
+        thing: str = "cube",
+        way: tuple[float, float, float] = (0.0, 0.0, 50.0),
+        closed: float = 0.3,
+        step: float = 0.1,
+        tick: float = 0.04,
+        length: int = 100,
+        aside: float = 1.0,
+        patches: float | None = None,
+        friction: float = 0.8,
+        render_mode: str | None = None,
+    ):
+        """A world of robots that are alike; arguments as above, render_mode: 'rgb_array' or None."""
+        if not isinstance(model, SoftRobot):
+            if scene is None:
+                raise InputError("a model that is loaded needs its scene", do="state `scene`, its scene.yaml")
+            model = SoftRobot.load(model, scene, patches)
+        self.world, self.render_mode = World(mjcf, dict.fromkeys(robots, model), friction), render_mode
+        self.thing, self.length, self.aside, self.share = thing, length, aside, step
+        self._place = _place_of(self.world.model, thing)
+        self._steps = max(1, round(tick / self.world.model.opt.timestep))
+        self._goal_way, self._size = np.asarray(way, float), float(np.linalg.norm(way))
+        mj, reach = self.world.model, np.asarray(model.surface.model.reach, float)
+        limited = mj.actuator_ctrllimited.astype(bool)
+        if not limited.all():
+            raise InputError("an actuator of the MuJoCo model has no range", do="state its ctrlrange")
+        low, high = mj.actuator_ctrlrange.T
+        self.low = np.concatenate([low, *[reach[:, 0]] * len(robots)])
+        self.high = np.concatenate([high, *[reach[:, 0] + closed * np.ptp(reach, axis=1)] * len(robots)])
+        self._start = np.concatenate([np.clip(0.0, low, high), np.zeros(len(robots) * len(reach))])
+        self._weight = max(float(mj.body(thing).mass[0] * np.linalg.norm(mj.opt.gravity)), 1e-9)
+        self._renderer: mujoco.Renderer | None = None
+        self.reset(seed=0)
+        self.observation_space = gymnasium.spaces.Box(-LARGEST, LARGEST, self._observe().shape, np.float32)
+        self.action_space = gymnasium.spaces.Box(-1.0, 1.0, self.low.shape, np.float32)
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
+        super().reset(seed=seed)
+        world = self.world
+        world.reset()
+        world.data.qpos[self._place : self._place + 2] += self.np_random.uniform(-self.aside, self.aside, 2) / MM
+        world.data.ctrl[:] = self._start[: world.model.nu]
+        mujoco.mj_forward(world.model, world.data)
+        self.commands, self._ticks = self._start.copy(), 0
+        self._goal = MM * world.data.body(self.thing).xpos + self._goal_way
+        return self._observe(), self._info()
+
+    def step(self, action: np.ndarray):
+        move = np.clip(np.nan_to_num(np.asarray(action, float)), -1.0, 1.0) * self.share
+        before, failed = self.commands, ""
+        self.commands = np.clip(before + move * (self.high - self.low), self.low, self.high)
+        self._ticks += 1
+        try:
+            for share in np.arange(1, self._steps + 1) / self._steps:
+                self._go(before + share * (self.commands - before))
+        except NumericalError as error:
+            failed = str(error)
+        off = float(np.linalg.norm(self._off()))
+        if not failed and off > LOST * self._size:
+            failed = f"the {self.thing} is lost"
+        near = 0.1 * self._size
+        reward = FAILED if failed else float(np.exp(-off / near) - off / self._size + 0.2 * self._held())
+        return self._observe(), reward, bool(failed), self._ticks >= self.length, self._info() | {"failed": failed}
+
+    def render(self) -> np.ndarray | None:
+        """Picture (480, 480, 3) uint8 by MuJoCo, of its first camera; None without `render_mode`."""
+        if self.render_mode != "rgb_array":
+            return None
+        if self._renderer is None:
+            self._renderer = mujoco.Renderer(self.world.model, 480, 480)
+        self.world.draw()
+        self._renderer.update_scene(self.world.data, 0 if self.world.model.ncam else -1)
+        return self._renderer.render().copy()
+
+    def close(self) -> None:
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
+
+    def _go(self, commands: np.ndarray) -> None:
+        """One timestep of the world."""
+        by_mujoco, *by_robot = np.split(commands, self._cuts)
+        self.world.data.ctrl[:] = by_mujoco
+        self.world.step(dict(zip(self.world.robots, by_robot, strict=True)))
+
+    @property
+    def _cuts(self) -> np.ndarray:
+        """Numbers at which the commands of each robot begin."""
+        each = [robot.surface.model.rows.n_a for robot in self.world.robots.values()]
+        return self.world.model.nu + np.cumsum([0, *each[:-1]])
+
+    def _off(self) -> np.ndarray:
+        """(3,) mm from the object to its goal."""
+        return self._goal - MM * self.world.data.body(self.thing).xpos
+
+    def _held(self) -> float:
+        """Share of the robots that press the object with its weight, less of those that press less."""
+        forces = [np.linalg.norm(self.world.force(name, self.thing)) for name in self.world.robots]
+        return float(np.minimum(np.array(forces) / self._weight, 1.0).mean())
+
+    def _observe(self) -> np.ndarray:
+        """Observation (n,) float32 of numbers of about 1: see docs/mujoco.md."""
+        data, model = self.world.data, self.world.model
+        body = data.body(self.thing)
+        velocity = np.zeros(6)
+        mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_BODY, body.id, velocity, 0)
+        share = 2.0 * (self.commands - self.low) / (self.high - self.low) - 1.0
+        parts = [self._off() / self._size, MM * velocity[3:] / (5 * self._size), body.xmat.reshape(3, 3)[2], share]
+        for name, robot in self.world.robots.items():
+            parts.append(self.world.force(name, self.thing) / self._weight)
+            for point in robot.points:
+                parts.append(MM * (data.sensor(f"{name}.{point}").data - body.xpos) / self._size)
+        return np.clip(np.concatenate(parts), -LARGEST, LARGEST).astype(np.float32)
+
+    def _info(self) -> Mapping[str, Any]:
+        """Facts beside the observation: the error, mm, and the commands, in their units."""
+        return {"error": float(np.linalg.norm(self._off())), "command": self.commands.copy()}
+
+
+def _place_of(model: mujoco.MjModel, thing: str) -> int:
+    """Number in qpos of a free body's place. InputError where there is no such body, with a geom of its name."""
+    body, geom = (
+        mujoco.mj_name2id(model, kind, thing) for kind in (mujoco.mjtObj.mjOBJ_BODY, mujoco.mjtObj.mjOBJ_GEOM)
+    )
+    if body < 0 or geom < 0:
+        raise InputError(f"the MuJoCo model has no body and geom '{thing}'", do="name both so, or state `thing`")
+    first = model.body_jntadr[body]
+    if first < 0 or model.jnt_type[first] != mujoco.mjtJoint.mjJNT_FREE:
+        raise InputError(f"the body '{thing}' has no free joint", do="give it one: <freejoint/>")
+    return int(model.jnt_qposadr[first])
