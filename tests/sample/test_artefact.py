@@ -1,5 +1,8 @@
 """What the manifest of a dataset says of its rows."""
 
+import json
+
+import numpy as np
 import pyarrow as pa
 import pytest
 
@@ -51,3 +54,20 @@ def test_pulls_that_were_drawn_back_are_said():
     table = rows(0).replace_schema_metadata({"cfem": '{"together": 0.595}'})
     (line,) = (line for line in results({"train": table})["headline"] if "at once" in line)
     assert line.startswith("all actuators at once are pulled to 60 % of their reach")
+
+
+def test_states_that_fill_little_of_a_reach_are_judged():
+    """A chamber from -4500 to 3000 mm^3 that pulls alone leave above 0."""
+    facts = {
+        "rows": {"effectors": [], "actuators": ["chamber"], "contacts": [], "skin": []},
+        "row_units": [["mm^3", "MPa"]],
+        "reach": [[-4500.0, 3000.0]],
+    }
+    told = {}
+    for low in (0.0, -4000.0):
+        grown = pa.array([[float(value)] for value in np.linspace(low, 2900.0, 24)], pa.list_(pa.float64(), 1))
+        table = rows(0).append_column("delta_a", grown)
+        judged = results({"train": table.replace_schema_metadata({"cfem": json.dumps(facts)})})["judgement"]
+        told[low] = " ".join(sentence["what"] for sentence in judged)
+    assert told[-4000.0] == ""
+    assert told[0.0].startswith("states of 'chamber' lie between 0 and 2.9e+03 mm^3, 39 % of its reach: draw from all")

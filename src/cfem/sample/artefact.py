@@ -30,6 +30,7 @@ from cfem.sample.solver import SolverFactory
 from cfem.sample.spec import SampleSpec
 from cfem.sample.workers import Workers
 
+FILLED, FEW = 0.5, 8  # of a reach that states have to fill, and how many states are too few to tell
 DEAR = 4.0  # times the mean number of factorisations: a state that is named
 
 
@@ -97,6 +98,7 @@ def results(
             *failures(table.filter(pc.not_equal(table["status"], CONVERGED)), len(table)),
             *finding(overlap, metadata(table).get("length", np.inf)),
             *beyond_calibration(solved),
+            *unfilled(solved),
         ],
         "rows": {split: len(table) for split, table in tables.items()},
         "failed": failed,
@@ -168,6 +170,24 @@ def beyond_calibration(solved: pa.Table) -> list[dict[str, Any]]:
     )
     what = f"{states.sum()} of {len(states)} states have forces beyond the calibration's largest ({limits})"
     return [poor(f"{what}, where nothing tells what the model lacks: make the reach smaller")]
+
+
+def unfilled(solved: pa.Table) -> list[dict[str, Any]]:
+    """Poor where the states fill little of the reach of an actuator, of which no model knows the rest."""
+    meta = metadata(solved)
+    plan = meta.get("plan") or {}
+    if "reach" not in meta or plan.get("contact") or plan.get("space") in ("rest", "force") or len(solved) < FEW:
+        return []
+    reach, delta_a = np.array(meta["reach"]), column_array(solved, "delta_a")
+    width = reach[:, 1] - reach[:, 0]
+    share = np.ptp(delta_a[:, : len(width)], axis=0) / np.where(width > 0, width, np.nan)
+    if np.isnan(share).all() or np.nanmin(share) >= FILLED:
+        return []
+    worst, rows = int(np.nanargmin(share)), rows_of(meta)
+    low, high = delta_a[:, worst].min(), delta_a[:, worst].max()
+    name, (unit, _) = rows.actuators[worst], meta["row_units"][rows.a][worst]
+    what = f"states of '{name}' lie between {low:.3g} and {high:.3g} {unit}, {100 * share[worst]:.0f} % of its reach"
+    return [poor(f"{what}: draw from all of it by space: displacement, or state the reach that is used")]
 
 
 def skin_line(skin: dict[str, Any] | None) -> list[str]:
