@@ -21,12 +21,12 @@ MODELS = {"spectral": "{kind: spectral, max_degree: 9}", "mlp": "{kind: mlp, wid
 
 
 FEW = [("spectral", 2), ("mlp", 2)]
-MODELS = [("spectral", 2), ("spectral", 1), ("spectral", 3), ("mlp", 2)]
+CASES = [("spectral", 2), ("spectral", 1), ("spectral", 3), ("mlp", 2)]
 
 
 @pytest.fixture(
     scope="module",
-    params=[pytest.param(model, marks=() if model in FEW else pytest.mark.slow) for model in MODELS],
+    params=[pytest.param(model, marks=() if model in FEW else pytest.mark.slow) for model in CASES],
     ids=str,
 )
 def exported(request, tmp_path_factory):

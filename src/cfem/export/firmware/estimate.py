@@ -151,6 +151,7 @@ def moving_frames(made: Filter, count: int = FRAMES) -> list[dict[str, np.ndarra
     estimator, rng, frames = made.estimator, np.random.default_rng(0), []
     n_a, m = estimator.model.rows.n_a, len(estimator.markers)
     states = estimator.model.domain.states[:, :n_a]
+    states = states[states.any(axis=1)]  # rest is farther from the others than the filter takes a robot to go at once
     u, w = states[len(states) // 2].copy(), np.zeros(len(estimator.loaded))
     usual = np.linalg.cholesky(estimator.load_covariance)
     filtered = Filter(estimator, made.slip, made.ticks, made.offset, made.gate.spec)
