@@ -11,7 +11,7 @@
 #define MOST_V CFEM_MPC_MOST_VARIABLES
 #define OUTSIDE CFEM_TOLERANCE(1e-11, 1e-5) /* in shares of a bound's size: what is violated by less is not */
 #define MEETS CFEM_TOLERANCE(1e-9, 1e-4) /* bounds that exclude each other by less meet */
-#define ATTEMPTS 4     /* of a program that is softened, each with less of a price: high ones are inaccurate in single precision */
+#define ATTEMPTS CFEM_TOLERANCE(1, 4) /* of a program that is softened, each with less of a price: high ones are inaccurate in single precision */
 #define SOFTER 4.0
 
 static double priced(const cfem_plan *p, int i) { return p->softened && i >= CFEM_PROGRAM_SOFT ? p->price : 0.0; }
@@ -66,7 +66,8 @@ static void refine(cfem_plan *p, cfem_active *set) {
             int begin, i = set->which[k], end = cfem_program_row(p, i, row, &begin, &low, &high);
             for (int j = begin; j < end; j++) {
                 const double by = set->force[k] * set->sign[k] * row[j];
-                slope[j] -= by, pull = cfem_larger(fabs(by), pull);
+                slope[j] -= by;
+                if (CFEM_TOLERANCE(0, 1)) pull = cfem_larger(fabs(by), pull);
             }
             left[k] = (set->sign[k] > 0 ? low : -high) - set->sign[k] * cfem_program_at(p, i, p->x) - priced(p, i) * set->force[k];
             off = cfem_larger(fabs(left[k]) / cfem_program_size(i), off);
