@@ -54,9 +54,9 @@ def pytest_collection_modifyitems(items):
 
 @pytest.fixture(scope="session", autouse=True)
 def here(tmp_path_factory):
-    """Sampling starts no processes where a test does not ask for `processes`; kernels and C are compiled once, and gmsh
-    meshes once what no test asks for `anew`; exports leave out the bytes of the code, for which it is compiled twice
-    more, where a test does not ask for `counted`."""
+    """Kernels and C are compiled once, and gmsh makes each mesh once, but for tests with `anew`. Sampling starts no
+    processes but for tests with `processes`. Exports do not count the bytes of their code, which takes two more
+    compilations, but for tests with `counted`."""
     base = tmp_path_factory.getbasetemp()
     shared = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
     uncounted = patch.object(build, "sizes", lambda folder: UNCOUNTED)

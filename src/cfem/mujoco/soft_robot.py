@@ -18,7 +18,7 @@ from cfem.robot.load import load_scene_and_mesh, made_from
 
 
 @dataclass(frozen=True, eq=False)
-class Weight:
+class OwnWeight:
     """The weight of a robot whose model has an effector at its centre of mass.
 
     mass: t
@@ -30,7 +30,7 @@ class Weight:
     sampled: np.ndarray
 
     @classmethod
-    def of(cls, robot: Robot, sampled: ArrayLike | None) -> "Weight | None":
+    def of(cls, robot: Robot, sampled: ArrayLike | None) -> "OwnWeight | None":
         """None where the robot has no such effector, and InputError where it has more than one."""
         if len(robot.masses) > 1:
             raise InputError("the scene has several effectors at centres of mass", do="leave one")
@@ -47,7 +47,7 @@ class SoftRobot:
 
     surface: SurfaceModel
     unilateral: np.ndarray | None = None
-    weight: "Weight | None" = None
+    weight: "OwnWeight | None" = None
 
     @classmethod
     def load(
@@ -66,7 +66,7 @@ class SoftRobot:
                 surface = patched_model_of(learned, folder, robot, made_of, patches, sharp_edges)
         except InputError as error:
             raise InputError(error.what, where=error.where or str(folder), do=error.do) from None
-        return cls(surface, robot.unilateral, Weight.of(robot, spec.gravity and spec.gravity.acceleration))
+        return cls(surface, robot.unilateral, OwnWeight.of(robot, spec.gravity and spec.gravity.acceleration))
 
     @property
     def points(self) -> list[str]:

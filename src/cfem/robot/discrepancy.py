@@ -31,7 +31,7 @@ class DiscrepancySpec(Spec):
     """Largest force of each actuator in the calibration. Relative forces are multiples of it; beyond, the discrepancy
     stays what it is there."""
     terms: list[DiscrepancyTerm] = []
-    """Its parts."""
+    """Parts of the discrepancy, which add up."""
 
 
 def discrepancy_in(

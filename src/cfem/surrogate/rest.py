@@ -15,7 +15,8 @@ TIP, REACTION, COMPLIANCE = 1e-3, 1e-2, 5e-2  # of the length, the largest force
 
 def with_rest(meta: dict[str, Any], arrays: dict[str, np.ndarray], training: Any, test: Any) -> dict[str, Any]:
     """Entries of model.json that take the state at rest into the domain. There are none where the robot has a weight or
-    loads, has been sampled at rest, or the model errs there by more than is small, or than it would state.
+    loads or has been sampled at rest. Nor are there where the model's error at rest is not small, or is larger than the
+    bound that the model would state there.
 
     meta, arrays: of the model; training, test: cfem.dataset.reader.Dataset"""
     robot = training.meta.get("robot") or {}

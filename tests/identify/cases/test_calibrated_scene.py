@@ -45,7 +45,7 @@ def folder(tmp_path_factory):
 
 def test_its_robot_is_where_the_calibration_predicts_the_markers(folder):
     results = calibrate(folder / "cases.yaml", [], None, QUIET)["results"]
-    assert any("drive.tendon.scale is 1.2" in line for line in results["headline"])
+    assert any("drive.tendon.scale is 1.2" in line and "belongs to the drive" in line for line in results["headline"])
     path = folder / "calibrated" / "scene.yaml"
     (folder / "turning.yaml").write_text(path.read_text().replace("[100, 0, 0]}", "[100, 0, 0]}, orientation: true"))
     robot = build_robot(*load_scene_and_mesh(folder / "turning.yaml", folder / "mesh"))

@@ -31,10 +31,11 @@ _QUOTED = re.compile(rf"[^\w .%^/+-]|^[\s+-]|\s$|^$|^[\d.]+(e[+-]?\d+)?$|^({_WOR
 def calibrated_scene(lab: Lab, rig: Rig, fitted: CaseFit, folder: Path, mesh: Path) -> tuple[str, list[str]]:
     """The scene with the values of a fit, as the text of a file in `folder`, and sentences on what it leaves out.
 
-    mesh: folder of the robot's mesh, which the found numbers leave as it is"""
+    mesh: folder of the robot's mesh; another shape gets a mesh of its own beside it"""
     data, lines = read_yaml(lab.scene_path)
     _relocate(data, lab.scene_path.parent, folder)
-    data["out"] = os.path.relpath(mesh, folder)
+    moved = any(key.split(".")[0] in ("geometry", "shape") for unknown in rig.unknowns for key in unknown.keys)
+    data["out"] = os.path.relpath(mesh.with_name(f"{mesh.name}-calibrated") if moved else mesh, folder)
     for unknown, z in zip(rig.unknowns, fitted.z, strict=True):
         for key in unknown.keys if unknown.of_scene else ():
             value, unit = unknown.value(z), unknown.parameter.unit
@@ -49,7 +50,9 @@ def calibrated_scene(lab: Lab, rig: Rig, fitted: CaseFit, folder: Path, mesh: Pa
             if [effector.pop("orientation") for effector in data["effectors"] if "orientation" in effector]:
                 missing.append("orientations of effectors are left out: the discrepancy says nothing about them")
             missing += _within_calibration(data, lab.mesh)
-    head = "# The robot as `cfem calibrate-cases` found it. Made anew by each run: copy it before you change it.\n"
+    head = (
+        "# The robot as `cfem calibrate-cases` found it. Each run overwrites this file: copy it before you change it.\n"
+    )
     return head + "".join(f"# {sentence}\n" for sentence in missing) + _text(data), missing
 
 
@@ -65,7 +68,7 @@ def _relocate(node: Any, base: Path, folder: Path) -> None:
 def _rig_in_words(rig: Rig, fitted: CaseFit) -> list[str]:
     """Sentences on drives that pull with another force than they are told, which a scene does not know."""
     return [
-        f"{key} is {unknown.value(z):.4g}: it is of the drive, and a scene knows none"
+        f"{key} is {unknown.value(z):.4g}; it belongs to the drive, so the scene does not hold it"
         for unknown, z in zip(rig.unknowns, fitted.z, strict=True)
         for key in unknown.keys
         if key.startswith("drive.")

@@ -50,11 +50,11 @@ class MotorSpec(Spec):
     """The motor of a cable."""
 
     id: Annotated[NonNegativeInt, Field(le=252)]
-    """Its number on the bus."""
+    """Number of the motor on the bus."""
     spool: Annotated[Length, Field(gt=0)]
     """Effective radius of its spool: to the middle of the cable."""
     reversed: bool = False
-    """Whether the cable is wound where the motor's positions fall."""
+    """Whether the motor winds the cable while its position falls."""
     zero: int | None = None
     """Position in counts where the robot is at rest and the cable taut. Where the motor stands at the start of each
     run unless given."""
@@ -72,7 +72,7 @@ class DynamixelSpec(Spec):
     counts: PositiveInt = 4096
     """Positions of a turn."""
     motors: dict[Name, MotorSpec] = Field(min_length=1)
-    """By cable."""
+    """Motor of each cable."""
 
     def check(self) -> None:
         ids = [motor.id for motor in self.motors.values()]
