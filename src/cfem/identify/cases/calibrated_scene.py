@@ -50,9 +50,7 @@ def calibrated_scene(lab: Lab, rig: Rig, fitted: CaseFit, folder: Path, mesh: Pa
             if [effector.pop("orientation") for effector in data["effectors"] if "orientation" in effector]:
                 missing.append("orientations of effectors are left out: the discrepancy says nothing about them")
             missing += _within_calibration(data, lab.mesh)
-    head = (
-        "# The robot as `cfem calibrate-cases` found it. Each run overwrites this file: copy it, then change it.\n"
-    )
+    head = "# The robot as `cfem calibrate-cases` found it. Each run overwrites this file: copy it, then change it.\n"
     return head + "".join(f"# {sentence}\n" for sentence in missing) + _text(data), missing
 
 
