@@ -4,11 +4,15 @@ from itertools import product
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from support import linear_robot
 from support.fast_cases import fast_are
 from support.linear_robot import LinearRobot
 
+from cfem.condensed.far import FAR
 from cfem.condensed.strokes import ridge_of
+from cfem.control.closed_loop.controller import Controller
 from cfem.control.closed_loop.feedback import WINDOW, Feedback
 from cfem.control.closed_loop.run import Pace, run_closed_loop
 from cfem.control.closed_loop.tick import Pilot
@@ -21,6 +25,7 @@ from cfem.plant.model_plant import ModelPlant
 
 GOALS = linear_robot.REST_E + np.array([[4.0, -3.0], [-6.0, 2.0]])
 ROBOTS = {"exact": (1.0, None), "stiffer": (1.1, None), "loaded": (1.0, np.array([2.0, -3.0]))}
+LENGTH = 120.0  # mm
 HALF, DEFAULT = Gains(0.0, 0.5), Gains()
 FOLDS = 2  # of ten, by which the error falls within the ticks of a goal
 
@@ -32,12 +37,14 @@ def feedback(gains=HALF, **more):
 def run(interval, delay, robot, gains=DEFAULT, ticks=None):
     """(goals, ticks) mm errors."""
     stiffness, push = ROBOTS[robot]
-    limits, ridge = Limits.of(linear_robot.REACH, np.zeros(2, bool)), ridge_of(1e-12, linear_robot.REACH, 120.0)
+    limits, ridge = Limits.of(linear_robot.REACH, np.zeros(2, bool)), ridge_of(1e-12, linear_robot.REACH, LENGTH)
     pilot = Pilot(LinearRobot(), "force", "equilibrium", limits, np.ones(2), ridge, SearchSettings(1, 1e-10))
     sensor = Imperfection(samples_a_tick=1 / interval, delay=delay)
     plant = ImperfectPlant(ModelPlant(LinearRobot(stiffness), linear_robot.REST_E, push), sensor, 0)
     ticks = ticks or (3 * FOLDS + 2) * (delay + interval)
-    moments = run_closed_loop(GOALS, pilot, plant, linear_robot.REST_E, Pace(0.0, 1, ticks_a_goal=ticks), gains)
+    controller = Controller(pilot, linear_robot.REST_E, gains, far=np.full(2, FAR * LENGTH))
+    pace = Pace(0.0, 1, ticks_a_goal=ticks)
+    moments = run_closed_loop(GOALS, pilot, plant, linear_robot.REST_E, pace, controller=controller)
     return np.array([one.error for one in moments]).reshape(len(GOALS), ticks)
 
 
@@ -102,8 +109,10 @@ def test_what_is_not_finite_changes_nothing(x_e):
 def test_a_sample_where_the_robot_cannot_be_changes_nothing(place, heard):
     """One outlier of 1e7 mm moved the goal so far that later goals had no answer."""
     said = feedback(rest_e=np.array([10.0, 0.0]), far=np.array([20.0, 20.0]))
-    said.commanded(np.ones(2))
-    assert said.sample(1, np.array([place, 0.0])) == heard == said.moved.any()
+    for tick in (1, 2):  # a jump corrects once it is confirmed
+        said.commanded(np.ones(2))
+        heard_last = said.sample(tick, np.array([place, 0.0]))
+    assert heard_last == heard == said.moved.any()
 
 
 @pytest.mark.parametrize(("unit", "heard"), [(1.0, True), (1e-3, False)])
@@ -111,6 +120,47 @@ def test_a_sample_in_metres_changes_nothing(unit, heard):
     said = feedback(rest_e=np.array([10.0, 100.0]), far=np.array([200.0, 200.0]))
     said.commanded(np.array([12.0, 95.0]))
     assert said.sample(1, unit * np.array([14.0, 90.0])) == heard == said.moved.any()
+
+
+def near(missed, length=100.0):
+    """Corrections of one row after samples that miss by these (mm), of a robot of that length."""
+    said = Feedback(HALF, np.ones(1, bool), far=np.array([2.0 * length]))
+    for tick, amount in enumerate(missed, 1):
+        said.commanded(said.moved.copy())
+        said.sample(tick, np.array([0.0]) + said.moved - amount)
+        yield float(said.moved[0])
+
+
+def test_one_sample_that_jumps_corrects_nothing():
+    """One outlier of a third of the length sent the robot to the end of its stroke for a tick."""
+    moved = list(near([0.2] * 10 + [40.0] + [0.2] * 5))
+    np.testing.assert_allclose(moved[10:], 0.2, atol=1e-3)
+
+
+def test_a_jump_that_the_next_sample_confirms_corrects():
+    moved = list(near([0.2] * 10 + [40.0] * 9))
+    assert moved[10] == pytest.approx(0.2, abs=1e-3) and moved[11] > 19.0
+    assert moved[-1] == pytest.approx(40.0, abs=0.5)
+
+
+def test_a_load_on_a_robot_that_has_just_started_corrects_with_the_second_sample():
+    assert list(near([20.0, 20.0]))[1] == pytest.approx(10.0)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_noise_of_a_tenth_of_the_length_still_corrects(seed):
+    """A sensor far worse than the gate expects: its spread widens, and the mean gets through."""
+    noise = 10.0 * np.random.default_rng(seed).standard_normal(400)
+    assert np.mean(list(near(15.0 + noise))[200:]) == pytest.approx(15.0, abs=4.0)
+
+
+@settings(max_examples=30, deadline=None)
+@given(share=st.sampled_from([0.02, 0.1, 0.3]), seed=st.integers(0, 10**6))
+def test_garbage_among_good_samples_is_forgotten_at_once(share, seed):
+    """After the last bad sample the correction is right within twenty good ones."""
+    rng = np.random.default_rng(seed)
+    bad = np.where(rng.random(80) < share, rng.uniform(-150, 150, 80), 3.0)
+    assert list(near([*bad, *[3.0] * 20]))[-1] == pytest.approx(3.0, abs=0.01)
 
 
 def test_rows_that_nobody_measures_do_not_correct():

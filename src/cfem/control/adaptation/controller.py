@@ -30,10 +30,11 @@ class AdaptiveController(Controller):
         tracker: Tracker,
         gains: Gains | None = None,
         start: np.ndarray | None = None,
+        far: np.ndarray | None = None,
     ):
         """Starts the controller of a `pilot` whose model is at the tracker's parameters; the rest as for
         `Controller`."""
-        super().__init__(pilot, rest_e, gains, start)
+        super().__init__(pilot, rest_e, gains, start, far)
         self.tracker, self._sent, self._sampled = tracker, {}, 0
 
     def tick(self, goal: ArrayLike, measured: Measurement | None = None, ahead: ArrayLike | None = None) -> Belief:

@@ -78,15 +78,17 @@ class Controller:
             raise SpecError(f"expected {len(self._rest_e)} finite numbers, got {goal.tolist()}", where="goal")
         demand_near(goal, self._rest_e, self._far)
         self._tick += 1
-        self.aimed = goal
+        self.aimed, rejected = goal, False
         if self.feedback:
             if measured is not None:
                 self.feedback.sample(measured.t, measured.x_e)
+                rejected = self.feedback.rejected
             self.aimed = goal + self.feedback.moved
         pilot = self._pilot
         if self._tick == 1 and pilot.approach is not None:
             pilot = replace(pilot, settings=pilot.approach)
-        self.belief = drive(pilot, self.belief, self.aimed - self._rest_e, measured, let_go)
+        belief = drive(pilot, self.belief, self.aimed - self._rest_e, measured, let_go)
+        self.belief = replace(belief, rejected=rejected)
         if isinstance(pilot.model, PathDependent):
             pilot.model.settle(self.belief.iterate.condensed.delta_a)
         if self.feedback:

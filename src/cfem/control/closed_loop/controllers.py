@@ -81,7 +81,7 @@ def _measuring(
         (0.0, 0.0) if camera is None else (camera.shift, camera.turn),
     )
     bound = replace(pilot, model=AtParameters(model, tracker.used_p))
-    return AdaptiveController(bound, situation.rest_e, tracker, gains, start)
+    return AdaptiveController(bound, situation.rest_e, tracker, gains, start, situation.far)
 
 
 def parameters_of(loop: LoopSpec, predictors: Mapping[str, Predictor]) -> int:

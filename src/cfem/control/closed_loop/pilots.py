@@ -26,12 +26,14 @@ class Situation:
     rest_e: (n_e,) mm
     reach: (n_a, 2) mm
     length: mm
+    far: (n_e,) mm from rest, beyond which a goal or a sample is in another unit
     start: where the robot stands before the first tick, None: at rest"""
 
     loop: LoopSpec
     rest_e: np.ndarray
     reach: np.ndarray
     length: float
+    far: np.ndarray
     start: Condensed | None
 
 

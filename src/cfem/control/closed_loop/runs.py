@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from cfem.condensed.far import far_of
 from cfem.control.closed_loop.account import over_time, saturation
 from cfem.control.closed_loop.controllers import at_the_end, controller_of, known
 from cfem.control.closed_loop.estimated_account import EstimateAccount, estimate_results
@@ -56,7 +57,8 @@ class Setting:
         if loop.moving or loop.laps:
             standing = replace(self.pilot, limits=bounded(self.pilot.limits, loop))
             start = standing_at(reference.goals[0], standing, robot.rest_e)
-        return Situation(loop, robot.rest_e, robot.reach, robot.length, start)
+        far = far_of(robot.rows, robot.length)
+        return Situation(loop, robot.rest_e, robot.reach, robot.length, far, start)
 
     def controller(self, spec: ControllerSpec, pilot: Pilot, gains: Gains | None, situation: Situation) -> Any:
         """A controller at its start."""

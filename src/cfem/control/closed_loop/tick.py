@@ -81,12 +81,14 @@ class Belief:
     iterate: the model where it takes the actuators to stand
     u: (n_a,) the command
     status: 'tracking' on the way, 'converged' at the goal, 'out of reach' at the nearest point, or what went wrong
-    plan: the search itself, None where the published step was taken or the model had no answer"""
+    plan: the search itself, None where the published step was taken or the model had no answer
+    rejected: the sample of this tick corrected nothing: it is in another unit, too old, or a jump nobody confirmed"""
 
     iterate: Iterate
     u: np.ndarray
     status: str
     plan: SearchResult | None = None
+    rejected: bool = False
 
     @property
     def delta_a(self) -> np.ndarray:

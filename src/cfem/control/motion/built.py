@@ -33,7 +33,7 @@ def controller_of(
         return _mpc(spec, pilot, motion, situation, condensed)
     if spec.feedforward:
         return Computed(pilot, motion, situation.rest_e, np.zeros(len(pilot.ridge)) if start is None else start, dt)
-    static = Controller(pilot, situation.rest_e, gains, start)
+    static = Controller(pilot, situation.rest_e, gains, start, situation.far)
     if spec.shaping is None:
         return static
     return Shaped(static, motion, pilot.command == "displacement", spec.shaping.kind, spec.shaping.modes, dt)

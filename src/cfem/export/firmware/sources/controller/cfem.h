@@ -36,7 +36,8 @@ enum {
     CFEM_NO_MODEL = 64,   /*   the model's stiffness is not positive definite or not finite here */
     CFEM_NO_QP = 128,     /*   the program has no trustworthy answer */
     CFEM_REJECTED = 256,  /* the sample was not used: not finite, more than two lengths of the robot from rest or in metres, older than
-                             CFEM_LATE commands, of a command not given yet, or unlike what the observer expects of it (cfem_gate.h) */
+                             CFEM_LATE commands, of a command not given yet, unlike what the observer expects of it, or a jump that no
+                             second sample has confirmed (cfem_gate.h) */
     CFEM_RESTARTED = 512, /* too many samples were unlike that, or the estimate was lost: the observer began again */
     CFEM_OUT_OF_REACH = 1024, /* the robot stands at the nearest point to its goal: by the optimality conditions no move within
                               the bounds of force and course brings the effectors nearer */

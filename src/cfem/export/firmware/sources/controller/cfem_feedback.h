@@ -8,14 +8,21 @@
 
 #include <stdint.h>
 
+#include "cfem_gate.h"
 #include "cfem_room.h"
 
-#define CFEM_FEEDBACK_WINDOW 8 /* samples whose ages and intervals count */
+#define CFEM_FEEDBACK_WINDOW 8     /* samples whose ages and intervals count */
+#define CFEM_FEEDBACK_SPREAD 0.005 /* lengths of the robot: standard deviation of what the model misses from one sample to the next */
+#define CFEM_FEEDBACK_SIGMAS 5.0   /* standard deviations by which a sample may miss the last one */
+#define CFEM_FEEDBACK_CONFIRMED 2  /* samples in a row that agree on a jump, from which on it counts */
 
 typedef struct {
     double total[CFEM_MOST_NE];                        /* mm, K_I sum e */
     double moved[CFEM_MOST_NE];                        /* mm, by which the goal is moved: K_P e + K_I sum e */
-    double references[CFEM_MOST_LATE][CFEM_MOST_NE];   /* mm, absolute, of the last commands; the next goes to `next` */
+    double expected[CFEM_MOST_LATE][CFEM_MOST_NE];     /* mm, absolute: effectors under the last commands; the next goes to `next` */
+    double shifted[CFEM_MOST_LATE][CFEM_MOST_NE];      /* mm, `moved` at these commands */
+    double missed[CFEM_MOST_NE];                       /* mm, what the model missed by at the last sample that corrected */
+    cfem_gate gate;
     double integral;                                   /* K_I of the last sample */
     uint32_t given, heard;                             /* commands so far; number of the command that the last sample followed */
     uint32_t ages[CFEM_FEEDBACK_WINDOW], intervals[CFEM_FEEDBACK_WINDOW]; /* ticks, of the last samples */
@@ -26,8 +33,8 @@ typedef struct {
 void cfem_feedback_init(cfem_feedback *f);
 
 /* A sample x_e (CFEM_NE,) mm that followed the command of that number; 0: none. One heard before changes nothing. CFEM_OK, or
- * CFEM_REJECTED for one that is not finite, farther from rest than goals may be (cfem_far), older than CFEM_LATE commands, or of a
- * command not given yet. */
+ * CFEM_REJECTED for one that is not finite, farther from rest than goals may be (cfem_far), older than CFEM_LATE commands, of a
+ * command not given yet, or a jump that no second sample has confirmed. */
 unsigned cfem_feedback_hear(cfem_feedback *f, uint32_t tick, const cfem_real *x_e);
 
 /* Forgets the correction; samples keep their numbers. */
