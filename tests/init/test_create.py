@@ -19,11 +19,13 @@ from typer.testing import CliRunner
 from cfem.cli.app import app
 from cfem.cli.init import is_terminal
 from cfem.cli.schemas import schema_of
+from cfem.core.console import progress
 from cfem.core.errors import SpecError
 from cfem.core.kinds import model_of
 from cfem.core.spec import load_spec
 from cfem.core.yaml import read_yaml
 from cfem.export.page.layout import robot_layout
+from cfem.init import create
 from cfem.init.texts import ON_PAGE
 from cfem.robot.build import build_robot
 from cfem.robot.mesh.meshing import make_mesh
@@ -145,6 +147,12 @@ def test_an_l_is_held_at_the_end_of_a_leg_and_says_why(tmp_path):
     robot = built(tmp_path)[1]
     axis = "xy".index(said[9])
     assert (robot.body.mesh.X[robot.fixed][:, axis] > 60 - 1e-6).all() and robot.rows.n_a == 1
+
+
+@pytest.fixture(autouse=True)
+def without_progress(monkeypatch):
+    """On a slow machine there would be lines of it."""
+    monkeypatch.setattr(progress, "FIRST", 1e9)
 
 
 @pytest.fixture
@@ -367,6 +375,18 @@ def test_a_mesh_with_a_cell_without_volume_is_meshed_anew_from_its_surface(tmp_p
     assert built(tmp_path)[0].geometry.remesh
 
 
+def test_what_takes_its_time_is_said(tmp_path, mesh_file, monkeypatch):
+    shown, true = [], create.tried
+
+    def tried(*args):
+        shown.append(progress.what_is_done())
+        return true(*args)
+
+    monkeypatch.setattr(create, "tried", tried)
+    assert init(tmp_path, mesh_file, "--unit", "mm", "--cables", "1", "--reach", "1 mm").exit_code == 0
+    assert shown == ["building the robot on a coarse mesh"]
+
+
 def test_without_stdin_the_defaults_are_taken(tmp_path, mesh_file, monkeypatch):
     for stdin in (None, io.StringIO()):
         monkeypatch.setattr("sys.stdin", stdin)
@@ -417,6 +437,7 @@ class TestAtATerminal:
         assert done.exit_code == 130
         said = f"your answers, to go on with: cfem init own --from {mesh_file} --folder {tmp_path / 'pipelines'} "
         assert f"{said}--unit cm --young '3 MPa'\n" in done.stderr
+        assert done.stderr.endswith("cfem: interrupted; no scene was written\n")
         assert not (tmp_path / "pipelines").exists()
 
 

@@ -106,4 +106,4 @@ def _init(name, source, robot, folder, force, json, quiet, **values) -> None:
         given |= {flag: " | ".join(given[flag]) if given[flag] else None for flag in _JOINED}
         return init_scene(name, source, folder, given, cables, chambers, options.force, quiet, json)
 
-    run_command(work, force=force, as_json=json, quiet=quiet)
+    run_command(work, force=force, as_json=json, quiet=quiet, label="init", interrupted="no scene was written")

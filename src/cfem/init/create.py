@@ -12,6 +12,7 @@ import numpy as np
 
 from cfem.core.artefact.files import disk_errors
 from cfem.core.artefact.place import write_beside
+from cfem.core.console.progress import doing
 from cfem.core.errors import InputError, OutputError, SpecError
 from cfem.core.names import demand_scene_name
 from cfem.init.drive import NOTHING, Stated, drive, proposal
@@ -58,6 +59,7 @@ def create(
     Raises SpecError (an answer that cannot be), InputError (no shape in the file), OutputError (there is such a scene
     and not `force`)."""
     demand_scene_name(name)
+    doing(f"reading {path.name}")
     source = _source(path, stated, ask)
     target = folder / name
     copy = f"{name}{path.suffix.lower()}"
@@ -67,6 +69,7 @@ def create(
         with suppress(SpecError):  # of what is wrong the questions tell
             show.look(*_robot(name, copy, source, stated, show.ask, known))
     robot, _ = _robot(name, copy, source, stated, ask, known)
+    doing("building the robot on a coarse mesh")
     robot, cells = tried(robot, path, stated, ask)
     made = texts(robot)
     with disk_errors(target):
@@ -175,7 +178,9 @@ def _known(source: Source, stated: Stated, ask: Ask) -> Known:
 
     @cache
     def known(unit: float, cells: int) -> tuple[Shape, Proposal]:
+        doing("meshing the body coarsely")
         shape = make_shape(source, unit, cells)
+        doing("looking for what is held and for ways of cables")
         if not source.has_unit:
             demand_unit(shape.extent / unit, unit)
         return shape, proposal(shape, stated, ask)
