@@ -255,7 +255,9 @@ def _cells(source: Source, ask: Ask) -> Answer | None:
 def _hold(shape: Shape, proposal: Proposal, ask: Ask) -> Answer:
     hold = proposal.hold
     low, high = vector(_rounded(shape.low)), vector(_rounded(shape.high))
-    text = f"What is held? The body goes from {low} to {high} mm; several parts with | between them"
+    names = sorted({*shape.mesh.node_sets, *shape.mesh.facet_sets})
+    sets = f"; sets of the mesh: {', '.join(names)}" if names else ""
+    text = f"What is held? The body goes from {low} to {high} mm; several parts with | between them{sets}"
 
     def read(text: str) -> tuple[Hold, ...]:
         return tuple(_exact(hold, read_hold(part, shape)) for part in parts(text) or [text])
