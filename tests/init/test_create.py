@@ -28,6 +28,7 @@ from cfem.export.page.layout import robot_layout
 from cfem.init import create
 from cfem.init.texts import ON_PAGE
 from cfem.robot.build import build_robot
+from cfem.robot.checks.plausible import doubts
 from cfem.robot.mesh.meshing import make_mesh
 from cfem.robot.spec import SceneSpec
 
@@ -393,6 +394,15 @@ def test_without_stdin_the_defaults_are_taken(tmp_path, mesh_file, monkeypatch):
         assert not is_terminal()
     stdin.close()
     assert not is_terminal()
+
+
+def test_a_flat_body_that_is_held_by_its_large_side_has_a_length_that_nobody_doubts(tmp_path):
+    write_cells(tmp_path / "own.vtu", size=(60.0, 40.0, 10.0))
+    words = ["--unit", "mm", "--fixed", "bottom", "--cables", "1", "--reach", "0.5 mm"]
+    done = init(tmp_path, tmp_path / "own.vtu", *words)
+    assert done.exit_code == 0, done.stderr
+    scene, robot = built(tmp_path)
+    assert scene.length == 60 and not [what for what in doubts(scene, robot) if what.startswith("length")]
 
 
 def test_a_name_that_cannot_be(tmp_path, mesh_file):

@@ -25,7 +25,7 @@ from cfem.init.texts import SPECS, NewScene, texts
 from cfem.init.trial import tried
 from cfem.init.watch import carrier_radius, guess_watched, is_inside
 from cfem.init.written import number, vector
-from cfem.robot.checks.plausible import sides
+from cfem.robot.checks.plausible import LENGTHS, sides
 from cfem.robot.geometry import SURFACES
 from cfem.robot.mesh.mesh_file import REMESH
 from cfem.robot.mesh.quality import dihedral_angles
@@ -200,6 +200,8 @@ def _robot(name: str, copy: str, source: Source, stated: Stated, ask: Ask, known
     effector = _effector(shape, run, hold.value, ask)
     outside = not is_inside(shape.mesh, effector.value)
     also = further(shape, source, stated.flags, ask)
+    # The way from what is held to the tip, unless that is so short beside the body that `cfem mesh` would doubt it.
+    axis = run.axis if shape.extent.max() <= LENGTHS * run.length else int(shape.extent.argmax())
     robot = NewScene(
         name=name,
         kind=geometry(source.path, 1.0).kind,
@@ -210,8 +212,8 @@ def _robot(name: str, copy: str, source: Source, stated: Stated, ask: Ask, known
         unit=unit,
         extent=shape.extent,
         volume=source.volume * scale**3,
-        axis=run.axis,
-        length=run.length,
+        axis=axis,
+        length=run.length if axis == run.axis else float(shape.extent[axis]),
         size=shape.size,
         cells=cells,
         element=_element(shape, source),
