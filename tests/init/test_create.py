@@ -287,6 +287,13 @@ BAD = {
     "bare number": (["--reach", "3"], 2, "--reach: expected a length with its unit"),
     "incompressible": (["--poisson", "0.5"], 2, "--poisson: expected a number from 0 to 0.4999"),
     "no place": (["--fixed", "x <= 99 mm"], 2, "the body's x goes from 0 to 60 mm"),
+    "many cables": (["--cables", "three"], 2, "from 0 to 12, got 'three' (write it as in '3')"),
+    "no chamber": (["--chamber", "c: 30, 5, 5"], 2, "around (30, 5, 5) mm; the body has none"),
+    "far": (
+        ["--fixed", "Left", "--effector", "70, 5, 500"],
+        2,
+        "--effector: the point (70, 5, 500) is 490 mm from the",
+    ),
     "cable in the air": (
         ["--cable", "a: 0, 5, 5; 20, 5, 5; 30, 5, 20; 40, 5, 5"],
         2,
@@ -352,14 +359,16 @@ def test_fewer_cables_than_asked_for_are_said_on_screen_and_in_the_scene(tmp_pat
     meshio.write(tmp_path / "ring.vtu", meshio.Mesh(shape.mesh.X, [("tetra", shape.mesh.cells)]))
     done = init(tmp_path, tmp_path / "ring.vtu", "--unit", "mm", "--fixed", "left", "--reach", "1 mm, 2 mm", "--quiet")
     assert done.exit_code == 0, done.stderr
-    said, do = "2 cables where 3 were asked for: 2 ways around the body lead to the tip", "for more, hold another part"
+    said, do = "2 cables where 3 are usual: 2 ways around the body lead to the tip", "for more, hold another part"
     assert f"{said}; {do}" in done.stdout
     text = (tmp_path / "pipelines" / "own" / "scene.yaml").read_text()
     assert f"# {said}\n# {do}" in text
     np.testing.assert_array_equal(built(tmp_path)[1].reach[:, 1], [1, 2])
     again = ["--cables", "2", "--reach", "1 mm", "--force", "--quiet"]
     enough = init(tmp_path, tmp_path / "ring.vtu", "--unit", "mm", "--fixed", "left", *again)
-    assert "asked for" not in enough.stdout
+    assert "2 cables where" not in enough.stdout
+    asked = init(tmp_path, tmp_path / "ring.vtu", "--unit", "mm", "--fixed", "left", "--cables", "4", *again[2:])
+    assert "2 cables where 4 were asked for: 2 ways" in asked.stdout
 
 
 def test_a_mesh_with_a_cell_without_volume_is_meshed_anew_from_its_surface(tmp_path):

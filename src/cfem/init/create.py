@@ -286,6 +286,10 @@ def _effector(shape: Shape, run: Run, held: Sequence[Hold], ask: Ask) -> Answer:
         place = point(text)
         if any(part.holds(place) for part in held):
             raise SpecError(f"the point ({text.strip()}) is held", do="state one that moves")
+        apart = float(np.linalg.norm(shape.mesh.X - place, axis=1).min())
+        if apart > shape.extent.max():
+            size = f"the body measures {sides(shape.extent)} mm"
+            raise SpecError(f"the point ({text.strip()}) is {apart:.3g} mm from the body", do=f"check its unit: {size}")
         return place
 
     return ask(Question("effector", "Which point is watched?", default, why, read))

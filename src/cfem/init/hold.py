@@ -156,8 +156,8 @@ def _read(text: str, shape: Shape) -> Hold:
     mesh = shape.mesh
     if text in {*mesh.node_sets, *mesh.facet_sets, *mesh.cell_sets}:
         return Hold(int(shape.extent.argmax()), True, 0.0, text)
-    if text in FACES:
-        axis, below = AXES.index(FACES[text][0]), FACES[text].endswith("<=")
+    if side := FACES.get(text.lower()):
+        axis, below = AXES.index(side[0]), side.endswith("<=")
         return Hold(axis, below, float(shape.low[axis] if below else shape.high[axis]))
     if text.startswith(_FACE):
         return _at_face(text, shape)
