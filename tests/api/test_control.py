@@ -33,6 +33,7 @@ def test_the_actuation_of_a_reachable_goal_is_found(model, goal):
 def test_a_goal_out_of_reach_ends_at_the_reach(model):
     found = cfem.find_actuation(model, model.rest_e + [-100.0, 0.0, 100.0])
     assert found.delta_a == pytest.approx([8.0]) and found.distance > 10
+    assert repr(found) == f"<out of reach: cable 8, {found.distance:.3g} mm from the goal; converged>"
 
 
 def test_a_bound_on_the_force_holds(model, goal):
@@ -94,7 +95,8 @@ def test_a_goal_of_another_robot_is_refused(model, wrong):
 
 
 def test_the_words_of_a_search_agree_with_its_goal(model, goal):
-    assert cfem.find_actuation(model, goal).verdict().value == "reached"
+    reached = cfem.find_actuation(model, goal)
+    assert reached.verdict().value == "reached" and repr(reached).startswith("<reached: cable 4, ")
     away = cfem.find_actuation(model, model.rest_e + [-100.0, 0.0, 100.0])
     assert away.verdict().value == "out of reach"
     assert cfem.find_actuation(model, goal, regularisation=1e3).verdict().value == "not converged"

@@ -2,6 +2,7 @@
 
 import meshio
 import numpy as np
+from scipy.spatial.transform import Rotation
 from support.blocks import block, hexahedra
 
 from cfem.init.shape import Shape
@@ -21,6 +22,13 @@ def tapered(length=60.0, wide=12.0, thin=8.0, taper=0.5, bend=5.0, divisions=(4,
 def box_shape(size=(60.0, 10.0, 10.0), divisions=(12, 2, 2), **sets) -> Shape:
     mesh = block(size, divisions)
     return Shape(Mesh(mesh.X, mesh.cells, mesh.facets, **sets), 5.0)
+
+
+def inclined(shape: Shape, degrees=30.0) -> Shape:
+    """A shape turned about (1, 1, 1), in single precision and far from the origin, as files of surfaces have it."""
+    turn = Rotation.from_rotvec(np.radians(degrees) * np.ones(3) / np.sqrt(3))
+    X = (turn.apply(shape.mesh.X) + [300.0, -200.0, 100.0]).astype(np.float32).astype(float)
+    return Shape(Mesh(X, shape.mesh.cells, shape.mesh.facets), shape.size)
 
 
 def tube(length=60.0, side=12.0, wall=3.0) -> Shape:

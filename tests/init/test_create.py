@@ -19,13 +19,16 @@ from typer.testing import CliRunner
 from cfem.cli.app import app
 from cfem.cli.init import is_terminal
 from cfem.cli.schemas import schema_of
+from cfem.core.console import progress
 from cfem.core.errors import SpecError
 from cfem.core.kinds import model_of
 from cfem.core.spec import load_spec
 from cfem.core.yaml import read_yaml
 from cfem.export.page.layout import robot_layout
+from cfem.init import create
 from cfem.init.texts import ON_PAGE
 from cfem.robot.build import build_robot
+from cfem.robot.checks.plausible import doubts
 from cfem.robot.mesh.meshing import make_mesh
 from cfem.robot.spec import SceneSpec
 
@@ -145,6 +148,12 @@ def test_an_l_is_held_at_the_end_of_a_leg_and_says_why(tmp_path):
     robot = built(tmp_path)[1]
     axis = "xy".index(said[9])
     assert (robot.body.mesh.X[robot.fixed][:, axis] > 60 - 1e-6).all() and robot.rows.n_a == 1
+
+
+@pytest.fixture(autouse=True)
+def without_progress(monkeypatch):
+    """On a slow machine there would be lines of it."""
+    monkeypatch.setattr(progress, "FIRST", 1e9)
 
 
 @pytest.fixture
@@ -278,6 +287,13 @@ BAD = {
     "bare number": (["--reach", "3"], 2, "--reach: expected a length with its unit"),
     "incompressible": (["--poisson", "0.5"], 2, "--poisson: expected a number from 0 to 0.4999"),
     "no place": (["--fixed", "x <= 99 mm"], 2, "the body's x goes from 0 to 60 mm"),
+    "many cables": (["--cables", "three"], 2, "from 0 to 12, got 'three' (write it as in '3')"),
+    "no chamber": (["--chamber", "c: 30, 5, 5"], 2, "around (30, 5, 5) mm; the body has none"),
+    "far": (
+        ["--fixed", "Left", "--effector", "70, 5, 500"],
+        2,
+        "--effector: the point (70, 5, 500) is 490 mm from the",
+    ),
     "cable in the air": (
         ["--cable", "a: 0, 5, 5; 20, 5, 5; 30, 5, 20; 40, 5, 5"],
         2,
@@ -343,14 +359,16 @@ def test_fewer_cables_than_asked_for_are_said_on_screen_and_in_the_scene(tmp_pat
     meshio.write(tmp_path / "ring.vtu", meshio.Mesh(shape.mesh.X, [("tetra", shape.mesh.cells)]))
     done = init(tmp_path, tmp_path / "ring.vtu", "--unit", "mm", "--fixed", "left", "--reach", "1 mm, 2 mm", "--quiet")
     assert done.exit_code == 0, done.stderr
-    said, do = "2 cables where 3 were asked for: 2 ways around the body lead to the tip", "for more, hold another part"
+    said, do = "2 cables where 3 are usual: 2 ways around the body lead to the tip", "for more, hold another part"
     assert f"{said}; {do}" in done.stdout
     text = (tmp_path / "pipelines" / "own" / "scene.yaml").read_text()
     assert f"# {said}\n# {do}" in text
     np.testing.assert_array_equal(built(tmp_path)[1].reach[:, 1], [1, 2])
     again = ["--cables", "2", "--reach", "1 mm", "--force", "--quiet"]
     enough = init(tmp_path, tmp_path / "ring.vtu", "--unit", "mm", "--fixed", "left", *again)
-    assert "asked for" not in enough.stdout
+    assert "2 cables where" not in enough.stdout
+    asked = init(tmp_path, tmp_path / "ring.vtu", "--unit", "mm", "--fixed", "left", "--cables", "4", *again[2:])
+    assert "2 cables where 4 were asked for: 2 ways" in asked.stdout
 
 
 def test_a_mesh_with_a_cell_without_volume_is_meshed_anew_from_its_surface(tmp_path):
@@ -367,12 +385,33 @@ def test_a_mesh_with_a_cell_without_volume_is_meshed_anew_from_its_surface(tmp_p
     assert built(tmp_path)[0].geometry.remesh
 
 
+def test_what_takes_its_time_is_said(tmp_path, mesh_file, monkeypatch):
+    shown, true = [], create.tried
+
+    def tried(*args):
+        shown.append(progress.what_is_done())
+        return true(*args)
+
+    monkeypatch.setattr(create, "tried", tried)
+    assert init(tmp_path, mesh_file, "--unit", "mm", "--cables", "1", "--reach", "1 mm").exit_code == 0
+    assert shown == ["building the robot on a coarse mesh"]
+
+
 def test_without_stdin_the_defaults_are_taken(tmp_path, mesh_file, monkeypatch):
     for stdin in (None, io.StringIO()):
         monkeypatch.setattr("sys.stdin", stdin)
         assert not is_terminal()
     stdin.close()
     assert not is_terminal()
+
+
+def test_a_flat_body_that_is_held_by_its_large_side_has_a_length_that_nobody_doubts(tmp_path):
+    write_cells(tmp_path / "own.vtu", size=(60.0, 40.0, 10.0))
+    words = ["--unit", "mm", "--fixed", "bottom", "--cables", "1", "--reach", "0.5 mm"]
+    done = init(tmp_path, tmp_path / "own.vtu", *words)
+    assert done.exit_code == 0, done.stderr
+    scene, robot = built(tmp_path)
+    assert scene.length == 60 and not [what for what in doubts(scene, robot) if what.startswith("length")]
 
 
 def test_a_name_that_cannot_be(tmp_path, mesh_file):
@@ -417,6 +456,7 @@ class TestAtATerminal:
         assert done.exit_code == 130
         said = f"your answers, to go on with: cfem init own --from {mesh_file} --folder {tmp_path / 'pipelines'} "
         assert f"{said}--unit cm --young '3 MPa'\n" in done.stderr
+        assert done.stderr.endswith("cfem: interrupted; no scene was written\n")
         assert not (tmp_path / "pipelines").exists()
 
 

@@ -54,6 +54,13 @@ def test_a_set_of_the_mesh_called_so_is_held():
     assert str(read_hold("other", shape)) == "other"
 
 
+@pytest.mark.parametrize("name", ["CLAMP", "clamped face", "Part-1.Fixed", "wall_held"])
+def test_a_set_is_known_by_a_word_of_its_name(name):
+    x = box_shape().mesh.X[:, 0]
+    sets = {"database": np.flatnonzero(x < 30), "fixed-edge": np.array([0, 1]), name: np.flatnonzero(x > 59)}
+    assert str(guess_hold(box_shape(node_sets=sets))[0]) == name
+
+
 @pytest.mark.parametrize(
     "text, expected, run",
     [
@@ -73,7 +80,7 @@ def test_as_a_person_writes_it(text, expected, run):
 @pytest.mark.parametrize(
     "text, part",
     [
-        ("under", "cannot make sense of 'under'.*write 'z <= 5 mm' or one of left"),
+        ("under", "cannot make sense of 'under'.*write 'z <= 5 mm', 'face at 1, 2, 3 mm', or one of left"),
         ("x <= -3 mm", "outside the body.*x goes from 0 to 60 mm"),
         ("x <= 60 mm", "holds all of the body"),
         ("q <= 5 mm", "cannot make sense"),

@@ -93,6 +93,20 @@ def test_the_jacobian_is_the_slope_of_the_effectors(exports):
     assert np.allclose(model.jacobian(model.at_displacement(delta_a)), slope, atol=1e-6)
 
 
+def test_what_is_far_is_said_in_the_units_of_its_actuators(exports, monkeypatch):
+    model = load_model(exports["spectral"])
+    monkeypatch.setattr(model, "actuator_units", [("mm", "N"), ("mm^3", "MPa")])
+    with pytest.raises(NumericalError, match=r"displacements \[90.0, 1.0\] mm or mm\^3 are far outside"):
+        model.at_displacement([90.0, 1.0])
+
+
+def test_what_is_asked_of_a_state_and_given_something_else_is_one_sentence(exports):
+    model = load_model(exports["spectral"])
+    for ask in (model.jacobian, model.inside, model.distance, model.error):
+        with pytest.raises(InputError, match=r"expected a state of the model, got \[8.0, 7.0\]"):
+            ask([8.0, 7.0])
+
+
 def test_it_says_what_it_is(exports):
     text = repr(load_model(exports["spectral"]))
     assert text.startswith("<spectral model of '") and text.endswith("60 training states>")

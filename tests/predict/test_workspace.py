@@ -25,6 +25,8 @@ def test_its_states_are_those_of_the_robot(model):
     assert (np.abs(forces - space.lambda_a) < 2e-2 * np.abs(forces).max()).all()
     assert np.abs(space.x_e - space.rest_e - effector(space.delta_a)[0]).max() < 0.1
     assert (space.lambda_a >= 0).all() and (space.delta_a >= 0).all() and (space.delta_a <= 20).all()
+    least, most = space.x_e[:, 0].min(), space.x_e[:, 0].max()
+    assert repr(space).startswith(f"<workspace of 200 states: {model.rows.effectors[0]} {least:.4g} to {most:.4g}, ")
 
 
 def test_its_states_are_searched_together_and_are_those_that_are_found_one_by_one(model, monkeypatch):

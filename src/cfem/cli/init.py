@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cfem.cli.schemas import write_schemas
+from cfem.core.console.progress import say, waiting
 from cfem.core.console.terminal import printable
 from cfem.core.errors import SpecError
 from cfem.core.optional import installed, remedy
@@ -48,7 +49,7 @@ def init_scene(
     except BaseException:
         if typed:  # what a person has typed is not lost
             words = _words(name, source, folder, {**given, **typed}, cables, chambers, force)
-            print(printable(f"your answers, to go on with: {words}"), file=sys.stderr, flush=True)
+            say(f"your answers, to go on with: {words}")
         raise
     write_schemas(folder.parent / "schemas", check=False)
     if as_json:
@@ -84,13 +85,13 @@ def _words(
 def _show(robot: "NewScene", shape: "Shape") -> None:
     """Says where a page is that shows what is suggested, where what draws it is installed."""
     if not installed("matplotlib"):
-        print(f"no picture of what is suggested: {remedy('matplotlib')}", file=sys.stderr)
+        say(f"no picture of what is suggested: {remedy('matplotlib')}")
         return
     from cfem.report.suggestion import suggestion
 
     path = Path(tempfile.mkdtemp(prefix="cfem-init-")) / f"{robot.name}.html"
     path.write_text(suggestion(robot, shape), encoding="utf-8")
-    print(printable(f"what is suggested, to look at: {path}"), file=sys.stderr, flush=True)
+    say(f"what is suggested, to look at: {path}")
 
 
 def init_robot(
@@ -126,9 +127,10 @@ def _asking(given: Mapping[str, str | None], quiet: bool, typed: dict[str, str])
         if stated is not None:
             return answer(question, stated)
         if is_terminal():
-            return _from_terminal(question, typed)
+            with waiting():
+                return _from_terminal(question, typed)
         if not quiet:
-            print(printable(f'--{question.flag} "{question.default}"    # guessed: {question.why}'), file=sys.stderr)
+            say(f'--{question.flag} "{question.default}"    # guessed: {question.why}')
         return answer(question, None)
 
     return ask

@@ -14,8 +14,8 @@ from cfem.core.errors import SpecError
 _ANSWERS = {
     "unit": "Unit of the numbers in a file that states none: 'mm', 'm', '25.4 mm'.",
     "cells": "About how many tetrahedra to make.",
-    "fixed": "What is held: 'z <= 5 mm', bottom, top, left, right, front, back, or a set of the mesh; several with | "
-    "between them.",
+    "fixed": "What is held: 'z <= 5 mm', bottom, top, left, right, front, back, 'face at 1, 2, 3 mm', or a set of the "
+    "mesh; several with | between them.",
     "young": "Young's modulus: '500 kPa'.",
     "poisson": "Poisson's ratio, at most 0.4999.",
     "cable": "A cable: 'NAME: pull point; point; ...', each point 'x, y, z' in mm. Repeatable.",
@@ -106,4 +106,4 @@ def _init(name, source, robot, folder, force, json, quiet, **values) -> None:
         given |= {flag: " | ".join(given[flag]) if given[flag] else None for flag in _JOINED}
         return init_scene(name, source, folder, given, cables, chambers, options.force, quiet, json)
 
-    run_command(work, force=force, as_json=json, quiet=quiet)
+    run_command(work, force=force, as_json=json, quiet=quiet, label="init", interrupted="no scene was written")

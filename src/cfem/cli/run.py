@@ -29,10 +29,11 @@ def run_command(
     quiet: bool = False,
     strict: bool = False,
     label: str = "",
+    interrupted: str = "finished stages, samples and goals are kept: run the same command again",
 ) -> None:
     """Calls `work`, prints its manifest or text to stdout, its errors as one line to stderr, and exits on error; after
     printing where the results are contradicted or, if `strict`, poor. label: of the command, under which progress is
-    shown; without one nothing is shown."""
+    shown; without one nothing is shown. interrupted: what an interruption leaves."""
     came: list[int] = []
     working = True
 
@@ -61,7 +62,7 @@ def run_command(
             _defect(error)
         _fail(str(missing), missing.exit_code)
     except KeyboardInterrupt:
-        _fail("interrupted; finished stages, samples and goals are kept: run the same command again", 130)
+        _fail(f"interrupted; {interrupted}", 130)
     except BrokenPipeError:
         sys.exit(1)
     except OSError as error:

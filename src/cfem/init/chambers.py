@@ -46,8 +46,9 @@ def read_chamber(text: str, shape: Shape) -> Chamber:
     for each in chambers_of(shape):
         if abs(solid_angles(each.corners - place).sum()) > 2 * np.pi:
             return replace(each, name=name.strip(), inside=place)
-    places = "; ".join(show(np.round(each.inside, 1)) for each in chambers_of(shape)) or "none"
-    raise ValueError(f"no closed inner surface is around {show(place)} mm; those of the body are around {places}")
+    places = "; ".join(show(np.round(each.inside, 1)) for each in chambers_of(shape))
+    others = f"those of the body are around {places}" if places else "the body has none"
+    raise ValueError(f"no closed inner surface is around {show(place)} mm; {others}")
 
 
 def _found(X: np.ndarray, triangles: np.ndarray, volume: float) -> tuple[Chamber, ...]:

@@ -12,6 +12,7 @@ import numpy as np
 
 from cfem.core.artefact.files import disk_errors
 from cfem.core.artefact.place import write_beside
+from cfem.core.console.progress import doing
 from cfem.core.errors import InputError, OutputError, SpecError
 from cfem.core.names import demand_scene_name
 from cfem.init.drive import NOTHING, Stated, drive, proposal
@@ -24,7 +25,7 @@ from cfem.init.texts import SPECS, NewScene, texts
 from cfem.init.trial import tried
 from cfem.init.watch import carrier_radius, guess_watched, is_inside
 from cfem.init.written import number, vector
-from cfem.robot.checks.plausible import sides
+from cfem.robot.checks.plausible import LENGTHS, sides
 from cfem.robot.geometry import SURFACES
 from cfem.robot.mesh.mesh_file import REMESH
 from cfem.robot.mesh.quality import dihedral_angles
@@ -58,6 +59,7 @@ def create(
     Raises SpecError (an answer that cannot be), InputError (no shape in the file), OutputError (there is such a scene
     and not `force`)."""
     demand_scene_name(name)
+    doing(f"reading {path.name}")
     source = _source(path, stated, ask)
     target = folder / name
     copy = f"{name}{path.suffix.lower()}"
@@ -67,6 +69,7 @@ def create(
         with suppress(SpecError):  # of what is wrong the questions tell
             show.look(*_robot(name, copy, source, stated, show.ask, known))
     robot, _ = _robot(name, copy, source, stated, ask, known)
+    doing("building the robot on a coarse mesh")
     robot, cells = tried(robot, path, stated, ask)
     made = texts(robot)
     with disk_errors(target):
@@ -175,7 +178,9 @@ def _known(source: Source, stated: Stated, ask: Ask) -> Known:
 
     @cache
     def known(unit: float, cells: int) -> tuple[Shape, Proposal]:
+        doing("meshing the body coarsely")
         shape = make_shape(source, unit, cells)
+        doing("looking for what is held and for ways of cables")
         if not source.has_unit:
             demand_unit(shape.extent / unit, unit)
         return shape, proposal(shape, stated, ask)
@@ -195,6 +200,8 @@ def _robot(name: str, copy: str, source: Source, stated: Stated, ask: Ask, known
     effector = _effector(shape, run, hold.value, ask)
     outside = not is_inside(shape.mesh, effector.value)
     also = further(shape, source, stated.flags, ask)
+    # The way from what is held to the tip, unless that is so short beside the body that `cfem mesh` would doubt it.
+    axis = run.axis if shape.extent.max() <= LENGTHS * run.length else int(shape.extent.argmax())
     robot = NewScene(
         name=name,
         kind=geometry(source.path, 1.0).kind,
@@ -205,8 +212,8 @@ def _robot(name: str, copy: str, source: Source, stated: Stated, ask: Ask, known
         unit=unit,
         extent=shape.extent,
         volume=source.volume * scale**3,
-        axis=run.axis,
-        length=run.length,
+        axis=axis,
+        length=run.length if axis == run.axis else float(shape.extent[axis]),
         size=shape.size,
         cells=cells,
         element=_element(shape, source),
@@ -250,7 +257,9 @@ def _cells(source: Source, ask: Ask) -> Answer | None:
 def _hold(shape: Shape, proposal: Proposal, ask: Ask) -> Answer:
     hold = proposal.hold
     low, high = vector(_rounded(shape.low)), vector(_rounded(shape.high))
-    text = f"What is held? The body goes from {low} to {high} mm; several parts with | between them"
+    names = sorted({*shape.mesh.node_sets, *shape.mesh.facet_sets})
+    sets = f"; sets of the mesh: {', '.join(names)}" if names else ""
+    text = f"What is held? The body goes from {low} to {high} mm; several parts with | between them{sets}"
 
     def read(text: str) -> tuple[Hold, ...]:
         return tuple(_exact(hold, read_hold(part, shape)) for part in parts(text) or [text])
@@ -277,6 +286,10 @@ def _effector(shape: Shape, run: Run, held: Sequence[Hold], ask: Ask) -> Answer:
         place = point(text)
         if any(part.holds(place) for part in held):
             raise SpecError(f"the point ({text.strip()}) is held", do="state one that moves")
+        apart = float(np.linalg.norm(shape.mesh.X - place, axis=1).min())
+        if apart > shape.extent.max():
+            size = f"the body measures {sides(shape.extent)} mm"
+            raise SpecError(f"the point ({text.strip()}) is {apart:.3g} mm from the body", do=f"check its unit: {size}")
         return place
 
     return ask(Question("effector", "Which point is watched?", default, why, read))

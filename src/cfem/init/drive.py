@@ -48,7 +48,7 @@ def wants_cables(shape: Shape, stated: Stated, ask: Ask) -> int:
     if stated.cables or stated.chambers:
         return 0
     if "cables" in stated.flags:
-        return ask(count_question(0)).value
+        return ask(count_question(3)).value
     return 0 if chambers_of(shape) else 3
 
 
@@ -67,7 +67,8 @@ def drive(shape: Shape, run: Run, stated: Stated, known: Proposal | None, ask: A
         _demand_distinct([*lines, *chambers])
         air = ask(_air_question("no")).value is True
         return Drive(lines, chambers, None, offered, radius, air)
-    count = 0 if chambers and "cables" not in stated.flags else ask(count_question(0 if chambers else 3)).value
+    many = None if chambers and "cables" not in stated.flags else ask(count_question(0 if chambers else 3))
+    count = many.value if many else 0
     if count == 0:
         missing = None if chambers else "none were wanted: state each with --cable, or --chamber"
         return Drive((), chambers, None, offered, radius, missing=missing)
@@ -78,7 +79,7 @@ def drive(shape: Shape, run: Run, stated: Stated, known: Proposal | None, ask: A
     except SpecError as error:
         return Drive((), chambers, None, offered, radius, missing=error.what)
     _demand_distinct([*placement.cables, *chambers])
-    few = placement.fewer(count)
+    few = placement.fewer(count, many.guess is None)
     return Drive(placement.cables, chambers, placement.how, offered, placement.radius, placement.through_air, fewer=few)
 
 

@@ -31,14 +31,15 @@ class Placement:
     through_air: bool = False
     ways: str = ""
 
-    def fewer(self, count: int) -> str | None:
-        """Sentence to say where `count` cables were asked for; None where there are so many."""
+    def fewer(self, count: int, stated: bool) -> str | None:
+        """Sentence to say where there are fewer cables than `count`, which a person stated or nobody did; else
+        None."""
         made = len(self.cables)
         if made >= count:
             return None
-        asked = "1 cable where" if made == 1 else f"{made} cables where"
+        asked = f"{_count(made, 'cable')} where {count} {'were asked for' if stated else 'are usual'}"
         do = "for more, hold another part (--fixed), or give each as --cable 'NAME: pull point; point; ...'"
-        return f"{asked} {count} were asked for: {self.ways}; {do}"
+        return f"{asked}: {self.ways}; {do}"
 
 
 @dataclass(frozen=True)

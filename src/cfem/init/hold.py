@@ -7,13 +7,16 @@ import numpy as np
 
 from cfem.core.errors import SpecError
 from cfem.core.units import parse_quantity
+from cfem.init.face import Face, end_face, face_at
+from cfem.init.question import point
 from cfem.init.section import cut
 from cfem.init.shape import Shape, surface_area
 from cfem.robot.selection import Named, Plane, select_nodes
 
 AXES = "xyz"
 FACES = {"left": "x <=", "right": "x >=", "front": "y <=", "back": "y >=", "bottom": "z <=", "top": "z >="}
-_SET_NAMES = ("fixed", "base", "clamped", "held")
+_SET_NAME = re.compile(r"(?i)(?<![a-z])(fix|clamp|held|hold|encastre|base|mount|root)")  # words that begin so
+_FACE = "face at "
 _SLICES = (0.05, 0.1, 0.15)  # of the length, where the end is not flat
 _THICKER = 1.15
 
@@ -21,26 +24,33 @@ _THICKER = 1.15
 @dataclass(frozen=True)
 class Hold:
     """The half space beyond `level` mm of an axis: held where the coordinate is smaller (below) or larger. name: the
-    set of the mesh that is held in its place."""
+    set of the mesh, face: the flat face that is held in its place."""
 
     axis: int
     below: bool
     level: float
     name: str | None = None
+    face: Face | None = None
 
     def selection(self) -> Plane | Named:
         """Region of the scene that is held."""
         if self.name is not None:
             return Named(kind="name", name=self.name)
+        if self.face is not None:
+            return self.face.beyond()
         normal = np.eye(3)[self.axis] * (-1 if self.below else 1)
         return Plane(kind="plane", point={"mm": (np.eye(3)[self.axis] * self.level).tolist()}, normal=normal.tolist())
 
     def holds(self, place: np.ndarray) -> bool:
         """True where what is held is a half space with a point (3,) mm inside."""
+        if self.face is not None:
+            return self.face.holds(place)
         beyond = (self.level - place[self.axis]) * (1 if self.below else -1)
         return self.name is None and bool(beyond >= -1e-9 * abs(self.level))
 
     def __str__(self) -> str:
+        if self.face is not None:
+            return f"{_FACE}{', '.join(f'{value + 0.0:.6g}' for value in self.face.centre)} mm"
         return self.name or f"{AXES[self.axis]} {'<=' if self.below else '>='} {self.level + 0.0:.9g} mm"
 
 
@@ -70,8 +80,8 @@ class Run:
 
 
 def read_hold(text: str, shape: Shape) -> Hold:
-    """'z <= 5 mm', 'bottom' and its like, or the name of a set of the mesh. SpecError where it holds nothing, too
-    little, or everything."""
+    """'z <= 5 mm', 'bottom' and its like, 'face at 1, 2, 3 mm', or the name of a set of the mesh. SpecError where it
+    holds nothing, too little, or everything."""
     hold = read_part(text, shape)
     held = _held_nodes(shape, hold)
     if not _holds(held):
@@ -83,7 +93,7 @@ def read_hold(text: str, shape: Shape) -> Hold:
 
 
 def read_part(text: str, shape: Shape) -> Hold:
-    """'z <= 5 mm', 'bottom' and its like, or the name of a set of the mesh. SpecError where there is nothing."""
+    """What `read_hold` reads, however little or much of the body. SpecError where there is nothing."""
     part = _read(text.strip(), shape)
     if part.name is None:
         _held_nodes(shape, part)
@@ -92,9 +102,9 @@ def read_part(text: str, shape: Shape) -> Hold:
 
 def guess_hold(shape: Shape) -> tuple[Hold, str]:
     """The thicker end of the longest axis, of ends alike the one nearer to the origin; and why in words. The flat face
-    there is held, a slice where it is not flat."""
+    there is held, across the axis or inclined, or a slice where there is none."""
     mesh = shape.mesh
-    names = [name for name in _SET_NAMES if name in {*mesh.node_sets, *mesh.facet_sets}]
+    names = [name for name in (*mesh.facet_sets, *mesh.node_sets) if _SET_NAME.search(name) and _can_hold(shape, name)]
     axis = int(shape.extent.argmax())
     if names:
         return Hold(axis, True, float(shape.low[axis]), names[0]), f"the set '{names[0]}' of the mesh file"
@@ -109,18 +119,21 @@ def guess_hold(shape: Shape) -> tuple[Hold, str]:
 
 
 def end_hold(shape: Shape, axis: int, below: bool) -> tuple[Hold, bool]:
-    """The flat face at an end of the body, or a slice where it is not flat; and whether it is."""
+    """The flat face at an end of the body, or a slice where there is none; and whether there is."""
     end, inwards = float((shape.low if below else shape.high)[axis]), shape.extent[axis] * (1 if below else -1)
     if is_flat(shape, axis, end, _area(shape, axis, end + 0.02 * inwards)):
         return Hold(axis, below, end), True
+    face = end_face(shape, axis, below)
+    if face is not None:
+        return Hold(axis, below, end, face=face), True
     slices = [Hold(axis, below, float(f"{end + share * inwards:.4g}")) for share in _SLICES]
     enough = (hold for hold in slices if _holds(_held_nodes(shape, hold)))
     return next(enough, slices[-1]), False
 
 
 def run_from(hold: Hold, shape: Shape) -> Run:
-    """Along the axis of the plane that is held; from a named set, along the longest axis."""
-    if hold.name is None:
+    """Along the axis of the plane that is held; from a named set or an inclined face, along the longest axis."""
+    if hold.name is None and hold.face is None:
         axis, below, level = hold.axis, hold.below, hold.level
     else:
         along = _held_nodes(shape, hold)
@@ -143,14 +156,19 @@ def _read(text: str, shape: Shape) -> Hold:
     mesh = shape.mesh
     if text in {*mesh.node_sets, *mesh.facet_sets, *mesh.cell_sets}:
         return Hold(int(shape.extent.argmax()), True, 0.0, text)
-    if text in FACES:
-        axis, below = AXES.index(FACES[text][0]), FACES[text].endswith("<=")
+    if side := FACES.get(text.lower()):
+        axis, below = AXES.index(side[0]), side.endswith("<=")
         return Hold(axis, below, float(shape.low[axis] if below else shape.high[axis]))
+    if text.startswith(_FACE):
+        return _at_face(text, shape)
     match = re.fullmatch(r"([xyz])\s*(<=|>=|<|>)\s*(.+)", text)
     if match is None:
         sets = sorted({*mesh.node_sets, *mesh.facet_sets})
         named = f", or a set of the mesh: {', '.join(sets)}" if sets else ""
-        raise SpecError(f"cannot make sense of '{text}'", do=f"write 'z <= 5 mm' or one of {', '.join(FACES)}{named}")
+        raise SpecError(
+            f"cannot make sense of '{text}'",
+            do=f"write 'z <= 5 mm', 'face at 1, 2, 3 mm', or one of {', '.join(FACES)}{named}",
+        )
     axis = AXES.index(match[1])
     level, slack = parse_quantity(match[3], "mm"), 1e-6 * mesh.size
     if not shape.low[axis] - slack <= level <= shape.high[axis] + slack:
@@ -158,9 +176,20 @@ def _read(text: str, shape: Shape) -> Hold:
     return Hold(axis, match[2][0] == "<", level)
 
 
+def _at_face(text: str, shape: Shape) -> Hold:
+    axis = int(shape.extent.argmax())
+    face = face_at(shape, point(text.removeprefix(_FACE)))
+    below = face.normal[axis] < 0
+    return Hold(axis, below, float((shape.low if below else shape.high)[axis]), face=face)
+
+
 def _held_nodes(shape: Shape, hold: Hold) -> np.ndarray:
     """(k, 3) mm. SpecError where there are none."""
     return shape.mesh.X[select_nodes(shape.mesh, hold.selection(), "fixed")]
+
+
+def _can_hold(shape: Shape, name: str) -> bool:
+    return _holds(_held_nodes(shape, Hold(0, True, 0.0, name)))
 
 
 def _holds(held: np.ndarray) -> bool:

@@ -3,6 +3,7 @@
 import numpy as np
 
 from cfem.constraint.attachment import locate
+from cfem.init.face import end_face
 from cfem.init.hold import Run, is_flat
 from cfem.init.section import cut
 from cfem.init.shape import Shape
@@ -23,6 +24,8 @@ def guess_watched(shape: Shape, run: Run) -> tuple[np.ndarray, str]:
         face = places[0].copy()
         face[run.axis] = run.tip
         places.insert(0, face)
+    elif (inclined := end_face(shape, run.axis, run.forward < 0)) is not None:
+        places.insert(0, inclined.inside)
     if not places:
         middle = (shape.low + shape.high) / 2
         middle[run.axis] = run.tip

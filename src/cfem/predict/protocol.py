@@ -3,7 +3,7 @@
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -120,7 +120,7 @@ class Predictor(ABC):
     def error(self, state: Condensed, p: ArrayLike | None = None) -> StateError | None:
         """Bounds of the model's own error at states found with it, which hold with the stated probability; infinite
         outside its domain. None where the model states none."""
-        return state_error(self, state, p)
+        return state_error(self, _state(state), p)
 
     def load_error(self, delta_a: np.ndarray) -> np.ndarray | float | None:
         """Estimated error of the tip (...,), mm, by loads that the samples did not carry, at displacements (..., n_a);
@@ -174,14 +174,14 @@ class Predictor(ABC):
         """The condensed robot where its actuators stand at delta_a (..., n_a) mm. NumericalError where there is none,
         and far outside the domain."""
         delta_a = self._one_each(delta_a, "a state of displacements")
-        self._demand_near(delta_a, *self.domain.delta_a, "displacements", "mm")
+        self._demand_near(delta_a, *self.domain.delta_a, "displacements", 0)
         return self.at(delta_a, p) if self.form == "displacement" else self._with_dual(delta_a, p)
 
     def at_force(self, lambda_a: ArrayLike, p: ArrayLike | None = None) -> Condensed:
         """The condensed robot under lambda_a (..., n_a) N. NumericalError where there is none, and far outside the
         domain."""
         lambda_a = self._one_each(lambda_a, "a state of forces")
-        self._demand_near(lambda_a, *(bound / self.softness(p) for bound in self.domain.lambda_a), "forces", "N")
+        self._demand_near(lambda_a, *(bound / self.softness(p) for bound in self.domain.lambda_a), "forces", 1)
         return self.at(lambda_a, p) if self.form == "force" else self._with_dual(lambda_a, p)
 
     def under_forces(self, lambda_a: np.ndarray) -> tuple[list[Condensed], np.ndarray]:
@@ -194,8 +194,9 @@ class Predictor(ABC):
         return states, left == 0
 
     def jacobian(self, state: Condensed) -> np.ndarray:
-        """(..., n_e, n_a) d delta_e / d delta_a = W_ea W_aa^-1 at a state found with this model."""
-        return state.effector_jacobian
+        """(..., n_e, n_a) d delta_e / d delta_a = W_ea W_aa^-1 at a state found with this model. InputError where it is
+        none."""
+        return _state(state).effector_jacobian
 
     def workspace(self, states: int = 1000, seed: int = 0) -> "Workspace":
         """Places of the effectors at `states` equilibria that fill what the robot can do (workspace.py)."""
@@ -219,9 +220,10 @@ class Predictor(ABC):
             raise self._not_one_each(values, what)
         return array
 
-    def _demand_near(self, states: np.ndarray, low: np.ndarray, high: np.ndarray, what: str, unit: str) -> None:
+    def _demand_near(self, states: np.ndarray, low: np.ndarray, high: np.ndarray, what: str, kind: int) -> None:
         """NumericalError where one of the states (..., n_a) lies outside the box low, high (..., n_a) of the training
-        states by more than its width: the answer would be wrong by orders of magnitude."""
+        states by more than its width: the answer would be wrong by orders of magnitude. kind: 0 of displacements, 1
+        of forces."""
         width = np.where(high > low, high - low, np.inf)  # a single value tells nothing of what is far
         far = (np.maximum(low - states, states - high) > width).any(axis=-1)
         if far.any():
@@ -230,6 +232,7 @@ class Predictor(ABC):
                 f"{name} {least:.3g} to {most:.3g}"
                 for name, least, most in zip(self.rows.actuators, least, most, strict=True)
             )
+            unit = " or ".join(dict.fromkeys(units[kind] for units in self.actuator_units))
             raise NumericalError(
                 f"{what} {np.round(state, 6).tolist()} {unit} are far outside what the model was trained on ({ranges})",
                 do="ask inside, or sample a larger space and train again",
@@ -281,7 +284,8 @@ class Predictor(ABC):
 
     def where(self, condensed: Condensed, p: ArrayLike | None = None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Displacements, multipliers at the reference of exact parameters, and q, as the domain has them."""
-        return condensed.delta_a, condensed.lambda_a * self.softness(p), self.q(p)
+        state = _state(condensed)
+        return state.delta_a, state.lambda_a * self.softness(p), self.q(p)
 
     def __repr__(self) -> str:
         """Kind, scene, actuators with their reach, rows and parameters, for a person."""
@@ -308,6 +312,13 @@ class Predictor(ABC):
                 f"{p.shape[-1]} parameters given, the model has {[parameter.name for parameter in self.parameters]}"
             )
         return p
+
+
+def _state(state: Any) -> Condensed:
+    """The state itself. InputError where it is none."""
+    if not isinstance(state, Condensed):
+        raise InputError(f"expected a state of the model, got {state!r:.60}", do="ask model.at_displacement for one")
+    return state
 
 
 class ArrayPredictor(Predictor):

@@ -49,6 +49,12 @@ class Workspace:
     x_e: np.ndarray
     rest_e: np.ndarray
 
+    def __repr__(self) -> str:
+        """How many states, and where the effectors go, for a person."""
+        ways = zip(self.rows.effectors, self.x_e.min(axis=0), self.x_e.max(axis=0), strict=True)
+        places = ", ".join(f"{name} {low:.4g} to {high:.4g}" for name, low, high in ways)
+        return f"<workspace of {len(self.x_e)} states: {places} mm>"
+
     def plot(self) -> Any:
         """A matplotlib figure of the first effector's places, seen along each axis; colour: the largest share of force.
         Needs matplotlib. InputError where the effector has fewer than two coordinates."""

@@ -3,7 +3,7 @@ import threading
 import pytest
 
 from cfem.core.console import progress as module
-from cfem.core.console.progress import EVERY, FIRST, Counted, Display, doing, progress, shown
+from cfem.core.console.progress import EVERY, FIRST, Counted, Display, doing, progress, shown, waiting
 
 
 class Clock:
@@ -55,6 +55,17 @@ def test_a_long_run_has_a_line_a_minute(display, clock, written):
     before = len(written)
     wait(display, clock, 600)
     assert len(written) == before + 10
+
+
+def test_no_line_disturbs_a_person_who_is_asked(display, clock, written):
+    wait(display, clock, FIRST)
+    with waiting():
+        wait(display, clock, 10 * EVERY)
+        assert len(written) == 1
+    wait(display, clock, FIRST - 0.5)
+    assert len(written) == 1
+    wait(display, clock, EVERY)
+    assert len(written) == 2
 
 
 def test_work_that_says_nothing_is_still_shown(display, clock, written):

@@ -1,11 +1,13 @@
 """What becomes of a body where gmsh's process fails."""
 
+import signal
+
 import meshio
 import pytest
 from support.blocks import block
 
 from cfem.core.errors import InputError, NumericalError
-from cfem.robot.cad import Box, SurfaceSolid, as_data
+from cfem.robot.cad import Box, File, SurfaceSolid, as_data
 from cfem.robot.mesh import ask_gmsh
 
 BOX = Box((0, 0, 0), (3, 1, 1))
@@ -50,3 +52,12 @@ def test_another_geometry_fails_at_once(monkeypatch):
     with pytest.raises(NumericalError, match="cannot be meshed"):
         ask_gmsh.ask_gmsh({"solid": as_data(BOX), "size": None}, BOX)
     assert len(asked) == 1
+
+
+def test_cad_that_gmsh_never_ends_with_gets_edges_around_what_bends_tightly(monkeypatch):
+    asked = failing(monkeypatch, [-signal.SIGXCPU, 11, 11])
+    file = File("finger.step", 1.0)
+    with pytest.raises(InputError, match=r"finger.step: cannot be meshed: what\(\): lost"):
+        ask_gmsh.ask_gmsh({"solid": as_data(file), "size": 4.0}, file)
+    assert [job["around"] for job in asked] == [0, 6, 10]
+    assert [job["patience"] for job in asked] == [1, 1, 20]

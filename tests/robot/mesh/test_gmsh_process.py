@@ -1,5 +1,8 @@
 """What the process around gmsh makes of gmsh's answers."""
 
+import signal
+import subprocess
+import sys
 from unittest.mock import MagicMock
 
 import meshio
@@ -9,7 +12,7 @@ from support.blocks import block
 
 from cfem.mechanics.mesh import Mesh, boundary_facets
 from cfem.robot.cad import Box, Difference, Frustum, SurfaceSolid
-from cfem.robot.mesh.gmsh_process import mesh, segments
+from cfem.robot.mesh.gmsh_process import mesh, processor_time, segments
 from cfem.robot.mesh.meshing import run_gmsh
 from cfem.robot.spec import Meshing
 
@@ -28,6 +31,8 @@ def test_a_mesh_that_lacks_an_end_of_the_body_is_refused(tmp_path, length, kept)
         "size": 10.0,
         "factor": 1.0,
         "anew": True,
+        "around": 0,
+        "patience": 1,
         "refine": [],
         "max_cells": 1e6,
     }
@@ -72,3 +77,17 @@ def test_a_hole_that_is_small_beside_the_cells_stays_open(tmp_path, size):
     X, cells, volume = run_gmsh(surface_file(tmp_path / "plate.obj", own), Meshing(size=f"{size} mm", element="tet4"))
     filled = np.abs(np.linalg.det(X[cells[:, 1:]] - X[cells[:, :1]])).sum() / 6
     assert 0.7 * (3600 - volume) < 3600 - filled < 1.1 * (3600 - volume)
+
+
+def test_the_time_that_gmsh_may_take_counts_the_cells_that_a_grading_asks_for():
+    """A box of 10 x 10 x 10 mm in cells of 10 mm, and graded at 1 mm; two cells of a grading lie beyond the body."""
+    body = block((10.0, 10.0, 10.0), (2, 2, 2))
+    corners = body.X[body.cells]
+    rows = np.hstack([corners[:, :, 0], corners[:, :, 1], corners[:, :, 2], np.ones((len(corners), 4))]).tolist()
+    assert processor_time(8.485, {}) == 11
+    assert processor_time(8.485, {"grading": [*rows, *2 * [[1e3] * 16]]}) == np.ceil(10 + 8485 / 200)
+
+
+def test_a_process_that_takes_too_much_of_the_processor_is_ended():
+    program = "from cfem.robot.mesh.gmsh_process import end_after; end_after(1)\nwhile True: pass"
+    assert subprocess.run([sys.executable, "-c", program]).returncode == -signal.SIGXCPU

@@ -27,6 +27,7 @@ from cfem.condensed.strokes import STEP, TOLERANCE, stated_or_share, stroke
 from cfem.control.search.inverse import Aim, InverseStep, Limits, inverse_step
 from cfem.control.search.optimality import Optimality, Verdict, arrived
 from cfem.control.search.qp import Backend
+from cfem.core.console.shown import length
 from cfem.core.errors import NumericalError
 
 UNMET = 10.0
@@ -166,6 +167,12 @@ class SearchResult:
     tried: bool = False
     mesh_error: tuple[float, float] | None = None
     model_error: float | None = None
+
+    def __repr__(self) -> str:
+        """Verdict, actuation and distance, for a person."""
+        names = self.iterate.condensed.rows.actuators
+        actuation = ", ".join(f"{name} {value + 0.0:.4g}" for name, value in zip(names, self.delta_a, strict=True))
+        return f"<{self.verdict().value}: {actuation}, {length(self.distance)} from the goal; {self.status.value}>"
 
     @cached_property
     def optimality(self) -> Optimality:

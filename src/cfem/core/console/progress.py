@@ -71,18 +71,21 @@ class Display:
     def __init__(self, label: str, write: Callable[[str], object], clock: Callable[[], float], width: int = 0):
         self.label, self.text = label, ""
         self.counted: list[Counted] = []
+        self.waiting = False  # for a person, whose answer no line may disturb
         self._write, self._clock, self._width = write, clock, width
         self.begin = clock()
         self._start, self._next, self._turn = self.begin, self.begin + FIRST, 0
-        self._lock = threading.RLock()
+        self.lock = threading.RLock()
 
     def tick(self) -> None:
         """Writes where it is time to; called often."""
-        with self._lock:
+        with self.lock:
             now = self._clock()
             for counted in self.counted:
                 counted.look(now)
-            if self._width:
+            if self.waiting:
+                self._next = now + FIRST
+            elif self._width:
                 self._turn += 1
                 line = f"{SPINNER[self._turn % len(SPINNER)]} {self.line()}"
                 self._write(f"\r\x1b[K{line[: self._width - 1]}")
@@ -114,13 +117,13 @@ class Display:
 
     def advance(self, counted: Counted, n: int) -> None:
         """Counts n parts more as done."""
-        with self._lock:
+        with self.lock:
             counted.advance(n, self._clock())
 
     def say(self, text: str) -> None:
         """Prints a line that stays."""
         text = printable(text)
-        with self._lock:
+        with self.lock:
             self._write(f"\r\x1b[K{text}\n" if self._width else f"{text}\n")
 
     def clear(self) -> None:
@@ -180,6 +183,22 @@ def labelled(label: str) -> Iterator[None]:
         yield
     finally:
         display.label, display.text, display.begin = before
+
+
+@contextmanager
+def waiting() -> Iterator[None]:
+    """Shows nothing while a person is asked."""
+    display = _display
+    if display is None:
+        yield
+        return
+    with display.lock:
+        display.waiting = True
+        display.clear()
+    try:
+        yield
+    finally:
+        display.waiting = False
 
 
 def doing(text: str) -> None:

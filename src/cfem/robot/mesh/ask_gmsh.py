@@ -1,6 +1,7 @@
 """What gmsh's process answers to a job, and how a body is meshed that it fails at first."""
 
 import json
+import signal
 import subprocess  # nosec B404
 import sys
 import tempfile
@@ -18,10 +19,16 @@ from cfem.robot.mesh.surface_file import read_surface
 DEBIAN_PACKAGES = "libglu1-mesa libgl1 libgomp1 libxcursor1 libxft2 libxinerama1 libxfixes3 libxrender1 libfontconfig1"
 
 _NO_GMSH, _SEPARATE = 10, 13  # exit codes after which no other settings help
-# `factor` on all sizes, and whether a surface's triangles are made anew. gmsh may fail, or even crash, at one size and
-# not at one beside it; at last it takes the file's own triangles.
-_USUAL = {"factor": 1.0, "anew": True}
-_ATTEMPTS = (_USUAL, {"factor": 0.95, "anew": True}, {"factor": 1.05, "anew": True}, {"factor": 1.0, "anew": False})
+# `factor` on all sizes, whether a surface's triangles are made anew, and edges round a full turn at least. gmsh may
+# fail, crash or never end at one size and not at one beside it. At last it takes the own triangles of a surface. Faces
+# of CAD that bend tightly beside the cells, as of a curved channel, need edges around them.
+_USUAL = {"factor": 1.0, "anew": True, "around": 0}
+_ATTEMPTS: dict[type, tuple[dict[str, Any], ...]] = {
+    SurfaceSolid: (_USUAL, _USUAL | {"factor": 0.95}, _USUAL | {"factor": 1.05}, _USUAL | {"anew": False}),
+    File: (_USUAL, _USUAL | {"around": 6}, _USUAL | {"around": 10}),
+}
+_TOO_LONG = "gmsh does not come to an end"
+_PATIENCE = 20  # times the processor's time of the other attempts: of the last one
 
 
 def ask_gmsh(job: dict[str, Any], solid: Solid) -> dict[str, np.ndarray]:
@@ -34,8 +41,10 @@ def ask_gmsh(job: dict[str, Any], solid: Solid) -> dict[str, np.ndarray]:
             X, triangles, _ = read_surface(Path(solid.path), solid.body)
             np.savez(folder / "surface.npz", X=solid.unit * X, triangles=triangles)
             job = {**job, "surface": str(folder / "surface.npz")}
-        for settings in _ATTEMPTS if isinstance(solid, SurfaceSolid) else (_USUAL,):
-            code, stderr = _run({**job, **settings}, folder)
+        attempts = _ATTEMPTS.get(type(solid), (_USUAL,))
+        for settings in attempts:
+            patience = _PATIENCE if settings is attempts[-1] else 1
+            code, stderr = _run({**job, **settings, "patience": patience}, folder)
             if code in (0, _NO_GMSH, _SEPARATE):
                 break
         if code == 0:
@@ -64,4 +73,5 @@ def _run(job: dict[str, Any], folder: Path) -> tuple[int, str]:
         subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=log) as process,  # nosec B603
     ):
         code = process.wait()
-    return code, (folder / "stderr").read_text(errors="replace")
+    stderr = (folder / "stderr").read_text(errors="replace")
+    return code, _TOO_LONG if code == -getattr(signal, "SIGXCPU", 0) else stderr

@@ -4,11 +4,13 @@
 It ends when its stdin does: then nobody waits for the answer any more. A job is {'solid': a tree of cad.py, 'surface':
 of a surface the .npz with X (n, 3) mm and triangles (m, 3), 'size': mm, 'refine': [{'low', 'high', 'size', 'blend'}],
 'regions': [trees whose surfaces the mesh is to conform to], 'grading': rows of a tetrahedron's x, y, z and sizes at its
-corners, or null, 'factor': on all sizes, 'anew': of a surface, whether its triangles are made anew}. The answer is an
+corners, or null, 'factor': on all sizes, 'anew': of a surface, whether its triangles are made anew, 'around': edges
+round a full turn of curved faces at least, or 0, 'patience': times the usual limit of time}. The answer is an
 .npz with X (n, 3) mm, cells (m, 4) and the CAD volume mm^3; where 'size' is null, nothing is meshed, and the answer is
 the body's volume mm^3 and the area mm^2 of its surface.
 
-One thread and fixed algorithms: the same job gives the same mesh. Exit 10: gmsh cannot be loaded; 11: the geometry
+One thread and fixed algorithms: the same job gives the same mesh. Where gmsh takes much more of the processor than so
+many cells need, SIGXCPU ends it. Exit 10: gmsh cannot be loaded; 11: the geometry
 cannot be built or meshed, cause on stderr; 12: stdin ended; 13: the geometry is not one body. A mesh of more than
 'max_cells' cells is not made, nor one whose 'size' is more than the body's: the answer is then about how many cells
 there would be and the body's extent (3,) mm."""
@@ -18,11 +20,13 @@ import math
 import os
 import sys
 import threading
+import time
 from pathlib import Path
 
 import numpy as np
 
 _LOST = 0.5  # of the largest cells: a mesh that is so much shorter than the body has lost an end of it
+_START, _PACE = 10.0, 200.0  # s, and cells a second: less than a tenth of what gmsh makes
 _EMPTY = "gmsh made no tetrahedra: the surface may not enclose a volume"
 
 
@@ -202,6 +206,7 @@ def mesh(gmsh, job: dict) -> dict[str, np.ndarray]:
     about = cells_wanted(volume, low, high, job)
     if not about <= job["max_cells"] or job["size"] > 1.01 * (high - low).max():
         return {"about": np.array(about), "extent": high - low}
+    end_after(job["patience"] * processor_time(about, job))
     if is_surface(solid):
         fill(gmsh, job["anew"])
     elif job["regions"]:
@@ -233,10 +238,31 @@ def cells_wanted(volume: float, low: np.ndarray, high: np.ndarray, job: dict) ->
     return 8.485 * about
 
 
+def processor_time(about: float, job: dict) -> int:
+    """s of the processor, many times what gmsh needs for about so many cells, or for those of the grading."""
+    if job.get("grading"):
+        cells = np.array(job["grading"][:-2]).reshape(-1, 4, 4)
+        volumes = np.abs(np.linalg.det(cells[:, :3, 1:] - cells[:, :3, :1])) / 6
+        about = max(about, 8.485 * float((volumes / cells[:, 3].mean(axis=1) ** 3).sum()))
+    return math.ceil(_START + about / _PACE)
+
+
+def end_after(seconds: int) -> None:
+    """SIGXCPU ends this process after so many more s of the processor, where the system knows it."""
+    try:
+        import resource
+    except ImportError:
+        return
+    used = math.ceil(time.process_time())
+    _, most = resource.getrlimit(resource.RLIMIT_CPU)
+    if most == resource.RLIM_INFINITY or used + seconds < most:
+        resource.setrlimit(resource.RLIMIT_CPU, (used + seconds, most))
+
+
 def _sizes(gmsh, job: dict) -> None:
     """Sets the sizes of cells: the smallest of the general one, those of the boxes, and those of the grading."""
     values = {"MeshSizeMax": job["size"], "MeshSizeExtendFromBoundary": 0, "MeshSizeFromPoints": 0}
-    for option, value in (values | {"MeshSizeFactor": job["factor"]}).items():
+    for option, value in (values | {"MeshSizeFactor": job["factor"], "MeshSizeFromCurvature": job["around"]}).items():
         gmsh.option.setNumber(f"Mesh.{option}", value)
     fields = []
     for box in job["refine"]:
