@@ -82,11 +82,10 @@ class ByPolicy(Varied):
         reward, distance = self.judge(p[None])
         return Judged(p, float(reward[0]), distance[0])
 
-    def best(self, candidates: np.ndarray, by: Literal["reward", "distance"], seed: int = 0) -> Judged:
-        """Best design that the search finds. candidates: (m, n_p) designs to judge as well. others: (m, n_p) designs to
-        judge as well."""
-        rng, n = np.random.default_rng(seed), len(self.free)
-        z = np.vstack([self.z(candidates), qmc.Halton(n, seed=seed).random(FIRST)])
+    def best(self, candidates: np.ndarray, by: Literal["reward", "distance"]) -> Judged:
+        """Best design that the search finds. candidates: (m, n_p) designs to judge as well."""
+        rng, n = np.random.default_rng(0), len(self.free)
+        z = np.vstack([self.z(candidates), qmc.Halton(n, seed=0).random(FIRST)])
         known, costs = z, self._costs(z, by)
         for _ in range(ROUNDS):
             top = known[np.argsort(costs)[:BEST]]
