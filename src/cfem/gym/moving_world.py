@@ -29,11 +29,7 @@ class MovingRandomised:
 
 
 class MovingWorld:
-    """B episodes of a task. model: one that moves, or its folder; command: force or displacement; rate: ticks a second,
-    Hz, each of `substeps` steps in time; step: share of the reach by which an action of 1 changes a command; largest:
-    share of the largest command of the training that may be commanded; randomise: a `MovingRandomised` or its keys;
-    length: ticks of an episode, the task's unless given; seed: of the goals that there are; ahead: goals that are
-    observed, history: samples and commands."""
+    """B episodes of a task of robots that move."""
 
     def __init__(
         self,
@@ -53,12 +49,16 @@ class MovingWorld:
     ):
         """Batch of `count` robots at a task.
 
-        command, rate: 'force' or 'displacement', in Hz
-        substeps: of a tick
-        step, largest: shares of the commands' range: change in a tick, and largest force
-        randomise: how robots differ from the model
-        length: ticks of an episode
-        ahead, history: goals and samples in an observation"""
+        model: one that moves, or its folder
+        command: 'force' or 'displacement'
+        rate, substeps: ticks a second, Hz, and steps in time of each
+        step: share of the reach by which an action of 1 changes a command
+        largest: share of the training's largest command that may be commanded
+        randomise: how robots differ from the model: a `MovingRandomised` or its keys
+        length: ticks of an episode, the task's unless given
+        seed: of the goals that there are
+        ahead: goals that are observed
+        history: samples and commands that are observed"""
         if task not in MOVING or command not in ("force", "displacement"):
             do = f"use one of {', '.join(MOVING)}, and command force or displacement"
             raise InputError(f"there is no task '{task}' with command '{command}'", do=do)
@@ -115,7 +115,7 @@ class MovingWorld:
         return rows.n_e * (1 + self.ahead + self.history) + rows.n_a * self.history, rows.n_a
 
     def reset(self, robots: np.ndarray) -> None:
-        """New episodes for the robots `which` (k,), each at rest at a random place."""
+        """New episodes for `robots` (k,), each at rest at a random place."""
         size, rng, kinds, scales = len(robots), self.rng, self.randomised, self.scales
         self.task.begin(self.goals, robots, rng)
         stiffness = 1.0 + kinds.stiffness * rng.uniform(-1, 1, size)

@@ -26,10 +26,7 @@ class Randomised:
 
 
 class World:
-    """B episodes of a task. model: a predictor or the folder of one; step: share of the reach by which an action of 1
-    changes a command; randomise: a `Randomised` or its keys; length: ticks of an episode, the task's unless given;
-    seed: of the robots and goals that there are; designs: (m, n_p) parameters of these robots, random unless given;
-    observe_parameters: whether observations tell a robot's parameters."""
+    """B episodes of a task."""
 
     def __init__(
         self,
@@ -45,11 +42,13 @@ class World:
     ):
         """Batch of `count` robots at a task.
 
-        step: share of the reach by which a command may change in a tick
-        randomise: how robots differ from the model
-        length: ticks of an episode
-        designs: (k, n_p) parameters to draw from
-        observe_parameters: whether observations hold them"""
+        model: a predictor or the folder of one
+        step: share of the reach by which an action of 1 changes a command
+        randomise: how robots differ from the model: a `Randomised` or its keys
+        length: ticks of an episode, the task's unless given
+        seed: of the robots and goals that there are
+        designs: (m, n_p) parameters of these robots, random unless given
+        observe_parameters: whether observations hold a robot's parameters"""
         if task not in TASKS:
             raise InputError(f"there is no task '{task}'", do=f"use one of {', '.join(TASKS)}")
         if not isinstance(model, Predictor):
@@ -107,7 +106,7 @@ class World:
         return 4 * rows.n_e + rows.n_a + n_parameters, rows.n_a
 
     def reset(self, robots: np.ndarray) -> None:
-        """New episodes for the robots `which` (k,), each at a random place."""
+        """New episodes for `robots` (k,), each at a random place."""
         size, rng, kinds, scales = (len(robots), self.u.shape[1]), self.rng, self.randomised, self.scales
         self.p[robots] = self.task.begin(self.goals, robots, rng)
         self.u[robots] = scales.low + rng.random(size) * (scales.reach - scales.low) * 0.6
@@ -116,7 +115,7 @@ class World:
         self.stand(robots)
 
     def stand(self, robots: np.ndarray) -> None:
-        """The robots `which` (k,) begin their episodes where their commands bring them from rest."""
+        """`robots` (k,) begin their episodes where their commands bring them from rest."""
         self.t[robots] = 0
         moved = self.robots.move(
             self.robots.start(len(robots)), self._felt(robots), self.p[robots], loads=self._load(robots)
