@@ -41,7 +41,7 @@ class Residuals:
 
 @dataclass(frozen=True)
 class Check:
-    """The residuals of one state, each the largest over its points; see `Residuals`."""
+    """Residuals of one state, the largest over its points each; see `Residuals`."""
 
     gap: float
     force: float

@@ -89,7 +89,7 @@ def _reach(
     cost: SolveCost,
     tangent: Tangent | None = None,
 ) -> _Path:
-    """Directly from the start, else by continuation from the base, else from rest."""
+    """Solution by Newton's method from the start, else by continuation from the base, else from rest."""
     if start is not None:
         cost.steps += 1
         result = newton(problem, start, actuation, settings, cost, tangent)

@@ -130,9 +130,7 @@ class MovingWorld:
     def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Rewards (B,), errors (B,) mm, the mask of robots that have left what the model knows, and of those whose
         episode is over, after actions (B, n_a)."""
-        scales = self.scales
-        move = np.clip(np.nan_to_num(np.asarray(actions, float)), -1.0, 1.0) * scales.step
-        self.u = np.clip(self.u + move, scales.low, scales.reach)
+        self.u = self.scales.command(self.u, actions)
         self.robots.move(self.states, self.u)
         self.t += 1
         gone = ~(self.states.outside <= LEFT) | ~np.isfinite(self.states.tip).all(axis=1)
@@ -141,8 +139,7 @@ class MovingWorld:
         self.commands = np.concatenate([self.u[:, None], self.commands[:, :-1]], axis=1)
         self.samples = np.concatenate([self._sample(slice(None))[:, None], self.samples[:, :-1]], axis=1)
         errors = self.task.errors(self.states, self.goals, self.t)
-        rewards = np.exp(-errors / scales.near) - errors / scales.scale
-        return np.where(gone, GONE, rewards), errors, gone, self.t >= self.length
+        return np.where(gone, GONE, self.scales.reward(errors)), errors, gone, self.t >= self.length
 
     def observe(self) -> np.ndarray:
         """Observations (B, n) float32."""

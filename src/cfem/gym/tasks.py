@@ -37,6 +37,15 @@ class Scales:
     low: np.ndarray
     reach: np.ndarray
 
+    def command(self, u: np.ndarray, actions: np.ndarray) -> np.ndarray:
+        """Commands (..., n_a) that follow u (..., n_a) by actions (..., n_a) in [-1, 1]."""
+        move = np.clip(np.nan_to_num(np.asarray(actions, float)), -1.0, 1.0) * self.step
+        return np.clip(u + move, self.low, self.reach)
+
+    def reward(self, errors: np.ndarray) -> np.ndarray:
+        """Rewards of errors mm."""
+        return np.exp(-errors / self.near) - errors / self.scale
+
 
 def observation(
     scales: Scales, tip: np.ndarray, u: np.ndarray, goal: np.ndarray, ahead: np.ndarray, parameters: np.ndarray

@@ -126,14 +126,12 @@ class World:
     def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Rewards (B,), errors (B,) mm, the mask of robots whose episode has failed (none), and of those whose is over,
         after actions (B, n_a)."""
-        scales, all_robots = self.scales, slice(None)
-        move = np.clip(np.nan_to_num(np.asarray(actions, float)), -1.0, 1.0) * scales.step
-        self.u = np.clip(self.u + move, scales.low, scales.reach)
+        all_robots = slice(None)
+        self.u = self.scales.command(self.u, actions)
         self.states = self.robots.move(self.states, self._felt(all_robots), self.p, loads=self._load(all_robots))
         self.t += 1
         errors = self.task.errors(self.states, self.goals, self.t)
-        rewards = np.exp(-errors / scales.near) - errors / scales.scale
-        return rewards, errors, np.zeros(self.count, bool), self.t >= self.length
+        return self.scales.reward(errors), errors, np.zeros(self.count, bool), self.t >= self.length
 
     def observe(self) -> np.ndarray:
         """Observation (B, n) float32. The goal is that of the end of the tick that follows, as in a loop of `cfem

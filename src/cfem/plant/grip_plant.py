@@ -239,7 +239,7 @@ class GripPlant(ContactAccount):
         return self.take(1.0) if status == CONVERGED and self.load != 1.0 else status
 
     def take(self, load: float) -> str:
-        """A share of the object's load, in steps: how that ended. `load` is the share that the robots carry then."""
+        """Takes the share `load` of the object's load, in steps; returns how that ended."""
         begin, wanted = np.array([self.load]), np.array([load])
         return carried_out(begin, wanted, HANDED, lambda share: self._go(self.at, float(share[0])))
 

@@ -29,7 +29,7 @@ QUICKEST, SLOWEST = 20, 1000  # ms a frame: quicker ones are slowed down by many
 
 
 class AnimateSpec(Spec):
-    """What the command line says."""
+    """Options of `cfem animate`."""
 
     formats: tuple[Format, ...]
     """Kinds of files."""

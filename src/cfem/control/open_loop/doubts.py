@@ -18,7 +18,7 @@ def doubts(
     from a goal where it counts as reached; refined: of `mesh_error.discretisation`; length: mm of the robot."""
     findings = [*one_point(goals, length), *wide(near, length, "reached")]
     uncertain = {quantity: refined.get(key, 0.0) / 100 for quantity, key in QUANTITIES.items()}
-    what = " and ".join(f"{100 * share:.2g} % of {of}" for of, share in uncertain.items() if not share <= UNCERTAIN)
+    what = " and ".join(f"{100 * share:.2g} % of {name}" for name, share in uncertain.items() if not share <= UNCERTAIN)
     if what:
         findings.append(poor(f"the mesh of {refined['cells']} cells leaves {what} uncertain: use a finer mesh"))
     return findings

@@ -82,7 +82,7 @@ class TrackingSpec(RunSpec):
             raise ValueError(what)
 
     def _only_what_the_robot_has(self) -> None:
-        """Orientations and places on a table are an object's, images an FE robot's."""
+        """ValueError where goals state an orientation or a table, which objects alone have, or an image without FE."""
         for name, trajectory in self.trajectories.items():
             if isinstance(trajectory, GoalsSpec):
                 trajectory.demand_object(name, turns=False, table=False)

@@ -34,7 +34,7 @@ class Actuation:
         return len(self.offset)
 
     def padded(self, n: int) -> "Actuation":
-        """Actuation of n active rows, of which those after mine (contacts) are left free: their multipliers are 0."""
+        """This actuation for n active rows: further rows (contacts) are free, with multipliers 0."""
         extra = n - self.n
         if extra == 0:
             return self

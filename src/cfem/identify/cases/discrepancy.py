@@ -31,7 +31,7 @@ class DiscrepancyPrior:
         return terms_of(len(self.largest))
 
     def features(self, forces: np.ndarray) -> np.ndarray:
-        """(m, n_b) of forces (m, n_a). Beyond the calibration they stay what they are at its largest force."""
+        """Features (m, n_b) of forces (m, n_a), constant beyond the largest force of the calibration."""
         return features(forces / self.largest)
 
     @property

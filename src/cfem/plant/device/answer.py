@@ -13,7 +13,7 @@ FAR = 10.0  # times the robot's length, the range of an actuator or a turn: a nu
 
 
 class Malformed(ValueError):
-    """An answer that is none; says why."""
+    """Error of an answer that the protocol does not know; its text says why."""
 
 
 def shown(value: Any) -> str:

@@ -15,7 +15,7 @@ class Channel(Protocol):
         ...
 
     def write(self, data: bytes) -> None:
-        """OSError where the channel is gone; what the device does not take is lost."""
+        """Sends bytes; those that the device does not take are lost. OSError where the channel is gone."""
         ...
 
     def read(self, timeout: float) -> bytes:

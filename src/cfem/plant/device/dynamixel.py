@@ -177,9 +177,9 @@ class Dynamixel:
     def _answered(self, exchange: Callable[[], tuple[Any, int]], silent: str) -> Any:
         """Result of an exchange of packets, which is tried again where an answer is lost."""
         for _ in range(TRIES):
-            found, result = exchange()
+            answer, result = exchange()
             if not result:
-                return found
+                return answer
             self._missed += 1
         raise Malformed(f"{silent}: {self._packets.getTxRxResult(result).removeprefix('[TxRxResult] ')}")
 
@@ -194,5 +194,5 @@ class Dynamixel:
             what = f"motor {motor.id} (cable {name}) reports {' and '.join(named) or 'a hardware error'}"
             raise Malformed(f"{what}: relieve it, then switch it off and on")
         if error:
-            said = self._packets.getRxPacketError(error).removeprefix("[RxPacketError] ")
-            raise Malformed(f"motor {motor.id} (cable {name}) refuses: {said}")
+            message = self._packets.getRxPacketError(error).removeprefix("[RxPacketError] ")
+            raise Malformed(f"motor {motor.id} (cable {name}) refuses: {message}")

@@ -58,7 +58,7 @@ class Quality:
         return doubts
 
     def _unfaithful(self) -> list[str]:
-        """A sentence if the cells hold clearly more or less than the CAD model."""
+        """The sentence on cells whose volume differs from that of the CAD model, if it does."""
         if self.volume_error is None or abs(self.volume_error) <= _FAITHFUL:
             return []
         share = 100 * abs(self.volume_error)
