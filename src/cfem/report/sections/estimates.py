@@ -1,4 +1,4 @@
-"""What was estimated during control over time: unknown forces with their intervals, and the error of the shape."""
+"""Section on estimates during control over time: unknown forces with their intervals, and the error of the shape."""
 
 from collections.abc import Mapping
 from typing import Any
