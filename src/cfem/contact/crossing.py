@@ -1,4 +1,4 @@
-"""Where a surface of triangles passes through itself: edges that pierce triangles."""
+"""Self-intersections of a surface of triangles: edges that pierce triangles."""
 
 import numpy as np
 from scipy.spatial import cKDTree

@@ -1,4 +1,4 @@
-"""How deep closed surfaces have gone through themselves: the outer skin of a body, and the walls of its chambers."""
+"""Depth of the overlap of closed surfaces with themselves: the outer skin of a body, and the walls of its chambers."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""What is said of the designs that were found: design.json, tables, lines for a person."""
+"""Results of a search for designs: design.json, tables, lines for a person."""
 
 from pathlib import Path
 from typing import Any

@@ -1,4 +1,4 @@
-"""From what the spec asks to the problem and the task that are solved."""
+"""Problem and task that are solved, made from the spec."""
 
 from pathlib import Path
 from typing import Any

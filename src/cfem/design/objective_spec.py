@@ -1,4 +1,4 @@
-"""What a design may be best at, as the user writes it under `objectives`."""
+"""Spec of objectives: what a design may be best at."""
 
 from typing import Annotated, Literal
 

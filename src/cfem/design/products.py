@@ -1,4 +1,4 @@
-"""What a design leaves the computer as: its shape for CAD and for printing, and its controller."""
+"""Products of a design: its shape for CAD and for printing, and its controller."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What the robots shall do: goals, observations and rewards of each task, for a batch at once.
+"""Tasks of the environments: goals, observations and rewards of each, for a batch at once.
 
 Everything that a policy observes is known where a robot works: the measured effector, the last command, the goal. An
 observation is a row of numbers of about 1:

@@ -1,4 +1,4 @@
-"""How nodes move with the unknowns: free nodes one by one, held nodes not at all, rigid groups by a frame of six.
+"""Kinematics of nodes by the unknowns: free nodes one by one, held nodes not at all, rigid groups by a frame of six.
 
 With T = dx/dq at the present pose, A the stiffness by nodes and f the unbalanced nodal forces, the stiffness by
 unknowns is

@@ -1,4 +1,4 @@
-"""What a camera that sees markers, and sensors of the actuators, get wrong."""
+"""Errors of a camera that sees markers, and of the actuators' sensors."""
 
 from collections.abc import Sequence
 from dataclasses import replace

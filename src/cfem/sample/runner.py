@@ -1,4 +1,4 @@
-"""From a spec to solved rows: skeleton first, then the shards side by side, each finished one kept on disk.
+"""Solved rows of a spec: skeleton first, then the shards side by side, each finished one kept on disk.
 
 A shard starts its rows from the skeleton and from its own rows only: which process solves it, after which other one,
 and how often the work was interrupted, leaves no trace in the numbers. Workers are sent all they need and send back

@@ -1,4 +1,4 @@
-"""What the `loop:` part of `control.yaml` says: control over time, open or closed, into an imperfect plant."""
+"""Spec of `loop:` in control.yaml: control over time, open or closed, into an imperfect plant."""
 
 from pathlib import Path
 from typing import Annotated, Literal

@@ -1,4 +1,4 @@
-"""Why a tracking result should not be trusted, beside how near it came to its goals."""
+"""Reasons not to trust a tracking result, beside how near it came to its goals."""
 
 from collections.abc import Mapping
 from typing import Any

@@ -1,4 +1,4 @@
-"""What every run of `cfem control` states: robot, models, where the result goes, and how goals are searched for.
+"""Spec that all runs of `cfem control` share: robot, models, where the result goes, and how goals are searched for.
 
 A kind of run adds keys of its own (`cfem.control.spec`), or narrows those that stand here."""
 

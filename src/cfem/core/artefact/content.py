@@ -1,4 +1,4 @@
-"""What artefact folders hold: the hash of their content, and files checked against the manifest."""
+"""Content of artefact folders: the hash of their content, and files checked against the manifest."""
 
 from pathlib import Path
 

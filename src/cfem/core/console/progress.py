@@ -1,4 +1,4 @@
-"""What a command is doing, on stderr, so that none is silent.
+"""Progress of a command on stderr, so that none is silent.
 
 `shown` opens the display once a command. Work below it says what it does by `doing` and how far it is by `progress`,
 and neither knows nor asks whether anybody looks: without a display both do nothing. On a terminal one line is rewritten

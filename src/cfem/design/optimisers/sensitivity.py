@@ -1,4 +1,4 @@
-"""Which parameter matters: shares of the variance of an objective over all designs (Sobol 2001).
+"""Sensitivity to parameters: shares of the variance of an objective over all designs (Sobol 2001).
 
 The first share of a parameter is what it explains alone, the total share what it explains with all others: what would
 be left of the variance if all others were known. Evenly spread designs, scrambled Sobol points; estimators of Saltelli

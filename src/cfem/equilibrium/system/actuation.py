@@ -1,4 +1,5 @@
-"""What is prescribed to the active rows (actuators, then contacts): displacements, forces, or a mixture, in one form.
+"""Actuation: what is prescribed to the active rows (actuators, then contacts): displacements, forces, or a mixture, in
+one form.
 
 lambda = offset + C^T mu      and      C delta = target
 

@@ -1,4 +1,4 @@
-"""How much one tick of the C controller computes at most."""
+"""Cost of one tick of the C controller, at most."""
 
 import numpy as np
 

@@ -1,5 +1,5 @@
-"""What the measurements cannot tell, in words: unknowns that nothing measured depends on, that only act together, that
-are hardly known, that cannot be told apart, that lie at an end of their range."""
+"""Sentences on what the measurements cannot tell: unknowns that nothing measured depends on, that only act together,
+that are hardly known, that cannot be told apart, that lie at an end of their range."""
 
 from collections.abc import Sequence
 

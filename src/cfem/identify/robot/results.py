@@ -1,4 +1,4 @@
-"""What a calibration found, as plain data for its files."""
+"""Results of a calibration, as plain data for its files."""
 
 from collections.abc import Mapping
 from pathlib import Path

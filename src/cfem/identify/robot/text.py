@@ -1,4 +1,4 @@
-"""What a person reads of a calibration."""
+"""Text about a calibration, for a person."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any

@@ -1,4 +1,4 @@
-"""What a device says, judged: one JSON object a line, of bounded length and depth, numbers that a robot can have."""
+"""Checks of a device's answers: one JSON object a line, of bounded length and depth, numbers that a robot can have."""
 
 import json
 from typing import Any

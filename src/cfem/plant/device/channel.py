@@ -1,4 +1,4 @@
-"""What carries bytes to a device and back: a serial port, or UDP. Bytes may be lost on the way."""
+"""Channels that carry bytes to a device and back: a serial port, or UDP. Bytes may be lost on the way."""
 
 import socket
 from contextlib import suppress

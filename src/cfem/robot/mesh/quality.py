@@ -1,4 +1,4 @@
-"""How good a mesh is: angles or corners, inverted cells, and its volume against the CAD model's."""
+"""Quality of a mesh: angles or corners, inverted cells, and its volume against the CAD model's."""
 
 from dataclasses import dataclass
 
