@@ -46,4 +46,4 @@ class Altered:
 
     def __getattr__(self, name: str) -> Any:
         """All that does not change with the material is the model's."""
-        return getattr(vars(self)["model"], name)
+        return getattr(object.__getattribute__(self, "model"), name)

@@ -6,8 +6,9 @@ from collections import deque
 import numpy as np
 
 from cfem.core.errors import NumericalError
+from cfem.equilibrium.newton import NewtonSettings
 from cfem.equilibrium.predictor import Knot, is_new, knot, predict
-from cfem.equilibrium.solve import solve
+from cfem.equilibrium.solve import DEFAULT, solve
 from cfem.equilibrium.system.actuation import Actuation, pulling_only
 from cfem.equilibrium.system.problem import Problem
 from cfem.equilibrium.system.robot import Robot
@@ -22,11 +23,11 @@ class FemRobot:
     solves, factorizations, seconds: what it has cost; x: (n, 3) mm nodes now; state: the equilibrium in which the robot
     stands, None at rest"""
 
-    def __init__(self, robot: Robot, memory: int, apart: float) -> None:
+    def __init__(self, robot: Robot, memory: int, apart: float, settings: NewtonSettings = DEFAULT):
         """Begins at rest. memory: solved states that predictions draw on; apart: states nearer to each other teach
-        nothing new."""
+        nothing new; settings: of Newton's method."""
         self._problem = Problem(robot)
-        self._apart = apart
+        self._settings, self._apart = settings, apart
         self._known: deque[Knot] = deque(maxlen=memory)
         self.state: Equilibrium | None = None
         self.solves, self.factorizations, self.seconds = 0, 0, 0.0
@@ -57,7 +58,9 @@ class FemRobot:
             actuation = pulling_only(actuation, self._problem.robot.unilateral)
         start = predict(self._known, near, actuation)
         tangent = self._problem.latest if again else None
-        equilibrium = solve(self._problem, actuation, start, base, slack=slack, tangent=tangent)
+        equilibrium = solve(
+            self._problem, actuation, start, base, settings=self._settings, slack=slack, tangent=tangent
+        )
         self.solves += 1
         self.factorizations += equilibrium.factorizations
         self.seconds += time.perf_counter() - begin

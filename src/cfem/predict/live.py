@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from cfem.core.errors import InputError
-from cfem.predict.load import load_model, stamp
+from cfem.predict.load import Runtime, load_model, stamp
 from cfem.predict.protocol import Predictor
 
 
@@ -12,8 +12,8 @@ class LiveModel:
     """As the `Predictor` in the folder, now. `refresh` takes up one that has replaced it, skin and all, or keeps the
     one before where that is of another robot or damaged. taken: how many have been taken up."""
 
-    def __init__(self, folder: Path):
-        self._folder, self.taken = folder, 0
+    def __init__(self, folder: Path, runtime: Runtime = "arrays"):
+        self._folder, self._runtime, self.taken = folder, runtime, 0
         self._stamp, self.now = self._read()
 
     def __getattr__(self, name: str) -> Any:
@@ -36,4 +36,4 @@ class LiveModel:
 
     def _read(self) -> tuple[Any, Predictor]:
         version = stamp(self._folder)  # one that is replaced while it is read is looked at again next time
-        return version, load_model(self._folder, whole=True)
+        return version, load_model(self._folder, self._runtime, whole=True)
