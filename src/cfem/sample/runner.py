@@ -44,8 +44,11 @@ from cfem.sample.workers import WorkersLost
 class Job(Piece):
     """All rows to be solved, who solves them, and where they are kept.
 
-    robot: a pickled SolverFactory; folder: of the shards; skeleton: folder of the states that all rows start from;
-    asked: how the skin is to be found, None where there is none; skin: its file, empty where it is not known yet;
+    robot: a pickled SolverFactory
+    folder: of the shards
+    skeleton: folder of the states that all rows start from
+    asked: how the skin is to be found, None where there is none
+    skin: its file, empty where it is not known yet
     timeout: s without a finished shard after which the workers are given up, None to wait for ever"""
 
     robot: bytes

@@ -18,7 +18,12 @@ MEASURED = ("place", "displacement", "force", "command")
 
 @dataclass(frozen=True)
 class EstimateInC:
-    """x (n,), covariance (n, n), effector (n_e,) mm from rest; left_out, unseen: bits; status, iterations: as in C."""
+    """Estimate of the C code.
+
+    x, covariance: (n,) unknowns and (n, n)
+    effector: (n_e,) mm from rest
+    left_out, unseen: bits of markers and of unknowns
+    status, iterations: as in C"""
 
     x: np.ndarray
     covariance: np.ndarray

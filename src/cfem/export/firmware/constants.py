@@ -40,9 +40,14 @@ class NetworkLayer:
 
 @dataclass(frozen=True)
 class Surrogate:
-    """defines: names and values; arrays: constants by name, dtype of the scalar for coefficients, uint8 for degrees;
-    layers: of a network; groups: of the terms of each series; reference: the predictor in double precision that the C
-    code is compared with; modules: models of modules in a row."""
+    """A model as constants of C.
+
+    defines: names and values
+    arrays: constants by name, dtype of the scalar for coefficients, uint8 for degrees
+    layers: of a network
+    groups: of the terms of each series
+    reference: predictor in double precision that the C code is compared with
+    modules: models of modules in a row"""
 
     defines: dict[str, int]
     arrays: dict[str, np.ndarray]

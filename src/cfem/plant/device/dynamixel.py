@@ -26,8 +26,12 @@ RELEASE, UNWOUND = 2.0, 20  # s that unwinding may take; counts from rest that a
 
 @dataclass(frozen=True)
 class Motor:
-    """The motor of a cable. id: on the bus; spool: mm, effective radius; reversed: whether the cable is wound where
-    positions fall; zero: counts where the robot is at rest, those at hello unless given."""
+    """Motor of a cable.
+
+    id: on the bus
+    spool: mm, effective radius
+    reversed: whether the cable is wound where positions fall
+    zero: counts where the robot is at rest, those at hello unless given"""
 
     id: int
     spool: float
