@@ -81,9 +81,7 @@ class MovingWorld:
         self.scales = Scales(self.task.scale, self.task.near, step * (high - low), low, high)
         self.rng = np.random.default_rng(seed)
         n_e, n_a = model.rows.n_e, model.rows.n_a
-        stays = not self.task.goals_move
-        path = np.zeros((count, 1 if stays else self.task.length + 1, n_e))
-        self.goals = Goals(path, np.zeros((count, n_e)), np.zeros(count), np.zeros((count, 0)))
+        self.goals = Goals.of(self.task, count, n_e)
         self.u, self.t, self.delay = np.tile(low, (count, 1)), np.zeros(count, int), np.zeros(count, int)
         self.states = self.robots.standing(self.u, np.ones(count), np.ones(count))
         self.samples = np.zeros((count, history + self.randomised.delay, n_e))

@@ -199,8 +199,14 @@ class Goals:
     depth: np.ndarray  # (B,) mm, of Press
     load: np.ndarray  # (B, 1) N along z, of Carry
 
+    @classmethod
+    def of(cls, task: Reach, count: int, n_e: int) -> "Goals":
+        """Goals of `count` robots before their first episode."""
+        path = np.zeros((count, task.length + 1 if task.goals_move else 1, n_e))
+        return cls(path, np.zeros((count, n_e)), np.zeros(count), np.zeros((count, len(task.loaded))))
+
     def now(self, t: np.ndarray) -> np.ndarray:
-        """Goals (B, n_e) at ticks t (B,)."""
+        """Goals (B, n_e) at ticks t (B,), the last one after the end of their path."""
         if self.path.shape[1] == 1:
             return self.path[:, 0]
         return self.path[np.arange(len(t)), np.minimum(t, self.path.shape[1] - 1)]

@@ -70,9 +70,7 @@ class World:
         self.scales = Scales(self.task.scale, self.task.near, step * (high - low), low, high)
         self.rng = np.random.default_rng(seed)
         n_e, n_a = model.rows.n_e, model.rows.n_a
-        stays = not self.task.goals_move
-        path = np.zeros((count, 1 if stays else self.length + 1, n_e))
-        self.goals = Goals(path, np.zeros((count, n_e)), np.zeros(count), np.zeros((count, len(kind.loaded))))
+        self.goals = Goals.of(self.task, count, n_e)
         self.states, self.u, self.t = self.robots.start(count), np.zeros((count, n_a)), np.zeros(count, int)
         self.p = np.tile(self.robots.reference, (count, 1))
         self.slack, self.gain = np.zeros((count, n_a)), np.ones((count, n_a))
