@@ -104,7 +104,7 @@ class MovingRobots:
         )
 
     def move(self, states: MovingStates, u: np.ndarray) -> None:
-        """`states` after a tick in which commands move evenly to u (B, n_a)."""
+        """Moves `states` by a tick in which commands go evenly to u (B, n_a)."""
         from cfem.gym.moving_kernel import Lanes
 
         factor = self._scale if self.forces else 1 / self._scale

@@ -113,7 +113,7 @@ class World:
         self.stand(robots)
 
     def stand(self, robots: np.ndarray) -> None:
-        """`robots` (k,) begin their episodes where their commands bring them from rest."""
+        """Begins the episodes of `robots` (k,) where their commands bring them from rest."""
         self.t[robots] = 0
         moved = self.robots.move(
             self.robots.start(len(robots)), self._felt(robots), self.p[robots], loads=self._load(robots)

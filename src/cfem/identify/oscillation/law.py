@@ -83,7 +83,7 @@ def fit_viscosity(
         return float(p[0] if still is None else still / np.sqrt(1 + p[4:] @ held))
 
     def residuals(p: np.ndarray) -> np.ndarray:
-        """p: Hz, place and speed over omega at the start, place at last (mm), g."""
+        """Residuals mm at p: Hz, place and speed over omega at the start, place at last (mm), g."""
         place, speed, last, g = p[1], p[2], p[3], p[4:]
         omega = 2 * np.pi * elastic_of(p)
         begin = np.concatenate([[place - last, omega * speed], g * remembered])
