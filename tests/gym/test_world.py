@@ -5,7 +5,7 @@ import pytest
 from surrogate.stored import train_folder
 
 from cfem.core.errors import InputError
-from cfem.gym.tasks import LARGEST, TASKS
+from cfem.gym.tasks import LARGEST, TASKS, Follow
 from cfem.gym.world import Randomised, World
 from cfem.predict.load import load_model
 
@@ -30,6 +30,15 @@ def test_a_step_is_finite_and_ends_by_time(model, task):
         assert np.isfinite(rewards).all() and (errors >= 0).all() and over.all() == (tick == world.length)
         seen = world.observe()
         assert seen.shape == (40, world.sizes[0]) and seen.dtype == np.float32 and np.abs(seen).max() <= LARGEST
+
+
+@pytest.mark.parametrize("length", [5, Follow.length + 5])
+def test_an_episode_may_be_shorter_or_longer_than_its_goals(model, length):
+    world = begun(model, "follow", 4, length=length)
+    for tick in range(1, length + 1):
+        *_, over = world.step(np.zeros((4, 2)))
+        assert over.all() == (tick == length)
+    assert np.isfinite(world.observe()).all()
 
 
 def test_goals_can_be_reached(model):

@@ -17,7 +17,7 @@ from cfem.core.artefact.manifest import read_manifest
 from cfem.core.spec import load_spec
 from cfem.predict.load import load_model
 from cfem.report import animate
-from cfem.report.animation import animation
+from cfem.report.run_viewer import animation
 from cfem.report.sections.tracking import read_tracking
 from cfem.report.shape_history import FE, LEARNED, histories
 from cfem.robot.spec import SceneSpec

@@ -12,7 +12,7 @@ TIMES = {"seconds", "step_us"}
 
 def cut_short(spec, after, **how):
     """Interrupts `cfem control` when so many goals are finished; all of them are on the disk."""
-    finished, count = resume.SoFar.finished, []
+    finished, count = resume.KeptRun.finished, []
 
     def interrupted(self, name, judge):
         finished(self, name, judge)
@@ -23,7 +23,7 @@ def cut_short(spec, after, **how):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(resume, "EVERY", 0.0)
         patch.setattr(resume, "DEARER", 0.0)
-        patch.setattr(resume.SoFar, "finished", interrupted)
+        patch.setattr(resume.KeptRun, "finished", interrupted)
         with pytest.raises(KeyboardInterrupt):
             cfem.run_stage("control", spec, **how)
 

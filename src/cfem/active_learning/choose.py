@@ -1,4 +1,5 @@
-"""Which rows of a plan to solve next: those on which models fitted to parts of the data differ most, spread out."""
+"""Choice of the rows of a plan to solve next: those on which models fitted to parts of the data differ most, spread
+out."""
 
 from collections.abc import Sequence
 

@@ -1,4 +1,4 @@
-"""What `cfem --help` looks like: the commands in the order of work, each with its whole summary, within 80 columns."""
+"""Layout of `cfem --help`: the commands in the order of work, each with its whole summary, within 80 columns."""
 
 import re
 from typing import Any

@@ -1,4 +1,4 @@
-"""What an artefact holds, in lines that a person reads."""
+"""Contents of an artefact, in lines for a person."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What files say of the rows of W and of parameters, as schemas: see `Rows` and `Parameter`."""
+"""Schemas of the rows of W and of parameters in files: see `Rows` and `Parameter`."""
 
 from typing import Literal
 

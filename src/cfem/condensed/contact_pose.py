@@ -1,4 +1,4 @@
-"""From contact points to the pose of the rigid patch that holds them.
+"""Pose of a rigid patch from its contact points.
 
 With delta_c = g(X) the energy of the actuators and the pose is Psi(delta_a, g(X)); by the chain rule, T = diag(1, g'):
 

@@ -1,4 +1,4 @@
-"""What finite elements lack at a robot's effectors, as a smooth function of its forces (Kennedy and O'Hagan, J. R.
+"""Discrepancy of finite elements at a robot's effectors, a smooth function of its forces (Kennedy and O'Hagan, J. R.
 Stat. Soc. B 63, 2001):
 
     delta(lambda) = sum_b phi_b(x) w_b        x_i = lambda_i / (largest force i of the calibration), within -1 and 1

@@ -1,4 +1,4 @@
-"""What answers for a robot: a model gives the condensed robot where its actuators stand, and is searched for where they
+"""Protocols of models: a model gives the condensed robot where its actuators stand, and is searched for where they
 stand under given forces."""
 
 from collections.abc import Callable, Sequence

@@ -14,12 +14,17 @@ from cfem.core.units import parse_quantity
 Value = Annotated[Any, WithJsonSchema({"type": ["string", "number"]})]
 
 
-def value_of(parameter: Parameter, given: Any, where: str) -> float:
-    """Value in the parameter's unit. SpecError where it has another unit, or is out of the parameter's range."""
+def number_in(unit: str, given: Any, where: str) -> float:
+    """Number in this unit, '1' for none. SpecError where it has another unit, or is no number."""
     try:
-        value = float(given) if parameter.unit == "1" else parse_quantity(given, parameter.unit)
+        return float(given) if unit == "1" else parse_quantity(given, unit)
     except (TypeError, ValueError) as error:
         raise SpecError(str(error), where=where) from None
+
+
+def value_of(parameter: Parameter, given: Any, where: str) -> float:
+    """Value in the parameter's unit. SpecError where it has another unit, or is out of the parameter's range."""
+    value = number_in(parameter.unit, given, where)
     if not parameter.low <= value <= parameter.high:
         what = f"{value:g} is out of the range [{parameter.low:g}, {parameter.high:g}] {parameter.unit}"
         raise SpecError(what, where=where, do="stay within what the model knows")

@@ -36,6 +36,25 @@ class Parameter:
         """True where the body itself differs: its geometry, or its free form."""
         return self.key.startswith(("geometry", "shape"))
 
+    @property
+    def suffix(self) -> str:
+        """The unit as it stands behind a number, ' mm'; empty where there is none."""
+        return "" if self.unit == "1" else f" {self.unit}"
+
+    def override(self, value: float) -> str:
+        """The value as `--set` of a scene takes it: 'geometry.length=90 mm'."""
+        return f"{self.key}={value:.10g}{self.suffix}"
+
+
+def named(parameters: Sequence[Parameter], p: np.ndarray) -> dict[str, float]:
+    """Values (n_p,) by the name of their parameter."""
+    return dict(zip([parameter.name for parameter in parameters], p.tolist(), strict=True))
+
+
+def units_of(parameters: Sequence[Parameter]) -> dict[str, str]:
+    """Units by the name of their parameter, of those that have one."""
+    return {parameter.name: parameter.unit for parameter in parameters if parameter.unit != "1"}
+
 
 def coordinates(parameters: Sequence[Parameter], p: np.ndarray) -> np.ndarray:
     """Coordinates (..., n_p) of values (..., n_p) of `parameters`."""

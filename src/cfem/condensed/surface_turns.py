@@ -1,4 +1,4 @@
-"""How parts of a surface have turned since rest: the rotation that fits their nodes best (Kabsch, 1976)."""
+"""Rotations of parts of a surface since rest: the rotation that fits their nodes best (Kabsch, 1976)."""
 
 import numpy as np
 from scipy.sparse import csr_array

@@ -166,7 +166,7 @@ def _forces(y: np.ndarray, form: np.ndarray) -> np.ndarray:
 
 
 def _volume(y: np.ndarray, form: np.ndarray) -> float:
-    """Volume mm^3: of third degree in y, so a third of y . dV/dy."""
+    """Volume mm^3, a third of y . dV/dy, as it is of third degree in y."""
     return float((y * _forces(y, form)).sum() / 3)
 
 

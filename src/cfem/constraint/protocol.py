@@ -1,4 +1,4 @@
-"""What mechanics needs to know of whatever touches a body."""
+"""Protocol of a constraint: what mechanics asks of whatever touches a body."""
 
 from collections.abc import Sequence
 from typing import ClassVar, Protocol

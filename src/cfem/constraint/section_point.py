@@ -11,8 +11,8 @@ from cfem.core.errors import SpecError
 
 
 def attach_to_sections(X: np.ndarray, sections: list[np.ndarray], point: np.ndarray, name: str) -> Attachment:
-    """`point` (3,) mm, within the section's outline or not; sections: nodes (k,) in planes across x, from the base on.
-    SpecError where it lies before the first section or beyond the last."""
+    """Attachment of `point` (3,) mm, within the section's outline or not; sections: nodes (k,) in planes across x, from
+    the base on. SpecError where it lies before the first section or beyond the last."""
     point = np.asarray(point, dtype=float)
     places = np.array([X[nodes, 0].mean() for nodes in sections])
     slack = 1e-9 * np.ptp(places)

@@ -41,7 +41,7 @@ class Residuals:
 
 @dataclass(frozen=True)
 class Check:
-    """The residuals of one state, each the largest over its points; see `Residuals`."""
+    """Residuals of one state, the largest over its points each; see `Residuals`."""
 
     gap: float
     force: float
@@ -54,8 +54,8 @@ class Check:
     def largest(self) -> float:
         return float(np.max([getattr(self, each.name) for each in fields(self)]))
 
-    def valid(self, tol: float = 1e-8) -> bool:
-        return self.largest <= tol  # NaN is not valid
+    def valid(self) -> bool:
+        return self.largest <= 1e-8  # NaN is not valid
 
 
 def check(problem: ContactProblem, law: Law, lam: np.ndarray, xi: np.ndarray | None = None) -> Check:

@@ -1,4 +1,4 @@
-"""Where a surface of triangles passes through itself: edges that pierce triangles."""
+"""Self-intersections of a surface of triangles: edges that pierce triangles."""
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -28,8 +28,8 @@ def pierced_by(segments: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, n
     for start in range(0, len(segments), PORTION):
         some = segments[start : start + PORTION]
         segment, triangle = _near(some, corners)
-        pierced, *at = _pierces(some[segment], corners[triangle])
-        share, u, v = (value[pierced] for value in at)
+        pierced, *coordinates = _pierces(some[segment], corners[triangle])
+        share, u, v = (value[pierced] for value in coordinates)
         parts.append((start + segment[pierced], triangle[pierced], share, np.column_stack([1 - u - v, u, v])))
     return tuple(np.concatenate(each) for each in zip(*parts, strict=True))
 

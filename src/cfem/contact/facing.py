@@ -1,4 +1,4 @@
-"""Which points of a closed surface face another part of it across a gap."""
+"""Points of a closed surface that face another part of it across a gap."""
 
 import numpy as np
 

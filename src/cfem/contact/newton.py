@@ -36,7 +36,7 @@ def newton(
 
 @njit(cache=True, error_model="numpy")
 def _iterate(A, constant, mu, lam):
-    """Newton's method from lam (3 m,), which becomes the answer. Whether it converged, and the systems it solved."""
+    """Newton's method from lam (3 m,), which it overwrites. Returns whether it converged, and the systems solved."""
     n, largest, forces = len(lam), 0.0, 0.0  # by loops: whole arrays take seconds to compile
     F, D, trial, step, J = np.empty(n), np.empty((n // 3, 3, 3)), np.empty(n), np.empty(n), np.empty((n, n))
     size = _missing(lam, A, constant, mu, F, D)

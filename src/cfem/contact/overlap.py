@@ -1,4 +1,4 @@
-"""How deep closed surfaces have gone through themselves: the outer skin of a body, and the walls of its chambers."""
+"""Depth of the overlap of closed surfaces with themselves: the outer skin of a body, and the walls of its chambers."""
 
 from dataclasses import dataclass
 
@@ -102,8 +102,8 @@ def _deepest(nodes: np.ndarray, triangles: np.ndarray, within: np.ndarray) -> tu
     deepest = (0.0, -1)
     for number in within:
         facing = corners[across @ outward[number] < 0]
-        way = closest(facing, np.broadcast_to(nodes[number], (len(facing), 3)))[1]
-        deepest = max(deepest, (float(way.min(initial=np.inf)) if len(way) else 0.0, int(number)))
+        distance = closest(facing, np.broadcast_to(nodes[number], (len(facing), 3)))[1]
+        deepest = max(deepest, (float(distance.min(initial=np.inf)) if len(distance) else 0.0, int(number)))
     return deepest
 
 

@@ -14,7 +14,7 @@ from cfem.contact.solve import ContactStatus, solve_contact
 
 @dataclass(frozen=True, eq=False)
 class TurningCompliance:
-    """What becomes of c patches' compliance C where the forces on them turn with their places, df/dx = B.
+    """Compliance of c patches, C, corrected for forces that turn with their places, df/dx = B.
 
     compliance: (3 c, 3 c) mm/N, (C^-1 - B)^-1: motion by the forces before they turn
     turning: (3 c, 3 c), B (C^-1 - B)^-1: change of the forces, for the same forces"""

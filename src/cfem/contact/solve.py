@@ -59,9 +59,12 @@ def solve_contact(
     budget: int = BUDGET,
     start: np.ndarray | None = None,
 ) -> ContactSolution:
-    """start_modes: a guess, one a point; by default points within a gap are open and the others stick. count: find
-    every state (at most four points). budget: of the search over more than four points. start: a guess of the forces
-    (3m,) N, for Newton's method on a problem with an object."""
+    """State of contact that satisfies the law, or all of them.
+
+    start_modes: a guess, one a point; by default points within a gap are open and the others stick
+    count: find every state (at most four points)
+    budget: of the search over more than four points
+    start: a guess of the forces (3m,) N, for Newton's method on a problem with an object"""
     if count:
         states = all_modes(problem, law)
         tried = len(modes_of(problem, law)) ** problem.m

@@ -1,4 +1,4 @@
-"""How a quasi-static step with contact ended, of learned robots and of finite elements."""
+"""Status of a quasi-static step with contact, of learned robots and of finite elements."""
 
 from enum import Enum
 

@@ -1,4 +1,4 @@
-"""What `control.yaml` says: five kinds of runs, told apart by a key that only one of them has."""
+"""Spec of `control.yaml`: five kinds of runs, told apart by a key that only one of them has."""
 
 from typing import Annotated, Any
 

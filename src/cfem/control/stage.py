@@ -41,7 +41,7 @@ def _work(folder: Path, spec: RunSpec, base: Path) -> dict[str, Any]:
     """Results: `trajectories`, per trajectory and controller (`summary.summarise`), and `discretisation`, the estimated
     error of the mesh itself (`mesh_error.mesh_error`)."""
     from cfem.control.open_loop.planners import pilot_of
-    from cfem.control.open_loop.resume import SoFar
+    from cfem.control.open_loop.resume import KeptRun
     from cfem.control.open_loop.run import carry_out
     from cfem.control.task.prepared import prepare
 
@@ -56,8 +56,8 @@ def _work(folder: Path, spec: RunSpec, base: Path) -> dict[str, Any]:
         prepared = prepare(spec, base, mesh, models)
         pilot = pilot_of(spec, prepared.robot, next(iter(prepared.predictors.values())))
         return run_controllers(folder, spec, base, prepared.robot, prepared.predictors, prepared.goals, pilot)
-    so_far = SoFar(folder, keep=spec.plant == "fem")
-    return carry_out(folder, spec, base, prepare(spec, base, mesh, models, so_far.goals), so_far)
+    kept_run = KeptRun(folder, keep=spec.plant == "fem")
+    return carry_out(folder, spec, base, prepare(spec, base, mesh, models, kept_run.goals), kept_run)
 
 
 def _agrees(spec: RunSpec, base: Path) -> None:

@@ -1,4 +1,4 @@
-"""Where cfem keeps what a machine needs once: the user's cache folder, or a private temporary one."""
+"""Cache of what a machine needs once: the user's cache folder, or a private temporary one."""
 
 import os
 import stat

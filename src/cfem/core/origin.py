@@ -1,4 +1,4 @@
-"""Where the keys of a spec stand: file and line."""
+"""File and line of each key of a spec."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""What was read from a file, checked before it is used: by a schema, or array by array.
+"""Checks of what was read from a file, before it is used: by a schema, or array by array.
 
 A manifest shows that a file is as somebody wrote it. It does not show that cfem wrote it."""
 

@@ -1,4 +1,4 @@
-"""What all commands share: a stage reads specs and artefact folders, writes one folder, and runs only when it must.
+"""Machinery of all commands: a stage reads specs and artefact folders, writes one folder, and runs only when it must.
 
 An artefact is a folder with `manifest.json`: which stage made it, the content hash of everything it was made from
 (`made_from`), the content hash of what it holds (`content`), every file's SHA-256 with its size and time, results,

@@ -1,4 +1,4 @@
-"""What Linux, macOS and Windows do in different ways: locks, syncing, cores, memory."""
+"""Differences between Linux, macOS and Windows: locks, syncing, cores, memory."""
 
 import ctypes
 import os

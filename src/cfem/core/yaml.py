@@ -122,7 +122,7 @@ def _plain(node: Any, path: tuple[Key, ...], lines: dict, open_nodes: set[int]) 
 
 
 def _scalar(node: Any, path: tuple[Key, ...]) -> Any:
-    """Plain Python value of a scalar, of which ruamel remembers the notation."""
+    """Plain Python value of a scalar, without the notation that ruamel keeps."""
     for kind in (bool, int, float):
         if isinstance(node, kind):
             if kind is int and abs(node) > MAX_INTEGER:

@@ -1,4 +1,4 @@
-"""What the metadata of a dataset must say before its rows are read; `schema.py` writes it."""
+"""Schema of a dataset's metadata, checked before its rows are read; `schema.py` writes it."""
 
 from typing import Any
 

@@ -53,7 +53,7 @@ def _heading(table: pa.Table) -> str:
             if parameter.exact
             else f"drawn evenly in {parameter.coordinate.replace('p', parameter.name)}"
         )
-        unit = "" if parameter.unit == "1" else f" {parameter.unit}"
+        unit = parameter.suffix
         ends = f"{parameter.low:g} to {parameter.high:g}{unit}, {parameter.reference:g}{unit} in the scene"
         lines.append(f"parameter  {parameter.name} ({parameter.key}): {ends}; {how}")
     return "\n".join(lines)

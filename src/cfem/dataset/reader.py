@@ -51,16 +51,25 @@ class OfStates:
 class Dataset(OfStates):
     """Converged states of one robot, m of them, in the order of their plan.
 
-    id (m,) number of the row in its plan; u (m, n_a + n_p) its place in the unit cube; p (m, n_p) values of the sampled
-    parameters, no columns where there is none; delta_a (m, n_a) mm; delta_e (m, n_e) mm from the rest position;
-    lambda_a (m, n_a) N; W (m, n, n) mm/N and delta_free (m, n) mm in the order of `rows`; energy (m,) N mm; slack (m,
-    n_a) actuators that carry nothing; dW (m, n_a, n, n) mm/N^2: dW/dlambda_k along the equilibrium path, None where it
-    was not asked for; dC (m, n_e (n_e + 1) (n_e + 2) / 6) mm/N^2: packed derivative of the effectors' compliance,
-    actuators held, by a wrench on them, d2C (m, n_e (n_e + 1) (n_e + 2) (n_e + 3) / 24) mm/N^3 the second, likewise;
-    dpsi_dp (m, n_p) N mm a unit of p: dPsi/dp at constant delta_a, dlambda_dp (m, n_a, n_p) N and ddelta_e_dp (m, n_e,
-    n_p) mm likewise, None without parameters; cost: (m,) each of COST by name; failed: the rows that did not converge,
-    as stored; meta: rest_e, reach, length, ... with_skin: the same states with the rows of the skin, `skin`; None where
-    there is none; moving: what the rows need to move, None where it was not asked for
+    id: (m,) number of the row in its plan
+    u: (m, n_a + n_p) its place in the unit cube
+    p: (m, n_p) values of the sampled parameters, no columns where there is none
+    delta_a, lambda_a: (m, n_a) mm and N
+    delta_e: (m, n_e) mm from the rest position
+    W, delta_free: (m, n, n) mm/N and (m, n) mm in the order of `rows`
+    energy: (m,) N mm
+    slack: (m, n_a) actuators that carry nothing
+    dW: (m, n_a, n, n) mm/N^2, dW/dlambda_k along the equilibrium path, None where it was not asked for
+    dC: (m, n_e (n_e + 1) (n_e + 2) / 6) mm/N^2, packed derivative of the effectors' compliance, actuators held, by a
+        wrench on them
+    d2C: (m, n_e (n_e + 1) (n_e + 2) (n_e + 3) / 24) mm/N^3, the second derivative likewise
+    dpsi_dp, dlambda_dp, ddelta_e_dp: (m, n_p) N mm, (m, n_a, n_p) N and (m, n_e, n_p) mm a unit of p, at constant
+        delta_a; None without parameters
+    cost: (m,) each of COST by name
+    failed: the rows that did not converge, as stored
+    meta: rest_e, reach, length, ...
+    with_skin: the same states with the rows of the skin, `skin`; None where there is none
+    moving: what the rows need to move, None where it was not asked for
 
     Where a rigid patch holds the contact points, the coordinates of its pose stand behind the actuators: a model takes
     both alike. `rows.actuators` names them all, n_c says how many the patch has, and delta_a, lambda_a (the wrench that

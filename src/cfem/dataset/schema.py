@@ -93,12 +93,15 @@ def schema(
     row_units: Sequence[tuple[str, str]] = (),
     loads: int = 0,
 ) -> pa.Schema:
-    """Arrow schema of a robot's dataset; lists have a fixed size. parameters: sampled and exact ones; third_order:
-    whether it has dW; loads: whether it has dC, and d2C from 2 on; row_units: of each row's displacement and
-    multiplier, mm and N unless given. `meta` (plain JSON data) goes into the file under the key 'cfem', with the
-    format's version, the names and units of the rows, the parameters and the unit of each column. Where it has
-    "viscosity", that of each viscous material, there are the columns of motion; "inner" is the number of inner motions.
-    """
+    """Arrow schema of a robot's dataset; lists have a fixed size.
+
+    meta: plain JSON data for the file's key 'cfem', beside the format's version, the names and units of the rows, the
+        parameters and the unit of each column; with "viscosity" (of each viscous material) there are the columns of
+        motion, and "inner" is the number of inner motions
+    parameters: sampled and exact ones
+    third_order: whether it has dW
+    loads: whether it has dC, and d2C from 2 on
+    row_units: of each row's displacement and multiplier, mm and N unless given"""
     varied, k, viscous = sampled(parameters), meta.get("inner") or 0, len(meta.get("viscosity") or ())
     sizes = _sizes(rows, len(varied), k, viscous)
     present = dict.fromkeys(BY_PARAMETERS, bool(varied)) | {"dW": third_order, "dC": loads > 0, "d2C": loads > 1}

@@ -1,10 +1,11 @@
-"""What is said of the designs that were found: design.json, tables, lines for a person."""
+"""Results of a search for designs: design.json, tables, lines for a person."""
 
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
+from cfem.condensed.parameters import named, units_of
 from cfem.core.artefact.judgement import DESIGN_GAP, contradicted
 from cfem.core.console.shown import duration, length
 from cfem.dataset.writer import write_columns
@@ -12,19 +13,11 @@ from cfem.design.objectives import with_unit
 from cfem.design.optimisers.front import Front
 from cfem.design.optimisers.search import Design, Grid
 from cfem.design.problem import DesignProblem
+from cfem.design.verify import CheckedDesign
 from cfem.design.volume import Volume
 from cfem.parametric.differences import Stencil
 
 FEW = 3  # parameters of a design that a line may state
-
-
-class CheckedDesign(NamedTuple):
-    """A design by finite elements: objectives (n_f,), constraints (n_g,); distance: mm between the effectors' places by
-    the model and by finite elements."""
-
-    objectives: np.ndarray
-    constraints: np.ndarray
-    distance: float
 
 
 def entry(
@@ -35,20 +28,14 @@ def entry(
     states = family.at(problem.kind, problem.u, p[None])
     varied = [family.parameters[i] for i in problem.free]
     result = {
-        "p": dict(zip([parameter.name for parameter in family.parameters], p, strict=True)),
-        "units": {parameter.name: parameter.unit for parameter in family.parameters if parameter.unit != "1"},
-        "overrides": [
-            f"{parameter.key}={value:.10g}" + ("" if parameter.unit == "1" else f" {parameter.unit}")
-            for parameter, value in zip(family.parameters, p, strict=True)
-        ],
+        "p": named(family.parameters, p),
+        "units": units_of(family.parameters),
+        "overrides": [parameter.override(value) for parameter, value in zip(family.parameters, p, strict=True)],
         "at_ends_of_range": [
             parameter.name for parameter, z in zip(varied, design.z, strict=True) if min(z, 1 - z) < 1e-6
         ],
         "objectives": dict(zip(problem.names, design.objectives, strict=True)),
-        "said": {
-            name: with_unit(objective, value)
-            for (name, objective), value in zip(problem.objectives.items(), design.objectives, strict=True)
-        },
+        "said": _in_words(problem, design.objectives),
         "constraints": dict(zip(problem.constraints, design.constraints, strict=True)),
         "effector": states.x_e[0],
         "actuators": {"displacement": states.delta_a[0], "force": states.lam[0]},
@@ -61,16 +48,19 @@ def entry(
         gap = design.objectives - checked.objectives
         result["fe"] = {
             "objectives": dict(zip(problem.names, checked.objectives, strict=True)),
-            "said": {
-                name: with_unit(objective, value)
-                for (name, objective), value in zip(problem.objectives.items(), checked.objectives, strict=True)
-            },
+            "said": _in_words(problem, checked.objectives),
             "constraints": dict(zip(problem.constraints, checked.constraints, strict=True)),
             "gap": dict(zip(problem.names, gap, strict=True)),
             "gap_share_of_spread": dict(zip(problem.names, np.abs(gap) / grid.width, strict=True)),
             "effector_distance": checked.distance,
         }
     return result
+
+
+def _in_words(problem: DesignProblem, objectives: np.ndarray) -> dict[str, str]:
+    """Objectives (n_f,) by name, each with its unit."""
+    pairs = zip(problem.objectives.items(), objectives, strict=True)
+    return {name: with_unit(objective, value) for (name, objective), value in pairs}
 
 
 def line(name: str, entry: dict[str, Any]) -> str:

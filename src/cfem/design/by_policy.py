@@ -72,7 +72,7 @@ class ByPolicy(Varied):
             u = self.policy.commands(states.tip, u, goals, np.zeros_like(goals), observed)
             states = self._robots.move(states, u, p)
             errors.append(np.linalg.norm(states.tip - goals, axis=1))
-            rewards = rewards + self._reward(errors[-1])
+            rewards = rewards + self.policy.scales.reward(errors[-1])
         self.steps += self.ticks * len(p)
         distance = np.mean(errors[-LAST:], axis=0).reshape(-1, k)
         return rewards.reshape(-1, k).mean(axis=1) / self.ticks, distance
@@ -82,11 +82,10 @@ class ByPolicy(Varied):
         reward, distance = self.judge(p[None])
         return Judged(p, float(reward[0]), distance[0])
 
-    def best(self, candidates: np.ndarray, by: Literal["reward", "distance"], seed: int = 0) -> Judged:
-        """Best design that the search finds. candidates: (m, n_p) designs to judge as well. others: (m, n_p) designs to
-        judge as well."""
-        rng, n = np.random.default_rng(seed), len(self.free)
-        z = np.vstack([self.z(candidates), qmc.Halton(n, seed=seed).random(FIRST)])
+    def best(self, candidates: np.ndarray, by: Literal["reward", "distance"]) -> Judged:
+        """Best design that the search finds. candidates: (m, n_p) designs to judge as well."""
+        rng, n = np.random.default_rng(0), len(self.free)
+        z = np.vstack([self.z(candidates), qmc.Halton(n, seed=0).random(FIRST)])
         known, costs = z, self._costs(z, by)
         for _ in range(ROUNDS):
             top = known[np.argsort(costs)[:BEST]]
@@ -114,16 +113,12 @@ class ByPolicy(Varied):
                 u = self.policy.command(tip, u, goal, np.zeros_like(goal), observed)
             errors.append(apart[1:])
         errors = np.array(errors)
-        return Judged(p, float(self._reward(errors).mean()), errors[:, -LAST:].mean(axis=1))
+        return Judged(p, float(self.policy.scales.reward(errors).mean()), errors[:, -LAST:].mean(axis=1))
 
     @property
     def _start(self) -> np.ndarray:
         low, high = self.family.reach.T
         return low + START * (high - low)
-
-    def _reward(self, errors: np.ndarray) -> np.ndarray:
-        scales = self.policy.scales
-        return np.exp(-errors / scales.near) - errors / scales.scale
 
     def _goals(self, p: np.ndarray) -> np.ndarray:
         """Goals (m, k, n_e) mm from where each design rests."""

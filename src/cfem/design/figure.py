@@ -126,4 +126,4 @@ def _values(problem: DesignProblem, k: int, shares: np.ndarray) -> np.ndarray:
 
 def _label(problem: DesignProblem, k: int) -> str:
     parameter = problem.parameters[k]
-    return parameter.name if parameter.unit == "1" else f"{parameter.name} ({parameter.unit})"
+    return f"{parameter.name} ({parameter.unit})" if parameter.suffix else parameter.name

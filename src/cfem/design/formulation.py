@@ -1,4 +1,4 @@
-"""From what the spec asks to the problem and the task that are solved."""
+"""Problem and task that are solved, made from the spec."""
 
 from pathlib import Path
 from typing import Any
@@ -6,11 +6,10 @@ from typing import Any
 import numpy as np
 
 from cfem.condensed import Rows
-from cfem.condensed.parameter_values import demand_known, vector
+from cfem.condensed.parameter_values import demand_known, number_in, vector
 from cfem.condensed.parameters import Parameter
 from cfem.core.errors import SpecError
 from cfem.core.spec import load_spec
-from cfem.core.units import parse_quantity
 from cfem.design.expression import inequality, names_in
 from cfem.design.fe import FeProblem
 from cfem.design.objective_spec import (
@@ -170,10 +169,7 @@ def _deviation(parameter: Parameter, given: Any, where: str) -> float:
     """Standard deviation of a parameter, 0 unless given."""
     if given == 0:
         return 0.0
-    try:
-        value = float(given) if parameter.unit == "1" else parse_quantity(given, parameter.unit)
-    except (TypeError, ValueError) as error:
-        raise SpecError(str(error), where=where) from None
+    value = number_in(parameter.unit, given, where)
     if not value > 0:
         raise SpecError("a standard deviation must be greater than 0", where=where)
     return value

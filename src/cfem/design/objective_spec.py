@@ -1,4 +1,4 @@
-"""What a design may be best at, as the user writes it under `objectives`."""
+"""Spec of objectives: what a design may be best at."""
 
 from typing import Annotated, Literal
 
@@ -11,13 +11,18 @@ from cfem.core.units import Angle, Force, Point
 from cfem.robot.selection import Direction
 
 
-class DexteritySpec(Spec):
+class EffectorSpec(Spec):
+    """An objective of one effector."""
+
+    effector: str | None = None
+    """Name of the effector. The first unless given."""
+
+
+class DexteritySpec(EffectorSpec):
     """|angle - alpha| with alpha = arccos(tip_z / |rest|): how far the effector turns."""
 
     kind: Literal["dexterity"]
     """How far the effector turns."""
-    effector: str | None = None
-    """Name of the effector. The first unless given."""
     axis: Literal["x", "y", "z"] = "z"
     """Axis that alpha is measured from."""
     angle: Angle = np.pi / 2
@@ -26,13 +31,11 @@ class DexteritySpec(Spec):
     """Point of rest for all designs. Where each design rests unless given."""
 
 
-class StrengthSpec(Spec):
+class StrengthSpec(EffectorSpec):
     """|largest - |lambda_c||, where lambda_c is the force along `axis` that holds the effector at rest."""
 
     kind: Literal["strength"]
     """How strongly the effector pushes."""
-    effector: str | None = None
-    """Name of the effector. The first unless given."""
     axis: Literal["x", "y", "z"] = "y"
     """Axis of the force."""
     largest: Force = 91.0
@@ -54,51 +57,43 @@ class FunctionSpec(Spec):
     """Unit of what it returns, such as 'N': printed beside the numbers."""
 
 
-class ReachSpec(Spec):
+class ReachSpec(EffectorSpec):
     """Where the effector goes, over all of the actuators' reach: a length of one actuator, an area of two, a volume of
     three. More is better."""
 
     kind: Literal["workspace"]
     """How much the effector reaches."""
-    effector: str | None = None
-    """Name of the effector. The first unless given."""
     points: int = Field(5, ge=2, le=20)
     """Actuations along each actuator's reach."""
 
 
-class ManipulabilitySpec(Spec):
+class ManipulabilitySpec(EffectorSpec):
     """How far the effector goes for a unit of actuation, in the direction in which it goes least; mean over the
     actuators' reach. More is better."""
 
     kind: Literal["manipulability"]
     """Dexterity over the workspace."""
-    effector: str | None = None
-    """Name of the effector. The first unless given."""
     points: int = Field(3, ge=2, le=20)
     """Actuations along each actuator's reach."""
 
 
-class StiffnessSpec(Spec):
+class StiffnessSpec(EffectorSpec):
     """Force on the effector per mm that it yields along a direction, actuators held. More is better."""
 
     kind: Literal["stiffness"]
     """How stiff the effector is."""
-    effector: str | None = None
-    """Name of the effector. The first unless given."""
     direction: Direction
     """Direction of the force."""
     points: int | None = Field(None, ge=2, le=20)
     """Actuations along each actuator's reach, of which the softest counts. At the actuation alone unless given."""
 
 
-class ForceSpec(Spec):
+class ForceSpec(EffectorSpec):
     """Force that the effector gives along a direction where it is held at a goal, actuators held, to first order. More
     is better."""
 
     kind: Literal["force"]
     """How strongly the effector pushes at a goal."""
-    effector: str | None = None
-    """Name of the effector. The first unless given."""
     direction: Direction
     """Direction of the force."""
     goal: Point

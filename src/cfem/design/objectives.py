@@ -1,4 +1,4 @@
-"""What a design is judged by: numbers, the smaller the better, of many condensed states at once.
+"""Objectives of a design: numbers, the smaller the better, of many condensed states at once.
 
 Dexterity and strength after Navez, Menager et al. 2025: how far the tip bends from a right angle, and how far the force
 that the tip, held where it rests, can give stays below one that is out of reach."""

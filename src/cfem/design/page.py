@@ -70,10 +70,7 @@ def front_page(
     data = {
         "objectives": list(front.names),
         "values": [[float(design.objectives[k]) for k in front.indices] for design in front.designs],
-        "parameters": [
-            {"name": parameter.name, "unit": "" if parameter.unit == "1" else parameter.unit}
-            for parameter in parameters
-        ],
+        "parameters": [{"name": parameter.name, "unit": parameter.suffix.strip()} for parameter in parameters],
         "designs": [problem.p(design.z)[list(problem.free)].tolist() for design in front.designs],
         "shares": [design.z.tolist() for design in front.designs],
         "matters": {} if sensitivity is None else {k: v["total"] for k, v in sensitivity.items() if k in front.names},

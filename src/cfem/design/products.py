@@ -1,4 +1,4 @@
-"""What a design leaves the computer as: its shape for CAD and for printing, and its controller."""
+"""Products of a design: its shape for CAD and for printing, and its controller."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -32,8 +32,7 @@ def write_shapes(
     mesh: Mesh | None,
 ) -> str | None:
     """Writes `<name>.step` and `<name>.stl` of each design p (n_p,). mesh: the scene's, from which designs with a free
-    form are deformed: their files hold its flat triangles, and the text that is returned says so. mesh: the scene's,
-    from which designs with a free form are deformed: their files hold its flat triangles, and this says so."""
+    form are deformed: their files hold its flat triangles, and the text that is returned says so."""
     if scene is None:
         raise SpecError("the shapes of designs need the key `scene`", where="cad", do="name it under `scene`")
     if scene.shape is not None:
@@ -80,13 +79,12 @@ def write_controllers(
     each."""
     meta, arrays = read_model(model)
     s = read_vectors(model, meta)["s"]
-    low, high = np.array(
-        [(parameter.low, parameter.high) for parameter in parameters]
-    ).T  # a share of 1 may round to beyond
+    # a share of 1 may round to beyond
+    low, high = np.array([(parameter.low, parameter.high) for parameter in parameters]).T
     reports = {}
     for name, p in designs.items():
         values = {
-            parameter.name: value if parameter.unit == "1" else f"{value!r} {parameter.unit}"
+            parameter.name: f"{value!r}{parameter.suffix}" if parameter.suffix else value
             for parameter, value in zip(parameters, np.clip(p, low, high).tolist(), strict=True)
         }
         design_spec = spec.model_copy(update={"parameters": values})

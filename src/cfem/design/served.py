@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from cfem.condensed.parameters import named, units_of
 from cfem.core.artefact.judgement import DESIGN_GAP, contradicted
 from cfem.core.console.shown import duration
 from cfem.design.answer import parameters
@@ -18,8 +19,7 @@ def serve_and_tell(
     spec: DesignSpec, task: Any, family: Any, exact: Any, outcome: dict[str, Any], base: Path
 ) -> dict[str, Any]:
     """Results of the task; base: folder of the spec. Lines go into outcome["headline"], and findings into
-    outcome["judgement"] where finite elements contradict the model.
-     Results; lines into said["headline"], and into said["judgement"] where finite elements contradict the model."""
+    outcome["judgement"] where finite elements contradict the model."""
     free, p0 = free_parameters(spec, family.parameters)
     goals, force, matter = task.goals, task.force[0], task.weights > 0
     begin = time.process_time()
@@ -29,7 +29,7 @@ def serve_and_tell(
     results: dict[str, Any] = {"seconds": seconds, "evaluations": before.evaluations + served.evaluations}
     for name, solution in (("reference", before), ("found", served)):
         results[name] = {
-            "p": dict(zip([parameter.name for parameter in family.parameters], solution.p, strict=True)),
+            "p": named(family.parameters, solution.p),
             "delta_a": solution.u,
             "lambda_a": solution.states.lam,
             "distance": solution.distance,
@@ -37,8 +37,7 @@ def serve_and_tell(
             "outside": family.outside(solution.states),
         }
     rms = [_rms(solution.distance) for solution in (before, served)]
-    units = {parameter.name: parameter.unit for parameter in family.parameters if parameter.unit != "1"}
-    values = parameters(results["found"]["p"], units)
+    values = parameters(results["found"]["p"], units_of(family.parameters))
     line = f"task: {values} reaches {len(goals)} goals to {rms[1]:.3g} mm (rms), the reference to {rms[0]:.3g} mm"
     if exact:
         # the force as a dead load, not to first order
@@ -75,7 +74,7 @@ def _by_policy(
     lines = [f"policy: {judge.steps} ticks of episodes, in {duration(results['seconds'])} of CPU time"]
     for name, judgement in judged.items():
         results[name] = {
-            "p": dict(zip([parameter.name for parameter in family.parameters], judgement.p, strict=True)),
+            "p": named(family.parameters, judgement.p),
             "reward": judgement.reward,
             "distance": judgement.distance,
         }
@@ -87,7 +86,7 @@ def _by_policy(
             results[name] |= {"fe_reward": checked.reward, "fe_distance": checked.distance}
             line += f", by finite elements {checked.reward:.4f} and {_rms(checked.distance):.3g} mm"
         lines.append(line)
-    units = {parameter.name: parameter.unit for parameter in family.parameters if parameter.unit != "1"}
+    units = units_of(family.parameters)
     lines += [f"{TITLES[by]}: {parameters(results[by]['p'], units)}" for by in ("reward", "distance")]
     return results, lines
 

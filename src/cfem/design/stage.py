@@ -207,11 +207,12 @@ def _tell_meshes(family: Any, problem: Any, outcome: dict[str, Any]) -> None:
     """Notes designs that have meshes of their own in the results and the headline."""
     if family is None or not family.meshes.own:
         return
+    from cfem.condensed.parameters import units_of
     from cfem.design.answer import parameters
 
     jumps = family.jumps(problem.kind, problem.u)
     outcome["meshes"] = [*outcome.get("meshes", []), *jumps]
-    units = {parameter.name: parameter.unit for parameter in family.parameters if parameter.unit != "1"}
+    units = units_of(family.parameters)
     for jump in jumps:
         values = parameters(jump["p"], units)
         line = f"the scene's mesh does not stretch to {values}, which has a mesh of its own of {jump['cells']} cells"
@@ -253,7 +254,6 @@ def _products(
 
 def _verify(problem: Any, exact: Any, designs: dict, front: Any, spec: DesignSpec) -> dict[bytes, Any]:
     """Checked designs by z, by finite elements."""
-    from cfem.design.answer import CheckedDesign
     from cfem.design.verify import verify
 
     if exact is None:
@@ -262,9 +262,7 @@ def _verify(problem: Any, exact: Any, designs: dict, front: Any, spec: DesignSpe
     if front and spec.verify == "fe-front":
         wanted += [design.z for design in front.designs]
     unique = list({z.tobytes(): z for z in wanted}.values())
-    verified = verify(problem, exact, unique)
-    rows = zip(verified.fe.objectives, verified.fe.constraints, verified.distance.tolist(), strict=True)
-    return dict(zip([z.tobytes() for z in unique], (CheckedDesign(*row) for row in rows), strict=True))
+    return dict(zip([z.tobytes() for z in unique], verify(problem, exact, unique), strict=True))
 
 
 def _draw(folder: Path, problem: Any, search: Any, checked: dict[bytes, Any]) -> list[str]:

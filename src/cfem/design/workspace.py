@@ -1,4 +1,4 @@
-"""What engineers ask of a robot over all that its actuators do, or at one place: numbers, the smaller the better.
+"""Objectives over all that a robot's actuators do, or at one place: numbers, the smaller the better.
 
 An objective over several actuations has `kind` and `actuations` (k, n_a), and is called with m k states, the k of each
 design one after the other. e are the effectors' rows that matter, J = de / d delta_a = W_ea W_aa^-1 at constant loads,

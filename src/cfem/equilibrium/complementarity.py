@@ -26,11 +26,13 @@ class NoActiveSetError(np.linalg.LinAlgError):
 def change(
     S: np.ndarray, gap: np.ndarray, mu: np.ndarray, unilateral: np.ndarray, held: np.ndarray, slop: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The change of the multipliers mu (m,) and the rows that hold after it, (m,) bool.
+    """Change of the multipliers mu (m,) and the rows that hold after it, (m,) bool. Rows that just touch, without a
+    multiplier, hold. Raises LinAlgError where rows that hold depend on each other, NoActiveSetError.
 
-    S (m, m): compliance of the rows; gap (m,): where the multipliers stay as they are; held: the rows that are tried
-    first, and kept where they solve the problem; slop (m,): size of gaps that are none. Rows that just touch, without a
-    multiplier, hold. Raises LinAlgError where rows that hold depend on each other, NoActiveSetError."""
+    S: (m, m) compliance of the rows
+    gap: (m,) where the multipliers stay as they are
+    held: the rows that are tried first, and kept where they solve the problem
+    slop: (m,) size of gaps that are none"""
     if _solves(S, gap, mu, unilateral, held, slop):
         return _with(S, gap, mu, held), held
     held = _active(S, gap - S @ mu, unilateral, slop)

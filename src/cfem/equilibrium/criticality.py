@@ -1,4 +1,5 @@
-"""Why a load path ends: limit point, bifurcation, or neither, from the softest mode of the tangent stiffness.
+"""Cause of the end of a load path: limit point, bifurcation, or neither, from the softest mode of the tangent
+stiffness.
 
 At a critical state the tangent, restricted to motions that the actuation leaves free, has a vanishing eigenvalue with
 mode v. Where the load works on v (b . v != 0) the path turns back: a limit point. Where it does not, another branch

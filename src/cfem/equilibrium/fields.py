@@ -1,4 +1,4 @@
-"""How far a body is strained or stressed where it is most.
+"""Largest strain and stress of a body.
 
 The largest value in a body sits at a re-entrant corner, where it grows without bound as the mesh is refined. So a mean
 of high power over the volume is given,

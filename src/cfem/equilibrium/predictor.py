@@ -1,4 +1,4 @@
-"""Where to start a solve: Hermite prediction from solved states nearby.
+"""Start of a solve: Hermite prediction from solved states nearby.
 
 Every solved state knows x, lambda and their derivatives by delta: dx/ddelta = dx/dlambda W^-1, dlambda/ddelta = W^-1
 (of the actuators, and of the contacts where they are prescribed as well). A polynomial in delta, fitted to all of them

@@ -1,4 +1,4 @@
-"""From an actuation to an equilibrium: directly where a good start is given, else by adaptive continuation.
+"""Equilibrium under an actuation: directly where a good start is given, else by adaptive continuation.
 
 Continuation leads the actuation from that of an equilibrium to the one asked for, halving a load step that fails and
 doubling one that went easily. The first step is the whole way where the tangent at the start predicts a small motion:
@@ -89,7 +89,7 @@ def _reach(
     cost: SolveCost,
     tangent: Tangent | None = None,
 ) -> _Path:
-    """Directly from the start, else by continuation from the base, else from rest."""
+    """Solution by Newton's method from the start, else by continuation from the base, else from rest."""
     if start is not None:
         cost.steps += 1
         result = newton(problem, start, actuation, settings, cost, tangent)

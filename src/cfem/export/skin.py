@@ -94,10 +94,10 @@ def write_row_skin(
     write_npz(folder / serial_skin.FILE, skins)
     if not spec.shape:
         return {}
-    other = next((name for name in SHAPES if name in spec.formats), None)
-    if other or ("c" in spec.formats and more_than_series(row)):
+    unsupported = next((name for name in SHAPES if name in spec.formats), None)
+    if unsupported or ("c" in spec.formats and more_than_series(row)):
         alone = "under loads, of different models or with a centre of mass have a shape in Python alone"
-        what = f"have no shape in format {other}" if other else alone
+        what = f"have no shape in format {unsupported}" if unsupported else alone
         raise InputError(f"modules in a row {what}", where="shape", do="leave `shape` out, or export `arrays` and `c`")
     if "c" not in spec.formats:
         return {}

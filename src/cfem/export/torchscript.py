@@ -8,7 +8,7 @@ from torch import nn
 
 
 def torchscript_bytes(model: nn.Module, example: tuple[torch.Tensor, ...]) -> bytes:
-    """example: inputs (2, ...); the batch axis stays free."""
+    """Bytes of the traced module. example: inputs (2, ...); the batch axis stays free."""
     buffer = io.BytesIO()
     with warnings.catch_warnings():
         # torch calls its script format deprecated; it is what libtorch reads.

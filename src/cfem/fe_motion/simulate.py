@@ -100,12 +100,13 @@ def simulate(
     kinks: Sequence[float] = (),
     pace: StepControl | None = None,
     scheme: Scheme | None = None,
-    watch: Callable[[Motion], None] | None = None,
     kept: "KeptTangent | None" = None,
 ) -> MotionRun:
-    """Simulates the motion from `start` to the time `until`, s. command: time -> what is prescribed to the active rows;
-    kinks: times at which it is not smooth. watch: is called with every motion reached; kept: of the run that ended at
-    `start`."""
+    """Simulates the motion from `start` to the time `until`, s.
+
+    command: time -> what is prescribed to the active rows
+    kinks: times at which the command is not smooth
+    kept: tangent of the run that ended at `start`"""
     demand_without_discrepancy(problem.robot, "motion")
     run, pace, scheme = MotionRun([], start), pace or StepControl(), scheme or Scheme()
     run.samples.append(_sample(problem, start, energies.at_start(problem, start), None))
@@ -132,8 +133,6 @@ def simulate(
             settling = False
             run.samples.append(_sample(problem, tried.motion, _energy(problem, run, motion, tried), tried))
             motion = run.end = tried.motion
-            if watch is not None:
-                watch(motion)
             if pace.tolerance is not None and error < pace.tolerance / 10:
                 dt = min(2 * dt, pace.longest)
     return run

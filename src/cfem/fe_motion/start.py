@@ -1,4 +1,4 @@
-"""Where a motion begins."""
+"""Start of a motion."""
 
 import numpy as np
 

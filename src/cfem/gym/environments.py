@@ -30,8 +30,7 @@ def _spaces(world: World | MovingWorld) -> tuple[gymnasium.spaces.Box, gymnasium
 
 
 class RobotEnv(gymnasium.Env):
-    """Environment of one robot. model: folder of a spectral model, or the model; render_mode: 'rgb_array' or None;
-    options: of `World`, or of `MovingWorld`."""
+    """Environment of one robot."""
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 10}
 
@@ -42,7 +41,8 @@ class RobotEnv(gymnasium.Env):
         render_mode: str | None = None,
         **options: Any,
     ):
-        """World of one robot; render_mode: 'rgb_array' or None; the other options: of `world_of`."""
+        """World of one robot. model: folder of a spectral model, or the model; render_mode: 'rgb_array' or None;
+        options: of `World`, or of `MovingWorld`."""
         self.render_mode = render_mode
         self.world = world_of(model, task, 1, **options)
         self.observation_space, self.action_space = _spaces(self.world)

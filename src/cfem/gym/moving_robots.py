@@ -40,26 +40,25 @@ class MovingStates:
     failed: int = 0
 
     def put(self, robots: np.ndarray, others: "MovingStates") -> None:
-        """Puts the states of others, k of them, in the places `which` (k,)."""
+        """Puts the states of others, k of them, in the places `robots` (k,)."""
         for name in ("q", "p", "v", "gain", "lam", "held", "u", "stiffness", "viscosity", "outside"):
             getattr(self, name)[..., robots] = getattr(others, name)
         self.tip[robots] = others.tip
 
 
 class MovingRobots:
-    """A batch of robots that move.
-
-    model: one that moves; kind: what is commanded, force or displacement; tick: s; substeps: of a tick; tolerance: of a
-    step, share of its velocities, of which the error is about the square
-
-    Mass and viscosity are scaled so that steps of that length have the lowest natural frequency right
-    (`cfem.motion.clocked` says how). InputError for models of other kinds."""
+    """A batch of robots that move. Mass and viscosity are scaled so that steps of the tick's length have the lowest
+    natural frequency right (`cfem.motion.clocked` says how)."""
 
     def __init__(
         self, model: MotionModel, kind: str = "force", tick: float = 0.01, substeps: int = 1, tolerance: float = 1e-2
     ):
-        """Batch of robots of a learned motion; kind: of the commands; tick: s; tolerance: of a step, share of the
-        velocities. InputError for a material with Prony terms."""
+        """Batch of robots of a learned motion. InputError for models of other kinds, and for Prony terms.
+
+        kind: what is commanded, force or displacement
+        tick: s
+        substeps: of a tick
+        tolerance: of a step, share of its velocities, of which the error is about the square"""
         self.static = Robots(model.static)
         from cfem.gym.moving_step import ticks
 
@@ -105,7 +104,7 @@ class MovingRobots:
         )
 
     def move(self, states: MovingStates, u: np.ndarray) -> None:
-        """`states` after a tick in which commands move evenly to u (B, n_a)."""
+        """Moves `states` by a tick in which commands go evenly to u (B, n_a)."""
         from cfem.gym.moving_kernel import Lanes
 
         factor = self._scale if self.forces else 1 / self._scale

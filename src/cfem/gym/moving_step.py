@@ -142,10 +142,15 @@ def _effectors(effectors, lanes, still, moving, room, tip, outside):
 
 @njit(cache=True, error_model="numpy")
 def ticks(learned, effectors, state, begin, end, forces, pulls, dt, substeps, small, tolerance, tip, outside):
-    """Advances B robots by a tick of `substeps` steps of dt s. state: `Lanes` of (n, B) instead of (n, LANES), changed
-    in place; begin, end (n_a, B): commands at both ends of the tick, between which they move evenly: forces, or
-    displacements; pulls: whether actuators only pull; small: force that counts as none; tolerance: of a step, share of
-    the velocities; tip (n_e, B), outside (B,): see `_effectors`. Returns how many steps of robots were not solved."""
+    """Advances B robots by a tick; returns how many steps of robots were not solved.
+
+    state: `Lanes` of (n, B) instead of (n, LANES), changed in place
+    begin, end: (n_a, B) commands at both ends of the tick, between which they move evenly: forces, or displacements
+    pulls: whether actuators only pull
+    dt, substeps: s of a step, and steps of the tick
+    small: force that counts as none
+    tolerance: of a step, share of the velocities
+    tip, outside: (n_e, B) and (B,), see `_effectors`"""
     (n_a, B), n_q, failed = begin.shape, learned.n_q, 0
     lanes = Lanes(
         np.zeros((n_q, LANES)), np.zeros((n_q, LANES)), np.zeros((n_q, LANES)), np.zeros((n_q, LANES)),

@@ -29,11 +29,7 @@ class MovingRandomised:
 
 
 class MovingWorld:
-    """B episodes of a task. model: one that moves, or its folder; command: force or displacement; rate: ticks a second,
-    Hz, each of `substeps` steps in time; step: share of the reach by which an action of 1 changes a command; largest:
-    share of the largest command of the training that may be commanded; randomise: a `MovingRandomised` or its keys;
-    length: ticks of an episode, the task's unless given; seed: of the goals that there are; ahead: goals that are
-    observed, history: samples and commands."""
+    """B episodes of a task of robots that move."""
 
     def __init__(
         self,
@@ -53,12 +49,16 @@ class MovingWorld:
     ):
         """Batch of `count` robots at a task.
 
-        command, rate: 'force' or 'displacement', in Hz
-        substeps: of a tick
-        step, largest: shares of the commands' range: change in a tick, and largest force
-        randomise: how robots differ from the model
-        length: ticks of an episode
-        ahead, history: goals and samples in an observation"""
+        model: one that moves, or its folder
+        command: 'force' or 'displacement'
+        rate, substeps: ticks a second, Hz, and steps in time of each
+        step: share of the reach by which an action of 1 changes a command
+        largest: share of the training's largest command that may be commanded
+        randomise: how robots differ from the model: a `MovingRandomised` or its keys
+        length: ticks of an episode, the task's unless given
+        seed: of the goals that there are
+        ahead: goals that are observed
+        history: samples and commands that are observed"""
         if task not in MOVING or command not in ("force", "displacement"):
             do = f"use one of {', '.join(MOVING)}, and command force or displacement"
             raise InputError(f"there is no task '{task}' with command '{command}'", do=do)
@@ -81,9 +81,7 @@ class MovingWorld:
         self.scales = Scales(self.task.scale, self.task.near, step * (high - low), low, high)
         self.rng = np.random.default_rng(seed)
         n_e, n_a = model.rows.n_e, model.rows.n_a
-        stays = not self.task.goals_move
-        path = np.zeros((count, 1 if stays else self.task.length + 1, n_e))
-        self.goals = Goals(path, np.zeros((count, n_e)), np.zeros(count), np.zeros((count, 0)))
+        self.goals = Goals.of(self.task, count, n_e)
         self.u, self.t, self.delay = np.tile(low, (count, 1)), np.zeros(count, int), np.zeros(count, int)
         self.states = self.robots.standing(self.u, np.ones(count), np.ones(count))
         self.samples = np.zeros((count, history + self.randomised.delay, n_e))
@@ -115,7 +113,7 @@ class MovingWorld:
         return rows.n_e * (1 + self.ahead + self.history) + rows.n_a * self.history, rows.n_a
 
     def reset(self, robots: np.ndarray) -> None:
-        """New episodes for the robots `which` (k,), each at rest at a random place."""
+        """New episodes for `robots` (k,), each at rest at a random place."""
         size, rng, kinds, scales = len(robots), self.rng, self.randomised, self.scales
         self.task.begin(self.goals, robots, rng)
         stiffness = 1.0 + kinds.stiffness * rng.uniform(-1, 1, size)
@@ -130,9 +128,7 @@ class MovingWorld:
     def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Rewards (B,), errors (B,) mm, the mask of robots that have left what the model knows, and of those whose
         episode is over, after actions (B, n_a)."""
-        scales = self.scales
-        move = np.clip(np.nan_to_num(np.asarray(actions, float)), -1.0, 1.0) * scales.step
-        self.u = np.clip(self.u + move, scales.low, scales.reach)
+        self.u = self.scales.command(self.u, actions)
         self.robots.move(self.states, self.u)
         self.t += 1
         gone = ~(self.states.outside <= LEFT) | ~np.isfinite(self.states.tip).all(axis=1)
@@ -141,8 +137,7 @@ class MovingWorld:
         self.commands = np.concatenate([self.u[:, None], self.commands[:, :-1]], axis=1)
         self.samples = np.concatenate([self._sample(slice(None))[:, None], self.samples[:, :-1]], axis=1)
         errors = self.task.errors(self.states, self.goals, self.t)
-        rewards = np.exp(-errors / scales.near) - errors / scales.scale
-        return np.where(gone, GONE, rewards), errors, gone, self.t >= self.length
+        return np.where(gone, GONE, self.scales.reward(errors)), errors, gone, self.t >= self.length
 
     def observe(self) -> np.ndarray:
         """Observations (B, n) float32."""

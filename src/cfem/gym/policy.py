@@ -89,7 +89,5 @@ class Policy:
         return self._next(us[:1], moving_observation(self.scales, tips[None], us[None], goals[None]))[0]
 
     def _next(self, u: np.ndarray, seen: np.ndarray) -> np.ndarray:
-        scales: Scales = self.scales
         actions = self._session.run(None, {self._session.get_inputs()[0].name: seen})[0]
-        move = np.clip(np.nan_to_num(actions.astype(float)), -1.0, 1.0) * scales.step
-        return np.clip(u + move, scales.low, scales.reach)
+        return self.scales.command(u, actions)

@@ -37,12 +37,13 @@ class RobotStates:
 
 
 class Robots:
-    """A batch of robots at rest. model: spectral, of form displacement, InputError for others; needs:
-    effector_compliance for the compliance; loaded: effector rows on which there may be loads."""
+    """A batch of robots at rest."""
 
     def __init__(self, model: Predictor, needs: tuple[str, ...] = (), loaded: Sequence[int] = ()):
-        """Batch of robots of a model; needs: further series, loaded: effector rows with loads. InputError for a model
-        that is not spectral of form displacement."""
+        """Batch of robots of a model. InputError for one that is not spectral of form displacement.
+
+        needs: further series: effector_compliance for the compliance
+        loaded: effector rows on which there may be loads"""
         demand("numba", where="cfem.gym")
         if not isinstance(model, SpectralPredictor) or model.form != "displacement":
             kind, form = model.meta.get("kind"), model.form
@@ -143,14 +144,14 @@ class Robots:
         )
         return values(parameters, low + (high - low) * rng.random((count, len(parameters))))
 
-    def feasible(self, rng: np.random.Generator, p: np.ndarray, share: float = 0.7) -> RobotStates:
-        """State of each robot p (B, n_p), within its reach, under random forces up to `share` of the largest of the
+    def feasible(self, rng: np.random.Generator, p: np.ndarray) -> RobotStates:
+        """State of each robot p (B, n_p), within its reach, under random forces up to FEASIBLE of the largest of the
         training. InputError where one has none."""
         kept, unplaced = self.start(len(p)), np.arange(len(p))
         for _ in range(60):
             start = self.start(len(unplaced))
             start.delta_a[:] = self.model.domain.states[0, : start.delta_a.shape[1]]
-            u = rng.uniform(0.0 if self.pulls else -share, share, start.delta_a.shape)
+            u = rng.uniform(0.0 if self.pulls else -FEASIBLE, FEASIBLE, start.delta_a.shape)
             states = self.move(start, self.forces(u, p[unplaced]), p[unplaced], forces=True)
             low, high = self.model.reach.T
             good = ((states.delta_a >= low) & (states.delta_a <= high)).all(axis=1) & np.isfinite(states.tip).all(
@@ -169,3 +170,4 @@ class Robots:
 
 
 FIELDS = ("delta_a", "lambda_a", "hessian", "tip", "compliance")
+FEASIBLE = 0.7  # of the largest forces of the training, under which first states are drawn

@@ -1,4 +1,4 @@
-"""What the robots shall do: goals, observations and rewards of each task, for a batch at once.
+"""Tasks of the environments: goals, observations and rewards of each, for a batch at once.
 
 Everything that a policy observes is known where a robot works: the measured effector, the last command, the goal. An
 observation is a row of numbers of about 1:
@@ -36,6 +36,15 @@ class Scales:
     step: np.ndarray
     low: np.ndarray
     reach: np.ndarray
+
+    def command(self, u: np.ndarray, actions: np.ndarray) -> np.ndarray:
+        """Commands (..., n_a) that follow u (..., n_a) by actions (..., n_a) in [-1, 1]."""
+        move = np.clip(np.nan_to_num(np.asarray(actions, float)), -1.0, 1.0) * self.step
+        return np.clip(u + move, self.low, self.reach)
+
+    def reward(self, errors: np.ndarray) -> np.ndarray:
+        """Rewards of errors mm."""
+        return np.exp(-errors / self.near) - errors / self.scale
 
 
 def observation(
@@ -190,8 +199,14 @@ class Goals:
     depth: np.ndarray  # (B,) mm, of Press
     load: np.ndarray  # (B, 1) N along z, of Carry
 
+    @classmethod
+    def of(cls, task: Reach, count: int, n_e: int) -> "Goals":
+        """Goals of `count` robots before their first episode."""
+        path = np.zeros((count, task.length + 1 if task.goals_move else 1, n_e))
+        return cls(path, np.zeros((count, n_e)), np.zeros(count), np.zeros((count, len(task.loaded))))
+
     def now(self, t: np.ndarray) -> np.ndarray:
-        """Goals (B, n_e) at ticks t (B,)."""
+        """Goals (B, n_e) at ticks t (B,), the last one after the end of their path."""
         if self.path.shape[1] == 1:
             return self.path[:, 0]
         return self.path[np.arange(len(t)), np.minimum(t, self.path.shape[1] - 1)]

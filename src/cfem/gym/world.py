@@ -26,10 +26,7 @@ class Randomised:
 
 
 class World:
-    """B episodes of a task. model: a predictor or the folder of one; step: share of the reach by which an action of 1
-    changes a command; randomise: a `Randomised` or its keys; length: ticks of an episode, the task's unless given;
-    seed: of the robots and goals that there are; designs: (m, n_p) parameters of these robots, random unless given;
-    observe_parameters: whether observations tell a robot's parameters."""
+    """B episodes of a task."""
 
     def __init__(
         self,
@@ -45,11 +42,13 @@ class World:
     ):
         """Batch of `count` robots at a task.
 
-        step: share of the reach by which a command may change in a tick
-        randomise: how robots differ from the model
-        length: ticks of an episode
-        designs: (k, n_p) parameters to draw from
-        observe_parameters: whether observations hold them"""
+        model: a predictor or the folder of one
+        step: share of the reach by which an action of 1 changes a command
+        randomise: how robots differ from the model: a `Randomised` or its keys
+        length: ticks of an episode, the task's unless given
+        seed: of the robots and goals that there are
+        designs: (m, n_p) parameters of these robots, random unless given
+        observe_parameters: whether observations hold a robot's parameters"""
         if task not in TASKS:
             raise InputError(f"there is no task '{task}'", do=f"use one of {', '.join(TASKS)}")
         if not isinstance(model, Predictor):
@@ -71,9 +70,7 @@ class World:
         self.scales = Scales(self.task.scale, self.task.near, step * (high - low), low, high)
         self.rng = np.random.default_rng(seed)
         n_e, n_a = model.rows.n_e, model.rows.n_a
-        stays = not self.task.goals_move
-        path = np.zeros((count, 1 if stays else self.length + 1, n_e))
-        self.goals = Goals(path, np.zeros((count, n_e)), np.zeros(count), np.zeros((count, len(kind.loaded))))
+        self.goals = Goals.of(self.task, count, n_e)
         self.states, self.u, self.t = self.robots.start(count), np.zeros((count, n_a)), np.zeros(count, int)
         self.p = np.tile(self.robots.reference, (count, 1))
         self.slack, self.gain = np.zeros((count, n_a)), np.ones((count, n_a))
@@ -107,7 +104,7 @@ class World:
         return 4 * rows.n_e + rows.n_a + n_parameters, rows.n_a
 
     def reset(self, robots: np.ndarray) -> None:
-        """New episodes for the robots `which` (k,), each at a random place."""
+        """New episodes for `robots` (k,), each at a random place."""
         size, rng, kinds, scales = (len(robots), self.u.shape[1]), self.rng, self.randomised, self.scales
         self.p[robots] = self.task.begin(self.goals, robots, rng)
         self.u[robots] = scales.low + rng.random(size) * (scales.reach - scales.low) * 0.6
@@ -116,7 +113,7 @@ class World:
         self.stand(robots)
 
     def stand(self, robots: np.ndarray) -> None:
-        """The robots `which` (k,) begin their episodes where their commands bring them from rest."""
+        """Begins the episodes of `robots` (k,) where their commands bring them from rest."""
         self.t[robots] = 0
         moved = self.robots.move(
             self.robots.start(len(robots)), self._felt(robots), self.p[robots], loads=self._load(robots)
@@ -127,14 +124,12 @@ class World:
     def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Rewards (B,), errors (B,) mm, the mask of robots whose episode has failed (none), and of those whose is over,
         after actions (B, n_a)."""
-        scales, all_robots = self.scales, slice(None)
-        move = np.clip(np.nan_to_num(np.asarray(actions, float)), -1.0, 1.0) * scales.step
-        self.u = np.clip(self.u + move, scales.low, scales.reach)
+        all_robots = slice(None)
+        self.u = self.scales.command(self.u, actions)
         self.states = self.robots.move(self.states, self._felt(all_robots), self.p, loads=self._load(all_robots))
         self.t += 1
         errors = self.task.errors(self.states, self.goals, self.t)
-        rewards = np.exp(-errors / scales.near) - errors / scales.scale
-        return rewards, errors, np.zeros(self.count, bool), self.t >= self.length
+        return self.scales.reward(errors), errors, np.zeros(self.count, bool), self.t >= self.length
 
     def observe(self) -> np.ndarray:
         """Observation (B, n) float32. The goal is that of the end of the tick that follows, as in a loop of `cfem

@@ -183,9 +183,9 @@ def with_materials(body: Body, materials: Sequence[Material]) -> Body:
         return replace(part, law=material.law, parameters=parameters, bulk=bulk)
 
     rod = None if body.rod is None else rods.with_moduli(body.rod, _moduli(materials))
-    other = replace(body, solids=tuple(map(remade, body.solids)), rod=rod)
-    contact = body.contact and replace(body.contact, touching=walls.touching_pressure(other.shear))
-    return replace(other, contact=contact)
+    changed = replace(body, solids=tuple(map(remade, body.solids)), rod=rod)
+    contact = body.contact and replace(body.contact, touching=walls.touching_pressure(changed.shear))
+    return replace(changed, contact=contact)
 
 
 def on_nodes(body: Body, mesh: Mesh) -> Body:

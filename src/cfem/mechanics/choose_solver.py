@@ -1,4 +1,4 @@
-"""Which sparse solver serves this machine: measured once on a small body, then read from the user's cache folder.
+"""Choice of the sparse solver for this machine: measured once on a small body, then read from the user's cache folder.
 
 PARDISO takes half of rslab's time per factorisation on Intel's processors and about the same on AMD's. The choice
 changes results by rounding alone. CFEM_SOLVER overrides it."""

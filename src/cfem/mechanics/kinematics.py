@@ -1,4 +1,4 @@
-"""How nodes move with the unknowns: free nodes one by one, held nodes not at all, rigid groups by a frame of six.
+"""Kinematics of nodes by the unknowns: free nodes one by one, held nodes not at all, rigid groups by a frame of six.
 
 With T = dx/dq at the present pose, A the stiffness by nodes and f the unbalanced nodal forces, the stiffness by
 unknowns is
@@ -169,9 +169,12 @@ def make_kinematics(
     joints: np.ndarray = NO_JOINTS,
     row: Sections | None = None,
 ) -> Kinematics:
-    """Kinematics of nodes at rest at X (n, 3) mm. groups: of nodes (g, k) that the stiffness couples; rigid: disjoint
-    groups (k,) of free nodes, not all on one line; joints: (m, 2) pairs of rigid groups whose unknowns are coupled, -1
-    for one that is held; row: as in Kinematics, of all nodes."""
+    """Kinematics of nodes at rest at X (n, 3) mm.
+
+    groups: of nodes (g, k) that the stiffness couples
+    rigid: disjoint groups (k,) of free nodes, not all on one line
+    joints: (m, 2) pairs of rigid groups whose unknowns are coupled, -1 for one that is held
+    row: as in Kinematics, of all nodes"""
     full = make_pattern(len(X), groups, fixed)
     if not rigid:
         return Kinematics(X, full, full, None, fixed, None, np.zeros((0, 4, 4, 3), dtype=np.int32))

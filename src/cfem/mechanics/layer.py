@@ -173,7 +173,7 @@ def tangent_form(layer: Layer, state: LayerResponse, motions: np.ndarray) -> np.
 
 
 def kept(layer: Layer, keep: np.ndarray, cells: np.ndarray) -> Layer:
-    """The layer where only cells `keep` (m,) of the body are left, which are `cells` then; without faces of others."""
+    """The layer on the cells `keep` (m,) of the body alone, whose nodes are numbered as in `cells` then."""
     return make_layer(layer.X, cells, layer.facets[keep[layer.owner]], layer.fabric, layer.points)
 
 

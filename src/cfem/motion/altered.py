@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 
-from cfem.condensed.viscosity import Viscosity
 from cfem.motion.model import MotionModel, MotionTerms
 
 
@@ -23,11 +22,7 @@ class Altered:
         """Terms of the altered model at delta_a (n_a,) mm."""
         place, s = self.model.at(delta_a), self.stiffness
         return replace(
-            place,
-            pull=s * place.pull,
-            stiff=s * place.stiff,
-            inner=s * place.inner,
-            F=s * self.viscosity * place.F,
+            place, pull=s * place.pull, stiff=s * place.stiff, inner=s * place.inner, F=s * self.viscosity * place.F
         )
 
     def learned(self, delta_a: np.ndarray, slopes: bool = True) -> dict[str, np.ndarray]:
@@ -45,37 +40,10 @@ class Altered:
         M, dM, F = self.model.inertia(delta_a)
         return M, dM, self.stiffness * self.viscosity * F
 
-    def apart(self, change: np.ndarray) -> float:
-        return self.model.apart(change)
-
     @property
     def inner(self) -> np.ndarray:
         return self.stiffness * self.model.inner
 
-    @property
-    def static(self) -> Any:
-        return self.model.static
-
-    @property
-    def losses(self) -> tuple[Viscosity, ...]:
-        return self.model.losses
-
-    @property
-    def rest_e(self) -> np.ndarray:
-        return self.model.rest_e
-
-    @property
-    def n_a(self) -> int:
-        return self.model.n_a
-
-    @property
-    def n_q(self) -> int:
-        return self.model.n_q
-
-    @property
-    def n_r(self) -> int:
-        return self.model.n_r
-
-    @property
-    def scale(self) -> np.ndarray:
-        return self.model.scale
+    def __getattr__(self, name: str) -> Any:
+        """All that does not change with the material is the model's."""
+        return getattr(object.__getattribute__(self, "model"), name)

@@ -28,7 +28,7 @@ class ClockedState:
 
 
 class Clocked:
-    """n_z: size of a state; dt: s of a tick; kind: what is commanded."""
+    """Condensed model in steps of a control tick. n_z: size of a state; dt: s of a tick; kind: what is commanded."""
 
     def __init__(self, model: MotionModel, kind: Kind, dt: float, about: np.ndarray):
         """Sets the model's steps. about (n_a,) mm: where the lowest natural frequency is taken."""
@@ -39,13 +39,13 @@ class Clocked:
         self._warp = prewarp(self.frequency, dt)
 
     def at_rest(self, condensed: Condensed) -> ClockedState:
-        """Standing still where the static model says."""
+        """State at rest under a state of the static model."""
         return self.standing(
             condensed.delta_a, condensed.delta_a if self.kind == "displacement" else condensed.lambda_a
         )
 
     def standing(self, delta_a: np.ndarray, u: np.ndarray) -> ClockedState:
-        """Standing still at delta_a (n_a,) mm under the command u (n_a,)."""
+        """State at rest at delta_a (n_a,) mm under the command u (n_a,)."""
         motion = at_rest(self.model, delta_a)
         z = np.concatenate([motion.q, motion.p, motion.memory.ravel()])
         return ClockedState(z, motion.v, np.array(u, float))

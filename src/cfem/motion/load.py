@@ -1,4 +1,4 @@
-"""From a model folder to a model that moves."""
+"""Reading of a model that moves from its folder."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Which commands make a robot's results, in order: every spec comes after those that make what it reads."""
+"""Plan of the commands that make a robot's results, in order: every spec comes after those that make what it reads."""
 
 import os
 import re

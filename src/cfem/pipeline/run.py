@@ -30,15 +30,17 @@ def run(
     workers: int | None = None,
     quick: bool = False,
 ) -> dict[str, Any]:
-    """Runs specs, and what they read first, wherever a spec beside them makes it. places: folders, of which the specs
-    without a suffix are run, and specs. What they read is made first, wherever a spec beside them makes it. overrides:
-    'train.samples=20', by the spec's name. `force` runs nothing that is up to date: it lets samples and hardware's runs
-    of other inputs be moved aside. line: what to print before a step, by its number, all steps and why it is to be run.
-    workers: processes that solve samples, one per core where None. quick: a coarse answer, in folders of its own.
+    """Runs specs, and what they read first, wherever a spec beside them makes it.
 
     Returns what a stage returns; results: stages (stage, spec, out, status, why, seconds), judgement, headline. Raises
-    GateError under `check` where a stage is stale; SpecError before the first stage where specs do not fit each
-    other."""
+    GateError under `check` where a stage is stale; SpecError before the first stage where specs do not fit each other.
+
+    places: folders, of which the specs without a suffix are run, and specs
+    overrides: 'train.samples=20', by the spec's name
+    options: `force` runs nothing that is up to date: it lets samples and hardware's runs of other inputs be moved aside
+    line: what to print before a step, by its number, all steps and why it is to be run
+    workers: processes that solve samples, one per core where None
+    quick: a coarse answer, in folders of its own"""
     steps = _steps(places, overrides, until, only)
     steps = quick_steps(steps) if quick else steps
     for step in steps:

@@ -1,4 +1,4 @@
-"""What plants in contact tell of their steps."""
+"""Statistics that plants in contact keep of their steps."""
 
 from collections import Counter
 from collections.abc import Iterable
@@ -12,7 +12,7 @@ DEEP = 0.01  # of the length: how far the surface may be in an obstacle between 
 
 
 class ContactAccount:
-    """What contact was like over all commands so far.
+    """Statistics of contact over all commands so far.
 
     counts: how many contact points were open, stuck and slipped at the end of each command
     commands, failures: how many, and how many of them ended before their goal

@@ -1,5 +1,5 @@
-"""What gains the closed loop bears: the inverse step cancels the robot, and what is left is an integrator that hears
-of its own commands late.
+"""Gains that the closed loop bears: the inverse step cancels the robot, and what is left is an integrator that hears of
+its own commands late.
 
 A model that is right up to a factor answers the corrected goal g_k with x_k = m g_k + const; m = 1 for a perfect
 model, 1 / (1 + s) for forces into a robot stiffer by the share s. A sample taken `late` + 1 samples before the command

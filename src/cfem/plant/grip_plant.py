@@ -31,17 +31,17 @@ LEVERAGE = 10.0  # mm that an object goes for each of an actuator: more is anoth
 
 
 class GripPlant(ContactAccount):
-    """`Plant`. ends: where each robot's actuators begin and end; object_points (k, 3) mm of the object at rest, which
-    `x` shows behind the robots' nodes; grasp: (n_a,) mm, how the first command begins, so that something is held: the
-    object is carried until then, and handed over there. margin: None, or the answer x_e has behind the object's place
-    what each robot's grip has left (`effectors`). table: what the object stands on, and which carries its load, until
-    the robots lift it; None: nothing does. Robots that go back to rest over a table let the object go (`let_go`).
+    """`Plant` of robots that grip an object. Robots that go back to rest over a table let the object go (`let_go`).
 
-    at (n_a,) mm, load (share of the object's load), last: where it stands; margins: to slip while the robots hold the
-    object, and borne: N by the table, after each command; stuck: quasi-static steps without a solution so far
-
-    Of an object that is glued, imbalance: the largest force or moment sum on it so far, relative; softest: the smallest
-    eigenvalue of the stiffness that holds it over the largest, in all states"""
+    at: (n_a,) mm where the actuators stand
+    load: share of the object's load that the robots carry
+    last: the state of contact there
+    margins: to slip while the robots hold the object, after each command
+    borne: N by the table, after each command
+    stuck: quasi-static steps without a solution so far
+    imbalance: of a glued object, the largest force or moment sum on it so far, relative
+    softest: of a glued object, the smallest eigenvalue of the stiffness that holds it over the largest, in all
+        states"""
 
     def __init__(
         self,
@@ -57,13 +57,13 @@ class GripPlant(ContactAccount):
     ):
         """Grip of `fingers` about an object, at rest.
 
-        ends: of each robot's part in commands
+        ends: where each robot's actuators begin and end
         held: the object
         law, mu: of contact and friction
-        object_points: that are shown
-        grasp: (n_a,) mm that squeezes the object before the first command
-        margin: to slip, None without rows for the grip
-        table: under the object"""
+        object_points: (k, 3) mm of the object at rest, which `x` shows behind the robots' nodes
+        grasp: (n_a,) mm, how the first command begins: the object is carried until then, and handed over there
+        margin: None, or x_e has behind the object's place what each robot's grip has left (`effectors`)
+        table: what the object stands on, and which carries its load, until the robots lift it; None: nothing does"""
         self.fingers, self._ends, self._held, self._law, self._mu = fingers, ends, held, law, mu
         self._object_points, self._grasp, self._margin = object_points, grasp, margin
         self.table, self.stuck = table, 0
@@ -239,7 +239,7 @@ class GripPlant(ContactAccount):
         return self.take(1.0) if status == CONVERGED and self.load != 1.0 else status
 
     def take(self, load: float) -> str:
-        """A share of the object's load, in steps: how that ended. `load` is the share that the robots carry then."""
+        """Takes the share `load` of the object's load, in steps; returns how that ended."""
         begin, wanted = np.array([self.load]), np.array([load])
         return carried_out(begin, wanted, HANDED, lambda share: self._go(self.at, float(share[0])))
 

@@ -1,4 +1,4 @@
-"""What a camera that sees markers, and sensors of the actuators, get wrong."""
+"""Errors of a camera that sees markers, and of the actuators' sensors."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -9,9 +9,7 @@ from cfem.plant.protocol import Measurement
 
 
 class MarkerNoise:
-    """Errors of a camera that sees markers: noise (mm) on each coordinate; a share `lost` that nobody sees; a share
-    `wrong` that is another point, `astray` mm away, standard deviation of each coordinate. displacement (mm), force
-    (N): noise of the actuators' sensors, None where there are none."""
+    """Errors of a camera that sees markers, and of the actuators' sensors."""
 
     def __init__(
         self,
@@ -24,8 +22,9 @@ class MarkerNoise:
     ):
         """Noise and loss of markers.
 
-        noise, astray: mm, standard deviations of markers, and of those that are mistaken
-        lost, wrong: shares of markers that are not seen, or mistaken
+        noise: mm, standard deviation of each coordinate of a marker
+        lost: share of markers that nobody sees
+        wrong: share that is another point, `astray` mm (standard deviation of each coordinate) away
         sensors: mm and N, standard deviations of the actuators' sensors, None where there are none"""
         self._noise, self._lost, self._wrong, self._astray = noise, lost, wrong, astray
         self._sensors, self._random = sensors, np.random.default_rng([seed, 1])  # x_e has a stream of its own

@@ -10,7 +10,7 @@ from cfem.plant.protocol import Command, Measurement
 
 
 class ModelPlant:
-    """A condensed model as the plant. Good for trying things out; a model that grades itself proves nothing.
+    """A condensed model as the plant, for trying out: a model that grades itself proves nothing.
 
     push: (n_e,) N on the effectors, None without any; it moves them by its linearised compliance."""
 

@@ -1,4 +1,4 @@
-"""What control acts on: a plant takes a command and says what became of it."""
+"""Protocol of a plant: it takes a command and says what became of it."""
 
 from dataclasses import dataclass
 from typing import Literal, Protocol

@@ -27,10 +27,8 @@ from cfem.predict.contact.model import LONGEST
 
 
 class TouchPlant(ContactAccount):
-    """`Plant`. robot: that takes the commands. obstacles: all rigid ones, by name; others: other robots that it meets,
-    by name, and the course of their actuators; itself: the name under which it touches itself, or none. The answer x_e
-    has the effectors', then the forces on `pressed` (N) and the distances from `avoided` (mm). courses: of obstacles
-    that move (`pass_to`)."""
+    """`Plant` of a robot among obstacles, other robots and itself. The answer x_e has the effectors', then the forces
+    on `pressed` (N) and the distances from `avoided` (mm)."""
 
     def __init__(
         self,
@@ -45,10 +43,12 @@ class TouchPlant(ContactAccount):
     ):
         """Robot at rest among obstacles.
 
+        robot: that takes the commands
+        obstacles: all rigid ones, by name
         pressed, avoided: names of obstacles whose force, or distance, is a row
         mu: friction
-        courses: of obstacles that move
-        others: robots that may be touched, and the courses of their actuators
+        courses: of obstacles that move (`pass_to`)
+        others: robots that it meets, by name, and the courses of their actuators
         itself: the name under which the robot touches itself, or none"""
         self._robot, self._obstacles, self._pressed, self._avoided = robot, obstacles, pressed, avoided
         self._courses, self._others, self._itself = courses or {}, others or {}, itself

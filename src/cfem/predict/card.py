@@ -1,4 +1,4 @@
-"""What model.json must say before a model is built from it; see surrogate/model_card.py, which writes it."""
+"""Schema of model.json, checked before a model is built from it; see surrogate/model_card.py, which writes it."""
 
 from typing import Annotated, Any, Literal
 

@@ -1,4 +1,4 @@
-"""From a model folder to a predictor."""
+"""Reading of predictors from model folders."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager

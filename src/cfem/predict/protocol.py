@@ -1,4 +1,4 @@
-"""What every runnable model offers, whatever its kind and runtime."""
+"""Protocol of every learned model, whatever its kind and runtime."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable

@@ -29,7 +29,7 @@ QUICKEST, SLOWEST = 20, 1000  # ms a frame: quicker ones are slowed down by many
 
 
 class AnimateSpec(Spec):
-    """What the command line says."""
+    """Options of `cfem animate`."""
 
     formats: tuple[Format, ...]
     """Kinds of files."""
@@ -68,8 +68,8 @@ def _work(folder: Path, control: Path, manifest: Mapping[str, Any], spec: Animat
     """Writes the films of a run."""
     demand("pyarrow", "matplotlib", "PIL", where="cfem animate")
     from cfem.core.console.progress import progress
-    from cfem.report.animation import viewer_of
     from cfem.report.paraview import write_series
+    from cfem.report.run_viewer import viewer_of
     from cfem.report.shape_history import LEARNED, histories
 
     shapes = list(histories(control, manifest, spec.frames))
@@ -92,7 +92,7 @@ def _work(folder: Path, control: Path, manifest: Mapping[str, Any], spec: Animat
 
 def _pictures(folder: Path, history: "ShapeHistory", viewer: "Viewer", formats: Sequence[Format]) -> list[str]:
     """Names of the files that show one trajectory."""
-    from cfem.report.moving import gif, still
+    from cfem.report.gif import gif, still
 
     take, pictures = viewer.takes[0], {}
     if "gif" in formats:

@@ -56,8 +56,11 @@ class Chart:
 
 
 def panel(title: str, x: str, log: str = "", count: bool = False) -> Axes:
-    """An axis on its own; title: what is above it, x: what is below it, each with its unit; log: 'x', 'y', 'xy'; count:
-    x counts something."""
+    """An axis on its own.
+
+    title, x: what is above it and below it, each with its unit
+    log: 'x', 'y', 'xy'
+    count: whether x counts something"""
     with plt.rc_context({"font.size": TEXT, "axes.titlesize": TEXT, "figure.constrained_layout.use": False}):
         figure = Figure(figsize=(WIDTH / 72, HEIGHT / 72))
         axis = figure.add_axes((LEFT / WIDTH, 40 / HEIGHT, 1 - (LEFT + 12) / WIDTH, 1 - 66 / HEIGHT))

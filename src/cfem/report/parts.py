@@ -1,4 +1,4 @@
-"""What a page holds, from the artefacts that its spec names."""
+"""Parts of a page, from the artefacts that its spec names."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -12,8 +12,8 @@ from cfem.dataset.reader import read_dataset
 from cfem.motion.load import FILE as MOTION
 from cfem.motion.load import load_motion
 from cfem.predict.load import load_model
-from cfem.report.animation import animation
 from cfem.report.page import Card, ReportSection, Summary
+from cfem.report.run_viewer import animation
 from cfem.report.sections.gait import gait_section, gait_summary
 from cfem.report.sections.interactive import link
 from cfem.report.sections.loops import loop_section

@@ -1,4 +1,4 @@
-"""What `report.yaml` says: which artefacts the page is about."""
+"""Spec of `report.yaml`: which artefacts the page is about."""
 
 from pathlib import Path
 from typing import Annotated, Literal

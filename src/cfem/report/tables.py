@@ -35,6 +35,12 @@ def tabulate(rows: Iterable[Any], columns: Mapping[str, Callable[[Any], str]]) -
     return ReportTable(tuple(heads[i] for i in kept), [tuple(row[i] for i in kept) for row in cells])
 
 
+def by_controller(results: Mapping[str, Mapping[str, Any]], columns: Mapping[str, Callable[[Any], str]]) -> ReportTable:
+    """Table with a row a trajectory and controller. columns: as of `tabulate`, of (trajectory, controller, result)."""
+    rows = [(name, who, result) for name, controllers in results.items() for who, result in controllers.items()]
+    return tabulate(rows, {"trajectory": lambda row: row[0], "controller": lambda row: row[1]} | dict(columns))
+
+
 def loss(errors: Mapping[str, Any]) -> str:
     """The paper's loss of a model, a dash where its test states do not differ and the loss has no unit."""
     return number(None if errors.get("entries") == 0 else errors["loss"])

@@ -1,4 +1,4 @@
-"""From a scene and its mesh to the robot that mechanics solves."""
+"""The robot that mechanics solves, from a scene and its mesh."""
 
 from collections.abc import Callable
 from dataclasses import replace

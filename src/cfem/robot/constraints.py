@@ -1,4 +1,4 @@
-"""What drives, touches, loads and watches the robot, as the user writes it."""
+"""Spec of what drives, touches, loads and watches the robot."""
 
 from typing import Annotated, Any, Literal
 

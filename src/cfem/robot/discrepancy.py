@@ -8,9 +8,10 @@ from pydantic import AfterValidator, Field, WithJsonSchema
 
 from cfem.condensed import Rows
 from cfem.condensed.discrepancy import Discrepancy, terms_of
+from cfem.condensed.parameter_values import number_in
 from cfem.core.errors import SpecError
 from cfem.core.spec import Spec
-from cfem.core.units import Point, parse_quantity
+from cfem.core.units import Point
 
 _QUANTITY = {"type": "string", "description": "a force or a pressure with its unit, e.g. '2 N' or '30 kPa'"}
 
@@ -51,10 +52,7 @@ def discrepancy_in(
     largest = np.empty(len(actuators))
     for index, (name, (_, unit)) in enumerate(zip(actuators, units, strict=True)):
         where = f"discrepancy.largest.{name}"
-        try:
-            largest[index] = parse_quantity(spec.largest[name], unit)
-        except ValueError as error:
-            raise SpecError(str(error), where=where) from None
+        largest[index] = number_in(unit, spec.largest[name], where)
         if not largest[index] > 0:
             raise SpecError("must be above 0", where=where)
     terms, known = terms_of(len(actuators)), {row.rpartition(".")[0] for row in rows}

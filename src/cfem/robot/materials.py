@@ -1,4 +1,4 @@
-"""What the robot is made of, as the user writes it: Young's modulus, the constants of a rubber model, or a name."""
+"""Spec of materials: Young's modulus, the constants of a rubber model, or a name."""
 
 from typing import Annotated, Any, Literal
 

@@ -1,4 +1,4 @@
-"""Where cables and effectors of a scene are: as its points say, or along the body of the catalogue."""
+"""Places of a scene's cables and effectors: as its points say, or along the body of the catalogue."""
 
 import numpy as np
 

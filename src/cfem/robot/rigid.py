@@ -1,4 +1,4 @@
-"""Which nodes move as rigid bodies."""
+"""Nodes that move as rigid bodies."""
 
 from collections.abc import Sequence
 

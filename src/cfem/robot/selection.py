@@ -1,4 +1,4 @@
-"""Which part of a mesh is meant: boxes, balls, cylinders, half spaces, or sets by name. Coordinates are the scene's."""
+"""Selection of a part of a mesh: boxes, balls, cylinders, half spaces, or sets by name. Coordinates are the scene's."""
 
 from typing import Annotated, Literal
 

@@ -19,9 +19,11 @@ from cfem.sample.spec import SampleSpec
 
 @dataclass(frozen=True)
 class ContactPlan:
-    """Picklable. low, high: (n_a + n,) smallest and largest force of each actuator (N), then the coordinates of the
-    patch's pose (mm, rad); turns: whether the patch can turn, n = 6 then, else 3; about_rest: coordinates of the pose
-    that are drawn relative to `resting`."""
+    """Forces and poses to draw of a robot with a patch, picklable.
+
+    low, high: (n_a + n,) bounds of each actuator's force (N), then of the patch's pose (mm, rad)
+    turns: whether the patch can turn: n = 6 then, else 3
+    about_rest: coordinates of the pose that are drawn relative to `resting`"""
 
     low: tuple[float, ...]
     high: tuple[float, ...]

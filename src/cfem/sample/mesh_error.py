@@ -20,8 +20,8 @@ from cfem.robot.spec import SceneSpec
 def sampled_mesh_error(
     dataset: Path, scene: SceneSpec, mesh: Mesh, scene_folder: Path, spec: MeshErrorSpec
 ) -> dict[str, Any]:
-    """`cfem.robot.mesh.error.mesh_error` of the training states (dataset: their file) in which the effectors travel
-    farthest, of the scene's own robot."""
+    """Error of the mesh (`cfem.robot.mesh.error`) at the training states in which effectors travel farthest, for the
+    scene's own robot. dataset: file of these states."""
     rows = read_dataset(dataset)
     robot = build_robot(scene, mesh)
     problem, states = Problem(robot), []

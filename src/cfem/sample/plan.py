@@ -32,7 +32,7 @@ def unit_rows(split: SplitSpec, columns: int) -> np.ndarray:
 
 
 def _random_row(seed: int, i: int, columns: int) -> np.ndarray:
-    """Counter-based (Philox keyed by seed and i): no row depends on another."""
+    """Row i of the plan, counter-based (Philox keyed by seed and i): it depends on no other row."""
     return np.random.Generator(np.random.Philox(key=np.array([seed, i], dtype=np.uint64))).random(columns)
 
 

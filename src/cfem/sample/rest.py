@@ -1,4 +1,4 @@
-"""Where the effectors of each design rest, from the scene alone."""
+"""Rest of each design's effectors, from the scene alone."""
 
 from collections.abc import Sequence
 from typing import Any

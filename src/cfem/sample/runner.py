@@ -1,4 +1,4 @@
-"""From a spec to solved rows: skeleton first, then the shards side by side, each finished one kept on disk.
+"""Solved rows of a spec: skeleton first, then the shards side by side, each finished one kept on disk.
 
 A shard starts its rows from the skeleton and from its own rows only: which process solves it, after which other one,
 and how often the work was interrupted, leaves no trace in the numbers. Workers are sent all they need and send back
@@ -44,8 +44,11 @@ from cfem.sample.workers import WorkersLost
 class Job(Piece):
     """All rows to be solved, who solves them, and where they are kept.
 
-    robot: a pickled SolverFactory; folder: of the shards; skeleton: folder of the states that all rows start from;
-    asked: how the skin is to be found, None where there is none; skin: its file, empty where it is not known yet;
+    robot: a pickled SolverFactory
+    folder: of the shards
+    skeleton: folder of the states that all rows start from
+    asked: how the skin is to be found, None where there is none
+    skin: its file, empty where it is not known yet
     timeout: s without a finished shard after which the workers are given up, None to wait for ever"""
 
     robot: bytes

@@ -35,8 +35,11 @@ from cfem.sample.spec import SkinSpec
 class Piece:
     """Rows to be solved, picklable.
 
-    u: (m, n_a + n_p) rows; split, id: (m,) where each belongs; schema: of their table; contact: what is drawn instead
-    of a space, None without contact; together: share of their reach to which all actuators can be pulled at once"""
+    u: (m, n_a + n_p) rows
+    split, id: (m,) where each belongs
+    schema: of their table
+    contact: what is drawn instead of a space, None without contact
+    together: share of their reach to which all actuators can be pulled at once"""
 
     space: str
     u: np.ndarray

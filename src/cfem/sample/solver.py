@@ -1,4 +1,5 @@
-"""What sampling asks of a robot: its facts and its equilibria. The finite-element robot is one; tests have another."""
+"""Solver that sampling asks of a robot: its facts and its equilibria. The finite-element robot is one; tests have
+another."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace

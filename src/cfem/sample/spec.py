@@ -1,4 +1,4 @@
-"""What the user writes in sample.yaml."""
+"""Spec of sample.yaml."""
 
 from pathlib import Path
 from typing import Annotated, Any, Literal

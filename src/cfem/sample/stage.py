@@ -36,14 +36,16 @@ def run(
     shard: str | None = None,
     quick: bool = False,
 ) -> dict[str, Any]:
-    """Manifest of the dataset. Interrupted, the next run goes on from the shards that were finished. A dataset of the
-    first rows of a sequence is kept, and the others are added to it; so is one that a quick run has left beside it.
+    """Manifest of the dataset. An interrupted run goes on from the shards that were finished. A dataset of the first
+    rows of a sequence is kept, and the others are added to it; so is one that a quick run has left beside it. The scene
+    enters by its values: a comment in it makes no dataset stale.
 
-    workers: processes, one a core by default; scheduler: address of a Dask scheduler, whose workers solve instead;
-    timeout: s without a finished shard after which they are given up. The three change nothing but the time. The scene
-    enters by its values: a comment in it makes no dataset stale. fill: makes the dataset's files; one that samples
-    actively where `spec.until` asks for it is `cfem.active_learning.fill.fill`. shard: 'i/n', to solve the i-th
-    of n parts alone, for `merge`. quick: judges the dataset, and what is made from it, to be coarse."""
+    fill: makes the dataset's files; `cfem.active_learning.fill.fill` samples actively where `spec.until` asks for it
+    workers: processes, one a core by default
+    scheduler: address of a Dask scheduler, whose workers solve instead
+    timeout: s without a finished shard after which workers are given up
+    shard: 'i/n', to solve the i-th of n parts alone, for `merge`
+    quick: judges the dataset, and what is made from it, to be coarse"""
     spec = load_spec(spec_path, SampleSpec, overrides)
     scene, mesh = spec_path.parent / spec.scene, spec_path.parent / spec.mesh
     parameters = scene_parameters(spec.parameters, scene)

@@ -1,4 +1,4 @@
-"""What `cfem stability` does: choose cases, run them, and say what came of it."""
+"""Work of `cfem stability`: choose cases, run them, and say what came of it."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""What was measured of an answer, and the verdict on it."""
+"""Evidence measured of an answer, and the verdict on it."""
 
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable

@@ -1,4 +1,4 @@
-"""Whether W is positive definite all over the domain, and where it is not."""
+"""Definiteness of W all over the domain: the share of states where it is positive definite, and the worst one."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""How good a model is: the paper's loss, and errors in the units that a user cares about."""
+"""Error measures of a model: the paper's loss, and errors in the units that a user cares about."""
 
 from typing import Any
 

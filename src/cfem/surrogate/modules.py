@@ -1,4 +1,4 @@
-"""From a model folder's content to its torch module, of whatever kind."""
+"""Torch module of a model folder's content, of whatever kind."""
 
 import numpy as np
 from torch import nn

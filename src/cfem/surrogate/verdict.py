@@ -1,4 +1,4 @@
-"""What `cfem train` says of a model in words: its errors, and why it should not be trusted, if so."""
+"""Verdict of `cfem train` on a model in words: its errors, and why it should not be trusted, if so."""
 
 from typing import Any
 

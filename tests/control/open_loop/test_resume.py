@@ -13,7 +13,7 @@ from support.fast_cases import fast_are
 
 import cfem
 from cfem.control.open_loop import resume
-from cfem.control.open_loop.resume import FILE, SoFar, _Reader
+from cfem.control.open_loop.resume import FILE, KeptRun, _Reader
 from cfem.core.artefact.files import write_whole
 from cfem.core.artefact.manifest import read_manifest
 from cfem.core.errors import OutputError
@@ -115,8 +115,8 @@ def test_a_state_that_cannot_be_kept_is_said_once(tmp_path, capfd, monkeypatch):
     monkeypatch.setattr(resume, "EVERY", 0.0)
     plant = SimpleNamespace(problems=[], memory=lambda: None)
     plant.changing = [(plant, ("memory",))]
-    run = SoFar(tmp_path)
-    run.of([plant], {"there": np.zeros((2, 3))})
+    run = KeptRun(tmp_path)
+    run.begin([plant], {"there": np.zeros((2, 3))})
     run.finished("there", None)
     assert capfd.readouterr().err.count("the state of this plant cannot be kept") == 1
     assert list(tmp_path.iterdir()) == []

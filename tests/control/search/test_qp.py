@@ -6,11 +6,19 @@ from control.programs import KINDS, known, without_a_point
 from scipy.optimize import lsq_linear
 
 from cfem.control.search import qp
-from cfem.control.search.qp import QpStatus, residuals, solve_qp
+from cfem.control.search.qp import QpStatus, solve_qp
+from cfem.control.search.qp_program import Kkt, scaled
 
 BACKENDS = ("active_set", "osqp")
 OPEN = np.tile([-np.inf, np.inf], (2, 1))
 NO_ROWS = np.zeros((0, 2)), np.zeros(0), np.zeros(0)
+
+
+def residuals(M, d, A, lower, upper, box, x, y, z) -> Kkt:
+    """Residuals of any x and multipliers of a program that has a solution."""
+    low, high = np.concatenate([box[:, 0], lower]), np.concatenate([box[:, 1], upper])
+    program, variables, multipliers = scaled(M, d, A, low, high)
+    return program.judged(x / variables, np.concatenate([z, y]) / multipliers).kkt.of(program.unit)
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -108,7 +108,7 @@ def test_under_commanded_forces_actuators_yield_as_the_model_does(estimator):
     x, h = np.array([3.0, 0.0, 0.0, 0.0]), 1e-3
     u, at = estimator.tensions(x), estimator.response(x[:1])
     ahead, behind = (under_forces(estimator, u + sign * h, x)[0] for sign in (1, -1))
-    assert at.here.W_aa[0, 0] == pytest.approx((ahead - behind) / (2 * h), rel=1e-4)
+    assert at.state.W_aa[0, 0] == pytest.approx((ahead - behind) / (2 * h), rel=1e-4)
     for place in range(3):
         load = h * np.eye(4)[1 + place]
         ahead, behind = (under_forces(estimator, u, x + sign * load)[0] for sign in (1, -1))

@@ -1,4 +1,4 @@
-"""What `adapt` of a controller says: what is tracked while the robot works."""
+"""Spec of `adapt`: what a controller tracks while the robot works."""
 
 from typing import Annotated
 

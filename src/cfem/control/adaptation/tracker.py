@@ -111,7 +111,7 @@ class Tracker:
         return self.unknowns.camera(self._used)
 
     def true(self, delta_e: np.ndarray) -> np.ndarray:
-        """(n_e,) mm from rest: where effectors are that the camera shows at delta_e."""
+        """Places (n_e,) mm from rest of effectors that the camera shows at delta_e, its own motion taken off."""
         return self._camera.true(delta_e, self.used_f) if len(self.unknowns.moves) else delta_e
 
     @property

@@ -32,8 +32,11 @@ class TrackedUnknowns:
         camera: tuple[float, float],
         forget: float,
     ):
-        """find: names of parameters, all unless given; loss: mm or N, camera: mm and rad, standard deviations, 0 for
-        what is not tracked; forget: samples after which one counts for 1/e."""
+        """Unknowns of a model.
+
+        find: names of parameters, all unless given
+        loss, camera: standard deviations in mm or N, and in mm and rad, 0 for what is not tracked
+        forget: samples after which one counts for 1/e"""
         parameters, n_a = predictor.parameters, predictor.rows.n_a
         names = [parameter.name for parameter in parameters]
         wanted = names if find is None else list(find)

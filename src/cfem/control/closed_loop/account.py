@@ -1,4 +1,4 @@
-"""What became of a run over time: the error in each tenth of it, and which bounds held the commands."""
+"""Account of a run over time: the error in each tenth of it, and which bounds held the commands."""
 
 from collections.abc import Sequence
 from itertools import pairwise

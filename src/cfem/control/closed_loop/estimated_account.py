@@ -12,8 +12,6 @@ from cfem.predict.estimation.estimate import Estimator
 from cfem.predict.protocol import Predictor
 
 COVERED = 1.959964  # standard deviations of a 95 % interval
-
-
 POINTS = 500  # of the surface, where its error is looked at
 
 
@@ -35,57 +33,44 @@ class EstimateAccount:
     def row(self, controller: EstimatingController, tick: int, actual: Measurement) -> dict[str, Any]:
         """Columns of a tick, whose estimate may be of an earlier sample; nan where there is no new one."""
         self._actual[tick] = actual
-        rows, estimate = self._estimator.model.rows, controller.estimate
+        columns, estimate = self._no_estimate(), controller.estimate
         if estimate is None or controller.sample_tick == self._of:
-            return self._columns("", *(np.full(n, np.nan) for n in (rows.n_e, *[rows.n_a] * 3)), *self._no_loads, None)
+            return columns
         self._of = controller.sample_tick
-        truth = self._actual.get(controller.sample_tick)
-        self._actual = {number: actual for number, actual in self._actual.items() if number >= controller.sample_tick}
-        nothing = np.full(rows.n_a, np.nan)
-        known = truth is not None and truth.status == "converged"
-        shape = None
-        if known and truth.surface is not None and estimate.converged:
-            estimated = self._estimator.model.skin.surface(estimate.rows)[self._points]
-            shape = ((estimated - truth.surface) ** 2).sum(axis=1)
-        n_a, deviation = rows.n_a, estimate.deviation
-        return self._columns(
-            estimate.status.value,
-            self._estimator.model.rest_e + estimate.delta_e,
-            estimate.delta_a,
-            deviation[:n_a],
-            truth.delta_a if known and truth.delta_a is not None else nothing,
-            estimate.loads,
-            deviation[n_a:],
-            self._true_loads(controller.sample_tick),
-            shape,
-            estimate,
-        )
-
-    @property
-    def _no_loads(self) -> list[np.ndarray]:
-        return [np.full(len(self._estimator.loaded), np.nan)] * 3
-
-    def _columns(
-        self, status, x_e, delta_a, delta_a_sd, delta_a_true, loads, loads_sd, loads_true, shape, estimate=None
-    ):
-        """shape: (k,) mm^2 of each point, None where it is not known."""
-        return {
-            "estimate_of": self._of if estimate is not None else 0,
-            "estimate_status": status,
-            "estimated_e": x_e,
-            "estimated_a": delta_a,
-            "estimated_a_sd": delta_a_sd,
-            "true_a": delta_a_true,
-            "loads": loads,
-            "loads_sd": loads_sd,
-            "true_loads": loads_true,
-            "shape_rms": np.nan if shape is None else float(np.sqrt(shape.mean())),
-            "shape_max": np.nan if shape is None else float(np.sqrt(shape.max())),
-            "unseen": "" if estimate is None else " ".join(estimate.unseen),
-            "left_out": 0 if estimate is None else len(estimate.outliers),
-            "innovation": np.nan if estimate is None else estimate.innovation[0],
-            "innovation_numbers": 0 if estimate is None else estimate.innovation[1],
+        truth, n_a = self._actual.get(self._of), self._estimator.model.rows.n_a
+        self._actual = {number: actual for number, actual in self._actual.items() if number >= self._of}
+        columns |= {
+            "estimate_of": self._of,
+            "estimate_status": estimate.status.value,
+            "estimated_e": self._estimator.model.rest_e + estimate.delta_e,
+            "estimated_a": estimate.delta_a,
+            "estimated_a_sd": estimate.deviation[:n_a],
+            "loads": estimate.loads,
+            "loads_sd": estimate.deviation[n_a:],
+            "true_loads": self._true_loads(self._of),
+            "unseen": " ".join(estimate.unseen),
+            "left_out": len(estimate.outliers),
+            "innovation": estimate.innovation[0],
+            "innovation_numbers": estimate.innovation[1],
         }
+        if truth is None or truth.status != "converged":
+            return columns
+        if truth.delta_a is not None:
+            columns["true_a"] = truth.delta_a
+        if truth.surface is not None and estimate.converged:
+            estimated = self._estimator.model.skin.surface(estimate.rows)[self._points]
+            square = ((estimated - truth.surface) ** 2).sum(axis=1)
+            columns |= {"shape_rms": float(np.sqrt(square.mean())), "shape_max": float(np.sqrt(square.max()))}
+        return columns
+
+    def _no_estimate(self) -> dict[str, Any]:
+        """Columns of a tick without a new estimate."""
+        rows, n_w = self._estimator.model.rows, len(self._estimator.loaded)
+        columns: dict[str, Any] = {"estimate_of": 0, "estimate_status": "", "estimated_e": np.full(rows.n_e, np.nan)}
+        columns |= {name: np.full(rows.n_a, np.nan) for name in ("estimated_a", "estimated_a_sd", "true_a")}
+        columns |= {name: np.full(n_w, np.nan) for name in ("loads", "loads_sd", "true_loads")}
+        columns |= {"shape_rms": np.nan, "shape_max": np.nan, "unseen": "", "left_out": 0}
+        return columns | {"innovation": np.nan, "innovation_numbers": 0}
 
     def _true_loads(self, tick: int) -> np.ndarray:
         """(n_w,) N on the loaded rows; nan for rows of the skin, to which a push on an effector is not known to be."""

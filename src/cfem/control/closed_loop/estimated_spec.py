@@ -1,4 +1,4 @@
-"""What `loop.estimate` of control.yaml says: the markers that a controller sees instead of the effectors."""
+"""Spec of `loop.estimate`: the markers that a controller sees instead of the effectors."""
 
 from typing import Annotated
 

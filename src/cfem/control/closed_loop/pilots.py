@@ -1,4 +1,4 @@
-"""What a controller of a loop works with, from its spec: model, limits, gains, seeds, and where the robot stands."""
+"""Setting of a controller of a loop, from its spec: model, limits, gains, seeds, and where the robot stands."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-"""What a loop follows: goals one after the other, and when the next one is due."""
+"""References of a loop: goals one after the other, and when the next one is due."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""What control.yaml says of control over time: the goals, the loop, and the robot in it."""
+"""Spec of control over time: the goals, the loop, and the robot in it."""
 
 from typing import Literal
 

@@ -1,4 +1,4 @@
-"""What the `loop:` part of `control.yaml` says: control over time, open or closed, into an imperfect plant."""
+"""Spec of `loop:` in control.yaml: control over time, open or closed, into an imperfect plant."""
 
 from pathlib import Path
 from typing import Annotated, Literal
@@ -66,7 +66,7 @@ class GainsSpec(Spec):
 
 
 class ControllerSpec(Spec):
-    """One way to control."""
+    """A controller of the loop."""
 
     mode: Literal["open", "closed", "policy"]
     """open: no feedback. closed: with gains on the measured error. policy: a trained policy."""
@@ -128,7 +128,7 @@ class SettleSpec(Spec):
 
 
 class SensorSpec(Spec):
-    """What measures the effectors."""
+    """Sensor of the effectors."""
 
     noise: Length = 0.0
     """Standard deviation of each measured coordinate."""

@@ -1,4 +1,4 @@
-"""How a gait is found, walked and told of."""
+"""Course of a gait run: the gait is found, walked and reported."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence

@@ -1,4 +1,4 @@
-"""What control.yaml says of a gait: the crawler, the ground under it, and what commands may be."""
+"""Spec of a gait: the crawler, the ground under it, and what commands may be."""
 
 from typing import Annotated
 

@@ -34,8 +34,8 @@ Place = tuple[np.ndarray, np.ndarray]
 
 @dataclass(frozen=True)
 class GaitSetting:
-    """Gait run as the spec has it: one leg, the model of it by its name, the places of the legs, and the crawler twice,
-    learned and by finite elements."""
+    """Setting of a gait run: one leg, its model and that model's name, the places of the legs, and the crawler with
+    learned legs and with legs of finite elements."""
 
     robot: Robot
     name: str

@@ -1,4 +1,4 @@
-"""What a grasp can hold, before anything is carried out."""
+"""Capacity of a grasp, before anything is carried out."""
 
 from copy import copy
 from dataclasses import replace

@@ -98,7 +98,7 @@ class Gripping:
         return stands
 
     def settle(self, delta_a: np.ndarray) -> None:
-        """Takes delta_a (n_a,) mm for where the robots stand now: further steps begin there."""
+        """Moves the robots to delta_a (n_a,) mm, where further steps begin."""
         self.begin_search()
         self.at = np.asarray(delta_a, float)
         self.before = self._walked(self.at)
@@ -184,7 +184,8 @@ class Gripping:
 
 @dataclass(frozen=True)
 class Grip(ObstacleWorld):
-    """World of plans with a grip: the robots' own grips stay above 0. fe: the plant; model: that plans first."""
+    """World of plans that hold an object by friction: each robot's slip margin stays above 0. fe: the plant; model: the
+    first that plans."""
 
     fe: GripPlant
     model: Gripping

@@ -1,4 +1,4 @@
-"""What control.yaml says of an object and of the robots that hold it."""
+"""Spec of an object and of the robots that hold it."""
 
 from typing import Literal
 

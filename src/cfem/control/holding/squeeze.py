@@ -1,4 +1,4 @@
-"""How robots share a squeeze, so that it does not push the object aside.
+"""Shares of a squeeze among robots, so that it does not push the object aside.
 
 Where all actuators are pulled alike, two robots on one side of an object push the one on the other side back: the
 object moves away from where it stands, and plans that bring it there again tilt it. Seen from rest, robot i presses

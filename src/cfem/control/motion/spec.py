@@ -1,4 +1,4 @@
-"""What `control.yaml` says of a robot that moves between ticks, and of controllers that know how."""
+"""Spec of a robot that moves between ticks, and of controllers that know how."""
 
 from typing import Literal
 

@@ -1,4 +1,4 @@
-"""How much of a tracking result is the mesh: a few of the commands carried out once more, on a finer mesh.
+"""Error of the mesh in a tracking result: a few of the commands carried out once more, on a finer mesh.
 
 The tracking error is measured against the FE robot on the mesh that the model was trained on, and says nothing of the
 error of that mesh."""

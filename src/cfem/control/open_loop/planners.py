@@ -1,4 +1,4 @@
-"""What searches for goals in a control run: by each model, with fewer iterations, and by FE matrices."""
+"""Pilots that search for goals in a control run: by each model, with fewer iterations, and by FE matrices."""
 
 from collections.abc import Mapping
 from dataclasses import replace

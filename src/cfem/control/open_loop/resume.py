@@ -53,7 +53,7 @@ class Done:
         return self.goals.get(name, 0)
 
 
-class SoFar:
+class KeptRun:
     """Part of a run that is done, kept on the disk for the next run.
 
     goals: (m, n_e) mm by trajectory as an interrupted run has set them, None without one
@@ -70,7 +70,7 @@ class SoFar:
         if keep and self._file.exists():
             self._read()
 
-    def of(self, plants: Sequence[Any], goals: Mapping[str, np.ndarray]) -> None:
+    def begin(self, plants: Sequence[Any], goals: Mapping[str, np.ndarray]) -> None:
         """Takes the plants and FE models whose states are kept, as they stand before the first goal, and the goals."""
         if not self._keep:
             return

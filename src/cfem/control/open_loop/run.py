@@ -12,7 +12,7 @@ from cfem.control.open_loop.doubts import doubts
 from cfem.control.open_loop.experiment import follow
 from cfem.control.open_loop.mesh_error import discretisation, states_to_refine
 from cfem.control.open_loop.planners import counted_rows, pilots_of
-from cfem.control.open_loop.resume import SoFar
+from cfem.control.open_loop.resume import KeptRun
 from cfem.control.open_loop.summary import headline, judged, record, summarise
 from cfem.control.task.goals.trajectory_spec import has_been, meant_beyond
 from cfem.control.task.loads import load_doubts
@@ -23,18 +23,18 @@ from cfem.core.console.progress import progress
 from cfem.dataset.writer import write_records
 
 
-def carry_out(folder: Path, spec: PlannedSpec, base: Path, prepared: Prepared, so_far: SoFar) -> dict[str, Any]:
-    """Writes trajectories.parquet and states.npz; returns the results. so_far: what an interrupted run has done."""
+def carry_out(folder: Path, spec: PlannedSpec, base: Path, prepared: Prepared, kept_run: KeptRun) -> dict[str, Any]:
+    """Writes trajectories.parquet and states.npz; returns the results. kept_run: what an interrupted run has done."""
     holding = isinstance(spec, HoldingSpec)
     robot, fem = prepared.robot, prepared.fem
     surface, places = np.unique(robot.facets, return_inverse=True)
-    so_far.of([prepared.plant, *([] if fem in (None, prepared.plant) else [fem])], prepared.goals)
-    done, total = so_far.done, sum(map(len, prepared.goals.values()))
+    kept_run.begin([prepared.plant, *([] if fem in (None, prepared.plant) else [fem])], prepared.goals)
+    done, total = kept_run.done, sum(map(len, prepared.goals.values()))
     with progress("the robot carries out the commands", total, done=sum(done.goals.values())) as advance:
         for name in prepared.goals:
             if done.finished(name) < len(prepared.goals[name]):
-                _follow(name, spec, prepared, surface, so_far, advance)
-    so_far.restore()
+                _follow(name, spec, prepared, surface, kept_run, advance)
+    kept_run.restore()
     counted = counted_rows(spec, robot)
     results = {name: summarise(rows, robot.length, counted) for name, rows in done.rows.items()}
     records = [row for rows in done.rows.values() for row in rows]
@@ -61,7 +61,7 @@ def carry_out(folder: Path, spec: PlannedSpec, base: Path, prepared: Prepared, s
         held, met = (held | figures, None) if holding else (None, figures)
     if prepared.touched and prepared.touched.commands:  # none where the model is its own plant
         lines.append(prepared.touched.sentence())
-    so_far.remove()
+    kept_run.remove()
     return {
         "headline": lines,
         KEY: [
@@ -83,19 +83,24 @@ def carry_out(folder: Path, spec: PlannedSpec, base: Path, prepared: Prepared, s
 
 
 def _follow(
-    name: str, spec: PlannedSpec, prepared: Prepared, surface: np.ndarray, so_far: SoFar, advance: Callable[[int], None]
+    name: str,
+    spec: PlannedSpec,
+    prepared: Prepared,
+    surface: np.ndarray,
+    kept_run: KeptRun,
+    advance: Callable[[int], None],
 ) -> None:
     """Carries out the goals of one trajectory that are not done: their rows, and the deformed nodes of the surface at
     them."""
-    done, goals = so_far.done, prepared.goals[name]
+    done, goals = kept_run.done, prepared.goals[name]
     begun = done.finished(name)
     if not begun:
-        so_far.restore()
+        kept_run.restore()
         if isinstance(spec, HoldingSpec):
             prepared.touched.reset()  # friction depends on the way, and plans begin at rest
     pilots = pilots_of(spec, prepared.robot, prepared.predictors, prepared.fem, prepared.world)
     judge = Controller(pilots[FE_BASED], prepared.rest_e) if FE_BASED in pilots else None
-    so_far.restore(judge)
+    kept_run.restore(judge)
     wanted = states_to_refine(prepared.goals, spec, prepared.robot.rest_e)
     chosen = set(np.linspace(0, len(goals) - 1, min(spec.pictures, len(goals))).round().astype(int).tolist())
     rows = done.rows.setdefault(name, [])
@@ -116,7 +121,7 @@ def _follow(
             record(name, result, spec.reached, fe, prepared.world, spec.reached_rotation, been_there)
             for result in tracked
         ]
-        so_far.finished(name, judge)
+        kept_run.finished(name, judge)
 
 
 def _free(spec: PlannedSpec, prepared: Prepared) -> bool:

@@ -1,4 +1,4 @@
-"""What control.yaml says of a run in open loop: goals that learned models plan one by one for a robot that is free."""
+"""Spec of a run in open loop: goals that learned models plan one by one for a robot that is free."""
 
 from typing import Literal
 

@@ -21,10 +21,13 @@ def record(
     reached_rotation: float = np.inf,
     been_there: bool = False,
 ) -> dict:
-    """One row of `trajectories.parquet`; lengths mm, forces N. fe: what FE-based control did at the same goal; world:
-    of obstacles, whose wanted forces and distances belong to a goal; reached_rotation: rad; been_there: whether the
-    goal is a state of the robot within the bounds of the search, so that it cannot be out of reach. Robots that hold an
-    object: also `contact`, the force by which each of them pushes it, by the plan."""
+    """Row of `trajectories.parquet`; lengths mm, forces N. Of robots that hold an object it has `contact`: the force by
+    which each of them pushes it, by the plan.
+
+    fe: what FE-based control did at the same goal
+    world: of obstacles, whose wanted forces and distances belong to a goal
+    reached_rotation: rad
+    been_there: whether the goal is a state of the robot within the bounds of the search, and cannot be out of reach"""
     plan, measured = tracked.plan, tracked.measured
     near = plan.distance < reached and (world is None or world.met(plan.delta_e, reached))
     verdict = plan.verdict(near)

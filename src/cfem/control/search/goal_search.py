@@ -265,8 +265,7 @@ def _descend(
     penalties: tuple[float, float],
     settings: SearchSettings,
 ) -> tuple[Condensed | None, int]:
-    """The state at the end of the step, half way to it, ... whose merit is below the present one; None where
-    none is."""
+    """First state along the step, at its end, half way, a quarter, ..., with a lower merit; None where none has."""
     merit = _merit(state, aim, limits, penalties, settings.scale)
     for halving in range(settings.halvings + 1):
         try:

@@ -1,4 +1,4 @@
-"""Whether a goal that a search has missed is out of reach.
+"""Verdict on a goal that a search has missed: out of reach, or not converged.
 
 At a state that satisfies the first-order optimality conditions of
 

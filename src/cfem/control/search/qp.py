@@ -85,23 +85,6 @@ def solve_qp(
     return QpSolution(x, force[n:], force[:n], status, answer.kkt.of(program.unit), iterations)
 
 
-def residuals(
-    M: np.ndarray,
-    d: np.ndarray,
-    A: np.ndarray,
-    lower: np.ndarray,
-    upper: np.ndarray,
-    box: np.ndarray,
-    x: np.ndarray,
-    y: np.ndarray,
-    z: np.ndarray,
-) -> Kkt:
-    """Residuals of any x and multipliers of a program that has a solution."""
-    low, high = np.concatenate([box[:, 0], lower]), np.concatenate([box[:, 1], upper])
-    program, variables, multipliers = scaled(M, d, A, low, high)
-    return program.judged(x / variables, np.concatenate([z, y]) / multipliers).kkt.of(program.unit)
-
-
 def _complaint(M: np.ndarray, d: np.ndarray, A: np.ndarray, low: np.ndarray, high: np.ndarray) -> QpStatus:
     """Status of a program that cannot be solved as it stands: what is wrong with it."""
     if not all(np.isfinite(each).all() for each in (M, d, A)) or np.isnan(low).any() or np.isnan(high).any():

@@ -1,4 +1,4 @@
-"""What a control run is about: the robot, the models that plan, the plant that carries out, and the goals."""
+"""Everything that a control run needs: the robot, the models that plan, the plant that carries out, and the goals."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

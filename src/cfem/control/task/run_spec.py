@@ -1,4 +1,4 @@
-"""What every run of `cfem control` states: robot, models, where the result goes, and how goals are searched for.
+"""Spec that all runs of `cfem control` share: robot, models, where the result goes, and how goals are searched for.
 
 A kind of run adds keys of its own (`cfem.control.spec`), or narrows those that stand here."""
 
@@ -82,7 +82,7 @@ class TrackingSpec(RunSpec):
             raise ValueError(what)
 
     def _only_what_the_robot_has(self) -> None:
-        """Orientations and places on a table are an object's, images an FE robot's."""
+        """ValueError where goals state an orientation or a table, which objects alone have, or an image without FE."""
         for name, trajectory in self.trajectories.items():
             if isinstance(trajectory, GoalsSpec):
                 trajectory.demand_object(name, turns=False, table=False)

@@ -1,4 +1,4 @@
-"""What differs between two descriptions of what an artefact was made from, in words."""
+"""Differences between two descriptions of what an artefact was made from, in words."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any

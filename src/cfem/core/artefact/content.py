@@ -1,4 +1,4 @@
-"""What artefact folders hold: the hash of their content, and files checked against the manifest."""
+"""Content of artefact folders: the hash of their content, and files checked against the manifest."""
 
 from pathlib import Path
 
@@ -19,8 +19,8 @@ def artefact_file(folder: Path, name: str) -> Path:
     manifest = read_manifest(folder)
     known = manifest["files"].get(name) if is_inside(name) else None
     if known is None:
-        there = ", ".join(sorted(manifest["files"]))
-        what = f"holds no {name}: cfem {manifest.get('stage')} made {there} there"
+        files = ", ".join(sorted(manifest["files"]))
+        what = f"holds no {name}: cfem {manifest.get('stage')} made {files} there"
         raise InputError(what, where=str(folder), do="check the path, and what the spec of that stage asks for")
     if file_sha256(folder / name) != known:
         raise InputError(

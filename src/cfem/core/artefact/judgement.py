@@ -31,12 +31,12 @@ KEY = "judgement"
 
 
 def poor(what: str) -> dict[str, Any]:
-    """The result is there, and should not be trusted."""
+    """Finding that a result should not be trusted."""
     return {"what": what}
 
 
 def contradicted(what: str) -> dict[str, Any]:
-    """A better method has found otherwise."""
+    """Finding that a better method contradicts a result."""
     return {"what": what, "contradicted": True}
 
 

@@ -89,8 +89,8 @@ def free_name(name: Path) -> Path:
 
 
 def announced(folder: Path, aside: Path, why: str) -> Path:
-    """`aside`, after a sentence to the user that what is in `folder` goes there, and how much room it takes with what
-    went before it."""
+    """Tells the user that the contents of `folder` move to `aside`, and how much room all its set-aside copies take;
+    returns `aside`."""
     shown = [os.path.normpath(path) for path in (folder, aside)]
     older = sorted(aside.parent.glob(f"{glob.escape(aside.name.rpartition('.old-')[0])}.old-*"))
     taken = [disk_size(path) for path in (folder, *older)]

@@ -1,4 +1,4 @@
-"""What made a result: versions of cfem, Python and the packages that numbers depend on, and the machine."""
+"""Provenance of a result: versions of cfem, Python and the packages that numbers depend on, and the machine."""
 
 import platform
 from importlib.metadata import PackageNotFoundError, version

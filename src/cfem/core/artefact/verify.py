@@ -1,4 +1,5 @@
-"""Whether artefacts are what their stages wrote: every byte against the manifest, and the manifest against itself."""
+"""Verification that artefacts are what their stages wrote: every byte against the manifest, and the manifest against
+itself."""
 
 import os
 from collections.abc import Iterator, Sequence

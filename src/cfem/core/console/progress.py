@@ -1,4 +1,4 @@
-"""What a command is doing, on stderr, so that none is silent.
+"""Progress of a command on stderr, so that none is silent.
 
 `shown` opens the display once a command. Work below it says what it does by `doing` and how far it is by `progress`,
 and neither knows nor asks whether anybody looks: without a display both do nothing. On a terminal one line is rewritten
@@ -230,12 +230,12 @@ def progress(
     estimate: bool = True,
     note: Callable[[], str] | None = None,
 ) -> Iterator[Callable[[int], None]]:
-    """Shows that `what` is being done, in `total` parts. Yields `advance(n)`, to be called when n parts more are
-    done.
+    """Shows that `what` is being done, in `total` parts. Yields `advance(n)`, to be called when n parts more are done.
 
-    done: parts that an earlier run finished, which do not enter the estimate of the time left; poll: gives how many
-    were done since, where another process counts them; estimate: False where more work of another kind follows; note:
-    gives what the line says of the parts that are done, as what they cost."""
+    done: parts that an earlier run finished, which do not enter the estimate of the time left
+    estimate: False where more work of another kind follows
+    poll: gives how many were done since, where another process counts them
+    note: gives what the line says of the parts that are done, as what they cost"""
     display = _display
     if display is None or total <= done:
         yield lambda n: None

@@ -27,7 +27,7 @@ def length(*mm: float, digits: int = 3) -> str:
 
 
 def length_unit(mm: float) -> tuple[str, float]:
-    """The unit in which `length` gives lengths of which this is the largest, and its mm."""
+    """Unit in which `length` writes lengths up to `mm`, and the mm of that unit."""
     return _unit(abs(mm), ((("m", 1e3),) if abs(mm) >= 1e3 else LENGTHS), 0.1)
 
 

@@ -37,7 +37,7 @@ class Front:
 def pareto_front(
     problem: DesignProblem, grid: Grid, names: Sequence[str], points: int, ends: Sequence[Design]
 ) -> Front:
-    """Front of designs. ends: the best designs by each objective alone."""
+    """Pareto front of these objectives, of about `points` designs. ends: the best designs by each objective alone."""
     indices = [problem.names.index(name) for name in names]
     unit = np.eye(len(problem.objectives))[indices]
     # of designs that are equally good at one objective, the end is the best at the others

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from cfem.condensed.parameters import named
 from cfem.core.artefact.judgement import contradicted
 from cfem.core.console.shown import duration
 from cfem.core.errors import NumericalError
@@ -77,11 +78,8 @@ def account_of(
         p = problem.p(top.z)
         parameters = problem.family.parameters
         results[name] = {
-            "p": dict(zip([parameter.name for parameter in parameters], p.tolist(), strict=True)),
-            "overrides": [
-                f"{parameter.key}={value:.10g}" + ("" if parameter.unit == "1" else f" {parameter.unit}")
-                for parameter, value in zip(parameters, p, strict=True)
-            ],
+            "p": named(parameters, p),
+            "overrides": [parameter.override(value) for parameter, value in zip(parameters, p, strict=True)],
             "objectives": dict(zip(problem.names, top.objectives.tolist(), strict=True)),
             "constraints": dict(zip(problem.constraints, top.constraints.tolist(), strict=True)),
             "of_the_models_design": dict(zip(problem.names, refined.ends[0].first.tolist(), strict=True)),

@@ -127,9 +127,8 @@ def optimum(
         penalty = 2 * max(largest, 1.0)
 
         def merit(design_values: np.ndarray, penalty: float = penalty, scales: np.ndarray = slopes[n_f:]) -> float:
-            return float(scalar(grid.hat(design_values[None, :n_f]))[0]) + penalty * _violation(
-                design_values[n_f:], scales
-            )
+            objective = float(scalar(grid.hat(design_values[None, :n_f]))[0])
+            return objective + penalty * _violation(design_values[n_f:], scales)
 
         promised = merit(values) - merit(np.concatenate([candidate.objectives, candidate.constraints]))
         if promised <= _LEAST_GAIN or radius < _SMALLEST:

@@ -79,9 +79,12 @@ def inertia(
     stressed: tuple[np.ndarray, np.ndarray] | None = None,
     derivatives: bool = False,
 ) -> tuple[Inertia, np.ndarray | None]:
-    """Inertia of the equilibrium that was condensed, without a factorisation, and Y (n_dof, n), None where nothing
-    needs it. mass: of `mass_of`; stressed: for inner motions, the forces (n_dof, k) of the stresses of
-    `inner_motions.rod_stresses` and A^-1 of them; derivatives: whether dV will be asked for."""
+    """Inertia of the equilibrium that was condensed, without a factorisation, and Y (n_dof, n), None where it is not
+    needed.
+
+    mass: of `mass_of`
+    stressed: for inner motions, the forces (n_dof, k) of the stresses of `inner_motions.rod_stresses` and A^-1 of them
+    derivatives: whether dV will be asked for"""
     Z, Y, symmetric = condensation.Z, None, lambda each: (each + each.T) / 2
     G = None if stressed is None else _answers(problem, evaluation, condensation, *stressed)
     heavy = times_mass(problem, mass, evaluation.x, Z if G is None else np.hstack([Z, G.motions]))

@@ -1,4 +1,5 @@
-"""What is prescribed to the active rows (actuators, then contacts): displacements, forces, or a mixture, in one form.
+"""Actuation: what is prescribed to the active rows (actuators, then contacts): displacements, forces, or a mixture, in
+one form.
 
 lambda = offset + C^T mu      and      C delta = target
 
@@ -34,7 +35,7 @@ class Actuation:
         return len(self.offset)
 
     def padded(self, n: int) -> "Actuation":
-        """Actuation of n active rows, of which those after mine (contacts) are left free: their multipliers are 0."""
+        """This actuation for n active rows: further rows (contacts) are free, with multipliers 0."""
         extra = n - self.n
         if extra == 0:
             return self

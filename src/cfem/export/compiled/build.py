@@ -94,7 +94,7 @@ def library(folder: Path, flags: tuple[str, ...] = FAST, names: tuple[str, ...] 
 def _library(
     folder: Path, names: tuple[str, ...], flags: tuple[str, ...], files: tuple[tuple[str, str], ...]
 ) -> ctypes.CDLL:
-    """files: names and SHA-256 of the folder's files."""
+    """Shared library, compiled once for the same files: names and SHA-256 of the folder's."""
     command = demand_compiler()
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as place:  # Windows keeps a library that is loaded
         out = Path(place) / "libcfem.so"

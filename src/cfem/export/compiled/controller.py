@@ -55,8 +55,12 @@ class CompiledController:
         tick: int = 0,
         delta_a: np.ndarray | None = None,
     ) -> TickCommand:
-        """goal (n_e,) mm absolute; x_e (n_e,) mm absolute: the latest sample of the effectors, which followed the
-        command of that number; delta_a (n_a,) mm for the observer that needs it."""
+        """Command of a tick.
+
+        goal: (n_e,) mm absolute
+        x_e: (n_e,) mm absolute, the latest sample of the effectors
+        tick: number of the command that the sample followed
+        delta_a: (n_a,) mm for the observer that needs it"""
         self._input.goal[:] = goal.tolist()
         self._input.tick = tick
         if x_e is not None:

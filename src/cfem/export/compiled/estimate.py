@@ -18,7 +18,12 @@ MEASURED = ("place", "displacement", "force", "command")
 
 @dataclass(frozen=True)
 class EstimateInC:
-    """x (n,), covariance (n, n), effector (n_e,) mm from rest; left_out, unseen: bits; status, iterations: as in C."""
+    """Estimate of the C code.
+
+    x, covariance: (n,) unknowns and (n, n)
+    effector: (n_e,) mm from rest
+    left_out, unseen: bits of markers and of unknowns
+    status, iterations: as in C"""
 
     x: np.ndarray
     covariance: np.ndarray
@@ -68,7 +73,7 @@ class CompiledEstimator(CompiledFilter):
         self._library.cfem_filter_init(ctypes.byref(self._filter))
 
     def tick(self, **measured: np.ndarray) -> EstimateInC:
-        """place (m, 3), displacement, force, command (n_a,): nan for what is not measured or known."""
+        """Estimate after the next frame. place (m, 3), displacement, force, command (n_a,): nan where not measured."""
         return self._asked(self._library.cfem_filter_tick, measured, ctypes.byref(self._filter))
 
     def alone(self, **measured: np.ndarray) -> EstimateInC:
@@ -82,20 +87,20 @@ class CompiledEstimator(CompiledFilter):
 
 def estimate_parity(folder: Path, made: Filter) -> float:
     """`difference` of the estimator in a C folder. A frame that none can estimate counts by its status alone."""
-    return difference(moving_frames(made), CompiledEstimator(folder).tick, made.estimator.scale, whole=False)
+    return difference(moving_frames(made), CompiledEstimator(folder).tick, made.estimator.scale, with_failed=False)
 
 
 def difference(
-    frames: list[dict[str, Any]], ask: Callable[..., EstimateInC], scale: np.ndarray, whole: bool = True
+    frames: list[dict[str, Any]], ask: Callable[..., EstimateInC], scale: np.ndarray, with_failed: bool = True
 ) -> float:
     """The largest difference of unknowns and standard deviations from Python's over their scale, and of the effectors
-    over the first's; inf where a status differs. whole: those whose status is not 0 too."""
+    over the first's; inf where a status differs. with_failed: frames whose status is not 0 count too."""
     most = 0.0
     for frame in frames:
         estimate, answer = ask(**{name: frame[name] for name in MEASURED}), frame["answer"]
         if estimate.status != status_of(answer.status):
             return np.inf
-        if estimate.status and not whole:
+        if estimate.status and not with_failed:
             continue
         apart = [estimate.x - frame["x"], np.sqrt(np.diag(estimate.covariance)) - np.sqrt(np.diag(frame["covariance"]))]
         ends = np.abs(estimate.effector - answer.delta_e).max() / scale[0]

@@ -13,8 +13,11 @@ from cfem.export.compiled.structures import numbers, structures
 
 @dataclass(frozen=True)
 class Sent:
-    """u (n_a,): the command; delta_a (n_a,) mm: where the plan has the actuators at the tick's end; status: as in
-    cfem_mpc.h."""
+    """Answer of a tick of predictive control.
+
+    u: (n_a,) the command
+    delta_a: (n_a,) mm, where the plan has the actuators at the tick's end
+    status: as in cfem_mpc.h"""
 
     u: np.ndarray
     delta_a: np.ndarray
@@ -37,8 +40,8 @@ class CompiledMpc:
         self._library.cfem_mpc_init(self._state, None if delta_a is None else self._real(*np.asarray(delta_a, float)))
 
     def step(self, goals: ArrayLike, x_e: ArrayLike | None = None, sampled: int = 0) -> Sent:
-        """goals (k, n_e) mm absolute, at the ends of the next ticks; x_e (n_e,) mm: the sample of tick number
-        `sampled`, counted from 1."""
+        """Answer of a tick to goals (k, n_e) mm absolute, at the ends of the next ticks; x_e (n_e,) mm: the sample of
+        tick number `sampled`, counted from 1."""
         goals = np.atleast_2d(np.asarray(goals, float))[: len(self._input.goal)]
         numbers(self._input.goal)[: len(goals)] = goals
         self._input.ahead, self._input.sampled = len(goals), sampled

@@ -45,7 +45,7 @@ def structures(folder: Path, header: str) -> dict[str, type]:
 
 @lru_cache(maxsize=64)
 def _structures(folder: Path, header: str, files: tuple[tuple[str, str], ...]) -> dict[str, type]:
-    """files: names and SHA-256 of the folder's files."""
+    """Types by name, read once for the same files: names and SHA-256 of the folder's."""
     text = " ".join(run([demand_compiler(), *STANDARD, "-E", "-P", str((folder / header).resolve())], folder).split())
     types = dict(TYPES)
     types |= {name: types[known] for known, name in SAME.findall(text) if known in types}

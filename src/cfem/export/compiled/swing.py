@@ -13,7 +13,7 @@ from cfem.motion.estimation.marker_filter import MarkerFilter
 
 
 class CompiledSwing(CompiledFilter):
-    """One robot's filter; it answers with what markers tell."""
+    """Filter of one robot, by its markers."""
 
     def __init__(self, folder: Path, flags: tuple[str, ...] = FAST):
         super().__init__(folder, "cfem_swing.h", ("cfem_swing", "cfem_swing_found"), flags)
@@ -22,7 +22,7 @@ class CompiledSwing(CompiledFilter):
         self._library.cfem_swing_init(ctypes.byref(self._filter))
 
     def frame(self, **measured: np.ndarray) -> EstimateInC:
-        """place (m, 3), displacement, force, command (n_a,): nan for what is not measured or known."""
+        """Estimate after the next frame. place (m, 3), displacement, force, command (n_a,): nan where not measured."""
         return self._asked(self._library.cfem_swing_frame, measured, ctypes.byref(self._filter))
 
     def modes(self, x: np.ndarray) -> np.ndarray:

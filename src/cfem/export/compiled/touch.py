@@ -56,7 +56,7 @@ class CompiledTouch:
     def __call__(
         self, delta_a: np.ndarray, obstacles: Sequence[Rounded], mu: float = 0.0, slack: bool = False
     ) -> TouchedInC:
-        """slack: whether cables go slack (cfem_touch_slack)."""
+        """State with the actuators at delta_a (n_a,) mm. slack: whether cables go slack (cfem_touch_slack)."""
         now, given = self.given(delta_a, obstacles, mu)
         status = (self.library.cfem_touch_slack if slack else self._call)(*given)
         if not status:

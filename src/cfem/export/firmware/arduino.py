@@ -73,8 +73,10 @@ def _header(name: str, meta: dict, sources: Path) -> str:
     headers = [path.name for path in sorted(sources.glob("cfem*.h")) if 'extern "C"' in path.read_text()]
     guard = f"{name.upper()}_H"
     included = "".join(f'#include "{header}"\n' for header in headers)
-    said = c_text.comment(f"{meta['scene']}, kind {meta['kind']}: by cfem export. C and C++ include this header alone.")
-    return f"{said}\n#ifndef {guard}\n#define {guard}\n\n{TOO_SHORT}\n{included}\n#endif\n"
+    heading = c_text.comment(
+        f"{meta['scene']}, kind {meta['kind']}: by cfem export. C and C++ include this header alone."
+    )
+    return f"{heading}\n#ifndef {guard}\n#define {guard}\n\n{TOO_SHORT}\n{included}\n#endif\n"
 
 
 def _identifier(name: str) -> str:

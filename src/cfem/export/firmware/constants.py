@@ -40,9 +40,14 @@ class NetworkLayer:
 
 @dataclass(frozen=True)
 class Surrogate:
-    """defines: names and values; arrays: constants by name, dtype of the scalar for coefficients, uint8 for degrees;
-    layers: of a network; groups: of the terms of each series; reference: the predictor in double precision that the C
-    code is compared with; modules: models of modules in a row."""
+    """A model as constants of C.
+
+    defines: names and values
+    arrays: constants by name, dtype of the scalar for coefficients, uint8 for degrees
+    layers: of a network
+    groups: of the terms of each series
+    reference: predictor in double precision that the C code is compared with
+    modules: models of modules in a row"""
 
     defines: dict[str, int]
     arrays: dict[str, np.ndarray]
@@ -66,9 +71,11 @@ def surrogate(meta: dict, arrays: dict[str, np.ndarray], spec: CSpec) -> tuple[S
     cannot hold."""
     if meta["kind"] not in KINDS:
         raise InputError(f"kind {meta['kind']!r} has no C code", do=f"train kind: {', '.join(KINDS)}, or export ONNX")
-    other = [module["kind"] for module in meta.get("modules") or [] if module["kind"] != "spectral"]
-    if other:
-        raise InputError(f"modules of kind {other[0]!r} have no C code", do="train the module with kind: spectral")
+    unsupported = [module["kind"] for module in meta.get("modules") or [] if module["kind"] != "spectral"]
+    if unsupported:
+        raise InputError(
+            f"modules of kind {unsupported[0]!r} have no C code", do="train the module with kind: spectral"
+        )
     if meta.get("n_c"):
         raise InputError("has contact inputs, which the C controller does not support", do="export ONNX")
     predictor = build(meta, {name: np.asarray(a, float) if a.dtype.kind == "f" else a for name, a in arrays.items()})

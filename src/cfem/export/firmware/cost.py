@@ -1,4 +1,4 @@
-"""How much one tick of the C controller computes at most."""
+"""Cost of one tick of the C controller, at most."""
 
 import numpy as np
 
@@ -38,9 +38,8 @@ def _query(model: Surrogate, n_a: int, n_e: int) -> int:
     if sizes["CFEM_SERIAL"]:
         n = sizes["CFEM_SERIES_NA"]
         module = _spectral(model, n, sizes["CFEM_SERIES_NE"]) + n**3 + (n_e + 2) * n**2 + n_e * n
-        rotations = (
-            3 * 27 + 2 * 15 + 9 + 24 * n
-        )  # products of three by three, exp and Jacobian, the arm; twists and tip
+        # products of three by three, exp and Jacobian, the arm; twists and tip
+        rotations = 3 * 27 + 2 * 15 + 9 + 24 * n
         return sizes["CFEM_MODULES"] * (module + rotations) + n_e * n_a
     query = _spectral(model, n_a, n_e) if sizes["CFEM_SPECTRAL"] else _network(model)
     return query + n_a**3 + (n_e + 2) * n_a**2 + n_e * n_a  # inverse, W_ea, delta_free

@@ -146,7 +146,7 @@ def _times(factor: float, part: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarr
     return part[0], factor * part[1]
 
 
-def moving_frames(made: Filter, count: int = FRAMES) -> list[dict[str, np.ndarray]]:
+def moving_frames(made: Filter) -> list[dict[str, np.ndarray]]:
     """A robot that moves as the filter assumes, some markers lost or wrong, and what Python estimates: by frame."""
     estimator, rng, frames = made.estimator, np.random.default_rng(0), []
     n_a, m = estimator.model.rows.n_a, len(estimator.markers)
@@ -155,7 +155,7 @@ def moving_frames(made: Filter, count: int = FRAMES) -> list[dict[str, np.ndarra
     u, w = states[len(states) // 2].copy(), np.zeros(len(estimator.loaded))
     usual = np.linalg.cholesky(estimator.load_covariance)
     filtered = Filter(estimator, made.slip, made.ticks, made.offset, made.gate.spec)
-    for number in range(count):
+    for number in range(FRAMES):
         toward = states[(number // 10) % len(states)] - u
         u = u + 0.1 * toward
         w = 0.9 * w + 0.4 * usual @ rng.normal(size=len(w))

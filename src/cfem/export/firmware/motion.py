@@ -94,7 +94,7 @@ def motion_constants(
 
 
 def _part(series: np.ndarray, of_first: np.ndarray, of_second: np.ndarray) -> PackedSeries:
-    """series (outputs, M); the products (M,) of each term."""
+    """Series (outputs, M) in the order of its products. of_first, of_second: (M,) the products of each term."""
     kept = np.flatnonzero((series != 0).any(axis=0))
     kept = kept if len(kept) else np.zeros(1, dtype=int)
     kept = kept[np.lexsort([of_second[kept], of_first[kept]])]

@@ -82,8 +82,12 @@ def tables(
     patches: Sequence[PatchLoad] = (),
     places: int = 0,
 ) -> Tables:
-    """watched: of its effector rows, so many are the pose; loaded: whether wrenches act on them; patches that bear
-    forces, whose rows are behind those, and rows that do not move up to `places`."""
+    """Tables of a module of a row.
+
+    watched: number of its effector rows that are its pose
+    loaded: whether wrenches act on the rows
+    patches: bear forces; their rows are behind those of the pose
+    places: of patches; up to so many, rows that do not move fill up"""
     rows, arrays = rows_of(model, patches), model.arrays
     kept = np.r_[:watched, model.rows.n_e : rows.e.shape[1]]
     still, indices = (0, watched + 3 * places - len(kept)), rows.indices.astype(np.int64)

@@ -14,7 +14,11 @@ MAGIC = b"cfempage"
 
 @dataclass(frozen=True)
 class Packed:
-    """text: base64 of the compressed bytes; bytes: how many they are before; crc: CRC-32 of them."""
+    """Data of a page as text.
+
+    text: base64 of the compressed bytes
+    bytes: how many they are before
+    crc: CRC-32 of them"""
 
     text: str
     bytes: int
@@ -36,7 +40,8 @@ class Fixed:
 
 
 def pack(facts: dict[str, Any], arrays: dict[str, np.ndarray | Fixed | bytes]) -> Packed:
-    """facts: JSON; arrays: bytes as they are, whole numbers and float32 as 32 bits, others as Fixed or double."""
+    """Facts (JSON) and arrays of a page, packed. Bytes stay as they are; whole numbers and float32 take 32 bits, others
+    are Fixed or double."""
     index, parts = {}, []
     for name, array in arrays.items():
         described, data = _described(array)

@@ -56,13 +56,13 @@ def read_skin(folder: Path, predictor: Predictor) -> dict[str, np.ndarray]:
     if FILE not in read_manifest(folder)["files"]:
         do = "train a model of samples with `skin: {}` in sample.yaml, or name one that has a skin under `skin`"
         raise InputError("the model has no skin, so there is nothing to draw", where=str(folder), do=do)
-    arrays, other = read_arrays(folder, FILE), read_meta(folder)
-    mine = predictor.meta
+    arrays, of_skin = read_arrays(folder, FILE), read_meta(folder)
+    of_model = predictor.meta
     for what, expected, present in (
-        ("actuators", mine["rows"]["actuators"], other["rows"]["actuators"]),
-        ("form", mine["form"], other["form"]),
-        ("robot", mine.get("robot"), other.get("robot")),
-        ("parameters", mine["parameters"], other["parameters"]),
+        ("actuators", of_model["rows"]["actuators"], of_skin["rows"]["actuators"]),
+        ("form", of_model["form"], of_skin["form"]),
+        ("robot", of_model.get("robot"), of_skin.get("robot")),
+        ("parameters", of_model["parameters"], of_skin["parameters"]),
     ):
         if expected != present:
             raise InputError(

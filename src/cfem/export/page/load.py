@@ -19,8 +19,11 @@ Arrays = dict[str, np.ndarray]
 
 @dataclass(frozen=True)
 class Weight:
-    """largest: N, along -z at the first watched point; positions (k,) of numbers of eight bytes in the block; changes
-    (3, k): number = its value without weight + sum of changes times powers 1, 2, 3 of the share of the largest."""
+    """Change of a block by a weight at the first watched point.
+
+    largest: N, along -z
+    positions: (k,) of numbers of eight bytes in the block
+    changes: (3, k), number = its value without weight + sum of changes times powers 1, 2, 3 of the largest's share"""
 
     largest: float
     positions: np.ndarray

@@ -21,7 +21,11 @@ TICKS_A_PERIOD = 10
 
 @dataclass(frozen=True)
 class Moves:
-    """block: of bytes; curve (POINTS, n_e) mm absolute, closed; facts: what the page's program is told."""
+    """A page's robot in motion.
+
+    block: of bytes
+    curve: (POINTS, n_e) mm absolute, closed
+    facts: what the page's program is told"""
 
     block: bytes
     curve: np.ndarray

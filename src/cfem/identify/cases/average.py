@@ -81,11 +81,11 @@ def stacking_weights(log_density: np.ndarray) -> np.ndarray:
     measured or not predicted. Equal where nothing was."""
     n, m = log_density.shape[:2]
     logs = log_density.reshape(n, m, -1)
-    told = np.isfinite(logs).any(axis=0)
+    known = np.isfinite(logs).any(axis=0)
     logs = np.where(np.isfinite(logs), logs, -np.inf)
-    top = np.where(told, logs.max(axis=0, initial=-np.inf), 0.0)
-    density = np.where(told, np.exp(logs - top), 0.0)
-    counts = told.sum(axis=1)
+    top = np.where(known, logs.max(axis=0, initial=-np.inf), 0.0)
+    density = np.where(known, np.exp(logs - top), 0.0)
+    counts = known.sum(axis=1)
     w = np.full(n, 1 / n)
     for _ in range(_TURNS):
         mixed = np.einsum("n,nmi->mi", w, density)

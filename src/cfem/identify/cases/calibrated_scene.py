@@ -96,7 +96,7 @@ def _discrepancy(lab: Lab, rig: Rig, fitted: CaseFit, scales: np.ndarray) -> dic
             markers = block.reshape(-1, 3)
             means = {}
             for effector in dict.fromkeys(effectors):
-                mine = [w for w, of in zip(markers, effectors, strict=True) if of == effector]
+                mine = [w for w, carrier in zip(markers, effectors, strict=True) if carrier == effector]
                 means[effector] = {"mm": [float(f"{number:.6g}") for number in np.mean(mine, axis=0)]}
             terms.append({"forces": name.split(), "effectors": means})
     forces = {name: written(float(f), lab.units[name]) for name, f in zip(rig.actuators, largest, strict=True)}
@@ -112,10 +112,10 @@ def _within_calibration(data: dict[str, Any], mesh: Mesh) -> list[str]:
         largest = np.where(np.arange(robot.rows.n_a) == i, robot.discrepancy.largest, 0.0)
         solved = solve(problem, force(largest), wanted=Wanted(condense=False))
         (low, high), unit = robot.reach[i], robot.actuator_units[i][0]
-        there = float(f"{solved.delta_a[i]:.3g}")
-        if solved.converged and low < there < high:
-            data["actuators"][i]["reach"] = {unit: [float(low), there]}
-            sentences.append(f"the reach of {name} ends at {there:g} {unit}, with the calibration's largest force")
+        farthest = float(f"{solved.delta_a[i]:.3g}")
+        if solved.converged and low < farthest < high:
+            data["actuators"][i]["reach"] = {unit: [float(low), farthest]}
+            sentences.append(f"the reach of {name} ends at {farthest:g} {unit}, with the calibration's largest force")
     return sentences
 
 

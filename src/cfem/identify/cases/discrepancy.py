@@ -1,4 +1,4 @@
-"""What the model lacks, before any fit (Kennedy and O'Hagan, J. R. Stat. Soc. B 63, 2001).
+"""Prior of what the model lacks (Kennedy and O'Hagan, J. R. Stat. Soc. B 63, 2001).
 
 In the scene's frame, a marker is beside where the model has it by delta = sum_b phi_b(f / largest) w_b, a polynomial of
 the forces (`cfem.condensed.discrepancy`). Each w_b is normal with mean 0 and the standard deviation share * spread of
@@ -31,7 +31,7 @@ class DiscrepancyPrior:
         return terms_of(len(self.largest))
 
     def features(self, forces: np.ndarray) -> np.ndarray:
-        """(m, n_b) of forces (m, n_a). Beyond the calibration they stay what they are at its largest force."""
+        """Features (m, n_b) of forces (m, n_a), constant beyond the largest force of the calibration."""
         return features(forces / self.largest)
 
     @property

@@ -1,4 +1,4 @@
-"""From a spec to the rig and the cases that it describes."""
+"""Rig and cases that a spec describes."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-"""What calibrated values can hardly be: then something else is not in the model, and they stand for it."""
+"""Calibrated values that can hardly be: then something else is not in the model, and they stand for it."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any

@@ -1,4 +1,4 @@
-"""What a calibration by load cases found, as plain data for its files, and whether to trust it."""
+"""Results of a calibration by load cases, as plain data for its files, and whether to trust it."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

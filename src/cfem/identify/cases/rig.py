@@ -104,9 +104,9 @@ class Rig:
 
     def with_discrepancy(self, discrepancy: DiscrepancyPrior) -> "Rig":
         """This rig with another prior of what the model lacks."""
-        other = copy.copy(self)
-        other.discrepancy = discrepancy
-        return other
+        rig = copy.copy(self)
+        rig.discrepancy = discrepancy
+        return rig
 
     @property
     def n_d(self) -> int:

@@ -89,7 +89,7 @@ class CaseRobots:
         return pose
 
     def _follow(self, problem: Problem, p: np.ndarray, history: np.ndarray, case: str) -> Equilibrium:
-        """The equilibrium after a history of commands (j, n_a), or the first of it that has not converged."""
+        """Equilibrium after a history of commands (j, n_a), or the first one that has not converged."""
         if self._follower is None or self._follower[0] is not problem:
             self._follower = problem, Follower(problem)
         if len(self._histories) > _HISTORIES_KEPT:

@@ -1,4 +1,4 @@
-"""What no unknown explains in a coordinate, and how it grows with the load.
+"""Scatter: what no unknown explains in a coordinate, and how it grows with the load.
 
 The variance of a coordinate of a marker that has moved by u from where it is without load is
 

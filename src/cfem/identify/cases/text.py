@@ -1,4 +1,4 @@
-"""What a person reads of a calibration by load cases."""
+"""Text about a calibration by load cases, for a person."""
 
 import math
 from collections.abc import Mapping

@@ -4,13 +4,12 @@ standard deviation of what is known of it away, or a quarter of its range where 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
+from cfem.condensed.parameter_values import number_in
 from cfem.condensed.parameters import Parameter, range_coordinates, slopes
 from cfem.core.errors import SpecError
-from cfem.core.units import parse_quantity
 from cfem.identify.cases.spec import Unknown, is_of_rig
 from cfem.identify.fit.free_parameter import FreeParameter, from_reference
 from cfem.sample.parameters import scene_parameters
@@ -73,7 +72,7 @@ def _of_rig(name: str, spec: Unknown, actuators: Mapping[str, str], where: str) 
     if len({unit for unit, _ in numbers}) > 1:
         raise SpecError("key: numbers of different units", where=where, do="make two parameters")
     unit, reference = numbers[0]
-    low, high = (_quantity(text, unit, f"{where}.range") for text in spec.ends)
+    low, high = (number_in(unit, text, f"{where}.range") for text in spec.ends)
     if not low < high:
         raise SpecError(
             "range: expected two different values, the smaller first", where=where, do="such as range: [1, 2]"
@@ -98,13 +97,6 @@ def _rig_number(key: str, actuators: Mapping[str, str], where: str) -> tuple[str
     raise SpecError(f"key: the rig has no '{key}'", where=where, do=do)
 
 
-def _quantity(text: Any, unit: str, where: str) -> float:
-    try:
-        return float(text) if unit == "1" else parse_quantity(text, unit)
-    except ValueError as error:
-        raise SpecError(str(error), where=where) from None
-
-
 def _scale(spec: Unknown, parameter: Parameter, where: str) -> float:
     """Scale of z in the parameter's coordinate: a quarter of the range, or the standard deviation that is known."""
     if spec.sd is None:
@@ -112,9 +104,9 @@ def _scale(spec: Unknown, parameter: Parameter, where: str) -> float:
         return float(abs(high[0] - low[0])) / 4
     text = spec.sd.strip()
     if text.endswith("%"):
-        sd = _quantity(text[:-1], "1", f"{where}.sd") / 100 * abs(parameter.reference)
+        sd = number_in("1", text[:-1], f"{where}.sd") / 100 * abs(parameter.reference)
     else:
-        sd = _quantity(text, parameter.unit, f"{where}.sd")
+        sd = number_in(parameter.unit, text, f"{where}.sd")
     if not sd > 0:
         raise SpecError("sd: must be above 0, and a percentage needs a value that is not 0", where=where)
     return float(sd * abs(slopes([parameter], np.array([parameter.reference]))[0]))

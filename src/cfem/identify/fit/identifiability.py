@@ -1,5 +1,5 @@
-"""What the measurements cannot tell, in words: unknowns that nothing measured depends on, that only act together, that
-are hardly known, that cannot be told apart, that lie at an end of their range."""
+"""Sentences on what the measurements cannot tell: unknowns that nothing measured depends on, that only act together,
+that are hardly known, that cannot be told apart, that lie at an end of their range."""
 
 from collections.abc import Sequence
 
@@ -43,10 +43,9 @@ def share_sentences(parameters: Sequence[Parameter], known: Uncertainty) -> list
     sentences = _combinations(known.information, parameters)
     for parameter, half in zip(parameters, known.half(np.eye(len(parameters))), strict=True):
         if np.isfinite(half) and half > _WEAK:
-            unit = "" if parameter.unit == "1" else f" {parameter.unit}"
             sentences.append(
                 f"{parameter.name} is weakly identifiable: known to +-{100 * half:.0f} % of its range "
-                f"[{parameter.low:g}, {parameter.high:g}]{unit}"
+                f"[{parameter.low:g}, {parameter.high:g}]{parameter.suffix}"
             )
     if not sentences and len(parameters):
         values = known.information.singular_values

@@ -1,4 +1,4 @@
-"""What a person reads of the elastomers that have a name."""
+"""Text about the elastomers that have a name, for a person."""
 
 from typing import Any
 

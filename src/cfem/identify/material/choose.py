@@ -1,5 +1,5 @@
-"""Which law the curves support: error on blocks of neighbouring points that a fit has not seen, and the information
-criterion AICc beside it."""
+"""Choice of the law that the curves support: error on blocks of neighbouring points that a fit has not seen, and the
+information criterion AICc beside it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

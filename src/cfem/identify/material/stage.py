@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from cfem.condensed.parameter_values import number_in
 from cfem.core.artefact.files import write_json, write_whole
 from cfem.core.artefact.judgement import KEY, poor
 from cfem.core.console.shown import stress
 from cfem.core.errors import OutputError, SpecError
-from cfem.core.units import parse_quantity
 from cfem.identify.material.choose import Candidate, candidates, choose
 from cfem.identify.material.constants import as_yaml, intervals, scene_material
 from cfem.identify.material.curve import Curve, read_curve, up_to
@@ -91,10 +91,7 @@ def _size(text: str | None, unit: str, option: str) -> float | None:
     """A size in `unit`, None for none. SpecError naming the option where it is no size above zero."""
     if text is None:
         return None
-    try:
-        value = parse_quantity(text, unit)
-    except ValueError as error:
-        raise SpecError(str(error), where=option) from None
+    value = number_in(unit, text, option)
     if not value > 0:
         raise SpecError("must be greater than 0", where=option)
     return value

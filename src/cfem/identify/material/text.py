@@ -1,4 +1,4 @@
-"""What a person reads of a fit."""
+"""Text about a fit, for a person."""
 
 from typing import Any
 

@@ -77,13 +77,13 @@ def fit_viscosity(
     tau, time, u = np.asarray(times, float), t[later] - start, x[later] - x[0]
     remembered = _remembered(t[: len(t) - len(time) + 1], x[: len(t) - len(time) + 1], tau)
     held = _remembered(t, x, tau) / (x[-1] - x[0])  # what each term still bears at the end, of its share
-    waves = np.stack([wave for other in others for wave in decaying(time, *other)], axis=1) if others else None
+    waves = np.stack([wave for vibration in others for wave in decaying(time, *vibration)], axis=1) if others else None
 
     def elastic_of(p: np.ndarray) -> float:
         return float(p[0] if still is None else still / np.sqrt(1 + p[4:] @ held))
 
     def residuals(p: np.ndarray) -> np.ndarray:
-        """p: Hz, place and speed over omega at the start, place at last (mm), g."""
+        """Residuals mm at p: Hz, place and speed over omega at the start, place at last (mm), g."""
         place, speed, last, g = p[1], p[2], p[3], p[4:]
         omega = 2 * np.pi * elastic_of(p)
         begin = np.concatenate([[place - last, omega * speed], g * remembered])
@@ -97,8 +97,8 @@ def fit_viscosity(
     high = np.concatenate([[1.5 * guess], np.full(3, np.inf), np.full(n, 5.0)])
     scale = np.concatenate([[0.01 * guess], np.full(3, span / 50), np.full(n, 0.02)])
     answer = least_squares(residuals, p, bounds=(low, high), x_scale=scale, xtol=1e-12)
-    told = answer.x[4:] > _LEAST
-    law = _law(answer.x[4:][told], tau[told])
+    kept = answer.x[4:] > _LEAST
+    law = _law(answer.x[4:][kept], tau[kept])
     elastic = elastic_of(answer.x)
     rms = float(np.sqrt(np.mean(answer.fun**2)))
     return FittedViscosity(law, elastic, *free_vibration(elastic, law), rms)

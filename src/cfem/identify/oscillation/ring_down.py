@@ -48,7 +48,7 @@ def ring_down(
         do = f"take {_LEAST} at least"
         raise InputError(f"the window from {start:g} to {stop:g} s holds {inside.sum()} samples", do=do)
     time, height = t[inside] - start, x[inside]
-    fixed = [time**0, time, time**2, *(wave for other in others for wave in decaying(time, *other))]
+    fixed = [time**0, time, time**2, *(wave for vibration in others for wave in decaying(time, *vibration))]
 
     def fitted(p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         basis = np.stack([*decaying(time, *p), *fixed], axis=1)

@@ -1,4 +1,4 @@
-"""Which marker is which: by its place, whatever it is called.
+"""Identity of markers: by its place, whatever it is called.
 
 Three markers that are seen and three places whose mutual distances agree lay the frame; all others are then given to
 the nearest places (Hungarian method), and the choice that explains most markers best wins. Labels decide between

@@ -1,4 +1,4 @@
-"""From measurements to parameters with their intervals."""
+"""Parameters from measurements, with their intervals."""
 
 import time
 from collections.abc import Sequence

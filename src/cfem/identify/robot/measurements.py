@@ -1,4 +1,4 @@
-"""What was measured on the robot: a table with units, or the states of a dataset.
+"""Measurements on the robot: a table with units, or the states of a dataset.
 
 A table has a row a state and columns named after the rows of W: `cable.displacement`, `cable.force` of an actuator,
 `tip.x` the position of an effector, `tip.x.displacement` from where it rests. In .csv and .parquet the unit stands

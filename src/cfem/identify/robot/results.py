@@ -1,4 +1,4 @@
-"""What a calibration found, as plain data for its files."""
+"""Results of a calibration, as plain data for its files."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from cfem.condensed.packing import pack_upper
+from cfem.condensed.parameters import named
 from cfem.dataset.writer import write_columns
 from cfem.identify.robot.calibration import Calibration
 
@@ -20,7 +21,7 @@ def calibration_results(calibration: Calibration, truth: Mapping[str, float], co
     singular_values = np.zeros(0) if known is None else known.information.singular_values
     return {
         "estimates": _estimates(calibration, truth),
-        "p": _named(calibration, calibration.p),
+        "p": named(calibration.problem.family.parameters, calibration.p),
         "unseen": list(calibration.unseen),
         "identifiability": {
             "singular_values": singular_values,
@@ -57,15 +58,10 @@ def write_states(path: Path, calibration: Calibration) -> None:
     meta = {
         "rows": list(states.rows.names),
         "driven": measured.kind,
-        "p": _named(calibration, calibration.p.tolist()),
+        "p": named(calibration.problem.family.parameters, calibration.p),
         "units": _UNITS | {"measured_dual": "N" if measured.kind == "displacement" else "mm"},
     }
     write_columns(path, columns, meta)
-
-
-def _named(calibration: Calibration, p: Any) -> dict[str, float]:
-    """Values of all parameters by name."""
-    return dict(zip([parameter.name for parameter in calibration.problem.family.parameters], p, strict=True))
 
 
 def _estimates(calibration: Calibration, truth: Mapping[str, float]) -> dict[str, dict[str, Any]]:

@@ -1,4 +1,4 @@
-"""What a person reads of a calibration."""
+"""Text about a calibration, for a person."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -45,7 +45,7 @@ def coverage_line(shares: Mapping[str, float], repeats: int) -> str:
 
 def _estimate(parameter: Parameter, entry: Mapping[str, Any], confidence: float) -> str:
     """The line on a parameter: value, intervals, error where the truth is known."""
-    unit = "" if parameter.unit == "1" else f" {parameter.unit}"
+    unit = parameter.suffix
     line = f"{parameter.name} {entry['value']:.6g}{unit}, {_interval(entry['interval'], confidence)}"
     if entry["profile"] is not None:
         low, high = entry["profile"]  # None beyond the end of the range

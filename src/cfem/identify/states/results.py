@@ -1,4 +1,4 @@
-"""What the estimates of a recording are, as plain data."""
+"""Estimates of a recording as plain data."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence

@@ -1,4 +1,4 @@
-"""What `estimate.yaml` says: which recording, which markers, what may push."""
+"""Spec of `estimate.yaml`: which recording, which markers, what may push."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""What a person reads of the estimates of a recording."""
+"""Text about the estimates of a recording, for a person."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence

@@ -1,4 +1,4 @@
-"""What a hyperelastic law is: an energy density split into a volumetric part and the rest.
+"""A hyperelastic law: an energy density split into a volumetric part and the rest.
 
     psi(F) = psi_rest(F) + bulk / 2 theta(F)^2
 

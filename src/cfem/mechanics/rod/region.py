@@ -100,8 +100,11 @@ def make_rod(
     numbers: np.ndarray,
     rubber: Sequence[bool] = (),
 ) -> Rod:
-    """Rod of sections. moduli: Young's (MPa) and Poisson's of each material; numbers (m,): which material an element
-    has; rubber: whether each material is, none unless given."""
+    """Rod of sections.
+
+    moduli: Young's (MPa) and Poisson's of each material
+    numbers: (m,) which material an element has
+    rubber: whether each material is, none unless given"""
     by_material = np.array([np.broadcast_to(shape.stiffness(*pair), (len(numbers), 6)) for pair in moduli])
     stiffness = by_material[numbers, np.arange(len(numbers))]
     shear = np.array([lame(*pair)[1] for pair in moduli])[numbers]

@@ -1,4 +1,4 @@
-"""Where markers stand on the skin of a robot that moves, by its state and the forces on it.
+"""Places of markers on the skin of a robot that moves, by its state and the forces on it.
 
 With inner motions eta beside the displacements delta_a of the actuators, modes s of the skin are at
 

@@ -1,4 +1,4 @@
-"""What a filter on the dynamics assumes of the robot, as standard deviations."""
+"""Standard deviations that a filter on the dynamics assumes of the robot."""
 
 from dataclasses import dataclass
 

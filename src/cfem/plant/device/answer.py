@@ -1,4 +1,4 @@
-"""What a device says, judged: one JSON object a line, of bounded length and depth, numbers that a robot can have."""
+"""Checks of a device's answers: one JSON object a line, of bounded length and depth, numbers that a robot can have."""
 
 import json
 from typing import Any
@@ -13,7 +13,7 @@ FAR = 10.0  # times the robot's length, the range of an actuator or a turn: a nu
 
 
 class Malformed(ValueError):
-    """An answer that is none; says why."""
+    """Error of an answer that the protocol does not know; its text says why."""
 
 
 def shown(value: Any) -> str:

@@ -1,4 +1,4 @@
-"""What carries bytes to a device and back: a serial port, or UDP. Bytes may be lost on the way."""
+"""Channels that carry bytes to a device and back: a serial port, or UDP. Bytes may be lost on the way."""
 
 import socket
 from contextlib import suppress
@@ -15,7 +15,7 @@ class Channel(Protocol):
         ...
 
     def write(self, data: bytes) -> None:
-        """OSError where the channel is gone; what the device does not take is lost."""
+        """Sends bytes; those that the device does not take are lost. OSError where the channel is gone."""
         ...
 
     def read(self, timeout: float) -> bytes:

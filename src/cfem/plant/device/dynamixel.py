@@ -26,8 +26,12 @@ RELEASE, UNWOUND = 2.0, 20  # s that unwinding may take; counts from rest that a
 
 @dataclass(frozen=True)
 class Motor:
-    """The motor of a cable. id: on the bus; spool: mm, effective radius; reversed: whether the cable is wound where
-    positions fall; zero: counts where the robot is at rest, those at hello unless given."""
+    """Motor of a cable.
+
+    id: on the bus
+    spool: mm, effective radius
+    reversed: whether the cable is wound where positions fall
+    zero: counts where the robot is at rest, those at hello unless given"""
 
     id: int
     spool: float
@@ -177,9 +181,9 @@ class Dynamixel:
     def _answered(self, exchange: Callable[[], tuple[Any, int]], silent: str) -> Any:
         """Result of an exchange of packets, which is tried again where an answer is lost."""
         for _ in range(TRIES):
-            found, result = exchange()
+            answer, result = exchange()
             if not result:
-                return found
+                return answer
             self._missed += 1
         raise Malformed(f"{silent}: {self._packets.getTxRxResult(result).removeprefix('[TxRxResult] ')}")
 
@@ -194,5 +198,5 @@ class Dynamixel:
             what = f"motor {motor.id} (cable {name}) reports {' and '.join(named) or 'a hardware error'}"
             raise Malformed(f"{what}: relieve it, then switch it off and on")
         if error:
-            said = self._packets.getRxPacketError(error).removeprefix("[RxPacketError] ")
-            raise Malformed(f"motor {motor.id} (cable {name}) refuses: {said}")
+            message = self._packets.getRxPacketError(error).removeprefix("[RxPacketError] ")
+            raise Malformed(f"motor {motor.id} (cable {name}) refuses: {message}")

@@ -34,8 +34,11 @@ class Kind(IntEnum):
 
 @dataclass(frozen=True)
 class Frame:
-    """A frame. kind: of `Kind`, or another that some device knows; sequence, tick, stamp (us of the sender's clock):
-    taken modulo 2^16, 2^32 and 2^32; payload: in single precision."""
+    """Frame of the wire protocol.
+
+    kind: of `Kind`, or another that some device knows
+    sequence, tick, stamp: taken modulo 2^16, 2^32 and 2^32; the stamp is us of the sender's clock
+    payload: in single precision"""
 
     kind: int
     tick: int = 0

@@ -25,7 +25,7 @@ class Lines:
         return self._process.returncode
 
     def start(self) -> None:
-        """OSError where the program cannot be started."""
+        """Starts the program. OSError where that fails."""
         self._process = DeviceProcess(self._command, self._folder)
 
     def ask(self, message: dict[str, Any], timeout: float) -> dict[str, Any]:

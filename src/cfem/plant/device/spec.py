@@ -1,4 +1,4 @@
-"""What control.yaml says of a device: a program, a serial port, a port of UDP, or motors."""
+"""Spec of a device: a program, a serial port, a port of UDP, or motors."""
 
 from pathlib import Path
 from typing import Annotated, Literal

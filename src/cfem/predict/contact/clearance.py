@@ -26,31 +26,27 @@ def clearance(
     model: Predictor,
     delta_a: ArrayLike,
     obstacle: Obstacle,
-    p: ArrayLike | None = None,
     tolerance: float = TOLERANCE,
 ) -> Clearance:
     """Smallest signed distance of the surface, with the actuators at delta_a (n_a,) mm, to an obstacle in the frame of
     the scene, to `tolerance` mm (`nearest_of_surface`). InputError as `Predictor.shape`."""
     delta_a = np.asarray(delta_a, float)
-    nearest = nearest_of_surface(model.shape(delta_a, p), model.facets, obstacle, tolerance)
-    moved = surface_gradient(model, delta_a, model.facets[nearest.triangle], p)
+    nearest = nearest_of_surface(model.shape(delta_a), model.facets, obstacle, tolerance)
+    moved = surface_gradient(model, delta_a, model.facets[nearest.triangle])
     return Clearance(**vars(nearest), gradient=np.einsum("c,cin,i->n", nearest.shares, moved, nearest.normal))
 
 
-def surface_gradient(
-    model: Predictor, delta_a: np.ndarray, nodes: np.ndarray, p: ArrayLike | None = None
-) -> np.ndarray:
+def surface_gradient(model: Predictor, delta_a: np.ndarray, nodes: np.ndarray) -> np.ndarray:
     """(c, 3, n_a): how surface nodes (c,) move with the displacements of the actuators, no contact held."""
     if isinstance(model, SerialPredictor):
         return model.surface_gradient(delta_a, nodes)
-    return np.einsum("kci,kn->cin", model.skin.modes[:, nodes], row_gradient(model, delta_a, p))
+    return np.einsum("kci,kn->cin", model.skin.modes[:, nodes], row_gradient(model, delta_a))
 
 
-def row_gradient(model: Predictor, delta_a: np.ndarray, p: ArrayLike | None = None) -> np.ndarray:
+def row_gradient(model: Predictor, delta_a: np.ndarray) -> np.ndarray:
     """Derivatives (k, n_a) of the rows of the skin by the displacements of the actuators, no contact held."""
     if model.form == "displacement":
-        return model.skin.gradient(*model.learned_inputs(delta_a, p))
-    with_skin = model.whole(delta_a, p)
-    return np.linalg.solve(
-        with_skin.W[with_skin.rows.a, with_skin.rows.a], with_skin.W[with_skin.rows.a, with_skin.rows.s]
-    ).T
+        return model.skin.gradient(*model.learned_inputs(delta_a, None))
+    with_skin = model.whole(delta_a)
+    a, s = with_skin.rows.a, with_skin.rows.s
+    return np.linalg.solve(with_skin.W[a, a], with_skin.W[a, s]).T

@@ -295,7 +295,7 @@ class Estimator:
     def effectors(self, delta_a: np.ndarray, loads: np.ndarray) -> np.ndarray:
         """(n_e,) mm of the effectors at delta_a (n_a,) mm under loads (n_w,) N."""
         response = self.response(delta_a)
-        return response.here.delta_e + (response.locked @ loads if len(loads) else 0.0)
+        return response.state.delta_e + (response.locked @ loads if len(loads) else 0.0)
 
     def response(self, delta_a: np.ndarray) -> RowResponse:
         """The robot's answer to loads at delta_a (n_a,) mm."""

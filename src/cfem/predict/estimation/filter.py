@@ -132,7 +132,7 @@ class Filter:
         if command.force is not None and before.force is not None:
             response = self.estimator.response(last.delta_a)
             compliance = response.actuators
-            moved = response.here.W_aa @ (command.force - before.force)
+            moved = response.state.W_aa @ (command.force - before.force)
             slip += YIELD**2 * np.outer(moved, moved)
         mean = np.concatenate([last.delta_a + moved - (1 - keeps) * compliance @ last.loads, keeps * last.loads])
         F = np.diag(np.r_[np.ones(n_a), np.full(n_w, keeps)])

@@ -1,4 +1,4 @@
-"""Whether a sample may correct a filter: the normalised innovation of a Kalman filter against its chi-squared
+"""Gate of samples that may correct a filter: the normalised innovation of a Kalman filter against its chi-squared
 distribution (Bar-Shalom, Li and Kirubarajan, *Estimation with Applications to Tracking and Navigation*, 2001, section
 5.4).
 

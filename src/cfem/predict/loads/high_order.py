@@ -37,7 +37,7 @@ class HighOrderMotion(NamedTuple):
 
 @njit(cache=True, error_model="numpy")
 def beyond(load, first, second):
-    """load w (n,) N, first C w and second D[w, w] (n,) mm."""
+    """Motion under a load with its higher orders: load w (n,) N, first C w and second D[w, w] (n,) mm."""
     size, third = 0.0, 0.0
     for i in range(len(load)):
         size += load[i] * first[i]

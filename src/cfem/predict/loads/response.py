@@ -19,7 +19,7 @@ class RowResponse:
     loaded: (n_w,) numbers of rows, effectors first, then modes of the skin"""
 
     model: Predictor
-    here: Condensed
+    state: Condensed
     q: np.ndarray
     softer: float
     loaded: np.ndarray
@@ -27,18 +27,18 @@ class RowResponse:
     @cached_property
     def locked(self) -> np.ndarray:
         """(n_e, n_w) mm/N: of the effectors, actuators locked."""
-        G, rows = self.here.effector_jacobian, self.model.rows
-        C_ee = self.here.W[rows.e, rows.e] - G @ self.here.W_aa @ G.T
-        C_es, _ = self.model.skin.compliance(self.here.delta_a, self.q)
+        G, rows = self.state.effector_jacobian, self.model.rows
+        C_ee = self.state.W[rows.e, rows.e] - G @ self.state.W_aa @ G.T
+        C_es, _ = self.model.skin.compliance(self.state.delta_a, self.q)
         return np.hstack([C_ee, self.softer * C_es])[:, self.loaded]
 
     @cached_property
     def actuators(self) -> np.ndarray:
         """W_aw (n_a, n_w) mm/N: of the actuators, their forces held."""
-        slopes = [self.here.effector_jacobian, self.model.skin.gradient(self.here.delta_a, self.q)]
-        return self.here.W_aa @ np.vstack(slopes)[self.loaded].T
+        slopes = [self.state.effector_jacobian, self.model.skin.gradient(self.state.delta_a, self.q)]
+        return self.state.W_aa @ np.vstack(slopes)[self.loaded].T
 
     @cached_property
     def held(self) -> np.ndarray:
         """(n_e, n_w) mm/N: of the effectors, the actuators' forces held."""
-        return self.locked + self.here.effector_jacobian @ self.actuators
+        return self.locked + self.state.effector_jacobian @ self.actuators

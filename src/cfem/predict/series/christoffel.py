@@ -1,4 +1,4 @@
-"""How far a model extrapolates at a state, by the Christoffel function of its training states x_i:
+"""Extrapolation of a model at a state, by the Christoffel function of its training states x_i:
 
     L(x)^2 = max p(x)^2 / mean p(x_i)^2    over the polynomials p of total degree k
            = b(x) . (mean b(x_i) b(x_i)^T)^-1 b(x)

@@ -1,4 +1,4 @@
-"""Where a model was trained, and how far from there a state is."""
+"""Domain where a model was trained, and a state's distance from it."""
 
 from dataclasses import dataclass
 from functools import cached_property

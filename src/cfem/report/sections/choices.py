@@ -1,4 +1,4 @@
-"""What a model chose for itself while it was trained, in the words of the field and with units."""
+"""Choices that a model made while it was trained, in the words of the field and with units."""
 
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any

@@ -1,33 +1,31 @@
-"""What was estimated during control over time: unknown forces with their intervals, and the error of the shape."""
+"""Section on estimates during control over time: unknown forces with their intervals, and the error of the shape."""
 
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
+from cfem.control.closed_loop.estimated_account import COVERED
 from cfem.report.chart import Chart, chart, panel
 from cfem.report.style import FAINT, INK, LEARNED
-from cfem.report.tables import ReportTable, number, tabulate
+from cfem.report.tables import ReportTable, by_controller, number
 
 COLUMNS = ["estimate_of", "estimate_status", "loads", "loads_sd", "true_loads", "shape_rms"]
-WIDE = 1.959964  # standard deviations of a 95 % interval
 
 
 def estimate_table(results: Mapping[str, Mapping[str, dict]], loaded: list[str]) -> ReportTable:
     """Table of estimates, one trajectory and controller a row. loaded: names of the rows with unknown forces."""
-    rows = [
-        (name, who, result["estimate"]) for name, controllers in results.items() for who, result in controllers.items()
-    ]
+    estimates = {
+        name: {who: result["estimate"] for who, result in controllers.items()} for name, controllers in results.items()
+    }
 
     def force(estimate: Mapping[str, Any], name: str) -> str:
         unknown = estimate["unknowns"].get(name)
         return "" if unknown is None else f"{1e3 * unknown['rms']:.2g} / {1e3 * unknown['sd']:.2g}"
 
-    return tabulate(
-        rows,
+    return by_controller(
+        estimates,
         {
-            "trajectory": lambda row: row[0],
-            "controller": lambda row: row[1],
             "samples estimated": lambda row: f"{row[2]['estimated']} of {row[2]['samples']}",
             "error of the shape, median / max (mm rms)": lambda row: _shape(row[2]),
             **{
@@ -63,7 +61,7 @@ def estimate_chart(name: str, rows: Mapping[str, np.ndarray], loaded: list[str],
     for place, row in enumerate(loaded):
         axis = panel(f"{row} (mN)", "time of the sample (s)")
         values, sd, true = (1e3 * rows[key][estimated][:, place] for key in ("loads", "loads_sd", "true_loads"))
-        axis.fill_between(seconds, values - WIDE * sd, values + WIDE * sd, color=FAINT, alpha=0.4, lw=0)
+        axis.fill_between(seconds, values - COVERED * sd, values + COVERED * sd, color=FAINT, alpha=0.4, lw=0)
         axis.plot(seconds, values, color=LEARNED[0], lw=1.0, label="estimate, 95 % interval")
         axis.plot(seconds, true, color=INK, lw=1.0, ls="--", label="truth")
         panels.append(axis)

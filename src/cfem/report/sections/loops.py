@@ -16,7 +16,7 @@ from cfem.report.sections import estimates
 from cfem.report.sections.estimates import estimate_chart, estimate_table
 from cfem.report.sections.tracking import FLOOR, planes
 from cfem.report.style import GOAL, colour_of
-from cfem.report.tables import ReportTable, durations, lengths, number, spread, tabulate
+from cfem.report.tables import ReportTable, by_controller, durations, lengths, number, spread
 
 COLUMNS = ["trajectory", "controller", "seed", "seconds", "goal_index", "goal", "x_e", "error"]
 
@@ -50,12 +50,9 @@ def loop_section(name: str, folder: Path, manifest: Mapping[str, Any]) -> Report
 
 def loop_table(results: Mapping[str, Mapping[str, dict]]) -> ReportTable:
     """Table of runs over time, one trajectory and controller a row."""
-    rows = [(name, who, result) for name, controllers in results.items() for who, result in controllers.items()]
-    return tabulate(
-        rows,
+    return by_controller(
+        results,
         {
-            "trajectory": lambda row: row[0],
-            "controller": lambda row: row[1],
             "goals reached": lambda row: f"{row[2]['reached']['mean']:g} of {row[2]['goals']}",
             "time (s)": lambda row: number(row[2]["seconds"]),
             "ticks until it stays, median / max": lambda row: spread(row[2]["ticks_to_converge"], "median", "max"),

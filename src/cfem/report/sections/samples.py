@@ -1,4 +1,4 @@
-"""What was sampled: displacements and forces of the actuators, split by split."""
+"""Section on samples: displacements and forces of the actuators, split by split."""
 
 from collections.abc import Mapping
 from pathlib import Path

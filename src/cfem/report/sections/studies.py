@@ -34,8 +34,7 @@ def mesh_row(
     published: Published | None,
 ) -> dict[str, Any]:
     """Row of a mesh from results of `cfem mesh`, `cfem train` and `cfem control`. steps: inverse steps per second,
-    query or FE solve included, the median; missed_mm: mean distance to the goals in reach. steps: inverse steps per
-    second, query or FE solve included, the median; missed_mm: mean distance to the goals in reach."""
+    query or FE solve included, the median; missed_mm: mean distance to the goals in reach."""
     controllers = list(control["trajectories"].values())
     if not all(FE_BASED in controller_rows for controller_rows in controllers):
         raise InputError("lacks FE-based control", where=f"meshes: {name}", do="control it with fe_based: true")
@@ -103,8 +102,7 @@ def sampling_table(rows: Sequence[Mapping[str, Any]]) -> ReportTable:
 
 
 def sizes_section(rows: Sequence[Mapping[str, Any]]) -> ReportSection:
-    """Section on loss, and steps of control per second, against cells. rows: of `mesh_row`. Loss, and steps of control
-    per second, against cells."""
+    """Section on loss, and steps of control per second, against cells. rows: of `mesh_row`."""
     loss_panel, right = panel("loss", "cells", log="xy"), panel("control steps per second", "cells", log="xy")
     cells = [row["cells"] for row in rows]
     counts = sorted({point["samples"] for row in rows for point in row["curve"]})

@@ -1,4 +1,4 @@
-"""What a page says first: whether the result is good, and the three numbers that matter."""
+"""Summary at the top of a page: whether the result is good, and the three numbers that matter."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass

@@ -16,7 +16,7 @@ from cfem.dataset.parquet import read_parquet
 from cfem.report.chart import Chart, chart, panel
 from cfem.report.page import ReportSection
 from cfem.report.style import GOAL, INK, colour_of
-from cfem.report.tables import ReportTable, durations, lengths, number, tabulate
+from cfem.report.tables import ReportTable, by_controller, durations, lengths, number, tabulate
 
 FLOOR = 1e-7  # mm: below it nothing is worth telling apart on a logarithmic axis
 FEW = 3  # goals or controllers: of fewer the table says as much
@@ -148,14 +148,9 @@ def looser(tracking: Tracking, unit: str) -> str:
 
 def tracking_table(tracking: Tracking) -> ReportTable:
     """Table of tracking errors, one trajectory and controller a row."""
-    rows = [
-        (name, who, result) for name, controllers in tracking.summaries.items() for who, result in controllers.items()
-    ]
-    return tabulate(
-        rows,
+    return by_controller(
+        tracking.summaries,
         {
-            "trajectory": lambda row: row[0],
-            "controller": lambda row: row[1],
             "goals reached": lambda row: f"{tracking.reached(row[0], row[1])} of {row[2]['goals']}",
             "goals not out of reach": lambda row: str(row[2]["reachable"]),
             "searches that did not converge": lambda row: str(row[2]["not_converged"]),

@@ -1,4 +1,5 @@
-"""Whether a model's warning that a state is outside its domain can be trusted: true error against stated distance."""
+"""Section on whether a model's warning of states outside its domain can be trusted: true error against stated
+distance."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Where a cable leaves the body between its points."""
+"""Places where a cable leaves the body between its points."""
 
 from dataclasses import dataclass
 from itertools import pairwise

@@ -1,4 +1,4 @@
-"""How far its actuators' reach would move a robot whose equations were linear: from the compliance at rest.
+"""Motion over the actuators' reach if a robot's equations were linear: from the compliance at rest.
 
 An actuator that alone acts on a linear body moves it by u = A^-1 H^T lambda, with lambda = reach / (H A^-1 H^T), or
 with its pressure for lambda. A cable that bends a body into a full circle moves its end by pi times its length in this

@@ -1,4 +1,4 @@
-"""What a spec says of how the error of the mesh is estimated."""
+"""Spec of the estimate of the mesh's error."""
 
 from pydantic import PositiveInt
 

@@ -1,4 +1,4 @@
-"""From a scene's geometry to its mesh: by gmsh in a process of its own, as a block, or from the user's file."""
+"""Mesh of a scene's geometry: by gmsh in a process of its own, as a block, or from the user's file."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

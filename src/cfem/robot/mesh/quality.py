@@ -1,4 +1,4 @@
-"""How good a mesh is: angles or corners, inverted cells, and its volume against the CAD model's."""
+"""Quality of a mesh: angles or corners, inverted cells, and its volume against the CAD model's."""
 
 from dataclasses import dataclass
 
@@ -58,7 +58,7 @@ class Quality:
         return doubts
 
     def _unfaithful(self) -> list[str]:
-        """A sentence if the cells hold clearly more or less than the CAD model."""
+        """The sentence on cells whose volume differs from that of the CAD model, if it does."""
         if self.volume_error is None or abs(self.volume_error) <= _FAITHFUL:
             return []
         share = 100 * abs(self.volume_error)

@@ -106,7 +106,7 @@ class Designs:
         return ", ".join(changes) or "of the scene"
 
     def robot(self, scene: SceneSpec) -> Robot:
-        """Robot of the scene with another geometry. Unreachable as `mesh`."""
+        """Robot of the scene with another geometry. Raises Unreachable as `mesh` does."""
         return self._on(scene, self.mesh(scene))
 
     def _on(self, scene: SceneSpec, mesh: Mesh) -> Robot:

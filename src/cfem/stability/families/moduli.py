@@ -57,7 +57,7 @@ def _bar(**material) -> Robot:
 
 
 def _contrast(place: str, contrast: float, element: str) -> Robot:
-    """An inextensible layer is one of six cells across, and has no cable in it."""
+    """Bar with a region of another modulus; a layer is one of six cells across and has no cable in it."""
     divisions = LAYERED[element] if place == "layer" else None
     body = bar_body(element, divisions=divisions, regions=[(PLACES[place], contrast)])
     cables = bar_cables(body.mesh)[1:] if place == "layer" else bar_cables(body.mesh)

@@ -82,9 +82,13 @@ def _inverse(
     course: tuple | None = ((0.0, 12.0), (0.0, 12.0), (0.0, 12.0)),
     repeat: int = 1,
 ) -> HardProgram:
-    """Three actuators, one effector. spread: smallest singular value of W_ea over its largest; strength: of W_ea;
-    apart: force of the last actuator against that of the first, for as much; force_unit, length_unit: the units of the
-    numbers, in N and mm; repeat: how often the course rows come."""
+    """Inverse step of three actuators and one effector.
+
+    spread: smallest singular value of W_ea over its largest
+    strength: of W_ea
+    apart: force of the last actuator over that of the first, for the same motion
+    force_unit, length_unit: of the numbers, in N and mm
+    repeat: how often the rows of the course come"""
     U, V = (np.linalg.qr(np.random.default_rng(seed).standard_normal((3, 3)))[0] for seed in (1, 2))
     W_ea = (U * [1.0, np.sqrt(spread), spread]) @ V
     W_aa = np.array([[1.0, 0.3, 0.1], [0.3, 1.1, 0.2], [0.1, 0.2, 0.9]])

@@ -72,7 +72,7 @@ def _fit(
 
 
 def demand_near(name: str, goals: np.ndarray, robot: Robot) -> None:
-    """goals (m, n_e) mm. SpecError where a goal is so far away that it has another unit."""
+    """SpecError where one of the goals (m, n_e) mm is so far away that it must have another unit."""
     far = far_of(robot.rows, robot.length)
     for index, goal in enumerate(goals):
         strange = doubt(goal, robot.rest_e, far)

@@ -10,16 +10,24 @@ from cfem.core.units import Angle, AngleMatrix, Length, LengthMatrix, LengthVect
 About = Literal["origin", "rest"]
 
 
-class ArcSpec(Spec):
+class PlacesSpec(Spec):
+    """Goals that are places, whether the robot can reach them or not."""
+
+    about: About = "origin"
+    """From where places are measured: origin, that of the scene; or rest, where the effector (or object) is at rest,
+    so that goals follow a robot of another length."""
+    beyond_reach: bool = False
+    """Whether goals out of reach are meant: the robot goes to the nearest point, and a run that misses them is not
+    poor."""
+
+
+class ArcSpec(PlacesSpec):
     """Goals on an arc of a circle, whether the robot can reach them or not."""
 
     kind: Literal["arc"]
     """An arc of a circle."""
     centre: LengthVector
     """Centre of the circle."""
-    about: About = "origin"
-    """From where places are measured: origin, that of the scene; or rest, where the effector (or object) is at rest,
-    so that goals follow a robot of another length."""
     radius: Length
     """Radius of the circle."""
     start: Angle
@@ -32,12 +40,9 @@ class ArcSpec(Spec):
     """Number of goals on the arc."""
     from_rest: NonNegativeInt = 0
     """Number of goals before the arc, on the straight line from where the effector rests."""
-    beyond_reach: bool = False
-    """Whether goals out of reach are meant: the robot goes to the nearest point, and a run that misses them is not
-    poor."""
 
 
-class HalfSphereSpec(Spec):
+class HalfSphereSpec(PlacesSpec):
     """Goals on a spiral over the upper half of a sphere, from its top down to its equator, whether the robot can reach
     them or not."""
 
@@ -45,39 +50,27 @@ class HalfSphereSpec(Spec):
     """A spiral over a half sphere."""
     centre: LengthVector
     """Centre of the sphere."""
-    about: About = "origin"
-    """From where places are measured: origin, that of the scene; or rest, where the effector (or object) is at rest,
-    so that goals follow a robot of another length."""
     radius: Length
     """Radius of the sphere."""
     turns: float = 3.0
     """Turns about the z axis."""
     goals: PositiveInt
     """Number of goals."""
-    beyond_reach: bool = False
-    """Whether goals out of reach are meant: the robot goes to the nearest point, and a run that misses them is not
-    poor."""
 
 
-class GoalsSpec(Spec):
+class GoalsSpec(PlacesSpec):
     """Goals one by one."""
 
     kind: Literal["goals"]
     """Stated goals."""
     points: LengthMatrix
     """Goals of the effectors, one row per goal."""
-    about: About = "origin"
-    """From where places are measured: origin, that of the scene; or rest, where the effector (or object) is at rest,
-    so that goals follow a robot of another length."""
     rotation: AngleMatrix | None = None
     """Orientation of the object at the goals: its rotation vector from rest, one row per goal. It is left free unless
     given."""
     let_go: bool = False
     """Whether the last goal is a place of the table, where robots put their object down and let it go: all actuators go
     back to rest. It needs object.table."""
-    beyond_reach: bool = False
-    """Whether goals out of reach are meant: the robot goes to the nearest point, and a run that misses them is not
-    poor."""
 
     def check(self) -> None:
         if self.rotation is not None and len(self.rotation) != len(self.points):
@@ -126,7 +119,7 @@ class ImageSpec(Spec):
 
 def meant_beyond(trajectory: object) -> bool:
     """True where goals of a trajectory may lie out of reach."""
-    return bool(getattr(trajectory, "beyond_reach", False))
+    return isinstance(trajectory, PlacesSpec) and trajectory.beyond_reach
 
 
 def has_been(trajectory: object) -> bool:

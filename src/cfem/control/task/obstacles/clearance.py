@@ -1,4 +1,4 @@
-"""What must hold before a robot that meets obstacles starts: it overlaps nothing, and nothing comes to its mount."""
+"""Checks before a robot that meets obstacles starts: it overlaps nothing, and nothing comes to its mount."""
 
 from collections.abc import Mapping
 

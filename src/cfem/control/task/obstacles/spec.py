@@ -1,4 +1,4 @@
-"""What control.yaml says of a robot that meets obstacles: which they are, and how its surface touches."""
+"""Spec of a robot that meets obstacles: which they are, and how its surface touches."""
 
 from pathlib import Path
 from typing import Literal

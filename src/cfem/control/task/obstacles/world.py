@@ -1,4 +1,4 @@
-"""What is asked of a robot at its obstacles, beside its goals: forces that press, bounds of forces and distances."""
+"""Demands on a robot at its obstacles, beside its goals: forces that press, bounds of forces and distances."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

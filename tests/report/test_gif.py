@@ -5,7 +5,7 @@ import io
 import numpy as np
 from PIL import Image
 
-from cfem.report.moving import LEAST, MOST, SHARP, WIDTH, gif, still
+from cfem.report.gif import LEAST, MOST, SHARP, WIDTH, gif, still
 from cfem.report.viewer import Polyline, Take, Viewer
 
 X = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 3], [1, 0, 3], [1, 1, 3], [0, 1, 3]], float) * 10

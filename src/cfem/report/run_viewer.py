@@ -1,4 +1,4 @@
-"""The robot of a page in motion: its shapes along the goals of a control run."""
+"""Viewer of a control run: the robot's shapes along its goals, to turn and play in a page."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
