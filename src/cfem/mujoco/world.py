@@ -5,7 +5,8 @@ robots with all geoms and with each other is one problem (`cfem.predict.contact`
 dt^2 J M^-1 J^T and robots by their compliance. Its forces act on both sides in MuJoCo's own step: implicit Euler for
 contact, so that no damping is needed. Robots have no inertia of their own."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -29,6 +30,7 @@ FAST = 0.05  # of the length: the longest way of a geom in one step that may tou
 LONGEST = 0.01  # of the length: how far a patch may begin beyond the middle of a geom
 GIVEN = 0.02  # of all energy that contact has exchanged: what rounding and prediction may add to it
 LEAST = 1e-3  # N mm: less is not looked at
+STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,6 +100,8 @@ class World:
             )
             for name, robot in robots.items()
         }
+        kind, self._vector = mujoco.mjtObj.mjOBJ_FLEX, np.empty(mujoco.mj_stateSize(self.model, STATE))
+        self._flexes = [mujoco.mj_name2id(self.model, kind, skin_name(name)) for name in robots]
         self.geoms = Geoms(self.model, carriers.tolist())
         self.rigid = Rigid(self.model, carriers, self.geoms)
         self.reset()
@@ -121,14 +125,33 @@ class World:
                     raise InputError(what, do="move one of them, or let the geom not collide: contype=conaffinity=0")
         self._write_sensors(start)
 
+    @contextmanager
+    def _skins_hidden(self) -> Iterator[None]:
+        """MuJoCo passes over the robots' skins, which would take most of the time of its steps."""
+        model, mine = self.model, self._flexes
+        counts = model.flex_vertnum, model.flex_elemnum, model.flex_bvhnum
+        before = [count[mine] for count in counts]
+        for count in counts:
+            count[mine] = 0
+        try:
+            yield
+        finally:
+            for count, full in zip(counts, before, strict=True):
+                count[mine] = full
+
     def step(self, commands: Mapping[str, ArrayLike]) -> ContactState:
         """One timestep, to displacements (n_a,) of the actuators of robots by name, mm or mm^3; those of others
         are the controls of MuJoCo where it has actuators of their names, or stay. SpecError
         where there is no such robot. NumericalError where contact finds no state, the timestep is too long for what is
         touched, or energy appears from nowhere."""
+        with self._skins_hidden():
+            return self._step(commands)
+
+    def _step(self, commands: Mapping[str, ArrayLike]) -> ContactState:
         model, data, ahead, rigid = self.model, self.data, self._ahead, self.rigid
         deltas = self._commanded(commands)
-        mujoco.mj_copyData(ahead, model, data)
+        mujoco.mj_getState(model, data, self._vector, STATE)
+        mujoco.mj_setState(model, ahead, self._vector, STATE)
         mujoco.mj_fwdPosition(model, ahead)
         rigid.begin(ahead)
         ahead.qfrc_applied += rigid.joint_forces(self._wrench)
@@ -166,9 +189,8 @@ class World:
         """Brings the skins that MuJoCo draws to where the robots are; before a renderer or viewer updates its scene."""
         model, data = self.model, self.data
         mujoco.mj_kinematics(model, data)
-        for number, (name, robot) in enumerate(self.robots.items()):
+        for number, (robot, flex) in enumerate(zip(self.robots.values(), self._flexes, strict=True)):
             skin = robot.surface.model.skin
-            flex = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_FLEX, skin_name(name))
             rows = skin.rows(self._deltas[number], np.zeros(0)) if self.contact is None else self.contact.rows[number]
             R, t = self._pose(data, number)
             first = model.flex_vertadr[flex]
@@ -176,14 +198,13 @@ class World:
 
     def save(self) -> Saved:
         """The state of MuJoCo and of the robots, for `restore`."""
-        kind = mujoco.mjtState.mjSTATE_INTEGRATION
-        vector = np.empty(mujoco.mj_stateSize(self.model, kind))
-        mujoco.mj_getState(self.model, self.data, vector, kind)
+        vector = self._vector.copy()
+        mujoco.mj_getState(self.model, self.data, vector, STATE)
         return Saved(vector, self.contact, self._deltas, self._wrench, self.energies)
 
     def restore(self, saved: Saved) -> None:
         """Goes back to a saved state of this world, or of another one of the same model and robots."""
-        mujoco.mj_setState(self.model, self.data, saved.mujoco, mujoco.mjtState.mjSTATE_INTEGRATION)
+        mujoco.mj_setState(self.model, self.data, saved.mujoco, STATE)
         mujoco.mj_forward(self.model, self.data)
         self.contact, self._deltas, self._wrench = saved.contact, saved.deltas, saved.wrench
         self.energies = saved.energies
