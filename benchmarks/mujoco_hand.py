@@ -2,8 +2,9 @@
 
     python benchmarks/mujoco_hand.py [--patches 6] [--model DIR --scene FILE]
 
-CPU time of each part of the run: the least, the median and the mean of its steps. Where other programs share the machine, the
-least is the one to compare. The first run asks finite elements how the finger's surface yields (minutes)."""
+CPU time of each part of the run: the least, the median and the mean of its steps. Where other programs share the
+machine, the least is the one to compare. The first run asks finite elements how the finger's surface yields
+(minutes)."""
 
 import argparse
 import time
@@ -56,14 +57,10 @@ def main() -> None:
         rounds.append(state.iterations)
     for name, (first, last) in PARTS.items():
         part = np.array(spent[first:last])
-        print(
-            f"{name:16s} {part.min():5.1f} ms at least, {np.median(part):5.1f} in the median, {part.mean():5.1f} on average, "
-            f"{np.mean(rounds[first:last]):.1f} rounds"
-        )
-    height = 1e3 * world.data.body("cube").xpos[2]
-    print(
-        f"the cube is {height:.9f} mm high, held with {np.linalg.norm(world.force('thumb', 'cube')):.9f} N by the thumb"
-    )
+        times = f"{part.min():5.1f} ms at least, {np.median(part):5.1f} in the median, {part.mean():5.1f} on average"
+        print(f"{name:16s} {times}, {np.mean(rounds[first:last]):.1f} rounds")
+    height, force = 1e3 * world.data.body("cube").xpos[2], np.linalg.norm(world.force("thumb", "cube"))
+    print(f"the cube is {height:.9f} mm high, held with {force:.9f} N by the thumb")
 
 
 if __name__ == "__main__":
