@@ -49,6 +49,7 @@ LONG = {
     "figure_eight.py": "an hour of finite elements that move, see its help",
     "front_nsga.py": "make finger-shapes",
     "gaits.py": "cfem run pipelines/crawler/train.yaml",
+    "mujoco_hand.py": "make soft-finger, and minutes of finite elements",
     "mpc.py": "a model that has learned to move, see its help",
     "remeshing.py": "make finger-shapes",
     "shape_distance.py": "a trained model, see its help",

@@ -54,13 +54,14 @@ def at_rest(robot):
 @pytest.mark.parametrize(("angle", "gravity"), [(90, [0.0, -G, 0.0]), (180, [0.0, 0.0, G])])
 def test_a_bar_whose_base_turns_sags_as_finite_elements_do(heavy_bar, heavy_scene, angle, gravity):
     """Its effectors, its surface and the force of its cable."""
-    state, surface = turned(world_of(heavy_bar), angle), heavy_bar.surface
+    world, surface = world_of(heavy_bar), heavy_bar.surface
+    state = turned(world, angle)
     light, heavy = (at_rest(fe_under(heavy_scene, each)) for each in ([0.0] * 3, gravity))
     sag = np.linalg.norm((heavy.delta_e - light.delta_e)[:3])
     assert sag > 0.9
     assert np.linalg.norm((state.delta_e[0] - heavy.delta_e)[:3]) < 0.001 * sag
     places = surface.patches.mean(heavy.state.x[surface.model.skin.nodes])
-    assert np.linalg.norm(state.places @ rotation(angle) - places, axis=1).max() < 0.01 * sag
+    assert np.linalg.norm(world.places @ rotation(angle) - places, axis=1).max() < 0.01 * sag
     assert state.lambda_a[0] == pytest.approx(heavy.condensed.lam[:1], rel=1e-5)
 
 
@@ -68,7 +69,7 @@ def test_a_bar_that_its_weight_lays_on_a_plate_presses_it_as_finite_elements_do(
     """Gravity along y of the bar, and a plate before it that bears a part of the weight."""
     world = world_of(heavy_bar, BASE.replace("</body>", PLATE), friction=0.0)
     state, patched = turned(world, -90), heavy_bar.surface
-    robot, near = fe_under(heavy_scene, [0.0, G, 0.0]), np.flatnonzero(state.places[:, 2] < -5.0)
+    robot, near = fe_under(heavy_scene, [0.0, G, 0.0]), np.flatnonzero(world.places[:, 2] < -5.0)
     plate = Plane(R=np.array([[1.0, 0, 0], [0, 0, -1.0], [0, 1.0, 0]]), t=np.array([0.0, 5.8, 0.0]))
     touched = Problem(with_patches(robot, patched.model.skin.nodes, patched.patches, near))
     (solved,) = obstacle_step(touched, displacement(DELTA), [plate] * len(near)).solved

@@ -6,7 +6,7 @@ nearest (at a sphere's centre, say), the normal is one of theirs. Formulas: Hart
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Protocol, Self
 
 import numpy as np
 
@@ -23,6 +23,10 @@ class Obstacle(Protocol):
     def at_least(self, corners: np.ndarray, wanted: float = np.inf) -> tuple[np.ndarray, np.ndarray]:
         """(k,) mm: at the centroids of triangles (k, 3, 3), and a bound each that none of its points is nearer than.
         Bounds above `wanted` need not be sharp."""
+        ...
+
+    def posed(self, R: np.ndarray, t: np.ndarray) -> Self:
+        """The same shape in another pose, which is not checked."""
         ...
 
     def distance(self, points: np.ndarray) -> np.ndarray:
@@ -50,6 +54,11 @@ class _Posed(ABC):
         rotates = np.allclose(self.R @ self.R.T, np.eye(3), atol=1e-9) and np.linalg.det(self.R) > 0
         _demand(rotates, "R is not a rotation")
         _demand(np.isfinite(self.t).all(), "its place must be finite numbers, mm")
+
+    def posed(self, R: np.ndarray, t: np.ndarray) -> Self:
+        posed = object.__new__(type(self))  # many a step, where checks would take most of the time
+        posed.__dict__.update(self.__dict__, R=R, t=t)
+        return posed
 
     def distance(self, points: np.ndarray) -> np.ndarray:
         return self._local((points - self.t) @ self.R)[0]

@@ -3,7 +3,7 @@
 Rounded boxes, which all but closed meshes are, are asked together."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -48,7 +48,7 @@ class ObstacleSet:
         fixed; -1: of none."""
         return ObstacleSet(
             tuple(
-                obstacle if body < 0 else replace(obstacle, R=R[body] @ obstacle.R, t=R[body] @ obstacle.t + t[body])
+                obstacle if body < 0 else obstacle.posed(R[body] @ obstacle.R, R[body] @ obstacle.t + t[body])
                 for obstacle, body in zip(self.obstacles, bodies.tolist(), strict=True)
             )
         )

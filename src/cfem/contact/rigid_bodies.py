@@ -10,7 +10,7 @@ by G xi, G = [1, -(x - c) x]. Bodies that joints connect, as the links of an arm
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+from numba import njit
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,18 +31,45 @@ class RigidBodies:
 
     def levers(self, bodies: np.ndarray, points: np.ndarray) -> np.ndarray:
         """(p, 3, 6 b): G of points (p, 3) mm of bodies (p,)."""
-        G = np.zeros((len(points), 3, len(self.centres), 6))
-        each = np.flatnonzero(bodies >= 0)
-        x, y, z = (points[each] - self.centres[bodies[each]]).T
-        mine = np.zeros((len(each), 3, 6))
-        mine[:, range(3), range(3)] = 1.0
-        mine[:, 0, 4], mine[:, 1, 5], mine[:, 2, 3] = z, x, y
-        mine[:, 0, 5], mine[:, 1, 3], mine[:, 2, 4] = -y, -z, -x
-        G[each, :, bodies[each]] = mine
-        return G.reshape(len(points), 3, 6 * len(self.centres))
+        return _levers(bodies, points, self.centres)
 
     def motions(self, wrench: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(b, 3, 3) and (b, 3) mm: the motions x -> R x + t from the predicted poses, of a wrench (6 b,)."""
-        xi = (self.mobility @ (wrench - self.before)).reshape(-1, 6)
-        R = Rotation.from_rotvec(xi[:, 3:]).as_matrix()
-        return R, self.centres + xi[:, :3] - (R @ self.centres[:, :, None])[:, :, 0]
+        return _motions(self.mobility @ (wrench - self.before), self.centres)
+
+
+@njit(cache=True, error_model="numpy")
+def _levers(bodies, points, centres):
+    G = np.zeros((len(points), 3, 6 * len(centres)))
+    for p in range(len(points)):
+        body = bodies[p]
+        if body < 0:
+            continue
+        x, y, z = points[p] - centres[body]
+        first = 6 * body
+        for a in range(3):
+            G[p, a, first + a] = 1.0
+        G[p, 0, first + 4], G[p, 1, first + 5], G[p, 2, first + 3] = z, x, y
+        G[p, 0, first + 5], G[p, 1, first + 3], G[p, 2, first + 4] = -y, -z, -x
+    return G
+
+
+@njit(cache=True, error_model="numpy")
+def _motions(xi, centres):
+    R, t = np.empty((len(centres), 3, 3)), np.empty((len(centres), 3))
+    for body in range(len(centres)):
+        u, v = xi[6 * body : 6 * body + 3], xi[6 * body + 3 : 6 * body + 6]
+        angle = np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])  # Rodrigues: 1 + s [v] + c [v]^2
+        s = np.sin(angle) / angle if angle > 1e-6 else 1 - angle * angle / 6
+        half = np.sin(angle / 2) / angle if angle > 1e-6 else 0.5 - angle * angle / 48
+        c = 2 * half * half
+        cross = np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
+        for a in range(3):
+            t[body, a] = centres[body, a] + u[a]
+            for b in range(3):
+                square = v[a] * v[b] - (angle * angle if a == b else 0.0)
+                R[body, a, b] = (1.0 if a == b else 0.0) + s * cross[a, b] + c * square
+        for a in range(3):
+            for b in range(3):
+                t[body, a] -= R[body, a, b] * centres[body, b]
+    return R, t

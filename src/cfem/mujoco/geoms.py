@@ -1,7 +1,6 @@
 """Geoms of a MuJoCo model as obstacles, in mm."""
 
 from collections.abc import Collection
-from dataclasses import replace
 from typing import Any
 
 import mujoco
@@ -36,7 +35,7 @@ class Geoms:
     def placed(self, data: mujoco.MjData) -> ObstacleSet:
         """The geoms where `data` has them."""
         R, t = data.geom_xmat[self.numbers].reshape(-1, 3, 3), data.geom_xpos[self.numbers] * MM
-        return ObstacleSet(tuple(replace(shape, R=R[i], t=t[i]) for i, shape in enumerate(self._shapes)))
+        return ObstacleSet(tuple(shape.posed(R[i], t[i]) for i, shape in enumerate(self._shapes)))
 
 
 def name_of(model: mujoco.MjModel, kind: Any, number: int) -> str:

@@ -1,12 +1,13 @@
 """A learned robot at a site of a MuJoCo model: its contact, its skin that is drawn, and its sensors."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cfem.core.errors import InputError
+from cfem.core.errors import InputError, NumericalError
 from cfem.equilibrium.system.robot import Robot
 from cfem.mujoco.description import points_of
 from cfem.predict.contact.kept_patches import node_model_of, patched_model_of
@@ -15,6 +16,11 @@ from cfem.predict.load import load_model
 from cfem.predict.loads.loaded import TRUSTED, wrench_error
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh, made_from
+
+STANDARD = 9806.65  # mm/s^2: g
+MOST = 1e3 * STANDARD  # that is looked for
+UNEVEN = 0.5  # of gravity: its largest difference between the ends of a robot
+AROUND = np.concatenate([np.eye(3), -np.eye(3)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,10 +88,39 @@ class SoftRobot:
         wrench[self.weight.rows] = self.weight.mass * (gravity - self.weight.sampled)
         return wrench
 
+    def demand_slow(self, gravity: np.ndarray, turning: float, name: str, t: float) -> None:
+        """NumericalError at t s where gravity (3,) mm/s^2, with the acceleration of its base, bends the robot further
+        than its model knows, or differs by `turning` mm/s^2 between its ends, which the model does not know."""
+        size = float(np.linalg.norm(gravity))
+        if size > self.known_gravity:
+            what = f"at t = {t:.4g} s the base of '{name}' accelerates so that {size / STANDARD:.3g} g bend it, and its"
+            do = "move it more slowly, or leave out `inertia`, as for impacts"
+            raise NumericalError(f"{what} model knows {self.known_gravity / STANDARD:.3g} g", do=do)
+        if turning > UNEVEN * max(size, STANDARD):
+            what = f"at t = {t:.4g} s the base of '{name}' turns so fast that acceleration differs by"
+            what += f" {turning / STANDARD:.3g} g between its ends, and its model knows one for all of it"
+            raise NumericalError(what, do="turn it more slowly, or leave out `inertia`")
+
+    @cached_property
+    def known_gravity(self) -> float:
+        """mm/s^2 in any direction to which the model knows how gravity bends the robot, to 2 %."""
+        low, high = 0.0, STANDARD
+        while high < MOST and self._knows(high):
+            low, high = high, 2 * high
+        while high - low > 0.02 * high:
+            middle = (low + high) / 2
+            low, high = (middle, high) if self._knows(middle) else (low, middle)
+        return low
+
+    def _knows(self, gravity: float) -> bool:
+        model = self.surface.model
+        wrenches = (self.wrench(gravity * direction) for direction in AROUND)
+        return all(wrench_error(model, wrench) <= TRUSTED * model.length for wrench in wrenches)
+
     def demand_known(self, gravity: float, name: str) -> None:
         """InputError where gravity of a size, mm/s^2, bends the robot further than its model knows."""
         model = self.surface.model
-        for direction in np.concatenate([np.eye(3), -np.eye(3)]) if self.weight is not None else []:
+        for direction in AROUND if self.weight is not None else []:
             error = wrench_error(model, self.wrench(gravity * direction))
             if error > TRUSTED * model.length:
                 what = f"the weight of '{name}' bends it so far that its model would be wrong by about {error:.2g} mm"

@@ -5,7 +5,8 @@ robots with all geoms and with each other is one problem (`cfem.predict.contact`
 dt^2 J M^-1 J^T and robots by their compliance. Its forces act on both sides in MuJoCo's own step: implicit Euler for
 contact, so that no damping is needed. Robots have no inertia of their own."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -17,6 +18,7 @@ from cfem.contact.obstacle_set import ObstacleSet
 from cfem.core.errors import InputError, NumericalError, SpecError
 from cfem.mujoco.description import add_robot, control_names, place_of, skin_name
 from cfem.mujoco.geoms import MM, Geoms
+from cfem.mujoco.near import Look
 from cfem.mujoco.rigid import Rigid
 from cfem.mujoco.soft_robot import SoftRobot
 from cfem.predict.contact.bodies import PlacedModel
@@ -29,6 +31,7 @@ FAST = 0.05  # of the length: the longest way of a geom in one step that may tou
 LONGEST = 0.01  # of the length: how far a patch may begin beyond the middle of a geom
 GIVEN = 0.02  # of all energy that contact has exchanged: what rounding and prediction may add to it
 LEAST = 1e-3  # N mm: less is not looked at
+STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +60,7 @@ class Saved:
 
     mujoco: np.ndarray
     contact: ContactState | None
+    look: Look
     deltas: list[np.ndarray]
     wrench: np.ndarray
     energies: Energies
@@ -64,7 +68,8 @@ class Saved:
 
 class World:
     """model, data: MuJoCo's, free to use between steps
-    contact: state of the robots after the last step, None before the first; in mm and N
+    contact: state of the robots after the last step, None before the first; in mm and N, and of the points of their
+        surfaces that may touch, `points`
     energies: what contact has done since the start"""
 
     def __init__(
@@ -73,11 +78,13 @@ class World:
         robots: Mapping[str, SoftRobot],
         friction: float = 0.5,
         robots_touch: bool = False,
+        inertia: bool = False,
     ):
         """Robots at the sites of these names.
 
         friction: coefficient of all surfaces of the robots
         robots_touch: whether robots may touch each other, at patches alone
+        inertia: whether the acceleration of its base bends a robot, as weight does, at rest in the base's frame
 
         InputError where a geom is of a kind that they do not touch, or touches one at the start, where the actuators
         are at 0."""
@@ -86,10 +93,13 @@ class World:
             raise InputError("robots that touch at every node of their surfaces do not touch each other", do=do)
         self.model = _compiled(mjcf, robots)
         self.data, self._ahead = mujoco.MjData(self.model), mujoco.MjData(self.model)
-        self.robots, self.friction, self.robots_touch = dict(robots), friction, robots_touch
+        self.robots, self.friction, self.robots_touch, self.inertia = dict(robots), friction, robots_touch, inertia
         self._sites = np.array([self.model.site(name).id for name in robots], dtype=np.int64)
         for name, robot in robots.items():
             robot.demand_known(MM * float(np.linalg.norm(self.model.opt.gravity)), name)
+            if inertia and robot.weight is None:
+                what = f"the soft robot '{name}' does not know its mass, so that no acceleration of its base bends it"
+                raise InputError(what, do="give its scene density and an effector at its centre of mass")
         carriers = self.model.site_bodyid[self._sites]
         kind = mujoco.mjtObj.mjOBJ_ACTUATOR
         self._controls = {
@@ -98,15 +108,18 @@ class World:
             )
             for name, robot in robots.items()
         }
+        kind, self._vector = mujoco.mjtObj.mjOBJ_FLEX, np.empty(mujoco.mj_stateSize(self.model, STATE))
+        self._flexes = [mujoco.mj_name2id(self.model, kind, skin_name(name)) for name in robots]
         self.geoms = Geoms(self.model, carriers.tolist())
         self.rigid = Rigid(self.model, carriers, self.geoms)
+        self._everywhere = Look.nowhere([robot.surface for robot in robots.values()])
         self.reset()
 
     def reset(self) -> None:
         """Back to the start, the actuators at 0. InputError where a geom touches a robot there."""
         mujoco.mj_resetData(self.model, self.data)
         mujoco.mj_forward(self.model, self.data)
-        self.contact, self.energies = None, Energies()
+        self.contact, self.energies, self._look = None, Energies(), self._everywhere
         self._deltas = [np.zeros(robot.surface.model.rows.n_a) for robot in self.robots.values()]
         self._wrench = np.zeros(6 * len(self.rigid.bodies))
         scene = self._scene(self.data)
@@ -121,35 +134,68 @@ class World:
                     raise InputError(what, do="move one of them, or let the geom not collide: contype=conaffinity=0")
         self._write_sensors(start)
 
+    @contextmanager
+    def _skins_hidden(self) -> Iterator[None]:
+        """MuJoCo passes over the robots' skins, which would take most of the time of its steps."""
+        model, mine = self.model, self._flexes
+        counts = model.flex_vertnum, model.flex_elemnum, model.flex_bvhnum
+        before = [count[mine] for count in counts]
+        for count in counts:
+            count[mine] = 0
+        try:
+            yield
+        finally:
+            for count, full in zip(counts, before, strict=True):
+                count[mine] = full
+
     def step(self, commands: Mapping[str, ArrayLike]) -> ContactState:
         """One timestep, to displacements (n_a,) of the actuators of robots by name, mm or mm^3; those of others
         are the controls of MuJoCo where it has actuators of their names, or stay. SpecError
         where there is no such robot. NumericalError where contact finds no state, the timestep is too long for what is
         touched, or energy appears from nowhere."""
+        with self._skins_hidden():
+            return self._step(commands)
+
+    def _step(self, commands: Mapping[str, ArrayLike]) -> ContactState:
         model, data, ahead, rigid = self.model, self.data, self._ahead, self.rigid
         deltas = self._commanded(commands)
-        mujoco.mj_copyData(ahead, model, data)
+        mujoco.mj_getState(model, data, self._vector, STATE)
+        mujoco.mj_setState(model, ahead, self._vector, STATE)
         mujoco.mj_fwdPosition(model, ahead)
         rigid.begin(ahead)
         ahead.qfrc_applied += rigid.joint_forces(self._wrench)
+        before = self._velocities(ahead)
         begin = ahead.geom_xpos[self.geoms.numbers].copy()
         mujoco.mj_step(model, ahead)
         mujoco.mj_kinematics(model, ahead)
+        gravity = self._gravity(before)
         self._demand_slow(MM * (ahead.geom_xpos[self.geoms.numbers] - begin))
-        scene = replace(self._scene(ahead), rigid=rigid.ahead(ahead, self._wrench))
-        state = scene.step(deltas, self.contact)
+        scene = replace(self._scene(ahead, gravity), rigid=rigid.ahead(ahead, self._wrench))
+        state, look = self._look.step(scene, deltas, self.contact)
         self._demand_sound(scene, state)
-        wrench, before, own = rigid.wrench(state), data.qvel.copy(), data.qfrc_applied.copy()
+        wrench, speed, own = rigid.wrench(state), data.qvel.copy(), data.qfrc_applied.copy()
         forces = rigid.joint_forces(wrench)
         data.qfrc_applied += forces
         mujoco.mj_step(model, data)
         data.qfrc_applied[:] = own
-        passed = MM * model.opt.timestep * float(forces @ (before + data.qvel)) / 2
+        passed = MM * model.opt.timestep * float(forces @ (speed + data.qvel)) / 2
         mujoco.mj_kinematics(model, data)
         self.energies = self._account(state, passed)
-        self.contact, self._deltas, self._wrench = state, state.deltas, wrench
+        self.contact, self._look, self._deltas, self._wrench = state, look, state.deltas, wrench
         self._write_sensors(state)
         return state
+
+    @property
+    def points(self) -> np.ndarray:
+        """(n,) numbers of the points that `contact` is of, among those of all robots, robot after robot."""
+        return self._look.numbers
+
+    @property
+    def places(self) -> np.ndarray:
+        """(N, 3) mm of all points of the robots' surfaces after the last step, robot after robot."""
+        if self.contact is None:
+            return replace(self._scene(self.data), obstacles=ObstacleSet(())).start(self._deltas).places
+        return self._everywhere.taken(self.contact, self._look.numbers).places
 
     def force(self, robot: str, geom: str | None = None) -> np.ndarray:
         """(3,) N on a robot in the axes of the world, of one geom or of all that it touches."""
@@ -166,9 +212,8 @@ class World:
         """Brings the skins that MuJoCo draws to where the robots are; before a renderer or viewer updates its scene."""
         model, data = self.model, self.data
         mujoco.mj_kinematics(model, data)
-        for number, (name, robot) in enumerate(self.robots.items()):
+        for number, (robot, flex) in enumerate(zip(self.robots.values(), self._flexes, strict=True)):
             skin = robot.surface.model.skin
-            flex = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_FLEX, skin_name(name))
             rows = skin.rows(self._deltas[number], np.zeros(0)) if self.contact is None else self.contact.rows[number]
             R, t = self._pose(data, number)
             first = model.flex_vertadr[flex]
@@ -176,28 +221,53 @@ class World:
 
     def save(self) -> Saved:
         """The state of MuJoCo and of the robots, for `restore`."""
-        kind = mujoco.mjtState.mjSTATE_INTEGRATION
-        vector = np.empty(mujoco.mj_stateSize(self.model, kind))
-        mujoco.mj_getState(self.model, self.data, vector, kind)
-        return Saved(vector, self.contact, self._deltas, self._wrench, self.energies)
+        vector = self._vector.copy()
+        mujoco.mj_getState(self.model, self.data, vector, STATE)
+        return Saved(vector, self.contact, self._look, self._deltas, self._wrench, self.energies)
 
     def restore(self, saved: Saved) -> None:
         """Goes back to a saved state of this world, or of another one of the same model and robots."""
-        mujoco.mj_setState(self.model, self.data, saved.mujoco, mujoco.mjtState.mjSTATE_INTEGRATION)
+        mujoco.mj_setState(self.model, self.data, saved.mujoco, STATE)
         mujoco.mj_forward(self.model, self.data)
-        self.contact, self._deltas, self._wrench = saved.contact, saved.deltas, saved.wrench
-        self.energies = saved.energies
+        self.contact, self._look, self._deltas = saved.contact, saved.look, saved.deltas
+        self._wrench, self.energies = saved.wrench, saved.energies
 
     def _pose(self, data: mujoco.MjData, number: int) -> tuple[np.ndarray, np.ndarray]:
         site = self._sites[number]
         return data.site_xmat[site].reshape(3, 3).copy(), data.site_xpos[site] * MM
 
-    def _scene(self, data: mujoco.MjData) -> ContactScene:
-        """Robots and geoms where `data` has them."""
+    def _velocities(self, data: mujoco.MjData) -> list[np.ndarray]:
+        """(2, 3) mm/s and rad/s of each base at its robot's centre of mass; none without `inertia`."""
+        if not self.inertia:
+            return []
+        model, J, velocities = self.model, np.zeros((2, 3, self.model.nv)), []
+        mujoco.mj_comPos(model, data)
+        for number, robot in enumerate(self.robots.values()):
+            R, t = self._pose(data, number)
+            centre = robot.surface.model.rest_e + (0.0 if self.contact is None else self.contact.delta_e[number])
+            point, body = (R @ centre[robot.weight.rows] + t) / MM, model.site_bodyid[self._sites[number]]
+            mujoco.mj_jac(model, data, J[0], J[1], point, body)
+            velocities.append(J @ data.qvel * [[MM], [1.0]])
+        return velocities
+
+    def _gravity(self, before: list[np.ndarray]) -> np.ndarray:
+        """(r, 3) mm/s^2 of each robot at the end of the predicted step, less the acceleration of its base from the
+        velocities `before`. NumericalError where that is more than its model knows."""
+        model, gravity = self.model, np.tile(MM * self.model.opt.gravity, (len(self.robots), 1))
+        each = zip(self.robots.items(), before, self._velocities(self._ahead), strict=False)
+        for number, ((name, robot), begin, end) in enumerate(each):
+            change = (end - begin) / model.opt.timestep
+            gravity[number] -= change[0]
+            turning = robot.surface.model.length * (end[1] @ end[1] + float(np.linalg.norm(change[1])))
+            robot.demand_slow(gravity[number], turning, name, self.data.time)
+        return gravity
+
+    def _scene(self, data: mujoco.MjData, gravity: np.ndarray | None = None) -> ContactScene:
+        """Robots and geoms where `data` has them; gravity (r, 3) mm/s^2 on each robot, the model's unless given."""
         robots = []
         for number, robot in enumerate(self.robots.values()):
             R, t = self._pose(data, number)
-            wrench = robot.wrench(MM * self.model.opt.gravity @ R)
+            wrench = robot.wrench((MM * self.model.opt.gravity if gravity is None else gravity[number]) @ R)
             robots.append(PlacedModel(robot.surface, R, t, False, robot.unilateral, wrench))
         return ContactScene(robots, self.geoms.placed(data), self.friction, meet=self.robots_touch)
 
@@ -224,11 +294,12 @@ class World:
     def _demand_slow(self, ways: np.ndarray) -> None:
         """NumericalError where a geom that is near a robot goes so far in one step, (n, 3) mm, that it may pass it."""
         ways = np.linalg.norm(ways, axis=1)
-        for i in np.flatnonzero(ways > FAST * min(robot.surface.model.length for robot in self.robots.values())):
-            if (
-                self.contact is not None
-                and self.contact.obstacles.obstacles[i].distance(self.contact.places).min() < ways[i]
-            ):
+        fast = np.flatnonzero(ways > FAST * min(robot.surface.model.length for robot in self.robots.values()))
+        if self.contact is None or not len(fast):
+            return
+        places = self._everywhere.places(self.contact)
+        for i in fast:
+            if self.contact.obstacles.obstacles[i].distance(places).min() < ways[i]:
                 what = f"the geom '{self.geoms.names[i]}' goes {ways[i]:.2g} mm in one step near a soft robot"
                 what += f" at t = {self.data.time:.4g} s, and may pass it"
                 raise NumericalError(what, do=f"take a timestep shorter than {self.model.opt.timestep:g} s")

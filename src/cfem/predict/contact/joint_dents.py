@@ -15,7 +15,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from scipy.linalg import cho_factor, cho_solve
 
 ITERATIONS, EXACT = 30, 1e-8  # of Newton's method; last step, relative to the forces: the error is its square
 HALVINGS = 3  # of D, before it is left out
@@ -47,35 +46,96 @@ class DentedPlaces(NamedTuple):
 
 def dented_places(forces: np.ndarray, C: np.ndarray, dents: JointDents, pressed: np.ndarray) -> DentedPlaces:
     """Places under forces (c, 3) N; pressed (c,) bool: nodes that give way."""
-    f, mine, share = forces.ravel(), np.flatnonzero(np.repeat(pressed, 3)), 1.0
-    C_pp = C[np.ix_(mine, mine)]
+    mine, f, share = np.flatnonzero(np.repeat(pressed, 3)), np.ascontiguousarray(forces, float).ravel(), 1.0
     for _ in range(1 + HALVINGS):
-        h = _given_way(f, C_pp, dents, mine, share)
-        if h is not None:
-            g = f + h
-            change = share * changed(g, *dents)
-            across = change[mine]
-            slopes = change + across.T @ cho_solve(cho_factor(C_pp - across[:, mine]), across)
-            energy = (f / 2 - g / 6) @ change @ g + h @ C @ h / 2
-            return DentedPlaces((change @ g / 2).reshape(-1, 3), (slopes + slopes.T) / 2, float(energy), share)
+        stable, places, slopes, energy = _dented(f, C, *dents, mine, share)
+        if stable:
+            return DentedPlaces(places.reshape(-1, 3), (slopes + slopes.T) / 2, energy, share)
         share /= 2
     return DentedPlaces(np.zeros(forces.shape), np.zeros(C.shape), 0.0, 0.0)
 
 
-def _given_way(f: np.ndarray, C_pp: np.ndarray, dents: JointDents, mine: np.ndarray, share: float) -> np.ndarray | None:
-    """h (3 c,) N, which has entries `mine` alone; None where Newton's method leaves the stable branch."""
-    h = np.zeros_like(f)
+@njit(cache=True, error_model="numpy")
+def _dented(f, C, triples, change, mine, share):
+    """Whether Newton's method stays on the stable branch, with h (3 c,) N at entries `mine` (p,) alone, and fields of
+    `DentedPlaces` there; forces f (3 c,) N."""
+    n, p = len(f), len(mine)  # by loops: whole arrays take seconds to compile
+    g, places, slopes, energy = f.copy(), np.zeros(n), np.zeros((n, n)), 0.0
+    L, step, largest = np.empty((p, p)), np.empty(p), 0.0
+    for i in range(n):
+        largest = max(largest, abs(f[i]))
     for _ in range(ITERATIONS):
-        change = share * changed(f + h, *dents)
-        by_dents = (change @ (f + h) / 2)[mine]
-        try:
-            step = cho_solve(cho_factor(C_pp - change[np.ix_(mine, mine)]), by_dents - C_pp @ h[mine])
-        except np.linalg.LinAlgError:
-            return None
-        h[mine] += step
-        if np.abs(step).max(initial=0.0) <= EXACT * np.abs(f).max():
-            return h
-    return None
+        slopes, last = changed(g, triples, change), 0.0
+        for a in range(p):
+            step[a] = 0.0
+            for j in range(n):
+                step[a] += share * slopes[mine[a], j] * g[j] / 2
+            for b in range(p):
+                L[a, b] = C[mine[a], mine[b]] - share * slopes[mine[a], mine[b]]
+                step[a] -= C[mine[a], mine[b]] * (g[mine[b]] - f[mine[b]])
+        if not _factored(L):
+            return False, places, slopes, energy
+        _solve(L, step)
+        for a in range(p):
+            g[mine[a]] += step[a]
+            last = max(last, abs(step[a]))
+        if last <= EXACT * largest:
+            break
+    else:
+        return False, places, slopes, energy
+    slopes, by_given = changed(g, triples, change), np.empty((n, p))
+    for i in range(n):
+        for j in range(n):
+            slopes[i, j] *= share
+            places[i] += slopes[i, j] * g[j] / 2
+        energy += (f[i] - g[i] / 3) * places[i]
+    for a in range(p):
+        for b in range(p):
+            L[a, b] = C[mine[a], mine[b]] - slopes[mine[a], mine[b]]
+            energy += (g[mine[a]] - f[mine[a]]) * C[mine[a], mine[b]] * (g[mine[b]] - f[mine[b]]) / 2
+    if not _factored(L):
+        return False, places, slopes, energy
+    for i in range(n):  # the root of across^T (C - across)^-1 across
+        for a in range(p):
+            by_given[i, a] = slopes[mine[a], i]
+            for b in range(a):
+                by_given[i, a] -= L[a, b] * by_given[i, b]
+            by_given[i, a] /= L[a, a]
+    for i in range(n):
+        for j in range(n):
+            for a in range(p):
+                slopes[i, j] += by_given[i, a] * by_given[j, a]
+    return True, places, slopes, energy
+
+
+@njit(cache=True, error_model="numpy")
+def _factored(A):
+    """Cholesky's factor of A in place of its lower half. False where it is not positive definite."""
+    for i in range(len(A)):
+        for j in range(i + 1):
+            value = A[i, j]
+            for k in range(j):
+                value -= A[i, k] * A[j, k]
+            if i > j:
+                A[i, j] = value / A[j, j]
+            elif value > 0:
+                A[i, i] = np.sqrt(value)
+            else:
+                return False
+    return True
+
+
+@njit(cache=True, error_model="numpy")
+def _solve(L, x):
+    """Solves L L^T x = b, b (n,) in place."""
+    for i in range(len(x)):
+        for k in range(i):
+            x[i] -= L[i, k] * x[k]
+        x[i] /= L[i, i]
+    for i in range(len(x) - 1, -1, -1):
+        for k in range(i + 1, len(x)):
+            x[i] -= L[k, i] * x[k]
+        x[i] /= L[i, i]
 
 
 @njit(cache=True, error_model="numpy")

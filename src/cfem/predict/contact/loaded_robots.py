@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from scipy.linalg import block_diag
+from numba import njit
 
 from cfem.predict.contact.bodies import Bodies, PlacedModel
 from cfem.predict.contact.loaded_robot import LoadedRobot
@@ -54,14 +54,17 @@ class LoadedRobots:
 
     def compliance(self, under_forces: bool) -> np.ndarray:
         """(3 c, 3 c) mm/N of the known patches; under_forces: as the forces have changed it."""
-        blocks = []
+        if self.scene.robots[0].in_scene and len(self.loaded) == 1:
+            return self._own_compliance(self.loaded[0], self.known, under_forces)
+        total, begin = np.zeros((3 * len(self.known),) * 2), 0
         for robot, loaded, patches, first in self._each():
-            C = loaded.compliance() if under_forces else loaded.free_compliance(patches - first)
-            if not robot.in_scene:
-                turn = np.kron(np.eye(len(patches)), robot.R)
-                C = turn @ C @ turn.T
-            blocks.append(C)
-        return blocks[0] if len(blocks) == 1 else block_diag(*blocks)
+            _add_turned(total, begin, self._own_compliance(loaded, patches - first, under_forces), robot.R)
+            begin += len(patches)
+        return total
+
+    @staticmethod
+    def _own_compliance(loaded: LoadedRobot, patches: np.ndarray, under_forces: bool) -> np.ndarray:
+        return loaded.compliance() if under_forces else loaded.free_compliance(patches)
 
     def outputs(self) -> tuple[list[np.ndarray], list[np.ndarray], list[np.ndarray], list[np.ndarray]]:
         """Displacements delta_e (n_e,) mm and forces lambda_a (n_a,) N of each robot; by how much (n_a,) N the forces
@@ -82,3 +85,18 @@ class LoadedRobots:
             if len(self.loaded) > 1:
                 known = known[(known >= patches.start) & (known < patches.stop)]
             yield robot, loaded, known, patches.start
+
+
+@njit(cache=True, error_model="numpy")
+def _add_turned(total, begin, C, R):
+    """Puts C (3 c, 3 c), turned by R, into `total` from point `begin` on."""
+    half = np.empty((3, 3))
+    for i in range(0, len(C), 3):
+        for j in range(0, len(C), 3):
+            for a in range(3):
+                for b in range(3):
+                    half[a, b] = R[a, 0] * C[i, j + b] + R[a, 1] * C[i + 1, j + b] + R[a, 2] * C[i + 2, j + b]
+            for a in range(3):
+                for b in range(3):
+                    value = half[a, 0] * R[b, 0] + half[a, 1] * R[b, 1] + half[a, 2] * R[b, 2]
+                    total[3 * begin + i + a, 3 * begin + j + b] = value

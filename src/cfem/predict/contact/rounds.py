@@ -329,6 +329,7 @@ class Rounds:
             self.poses.obstacles,
             self.which[next_near],
             sum(robot.stored() for robot in loaded),
+            [(robot.R, robot.t) for robot in self.robots.placed],
         )
 
     def _pairs(self, touches: np.ndarray) -> Pairs:

@@ -35,7 +35,8 @@ class ContactState(Pressing):
     depth: mm, how far within an obstacle the deepest patch began
     obstacles: where they stand
     met (d,): those that the patches `near` are near
-    stored: N mm, by which forces on the patches have changed the energy of all robots"""
+    stored: N mm, by which forces on the patches have changed the energy of all robots
+    poses: (3, 3) and (3,) mm from the frame of each robot to the scene's"""
 
     status: StepStatus
     forces: np.ndarray
@@ -59,6 +60,7 @@ class ContactState(Pressing):
     obstacles: ObstacleSet
     met: np.ndarray
     stored: float
+    poses: list[tuple[np.ndarray, np.ndarray]]
 
     @property
     def converged(self) -> bool:

@@ -78,6 +78,21 @@ class SurfaceModel(ABC):
         return self.U.reshape(-1, self.U.shape[-1])
 
     @cached_property
+    def size(self) -> float:
+        """mm from the origin to the farthest point at rest."""
+        return float(np.linalg.norm(self.patches.rest, axis=1).max())
+
+    @cached_property
+    def moved_by_row(self) -> np.ndarray:
+        """(k,) mm of the farthest point by a mm of each row."""
+        return np.linalg.norm(self.U, axis=1).max(axis=0)
+
+    @cached_property
+    def moved_by_wrench(self) -> np.ndarray:
+        """(n_e,) mm/N: at most so far a wrench on each effector moves a point beside the rows, in the sampled box."""
+        return np.linalg.norm(self.local_tip, axis=3).max(axis=2).sum(axis=0)
+
+    @cached_property
     def wrenches(self) -> WrenchSeries:
         """The model under any wrench on its effectors."""
         return WrenchSeries(self.model, self.model.rows.n_e)

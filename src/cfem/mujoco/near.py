@@ -1,0 +1,130 @@
+"""Which points of soft robots may touch a geom: broad phase of `World`.
+
+At a look, the distance of every point to the geoms is known. As long as nothing has moved by more than REACH, against
+what it is near, only points that were as near as that may touch, and a step is one of these points
+(`cfem.predict.contact.surface_part`). Afterwards the motion that was is checked, by bounds: the forces and places are
+those of a step of all points."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cfem.contact.obstacle_set import ObstacleSet
+from cfem.predict.contact.loaded_robot import LoadedRobot
+from cfem.predict.contact.scene import ContactScene
+from cfem.predict.contact.state import ContactState
+from cfem.predict.contact.surface_model import SurfaceModel
+from cfem.predict.contact.surface_part import SurfacePart
+
+REACH = 0.03  # of the length
+OLD = 0.5  # of REACH: after it one looks again
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """Points (n,) that may touch since a look.
+
+    numbers: (n,) of these points among all (N)
+    parts: surfaces of the robots, of these points alone
+    state: in which everything was, None where all points may touch"""
+
+    numbers: np.ndarray
+    parts: Sequence[SurfaceModel | SurfacePart]
+    state: ContactState | None = None
+
+    @classmethod
+    def nowhere(cls, surfaces: Sequence[SurfaceModel]) -> "Look":
+        """All points may touch."""
+        return cls(np.arange(sum(len(surface.patches) for surface in surfaces)), surfaces)
+
+    def again(self, surfaces: Sequence[SurfaceModel], state: ContactState) -> "Look":
+        """A look at a state of the points of this one; surfaces: whole ones of the robots."""
+        numbers, parts, first, reach = [], [], 0, REACH * surfaces[0].model.length
+        known = self.numbers[state.known]
+        for surface, rows, (R, t) in zip(surfaces, state.rows, state.poses, strict=True):
+            places = (surface.patches.rest + (surface.flat @ rows).reshape(-1, 3)) @ R.T + t
+            close = (state.obstacles.nearest(places, 2 * reach)[0] <= reach) & ~surface.held_still
+            close[known[(known >= first) & (known < first + len(close))] - first] = True
+            numbers.append(first + np.flatnonzero(close))
+            parts.append(SurfacePart(surface, np.flatnonzero(close)))
+            first += len(close)
+        return Look(np.concatenate(numbers), parts, state)
+
+    def step(
+        self, scene: ContactScene, deltas: Sequence[np.ndarray], before: ContactState | None
+    ) -> tuple[ContactState, "Look"]:
+        """`ContactScene.step` of a scene with whole surfaces from a state of the points of this look. The look that
+        goes with the state after it."""
+        surfaces = [robot.patched for robot in scene.robots]
+        everywhere = Look.nowhere(surfaces)
+        if before is None or scene.soft:
+            return scene.step(deltas, before), everywhere
+        look, start = self, before
+        if self.moved(before) > OLD:
+            look = self.again(surfaces, before)
+            start = look.taken(before, self.numbers)
+        robots = [replace(robot, patched=part) for robot, part in zip(scene.robots, look.parts, strict=True)]
+        state = replace(scene, robots=robots).step(deltas, start)
+        if state.converged and look.moved(state) <= 1.0:
+            return state, look
+        return scene.step(deltas, everywhere.taken(before, self.numbers)), everywhere
+
+    def taken(self, state: ContactState, numbers: np.ndarray) -> ContactState:
+        """A state of the points `numbers` as one of the points of this look. What it leaves out has no force on it."""
+        place = np.full(max(self.numbers.max(initial=-1), numbers.max(initial=-1)) + 1, -1)
+        place[self.numbers] = np.arange(len(self.numbers))
+        place, count, n = place[numbers], len(numbers), len(self.numbers)
+        mine, places = place >= 0, self.places(state)
+        forces, stuck = np.zeros((n, 3)), np.full((n, 3), np.nan)
+        for array, given in ((forces, state.forces), (places, state.places), (stuck, state.stuck)):
+            array[place[mine]] = given[mine]
+        pairs, relative = state.pairs, np.zeros((len(state.pairs), n))
+        relative[:, place[mine]] = pairs.relative[:, mine]
+        return replace(
+            state,
+            pairs=replace(pairs, slots=place[pairs.points] + n, relative=relative),
+            bodies=np.repeat(np.arange(len(self.parts)), [len(part.patches) for part in self.parts]),
+            forces=forces,
+            places=places,
+            stuck=stuck,
+            known=place[state.known],
+            near=place[state.near],
+            modes={int(place[slot - count]) + n: mode for slot, mode in state.modes.items()},
+        )
+
+    def places(self, state: ContactState) -> np.ndarray:
+        """(n, 3) mm of the points in any state, but for what forces on them do locally."""
+        each = []
+        for number, part in enumerate(self.parts):
+            loaded, (R, t) = LoadedRobot(part, state.deltas[number], state.wrenches[number]), state.poses[number]
+            by_forces = (part.flat @ (state.rows[number] - loaded.unloaded)).reshape(-1, 3)
+            each.append((loaded.free + by_forces) @ R.T + t)
+        return np.concatenate(each)
+
+    def moved(self, state: ContactState) -> float:
+        """How far at most a point has come nearer to a geom since the look, as a share of REACH."""
+        if self.state is None:
+            return np.inf
+        farthest, now, then = 0.0, _poses(state.obstacles), _poses(self.state.obstacles)
+        for i, part in enumerate(self.parts):
+            surface = part.whole
+            (R, t), (R_then, t_then) = _seen(*now, *state.poses[i]), _seen(*then, *self.state.poses[i])
+            size = surface.size + np.abs(state.rows[i]) @ surface.moved_by_row
+            own = np.abs(state.rows[i] - self.state.rows[i]) @ surface.moved_by_row
+            own += (np.abs(state.wrenches[i]) + np.abs(self.state.wrenches[i])) @ surface.moved_by_wrench
+            turned, shifted = np.linalg.norm(R - R_then, axis=(1, 2)), np.linalg.norm(t - t_then, axis=1)
+            by_geoms = turned * (size + np.linalg.norm(t_then, axis=1)) + shifted
+            farthest = max(farthest, own + float(by_geoms.max(initial=0.0)))
+        return farthest / (REACH * self.parts[0].model.length)
+
+
+def _poses(obstacles: ObstacleSet) -> tuple[np.ndarray, np.ndarray]:
+    """(n, 3, 3) and (n, 3) mm."""
+    R, t = [each.R for each in obstacles.obstacles], [each.t for each in obstacles.obstacles]
+    return np.array(R).reshape(-1, 3, 3), np.array(t).reshape(-1, 3)
+
+
+def _seen(R: np.ndarray, t: np.ndarray, R_robot: np.ndarray, t_robot: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Poses of obstacles in the frame of a robot."""
+    return R_robot.T @ R, (t - t_robot) @ R_robot

@@ -1,0 +1,44 @@
+"""Some points of a surface that may be touched, such as those near an obstacle: contact with them costs as much as
+they are many. What it does to them is what it would do with all points."""
+
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from cfem.condensed.patches import SurfacePoints
+from cfem.predict.contact.joint_dents import JointDents
+from cfem.predict.contact.surface_model import SurfaceModel
+
+
+class SurfacePart:
+    """A `SurfaceModel` of the points `numbers` (n,) of another. What is not of points is that one's."""
+
+    def __init__(self, whole: SurfaceModel, numbers: np.ndarray):
+        self.whole, self.numbers = whole, numbers
+        patches = whole.patches
+        self.patches = SurfacePoints(patches.weights[numbers], patches.rest[numbers], np.zeros(len(numbers)))
+        self.U, self.held_still = whole.U[numbers], whole.held_still[numbers]
+        self.flat = self.U.reshape(-1, self.U.shape[-1])
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.whole, name)
+
+    @cached_property
+    def flexibility(self) -> np.ndarray:
+        return self.whole.flexibility[self.numbers]
+
+    @cached_property
+    def local_tip(self) -> np.ndarray:
+        return self.whole.local_tip[:, :, self.numbers]
+
+    def compliance(
+        self, points: np.ndarray, C_ss: np.ndarray, R: np.ndarray, basis: np.ndarray, delta: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        return self.whole.compliance(self.numbers[points], C_ss, R, basis, delta)
+
+    def joint_dents(self, points: np.ndarray, R: np.ndarray) -> JointDents | None:
+        return self.whole.joint_dents(self.numbers[points], R)
+
+    def turns(self, rows: np.ndarray, patches: np.ndarray) -> np.ndarray:
+        return self.whole.turns(rows, self.numbers[patches])

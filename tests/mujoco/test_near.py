@@ -1,0 +1,69 @@
+"""Steps of the points that may touch alone, against steps of all points."""
+
+import numpy as np
+import pytest
+
+from cfem.contact.obstacle_set import ObstacleSet
+from cfem.mujoco import World
+from cfem.mujoco.near import REACH, Look
+
+TURNING = """<mujoco><option timestep="0.002"/><worldbody>
+  <body><joint axis="0 0 1" damping="1"/><geom size="0.004" pos="-0.01 0 0" mass="1"/><site name="bar"/></body>
+  <body pos="0.055 0 0.0115"><joint type="slide" axis="0 0 1"/>
+    <geom name="ball" type="sphere" size="0.006" mass="0.002"/></body>
+</worldbody></mujoco>"""
+
+
+@pytest.fixture
+def asked(monkeypatch):
+    """Numbers of points whose distance is asked."""
+    counts, nearest = [], ObstacleSet.nearest
+
+    def counted(self, points, *far):
+        counts.append(len(points))
+        return nearest(self, points, *far)
+
+    monkeypatch.setattr(ObstacleSet, "nearest", counted)
+    return counts
+
+
+def test_forces_are_those_of_all_points_and_few_of_these_are_asked(soft_bar, asked, monkeypatch):
+    """A ball falls on the bar, which turns about its base and bends."""
+    ends, counts = [], []
+    for everywhere in (False, True):
+        if everywhere:
+            monkeypatch.setattr(Look, "step", lambda look, scene, deltas, before: (scene.step(deltas, before), look))
+        world = World(TURNING, {"bar": soft_bar})
+        world.data.qvel[0] = 0.1
+        asked.clear()
+        for i in range(150):
+            world.step({"bar": [0.005 * i]})
+        ends.append((world.data.qpos.copy(), world.force("bar", "ball"), world.contact.lambda_a[0]))
+        counts.append(sum(asked))
+    for few, every in zip(*ends, strict=True):
+        assert few == pytest.approx(every, rel=1e-9, abs=1e-12)
+    assert np.linalg.norm(ends[0][1]) > 0.005
+    assert counts[0] < counts[1] / 3
+
+
+def test_no_point_comes_nearer_than_is_said(soft_bar):
+    world = World(TURNING, {"bar": soft_bar})
+    world.data.qvel[0], largest = 1.0, 0.0
+    everywhere = Look.nowhere([soft_bar.surface])
+    for i in range(15):
+        state = world.step({"bar": [0.02 * i]})
+        if i == 0:
+            first, look = state.obstacles, everywhere.again([soft_bar.surface], everywhere.taken(state, world.points))
+            before = everywhere.places(state)
+        nearer = first.nearest(before)[0] - state.obstacles.nearest(everywhere.places(state))[0]
+        share = nearer.max() / (REACH * soft_bar.surface.model.length)
+        largest = max(largest, share)
+        assert share <= look.moved(state) + 1e-12
+    assert largest > 0.3
+
+
+def test_skins_are_there_after_a_step_that_fails(soft_bar):
+    world = World(TURNING, {"bar": soft_bar})
+    with pytest.raises(Exception, match="one finite number"):
+        world.step({"bar": [1.0, 2.0]})
+    assert world.model.flex_vertnum.tolist() == [len(soft_bar.surface.model.skin.rest)]
