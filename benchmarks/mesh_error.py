@@ -6,8 +6,8 @@ truth at each command is the distance of the tip to that on a mesh of its own, m
 less than half as large, which the statement has not seen; for rods, that of cells a third as large.
 
 coverage: share of commands at which the truth is not larger than the upper bound; ratio: upper bound to truth, median
-and quantiles; before: the same of what was stated before, one figure for all commands, from the difference to a mesh
-of 2.5 times as many cells by order two."""
+and quantiles. Every command and the tip on both meshes go to data/mesh-error/NAME.json. `--again FILE ...` judges such
+files instead of solving, as docs/figures/mesh-error.json, a list of them."""
 
 import argparse
 import json
@@ -33,7 +33,8 @@ from cfem.robot.spec import SceneSpec
 from cfem.sample.plan import actuation, borne_together, unit_rows
 from cfem.sample.spec import SplitSpec
 
-PIPELINES = Path(__file__).parents[1] / "pipelines"
+ROOT = Path(__file__).parents[1]
+PIPELINES, RAW = ROOT / "pipelines", ROOT / "data" / "mesh-error"
 ROBOTS: dict[str, tuple[str, tuple[str, ...]]] = {
     "bar": ("bar", ()),
     "bar, linear": ("bar", ("mesh.element=tet4", "mesh.size=4 mm")),
@@ -97,58 +98,65 @@ def anew(scene: SceneSpec, folder: Path, cells: float) -> Mesh:
 
 
 def measured(name: str, commands: int) -> dict:
+    """The statement, and every command with the tip's way on both meshes."""
     robot, changes = ROBOTS[name]
     folder = PIPELINES / robot
     scene = load_spec(folder / "scene.yaml", SceneSpec, changes)
-    begin = time.process_time()
     here = Commands(scene, scene_mesh(scene, folder)[0])
     n_a = here.robot.rows.n_a
     known = here.drawn(unit_rows(SplitSpec(rows=16, method="scrambled-halton", seed=1), n_a))
     asked = here.drawn(unit_rows(SplitSpec(rows=commands, method="random", seed=7), n_a))
-    sampling, begin = time.process_time() - begin, time.process_time()
     farthest = [known[index] for index in chosen(np.array([each.delta_e for each in known]), 0.0 * known[0].delta_e, 2)]
+    begin = time.process_time()
     found = mesh_error(scene, here.mesh, here.robot, folder, farthest, MeshErrorSpec())
-    seconds, error = time.process_time() - begin, mesh_error_of(found)
-    result = {"robot": name, "cells": len(here.mesh.cells), "states": len(known), "seconds_states": round(sampling, 1)}
-    if error is None:
-        return {**result, **found}
+    result = {"robot": name, "stated": found, "seconds": round(time.process_time() - begin, 1)}
+    if mesh_error_of(found) is None:
+        return result
     by = 3 if dimensions(scene) == 1 else 8
     there = Commands(scene, anew(scene, folder, by * len(here.mesh.cells)))
-    coarser = Commands(scene, anew(scene, folder, 2.5 * len(here.mesh.cells)))
-    smaller = (len(coarser.mesh.cells) / len(here.mesh.cells)) ** (1 / dimensions(scene))
-    factor = smaller**2 / (smaller**2 - 1)
-    before = factor * max(map(np.linalg.norm, moved(farthest, coarser.again(farthest, here))))
     finer = there.again(asked, here)
     kept = [index for index, each in enumerate(finer) if each.converged]
-    truth = np.linalg.norm(moved([asked[index] for index in kept], [finer[index] for index in kept]), axis=1)
-    travel = np.linalg.norm(places([asked[index] for index in kept]), axis=1)
-    low, high = np.array([error.tip.bounds(each) for each in travel]).T
+    pairs = [[each[index] for index in kept] for each in (asked, finer)]
+    names = here.robot.rows.effectors
     return {
         **result,
-        "finer_cells": error.finer_cells,
         "truth_cells": len(there.mesh.cells),
-        "factorizations": found["factorizations"],
-        "seconds": round(seconds, 1),
-        "commands": len(kept),
         "not_converged": len(finer) - len(kept),
+        "commands": [(each.lambda_a if here.robot.forces is not None else each.delta_a).tolist() for each in pairs[0]],
+        "tip": places(pairs[0], names),
+        "finer_tip": places(pairs[1], names),
+    }
+
+
+def judged(result: dict) -> dict:
+    """How well the statement holds at the commands."""
+    error = mesh_error_of(result["stated"])
+    if error is None:
+        return result
+    tip, finer = np.array(result["tip"]), np.array(result["finer_tip"])
+    travel, truth = np.linalg.norm(tip, axis=1), np.linalg.norm(finer - tip, axis=1)
+    low, high = np.array([error.tip.bounds(each) for each in travel]).T
+    return {
+        "robot": result["robot"],
+        "cells": error.cells,
+        "finer_cells": error.finer_cells,
+        "truth_cells": result["truth_cells"],
+        "factorizations": result["stated"]["factorizations"],
+        "seconds": result["seconds"],
+        "commands": len(truth),
+        "not_converged": result["not_converged"],
         "truth_percent": figures(100 * truth / travel),
         "stated_percent": [round(100 * float(each), 3) for each in (*error.tip.rest, *error.tip.far)],
         "coverage": float(np.mean(truth <= high)),
         "below_low": float(np.mean(truth < low)),
         "ratio": figures(high / truth),
-        "before": {"coverage": float(np.mean(truth <= before)), "ratio": figures(before / truth)},
     }
 
 
-def places(states: Sequence[Equilibrium]) -> np.ndarray:
+def places(states: Sequence[Equilibrium], effectors: Sequence[str]) -> list[list[float]]:
     """Displacements of the effectors, orientations left out."""
-    names = states[0].condensed.rows.effectors
-    return np.array([each.delta_e for each in states])[:, [not name.split(".")[-1].startswith("r") for name in names]]
-
-
-def moved(states: Sequence[Equilibrium], others: Sequence[Equilibrium]) -> np.ndarray:
-    where = [not name.split(".")[-1].startswith("r") for name in states[0].condensed.rows.effectors]
-    return np.array([b.delta_e - a.delta_e for a, b in zip(states, others, strict=True)])[:, where]
+    kept = [not name.split(".")[-1].startswith("r") for name in effectors]
+    return [each.delta_e[kept].tolist() for each in states]
 
 
 def figures(values: np.ndarray) -> list[float]:
@@ -160,9 +168,19 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("names", nargs="*", help=f"of {', '.join(ROBOTS)}; all by default")
     parser.add_argument("--commands", type=int, default=20)
+    parser.add_argument("--again", nargs="+", type=Path, default=[], help="files of results")
     asked = parser.parse_args()
+    for path in asked.again:
+        known = json.loads(path.read_text())
+        for result in known if isinstance(known, list) else [known]:
+            print(json.dumps(judged(result)))
+    if asked.again:
+        return
+    RAW.mkdir(parents=True, exist_ok=True)
     for name in asked.names or ROBOTS:
-        print(json.dumps(measured(name, asked.commands)), flush=True)
+        result = measured(name, asked.commands)
+        (RAW / f"{name}.json").write_text(json.dumps(result) + "\n")
+        print(json.dumps(judged(result)), flush=True)
 
 
 if __name__ == "__main__":

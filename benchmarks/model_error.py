@@ -8,6 +8,7 @@ coverage: share of the other states whose error is within the bound: mean over t
 the effectors have moved least and most; ratio: bound to error, median; everywhere: the same of one bound for all
 states; spread: standard deviation of the coverage over the splits.
 
+moving-finger, moving-stiff-flop: their natural frequencies, with the actuators held and free.
 row: two modules of `stiff-flop-module` in a row. load: forces at the effectors, in random directions, for which the
 estimate of the error is a share of what is trusted: true by estimate at 5, 50, 95 and 100 % of the states. loaded row:
 the same of the row."""
@@ -17,6 +18,7 @@ import json
 import os
 import shutil
 import tempfile
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +29,7 @@ import cfem
 from cfem.core.spec import load_spec
 from cfem.dataset.reader import read_dataset
 from cfem.equilibrium.system.robot import Robot
+from cfem.motion.load import load_motion
 from cfem.plant.fem_plant import FemPlant, pushed
 from cfem.predict.load import build, load_model
 from cfem.predict.loads.loaded import TRUSTED, loaded
@@ -36,6 +39,7 @@ from cfem.predict.state_error import extrapolation
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh
 from cfem.surrogate.calibration import answers, bound, calibrated, state_errors
+from cfem.surrogate.motion_error import frequency_errors
 from cfem.surrogate.spec import SpectralSpec, TrainSpec
 from cfem.surrogate.stage import train_and_judge
 
@@ -56,6 +60,7 @@ ROBOTS: dict[str, tuple[str, dict[str, Any]]] = {
     "diamond": ("diamond", {"mesh": {"size": "30 mm", "cells": 300, "element": "tet10p0"}}),
 }
 MORE, SPLITS = 50, 200
+MOVING = ("moving-finger", "moving-stiff-flop")
 DOMAIN = 60  # states of the whole row that say where its domain is
 LOADED, SHARES, DIRECTIONS, SEED = ("bar", "pincer", "stiff-flop module"), (0.03, 0.3, 0.9), 4, 4
 
@@ -120,6 +125,30 @@ def split(errors: np.ndarray, L: np.ndarray, moved: np.ndarray, n: int) -> dict[
         "ratio": figure(np.median(ratio)),
         "everywhere": {"coverage": by_one, "ratio": figure(np.median(ratio_of_one))},
     }
+
+
+def of_motion(name: str, folder: Path, fresh: int) -> dict[str, Any]:
+    """The first natural frequencies of a robot that moves."""
+    specs, _, test, count = sampled(folder, name, {}, fresh)
+    cfem.run_stage("train", specs / "train.yaml", overrides=["learning_curve=[]"])
+    model, data = load_motion(folder / "models" / name / "spectral"), folder / "data" / name / "samples"
+    true = json.loads((data / "manifest.json").read_text())["results"]["frequencies"]
+    states, answered = answers(model.static, test, "displacement")
+    errors = frequency_errors(model, test.delta_a, true)[answered]
+    stable = np.isfinite(errors).all(axis=1)
+    L, moved = extrapolation(model.static, states)[stable], np.linalg.norm(test.delta_e[answered][stable], axis=1)
+    by_count = {
+        str(n): {
+            kind: split(values, L, moved, n) for kind, values in zip(("held", "free"), errors[stable].T, strict=True)
+        }
+        for n in sorted({count, MORE})
+        if n < len(L)
+    }
+    return {
+        "test_states": len(test),
+        "stable_in_domain": len(L),
+        "largest": errors[stable].max(axis=0).tolist(),
+    } | by_count
 
 
 def figure(value: float) -> float:
@@ -213,7 +242,7 @@ def estimated_at(model: Predictor, wrench: np.ndarray, share: float) -> Predicto
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    special = {"row": row, "load": load, "loaded row": loaded_row}
+    special = {name: partial(of_motion, name) for name in MOVING} | {"row": row, "load": load, "loaded row": loaded_row}
     names = [*ROBOTS, *special]
     parser.add_argument("names", nargs="*", help=f"of {', '.join(names)}; all by default")
     parser.add_argument("--fresh", type=int, default=150)

@@ -106,7 +106,7 @@ def moving_bar(tmp_path_factory):
     heavy = "material: {young: 1 MPa, poisson: 0.45, density: 1070 kg/m^3, viscosity: {relaxation: 3 ms}}"
     text = scene.read_text().replace("material: {young: 1 MPa, poisson: 0.45}", heavy)
     scene.write_text(text.replace("size: 8 mm", "size: 12 mm\n  element: tet4"))
-    asked = ["splits.train.rows=10", "splits.test.rows=2", "skeleton=3", "dynamics=true"]
+    asked = ["splits.train.rows=10", "splits.test.rows=2", "skeleton=3", "dynamics=true", "frequencies=true"]
     cfem.run_stage("mesh", scene)
     cfem.run_stage("sample", specs / "sample.yaml", overrides=asked, workers=1)
     cfem.run_stage("train", specs / "train.yaml", overrides=["samples=null"])

@@ -10,6 +10,7 @@ import cfem
 from cfem.core.errors import SpecError
 from cfem.core.spec import load_spec
 from cfem.export.page.page import about
+from cfem.robot.mesh import accuracy, grading
 from cfem.sample.spec import SampleSpec
 
 
@@ -55,3 +56,16 @@ def test_the_content_of_samples_tells_whether_they_state_it(stating, bar):
 def test_it_does_not_go_with_rest(bar):
     with pytest.raises(SpecError, match="mesh_error does not go with"):
         load_spec(bar / "pipelines" / "bar" / "sample.yaml", SampleSpec, ["mesh_error={}", "space=rest"])
+
+
+def test_samples_state_the_error_by_which_their_mesh_was_made(bar, tmp_path, monkeypatch):
+    monkeypatch.setattr(accuracy, "FIRST", 60)
+    monkeypatch.setattr(grading, "PASSES", 1)
+    specs = shutil.copytree(bar / "pipelines" / "bar", tmp_path / "pipelines" / "bar")
+    scene = specs / "scene.yaml"
+    scene.write_text(scene.read_text().replace("5 mm, element: hex8", "20 mm, element: tet4, accuracy: 90 %"))
+    made = cfem.run_stage("mesh", scene)["results"]["mesh_error"]
+    rows = ["splits.train.rows=2", "splits.test.rows=1", "skeleton=2", "skin=null"]
+    sampled = cfem.run_stage("sample", specs / "sample.yaml", overrides=rows, workers=1)["results"]
+    assert sampled["mesh_error"] == made and 0 < made["tip"]["far"][1] < 0.9
+    assert any("discretisation error" in line for line in sampled["headline"])

@@ -14,12 +14,15 @@ def modes(
     folder: Path, displacements: Sequence[str] = (), free: bool = False, count: int = 3, picture: Path | None = None
 ) -> dict[str, Any]:
     """Frequencies (Hz) and damping at training states from rest outwards, or at given displacements 'a, b'."""
+    from cfem.motion.error import frequency_error_of
     from cfem.motion.load import load_motion
     from cfem.motion.workspace import outwards, vibrations
 
     model = load_motion(folder)
     rows = vibrations(model, _given(displacements, model.n_a) if displacements else outwards(model), free, count)
     results = {"actuators": "free" if free else "held", "units": {"frequency": "Hz"}, "states": rows}
+    if (stated := frequency_error_of(model.static.meta.get("motion"))) is not None:
+        results["frequency_error"] = stated.model_dump(mode="json")
     if picture is not None:
         _draw(rows, picture, results["actuators"])
         results["picture"] = str(picture)
@@ -28,11 +31,18 @@ def modes(
 
 def as_text(results: dict[str, Any]) -> str:
     """Table of the frequencies."""
+    from cfem.motion.error import frequency_error_of
+
     lines = [f"actuators {results['actuators']}: natural frequencies in Hz, and damping in % of the critical"]
+    if "frequency_error" in results:
+        lines[0] += f"; ±: {frequency_error_of(results).words}"
     for row in results["states"]:
         where = ", ".join(f"{value:.4g}" for value in row["delta_a"])
         pairs = zip(row["frequency"], row["damping"], strict=True)
         pairs_text = "   ".join(f"{f:8.3f} ({100 * d:.2f} %)" for f, d in pairs) or row["why"]
+        if "frequency_error" in row:
+            share = row["frequency_error"]
+            pairs_text += "   OUTSIDE" if share is None else f"   ± {100 * share:.2g} %"
         lines.append(f"{where:>30}   {pairs_text}")
     return "\n".join(lines)
 

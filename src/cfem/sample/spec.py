@@ -166,6 +166,9 @@ class SampleSpec(Spec):
     dynamics: bool = False
     """Whether to record mass and viscosity of the rows' motions too, for models that move. It costs no factorisation.
     Each material of the scene then needs its density."""
+    frequencies: bool = False
+    """Whether to compute the natural frequencies of finite elements at the test states, so that models state how far
+    theirs are off. Each test state is solved once more."""
     skin: SkinSpec | None = SkinSpec()
     """Modes of the surface, for shapes without finite elements. Null leaves them out."""
     until: Until | None = None
@@ -195,6 +198,8 @@ class SampleSpec(Spec):
             raise ValueError("mesh_error does not go with contact or space: rest yet")
         if self.contact and (self.parameters or self.until):
             raise ValueError("contact does not go with parameters or until yet")
+        if self.frequencies and not (self.dynamics and "test" in self.splits and not self.parameters):
+            raise ValueError("frequencies needs dynamics and test states, and does not go with parameters")
         if self.dynamics and self.contact:
             raise ValueError("dynamics does not go with contact yet")
         if self.space in ("force", "rest") and (self.contact or self.until):

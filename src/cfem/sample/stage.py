@@ -9,6 +9,7 @@ from typing import Any
 
 from cfem.condensed.parameters import to_json
 from cfem.core.artefact.judgement import KEY, poor
+from cfem.core.artefact.manifest import read_manifest
 from cfem.core.artefact.stage_run import Stage
 from cfem.core.errors import SpecError
 from cfem.core.spec import load_spec
@@ -67,8 +68,10 @@ def run(
         known = None if options.force else _first_rows(sampling)
         work_on = fill or artefact.fill
         outcome = work_on(folder, placed(spec, spec_path.parent), factory(), made_from, crew, known)
-        if spec.mesh_error is not None:
+        if not spec.contact and spec.space != "rest":
             outcome = _with_mesh_error(outcome, folder, spec, spec_path.parent)
+        if spec.frequencies:
+            outcome = _with_frequencies(outcome, folder, spec, spec_path.parent)
         return {**outcome, KEY: [poor(COARSE), *outcome.get(KEY, [])]} if quick else outcome
 
     if shard is None:
@@ -84,16 +87,34 @@ def run(
 
 
 def _with_mesh_error(outcome: dict[str, Any], dataset: Path, spec: SampleSpec, base: Path) -> dict[str, Any]:
-    """The results of a dataset's folder with the error of the mesh within its range."""
+    """The results of a dataset's folder with the error of the mesh within its range, or that by which the mesh was made
+    (`mesh.accuracy`); as they are where neither is known."""
     from cfem.robot.load import load_scene_and_mesh
     from cfem.sample.mesh_error import mesh_error_line, sampled_mesh_error
 
-    path = base / spec.scene
-    scene, mesh = load_scene_and_mesh(path, base / spec.mesh)
-    error = sampled_mesh_error(dataset / "train.parquet", scene, mesh, path.parent, spec.mesh_error)
-    content = hashlib.sha256(json.dumps([outcome["content"], error]).encode()).hexdigest()  # models state it
-    line = mesh_error_line(error)
-    return {**outcome, "headline": [*outcome["headline"], line], "mesh_error": error, "content": content}
+    error = read_manifest(base / spec.mesh).get("results", {}).get("mesh_error")
+    if spec.mesh_error is not None:
+        path = base / spec.scene
+        scene, mesh = load_scene_and_mesh(path, base / spec.mesh)
+        error = sampled_mesh_error(dataset / "train.parquet", scene, mesh, path.parent, spec.mesh_error)
+    if error is None:
+        return outcome
+    outcome = {**outcome, "headline": [*outcome["headline"], mesh_error_line(error)]}
+    return {**outcome, "mesh_error": error, "content": _with_content(outcome, error)}
+
+
+def _with_frequencies(outcome: dict[str, Any], dataset: Path, spec: SampleSpec, base: Path) -> dict[str, Any]:
+    """The results of a dataset's folder with the natural frequencies of its test states."""
+    from cfem.robot.load import load_scene_and_mesh
+    from cfem.sample.frequencies import sampled_frequencies
+
+    found = sampled_frequencies(dataset / "test.parquet", *load_scene_and_mesh(base / spec.scene, base / spec.mesh))
+    return {**outcome, "frequencies": found, "content": _with_content(outcome, found)}
+
+
+def _with_content(outcome: dict[str, Any], found: Any) -> str:
+    """Hash of the content of a dataset with what was estimated from it, as models state that."""
+    return hashlib.sha256(json.dumps([outcome["content"], found]).encode()).hexdigest()
 
 
 def merge(
@@ -183,4 +204,4 @@ def _apart(origin: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
     """The splits of an origin, and the origin without their numbers of rows and what is estimated from them."""
     splits = origin["spec"]["splits"]
     uncounted = {name: {**split, "rows": None} for name, split in splits.items()}
-    return splits, {**origin, "spec": {**origin["spec"], "splits": uncounted, "mesh_error": None}}
+    return splits, {**origin, "spec": {**origin["spec"], "splits": uncounted, "mesh_error": None, "frequencies": None}}

@@ -38,13 +38,18 @@ def calibrated(predictor: Predictor, test: Any) -> dict[str, Any] | None:
         rest_errors, L_rest = at_rest(predictor, test, command)
         known = {name: (error, L_rest) for name, error in rest_errors.items()}
     error = ModelError(
-        probability=PROBABILITY if len(L) >= ENOUGH else len(L) / (len(L) + 1),
+        probability=promised(len(L)),
         states=len(L),
         left_out=len(test) - len(L),
         command=command,
         **{name: bound(values, L, *known[name]) for name, values in errors.items()},
     )
     return error.model_dump(mode="json")
+
+
+def promised(states: int) -> float:
+    """Probability of bounds that are taken from so many test states."""
+    return PROBABILITY if states >= ENOUGH else states / (states + 1)
 
 
 def answers(predictor: Predictor, test: Any, command: str) -> tuple[Condensed | None, np.ndarray]:

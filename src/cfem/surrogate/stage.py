@@ -74,7 +74,8 @@ def work(folder: Path, spec: TrainSpec, dataset_folder: Path) -> dict[str, Any]:
     data = {"content": artefact_content(dataset_folder), "samples": len(training)}
     if moves(training, spec.model):
         doing("learning how it moves")
-        results["motion"] = meta["motion"] = add_motion(folder, training)
+        frequencies = read_manifest(dataset_folder).get("results", {}).get("frequencies")
+        results["motion"] = meta["motion"] = add_motion(folder, training, predictor, test, frequencies)
     mesh_error = read_manifest(dataset_folder).get("results", {}).get("mesh_error")
     if mesh_error_of(mesh_error) is not None and not isinstance(spec.model, SerialSpec):  # of a module, not of a row
         results["mesh_error"] = meta["mesh_error"] = mesh_error
@@ -123,13 +124,21 @@ def moves(training: Any, model: ModelSpec) -> bool:
     return training.moving is not None and isinstance(model, SpectralSpec) and model.form == "displacement"
 
 
-def add_motion(folder: Path, training: Any) -> dict[str, Any]:
-    """Writes motion.npz; facts of the fit."""
+def add_motion(
+    folder: Path, training: Any, predictor: Predictor, test: Any, frequencies: dict[str, Any] | None
+) -> dict[str, Any]:
+    """Writes motion.npz; facts of the fit, with the error of its frequencies where those of the test states are
+    known."""
+    from cfem.motion.model import MotionModel
     from cfem.surrogate.motion import fit_motion
+    from cfem.surrogate.motion_error import calibrated_frequencies
 
     arrays, facts = fit_motion(training)
     write_npz(folder / "motion.npz", arrays)
-    return facts
+    if not frequencies:
+        return facts
+    model = MotionModel(predictor, arrays, facts["viscosity"])
+    return {**facts, "frequency_error": calibrated_frequencies(model, test, frequencies)}
 
 
 def add_skin(

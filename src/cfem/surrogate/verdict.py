@@ -6,6 +6,7 @@ from cfem.condensed.mesh_error import mesh_error_of
 from cfem.condensed.model_error import model_error_of
 from cfem.core.artefact.judgement import INDEFINITE_SHARE, LOSS, poor
 from cfem.core.console.shown import duration, length
+from cfem.motion.error import frequency_error_of
 from cfem.surrogate.calibration import ENOUGH, PROBABILITY
 
 LEAST = 1e-6  # mm: a smaller bound says no more
@@ -40,6 +41,9 @@ def headline(results: dict[str, Any], units: dict[str, Any]) -> list[str]:
             f"largest, in {stated.percent} of the unseen states of its domain{few}; "
             "model.error(state) bounds each state by its place"
         )
+    if (frequencies := frequency_error_of(results.get("motion"))) is not None:
+        held, free = (100 * each.everywhere for each in (frequencies.held, frequencies.free))
+        lines.append(f"{frequencies.words}: {held:.2g} % with the actuators held, {free:.2g} % free")
     known = mesh_error_of(results.get("mesh_error"))
     if known is not None:
         low, high = (100 * share for share in known.tip.far)

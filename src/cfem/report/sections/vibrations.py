@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
+from cfem.motion.error import frequency_error_of
 from cfem.motion.model import MotionModel
 from cfem.motion.workspace import outwards, vibrations
 from cfem.report.chart import Chart, chart, panel
@@ -22,10 +23,11 @@ def vibrations_section(models: Mapping[str, MotionModel]) -> ReportSection:
         vibrations_of[name] = {kind: vibrations(model, states, free) for kind, free in KINDS.items()}
         units = dict(zip(model.rows.actuators, (pair[0] for pair in model.static.actuator_units), strict=True))
         parts += [vibrations_chart(name, vibrations_of[name]), vibrations_table(vibrations_of[name], units)]
+    stated = [frequency_error_of(model.static.meta.get("motion")) for model in models.values()]
     text = (
         "The lowest natural frequencies at five training states, from the nearest to rest to the farthest. Held "
         "actuators keep their displacements; free ones keep their forces. Damping is a share of the critical."
-    )
+    ) + "".join(f" ±: {words}." for words in sorted({known.words for known in stated if known is not None}))
     return ReportSection("How it vibrates", text, tuple(parts), {"vibrations": vibrations_of})
 
 
@@ -49,7 +51,11 @@ def vibrations_table(rows: Mapping[str, list[dict[str, Any]]], units: Mapping[st
 
     def in_words(row: Mapping[str, Any]) -> str:
         pairs = zip(row["frequency"], row["damping"], strict=True)
-        return ", ".join(f"{number(f)} ({number(100 * d, 2)} %)" for f, d in pairs) or "unstable"
+        text = ", ".join(f"{number(f)} ({number(100 * d, 2)} %)" for f, d in pairs) or "unstable"
+        if "frequency_error" not in row:
+            return text
+        share = row["frequency_error"]
+        return text + (", OUTSIDE" if share is None else f", ± {number(100 * share, 2)} %")
 
     by_state = list(enumerate(zip(rows["held"], rows["free"], strict=True), 1))
     columns = {"state": lambda row: str(row[0])}
