@@ -205,9 +205,7 @@ def test_a_step_that_is_too_long_says_so(patched):
 
 
 @pytest.mark.parametrize(("axis", "depths"), [(2, (2.0, 6.0)), (0, (0.05, 0.8))])
-def test_what_is_trusted_is_within_5_percent_of_finite_elements(
-    patched, robot, axis, depths
-):
+def test_what_is_trusted_is_within_5_percent_of_finite_elements(patched, robot, axis, depths):
     """A wall comes from below, and along the bar. The forces of the last step are more than 10 % off."""
     places, normal = patched.patches.mean(patched.model.shape(DELTA)), np.eye(3)[axis] * (1 if axis == 2 else -1)
     at = places[np.argmin(places @ normal)]
