@@ -15,7 +15,7 @@ from cfem.core.errors import NumericalError
 from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
 from cfem.plant.touch_plant import TouchPlant
 from cfem.predict.contact.bodies import PlacedModel
-from cfem.predict.contact.loaded_robot import LoadedRobot
+from cfem.predict.contact.loaded_robot import LoadedRobot, estimated_error
 from cfem.predict.contact.model import TRUSTED, ContactModel
 from cfem.predict.contact.scene import contact_step
 from cfem.robot.build import build_robot
@@ -186,17 +186,18 @@ def test_friction_remembers_where_the_robot_stands(patched, table):
 
 def test_a_load_that_bends_the_robot_beyond_its_order_is_outside(patched, table):
     """The second order of the load's motion is what its symmetric difference leaves, and grows in proportion to it."""
+    delta = np.array([1.25])
     world = ContactModel(patched, {"table": table}, ("table",))
-    world.settle(DELTA)  # from there no round goes farther
-    state, touched = world.at_displacement(DELTA), world.touched(DELTA)
-    held, size = LoadedRobot(patched, DELTA), 1e-3
+    world.settle(delta)  # from there no round goes farther
+    state, touched = world.at_displacement(delta), world.touched(delta)
+    held, size = LoadedRobot(patched, delta), 1e-3
     ends = []
     for share in (size, -size):
         held.load(touched.pairs.points, share * touched.push)
         ends.append(held.rows - held.unloaded)
     share = np.linalg.norm(ends[0] + ends[1]) / np.linalg.norm(ends[0] - ends[1])
-    assert share / size == pytest.approx(state.bending, rel=1e-4) and state.bending > 0
-    assert world.inside(state) and not world.inside(replace(state, bending=1.01 * TRUSTED))
+    assert estimated_error(share / size, patched.missing) == pytest.approx(state.error, rel=1e-4) and state.error > 0
+    assert world.inside(state) and not world.inside(replace(state, error=1.01 * TRUSTED))
     assert not world.inside(replace(state, deep=True))
 
 

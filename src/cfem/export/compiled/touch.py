@@ -30,7 +30,7 @@ class TouchedInC:
     delta_e: np.ndarray
     delta_a: np.ndarray
     lambda_a: np.ndarray
-    bending: float
+    error: float
     deep: bool
     everywhere: np.ndarray
     stuck: np.ndarray
@@ -68,7 +68,7 @@ class CompiledTouch:
             *(np.array(values)[:c] for values in (now.patch, now.obstacle, now.mode)),
             *(np.array(values)[:c] for values in (now.force, now.normal, now.gap)),
             *(np.array(values) for values in (now.rows, now.delta_e, now.delta_a, now.lambda_a)),
-            now.bending,
+            now.error,
             bool(now.deep),
             *(np.array(values) for values in (now.place, now.stuck)),
             np.array(now.holds, dtype=bool),

@@ -40,6 +40,7 @@ def write_c_touch(
         "CFEM_PATCH_BENDS": constants["bends"].shape[1],
         "CFEM_PATCH_BENT": constants["bent"].shape[1],
         "CFEM_PATCH_DEGREE": int(max(constants[name].max(initial=1) for name in ("degrees", "compliance_degrees"))),
+        "CFEM_PATCH_MISSING": repr(patched.missing),
         "CFEM_PATCH_LENGTH": repr(float(patched.model.length)),
         "CFEM_TOUCH_OBSTACLES": len(obstacles),
         "CFEM_TOUCH_FRICTION": repr(float(friction)),

@@ -18,6 +18,8 @@ from cfem.predict.contact.compliance import LoadResponse, PatchCompliance, load_
 from cfem.predict.contact.joint_dents import DentedPlaces, JointDents, dented_places
 from cfem.predict.contact.surface_model import NONE, SurfaceModel
 
+THIRD = 2.5  # the third order over the square of the second, both relative to the first (docs/contact.md)
+
 
 class LoadedRobot:
     """The robot at one delta (n_a,) mm, under a constant wrench (n_e,) on its effectors, None: none.
@@ -26,7 +28,7 @@ class LoadedRobot:
     C_es (n_e, k) and C_ss (k, k) mm/N: compliance of effectors and rows to loads on the modes
     patches (c,), forces (c, 3) N: patches and what is on them since `load`, none at first
     w (k,) N: load of the forces on the modes, and rows (k,) mm under it
-    bending: second order of what loads do to the modes over the first, the largest of all `load`"""
+    error: estimate of how far what forces do is off, a share of it, the largest of all `load`; see `estimated_error`"""
 
     def __init__(self, model: SurfaceModel, delta: np.ndarray, wrench: np.ndarray | None = None):
         """Evaluates the model's series at delta (n_a,) mm, without forces on patches."""
@@ -51,7 +53,7 @@ class LoadedRobot:
         self._pressed = np.zeros(len(model.patches), dtype=bool)  # once, so that rounds do not alternate
         self._places: np.ndarray | None = None
         self.patches, self.forces = np.zeros(0, dtype=np.int64), np.zeros((0, 3))
-        self.w, self.rows, self.bending = np.zeros(k), self.unloaded, 0.0
+        self.w, self.rows, self.error = np.zeros(k), self.unloaded, 0.0
 
     def load(self, patches: np.ndarray, forces: np.ndarray) -> None:
         """Puts forces (c, 3) N on patches (c,), and takes all others off."""
@@ -64,13 +66,13 @@ class LoadedRobot:
             forces, self.C_ss, self.model.bends, self._D, free.U, free.flexibility, free.dents
         )
         self.w, self.rows = self._response.w, self.unloaded + self._response.modes.motion
-        self.bending = max(self.bending, self._response.bending)
+        self.error = max(self.error, estimated_error(self._response.bending, self.model.missing))
         joint = self._known[2]
         if joint is not None and forces.any():
             self._pressed[patches[forces.any(axis=1)]] = True
             self._dented = dented_places(forces, free.total, joint, self._pressed[patches])
             if self._dented.share < 1:
-                self.bending = np.inf
+                self.error = np.inf
 
     def places(self) -> np.ndarray:
         """(N, 3) mm of all patches. What is local is known of the loaded ones alone."""
@@ -164,6 +166,15 @@ class LoadedRobot:
             flexibility = stiff_flexibility(total.reshape(c, 3, c, 3)[diagonal, :, diagonal])
             self._known = key, PatchCompliance(U, local, total, flexibility, R, dents), model.joint_dents(patches, R)
         return self._known[1]
+
+
+def estimated_error(bending: float, missing: float) -> float:
+    """Estimate of how far what forces do is off, a share of it: what modes miss of the second order
+    (`SurfaceModel.missing`), and the orders beyond. bending: second order over first.
+
+    A slender body that is bent sideways comes nearer by 0.6 of the square of its deflection, both over its length, and
+    stiffens by about that square: the third order goes with the square of the second."""
+    return (missing + THIRD * bending) * bending
 
 
 def stiff_flexibility(compliance: np.ndarray) -> np.ndarray:

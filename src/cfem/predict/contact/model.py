@@ -40,9 +40,9 @@ Step = Callable[[Any, Any, ContactState | None], ContactState]  # from where, to
 
 @dataclass(frozen=True)
 class InContact(Condensed):
-    """Condensed robot in contact. bending, deep: as `ContactState` has them."""
+    """Condensed robot in contact. error, deep: as `ContactState` has them."""
 
-    bending: float
+    error: float
     deep: bool
 
 
@@ -235,8 +235,8 @@ class ContactModel:
         W, W_ea = np.empty((rows.n, rows.n)), J @ W_aa
         W[rows.e, rows.e], W[rows.e, rows.a], W[rows.a, rows.e], W[rows.a, rows.a] = W_ea @ J.T, W_ea, W_ea.T, W_aa
         delta = np.concatenate([e, delta_a])
-        bending, deep = (0.0, False) if state is None else (state.bending, state.deep)
-        return InContact(rows, W, delta - W[:, rows.a] @ lam, lam, bending, deep)
+        error, deep = (0.0, False) if state is None else (state.error, state.deep)
+        return InContact(rows, W, delta - W[:, rows.a] @ lam, lam, error, deep)
 
     def _sides(
         self, delta_a: np.ndarray, step: np.ndarray, near: ContactState, middle: tuple[np.ndarray, np.ndarray]
@@ -259,7 +259,7 @@ class ContactModel:
     def inside(self, condensed: Condensed) -> bool:
         """True where the model knows the state, forces bend the robot no further than a model of second order can say,
         and on which side of an obstacle each patch lies is known."""
-        known = not isinstance(condensed, InContact) or (condensed.bending <= TRUSTED and not condensed.deep)
+        known = not isinstance(condensed, InContact) or (condensed.error <= TRUSTED and not condensed.deep)
         return known and self.patched.model.inside(condensed)
 
     def distance(self, condensed: Condensed) -> float:

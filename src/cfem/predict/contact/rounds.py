@@ -322,7 +322,7 @@ class Rounds:
             ],
             moved,
             [robot.rows for robot in loaded],
-            max(robot.bending for robot in loaded),
+            max(robot.error for robot in loaded),
             self.deep,
             self.depth,
             self.iterations,

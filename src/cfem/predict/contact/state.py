@@ -11,7 +11,7 @@ from cfem.contact.pairs import Memory, Pressing
 from cfem.contact.prescribed_motion import PrescribedMotion
 from cfem.contact.step_status import StepStatus
 
-TRUSTED = 0.3  # second order of the motion over the first: beyond it forces are wrong (docs/contact.md)
+TRUSTED = 0.035  # estimated error of the motion by forces; forces are then within 5 % (docs/contact.md)
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class ContactState(Pressing):
         cable that is held would have to push; relief (n_a,) N of it is what the forces on patches take off
     wrenches (n_e,): on its effectors, 0 without; moved (n_e,) mm: what of delta_e the forces on patches make
     rows (k,) mm: of each robot's skin, from which `LearnedSkin.surface` draws it, without what is local
-    bending: second order of the motion over its first, the largest of all robots and rounds
+    error: estimate of how far what forces do is off, a share of it, the largest of all robots and rounds
     deep: whether a patch began so far within an obstacle that, twice as far in, another side of it is nearer: in this
         step, or in one before, since when some patch has been near an obstacle
     depth: mm, how far within an obstacle the deepest patch began
@@ -53,7 +53,7 @@ class ContactState(Pressing):
     wrenches: list[np.ndarray]
     moved: list[np.ndarray]
     rows: list[np.ndarray]
-    bending: float
+    error: float
     deep: bool
     depth: float
     iterations: int
@@ -68,11 +68,12 @@ class ContactState(Pressing):
 
     @property
     def trusted(self) -> bool:
-        """True where no step was longer than what it is linear about allows. Beyond, forces may be wrong, a patch may
+        """True where forces bend the robots no further than is known, to 5 %, and no step was longer than what it is
+        linear about allows. Beyond, forces may be wrong, a patch may
         lie on another side than the one on which it came in, and rounding may choose between states that all obey the
         law: take shorter steps. Where an edge comes straight at a point of the surface there are two states however
         short they are."""
-        return self.bending <= TRUSTED and not self.deep
+        return self.error <= TRUSTED and not self.deep
 
     @property
     def pull(self) -> np.ndarray:

@@ -27,6 +27,7 @@ from cfem.predict.series.few_states import degrees
 
 STILL = 1e-9  # of the largest compliance: a patch that is held has less
 BENT = 0.005  # of all that is known of how loads on the modes change the compliance: what is left out
+DRAWS = 64  # random forces
 NONE = np.zeros(0)
 
 
@@ -192,6 +193,24 @@ class SurfaceModel(ABC):
         seen, modes = np.split(self.by_fe.bent[..., self.model.rows.n_e :], [self.model.rows.n_e], axis=2)
         modes = sum(modes.transpose(0, *order) for order in permutations((1, 2, 3))) / 6
         return (seen + seen.transpose(0, 3, 2, 1)) / 2, modes
+
+    @cached_property
+    def missing(self) -> float:
+        """What the modes miss of the second order, by forces on the effectors, of which finite elements know it: the
+        motion along random forces, over the second order of the rows as a share of the first. The largest of the states
+        of finite elements."""
+        n_e, shares, skin = self.model.rows.n_e, [], self.model.skin
+        forces = np.random.default_rng(0).standard_normal((DRAWS, n_e))
+        for delta, bent in zip(self.by_fe.states, self.by_fe.bent, strict=True):
+            C_es, C = skin.compliance(delta, NONE)
+            loads = forces @ C_es @ np.linalg.pinv(C)
+            exact = np.einsum("gs,sef,ge,gf->g", loads, bent[:, :n_e, :n_e], forces, forces, optimize=True)
+            first, second = loads @ C, np.einsum("gs,stu,gu->gt", loads, bent[:, n_e:, n_e:], loads, optimize=True)
+            left = exact - (second * loads).sum(axis=1)
+            sizes = np.linalg.norm(second, axis=1) / np.linalg.norm(first, axis=1)
+            known = np.linalg.norm((first * loads).sum(axis=1) * sizes)
+            shares.append(np.linalg.norm(left) / known if known > 0 else 0.0)
+        return float(max(shares))
 
     @cached_property
     def _bent(self) -> np.ndarray:

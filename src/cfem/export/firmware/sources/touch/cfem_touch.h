@@ -23,10 +23,10 @@ enum {
     CFEM_TOUCH_BAD_INPUT = 4,  /* a number of the input is not finite, or friction is below 0 */
     CFEM_TOUCH_NO_MODEL = 5    /* the model has no trustworthy answer here */
 };
-/* Where `bending` is larger, or with `deep`, the step was longer than what it is linear about allows. Forces may be wrong, a patch may lie
+/* Where `error` is larger, forces bend the robot further than is known; with `deep` the step was too long. Forces may be wrong, a patch may lie
  * on another side than the one on which it came in, and rounding may choose between states that all obey the law. Take shorter steps from
  * a state before. */
-#define CFEM_TOUCH_TRUSTED 0.3
+#define CFEM_TOUCH_TRUSTED 0.035
 
 enum { CFEM_TOUCH_OPEN, CFEM_TOUCH_STICK, CFEM_TOUCH_SLIP };
 
@@ -44,7 +44,7 @@ typedef struct {
     double delta_e[CFEM_NE];           /* mm, effectors from rest */
     double delta_a[CFEM_NA];           /* mm: where the actuators are */
     double lambda_a[CFEM_NA];          /* N: what holds them there */
-    double bending;                    /* second order of the motion over its first, the largest of all rounds */
+    double error;                      /* estimate of how far what forces do is off, a share of it, the largest of all rounds */
     int deep;                          /* a patch began so far within an obstacle that twice as far in another side of it is nearer,
                                         * in this step or in one before, since when some patch has been near an obstacle */
     double place[CFEM_PATCHES][3];     /* mm, of all patches */
@@ -76,7 +76,7 @@ typedef struct {
     cfem_beyond by_dents[CFEM_TOUCH_MOST], by_modes;  /* what is taken of the second order, of dents and of modes */
     double beyond_own[CFEM_TOUCH_MOST][3];            /* mm: by which a patch moves beyond what `left` says, */
     double own_slope[CFEM_TOUCH_MOST][3][3];          /* mm/N: and its derivative by its force */
-    double bending;                                   /* as in the state */
+    double error;                                     /* as in the state */
     double w[CFEM_PATCH_ROWS], moved[CFEM_PATCH_ROWS], across[CFEM_PATCH_ROWS]; /* N: load on the modes; mm: rows by it */
     double v[CFEM_PATCH_BENDS];                                                 /* N: load on the mixtures of the modes */
     double change[CFEM_NE + CFEM_PATCH_BENDS][CFEM_PATCH_BENDS];                /* mm/N: of C_es and C_ss, seen in these */

@@ -29,7 +29,7 @@ static const cfem_touched *own(const cfem_met *state) { return &state->robot[0];
 
 static int known(const cfem_met *state) {
     for (int b = 0; b < CFEM_MEET_ROBOTS; b++)
-        if (state->robot[b].bending > CFEM_TOUCH_TRUSTED) return 0;
+        if (state->robot[b].error > CFEM_TOUCH_TRUSTED) return 0;
     return 1;
 }
 
@@ -62,7 +62,7 @@ static unsigned step(cfem_touch_controller *c, const double *delta_a, const cfem
 
 static const cfem_touched *own(const cfem_touched *state) { return state; }
 
-static int known(const cfem_touched *state) { return state->bending <= CFEM_TOUCH_TRUSTED && !state->deep; }
+static int known(const cfem_touched *state) { return state->error <= CFEM_TOUCH_TRUSTED && !state->deep; }
 
 static double other(const cfem_touch_controller *c, int i) { return c->delta_a[i]; }
 

@@ -11,6 +11,7 @@
 #define M CFEM_PATCH_BENDS
 #define CUBES (M * (M + 1) * (M + 2) / 6)
 static const double TRUSTED = 0.3; /* to which a body that softens is followed; see cfem.predict.loads.high_order */
+static const double THIRD = 2.5;   /* the third order over the square of the second; see cfem.predict.contact.loaded_robot */
 
 #define DEGREES (CFEM_PATCH_DEGREE + 1)
 #define LOCAL 4 /* polynomials in what the modes leave, whose degree is 3 at most */
@@ -30,7 +31,7 @@ static void local_polynomials(const double *delta_a, double t[2][NA][LOCAL]) {
 unsigned cfem_touch_hold(const double delta_a[NA], cfem_touched *now, cfem_touch_room *room) {
     cfem_condensed m;
     double packed[PACKED] = {0.0}, t[NA][DEGREES], local[2][NA][LOCAL];
-    now->bending = room->bending = 0.0, now->deep = 0;
+    now->error = room->error = 0.0, now->deep = 0;
     if (cfem_model(delta_a, &m)) return CFEM_TOUCH_NO_MODEL;
     for (int e = 0; e < NE; e++) now->delta_e[e] = m.free_e[e] + cfem_dot(NA, m.W_ea[e], m.lambda_a);
     for (int i = 0; i < NA; i++) now->lambda_a[i] = m.lambda_a[i], room->s[i] = now->delta_a[i] = delta_a[i];
@@ -135,7 +136,7 @@ static void load(int count, const int *patch, double (*force)[3], cfem_touch_roo
         first[k] = cfem_dot(K, room->C_ss[k], room->w), second[k] = cfem_dot(M, cfem_patch_bends[k], mixed);
     room->by_modes = beyond(K, room->w, first, second, room->moved, room->across);
     const double size = cfem_dot(K, first, first), share = size > 0.0 ? sqrt(cfem_dot(K, second, second) / size) / 2.0 : 0.0;
-    if (share > room->bending) room->bending = share;
+    room->error = cfem_larger(room->error, (CFEM_PATCH_MISSING + THIRD * share) * share);
 }
 
 void cfem_touch_bear(int count, const int *patch, double (*force)[3], cfem_touch_room *room) {
@@ -214,7 +215,7 @@ static double weighted(int n, const float *a, const double *b) {
 void cfem_touch_loaded(cfem_touched *now, cfem_touch_room *room) {
     const double *const w = room->w, *const v = room->v;
     double slope[NA] = {0.0}, cubes[CUBES], *at = cubes, t[2][NA][DEGREES], local[2][NA][LOCAL];
-    now->bending = room->bending;
+    now->error = room->error;
     for (int k = 0; k < K; k++) now->rows[k] = room->rows[k] + (now->count ? room->moved[k] : 0.0);
     if (!now->count) return;
     move_tip(now, room);
