@@ -283,3 +283,13 @@ def test_a_column_beyond_its_buckling_load_is_never_called_stable_while_straight
     bent = np.abs(above.delta_e[1:]).max() > 5.0
     assert above.status in (Status.UNSTABLE, Status.BIFURCATION) or (above.converged and bent)
     assert solve(problem, actuation.force([1.2 * euler]), wanted=Wanted(condense=False)).status is above.status
+
+
+def test_a_start_that_knows_the_actuators_alone_leaves_contacts_free():
+    """Such as one that is predicted from samples in which nothing holds the contact points."""
+    problem = Problem(bar(element="tet4", divisions=(4, 1, 1), cables=2, contact=True))
+    near, there = (actuation.displacement([pulled, 0.0]) for pulled in (0.5, 0.6))
+    state = solve(problem, near).state
+    solved = solve(problem, there, start=replace(state, lam=state.lam[:2]))
+    assert solved.converged and solved.steps == 1
+    np.testing.assert_allclose(solved.state.x, solve(problem, there).state.x, atol=1e-8)

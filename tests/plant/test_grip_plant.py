@@ -20,11 +20,11 @@ FLIP = np.diag([1.0, -1.0, -1.0])
 CENTRE = REST + [0, 0, 3.0]
 
 
-def plant(load=(0.0, 0.0, 0.0)):
+def plant(load=(0.0, 0.0, 0.0), **more):
     problem = Problem(bar(element="hex8", cables=2, contact=True))
     fingers = [PlacedRobot(problem, np.eye(3), np.zeros(3)), PlacedRobot(problem, FLIP, CENTRE - FLIP @ CENTRE)]
     held = FreeObject(Box(np.array([4.0, 4.0, 3.0]), t=CENTRE), CENTRE, np.array([*load, 0, 0, 0]), False)
-    return GripPlant(fingers, np.array([0, 2, 4]), held, "coulomb", 0.8, CENTRE[None])
+    return GripPlant(fingers, np.array([0, 2, 4]), held, "coulomb", 0.8, CENTRE[None], **more)
 
 
 def squeeze(up, down):
@@ -60,7 +60,7 @@ def test_the_picture_has_the_block_last(share):
     assert shown.x.shape[1] == 3 and np.abs(shown.x[-1] - CENTRE).max() < 0.2
 
 
-def steps_of(monkeypatch, works, goal):
+def steps_of(monkeypatch, works, goal, **more):
     """Shares of the way to `goal` (mm) of one actuator that are tried where `works` says whether one can be gone."""
     tried = []
 
@@ -72,7 +72,7 @@ def steps_of(monkeypatch, works, goal):
         return StepStatus.CONVERGED.value
 
     monkeypatch.setattr(GripPlant, "_go", go)
-    one = plant()
+    one = plant(**more)
     return tried, one.towards(np.array([0.0, goal, 0.0, 0.0])), one
 
 
@@ -80,6 +80,12 @@ def test_no_quasi_static_step_is_longer_than_a_millimetre(monkeypatch):
     tried, said, _ = steps_of(monkeypatch, lambda to, at: True, 4.0)
     assert said == "converged"
     np.testing.assert_allclose(tried, [1.0, 2.0, 3.0, 4.0])
+
+
+def test_steps_of_chambers_are_as_long_as_is_stated(monkeypatch):
+    tried, said, _ = steps_of(monkeypatch, lambda to, at: True, 240.0, longest=60.0)
+    assert said == "converged"
+    np.testing.assert_allclose(tried, [60.0, 120.0, 180.0, 240.0])
 
 
 def test_a_step_that_fails_is_halved_and_then_doubled_up_to_a_millimetre(monkeypatch):
@@ -95,17 +101,18 @@ def test_a_way_that_ends_is_left_where_it_ended(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("modes", "moved", "commanded", "said"),
+    ("modes", "moved", "commanded", "longest", "said"),
     [
-        ((Mode.OPEN, Mode.OPEN), 0.01, 0.3, "let go"),
-        ((Mode.STICK, Mode.OPEN), 9.0, 0.3, "jump by 9 mm"),
-        ((Mode.STICK, Mode.OPEN), 2.0, 0.3, "converged"),
-        ((Mode.STICK, Mode.OPEN), 9.0, 0.0, "converged"),  # a load that is handed over
+        ((Mode.OPEN, Mode.OPEN), 0.01, 0.3, 1.0, "let go"),
+        ((Mode.STICK, Mode.OPEN), 9.0, 0.3, 1.0, "jump by 9 mm"),
+        ((Mode.STICK, Mode.OPEN), 9.0, 18.0, 60.0, "jump by 9 mm"),  # mm^3
+        ((Mode.STICK, Mode.OPEN), 2.0, 0.3, 1.0, "converged"),
+        ((Mode.STICK, Mode.OPEN), 9.0, 0.0, 1.0, "converged"),  # a load that is handed over
     ],
 )
-def test_a_solution_that_is_no_step_of_the_object_is_refused(monkeypatch, modes, moved, commanded, said):
+def test_a_solution_that_is_no_step_of_the_object_is_refused(monkeypatch, modes, moved, commanded, longest, said):
     """Without load an object that nothing touches is in balance wherever it is."""
-    one = plant()
+    one = plant(longest=longest)
     one.last = SimpleNamespace(modes=(Mode.STICK, Mode.STICK), around=SimpleNamespace(x=np.zeros(3)))
     there = SimpleNamespace(
         modes=modes,

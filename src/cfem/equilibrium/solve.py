@@ -46,7 +46,7 @@ def solve(
     cost: SolveCost | None = None,
 ) -> Equilibrium:
     """Equilibrium under `actuation`: by Newton's method from `start` where one is given; failing that by continuation
-    from the equilibrium `base`; failing that from rest. An actuation of the actuators alone leaves contacts free.
+    from the equilibrium `base`; failing that from rest. An actuation, and a start, of the actuators alone leave contacts free.
 
     slack: let unilateral actuators go slack rather than push
     tangent: of a state near the start, with which Newton's method begins
@@ -57,6 +57,8 @@ def solve(
     demand_without_friction(problem.robot)
     begin, cost = time.perf_counter(), cost or SolveCost()
     actuation = actuation.padded(problem.n_active)
+    if start is not None:
+        start = replace(start, lam=np.pad(start.lam, (0, problem.n_active - len(start.lam))))
     if not _finite(problem, actuation, start, base):
         return _answer(problem, _not_finite(problem, actuation), actuation, settings, cost, begin, wanted)
     if slack:

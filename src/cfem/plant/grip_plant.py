@@ -20,14 +20,13 @@ from cfem.equilibrium.system.problem import Problem
 from cfem.plant.contact_account import ContactAccount
 from cfem.plant.protocol import Changing, Command, Measurement
 
-LONGEST = 1.0  # mm that an actuator goes in one quasi-static step: friction depends on the way
 HANDED = 0.25  # of the load: what the robots take over in one step
-OPENING = 0.1  # mm that an actuator goes in one step while the robots let go
+OPENING = 0.1  # of its longest step: how far an actuator goes in one while the robots let go
 SLIDES = 0.05  # mm that an object which nothing holds slides down in a first step
 FASTER, SLOWER, LASTS = 2.0, 0.25, 60  # how that changes from step to step, and where a step fails; steps
 ROUNDING = 1e-8  # of the normal force, to which the law is solved: less friction is none
 BUCKLES = "the object is not held stably: a robot that holds it buckles"
-LEVERAGE = 10.0  # mm that an object goes for each of an actuator: more is another contact state, not a step of this one
+LEVERAGE = 10.0  # mm that an object goes in a longest step: more is another contact state, not a step of this one
 
 
 class GripPlant(ContactAccount):
@@ -54,6 +53,7 @@ class GripPlant(ContactAccount):
         grasp: np.ndarray | None = None,
         margin: float | None = None,
         table: Pads | None = None,
+        longest: np.ndarray | float = 1.0,
     ):
         """Grip of `fingers` about an object, at rest.
 
@@ -63,10 +63,11 @@ class GripPlant(ContactAccount):
         object_points: (k, 3) mm of the object at rest, which `x` shows behind the robots' nodes
         grasp: (n_a,) mm, how the first command begins: the object is carried until then, and handed over there
         margin: None, or x_e has behind the object's place what each robot's grip has left (`effectors`)
-        table: what the object stands on, and which carries its load, until the robots lift it; None: nothing does"""
+        table: what the object stands on, and which carries its load, until the robots lift it; None: nothing does
+        longest: (n_a,) mm or mm^3 that an actuator goes in one quasi-static step, as friction depends on the way"""
         self.fingers, self._ends, self._held, self._law, self._mu = fingers, ends, held, law, mu
         self._object_points, self._grasp, self._margin = object_points, grasp, margin
-        self.table, self.stuck = table, 0
+        self.table, self.stuck, self._longest = table, 0, longest
         self.reset()
         self.margins: list[float] = []
         self.borne: list[float] = []
@@ -259,14 +260,13 @@ class GripPlant(ContactAccount):
         """Status at the end of the way to u (n_a,) mm."""
         if self.table is not None and self.at.any() and not u.any():
             return self.let_go()
-        longest = np.inf if self.glued else LONGEST
-        return carried_out(self.at, u, longest, lambda target: self._go(target, self.load))
+        return carried_out(self.at, u, np.inf if self.glued else self._longest, lambda target: self._go(target, self.load))
 
     def let_go(self) -> str:
         """Back to rest: how that ended. Where the robots do not hold the object any more and the table does not bear it
         yet, it slides down (`_slide`)."""
         begin, status = self.at, CONVERGED
-        steps = int(np.ceil(float(np.abs(begin).max()) / OPENING))
+        steps = int(np.ceil(float((np.abs(begin) / self._longest).max()) / OPENING))
         for share in np.linspace(1.0, 0.0, 1 + steps)[1:]:
             status = self._go(share * begin, self.load)
             if status != CONVERGED:
@@ -338,7 +338,7 @@ class GripPlant(ContactAccount):
         if all(mode is Mode.OPEN for mode in state.modes):
             return "the robots let go of the object"
         moved = float(np.linalg.norm(state.around.x[:3] - self.last.around.x[:3]))
-        commanded = float(np.abs(u - self.at).max())
+        commanded = float((np.abs(u - self.at) / self._longest).max())
         if commanded > 0 and moved > LEVERAGE * commanded:
             return f"the object would jump by {moved:.2g} mm, to where the robots hold it otherwise"
         return CONVERGED

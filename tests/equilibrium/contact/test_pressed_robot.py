@@ -21,9 +21,9 @@ DELTA = np.array([2.0, 3.5])
 EXACT = NewtonSettings(tolerance=1e-12)
 
 
-@pytest.fixture(scope="module")
-def skinned():
-    robot = bar(divisions=(5, 1, 1))
+@pytest.fixture(scope="module", params=[False, True], ids=["plain", "with a contact point that nothing holds"])
+def skinned(request):
+    robot = bar(divisions=(5, 1, 1), contact=request.param)
     surface = outer_surface(robot.X, robot.body.mesh.facets)
     return SkinnedRobot(
         robot, surface.nodes, surface.triangles, cut(surface.rest, surface.weights, 20.0, surface.triangles)

@@ -26,3 +26,13 @@ def test_layers_and_self_contact_are_among_them_where_there_are_any(robot, expec
     assert {"layers", "self-contact"} & set(words) == set(expected)
     assert all(words[key].startswith(text) for key, text in expected.items())
     assert words["held"] == "4 of 12 nodes" and "Young's modulus" in words["material"]
+
+
+@pytest.mark.parametrize(
+    "robot, expected",
+    [("fin-ray", "object: push, 0 to 12 mm"), ("mckibben", "chamber: cavity, 0 to 6000 mm³"), ("trunk", "mm")],
+)
+def test_the_reach_of_an_actuator_has_its_unit(robot, expected):
+    scene = load_spec(PIPELINES / robot / "scene.yaml", SceneSpec)
+    words = facts(scene, block((2, 1, 1), (2, 1, 1)), 4)["actuators"]
+    assert words.endswith(expected)

@@ -30,6 +30,7 @@ from cfem.predict.protocol import Predictor
 
 TABLE = 0.01  # mm/N of each of the four points of a table, in every direction
 WITHIN = 0.8  # of the way from the middle of a side to its edges, where these points are
+LONGEST = 0.05  # of its reach: the longest way of an actuator in one step
 TOUCHES = 1e-6  # mm between a contact point and the object at rest
 
 
@@ -119,12 +120,13 @@ def gripped(
     fingers = [PlacedRobot(Problem(robot), *place_of(robot_spec)) for robot_spec in spec.robots]
     points, _ = box_surface(about.centre, about.half_size, robot.body.mesh.facets.shape[1])
     ends, preload = n_a * np.arange(count + 1), spec.search.preload
+    longest = np.tile(LONGEST * np.abs(robot.reach).max(axis=1), count)
 
     def grip(robots: Sequence[PointRobot], grasp: np.ndarray, table: Pads | None) -> GripPlant:
-        return GripPlant(robots, ends, held, law, mu, points, grasp if preload else None, about.margin, table)
+        return GripPlant(robots, ends, held, law, mu, points, grasp if preload else None, about.margin, table, longest)
 
     if law == "bilateral":
-        return None, models, GripPlant(fingers, ends, held, law, mu, points)
+        return None, models, GripPlant(fingers, ends, held, law, mu, points, longest=longest)
     _demand_touch(spec, robot, shape, fingers)
     if any(hold.n_pose < 6 for glued in models.values() for hold in glued.holds):
         do = "add contact.rotation to sample.yaml, sample and train"

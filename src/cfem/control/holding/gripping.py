@@ -55,7 +55,7 @@ class Gripping:
     mu, margin: see above, None without rows for the grip
     holds: how many times its load the grip would hold at home
     air: the same without a table, where there is one (`cfem.control.holding.on_table`)
-    needs: mm, the least preload that lifts
+    needs: mm or mm^3, the least preload that lifts
     before, at: nothing remembered unless given (`settle`)
     margins, borne: to slip, and N by the table, where it has settled so far
     stuck: steps without a solution since it has settled"""
@@ -215,7 +215,7 @@ class Grip(ObstacleWorld):
             figures |= {"borne": self.fe.borne, "borne_planned": model.borne, "least_preload": model.needs}
             lines.append(
                 f"table: the object stands on it {_at_goals(self.fe.borne)}, planned {_at_goals(model.borne)}; "
-                f"a preload of {model.needs:.2g} mm is enough to lift it"
+                f"a preload of {model.needs:.3g} {spec.search.preload.unit} is enough to lift it"
             )
         if not self.fe.holds:
             ended, moves = self.fe.alone()

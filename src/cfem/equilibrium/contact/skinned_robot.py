@@ -1,6 +1,6 @@
 """A robot of finite elements whose surface touches by points: means of patches, or nodes; placed in a scene."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -32,7 +32,8 @@ class SkinnedRobot:
 
     @cached_property
     def problem(self) -> Problem:
-        return Problem(self.robot)
+        """Of the robot whose named contact points, if any, touch nothing: its surface does."""
+        return Problem(replace(self.robot, contacts=(), rows=replace(self.robot.rows, contacts=())))
 
     def motion_of_points(self, x: np.ndarray) -> sp.csc_array:
         """(n_dof, 3 N): unknowns by points, of which the transpose is points by unknowns, nodes at x (n, 3) mm."""

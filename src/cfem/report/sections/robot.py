@@ -10,7 +10,7 @@ from cfem.mechanics.mesh import Mesh
 from cfem.report.page import Card
 from cfem.report.tables import number
 from cfem.report.viewer import BODY, HELD, Polyline, Take, Viewer, carried_along, flat_triangles
-from cfem.robot.constraints import Cable
+from cfem.robot.constraints import Cable, Push
 from cfem.robot.layers import LayerSpec
 from cfem.robot.places import cable_points, pull_point
 from cfem.robot.spec import SceneSpec
@@ -109,7 +109,7 @@ def _actuators(scene: SceneSpec) -> str:
     """Text of the actuators, those with the same limits together."""
     alike: dict[str, list[str]] = {}
     for item in scene.actuators:
-        unit, pressure = "mm" if isinstance(item, Cable) else "mm³", getattr(item, "pressure", None)
+        unit, pressure = "mm" if isinstance(item, Cable | Push) else "mm³", getattr(item, "pressure", None)
         text = f"{item.kind}, {' to '.join(number(value) for value in item.reach)} {unit}"
         if pressure is not None:
             text += f", {' to '.join(number(1000 * value) for value in pressure)} kPa"
