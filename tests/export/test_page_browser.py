@@ -163,7 +163,8 @@ def test_all_of_the_robot_stays_in_the_picture_where_its_width_changes(tab):
     outside = """() => { const { scene, state, robot } = cfem, view = document.getElementById("view"), seen = [];
       for (const told of [[0, 0], [14, 2], [2, 14]]) {
         robot.set(told); robot.shape();
-        for (let i = 0; i < robot.drawn.length; i += 3) seen.push(scene.project(state.camera, [...robot.drawn.slice(i, i + 3)]));
+        const places = [...robot.drawn];
+        for (let i = 0; i < places.length; i += 3) seen.push(scene.project(state.camera, places.slice(i, i + 3)));
       }
       robot.home(); robot.shape();
       return seen.filter(([u, v]) => u < 0 || v < 0 || u > view.clientWidth || v > view.clientHeight).length; }"""
