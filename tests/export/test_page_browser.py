@@ -158,6 +158,29 @@ def test_fingers_drag_and_zoom(chromium, files):
     tab.context.close()
 
 
+def test_all_of_the_robot_stays_in_the_picture_where_its_width_changes(tab):
+    """At the ends of its reach too."""
+    outside = """() => { const { scene, state, robot } = cfem, view = document.getElementById("view"), seen = [];
+      for (const told of [[0, 0], [14, 2], [2, 14]]) {
+        robot.set(told); robot.shape();
+        const places = [...robot.drawn];
+        for (let i = 0; i < places.length; i += 3) seen.push(scene.project(state.camera, places.slice(i, i + 3)));
+      }
+      robot.home(); robot.shape();
+      return seen.filter(([u, v]) => u < 0 || v < 0 || u > view.clientWidth || v > view.clientHeight).length; }"""
+    for width, height in ((800, 1400), (1800, 500), (780, 1000)):
+        tab.set_viewport_size({"width": width, "height": height})
+        until(tab, f"innerWidth === {width} && innerHeight === {height}")
+        tab.evaluate("() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
+        assert tab.evaluate(outside) == 0
+    tab.focus("#view")
+    tab.keyboard.press("+")
+    nearer = tab.evaluate("() => cfem.state.camera.height")
+    tab.set_viewport_size({"width": 700, "height": 500})
+    until(tab, "innerWidth === 700")
+    assert tab.evaluate("() => cfem.state.camera.height") == nearer  # a person's own view stays
+
+
 @pytest.mark.slow
 def test_keys_move_the_goal_and_turn_the_view(tab):
     before, azimuth = shown(tab), tab.evaluate("() => cfem.state.camera.azimuth")

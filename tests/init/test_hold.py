@@ -5,7 +5,7 @@ import pytest
 from init.bodies import box_shape, tapered
 
 from cfem.core.errors import SpecError
-from cfem.init.hold import Run, guess_hold, read_hold, run_from
+from cfem.init.hold import Hold, Run, guess_hold, read_hold, run_from
 from cfem.init.shape import Shape
 from cfem.mechanics.mesh import Mesh
 from cfem.robot.selection import select_nodes
@@ -28,6 +28,10 @@ def test_the_flat_face_at_the_thicker_end_is_held():
     other, _ = guess_hold(mirrored(shape))
     assert str(other) == "z >= 0 mm"
     assert run_from(other, mirrored(shape)) == Run(2, 0.0, 0.0, -60.0)
+
+
+def test_a_level_that_is_0_to_rounding_is_written_as_0():
+    assert str(Hold(0, True, -4.4e-16)) == "x <= 0 mm"
 
 
 def test_of_ends_alike_that_near_the_origin():

@@ -51,7 +51,8 @@ class Hold:
     def __str__(self) -> str:
         if self.face is not None:
             return f"{_FACE}{', '.join(f'{value + 0.0:.6g}' for value in self.face.centre)} mm"
-        return self.name or f"{AXES[self.axis]} {'<=' if self.below else '>='} {self.level + 0.0:.9g} mm"
+        level = 0.0 if abs(self.level) < 1e-12 else self.level
+        return self.name or f"{AXES[self.axis]} {'<=' if self.below else '>='} {level:.9g} mm"
 
 
 @dataclass(frozen=True)

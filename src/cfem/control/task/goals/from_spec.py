@@ -55,7 +55,7 @@ def _shares(name: str, trajectory: ImageSpec, n_a: int) -> tuple[list[float], li
 def _demand_rows(name: str, numbers: int, rows: int) -> None:
     if numbers != rows:
         what = f"a goal has {numbers} numbers, the robot {rows} effector rows"
-        do = "give one number per row: x, y, z of each effector"
+        do = "give x, y, z of each effector, in the order of the scene; weight 0 in search.weights leaves a row free"
         raise SpecError(what, where=f"trajectories.{name}", do=do)
 
 

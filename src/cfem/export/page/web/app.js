@@ -28,7 +28,8 @@ function start(robot) {
   const ground = { height: level, lines: gridOf(rest.place, level) }, chambers = makeChambers(robot, rest.place), strain = makeStrain(robot, rest.place);
 
   const view = () => framed([...robot.drawn, ...reach.places], bestAzimuth(robot.drawn, reach.places), 14, canvas.clientWidth, canvas.clientHeight, MARGIN);
-  state.camera = view();
+  const lookAtAll = () => { state.camera = view(); state.whole = JSON.stringify(state.camera); };
+  lookAtAll();
 
   const goals = said.points.map(one => ({ ...one, get place() { return [...robot.goal.slice(...one.rows)]; }, get tip() { return [...robot.x_e.slice(...one.rows)]; } }));
   const missed = () => Math.max(...goals.map(one => Math.hypot(...add(one.place, one.tip, -1))));
@@ -219,7 +220,7 @@ function start(robot) {
   $("follow").onclick = () => { follow(); showMode(); again(); };
   $("hand").onclick = () => { stop(); state.byHand = true; showMode(); wake(); again(); };
   $("home").onclick = () => { robot.home(); follow(); again(); };
-  $("camera").onclick = () => { state.camera = view(); again(); };
+  $("camera").onclick = () => { lookAtAll(); again(); };
   $("reach").onclick = () => { toggle("reach"); again(); };
   $("strain").onclick = () => {
     toggle("strain");
@@ -235,7 +236,8 @@ function start(robot) {
     state.theme = themeColours(); again();
   };
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { state.theme = themeColours(); again(); });
-  new ResizeObserver(again).observe(canvas);
+  // Another width would cut the robot off; a view that a person has chosen stays.
+  new ResizeObserver(() => { if (JSON.stringify(state.camera) === state.whole) lookAtAll(); again(); }).observe(canvas);
   document.addEventListener("input", again);
   document.addEventListener("visibilitychange", again);
   showMode(); tell();
