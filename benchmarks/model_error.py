@@ -76,7 +76,8 @@ def sampled(
     path = specs / "sample.yaml"
     spec = TENTACLE if not path.exists() else yaml.safe_load(path.read_text())
     count = spec["splits"]["test"]["rows"]
-    spec = {**spec, "skin": None, "out": f"../../data/{name}/samples"}
+    spec |= {"out": f"../../data/{name}/samples"}
+    spec |= {} if name in MOVING else {"skin": None}  # its rows make the inner motions
     spec["splits"]["test"]["rows"] = count + fresh
     spec["splits"]["train"]["rows"] = training or spec["splits"]["train"]["rows"]
     path.write_text(yaml.safe_dump(spec, sort_keys=False))

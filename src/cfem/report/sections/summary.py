@@ -63,7 +63,8 @@ def tracking_summary(tracking: Tracking) -> Summary:
         mesh = (tracking.discretisation or {}).get("tip_mm", 0.0)
         if mesh > known.max():
             sentence += (
-                f" The mesh itself leaves {length(mesh, digits=2)} uncertain at the tip, more than the tracking error."
+                f" The mesh itself leaves up to {length(mesh, digits=2)} uncertain at the tip, more than the tracking "
+                "error."
             )
         numbers.append(Number(length(known.mean()), "mean tracking error", _beside(known, tracking)))
     numbers.append(_time(tracking, outcome.step_us))
@@ -89,7 +90,7 @@ def _beside(error: np.ndarray, tracking: Tracking) -> tuple[str, str]:
     """Notes beside the mean tracking error."""
     text, mesh = f"largest {length(error.max())}, on the mesh of the model", tracking.discretisation or {}
     if "tip_mm" in mesh:
-        return text, f"discretisation error of the tip: {length(mesh['tip_mm'], digits=2)} (estimated)"
+        return text, f"discretisation error of the tip: up to {length(mesh['tip_mm'], digits=2)} (estimated)"
     why = f": {mesh['left_out']}" if "left_out" in mesh else ""
     return text, f"discretisation error: not estimated{why}"
 

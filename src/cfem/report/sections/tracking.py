@@ -168,10 +168,12 @@ def mesh_error_table(error: Mapping[str, Any]) -> ReportTable:
     return tabulate(
         [error],
         {
-            "discretisation error, estimated": lambda row: f"{row['cells']} cells against {row['finer_cells']}",
+            "discretisation error, estimated, at most": lambda row: (
+                f"{row['cells']} cells against {row['finer_cells']}"
+            ),
             "states": lambda row: str(row["states"]),
             "tip": lambda row: length(row["tip_mm"], digits=2),
-            "tip (% of length)": lambda row: number(row["tip_percent"], 2),
+            "tip (% of the length)": lambda row: number(row["tip_percent"], 2),
             "actuator forces (%)": lambda row: number(row["force_percent"], 2),
             "reach (%)": lambda row: number(row["reach_percent"], 2),
         },
