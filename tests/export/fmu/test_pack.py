@@ -1,5 +1,6 @@
 """The FMUs as fmpy sees them: valid, equal to Python, and clear about what they refuse."""
 
+import ctypes
 import shutil
 import subprocess
 import zipfile
@@ -13,6 +14,7 @@ from export.embedded import needs_compiler, serial, spectral
 from export.fmus import Unit, written
 from export.test_c_controller import curve, limits_of
 from fmpy.fmi1 import FMICallException
+from fmpy.fmi3 import FMU3Model
 from fmpy.validation import validate_fmu
 
 from cfem.condensed.strokes import ridge_of
@@ -135,6 +137,85 @@ def test_the_robot_in_motion_is_that_of_python(request, unit, kind):
         assert robot.get("position") == pytest.approx(motion.rest_e + effectors(motion, now), abs=EXACT)
         assert robot.get("displacement") == pytest.approx(now.q[:2], abs=EXACT)
         assert robot.get("force") == pytest.approx(now.lam, abs=EXACT)
+
+
+def test_fmpy_integrates_the_states_of_the_robot_in_motion(forced):
+    """CVode, with forces that jump after 2 ms, against Python's midpoint rule in steps of 50 us."""
+    motion = moving.model()
+    now = at_rest(motion, np.array([6.0, 5.0]))
+    rest, pull, start = now.lam, 1.3 * now.lam, motion.rest_e + effectors(motion, now)
+    fields = [(name, float) for name in ("time", *(f"command.{name}" for name in motion.rows.actuators))]
+    names = [f"position.{name}" for name in motion.rows.effectors]
+    end = fmpy.simulate_fmu(
+        str(forced["moving"]),
+        fmi_type="ModelExchange",
+        stop_time=0.022,
+        relative_tolerance=1e-8,
+        output_interval=0.001,
+        input=np.array([(0.0, *rest), (0.002, *rest), (0.002, *pull), (0.022, *pull)], fields),
+        output=names,
+    )[-1]
+    for _ in range(400):
+        now = step(motion, now, MotionCommand(force=pull), 5e-5)
+    truth = motion.rest_e + effectors(motion, now)
+    travel = np.abs(truth - start).max()
+    assert travel > 0.1
+    np.testing.assert_allclose([end[name] for name in names], truth, atol=1e-6 * travel)
+
+
+def test_derivatives_of_its_states_are_those_of_python(forced, tmp_path):
+    """Runge and Kutta's fourth order under forces that rise; states go back to where they were saved."""
+    motion, description = moving.model(), fmpy.read_model_description(str(forced["moving"]))
+    count, name = description.numberOfContinuousStates, description.modelExchange.modelIdentifier
+    folder = fmpy.extract(str(forced["moving"]), str(tmp_path / "it"))
+    fmu = FMU3Model(guid=description.guid, unzipDirectory=folder, modelIdentifier=name, instanceName="it")
+    fmu.instantiate()
+    fmu.enterInitializationMode()
+    fmu.exitInitializationMode()
+    fmu.enterContinuousTimeMode()
+    references = {
+        block: [one.valueReference for one in description.modelVariables if one.name.startswith(f"{block}.")]
+        for block in ("command", "position")
+    }
+    room, rates = (ctypes.c_double * count)(), (ctypes.c_double * count)()
+    now, until, steps = at_rest(motion, np.array([6.0, 5.0])), 0.02, 200
+    rest, rise, h = now.lam, 0.3 * now.lam, until / steps
+
+    def slope(t, x):
+        fmu.setTime(t)
+        fmu.setFloat64(references["command"], (rest + t / until * rise).tolist())
+        room[:] = x
+        fmu.setContinuousStates(room, count)
+        fmu.getContinuousStateDerivatives(rates, count)
+        return np.array(rates)
+
+    fmu.getContinuousStates(room, count)
+    x, saved = np.array(room), fmu.getFMUState()
+    for t in h * np.arange(steps):
+        a = slope(t, x)
+        b = slope(t + h / 2, x + h / 2 * a)
+        c = slope(t + h / 2, x + h / 2 * b)
+        x = x + h / 6 * (a + 2 * b + 2 * c + slope(t + h, x + h * c))
+    slope(until, x)
+    for k in range(2 * steps):
+        now = step(motion, now, MotionCommand(force=rest + (k + 0.5) / (2 * steps) * rise), h / 2)
+    position = fmu.getFloat64(references["position"])
+    assert position == pytest.approx(motion.rest_e + effectors(motion, now), abs=1e-6)
+    assert x[: len(now.q)] == pytest.approx(now.q, abs=1e-6) and np.abs(now.q - [6, 5, 0, 0]).max() > 0.01
+    with pytest.raises(FMICallException):
+        slope(until, np.full(count, np.nan))
+    fmu.setFMUState(saved)
+    fmu.getContinuousStates(room, count)
+    assert np.array(room)[:2] == pytest.approx([6.0, 5.0]) and not np.array(room)[2:].any()
+    fmu.terminate()
+    fmu.freeInstance()
+
+
+def test_a_robot_under_displacements_has_no_states_to_integrate(forced, placed):
+    held, free = (fmpy.read_model_description(str(each["moving"])) for each in (placed, forced))
+    assert held.modelExchange is None and held.coSimulation is not None
+    assert free.modelExchange.modelIdentifier == free.coSimulation.modelIdentifier
+    assert free.numberOfContinuousStates == len(free.derivatives) > 0
 
 
 def test_the_controller_is_that_of_python(forced, unit):
@@ -279,10 +360,11 @@ def test_what_cannot_be_instantiated(placed, unit):
     assert "has no event mode" in one.said[-1][1]
 
 
-def test_the_signatures_are_those_of_the_standard(placed, tmp_path):
+@pytest.mark.parametrize(("kind", "part"), [("placed", "controller"), ("forced", "moving")])
+def test_the_signatures_are_those_of_the_standard(request, tmp_path, kind, part):
     """Compiled behind the official headers, which fmpy brings: a function of another type would not compile; every one
     of them is there."""
-    fmpy.extract(str(placed["controller"]), str(tmp_path))
+    fmpy.extract(str(request.getfixturevalue(kind)[part]), str(tmp_path))
     headers = Path(fmpy.__file__).parent / "c-code"
     strict = ("-Wall", "-Wextra", "-Werror", "-Wno-strict-prototypes", f"-I{headers}", "-include", "fmi3Functions.h")
     names = ("cfem_fmu.c", "cfem_fmu_absent.c")

@@ -46,12 +46,13 @@ def model_description(fmu: Fmu, token: str) -> bytes:
         generationTool=f"cfem {VERSION}",
         variableNamingConvention="structured",
     )
+    able = {"modelIdentifier": fmu.identifier, "canGetAndSetFMUState": "true", "canSerializeFMUState": "true"}
+    if "STATE" in fmu.blocks:
+        SubElement(root, "ModelExchange", able)
     simulation = SubElement(
         root,
         "CoSimulation",
-        modelIdentifier=fmu.identifier,
-        canGetAndSetFMUState="true",
-        canSerializeFMUState="true",
+        able,
         canHandleVariableCommunicationStepSize="true" if fmu.tick is None else "false",
     )
     if fmu.tick is not None:
@@ -68,26 +69,33 @@ def model_description(fmu: Fmu, token: str) -> bytes:
     variables, structure = SubElement(root, "ModelVariables"), SubElement(root, "ModelStructure")
     time = {"name": "time", "valueReference": "0", "causality": "independent", "variability": "continuous", "unit": "s"}
     SubElement(variables, "Float64", time)
+    states = len(fmu.blocks.get("STATE", ()))
     for reference, variable in enumerate(fmu.variables, start=1):
-        SubElement(variables, "UInt32" if variable.counts else "Float64", _attributes(variable, reference))
-        if not variable.input:
+        SubElement(variables, "UInt32" if variable.counts else "Float64", _attributes(variable, reference, states))
+        if not variable.input and not variable.state:
             SubElement(structure, "Output", valueReference=str(reference))
+    for reference, variable in enumerate(fmu.variables, start=1):
+        if variable.derivative:
+            SubElement(structure, "ContinuousStateDerivative", valueReference=str(reference))
     for reference, variable in enumerate(fmu.variables, start=1):
         if not variable.input:
             SubElement(structure, "InitialUnknown", valueReference=str(reference))
     return _bytes(root)
 
 
-def _attributes(variable: Variable, reference: int) -> dict[str, str]:
+def _attributes(variable: Variable, reference: int, states: int) -> dict[str, str]:
+    """states: their number, by which they come before their derivatives."""
     attributes = {"name": variable.name, "valueReference": str(reference), "description": variable.description}
     attributes |= {
-        "causality": "input" if variable.input else "output",
+        "causality": "local" if variable.state else "input" if variable.input else "output",
         "variability": "discrete" if variable.counts else "continuous",
     }
     if variable.input:
         shown = "NaN" if variable.missing else repr(int(variable.start) if variable.counts else float(variable.start))
         attributes["start"] = shown
-    return attributes if variable.counts else attributes | {"unit": variable.unit}
+    if variable.derivative:
+        attributes["derivative"] = str(reference - states)
+    return attributes | {"unit": variable.unit} if variable.unit else attributes
 
 
 def build_description(identifier: str, sources: Sequence[str]) -> bytes:

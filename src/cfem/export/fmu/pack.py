@@ -22,7 +22,7 @@ from cfem.export.firmware import c_text
 from cfem.export.firmware.constants import controller, surrogate
 from cfem.export.firmware.copying import copy_sources, library_files, target_files
 from cfem.export.fmu.description import Fmu, build_description, model_description
-from cfem.export.fmu.variables import controller_blocks, estimator_blocks, robot_blocks
+from cfem.export.fmu.variables import controller_blocks, estimator_blocks, robot_blocks, state_blocks
 from cfem.export.spec import ExportSpec, FmuPart
 from cfem.motion.load import FILE as MOTION
 from cfem.motion.load import load_motion
@@ -106,7 +106,10 @@ def _fmu(part: FmuPart, spec: ExportSpec, model: Predictor, start: Condensed, mo
         held = settings.command == "displacement"
         first = float(natural_modes(motion, start.delta_a, held, 1).frequency[0])
         longest = spec.fmu.step or 1 / (STEPS * first)
-    return Fmu(*described, robot_blocks(model, spec.c, command), None, longest, part == "moving")
+    blocks = robot_blocks(model, spec.c, command)
+    if part == "moving" and settings.command == "force":  # displacements would have to be differentiated
+        blocks |= state_blocks(motion)
+    return Fmu(*described, blocks, None, longest, part == "moving")
 
 
 def _packed(fmu: Fmu, part: FmuPart, code: Path, place: Path, shared: Sequence[Path] | None) -> bytes:
@@ -144,7 +147,7 @@ def _data(fmu: Fmu, token: str) -> tuple[str, str]:
             flags = int(variable.counts), int(variable.input), int(variable.missing)
             start = "NAN" if variable.missing else c_text.number(variable.start, "double")
             rows.append("{" + ", ".join(map(str, (*texts, *flags, start))) + "}")
-    words["CFEM_FMU_VARIABLES"] = len(rows)
+    words["CFEM_FMU_VARIABLES"], words["CFEM_FMU_STATES"] = len(rows), len(fmu.blocks.get("STATE", ()))
     heading = c_text.comment(f"{fmu.description}, as a unit of co-simulation: by cfem export.")
     header = f"{heading}\n#ifndef CFEM_FMU_DATA_H\n#define CFEM_FMU_DATA_H\n\n{c_text.defines(words)}\n#endif\n"
     table = ",\n".join(rows)

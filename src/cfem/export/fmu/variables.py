@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cfem.export.spec import CSpec
+from cfem.motion.model import MotionModel
 from cfem.predict.protocol import Predictor
 
 UNKNOWN = float("nan")
@@ -14,8 +15,8 @@ UNKNOWN = float("nan")
 
 @dataclass(frozen=True)
 class Variable:
-    """A scalar. unit: as of rows of the model, empty for a count; input: or output; missing: whether it may be NaN;
-    start: of an input."""
+    """A scalar. unit: as of rows of the model, empty for a count or a state; input: or output; missing: whether it may
+    be NaN; start: of an input; state: of a robot in motion, or the derivative of one, `derivative`."""
 
     name: str
     unit: str
@@ -23,10 +24,12 @@ class Variable:
     input: bool = False
     missing: bool = False
     start: float = 0.0
+    state: bool = False
+    derivative: bool = False
 
     @property
     def counts(self) -> bool:
-        return not self.unit
+        return not self.unit and not self.state
 
 
 Blocks = dict[str, list[Variable]]  # by the name in C, CFEM_FMU_GOAL of GOAL
@@ -69,6 +72,16 @@ def robot_blocks(model: Predictor, spec: CSpec, home: np.ndarray) -> Blocks:
         "FORCE": _outputs("force", forces, "of the actuator"),
         "OUTSIDE": [Variable("outside", "", "1 where the state lies outside of the model's training, else 0")],
     }
+
+
+def state_blocks(motion: MotionModel) -> Blocks:
+    """Continuous states of a robot in motion, and their derivatives."""
+    names = [f"{kind}[{i + 1}]" for kind in ("place", "momentum") for i in range(motion.n_q)]
+    terms = sum(len(loss.prony) for loss in motion.losses)
+    names += [f"memory[{term + 1},{i + 1}]" for term in range(terms) for i in range(motion.n_q)]
+    states = [Variable(name, "", "in motion", state=True) for name in names]
+    rates = [Variable(f"der({name})", "", "by time", state=True, derivative=True) for name in names]
+    return {"STATE": states, "RATE": rates}
 
 
 def estimator_blocks(model: Predictor, spec: CSpec) -> Blocks:

@@ -1,4 +1,4 @@
-/* The functions of FMI 3.0 for co-simulation, around what cfem_fmu.h declares. An error changes nothing but the log: what has raised it can be
+/* The functions of FMI 3.0 for co-simulation and, where there are states, model exchange, around what cfem_fmu.h declares. An error changes nothing but the log: what has raised it can be
  * set or stepped again. Whatever a step changes lies in one block, so that states are copies of it. */
 #include "cfem_fmu.h"
 
@@ -18,7 +18,7 @@ enum { INSTANTIATED, INITIALISING, STEPPING, TERMINATED };
 
 typedef struct {
     double time, value[N];
-    int mode, begun; /* begun: outputs are those of the inputs at the start */
+    int mode, begun; /* begun: outputs are those of the inputs at the start, or of the states in model exchange */
     double state[];
 } content;
 
@@ -26,6 +26,7 @@ typedef struct {
     fmi3LogMessageCallback log;
     fmi3InstanceEnvironment environment;
     content *now, *before;
+    int exchanges; /* its states are integrated by others */
 } unit;
 
 static size_t bytes(void) { return sizeof(content) + cfem_fmu_bytes; }
@@ -54,7 +55,15 @@ static void start(content *c) {
 /* Outputs of the inputs that are set, once per change. */
 static fmi3Status settle(unit *u) {
     char said[CFEM_FMU_SAID];
-    if (u->now->mode != INITIALISING || u->now->begun) return fmi3OK;
+    if (u->now->begun) return fmi3OK;
+#if CFEM_FMU_STATES
+    if (u->now->mode == STEPPING && u->exchanges) {
+        const fmi3Status at = result(u, cfem_fmu_rates(u->now->state, u->now->value, said), said);
+        u->now->begun = at <= fmi3Warning;
+        return at;
+    }
+#endif
+    if (u->now->mode != INITIALISING) return fmi3OK;
     memset(u->now->state, 0, cfem_fmu_bytes);
     const fmi3Status status = result(u, cfem_fmu_begin(u->now->state, u->now->value, said), said);
     u->now->begun = status <= fmi3Warning;
@@ -68,18 +77,10 @@ FMI3_Export fmi3Status FMI(SetDebugLogging)(fmi3Instance instance, fmi3Boolean o
     return fmi3OK;
 }
 
-FMI3_Export fmi3Instance FMI(InstantiateCoSimulation)(fmi3String name, fmi3String token, fmi3String resources, fmi3Boolean visible,
-                                                      fmi3Boolean logging, fmi3Boolean events, fmi3Boolean early,
-                                                      const fmi3ValueReference intermediate[], size_t n, fmi3InstanceEnvironment environment,
-                                                      fmi3LogMessageCallback log, fmi3IntermediateUpdateCallback update) {
-    (void)name, (void)resources, (void)visible, (void)logging, (void)early, (void)intermediate, (void)n, (void)update;
-    const unit asked = {log, environment, 0, 0};
+static fmi3Instance instance(fmi3InstanceEnvironment environment, fmi3LogMessageCallback log, fmi3String token, int exchanges) {
+    const unit asked = {log, environment, 0, 0, exchanges};
     if (!token || strcmp(token, CFEM_FMU_TOKEN)) {
         say(&asked, fmi3Error, "the instantiation token is not that of this FMU: its modelDescription.xml is of another export");
-        return 0;
-    }
-    if (events) {
-        say(&asked, fmi3Error, "this FMU has no event mode: instantiate it without eventModeUsed");
         return 0;
     }
     unit *u = malloc(sizeof *u);
@@ -94,13 +95,30 @@ FMI3_Export fmi3Instance FMI(InstantiateCoSimulation)(fmi3String name, fmi3Strin
     return u;
 }
 
+FMI3_Export fmi3Instance FMI(InstantiateCoSimulation)(fmi3String name, fmi3String token, fmi3String resources, fmi3Boolean visible,
+                                                      fmi3Boolean logging, fmi3Boolean events, fmi3Boolean early,
+                                                      const fmi3ValueReference intermediate[], size_t n, fmi3InstanceEnvironment environment,
+                                                      fmi3LogMessageCallback log, fmi3IntermediateUpdateCallback update) {
+    (void)name, (void)resources, (void)visible, (void)logging, (void)early, (void)intermediate, (void)n, (void)update;
+    if (events) {
+        const unit asked = {log, environment, 0, 0, 0};
+        say(&asked, fmi3Error, "this FMU has no event mode: instantiate it without eventModeUsed");
+        return 0;
+    }
+    return instance(environment, log, token, 0);
+}
+
 FMI3_Export fmi3Instance FMI(InstantiateModelExchange)(fmi3String name, fmi3String token, fmi3String resources, fmi3Boolean visible,
                                                        fmi3Boolean logging, fmi3InstanceEnvironment environment,
                                                        fmi3LogMessageCallback log) {
     (void)name, (void)token, (void)resources, (void)visible, (void)logging;
-    const unit asked = {log, environment, 0, 0};
+#if CFEM_FMU_STATES
+    return instance(environment, log, token, 1);
+#else
+    const unit asked = {log, environment, 0, 0, 0};
     say(&asked, fmi3Error, "this FMU is for co-simulation, and not for model exchange");
     return 0;
+#endif
 }
 
 FMI3_Export fmi3Instance FMI(InstantiateScheduledExecution)(fmi3String name, fmi3String token, fmi3String resources, fmi3Boolean visible,
@@ -108,7 +126,7 @@ FMI3_Export fmi3Instance FMI(InstantiateScheduledExecution)(fmi3String name, fmi
                                                             fmi3LogMessageCallback log, fmi3ClockUpdateCallback update,
                                                             fmi3LockPreemptionCallback lock, fmi3UnlockPreemptionCallback unlock) {
     (void)name, (void)token, (void)resources, (void)visible, (void)logging, (void)update, (void)lock, (void)unlock;
-    const unit asked = {log, environment, 0, 0};
+    const unit asked = {log, environment, 0, 0, 0};
     say(&asked, fmi3Error, "this FMU is for co-simulation, and not for scheduled execution");
     return 0;
 }
@@ -210,6 +228,7 @@ FMI3_Export fmi3Status FMI(DoStep)(fmi3Instance instance, fmi3Float64 time, fmi3
     double ticks = 1.0;
     (void)keeps;
     *event = *terminate = *early = 0, *reached = u->now->time;
+    if (u->exchanges) return say(u, fmi3Error, "an FMU in model exchange makes no steps: its states are integrated by others");
     if (u->now->mode != STEPPING) return say(u, fmi3Error, "a step needs an FMU that is initialised and not terminated");
     if (!(step > 0.0 && isfinite(step))) return say(u, fmi3Error, "a step of %g s is none: it must be positive", step);
     if (!(fabs(time - u->now->time) <= NEAR * step))
@@ -225,6 +244,77 @@ FMI3_Export fmi3Status FMI(DoStep)(fmi3Instance instance, fmi3Float64 time, fmi3
     else *reached = u->now->time = time + step;
     return status;
 }
+
+#if CFEM_FMU_STATES
+/* Model exchange: of the inputs as they are, without events. */
+
+static fmi3Status demand_states(const unit *u, size_t n) {
+    if (u->now->mode == STEPPING && n == CFEM_FMU_STATES) return fmi3OK;
+    return say(u, fmi3Error, "this FMU has %d continuous states, once it is initialised", CFEM_FMU_STATES);
+}
+
+static fmi3Status take(unit *u, int first, fmi3Float64 values[], size_t n) {
+    fmi3Status status = demand_states(u, n);
+    if (status == fmi3OK) status = settle(u);
+    if (status <= fmi3Warning) memcpy(values, u->now->value + first, n * sizeof *values);
+    return status;
+}
+
+FMI3_Export fmi3Status FMI(EnterEventMode)(fmi3Instance u) { return (void)u, fmi3OK; }
+
+FMI3_Export fmi3Status FMI(EnterContinuousTimeMode)(fmi3Instance u) { return (void)u, fmi3OK; }
+
+FMI3_Export fmi3Status FMI(UpdateDiscreteStates)(fmi3Instance u, fmi3Boolean *more, fmi3Boolean *end, fmi3Boolean *nominals,
+                                                 fmi3Boolean *values, fmi3Boolean *next, fmi3Float64 *time) {
+    (void)u, (void)time;
+    *more = *end = *nominals = *values = *next = 0;
+    return fmi3OK;
+}
+
+FMI3_Export fmi3Status FMI(CompletedIntegratorStep)(fmi3Instance u, fmi3Boolean keeps, fmi3Boolean *event, fmi3Boolean *end) {
+    (void)u, (void)keeps;
+    *event = *end = 0;
+    return fmi3OK;
+}
+
+FMI3_Export fmi3Status FMI(SetTime)(fmi3Instance instance, fmi3Float64 time) {
+    unit *u = instance;
+    if (!isfinite(time)) return say(u, fmi3Error, "the time is not a number");
+    u->now->time = time;
+    return fmi3OK;
+}
+
+FMI3_Export fmi3Status FMI(SetContinuousStates)(fmi3Instance instance, const fmi3Float64 states[], size_t n) {
+    unit *u = instance;
+    const fmi3Status status = demand_states(u, n);
+    if (status != fmi3OK) return status;
+    for (size_t i = 0; i < n; i++)
+        if (!isfinite(states[i])) return say(u, fmi3Discard, "state %lu is not a number", (unsigned long)i + 1);
+    cfem_fmu_set_states(u->now->state, states);
+    u->now->begun = 0;
+    return fmi3OK;
+}
+
+FMI3_Export fmi3Status FMI(GetContinuousStates)(fmi3Instance u, fmi3Float64 states[], size_t n) { return take(u, CFEM_FMU_STATE, states, n); }
+
+FMI3_Export fmi3Status FMI(GetContinuousStateDerivatives)(fmi3Instance u, fmi3Float64 rates[], size_t n) {
+    return take(u, CFEM_FMU_RATE, rates, n);
+}
+
+FMI3_Export fmi3Status FMI(GetNominalsOfContinuousStates)(fmi3Instance u, fmi3Float64 nominals[], size_t n) {
+    for (size_t i = 0; i < n; i++) nominals[i] = 1.0;
+    return demand_states(u, n);
+}
+
+FMI3_Export fmi3Status FMI(GetEventIndicators)(fmi3Instance u, fmi3Float64 indicators[], size_t n) {
+    (void)indicators;
+    return n ? cfem_fmu_refuse(u, "this FMU has no event indicators") : fmi3OK;
+}
+
+FMI3_Export fmi3Status FMI(GetNumberOfEventIndicators)(fmi3Instance u, size_t *n) { return (void)u, *n = 0, fmi3OK; }
+
+FMI3_Export fmi3Status FMI(GetNumberOfContinuousStates)(fmi3Instance u, size_t *n) { return (void)u, *n = CFEM_FMU_STATES, fmi3OK; }
+#endif
 
 /* States. */
 

@@ -26,6 +26,12 @@ extern const size_t cfem_fmu_bytes; /* of the state, which holds no pointers */
 /* The state at the start, with the inputs of `value` (CFEM_FMU_VARIABLES,), whose outputs become those at the start. */
 int cfem_fmu_begin(void *state, double *value, char said[CFEM_FMU_SAID]);
 
+#if CFEM_FMU_STATES
+/* For model exchange: continuous states x (CFEM_FMU_STATES,), and what `value` has at them with its inputs: states, derivatives, outputs. */
+void cfem_fmu_set_states(void *state, const double *x);
+int cfem_fmu_rates(const void *state, double *value, char said[CFEM_FMU_SAID]);
+#endif
+
 /* After `step` s with the inputs of `value`, whose outputs become those at the end. With CFEM_FMU_TICK, step is `ticks` of them; else ticks
  * is 1. Of an error the caller takes back what has changed. */
 int cfem_fmu_step(void *state, double *value, double step, int ticks, char said[CFEM_FMU_SAID]);

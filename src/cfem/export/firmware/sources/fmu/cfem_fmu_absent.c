@@ -1,5 +1,6 @@
 /* The functions that FMI 3.0 demands of every FMU, for what these do not have. */
 #include "cfem_fmi3.h"
+#include "cfem_fmu.h"
 
 #define NONE(instance, n, what) ((n) ? cfem_fmu_refuse(instance, "this FMU has no " what) : fmi3OK)
 #define NO_VARIABLES(type) \
@@ -51,6 +52,11 @@ ABSENT(GetDirectionalDerivative, "derivatives", const fmi3ValueReference of[], s
 ABSENT(GetAdjointDerivative, "derivatives", const fmi3ValueReference of[], size_t n, const fmi3ValueReference by[], size_t m,
        const fmi3Float64 seed[], size_t k, fmi3Float64 values[], size_t l)
 ABSENT(GetOutputDerivatives, "derivatives", WHICH, const fmi3Int32 orders[], fmi3Float64 values[], size_t m)
+ABSENT_MODE(EvaluateDiscreteStates, "event mode")
+ABSENT_MODE(EnterStepMode, "event mode")
+ABSENT_MODE(EnterConfigurationMode, "parameters of its structure")
+ABSENT_MODE(ExitConfigurationMode, "parameters of its structure")
+#if !CFEM_FMU_STATES
 ABSENT(UpdateDiscreteStates, "event mode", fmi3Boolean *more, fmi3Boolean *end, fmi3Boolean *nominals, fmi3Boolean *values, fmi3Boolean *next,
        fmi3Float64 *time)
 ABSENT(CompletedIntegratorStep, "model exchange", fmi3Boolean keeps, fmi3Boolean *event, fmi3Boolean *end)
@@ -62,9 +68,6 @@ ABSENT(GetContinuousStates, "model exchange", fmi3Float64 states[], size_t n)
 ABSENT(GetNominalsOfContinuousStates, "model exchange", fmi3Float64 nominals[], size_t n)
 ABSENT(GetNumberOfEventIndicators, "model exchange", size_t *n)
 ABSENT(GetNumberOfContinuousStates, "model exchange", size_t *n)
-ABSENT_MODE(EvaluateDiscreteStates, "event mode")
 ABSENT_MODE(EnterEventMode, "event mode")
-ABSENT_MODE(EnterStepMode, "event mode")
 ABSENT_MODE(EnterContinuousTimeMode, "model exchange")
-ABSENT_MODE(EnterConfigurationMode, "parameters of its structure")
-ABSENT_MODE(ExitConfigurationMode, "parameters of its structure")
+#endif

@@ -61,6 +61,37 @@ static int stand(robot *r, double *value, cfem_condensed *m, char said[CFEM_FMU_
     return CFEM_FMU_OK;
 }
 
+#if CFEM_FMU_STATES
+void cfem_fmu_set_states(void *state, const double *x) {
+    robot *const r = state;
+    for (int i = 0; i < CFEM_MOTION_NQ; i++) {
+        r->motion.q[i] = x[i], r->motion.p[i] = x[CFEM_MOTION_NQ + i];
+        for (int term = 0; term < CFEM_MOTION_TERMS; term++) r->motion.memory[term][i] = x[(2 + term) * CFEM_MOTION_NQ + i];
+    }
+}
+
+static void get(const cfem_motion *motion, double *x) {
+    for (int i = 0; i < CFEM_MOTION_NQ; i++) {
+        x[i] = motion->q[i], x[CFEM_MOTION_NQ + i] = motion->p[i];
+        for (int term = 0; term < CFEM_MOTION_TERMS; term++) x[(2 + term) * CFEM_MOTION_NQ + i] = motion->memory[term][i];
+    }
+}
+
+int cfem_fmu_rates(const void *state, double *value, char said[CFEM_FMU_SAID]) {
+    cfem_motion rates, motion = ((const robot *)state)->motion;
+    const double *const force = value + CFEM_FMU_COMMAND;
+    double ends[CFEM_NE];
+    if (cfem_motion_rates(&motion, force, &rates)) {
+        snprintf(said, CFEM_FMU_SAID, "there are no derivatives at these states, where the robot would have no inertia");
+        return CFEM_FMU_ERROR;
+    }
+    cfem_motion_effectors(&motion, ends);
+    show(motion.q, force, ends, beyond(motion.q), value);
+    get(&motion, value + CFEM_FMU_STATE), get(&rates, value + CFEM_FMU_RATE);
+    return CFEM_FMU_OK;
+}
+#endif
+
 int cfem_fmu_begin(void *state, double *value, char said[CFEM_FMU_SAID]) {
     robot *const r = state;
     cfem_condensed m;
@@ -68,6 +99,9 @@ int cfem_fmu_begin(void *state, double *value, char said[CFEM_FMU_SAID]) {
 #if CFEM_FMU_MOVES
     if (status == CFEM_FMU_OK) cfem_motion_rest(&r->motion, m.delta_a);
     for (int i = 0; i < CFEM_NA; i++) r->command[i] = value[CFEM_FMU_COMMAND + i];
+#endif
+#if CFEM_FMU_STATES
+    if (status == CFEM_FMU_OK) return cfem_fmu_rates(r, value, said);
 #endif
     return status;
 }
@@ -91,6 +125,9 @@ int cfem_fmu_step(void *state, double *value, double step, int ticks, char said[
         }
     }
     for (int i = 0; i < CFEM_NA; i++) r->command[i] = command[i];
+#if CFEM_FMU_STATES
+    if (cfem_fmu_rates(r, value, said)) return CFEM_FMU_ERROR;
+#endif
     cfem_motion_effectors(&r->motion, ends);
     show(r->motion.q, r->motion.lambda_a, ends, beyond(r->motion.q), value);
     return CFEM_FMU_OK;

@@ -66,9 +66,9 @@ static void times(double S[NQ][ACROSS], const double *x, double *out) {
     memcpy(out, full, sizeof(double) * NQ);
 }
 
-/* At mean velocity v. rest: dt/2 (dL/dq + Q) + p - M v; turning: dt/2 times the slope of M v by the place; Mv. */
+/* At mean velocity v. force: dL/dq + Q; rest: dt/2 force + p - M v; turning: dt/2 times the slope of M v by the place; Mv. */
 typedef struct {
-    double rest[NQ], turning[NA][NQ], Mv[NQ];
+    double rest[NQ], turning[NA][NQ], Mv[NQ], force[NQ];
 } equations;
 
 static void assemble(const cfem_motion *motion, expansion *near, const double *v, double dt, equations *at) {
@@ -89,7 +89,7 @@ static void assemble(const cfem_motion *motion, expansion *near, const double *v
     for (int a = 0; a < NA; a++)
         for (int b = 0; b < NA; b++) force[a] -= near->stiff[a][b] * ahead[b];
     for (int r = NA; r < NQ; r++) force[r] -= cfem_motion_stiffness * (motion->q[r] + dt / 2 * v[r]);
-    for (int i = 0; i < NQ; i++) at->rest[i] = dt / 2 * force[i] + motion->p[i] - at->Mv[i];
+    for (int i = 0; i < NQ; i++) at->force[i] = force[i], at->rest[i] = dt / 2 * force[i] + motion->p[i] - at->Mv[i];
 }
 
 /* Minus the derivative of rest by v, but for how M differs from that at `about`. */
@@ -188,6 +188,28 @@ int cfem_motion_step(cfem_motion *motion, const double *command, const int *held
         return 0;
     }
     return 1;
+}
+
+int cfem_motion_rates(const cfem_motion *motion, const double *force, cfem_motion *rates) {
+    double A[NQ][NQ], v[NQ] = {0};
+    int pivots[NQ], held[NA] = {0};
+    expansion here;
+    equations at;
+    expand(motion, force, held, v, 0.0, &here);
+    for (int i = 0; i < NQ; i++) {
+        v[i] = motion->p[i];
+        for (int j = 0; j < NQ; j++) A[i][j] = here.M[i][j];
+    }
+    if (cfem_factorise(0, NQ, A, pivots)) return 1;
+    cfem_solve((const double(*)[NQ])A, pivots, 0, NQ, 1, v);
+    assemble(motion, &here, v, 0.0, &at);
+    memset(rates, 0, sizeof *rates);
+    for (int i = 0; i < NQ; i++) {
+        rates->q[i] = v[i], rates->p[i] = at.force[i];
+        for (int term = 0; term < CFEM_MOTION_TERMS; term++)
+            rates->memory[term][i] = v[i] - motion->memory[term][i] / cfem_motion_prony[term][1];
+    }
+    return 0;
 }
 
 void cfem_motion_effectors(const cfem_motion *motion, double *effectors) {

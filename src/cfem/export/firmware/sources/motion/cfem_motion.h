@@ -28,6 +28,9 @@ void cfem_motion_rest(cfem_motion *motion, const double *delta_a);
  * equations are not solved to 1e-8 of the motion (1e-5 in single precision): then nothing has changed; take a shorter step. */
 int cfem_motion_step(cfem_motion *motion, const double *command, const int *held, double dt);
 
+/* Derivatives by time of q, p and memory, under forces (CFEM_MOTION_NA,) of the actuators. 0, or 1 where there are none. */
+int cfem_motion_rates(const cfem_motion *motion, const double *force, cfem_motion *rates);
+
 /* effectors (CFEM_MOTION_NE,): mm from rest. */
 void cfem_motion_effectors(const cfem_motion *motion, double *effectors);
 
