@@ -19,6 +19,7 @@ from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
 from cfem.equilibrium.contact.surfaces import SurfaceScene
 from cfem.equilibrium.solve import solve
 from cfem.equilibrium.system.actuation import displacement
+from cfem.predict.contact import loaded_robot
 from cfem.predict.contact.bodies import PlacedModel
 from cfem.predict.contact.loaded_robot import LoadedRobot
 from cfem.predict.contact.node_model import NodeModel, _add_local, _dents, node_patches
@@ -189,6 +190,26 @@ def test_forces_on_neighbours_dent_the_surface_as_finite_elements_say(nodes, ski
     exact, by_dents, by_modes = np.array(places[1]) + np.array(places[2]) - 2 * np.array(places[0])
     assert np.linalg.norm(by_modes - exact) > 0.9 * np.linalg.norm(exact)
     assert np.linalg.norm(by_dents - exact) < left * np.linalg.norm(by_modes - exact)
+
+
+def test_a_step_that_changes_little_finds_the_compliance_once_and_the_dents_twice(nodes, monkeypatch):
+    """Under the forces of the state before, and under those of its only round."""
+    obstacle, counts = obstacle_above(nodes.model, "plane"), {"compliance": 0, "dented_places": 0}
+    here = replace(obstacle, t=obstacle.t + 0.3 * DOWN)
+    before = contact_step(nodes, DELTA, [here], before=contact_step(nodes, DELTA, [here]))
+
+    def counted(owner, name, function):
+        def call(*given):
+            counts[name] += 1
+            return function(*given)
+
+        monkeypatch.setattr(owner, name, call)
+
+    counted(NodeModel, "compliance", NodeModel.compliance)
+    counted(loaded_robot, "dented_places", loaded_robot.dented_places)
+    found = contact_step(nodes, DELTA * (1 + 1e-6), [here], before=before)
+    assert found.converged and found.iterations == 1 and len(found.known) > 1
+    assert counts == {"compliance": 1, "dented_places": 2}
 
 
 def test_the_compliance_under_forces_is_the_derivative_of_the_places(nodes):

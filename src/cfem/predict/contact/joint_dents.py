@@ -11,10 +11,13 @@ over h at the nodes that have been pressed. Without h this is the second order. 
 energy is cubic in the displacements. Newton's method finds h on the branch that begins without forces. Where a surface
 softens so far that it carries no more, D is halved."""
 
+from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 from numba import njit
+from scipy.linalg.lapack import dpotrf, dpotrs, dtrtrs
 
 ITERATIONS, EXACT = 30, 1e-8  # of Newton's method; last step, relative to the forces: the error is its square
 HALVINGS = 3  # of D, before it is left out
@@ -30,118 +33,82 @@ class JointDents(NamedTuple):
     change: np.ndarray
 
 
-class DentedPlaces(NamedTuple):
+@dataclass(frozen=True)
+class DentedPlaces:
     """What forces do by dents.
 
-    places (c, 3) mm: beyond C f
-    slopes (3 c, 3 c) mm/N: derivative of `places` by the forces, symmetric
-    energy N mm: stored beyond f . C f / 2
-    share: of D that is taken"""
+    places: (c, 3) mm beyond C f
+    energy: N mm, stored beyond f . C f / 2
+    share: of D that is taken
+    change: (3 c, 3 c) mm/N of C, without what gives way
+    mine: (p,) entries that give way, and factor (p, p): the lower Cholesky factor of what they yield then"""
 
     places: np.ndarray
-    slopes: np.ndarray
     energy: float
     share: float
+    change: np.ndarray
+    mine: np.ndarray
+    factor: np.ndarray
+
+    @cached_property
+    def slopes(self) -> np.ndarray:
+        """(3 c, 3 c) mm/N: derivative of `places` by the forces, symmetric."""
+        slopes = self.change
+        if len(self.mine):
+            half = dtrtrs(self.factor, slopes[self.mine], lower=1)[0]
+            slopes = slopes + half.T @ half
+        return (slopes + slopes.T) / 2
 
 
 def dented_places(forces: np.ndarray, C: np.ndarray, dents: JointDents, pressed: np.ndarray) -> DentedPlaces:
     """Places under forces (c, 3) N; pressed (c,) bool: nodes that give way."""
-    mine, f, share = np.flatnonzero(np.repeat(pressed, 3)), np.ascontiguousarray(forces, float).ravel(), 1.0
+    bear = np.flatnonzero(pressed | forces.any(axis=1))  # the others are moved, but neither bear forces nor give way
+    rows, place = (3 * bear[:, None] + np.arange(3)).ravel(), np.full(len(forces), -1)
+    place[bear] = np.arange(len(bear))
+    f, among = forces.ravel(), JointDents(*_among(place, *dents))
+    mine, share = np.flatnonzero(np.repeat(pressed[bear], 3)), 1.0
+    C_pp = C[np.ix_(rows[mine], rows[mine])]
     for _ in range(1 + HALVINGS):
-        stable, places, slopes, energy = _dented(f, C, *dents, mine, share)
-        if stable:
-            return DentedPlaces(places.reshape(-1, 3), (slopes + slopes.T) / 2, energy, share)
+        given = _given_way(f[rows], C_pp, among, mine, share)
+        if given is not None:
+            h, g = given[0], f.copy()
+            g[rows[mine]] += h
+            change = share * changed(g, *dents)
+            moved = change @ g
+            energy = f @ moved / 2 - g @ moved / 6 + h @ C_pp @ h / 2
+            return DentedPlaces((moved / 2).reshape(-1, 3), float(energy), share, change, rows[mine], given[1])
         share /= 2
-    return DentedPlaces(np.zeros(forces.shape), np.zeros(C.shape), 0.0, 0.0)
+    nothing = np.zeros(0, dtype=np.int64)
+    return DentedPlaces(np.zeros(forces.shape), 0.0, 0.0, np.zeros(C.shape), nothing, np.zeros((0, 0)))
 
 
-@njit(cache=True, error_model="numpy")
-def _dented(f, C, triples, change, mine, share):
-    """Whether Newton's method stays on the stable branch, with h (3 c,) N at entries `mine` (p,) alone, and fields of
-    `DentedPlaces` there; forces f (3 c,) N."""
-    n, p = len(f), len(mine)  # by loops: whole arrays take seconds to compile
-    g, places, slopes, energy = f.copy(), np.zeros(n), np.zeros((n, n)), 0.0
-    L, step, largest = np.empty((p, p)), np.empty(p), 0.0
-    for i in range(n):
-        largest = max(largest, abs(f[i]))
+def _given_way(
+    f: np.ndarray, C_pp: np.ndarray, dents: JointDents, mine: np.ndarray, share: float
+) -> tuple[np.ndarray, np.ndarray] | None:
+    """h (p,) N at the entries `mine` of f, and the factor of C - D[f + h] there; None where Newton's method leaves the
+    stable branch. One factorisation a step."""
+    g, h, size, block = f.copy(), np.zeros(len(mine)), np.abs(f).max(), np.ix_(mine, mine)
+    if not len(mine):
+        return h, np.zeros((0, 0))
     for _ in range(ITERATIONS):
-        slopes, last = changed(g, triples, change), 0.0
-        for a in range(p):
-            step[a] = 0.0
-            for j in range(n):
-                step[a] += share * slopes[mine[a], j] * g[j] / 2
-            for b in range(p):
-                L[a, b] = C[mine[a], mine[b]] - share * slopes[mine[a], mine[b]]
-                step[a] -= C[mine[a], mine[b]] * (g[mine[b]] - f[mine[b]])
-        if not _factored(L):
-            return False, places, slopes, energy
-        _solve(L, step)
-        for a in range(p):
-            g[mine[a]] += step[a]
-            last = max(last, abs(step[a]))
-        if last <= EXACT * largest:
-            break
-    else:
-        return False, places, slopes, energy
-    slopes, by_given = changed(g, triples, change), np.empty((n, p))
-    for i in range(n):
-        for j in range(n):
-            slopes[i, j] *= share
-            places[i] += slopes[i, j] * g[j] / 2
-        energy += (f[i] - g[i] / 3) * places[i]
-    for a in range(p):
-        for b in range(p):
-            L[a, b] = C[mine[a], mine[b]] - slopes[mine[a], mine[b]]
-            energy += (g[mine[a]] - f[mine[a]]) * C[mine[a], mine[b]] * (g[mine[b]] - f[mine[b]]) / 2
-    if not _factored(L):
-        return False, places, slopes, energy
-    for i in range(n):  # the root of across^T (C - across)^-1 across
-        for a in range(p):
-            by_given[i, a] = slopes[mine[a], i]
-            for b in range(a):
-                by_given[i, a] -= L[a, b] * by_given[i, b]
-            by_given[i, a] /= L[a, a]
-    for i in range(n):
-        for j in range(n):
-            for a in range(p):
-                slopes[i, j] += by_given[i, a] * by_given[j, a]
-    return True, places, slopes, energy
-
-
-@njit(cache=True, error_model="numpy")
-def _factored(A):
-    """Cholesky's factor of A in place of its lower half. False where it is not positive definite."""
-    for i in range(len(A)):
-        for j in range(i + 1):
-            value = A[i, j]
-            for k in range(j):
-                value -= A[i, k] * A[j, k]
-            if i > j:
-                A[i, j] = value / A[j, j]
-            elif value > 0:
-                A[i, i] = np.sqrt(value)
-            else:
-                return False
-    return True
-
-
-@njit(cache=True, error_model="numpy")
-def _solve(L, x):
-    """Solves L L^T x = b, b (n,) in place."""
-    for i in range(len(x)):
-        for k in range(i):
-            x[i] -= L[i, k] * x[k]
-        x[i] /= L[i, i]
-    for i in range(len(x) - 1, -1, -1):
-        for k in range(i + 1, len(x)):
-            x[i] -= L[k, i] * x[k]
-        x[i] /= L[i, i]
+        change = share * changed(g, *dents)
+        factor, failed = dpotrf(C_pp - change[block], lower=1, clean=1)
+        if failed:
+            return None
+        step = dpotrs(factor, (change @ g / 2)[mine] - C_pp @ h, lower=1)[0]
+        h += step
+        g[mine] += step
+        if np.abs(step).max(initial=0.0) <= EXACT * size:
+            return h, factor
+    return None
 
 
 @njit(cache=True, error_model="numpy")
 def changed(forces, triples, change):
-    """D[forces] (3 c, 3 c) mm/N; forces (3 c,) N, and the two fields of `JointDents`."""
-    bent, loaded = np.zeros((len(forces), len(forces))), np.zeros(len(forces) // 3, dtype=np.bool_)
+    """D[forces] (3 c, 3 c) mm/N; forces (3 c,) N, and the two fields of `JointDents`. Of blocks of two nodes the later
+    ones mirror the others."""
+    bent, c = np.zeros((len(forces), len(forces))), len(forces) // 3
+    loaded = np.zeros(c, dtype=np.bool_)
     for row in range(len(forces)):
         loaded[row // 3] |= forces[row] != 0.0
     for t in range(len(triples)):
@@ -150,15 +117,30 @@ def changed(forces, triples, change):
             continue
         for a in range(3):
             for b in range(3):
+                x, y, sum_k = 3 * i + a, 3 * j + b, 0.0
+                by_x, by_y = (forces[x] if i != j else 0.0), (forces[y] if j != k else 0.0)
                 for d in range(3):
-                    value, x, y, z = change[t, a, b, d], 3 * i + a, 3 * j + b, 3 * k + d
-                    bent[x, y] += value * forces[z]
-                    if i != j:
-                        bent[y, x] += value * forces[z]
-                        bent[y, z] += value * forces[x]
-                    if j != k:
-                        bent[x, z] += value * forces[y]
-                        bent[z, x] += value * forces[y]
-                    if i != j and j != k:
-                        bent[z, y] += value * forces[x]
+                    value, z = change[t, a, b, d], 3 * k + d
+                    sum_k += value * forces[z]
+                    bent[y, z] += value * by_x
+                    bent[x, z] += value * by_y
+                bent[x, y] += sum_k
+    for row in range(len(forces)):
+        for column in range(3 * (row // 3)):
+            bent[row, column] = bent[column, row]
     return bent
+
+
+@njit(cache=True, error_model="numpy")
+def _among(place, triples, change):
+    """Those of both fields of `JointDents` whose three nodes have a `place` (c,), by their places."""
+    count, n = 0, 0
+    for t in range(len(triples)):
+        count += place[triples[t, 0]] >= 0 and place[triples[t, 1]] >= 0 and place[triples[t, 2]] >= 0
+    chosen, some = np.empty((count, 3), dtype=np.int64), np.empty((count, 3, 3, 3))
+    for t in range(len(triples)):
+        i, j, k = place[triples[t, 0]], place[triples[t, 1]], place[triples[t, 2]]
+        if i >= 0 and j >= 0 and k >= 0:
+            chosen[n], some[n] = (i, j, k), change[t]
+            n += 1
+    return chosen, some
