@@ -34,7 +34,6 @@ QUICK = {
 # What needs artefacts of pipelines that take minutes: by hand, after the `make` target that its help names.
 LONG = {
     "adaptation.py": "cfem run pipelines/soft-finger/train-material.yaml",
-    "blocked_force.py": "cfem run pipelines/pneunet/train-blocked.yaml, see its help",
     "contact_anywhere.py": "make soft-finger",
     "contact_patches.py": "make soft-finger",
     "contact_resolution.py": "make demo, and minutes of finite elements",
@@ -45,6 +44,7 @@ LONG = {
     "embedded.py": "make embedded",
     "embedded_qp.py": "make embedded",
     "estimate.py": "make soft-finger",
+    "gripping_force.py": "cfem run pipelines/pneunet/train-blocked.yaml, see its help",
     "gym_series.py": "an exported model, and a C compiler",
     "figure_eight.py": "an hour of finite elements that move, see its help",
     "front_nsga.py": "make finger-shapes",

@@ -22,6 +22,7 @@ SHOWN = [
     "soft-finger",
     "soft-gripper",
     "stiff-flop",
+    "three-chamber-gripper",
     "trunk",
 ]
 

@@ -46,7 +46,8 @@ def solve(
     cost: SolveCost | None = None,
 ) -> Equilibrium:
     """Equilibrium under `actuation`: by Newton's method from `start` where one is given; failing that by continuation
-    from the equilibrium `base`; failing that from rest. An actuation, and a start, of the actuators alone leave contacts free.
+    from the equilibrium `base`; failing that from rest. An actuation or a start of the actuators alone leaves contacts
+    free.
 
     slack: let unilateral actuators go slack rather than push
     tangent: of a state near the start, with which Newton's method begins

@@ -260,7 +260,9 @@ class GripPlant(ContactAccount):
         """Status at the end of the way to u (n_a,) mm."""
         if self.table is not None and self.at.any() and not u.any():
             return self.let_go()
-        return carried_out(self.at, u, np.inf if self.glued else self._longest, lambda target: self._go(target, self.load))
+        return carried_out(
+            self.at, u, np.inf if self.glued else self._longest, lambda target: self._go(target, self.load)
+        )
 
     def let_go(self) -> str:
         """Back to rest: how that ended. Where the robots do not hold the object any more and the table does not bear it

@@ -1,9 +1,12 @@
 """Compliance of all nodes of a surface, against what finite elements with every node as a contact point say."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from cfem.condensed.surface_turns import members_of, rotations, spread
+from cfem.constraint.contact import make_contact
 from cfem.equilibrium.contact.node_compliance import node_response
 from cfem.equilibrium.contact.patch_compliance import patch_response
 from cfem.equilibrium.solve import solve
@@ -76,3 +79,13 @@ def test_the_tip_follows_forces_on_nodes(model, response, exact, turns):
     for number in range(len(STATES)):
         tip = (response.tip[number].reshape(-1, m, 1, 3) @ turns[number].swapaxes(1, 2)).reshape(-1, 3 * m)
         assert tip == pytest.approx(exact.tip[number], abs=1e-6 * np.abs(exact.tip[number]).max())
+
+
+def test_contact_points_that_the_scene_names_hold_nothing(model, robot, response):
+    """They did: the surface of a finger with three of them was nine times too stiff."""
+    named = make_contact(robot.body.mesh, np.array([50.0, 0.0, 5.0]), 2.0, "named")
+    names = tuple(f"named.{axis}" for axis in "xyz")
+    touching = replace(robot, contacts=(named,), rows=replace(robot.rows, contacts=names))
+    same = node_response(touching, model.skin.watched, STATES, np.array([0, 1]), 30, NEAR, 12.0)
+    np.testing.assert_array_equal(same.by_modes, response.by_modes)
+    np.testing.assert_array_equal(same.left, response.left)

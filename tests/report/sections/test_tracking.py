@@ -148,7 +148,10 @@ def test_the_first_screen_has_three_numbers_with_their_units():
 
 def test_the_discretisation_error_stands_beside_the_tracking_error():
     found = first(discretisation=MESH)
-    assert "discretisation error of the tip: up to 30 µm" in found.numbers[1].notes[1] and "uncertain" not in found.sentence
+    assert (
+        "discretisation error of the tip: up to 30 µm" in found.numbers[1].notes[1]
+        and "uncertain" not in found.sentence
+    )
     assert "leaves up to 0.3 mm uncertain at the tip" in first(discretisation={**MESH, "tip_mm": 0.3}).sentence
     assert "not estimated: too many cells" in first(discretisation={"left_out": "too many cells"}).numbers[1].notes[1]
     table = tracking_section(tracking(discretisation=MESH), UNITS).parts[1]
