@@ -82,7 +82,7 @@ def test_the_tip_follows_forces_on_nodes(model, response, exact, turns):
 
 
 def test_contact_points_that_the_scene_names_hold_nothing(model, robot, response):
-    """They did: the surface of a finger with three of them was nine times too stiff."""
+    """They did: the force of a finger with three of them on a ball was 8 to 12 times too large."""
     named = make_contact(robot.body.mesh, np.array([50.0, 0.0, 5.0]), 2.0, "named")
     names = tuple(f"named.{axis}" for axis in "xyz")
     touching = replace(robot, contacts=(named,), rows=replace(robot.rows, contacts=names))
