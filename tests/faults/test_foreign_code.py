@@ -46,6 +46,8 @@ def test_gmsh_ends_with_the_process_that_waits_for_it(tmp_path):
         "regions": [],
         "max_cells": 1e12,
         "factor": 1.0,
+        "around": 0,
+        "patience": 1,
     }
     (tmp_path / "job.json").write_text(json.dumps(job))
     with subprocess.Popen(command, stdin=subprocess.PIPE) as process:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cfem.condensed import Condensed, Rows
+from cfem.condensed.coupling import HolderState
 from cfem.condensed.mesh_error import mesh_error_of
 from cfem.condensed.model import Form, demand_found, with_duals
 from cfem.condensed.model_error import StateError, model_error_of
@@ -314,9 +315,9 @@ class Predictor(ABC):
         return p
 
 
-def _state(state: Any) -> Condensed:
+def _state(state: Any) -> Any:
     """The state itself. InputError where it is none."""
-    if not isinstance(state, Condensed):
+    if not isinstance(state, Condensed | HolderState):
         raise InputError(f"expected a state of the model, got {state!r:.60}", do="ask model.at_displacement for one")
     return state
 

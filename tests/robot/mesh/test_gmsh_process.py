@@ -36,8 +36,10 @@ def test_a_mesh_that_lacks_an_end_of_the_body_is_refused(tmp_path, length, kept)
         "refine": [],
         "max_cells": 1e6,
     }
+    limits = []
     if kept:
-        assert len(mesh(gmsh, job)["cells"]) == len(answer.cells)
+        assert len(mesh(gmsh, job, limits.append)["cells"]) == len(answer.cells)
+        assert limits == [11]  # s, before the first cell is made
         return
     with pytest.raises(ValueError, match="left out an end of the body: the mesh is 6 mm shorter"):
         mesh(gmsh, job)

@@ -21,6 +21,7 @@ import os
 import sys
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -194,8 +195,9 @@ def write(gmsh, solid: dict, files: list[str], deviation: float) -> dict[str, np
     return {}
 
 
-def mesh(gmsh, job: dict) -> dict[str, np.ndarray]:
-    """Mesh X (n, 3), cells (m, 4) and CAD volume; the number of cells and the extent where there would be too many."""
+def mesh(gmsh, job: dict, limit: Callable[[int], object] = lambda seconds: None) -> dict[str, np.ndarray]:
+    """Mesh X (n, 3), cells (m, 4) and CAD volume; the number of cells and the extent where there would be too many.
+    limit: told how many s of the processor the meshing may take, before it begins."""
     solid = job["solid"]
     if is_surface(solid):
         corners = surface(gmsh, job["surface"])
@@ -206,7 +208,7 @@ def mesh(gmsh, job: dict) -> dict[str, np.ndarray]:
     about = cells_wanted(volume, low, high, job)
     if not about <= job["max_cells"] or job["size"] > 1.01 * (high - low).max():
         return {"about": np.array(about), "extent": high - low}
-    end_after(job["patience"] * processor_time(about, job))
+    limit(job["patience"] * processor_time(about, job))
     if is_surface(solid):
         fill(gmsh, job["anew"])
     elif job["regions"]:
@@ -307,7 +309,7 @@ def main() -> int:
         if job.get("write"):
             answer = write(gmsh, job["solid"], job["write"], job["deviation"])
         else:
-            answer = measure(gmsh, job) if job["size"] is None else mesh(gmsh, job)
+            answer = measure(gmsh, job) if job["size"] is None else mesh(gmsh, job, end_after)
     except Separate as error:
         print(error, file=sys.stderr)
         return 13
