@@ -195,14 +195,15 @@ def pull_out(given: argparse.Namespace) -> None:
         )
     )
     shares = np.linspace(0.0, 1.0, PULLS + 1) * given.way
-    print("| pressure (kPa) | FE (N) | after (mm) | contact (N) | after (mm) | off (%) | its estimate |")
-    print("|---|---|---|---|---|---|---|")
+    print("| pressure (kPa) | FE (N) | after (mm) | contact (N) | after (mm) | off (%) | its estimate | no state |")
+    print("|---|---|---|---|---|---|---|---|")
     for pressure, fe, free in zip(given.pressures, exact, contact, strict=True):
         ends = [int(np.nanargmax(each[:, 1])) for each in (fe, free)]
         forces = [3 * float(each[end, 1]) for each, end in zip((fe, free), ends, strict=True)]
         print(
             f"| {pressure:g} | {forces[0]:.4f} | {shares[ends[0]]:.2f} | {forces[1]:.4f} | {shares[ends[1]]:.2f} | "
-            f"{100 * (forces[1] / forces[0] - 1):.2g} | {np.nanmax(free[:, 2]):.2f} |"
+            f"{100 * (forces[1] / forces[0] - 1):.2g} | {np.nanmax(free[:, 2]):.2f} | "
+            f"{np.isnan(free[:, 1]).sum()} of {len(free)} |"
         )
     if given.figure:
         curves = {"finite elements, at nodes": exact[-1], "contact of the free model": contact[-1]}

@@ -32,8 +32,10 @@ def run_command(
     interrupted: str = "finished stages, samples and goals are kept: run the same command again",
 ) -> None:
     """Calls `work`, prints its manifest or text to stdout, its errors as one line to stderr, and exits on error; after
-    printing where the results are contradicted or, if `strict`, poor. label: of the command, under which progress is
-    shown; without one nothing is shown. interrupted: what an interruption leaves."""
+    printing where the results are contradicted or, if `strict`, poor.
+
+    label: of the command, under which progress is shown; without one nothing is shown
+    interrupted: what an interruption leaves"""
     came: list[int] = []
     working = True
 
@@ -66,11 +68,7 @@ def run_command(
     except BrokenPipeError:
         sys.exit(1)
     except OSError as error:
-        if os.environ.get("CFEM_DEBUG"):
-            raise
-        if error.errno in DISK:
-            _fail(f"{error.filename or 'a file'}: {error.strerror} (look at its disk and permissions)", 7)
-        _fail(f"{error.filename or 'a file'}: cannot be read: {error.strerror or error}", 3)
+        _file_error(error)
     except MemoryError:
         _fail("out of memory (make the problem smaller, or use fewer --workers)", 4)
     except Exception as error:
@@ -82,6 +80,15 @@ def run_command(
             demand_trust(outcome.get("results", {}) if isinstance(outcome, dict) else {}, strict)
         except CfemError as error:
             _fail(str(error), error.exit_code)
+
+
+def _file_error(error: OSError) -> NoReturn:
+    """One sentence and exit 7 for a disk that fails, 3 for a file that cannot be read."""
+    if os.environ.get("CFEM_DEBUG"):
+        raise error
+    if error.errno in DISK:
+        _fail(f"{error.filename or 'a file'}: {error.strerror} (look at its disk and permissions)", 7)
+    _fail(f"{error.filename or 'a file'}: cannot be read: {error.strerror or error}", 3)
 
 
 @contextmanager

@@ -26,7 +26,7 @@ class Obstacle(Protocol):
         ...
 
     def posed(self, R: np.ndarray, t: np.ndarray) -> Self:
-        """The same shape in another pose, which is not checked."""
+        """Returns the shape in another pose, which is not checked."""
         ...
 
     def distance(self, points: np.ndarray) -> np.ndarray:

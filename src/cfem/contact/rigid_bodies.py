@@ -40,6 +40,7 @@ class RigidBodies:
 
 @njit(cache=True, error_model="numpy")
 def _levers(bodies, points, centres):
+    """(p, 3, 6 b): velocity of points by the twists of their bodies; zero where the number of the body is -1."""
     G = np.zeros((len(points), 3, 6 * len(centres)))
     for p in range(len(points)):
         body = bodies[p]
@@ -56,6 +57,7 @@ def _levers(bodies, points, centres):
 
 @njit(cache=True, error_model="numpy")
 def _motions(xi, centres):
+    """(b, 3, 3) and (b, 3) mm: R and t of the displacements and rotation vectors xi (6 b,) about the centres."""
     R, t = np.empty((len(centres), 3, 3)), np.empty((len(centres), 3))
     for body in range(len(centres)):
         u, v = xi[6 * body : 6 * body + 3], xi[6 * body + 3 : 6 * body + 6]

@@ -94,7 +94,7 @@ def read_hold(text: str, shape: Shape) -> Hold:
 
 
 def read_part(text: str, shape: Shape) -> Hold:
-    """What `read_hold` reads, however little or much of the body. SpecError where there is nothing."""
+    """Hold as `read_hold` reads it, of however little or much of the body. SpecError where there is nothing."""
     part = _read(text.strip(), shape)
     if part.name is None:
         _held_nodes(shape, part)

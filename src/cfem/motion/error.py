@@ -30,7 +30,7 @@ class FrequencyError(Data):
 
     @property
     def words(self) -> str:
-        """Of which frequencies the bounds are, and how often they hold."""
+        """Sentence on the frequencies that the bounds are of, and how often they hold."""
         which = "the first frequency" if self.modes == 1 else f"the first {self.modes} frequencies"
         return f"error of {which} at most, in {100 * self.probability:.0f} % of the unseen states"
 

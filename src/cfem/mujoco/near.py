@@ -103,7 +103,7 @@ class Look:
         return np.concatenate(each)
 
     def moved(self, state: ContactState) -> float:
-        """How far at most a point has come nearer to a geom since the look, as a share of REACH."""
+        """Largest approach of a point to a geom since the look, as a share of REACH."""
         if self.state is None:
             return np.inf
         farthest, now, then = 0.0, _poses(state.obstacles), _poses(self.state.obstacles)

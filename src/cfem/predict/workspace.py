@@ -50,7 +50,7 @@ class Workspace:
     rest_e: np.ndarray
 
     def __repr__(self) -> str:
-        """How many states, and where the effectors go, for a person."""
+        """Number of states and range of the effectors, for a person."""
         ways = zip(self.rows.effectors, self.x_e.min(axis=0), self.x_e.max(axis=0), strict=True)
         places = ", ".join(f"{name} {low:.4g} to {high:.4g}" for name, low, high in ways)
         return f"<workspace of {len(self.x_e)} states: {places} mm>"

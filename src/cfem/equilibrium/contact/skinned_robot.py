@@ -32,7 +32,7 @@ class SkinnedRobot:
 
     @cached_property
     def problem(self) -> Problem:
-        """Of the robot whose named contact points, if any, touch nothing: its surface does."""
+        """Problem of the robot whose surface touches: its named contact points, if any, touch nothing."""
         return Problem(replace(self.robot, contacts=(), rows=replace(self.robot.rows, contacts=())))
 
     def motion_of_points(self, x: np.ndarray) -> sp.csc_array:

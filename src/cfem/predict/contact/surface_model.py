@@ -196,9 +196,10 @@ class SurfaceModel(ABC):
 
     @cached_property
     def missing(self) -> float:
-        """What the modes miss of the second order, by forces on the effectors, of which finite elements know it: the
-        motion along random forces, over the second order of the rows as a share of the first. The largest of the states
-        of finite elements."""
+        """Share of the second order that the skin's modes miss: the largest of the states of finite elements.
+
+        It is measured by forces on the effectors, whose second order finite elements know: the motion along random
+        forces, over the second order of the rows as a share of the first."""
         n_e, shares, skin = self.model.rows.n_e, [], self.model.skin
         forces = np.random.default_rng(0).standard_normal((DRAWS, n_e))
         for delta, bent in zip(self.by_fe.states, self.by_fe.bent, strict=True):
