@@ -8,7 +8,8 @@ python benchmarks/gripping_force.py pull-out [--pressures KPA ...] [--friction M
 
 `pull-out`: a ball between three fingers of `three-chamber-gripper`, at 120 degrees about its axis, is pulled out of
 them. The fingers close on it up to a pressure, their valves are shut, and the ball goes: the largest force on the way,
-of all three. One finger is solved; the others do the same. Needs
+of all three, and at how many stops of the way the model has no state. One finger is solved; the others do the same.
+Needs
 `cfem run pipelines/three-chamber-gripper/train-free.yaml`.
 
     FE        of finite elements that touch at every node of the surface, on the mesh of the samples
