@@ -15,7 +15,7 @@ from cfem.predict.state_error import extrapolation
 
 
 class FrequencyError(Data):
-    """Bounds of the relative error of the lowest natural frequencies, whichever errs most.
+    """Bounds of the largest relative error among the lowest natural frequencies.
 
     modes: how many frequencies; held, free: with the actuators held, and with their forces given
     probability: that the bound holds at a state like the test states; states: test states in the domain, where the

@@ -167,7 +167,7 @@ class SampleSpec(Spec):
     """Whether to record mass and viscosity of the rows' motions too, for models that move. It costs no factorisation.
     Each material of the scene then needs its density."""
     frequencies: bool = False
-    """Whether to compute the natural frequencies of finite elements at the test states, so that models state how far
+    """True: compute the natural frequencies of finite elements at the test states, so that models state how far
     theirs are off. Each test state is solved once more."""
     skin: SkinSpec | None = SkinSpec()
     """Modes of the surface, for shapes without finite elements. Null leaves them out."""

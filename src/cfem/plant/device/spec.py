@@ -54,7 +54,7 @@ class MotorSpec(Spec):
     spool: Annotated[Length, Field(gt=0)]
     """Effective radius of its spool: to the middle of the cable."""
     reversed: bool = False
-    """Whether the motor winds the cable while its position falls."""
+    """True: the motor winds the cable while its position falls."""
     zero: int | None = None
     """Position in counts where the robot is at rest and the cable taut. Where the motor stands at the start of each
     run unless given."""

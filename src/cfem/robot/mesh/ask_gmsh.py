@@ -19,9 +19,9 @@ from cfem.robot.mesh.surface_file import read_surface
 DEBIAN_PACKAGES = "libglu1-mesa libgl1 libgomp1 libxcursor1 libxft2 libxinerama1 libxfixes3 libxrender1 libfontconfig1"
 
 _NO_GMSH, _SEPARATE = 10, 13  # exit codes after which no other settings help
-# `factor` on all sizes, whether a surface's triangles are made anew, and edges round a full turn at least. gmsh may
-# fail, crash or never end at one size and not at one beside it. At last it takes the own triangles of a surface. Faces
-# of CAD that bend tightly beside the cells, as of a curved channel, need edges around them.
+# factor: of all sizes. anew: whether a surface gets new triangles. around: least number of edges round a full turn.
+# gmsh may fail, crash or never end at one size, and succeed at a size close to it. The last attempt for a surface keeps
+# its own triangles. Faces of CAD whose radius is small beside the cells (a curved channel) need edges around them.
 _USUAL = {"factor": 1.0, "anew": True, "around": 0}
 _ATTEMPTS: dict[type, tuple[dict[str, Any], ...]] = {
     SurfaceSolid: (_USUAL, _USUAL | {"factor": 0.95}, _USUAL | {"factor": 1.05}, _USUAL | {"anew": False}),

@@ -14,10 +14,10 @@ class PlacesSpec(Spec):
     """Goals that are places, whether the robot can reach them or not."""
 
     about: About = "origin"
-    """From where places are measured: origin, that of the scene; or rest, where the effector (or object) is at rest,
+    """Origin of the places: origin, that of the scene; or rest, where the effector (or object) is at rest,
     so that goals follow a robot of another length."""
     beyond_reach: bool = False
-    """Whether goals out of reach are meant: the robot goes to the nearest point, and a run that misses them is not
+    """True: goals out of reach are meant. The robot goes to the nearest point, and a run that misses them is not
     poor."""
 
 

@@ -19,7 +19,7 @@ class PredictSpec(Spec):
     out: Path
     """Folder for the result."""
     average: bool = False
-    """Whether to predict by the average of all models of cases.yaml (`find` and `compare`), weighed by their left-out
+    """True: predict by the average of all models of cases.yaml (`find` and `compare`), weighed by their left-out
     cases. Intervals then hold how far the models differ."""
     beyond: float = Field(0.03, ge=0)
     """What the model may lack where forces exceed those of the calibration: standard deviation of a coordinate, as a
