@@ -109,6 +109,34 @@ def test_what_the_feedback_added_for_the_model_before_is_taken_back(model):
     assert np.linalg.norm(controller.feedback.total) < 0.5 * np.linalg.norm(plain.feedback.total)
 
 
+def test_the_integral_gives_back_what_the_new_parameters_account_for_and_no_more(model):
+    """Under one command the change of parameters moves the tip by a known shift; of an integral of 1.5 shifts against
+    it, half of one stays, and of an integral that points the same way all of it."""
+    limits = Limits(np.array([[0.0, 10.0]] * 2), model.reach)
+    ridge = ridge_of(1e-10, model.reach, model.length)
+    for share, left in [(-1.5, -0.5), (0.5, 0.5)]:
+        pilot = Pilot(
+            AtParameters(model, first(model)),
+            "force",
+            "equilibrium",
+            limits,
+            np.ones(3),
+            ridge,
+            SearchSettings(20, 1e-5, 3.0),
+        )
+        tracker = Tracker(model, "force", NOISE)
+        controller = AdaptiveController(pilot, model.rest_e, tracker, FEEDBACK)
+        controller.tick(goals(model)[0])
+        old = controller.belief.iterate.condensed
+        tracker._used = tracker._used + 0.1
+        real = AtParameters(model, tracker.used_p)
+        shift = under_force(real, controller.belief.u, real.at_displacement(old.delta_a)).delta_e - old.delta_e
+        assert np.abs(shift).max() > 0.01
+        controller.feedback.total = share * shift
+        controller._changed()
+        np.testing.assert_allclose(controller.feedback.total, left * shift, atol=1e-9)
+
+
 def strange(model, seed):
     """A robot that nobody expects; benchmarks/adaptation.py has a thousand."""
     rng = np.random.default_rng(seed)
