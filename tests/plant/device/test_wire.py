@@ -13,8 +13,8 @@ from cfem.export.compiled.controller import CompiledController
 from cfem.plant.device import device_plant
 from cfem.plant.device.channel import SerialChannel, UdpChannel
 from cfem.plant.device.device_plant import DevicePlant
-from cfem.plant.device.frame import Frame, Kind, Receiver
-from cfem.plant.device.wire import Wire
+from cfem.plant.device.frame import Frame, Kind, Receiver, robot_checksum
+from cfem.plant.device.wire import TAKES, Wire
 from cfem.plant.imperfect_plant import Stiffer
 from cfem.plant.model_plant import ModelPlant
 from cfem.predict.load import build
@@ -66,6 +66,47 @@ class Listener:
 
 
 COMMANDS = [(4.0, 3.5), (9.0, 1.0), (0.5, 12.0)]
+
+
+class Board:
+    """A channel in memory to a device of one effector, one actuator and two markers, of which it does not see the
+    second."""
+
+    where, rows = "device in memory", Rows(("tip.x", "tip.y", "tip.z"), ("pull",))
+
+    def __init__(self):
+        self.receiver, self.bytes, self.sent = Receiver(), b"", 0
+
+    def open(self):
+        pass
+
+    close = open
+
+    def write(self, data):
+        answers = {Kind.HELLO: self.ready, Kind.DISPLACEMENT: self.answer}
+        for frame in self.receiver.feed(data):
+            if frame.kind in answers:
+                self.sent += 1
+                self.bytes += answers[frame.kind](frame).packed()
+
+    def ready(self, hello):
+        return Frame(Kind.READY, robot_checksum(self.rows), (3.0, 1.0, 2.0, float(TAKES[Kind.DISPLACEMENT])), self.sent)
+
+    def answer(self, command):
+        payload = (1.0, 2.0, 3.0, *command.payload, 0.5, 7.0, 8.0, 9.0, *[np.nan] * 3)
+        return Frame(Kind.ANSWER, command.tick, payload, self.sent)
+
+    def read(self, timeout):
+        data, self.bytes = self.bytes, b""
+        return data
+
+
+def test_markers_follow_the_forces_in_an_answer():
+    wire = Wire(Board(), Board.rows)
+    wire.ask({"hello": 1, "rest_e": [0.0, 0.0, 0.0], "markers": ["top", "side"]}, 1.0)
+    answer = wire.ask({"t": 1, "kind": "displacement", "u": [4.0]}, 1.0)
+    assert answer["x_e"] == [1.0, 2.0, 3.0] and answer["delta_a"] == [4.0] and answer["lambda_a"] == [0.5]
+    assert answer["markers"] == {"top": [7.0, 8.0, 9.0], "side": None}
 
 
 @pytest.mark.parametrize("at", [on_a_serial_port, on_udp])
