@@ -1,6 +1,7 @@
 """Modules in a row under loads: derivatives against differences, and the unloaded row (FE: surrogate/test_serial)."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -24,6 +25,16 @@ def test_the_effectors_and_their_derivatives_against_differences(shares):
         ahead, behind = row_of(e + step, rests, shares), row_of(e - step, rests, shares)
         assert np.allclose(row.B[:, n], (ahead.y - behind.y) / (2 * h), atol=1e-7)
         assert np.allclose(row.H[:, :, n], (ahead.B - behind.B) / (2 * h), atol=1e-6)
+
+
+def test_the_size_of_a_row_is_that_of_its_largest_module_at_end_and_centre_of_mass():
+    """A module has six coordinates of its end before the three of its centre of mass; those of turning are none."""
+    row = chain(np.zeros(6), heavy=True)
+    first, second = np.arange(9.0), np.full(9, 3.5)
+    row.models = [SimpleNamespace(sizes=sizes) for sizes in (first, second)]
+    np.testing.assert_array_equal(row._sizes, [3.5, 3.5, 3.5, 6, 7, 8])
+    row.models[0].sizes = None
+    assert row._sizes is None
 
 
 @pytest.mark.parametrize("mixed", [False, True])
