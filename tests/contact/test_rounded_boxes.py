@@ -79,3 +79,11 @@ def test_arrays_are_those_of_the_obstacles():
     np.testing.assert_allclose(made.rounding, [0, 2, 0, 1])
     np.testing.assert_allclose(made.R[2], turn)
     np.testing.assert_allclose(made.t[3], 1.0)
+
+
+def test_frames_are_orthonormal_and_right_handed():
+    made = boxes()
+    numbers, points = outside(made)
+    turned = frames(made, numbers, points)
+    np.testing.assert_allclose(turned @ turned.swapaxes(1, 2), np.broadcast_to(np.eye(3), turned.shape), atol=1e-12)
+    np.testing.assert_allclose(np.linalg.det(turned), 1.0)
