@@ -98,7 +98,7 @@ class Look:
         each = []
         for number, part in enumerate(self.parts):
             loaded, (R, t) = LoadedRobot(part, state.deltas[number], state.wrenches[number]), state.poses[number]
-            by_forces = (part.flat @ (state.rows[number] - loaded.unloaded)).reshape(-1, 3)
+            by_forces = (part.flat @ (state.rows[number] - loaded.held.rows)).reshape(-1, 3)
             each.append((loaded.free + by_forces) @ R.T + t)
         return np.concatenate(each)
 

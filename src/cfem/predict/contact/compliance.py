@@ -133,10 +133,25 @@ def _dents(patches, R, basis, dented):
     return dents
 
 
-@njit(cache=True, error_model="numpy")
-def load_response(forces, C_ss, bends, D, U, flexibility, dents):
+def load_response(
+    forces: np.ndarray,
+    C_ss: np.ndarray,
+    bends: np.ndarray,
+    D: np.ndarray,
+    U: np.ndarray,
+    flexibility: np.ndarray,
+    dents: np.ndarray,
+) -> LoadResponse:
     """Response to forces (c, 3) N on patches. bends (k, r); D (r, n_e + r, r) mm/N^2; U, flexibility and dents of
     `PatchCompliance`."""
+    w, v, change, *modes, bending, places, slopes, firsts, seconds = _load_response(
+        forces, C_ss, bends, D, U, flexibility, dents
+    )
+    return LoadResponse(w, v, change, HighOrderMotion(*modes), bending, places, slopes, firsts, seconds)
+
+
+@njit(cache=True, error_model="numpy")
+def _load_response(forces, C_ss, bends, D, U, flexibility, dents):  # a plain tuple: others are slow to pass on
     c, (k, r), seen = len(forces), bends.shape, D.shape[1]
     w, v, change, by_mixture = np.zeros(k), np.zeros(r), np.zeros((seen, r)), np.zeros(r)
     for i in range(c):
@@ -180,4 +195,35 @@ def load_response(forces, C_ss, bends, D, U, flexibility, dents):
             for b in range(3):
                 slopes[i, a, b] = inclined[a, b] - stiff[a, b]
         firsts[i], seconds[i] = dent.first, dent.second
-    return LoadResponse(w, v, change, modes, bending, places, slopes, firsts, seconds)
+    return (
+        *(w, v, change, modes.motion, modes.first, modes.second, modes.across, modes.rank),
+        *(bending, places, slopes, firsts, seconds),
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def under_forces(total, local, U, bends, change, slopes, first, second, across, rank):
+    """Compliance (3 c, 3 c) mm/N of patches under forces: total, local and U of `PatchCompliance`; bends (k, r); change
+    (r, r) of C_ss, and slopes of `LoadResponse`; the rest of `HighOrderMotion`."""
+    n, (k, r) = len(total), bends.shape
+    V, along, by_change = np.zeros((r, n)), np.zeros(n), np.zeros((n, r))
+    for i in range(n):
+        for d in range(k):
+            along[i] += U[i, d] * across[d]
+            for e in range(r):
+                V[e, i] += U[i, d] * bends[d, e]
+        for d in range(r):
+            for e in range(r):
+                by_change[i, e] += V[d, i] * change[d, e]
+    compliance = np.empty((n, n))
+    for i in range(n):
+        row = compliance[i]
+        for j in range(n):
+            row[j] = total[i, j] + (first - 1) * (total[i, j] - local[i, j]) + rank * (along[i] * along[j])
+        for d in range(r):
+            share = second * by_change[i, d]
+            for j in range(n):
+                row[j] += share * V[d, j]
+        for b in range(3):
+            row[i - i % 3 + b] += slopes[i // 3, i % 3, b]
+    return compliance

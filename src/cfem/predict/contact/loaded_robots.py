@@ -71,7 +71,7 @@ class LoadedRobots:
         on patches relieve the actuators, and how far (n_e,) mm they move the effectors."""
         delta_e, lambda_a, relief, moved = [], [], [], []
         for loaded in self.loaded:
-            (e, lam), pressed = loaded.alone(), loaded.forces.any()
+            (e, lam), pressed = loaded.held.alone, loaded.forces.any()
             moved.append(loaded.effector_motion() if pressed else np.zeros(len(e)))
             relief.append(loaded.relief() if pressed else np.zeros(len(lam)))
             delta_e.append(e + moved[-1])
