@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cfem.contact.obstacle_set import ObstacleSet
 from cfem.predict.contact.loaded_robot import LoadedRobot
 from cfem.predict.contact.scene import ContactScene
 from cfem.predict.contact.state import ContactState
@@ -106,7 +105,11 @@ class Look:
         """Largest approach of a point to a geom since the look, as a share of REACH."""
         if self.state is None:
             return np.inf
-        farthest, now, then = 0.0, _poses(state.obstacles), _poses(self.state.obstacles)
+        farthest, now, then = (
+            0.0,
+            (state.obstacles.R, state.obstacles.t),
+            (self.state.obstacles.R, self.state.obstacles.t),
+        )
         for i, part in enumerate(self.parts):
             surface = part.whole
             (R, t), (R_then, t_then) = _seen(*now, *state.poses[i]), _seen(*then, *self.state.poses[i])
@@ -117,12 +120,6 @@ class Look:
             by_geoms = turned * (size + np.linalg.norm(t_then, axis=1)) + shifted
             farthest = max(farthest, own + float(by_geoms.max(initial=0.0)))
         return farthest / (REACH * self.parts[0].model.length)
-
-
-def _poses(obstacles: ObstacleSet) -> tuple[np.ndarray, np.ndarray]:
-    """(n, 3, 3) and (n, 3) mm."""
-    R, t = [each.R for each in obstacles.obstacles], [each.t for each in obstacles.obstacles]
-    return np.array(R).reshape(-1, 3, 3), np.array(t).reshape(-1, 3)
 
 
 def _seen(R: np.ndarray, t: np.ndarray, R_robot: np.ndarray, t_robot: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -37,7 +37,7 @@ class LoadedRobot:
             series, every = model.local_tip, np.arange(len(self.free))
             local = wrench @ (self.held.basis @ series.reshape(len(series), -1)).reshape(len(wrench), -1)
             self.free += (model.turns(self.held.rows, every) @ local.reshape(-1, 3, 1))[:, :, 0]
-        self._known: tuple[bytes, tuple[PatchCompliance, JointDents | None]] | None = None
+        self._known: tuple[np.ndarray, tuple[PatchCompliance, JointDents | None]] | None = None
         self._response: LoadResponse | None = None
         self._dented: DentedPlaces | None = None
         self._pressed = np.zeros(len(self.free), dtype=bool)  # once, so that rounds do not alternate
@@ -127,9 +127,8 @@ class LoadedRobot:
 
     def _compliance_of(self, patches: np.ndarray) -> tuple[PatchCompliance, JointDents | None]:
         """Compliance of patches (c,) without forces, kept for the next call, and their joint dents."""
-        key = patches.tobytes()
-        if self._known is None or self._known[0] != key:
-            self._known = key, self.held.compliance_of(self.model.numbers[patches])
+        if self._known is None or not (self._known[0] is patches or np.array_equal(self._known[0], patches)):
+            self._known = patches, self.held.compliance_of(self.model.numbers[patches])
         return self._known[1]
 
 

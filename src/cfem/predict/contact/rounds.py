@@ -329,7 +329,7 @@ class Rounds:
             self.poses.obstacles,
             self.which[next_near],
             sum(robot.stored() for robot in loaded),
-            [(robot.R, robot.t) for robot in self.robots.placed],
+            list(zip(self.robots.R, self.robots.t, strict=True)),
         )
 
     def _pairs(self, touches: np.ndarray) -> Pairs:
