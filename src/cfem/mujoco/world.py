@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from cfem.contact.obstacle_set import ObstacleSet
 from cfem.core.errors import InputError, NumericalError, SpecError
-from cfem.mujoco.description import add_robot, control_names, place_of, skin_name
+from cfem.mujoco.description import add_robot, control_names, skin_name
 from cfem.mujoco.geoms import MM, Geoms
 from cfem.mujoco.near import Look
 from cfem.mujoco.rigid import Rigid
@@ -110,6 +110,10 @@ class World:
         }
         kind, self._vector = mujoco.mjtObj.mjOBJ_FLEX, np.empty(mujoco.mj_stateSize(self.model, STATE))
         self._flexes = [mujoco.mj_name2id(self.model, kind, skin_name(name)) for name in robots]
+        self._sensors = [
+            (self._sensor(f"{name}.force"), np.array([self._sensor(f"{name}.{point}") for point in robot.points]))
+            for name, robot in robots.items()
+        ]
         self.geoms = Geoms(self.model, carriers.tolist())
         self.rigid = Rigid(self.model, carriers, self.geoms)
         self._everywhere = Look.nowhere([robot.surface for robot in robots.values()])
@@ -232,6 +236,10 @@ class World:
         self.contact, self._look, self._deltas = saved.contact, saved.look, saved.deltas
         self._wrench, self.energies = saved.wrench, saved.energies
 
+    def _sensor(self, name: str) -> np.ndarray:
+        """(3,) places of its numbers among those of all sensors."""
+        return self.model.sensor(name).adr + np.arange(3)
+
     def _pose(self, data: mujoco.MjData, number: int) -> tuple[np.ndarray, np.ndarray]:
         site = self._sites[number]
         return data.site_xmat[site].reshape(3, 3).copy(), data.site_xpos[site] * MM
@@ -338,12 +346,12 @@ class World:
         return energies
 
     def _write_sensors(self, state: ContactState) -> None:
-        for number, (name, robot) in enumerate(self.robots.items()):
-            R, t = self._pose(self.data, number)
-            self.data.sensor(f"{name}.force").data[:] = state.forces[state.bodies == number].sum(axis=0)
-            for point in robot.points:
-                place = R @ place_of(robot.surface.model, point, state.delta_e[number]) + t
-                self.data.sensor(f"{name}.{point}").data[:] = place / MM
+        values, numbers = self.data.sensordata, np.arange(len(self.robots))
+        forces = (state.bodies == numbers[:, None]).astype(float) @ state.forces
+        for number, ((of_force, of_points), robot) in enumerate(zip(self._sensors, self.robots.values(), strict=True)):
+            (R, t), places = self._pose(self.data, number), robot.surface.model.rest_e + state.delta_e[number]
+            values[of_force] = forces[number]
+            values[of_points] = (places[robot.point_rows] @ R.T + t) / MM
 
 
 def _compiled(mjcf: Path | str | mujoco.MjSpec, robots: Mapping[str, SoftRobot]) -> mujoco.MjModel:
