@@ -27,16 +27,17 @@ class TurningCompliance:
 def turned(compliance: np.ndarray, turning: np.ndarray) -> TurningCompliance | None:
     """Compliance of patches with `compliance` C (3 c, 3 c) mm/N whose forces turn by B = `turning` (c, 3, 3) N/mm with
     their places; None where it is not positive definite."""
-    c = len(turning)
-    B = np.zeros((c, 3, c, 3))
-    B[np.arange(c), :, np.arange(c)] = turning
-    B = B.reshape(3 * c, 3 * c)
-    effective = np.linalg.solve(np.eye(3 * c) - compliance @ B, compliance)
+    turn = np.flatnonzero(turning.any(axis=(1, 2)))
+    n, rows, B = len(compliance), (3 * turn[:, None] + np.arange(3)).ravel(), turning[turn]
+    by_turn = (compliance[:, rows].reshape(n, -1, 1, 3) @ B).reshape(n, -1)
+    there = np.linalg.solve(np.eye(len(rows)) - by_turn[rows], compliance[rows])  # of the patches that turn alone
+    effective, change = compliance + by_turn @ there, np.zeros((n, n))
+    change[rows] = (B @ there.reshape(-1, 3, n)).reshape(-1, n)
     try:
         np.linalg.cholesky((effective + effective.T) / 2)
     except np.linalg.LinAlgError:
         return None
-    return TurningCompliance(effective, B @ effective)
+    return TurningCompliance(effective, change)
 
 
 def pressed(

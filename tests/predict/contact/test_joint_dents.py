@@ -1,5 +1,6 @@
 """Nodes that dent a surface together: the derivatives of one energy, whatever the forces."""
 
+from dataclasses import replace
 from itertools import permutations
 
 import numpy as np
@@ -71,6 +72,19 @@ def test_one_factorisation_a_step_of_nodes_that_bear_forces(drawn):
     forces[0] = 0.05
     dented = dented_places(forces, C, dents, np.array([True, False, False]))
     assert dented.slopes.any() and dented.systems == 2 and dented.factor.shape == (3, 3)
+
+
+def test_from_near_it_takes_fewer_and_ends_there(drawn):
+    C, _, dents = drawn
+    forces = 0.5 * np.random.default_rng(5).normal(size=(3, 3))
+    near, alone = (dented_places(share * forces, C, dents, ALL) for share in (0.999, 1.0))
+    dented = dented_places(forces, C, dents, ALL, near)
+    np.testing.assert_allclose(dented.places, alone.places, rtol=1e-13, atol=1e-15)
+    assert dented.systems < alone.systems
+    astray = replace(near, h=near.h + 100.0)  # where it is not stable
+    dented = dented_places(forces, C, dents, ALL, astray)
+    np.testing.assert_allclose(dented.places, alone.places, rtol=1e-13, atol=1e-15)
+    assert dented.share == 1.0
 
 
 def test_of_a_surface_that_would_carry_no_more_a_part_is_taken_and_said(drawn):

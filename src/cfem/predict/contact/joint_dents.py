@@ -40,7 +40,7 @@ class DentedPlaces:
     energy: N mm, stored beyond f . C f / 2
     share: of D that is taken
     change: (3 c, 3 c) mm/N of C, without what gives way
-    mine: (p,) entries that give way, and factor (p, p): the upper Cholesky factor of what they yield then
+    mine: (p,) entries that give way, h (p,) N there, and factor (p, p): the upper Cholesky factor of what they yield
     systems: factorisations that it took"""
 
     places: np.ndarray
@@ -48,6 +48,7 @@ class DentedPlaces:
     share: float
     change: np.ndarray
     mine: np.ndarray
+    h: np.ndarray
     factor: np.ndarray
     systems: int
 
@@ -57,13 +58,17 @@ class DentedPlaces:
         return _slopes(self.change, self.mine, self.factor)
 
 
-def dented_places(forces: np.ndarray, C: np.ndarray, dents: JointDents, pressed: np.ndarray) -> DentedPlaces:
-    """Places under forces (c, 3) N; pressed (c,) bool: nodes that give way."""
-    return DentedPlaces(*_dented_places(forces, C, dents.triples, dents.change, pressed))
+def dented_places(
+    forces: np.ndarray, C: np.ndarray, dents: JointDents, pressed: np.ndarray, near: DentedPlaces | None = None
+) -> DentedPlaces:
+    """Places under forces (c, 3) N; pressed (c,) bool: nodes that give way. near: what is known of the same nodes under
+    other forces, from which the search begins. Where C - D[g] is positive definite there is one h at most."""
+    start = np.zeros(0) if near is None or near.share < 1 else near.h
+    return DentedPlaces(*_dented_places(forces, C, dents.triples, dents.change, pressed, start))
 
 
 @njit(cache=True, error_model="numpy")
-def _dented_places(forces, C, triples, change, pressed):
+def _dented_places(forces, C, triples, change, pressed, start):
     c, b, p = len(forces), 0, 0
     place, f = np.full(c, -1), forces.copy().reshape(-1)
     for i in range(c):  # the others are moved, but neither bear forces nor give way
@@ -84,12 +89,15 @@ def _dented_places(forces, C, triples, change, pressed):
         for j in range(p):
             C_pp[i, j] = C[mine[i], mine[j]]
     some, some_change = _among(place, triples, change)
-    share, systems = 1.0, 0
-    for _ in range(1 + HALVINGS):
+    share, systems, begin = 1.0, 0, 1
+    if len(start) == p > 0:
+        h[:], begin = start, 0
+    for trial in range(begin, 2 + HALVINGS):
         stable, steps = _give_way(borne, C_pp, some, some_change, among, share, h, factor)
         systems += steps
         if not stable:
-            share /= 2
+            share /= 1.0 if trial == 0 else 2.0
+            h[:] = 0.0
             continue
         g, moved, energy = f.copy(), np.zeros(3 * c), 0.0
         for i in range(p):
@@ -104,17 +112,18 @@ def _dented_places(forces, C, triples, change, pressed):
         for i in range(p):
             for j in range(p):
                 energy += h[i] * C_pp[i, j] * h[j] / 2
-        return moved.reshape(c, 3), energy, share, bent, mine, factor, systems
+        return moved.reshape(c, 3), energy, share, bent, mine, h, factor, systems
     nothing = np.empty(0, dtype=np.int64)
-    return np.zeros((c, 3)), 0.0, 0.0, np.zeros((3 * c, 3 * c)), nothing, np.zeros((0, 0)), systems
+    return np.zeros((c, 3)), 0.0, 0.0, np.zeros((3 * c, 3 * c)), nothing, np.zeros(0), np.zeros((0, 0)), systems
 
 
 @njit(cache=True, error_model="numpy")
 def _give_way(f, C_pp, triples, change, mine, share, h, factor):
-    """Finds h (p,) N at the entries `mine` of f, and the factor of C - D[f + h] there. Returns False where Newton's
-    method leaves the stable branch, and the factorisations: one a step."""
+    """Finds h (p,) N at the entries `mine` of f, from what it is, and the factor of C - D[f + h] there. Returns False
+    where Newton's method leaves the stable branch, and the factorisations: one a step."""
     p, size, g, step = len(mine), 0.0, f.copy(), np.empty(len(mine))
-    h[:] = 0.0
+    for i in range(p):
+        g[mine[i]] += h[i]
     for force in f:
         size = max(size, abs(force))
     if not p:
@@ -178,13 +187,14 @@ def _slopes(change, mine, factor):
     half, slopes = change[mine], np.empty_like(change)
     _forwards(factor, half)
     for i in range(len(change)):
-        for j in range(len(change)):
+        for j in range(i, len(change)):
             slopes[i, j] = (change[i, j] + change[j, i]) / 2
-    for r in range(len(mine)):
-        for i in range(len(change)):
+        for r in range(len(mine)):
             share = half[r, i]
-            for j in range(len(change)):
+            for j in range(i, len(change)):
                 slopes[i, j] += share * half[r, j]
+        for j in range(i + 1, len(change)):
+            slopes[j, i] = slopes[i, j]
     return slopes
 
 

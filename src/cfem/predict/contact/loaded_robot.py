@@ -47,6 +47,7 @@ class LoadedRobot:
 
     def load(self, patches: np.ndarray, forces: np.ndarray) -> None:
         """Puts forces (c, 3) N on patches (c,), and takes all others off."""
+        known, dented = self.patches, self._dented
         self.patches, self.forces, self._places, self._dented = patches, forces, None, None
         if not len(patches):
             self.w, self.rows = np.zeros(len(self.held.rows)), self.held.rows
@@ -59,7 +60,8 @@ class LoadedRobot:
         self.error = max(self.error, estimated_error(self._response.bending, self.model.missing))
         if joint is not None and forces.any():
             self._pressed[patches] |= forces.any(axis=1)
-            self._dented = dented_places(forces, free.total, joint, self._pressed[patches])
+            near = dented if known is patches else None
+            self._dented = dented_places(forces, free.total, joint, self._pressed[patches], near)
             if self._dented.share < 1:
                 self.error = np.inf
 
