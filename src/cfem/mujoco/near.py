@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numba import njit
 
+from cfem.predict.contact.bodies import PlacedModel
 from cfem.predict.contact.loaded_robot import LoadedRobot
 from cfem.predict.contact.scene import ContactScene
 from cfem.predict.contact.state import ContactState
@@ -66,11 +67,14 @@ class Look:
         if self.share > OLD:
             look = self.again(surfaces, before)
             start = look.taken(before, self.numbers)
-        robots = [replace(robot, patched=part) for robot, part in zip(scene.robots, look.parts, strict=True)]
+        robots = [
+            PlacedModel(part, robot.R, robot.t, False, robot.unilateral, robot.wrench)
+            for robot, part in zip(scene.robots, look.parts, strict=True)
+        ]
         state = replace(scene, robots=robots).step(deltas, start)
         share = look.moved(state)
         if state.converged and share <= 1.0:
-            return state, replace(look, share=share)
+            return state, Look(look.numbers, look.parts, look.state, share)
         return scene.step(deltas, everywhere.taken(before, self.numbers)), everywhere
 
     def taken(self, state: ContactState, numbers: np.ndarray) -> ContactState:

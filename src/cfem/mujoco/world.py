@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cfem.contact.obstacle_set import ObstacleSet
+from cfem.contact.rigid_bodies import RigidBodies
 from cfem.core.errors import InputError, NumericalError, SpecError
 from cfem.mujoco.description import add_robot, control_names, skin_name
 from cfem.mujoco.geoms import MM, Geoms
@@ -116,6 +117,7 @@ class World:
         ]
         self.geoms = Geoms(self.model, carriers.tolist())
         self.rigid = Rigid(self.model, carriers, self.geoms)
+        self._shortest = min(robot.surface.model.length for robot in self.robots.values())
         self._everywhere = Look.nowhere([robot.surface for robot in robots.values()])
         self.reset()
 
@@ -174,7 +176,7 @@ class World:
         mujoco.mj_kinematics(model, ahead)
         gravity = self._gravity(before)
         self._demand_slow(MM * (ahead.geom_xpos[self.geoms.numbers] - begin))
-        scene = replace(self._scene(ahead, gravity), rigid=rigid.ahead(ahead, self._wrench))
+        scene = self._scene(ahead, gravity, rigid.ahead(ahead, self._wrench))
         state, look = self._look.step(scene, deltas, self.contact)
         self._demand_sound(scene, state)
         wrench, speed, own = rigid.wrench(state), data.qvel.copy(), data.qfrc_applied.copy()
@@ -270,14 +272,17 @@ class World:
             robot.demand_slow(gravity[number], turning, name, self.data.time)
         return gravity
 
-    def _scene(self, data: mujoco.MjData, gravity: np.ndarray | None = None) -> ContactScene:
-        """Robots and geoms where `data` has them; gravity (r, 3) mm/s^2 on each robot, the model's unless given."""
+    def _scene(
+        self, data: mujoco.MjData, gravity: np.ndarray | None = None, rigid: RigidBodies | None = None
+    ) -> ContactScene:
+        """Robots and geoms where `data` has them; gravity (r, 3) mm/s^2 on each robot, the model's unless given; rigid:
+        bodies that give way."""
         robots = []
         for number, robot in enumerate(self.robots.values()):
             R, t = self._pose(data, number)
             wrench = robot.wrench((MM * self.model.opt.gravity if gravity is None else gravity[number]) @ R)
             robots.append(PlacedModel(robot.surface, R, t, False, robot.unilateral, wrench))
-        return ContactScene(robots, self.geoms.placed(data), self.friction, meet=self.robots_touch)
+        return ContactScene(robots, self.geoms.placed(data), self.friction, rigid, self.robots_touch)
 
     def _commanded(self, commands: Mapping[str, ArrayLike]) -> list[np.ndarray]:
         for name in commands:
@@ -301,8 +306,8 @@ class World:
 
     def _demand_slow(self, ways: np.ndarray) -> None:
         """NumericalError where a geom that is near a robot goes so far in one step, (n, 3) mm, that it may pass it."""
-        ways = np.linalg.norm(ways, axis=1)
-        fast = np.flatnonzero(ways > FAST * min(robot.surface.model.length for robot in self.robots.values()))
+        ways = np.sqrt((ways * ways).sum(axis=1))
+        fast = np.flatnonzero(ways > FAST * self._shortest)
         if self.contact is None or not len(fast):
             return
         places = self._everywhere.places(self.contact)

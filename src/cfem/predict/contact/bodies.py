@@ -81,12 +81,12 @@ class Bodies:
         """(N,) bool: patches where a body is held, which touch nothing."""
         return np.concatenate([robot.patched.held_still for robot in self.robots])
 
-    @property
+    @cached_property
     def most(self) -> int:
         """Points that may touch obstacles at once."""
         return max(robot.patched.most for robot in self.robots)
 
-    @property
+    @cached_property
     def length(self) -> float:
         return self.robots[0].patched.model.length
 

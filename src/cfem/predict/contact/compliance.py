@@ -40,7 +40,8 @@ class LoadResponse(NamedTuple):
     bending: size of the second order of that motion over the first
     places (c, 3) mm: motion of the patches by dents, beyond what `PatchCompliance.local` says
     slopes (c, 3, 3) mm/N: derivatives of `places` by the forces
-    firsts, seconds (c,): shares of the first and of the second order that are taken"""
+    firsts, seconds (c,): shares of the first and of the second order that are taken
+    bears: whether any of the forces is not 0"""
 
     w: np.ndarray
     v: np.ndarray
@@ -51,6 +52,7 @@ class LoadResponse(NamedTuple):
     slopes: np.ndarray
     firsts: np.ndarray
     seconds: np.ndarray
+    bears: bool
 
 
 @njit(cache=True, error_model="numpy")
@@ -144,18 +146,20 @@ def load_response(
 ) -> LoadResponse:
     """Response to forces (c, 3) N on patches. bends (k, r); D (r, n_e + r, r) mm/N^2; U, flexibility and dents of
     `PatchCompliance`."""
-    w, v, change, *modes, bending, places, slopes, firsts, seconds = _load_response(
+    w, v, change, *modes, bending, places, slopes, firsts, seconds, bears = _load_response(
         forces, C_ss, bends, D, U, flexibility, dents
     )
-    return LoadResponse(w, v, change, HighOrderMotion(*modes), bending, places, slopes, firsts, seconds)
+    return LoadResponse(w, v, change, HighOrderMotion(*modes), bending, places, slopes, firsts, seconds, bears)
 
 
 @njit(cache=True, error_model="numpy")
 def _load_response(forces, C_ss, bends, D, U, flexibility, dents):  # a plain tuple: others are slow to pass on
     c, (k, r), seen = len(forces), bends.shape, D.shape[1]
     w, v, change, by_mixture = np.zeros(k), np.zeros(r), np.zeros((seen, r)), np.zeros(r)
+    bears = False
     for i in range(c):
         for a in range(3):
+            bears |= forces[i, a] != 0.0
             for d in range(k):
                 w[d] += U[3 * i + a, d] * forces[i, a]
     for row in range(k):
@@ -197,7 +201,7 @@ def _load_response(forces, C_ss, bends, D, U, flexibility, dents):  # a plain tu
         firsts[i], seconds[i] = dent.first, dent.second
     return (
         *(w, v, change, modes.motion, modes.first, modes.second, modes.across, modes.rank),
-        *(bending, places, slopes, firsts, seconds),
+        *(bending, places, slopes, firsts, seconds, bears),
     )
 
 

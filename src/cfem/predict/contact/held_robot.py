@@ -24,7 +24,8 @@ class HeldRobot:
     rows: (k,) mm of the skin
     C_es (n_e, k) and C_ss (k, k) mm/N: compliance of effectors and rows to loads on the modes
     basis: (terms,) values of the series of what is local
-    D: (r, n_e + r, r) mm/N^2, how loads on the mixtures `SurfaceModel.bends` change C_es and C_ss"""
+    D: (r, n_e + r, r) mm/N^2, how loads on the mixtures `bends` (k, r) of the modes change C_es and C_ss
+    missing: `SurfaceModel.missing`"""
 
     def __init__(self, model: "SurfaceModel", delta: np.ndarray, wrench: np.ndarray | None):
         """Evaluates the model's series at delta (n_a,) mm."""
@@ -37,7 +38,7 @@ class HeldRobot:
             by_wrench, among_rows = np.split(change, [len(wrench)], axis=1)
             self.rows = self.rows + wrench @ (self.C_es + by_wrench.T / 2)
             self.C_es, self.C_ss = self.C_es + by_wrench.T, self.C_ss + among_rows
-        self.D = (self.basis @ model.bent)[model.bent_at]
+        self.D, self.bends, self.missing = (self.basis @ model.bent)[model.bent_at], model.bends, model.missing
         self._points: dict[bytes, tuple[PatchCompliance, JointDents | None]] = {}
 
     def compliance_of(self, points: np.ndarray) -> tuple[PatchCompliance, JointDents | None]:

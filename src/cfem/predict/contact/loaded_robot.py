@@ -27,6 +27,7 @@ class LoadedRobot:
     held: the robot there, its surface free, and free (N, 3) mm: places of the patches then
     patches (c,), forces (c, 3) N: patches and what is on them since `load`, none at first
     w (k,) N: load of the forces on the modes, and rows (k,) mm under it
+    bears: whether any of the forces is not 0
     error: estimate of how far what forces do is off, a share of it, the largest of all `load`; see `estimated_error`"""
 
     def __init__(self, model: SurfaceModel, delta: np.ndarray, wrench: np.ndarray | None = None):
@@ -43,25 +44,26 @@ class LoadedRobot:
         self._pressed = np.zeros(len(self.free), dtype=bool)  # once, so that rounds do not alternate
         self._places: np.ndarray | None = None
         self.patches, self.forces = np.zeros(0, dtype=np.int64), np.zeros((0, 3))
-        self.w, self.rows, self.error = np.zeros(len(self.held.rows)), self.held.rows, 0.0
+        self.w, self.rows, self.error, self.bears = np.zeros(len(self.held.rows)), self.held.rows, 0.0, False
 
     def load(self, patches: np.ndarray, forces: np.ndarray) -> None:
         """Puts forces (c, 3) N on patches (c,), and takes all others off."""
         known, dented = self.patches, self._dented
         self.patches, self.forces, self._places, self._dented = patches, forces, None, None
         if not len(patches):
-            self.w, self.rows = np.zeros(len(self.held.rows)), self.held.rows
+            self.w, self.rows, self.bears = np.zeros(len(self.held.rows)), self.held.rows, False
             return
         (free, joint), held = self._compliance_of(patches), self.held
-        self.forces = forces = np.ascontiguousarray(forces, float)
-        by_modes = held.C_ss, self.model.bends, held.D, free.U
-        self._response = load_response(forces, *by_modes, free.flexibility, free.dents)
-        self.w, self.rows = self._response.w, held.rows + self._response.modes.motion
-        self.error = max(self.error, estimated_error(self._response.bending, self.model.missing))
-        if joint is not None and forces.any():
-            self._pressed[patches] |= forces.any(axis=1)
+        self._response = response = load_response(
+            forces, held.C_ss, held.bends, held.D, free.U, free.flexibility, free.dents
+        )
+        self.w, self.rows, self.bears = response.w, held.rows + response.modes.motion, response.bears
+        self.error = max(self.error, estimated_error(response.bending, held.missing))
+        if joint is not None and self.bears:
+            pressed = self._pressed[patches] | (forces != 0.0).any(axis=1)
+            self._pressed[patches] = pressed
             near = dented if known is patches else None
-            self._dented = dented_places(forces, free.total, joint, self._pressed[patches], near)
+            self._dented = dented_places(forces, free.total, joint, pressed, near)
             if self._dented.share < 1:
                 self.error = np.inf
 
@@ -79,10 +81,10 @@ class LoadedRobot:
     def compliance(self) -> np.ndarray:
         """(3 c, 3 c) mm/N: derivative of the loaded patches' places by the forces on them, symmetric."""
         free, response = self._compliance_of(self.patches)[0], self._response
-        if not self.w.any():
+        if not self.bears:
             return free.total
         change = response.change[len(self.held.C_es) :]
-        by_modes = free.total, free.local, free.U, self.model.bends, change, response.slopes
+        by_modes = free.total, free.local, free.U, self.held.bends, change, response.slopes
         compliance = under_forces(*by_modes, *response.modes[1:])
         return compliance if self._dented is None else compliance + self._dented.slopes
 
@@ -108,7 +110,7 @@ class LoadedRobot:
         """N mm that the forces have stored beside what the actuators have: their work, less the integral of places over
         forces. Of the latter the orders w . C w and D[w, w, w] have 1/2 and 1/6 (`cfem.predict.loads.high_order`), and
         of the work 1 and 1/2."""
-        if not self.forces.any():
+        if not self.bears:
             return 0.0
         free, response, f = self._compliance_of(self.patches)[0], self._response, self.forces
         flexible = free.flexibility * (f**2).sum(axis=1)

@@ -34,7 +34,7 @@ class LoadedRobots:
 
     def load(self, forces: np.ndarray) -> None:
         """Forces (c, 3) N on the known patches."""
-        self.forces = np.zeros_like(self.forces)
+        self.forces = np.zeros(self.forces.shape)
         self.forces[self.known] = forces
         self._put(forces)
 
@@ -65,7 +65,7 @@ class LoadedRobots:
         on patches relieve the actuators, and how far (n_e,) mm they move the effectors."""
         delta_e, lambda_a, relief, moved = [], [], [], []
         for loaded in self.loaded:
-            (e, lam), pressed = loaded.held.alone, loaded.forces.any()
+            (e, lam), pressed = loaded.held.alone, loaded.bears
             moved.append(loaded.effector_motion() if pressed else np.zeros(len(e)))
             relief.append(loaded.relief() if pressed else np.zeros(len(lam)))
             delta_e.append(e + moved[-1])
