@@ -7,6 +7,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numba import njit
 
 from cfem.predict.contact.compliance import PatchCompliance
 from cfem.predict.contact.joint_dents import JointDents
@@ -54,7 +55,7 @@ class HeldRobot:
         return self._points[key]
 
     def _found(self, points: np.ndarray) -> tuple[PatchCompliance, JointDents | None]:
-        model, c, R = self.model, len(points), self.model.turns(self.rows, points)
+        model, R = self.model, self.model.turns(self.rows, points)
         U, local, total, dents = model.compliance(points, self.C_ss, R, self.basis, self.delta)
         try:
             np.linalg.cholesky(total)
@@ -62,9 +63,7 @@ class HeldRobot:
             sizes, axes = np.linalg.eigh(total)
             nearest = (axes * np.maximum(sizes, 0.0)) @ axes.T
             local, total = local + (nearest - total), nearest
-        diagonal = np.arange(c)
-        flexibility = stiff_flexibility(total.reshape(c, 3, c, 3)[diagonal, :, diagonal])
-        return PatchCompliance(U, local, total, flexibility, R, dents), model.joint_dents(points, R)
+        return PatchCompliance(U, local, total, stiff_flexibility(total), R, dents), model.joint_dents(points, R)
 
     @cached_property
     def alone(self) -> tuple[np.ndarray, np.ndarray]:
@@ -97,10 +96,18 @@ class HeldRobot:
         return self.basis @ slopes @ series, mixtures
 
 
-def stiff_flexibility(compliance: np.ndarray) -> np.ndarray:
-    """Harmonic means (c,) of the eigenvalues of `compliance` (c, 3, 3) mm/N, near those of what is local: a soft body
-    yields in one or two directions, and is dented in all; 0 where the body is held."""
-    minors = sum(
-        compliance[:, i, i] * compliance[:, j, j] - compliance[:, i, j] ** 2 for i, j in ((0, 1), (0, 2), (1, 2))
-    )
-    return 3 * np.linalg.det(compliance) / np.where(minors > 0, minors, np.inf)
+@njit(cache=True, error_model="numpy")
+def stiff_flexibility(compliance):
+    """Harmonic means (c,) of the eigenvalues of the blocks of points on the diagonal of `compliance` (3 c, 3 c) mm/N,
+    near those of what is local: a soft body yields in one or two directions, and is dented in all; 0 where the body is
+    held."""
+    means = np.zeros(len(compliance) // 3)
+    for p in range(len(means)):
+        C, minors, determinant = compliance[3 * p : 3 * p + 3, 3 * p : 3 * p + 3], 0.0, 0.0
+        for i in range(3):
+            j, k = (i + 1) % 3, (i + 2) % 3
+            minors += C[i, i] * C[j, j] - C[i, j] ** 2
+            determinant += C[0, i] * (C[1, j] * C[2, k] - C[1, k] * C[2, j])
+        if minors > 0:
+            means[p] = 3 * determinant / minors
+    return means

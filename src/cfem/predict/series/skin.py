@@ -8,7 +8,6 @@ it."""
 
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,9 +18,6 @@ from cfem.core.reading import take
 from cfem.predict.series.chebyshev import Basis
 from cfem.predict.series.energy import Form, unpacking
 from cfem.predict.series.semidefinite import with_nearest
-
-if TYPE_CHECKING:
-    from scipy.sparse import csr_array
 
 FILE = "skin.npz"  # of a model folder
 
@@ -105,7 +101,9 @@ class LearnedSkin:
     def compliance_slopes(self, s: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Derivatives (n_a, n_e, k) and (n_a, k, k) of `compliance` by s (n_a,)."""
         values, k = self._at(self._compliance_basis, s, q), len(self)
-        packed = (self._compliance_slopes @ values).reshape(-1, len(values)) @ self._compliance.T
+        rows, columns, entries = self._compliance_slopes  # a sparse product, for which SciPy would take longer
+        slopes = np.bincount(rows, entries * values[columns], self._n_a * len(values))
+        packed = slopes.reshape(-1, len(values)) @ self._compliance.T
         C_es, C_ss = np.split(packed, [self._n_e * k], axis=1)
         return C_es.reshape(-1, self._n_e, k), C_ss[:, unpacking(k)]
 
@@ -139,14 +137,16 @@ class LearnedSkin:
         return np.stack([D @ self._series_T for D in by_s], axis=-1).reshape(len(self._indices), -1)
 
     @cached_property
-    def _compliance_slopes(self) -> "csr_array":
-        """(n_a L, L), one matrix below the other: derivatives by s of the basis of the compliance, by its values."""
+    def _compliance_slopes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Rows, columns and entries of (n_a L, L), one matrix below the other: derivatives by s of the basis of the
+        compliance, by its values."""
         from scipy.sparse import vstack  # which no shape needs
 
         from cfem.predict.series.derivatives import input_derivatives
 
         by_s = input_derivatives(self._compliance_basis.indices, self._to_box, self._n_a)
-        return vstack([slopes.T for slopes in by_s], format="csr")
+        joined = vstack([slopes.T for slopes in by_s], format="coo")
+        return joined.row.astype(np.int64), joined.col.astype(np.int64), joined.data
 
     def _at(self, basis: Basis, s: np.ndarray, q: np.ndarray) -> np.ndarray:
         """(..., M) the basis there; of the last single state it is kept, as most are asked for several things."""
