@@ -231,3 +231,25 @@ def under_forces(total, local, U, bends, change, slopes, first, second, across, 
         for b in range(3):
             row[i - i % 3 + b] += slopes[i // 3, i % 3, b]
     return compliance
+
+
+@njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract"})
+def moved_places(free, flat, motion, patches, local, forces, dents):
+    """Places (N, 3) mm of patches from places `free` (N, 3) mm, modes `flat` (3 N, k) having gone by motion (k,) mm.
+    Those of patches (c,) are also moved by forces (c, 3) N that act locally, by `local` of `PatchCompliance`, and by
+    dents (c, 3) mm."""
+    places = np.empty_like(free)
+    for p in range(len(free)):
+        for a in range(3):
+            way = 0.0
+            for d in range(len(motion)):
+                way += flat[3 * p + a, d] * motion[d]
+            places[p, a] = free[p, a] + way
+    for i in range(len(patches)):
+        for a in range(3):
+            way = dents[i, a]
+            for j in range(len(patches)):
+                for b in range(3):
+                    way += local[3 * i + a, 3 * j + b] * forces[j, b]
+            places[patches[i], a] += way
+    return places

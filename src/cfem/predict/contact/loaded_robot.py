@@ -14,7 +14,7 @@ first."""
 
 import numpy as np
 
-from cfem.predict.contact.compliance import LoadResponse, PatchCompliance, load_response, under_forces
+from cfem.predict.contact.compliance import LoadResponse, PatchCompliance, load_response, moved_places, under_forces
 from cfem.predict.contact.joint_dents import DentedPlaces, JointDents, dented_places
 from cfem.predict.contact.surface_model import SurfaceModel
 
@@ -72,10 +72,10 @@ class LoadedRobot:
         if not len(self.patches):
             return self.free
         if self._places is None:
-            self._places = self.free + (self.model.flat @ self._response.modes.motion).reshape(-1, 3)
-            local = (self._compliance_of(self.patches)[0].local @ self.forces.ravel()).reshape(-1, 3)
+            local = self._compliance_of(self.patches)[0].local
             dents = self._response.places if self._dented is None else self._dented.places
-            self._places[self.patches] += local + dents
+            motion = self._response.modes.motion
+            self._places = moved_places(self.free, self.model.flat, motion, self.patches, local, self.forces, dents)
         return self._places
 
     def compliance(self) -> np.ndarray:
