@@ -5,7 +5,7 @@ import pytest
 from support.benchmark import benchmark
 
 from cfem.contact.newton import newton
-from cfem.contact.patch_forces import violation
+from cfem.contact.patch_forces import turned, violation
 
 a_problem = benchmark("contact_random").a_problem
 MU, C = 0.5, np.diag([2.0, 1.0, 1.0])
@@ -40,3 +40,16 @@ def test_what_obeys_the_law_has_none():
 def test_what_misses_it_does_by_so_much(force, gap, missed):
     found = violation(np.array([force], float), np.array([gap], float), C, MU)
     assert found == pytest.approx(missed, rel=1e-3, abs=1e-15)
+
+
+def test_of_forces_that_turn_those_of_flat_obstacles_do_not():
+    rng = np.random.default_rng(2)
+    root, turning = rng.normal(size=(12, 12)), np.zeros((4, 3, 3))
+    C, B = root @ root.T, np.zeros((12, 12))
+    turning[[0, 2]] = -0.01 * np.eye(3) + 0.002 * rng.normal(size=(2, 3, 3))
+    for i in range(4):
+        B[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] = turning[i]
+    answer, exact = turned(C, turning), np.linalg.inv(np.linalg.inv(C) - B)
+    np.testing.assert_allclose(answer.compliance, exact, rtol=1e-8, atol=1e-10)
+    np.testing.assert_allclose(answer.turning, B @ exact, rtol=1e-8, atol=1e-10)
+    assert turned(C, 100 * np.abs(turning)) is None

@@ -1,5 +1,7 @@
 """Steps of the points that may touch alone, against steps of all points."""
 
+import sys
+
 import numpy as np
 import pytest
 
@@ -67,3 +69,20 @@ def test_skins_are_there_after_a_step_that_fails(soft_bar):
     with pytest.raises(Exception, match="one finite number"):
         world.step({"bar": [1.0, 2.0]})
     assert world.model.flex_vertnum.tolist() == [len(soft_bar.surface.model.skin.rest)]
+
+
+@pytest.mark.parametrize(("gravity", "steps", "most"), [(0.0, 5, 480), (-9.81, 150, 950)])  # free, in contact
+def test_a_step_makes_few_calls(soft_bar, gravity, steps, most):
+    """Of Python and C, of which each takes about as long as any other: the median of steps at rest."""
+    option = f'timestep="0.002" gravity="0 0 {gravity}"'
+    world, counts = World(TURNING.replace('timestep="0.002"', option), {"bar": soft_bar}), []
+    for _ in range(steps + 9):
+        calls = []
+        sys.setprofile(lambda frame, event, given, calls=calls: calls.append(event))
+        try:
+            state = world.step({"bar": [0.0]})
+        finally:
+            sys.setprofile(None)
+        counts.append(calls.count("call") + calls.count("c_call"))
+    assert state.forces.any() == (gravity < 0)
+    assert np.median(counts[steps:]) < most

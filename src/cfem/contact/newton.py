@@ -16,6 +16,7 @@ from cfem.contact.modes import Mode
 from cfem.contact.problem import ContactProblem
 
 ITERATIONS, HALVINGS = 40, 4
+MODES = Mode.OPEN, Mode.STICK, Mode.SLIP
 HUGE = 1e9  # of a problem's own units: no force or motion
 EXACT = 1e-13  # of the largest force: change of a force in the last step
 
@@ -26,12 +27,21 @@ def newton(
     """(m, 3) N in the frames of the surface, None where it does not converge, and how many systems it solved. W
     (3m, 3m) mm/N and free (3m,) mm: see `cfem.contact.problem`; mu: of friction; start (m, 3) N: forces, zero unless
     given."""
-    equation = scaled(W, free)
-    if equation is None:
-        return None, 0
-    lam = np.zeros(len(free)) if start is None else np.array(start, float).ravel()
-    converged, systems = _iterate(*equation, float(mu), lam)
-    return _clean(lam.reshape(-1, 3), mu) if converged else None, systems
+    lam = np.zeros((len(free) // 3, 3)) if start is None else np.array(start, float).reshape(-1, 3)
+    converged, systems = _newton(np.ascontiguousarray(W, float), np.ascontiguousarray(free, float), float(mu), lam)
+    return lam if converged else None, systems
+
+
+@njit(cache=True, error_model="numpy")
+def _newton(W, free, mu, lam):
+    """`newton` from lam (m, 3) N, which it overwrites. Returns whether it converged, and the systems solved."""
+    A, constant, sound = _scaled(W, free)
+    if not sound:
+        return False, 0
+    converged, systems = _iterate(A, constant, mu, lam.reshape(-1))
+    if converged:
+        _clean(lam, mu)
+    return converged, systems
 
 
 @njit(cache=True, error_model="numpy")
@@ -74,7 +84,7 @@ def _missing(lam, A, constant, mu, F, D):
             for b in range(len(lam)):
                 p += A[a, b] * lam[b]
             F[a] = p
-        _project(F[3 * i : 3 * i + 3], mu, D[i])
+        project(F[3 * i : 3 * i + 3], mu, D[i])
         for a in range(3 * i, 3 * i + 3):
             F[a] = lam[a] - F[a]
             if not np.isfinite(F[a]):
@@ -84,7 +94,7 @@ def _missing(lam, A, constant, mu, F, D):
 
 
 @njit(cache=True, error_model="numpy")
-def _project(p, mu, D):
+def project(p, mu, D):
     """P of one point in place of its p (3,), and its derivative D (3, 3)."""
     D[:] = 0.0
     if not p[0] > 0:
@@ -267,7 +277,7 @@ def projected(p: np.ndarray, mu: float) -> tuple[np.ndarray, np.ndarray]:
 def _projected(p, mu):
     D = np.empty((len(p), 3, 3))
     for i in range(len(p)):
-        _project(p[i], mu, D[i])
+        project(p[i], mu, D[i])
     return p, D
 
 
@@ -300,8 +310,14 @@ def _clean(lam, mu):
 
 def modes_from(lam: np.ndarray, mu: float) -> tuple[Mode, ...]:
     """Modes of points under forces (m, 3) N that obey the law: without friction to touch is to slip."""
-    slips = np.hypot(lam[:, 1], lam[:, 2]) >= mu * lam[:, 0] * (1 - 1e-9)
-    pressed = lam[:, 0] > 0
-    return tuple(
-        (Mode.SLIP if slip else Mode.STICK) if touch else Mode.OPEN for touch, slip in zip(pressed, slips, strict=True)
-    )
+    return tuple([MODES[number] for number in _modes(lam, float(mu)).tolist()])
+
+
+@njit(cache=True, error_model="numpy")
+def _modes(lam, mu):
+    modes = np.zeros(len(lam), dtype=np.int8)
+    for i in range(len(lam)):
+        if lam[i, 0] > 0:
+            slips = np.sqrt(lam[i, 1] ** 2 + lam[i, 2] ** 2) >= mu * lam[i, 0] * (1 - 1e-9)
+            modes[i] = 2 if slips else 1
+    return modes

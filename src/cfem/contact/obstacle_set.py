@@ -3,31 +3,48 @@
 Rounded boxes, which all but closed meshes are, are asked together."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from cfem.contact import rounded_boxes
 from cfem.contact.obstacle import Obstacle, Rounded
+from cfem.contact.rigid_bodies import carried
 
 
-@dataclass(frozen=True, eq=False)
 class ObstacleSet:
-    """Obstacles (n,) of which no two share a point."""
+    """Obstacles (n,) of which no two share a point.
 
-    obstacles: tuple[Obstacle, ...]
+    R, t: (n, 3, 3) and (n, 3) mm, their poses"""
+
+    def __init__(self, obstacles: Sequence[Obstacle]):
+        self._shapes = _Shapes(tuple(obstacles))
+        self.R = np.array([obstacle.R for obstacle in obstacles], float).reshape(-1, 3, 3)
+        self.t = np.array([obstacle.t for obstacle in obstacles], float).reshape(-1, 3)
 
     @classmethod
     def of(cls, obstacles: "Sequence[Obstacle] | ObstacleSet") -> "ObstacleSet":
-        return obstacles if isinstance(obstacles, cls) else cls(tuple(obstacles))
+        return obstacles if isinstance(obstacles, cls) else cls(obstacles)
+
+    def posed(self, R: np.ndarray, t: np.ndarray) -> "ObstacleSet":
+        """The same shapes at other poses (n, 3, 3) and (n, 3) mm, which are not checked."""
+        posed = object.__new__(ObstacleSet)  # many a step
+        posed._shapes, posed.R, posed.t = self._shapes, R, t
+        return posed
+
+    @cached_property
+    def obstacles(self) -> tuple[Obstacle, ...]:
+        return tuple(shape.posed(*pose) for shape, *pose in zip(self._shapes.shapes, self.R, self.t, strict=True))
 
     def nearest(self, points: np.ndarray, farthest: float = np.inf) -> tuple[np.ndarray, np.ndarray]:
         """(N,) mm distance of points (N, 3) mm to the nearest obstacle, and (N,) its number; `farthest` mm and any
         number where none is as near as that."""
         distance, place = rounded_boxes.nearest(self._boxes, np.ascontiguousarray(points, float), float(farthest))
-        which = self._round[place] if len(self._round) else place
-        for number in self._others:
+        shapes = self._shapes
+        if not len(shapes.others):
+            return distance, place
+        which = shapes.round[place] if len(shapes.round) else place
+        for number in shapes.others:
             candidate = self.obstacles[number].distance(points)
             nearer = candidate < distance
             distance[nearer], which[nearer] = candidate[nearer], number
@@ -35,6 +52,8 @@ class ObstacleSet:
 
     def frames(self, which: np.ndarray, points: np.ndarray) -> np.ndarray:
         """(c, 3, 3) rows n, t1, t2 of the obstacles `which` (c,) at points (c, 3) mm."""
+        if not len(self._shapes.others):
+            return rounded_boxes.frames(self._boxes, which, points)
         frames = np.empty((len(points), 3, 3))
         for mine, place in self._groups(which):
             if place is None:
@@ -46,17 +65,12 @@ class ObstacleSet:
     def moved(self, bodies: np.ndarray, R: np.ndarray, t: np.ndarray) -> "ObstacleSet":
         """The obstacles after motions x -> R x + t, R (b, 3, 3) and t (b, 3) mm, of the bodies (n,) to which they are
         fixed; -1: of none."""
-        return ObstacleSet(
-            tuple(
-                obstacle if body < 0 else obstacle.posed(R[body] @ obstacle.R, R[body] @ obstacle.t + t[body])
-                for obstacle, body in zip(self.obstacles, bodies.tolist(), strict=True)
-            )
-        )
+        return self.posed(*carried(bodies, R, t, self.R, self.t))
 
-    @cached_property
+    @property
     def curved(self) -> bool:
         """True where any obstacle has a curvature that `bends` knows."""
-        return bool(self._boxes.rounding.any()) or any(self.obstacles[i].curved for i in self._others)
+        return self._shapes.curved
 
     def bends(self, which: np.ndarray, points: np.ndarray) -> np.ndarray:
         """(c, 3, 3) 1/mm: derivative of the normal by the place. 0 on flat faces, and at edges, where there is none."""
@@ -70,32 +84,33 @@ class ObstacleSet:
 
     def _groups(self, which: np.ndarray) -> list[tuple[np.ndarray | slice, np.ndarray | None]]:
         """Points that are asked together, and which rounded boxes (c,) they meet, None for a point's own obstacle."""
-        if not len(self._others):
-            return [(slice(None), self._place[which])] if len(which) else []
-        mine = np.flatnonzero(self._place[which] >= 0)
-        groups = [(mine, self._place[which[mine]])] if len(mine) else []
-        alone = [np.flatnonzero(which == number) for number in self._others]
+        shapes = self._shapes
+        if not len(shapes.others):
+            return [(slice(None), which)] if len(which) else []
+        mine = np.flatnonzero(shapes.place[which] >= 0)
+        groups = [(mine, shapes.place[which[mine]])] if len(mine) else []
+        alone = [np.flatnonzero(which == number) for number in shapes.others]
         return groups + [(points, None) for points in alone if len(points)]
 
     @cached_property
-    def _round(self) -> np.ndarray:
-        """Numbers of the rounded boxes."""
-        return np.array(
-            [i for i, obstacle in enumerate(self.obstacles) if isinstance(obstacle, Rounded)], dtype=np.int64
-        )
-
-    @cached_property
-    def _others(self) -> np.ndarray:
-        rounded_ones = set(self._round.tolist())
-        return np.array([i for i in range(len(self.obstacles)) if i not in rounded_ones], dtype=np.int64)
-
-    @cached_property
-    def _place(self) -> np.ndarray:
-        """(n,) of each obstacle among the rounded boxes, -1 of others."""
-        place = np.full(len(self.obstacles), -1)
-        place[self._round] = np.arange(len(self._round))
-        return place
-
-    @cached_property
     def _boxes(self) -> rounded_boxes.Boxes:
-        return rounded_boxes.Boxes.of([self.obstacles[i] for i in self._round])
+        shapes = self._shapes
+        if not len(shapes.others):
+            return rounded_boxes.Boxes(self.R, self.t, *shapes.sizes)
+        return rounded_boxes.Boxes(self.R[shapes.round], self.t[shapes.round], *shapes.sizes)
+
+
+class _Shapes:
+    """Shapes (n,) of obstacles, wherever they are.
+
+    round, others: numbers of the rounded boxes and of the others
+    place: (n,) of each obstacle among the rounded boxes, -1 of others
+    sizes: of the rounded boxes, the last fields of `rounded_boxes.Boxes`
+    curved: whether any has a curvature"""
+
+    def __init__(self, shapes: tuple[Obstacle, ...]):
+        self.shapes, is_round = shapes, np.array([isinstance(shape, Rounded) for shape in shapes], dtype=bool)
+        self.round, self.others = np.flatnonzero(is_round), np.flatnonzero(~is_round)
+        self.place = np.where(is_round, np.cumsum(is_round) - 1, -1)
+        self.sizes = rounded_boxes.sizes([shapes[i] for i in self.round])
+        self.curved = bool(self.sizes[1].any()) or any(shapes[i].curved for i in self.others)

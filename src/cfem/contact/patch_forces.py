@@ -3,10 +3,11 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 
 from cfem.contact.enumerate import MOST
 from cfem.contact.modes import Mode
-from cfem.contact.newton import modes_from, newton, projected
+from cfem.contact.newton import modes_from, newton, project
 from cfem.contact.path import along_friction
 from cfem.contact.problem import ContactProblem
 from cfem.contact.solve import ContactStatus, solve_contact
@@ -26,16 +27,17 @@ class TurningCompliance:
 def turned(compliance: np.ndarray, turning: np.ndarray) -> TurningCompliance | None:
     """Compliance of patches with `compliance` C (3 c, 3 c) mm/N whose forces turn by B = `turning` (c, 3, 3) N/mm with
     their places; None where it is not positive definite."""
-    c = len(turning)
-    B = np.zeros((c, 3, c, 3))
-    B[np.arange(c), :, np.arange(c)] = turning
-    B = B.reshape(3 * c, 3 * c)
-    effective = np.linalg.solve(np.eye(3 * c) - compliance @ B, compliance)
+    turn = np.flatnonzero(turning.any(axis=(1, 2)))
+    n, rows, B = len(compliance), (3 * turn[:, None] + np.arange(3)).ravel(), turning[turn]
+    by_turn = (compliance[:, rows].reshape(n, -1, 1, 3) @ B).reshape(n, -1)
+    there = np.linalg.solve(np.eye(len(rows)) - by_turn[rows], compliance[rows])  # of the patches that turn alone
+    effective, change = compliance + by_turn @ there, np.zeros((n, n))
+    change[rows] = (B @ there.reshape(-1, 3, n)).reshape(-1, n)
     try:
         np.linalg.cholesky((effective + effective.T) / 2)
     except np.linalg.LinAlgError:
         return None
-    return TurningCompliance(effective, B @ effective)
+    return TurningCompliance(effective, change)
 
 
 def pressed(
@@ -46,12 +48,11 @@ def pressed(
 
     compliance (3 c, 3 c) mm/N: of the patches, in the scene's axes
     gap (c, 3) mm: normal gap and slip in the frames, under forces `start` (c, 3) N"""
-    c = len(frames)
-    shape = (c, 3, 3 * c)
-    W = (frames @ (frames @ compliance.T.reshape(shape)).reshape(3 * c, 3 * c).T.reshape(shape)).reshape(3 * c, 3 * c)
-    free = gap.ravel() - W @ start.ravel()
+    W, free = _in_frames(compliance, gap, frames, start)
     forces, _ = newton(W, free, mu, start)
-    if forces is None and c <= MOST:  # the state that `solve_contact` finds of more points, and C of any number
+    if (
+        forces is None and len(frames) <= MOST
+    ):  # the state that `solve_contact` finds of more points, and C of any number
         forces, _ = newton(W, free, mu)
         forces = along_friction(W, free, mu)[0] if forces is None else forces
     if forces is not None:
@@ -62,13 +63,93 @@ def pressed(
     return answer.modes, answer.lam.reshape(-1, 3)
 
 
-def violation(forces: np.ndarray, gap: np.ndarray, compliance: np.ndarray, mu: float) -> float:
+@njit(cache=True, error_model="numpy")
+def _in_frames(compliance, gap, frames, start):
+    """W and free of `cfem.contact.problem`: what `pressed` takes, in the frames."""
+    n, half = 3 * len(frames), np.empty((3, 3))
+    W, free = np.empty((n, n)), gap.copy().reshape(-1)
+    for i in range(0, n, 3):
+        for j in range(0, n, 3):
+            F, G = frames[i // 3], frames[j // 3]
+            for a in range(3):
+                for b in range(3):
+                    half[a, b] = 0.0
+                    for d in range(3):
+                        half[a, b] += F[a, d] * compliance[i + d, j + b]
+            for a in range(3):
+                for b in range(3):
+                    W[i + a, j + b] = half[a, 0] * G[b, 0] + half[a, 1] * G[b, 1] + half[a, 2] * G[b, 2]
+                    free[i + a] -= W[i + a, j + b] * start[j // 3, b]
+    return W, free
+
+
+@njit(cache=True, error_model="numpy")
+def violation(forces, gap, compliance, mu):
     """Largest distance, mm, of patches from the law of contact, at forces (c, 3) N and gaps (c, 3) mm, both in the
     frames of the surfaces there: by how much forces differ from their projection (`cfem.contact.newton`), times what a
     patch yields, of compliance (3 c, 3 c) mm/N. A force of 0 has no violation where its gap is open."""
-    flexibility = compliance.diagonal().reshape(-1, 3).max(axis=1)[:, None]
-    lawful, _ = projected(forces - gap / flexibility, mu)
-    return float(np.linalg.norm(flexibility * (forces - lawful), axis=1).max())
+    largest, p, D = 0.0, np.empty(3), np.empty((3, 3))
+    for i in range(len(forces)):
+        flexibility = max(compliance[3 * i, 3 * i], compliance[3 * i + 1, 3 * i + 1], compliance[3 * i + 2, 3 * i + 2])
+        for a in range(3):
+            p[a] = forces[i, a] - gap[i, a] / flexibility
+        project(p, mu, D)
+        square = 0.0
+        for a in range(3):
+            square += (flexibility * (forces[i, a] - p[a])) ** 2
+        largest = max(largest, np.sqrt(square)) if np.isfinite(square) else np.inf
+    return largest
+
+
+@njit(cache=True, error_model="numpy")
+def lawful(local, push, sticks, frames, gaps, compliance, places, by_bodies, mu):
+    """Forces (d, 3) N of patches in the scene by the frames (d, 3, 3) of the surfaces where they have come to; by how
+    much they miss the law there, mm; and by how much friction is beyond its limit, N.
+
+    local, push: (d, 3) N in the frames before, and in the scene; sticks (d,) bool: patches whose force stays in the
+    scene, and does not turn with its frame
+    gaps: (d, 3) mm there
+    compliance: (3 c, 3 c) mm/N, of patches among which these have places (d,)
+    by_bodies: (3 d, 3 d) mm/N, what the motion of rigid bodies adds to it; of size 0 without"""
+    d, by_forces, by_motion, beyond = len(local), 0.0, 0.0, -np.inf
+    by_law, there, own = np.zeros((d, 3)), local.copy(), np.empty((3 * d, 3 * d))
+    for i in range(d):
+        for a in range(3):
+            for b in range(3):
+                by_law[i, a] += local[i, b] * frames[i, b, a]
+        if sticks[i]:
+            by_law[i] = push[i]
+            for a in range(3):
+                there[i, a] = frames[i, a, 0] * push[i, 0] + frames[i, a, 1] * push[i, 1] + frames[i, a, 2] * push[i, 2]
+        beyond = max(beyond, np.sqrt(there[i, 1] ** 2 + there[i, 2] ** 2) - mu * there[i, 0])
+    for row in range(len(compliance)):
+        way = 0.0
+        for j in range(d):
+            for b in range(3):
+                way += compliance[row, 3 * places[j] + b] * (by_law[j, b] - push[j, b])
+        by_forces = max(by_forces, abs(way))
+    for i in range(3 * d):
+        way = 0.0
+        for j in range(3 * d):
+            own[i, j] = compliance[3 * places[i // 3] + i % 3, 3 * places[j // 3] + j % 3]
+            if len(by_bodies):
+                own[i, j] += by_bodies[i, j]
+                way += by_bodies[i, j] * (by_law[j // 3, j % 3] - push[j // 3, j % 3])
+        by_motion = max(by_motion, abs(way))
+    return by_law, max(by_forces + by_motion, violation(there, gaps, own, mu)), beyond
+
+
+@njit(cache=True, error_model="numpy")
+def gaps_in(frames, places, stuck, distance, mu):
+    """(d, 3) mm of patches at places (d, 3) mm, in the frames (d, 3, 3) of obstacles that are `distance` (d,) mm away:
+    normal gap, and, with friction mu, slip from where they stuck, (d, 3) mm."""
+    gaps = np.zeros((len(frames), 3))
+    for i in range(len(frames)):
+        gaps[i, 0] = distance[i]
+        for a in range(1, 3):
+            for b in range(3):
+                gaps[i, a] += frames[i, a, b] * (places[i, b] - stuck[i, b]) if mu > 0 else 0.0
+    return gaps
 
 
 @dataclass(frozen=True, eq=False)

@@ -31,15 +31,42 @@ class RigidBodies:
 
     def levers(self, bodies: np.ndarray, points: np.ndarray) -> np.ndarray:
         """(p, 3, 6 b): G of points (p, 3) mm of bodies (p,)."""
-        return _levers(bodies, points, self.centres)
-
-    def motions(self, wrench: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(b, 3, 3) and (b, 3) mm: the motions x -> R x + t from the predicted poses, of a wrench (6 b,)."""
-        return _motions(self.mobility @ (wrench - self.before), self.centres)
+        return levers(bodies, points, self.centres)
 
 
 @njit(cache=True, error_model="numpy")
-def _levers(bodies, points, centres):
+def carried(bodies, R, t, R_begin, t_begin):
+    """Poses (n, 3, 3) and (n, 3) mm that were R_begin and t_begin, after motions x -> R x + t, R (b, 3, 3) and t (b, 3)
+    mm, of the bodies (n,) to which they belong; -1: of none."""
+    R_end, t_end = R_begin.copy(), t_begin.copy()
+    for i in range(len(bodies)):
+        body = bodies[i]
+        if body < 0:
+            continue
+        for a in range(3):
+            t_end[i, a] = t[body, a]
+            for b in range(3):
+                t_end[i, a] += R[body, a, b] * t_begin[i, b]
+                R_end[i, a, b] = 0.0
+                for d in range(3):
+                    R_end[i, a, b] += R[body, a, d] * R_begin[i, d, b]
+    return R_end, t_end
+
+
+@njit(cache=True, error_model="numpy")
+def add_wrench(wrench, body, lever, force):
+    """Adds a force (3,) N at a lever (3,) mm from the centre of a body to wrench (6 b,); nothing where body is -1."""
+    if body < 0:
+        return
+    first = 6 * body
+    for a in range(3):
+        b, c = (a + 1) % 3, (a + 2) % 3
+        wrench[first + a] += force[a]
+        wrench[first + 3 + a] += lever[b] * force[c] - lever[c] * force[b]
+
+
+@njit(cache=True, error_model="numpy")
+def levers(bodies, points, centres):
     """(p, 3, 6 b): velocity of points by the twists of their bodies; zero where the number of the body is -1."""
     G = np.zeros((len(points), 3, 6 * len(centres)))
     for p in range(len(points)):
@@ -56,7 +83,7 @@ def _levers(bodies, points, centres):
 
 
 @njit(cache=True, error_model="numpy")
-def _motions(xi, centres):
+def motions(xi, centres):
     """(b, 3, 3) and (b, 3) mm: R and t of the displacements and rotation vectors xi (6 b,) about the centres."""
     R, t = np.empty((len(centres), 3, 3)), np.empty((len(centres), 3))
     for body in range(len(centres)):

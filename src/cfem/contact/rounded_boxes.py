@@ -2,6 +2,7 @@
 
 The arrays of `Boxes` are of all boxes, as the obstacles have them."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -26,12 +27,16 @@ class Boxes(NamedTuple):
     reach: np.ndarray
 
     @classmethod
-    def of(cls, obstacles: list[Rounded]) -> "Boxes":
+    def of(cls, obstacles: Sequence[Rounded]) -> "Boxes":
         R = np.array([obstacle.R for obstacle in obstacles], float).reshape(-1, 3, 3)
-        t = np.array([obstacle.t for obstacle in obstacles], float).reshape(-1, 3)
-        core = np.array([obstacle.core for obstacle in obstacles], float).reshape(-1, 3)
-        rounding = np.array([obstacle.rounding for obstacle in obstacles], float)
-        return cls(R, t, core, rounding, np.isinf(core[:, 0]), np.sqrt((core**2).sum(axis=1)) + rounding)
+        return cls(R, np.array([obstacle.t for obstacle in obstacles], float).reshape(-1, 3), *sizes(obstacles))
+
+
+def sizes(obstacles: Sequence[Rounded]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Core, rounding, below and reach of `Boxes`."""
+    core = np.array([obstacle.core for obstacle in obstacles], float).reshape(-1, 3)
+    rounding = np.array([obstacle.rounding for obstacle in obstacles], float)
+    return core, rounding, np.isinf(core[:, 0]), np.sqrt((core**2).sum(axis=1)) + rounding
 
 
 @njit(cache=True, error_model="numpy")

@@ -1,7 +1,6 @@
 """What a MuJoCo model holds of a learned robot: its skin, sensors, effectors and actuators."""
 
 import mujoco
-import numpy as np
 
 from cfem.core.errors import InputError
 from cfem.mujoco.geoms import MM
@@ -15,10 +14,9 @@ def points_of(model: Predictor) -> list[str]:
     return [name for name in names if all(f"{name}.{axis}" in rows for axis in "xyz")]
 
 
-def place_of(model: Predictor, point: str, delta_e: np.ndarray) -> np.ndarray:
-    """(3,) mm in the robot's frame of an effector; delta_e (n_e,) mm."""
-    rows = [model.rows.effectors.index(f"{point}.{axis}") for axis in "xyz"]
-    return (model.rest_e + delta_e)[rows]
+def rows_of(model: Predictor, point: str) -> list[int]:
+    """Three rows of the place of an effector."""
+    return [model.rows.effectors.index(f"{point}.{axis}") for axis in "xyz"]
 
 
 def skin_name(robot: str) -> str:
@@ -60,7 +58,7 @@ def robot_mjcf(model: Predictor) -> str:
     body = spec.worldbody.add_body(name=name)
     body.add_site(name=name)
     for point in points_of(model):
-        body.add_site(name=f"{name}.{point}", pos=place_of(model, point, np.zeros(model.rows.n_e)) / MM)
+        body.add_site(name=f"{name}.{point}", pos=model.rest_e[rows_of(model, point)] / MM)
     add_robot(spec, name, model)
     for control, reach in zip(control_names(name, model), model.reach, strict=True):
         actuator = spec.add_actuator(name=control, target=name, trntype=mujoco.mjtTrn.mjTRN_SITE)

@@ -30,12 +30,13 @@ class Geoms:
         body = model.geom_bodyid[self.numbers]
         self.bodies = np.where(model.body_weldid[body] > 0, body, -1)
         self.names = [name_of(model, mujoco.mjtObj.mjOBJ_GEOM, number) for number in self.numbers.tolist()]
-        self._shapes = [_shape(model, *each) for each in zip(self.numbers.tolist(), self.names, strict=True)]
+        self._shapes = ObstacleSet(
+            [_shape(model, *each) for each in zip(self.numbers.tolist(), self.names, strict=True)]
+        )
 
     def placed(self, data: mujoco.MjData) -> ObstacleSet:
         """The geoms where `data` has them."""
-        R, t = data.geom_xmat[self.numbers].reshape(-1, 3, 3), data.geom_xpos[self.numbers] * MM
-        return ObstacleSet(tuple(shape.posed(R[i], t[i]) for i, shape in enumerate(self._shapes)))
+        return self._shapes.posed(data.geom_xmat[self.numbers].reshape(-1, 3, 3), data.geom_xpos[self.numbers] * MM)
 
 
 def name_of(model: mujoco.MjModel, kind: Any, number: int) -> str:

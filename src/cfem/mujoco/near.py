@@ -9,8 +9,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numba import njit
 
-from cfem.contact.obstacle_set import ObstacleSet
+from cfem.predict.contact.bodies import PlacedModel
 from cfem.predict.contact.loaded_robot import LoadedRobot
 from cfem.predict.contact.scene import ContactScene
 from cfem.predict.contact.state import ContactState
@@ -27,11 +28,13 @@ class Look:
 
     numbers: (n,) of these points among all (N)
     parts: surfaces of the robots, of these points alone
-    state: in which everything was, None where all points may touch"""
+    state: in which everything was, None where all points may touch
+    share: largest approach of a point to a geom since then (`moved`)"""
 
     numbers: np.ndarray
     parts: Sequence[SurfaceModel | SurfacePart]
     state: ContactState | None = None
+    share: float = np.inf
 
     @classmethod
     def nowhere(cls, surfaces: Sequence[SurfaceModel]) -> "Look":
@@ -61,13 +64,17 @@ class Look:
         if before is None or scene.soft:
             return scene.step(deltas, before), everywhere
         look, start = self, before
-        if self.moved(before) > OLD:
+        if self.share > OLD:
             look = self.again(surfaces, before)
             start = look.taken(before, self.numbers)
-        robots = [replace(robot, patched=part) for robot, part in zip(scene.robots, look.parts, strict=True)]
+        robots = [
+            PlacedModel(part, robot.R, robot.t, False, robot.unilateral, robot.wrench)
+            for robot, part in zip(scene.robots, look.parts, strict=True)
+        ]
         state = replace(scene, robots=robots).step(deltas, start)
-        if state.converged and look.moved(state) <= 1.0:
-            return state, look
+        share = look.moved(state)
+        if state.converged and share <= 1.0:
+            return state, Look(look.numbers, look.parts, look.state, share)
         return scene.step(deltas, everywhere.taken(before, self.numbers)), everywhere
 
     def taken(self, state: ContactState, numbers: np.ndarray) -> ContactState:
@@ -98,7 +105,7 @@ class Look:
         each = []
         for number, part in enumerate(self.parts):
             loaded, (R, t) = LoadedRobot(part, state.deltas[number], state.wrenches[number]), state.poses[number]
-            by_forces = (part.flat @ (state.rows[number] - loaded.unloaded)).reshape(-1, 3)
+            by_forces = (part.flat @ (state.rows[number] - loaded.held.rows)).reshape(-1, 3)
             each.append((loaded.free + by_forces) @ R.T + t)
         return np.concatenate(each)
 
@@ -106,25 +113,58 @@ class Look:
         """Largest approach of a point to a geom since the look, as a share of REACH."""
         if self.state is None:
             return np.inf
-        farthest, now, then = 0.0, _poses(state.obstacles), _poses(self.state.obstacles)
+        farthest, then, now = 0.0, self.state, state
         for i, part in enumerate(self.parts):
-            surface = part.whole
-            (R, t), (R_then, t_then) = _seen(*now, *state.poses[i]), _seen(*then, *self.state.poses[i])
-            size = surface.size + np.abs(state.rows[i]) @ surface.moved_by_row
-            own = np.abs(state.rows[i] - self.state.rows[i]) @ surface.moved_by_row
-            own += (np.abs(state.wrenches[i]) + np.abs(self.state.wrenches[i])) @ surface.moved_by_wrench
-            turned, shifted = np.linalg.norm(R - R_then, axis=(1, 2)), np.linalg.norm(t - t_then, axis=1)
-            by_geoms = turned * (size + np.linalg.norm(t_then, axis=1)) + shifted
-            farthest = max(farthest, own + float(by_geoms.max(initial=0.0)))
+            surface, wrenches = part.whole, (now.wrenches[i], then.wrenches[i], part.whole.moved_by_wrench)
+            by_rows = now.rows[i], then.rows[i], surface.moved_by_row
+            obstacles = now.obstacles.R, now.obstacles.t, then.obstacles.R, then.obstacles.t
+            way = _approach(*obstacles, *now.poses[i], *then.poses[i], *by_rows, *wrenches, surface.size)
+            farthest = max(farthest, way)
         return farthest / (REACH * self.parts[0].model.length)
 
 
-def _poses(obstacles: ObstacleSet) -> tuple[np.ndarray, np.ndarray]:
-    """(n, 3, 3) and (n, 3) mm."""
-    R, t = [each.R for each in obstacles.obstacles], [each.t for each in obstacles.obstacles]
-    return np.array(R).reshape(-1, 3, 3), np.array(t).reshape(-1, 3)
+@njit(cache=True, error_model="numpy")
+def _approach(
+    R,
+    t,
+    R_then,
+    t_then,
+    R_robot,
+    t_robot,
+    R_robot_then,
+    t_robot_then,
+    rows,
+    rows_then,
+    by_row,
+    wrench,
+    wrench_then,
+    by_wrench,
+    size,
+):
+    """mm by which a point of a robot may have come nearer to an obstacle, at most.
 
-
-def _seen(R: np.ndarray, t: np.ndarray, R_robot: np.ndarray, t_robot: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Poses of obstacles in the frame of a robot."""
-    return R_robot.T @ R, (t - t_robot) @ R_robot
+    R (n, 3, 3), t (n, 3) mm: poses of obstacles, and of the robot, now and then; rows (k,) mm and wrench (n_e,) N of
+    the robot, which move a point by no more than by_row (k,) and by_wrench (n_e,) each; size: mm of the robot at
+    rest"""
+    own, by_geoms = 0.0, 0.0
+    for d in range(len(rows)):
+        own += abs(rows[d] - rows_then[d]) * by_row[d]
+        size += abs(rows[d]) * by_row[d]
+    for d in range(len(wrench)):
+        own += (abs(wrench[d]) + abs(wrench_then[d])) * by_wrench[d]
+    for i in range(len(t)):
+        turned, shifted, far = 0.0, 0.0, 0.0
+        for a in range(3):  # in the frame of the robot
+            place, place_then = 0.0, 0.0
+            for c in range(3):
+                place += (t[i, c] - t_robot[c]) * R_robot[c, a]
+                place_then += (t_then[i, c] - t_robot_then[c]) * R_robot_then[c, a]
+            shifted += (place - place_then) ** 2
+            far += place_then**2
+            for b in range(3):
+                change = 0.0
+                for c in range(3):
+                    change += R_robot[c, a] * R[i, c, b] - R_robot_then[c, a] * R_then[i, c, b]
+                turned += change**2
+        by_geoms = max(by_geoms, np.sqrt(turned) * (size + np.sqrt(far)) + np.sqrt(shifted))
+    return own + by_geoms

@@ -3,8 +3,9 @@ way."""
 
 import mujoco
 import numpy as np
+from numba import njit
 
-from cfem.contact.rigid_bodies import RigidBodies
+from cfem.contact.rigid_bodies import RigidBodies, add_wrench
 from cfem.mujoco.geoms import MM, Geoms
 from cfem.predict.contact.state import ContactState
 
@@ -50,23 +51,33 @@ class Rigid:
         """(6 b,) N and N mm that the contact of a state exerts about the centres at the beginning of the step. Where a
         robot touches a geom, both get their force at one point, so that impulse and angular impulse balance: that point
         of the geom, moved back as its body moved."""
-        wrench, on_geom = np.zeros((len(self.bodies), 6)), state.on_obstacles
-        patches, push = state.pairs.points[on_geom], state.push[on_geom]
-        geoms = state.pairs.partners[on_geom] - len(self.robots)
-        met, points = self.obstacles[geoms], state.places[patches].copy()
-        points[met >= 0] -= self._way[met[met >= 0]]
-        self._add(wrench, met, points, -push)
-        self._add(wrench, self.robots[state.bodies[patches]], points, push)
-        soft = state.forces.copy()  # between robots
-        np.subtract.at(soft, patches, push)
-        if len(self.robots) > 1 and not on_geom.all():
-            carriers = self.robots[state.bodies]
-            points = state.places - np.where(carriers[:, None] >= 0, self._way[carriers], 0.0)
-            self._add(wrench, carriers, points, soft)
-        return wrench.ravel()
+        pairs, own = state.pairs, (self.robots, state.bodies, state.places, state.forces)
+        return _wrench(pairs.slots, pairs.partners, state.push, *own, self.obstacles, self._centres, self._way)
 
-    def _add(self, wrench: np.ndarray, bodies: np.ndarray, points: np.ndarray, forces: np.ndarray) -> None:
-        moved = bodies >= 0
-        bodies, forces = bodies[moved], forces[moved]
-        np.add.at(wrench, (bodies, slice(0, 3)), forces)
-        np.add.at(wrench, (bodies, slice(3, 6)), np.cross(points[moved] - self._centres[bodies], forces))
+
+@njit(cache=True, error_model="numpy")
+def _wrench(slots, partners, push, robots, bodies, places, forces, obstacles, centres, way):
+    """(6 b,) wrench of pairs (p,) of `ContactState.pairs`, push (p, 3) N, about centres (b, 3) mm that go by way (b, 3)
+    mm; bodies (N,), places (N, 3) mm and forces (N, 3) N of all points; robots (r,), obstacles (n,): their bodies."""
+    wrench, soft, between, lever, n = np.zeros(6 * len(centres)), forces.copy(), False, np.empty(3), len(places)
+    for p in range(len(slots)):
+        if slots[p] < n:
+            between = True
+            continue
+        point = slots[p] - n
+        soft[point] -= push[p]
+        met, carrier = obstacles[partners[p] - len(robots)], robots[bodies[point]]
+        for body, sign in ((met, -1.0), (carrier, 1.0)):
+            if body < 0:
+                continue
+            for a in range(3):
+                lever[a] = places[point, a] - (way[met, a] if met >= 0 else 0.0) - centres[body, a]
+            add_wrench(wrench, body, lever, sign * push[p])
+    if between and len(robots) > 1:
+        for point in range(n):
+            carrier = robots[bodies[point]]
+            if carrier >= 0:
+                for a in range(3):
+                    lever[a] = places[point, a] - way[carrier, a] - centres[carrier, a]
+                add_wrench(wrench, carrier, lever, soft[point])
+    return wrench

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from cfem.core.errors import InputError, NumericalError
 from cfem.equilibrium.system.robot import Robot
-from cfem.mujoco.description import points_of
+from cfem.mujoco.description import points_of, rows_of
 from cfem.predict.contact.kept_patches import node_model_of, patched_model_of
 from cfem.predict.contact.surface_model import SurfaceModel
 from cfem.predict.load import load_model
@@ -78,6 +78,11 @@ class SoftRobot:
     def points(self) -> list[str]:
         """Names of the effectors that have a place."""
         return points_of(self.surface.model)
+
+    @cached_property
+    def point_rows(self) -> np.ndarray:
+        """(p, 3) rows of the places of `points`."""
+        return np.array([rows_of(self.surface.model, point) for point in self.points], dtype=np.int64).reshape(-1, 3)
 
     def wrench(self, gravity: np.ndarray) -> np.ndarray | None:
         """(n_e,) N of gravity, (3,) mm/s^2 in its frame, on its effectors, beside that in its samples. None where its

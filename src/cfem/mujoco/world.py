@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cfem.contact.obstacle_set import ObstacleSet
+from cfem.contact.rigid_bodies import RigidBodies
 from cfem.core.errors import InputError, NumericalError, SpecError
-from cfem.mujoco.description import add_robot, control_names, place_of, skin_name
+from cfem.mujoco.description import add_robot, control_names, skin_name
 from cfem.mujoco.geoms import MM, Geoms
 from cfem.mujoco.near import Look
 from cfem.mujoco.rigid import Rigid
@@ -110,8 +111,13 @@ class World:
         }
         kind, self._vector = mujoco.mjtObj.mjOBJ_FLEX, np.empty(mujoco.mj_stateSize(self.model, STATE))
         self._flexes = [mujoco.mj_name2id(self.model, kind, skin_name(name)) for name in robots]
+        self._sensors = [
+            (self._sensor(f"{name}.force"), np.array([self._sensor(f"{name}.{point}") for point in robot.points]))
+            for name, robot in robots.items()
+        ]
         self.geoms = Geoms(self.model, carriers.tolist())
         self.rigid = Rigid(self.model, carriers, self.geoms)
+        self._shortest = min(robot.surface.model.length for robot in self.robots.values())
         self._everywhere = Look.nowhere([robot.surface for robot in robots.values()])
         self.reset()
 
@@ -170,7 +176,7 @@ class World:
         mujoco.mj_kinematics(model, ahead)
         gravity = self._gravity(before)
         self._demand_slow(MM * (ahead.geom_xpos[self.geoms.numbers] - begin))
-        scene = replace(self._scene(ahead, gravity), rigid=rigid.ahead(ahead, self._wrench))
+        scene = self._scene(ahead, gravity, rigid.ahead(ahead, self._wrench))
         state, look = self._look.step(scene, deltas, self.contact)
         self._demand_sound(scene, state)
         wrench, speed, own = rigid.wrench(state), data.qvel.copy(), data.qfrc_applied.copy()
@@ -232,6 +238,10 @@ class World:
         self.contact, self._look, self._deltas = saved.contact, saved.look, saved.deltas
         self._wrench, self.energies = saved.wrench, saved.energies
 
+    def _sensor(self, name: str) -> np.ndarray:
+        """(3,) places of its numbers among those of all sensors."""
+        return self.model.sensor(name).adr + np.arange(3)
+
     def _pose(self, data: mujoco.MjData, number: int) -> tuple[np.ndarray, np.ndarray]:
         site = self._sites[number]
         return data.site_xmat[site].reshape(3, 3).copy(), data.site_xpos[site] * MM
@@ -262,14 +272,17 @@ class World:
             robot.demand_slow(gravity[number], turning, name, self.data.time)
         return gravity
 
-    def _scene(self, data: mujoco.MjData, gravity: np.ndarray | None = None) -> ContactScene:
-        """Robots and geoms where `data` has them; gravity (r, 3) mm/s^2 on each robot, the model's unless given."""
+    def _scene(
+        self, data: mujoco.MjData, gravity: np.ndarray | None = None, rigid: RigidBodies | None = None
+    ) -> ContactScene:
+        """Robots and geoms where `data` has them; gravity (r, 3) mm/s^2 on each robot, the model's unless given; rigid:
+        bodies that give way."""
         robots = []
         for number, robot in enumerate(self.robots.values()):
             R, t = self._pose(data, number)
             wrench = robot.wrench((MM * self.model.opt.gravity if gravity is None else gravity[number]) @ R)
             robots.append(PlacedModel(robot.surface, R, t, False, robot.unilateral, wrench))
-        return ContactScene(robots, self.geoms.placed(data), self.friction, meet=self.robots_touch)
+        return ContactScene(robots, self.geoms.placed(data), self.friction, rigid, self.robots_touch)
 
     def _commanded(self, commands: Mapping[str, ArrayLike]) -> list[np.ndarray]:
         for name in commands:
@@ -293,8 +306,8 @@ class World:
 
     def _demand_slow(self, ways: np.ndarray) -> None:
         """NumericalError where a geom that is near a robot goes so far in one step, (n, 3) mm, that it may pass it."""
-        ways = np.linalg.norm(ways, axis=1)
-        fast = np.flatnonzero(ways > FAST * min(robot.surface.model.length for robot in self.robots.values()))
+        ways = np.sqrt((ways * ways).sum(axis=1))
+        fast = np.flatnonzero(ways > FAST * self._shortest)
         if self.contact is None or not len(fast):
             return
         places = self._everywhere.places(self.contact)
@@ -338,12 +351,12 @@ class World:
         return energies
 
     def _write_sensors(self, state: ContactState) -> None:
-        for number, (name, robot) in enumerate(self.robots.items()):
-            R, t = self._pose(self.data, number)
-            self.data.sensor(f"{name}.force").data[:] = state.forces[state.bodies == number].sum(axis=0)
-            for point in robot.points:
-                place = R @ place_of(robot.surface.model, point, state.delta_e[number]) + t
-                self.data.sensor(f"{name}.{point}").data[:] = place / MM
+        values, numbers = self.data.sensordata, np.arange(len(self.robots))
+        forces = (state.bodies == numbers[:, None]).astype(float) @ state.forces
+        for number, ((of_force, of_points), robot) in enumerate(zip(self._sensors, self.robots.values(), strict=True)):
+            (R, t), places = self._pose(self.data, number), robot.surface.model.rest_e + state.delta_e[number]
+            values[of_force] = forces[number]
+            values[of_points] = (places[robot.point_rows] @ R.T + t) / MM
 
 
 def _compiled(mjcf: Path | str | mujoco.MjSpec, robots: Mapping[str, SoftRobot]) -> mujoco.MjModel:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from cfem.predict.contact.compliance import load_response, patch_compliance
+from cfem.predict.contact.compliance import load_response, moved_places, patch_compliance
 from cfem.predict.contact.patched_model import turn_cubic
 from cfem.predict.loads.high_order import beyond, slope
 
@@ -55,3 +55,13 @@ def test_what_forces_do(drawn, size):
         np.testing.assert_allclose(of.places[i], dent.motion - own, rtol=1e-10, atol=1e-12)
         np.testing.assert_allclose(of.slopes[i], slope(dent, stiff, bent) - stiff, rtol=1e-10, atol=1e-12)
         assert of.seconds[i] == pytest.approx(dent.second, rel=1e-10)
+
+
+def test_places_are_moved_by_modes_and_locally(drawn):
+    rng, (chosen, modes, *_) = np.random.default_rng(2), drawn
+    free, motion, dents, forces = (rng.normal(size=size) for size in ((6, 3), 4, (3, 3), (3, 3)))
+    local = patch_compliance(*drawn)[1]
+    expected = free + modes @ motion
+    expected[chosen] += (local @ forces.ravel()).reshape(3, 3) + dents
+    places = moved_places(free, modes.reshape(18, 4), motion, chosen, local, forces, dents)
+    np.testing.assert_allclose(places, expected, rtol=1e-13, atol=1e-13)

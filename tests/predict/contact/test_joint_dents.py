@@ -1,11 +1,11 @@
 """Nodes that dent a surface together: the derivatives of one energy, whatever the forces."""
 
+from dataclasses import replace
 from itertools import permutations
 
 import numpy as np
 import pytest
 
-from cfem.predict.contact import joint_dents
 from cfem.predict.contact.joint_dents import JointDents, changed, dented_places
 
 TRIPLES = np.array([[0, 0, 0], [0, 0, 1], [0, 1, 1], [0, 1, 2], [1, 1, 1], [2, 2, 2]])
@@ -66,19 +66,25 @@ def test_slopes_and_the_stored_energy_go_with_the_places(drawn, pressed):
     np.testing.assert_allclose(stored, forces.ravel() @ dented.slopes, atol=1e-7)
 
 
-def test_one_factorisation_a_step_of_nodes_that_bear_forces_and_none_for_the_slopes(drawn, monkeypatch):
+def test_one_factorisation_a_step_of_nodes_that_bear_forces(drawn):
     C, _, dents = drawn
-    forces, sizes = np.zeros((3, 3)), []
+    forces = np.zeros((3, 3))
     forces[0] = 0.05
-
-    def counted(A, **options):
-        sizes.append(len(A))
-        return factored(A, **options)
-
-    factored = joint_dents.dpotrf
-    monkeypatch.setattr(joint_dents, "dpotrf", counted)
     dented = dented_places(forces, C, dents, np.array([True, False, False]))
-    assert dented.slopes.any() and sizes == [3, 3]
+    assert dented.slopes.any() and dented.systems == 2 and dented.factor.shape == (3, 3)
+
+
+def test_from_near_it_takes_fewer_and_ends_there(drawn):
+    C, _, dents = drawn
+    forces = 0.5 * np.random.default_rng(5).normal(size=(3, 3))
+    near, alone = (dented_places(share * forces, C, dents, ALL) for share in (0.999, 1.0))
+    dented = dented_places(forces, C, dents, ALL, near)
+    np.testing.assert_allclose(dented.places, alone.places, rtol=1e-13, atol=1e-15)
+    assert dented.systems < alone.systems
+    astray = replace(near, h=near.h + 100.0)  # where it is not stable
+    dented = dented_places(forces, C, dents, ALL, astray)
+    np.testing.assert_allclose(dented.places, alone.places, rtol=1e-13, atol=1e-15)
+    assert dented.share == 1.0
 
 
 def test_of_a_surface_that_would_carry_no_more_a_part_is_taken_and_said(drawn):

@@ -194,7 +194,7 @@ def test_a_load_that_bends_the_robot_beyond_its_order_is_outside(patched, table)
     ends = []
     for share in (size, -size):
         held.load(touched.pairs.points, share * touched.push)
-        ends.append(held.rows - held.unloaded)
+        ends.append(held.rows - held.held.rows)
     share = np.linalg.norm(ends[0] + ends[1]) / np.linalg.norm(ends[0] - ends[1])
     assert estimated_error(share / size, patched.missing) == pytest.approx(state.error, rel=1e-4) and state.error > 0
     assert world.inside(state) and not world.inside(replace(state, error=1.01 * TRUSTED))

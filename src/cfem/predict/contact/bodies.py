@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import pairwise
+from itertools import accumulate
 
 import numpy as np
 
@@ -33,11 +33,6 @@ class PlacedModel:
     unilateral: np.ndarray | None = None
     wrench: np.ndarray | None = None
 
-    @cached_property
-    def in_scene(self) -> bool:
-        """True where its frame is the scene's."""
-        return not self.t.any() and np.array_equal(self.R, np.eye(3))
-
 
 @dataclass(frozen=True, eq=False)
 class Bodies:
@@ -62,10 +57,9 @@ class Bodies:
         return (self.meet and len(self.robots) > 1) or any(robot.itself for robot in self.robots)
 
     @cached_property
-    def slices(self) -> list[slice]:
-        """Patches of each robot among all."""
-        ends = np.cumsum([0, *(len(robot.patched.patches) for robot in self.robots)]).tolist()
-        return [slice(a, b) for a, b in pairwise(ends)]
+    def ends(self) -> list[int]:
+        """Where the patches of each robot begin among all, and their number."""
+        return list(accumulate((len(robot.patched.patches) for robot in self.robots), initial=0))
 
     @cached_property
     def bodies(self) -> np.ndarray:
@@ -73,16 +67,26 @@ class Bodies:
         return np.repeat(np.arange(len(self.robots)), [len(robot.patched.patches) for robot in self.robots])
 
     @cached_property
+    def R(self) -> np.ndarray:
+        """(r, 3, 3) from the frame of each robot to the scene's."""
+        return np.array([robot.R for robot in self.robots], float)
+
+    @cached_property
+    def t(self) -> np.ndarray:
+        """(r, 3) mm"""
+        return np.array([robot.t for robot in self.robots], float)
+
+    @cached_property
     def held_still(self) -> np.ndarray:
         """(N,) bool: patches where a body is held, which touch nothing."""
         return np.concatenate([robot.patched.held_still for robot in self.robots])
 
-    @property
+    @cached_property
     def most(self) -> int:
         """Points that may touch obstacles at once."""
         return max(robot.patched.most for robot in self.robots)
 
-    @property
+    @cached_property
     def length(self) -> float:
         return self.robots[0].patched.model.length
 
@@ -99,13 +103,14 @@ class Bodies:
         skins = [robot.patched for robot in self.robots]
         return Surroundings.of(skins, [robot.itself for robot in self.robots], self.length, ObstacleSet(()))
 
-    def normals(self, rows: Sequence[np.ndarray], placed: Sequence[PlacedModel] | None = None) -> np.ndarray:
-        """(N, 3) outward of all patches in the scene, by the rows of each robot's skin; placed: robots elsewhere."""
+    def normals(self, rows: Sequence[np.ndarray], R: np.ndarray | None = None) -> np.ndarray:
+        """(N, 3) outward of all patches in the scene, by the rows of each robot's skin; R (r, 3, 3): of robots that
+        have turned."""
         normals = []
-        for robot, of_robot in zip(placed or self.robots, rows, strict=True):
+        for robot, of_robot, turn in zip(self.robots, rows, self.R if R is None else R, strict=True):
             patches, skin = robot.patched.patches, robot.patched.model.skin
             surface = skin.surface(of_robot)
-            normals.append(patch_normals(surface, skin.triangles, patches.of, len(patches)) @ robot.R.T)
+            normals.append(patch_normals(surface, skin.triangles, patches.of, len(patches)) @ turn.T)
         return np.concatenate(normals)
 
     def separation(self, state: ContactState, body: int, second_body: int) -> float:
@@ -123,5 +128,5 @@ class Bodies:
             return force
         if number < len(self.robots):
             return -self.separation(state, 0, number)
-        first = state.places[self.slices[0]][~self.robots[0].patched.held_still]
+        first = state.places[: self.ends[1]][~self.robots[0].patched.held_still]
         return -float(max(self.obstacles.obstacles[number - len(self.robots)].distance(first).min(), 0.0))

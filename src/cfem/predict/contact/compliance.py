@@ -40,7 +40,8 @@ class LoadResponse(NamedTuple):
     bending: size of the second order of that motion over the first
     places (c, 3) mm: motion of the patches by dents, beyond what `PatchCompliance.local` says
     slopes (c, 3, 3) mm/N: derivatives of `places` by the forces
-    firsts, seconds (c,): shares of the first and of the second order that are taken"""
+    firsts, seconds (c,): shares of the first and of the second order that are taken
+    bears: whether any of the forces is not 0"""
 
     w: np.ndarray
     v: np.ndarray
@@ -51,6 +52,7 @@ class LoadResponse(NamedTuple):
     slopes: np.ndarray
     firsts: np.ndarray
     seconds: np.ndarray
+    bears: bool
 
 
 @njit(cache=True, error_model="numpy")
@@ -133,14 +135,31 @@ def _dents(patches, R, basis, dented):
     return dents
 
 
-@njit(cache=True, error_model="numpy")
-def load_response(forces, C_ss, bends, D, U, flexibility, dents):
+def load_response(
+    forces: np.ndarray,
+    C_ss: np.ndarray,
+    bends: np.ndarray,
+    D: np.ndarray,
+    U: np.ndarray,
+    flexibility: np.ndarray,
+    dents: np.ndarray,
+) -> LoadResponse:
     """Response to forces (c, 3) N on patches. bends (k, r); D (r, n_e + r, r) mm/N^2; U, flexibility and dents of
     `PatchCompliance`."""
+    w, v, change, *modes, bending, places, slopes, firsts, seconds, bears = _load_response(
+        forces, C_ss, bends, D, U, flexibility, dents
+    )
+    return LoadResponse(w, v, change, HighOrderMotion(*modes), bending, places, slopes, firsts, seconds, bears)
+
+
+@njit(cache=True, error_model="numpy")
+def _load_response(forces, C_ss, bends, D, U, flexibility, dents):  # a plain tuple: others are slow to pass on
     c, (k, r), seen = len(forces), bends.shape, D.shape[1]
     w, v, change, by_mixture = np.zeros(k), np.zeros(r), np.zeros((seen, r)), np.zeros(r)
+    bears = False
     for i in range(c):
         for a in range(3):
+            bears |= forces[i, a] != 0.0
             for d in range(k):
                 w[d] += U[3 * i + a, d] * forces[i, a]
     for row in range(k):
@@ -180,4 +199,57 @@ def load_response(forces, C_ss, bends, D, U, flexibility, dents):
             for b in range(3):
                 slopes[i, a, b] = inclined[a, b] - stiff[a, b]
         firsts[i], seconds[i] = dent.first, dent.second
-    return LoadResponse(w, v, change, modes, bending, places, slopes, firsts, seconds)
+    return (
+        *(w, v, change, modes.motion, modes.first, modes.second, modes.across, modes.rank),
+        *(bending, places, slopes, firsts, seconds, bears),
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def under_forces(total, local, U, bends, change, slopes, first, second, across, rank):
+    """Compliance (3 c, 3 c) mm/N of patches under forces: total, local and U of `PatchCompliance`; bends (k, r); change
+    (r, r) of C_ss, and slopes of `LoadResponse`; the rest of `HighOrderMotion`."""
+    n, (k, r) = len(total), bends.shape
+    V, along, by_change = np.zeros((r, n)), np.zeros(n), np.zeros((n, r))
+    for i in range(n):
+        for d in range(k):
+            along[i] += U[i, d] * across[d]
+            for e in range(r):
+                V[e, i] += U[i, d] * bends[d, e]
+        for d in range(r):
+            for e in range(r):
+                by_change[i, e] += V[d, i] * change[d, e]
+    compliance = np.empty((n, n))
+    for i in range(n):
+        row = compliance[i]
+        for j in range(n):
+            row[j] = total[i, j] + (first - 1) * (total[i, j] - local[i, j]) + rank * (along[i] * along[j])
+        for d in range(r):
+            share = second * by_change[i, d]
+            for j in range(n):
+                row[j] += share * V[d, j]
+        for b in range(3):
+            row[i - i % 3 + b] += slopes[i // 3, i % 3, b]
+    return compliance
+
+
+@njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract"})
+def moved_places(free, flat, motion, patches, local, forces, dents):
+    """Places (N, 3) mm of patches from places `free` (N, 3) mm, modes `flat` (3 N, k) having gone by motion (k,) mm.
+    Those of patches (c,) are also moved by forces (c, 3) N that act locally, by `local` of `PatchCompliance`, and by
+    dents (c, 3) mm."""
+    places = np.empty_like(free)
+    for p in range(len(free)):
+        for a in range(3):
+            way = 0.0
+            for d in range(len(motion)):
+                way += flat[3 * p + a, d] * motion[d]
+            places[p, a] = free[p, a] + way
+    for i in range(len(patches)):
+        for a in range(3):
+            way = dents[i, a]
+            for j in range(len(patches)):
+                for b in range(3):
+                    way += local[3 * i + a, 3 * j + b] * forces[j, b]
+            places[patches[i], a] += way
+    return places

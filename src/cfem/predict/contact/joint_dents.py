@@ -17,7 +17,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from scipy.linalg.lapack import dpotrf, dpotrs, dtrtrs
 
 ITERATIONS, EXACT = 30, 1e-8  # of Newton's method; last step, relative to the forces: the error is its square
 HALVINGS = 3  # of D, before it is left out
@@ -41,66 +40,162 @@ class DentedPlaces:
     energy: N mm, stored beyond f . C f / 2
     share: of D that is taken
     change: (3 c, 3 c) mm/N of C, without what gives way
-    mine: (p,) entries that give way, and factor (p, p): the lower Cholesky factor of what they yield then"""
+    mine: (p,) entries that give way, h (p,) N there, and factor (p, p): the upper Cholesky factor of what they yield
+    systems: factorisations that it took"""
 
     places: np.ndarray
     energy: float
     share: float
     change: np.ndarray
     mine: np.ndarray
+    h: np.ndarray
     factor: np.ndarray
+    systems: int
 
     @cached_property
     def slopes(self) -> np.ndarray:
         """(3 c, 3 c) mm/N: derivative of `places` by the forces, symmetric."""
-        slopes = self.change
-        if len(self.mine):
-            half = dtrtrs(self.factor, slopes[self.mine], lower=1)[0]
-            slopes = slopes + half.T @ half
-        return (slopes + slopes.T) / 2
+        return _slopes(self.change, self.mine, self.factor)
 
 
-def dented_places(forces: np.ndarray, C: np.ndarray, dents: JointDents, pressed: np.ndarray) -> DentedPlaces:
-    """Places under forces (c, 3) N; pressed (c,) bool: nodes that give way."""
-    bear = np.flatnonzero(pressed | forces.any(axis=1))  # the others are moved, but neither bear forces nor give way
-    rows, place = (3 * bear[:, None] + np.arange(3)).ravel(), np.full(len(forces), -1)
-    place[bear] = np.arange(len(bear))
-    f, among = forces.ravel(), JointDents(*_among(place, *dents))
-    mine, share = np.flatnonzero(np.repeat(pressed[bear], 3)), 1.0
-    C_pp = C[np.ix_(rows[mine], rows[mine])]
-    for _ in range(1 + HALVINGS):
-        given = _given_way(f[rows], C_pp, among, mine, share)
-        if given is not None:
-            h, g = given[0], f.copy()
-            g[rows[mine]] += h
-            change = share * changed(g, *dents)
-            moved = change @ g
-            energy = f @ moved / 2 - g @ moved / 6 + h @ C_pp @ h / 2
-            return DentedPlaces((moved / 2).reshape(-1, 3), float(energy), share, change, rows[mine], given[1])
-        share /= 2
-    nothing = np.zeros(0, dtype=np.int64)
-    return DentedPlaces(np.zeros(forces.shape), 0.0, 0.0, np.zeros(C.shape), nothing, np.zeros((0, 0)))
+def dented_places(
+    forces: np.ndarray, C: np.ndarray, dents: JointDents, pressed: np.ndarray, near: DentedPlaces | None = None
+) -> DentedPlaces:
+    """Places under forces (c, 3) N; pressed (c,) bool: nodes that give way. near: what is known of the same nodes under
+    other forces, from which the search begins. Where C - D[g] is positive definite there is one h at most."""
+    start = np.zeros(0) if near is None or near.share < 1 else near.h
+    return DentedPlaces(*_dented_places(forces, C, dents.triples, dents.change, pressed, start))
 
 
-def _given_way(
-    f: np.ndarray, C_pp: np.ndarray, dents: JointDents, mine: np.ndarray, share: float
-) -> tuple[np.ndarray, np.ndarray] | None:
-    """h (p,) N at the entries `mine` of f, and the factor of C - D[f + h] there; None where Newton's method leaves the
-    stable branch. One factorisation a step."""
-    g, h, size, block = f.copy(), np.zeros(len(mine)), np.abs(f).max(), np.ix_(mine, mine)
-    if not len(mine):
-        return h, np.zeros((0, 0))
-    for _ in range(ITERATIONS):
-        change = share * changed(g, *dents)
-        factor, failed = dpotrf(C_pp - change[block], lower=1, clean=1)
-        if failed:
-            return None
-        step = dpotrs(factor, (change @ g / 2)[mine] - C_pp @ h, lower=1)[0]
-        h += step
-        g[mine] += step
-        if np.abs(step).max(initial=0.0) <= EXACT * size:
-            return h, factor
-    return None
+@njit(cache=True, error_model="numpy")
+def _dented_places(forces, C, triples, change, pressed, start):
+    c, b, p = len(forces), 0, 0
+    place, f = np.full(c, -1), forces.copy().reshape(-1)
+    for i in range(c):  # the others are moved, but neither bear forces nor give way
+        if pressed[i] or forces[i, 0] != 0.0 or forces[i, 1] != 0.0 or forces[i, 2] != 0.0:
+            place[i] = b
+            b += 1
+            p += 3 * pressed[i]
+    borne, mine, among, n = np.empty(3 * b), np.empty(p, dtype=np.int64), np.empty(p, dtype=np.int64), 0
+    for i in range(c):
+        for a in range(3):
+            if place[i] >= 0:
+                borne[3 * place[i] + a] = forces[i, a]
+            if pressed[i]:
+                mine[n], among[n] = 3 * i + a, 3 * place[i] + a
+                n += 1
+    C_pp, h, factor = np.empty((p, p)), np.zeros(p), np.zeros((p, p))
+    for i in range(p):
+        for j in range(p):
+            C_pp[i, j] = C[mine[i], mine[j]]
+    some, some_change = _among(place, triples, change)
+    share, systems, begin = 1.0, 0, 1
+    if len(start) == p > 0:
+        h[:], begin = start, 0
+    for trial in range(begin, 2 + HALVINGS):
+        stable, steps = _give_way(borne, C_pp, some, some_change, among, share, h, factor)
+        systems += steps
+        if not stable:
+            share /= 1.0 if trial == 0 else 2.0
+            h[:] = 0.0
+            continue
+        g, moved, energy = f.copy(), np.zeros(3 * c), 0.0
+        for i in range(p):
+            g[mine[i]] += h[i]
+        bent = changed(g, triples, change)
+        for i in range(3 * c):
+            for j in range(3 * c):
+                bent[i, j] *= share
+                moved[i] += bent[i, j] * g[j]
+            energy += f[i] * moved[i] / 2 - g[i] * moved[i] / 6
+            moved[i] /= 2
+        for i in range(p):
+            for j in range(p):
+                energy += h[i] * C_pp[i, j] * h[j] / 2
+        return moved.reshape(c, 3), energy, share, bent, mine, h, factor, systems
+    nothing = np.empty(0, dtype=np.int64)
+    return np.zeros((c, 3)), 0.0, 0.0, np.zeros((3 * c, 3 * c)), nothing, np.zeros(0), np.zeros((0, 0)), systems
+
+
+@njit(cache=True, error_model="numpy")
+def _give_way(f, C_pp, triples, change, mine, share, h, factor):
+    """Finds h (p,) N at the entries `mine` of f, from what it is, and the factor of C - D[f + h] there. Returns False
+    where Newton's method leaves the stable branch, and the factorisations: one a step."""
+    p, size, g, step = len(mine), 0.0, f.copy(), np.empty(len(mine))
+    for i in range(p):
+        g[mine[i]] += h[i]
+    for force in f:
+        size = max(size, abs(force))
+    if not p:
+        return True, 0
+    for iteration in range(1, ITERATIONS + 1):
+        bent, largest = changed(g, triples, change), 0.0
+        for i in range(p):
+            step[i] = 0.0
+            for j in range(len(g)):
+                step[i] += share * bent[mine[i], j] * g[j] / 2
+            for j in range(p):
+                step[i] -= C_pp[i, j] * h[j]
+                factor[i, j] = C_pp[i, j] - share * bent[mine[i], mine[j]]
+        if not _factorise(factor):
+            return False, iteration
+        _forwards(factor, step.reshape(-1, 1))
+        for i in range(p - 1, -1, -1):
+            for j in range(i + 1, p):
+                step[i] -= factor[i, j] * step[j]
+            step[i] /= factor[i, i]
+        for i in range(p):
+            h[i] += step[i]
+            g[mine[i]] += step[i]
+            largest = max(largest, abs(step[i]))
+        if largest <= EXACT * size:
+            return True, iteration
+    return False, ITERATIONS
+
+
+@njit(cache=True, error_model="numpy")
+def _factorise(A):
+    """Puts the Cholesky factor U, A = U^T U, into the upper half of A. False where A is not positive definite."""
+    for i in range(len(A)):
+        if not A[i, i] > 0:
+            return False
+        A[i, i] = np.sqrt(A[i, i])
+        for j in range(i + 1, len(A)):
+            A[i, j] /= A[i, i]
+        for r in range(i + 1, len(A)):
+            share = A[i, r]
+            for j in range(r, len(A)):
+                A[r, j] -= share * A[i, j]
+    return True
+
+
+@njit(cache=True, error_model="numpy")
+def _forwards(factor, by):
+    """U^-T by (p, n), in place."""
+    for i in range(len(by)):
+        for r in range(i):
+            share = factor[r, i]
+            for j in range(by.shape[1]):
+                by[i, j] -= share * by[r, j]
+        for j in range(by.shape[1]):
+            by[i, j] /= factor[i, i]
+
+
+@njit(cache=True, error_model="numpy")
+def _slopes(change, mine, factor):
+    """Derivative of the places: `change` and what gives way."""
+    half, slopes = change[mine], np.empty_like(change)
+    _forwards(factor, half)
+    for i in range(len(change)):
+        for j in range(i, len(change)):
+            slopes[i, j] = (change[i, j] + change[j, i]) / 2
+        for r in range(len(mine)):
+            share = half[r, i]
+            for j in range(i, len(change)):
+                slopes[i, j] += share * half[r, j]
+        for j in range(i + 1, len(change)):
+            slopes[j, i] = slopes[i, j]
+    return slopes
 
 
 @njit(cache=True, error_model="numpy")

@@ -1,11 +1,11 @@
 """Where robots and obstacles stand in the rounds of a step: those on rigid bodies move as contact pushes these."""
 
-from dataclasses import replace
-
 import numpy as np
+from numba import njit
 
 from cfem.contact.obstacle_set import ObstacleSet
-from cfem.contact.rigid_bodies import RigidBodies
+from cfem.contact.rigid_bodies import RigidBodies, add_wrench, levers, motions
+from cfem.contact.rigid_bodies import carried as poses_carried
 from cfem.predict.contact.bodies import Bodies
 from cfem.predict.contact.loaded_robots import LoadedRobots
 
@@ -21,27 +21,17 @@ class Poses:
     def follow(self, near: np.ndarray, which: np.ndarray, push: np.ndarray) -> np.ndarray:
         """Moves rigid bodies by the forces of the robots, and push (d, 3) N of obstacles `which` (d,) on patches near
         (d,). Places (N, 3) mm of all patches then."""
-        places = self.robots.places()
-        if self.rigid is None or not len(self.rigid.centres):
-            return places
-        for _ in range(1 + (self.rigid.of_robots >= 0).any()):  # once more with the levers where robots have come to
-            R, t = self.rigid.motions(self._wrench(places, near, which, push))
-            self.robots.placed = [
-                robot if body < 0 else replace(robot, R=R[body] @ robot.R, t=R[body] @ robot.t + t[body])
-                for robot, body in zip(self.scene.robots, self.rigid.of_robots.tolist(), strict=True)
-            ]
-            places = self.robots.places()
-        self.obstacles = self.scene.obstacles.moved(self.rigid.of_obstacles, R, t)
+        scene, robots, rigid = self.scene, self.robots, self.rigid
+        own = robots.own_places()
+        if rigid is None or not len(rigid.centres):
+            return _placed(own, scene.bodies, robots.R, robots.t)
+        places, robots.R, robots.t, R, t = _follow(
+            *(own, scene.bodies, scene.R, scene.t, robots.R, robots.t, rigid.of_robots),
+            *(robots.known, robots.on_known, near, rigid.of_obstacles[which], push),
+            *(rigid.centres, rigid.mobility, rigid.before),
+        )
+        self.obstacles = scene.obstacles.moved(rigid.of_obstacles, R, t)
         return places
-
-    def _wrench(self, places: np.ndarray, near: np.ndarray, which: np.ndarray, push: np.ndarray) -> np.ndarray:
-        known = self.robots.known
-        wrench = np.einsum("pij,pi->j", self._of_patches(known, places), self.robots.on_known)
-        return wrench - np.einsum("pij,pi->j", self.rigid.levers(self.rigid.of_obstacles[which], places[near]), push)
-
-    def _of_patches(self, patches: np.ndarray, places: np.ndarray) -> np.ndarray:
-        """(c, 3, 6 b): G of the robots' bodies at patches (c,)."""
-        return self.rigid.levers(self.rigid.of_robots[self.scene.bodies[patches]], places[patches])
 
     def mobility(
         self, places: np.ndarray, near: np.ndarray, which: np.ndarray, soft: np.ndarray | None
@@ -50,19 +40,78 @@ class Poses:
         surfaces of relative (q, c) places of the known patches, by the motion of rigid bodies alone. None without."""
         if self.rigid is None:
             return None
-        G = self._of_patches(near, places) - self.rigid.levers(self.rigid.of_obstacles[which], places[near])
+        rigid, of_patches = self.rigid, self.rigid.of_robots[self.scene.bodies]
+        G = _apart(of_patches[near], rigid.of_obstacles[which], places[near], rigid.centres)
         if soft is not None:
-            G = np.concatenate([G, np.einsum("qc,cij->qij", soft, self._of_patches(self.robots.known, places))])
+            known = self.robots.known
+            G = np.concatenate([G, np.einsum("qc,cij->qij", soft, rigid.levers(of_patches[known], places[known]))])
         G = G.reshape(3 * len(G), G.shape[-1])
-        return G @ self.rigid.mobility @ G.T
+        return G @ rigid.mobility @ G.T
 
     def carried(self, points: np.ndarray, which: np.ndarray, before: ObstacleSet | None) -> np.ndarray:
         """(d, 3) mm where points of the surface of obstacles `which` (d,) are that were at `points` (d, 3) mm where
         these stood before."""
         if self.rigid is None or before is None:
             return points
-        carried = points.copy()
-        for number in np.unique(which):
-            mine, begin, now = which == number, before.obstacles[number], self.obstacles.obstacles[number]
-            carried[mine] = (points[mine] - begin.t) @ begin.R @ now.R.T + now.t
-        return carried
+        return _carried(points, which, before.R, before.t, self.obstacles.R, self.obstacles.t)
+
+
+@njit(cache=True, error_model="numpy")
+def _placed(own, bodies, R, t):
+    """(N, 3) mm in the scene, of places in the frames of robots `bodies` (N,) at R (r, 3, 3) and t (r, 3) mm."""
+    places = np.empty_like(own)
+    for p in range(len(own)):
+        i = bodies[p]
+        for a in range(3):
+            places[p, a] = R[i, a, 0] * own[p, 0] + R[i, a, 1] * own[p, 1] + R[i, a, 2] * own[p, 2] + t[i, a]
+    return places
+
+
+@njit(cache=True, error_model="numpy")
+def _follow(own, bodies, R, t, R_now, t_now, of_robots, known, forces, near, met, push, centres, mobility, before):
+    """Places (N, 3) mm, poses of the robots, and motions of the rigid bodies from where they are predicted.
+
+    own (N, 3) mm, of robots `bodies` (N,), predicted at R and t, now at R_now and t_now, on bodies of_robots (r,);
+    forces (c, 3) N on known (c,) patches, of which push (d, 3) N on near (d,) are of obstacles on bodies met (d,); the
+    rest is of `RigidBodies`."""
+    places, lever = _placed(own, bodies, R_now, t_now), np.empty(3)
+    for _ in range(2 if (of_robots >= 0).any() else 1):  # once more with the levers where robots have come to
+        wrench = -before
+        for i in range(len(known)):
+            body = of_robots[bodies[known[i]]]
+            for a in range(3):
+                lever[a] = places[known[i], a] - centres[body, a]
+            add_wrench(wrench, body, lever, forces[i])
+        for i in range(len(near)):
+            for a in range(3):
+                lever[a] = places[near[i], a] - centres[met[i], a]
+            add_wrench(wrench, met[i], lever, -push[i])
+        xi = np.zeros(len(wrench))
+        for a in range(len(wrench)):
+            for b in range(len(wrench)):
+                xi[a] += mobility[a, b] * wrench[b]
+        R_body, t_body = motions(xi, centres)
+        R_now, t_now = poses_carried(of_robots, R_body, t_body, R, t)
+        places = _placed(own, bodies, R_now, t_now)
+    return places, R_now, t_now, R_body, t_body
+
+
+@njit(cache=True, error_model="numpy")
+def _apart(bodies, met, points, centres):
+    """(d, 3, 6 b): G of points (d, 3) mm on bodies (d,), less that of the bodies met (d,) there."""
+    return levers(bodies, points, centres) - levers(met, points, centres)
+
+
+@njit(cache=True, error_model="numpy")
+def _carried(points, which, R_then, t_then, R_now, t_now):
+    """(d, 3) mm: points of bodies `which` (d,) that have gone from poses then to poses now."""
+    result, own = np.empty((len(points), 3)), np.empty(3)
+    for p in range(len(points)):
+        i = which[p]
+        for a in range(3):
+            own[a] = 0.0
+            for b in range(3):
+                own[a] += (points[p, b] - t_then[i, b]) * R_then[i, b, a]
+        for a in range(3):
+            result[p, a] = R_now[i, a, 0] * own[0] + R_now[i, a, 1] * own[1] + R_now[i, a, 2] * own[2] + t_now[i, a]
+    return result

@@ -11,7 +11,7 @@ import numpy as np
 
 from cfem.contact.modes import Mode
 from cfem.contact.pairs import Memory, Pairs
-from cfem.contact.patch_forces import Balance, TurningCompliance, balance, turned, violation
+from cfem.contact.patch_forces import Balance, TurningCompliance, balance, gaps_in, lawful, turned
 from cfem.contact.step_status import StepStatus
 from cfem.predict.contact.bodies import Bodies
 from cfem.predict.contact.loaded_robots import LoadedRobots
@@ -196,56 +196,44 @@ class Rounds:
     def _gaps(self, frames: np.ndarray) -> np.ndarray:
         """(d, 3) mm of patches near obstacles, in their `frames` (d, 3, 3): from these, and from where they last
         stuck."""
-        gaps = np.zeros((len(frames), 3))
-        if self.scene.mu:
-            gaps = (frames @ (self.places[self.near] - self._stuck_now(self.near))[:, :, None])[:, :, 0]
-        gaps[:, 0] = self.distance[self.near]
-        return gaps
+        near = self.near
+        stuck = self._stuck_now(near) if self.scene.mu else self.stuck[near]
+        return gaps_in(frames, self.places[near], stuck, self.distance[near], float(self.scene.mu))
 
     def _move(self, answer: Balance, turning: np.ndarray | None) -> bool:
         """Loads the forces of the answer, which move the patches. True where the law holds there too."""
         d, forces, self.modes = len(self.near), answer.forces, answer.modes
         local, push = answer.local[:d], answer.push[:d]
-        sticks = [i for i, mode in enumerate(answer.modes[:d]) if mode is Mode.STICK]
         if turning is not None:
             change = (turning @ answer.change.ravel()).reshape(-1, 3)
             push, forces = push + change[self._of_near()], forces + change
         self._sticks[:] = False
-        self._sticks[self.near[sticks]] = True
+        self._sticks[self.near] = [mode is Mode.STICK for mode in answer.modes[:d]]
         self._press(push, forces)
         before = self.places
         self._place()
         if self.soft is not None:
             self.soft.press(answer.push[d:], float(np.abs(answer.step).max()))
-        self._look(np.abs(self.places - before).max())
+        self._look(before)
         settled = self.soft is None or self.soft.settled(self.places, self.near)
-        lawful = self._lawful(local, push, sticks) if d else push
-        if lawful is None or not settled:
+        by_law = self._lawful(local, push) if d else push
+        if by_law is None or not settled:
             return False
-        if not np.array_equal(lawful, push):
-            self._press(lawful, forces + self._on_known(lawful - push))
+        if not np.array_equal(by_law, push):
+            self._press(by_law, forces + self._on_known(by_law - push))
         return True
 
-    def _lawful(self, local: np.ndarray, push: np.ndarray, sticks: list[int]) -> np.ndarray | None:
+    def _lawful(self, local: np.ndarray, push: np.ndarray) -> np.ndarray | None:
         """(d, 3) N: what obstacles press by the frames at the places, None where the law does not hold there with
         this; local (d, 3) N in the frames before, push (d, 3) N in the scene."""
         scene, self._frames = self.scene, None
         frames, compliance = self._frames_of_near(), self.robots.compliance(under_forces=False)
-        lawful, local = (local[:, None] @ frames)[:, 0], local.copy()
-        lawful[sticks], local[sticks] = push[sticks], (frames[sticks] @ push[sticks, :, None])[:, :, 0]
-        moved = np.abs(compliance @ self._on_known(lawful - push).ravel()).max()
-        by_bodies = 0.0
-        if self._mobility is not None:
-            by_bodies = self._mobility[: local.size, : local.size]
-            moved += np.abs(by_bodies @ (lawful - push).ravel()).max()
-        if self.soft is not None:
-            rows = (3 * self._of_near()[:, None] + np.arange(3)).ravel()
-            compliance = compliance[np.ix_(rows, rows)]
-        residual = max(moved, violation(local, self._gaps(frames), compliance + by_bodies, scene.mu))
-        if residual > TOLERANCE * scene.length or self.distance.min() < -OVERLAP * scene.length:
+        by_bodies = np.zeros((0, 0)) if self._mobility is None else self._mobility[: local.size, : local.size]
+        there = frames, self._gaps(frames), compliance, np.searchsorted(self.robots.known, self.near)
+        by_law, missed, beyond = lawful(local, push, self._sticks[self.near], *there, by_bodies, float(scene.mu))
+        if missed > TOLERANCE * scene.length or self.distance.min() < -OVERLAP * scene.length:
             return None
-        beyond = np.hypot(local[:, 1], local[:, 2]) - scene.mu * local[:, 0]
-        return None if beyond.max() > TOLERANCE * np.abs(push).max() else lawful
+        return None if beyond > TOLERANCE * np.abs(push).max() else by_law
 
     def _press(self, push: np.ndarray, forces: np.ndarray) -> None:
         """Puts push (d, 3) N of obstacles, of all forces (c, 3) N on the known patches, and takes all others off."""
@@ -267,13 +255,13 @@ class Rounds:
         result[self._of_near()] = values
         return result
 
-    def _look(self, farthest: float) -> None:
-        """Updates distances and soft pairs after no patch has moved by more than `farthest` mm along an axis. Patches
-        that cannot have come near an obstacle keep the distance that is certain."""
+    def _look(self, before: np.ndarray) -> None:
+        """Updates distances and soft pairs after patches have moved from places `before` (N, 3) mm. Those that cannot
+        have come near an obstacle keep the distance that is certain."""
         if self.scene.rigid is not None:
             self._look_at_all()
         else:
-            self.distance = self.distance - 2 * farthest  # more than the root of 3
+            self.distance = self.distance - 2 * np.abs(self.places - before).max()  # more than the root of 3
             near = self.distance <= 0
             near[self.near] = True
             self.distance[near], self.which[near] = self.poses.obstacles.nearest(self.places[near])
@@ -329,7 +317,7 @@ class Rounds:
             self.poses.obstacles,
             self.which[next_near],
             sum(robot.stored() for robot in loaded),
-            [(robot.R, robot.t) for robot in self.robots.placed],
+            list(zip(self.robots.R, self.robots.t, strict=True)),
         )
 
     def _pairs(self, touches: np.ndarray) -> Pairs:

@@ -12,6 +12,7 @@ friction holds depends on the way."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import accumulate, pairwise
 
 import numpy as np
 
@@ -68,15 +69,20 @@ class ContactScene(Bodies):
         deltas = [np.asarray(delta, float) for delta in deltas]
         if not unilateral.any():
             return Rounds(self, deltas, before).run()
-        cuts, models = np.cumsum([len(delta) for delta in deltas])[:-1], [robot.patched.model for robot in self.robots]
+        cuts, models = list(accumulate(map(len, deltas), initial=0)), [robot.patched.model for robot in self.robots]
+
+        def each(values: np.ndarray) -> list[np.ndarray]:
+            return [values[a:b] for a, b in pairwise(cuts)]
 
         def held(target: np.ndarray) -> ContactState:
-            return Rounds(self, np.split(target, cuts), before).run()
+            return Rounds(self, each(target), before).run()
 
         last = None if before is None else (np.concatenate(before.deltas), before.pull)
         state, slack, settled = with_slack(held, models, unilateral, np.concatenate(deltas), last)
+        if settled and not slack.any():
+            return state
         status = state.status if settled else StepStatus.ITERATIONS
-        return replace(state, status=status, lambda_a=np.split(np.where(slack, 0.0, state.pull), cuts))
+        return replace(state, status=status, lambda_a=each(np.where(slack, 0.0, state.pull)))
 
 
 def contact_step(

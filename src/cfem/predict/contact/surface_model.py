@@ -19,6 +19,7 @@ from cfem.contact.detection import along
 from cfem.core.errors import InputError
 from cfem.equilibrium.contact.node_compliance import NodeResponse
 from cfem.equilibrium.contact.patch_compliance import PatchResponse
+from cfem.predict.contact.held_robot import NONE, HeldRobot
 from cfem.predict.contact.joint_dents import JointDents
 from cfem.predict.loads.wrench_series import WrenchSeries
 from cfem.predict.protocol import Predictor
@@ -28,7 +29,7 @@ from cfem.predict.series.few_states import degrees
 STILL = 1e-9  # of the largest compliance: a patch that is held has less
 BENT = 0.005  # of all that is known of how loads on the modes change the compliance: what is left out
 DRAWS = 64  # random forces
-NONE = np.zeros(0)
+HELD = 8  # states of held actuators that are kept
 
 
 @dataclass(frozen=True)
@@ -67,6 +68,25 @@ class SurfaceModel(ABC):
     def joint_dents(self, points: np.ndarray, R: np.ndarray) -> JointDents | None:
         """Dents of points (c,) turned by R (c, 3, 3) by forces on several of them; None where each has its own."""
         return None
+
+    def held(self, delta: np.ndarray, wrench: np.ndarray | None = None) -> HeldRobot:
+        """The robot at held actuators, delta (n_a,) mm, under a wrench (n_e,) on its effectors: kept for the next
+        call."""
+        key = delta.tobytes(), None if wrench is None else wrench.tobytes()
+        if key not in self._held:
+            if len(self._held) >= HELD:
+                del self._held[next(iter(self._held))]
+            self._held[key] = HeldRobot(self, delta.copy(), wrench)
+        return self._held[key]
+
+    @cached_property
+    def _held(self) -> dict[tuple[bytes, bytes | None], HeldRobot]:
+        return {}
+
+    @cached_property
+    def numbers(self) -> np.ndarray:
+        """(N,) of the points among all of the surface."""
+        return np.arange(len(self.patches))
 
     @cached_property
     def U(self) -> np.ndarray:

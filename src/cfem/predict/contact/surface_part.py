@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from cfem.condensed.patches import SurfacePoints
-from cfem.predict.contact.joint_dents import JointDents
 from cfem.predict.contact.surface_model import SurfaceModel
 
 
@@ -20,6 +19,7 @@ class SurfacePart:
         self.patches = SurfacePoints(patches.weights[numbers], patches.rest[numbers], np.zeros(len(numbers)))
         self.U, self.held_still = whole.U[numbers], whole.held_still[numbers]
         self.flat = self.U.reshape(-1, self.U.shape[-1])
+        self.model, self.held, self.most = whole.model, whole.held, whole.most  # asked for in each step
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.whole, name)
@@ -31,14 +31,6 @@ class SurfacePart:
     @cached_property
     def local_tip(self) -> np.ndarray:
         return self.whole.local_tip[:, :, self.numbers]
-
-    def compliance(
-        self, points: np.ndarray, C_ss: np.ndarray, R: np.ndarray, basis: np.ndarray, delta: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        return self.whole.compliance(self.numbers[points], C_ss, R, basis, delta)
-
-    def joint_dents(self, points: np.ndarray, R: np.ndarray) -> JointDents | None:
-        return self.whole.joint_dents(self.numbers[points], R)
 
     def turns(self, rows: np.ndarray, patches: np.ndarray) -> np.ndarray:
         return self.whole.turns(rows, self.numbers[patches])

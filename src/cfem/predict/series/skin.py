@@ -8,7 +8,6 @@ it."""
 
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,11 +16,8 @@ from cfem.condensed.skin import PREFIX, Skin
 from cfem.core.errors import InputError
 from cfem.core.reading import take
 from cfem.predict.series.chebyshev import Basis
-from cfem.predict.series.energy import Form, unpacking, upper_indices
+from cfem.predict.series.energy import Form, unpacking
 from cfem.predict.series.semidefinite import with_nearest
-
-if TYPE_CHECKING:
-    from scipy.sparse import csr_array
 
 FILE = "skin.npz"  # of a model folder
 
@@ -102,23 +98,14 @@ class LearnedSkin:
         C_es = packed[..., :across].reshape(*packed.shape[:-1], self._n_e, k)
         return C_es, packed[..., across:][..., unpacking(k)]
 
-    def compliance_work(self, s: np.ndarray, q: np.ndarray, w: np.ndarray) -> np.ndarray:
-        """Derivatives (n_a,) by s of w . C_ss w, w (k,) N."""
-        across = self._n_e * len(self)
-        rows, columns = upper_indices(len(self))
-        weights = np.where(rows == columns, 1.0, 2.0) * w[rows] * w[columns]
-        return self._work_slopes(s, q, weights @ self._compliance[across:])
-
-    def _work_slopes(self, s: np.ndarray, q: np.ndarray, series: np.ndarray) -> np.ndarray:
-        """Derivatives (n_a,) by s of a series (L,) of the compliance."""
-        values = self._at(self._compliance_basis, s, q)
-        return (self._compliance_slopes @ series).reshape(-1, len(series)) @ values
-
-    def wrench_work(self, s: np.ndarray, q: np.ndarray, wrench: np.ndarray, w: np.ndarray) -> np.ndarray:
-        """Derivatives (n_a,) by s of wrench . C_es w, wrench (n_e,) N on the effectors' rows, w (k,) N."""
-        across = self._n_e * len(self)
-        series = np.outer(wrench, w).ravel() @ self._compliance[:across]
-        return self._work_slopes(s, q, series)
+    def compliance_slopes(self, s: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Derivatives (n_a, n_e, k) and (n_a, k, k) of `compliance` by s (n_a,)."""
+        values, k = self._at(self._compliance_basis, s, q), len(self)
+        rows, columns, entries = self._compliance_slopes  # a sparse product, for which SciPy would take longer
+        slopes = np.bincount(rows, entries * values[columns], self._n_a * len(values))
+        packed = slopes.reshape(-1, len(values)) @ self._compliance.T
+        C_es, C_ss = np.split(packed, [self._n_e * k], axis=1)
+        return C_es.reshape(-1, self._n_e, k), C_ss[:, unpacking(k)]
 
     def joined(self, condensed: Condensed, s: np.ndarray, q: np.ndarray, softer: float = 1.0) -> Condensed:
         """The condensed robot with the rows of the skin. s, q: inputs of the reference at which it is; softer: how much
@@ -150,13 +137,16 @@ class LearnedSkin:
         return np.stack([D @ self._series_T for D in by_s], axis=-1).reshape(len(self._indices), -1)
 
     @cached_property
-    def _compliance_slopes(self) -> "csr_array":
-        """(n_a L, L), one matrix below the other: derivatives of the series of the compliance by s."""
+    def _compliance_slopes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Rows, columns and entries of (n_a L, L), one matrix below the other: derivatives by s of the basis of the
+        compliance, by its values."""
         from scipy.sparse import vstack  # which no shape needs
 
         from cfem.predict.series.derivatives import input_derivatives
 
-        return vstack(input_derivatives(self._compliance_basis.indices, self._to_box, self._n_a), format="csr")
+        by_s = input_derivatives(self._compliance_basis.indices, self._to_box, self._n_a)
+        joined = vstack([slopes.T for slopes in by_s], format="coo")
+        return joined.row.astype(np.int64), joined.col.astype(np.int64), joined.data
 
     def _at(self, basis: Basis, s: np.ndarray, q: np.ndarray) -> np.ndarray:
         """(..., M) the basis there; of the last single state it is kept, as most are asked for several things."""

@@ -1,0 +1,54 @@
+"""What all forces on a robot at held actuators have in common: found once, and what contact takes for its local
+flexibility."""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from cfem.contact.obstacle import Plane
+from cfem.contact.obstacle_set import ObstacleSet
+from cfem.predict.contact.bodies import PlacedModel
+from cfem.predict.contact.held_robot import HeldRobot, stiff_flexibility
+from cfem.predict.contact.scene import ContactScene
+from cfem.predict.contact.surface_model import HELD
+
+DELTA = np.array([2.0])
+
+
+def test_it_is_the_harmonic_mean_of_the_eigenvalues_and_zero_where_the_body_is_held():
+    factors = np.random.default_rng(0).normal(size=(6, 3, 3))
+    compliance = factors @ factors.swapaxes(1, 2)
+    expected = 3 / (1 / np.linalg.eigvalsh(compliance)).sum(axis=1)
+    np.testing.assert_allclose(stiff_flexibility(block_diag(*compliance)), expected, rtol=1e-9)
+    np.testing.assert_array_equal(stiff_flexibility(np.zeros((6, 6))), [0.0, 0.0])
+
+
+def test_robots_of_one_model_that_stay_are_evaluated_once(patched_bar, monkeypatch):
+    """Two of them, beside each other under a plate that comes down in three steps."""
+    model, asked, points = replace(patched_bar), [], []
+    kinds = {HeldRobot: "__init__", type(model.model): "at_displacement"}
+    for kind, name in kinds.items():
+        function = getattr(kind, name)
+        monkeypatch.setattr(kind, name, lambda *given, function=function: asked.append(function) or function(*given))
+    compliance = type(model).compliance
+    monkeypatch.setattr(
+        type(model), "compliance", lambda *given: points.append(given[1].tolist()) or compliance(*given)
+    )
+    robots = [PlacedModel(model, t=np.array([0.0, 40.0 * i, 0.0]), itself=False) for i in range(2)]
+    top, state = model.model.shape(DELTA)[:, 2].max(), None
+    for depth in (0.2, 0.4, 0.4):
+        plate = Plane(R=np.diag([1.0, -1.0, -1.0]), t=np.array([0.0, 0.0, top - depth]))
+        state = ContactScene(robots, ObstacleSet((plate,)), meet=False).step([DELTA, DELTA.copy()], state)
+    assert state.converged and state.forces.any()
+    assert len(asked) == len(set(asked)) == 2
+    assert points and all(points.count(each) == 1 for each in points)  # whichever robot has them
+
+
+def test_few_states_are_kept(patched_bar):
+    model = replace(patched_bar)
+    first = model.held(DELTA)
+    assert model.held(DELTA.copy()) is first and model.held(DELTA, np.zeros(model.model.rows.n_e)) is not first
+    for i in range(HELD):
+        model.held(DELTA + 0.01 * i)
+    assert model.held(DELTA + 0.01) is model.held(DELTA + 0.01) and len(model._held) == HELD
