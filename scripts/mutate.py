@@ -228,7 +228,7 @@ def attempt(file: Path, index: int, covering: CoveringTests, most: float) -> tup
         if asked and seconds > most:
             break
         asked.append(test)
-    with tempfile.TemporaryDirectory() as place:
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as place:
         changed_package(file, index, Path(place))
         status = run_tests(Path(place), asked, 10 * min(seconds, most) + 60)
         if status in NOT_RUN:  # the change has renamed a case of theirs: all of their files then
@@ -240,7 +240,7 @@ def demand_green(file: Path, covering: CoveringTests) -> None:
     """Ends the program where tests that answer for a file fail though nothing was changed: all changes would count as
     caught."""
     tests = tests_of(file, 1, 10**6, covering)[:FEW]
-    with tempfile.TemporaryDirectory() as place:
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as place:
         changed_package(file, None, Path(place))
         status = run_tests(Path(place), tests, 600.0)
     if status:
