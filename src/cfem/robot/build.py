@@ -23,7 +23,7 @@ from cfem.core.errors import SpecError
 from cfem.equilibrium.system.robot import Robot
 from cfem.mechanics.body import Body, make_body, make_rod_body
 from cfem.mechanics.element import ELEMENTS, SECTIONED
-from cfem.mechanics.load import gravity
+from cfem.mechanics.mass import gravity
 from cfem.mechanics.material import LAWS
 from cfem.mechanics.material.law import Material
 from cfem.mechanics.mesh import Mesh
