@@ -14,7 +14,7 @@ from sample.test_runner import SPEC
 from support.dask_processes import dask_processes, wait_for
 
 from cfem.dataset.writer import content_hash
-from cfem.sample import pool, tour
+from cfem.sample import plan, pool
 from cfem.sample.plan import actuation, unit_rows
 from cfem.sample.pool import with_workers
 from cfem.sample.runner import sample
@@ -129,8 +129,8 @@ def test_a_process_that_is_killed_or_stopped_is_replaced(whole, names, tmp_path,
 def deadly(names):
     """A robot that dies at a row of the fifth shard, and the number of shards."""
     u = np.concatenate([unit_rows(split, 2) for split in SPEC.splits.values()])
-    rest = np.setdiff1d(np.arange(len(u)), tour.skeleton(u, SPEC.skeleton))
-    pieces = tour.shards(u, rest, SPEC.shard)
+    rest = np.setdiff1d(np.arange(len(u)), plan.skeleton(u, SPEC.skeleton))
+    pieces = plan.shards(u, rest, SPEC.shard)
     asked = actuation(SPEC.space, u[pieces[4][2]], FACTS.reach, FACTS.compliance)
     return Signed(names=str(names), deadly=float(asked.target[0]), others=len(pieces) - 1), len(pieces)
 

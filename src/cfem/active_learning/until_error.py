@@ -23,9 +23,9 @@ from cfem.dataset.schema import parameters_of
 from cfem.dataset.writer import content_hash, write_table
 from cfem.predict.load import build
 from cfem.predict.protocol import Predictor
-from cfem.sample import artefact, tour
+from cfem.sample import artefact
 from cfem.sample.overlap import read_overlap
-from cfem.sample.plan import actuation
+from cfem.sample.plan import actuation, skeleton
 from cfem.sample.pool import with_workers
 from cfem.sample.runner import Job, make_job, merge, solve_rows, solve_skeleton
 from cfem.sample.solver import SolverFactory
@@ -91,7 +91,7 @@ def explore(
     pool = np.flatnonzero(np.array(job.split) == "train")
     known = np.union1d(pool[: until.first], np.flatnonzero(np.array(job.split) != "train"))
     rounds: list[Round] = []
-    first = known[tour.skeleton(job.u[known], spec.skeleton)]
+    first = known[skeleton(job.u[known], spec.skeleton)]
     job = solve_skeleton(job, first)
     files = [job.skeleton_rows, *solve_rows(job, np.setdiff1d(known, first), spec.shard)]
     chosen = pool[: until.first]

@@ -2,7 +2,7 @@
 
 from types import SimpleNamespace
 
-from cfem.identify.cases.plausible import implausible
+from cfem.identify.cases.results import implausible
 
 DENSITY = [SimpleNamespace(name="density", keys=("material.density",))]
 

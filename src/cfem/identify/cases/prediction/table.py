@@ -6,7 +6,7 @@ import numpy as np
 
 from cfem.core.text_table import write_rows
 from cfem.identify.cases.left_out import LeftOut
-from cfem.identify.cases.predict import Prediction
+from cfem.identify.cases.prediction.predict import Prediction
 from cfem.identify.cases.table import Cases
 
 
