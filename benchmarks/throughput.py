@@ -31,7 +31,7 @@ from cfem.dataset.writer import content_hash, write_table
 from cfem.robot.load import load_scene_and_mesh
 from cfem.sample.parameters import scene_parameters
 from cfem.sample.plan import shards, skeleton, unit_rows
-from cfem.sample.pool import worker_pool
+from cfem.sample.processes.pool import worker_pool
 from cfem.sample.runner import make_job, merge, solve_rows, solve_skeleton
 from cfem.sample.solver import FiniteElements
 from cfem.sample.spec import SampleSpec, SplitSpec

@@ -14,11 +14,12 @@ from sample.test_runner import SPEC
 from support.dask_processes import dask_processes, wait_for
 
 from cfem.dataset.writer import content_hash
-from cfem.sample import plan, pool
+from cfem.sample import plan
 from cfem.sample.plan import actuation, unit_rows
-from cfem.sample.pool import with_workers
+from cfem.sample.processes import pool
+from cfem.sample.processes.pool import with_workers
+from cfem.sample.processes.workers import Workers, WorkersLost
 from cfem.sample.runner import sample
-from cfem.sample.workers import Workers, WorkersLost
 
 pytestmark = pytest.mark.usefixtures("processes")
 

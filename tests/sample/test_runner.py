@@ -19,7 +19,7 @@ from surrogate.synthetic import POISSON, YOUNG
 from cfem.dataset.reader import read_dataset
 from cfem.dataset.writer import content_hash, write_table
 from cfem.sample.plan import skeleton
-from cfem.sample.pool import worker_pool
+from cfem.sample.processes.pool import worker_pool
 from cfem.sample.runner import make_job, merge, sample, solve_rows, solve_skeleton
 from cfem.sample.spec import SampleSpec
 
@@ -40,7 +40,7 @@ sys.path.insert(0, {tests!r})
 from pathlib import Path
 from sample.synthetic import Factory
 from sample.test_runner import SPEC
-from cfem.sample.pool import worker_pool
+from cfem.sample.processes.pool import worker_pool
 from cfem.sample.runner import sample
 if __name__ == "__main__":
     with worker_pool(2) as executor:

@@ -26,11 +26,11 @@ from cfem.predict.protocol import Predictor
 from cfem.sample import artefact
 from cfem.sample.overlap import read_overlap
 from cfem.sample.plan import actuation, skeleton
-from cfem.sample.pool import with_workers
+from cfem.sample.processes.pool import with_workers
+from cfem.sample.processes.workers import Workers
 from cfem.sample.runner import Job, make_job, merge, solve_rows, solve_skeleton
 from cfem.sample.solver import SolverFactory
 from cfem.sample.spec import SampleSpec, Until
-from cfem.sample.workers import Workers
 from cfem.surrogate.model_card import model_card
 from cfem.surrogate.series.spectral import fit
 

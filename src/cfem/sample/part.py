@@ -22,11 +22,11 @@ from cfem.dataset.writer import content_hash, write_table
 from cfem.sample.artefact import keep_skin, kept_skin, results
 from cfem.sample.overlap import read_overlap
 from cfem.sample.plan import shards, skeleton
-from cfem.sample.pool import with_workers
+from cfem.sample.processes.pool import with_workers
+from cfem.sample.processes.workers import Workers
 from cfem.sample.runner import make_job, merge, solve_rows, solve_skeleton
 from cfem.sample.solver import SolverFactory
 from cfem.sample.spec import SampleSpec
-from cfem.sample.workers import Workers
 
 SKELETON = "skeleton.parquet"
 

@@ -33,11 +33,11 @@ from cfem.sample.contact import contact_plan
 from cfem.sample.knots_file import read_knots
 from cfem.sample.overlap import FILE
 from cfem.sample.plan import shards, skeleton, unit_rows, with_idle
+from cfem.sample.processes.tally import Tally
+from cfem.sample.processes.workers import WorkersLost
 from cfem.sample.shard import Piece
 from cfem.sample.solver import Facts, SolverFactory
 from cfem.sample.spec import SampleSpec, SkinSpec
-from cfem.sample.tally import Tally
-from cfem.sample.workers import WorkersLost
 
 
 @dataclass(frozen=True, kw_only=True)

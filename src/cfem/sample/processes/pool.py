@@ -14,9 +14,9 @@ from typing import Any, TypeVar
 from cfem.core.console.progress import say
 from cfem.core.system import cores
 from cfem.mechanics.factorization import solver_name
-from cfem.sample import tally
-from cfem.sample.tally import Tally
-from cfem.sample.workers import Workers, WorkersLost
+from cfem.sample.processes import tally
+from cfem.sample.processes.tally import Tally
+from cfem.sample.processes.workers import Workers, WorkersLost
 
 # Sums in another order, by another number of threads, would end in other digits.
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS", "RAYON_NUM_THREADS")
@@ -29,7 +29,7 @@ def with_workers(workers: Workers, work: Callable[[Executor], T]) -> T:
     """Result of work(executor). Local processes of which one is lost are replaced, and `work` called again, which goes
     on from what is finished; Dask does so by itself. Raises WorkersLost where they are lost time and again."""
     if workers.scheduler:
-        from cfem.sample.cluster import cluster
+        from cfem.sample.processes.cluster import cluster
 
         with cluster(workers.scheduler) as executor:
             return work(executor)

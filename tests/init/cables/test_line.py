@@ -7,9 +7,9 @@ from scipy.spatial import cKDTree
 
 from cfem.constraint.attachment import locate
 from cfem.core.errors import SpecError
-from cfem.init.cables import attachment_radius, place_cables, read_cable, sections_along
+from cfem.init.cables.line import attachment_radius, place_cables, read_cable, sections_along
+from cfem.init.cables.spine import straight
 from cfem.init.hold import guess_hold, read_hold, run_from
-from cfem.init.spine import straight
 
 
 def placed(shape, count, hold=None):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from init.bodies import box_shape, chambered, holed, tube
 
-from cfem.init.channels import cables_in_channels
+from cfem.init.cables.channels import cables_in_channels
 from cfem.init.hold import read_hold, run_from
 
 

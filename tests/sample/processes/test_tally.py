@@ -9,8 +9,8 @@ from cfem.equilibrium.newton import NewtonSettings
 from cfem.equilibrium.solve import solve
 from cfem.equilibrium.system.actuation import displacement
 from cfem.equilibrium.system.problem import Problem
-from cfem.sample import tally
-from cfem.sample.tally import Tally, shared_counts
+from cfem.sample.processes import tally
+from cfem.sample.processes.tally import Tally, shared_counts
 
 
 @pytest.fixture

@@ -6,8 +6,8 @@ import numpy as np
 from scipy import ndimage
 from scipy.sparse.csgraph import dijkstra
 
-from cfem.init.cables import CableLine, make_line
-from cfem.init.centreline import held_cubes
+from cfem.init.cables.centreline import held_cubes
+from cfem.init.cables.line import CableLine, make_line
 from cfem.init.hold import Run
 from cfem.init.section import clear
 from cfem.init.shape import Shape

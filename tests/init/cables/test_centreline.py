@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from init.bodies import box_shape, corner, frame, tapered
 
-from cfem.init.centreline import centreline
+from cfem.init.cables.centreline import centreline
 from cfem.init.hold import guess_hold, read_hold, run_from
 
 

@@ -15,7 +15,7 @@ from cfem.core.artefact.provenance import versions
 from cfem.core.errors import InputError, SpecError
 from cfem.core.optional import demand
 from cfem.mechanics.factorization import solver_name
-from cfem.sample.workers import WorkersLost
+from cfem.sample.processes.workers import WorkersLost
 
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # numba and rslab are never asked for more
 _CONNECT = "10s"

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cfem.init.centreline import Centreline
+from cfem.init.cables.centreline import Centreline
 from cfem.init.hold import Run
 from cfem.init.interior import Interior
 from cfem.init.section import Section, cut_across
