@@ -12,10 +12,9 @@ import numpy as np
 import pyarrow as pa
 
 from cfem.condensed import Condensed, Rows, pack_upper
-from cfem.condensed.contact_pose import onto_patch, slopes_onto_patch
 from cfem.condensed.packing import pack_symmetric3
 from cfem.condensed.parameters import coordinates, from_shares, sampled, slopes
-from cfem.condensed.pose import Patch
+from cfem.condensed.pose import Patch, onto_patch, slopes_onto_patch
 from cfem.condensed.skin import Skin, skin_bytes, skin_from
 from cfem.dataset.writer import table_bytes
 from cfem.equilibrium.motion.inertia import Inertia

@@ -113,7 +113,7 @@ class FiniteElements:
 
     def __call__(self) -> Solver:
         """Solver of the scene in this process."""
-        from cfem.condensed.contact_pose import onto_patch
+        from cfem.condensed.pose import onto_patch
         from cfem.equilibrium.contact.held_patch import contact_points, patch_of
         from cfem.equilibrium.motion.inertia import mass_of
         from cfem.equilibrium.motion.inner_motions import rod_stresses

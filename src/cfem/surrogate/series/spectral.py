@@ -13,8 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from cfem.condensed.contact_pose import resting
-from cfem.condensed.pose import COORDINATES
+from cfem.condensed.pose import COORDINATES, resting
 from cfem.predict.series.derivatives import differentiated
 from cfem.predict.series.energy import FOURTH, FOURTH_INDICES, THIRD, Form
 from cfem.surrogate.series.chebyshev import design_rows, index_set

@@ -12,8 +12,7 @@ from surrogate.stored import train_folder
 from cfem.core.artefact.replace import replace_folder
 from cfem.core.errors import InputError
 from cfem.core.system import exchange
-from cfem.predict.live import LiveModel
-from cfem.predict.load import load_model, read_vectors
+from cfem.predict.load import LiveModel, load_model, read_vectors
 
 WRITER = """
 import shutil, sys, time
