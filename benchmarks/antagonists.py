@@ -27,10 +27,9 @@ from cfem.equilibrium.system.problem import Problem
 from cfem.equilibrium.system.robot import Robot
 from cfem.equilibrium.system.solution import Equilibrium
 from cfem.robot.build import build_robot
-from cfem.robot.mesh.scene_mesh import scene_mesh
+from cfem.robot.mesh.accuracy import scene_mesh
 from cfem.robot.spec import SceneSpec
-from cfem.sample import tour
-from cfem.sample.plan import actuation, borne_together, unit_rows
+from cfem.sample.plan import actuation, borne_together, shards, skeleton, unit_rows
 from cfem.sample.spec import SplitSpec
 
 ROOT = Path(__file__).parents[1]
@@ -55,8 +54,8 @@ def measured(robot: Robot, spaces: list[str], commands: int) -> dict:
     compliance = solve(problem, force(np.zeros(robot.rows.n_a))).condensed.W_aa
     together = borne_together(lambda asked: solve(problem, asked), robot.reach[:, 1], compliance)
     u = unit_rows(SplitSpec(rows=commands, method="random", seed=0), robot.rows.n_a)
-    first = tour.skeleton(u, SKELETON)
-    order = np.concatenate([first, *tour.shards(u, np.setdiff1d(np.arange(len(u)), first), 50)])
+    first = skeleton(u, SKELETON)
+    order = np.concatenate([first, *shards(u, np.setdiff1d(np.arange(len(u)), first), 50)])
     table = {"unknowns": problem.pattern.n_dof, "together": together}
     for space in spaces:
         knots, walked, cold = [], [], []

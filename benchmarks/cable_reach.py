@@ -16,7 +16,7 @@ from cfem.equilibrium.solve import solve
 from cfem.equilibrium.system.actuation import displacement
 from cfem.equilibrium.system.problem import Problem
 from cfem.robot.build import build_robot
-from cfem.robot.mesh.scene_mesh import scene_mesh
+from cfem.robot.mesh.accuracy import scene_mesh
 from cfem.robot.spec import SceneSpec
 
 SCENE = Path(__file__).resolve().parents[1] / "pipelines/parametric-finger/scene.yaml"

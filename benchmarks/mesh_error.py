@@ -25,10 +25,10 @@ from cfem.equilibrium.system.problem import Problem
 from cfem.equilibrium.system.solution import Equilibrium, State
 from cfem.mechanics.mesh import Mesh
 from cfem.robot.build import build_robot
+from cfem.robot.mesh.accuracy import scene_mesh
 from cfem.robot.mesh.error import chosen, mesh_error
 from cfem.robot.mesh.error_spec import MeshErrorSpec
 from cfem.robot.mesh.finer import carried_over, dimensions
-from cfem.robot.mesh.scene_mesh import scene_mesh
 from cfem.robot.spec import SceneSpec
 from cfem.sample.plan import actuation, borne_together, unit_rows
 from cfem.sample.spec import SplitSpec

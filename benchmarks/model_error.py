@@ -35,7 +35,7 @@ from cfem.predict.load import build, load_model
 from cfem.predict.loads.loaded import TRUSTED, loaded
 from cfem.predict.protocol import Predictor
 from cfem.predict.rows.serial import SerialPredictor
-from cfem.predict.state_error import extrapolation
+from cfem.predict.series.state_error import extrapolation
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh
 from cfem.surrogate.calibration import answers, bound, calibrated, state_errors

@@ -24,8 +24,8 @@ from cfem.equilibrium.system.robot import Robot
 from cfem.parametric.family import FiniteElementFamily
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh
+from cfem.robot.mesh.accuracy import scene_mesh
 from cfem.robot.mesh.finer import finer_mesh
-from cfem.robot.mesh.scene_mesh import scene_mesh
 from cfem.sample.family import RobotFamily
 from cfem.sample.parameters import scene_parameters, with_values
 from cfem.sample.spec import SampleSpec

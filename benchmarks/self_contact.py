@@ -19,7 +19,7 @@ from cfem.equilibrium.system.actuation import displacement
 from cfem.equilibrium.system.problem import Problem
 from cfem.equilibrium.system.robot import Robot
 from cfem.robot.build import build_robot
-from cfem.robot.mesh.scene_mesh import scene_mesh
+from cfem.robot.mesh.accuracy import scene_mesh
 from cfem.robot.spec import SceneSpec
 
 SCENE = Path(__file__).parents[1] / "pipelines" / "pneunet" / "scene.yaml"

@@ -29,10 +29,9 @@ from cfem.core.spec import load_spec
 from cfem.dataset.reader import read_table
 from cfem.dataset.writer import content_hash, write_table
 from cfem.robot.load import load_scene_and_mesh
-from cfem.sample import tour
 from cfem.sample.parameters import scene_parameters
-from cfem.sample.plan import unit_rows
-from cfem.sample.pool import worker_pool
+from cfem.sample.plan import shards, skeleton, unit_rows
+from cfem.sample.processes.pool import worker_pool
 from cfem.sample.runner import make_job, merge, solve_rows, solve_skeleton
 from cfem.sample.solver import FiniteElements
 from cfem.sample.spec import SampleSpec, SplitSpec
@@ -80,7 +79,7 @@ def run(spec: SampleSpec, factory: FiniteElements, folder: Path, workers: int):
         begin = time.perf_counter()
         job = make_job(spec, factory, folder, executor)
         started = time.perf_counter()
-        first = tour.skeleton(job.u, spec.skeleton)
+        first = skeleton(job.u, spec.skeleton)
         files = [solve_skeleton(job, first)]
         spread = time.perf_counter()
         rest = np.setdiff1d(np.arange(len(job.u)), first)
@@ -100,7 +99,7 @@ def measured(spec: SampleSpec, job, files: list[Path]) -> dict[str, float]:
 
     def plan():
         u = unit_rows(split, job.u.shape[1])
-        return tour.shards(u, np.setdiff1d(np.arange(MANY), tour.skeleton(u, spec.skeleton)), spec.shard)
+        return shards(u, np.setdiff1d(np.arange(MANY), skeleton(u, spec.skeleton)), spec.shard)
 
     many = pa.concat_tables([table] * (MANY // len(table)))
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss

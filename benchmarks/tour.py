@@ -22,10 +22,9 @@ from cfem.equilibrium.system import problem
 from cfem.equilibrium.system.actuation import force
 from cfem.mechanics import factorization
 from cfem.robot.build import build_robot
-from cfem.robot.mesh.scene_mesh import scene_mesh
+from cfem.robot.mesh.accuracy import scene_mesh
 from cfem.robot.spec import SceneSpec
-from cfem.sample import tour
-from cfem.sample.plan import actuation, unit_rows
+from cfem.sample.plan import actuation, shards, skeleton, unit_rows
 from cfem.sample.spec import SampleSpec, SplitSpec
 
 
@@ -92,8 +91,8 @@ def run(scene: Path, samples: int, overrides: list[str]) -> dict:
     clock.seconds.clear(), clock.calls.clear()
     plan = SampleSpec(scene=scene, mesh=scene, out=scene, splits={"train": SplitSpec(rows=samples, method="random")})
     u = unit_rows(plan.splits["train"], robot.rows.n_a)
-    first = tour.skeleton(u, plan.skeleton)
-    shards = tour.shards(u, np.setdiff1d(np.arange(len(u)), first), plan.shard)
+    first = skeleton(u, plan.skeleton)
+    pieces = shards(u, np.setdiff1d(np.arange(len(u)), first), plan.shard)
     begin, solved = time.process_time(), []
 
     def walk(rows, known):
@@ -106,9 +105,9 @@ def run(scene: Path, samples: int, overrides: list[str]) -> dict:
                 knots.append(predictor.knot(u[row], found))
         return knots
 
-    skeleton = walk(first, [])
-    for rows in shards:
-        walk(rows, skeleton)
+    states = walk(first, [])
+    for rows in pieces:
+        walk(rows, states)
     total = time.process_time() - begin
     parts = dict(clock.seconds)
     parts["the rest"] = total - sum(parts.values())

@@ -16,7 +16,7 @@ from cfem.equilibrium.system import actuation
 from cfem.equilibrium.system.problem import Problem
 from cfem.mechanics.assembly import symmetric_product
 from cfem.robot.build import build_robot
-from cfem.robot.mesh.scene_mesh import scene_mesh
+from cfem.robot.mesh.accuracy import scene_mesh
 from cfem.robot.spec import SceneSpec
 
 EXACT = NewtonSettings(tolerance=1e-12)

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from cfem.condensed import Rows
-from cfem.condensed.contact_pose import from_energy, onto_patch
 from cfem.condensed.coupling import Coupled, Holder, RigidObject
-from cfem.condensed.pose import Patch
+from cfem.condensed.pose import Patch, from_energy, onto_patch
 from cfem.core.errors import NumericalError
 
 POINTS = np.array([[0.0, 2, 1], [1.7, 2, -1], [-1.7, 2, -1]])

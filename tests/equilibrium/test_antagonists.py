@@ -15,7 +15,7 @@ from cfem.equilibrium.solve import Wanted, solve
 from cfem.equilibrium.system.actuation import Actuation, displacement, force, pulling_only
 from cfem.equilibrium.system.problem import Problem
 from cfem.robot.build import build_robot
-from cfem.robot.mesh.scene_mesh import scene_mesh
+from cfem.robot.mesh.accuracy import scene_mesh
 from cfem.robot.spec import SceneSpec
 
 PIPELINES = Path(__file__).parents[2] / "pipelines"

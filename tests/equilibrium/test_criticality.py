@@ -15,7 +15,7 @@ from cfem.equilibrium.system.actuation import displacement, force
 from cfem.equilibrium.system.evaluation import SolveCost
 from cfem.equilibrium.system.problem import Problem
 from cfem.equilibrium.system.solution import Status
-from cfem.mechanics.load import gravity
+from cfem.mechanics.mass import gravity
 from cfem.stability.families.buckling import arch
 
 

@@ -11,8 +11,8 @@ from cfem.cli.run import run_command
 from cfem.core.artefact.stage_run import Stage
 from cfem.core.stage import Options, run_stage
 from cfem.sample import artefact
+from cfem.sample.processes.workers import Workers
 from cfem.sample.spec import SampleSpec
-from cfem.sample.workers import Workers
 
 SPEC = SampleSpec(
     scene="scene.yaml",

@@ -10,7 +10,7 @@ from support.waiting import PATIENCE
 
 from cfem.robot.cad import Box, as_data
 from cfem.robot.mesh.meshing import measure
-from cfem.sample.pool import worker_pool
+from cfem.sample.processes.pool import worker_pool
 
 MODULES = ("gmsh", "json", "numpy", "threading", "signal", "pickle", "multiprocessing")
 

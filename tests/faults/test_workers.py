@@ -14,11 +14,12 @@ from sample.test_runner import SPEC
 from support.dask_processes import dask_processes, wait_for
 
 from cfem.dataset.writer import content_hash
-from cfem.sample import pool, tour
+from cfem.sample import plan
 from cfem.sample.plan import actuation, unit_rows
-from cfem.sample.pool import with_workers
+from cfem.sample.processes import pool
+from cfem.sample.processes.pool import with_workers
+from cfem.sample.processes.workers import Workers, WorkersLost
 from cfem.sample.runner import sample
-from cfem.sample.workers import Workers, WorkersLost
 
 pytestmark = pytest.mark.usefixtures("processes")
 
@@ -129,8 +130,8 @@ def test_a_process_that_is_killed_or_stopped_is_replaced(whole, names, tmp_path,
 def deadly(names):
     """A robot that dies at a row of the fifth shard, and the number of shards."""
     u = np.concatenate([unit_rows(split, 2) for split in SPEC.splits.values()])
-    rest = np.setdiff1d(np.arange(len(u)), tour.skeleton(u, SPEC.skeleton))
-    pieces = tour.shards(u, rest, SPEC.shard)
+    rest = np.setdiff1d(np.arange(len(u)), plan.skeleton(u, SPEC.skeleton))
+    pieces = plan.shards(u, rest, SPEC.shard)
     asked = actuation(SPEC.space, u[pieces[4][2]], FACTS.reach, FACTS.compliance)
     return Signed(names=str(names), deadly=float(asked.target[0]), others=len(pieces) - 1), len(pieces)
 

@@ -20,7 +20,7 @@ from cfem.fe_motion.problem import MovingProblem
 from cfem.fe_motion.scheme import Scheme
 from cfem.fe_motion.simulate import StepControl, simulate
 from cfem.fe_motion.start import at_rest
-from cfem.mechanics.load import gravity
+from cfem.mechanics.mass import gravity
 
 EXACT = NewtonSettings(tolerance=1e-9, max_iterations=30)
 SPEED, LAST = 400.0, 4e-3  # mm/s, s

@@ -18,7 +18,7 @@ from support.fast_cases import fast_are
 from cfem.mechanics.assembly import make_pattern, symmetric_product
 from cfem.mechanics.body import make_body, response, tangent
 from cfem.mechanics.element import ELEMENTS
-from cfem.mechanics.load import gravity
+from cfem.mechanics.mass import gravity
 from cfem.mechanics.material import LAWS
 from cfem.mechanics.material.law import Material
 

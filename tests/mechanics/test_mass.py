@@ -8,7 +8,8 @@ from skfem.models.poisson import mass
 from support.blocks import box, box_body
 from support.rods import LENGTH, SHAPE, rod_body
 
-from cfem.mechanics.mass import mass_matrix
+from cfem.mechanics.element import ELEMENTS
+from cfem.mechanics.mass import gravity, mass_matrix
 
 KINDS = {
     "tet4": (skfem.MeshTet, skfem.ElementTetP1),
@@ -73,3 +74,20 @@ def test_a_turning_rod_has_the_rotary_inertia_of_its_sections():
     ):
         v = np.cross(omega, X)
         assert np.einsum("ni,ni->", v, M @ v) == pytest.approx(moment, rel=1e-12)
+
+
+@pytest.mark.parametrize("element", ELEMENTS)
+def test_weight_and_its_moment_are_those_of_the_body(element):
+    body = box_body((3, 2, 1), (3, 2, 1), element, distort=0.2)
+    force = gravity(body, 2e-9, np.array([0.0, 0.0, -9810.0]))
+    weight = 6.0 * 2e-9 * 9810.0
+    np.testing.assert_allclose(force.sum(axis=0), [0, 0, -weight], rtol=1e-13, atol=1e-20)
+    moment = np.cross(body.mesh.X, force).sum(axis=0)
+    np.testing.assert_allclose(moment, np.cross([1.5, 1.0, 0.5], [0, 0, -weight]), rtol=1e-12, atol=1e-18)
+
+
+def test_density_may_differ_from_cell_to_cell():
+    body = box_body((2, 1, 1), (2, 1, 1))
+    heavy = body.mesh.X[body.mesh.cells[:, :4]].mean(axis=1)[:, 0] > 1
+    force = gravity(body, np.where(heavy, 3.0, 1.0), np.array([1.0, 0, 0]))
+    assert force[:, 0].sum() == pytest.approx(4.0)

@@ -15,7 +15,7 @@ from cfem.parametric.differentiable import Differentiable
 from cfem.parametric.family import FiniteElementFamily
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh
-from cfem.robot.mesh.scene_mesh import scene_mesh
+from cfem.robot.mesh.accuracy import scene_mesh
 from cfem.robot.spec import SceneSpec
 from cfem.robot.stage import run as make_mesh
 from cfem.sample.parameters import with_values

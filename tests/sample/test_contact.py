@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from support.blocks import bar
 
-from cfem.condensed.contact_pose import onto_patch
+from cfem.condensed.pose import onto_patch
 from cfem.dataset.reader import as_dataset
 from cfem.equilibrium.contact.held_patch import contact_points, patch_of
 from cfem.equilibrium.newton import NewtonSettings

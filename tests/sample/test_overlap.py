@@ -9,8 +9,8 @@ from cfem.contact.overlap import boundary_of
 from cfem.sample import shard
 from cfem.sample.artefact import fill
 from cfem.sample.overlap import deeper, finding, overlaps
+from cfem.sample.processes.workers import Workers
 from cfem.sample.spec import SampleSpec
-from cfem.sample.workers import Workers
 
 SPEC = SampleSpec(
     scene="scene.yaml",

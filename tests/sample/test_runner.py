@@ -18,8 +18,8 @@ from surrogate.synthetic import POISSON, YOUNG
 
 from cfem.dataset.reader import read_dataset
 from cfem.dataset.writer import content_hash, write_table
-from cfem.sample import tour
-from cfem.sample.pool import worker_pool
+from cfem.sample.plan import skeleton
+from cfem.sample.processes.pool import worker_pool
 from cfem.sample.runner import make_job, merge, sample, solve_rows, solve_skeleton
 from cfem.sample.spec import SampleSpec
 
@@ -40,7 +40,7 @@ sys.path.insert(0, {tests!r})
 from pathlib import Path
 from sample.synthetic import Factory
 from sample.test_runner import SPEC
-from cfem.sample.pool import worker_pool
+from cfem.sample.processes.pool import worker_pool
 from cfem.sample.runner import sample
 if __name__ == "__main__":
     with worker_pool(2) as executor:
@@ -139,7 +139,7 @@ def test_a_plan_grows_by_rows_from_its_skeleton_and_keeps_what_is_solved(tmp_pat
     def grown(folder, u, extra):
         with ThreadPoolExecutor(1) as executor:
             job = make_job(SPEC, Factory(parameters=PARAMETERS), folder, executor)
-            solve_skeleton(job, tour.skeleton(job.u, SPEC.skeleton))
+            solve_skeleton(job, skeleton(job.u, SPEC.skeleton))
             ids = tuple(range(40, 40 + len(u)))
             added = replace(job, u=u, split=("train",) * len(u), id=ids, folder=folder / extra)
             return merge(solve_rows(added, np.arange(len(u)), 6), ["train"])["train"]

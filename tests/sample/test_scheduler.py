@@ -18,11 +18,11 @@ from cfem.core.artefact.manifest import read_manifest
 from cfem.core.errors import InputError, SpecError
 from cfem.dataset.writer import content_hash
 from cfem.robot.load import load_scene_and_mesh
-from cfem.sample import cluster
-from cfem.sample.pool import with_workers, worker_pool
+from cfem.sample.processes import cluster
+from cfem.sample.processes.pool import with_workers, worker_pool
+from cfem.sample.processes.workers import Workers, WorkersLost
 from cfem.sample.runner import sample
 from cfem.sample.solver import FiniteElements
-from cfem.sample.workers import Workers, WorkersLost
 
 PIPELINE = Path(__file__).parents[2] / "pipelines" / "bar"
 SMALL = [f"--set={text}" for text in ("splits.train.rows=6", "splits.test.rows=3", "skeleton=4", "shard=3")]
@@ -32,8 +32,8 @@ from pathlib import Path
 from sample.synthetic import Factory
 from sample.test_runner import SPEC
 from cfem.cli.run import run_command
-from cfem.sample.pool import with_workers
-from cfem.sample.workers import Workers
+from cfem.sample.processes.pool import with_workers
+from cfem.sample.processes.workers import Workers
 from cfem.sample.runner import sample
 folder, address = Path(sys.argv[1]), sys.argv[2]
 def work(options):

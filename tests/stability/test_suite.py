@@ -12,9 +12,8 @@ from cfem.cli.app import app
 from cfem.core.errors import NumericalError, SpecError
 from cfem.equilibrium.system.solution import Status
 from cfem.stability.case import Case, converges, named, refuses
-from cfem.stability.command import built_in
 from cfem.stability.evidence import Evidence
-from cfem.stability.suite import demand_right, run
+from cfem.stability.suite import built_in, demand_right, run
 from cfem.stability.table import as_data, as_text
 
 
@@ -102,7 +101,7 @@ def test_the_command_lists_chooses_and_prints_one_object():
 
 
 def test_a_misbehaving_case_is_exit_4_after_the_table(monkeypatch):
-    monkeypatch.setattr("cfem.stability.command.built_in", lambda: [RIGHT, CASES["traceback"][0]])
+    monkeypatch.setattr("cfem.stability.suite.built_in", lambda: [RIGHT, CASES["traceback"][0]])
     found = cfem("--quiet")
     assert found.exit_code == 4 and found.stdout.startswith("good ")
     assert found.stderr == "cfem: 1 of 2 cases misbehave: a (the table says how)\n"

@@ -4,7 +4,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from unittest.mock import patch
 
-from cfem.sample import pool
+from cfem.sample.processes import pool
 
 
 @contextmanager

@@ -9,7 +9,7 @@ from cfem.constraint.effector import make_effector
 from cfem.equilibrium.system.robot import Robot
 from cfem.mechanics.body import make_body
 from cfem.mechanics.element import ELEMENTS
-from cfem.mechanics.load import gravity
+from cfem.mechanics.mass import gravity
 from cfem.mechanics.material import LAWS
 from cfem.mechanics.material.law import Material
 from cfem.mechanics.mesh import Mesh, quadratic

@@ -17,7 +17,7 @@ from cfem.control.search.inverse import Limits
 from cfem.plant.model_plant import ModelPlant
 from cfem.predict.load import build
 from cfem.predict.loads.loaded import loaded
-from cfem.predict.state_error import LOADS
+from cfem.predict.series.state_error import LOADS
 from cfem.surrogate.calibration import ENOUGH, STEEPEST, answers, bound, calibrated, powers
 from cfem.surrogate.spec import SpectralSpec
 from cfem.surrogate.stage import train_and_judge

@@ -25,11 +25,11 @@ from cfem.dataset.reader import Dataset, as_dataset, column_array, read_table
 from cfem.dataset.schema import SKIN
 from cfem.dataset.writer import content_hash, write_table
 from cfem.sample import artefact, shard
-from cfem.sample.pool import with_workers
+from cfem.sample.processes.pool import with_workers
+from cfem.sample.processes.workers import Workers
 from cfem.sample.shard import Piece
 from cfem.sample.solver import SolverFactory
 from cfem.sample.spec import SampleSpec, Until
-from cfem.sample.workers import Workers
 
 TABLES = ("loop.parquet", "trajectories.parquet")
 MOST = 2000  # states of a task that are looked at

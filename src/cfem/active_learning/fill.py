@@ -5,9 +5,9 @@ from typing import Any
 
 from cfem.active_learning import around, until_error
 from cfem.sample import artefact
+from cfem.sample.processes.workers import Workers
 from cfem.sample.solver import SolverFactory
 from cfem.sample.spec import SampleSpec
-from cfem.sample.workers import Workers
 
 
 def fill(

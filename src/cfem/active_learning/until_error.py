@@ -23,14 +23,14 @@ from cfem.dataset.schema import parameters_of
 from cfem.dataset.writer import content_hash, write_table
 from cfem.predict.load import build
 from cfem.predict.protocol import Predictor
-from cfem.sample import artefact, tour
+from cfem.sample import artefact
 from cfem.sample.overlap import read_overlap
-from cfem.sample.plan import actuation
-from cfem.sample.pool import with_workers
+from cfem.sample.plan import actuation, skeleton
+from cfem.sample.processes.pool import with_workers
+from cfem.sample.processes.workers import Workers
 from cfem.sample.runner import Job, make_job, merge, solve_rows, solve_skeleton
 from cfem.sample.solver import SolverFactory
 from cfem.sample.spec import SampleSpec, Until
-from cfem.sample.workers import Workers
 from cfem.surrogate.model_card import model_card
 from cfem.surrogate.series.spectral import fit
 
@@ -91,7 +91,7 @@ def explore(
     pool = np.flatnonzero(np.array(job.split) == "train")
     known = np.union1d(pool[: until.first], np.flatnonzero(np.array(job.split) != "train"))
     rounds: list[Round] = []
-    first = known[tour.skeleton(job.u[known], spec.skeleton)]
+    first = known[skeleton(job.u[known], spec.skeleton)]
     job = solve_skeleton(job, first)
     files = [job.skeleton_rows, *solve_rows(job, np.setdiff1d(known, first), spec.shard)]
     chosen = pool[: until.first]

@@ -40,8 +40,8 @@ def load_robot(scene: PathLike, mesh: PathLike | None = None, *, overrides: Sequ
     from cfem.core.artefact.content import artefact_file
     from cfem.core.spec import load_spec
     from cfem.robot.build import build_robot
+    from cfem.robot.mesh.accuracy import scene_mesh
     from cfem.robot.mesh.mesh_file import read_mesh
-    from cfem.robot.mesh.scene_mesh import scene_mesh
     from cfem.robot.spec import SceneSpec
     from cfem.robot.stage import MESH
 

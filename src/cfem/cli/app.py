@@ -135,16 +135,16 @@ def stability(
     quiet: Quiet = False,
 ) -> None:
     """Test the solver on stiff and extreme cases. Exit 4 if one neither converges nor names its cause."""
-    from cfem.stability import command, suite, table
+    from cfem.stability import suite, table
 
     results = []
 
     def work(options):
-        cases = command.select(scene, only, heavy)
+        cases = suite.select(scene, only, heavy)
         if list_:
             names = [case.name for case in cases]
             return {"cases": names} if json else "\n".join(names)
-        results.extend(command.run_cases(cases))
+        results.extend(suite.run_all(cases))
         return table.as_data(results) if json else table.as_text(results)
 
     run_command(work, as_json=json, quiet=quiet, label="stability")

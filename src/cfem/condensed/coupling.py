@@ -21,9 +21,8 @@ from typing import NamedTuple
 import numpy as np
 
 from cfem.condensed import Condensed, Rows
-from cfem.condensed.contact_pose import from_energy
 from cfem.condensed.model import KnowsDomain, KnowsSlopes, Model
-from cfem.condensed.pose import COORDINATES
+from cfem.condensed.pose import COORDINATES, from_energy
 from cfem.condensed.rotation import RotationDerivatives, turn
 from cfem.core.errors import NumericalError
 

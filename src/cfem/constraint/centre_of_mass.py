@@ -6,13 +6,13 @@ import numpy as np
 
 from cfem.core.errors import SpecError
 from cfem.mechanics.body import Body
-from cfem.mechanics.load import gravity
+from cfem.mechanics.mass import gravity
 
 
 @dataclass(frozen=True)
 class CentreOfMass:
     """The centre c = sum_i m_i x_i / m with the nodal masses m_i (n,) that weight acts on
-    (`cfem.mechanics.load.gravity`).
+    (`cfem.mechanics.mass.gravity`).
 
     nodes: (n,)
     shares: (n,) of sum 1

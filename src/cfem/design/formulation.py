@@ -6,8 +6,7 @@ from typing import Any
 import numpy as np
 
 from cfem.condensed import Rows
-from cfem.condensed.parameter_values import demand_known, number_in, vector
-from cfem.condensed.parameters import Parameter
+from cfem.condensed.parameters import Parameter, demand_known, number_in, vector
 from cfem.core.errors import SpecError
 from cfem.core.spec import load_spec
 from cfem.design.expression import inequality, names_in

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from cfem.condensed.parameter_values import Value
+from cfem.condensed.parameters import Value
 from cfem.core.spec import Spec
 from cfem.core.units import Angle, Force, Point
 from cfem.robot.selection import Direction

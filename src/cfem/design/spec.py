@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, PositiveInt, field_validator
 
-from cfem.condensed.parameter_values import Value
+from cfem.condensed.parameters import Value
 from cfem.core.actuator_units import Displacements, Effort, Efforts
 from cfem.core.spec import Spec
 from cfem.core.units import Forces, LengthMatrix

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cfem.mechanics.mesh import TET_EDGES, tet_volumes
+from cfem.mechanics.mesh import TET_EDGES, TRIANGLE_EDGES, tet_volumes
 
 # Centroid, and the symmetric four-point rule of degree 2 (Zienkiewicz and Taylor, The Finite Element Method, 6.3).
 _CENTROID = np.full((1, 4), 0.25)
@@ -132,3 +132,22 @@ def barycentric_gradients(X: np.ndarray, cells: np.ndarray) -> np.ndarray:
     gradients[:, 1:] = np.swapaxes(inverse, 1, 2)
     gradients[:, 0] = -gradients[:, 1:].sum(axis=1)
     return gradients
+
+
+def triangle_values(n_nodes: int, points: np.ndarray) -> np.ndarray:
+    """Shape functions (q, n_nodes) at barycentric points (q, 3)."""
+    if n_nodes == 3:
+        return points.copy()
+    first, second = points[:, TRIANGLE_EDGES].transpose(2, 0, 1)
+    return np.concatenate([points * (2 * points - 1), 4 * first * second], axis=1)
+
+
+def triangle_slopes(n_nodes: int, points: np.ndarray) -> np.ndarray:
+    """Derivatives (q, n_nodes, 3) of the shape functions by the barycentric coordinates."""
+    if n_nodes == 3:
+        return np.repeat(np.eye(3)[None], len(points), axis=0)
+    out = np.zeros((len(points), 6, 3))
+    out[:, range(3), range(3)] = 4 * points - 1
+    for edge, (a, b) in enumerate(TRIANGLE_EDGES, 3):
+        out[:, edge, a], out[:, edge, b] = 4 * points[:, b], 4 * points[:, a]
+    return out

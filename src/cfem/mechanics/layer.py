@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cfem.core.errors import InputError
+from cfem.mechanics.element import triangle_slopes
 from cfem.mechanics.mesh import TET_FACES
 from cfem.mechanics.solid_kernels import (
     add_form,
@@ -24,7 +25,6 @@ from cfem.mechanics.solid_kernels import (
     scatter_force,
     scatter_stiffness,
 )
-from cfem.mechanics.triangle import slopes
 
 _FEW = 12  # motions up to which the kernel for few is faster
 _NORMAL = 1e-3  # of a direction's length: shorter in a face, it is normal to it
@@ -117,7 +117,7 @@ def make_layer(
     frames = np.stack([first, np.cross(normal, first)], axis=1)
     opposite = np.stack([c - b, a - c, b - a], axis=1)
     barycentric = np.cross(normal[:, None], opposite) / twice[:, None, None]
-    gradients = np.einsum("qnl,kli->kqni", slopes(facets.shape[1], points), barycentric)
+    gradients = np.einsum("qnl,kli->kqni", triangle_slopes(facets.shape[1], points), barycentric)
     weights = np.repeat((fabric.thickness * twice / 2 / len(points))[:, None], len(points), axis=1)
     gradients = np.ascontiguousarray(gradients)
     return Layer(X, facets, fabric, points, owner, nodes, gradients, weights, frames, fabric.moduli(frames))

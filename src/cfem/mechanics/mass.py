@@ -30,6 +30,12 @@ def mass_matrix(body: Body, density: np.ndarray | float) -> sp.csr_array:
     return sp.csr_array(sp.coo_array((blocks.ravel(), (rows, columns)), shape=(n, n)))
 
 
+def gravity(body: Body, density: np.ndarray | float, acceleration: np.ndarray) -> np.ndarray:
+    """Nodal forces (n, 3) N of the weight, int N rho g dV: those of the mass matrix. density as there; acceleration:
+    (3,) mm/s^2."""
+    return mass_matrix(body, density).sum(axis=1)[:, None] * np.asarray(acceleration, float)
+
+
 def kinetic_form(body: Body, density: np.ndarray | float, motions: np.ndarray) -> np.ndarray:
     """Kinetic forms (k,) t mm^2, v . M v of motions v (n, 3, k) mm of a body of solids, without M."""
     mesh = body.mesh

@@ -16,8 +16,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cfem.mechanics import triangle
 from cfem.mechanics.assembly import add_blocks
+from cfem.mechanics.element import triangle_slopes, triangle_values
 
 _QUARTERS = (
     np.array(
@@ -84,9 +84,9 @@ def make_self_contact(
     shear: MPa, modulus of the softest wall."""
     face, place, partner, partner_place = pairs
     count = facets.shape[1]
-    values, slopes = triangle.values(count, partner_place), triangle.slopes(count, partner_place)
+    values, slopes = triangle_values(count, partner_place), triangle_slopes(count, partner_place)
     shares = np.zeros((len(face), 3, 2 * count))
-    shares[:, 0, :count] = triangle.values(count, place)
+    shares[:, 0, :count] = triangle_values(count, place)
     shares[:, 0, count:] = -values
     shares[:, 1, count:], shares[:, 2, count:] = slopes[..., 1] - slopes[..., 0], slopes[..., 2] - slopes[..., 0]
     nodes, unknown = np.concatenate([facets[face], facets[partner]], axis=1), np.ones(len(face))

@@ -11,7 +11,7 @@ from cfem.condensed.model_error import ErrorBound
 from cfem.core.errors import NumericalError
 from cfem.core.reading import Data
 from cfem.motion.model import MotionModel
-from cfem.predict.state_error import extrapolation
+from cfem.predict.series.state_error import extrapolation
 
 
 class FrequencyError(Data):

@@ -15,7 +15,7 @@ import numpy as np
 from cfem.condensed.parameters import Parameter, references, sampled
 from cfem.core.console.progress import doing
 from cfem.core.errors import NumericalError, SpecError
-from cfem.robot.mesh.scene_mesh import scene_mesh
+from cfem.robot.mesh.accuracy import scene_mesh
 from cfem.robot.shape.morph import Unreachable
 from cfem.sample.family import RobotFamily
 from cfem.sample.parameters import with_values

@@ -4,8 +4,8 @@ of them that hold one object."""
 import numpy as np
 
 from cfem.condensed import Condensed
-from cfem.condensed.contact_pose import onto_patch
 from cfem.condensed.coupling import Coupled
+from cfem.condensed.pose import onto_patch
 from cfem.equilibrium.contact.held_patch import contact_points, held, patch_of
 from cfem.equilibrium.newton import NewtonSettings
 from cfem.equilibrium.system.actuation import displacement

@@ -1,9 +1,9 @@
-"""Reading of predictors from model folders."""
+"""Reading of predictors from model folders, which may be replaced while they are in use."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -169,3 +169,34 @@ def read_meta(folder: Path) -> dict:
 def read_arrays(folder: Path, name: str = WEIGHTS) -> dict[str, np.ndarray]:
     """The arrays of a .npz file of the folder, no pickles."""
     return read_npz(artefact_file(folder, name), UNBOUNDED)
+
+
+class LiveModel:
+    """As the `Predictor` in the folder, now. `refresh` takes up one that has replaced it, skin and all, or keeps the
+    one before where that is of another robot or damaged. taken: how many have been taken up."""
+
+    def __init__(self, folder: Path, runtime: Runtime = "arrays"):
+        self._folder, self._runtime, self.taken = folder, runtime, 0
+        self._stamp, self.now = self._read()
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(vars(self)["now"], name)
+
+    def refresh(self) -> bool:
+        """Takes up the folder's model if it was replaced; True where another model answers from now on. Looks at one
+        file where nothing has changed."""
+        if stamp(self._folder) in (self._stamp, None):
+            return False
+        try:
+            self._stamp, model = self._read()
+        except InputError:
+            return False
+        names = [[parameter.name for parameter in version.parameters] for version in (model, self.now)]
+        if model.rows != self.now.rows or names[0] != names[1]:
+            return False
+        self.now, self.taken = model, self.taken + 1
+        return True
+
+    def _read(self) -> tuple[Any, Predictor]:
+        version = stamp(self._folder)  # one that is replaced while it is read is looked at again next time
+        return version, load_model(self._folder, self._runtime, whole=True)

@@ -18,7 +18,7 @@ from cfem.core.errors import InputError, NumericalError
 from cfem.predict.series.christoffel import Christoffel
 from cfem.predict.series.domain import Domain
 from cfem.predict.series.skin import LearnedSkin
-from cfem.predict.state_error import state_error
+from cfem.predict.series.state_error import state_error
 
 if TYPE_CHECKING:
     from cfem.predict.workspace import Workspace

@@ -23,7 +23,7 @@ from cfem.core.errors import SpecError
 from cfem.equilibrium.system.robot import Robot
 from cfem.mechanics.body import Body, make_body, make_rod_body
 from cfem.mechanics.element import ELEMENTS, SECTIONED
-from cfem.mechanics.load import gravity
+from cfem.mechanics.mass import gravity
 from cfem.mechanics.material import LAWS
 from cfem.mechanics.material.law import Material
 from cfem.mechanics.mesh import Mesh
@@ -37,8 +37,7 @@ from cfem.robot.discrepancy import discrepancy_in
 from cfem.robot.layers import layered
 from cfem.robot.materials import MaterialSpec
 from cfem.robot.places import cable_points, effector_points, pull_point
-from cfem.robot.rigid import rigid_groups
-from cfem.robot.selection import cells_of, facets_of, select_cells, select_nodes
+from cfem.robot.selection import cells_of, facets_of, rigid_groups, select_cells, select_nodes
 from cfem.robot.self_contact import touching_itself
 from cfem.robot.shape.deform import shaped
 from cfem.robot.shape.on_mesh import on_mesh

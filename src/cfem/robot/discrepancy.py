@@ -8,7 +8,7 @@ from pydantic import AfterValidator, Field, WithJsonSchema
 
 from cfem.condensed import Rows
 from cfem.condensed.discrepancy import Discrepancy, terms_of
-from cfem.condensed.parameter_values import number_in
+from cfem.condensed.parameters import number_in
 from cfem.core.errors import SpecError
 from cfem.core.spec import Spec
 from cfem.core.units import Point

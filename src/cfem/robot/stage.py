@@ -31,9 +31,9 @@ def _work(target: Path, scene: SceneSpec, folder: Path) -> Mapping[str, Any]:
     from cfem.robot.checks.cable_passage import demand_inside
     from cfem.robot.checks.plausible import doubts
     from cfem.robot.checks.soundness import demand_held, demand_independent, demand_unfolded
+    from cfem.robot.mesh.accuracy import scene_mesh
     from cfem.robot.mesh.mesh_file import write_mesh
     from cfem.robot.mesh.quality import quality
-    from cfem.robot.mesh.scene_mesh import scene_mesh
     from cfem.robot.mesh.surface_file import mends_of
 
     mesh, volume, error = scene_mesh(scene, folder)

@@ -23,12 +23,12 @@ from cfem.dataset.reader import CONVERGED, column_array, read_table
 from cfem.dataset.schema import SKIN, metadata, rows_of
 from cfem.dataset.writer import content_hash, write_table
 from cfem.sample.overlap import deeper, finding, read_overlap
-from cfem.sample.pool import with_workers
+from cfem.sample.processes.pool import with_workers
+from cfem.sample.processes.workers import Workers
 from cfem.sample.runner import sample
 from cfem.sample.skin import TOLERANCE
 from cfem.sample.solver import SolverFactory
 from cfem.sample.spec import SampleSpec
-from cfem.sample.workers import Workers
 
 FILLED, FEW = 0.5, 8  # of a reach that states have to fill, and how many states are too few to tell
 DEAR = 4.0  # times the mean number of factorisations: a state that is named

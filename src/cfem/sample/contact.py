@@ -8,8 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cfem.condensed.pose import COORDINATES, Patch
-from cfem.condensed.resting import resting
+from cfem.condensed.pose import COORDINATES, Patch, resting
 from cfem.core.actuator_units import demand_units
 from cfem.equilibrium.contact.held_patch import held
 from cfem.equilibrium.system.actuation import Actuation, force

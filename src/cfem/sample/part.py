@@ -19,14 +19,14 @@ from cfem.core.errors import InputError, SpecError
 from cfem.dataset.reader import read_table
 from cfem.dataset.schema import SKIN, content
 from cfem.dataset.writer import content_hash, write_table
-from cfem.sample import tour
 from cfem.sample.artefact import keep_skin, kept_skin, results
 from cfem.sample.overlap import read_overlap
-from cfem.sample.pool import with_workers
+from cfem.sample.plan import shards, skeleton
+from cfem.sample.processes.pool import with_workers
+from cfem.sample.processes.workers import Workers
 from cfem.sample.runner import make_job, merge, solve_rows, solve_skeleton
 from cfem.sample.solver import SolverFactory
 from cfem.sample.spec import SampleSpec
-from cfem.sample.workers import Workers
 
 SKELETON = "skeleton.parquet"
 
@@ -61,12 +61,12 @@ def fill_part(
 
     def solve(executor: Executor) -> int:
         job = make_job(spec, factory, folder, executor, made_from, workers.timeout)
-        first = tour.skeleton(job.u, spec.skeleton)
+        first = skeleton(job.u, spec.skeleton)
         rest = np.setdiff1d(np.arange(len(job.u)), first)
         share = slice(part.index - 1, None, part.count)
         job = solve_skeleton(job, first)
         solve_rows(job, rest, spec.shard, share)
-        return sum(len(piece) for piece in tour.shards(job.u, rest, spec.shard)[share])
+        return sum(len(piece) for piece in shards(job.u, rest, spec.shard)[share])
 
     rows = with_workers(workers, solve)
     return {"part": vars(part) | {"of": made_from}, "rows": rows, "wall_seconds": time.perf_counter() - begin}

@@ -28,16 +28,16 @@ from cfem.core.spec import meaning
 from cfem.dataset.reader import column_array, read_table
 from cfem.dataset.schema import SKIN, schema, with_skin_rows
 from cfem.mechanics.factorization import solver_name
-from cfem.sample import shard, tour
+from cfem.sample import shard
 from cfem.sample.contact import contact_plan
 from cfem.sample.knots_file import read_knots
 from cfem.sample.overlap import FILE
-from cfem.sample.plan import unit_rows, with_idle
+from cfem.sample.plan import shards, skeleton, unit_rows, with_idle
+from cfem.sample.processes.tally import Tally
+from cfem.sample.processes.workers import WorkersLost
 from cfem.sample.shard import Piece
 from cfem.sample.solver import Facts, SolverFactory
 from cfem.sample.spec import SampleSpec, SkinSpec
-from cfem.sample.tally import Tally
-from cfem.sample.workers import WorkersLost
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,7 +107,7 @@ def sample(
         if skin:
             write_whole(job.skin_file, skin)
         return merge([known / f"{split}.parquet" for split in kept], list(spec.splits))
-    first = new[tour.skeleton(job.u[new], spec.skeleton)]
+    first = new[skeleton(job.u[new], spec.skeleton)]
     job = solve_skeleton(job, first, skin)
     solved = solve_rows(job, np.setdiff1d(new, first), spec.shard)
     return merge([job.skeleton_rows, *solved, *(known / f"{split}.parquet" for split in kept)], list(spec.splits))
@@ -226,7 +226,7 @@ def solve_rows(job: Job, rows: np.ndarray, size: int, share: slice = slice(None)
     """Files with these rows (indices into job.u), in shards of `size` at most; those that are there already, of the
     same rows, are kept. Each row depends on job.u, the indices, the size and the skeleton, on nothing else. share:
     which of the shards, all by default."""
-    pieces = tour.shards(job.u, rows, size)
+    pieces = shards(job.u, rows, size)
     numbers_of_share = range(len(pieces))[share]
     waiting = [number for number in numbers_of_share if not _holds(job, number, pieces[number])]
     if waiting:

@@ -12,20 +12,20 @@ import numpy as np
 import pyarrow as pa
 
 from cfem.condensed import Condensed, Rows, pack_upper
-from cfem.condensed.contact_pose import onto_patch, slopes_onto_patch
 from cfem.condensed.packing import pack_symmetric3
 from cfem.condensed.parameters import coordinates, from_shares, sampled, slopes
-from cfem.condensed.pose import Patch
+from cfem.condensed.pose import Patch, onto_patch, slopes_onto_patch
 from cfem.condensed.skin import Skin, skin_bytes, skin_from
 from cfem.dataset.writer import table_bytes
 from cfem.equilibrium.motion.inertia import Inertia
 from cfem.equilibrium.predictor import Knot, knot, nearest, predict
 from cfem.equilibrium.system.actuation import Actuation, pulling_only
 from cfem.equilibrium.system.solution import Equilibrium, ParameterSlopes, State
-from cfem.sample import overlap, tally
+from cfem.sample import overlap
 from cfem.sample.contact import ContactPlan
 from cfem.sample.knots_file import demand_states, knots_bytes, read_knots
 from cfem.sample.plan import actuation, borne_together
+from cfem.sample.processes import tally
 from cfem.sample.skin import SkinSample, find_skin, patches, probed, shown_nodes
 from cfem.sample.solver import Facts, Solver
 from cfem.sample.spec import SkinSpec

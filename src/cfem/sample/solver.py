@@ -21,7 +21,7 @@ from cfem.equilibrium.system.solution import Equilibrium, State
 from cfem.mechanics.mesh import Mesh
 from cfem.robot.same_robot import robot_of
 from cfem.robot.spec import SceneSpec
-from cfem.sample import tally
+from cfem.sample.processes import tally
 from cfem.sample.skin import Inside
 
 # Share of a parameter's range on either side, by which robots are differenced: truncation about 1e-8 of the slopes.
@@ -113,7 +113,7 @@ class FiniteElements:
 
     def __call__(self) -> Solver:
         """Solver of the scene in this process."""
-        from cfem.condensed.contact_pose import onto_patch
+        from cfem.condensed.pose import onto_patch
         from cfem.equilibrium.contact.held_patch import contact_points, patch_of
         from cfem.equilibrium.motion.inertia import mass_of
         from cfem.equilibrium.motion.inner_motions import rod_stresses

@@ -16,8 +16,8 @@ from cfem.core.spec import load_spec
 from cfem.core.stage import Options, run_stage
 from cfem.robot.spec import SceneSpec, demand_driven, scene_meaning
 from cfem.sample.parameters import scene_parameters
+from cfem.sample.processes.workers import Workers
 from cfem.sample.spec import SEQUENCES, SampleSpec
-from cfem.sample.workers import Workers
 
 VERSION = 9
 INERTIA = 2  # likewise, of what `dynamics: true` adds

@@ -12,7 +12,7 @@ from cfem.constraint.protocol import Constraint, Watched
 from cfem.equilibrium.system.robot import Robot
 from cfem.mechanics.body import Body, make_body
 from cfem.mechanics.element import ELEMENTS
-from cfem.mechanics.load import gravity
+from cfem.mechanics.mass import gravity
 from cfem.mechanics.material import LAWS
 from cfem.mechanics.material.law import Material
 from cfem.mechanics.mesh import HEX_TETS, TET_EDGES, Mesh, boundary_facets, quadratic

@@ -2,13 +2,16 @@
 
 import time
 import warnings
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
+from pathlib import Path
 
-from cfem.core.errors import NumericalError
+from cfem.core.console.progress import progress
+from cfem.core.errors import NumericalError, SpecError
 from cfem.stability.case import Case
 from cfem.stability.evidence import Evidence, Examinable, error_misbehaviours, misbehaviours
+from cfem.stability.families import built_in
 
 
 @dataclass(frozen=True)
@@ -63,11 +66,12 @@ def run(case: Case) -> Result:
     return Result(case, evidence, None, tuple(wrong), seconds)
 
 
-def run_all(cases: Sequence[Case], advance: Callable[[int], None] = lambda n: None) -> list[Result]:
+def run_all(cases: Sequence[Case]) -> list[Result]:
     results = []
-    for case in cases:
-        results.append(run(case))
-        advance(1)
+    with progress("cases", len(cases)) as advance:
+        for case in cases:
+            results.append(run(case))
+            advance(1)
     return results
 
 
@@ -81,3 +85,19 @@ def demand_right(results: Sequence[Result]) -> None:
     if bad:
         shown = "; ".join(bad[:5]) + ("; ..." if len(bad) > 5 else "")
         raise NumericalError(f"{len(bad)} of {len(results)} cases misbehave: {shown}", do="the table says how")
+
+
+def select(scene: Path | None = None, only: str | None = None, heavy: bool = False) -> list[Case]:
+    """Cases on built-in bodies, and on the scene's own mesh where one is given, whose names fit the pattern.
+
+    Raises InputError where the scene or its mesh is missing, SpecError where no case is left."""
+    cases = built_in()
+    if scene is not None:
+        from cfem.robot.load import load_scene_and_mesh
+        from cfem.stability.families import scene as family
+
+        cases += family.cases(*load_scene_and_mesh(scene))
+    left = chosen(cases, only, heavy)
+    if not left:
+        raise SpecError(f"no case matches '{only}'", do="cfem stability --list names them")
+    return left

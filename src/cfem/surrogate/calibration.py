@@ -15,7 +15,7 @@ from cfem.condensed.model_error import ErrorBound, ModelError
 from cfem.condensed.parameters import completed
 from cfem.core.errors import NumericalError
 from cfem.predict.protocol import Predictor
-from cfem.predict.state_error import entry_sizes, extrapolation, reaction_sizes
+from cfem.predict.series.state_error import entry_sizes, extrapolation, reaction_sizes
 
 PROBABILITY = 0.95
 ENOUGH = 19  # states for this probability

@@ -12,7 +12,7 @@ from cfem.core.errors import NumericalError
 from cfem.motion.error import FrequencyError
 from cfem.motion.model import MotionModel
 from cfem.motion.modes import natural_modes
-from cfem.predict.state_error import extrapolation
+from cfem.predict.series.state_error import extrapolation
 from cfem.surrogate.calibration import answers, bound, promised
 
 

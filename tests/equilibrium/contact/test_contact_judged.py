@@ -17,7 +17,7 @@ from cfem.contact.prescribed_motion import Translation
 from cfem.equilibrium.contact.surfaces import SurfaceScene
 from cfem.mechanics.body import make_body
 from cfem.mechanics.element import ELEMENTS
-from cfem.mechanics.load import gravity
+from cfem.mechanics.mass import gravity
 from cfem.mechanics.material import LAWS
 from cfem.mechanics.material.law import Material
 

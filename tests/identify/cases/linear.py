@@ -12,7 +12,7 @@ from cfem.identify.cases.discrepancy import DiscrepancyPrior, discrepancy_of
 from cfem.identify.cases.fit import fit_with_discrepancy
 from cfem.identify.cases.left_out import leave_one_out
 from cfem.identify.cases.outcome import Calibrated
-from cfem.identify.cases.predict import predict
+from cfem.identify.cases.prediction.predict import predict
 from cfem.identify.cases.rig import MarkerPredictions
 from cfem.identify.cases.scatter import Scatter
 from cfem.identify.cases.table import Cases

@@ -12,7 +12,7 @@ from scipy.special import softmax
 from cfem.core.errors import InputError
 from cfem.identify.cases.average import Average, average_of, averaged, stacking_weights
 from cfem.identify.cases.left_out import LeftOut
-from cfem.identify.cases.predict import Prediction
+from cfem.identify.cases.prediction.predict import Prediction
 from cfem.identify.cases.prediction.stage import run as predict
 from cfem.identify.cases.stage import run as calibrate
 

@@ -9,7 +9,7 @@ from identify.cases.lab import CASES, NOISE, QUIET, ROLL, YOUNG, lab, write
 
 from cfem.core.errors import InputError, SpecError
 from cfem.identify.cases.prediction.stage import run as predict
-from cfem.identify.cases.prediction_table import repeats
+from cfem.identify.cases.prediction.table import repeats
 from cfem.identify.cases.stage import run as calibrate
 from cfem.identify.cases.table import Cases
 

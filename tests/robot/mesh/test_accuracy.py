@@ -10,8 +10,7 @@ from cfem.equilibrium.solve import solve
 from cfem.equilibrium.system.problem import Problem
 from cfem.robot.build import build_robot
 from cfem.robot.mesh import accuracy, grading
-from cfem.robot.mesh.accuracy import accurate_mesh, at_reach
-from cfem.robot.mesh.scene_mesh import scene_mesh
+from cfem.robot.mesh.accuracy import accurate_mesh, at_reach, scene_mesh
 from cfem.robot.spec import SceneSpec
 
 BAR = Path(__file__).parents[3] / "pipelines" / "bar"

@@ -12,10 +12,10 @@ from cfem.equilibrium.solve import solve
 from cfem.equilibrium.system import actuation
 from cfem.equilibrium.system.problem import Problem
 from cfem.robot.build import build_robot
+from cfem.robot.mesh.accuracy import scene_mesh
 from cfem.robot.mesh.grading import estimate, grade
 from cfem.robot.mesh.mesh_file import read_mesh
 from cfem.robot.mesh.meshing import Grading, make_mesh
-from cfem.robot.mesh.scene_mesh import scene_mesh
 from cfem.robot.stage import run
 
 PULL = "[{kind: cable, name: c, radius: 1 mm, pull_point: {mm: [0, 0, 4]}, points: {mm: [[10, 0, 4], [25, 0, 3]]},"

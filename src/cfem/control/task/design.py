@@ -5,8 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from cfem.condensed.parameter_values import vector
-from cfem.condensed.parameters import Parameter, sampled
+from cfem.condensed.parameters import Parameter, sampled, vector
 from cfem.core.errors import SpecError
 from cfem.equilibrium.system.robot import Robot
 from cfem.mechanics.mesh import Mesh

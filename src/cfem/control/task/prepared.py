@@ -24,8 +24,7 @@ from cfem.mechanics.mesh import Mesh
 from cfem.plant.fem_plant import FemPlant
 from cfem.plant.model_plant import ModelPlant
 from cfem.plant.protocol import Plant
-from cfem.predict.live import LiveModel
-from cfem.predict.load import load_model
+from cfem.predict.load import LiveModel, load_model
 from cfem.predict.protocol import Predictor
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh

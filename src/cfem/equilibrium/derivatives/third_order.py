@@ -13,7 +13,7 @@ import scipy.sparse as sp
 from cfem.equilibrium.system.evaluation import Evaluation
 from cfem.equilibrium.system.problem import Problem
 from cfem.equilibrium.system.solution import Linearisation
-from cfem.mechanics.turning import change_of_work, levers
+from cfem.mechanics.kinematics import change_of_work, levers
 
 # Change of the displacement gradient, where it changes most, that a step makes. Truncation grows with its square,
 # rounding with its inverse, both with the bulk modulus: of dW 2e-8 at nu = 0.3, 3e-7 at 0.49, 1e-6 at 0.499 (finger).

@@ -48,7 +48,6 @@ class CompiledTouch:
         self.n_a = len(self._states[0].delta_a)
         self.library = library(folder, flags)
         self._room = (ctypes.c_byte * ctypes.c_ulong.in_dll(self.library, "cfem_touch_room_size").value)()
-        self._call = self.library.cfem_touch
 
     def reset(self) -> None:
         self._before = None
@@ -58,7 +57,7 @@ class CompiledTouch:
     ) -> TouchedInC:
         """State with the actuators at delta_a (n_a,) mm. slack: whether cables go slack (cfem_touch_slack)."""
         now, given = self.given(delta_a, obstacles, mu)
-        status = (self.library.cfem_touch_slack if slack else self._call)(*given)
+        status = (self.library.cfem_touch_slack if slack else self.library.cfem_touch)(*given)
         if not status:
             self._before = now
         c = now.count
@@ -79,7 +78,7 @@ class CompiledTouch:
         _, given = self.given(delta_a, obstacles, mu)
         begin = time.process_time()
         for _ in range(count):
-            self._call(*given)
+            self.library.cfem_touch(*given)
         return (time.process_time() - begin) / count
 
     def given(self, delta_a: np.ndarray, obstacles: Sequence[Rounded], mu: float) -> tuple[ctypes.Structure, tuple]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from cfem.condensed.far import far_of
 from cfem.condensed.packing import upper_indices
-from cfem.condensed.parameter_values import vector
+from cfem.condensed.parameters import vector
 from cfem.condensed.strokes import STEP, TOLERANCE, ridge_of, stated_or_share
 from cfem.core.actuator_units import demand_units
 from cfem.core.errors import InputError, SpecError

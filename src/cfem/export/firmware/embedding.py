@@ -5,8 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cfem.condensed.parameter_values import vector
-from cfem.condensed.parameters import from_json
+from cfem.condensed.parameters import from_json, vector
 from cfem.core.artefact.files import write_json
 from cfem.core.errors import InputError
 from cfem.export.spec import CSpec

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cfem.condensed.parameter_values import vector
+from cfem.condensed.parameters import vector
 from cfem.core.artefact.files import write_whole
 from cfem.core.errors import NumericalError
 from cfem.export.firmware import c_text

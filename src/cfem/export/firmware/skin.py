@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cfem.condensed.parameter_values import vector
+from cfem.condensed.parameters import vector
 from cfem.export.firmware import c_text
 from cfem.export.firmware.copying import copy_sources
 from cfem.export.spec import CSpec

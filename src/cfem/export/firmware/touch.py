@@ -22,17 +22,19 @@ def write_c_touch(
     obstacles: Sequence[Obstacle],
     friction: float,
     unilateral: np.ndarray,
-    robots: int = 1,
+    robots: int = 0,
     most: int = MOST,
 ) -> int:
     """Adds contact to the C folder of a model; the bytes of its constants. unilateral (n_a,) bool: actuators that only
-    pull; robots: that meet; most: patches that may touch at once. InputError where an obstacle is a mesh."""
+    pull; robots: that meet, 0 where only obstacles do; most: patches that may touch at once. InputError where an
+    obstacle is a mesh."""
     copy_sources(folder, "touch")
     constants = touch_constants(patched) | {"unilateral": np.asarray(unilateral, np.uint8)}
     sizes = {
         "CFEM_PATCHES": len(patched.patches),
         "CFEM_TOUCH_MOST": most,
-        "CFEM_TOUCH_ROBOTS": robots,
+        "CFEM_TOUCH_ROBOTS": max(robots, 1),
+        "CFEM_TOUCH_SOFT": int(robots > 0),
         "CFEM_PATCH_ROWS": len(patched.model.skin),
         "CFEM_PATCH_TERMS": len(constants["degrees"]),
         "CFEM_PATCH_COMPLIANCE_TERMS": len(constants["compliance_degrees"]),

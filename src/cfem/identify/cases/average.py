@@ -17,7 +17,7 @@ import numpy as np
 from cfem.core.artefact.files import write_json
 from cfem.core.errors import InputError
 from cfem.identify.cases.left_out import LeftOut
-from cfem.identify.cases.predict import Prediction
+from cfem.identify.cases.prediction.predict import Prediction
 from cfem.identify.fit.prediction_intervals import half_and_radius
 
 FILE = "average.json"

@@ -25,8 +25,8 @@ def _work(folder: Path, spec: CasesSpec, base: Path) -> dict[str, Any]:
     from cfem.identify.cases.calibrated_scene import calibrated_scene
     from cfem.identify.cases.load import load_lab
     from cfem.identify.cases.outcome import FILE, read_calibrated, write_calibrated
-    from cfem.identify.cases.predict import predict
-    from cfem.identify.cases.prediction_table import write_predictions
+    from cfem.identify.cases.prediction.predict import predict
+    from cfem.identify.cases.prediction.table import write_predictions
     from cfem.identify.cases.results import case_results
     from cfem.identify.cases.text import headline
 

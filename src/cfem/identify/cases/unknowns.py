@@ -7,8 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cfem.condensed.parameter_values import number_in
-from cfem.condensed.parameters import Parameter, range_coordinates, slopes
+from cfem.condensed.parameters import Parameter, number_in, range_coordinates, slopes
 from cfem.core.errors import SpecError
 from cfem.identify.cases.spec import Unknown, is_of_rig
 from cfem.identify.fit.free_parameter import FreeParameter, from_reference

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from cfem.condensed.parameter_values import number_in
+from cfem.condensed.parameters import number_in
 from cfem.core.artefact.files import write_json, write_whole
 from cfem.core.artefact.judgement import KEY, poor
 from cfem.core.console.shown import stress

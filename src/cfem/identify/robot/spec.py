@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, PositiveInt
 
-from cfem.condensed.parameter_values import Value
+from cfem.condensed.parameters import Value
 from cfem.core.actuator_units import Displacement, Effort
 from cfem.core.spec import Spec
 from cfem.core.units import Length

@@ -29,7 +29,7 @@ def _used(spec: CalibrateSpec, name: str) -> bool:
 
 def _work(folder: Path, spec: CalibrateSpec, base: Path) -> dict[str, Any]:
     """Results: value and interval by parameter, what cannot be found, the fit."""
-    from cfem.condensed.parameter_values import value_of, vector
+    from cfem.condensed.parameters import value_of, vector
     from cfem.identify.robot.calibration import calibrate, coverage
     from cfem.identify.robot.measurements import read_measurements
     from cfem.identify.robot.results import calibration_results, write_states
@@ -90,7 +90,7 @@ def _family(spec: CalibrateSpec, paths: dict[str, Path]) -> Any:
 
 def _find(spec: CalibrateSpec, parameters: tuple[Parameter, ...]) -> list[int]:
     """Numbers of the parameters to find. SpecError where one is unknown, also fixed, or none is left."""
-    from cfem.condensed.parameter_values import demand_known
+    from cfem.condensed.parameters import demand_known
 
     names = [parameter.name for parameter in parameters]
     wanted = spec.find if spec.find is not None else [name for name in names if name not in spec.fixed]
@@ -129,8 +129,7 @@ def _noise(spec: CalibrateSpec, dual_measured: bool) -> Any:
 
 def _starts(spec: CalibrateSpec, parameters: tuple[Parameter, ...], find: list[int], p0: np.ndarray) -> np.ndarray:
     """Starts (k, n_p) of the search. SpecError where one names a parameter that is not to be found."""
-    from cfem.condensed.parameter_values import vector
-    from cfem.condensed.parameters import from_shares
+    from cfem.condensed.parameters import from_shares, vector
     from cfem.parametric.least_squares import spread_starts
 
     if isinstance(spec.starts, list):

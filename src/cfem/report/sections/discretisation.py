@@ -38,7 +38,7 @@ def study(scene: SceneSpec, folder: Path, spec: Discretisation) -> dict:
     """Rows (plain data) of all meshes at every Poisson's ratio, of all tolerances, and of the orders of convergence.
     Errors are relative to the reference: the tip's by the largest displacement of any state, W's by its norm, the
     forces' by the largest. Raises NumericalError where a state does not converge."""
-    from cfem.robot.mesh.scene_mesh import scene_mesh
+    from cfem.robot.mesh.accuracy import scene_mesh
 
     ratios = spec.poisson or [scene.material.poisson]
     rows, reference = [], {}
@@ -183,7 +183,7 @@ def _tolerances(scene: SceneSpec, folder: Path, spec: Discretisation) -> list[di
     from cfem.equilibrium.system.actuation import pull
     from cfem.equilibrium.system.problem import Problem
     from cfem.robot.build import build_robot
-    from cfem.robot.mesh.scene_mesh import scene_mesh
+    from cfem.robot.mesh.accuracy import scene_mesh
 
     if not spec.tolerances:
         return []

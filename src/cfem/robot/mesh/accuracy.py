@@ -68,3 +68,9 @@ def _command(robot: Robot, index: int) -> Actuation:
     """One actuator alone at its reach, or at its largest pressure where the scene states these."""
     share = np.eye(robot.rows.n_a)[index]
     return pull(share, robot.reach[:, 1]) if robot.forces is None else force(share * robot.forces[:, 1])
+
+
+def scene_mesh(scene: SceneSpec, folder: Path) -> tuple[Mesh, float | None, dict[str, Any] | None]:
+    """The scene's mesh, its CAD volume mm^3 (meshing.make_mesh) and its `mesh_error`, graded where the scene states a
+    number of cells or the error that it may have; an error that was not asked for is None."""
+    return accurate_mesh(scene, folder) if scene.mesh.accuracy is not None else (*graded_mesh(scene, folder), None)

@@ -13,7 +13,7 @@ from cfem.constraint.push import Push
 from cfem.core.errors import SpecError
 from cfem.equilibrium.system.robot import Robot
 from cfem.mechanics.body import on_nodes
-from cfem.mechanics.load import gravity
+from cfem.mechanics.mass import gravity
 from cfem.mechanics.mesh import Mesh
 from cfem.robot.selection import select_cells
 from cfem.robot.shape.deform import displacement

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from cfem.condensed import pack_upper
-from cfem.condensed.energy_slopes import by_displacement
+from cfem.condensed.condensed import by_displacement
 from cfem.condensed.model import Form
 from cfem.condensed.parameters import coordinates, from_json, sampled, slopes
 

@@ -13,14 +13,13 @@ from typing import Any
 
 import numpy as np
 
-from cfem.condensed.pose import COORDINATES
-from cfem.condensed.resting import resting
+from cfem.condensed.pose import COORDINATES, resting
 from cfem.predict.series.derivatives import differentiated
 from cfem.predict.series.energy import FOURTH, FOURTH_INDICES, THIRD, Form
 from cfem.surrogate.series.chebyshev import design_rows, index_set
 from cfem.surrogate.series.coordinates import box_coordinates, held_coordinates, mean_square
 from cfem.surrogate.series.greedy import greedy_set
-from cfem.surrogate.series.least_norm import least_norm
+from cfem.surrogate.series.least_squares import least_norm
 from cfem.surrogate.series.nested_fit import level_counts, try_counts, values_left_out
 from cfem.surrogate.series.observations import Derivative, Observations, in_box, inputs, observations
 from cfem.surrogate.series.weights import SEARCH_ROWS, active_weights, decay_weights, searched_weights

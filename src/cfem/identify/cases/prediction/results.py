@@ -7,8 +7,8 @@ import numpy as np
 
 from cfem.core.artefact.judgement import poor
 from cfem.identify.cases.outcome import Calibrated
-from cfem.identify.cases.predict import Prediction, beyond_calibration
-from cfem.identify.cases.prediction_table import repeats
+from cfem.identify.cases.prediction.predict import Prediction, beyond_calibration
+from cfem.identify.cases.prediction.table import repeats
 from cfem.identify.cases.table import Cases
 from cfem.identify.cases.text import repeats_line
 

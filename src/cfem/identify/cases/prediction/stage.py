@@ -35,7 +35,7 @@ def _work(folder: Path, spec: PredictSpec, base: Path) -> dict[str, Any]:
     from cfem.identify.cases.load import load_lab
     from cfem.identify.cases.outcome import read_calibrated
     from cfem.identify.cases.prediction.results import headline, prediction_results
-    from cfem.identify.cases.prediction_table import write_predictions
+    from cfem.identify.cases.prediction.table import write_predictions
 
     path = base / spec.cases
     lab = load_lab(load_spec(path, CasesSpec), path.parent)
@@ -68,7 +68,7 @@ def _work(folder: Path, spec: PredictSpec, base: Path) -> dict[str, Any]:
 
 def _predicted(lab: Any, find: Sequence[str], known: Any, cases: Any, spec: PredictSpec) -> Any:
     """Predictions of the cases by one model. InputError where it was calibrated by other parameters."""
-    from cfem.identify.cases.predict import predict
+    from cfem.identify.cases.prediction.predict import predict
 
     rig = lab.rig(find, tuple(dict.fromkeys([*known.sessions, *cases.sessions])), known.discrepancy)
     strange = [name for name in known.names if name not in {unknown.name for unknown in rig.unknowns}]

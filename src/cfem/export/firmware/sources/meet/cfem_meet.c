@@ -1,277 +1,286 @@
-/* Rounds: the law of contact for the pairs that touch, linear about where the patches are; where its forces bring them; who is before
- * whom there; until neither forces nor pairs change. The same as cfem.predict.contact.scene. */
-#include "cfem_meet_law.h"
+/* Robots that meet, and the pairs of their soft surfaces. The same as cfem.predict.contact.soft_pairs. */
+#include "cfem_meet.h"
 
 #include <string.h>
 
 #include "cfem_linear.h"
-#include "cfem_slack.h"
+#include "cfem_soft.h"
 
 #define N CFEM_PATCHES
 #define ALL CFEM_MEET_PATCHES
 #define ROBOTS CFEM_MEET_ROBOTS
 #define MOST CFEM_TOUCH_MOST
 #define NA CFEM_NA
-#define ALL_NA CFEM_SLACK_MOST
 
-enum { ITERATIONS = 60, ON = 99 }; /* rounds, as many as in Python (predict/contact/rounds.py); ON: another is needed */
-static const double TOLERANCE = 1e-8, OVERLAP = 1e-6, INSIDE = 1e-3;         /* of the length */
-static const double SETTLING = 0.01, ENTERED = 0.1, NEAR = 0.1;              /* of the distance of patches */
+static const double TOLERANCE = 1e-8, OVERLAP = 1e-6, INSIDE = 1e-3; /* of the length */
+static const double SETTLING = 0.01, ENTERED = 0.1, NEAR = 0.1;      /* of the distance of patches */
 
-static int presses(const cfem_hold *hold) { return hold->push[0] != 0.0 || hold->push[1] != 0.0 || hold->push[2] != 0.0; }
+static int presses(const double *force) { return force[0] != 0.0 || force[1] != 0.0 || force[2] != 0.0; }
+
+int cfem_hold_of(const cfem_met *now, int slot) {
+    for (int i = 0; i < now->hold_count; i++)
+        if (now->hold[i].row.slot == slot) return i;
+    return -1;
+}
+
+static cfem_pair *touching(const cfem_rounds *at, int k) { return &at->soft->now->pair[at->soft->room->touching[k]]; }
+
+static const double *begun(const cfem_rounds *at, int p) { return at->before[p / N].place[p % N]; }
+
+/* mm: gap of a pair, were the patches where the step began, on the same plane. */
+static double first_gap(const cfem_rounds *at, const cfem_pair *pair) {
+    double gap = pair->gap;
+    for (int k = 0; k < pair->row.count; k++) {
+        const double *const x = begun(at, pair->row.patch[k]), *const y = at->soft->room->around.place[pair->row.patch[k]];
+        for (int a = 0; a < 3; a++) gap += pair->frame[0][a] * pair->row.weight[k] * (x[a] - y[a]);
+    }
+    return gap;
+}
 
 /* Whether a pair has come in through the faces that it has. */
-static int entered(const cfem_meeting *at, const cfem_pair *pair) {
-    const int h = cfem_hold_of(at->now, pair->row.slot);
-    return !at->begin || pair->row.slot >= ALL || cfem_first_gap(at, pair) > -ENTERED * CFEM_MEET_SPACING ||
-           (h >= 0 && !at->now->hold[h].unknown);
+static int entered(const cfem_rounds *at, const cfem_pair *pair) {
+    const int h = cfem_hold_of(at->soft->now, pair->row.slot);
+    return !at->before || first_gap(at, pair) > -ENTERED * CFEM_MEET_SPACING || (h >= 0 && !at->soft->now->hold[h].unknown);
 }
 
-/* Where all patches are under the forces. 0, or a status. */
-static unsigned place(cfem_meeting *at) {
-    cfem_around *const around = &at->room->around;
+/* Where all patches are, for those who look for pairs. */
+static void see(cfem_rounds *at) {
+    cfem_around *const around = &at->soft->room->around;
     for (int b = 0; b < ROBOTS; b++) {
-        cfem_touched *const one = &at->now->robot[b];
-        cfem_touch_room *const room = &at->room->robot[b];
-        const cfem_placed *const pose = &around->robots[b];
-        if (cfem_touch_compliance(one->count, one->patch, room)) return CFEM_TOUCH_NO_MODEL;
-        cfem_touch_bear(one->count, one->patch, one->force, room);
-        cfem_touch_places(one->count, one->patch, one->force, room, one->place);
-        for (int p = 0; p < N; p++) {
-            double *const x = around->place[b * N + p];
+        const cfem_touch_room *const room = &at->room[b];
+        memcpy(around->place[b * N], at->now[b].place, sizeof at->now[b].place);
+        for (int p = 0; p < N; p++)
             for (int a = 0; a < 3; a++) {
-                x[a] = cfem_dot(3, pose->R[a], one->place[p]) + pose->t[a];
-                around->low[b][a] = fmin(x[a], p ? around->low[b][a] : x[a]);
-                around->high[b][a] = fmax(x[a], p ? around->high[b][a] : x[a]);
+                const double x = around->place[b * N + p][a];
+                around->low[b][a] = fmin(x, p ? around->low[b][a] : x), around->high[b][a] = fmax(x, p ? around->high[b][a] : x);
             }
-            memcpy(one->place[p], x, sizeof one->place[p]);
-        }
-        for (int k = 0; k < CFEM_PATCH_ROWS; k++) around->rows[b][k] = room->rows[k] + (one->count ? room->moved[k] : 0.0);
+        for (int k = 0; k < CFEM_PATCH_ROWS; k++) around->rows[b][k] = room->rows[k] + (at->now[b].count ? room->moved[k] : 0.0);
     }
-    return 0;
 }
 
-/* Adds the obstacles that patches are near to. */
-static unsigned solids(cfem_meeting *at) {
-    for (int p = 0; p < ALL; p++) {
-        if (at->now->pair_count == CFEM_MEET_PAIRS) return CFEM_TOUCH_MANY;
-        at->now->pair_count += cfem_pair_solid(&at->room->around, p, &at->now->pair[at->now->pair_count]);
-    }
-    return 0;
-}
-
-/* Places, and the pairs of before on the same planes. */
-static unsigned onwards(cfem_meeting *at) {
-    cfem_met *const now = at->now;
+/* The pairs of before on the same planes. */
+static void onwards(cfem_rounds *at) {
     double apart[3];
-    const unsigned status = place(at);
-    if (status) return status;
-    while (now->pair_count && now->pair[now->pair_count - 1].row.slot >= ALL) now->pair_count--;
-    for (int i = 0; i < now->pair_count; i++) {
-        cfem_row_place(&now->pair[i].row, at->room->around.place, apart);
-        now->pair[i].gap = cfem_dot(3, now->pair[i].frame[0], apart);
+    see(at);
+    for (int i = 0; i < at->soft->now->pair_count; i++) {
+        cfem_pair *const pair = &at->soft->now->pair[i];
+        cfem_row_place(&pair->row, at->soft->room->around.place, apart);
+        pair->gap = cfem_dot(3, pair->frame[0], apart);
     }
-    return solids(at);
 }
 
-/* Places, and who is before whom there. What has touched in this step keeps its faces: always where patches hardly move any more,
- * else where it would have none. */
-static unsigned look(cfem_meeting *at) {
-    cfem_met *const now = at->now;
-    cfem_around *const around = &at->room->around;
-    const unsigned status = place(at);
-    if (status) return status;
-    memset(around->known, 0, sizeof around->known);
+/* Who is before whom. What has touched in this step keeps its faces: always where patches hardly move any more, else where it would have
+ * none. 0, or a status. */
+static unsigned look(cfem_rounds *at) {
+    cfem_met *const now = at->soft->now;
+    cfem_meet_room *const room = at->soft->room;
+    see(at);
+    memset(room->around.known, 0, sizeof room->around.known);
     now->pair_count = 0;
     for (int p = 0; p < ALL; p++) {
         if (now->pair_count == CFEM_MEET_PAIRS) return CFEM_TOUCH_MANY;
         cfem_pair *const pair = &now->pair[now->pair_count];
         const int h = cfem_hold_of(now, p);
-        const cfem_row_of *const faces = h >= 0 && at->room->kept[h] ? &at->room->faces[h] : 0;
-        int found = !faces || at->moved > SETTLING * CFEM_MEET_SPACING ? cfem_pair_of(around, p, 0, pair) : 0;
-        if (!found && faces) found = cfem_pair_of(around, p, faces, pair);
+        const cfem_row_of *const faces = h >= 0 && room->kept[h] ? &room->faces[h] : 0;
+        int found = !faces || at->moved > SETTLING * CFEM_MEET_SPACING ? cfem_pair_of(&room->around, p, 0, pair) : 0;
+        if (!found && faces) found = cfem_pair_of(&room->around, p, faces, pair);
         if (found < 0) return CFEM_TOUCH_MANY;
         now->pair_count += found;
-    }
-    return solids(at);
-}
-
-/* Which pairs touch. 0, or a status. */
-static unsigned touching(cfem_meeting *at) {
-    at->count = 0;
-    for (int i = 0; i < at->now->pair_count; i++) {
-        const cfem_pair *const pair = &at->now->pair[i];
-        const int h = cfem_hold_of(at->now, pair->row.slot);
-        if (!(pair->gap <= 0.0 || (h >= 0 && presses(&at->now->hold[h]))) || !entered(at, pair)) continue;
-        if (at->count == MOST) return CFEM_TOUCH_MANY;
-        at->room->touching[at->count++] = i;
     }
     return 0;
 }
 
-/* Nothing touches. */
-static unsigned let_go(cfem_meeting *at) {
-    int free = 1;
-    for (int b = 0; b < ROBOTS; b++)
-        for (int i = 0; i < 3 * at->now->robot[b].count; i++)
-            free &= at->now->robot[b].force[i / 3][i % 3] == 0.0, at->now->robot[b].force[i / 3][i % 3] = 0.0;
-    for (int h = 0; h < at->now->hold_count; h++) {
-        memset(at->now->hold[h].push, 0, sizeof at->now->hold[h].push);
-        at->now->hold[h].mode = CFEM_TOUCH_OPEN;
+unsigned cfem_soft_begin(cfem_rounds *at) {
+    cfem_met *const now = at->soft->now;
+    const cfem_met *const before = at->soft->begin;
+    int inside = 0;
+    at->soft->room->around.robots = at->placed, at->soft->last = 0;
+    if (before) {
+        now->pair_count = before->pair_count, now->hold_count = before->hold_count;
+        memcpy(now->pair, before->pair, sizeof now->pair);
+        memcpy(now->hold, before->hold, sizeof now->hold);
+        memset(at->soft->room->kept, 0, sizeof at->soft->room->kept);
+        onwards(at);
+        return 0;
     }
     const unsigned status = look(at);
-    for (int i = 0; i < at->now->pair_count; i++)
-        free &= at->now->pair[i].gap > 0.0 || !entered(at, &at->now->pair[i]);
-    return status ? status : free ? CFEM_TOUCH_CONVERGED : ON;
+    for (int i = 0; i < now->pair_count; i++) inside |= now->pair[i].gap < -INSIDE * CFEM_PATCH_LENGTH;
+    for (int p = 0; p < ALL; p++) inside |= at->room[p / N].distance[p % N] < -INSIDE * CFEM_PATCH_LENGTH;
+    return status ? status : inside ? CFEM_MEET_INSIDE : 0;
 }
 
-static unsigned one_round(cfem_meeting *at) {
-    cfem_met *const now = at->now;
-    cfem_meet_room *const room = at->room;
-    double local[MOST][3];
-    int pressed = 1, settled;
-    unsigned status = touching(at);
-    if (status) return status;
-    if (!at->count) return let_go(at);
-    const int new = cfem_meet_choose(at, 1);
-    if (new < 0) return CFEM_TOUCH_MANY;
-    if (new) {
-        status = onwards(at);
-        if (!status) status = touching(at);
-        if (status || cfem_meet_choose(at, 0)) return status ? status : ON;
+unsigned cfem_soft_touch(cfem_rounds *at) {
+    at->pairs = 0;
+    for (int i = 0; i < at->soft->now->pair_count; i++) {
+        const cfem_pair *const pair = &at->soft->now->pair[i];
+        const int h = cfem_hold_of(at->soft->now, pair->row.slot);
+        if (!(pair->gap <= 0.0 || (h >= 0 && presses(at->soft->now->hold[h].push))) || !entered(at, pair)) continue;
+        if (at->pairs == MOST) return CFEM_TOUCH_MANY;
+        at->soft->room->touching[at->pairs++] = i;
     }
-    status = cfem_meet_hold(at);
-    if (status) return status;
-    for (int b = 0; b < ROBOTS; b++) cfem_touch_yield(now->robot[b].count, now->robot[b].patch, &room->robot[b]);
-    if (cfem_meet_law(at, 1, local)) { /* under large forces the derivative may be indefinite, which the other is not */
-        pressed = 0;
-        if (cfem_meet_law(at, 0, local)) return CFEM_TOUCH_NO_STATE;
-    }
-    cfem_meet_push(at, pressed, local);
-    settled = at->count == at->last && at->moved <= TOLERANCE * CFEM_PATCH_LENGTH;
-    for (int i = 0; i < at->count; i++) {
-        const int slot = cfem_touching(at, i)->row.slot;
-        settled &= i < at->last && room->slots[i] == slot, room->slots[i] = slot;
-    }
-    at->last = at->count;
-    status = look(at);
-    for (int i = 0, k = 0; i < now->pair_count; i++) {
-        while (k < at->last && room->slots[k] < now->pair[i].row.slot) k++;
-        if (k < at->last && room->slots[k] == now->pair[i].row.slot) continue;
-        settled &= now->pair[i].gap >= -OVERLAP * CFEM_PATCH_LENGTH || !entered(at, &now->pair[i]);
-    }
-    return status ? status : settled ? CFEM_TOUCH_CONVERGED : ON;
+    return 0;
 }
 
-/* From where slip counts from here on, and what the next step begins with. */
-static void finish(cfem_meeting *at) {
-    cfem_met *const now = at->now;
+unsigned cfem_soft_bear(cfem_rounds *at, int *grown) {
+    for (int k = 0; k < at->pairs; k++)
+        for (int e = 0; e < touching(at, k)->row.count; e++) {
+            const int p = touching(at, k)->row.patch[e], more = cfem_rounds_bear(at, p / N, p % N);
+            if (more < 0) return CFEM_TOUCH_MANY;
+            *grown |= more;
+        }
+    return 0;
+}
+
+/* Places of the patches among those of their robots that bear, -1 of others. */
+static void number(cfem_rounds *at) {
+    int *const place = at->soft->room->chosen;
+    for (int p = 0; p < ALL; p++) place[p] = -1;
+    for (int b = 0; b < ROBOTS; b++)
+        for (int i = 0; i < at->now[b].count; i++) place[b * N + at->now[b].patch[i]] = i;
+}
+
+unsigned cfem_soft_go_on(cfem_rounds *at, int *known) {
+    onwards(at);
+    const unsigned status = cfem_soft_touch(at);
+    if (status || at->solid + at->pairs > MOST) return CFEM_TOUCH_MANY;
+    number(at);
+    for (int k = 0; k < at->pairs; k++)
+        for (int e = 0; e < touching(at, k)->row.count; e++) *known &= at->soft->room->chosen[touching(at, k)->row.patch[e]] >= 0;
+    return 0;
+}
+
+/* A pair that has not touched before sticks where it has touched: on the way from where the step began. */
+static void begin_hold(cfem_rounds *at, const cfem_pair *pair, cfem_hold *hold) {
+    cfem_row_of *const row = &hold->row;
+    const double first = at->before ? first_gap(at, pair) : pair->gap, last = pair->gap;
+    const double share = first <= 0.0 ? 0.0 : last < 0.0 ? first / fmax(first - last, 1e-300) : 1.0;
+    double sign, on[CFEM_ROW_MOST][2], mean[2] = {0.0}, aside[2] = {0.0}, M[4] = {0.0};
+    hold->unknown = 0;
+    *row = pair->row;
+    for (int k = 0; k < row->count; k++) {
+        const double *const there = at->soft->room->around.place[row->patch[k]], *const from = at->before ? begun(at, row->patch[k]) : there;
+        double x[3];
+        for (int a = 0; a < 3; a++) x[a] = from[a] + share * (there[a] - from[a]);
+        for (int a = 0; a < 2; a++) {
+            on[k][a] = cfem_dot(3, pair->frame[1 + a], x), aside[a] += row->weight[k] * on[k][a];
+            if (k) mean[a] += on[k][a] / (row->count - 1);
+        }
+    }
+    for (int k = 1; k < row->count; k++)
+        for (int a = 0; a < 4; a++) M[a] += (on[k][a / 2] - mean[a / 2]) * (on[k][a % 2] - mean[a % 2]);
+    if (cfem_eliminate(2, M, 1, aside, &sign)) return;
+    for (int k = 1; k < row->count; k++) /* such shares of its faces that the point is before it there */
+        for (int a = 0; a < 2; a++) row->weight[k] -= (on[k][a] - mean[a]) * aside[a];
+}
+
+unsigned cfem_soft_hold(cfem_rounds *at) {
+    cfem_met *const now = at->soft->now;
+    number(at);
+    for (int k = 0; k < at->pairs; k++) {
+        const cfem_pair *const pair = touching(at, k);
+        int h = cfem_hold_of(now, pair->row.slot);
+        if (h < 0) {
+            if (now->hold_count == CFEM_MEET_PAIRS) return CFEM_TOUCH_MANY;
+            h = now->hold_count++;
+            memset(&now->hold[h], 0, sizeof now->hold[h]);
+            now->hold[h].unknown = 1;
+        }
+        if (now->hold[h].unknown) begin_hold(at, pair, &now->hold[h]);
+        at->soft->room->kept[h] = 1, at->soft->room->faces[h] = pair->row;
+    }
+    return 0;
+}
+
+void cfem_soft_row(cfem_rounds *at, int k, double *known, double *gap) {
+    const cfem_pair *const pair = touching(at, k);
+    const cfem_hold *const hold = &at->soft->now->hold[cfem_hold_of(at->soft->now, pair->row.slot)];
+    double slip[3];
+    memcpy(at->frame[at->solid + k], pair->frame, sizeof pair->frame);
+    cfem_row_place(&hold->row, at->soft->room->around.place, slip);
+    for (int a = 0; a < 3; a++) {
+        known[a] = a == 0 || at->mu > 0.0 ? cfem_dot(3, pair->frame[a], hold->push) : 0.0;
+        gap[a] = a == 0 ? pair->gap : at->mu > 0.0 ? cfem_dot(3, pair->frame[a], slip) : 0.0;
+    }
+}
+
+/* Nothing presses any more. */
+static void release(cfem_met *now) {
+    for (int h = 0; h < now->hold_count; h++) {
+        memset(now->hold[h].push, 0, sizeof now->hold[h].push);
+        now->hold[h].mode = CFEM_TOUCH_OPEN;
+    }
+}
+
+unsigned cfem_soft_settle(cfem_rounds *at, int *settled) {
+    cfem_met *const now = at->soft->now;
+    const int rows = at->solid + at->pairs;
+    int *const slots = at->soft->room->slots;
+    release(now);
+    *settled = rows == at->soft->last && at->moved <= TOLERANCE * CFEM_PATCH_LENGTH;
+    for (int r = 0; r < rows; r++) {
+        const int k = r - at->solid, slot = k < 0 ? ALL + at->robot[r] * N + at->now[at->robot[r]].patch[at->slot[r]] : touching(at, k)->row.slot;
+        *settled &= r < at->soft->last && slots[r] == slot, slots[r] = slot;
+        if (k < 0) continue;
+        cfem_hold *const hold = &now->hold[cfem_hold_of(now, slot)];
+        hold->mode = cfem_touch_mode(at->mu, at->local[r]);
+        for (int a = 0; a < 9; a++) hold->push[a % 3] += at->local[r][a / 3] * at->frame[r][a / 3][a % 3];
+    }
+    at->soft->last = rows;
+    const unsigned status = look(at);
+    for (int i = 0, r = at->solid; i < now->pair_count; i++) {
+        while (r < rows && slots[r] < now->pair[i].row.slot) r++;
+        if (r < rows && slots[r] == now->pair[i].row.slot) continue;
+        *settled &= now->pair[i].gap >= -OVERLAP * CFEM_PATCH_LENGTH || !entered(at, &now->pair[i]);
+    }
+    return status;
+}
+
+unsigned cfem_soft_let_go(cfem_rounds *at) {
+    cfem_met *const now = at->soft->now;
+    int free = 1;
+    for (int b = 0; b < ROBOTS; b++)
+        for (int i = 0; i < at->now[b].count; i++) {
+            free &= !presses(at->now[b].force[i]);
+            memset(at->now[b].force[i], 0, sizeof at->now[b].force[i]);
+            memset(at->now[b].push[i], 0, sizeof at->now[b].push[i]);
+        }
+    release(now);
+    cfem_rounds_place(at);
+    const unsigned status = look(at);
+    for (int i = 0; i < now->pair_count; i++) free &= now->pair[i].gap > 0.0 || !entered(at, &now->pair[i]);
+    return status ? status : free ? CFEM_TOUCH_CONVERGED : CFEM_ROUNDS_ON;
+}
+
+void cfem_soft_finish(cfem_rounds *at) {
+    cfem_met *const now = at->soft->now;
+    unsigned char *const near = at->soft->room->around.known;
     int kept = 0;
-    cfem_meet_number(at);
-    for (int p = 0; p < ALL; p++) at->room->around.known[p] = 0; /* whether a patch is of a pair that is near, or bears */
-    for (int i = 0; i < now->pair_count; i++) {
-        const cfem_pair *const pair = &now->pair[i];
-        for (int k = 0; k < pair->row.count && pair->gap < NEAR * CFEM_MEET_SPACING; k++)
-            at->room->around.known[pair->row.patch[k]] = 1;
-    }
+    memset(near, 0, sizeof at->soft->room->around.known);
+    for (int i = 0; i < now->pair_count; i++)
+        for (int e = 0; e < now->pair[i].row.count && now->pair[i].gap < NEAR * CFEM_MEET_SPACING; e++) near[now->pair[i].row.patch[e]] = 1;
     for (int h = 0; h < now->hold_count; h++) {
         cfem_hold *const hold = &now->hold[h];
         int i = 0;
         while (i < now->pair_count && now->pair[i].row.slot != hold->row.slot) i++;
         if (i == now->pair_count || hold->mode == CFEM_TOUCH_OPEN) continue;
-        if (hold->mode == CFEM_TOUCH_SLIP) {
-            hold->row = now->pair[i].row;
-            for (int a = 0; a < 3; a++) hold->origin[a] = hold->row.slot < ALL ? 0.0 : at->room->around.place[hold->row.patch[0]][a];
-        }
+        if (hold->mode == CFEM_TOUCH_SLIP) hold->row = now->pair[i].row;
         now->hold[kept++] = *hold;
     }
     now->hold_count = kept;
-    for (int b = 0; b < ROBOTS; b++) {
-        cfem_touched *const one = &now->robot[b];
-        one->near_count = 0;
-        for (int i = 0; i < one->count; i++) {
-            const double *const f = one->force[i];
-            if (at->room->around.known[b * N + one->patch[i]] || f[0] != 0.0 || f[1] != 0.0 || f[2] != 0.0)
-                one->near[one->near_count++] = one->patch[i];
-        }
-        cfem_touch_loaded(one, &at->room->robot[b]);
-    }
 }
 
-/* The robots as they were before, with what they bore. 0, or a status. */
-static unsigned take_up(cfem_meeting *at, const double *delta_a, const cfem_met *before) {
-    cfem_met *const now = at->now;
-    now->pair_count = now->hold_count = 0;
-    for (int b = 0; b < ROBOTS; b++) {
-        cfem_touched *const one = &now->robot[b];
-        one->count = before ? before->robot[b].near_count : 0;
-        for (int i = 0, k = 0; i < one->count; i++) {
-            one->patch[i] = before->robot[b].near[i];
-            while (before->robot[b].patch[k] != one->patch[i]) k++;
-            memcpy(one->force[i], before->robot[b].force[k], sizeof one->force[i]);
-        }
-        const unsigned status = cfem_touch_hold(delta_a + b * NA, one, &at->room->robot[b]);
-        if (status) return status;
-    }
-    if (!before) {
-        const unsigned status = look(at);
-        for (int i = 0; i < now->pair_count && !status; i++)
-            if (now->pair[i].gap < -INSIDE * CFEM_PATCH_LENGTH) return CFEM_MEET_INSIDE;
-        return status;
-    }
-    now->pair_count = before->pair_count, now->hold_count = before->hold_count;
-    memcpy(now->pair, before->pair, sizeof now->pair);
-    memcpy(now->hold, before->hold, sizeof now->hold);
-    memset(at->room->kept, 0, sizeof at->room->kept);
-    return onwards(at);
-}
-
-typedef struct {
-    const cfem_placed *robots;
-    const cfem_obstacle *obstacles;
-    int count;
-    double mu;
-    const cfem_met *before;
-    cfem_met *now;
-    cfem_meet_room *room;
-} held_meeting;
-
-/* The step with all actuators held. */
-static unsigned held(void *with, const double *delta_a, double *lambda_a) {
-    const held_meeting *const of = with;
-    cfem_met *const now = of->now;
-    cfem_meet_room *const room = of->room;
-    cfem_meeting at = {of->before, now, room, of->mu, HUGE_VAL, 0, 0};
-    double sum = of->mu;
-    for (int i = 0; i < ALL_NA; i++) sum += delta_a[i];
-    now->iterations = now->pair_count = now->hold_count = 0;
-    if (!cfem_finite(sum) || !(of->mu >= 0.0)) return now->status = CFEM_TOUCH_BAD_INPUT;
-    room->around.robots = of->robots, room->around.obstacles = of->obstacles, room->around.obstacle_count = of->count;
-    now->status = take_up(&at, delta_a, of->before);
-    if (now->status) return now->status;
-    for (now->status = ON; now->status == ON; now->iterations++)
-        now->status = now->iterations < ITERATIONS ? one_round(&at) : CFEM_TOUCH_ITERATIONS;
-    if (now->status == CFEM_TOUCH_ITERATIONS) now->iterations--;
-    if (now->status == CFEM_TOUCH_NO_MODEL || now->status == CFEM_TOUCH_MANY)
-        now->pair_count = now->hold_count = 0;
-    else
-        finish(&at);
-    for (int i = 0; i < ALL_NA; i++) lambda_a[i] = now->robot[i / NA].lambda_a[i % NA];
-    return now->status;
+int cfem_soft_near(const cfem_rounds *at, int b, int p) {
+    return at->soft->room->around.known[b * N + p] || at->room[b].distance[p] < NEAR * CFEM_MEET_SPACING;
 }
 
 unsigned cfem_meet(double (*delta_a)[CFEM_NA], const cfem_placed *robots, const cfem_obstacle *obstacles, int count, double mu,
                    const cfem_met *before, cfem_met *now, cfem_meet_room *room) {
-    held_meeting with = {robots, obstacles, count, mu, before, now, room};
-    double at[ALL_NA] = {0.0};
-    unsigned char unilateral[ALL_NA] = {0}, slack[ALL_NA] = {0};
-    for (int i = 0; i < ALL_NA && before; i++) {
-        unilateral[i] = robots[i / NA].unilateral[i % NA], at[i] = before->robot[i / NA].delta_a[i % NA];
-        slack[i] = unilateral[i] && before->robot[i / NA].lambda_a[i % NA] == 0.0;
-    }
-    now->status = cfem_slack(ALL_NA, &delta_a[0][0], unilateral, held, &with, at, slack);
-    for (int i = 0; i < ALL_NA; i++)
-        if (slack[i]) now->robot[i / NA].lambda_a[i % NA] = 0.0;
+    struct cfem_meeting soft = {before, now, room, 0};
+    cfem_rounds at = {.placed = robots, .obstacles = obstacles, .obstacle_count = count, .mu = mu, .before = before ? before->robot : 0,
+                      .now = now->robot, .room = room->robot, .soft = &soft};
+    now->pair_count = now->hold_count = 0;
+    now->status = (before ? cfem_rounds_slack : cfem_rounds_run)(&at, &delta_a[0][0]), now->iterations = at.iterations;
+    if (now->status == CFEM_TOUCH_NO_MODEL || now->status == CFEM_TOUCH_MANY) now->pair_count = now->hold_count = 0;
     return now->status;
 }
 
@@ -283,5 +292,7 @@ double cfem_meet_pressed(const cfem_met *state, int robot, int met) {
         if (h >= 0 && ((mine == robot && pair->met == met) || (mine == met && pair->met == robot)))
             sum += cfem_dot(3, state->hold[h].push, pair->frame[0]);
     }
+    for (int i = 0; i < state->robot[robot].count; i++)
+        if (state->robot[robot].obstacle[i] + ROBOTS == met) sum += cfem_dot(3, state->robot[robot].push[i], state->robot[robot].normal[i]);
     return sum;
 }

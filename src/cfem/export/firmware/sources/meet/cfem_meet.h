@@ -15,11 +15,11 @@ extern "C" {
 
 #define CFEM_MEET_INSIDE 6 /* status beside those of cfem_touch.h: robots overlap where they begin */
 
-/* From where the slip of a pair counts: the row of patches that it had, and where an obstacle held its patch; unknown: it does not, and the
- * pair begins to. push: N, on that. */
+/* From where the slip of a pair counts: the row of patches that it had; unknown: it does not, and the pair begins to. push: N, on the first
+ * of these. */
 typedef struct {
     cfem_row_of row;
-    double origin[3], push[3];
+    double push[3];
     int mode, unknown;
 } cfem_hold;
 
@@ -28,7 +28,7 @@ typedef struct {
     unsigned status;
     int iterations, pair_count, hold_count;
     cfem_touched robot[CFEM_MEET_ROBOTS];
-    cfem_pair pair[CFEM_MEET_PAIRS]; /* all that are near */
+    cfem_pair pair[CFEM_MEET_PAIRS]; /* of soft surfaces, all that are near */
     cfem_hold hold[CFEM_MEET_PAIRS]; /* of those that press */
 } cfem_met;
 

@@ -141,18 +141,3 @@ int cfem_pair_of(cfem_around *around, int p, const cfem_row_of *faces, cfem_pair
     pair->gap = cfem_dot(3, pair->frame[0], by), pair->met = row->patch[most] / N;
     return faces || (short_of <= 0.0 && sizes <= FLAT && pair->gap >= -DEEPEST * S);
 }
-
-int cfem_pair_solid(const cfem_around *around, int p, cfem_pair *pair) {
-    const double *const x = around->place[p];
-    int which = -1;
-    pair->gap = WITHIN * S;
-    for (int o = 0; o < around->obstacle_count && !cfem_patch_held[p % N]; o++) {
-        const double gap = cfem_obstacle_distance(&around->obstacles[o], x);
-        if (gap < pair->gap) pair->gap = gap, which = o;
-    }
-    if (which < 0) return 0;
-    pair->row.slot = p + CFEM_MEET_PATCHES, pair->row.count = 1, pair->row.patch[0] = p, pair->row.weight[0] = 1.0;
-    pair->met = CFEM_MEET_ROBOTS + which;
-    cfem_obstacle_frame(&around->obstacles[which], x, pair->frame);
-    return 1;
-}

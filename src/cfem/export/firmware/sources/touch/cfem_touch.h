@@ -28,6 +28,13 @@ enum {
  * a state before. */
 #define CFEM_TOUCH_TRUSTED 0.035
 
+/* A robot: x = R x_own + t; itself: whether it touches itself; unilateral: actuators that go slack instead of pushing. */
+typedef struct {
+    double R[3][3], t[3];
+    int itself;
+    unsigned char unilateral[CFEM_NA];
+} cfem_placed;
+
 enum { CFEM_TOUCH_OPEN, CFEM_TOUCH_STICK, CFEM_TOUCH_SLIP };
 
 /* One state. The members up to `rows` are of patches that touch, `count` of them; those after it of the robot. */
@@ -40,6 +47,9 @@ typedef struct {
     double force[CFEM_TOUCH_MOST][3];  /* N, on it */
     double normal[CFEM_TOUCH_MOST][3]; /* of what it touches */
     double gap[CFEM_TOUCH_MOST];       /* mm */
+#if CFEM_TOUCH_SOFT
+    double push[CFEM_TOUCH_MOST][3];   /* N, that of the obstacle, in the scene */
+#endif
     double rows[CFEM_PATCH_ROWS];      /* mm: how far the modes of the surface go */
     double delta_e[CFEM_NE];           /* mm, effectors from rest */
     double delta_a[CFEM_NA];           /* mm: where the actuators are */
@@ -88,6 +98,7 @@ typedef struct {
     double law[CFEM_LAW_ROOM(CFEM_TOUCH_MOST)];
 } cfem_touch_room;
 
+#if !CFEM_TOUCH_SOFT /* else see cfem_meet.h */
 /* Quasi-static step to delta_a (CFEM_NA,) mm from the state `before` (0: the free robot, from where patches slide); friction mu of
  * all obstacles (count,). Returns now->status; `now` may not be `before`. CFEM_TOUCH_OBSTACLES of them and CFEM_TOUCH_FRICTION are
  * those that the robot was exported with. */
@@ -101,13 +112,14 @@ unsigned cfem_touch_slack(const double delta_a[CFEM_NA], const cfem_obstacle *ob
 
 /* N: how hard obstacle `number` is pressed, the sum of the normal forces of all patches that touch it. */
 double cfem_touch_pressed(const cfem_touched *state, int number);
+#endif
 
 /* cfem_touch_patches.c, for the files beside it: rotation of a patch since rest. */
 const double (*cfem_touch_rotation(int patch, cfem_touch_room *room))[3];
 /* Finds what the room holds of patches (count,) without forces. 0, or 1 where they are not finite. */
 int cfem_touch_compliance(int count, const int *patch, cfem_touch_room *room);
 
-/* cfem_touch_held.c, for cfem_touch.c: the robot without forces at delta_a. 0, or a status. */
+/* cfem_touch_held.c, for cfem_rounds.c: the robot without forces at delta_a. 0, or a status. */
 unsigned cfem_touch_hold(const double delta_a[CFEM_NA], cfem_touched *now, cfem_touch_room *room);
 /* Puts forces on patches (count,), and takes all others off. No more of the second order is taken than can be trusted. */
 void cfem_touch_bear(int count, const int *patch, double (*force)[3], cfem_touch_room *room);

@@ -4,7 +4,7 @@
 
 #include "cfem_linear.h"
 #if CFEM_CONTACT == 2
-#include "cfem_meet_law.h"
+#include "cfem_soft.h"
 #endif
 
 #if CFEM_CONTACT
@@ -15,6 +15,14 @@ static const double STEP = 1e-4, SHARE = 0.05; /* of the reach: of differences; 
 static const double ROUNDING = 1e-9, SHORTEST = 1.0 / 64; /* of a way: a step that is cut further ends it */
 
 #define ALL_NA CFEM_CONTACT_NA
+
+/* Friction on obstacles counts from `near`. */
+static void slip_from(cfem_touched *here, const cfem_touched *near) {
+    memcpy(here->holds, near->holds, sizeof near->holds);
+    memcpy(here->stuck, near->stuck, sizeof near->stuck);
+    memcpy(here->place, near->place, sizeof near->place);
+}
+
 #if CFEM_CONTACT == 2
 #define SOFT 1
 
@@ -38,13 +46,12 @@ static double other(const cfem_touch_controller *c, int i) { return c->others[i 
 /* Forces are like those of `here`, friction counts from `near`, where the step to it began. */
 static void again(cfem_met *here, const cfem_met *near) {
     const int count = here->hold_count;
-    for (int b = 0; b < CFEM_MEET_ROBOTS; b++) memcpy(here->robot[b].place, near->robot[b].place, sizeof near->robot[b].place);
+    for (int b = 0; b < CFEM_MEET_ROBOTS; b++) slip_from(&here->robot[b], &near->robot[b]);
     for (int i = 0; i < count; i++) {
         const int h = cfem_hold_of(near, here->hold[i].row.slot);
         here->hold[i].unknown = h < 0;
         if (h < 0) continue;
         here->hold[i].row = near->hold[h].row;
-        memcpy(here->hold[i].origin, near->hold[h].origin, sizeof near->hold[h].origin);
     }
     for (int h = 0; h < near->hold_count && here->hold_count < CFEM_MEET_PAIRS; h++) {
         if (cfem_hold_of(here, near->hold[h].row.slot) >= 0) continue;
@@ -67,11 +74,7 @@ static int known(const cfem_touched *state) { return state->error <= CFEM_TOUCH_
 static double other(const cfem_touch_controller *c, int i) { return c->delta_a[i]; }
 
 /* Forces are like those of `here`, friction counts from `near`, where the step to it began. */
-static void again(cfem_touched *here, const cfem_touched *near) {
-    memcpy(here->holds, near->holds, sizeof near->holds);
-    memcpy(here->stuck, near->stuck, sizeof near->stuck);
-    memcpy(here->place, near->place, sizeof near->place);
-}
+static void again(cfem_touched *here, const cfem_touched *near) { slip_from(here, near); }
 #endif
 
 /* deltas (ALL_NA,): delta_a, and behind it where the others are to be. */
