@@ -181,7 +181,7 @@ class PneuNetTrunk(Spec):
 
     kind: Literal["pneunet-trunk"]
     """A trunk of four PneuNets."""
-    cells: PositiveInt = 3
+    cells: PositiveInt = 2
     """Number of cells."""
     cell_length: Length = Field(default=8.0, gt=0)
     """Length of a cell along x, walls included."""

@@ -23,8 +23,8 @@ def scene(*changes):
 
 @pytest.fixture(scope="module")
 def small():
-    """Two cells, so that a solve is short."""
-    own = scene("geometry.cells=2", "length=17 mm", "mesh.size=15 mm")
+    """Meshed coarsely, so that a solve is short."""
+    own = scene("mesh.size=15 mm")
     mesh, volume = make_mesh(own, SCENE.parent)
     return mesh, volume, build_robot(own, mesh)
 
