@@ -116,8 +116,18 @@ def step_until_deep(contact: SelfContact, gap: np.ndarray, to: np.ndarray) -> fl
 
     A linear step knows nothing of walls that are still apart. It would push them through each other, where forces are
     far from those of the state that is sought."""
-    first, last = (float(((contact.onset - each) / contact.onset).max()) for each in (gap, to))
+    first, last = _closing(contact, gap), _closing(contact, to)
     return 1.0 if last <= DEEP or first >= DEEP else max(LEAST, (DEEP - first) / (last - first))
+
+
+def is_deep(contact: SelfContact, x: np.ndarray) -> bool:
+    """True where walls at positions x (n, 3) mm are deeper in each other than the closing DEEP."""
+    return _closing(contact, _gaps(_frames(contact, x))[0]) > DEEP
+
+
+def _closing(contact: SelfContact, gap: np.ndarray) -> float:
+    """Closing c of the deepest pair at gaps (k,) mm."""
+    return float(((contact.onset - gap) / contact.onset).max())
 
 
 def response(contact: SelfContact, x: np.ndarray, force: np.ndarray) -> SelfContactResponse:
