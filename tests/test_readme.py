@@ -37,7 +37,7 @@ def test_the_example_robots_are_valid_scenes(tmp_path):
     from cfem.robot.spec import SceneSpec
 
     examples = re.findall(r"```yaml\n(.*?)```", (ROOT / "docs" / "scenes.md").read_text(), re.DOTALL)
-    whole, more, layers, contact, pneunet, bellows, muscle, fin_ray, form = examples
+    whole, more, layers, contact, pneunet, pneunet_trunk, bellows, muscle, fin_ray, form = examples
     path = tmp_path / "scene.yaml"
     path.write_text(whole)
     assert load_spec(path, SceneSpec).name == "my-robot"
@@ -47,7 +47,7 @@ def test_the_example_robots_are_valid_scenes(tmp_path):
     assert len(scene.shape.controls) == 2 and scene.shape.walls[0].thicker == 0.4
     path.write_text(layers + contact + re.sub("geometry:.*\n", pneunet, whole))
     scene = load_spec(path, SceneSpec)
-    for kind, text in (("bellows", bellows), ("tube", muscle)):
+    for kind, text in (("pneunet-trunk", pneunet_trunk), ("bellows", bellows), ("tube", muscle)):
         path.write_text(re.sub("geometry:.*\n", text, whole))
         assert load_spec(path, SceneSpec).geometry.kind == kind
     path.write_text(whole.split("geometry:")[0] + fin_ray + "mesh:" + whole.split("mesh:")[1].split("actuators:")[0])

@@ -63,3 +63,9 @@ def test_legs_pass_through_each_other_only_where_nothing_is_said_of_contact():
         assert state.converged
         depths.append(boundary_of(robot.X, triangulated(robot.facets)).overlap(state.state.x).depth)
     assert depths[0] < 0.1 * GAP and depths[1] > 0.3 * GAP
+
+
+def test_steps_that_stop_where_walls_meet_close_the_legs_in_half_the_factorisations():
+    """16, where the first step puts the legs through each other."""
+    state = solve(Problem(clip("tet4")), actuation.displacement(CLOSED))
+    assert state.converged and state.steps == 1 and state.factorizations <= 9

@@ -124,3 +124,20 @@ def test_another_rest_or_material_has_other_gaps_and_pressures():
     )
     harder = with_materials(body, [Material(LAWS["neo-hookean"], 6.0, 0.3)])
     assert harder.contact.touching == pytest.approx(3 * body.contact.touching)
+
+
+@pytest.mark.parametrize(
+    "closing, to, part",
+    [
+        (-8.0, 12.0, 0.5),
+        (0.0, 2.0, 1.0),  # no deeper than may be
+        (1.9, 4.0, self_contact.LEAST),
+        (2.5, 4.0, 1.0),  # which were as deep before
+    ],
+)
+def test_a_step_ends_where_the_deepest_pair_overlaps_by_its_onset(closing, to, part):
+    contact = columns("tet4").contact
+    gaps = [contact.onset * (1 - value) for value in (closing, to)]
+    for gap in gaps:
+        gap[1:] = 20 * contact.onset[1:]  # all but one stay apart
+    assert self_contact.step_until_deep(contact, *gaps) == pytest.approx(part)

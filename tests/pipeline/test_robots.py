@@ -19,6 +19,7 @@ SHOWN = [
     "mckibben",
     "parametric-finger",
     "pneunet",
+    "pneunet-trunk",
     "soft-finger",
     "soft-gripper",
     "stiff-flop",

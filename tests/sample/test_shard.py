@@ -2,17 +2,23 @@
 
 import io
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from sample.synthetic import FACTS, Factory, SyntheticSolver
+from support.clip import clip
 
 from cfem.core.errors import NumericalError
 from cfem.equilibrium.predictor import knot
+from cfem.equilibrium.solve import solve
+from cfem.equilibrium.system.actuation import displacement
+from cfem.equilibrium.system.problem import Problem
 from cfem.equilibrium.system.solution import Status
 from cfem.sample.knots_file import knots_bytes, read_knots
 from cfem.sample.plan import actuation
 from cfem.sample.runner import sample
+from cfem.sample.shard import _start
 from cfem.sample.spec import SampleSpec
 
 ASKED = actuation("pulling", np.array([0.5, 0.5]), FACTS.reach, FACTS.compliance)
@@ -43,3 +49,14 @@ def test_states_come_back_bit_for_bit():
     for before, after in zip(known, read_knots(io.BytesIO(knots_bytes(known))), strict=True):
         for name in ("place", "delta", "lam", "stiffness", "x", "dx"):
             np.testing.assert_array_equal(getattr(before, name), getattr(after, name))
+
+
+def test_a_prediction_that_puts_walls_through_each_other_gives_way_to_the_nearest_state():
+    problem, none = Problem(clip("tet4")), np.zeros(0)
+    open_legs = knot(np.array([0.1, 0.1]), solve(problem, displacement([0.4, 0.08])))
+    facts = replace(FACTS, contact=problem.body.contact)
+    near, far = (
+        _start(facts, [open_legs], open_legs.place, displacement(each), none) for each in ([0.5, 0.1], [4.0, 0.8])
+    )
+    assert np.abs(near.x - open_legs.x).max() > 0.01
+    np.testing.assert_array_equal(far.x, open_legs.x)

@@ -8,8 +8,8 @@ the factor serves on; above, the tangent is factorised again.
 
 A fresh tangent takes the stress in its geometric part from the linearisation that led there (solid.stress_lag). Full
 steps then converge over large rotations of stiff parts, where a line search would creep: it judges by residuals that
-the false strain of a linear step dominates. A step is shortened only where it would invert an element; one whose
-corrections grow is given up, and continuation takes a shorter one."""
+the false strain of a linear step dominates. A step is shortened only where it would invert an element or push walls
+through each other; one whose corrections grow is given up, and continuation takes a shorter one."""
 
 from dataclasses import dataclass, replace
 
@@ -23,6 +23,7 @@ from cfem.equilibrium.system.evaluation import Evaluation, SolveCost, Tangent
 from cfem.equilibrium.system.problem import Problem
 from cfem.equilibrium.system.solution import State, Status
 from cfem.mechanics.factorization import SingularMatrixError
+from cfem.mechanics.self_contact import step_until_deep
 
 _EXACT = 1e-13  # of the body's size: positions are no more exact
 _NO_GAP = 10 * _EXACT  # likewise: a one-sided row that is beyond its target by less, without a multiplier, holds
@@ -213,14 +214,25 @@ def judged(problem: Problem, result: NewtonResult, actuation: Actuation, cost: S
 
 
 def advanced(problem: Problem, evaluation: Evaluation, correction: Correction) -> tuple[Evaluation | None, float]:
-    """The state after the step, halved as often as it inverts an element, and the part taken; None where it cannot."""
+    """The state after the step, halved as often as it inverts an element and shortened where it would push walls
+    through each other, and the part taken; None where it cannot."""
     for halvings in range(6):
         part = 0.5**halvings
-        x = problem.kinematics.advance(evaluation.x, part * correction.step)
-        trial = problem.evaluate(x, evaluation.pressure + part * correction.pressure, evaluation.load)
+        trial = _after(problem, evaluation, correction, part)
         if trial.response.min_J > 0.0:
-            return trial, part
-    return None, 0.0
+            break
+    else:
+        return None, 0.0
+    contact, walls = evaluation.response.contact, problem.body.contact
+    until = 1.0 if contact is None else step_until_deep(walls, contact.gap, trial.response.contact.gap)
+    shorter = trial if until == 1.0 else _after(problem, evaluation, correction, until * part)
+    return (shorter, until * part) if shorter.response.min_J > 0.0 else (trial, part)
+
+
+def _after(problem: Problem, evaluation: Evaluation, correction: Correction, part: float) -> Evaluation:
+    """The state after a part of the step."""
+    x = problem.kinematics.advance(evaluation.x, part * correction.step)
+    return problem.evaluate(x, evaluation.pressure + part * correction.pressure, evaluation.load)
 
 
 def holding(problem: Problem, actuation: Actuation, evaluation: Evaluation, lam: np.ndarray) -> np.ndarray:

@@ -34,6 +34,9 @@ _QUARTERS = (
 # across its wall, three points leave 0.2 mm of overlap and 12 leave 0.07 mm, which cost the same.
 POINTS = (np.array([[4, 1, 1], [1, 4, 1], [1, 1, 4]]) / 6 @ _QUARTERS).reshape(-1, 3)
 
+DEEP = 2.0  # closing c up to which a step of Newton's method may push walls that were less deep
+LEAST = 0.1  # of a step: the smallest part that is taken
+
 
 @dataclass(frozen=True)
 class SelfContact:
@@ -105,6 +108,26 @@ def touching_pressure(shear: float) -> float:
     """Pressure, MPa, at which walls touch: a tenth of Young's modulus of an incompressible one of that shear modulus,
     which a wall of several times its thickness hardly ever bears."""
     return 0.1 * 3 * shear
+
+
+def step_until_deep(contact: SelfContact, gap: np.ndarray, to: np.ndarray) -> float:
+    """Part of a step from gaps (k,) mm to others at which the deepest pair has the closing DEEP; 1 where none comes to
+    it, or one was there before.
+
+    A linear step knows nothing of walls that are still apart. It would push them through each other, where forces are
+    far from those of the state that is sought."""
+    first, last = _closing(contact, gap), _closing(contact, to)
+    return 1.0 if last <= DEEP or first >= DEEP else max(LEAST, (DEEP - first) / (last - first))
+
+
+def is_deep(contact: SelfContact, x: np.ndarray) -> bool:
+    """True where walls at positions x (n, 3) mm are deeper in each other than the closing DEEP."""
+    return _closing(contact, _gaps(_frames(contact, x))[0]) > DEEP
+
+
+def _closing(contact: SelfContact, gap: np.ndarray) -> float:
+    """Closing c of the deepest pair at gaps (k,) mm."""
+    return float(((contact.onset - gap) / contact.onset).max())
 
 
 def response(contact: SelfContact, x: np.ndarray, force: np.ndarray) -> SelfContactResponse:

@@ -174,6 +174,35 @@ class PneuNet(Spec):
             raise ValueError("the duct must be narrower than a room")
 
 
+class PneuNetTrunk(Spec):
+    """Square cells in a row along x from the origin with gaps between them, on a common spine, with four chambers on
+    the sides y+, z+, y- and z-: a room of each in every cell, joined by ducts through the spine. Cells that are blown
+    up push their neighbours: `self_contact`."""
+
+    kind: Literal["pneunet-trunk"]
+    """A trunk of four PneuNets."""
+    cells: PositiveInt = 2
+    """Number of cells."""
+    cell_length: Length = Field(default=8.0, gt=0)
+    """Length of a cell along x, walls included."""
+    gap: Length = Field(default=1.0, gt=0)
+    """Distance from cell to cell."""
+    width: Length = Field(default=30.0, gt=0)
+    """Width of a cell along y, and along z."""
+    wall: Length = Field(default=1.5, gt=0)
+    """Thickness of the walls around rooms and ducts, and between chambers."""
+    core: Length = Field(default=2.5, gt=0)
+    """Distance of the chambers from the axis."""
+    duct: Length = Field(default=2.0, gt=0)
+    """Height of a duct, away from the axis."""
+
+    def check(self) -> None:
+        if 2 * self.wall >= self.cell_length or 2 * (self.core + self.duct + self.wall) >= self.width:
+            raise ValueError("2 wall must be smaller than cell_length, and core, duct and wall together than width / 2")
+        if self.wall >= self.core:
+            raise ValueError("the core must be larger than the wall, which the chambers leave between them")
+
+
 class Bellows(Spec):
     """Folds in a row along x from the origin, round about this axis, between two end plates, with one chamber. Walls of
     the folds touch when it is sucked empty: `self_contact`."""
@@ -305,7 +334,8 @@ class StepFile(Spec):
             raise ValueError("unit: a STEP file states its own units, leave it out")
 
 
-Body = SoftFinger | Bar | Diamond | Trunk | Taper | StiffFlop | PneuNet | Bellows | Tube | FinRay  # the catalogue
+# the catalogue
+Body = SoftFinger | Bar | Diamond | Trunk | Taper | StiffFlop | PneuNet | PneuNetTrunk | Bellows | Tube | FinRay
 Single = Body | MeshFile | StepFile
 
 

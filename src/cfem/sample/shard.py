@@ -21,6 +21,7 @@ from cfem.equilibrium.motion.inertia import Inertia
 from cfem.equilibrium.predictor import Knot, knot, nearest, predict
 from cfem.equilibrium.system.actuation import Actuation, pulling_only
 from cfem.equilibrium.system.solution import Equilibrium, ParameterSlopes, State
+from cfem.mechanics.self_contact import is_deep
 from cfem.sample import overlap
 from cfem.sample.contact import ContactPlan
 from cfem.sample.knots_file import demand_states, knots_bytes, read_knots
@@ -228,10 +229,13 @@ def _slopes(by_q: ParameterSlopes, dq_dp: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def _start(facts: Facts, knots: Sequence[Knot], u: np.ndarray, asked: Actuation, q: np.ndarray) -> State | None:
-    """Sections in a row go farthest from an equilibrium: the nearest of the same robot, else rest."""
-    if not facts.in_a_row:
-        return predict(knots, u, asked, q)
-    return None if len(q) else nearest(knots, u)
+    """Sections in a row go farthest from an equilibrium: the nearest of the same robot, else rest. So do walls that a
+    prediction has pushed through each other."""
+    predicted = None if facts.in_a_row else predict(knots, u, asked, q)
+    passed = predicted is not None and facts.contact is not None and is_deep(facts.contact, predicted.x)
+    if passed or facts.in_a_row:
+        return None if len(q) else nearest(knots, u)
+    return predicted
 
 
 def _record(facts: Facts, skin: Skin | None, piece: Piece, index: int, row_solved: SolvedRow) -> Record:

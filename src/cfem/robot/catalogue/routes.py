@@ -4,9 +4,9 @@ from typing import Any
 
 import numpy as np
 
-from cfem.robot.catalogue import bar, bellows, diamond, fin_ray, pneunet, soft_finger, trunk, tube
+from cfem.robot.catalogue import bar, bellows, diamond, fin_ray, pneunet, pneunet_trunk, soft_finger, trunk, tube
 from cfem.robot.constraints import Route
-from cfem.robot.geometry import Bar, Bellows, Diamond, FinRay, PneuNet, SoftFinger, Trunk, Tube
+from cfem.robot.geometry import Bar, Bellows, Diamond, FinRay, PneuNet, PneuNetTrunk, SoftFinger, Trunk, Tube
 
 _SIDES = {f"{axis}{sign}": float(f"{sign}1") * np.eye(3)["xyz".index(axis)] for axis in "xyz" for sign in "+-"}
 _ALONG_Z = ("x+", "x-", "y+", "y-")
@@ -16,6 +16,7 @@ _BODIES = {  # the module of each, and the sides along which its cables run
     Trunk: (trunk, _ALONG_Z),
     SoftFinger: (soft_finger, ()),
     PneuNet: (pneunet, ()),
+    PneuNetTrunk: (pneunet_trunk, ()),
     Bellows: (bellows, ()),
     Tube: (tube, ()),
     FinRay: (fin_ray, ()),
@@ -51,7 +52,7 @@ def has_tip(geometry: Any) -> bool:
 def fault(geometry: Any, route: Route) -> str:
     """Sentence about a route that does not go with its body, empty where it does. The body has routes."""
     kind, sides, disks = geometry.kind, _BODIES[type(geometry)][1], getattr(geometry, "disks", 0)
-    if isinstance(geometry, PneuNet | Bellows | Tube | FinRay):
+    if isinstance(geometry, PneuNet | PneuNetTrunk | Bellows | Tube | FinRay):
         return f"cables through a {kind} have points, not a route"
     if not sides:
         stated = route.x is not None and route.y is not None and route.side is None and route.disks is None
