@@ -58,7 +58,7 @@ def init_scene(
     questions = [f"open: what drives the robot? {sentence}" for sentence in made["open"]]
     first = "answer what is marked OPEN in" if questions else "look at"
     text = _text(made, f"{first} {made['folder']}/scene.yaml, then ")
-    return "\n".join([*mended, text, *made["fewer"], *questions])
+    return "\n".join([*mended, text, *made["fewer"], *made["doubts"], *questions])
 
 
 def _words(
