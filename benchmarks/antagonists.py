@@ -38,6 +38,7 @@ ROOT = Path(__file__).parents[1]
 GENERATED = tuple(f"trunk-{cables}" for cables in range(3, 9))
 CATALOGUE = {"diamond": "cells=500", "trunk": "cells=400"}
 COLD, SKELETON = 10, 16
+SPACES = ("displacement", "pulling")
 
 
 def robot_of(name: str) -> Robot:
@@ -87,7 +88,7 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("robots", nargs="*", metavar="ROBOT")
     parser.add_argument("--commands", type=int, default=50)
-    parser.add_argument("--spaces", nargs="+", default=["displacement", "pulling"])
+    parser.add_argument("--spaces", nargs="+", default=list(SPACES), choices=SPACES)
     parser.add_argument("--quick", action="store_true", help="one trunk and few commands, to see that it runs")
     options = parser.parse_args()
     robots, commands = options.robots or [*GENERATED, *CATALOGUE], options.commands
