@@ -13,6 +13,7 @@ import json
 import os
 import sys
 from collections import Counter
+from functools import partial
 from pathlib import Path
 
 os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"))
@@ -20,7 +21,7 @@ os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL
 import numpy as np
 
 from cfem.core.spec import load_spec
-from cfem.equilibrium.predictor import knot, predict
+from cfem.equilibrium.predictor import following, knot, predict
 from cfem.equilibrium.solve import solve
 from cfem.equilibrium.system.actuation import force, pulling_only
 from cfem.equilibrium.system.problem import Problem
@@ -36,6 +37,7 @@ ROOT = Path(__file__).parents[1]
 GENERATED = tuple(f"trunk-{cables}" for cables in range(3, 9))
 CATALOGUE = {"diamond": "cells=500", "trunk": "cells=400"}
 COLD, SKELETON = 10, 16
+SPACES = ("displacement", "pulling")
 
 
 def robot_of(name: str) -> Robot:
@@ -52,7 +54,7 @@ def robot_of(name: str) -> Robot:
 def measured(robot: Robot, spaces: list[str], commands: int) -> dict:
     problem = Problem(robot)
     compliance = solve(problem, force(np.zeros(robot.rows.n_a))).condensed.W_aa
-    together = borne_together(lambda asked: solve(problem, asked), robot.reach[:, 1], compliance)
+    together = borne_together(following(partial(solve, problem)), robot.reach[:, 1], compliance)
     u = unit_rows(SplitSpec(rows=commands, method="random", seed=0), robot.rows.n_a)
     first = skeleton(u, SKELETON)
     order = np.concatenate([first, *shards(u, np.setdiff1d(np.arange(len(u)), first), 50)])
@@ -85,7 +87,7 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("robots", nargs="*", metavar="ROBOT")
     parser.add_argument("--commands", type=int, default=50)
-    parser.add_argument("--spaces", nargs="+", default=["displacement", "pulling"])
+    parser.add_argument("--spaces", nargs="+", default=list(SPACES), choices=SPACES)
     parser.add_argument("--quick", action="store_true", help="one trunk and few commands, to see that it runs")
     options = parser.parse_args()
     robots, commands = options.robots or [*GENERATED, *CATALOGUE], options.commands

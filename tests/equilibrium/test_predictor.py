@@ -3,11 +3,14 @@
 import numpy as np
 import pytest
 from sample.synthetic import FACTS, SyntheticSolver
+from support.blocks import bar
 from surrogate.synthetic import energy
 
 from cfem.equilibrium import predictor
-from cfem.equilibrium.predictor import Knot, knot, predict
-from cfem.equilibrium.system.actuation import displacement, force
+from cfem.equilibrium.predictor import Knot, following, knot, predict
+from cfem.equilibrium.solve import solve
+from cfem.equilibrium.system.actuation import displacement, force, pull
+from cfem.equilibrium.system.problem import Problem
 from cfem.sample.plan import actuation
 
 SOLVER = SyntheticSolver()
@@ -114,3 +117,13 @@ def test_a_quadratic_map_of_displacements_and_a_parameter_is_met_exactly():
     alone = predict(knots[:1], target, displacement(target[:2]), target[2:])
     first = knots[0]
     np.testing.assert_allclose(alone.x, first.x + first.dx @ (target - first.inputs), atol=1e-12)
+
+
+def test_pulls_that_follow_each_other_end_in_the_states_from_rest_and_cost_less():
+    robot = bar("tet4", divisions=(12, 2, 2))
+    pulls = [pull(np.ones(2), robot.reach[:, 1], part) for part in (0.25, 0.5, 0.75, 1.0)]
+    followed = following(lambda asked, start: solve(Problem(robot), asked, start))
+    ended, alone = [followed(asked) for asked in pulls], [solve(Problem(robot), asked) for asked in pulls]
+    for warm, cold in zip(ended, alone, strict=True):
+        np.testing.assert_allclose(warm.state.x, cold.state.x, atol=1e-6)
+    assert sum(each.factorizations for each in ended) < 0.6 * sum(each.factorizations for each in alone)

@@ -182,6 +182,24 @@ def test_all_of_the_robot_stays_in_the_picture_where_its_width_changes(tab):
 
 
 @pytest.mark.slow
+def test_the_first_view_shows_a_wide_body_wherever_it_gets_and_its_shadow(chromium, tmp_path):
+    """The tip's own way is short beside the body: the reach alone says little of where there is something to see."""
+    meta, arrays = ROBOTS["one cable"]()
+    skin = skin_of(meta, arrays)
+    lying = skin["rest"][:, [2, 1, 0]] * [1, 3, 3]
+    text = page(meta, arrays, {**skin, "rest": lying}, CSpec(), Embedding())
+    (tmp_path / "lying.html").write_text(text, encoding="utf-8")
+    tab = opened(chromium, tmp_path / "lying.html", viewport={"width": 1100, "height": 750})
+    places = tab.evaluate(
+        "() => { const { robot, state, scene, ground, shadowOf } = cfem, all = [], n = robot.n_a, { states } = robot; "
+        "for (let k = 0; k + n <= states.length; k += n) { robot.set([...states.slice(k, k + n)]); robot.shape(); "
+        "for (let i = 0; i < robot.drawn.length; i += 3) for (const place of [[...robot.drawn.slice(i, i + 3)], "
+        "shadowOf(robot.drawn, i, ground.height)]) all.push(...scene.project(state.camera, place)); } return all; }"
+    )
+    across, down = np.array(places).reshape(-1, 2).T
+    assert min(across) > 0 and max(across) < 740 and min(down) > 0 and max(down) < 750
+
+
 def test_keys_move_the_goal_and_turn_the_view(tab):
     before, azimuth = shown(tab), tab.evaluate("() => cfem.state.camera.azimuth")
     tab.focus("#view")

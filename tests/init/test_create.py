@@ -125,6 +125,18 @@ def test_a_closed_surface_in_another_unit_with_all_answers_given(tmp_path):
     assert "guessed:" not in text and "path: own.stl" in text
 
 
+@pytest.mark.parametrize("stated", [[], ["--unit", "inch"]], ids=["guessed", "stated"])
+def test_an_uncertain_unit_is_said_on_screen_and_in_the_scene_unless_it_is_stated(tmp_path, stated):
+    write_stl(tmp_path / "own.stl", (3.15, 0.8, 0.8))
+    words = ["--cable", "up: 80, 10, 15; 50, 10, 15; 20, 10, 15", "--reach", "1 mm", "--cells", "600", "--quiet"]
+    done = init(tmp_path, tmp_path / "own.stl", *words, *stated)
+    assert done.exit_code == 0, done.stderr
+    text = (tmp_path / "pipelines" / "own" / "scene.yaml").read_text()
+    assert "unit: 25.4 mm" in text and ("UNCERTAIN: in mm it would be 3.15 mm long" in text) == (not stated)
+    said = "the unit of own.stl is uncertain, as in mm it would be 3.15 mm long and in cm it would be 31.5 mm long"
+    assert (f"{said}: state --unit\n" in done.stdout) == (not stated)
+
+
 L = """
 import gmsh
 

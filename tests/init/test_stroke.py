@@ -6,10 +6,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from support.blocks import bar
+from support.blocks import bar, block
 
+from cfem.condensed import Rows
 from cfem.constraint.attachment import attach
 from cfem.constraint.cable import make_cable
+from cfem.constraint.cavity import enclosed, make_cavity
 from cfem.constraint.effector import make_effector
 from cfem.core.errors import SpecError
 from cfem.equilibrium.solve import Wanted, solve
@@ -17,9 +19,8 @@ from cfem.equilibrium.system.actuation import Actuation, displacement
 from cfem.equilibrium.system.problem import Problem
 from cfem.equilibrium.system.robot import Robot
 from cfem.init import stroke
-from cfem.init.drive import Drive
 from cfem.init.question import answer
-from cfem.init.stroke import Stroke, alike, find_strokes, reaches
+from cfem.init.stroke import Stroke, alike, find_strokes
 from cfem.mechanics.body import make_body
 from cfem.mechanics.element import ELEMENTS
 from cfem.mechanics.material import LAWS
@@ -114,40 +115,6 @@ def test_strokes_that_end_suddenly_are_compared_before_they_are_shortened(monkey
     monkeypatch.setattr(stroke, "_alone", lambda *given: next(alone))
     monkeypatch.setattr(stroke, "_up_to", lambda reached: 1.0)
     assert [each.reach for each in find_strokes(bar("tet4", divisions=(12, 2, 2), cables=2))] == [7.2, 7.2]
-
-
-class TestWhatIsAsked:
-    @pytest.fixture
-    def robot(self, monkeypatch):
-        ends = [Stroke(4.0, 1.0, "bent"), Stroke(9.0, 2.5, "strained")]
-        monkeypatch.setattr(stroke, "find_strokes", lambda robot, advance: ends)
-        return bar("tet4", divisions=(6, 1, 1))
-
-    def asked(self, robot, text=None):
-        questions = []
-
-        def ask(question):
-            questions.append(question)
-            return answer(question, text)
-
-        stated = () if text is None else ("reach",)
-        answers, contact = reaches(robot, Drive(cables=(None, None)), 0, stated, ask, "a coarse mesh")
-        assert contact is None
-        return answers, questions[0]
-
-    def test_unlike_strokes_are_suggested_one_by_one_with_the_reason_of_each(self, robot):
-        (first, second), question = self.asked(robot)
-        assert (first.value, second.value, question.default) == (4.0, 9.0, "4 mm, 9 mm")
-        assert first.guess == "bent, at 1 N on a coarse mesh"
-        assert second.guess == "strained, at 2.5 N on a coarse mesh"
-        assert question.why == f"cable-0: {first.guess}; cable-1: {second.guess}"
-
-    def test_one_amount_is_for_all_and_as_many_as_there_are_for_each(self, robot):
-        assert [each.value for each in self.asked(robot, "7 mm")[0]] == [7, 7]
-        stated = self.asked(robot, "7 mm, 1 cm")[0]
-        assert [(each.value, each.guess) for each in stated] == [(7, None), (10, None)]
-        with pytest.raises(SpecError, match="expected one quantity for all, or 2 with commas, got '1 mm, 2 mm, 3 mm'"):
-            self.asked(robot, "1 mm, 2 mm, 3 mm")
 
 
 def test_strokes_are_not_cut_where_all_go_together(together):
@@ -252,6 +219,62 @@ def test_a_limb_that_gives_way_ends_the_stroke_at_a_quarter_of_its_stiffness(off
 
 def test_a_cable_that_bends_a_body_from_the_start_is_not_ended_by_softening(found):
     assert not any("softened" in each.why for each in found[1])
+
+
+def balloon() -> Robot:
+    """A cube of 16 mm, held at x = 0, with a closed room behind walls of 2 mm."""
+    mesh = block((16.0, 16.0, 16.0), (8, 8, 8))
+    away = np.abs(mesh.X[mesh.cells].mean(axis=1) - 8.0)
+    used, cells = np.unique(mesh.cells[(away > 6.0).any(axis=1)], return_inverse=True)
+    cells = cells.reshape(-1, 4)
+    mesh = Mesh(mesh.X[used], cells, boundary_facets(cells))
+    return replace(
+        bar("tet4", divisions=(6, 1, 1), cables=1),
+        body=make_body(mesh, ELEMENTS["tet4"], Material(LAWS["neo-hookean-log"], 1.0, 0.45)),
+        fixed=np.flatnonzero(mesh.X[:, 0] < 1e-9),
+        actuators=(make_cavity(mesh.X, mesh.facets[enclosed(mesh, np.array([8.0, 8, 8]))], "room"),),
+        effectors=(make_effector(mesh, np.array([16.0, 8.0, 8.0]), 4.0, 10.0, "tip"),),
+        rows=Rows(("tip.x", "tip.y", "tip.z"), ("room",)),
+        length=16.0,
+    )
+
+
+def test_a_chamber_stays_before_its_largest_pressure(monkeypatch):
+    """Beyond it, two volumes belong to one pressure, and W changes its sign through infinity."""
+    monkeypatch.setattr(stroke, "STRAIN", 1e3)
+    robot = balloon()
+    (first,) = find_strokes(robot)
+    assert first.why == "beyond it, the pressure falls while the volume grows"
+    problem, state, volumes, pressures = Problem(robot), None, first.reach * np.linspace(0.7, 1.5, 9), []
+    for volume in volumes:
+        ended = solve(problem, Actuation(np.eye(1), np.array([volume]), np.zeros(1)), state, state, slack=False)
+        pressures.append(ended.state.lam[0])
+        state = ended.state
+    assert np.interp(first.reach, volumes, pressures) == pytest.approx(first.force, rel=0.3)
+    assert 1.15 < volumes[np.argmax(pressures)] / first.reach < 1.4 and pressures[-1] < max(pressures)
+
+
+def test_the_top_between_two_states_is_that_of_the_cubic_through_them():
+    """p = V - V^3 / 12 has its top at V = 2."""
+    path = [(volume, volume - volume**3 / 12, 1 - volume**2 / 4) for volume in (1.5, 2.5)]
+    assert stroke._largest(*path) == pytest.approx((2.0, 4 / 3))
+
+
+def test_all_chambers_together_stay_before_the_largest_of_their_pressures(monkeypatch):
+    """Two of the compliance [[1, w], [w, 1]], where w falls below -1 at 0.6 of the way."""
+
+    def solved(problem, actuation, **how):
+        w = -actuation.target[0] / 0.6
+        condensed = SimpleNamespace(W_aa=np.array([[1.0, w], [w, 1.0]]))
+        return SimpleNamespace(status=stroke.Status.CONVERGED, condensed=condensed)
+
+    monkeypatch.setattr(stroke, "_alone", lambda *given: Stroke(40.0, 1.0, "alone"))
+    monkeypatch.setattr(stroke, "_meets_itself", lambda *given: False)
+    monkeypatch.setattr(stroke, "solve", solved)
+    alone = balloon()
+    two = {"actuators": alone.actuators * 2, "rows": Rows(alone.rows.effectors, ("left", "right"))}
+    found = find_strokes(replace(alone, **two, reach=np.ones((2, 2)), unilateral=np.ones(2, bool)))
+    assert [each.reach / 40 for each in found] == pytest.approx([0.6, 0.6], abs=0.15 / 8)
 
 
 def test_a_failing_solve_ends_the_stroke(found, monkeypatch):

@@ -1,9 +1,12 @@
 """`cfem init`: asks on a terminal, says what it takes elsewhere."""
 
 import shlex
+import shutil
+import stat
 import sys
 import tempfile
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +20,8 @@ from cfem.init.question import Answer, Ask, Question, answer
 if TYPE_CHECKING:
     from cfem.init.shape import Shape
     from cfem.init.texts import NewScene
+
+_PAGES, _LATEST = "cfem-init-", 5
 
 
 def init_scene(
@@ -58,7 +63,7 @@ def init_scene(
     questions = [f"open: what drives the robot? {sentence}" for sentence in made["open"]]
     first = "answer what is marked OPEN in" if questions else "look at"
     text = _text(made, f"{first} {made['folder']}/scene.yaml, then ")
-    return "\n".join([*mended, text, *made["fewer"], *questions])
+    return "\n".join([*mended, text, *made["fewer"], *made["doubts"], *questions])
 
 
 def _words(
@@ -89,9 +94,23 @@ def _show(robot: "NewScene", shape: "Shape") -> None:
         return
     from cfem.report.suggestion import suggestion
 
-    path = Path(tempfile.mkdtemp(prefix="cfem-init-")) / f"{robot.name}.html"
+    path = page_folder() / f"{robot.name}.html"
     path.write_text(suggestion(robot, shape), encoding="utf-8")
     say(f"what is suggested, to look at: {path}")
+
+
+def page_folder() -> Path:
+    """New temporary folder for a page. Of those that this user has, the latest stay: one may still be looked at."""
+    new = Path(tempfile.mkdtemp(prefix=_PAGES))
+    user, older = new.lstat().st_uid, []
+    for path in {*new.parent.glob(f"{_PAGES}*")} - {new}:
+        with suppress(OSError):  # another `cfem init` removes it too
+            status = path.lstat()
+            if stat.S_ISDIR(status.st_mode) and status.st_uid == user:
+                older.append((status.st_mtime, path))
+    for _, path in sorted(older, reverse=True)[_LATEST - 1 :]:
+        shutil.rmtree(path, ignore_errors=True)
+    return new
 
 
 def init_robot(

@@ -12,7 +12,7 @@ from cfem.core.errors import SpecError
 
 # The questions of `cfem init`, by flag: an option for each answers it in advance.
 _ANSWERS = {
-    "unit": "Unit of the numbers in a file that states none: 'mm', 'm', '25.4 mm'.",
+    "unit": "Unit of the numbers in a file that states none: 'mm', 'm', 'inch'.",
     "cells": "About how many tetrahedra to make.",
     "fixed": "What is held: 'z <= 5 mm', bottom, top, left, right, front, back, 'face at 1, 2, 3 mm', or a set of the "
     "mesh; several with | between them.",

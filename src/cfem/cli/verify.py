@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from cfem.core.artefact.verify import VerifiedArtefact, verify
+from cfem.core.console.shown import counted
 from cfem.core.errors import InputError
 
 
@@ -20,7 +21,7 @@ def verify_folders(folders: Sequence[Path], as_json: bool, verified: list[Verifi
     lines = []
     for artefact in verified:
         form = "no checksum of its manifest (older cfem)" if artefact.format is None else f"format {artefact.format}"
-        files = f"{artefact.files:3d} file{'s' if artefact.files != 1 else ''}"
+        files = f"{counted(artefact.files, 'file'):>9}"
         lines.append(f"{artefact.folder!s:<{width}}  {'DAMAGED' if artefact.damage else f'whole    {files}, {form}'}")
         lines += [f"  {sentence}" for sentence in artefact.damage]
     return "\n".join(lines)

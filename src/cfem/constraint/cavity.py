@@ -23,6 +23,7 @@ import numpy as np
 
 from cfem.constraint.attachment import show
 from cfem.contact.facets import components, edges, solid_angles, unmatched_edges
+from cfem.core.console.shown import counted
 from cfem.core.errors import SpecError
 from cfem.mechanics.element import shape, shape_derivatives
 from cfem.mechanics.mesh import Mesh
@@ -178,8 +179,9 @@ def _check_closed(X: np.ndarray, facets: np.ndarray, name: str) -> None:
     holes, part = components(loose)
     middle = show(X[loose[part == 0]].mean(axis=(0, 1)))
     number = len(loose) // (2 if facets.shape[1] == 6 else 1)
+    open_edges = counted(number, "edge does", "edges do")
     raise SpecError(
-        f"cavity '{name}' is not closed: {number} edges do not lie between two facets of the same orientation, "
+        f"cavity '{name}' is not closed: {open_edges} not lie between two facets of the same orientation, "
         + (f"around {middle} mm" if holes == 1 else f"in {holes} places, one of them around {middle} mm"),
         do="close the chamber with material, or select all of its walls and nothing else",
     )

@@ -14,6 +14,7 @@ from scipy.spatial import cKDTree
 
 from cfem.contact.facets import components, edges, solid_angles, unmatched_edges
 from cfem.contact.triangles import closest
+from cfem.core.console.shown import counted
 from cfem.core.errors import InputError
 
 ON = 1e-10  # of the size: nearer to an edge or a vertex the way to it has no direction that rounding leaves
@@ -191,12 +192,12 @@ class ClosedSurface:
         rims, uses = np.unique(rims, axis=0, return_counts=True)
         if (uses == 1).any():
             loose = rims[uses == 1]
-            what = f"is not closed: {len(loose)} edges belong to one triangle only"
+            what = f"is not closed: {counted(len(loose), 'edge belongs', 'edges belong')} to one triangle only"
         elif (uses > 2).any():
             loose = rims[uses > 2]
-            what = f"branches: {len(loose)} edges belong to more than two triangles"
+            what = f"branches: {counted(len(loose), 'edge belongs', 'edges belong')} to more than two triangles"
         else:
-            what = f"is not oriented: at {len(loose)} edges the two triangles face opposite sides"
+            what = f"is not oriented: at {counted(len(loose), 'edge')} the two triangles face opposite sides"
         start, end = (_shown(self.vertices[node]) for node in loose[0])
         what = f"closed mesh: the surface {what}, one of them from {start} to {end} mm"
         raise InputError(what, do="repair it in the program that made it")

@@ -24,7 +24,7 @@ _LONGEST = 60  # characters of a unit
 
 # The units that specs are written in, so that reading one need not import pint (0.25 s); a test compares them with it.
 _USUAL = {
-    "mm": {"mm": 1.0, "um": 1e-3, "cm": 10.0, "m": 1e3},
+    "mm": {"mm": 1.0, "um": 1e-3, "cm": 10.0, "m": 1e3, "inch": 25.4},
     "N": {"N": 1.0, "mN": 1e-3, "kN": 1e3},
     "MPa": {"MPa": 1.0, "Pa": 1e-6, "kPa": 1e-3, "GPa": 1e3, "N/mm^2": 1.0},
     "rad": {"rad": 1.0, "deg": math.pi / 180},

@@ -10,7 +10,7 @@ import pyarrow.compute as pc
 from cfem.condensed.parameters import sampled
 from cfem.core.artefact.content import artefact_file
 from cfem.core.artefact.manifest import read_manifest
-from cfem.core.console.shown import duration
+from cfem.core.console.shown import counted, duration
 from cfem.core.errors import InputError
 from cfem.dataset.reader import CONVERGED, column_array, read_table
 from cfem.dataset.schema import COLUMNS, metadata, parameters_of, rows_of
@@ -40,7 +40,7 @@ def _heading(table: pa.Table) -> str:
     units = [units] * len(meta["reach"]) if isinstance(units, str) else units
     reach = [f"{low:g} to {high:g} {unit}" for (low, high), unit in zip(meta["reach"], units, strict=False)]
     lines = [
-        f"dataset of {meta['scene']}: {len(table)} states",
+        f"dataset of {meta['scene']}: {counted(len(table), 'state')}",
         f"effectors  {', '.join(rows['effectors'])}   at rest {np.round(meta['rest_e'], 6).tolist()} mm",
         f"actuators  {', '.join(rows['actuators'])}   reach {', '.join(reach)}",
         "rows of W  effectors, then actuators; upper triangle, row by row",

@@ -6,7 +6,7 @@ by weighted least squares, has an error of order degree + 1 in the distance. Its
 neighbours, from the tangent of a single one. Where the robots themselves differ, it is one in delta and in the
 coordinates q of their parameters, by which a solve gives derivatives too (parameter_slopes.py)."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import combinations_with_replacement
@@ -85,6 +85,23 @@ def predict(
             inputs, lam = matched
             return State(local.x(inputs), np.empty(0), lam)
     return State(around[0].x, np.empty(0), around[0].lam)
+
+
+def following(
+    solve: Callable[[Actuation, State | None], Equilibrium],
+    start: Callable[[Sequence[Knot], np.ndarray, Actuation], State | None] = predict,
+) -> Callable[[Actuation], Equilibrium]:
+    """`solve` of an actuation alone: each state starts from those solved before it, told apart by their targets. For
+    actuations that differ in nothing else."""
+    knots: list[Knot] = []
+
+    def from_those_before(actuation: Actuation) -> Equilibrium:
+        solved = solve(actuation, start(knots, actuation.target, actuation))
+        if solved.converged:
+            knots.append(knot(actuation.target, solved))
+        return solved
+
+    return from_those_before
 
 
 def nearest(knots: Sequence[Knot], place: np.ndarray) -> State | None:

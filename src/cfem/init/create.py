@@ -19,10 +19,11 @@ from cfem.init.cables.ends import Proposal
 from cfem.init.drive import NOTHING, Stated, drive, proposal
 from cfem.init.further import further
 from cfem.init.hold import Hold, Run, read_hold, run_from
-from cfem.init.question import Answer, Ask, Question, choice, integer, parts, point, positive, ratio, stress
-from cfem.init.shape import MESH, Shape, Source, demand_unit, geometry, make_shape, natural_unit, read_source
+from cfem.init.question import Answer, Ask, Question, choice, integer, parts, point, ratio, stress
+from cfem.init.shape import MESH, Shape, Source, geometry, make_shape, read_source
 from cfem.init.texts import SPECS, NewScene, texts
 from cfem.init.trial import tried
+from cfem.init.unit import demand_unit, unit_doubt, unit_of
 from cfem.init.watch import carrier_radius, guess_watched, is_inside
 from cfem.init.written import number, vector
 from cfem.robot.checks.plausible import LENGTHS, sides
@@ -54,7 +55,8 @@ def create(
 ) -> dict[str, Any]:
     """Writes folder / name, asking what is open; stated: what options say about actuators, and the flags to which `ask`
     has an answer already; show: is given what is suggested before the first question about it. Returns what was made;
-    open: what nobody could answer, fewer: why there are fewer cables than asked for, a sentence each.
+    open: what nobody could answer, fewer: why there are fewer cables than asked for, doubts: what was guessed and is
+    uncertain, a sentence each.
 
     Raises SpecError (an answer that cannot be), InputError (no shape in the file), OutputError (there is such a scene
     and not `force`)."""
@@ -78,6 +80,7 @@ def create(
             shutil.copyfile(path, target / copy)
     for file, text in made.items():
         write_beside(target / file, text.encode())
+    doubt = unit_doubt(source) if robot.unit and robot.unit.guess else ""
     return {
         "folder": str(target),
         "files": [copy, *made],
@@ -88,6 +91,7 @@ def create(
         "mended": list(source.mended),
         "open": [robot.drive.missing] if robot.drive.missing else [],
         "fewer": [robot.drive.fewer] if robot.drive.fewer else [],
+        "doubts": [f"the unit of {path.name} is uncertain, as {doubt}: state --unit"] if doubt else [],
     }
 
 
@@ -190,7 +194,7 @@ def _known(source: Source, stated: Stated, ask: Ask) -> Known:
 
 def _robot(name: str, copy: str, source: Source, stated: Stated, ask: Ask, known: Known) -> tuple[NewScene, Shape]:
     """All but how far the actuators go; and the body."""
-    unit, cells = _unit(source, ask), _cells(source, ask)
+    unit, cells = unit_of(source, ask), _cells(source, ask)
     scale = 1.0 if unit is None else unit.value
     shape, proposed = known(scale, cells.value if cells else 0)
     hold = _hold(shape, proposed, ask)
@@ -228,22 +232,6 @@ def _robot(name: str, copy: str, source: Source, stated: Stated, ask: Ask, known
         carrier_radius=carrier_radius(shape.mesh, effector.value) if outside else None,
     )
     return robot, shape
-
-
-def _unit(source: Source, ask: Ask) -> Answer | None:
-    if source.has_unit:
-        return None
-    unit, extent = natural_unit(source), source.extent
-    size = f"has {source.volume:.3g} cubic {unit}" if extent is None else f"measures {sides(extent)} {unit}"
-
-    def read(text: str) -> float:
-        value = positive(text if text.strip()[:1].isdigit() else f"1 {text.strip()}", "mm")
-        if extent is not None:
-            demand_unit(extent, value)
-        return value
-
-    text = f"What is one unit of the numbers in {source.path.name}?"
-    return ask(Question("unit", text, f"1 {unit}", f"the body then {size}", read))
 
 
 def _cells(source: Source, ask: Ask) -> Answer | None:

@@ -6,11 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from cfem.core.errors import InputError, SpecError
+from cfem.core.errors import InputError
 from cfem.init.interior import Interior, interior
 from cfem.init.voxels import Voxels, voxels
 from cfem.mechanics.mesh import Mesh
-from cfem.robot.checks.plausible import SMALLEST, sides, size_doubts
 from cfem.robot.geometry import SURFACES, MeshFile, StepFile
 from cfem.robot.mesh.mesh_file import read_data, read_own
 from cfem.robot.mesh.meshing import corner_mesh, measure, solid_of
@@ -22,7 +21,6 @@ FILES = STEP + BREP + SURFACES + MESH
 # A regular tetrahedron of edge h has the volume h^3 / 8.485.
 _REGULAR = 6 * np.sqrt(2)
 _ATTEMPTS = 4
-_IN_MM = {"mm": 1.0, "m": 1000.0}
 _MISSING = 0.02  # of the volume: what straight edges may leave out of a round body; `cfem mesh` calls 0.03 poor
 
 
@@ -115,24 +113,6 @@ def geometry(path: Path, unit: float, remesh: bool = False, body: int = 1) -> St
     if path.suffix.lower() in BREP:
         return StepFile(kind="step", path=path, unit=f"{unit!r} mm")
     return MeshFile(kind="mesh-file", path=path, unit=f"{unit!r} mm", remesh=remesh, body=body)
-
-
-def natural_unit(source: Source) -> str:
-    """Unit that a file without one probably has: m where the robot measures less than a unit, mm otherwise."""
-    return _likely(source.extent) if source.extent is not None else ("m" if source.volume < 1.0 else "mm")
-
-
-def demand_unit(extent: np.ndarray, unit: float) -> None:
-    """SpecError, naming the unit to say instead, where no robot measures `extent` (3,) times `unit` mm."""
-    doubts = size_doubts(extent * unit)
-    if doubts:
-        likely = _likely(extent)
-        measures = f", and the body measures {sides(extent * _IN_MM[likely])} mm"
-        raise SpecError(doubts[0].partition(": check")[0], where="--unit", do=f"say --unit {likely}{measures}")
-
-
-def _likely(extent: np.ndarray) -> str:
-    return "m" if extent.max() < SMALLEST else "mm"
 
 
 def make_shape(source: Source, unit: float, cells: int) -> Shape:

@@ -1,16 +1,16 @@
 """How far each actuator of a robot goes, found by solving: until the body is strained or bent to a limit, has softened
-or meets itself, or a solve fails, as where it buckles."""
+or meets itself, a chamber's pressure falls while it grows, or a solve fails, as where the body buckles."""
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial.transform import Rotation
 
 from cfem.constraint.surface import triangulated
 from cfem.contact.crossing import crossings
 from cfem.contact.overlap import ALLOWED, boundary_of
-from cfem.core.console.progress import progress
 from cfem.core.errors import SpecError
 from cfem.equilibrium.fields import Strain
 from cfem.equilibrium.newton import NewtonSettings
@@ -20,9 +20,7 @@ from cfem.equilibrium.system.evaluation import Evaluation
 from cfem.equilibrium.system.problem import Problem
 from cfem.equilibrium.system.robot import Robot
 from cfem.equilibrium.system.solution import Equilibrium, Status
-from cfem.init.drive import Drive
-from cfem.init.question import Answer, Ask, Question, choice, positive
-from cfem.init.written import short
+from cfem.init.question import Answer, Ask, Question, choice
 from cfem.robot.self_contact import SelfContactSpec, touching_itself
 
 STRAIN = 0.5  # largest principal stretch less one, as a mean of high power over the body
@@ -32,7 +30,6 @@ _POWER = 8.0
 _FIRST = {"mm": 0.01, "mm^3": 0.02}  # of the length of a cable, of the volume of a chamber
 _LEAST = 1e-3  # of the first amount, below which nothing is tried
 _MOST = {"mm": 0.35, "mm^3": 3.0}
-_SOLVES = 8  # of an actuator, about
 _GROWTH = 1.7
 _TIP = 0.1  # of the robot's length: nodes so near to the watched point turn with it
 _ALL = (0.15, 0.3, 0.45, 0.6, 0.75, 0.9, 1.0)  # shares of the strokes tried in turn where all actuators go together
@@ -43,6 +40,7 @@ _ALIKE = 0.8  # of a stroke: one that is no shorter than this is taken for both,
 _CLOSE = 0.2  # of the smallest amount at which the body meets itself: so near to it is near enough
 _MEETS = "beyond it, the body meets itself"
 WORTH = 1.25  # times the stroke: what self-contact must gain to be suggested
+_FALLS = "beyond it, the pressure falls while the volume grows"
 _TOUCHES = "; its surface touches itself from the start, which is left out of account"
 # Where all together buckle the body, pulls of several are drawn back (`cfem.sample.plan.borne`), and strokes are not.
 _REACHED = (Status.CONVERGED, Status.UNSTABLE, Status.BIFURCATION)
@@ -85,12 +83,15 @@ def find_strokes(robot: Robot, advance: Callable[[int], None] = lambda _: None) 
     reach, touches = np.array([each.reach for each in alone]), any(each.touches for each in alone)
     pulls = np.array([each.force for each in alone])  # in this proportion, so that unlike ones come about as far
     pulls = pulls if pulls.all() else 1 / reach
+    inflated = "mm^3" in units
 
     def reached(share: float) -> bool:
         together = Actuation((pulls / (pulls @ reach))[None], np.array([share]), np.zeros(len(reach)))
-        ended = solve(problem, together, settings=_LOOSE, wanted=Wanted(condense=False))
+        ended = solve(problem, together, settings=_LOOSE, wanted=Wanted(condense=inflated))
         advance(1)
-        return ended.status in _REACHED and (touches or not _meets_itself(problem, ended))
+        if ended.status not in _REACHED or (inflated and _past_the_top(ended, pulls)):
+            return False
+        return touches or not _meets_itself(problem, ended)
 
     share = _up_to(reached)
     if share == 1.0:
@@ -113,35 +114,6 @@ def _up_to(reached: Callable[[float], bool]) -> float:
         middle = (low + high) / 2
         low, high = (middle, high) if reached(middle) else (low, middle)
     return low or high
-
-
-def reaches(
-    robot: Robot, driven: Drive, pushes: int, stated: Collection[str], ask: Ask, cells: str
-) -> tuple[tuple[Answer, ...], Answer | None]:
-    """Reach of each actuator until a limit, cables and pushes in mm, chambers in mm^3, by solving on the coarse
-    mesh; and whether walls push each other (`with_contact`). stated: the flags to which `ask` has an answer already;
-    cells: of that mesh, in words."""
-    kinds = (
-        ("reach", "By how much may each cable be shortened?", "mm", "N", len(driven.cables)),
-        ("growth", "By how much may each chamber grow?", "mm^3", "kPa", len(driven.chambers)),
-        ("travel", "By how far may each push move its point?", "mm", "N", pushes),
-    )
-    kinds = tuple(kind for kind in kinds if kind[-1])
-    strokes: list[Stroke] = []
-    contact = None
-    if "self-contact" in stated or any(flag not in stated for flag, *_ in kinds):
-        with progress(
-            "finding how far the actuators go, on the coarse mesh", _SOLVES * robot.rows.n_a, estimate=False
-        ) as advance:
-            strokes, contact = with_contact(robot, ask, "self-contact" in stated, advance)
-    answers: list[Answer] = []
-    for flag, text, unit, of_force, count in kinds:
-        mine = slice(len(answers), len(answers) + count)
-        default, whys = _suggested(strokes[mine], count, unit, f"{of_force} on {cells}")
-        question = Question(flag, text, default, _by_name(robot.rows.actuators[mine], whys), _amounts(unit, count))
-        answer = ask(question)
-        answers += [Answer(value, why if answer.guess else None) for value, why in zip(answer.value, whys, strict=True)]
-    return tuple(answers), contact
 
 
 def with_contact(
@@ -187,36 +159,6 @@ def alike(strokes: Sequence[Stroke], units: Sequence[str]) -> list[Stroke]:
     return chosen
 
 
-def _suggested(strokes: Sequence[Stroke], count: int, unit: str, of_force: str) -> tuple[str, list[str]]:
-    """Strokes as text, one where they are the same, and why each ends there; 1 of the unit where nobody looked."""
-    if not strokes:
-        return f"1 {unit}", ["a first try"] * count
-    amounts = [f"{short(each.reach)} {unit}" for each in strokes]
-    forces = [each.force * (1000 if of_force.startswith("kPa") else 1) for each in strokes]
-    whys = [f"{each.why}, at {short(force)} {of_force}" for each, force in zip(strokes, forces, strict=True)]
-    return amounts[0] if len(set(amounts)) == 1 else ", ".join(amounts), whys
-
-
-def _by_name(names: Sequence[str], whys: Sequence[str]) -> str:
-    """One why where it is the same, else each with the names of those that it is said of."""
-    if len(set(whys)) == 1:
-        return whys[0]
-    actuators = {why: ", ".join(name for name, other in zip(names, whys, strict=True) if other == why) for why in whys}
-    return "; ".join(f"{carriers}: {why}" for why, carriers in actuators.items())
-
-
-def _amounts(unit: str, count: int) -> Callable[[str], tuple[float, ...]]:
-    """Reads one quantity for all actuators, or one each with commas between."""
-
-    def read(text: str) -> tuple[float, ...]:
-        values = [positive(part, unit) for part in text.split(",")]
-        if len(values) not in (1, count):
-            raise ValueError(f"expected one quantity for all, or {count} with commas, got '{text}'")
-        return tuple(values * count if len(values) == 1 else values)
-
-    return read
-
-
 def _alone(problem: Problem, index: int, tip: np.ndarray, advance: Callable[[int], None]) -> Stroke:
     stroke = _until(problem, index, tip, advance, meets=True)
     if not stroke.touches:
@@ -229,14 +171,14 @@ def _until(problem: Problem, index: int, tip: np.ndarray, advance: Callable[[int
     """meets: whether the body must not meet itself."""
     robot = problem.robot
     row, unit = robot.actuators[index], robot.actuator_units[index][0]
-    softens = unit != "mm^3"  # chambers soften as they grow, as balloons do, and are followed all the same
+    inflated = unit == "mm^3"  # chambers soften as they grow, as balloons do, and are followed to the largest pressure
     rest_size = getattr(row, "rest_volume", None) or getattr(row, "rest_length", None) or robot.length
     C = np.eye(robot.rows.n_a)[[index]]
     amount, most = _FIRST[unit] * rest_size, _MOST[unit] * rest_size
-    done, force, before, state, first = 0.0, 0.0, 0.0, None, None
+    done, force, before, state, first, last = 0.0, 0.0, 0.0, None, None, None
     while True:
         target = Actuation(C, np.array([amount]), np.zeros(robot.rows.n_a))
-        ended = solve(problem, target, state, state, _LOOSE, slack=False, wanted=Wanted(condense=softens))
+        ended = solve(problem, target, state, state, _LOOSE, slack=False, wanted=Wanted())
         advance(1)
         if ended.status is not Status.CONVERGED:
             if done == 0.0 and amount > _LEAST * _FIRST[unit] * rest_size:
@@ -250,22 +192,41 @@ def _until(problem: Problem, index: int, tip: np.ndarray, advance: Callable[[int
             amount = (done + most) / 2
             continue
         used, why = _used(problem, ended, tip)
-        if softens:
-            stiffness = 1.0 / float(ended.condensed.W_aa[index, index])
-            first = first or stiffness
+        stiffness = 1.0 / float(ended.condensed.W_aa[index, index])
+        first = first or stiffness
+        end_force = float(abs(ended.state.lam[index]))
+        falls = inflated and (stiffness < 0 or end_force < force)
+        if not inflated:
             lost = np.log(max(stiffness / first, SOFT**4)) / np.log(SOFT)  # it falls by factors where a limb buckles
             used, why = max((used, why), (float(lost), f"softened to {100 * SOFT:.0f} % of its stiffness"))
-        end_force = float(abs(ended.state.lam[index]))
+        share = (1.0 - before) / (used - before) if used >= 1.0 else np.inf
+        if falls:
+            largest, pressure = _largest((done, force, last or 2 * end_force / amount), (amount, end_force, stiffness))
+            if largest <= done + share * (amount - done):
+                return Stroke(largest, pressure, _FALLS, sudden=True)
         if used >= 1.0:
-            share = (1.0 - before) / (used - before)
             return Stroke(done + share * (amount - done), force + share * (end_force - force), why)
-        done, force, before, state = amount, end_force, used, ended.state
+        done, force, before, state, last = amount, end_force, used, ended.state, stiffness
         if most < _MOST[unit] * rest_size:
             amount = (done + most) / 2
             continue
         if amount >= most:
             return Stroke(most, force, f"{100 * _MOST[unit]:.0f} % of its {'volume' if unit == 'mm^3' else 'length'}")
         amount = min(most, amount * min(_GROWTH, max(1.15, 1.05 / max(used, 1e-3))))
+
+
+def _past_the_top(ended: Equilibrium, pulls: np.ndarray) -> bool:
+    """True where less of the pulls (n_a,) takes the actuators farther along them."""
+    return ended.condensed is not None and bool(pulls @ ended.condensed.W_aa @ pulls < 0)
+
+
+def _largest(before: tuple[float, float, float], after: tuple[float, float, float]) -> tuple[float, float]:
+    """Volume and pressure where it is largest between two states, (volume, pressure, stiffness) each: of the cubic
+    through them."""
+    path = CubicHermiteSpline(*np.transpose([before, after]))
+    tops = [root for root in path.derivative().roots(extrapolate=False) if path(root, 2) < 0]
+    top = min(tops, default=before[0])
+    return float(top), float(path(top))
 
 
 def _meets_itself(problem: Problem, ended: Equilibrium) -> bool:

@@ -17,7 +17,7 @@ from cfem.equilibrium.system.robot import Robot
 from cfem.init.drive import Drive, Stated
 from cfem.init.let_out import let_out
 from cfem.init.question import Answer, Ask
-from cfem.init.stroke import reaches
+from cfem.init.reach import reaches
 from cfem.init.texts import NewScene, texts
 from cfem.mechanics.mesh import Mesh
 from cfem.robot.build import build_robot

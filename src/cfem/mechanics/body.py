@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from cfem.core.console.shown import counted
 from cfem.core.errors import InputError
 from cfem.mechanics import layer as membrane
 from cfem.mechanics import self_contact as walls
@@ -111,7 +112,10 @@ def make_body(
         )
     unused = len(mesh.X) - len(np.unique(mesh.cells))
     if unused:
-        raise InputError(f"{unused} of {len(mesh.X)} nodes of the mesh belong to no cell", do="drop them")
+        raise InputError(
+            f"{unused} of {len(mesh.X)} nodes of the mesh {'belongs' if unused == 1 else 'belong'} to no cell",
+            do="drop them",
+        )
     materials, owner = _assigned(mesh, element, material, regions)
     try:
         solids = tuple(
@@ -123,7 +127,8 @@ def make_body(
         bad = int((mesh.volumes == 0).sum())
     if bad:
         raise InputError(
-            f"{bad} of {len(mesh.cells)} cells of the mesh are inverted or flat", do="mesh it again, with another size"
+            f"{bad} of the mesh's {counted(len(mesh.cells), 'cell')} {'is' if bad == 1 else 'are'} inverted or flat",
+            do="mesh it again, with another size",
         )
     return Body(mesh, element, solids)
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from cfem.core.actuator_units import CABLE
+from cfem.core.console.shown import counted
 from cfem.core.errors import InputError, SpecError
 from cfem.core.spec import load_spec
 from cfem.core.stage import Command
@@ -94,7 +95,8 @@ def _headline(results: dict[str, Any], run: Any, actuators: Sequence[str], until
         headline.insert(0, f"from {run.left:.4g} s on the motion leaves the training states: its error is unknown")
     if run.shortened:
         t, length, why = run.shortened[0]
-        headline.append(f"{len(run.shortened)} steps were halved; the first, of {length:.3g} s at {t:.4g} s: {why}")
+        halved = counted(len(run.shortened), "step was", "steps were")
+        headline.append(f"{halved} halved; the first, of {length:.3g} s at {t:.4g} s: {why}")
     slack = [name for name, count in zip(actuators, results["slack_steps"], strict=True) if count]
     if slack:
         headline.append(f"cables that were slack for a while: {', '.join(slack)}")

@@ -15,7 +15,7 @@ from cfem.condensed.skin import Skin, read_skin
 from cfem.core.artefact.files import write_whole
 from cfem.core.artefact.judgement import FAILED_SHARE, poor
 from cfem.core.artefact.manifest import read_manifest
-from cfem.core.console.shown import duration, length
+from cfem.core.console.shown import counted, duration, length
 from cfem.core.errors import InputError, NumericalError
 from cfem.core.units import parse_quantity
 from cfem.dataset.inspect import cost
@@ -119,8 +119,8 @@ def dearest(table: pa.Table) -> list[str]:
     shares = ", ".join(f"{share:.2f}" for share in row["u"])
     ended = "converged" if row["status"] == CONVERGED else row["reason"]
     return [
-        f"dearest state: row {row['id']} of {row['split']}, u = [{shares}], {row['factorizations']} factorisations in "
-        f"{row['steps']} load steps; {ended}"
+        f"dearest state: row {row['id']} of {row['split']}, u = [{shares}], "
+        f"{counted(row['factorizations'], 'factorisation')} in {counted(row['steps'], 'load step')}; {ended}"
     ]
 
 
@@ -194,7 +194,8 @@ def skin_line(skin: dict[str, Any] | None) -> list[str]:
     """Line about the modes of the skin."""
     if skin is None:
         return []
-    line = f"skin: {skin['modes']} modes describe the surface, with an error of {length(skin['largest_mm'])} at most"
+    modes = counted(skin["modes"], "mode describes", "modes describe")
+    line = f"skin: {modes} the surface, with an error of {length(skin['largest_mm'])} at most"
     tolerance, reached = skin["tolerance_mm"], skin["left_out_mm"][1]
     if tolerance is None or reached <= tolerance:
         return [line]

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from cfem.core.console.shown import length
+from cfem.core.console.shown import counted, length
 from cfem.dataset.reader import read_dataset
 from cfem.equilibrium.solve import solve
 from cfem.equilibrium.system.actuation import displacement, force
@@ -39,6 +39,6 @@ def mesh_error_line(error: dict[str, Any]) -> str:
     return (
         f"discretisation error: where the effectors travel farthest, {low:.2g} to {high:.2g} % of their travel, up to "
         f"{length(error['tip_mm'], digits=2)}, and up to {error['force_percent']:.2g} % of the actuator forces "
-        f"(rest and {error['states']} states on {error['finer_cells']} instead of {error['cells']} cells, "
-        f"{error['factorizations']} factorisations there)"
+        f"(rest and {counted(error['states'], 'state')} on {error['finer_cells']} instead of {error['cells']} cells, "
+        f"{counted(error['factorizations'], 'factorisation')} there)"
     )

@@ -17,7 +17,7 @@ from cfem.sample.spec import SplitSpec
 _SHORTER, _LEAST = 0.85, 0.05
 # Shares of a pull of all at once that are tried as well: beyond the load at which a body buckles there may be another
 # branch, which a solve finds or not.
-_ON_THE_WAY = (1.0, 0.75, 0.5, 0.25)
+_ON_THE_WAY = (0.25, 0.5, 0.75, 1.0)
 # Of the largest pull of all at once that is borne: near the load at which a body buckles its compliance grows without
 # bound, which no series follows.
 _SAFE = 0.7

@@ -18,7 +18,7 @@ from cfem.condensed.pose import Patch, onto_patch, slopes_onto_patch
 from cfem.condensed.skin import Skin, skin_bytes, skin_from
 from cfem.dataset.writer import table_bytes
 from cfem.equilibrium.motion.inertia import Inertia
-from cfem.equilibrium.predictor import Knot, knot, nearest, predict
+from cfem.equilibrium.predictor import NO_PARAMETERS, Knot, following, knot, nearest, predict
 from cfem.equilibrium.system.actuation import Actuation, pulling_only
 from cfem.equilibrium.system.solution import Equilibrium, ParameterSlopes, State
 from cfem.mechanics.self_contact import is_deep
@@ -69,7 +69,12 @@ def together(robot: bytes) -> float:
     solver = _solver(robot).roughly()
     parameters, high = sampled(solver.facts.parameters), solver.facts.reach[:, 1]
     middle = from_shares(parameters, np.full(len(parameters), 0.5))
-    return borne_together(lambda command: solver.solve(command, None, middle), high, solver.facts.compliance)
+
+    def start(knots: Sequence[Knot], place: np.ndarray, command: Actuation) -> State | None:
+        return _start(solver.facts, knots, place, command, NO_PARAMETERS)  # all are the robot of the middle
+
+    solve = following(lambda command, state: solver.solve(command, state, middle), start)
+    return borne_together(solve, high, solver.facts.compliance)
 
 
 @lru_cache(maxsize=1)

@@ -21,6 +21,7 @@ from cfem.core.artefact.content import artefact_content, artefact_file
 from cfem.core.artefact.files import file_sha256, write_json, write_npz
 from cfem.core.artefact.manifest import read_manifest
 from cfem.core.console.progress import doing
+from cfem.core.console.shown import counted
 from cfem.core.errors import InputError, NumericalError
 from cfem.core.optional import demand
 from cfem.core.stage import Command
@@ -60,7 +61,7 @@ def work(folder: Path, spec: TrainSpec, dataset_folder: Path) -> dict[str, Any]:
         demand("torch", *(["optuna"] if spec.model.search else []), where="kind: mlp")
     training, test = _read_rows(spec, dataset_folder)
     checkpoints = folder / "checkpoints"  # from which a killed training goes on
-    doing(f"fitting the model to {len(training)} samples")
+    doing(f"fitting the model to {counted(len(training), 'sample')}")
     meta, arrays, results = train_and_judge(training, test, spec.model, checkpoints)
     doing("checking the model")
     predictor = build(meta, arrays)

@@ -5,7 +5,7 @@ from typing import Any
 from cfem.condensed.mesh_error import mesh_error_of
 from cfem.condensed.model_error import model_error_of
 from cfem.core.artefact.judgement import INDEFINITE_SHARE, LOSS, poor
-from cfem.core.console.shown import duration, length
+from cfem.core.console.shown import counted, duration, length
 from cfem.motion.error import frequency_error_of
 from cfem.surrogate.calibration import ENOUGH, PROBABILITY
 
@@ -20,16 +20,14 @@ def headline(results: dict[str, Any], units: dict[str, Any]) -> list[str]:
     errors, definite = results["errors"], results["positive_definite"]
     states, caution = errors["states"], ""
     if states < FEWEST:
-        caution = (
-            f" (a figure of {states} state{'s' if states > 1 else ''} says little of others: sample more test rows)"
-        )
+        caution = f" (a figure of {counted(states, 'state')} says little of others: sample more test rows)"
     loss = f"the paper's loss {errors['loss']:.2e}, the same loss of whole vectors {errors['frame_loss']:.2e}"
     if _unjudged(errors):
         loss = "the paper's loss is not known, as the test states do not differ"
+    samples, tip, driven = counted(results["samples"], "sample"), errors["tip_mm"]["max"], errors["force_N"]["max"]
     lines = [
-        f"{results['kind']}, {results['samples']} samples: largest errors {length(errors['tip_mm']['max'])} at the tip "
-        f"and {errors['force_N']['max']:.2g} {force} on {states} test state{'s' if states > 1 else ''}{caution}; "
-        f"{loss}; "
+        f"{results['kind']}, {samples}: largest errors {length(tip)} at the tip and {driven:.2g} {force} on "
+        f"{counted(states, 'test state')}{caution}; {loss}; "
         f"fitted in {duration(results['seconds_fit'])}, {duration(1e-6 * results['microseconds_query'])} per query"
     ]
     stated = model_error_of(results.get("model_error"))
@@ -90,8 +88,8 @@ def skin_line(skin: dict[str, Any]) -> str:
     """Line about the results' "skin": the errors with all modes, and with fewer."""
     share, count, largest = skin["largest_percent_of_length"], skin["modes"], length(skin["largest_mm"])
     few = sorted({max(1, count // 4), max(1, count // 2)} - {count}) if "front" in skin else []
-    fewer = "".join(f"; with {number} modes {length(skin['front']['largest_mm'][number])}" for number in few)
+    fewer = "".join(f"; with {counted(number, 'mode')} {length(skin['front']['largest_mm'][number])}" for number in few)
     return (
         f"skin: the largest error of {skin['nodes']} surface nodes is {largest} ({share:.2g} % of the length), "
-        f"{length(skin['rms_mm'])} rms, with {count} modes{fewer or skin.get('of', '')}"
+        f"{length(skin['rms_mm'])} rms, with {counted(count, 'mode')}{fewer or skin.get('of', '')}"
     )

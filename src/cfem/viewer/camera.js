@@ -23,6 +23,17 @@ function extent(places, axes) {
   return { low, high, size: high.map((value, k) => Math.max(value - low[k], 0)) };
 }
 
+// Of places (flat), those that lie farthest in each of 26 directions, flat.
+const DIRECTIONS = [-1, 0, 1].flatMap(x => [-1, 0, 1].flatMap(y => [-1, 0, 1].map(z => [x, y, z]))).filter(axis => axis.some(Boolean));
+function outermost(places) {
+  const far = DIRECTIONS.map(() => -Infinity), index = DIRECTIONS.map(() => 0);
+  for (let i = 0; i < places.length; i += 3) DIRECTIONS.forEach(([x, y, z], k) => {
+    const at = x * places[i] + y * places[i + 1] + z * places[i + 2];
+    if (at > far[k]) { far[k] = at; index[k] = i; }
+  });
+  return [...new Set(index)].flatMap(i => [places[i], places[i + 1], places[i + 2]]);
+}
+
 const AZIMUTHS = [40, 22, 58, -22, -40, -58, 75, -75, 105, -105, 122, 140, 158, -122, -140, -158];
 
 const WORLD = [[1, 0, 0], [0, 1, 0], [0, 0, 1]];

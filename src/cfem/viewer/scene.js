@@ -1,6 +1,7 @@
 // Draws robots on a 2-D canvas: bodies, with what is inside showing through; where they rest, pale; the ground with their
 // shadow; and over it whatever the page marks.
 const SHADOW = [0.22, -0.16]; // how far a shadow falls aside, of the height above the ground
+const shadowOf = (places, i, ground) => [places[i] - SHADOW[0] * (places[i + 2] - ground), places[i + 1] - SHADOW[1] * (places[i + 2] - ground), ground];
 const DARK = Math.round(255 * 0.15) << 24; // the shadow's colour
 const THROUGH = 0.75; // of what is inside that its body lets through
 const RIM = 3; // pixels
@@ -54,10 +55,10 @@ function makeScene(canvas, again) {
 
   // The sheets as their shadows on the ground.
   function cast(f, { sheet }, height, box) {
-    const { place, triangles } = sheet, [a, b] = SHADOW;
+    const { place, triangles } = sheet;
     sheet.cast ??= new Float32Array(place.length);
     for (let i = 0; i < place.length; i += 3) {
-      const fallen = place[i + 2] - height, p = onto(f, [place[i] - a * fallen, place[i + 1] - b * fallen, height]);
+      const p = onto(f, shadowOf(place, i, height));
       for (let d = 0; d < 3; d++) sheet.cast[i + d] = p[d];
     }
     grow(box, sheet.cast, triangles);

@@ -23,6 +23,7 @@ from cfem.core.errors import InputError, SpecError
 from cfem.core.spec import load_spec
 from cfem.plant.fem_plant import FemPlant, pushed
 from cfem.plant.gains import integral_for
+from cfem.plant.model_plant import ModelPlant
 from cfem.predict.load import load_model, read_model
 
 SPEC = """
@@ -58,7 +59,8 @@ def load(tmp_path, *overrides) -> ControlSpec:
     return load_spec(path, ControlSpec, overrides)
 
 
-def control(folder: Path, spec: ControlSpec, model_folder: Path, course=1.0, forces=None):
+def control(folder: Path, spec: ControlSpec, model_folder: Path, course=1.0, forces=None, lengths=0.0):
+    """Results; lengths: of the robot, from where it rests to a goal behind those that it reaches."""
     model = load_model(model_folder)
     unilateral = np.ones(2, dtype=bool)
     robot = SimpleNamespace(
@@ -70,6 +72,8 @@ def control(folder: Path, spec: ControlSpec, model_folder: Path, course=1.0, for
         forces=forces,
     )
     goals = np.array([model.rest_e + model.at_displacement(np.array(d)).delta_e for d in ([6.0, 5.0], [9.0, 9.5])])
+    if lengths:
+        goals = np.vstack([goals, model.rest_e + [0, 0, lengths * model.length]])
     return run_controllers(folder, spec, folder, robot, {"spectral": model}, {"points": goals}, search(robot, model))
 
 
@@ -140,6 +144,17 @@ def test_goals_by_the_clock(tmp_path, model_folder):
 def test_a_budget_ends_the_run(tmp_path, model_folder):
     found = control(tmp_path, load(tmp_path, "loop.budget=0.5 s"), model_folder)["loop"]["points"]
     assert found["closed"]["ticks"] == 25 and found["closed"]["reached"]["max"] == 1
+
+
+@pytest.mark.parametrize("overrides", [[], ["loop.laps={speeds: [1 Hz], laps: 1, run_up: 0 s}"]])
+def test_a_goal_that_is_too_far_away_is_named_before_the_first_tick(tmp_path, model_folder, monkeypatch, overrides):
+    """Also one that is the robot's own image, or lies between others on a lap."""
+    steps = []
+    monkeypatch.setattr(ModelPlant, "step", lambda *_: steps.append(1))
+    words = r"trajectories.points.*: goal \d+ is \d+ mm from where the effector rests, .*`length` of the scene"
+    with pytest.raises(SpecError, match=words):
+        control(tmp_path, load(tmp_path, *overrides), model_folder, lengths=2.5)
+    assert not steps
 
 
 def device(words):
@@ -242,8 +257,11 @@ def test_a_controller_adapts_to_a_robot_that_changes(tmp_path, tmp_path_factory)
     assert np.isnan(known["plain"]).all() and np.isfinite(known["adaptive"]).all()
 
 
-def test_a_model_without_parameters_adapts_nothing(tmp_path, model_folder):
-    adapt = "loop.controllers={adaptive: {mode: open, adapt: {noise: 0.02 mm}}}"
+def test_a_model_without_parameters_adapts_nothing_which_is_said_before_the_first_tick(
+    tmp_path, model_folder, monkeypatch
+):
+    monkeypatch.setattr(ModelPlant, "step", None)
+    adapt = "loop.controllers={plain: {mode: open}, adaptive: {mode: open, adapt: {noise: 0.02 mm}}}"
     with pytest.raises(SpecError, match="has no parameters"):
         control(tmp_path, load(tmp_path, adapt), model_folder)
 

@@ -1,6 +1,6 @@
 import pytest
 
-from cfem.core.console.shown import duration, folded, length, size, stress
+from cfem.core.console.shown import counted, duration, folded, length, size, stress
 
 
 @pytest.mark.parametrize(
@@ -42,3 +42,8 @@ def test_a_long_line_is_folded_between_words_and_a_number_stays_with_its_unit(mo
     assert " ".join(part.strip() for part in parts) == line.strip() and max(map(len, parts)) <= 30
     assert any("1.25 mm" in part for part in parts) and all(part.startswith("    ") for part in parts[1:])
     assert folded("short") == ["short"]
+
+
+def test_one_thing_is_singular():
+    assert [counted(number, "edge") for number in (0, 1, 2)] == ["0 edges", "1 edge", "2 edges"]
+    assert [counted(number, "body is", "bodies are") for number in (1, 3)] == ["1 body is", "3 bodies are"]

@@ -58,6 +58,17 @@ def test_stated_pressures_bound_the_forces():
     assert content(text)[0]["actuators"][0]["lambda"] == [0.0, 0.2]
 
 
+def test_a_push_is_no_cable():
+    meta, arrays = spectral()
+    left, right = meta["rows"]["actuators"]
+    cable = {"kind": "cable", "name": left, "points": [[0.0, 0, -20], [0.0, 0, -80]]}
+    robot = {"geometry": {"kind": "step"}, "actuators": [cable, {"kind": "push", "name": right}]}
+    text = page({**meta, "robot": robot}, arrays, skin_of(meta, arrays), CSpec(), Embedding())
+    pulled, pushed = content(text)[0]["actuators"]
+    assert (pulled["kind"], pushed["kind"]) == ("cable", "push")
+    assert (pushed["unit"], pushed["forceUnit"]) == ("mm", "N")
+
+
 def test_rest_is_among_the_known_states_where_the_model_is_right_there():
     meta, arrays = spectral()
     predictor = build(meta, arrays)

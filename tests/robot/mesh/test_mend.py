@@ -85,7 +85,7 @@ def test_a_sliver_is_turned_into_a_triangle():
     found, triangles, said = mended(on_edge, np.vstack([others, split]))
     sides = found[triangles]
     area = np.linalg.norm(np.cross(sides[:, 1] - sides[:, 0], sides[:, 2] - sides[:, 0]), axis=1)
-    assert area.min() > 0.02 and "1 slivers" in said[0] and volume(found, triangles) == pytest.approx(24)
+    assert area.min() > 0.02 and "edges of 1 sliver" in said[0] and volume(found, triangles) == pytest.approx(24)
 
 
 def test_what_cannot_be_mended_is_said():

@@ -72,4 +72,4 @@ def test_a_hexahedron_that_is_nearly_flat_is_doubted():
     slope = np.radians(1)
     sheared = mesh.X @ np.array([[1.0, 0, 0], [np.cos(slope), np.sin(slope), 0], [0, 0, 1]])
     (said,) = quality(Mesh(sheared, mesh.cells, mesh.facets), None).doubts()
-    assert said.startswith("1 of 1 cells are nearly flat, with a scaled Jacobian down to 0.017")
+    assert said.startswith("1 of 1 cell is nearly flat, with a scaled Jacobian down to 0.017")

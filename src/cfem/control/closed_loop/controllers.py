@@ -33,8 +33,8 @@ def controller_of(
     predictors: Mapping[str, Predictor],
 ) -> TickedController:
     """Controller of the spec: one of `moving.built`, a policy (base: folder of the spec) or one that adapts, behind an
-    estimator where the loop has one. SpecError where the model has no parameters to adapt, InputError where a policy is
-    none of this robot or no model can tell what is estimated."""
+    estimator where the loop has one. InputError where a policy is none of this robot or no model can tell what is
+    estimated."""
     inner = _measuring(spec, pilot, gains, motion, situation, base)
     if situation.loop.estimate is None:
         return inner
@@ -67,9 +67,6 @@ def _measuring(
         return built.controller_of(spec, pilot, gains, motion, situation)
     model, loop = pilot.model, situation.loop
     camera = spec.adapt.camera
-    if not isinstance(model, Predictor) or not (model.parameters or spec.adapt.loss or camera):
-        do = "use a model that was sampled with parameters, or state a loss"
-        raise SpecError("the controller's model has no parameters", where="loop.controllers.adapt", do=do)
     tracker = Tracker(
         model,
         loop.command.kind,
@@ -85,10 +82,17 @@ def _measuring(
 
 
 def parameters_of(loop: LoopSpec, predictors: Mapping[str, Predictor]) -> int:
-    """Number of columns that `known` gives for a row of the table, 0 where no controller adapts."""
-    adapting = [controller for controller in loop.controllers.values() if controller.adapt is not None]
-    sizes = [len(predictors[controller.model or next(iter(predictors))].parameters) for controller in adapting]
-    return max(sizes, default=0)
+    """Number of columns that `known` gives for a row of the table, 0 where no controller adapts. SpecError where one
+    has nothing to adapt."""
+    sizes = [0]
+    for name, controller in loop.controllers.items():
+        if (adapt := controller.adapt) is None:
+            continue
+        sizes.append(len(predictors[controller.model or next(iter(predictors))].parameters))
+        if not (sizes[-1] or adapt.loss or adapt.camera):
+            what, do = "its model has no parameters", "use a model that was sampled with parameters, or state a loss"
+            raise SpecError(what, where=f"loop.controllers.{name}.adapt", do=do)
+    return max(sizes)
 
 
 def known(controller: TickedController, count: int) -> dict[str, Any]:

@@ -68,6 +68,7 @@ class Setting:
 
 def run_controller(
     setting: Setting,
+    situation: Situation,
     reference: Reference,
     name: str,
     write: Callable[[dict[str, Any]], None],
@@ -75,7 +76,7 @@ def run_controller(
 ) -> dict[str, Any]:
     """Results of one controller along one reference, all seeds; write: takes a row of the table, advance: counts goals
     of the progress."""
-    loop, robot, situation = setting.spec.loop, setting.robot, setting.situation(reference)
+    loop, robot = setting.spec.loop, setting.robot
     spec = loop.controllers[name]
     model, gains = model_of(spec, setting.predictors, robot), gains_of(spec)
     pilot = pilot_of(setting.pilot, spec, loop, model, robot)

@@ -19,6 +19,7 @@ from cfem.control.closed_loop.summary import headline, judged
 from cfem.control.closed_loop.tick import Pilot
 from cfem.control.closed_loop.tick_log import tick_log
 from cfem.control.task.goals.doubts import one_point, wide
+from cfem.control.task.goals.from_spec import demand_near
 from cfem.control.task.goals.trajectory_spec import meant_beyond
 from cfem.control.task.loads import load_doubts
 from cfem.core.artefact.judgement import KEY
@@ -40,11 +41,15 @@ def run_controllers(
 ) -> dict[str, Any]:
     """Writes loop.parquet, a row a tick; returns the results. Ticks of a device are on disk as they come (`tick_log`).
     goals: (m, n_e) mm absolute by trajectory; pilot: how goals are searched for; base: folder of the spec, where a
-    device starts. InputError where that fails."""
+    device starts. InputError where that fails. SpecError before the first tick where a goal is too far away, the robot
+    cannot stand at the first one, or a controller has nothing to adapt."""
     loop, motions = spec.loop, _motions(spec, base, predictors)
     plant_of = plants_of(spec, base, robot, predictors, motions)
     setting = Setting(spec, base, robot, predictors, motions, plant_of, pilot, parameters_of(loop, predictors))
     references = references_of(goals, loop)
+    for reference in references:
+        demand_near(reference.name, reference.goals, robot)
+    situations = {reference.name: setting.situation(reference) for reference in references}
     records, results = [], {}
     log = tick_log(folder) if spec.plant == "device" else nullcontext(lambda row: None)
     with progress("goals of all controllers and seeds", _visits(references, loop)) as advance, log as append:
@@ -55,7 +60,8 @@ def run_controllers(
 
         for reference in references:
             results[reference.name] = {
-                name: run_controller(setting, reference, name, write, advance) for name in loop.controllers
+                name: run_controller(setting, situations[reference.name], reference, name, write, advance)
+                for name in loop.controllers
             }
         _write(folder / "loop.parquet", records, robot, loop)
     # Laps run on whether a goal is reached or not.

@@ -46,7 +46,8 @@ def tick_log(folder: Path) -> Iterator[Callable[[dict[str, Any]], None]]:
             if not count:
                 path.unlink()
                 raise
-            kept = f"the {count} ticks before are kept in {os.path.normpath(path)}"
+            before = "the tick before is" if count == 1 else f"the {count} ticks before are"
+            kept = f"{before} kept in {os.path.normpath(path)}"
             if isinstance(error, CfemError):
                 raise type(error)(f"{error.what}; {kept}", where=error.where, do=error.do) from error
             say(f"control: {kept}")

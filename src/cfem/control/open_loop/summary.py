@@ -196,9 +196,7 @@ def _parts(row: dict, fe_cost: dict | None) -> list[str]:
         parts.append("orientation error mean {mean:.2g} deg, max {max:.2g} deg".format(**row["rotation_error"]))
     if far:
         out = row["goals"] - row["reachable"]
-        goals = (
-            "1 goal is out of reach: the robot ended" if out == 1 else f"{out} goals are out of reach: the robot ended"
-        )
+        goals = f"{counted(out, 'goal is', 'goals are')} out of reach: the robot ended"
         parts.append(f"{goals} {length(far['mean'])} away on average, {length(far['max'])} at most")
     if row["not_converged"]:
         parts.append(f"the search for {row['not_converged']} of them did NOT CONVERGE")

@@ -43,6 +43,11 @@ def size(count: float) -> str:
     return _scaled((count,), _unit(count, (("GB", 1e9), ("MB", 1e6), ("kB", 1e3), ("bytes", 1.0))))
 
 
+def counted(number: int, noun: str, plural: str = "") -> str:
+    """So many things in words: '1 edge', '3 edges'; plural: where it is not the noun with an s."""
+    return f"{number} {noun if number == 1 else plural or f'{noun}s'}"
+
+
 def times(ratio: float) -> str:
     """Ratio in words, two digits: '830', '2.5'."""
     return _digits(ratio, 2)

@@ -99,7 +99,7 @@ def _facts(
 ) -> dict[str, Any]:
     """Facts that the page's program is told beside the arrays."""
     return {
-        "actuators": actuators(predictor, constants),
+        "actuators": actuators(predictor, constants, predictor.meta.get("robot")),
         "points": points,
         "rest_e": predictor.rest_e.tolist(),
         "skin": len(drawn.modes),
@@ -133,24 +133,31 @@ def watched(predictor: Predictor) -> list[dict[str, Any]]:
     return points
 
 
-def actuators(predictor: Predictor, constants: dict[str, np.ndarray]) -> list[dict[str, Any]]:
-    """delta: smallest and largest, mm or mm^3; lambda: the same, N or MPa, null where open; scale: the largest force in
-    the training states of an actuator of its kind, where the colours end."""
+def actuators(
+    predictor: Predictor, constants: dict[str, np.ndarray], robot: dict[str, Any] | None
+) -> list[dict[str, Any]]:
+    """Actuators as the page shows them. robot: what the model says of it, which tells pushes from cables; delta:
+    smallest and largest, mm or mm^3; lambda: the same, N or MPa, null where open; scale: the largest force in the
+    training states of an actuator of its kind, where the colours end."""
     largest, entries = np.abs(constants["cfem_domain_lambda_a"]).max(axis=0), []
-    cables = np.array([unit == "mm" for unit, _ in predictor.actuator_units])
-    for i, name in enumerate(predictor.rows.actuators):
-        cable = bool(cables[i])
+    pushes = {item["name"] for item in (robot or {}).get("actuators", []) if item["kind"] == "push"}
+    kinds = [
+        "chamber" if unit != "mm" else "push" if name in pushes else "cable"
+        for name, (unit, _) in zip(predictor.rows.actuators, predictor.actuator_units, strict=True)
+    ]
+    for i, (name, kind) in enumerate(zip(predictor.rows.actuators, kinds, strict=True)):
+        chamber = kind == "chamber"
         low, high = (constants[f"cfem_lambda_{end}"][i] for end in ("low", "high"))
         entries.append(
             {
                 "name": name,
-                "kind": "cable" if cable else "chamber",
-                "unit": "mm" if cable else "mm³",
-                "forceUnit": "N" if cable else "kPa",
-                "forceFactor": 1 if cable else 1000,
+                "kind": kind,
+                "unit": "mm³" if chamber else "mm",
+                "forceUnit": "kPa" if chamber else "N",
+                "forceFactor": 1000 if chamber else 1,
                 "delta": [float(constants[f"cfem_delta_{end}"][i]) for end in ("low", "high")],
                 "lambda": [float(force) if np.isfinite(force) else None for force in (low, high)],
-                "scale": float(largest[cables == cable].max()),
+                "scale": float(largest[np.array(kinds) == kind].max()),
             }
         )
     return entries

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cfem.core.console.shown import counted
 from cfem.core.errors import SpecError
 from cfem.init.cables.centreline import Centreline, centreline
 from cfem.init.cables.channels import cables_in_channels
@@ -37,7 +38,7 @@ class Placement:
         made = len(self.cables)
         if made >= count:
             return None
-        asked = f"{_count(made, 'cable')} where {count} {'were asked for' if stated else 'are usual'}"
+        asked = f"{counted(made, 'cable')} where {count} {'were asked for' if stated else 'are usual'}"
         do = "for more, hold another part (--fixed), or give each as --cable 'NAME: pull point; point; ...'"
         return f"{asked}: {self.ways}; {do}"
 
@@ -64,7 +65,7 @@ def place(shape: Shape, run: Run, count: int, air: bool | None = None) -> Placem
         return Placement(lines, radius, "through the air from part to part", True, many)
     in_channels = cables_in_channels(shape, run)
     if in_channels is not None and (not in_channels.through_air or air is None):
-        many = f"the body has {_count(len(in_channels.cables), 'channel')}, and each gets one"
+        many = f"the body has {counted(len(in_channels.cables), 'channel')}, and each gets one"
         return Placement(in_channels.cables, in_channels.radius, in_channels.how, in_channels.through_air, many)
     middle = centreline(shape.voxels, run)
     try:
@@ -74,7 +75,7 @@ def place(shape: Shape, run: Run, count: int, air: bool | None = None) -> Placem
     if middle is not None and middle.branches > 1:
         legs = cables_in_legs(shape, run)
         if legs is not None:
-            many = f"{_count(len(legs[0]), 'way')} around the body lead to the tip"
+            many = f"{counted(len(legs[0]), 'way')} around the body lead to the tip"
             return Placement(*legs, f"one along each of {len(legs[0])} legs, on its outer side", ways=many)
     if air is None:
         try:
@@ -82,10 +83,6 @@ def place(shape: Shape, run: Run, count: int, air: bool | None = None) -> Placem
         except SpecError:
             pass  # `refused` says what keeps cables inside, which is what a person can change
     raise refused
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}{'s' if number > 1 else ''}"
 
 
 def inside(shape: Shape, run: Run, count: int, middle: Centreline | None) -> Placement:

@@ -10,6 +10,7 @@ from cfem.robot.checks.stroke import stroke_doubts
 from cfem.robot.checks.walls import wall_doubts
 
 SMALLEST, LARGEST = 1.0, 1e4  # mm, of a soft robot: shorter or longer ones are mostly written in another unit
+ROBOTS = (10.0, 1e3)  # mm, that most soft robots measure
 LONG = 0.5  # share of a cable's length: no soft robot is known to shorten a cable by more
 MODULI = (1e-3, 3e5)  # MPa, Young's: from gels to metals, of all that a robot may be made of
 RUBBER = (1e-3, 1e3)  # MPa, Young's, of what laws of rubber are fitted to

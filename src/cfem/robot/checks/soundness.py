@@ -8,6 +8,7 @@ from scipy.sparse.csgraph import connected_components
 from cfem.constraint.attachment import attach
 from cfem.constraint.effector import CombinedEffector, PointEffector, RotationEffector
 from cfem.constraint.protocol import Watched
+from cfem.core.console.shown import counted
 from cfem.core.errors import InputError
 from cfem.equilibrium.system.robot import Robot
 from cfem.mechanics.element import shape_derivatives
@@ -73,9 +74,9 @@ def demand_held(robot: Robot) -> None:
     loose = np.setdiff1d(piece[cells[:, 0]], piece[robot.fixed])
     if len(loose):
         nodes = X[piece == loose[0]]
-        count = int((piece[cells[:, 0]] == loose[0]).sum())
+        count = counted(int((piece[cells[:, 0]] == loose[0]).sum()), "cell")
         size = " x ".join(f"{side:.3g}" for side in np.ptp(nodes, axis=0))
-        what = f"a piece of {count} cells, {size} mm large at {_place(nodes.mean(axis=0))}, is joined to nothing held"
+        what = f"a piece of {count}, {size} mm large at {_place(nodes.mean(axis=0))}, is joined to nothing held"
         raise InputError(what, where=robot.name, do="hold it under 'fixed', join it to the rest, or leave it out")
 
 

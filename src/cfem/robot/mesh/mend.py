@@ -8,6 +8,7 @@ from scipy.sparse import csr_array
 
 from cfem.contact.crossing import crossings
 from cfem.contact.facets import components, solid_angles
+from cfem.core.console.shown import counted
 from cfem.core.errors import InputError
 from cfem.robot.mesh.same_place import representatives
 from cfem.robot.mesh.short_edges import without_short_edges
@@ -37,13 +38,13 @@ def mend(X: np.ndarray, triangles: np.ndarray, where: str, body: int = 1) -> Men
     triangles = same[numbered.reshape(triangles.shape)]
     merged = int((same != np.arange(len(X))).sum())
     if merged:
-        mends.append(f"merged {merged} duplicate nodes")
+        mends.append(f"merged {counted(merged, 'duplicate node')}")
     triangles, dropped = _without_copies(triangles)
     if dropped:
-        mends.append(f"dropped {dropped} triangles that are copies or have two corners at one place")
+        mends.append(f"dropped {counted(dropped, 'triangle')}, as copies or with two corners at one place")
     triangles, flipped = _without_slivers(X, triangles)
     if flipped:
-        mends.append(f"turned the edges of {flipped} slivers")
+        mends.append(f"turned the edges of {counted(flipped, 'sliver')}")
     if len(triangles) == 0:
         raise InputError("has no surface", where=where, do="export the body again")
     _demand_two(X, triangles, where)
@@ -61,10 +62,10 @@ def mend(X: np.ndarray, triangles: np.ndarray, where: str, body: int = 1) -> Men
         mends.append(phrase)
     triangles, contracted = without_short_edges(X, triangles)
     if contracted:
-        mends.append(f"contracted {contracted} edges that are next to nothing beside those around them")
+        mends.append(f"contracted {counted(contracted, 'edge')} next to nothing beside those around")
     X, moved = _untangled(X, triangles)
     if moved:
-        mends.append(f"moved {moved} nodes where the surface passed through itself")
+        mends.append(f"moved {counted(moved, 'node')} where the surface passed through itself")
     used, numbered = np.unique(triangles, return_inverse=True)
     return MendedSurface(X[used], numbered.reshape(triangles.shape), tuple(mends), len(bodies))
 
@@ -122,7 +123,8 @@ def _demand_two(X: np.ndarray, triangles: np.ndarray, where: str) -> None:
     branching = np.flatnonzero(uses > 2)
     if len(branching):
         place = ", ".join(f"{value:.4g}" for value in X[keys[branching[0]]].mean(axis=0))
-        what = f"its surface branches: {len(branching)} edges belong to more than two triangles, one at ({place})"
+        edges = counted(len(branching), "edge belongs", "edges belong")
+        what = f"its surface branches: {edges} to more than two triangles, one at ({place})"
         raise InputError(what, where=where, do="join bodies that touch to one, or export STEP")
 
 

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cfem.core.console.shown import counted
 from cfem.mechanics.element import barycentric_gradients
 from cfem.mechanics.mesh import Mesh
 
@@ -54,7 +55,8 @@ class Quality:
             do = "give a smaller mesh.size, or a surface without slivers"
             if from_file:
                 do = "give its surface as .stl, which cfem meshes itself, or mesh the body again where the file is from"
-            doubts.append(f"{self.flat} of {self.cells} cells are nearly flat, with {worst}: {do}")
+            share = f"{self.flat} of {counted(self.cells, 'cell')} {'is' if self.flat == 1 else 'are'}"
+            doubts.append(f"{share} nearly flat, with {worst}: {do}")
         return doubts
 
     def _unfaithful(self) -> list[str]:

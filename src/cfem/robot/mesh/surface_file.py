@@ -9,6 +9,7 @@ from xml.etree import ElementTree  # nosec B405
 
 import numpy as np
 
+from cfem.core.console.shown import counted
 from cfem.core.errors import InputError
 from cfem.core.stl import read_stl
 from cfem.mechanics.mesh import boundary_facets
@@ -50,7 +51,7 @@ def mended(path: Path, surface: bool, body: int = 1) -> tuple[str, ...]:
     if surface:
         return _known(path, body).mends
     merged = join_pieces(read_data(path))
-    return (f"merged {merged} duplicate nodes, which kept cells apart",) if merged else ()
+    return (f"merged {counted(merged, 'duplicate node')}, which kept cells apart",) if merged else ()
 
 
 def mends_of(geometry: Geometry, folder: Path) -> Iterator[tuple[Path, str]]:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from cfem.core.console.shown import counted
 from cfem.equilibrium.system.evaluation import SolveCost
 
 SLOW = 12  # factorisations from which a solve that goes on is named
@@ -28,8 +29,8 @@ class Ongoing:
     def __str__(self) -> str:
         """'row 7 of train is slow: 9 load steps, 4 halved, 31 factorisations, 12 s'."""
         halved = f", {self.halvings} halved" if self.halvings else ""
-        spent = f"{self.steps} load steps{halved}, {self.factorizations} factorisations, {self.seconds:.0f} s"
-        return f"row {self.row} of {self.split} is slow: {spent}"
+        steps, spent = counted(self.steps, "load step"), counted(self.factorizations, "factorisation")
+        return f"row {self.row} of {self.split} is slow: {steps}{halved}, {spent}, {self.seconds:.0f} s"
 
 
 @dataclass(frozen=True)
@@ -53,7 +54,7 @@ class Tally:
     def __str__(self) -> str:
         """'12 factorisations a solve, 2 failed', while one is slow why that is instead of the mean; empty where nothing
         is known yet."""
-        mean = f"{self.factorizations / self.states:.0f} factorisations a solve" if self.states else ""
+        mean = f"{counted(round(self.factorizations / self.states), 'factorisation')} a solve" if self.states else ""
         parts = [str(self.slowest or mean), f"{self.failed} failed" if self.failed else ""]
         return ", ".join(part for part in parts if part)
 

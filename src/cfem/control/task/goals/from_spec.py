@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cfem.condensed.far import doubt, far_of
+from cfem.condensed.far import FAR, doubt, far_of
 from cfem.control.task.goals.trajectory import arc, half_sphere, loop_of_shares, with_approach
 from cfem.control.task.goals.trajectory_spec import ArcSpec, GoalsSpec, HalfSphereSpec, ImageSpec, TrajectorySpec
 from cfem.core.console.progress import progress
@@ -77,5 +77,5 @@ def demand_near(name: str, goals: np.ndarray, robot: Robot) -> None:
     for index, goal in enumerate(goals):
         strange = doubt(goal, robot.rest_e, far)
         if strange:
-            do = "check the unit of the goals"
+            do = f"check the unit of the goals, and `length` of the scene: a goal may be {FAR:g} lengths away"
             raise SpecError(f"goal {index} {strange}", where=f"trajectories.{name}", do=do)

@@ -27,7 +27,13 @@ function start(robot) {
   const body = makeSheet(outer, robot.drawn, robot.normals), ghost = makeSheet(outer, rest.place, rest.normal);
   const ground = { height: level, lines: gridOf(rest.place, level) }, chambers = makeChambers(robot, rest.place), strain = makeStrain(robot, rest.place);
 
-  const view = () => framed([...robot.drawn, ...reach.places], bestAzimuth(robot.drawn, reach.places), 14, canvas.clientWidth, canvas.clientHeight, MARGIN);
+  // All that the first view shows: the body where it stands and where it gets, what it reaches, and its shadow.
+  const seen = () => {
+    const body = [...outermost(robot.drawn), ...reach.outermost], all = [...body, ...reach.places];
+    for (let i = 0; i < body.length; i += 3) all.push(...shadowOf(body, i, level));
+    return all;
+  };
+  const view = () => framed(seen(), bestAzimuth(robot.drawn, reach.places), 14, canvas.clientWidth, canvas.clientHeight, MARGIN);
   const lookAtAll = () => { state.camera = view(); state.whole = JSON.stringify(state.camera); };
   lookAtAll();
 
@@ -65,12 +71,12 @@ function start(robot) {
     $("actuators").append(box);
     return { slider, box, said: box.querySelector("span"), limit: box.querySelector("em"), by };
   });
-  for (const kind of ["cable", "chamber"]) {
+  for (const [kind, { title }] of Object.entries(KINDS)) {
     const one = said.actuators.find(each => each.kind === kind);
     if (!one) continue;
     const legend = document.createElement("div");
     legend.innerHTML = "<h2></h2><div class=\"legend\"><span>0</span><div></div><span></span></div>";
-    legend.firstChild.textContent = kind === "cable" ? "Tension of the cables" : "Pressure in the chambers";
+    legend.firstChild.textContent = title;
     legend.querySelector(".legend div").style.background = `linear-gradient(to right, ${COLOURS.map(one => css(one)).join(", ")})`;
     legend.querySelector(".legend span:last-child").textContent = `${short(one.scale * one.forceFactor, 1)} ${one.forceUnit}`;
     $("legends").append(legend);
@@ -244,7 +250,7 @@ function start(robot) {
   requestAnimationFrame(frame);
   // For those who script the page, and for its tests.
   document.documentElement.dataset.state = "ready";
-  window.cfem = { robot, motion, state, scene, goals, chambers, strain, moveGoal, step, draw, STATUS, busy: () => busy };
+  window.cfem = { robot, motion, state, scene, ground, shadowOf, goals, chambers, strain, moveGoal, step, draw, STATUS, busy: () => busy };
 }
 
 function trouble(words) {

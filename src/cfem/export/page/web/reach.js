@@ -1,10 +1,12 @@
 // Where the first watched point can be, by the model: a line or a net over the forces of one or two actuators, else a cloud
-// between the states that the model was trained on, which grows while there is time (more).
+// between the states that the model was trained on, which grows while there is time (more). And where the body is on the way:
+// the outermost points of some of its shapes.
 const LINES = 13, STEPS = 40, CLOUD = 8000;
+const SHAPES = 24; // of the body, between the states that the model was trained on
 const APART = 0.045; // of the robot's length: one point of the cloud in each cube of that edge
 
 function makeReach(robot) {
-  const { said, n_a } = robot, reach = { places: [], lines: n_a <= 2, done: false };
+  const { said, n_a } = robot, reach = { places: [], outermost: [], lines: n_a <= 2, done: false };
   const held = status => !(status & ~STATUS.OUTSIDE) && said.actuators.every(({ delta, lambda, scale }, i) => {
     const room = 1e-3 * (delta[1] - delta[0]), slack = 0.02 * scale;
     return robot.delta_a[i] >= delta[0] - room && robot.delta_a[i] <= delta[1] + room
@@ -12,6 +14,8 @@ function makeReach(robot) {
   });
   const place = () => robot.x_e.slice(...said.points[0].rows);
   const ends = said.actuators.map(({ lambda, scale }) => [lambda[0] ?? -scale, Math.min(lambda[1] ?? Infinity, 1.2 * scale)]);
+
+  const keep = () => { robot.shape(); reach.outermost.push(...outermost(robot.drawn)); };
 
   function* net() {
     for (let axis = 0; axis < n_a; axis++) for (let i = 0; i < (n_a === 1 ? 1 : LINES); i++) {
@@ -21,6 +25,7 @@ function makeReach(robot) {
         const shares = n_a === 1 ? [k / STEPS] : axis ? [i / (LINES - 1), k / STEPS] : [k / STEPS, i / (LINES - 1)];
         const here = held(robot.set(shares.map((share, j) => ends[j][0] + share * (ends[j][1] - ends[j][0])), true, true)) ? place() : null;
         if (here && last) reach.places.push(...last, ...here);
+        if (here && i % 4 === 0 && k % 4 === 0) keep();
         last = here;
         yield;
       }
@@ -42,6 +47,11 @@ function makeReach(robot) {
   }
 
   const work = reach.lines ? net() : cloud();
+  if (!reach.lines) {
+    const count = robot.states.length / n_a, each = Math.ceil(count / SHAPES);
+    for (let a = 0; a < count; a += each) if (held(robot.set(Array.from({ length: n_a }, (_, j) => robot.states[a * n_a + j]), false, false))) keep();
+    robot.home();
+  }
   // Goes on for some ms; whether there is anything new.
   reach.more = ms => {
     if (reach.done) return false;

@@ -7,14 +7,21 @@ const length = mm => (mm < 0.01 ? "less than 0.01 mm" : `${short(mm)} mm`);
 const weightOf = newtons => { const grams = newtons / 9.80665e-3; return `${short(grams, grams < 10 ? 2 : 1)} g · ${newtons < 0.1 ? `${short(1000 * newtons, 1)} mN` : `${short(newtons)} N`}`; };
 const list = names => (names.length < 2 ? names.join("") : `${names.slice(0, -1).join(", ")} and ${names.at(-1)}`);
 
+// By the kind of an actuator: the title of its colours, what it is at the ends of its stroke, and what its multiplier is.
+const KINDS = {
+  cable: { title: "Tension of the cables", taken: "pulled", given: "let out", force: "tension" },
+  push: { title: "Force of the pushes", taken: "pushed", given: "drawn back", force: "force" },
+  chamber: { title: "Pressure in the chambers", taken: "filled", given: "emptied", force: "pressure" },
+};
+
 // Where an actuator stands at one of its limits, or "".
 function limitOf(actuator, delta, lambda) {
   const near = (value, bound, scale, within = 1e-4) => bound !== null && Math.abs(value - bound) <= within * scale;
-  const cable = actuator.kind === "cable", stroke = actuator.delta[1] - actuator.delta[0];
-  if (near(delta, actuator.delta[1], stroke)) return cable ? "pulled as far as it goes" : "filled as far as it goes";
-  if (near(lambda, actuator.lambda[1], actuator.scale)) return cable ? "at its largest tension" : "at its largest pressure";
-  if (near(lambda, actuator.lambda[0], actuator.scale, 2e-3)) return cable ? "slack" : actuator.lambda[0] === 0 ? "without pressure" : "at its smallest pressure";
-  if (near(delta, actuator.delta[0], stroke)) return cable ? "let out as far as it goes" : "emptied as far as it goes";
+  const { taken, given, force } = KINDS[actuator.kind], stroke = actuator.delta[1] - actuator.delta[0];
+  if (near(delta, actuator.delta[1], stroke)) return `${taken} as far as it goes`;
+  if (near(lambda, actuator.lambda[1], actuator.scale)) return `at its largest ${force}`;
+  if (near(lambda, actuator.lambda[0], actuator.scale, 2e-3)) return actuator.kind === "cable" ? "slack" : actuator.lambda[0] === 0 ? `without ${force}` : `at its smallest ${force}`;
+  if (near(delta, actuator.delta[0], stroke)) return `${given} as far as it goes`;
   return "";
 }
 
