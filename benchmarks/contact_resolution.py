@@ -21,7 +21,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from contact_anywhere import moved, placed
 
 from cfem.constraint.surface import Surface, outer_surface
 from cfem.constraint.surface_points import at_nodes
@@ -44,6 +43,7 @@ from cfem.predict.protocol import Predictor
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh
 from cfem.robot.spec import scene_meaning
+from cfem.surrogate.contact_error import moved, placed
 
 KINDS = ("sphere 3", "sphere 8", "sphere 20", "plane", "edge", "corner", "capsule")
 STEPS, SHORTEST = (0.05, 0.5, 1.0), 1 / 64  # shares of the depth

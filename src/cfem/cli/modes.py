@@ -1,6 +1,7 @@
 """`cfem modes`: natural frequencies and damping of a learned model along its workspace."""
 
 from collections.abc import Sequence
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -38,13 +39,17 @@ def as_text(results: dict[str, Any]) -> str:
         lines[0] += f"; ±: {frequency_error_of(results).words}"
     for row in results["states"]:
         where = ", ".join(f"{value:.4g}" for value in row["delta_a"])
-        pairs = zip(row["frequency"], row["damping"], strict=True)
-        pairs_text = "   ".join(f"{f:8.3f} ({100 * d:.2f} %)" for f, d in pairs) or row["why"]
-        if "frequency_error" in row:
-            share = row["frequency_error"]
-            pairs_text += "   OUTSIDE" if share is None else f"   ± {100 * share:.2g} %"
+        modes_of_row = zip_longest(row["frequency"], row["damping"], row.get("frequency_error") or ())
+        pairs_text = "   ".join(_in_words(*mode) for mode in modes_of_row if mode[0] is not None) or row["why"]
+        if row.get("frequency_error", ()) is None:
+            pairs_text += "   OUTSIDE"
         lines.append(f"{where:>30}   {pairs_text}")
     return "\n".join(lines)
+
+
+def _in_words(frequency: float, damping: float, error: float | None) -> str:
+    known = "" if error is None else f" ± {100 * error:.2g} %"
+    return f"{frequency:8.3f}{known} ({100 * damping:.2f} %)"
 
 
 def _given(displacements: Sequence[str], n_a: int) -> list[np.ndarray]:

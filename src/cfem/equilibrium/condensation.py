@@ -69,13 +69,15 @@ def refined(
     B: np.ndarray,
     enough: float = ENOUGH,
     start: np.ndarray | None = None,
+    pays: float = 0.1,
 ) -> tuple[np.ndarray, np.ndarray, float]:
-    """Z = A^-1 B, B - A Z and its relative size, after as many corrections by the factor as pay until that is `enough`;
-    data: of A; start: of Z, where one is known."""
+    """Z = A^-1 B, B - A Z and its relative size, after as many corrections by the factor as pay until that is `enough`.
+
+    data: of A; start: of Z, where one is known; pays: share of the residual that a correction may leave"""
     Z = factor.solve(B) if start is None else start
     rest = B - symmetric_product(problem.pattern, data, Z)
     error, before = _relative(rest, B), np.inf
-    while error > enough and error < 0.1 * before:
+    while error > enough and error < pays * before:
         Z = Z + factor.solve(rest)
         rest = B - symmetric_product(problem.pattern, data, Z)
         error, before = _relative(rest, B), error

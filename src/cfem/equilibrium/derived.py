@@ -98,7 +98,7 @@ def derive(
     moves = Y = dW = dC = None
     if wanted.mass is not None:
         stressed = None if wanted.stresses is None else (pulls, answers)
-        moves, Y = inertia(problem, wanted.mass, evaluation, condensation, stressed, wanted.third_order)
+        moves, Y = inertia(problem, wanted.mass, evaluation, condensation, stressed, wanted.third_order, cost)
     if wanted.third_order:
         dW, dV = compliance_derivatives(problem, evaluation, lam, condensation.Z, Y, wanted.mass)
         moves = moves and replace(moves, dV=dV)

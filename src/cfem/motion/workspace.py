@@ -24,14 +24,14 @@ def outwards(model: MotionModel) -> list[np.ndarray]:
 def vibrations(model: MotionModel, states: Iterable[np.ndarray], free: bool, count: int = 3) -> list[dict[str, Any]]:
     """Vibrations of each state: rows of delta_a, and of the lowest modes frequency in Hz and damping as a share of the
     critical; none of them, and `why`, where the robot is unstable. free: whether the actuators are, instead of held.
-    `frequency_error`, where the model states one: relative, of its first frequencies at most; None outside."""
+    `frequency_error`, where the model states one: relative, of each of its first frequencies at most; None outside."""
     rows = []
     for delta in states:
         try:
             modes = natural_modes(model, delta, not free, count)
             row = {"frequency": modes.frequency.tolist(), "damping": modes.damping.tolist()}
             stated = frequency_error(model, delta, not free)
-            row |= {} if stated is None else {"frequency_error": stated if np.isfinite(stated) else None}
+            row |= {} if stated is None else {"frequency_error": stated.tolist() if np.isfinite(stated).all() else None}
         except NumericalError as error:
             row = {"frequency": [], "damping": [], "why": error.what}
         rows.append({"delta_a": delta.tolist(), **row})

@@ -26,17 +26,17 @@ def calibrated_frequencies(
         return None
     L = extrapolation(model.static, states)
     errors = frequency_errors(model, test.delta_a, sampled)[answered]
-    stable = np.isfinite(errors).all(axis=1)
+    stable = np.isfinite(errors).all(axis=(1, 2))
     if not stable.any():
         return None
-    L, (held, free) = L[stable], errors[stable].T
+    L = L[stable]
+    held, free = (tuple(bound(mode, L) for mode in kind.T) for kind in errors[stable].swapaxes(0, 1))
     error = FrequencyError(
-        modes=_modes(model, sampled),
         probability=promised(len(L)),
         states=len(L),
         left_out=len(test) - len(L),
-        held=bound(held, L),
-        free=bound(free, L),
+        held=held,
+        free=free,
     )
     return error.model_dump(mode="json")
 
@@ -44,9 +44,10 @@ def calibrated_frequencies(
 def frequency_errors(
     model: MotionModel, delta_a: np.ndarray, sampled: Mapping[str, Sequence[Sequence[float] | None]]
 ) -> np.ndarray:
-    """(m, 2) largest relative error of the lowest frequencies at states (m, n_a), with the actuators held and free; NaN
+    """(m, 2, k) relative errors of the lowest frequencies at states (m, n_a), with the actuators held and free; NaN
     where the robot is unstable."""
-    errors, count = np.full((len(delta_a), 2), np.nan), _modes(model, sampled)
+    count = _modes(model, sampled)
+    errors = np.full((len(delta_a), 2, count), np.nan)
     for column, kind in enumerate(("held", "free")):
         for row, (delta, true) in enumerate(zip(delta_a, sampled[kind], strict=True)):
             try:
@@ -54,7 +55,7 @@ def frequency_errors(
             except NumericalError:
                 continue
             if true is not None:
-                errors[row, column] = np.abs(learned / np.array(true[:count]) - 1).max()
+                errors[row, column] = np.abs(learned / np.array(true[:count]) - 1)
     return errors
 
 

@@ -40,8 +40,11 @@ def headline(results: dict[str, Any], units: dict[str, Any]) -> list[str]:
             "model.error(state) bounds each state by its place"
         )
     if (frequencies := frequency_error_of(results.get("motion"))) is not None:
-        held, free = (100 * each.everywhere for each in (frequencies.held, frequencies.free))
-        lines.append(f"{frequencies.words}: {held:.2g} % with the actuators held, {free:.2g} % free")
+        held, free = (
+            ", ".join(f"{100 * each.everywhere:.2g}" for each in bounds)
+            for bounds in (frequencies.held, frequencies.free)
+        )
+        lines.append(f"{frequencies.words}: {held} % with the actuators held, {free} % free")
     known = mesh_error_of(results.get("mesh_error"))
     if known is not None:
         low, high = (100 * share for share in known.tip.far)

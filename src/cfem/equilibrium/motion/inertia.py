@@ -6,7 +6,7 @@ With B = H^T (all rows as columns) and Z = A^-1 B, the dynamic compliance at ang
 
 On the motions (Z, Y) stiffness is [[W, V], [V, V2]] and mass [[V, V2], [V2, V3]]: a Galerkin model whose lowest
 frequencies are from above, exact to the fourth moment (Craig, Int. J. Numer. Methods Eng. 1968; Bai, Appl. Numer. Math.
-43, 2002). Y costs as many triangular solves as Z, and no factorisation.
+43, 2002). Y costs a few triangular solves more than Z, and no factorisation.
 
 A robot of sections in a row has inner motions instead (inner_motions.py), which cost a few solves, and V alone of the
 rows."""
@@ -18,13 +18,15 @@ import scipy.sparse as sp
 
 from cfem.core.errors import InputError
 from cfem.equilibrium.condensation import ENOUGH, Condensation, refined
-from cfem.equilibrium.system.evaluation import Evaluation
+from cfem.equilibrium.system.evaluation import Evaluation, SolveCost
 from cfem.equilibrium.system.problem import Problem
 from cfem.equilibrium.system.robot import Robot
 from cfem.mechanics import viscosity as viscous
 from cfem.mechanics.mass import mass_matrix
 
-ROUGHLY = 1e-5  # residual of Y: V2 has the square of its error, V3 its error
+# Residual of Y, and what a correction of it may leave: of (Z, Y) the softest motions are 1e9 times as soft as the
+# stiffest that are kept (cfem.surrogate.inner_motions), and an error of V3 makes vibrations of these that are none
+RESIDUAL, PAYS = 1e-10, 0.5
 
 
 @dataclass(frozen=True)
@@ -78,20 +80,23 @@ def inertia(
     condensation: Condensation,
     stressed: tuple[np.ndarray, np.ndarray] | None = None,
     derivatives: bool = False,
+    cost: SolveCost | None = None,
 ) -> tuple[Inertia, np.ndarray | None]:
-    """Inertia of the equilibrium that was condensed, without a factorisation, and Y (n_dof, n), None where it is not
-    needed.
+    """Inertia of the equilibrium that was condensed, and Y (n_dof, n), None where it is not needed. A factorisation is
+    made only where that of the condensation is too far from the state.
 
     mass: of `mass_of`
     stressed: for inner motions, the forces (n_dof, k) of the stresses of `inner_motions.rod_stresses` and A^-1 of them
-    derivatives: whether dV will be asked for"""
+    derivatives: whether dV will be asked for; cost: counts the work"""
     Z, Y, symmetric = condensation.Z, None, lambda each: (each + each.T) / 2
     G = None if stressed is None else _answers(problem, evaluation, condensation, *stressed)
     heavy = times_mass(problem, mass, evaluation.x, Z if G is None else np.hstack([Z, G.motions]))
     by_rows = heavy[:, : Z.shape[1]]
     if G is None or derivatives:
-        enough = ENOUGH if derivatives else ROUGHLY
-        Y, rest, _ = refined(problem, condensation.data, condensation.factor, by_rows, enough)
+        Y, rest, error = refined(problem, condensation.data, condensation.factor, by_rows, RESIDUAL, pays=PAYS)
+        if error > ENOUGH:
+            factor = problem.factor(evaluation, condensation.condensed.lam, cost or SolveCost()).factor
+            Y, rest, _ = refined(problem, condensation.data, factor, by_rows, RESIDUAL, Y, PAYS)
     V = symmetric(Z.T @ by_rows)
     if G is not None:
         return Inertia(V, None, None, None, inner=_inner(problem, evaluation, condensation, G, heavy)), Y

@@ -50,12 +50,11 @@ def vibrations_table(rows: Mapping[str, list[dict[str, Any]]], units: Mapping[st
     """A row a state; units: of each actuator's displacement, by its name."""
 
     def in_words(row: Mapping[str, Any]) -> str:
-        pairs = zip(row["frequency"], row["damping"], strict=True)
-        text = ", ".join(f"{number(f)} ({number(100 * d, 2)} %)" for f, d in pairs) or "unstable"
-        if "frequency_error" not in row:
-            return text
-        share = row["frequency_error"]
-        return text + (", OUTSIDE" if share is None else f", ± {number(100 * share, 2)} %")
+        known = row.get("frequency_error") or ()
+        errors = [f" ± {number(100 * share, 2)} %" for share in known] + [""] * len(row["frequency"])
+        modes = zip(row["frequency"], errors, row["damping"], strict=False)
+        text = ", ".join(f"{number(f)}{error} ({number(100 * d, 2)} %)" for f, error, d in modes) or "unstable"
+        return text + (", OUTSIDE" if row.get("frequency_error", ()) is None else "")
 
     by_state = list(enumerate(zip(rows["held"], rows["free"], strict=True), 1))
     columns = {"state": lambda row: str(row[0])}
