@@ -58,7 +58,8 @@ def accurate_mesh(scene: SceneSpec, folder: Path) -> tuple[Mesh, float | None, d
         needed = (share / allowed) ** _POWER * len(mesh.cells)
         most = spec.largest // 2 ** dimensions(scene)
         if number > 1 and needed > most:
-            left += f"; some {needed:.2g} would be needed, and more than {most} cannot be compared with finer ones"
+            enough = f"some {round(needed, -2):.0f} would be needed"
+            left += f"; {enough}, and more than {most} cannot be compared with finer ones"
             break
         cells = min(ceil(min(_MORE * needed, _MOST * len(mesh.cells))), most)
     what = f"no mesh with an error of {100 * allowed:.2g} % was found: {left}"
