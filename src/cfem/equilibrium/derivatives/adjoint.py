@@ -25,7 +25,7 @@ from typing import Protocol
 import numpy as np
 
 from cfem.core.errors import InputError
-from cfem.equilibrium.condensation import EXACT, refined
+from cfem.equilibrium.condensation import solved
 from cfem.equilibrium.derivatives.explicit import Changing, Columns, explicit, row_curvatures
 from cfem.equilibrium.derivatives.parameter_slopes import Sides
 from cfem.equilibrium.derivatives.third_order import steepest
@@ -93,12 +93,12 @@ def gradients(linear: Linearisation, asked: Sequence[Weights], sides: Sequence[S
     if bent is not None:
         g_x = g_x + bent @ shares.T
         g_lam = g_lam + _by_multipliers(linear, forms.z) @ shares.T
-    s, _, _ = refined(problem, linear.data, linear.factor, g_x, EXACT)
+    s, _ = solved(linear, g_x)
     C = linear.C
     m = np.zeros((len(lam), len(asked)))
     if len(C):
         m = C.T @ np.linalg.solve(C @ linear.W[act, act] @ C.T, C @ (evaluation.H.T @ s + g_lam))
-    w, _, left = refined(problem, linear.data, linear.factor, g_x - evaluation.H @ m, EXACT, s - Z[:, act] @ m)
+    w, left = solved(linear, g_x - evaluation.H @ m, s - Z[:, act] @ m)
     fields = list({field: None for weights in asked for c, field in weights.fields if c != 0.0})
     many = len(forms.m) > len(linear.W)  # forms: then all of W costs less
     explicit_part = explicit(linear, sides, fields, _beyond(forms) if many else forms, with_phi=many)

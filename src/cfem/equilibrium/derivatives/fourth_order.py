@@ -12,7 +12,7 @@ from itertools import permutations
 import numpy as np
 
 from cfem.condensed.packing import symmetric4_indices
-from cfem.equilibrium.condensation import refined
+from cfem.equilibrium.condensation import solved
 from cfem.equilibrium.derivatives.third_order import steepest
 from cfem.equilibrium.system.evaluation import Evaluation
 from cfem.equilibrium.system.solution import Linearisation
@@ -80,7 +80,7 @@ class _Pulled:
         H = self._evaluated(x).H[:, : rows.n_a]
         left = self._gradients(x) - AQ - H @ self.pulls
         more = self.stiffness @ (Z[:, rows.a].T @ left + H.T @ self.Q)
-        moved, *_ = refined(self.at.problem, self.at.data, self.at.factor, left, ENOUGH)  # the factor may be of nearby
+        moved, _ = solved(self.at, left, enough=ENOUGH)
         return self.Q + moved - Z[:, rows.a] @ more, self.pulls + more
 
     def _residual(self, x: np.ndarray, lam: np.ndarray, row: int, h: float) -> np.ndarray:

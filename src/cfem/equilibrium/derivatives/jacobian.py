@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cfem.equilibrium.condensation import EXACT, refined
+from cfem.equilibrium.condensation import solved
 from cfem.equilibrium.derivatives.explicit import explicit
 from cfem.equilibrium.derivatives.parameter_slopes import Sides
 from cfem.equilibrium.derivatives.third_order import SkinRowsChange, derivative_along
@@ -34,12 +34,12 @@ def jacobian(linear: Linearisation, sides: Sequence[Sides]) -> Jacobian:
     problem, evaluation, Z, C = linear.problem, linear.at, linear.Z, linear.C
     act, n_w = problem.robot.rows.active, problem.robot.rows.watched.stop
     explicit_part = explicit(linear, sides)
-    y, _, _ = refined(problem, linear.data, linear.factor, explicit_part.residual, EXACT)
+    y, _ = solved(linear, explicit_part.residual)
     lam = np.zeros((len(linear.lam), len(sides)))
     if len(C):
         lam = -C.T @ np.linalg.solve(C @ linear.W[act, act] @ C.T, C @ (explicit_part.delta[n_w:] - evaluation.H.T @ y))
     right = evaluation.H @ lam - explicit_part.residual
-    motion, _, _ = refined(problem, linear.data, linear.factor, right, EXACT, Z[:, act] @ lam - y)
+    motion, _ = solved(linear, right, Z[:, act] @ lam - y)
     B = np.hstack([problem.gradients(problem.robot.watched, evaluation.x), evaluation.H])
     skin, directions = SkinRowsChange(problem, evaluation), zip(lam.T, motion.T, strict=True)
     along = [derivative_along(problem, evaluation, linear.lam, Z, *each, skin=skin) for each in directions]

@@ -9,7 +9,7 @@ lowest vibrations of some equilibria: what each leaves out of a vibration is of 
 import numpy as np
 import scipy.sparse as sp
 
-from cfem.equilibrium.condensation import EXACT, refined
+from cfem.equilibrium.condensation import solved
 from cfem.equilibrium.motion.inertia import times_mass
 from cfem.equilibrium.motion.vibration import lowest_modes
 from cfem.equilibrium.solve import Wanted, solve
@@ -52,7 +52,7 @@ def _strains(problem: Problem, mass: sp.csr_array, equilibrium: Equilibrium) -> 
     """(m, 6, MODES) of the lowest vibrations about it, the actuators held."""
     linear = equilibrium.linear
     _, shapes, _ = lowest_modes(
-        lambda b: refined(problem, linear.data, linear.factor, b, EXACT)[0],
+        lambda b: solved(linear, b)[0],
         linear.at.H[:, : problem.robot.rows.n_a],
         lambda q: times_mass(problem, mass, linear.at.x, q.reshape(problem.pattern.n_dof, -1)),
         problem.pattern.n_dof,

@@ -19,7 +19,7 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import LinearOperator, eigsh
 
 from cfem.core.errors import NumericalError
-from cfem.equilibrium.condensation import EXACT, refined
+from cfem.equilibrium.condensation import solved
 from cfem.equilibrium.derivatives.explicit import Columns
 from cfem.equilibrium.motion.inertia import times_mass
 from cfem.equilibrium.system.solution import Linearisation
@@ -50,7 +50,7 @@ def lowest(linear: Linearisation, mass: sp.csr_array, held: bool) -> Vibration:
         return times_mass(problem, mass, evaluation.x, q.reshape(n, -1))
 
     def solve(b: np.ndarray) -> np.ndarray:
-        return refined(problem, linear.data, linear.factor, b, EXACT)[0]  # the factor may be of a state nearby
+        return solved(linear, b)[0]
 
     squares, shapes, pulls = lowest_modes(solve, H, heavy, n, _COUNT)
     if not squares[0] > 0:
