@@ -9,7 +9,7 @@ from cfem.control.search.optimality import Verdict
 from cfem.control.task.obstacles.world import ObstacleWorld
 from cfem.control.task.run_spec import FE_BASED
 from cfem.core.artefact.judgement import poor
-from cfem.core.console.shown import duration, length
+from cfem.core.console.shown import counted, duration, length
 
 
 def record(
@@ -187,8 +187,8 @@ def _parts(row: dict, fe_cost: dict | None) -> list[str]:
     near, far, fe = (row[f"distance_to_{what}"] for what in ("reachable_goals", "unreachable_goals", "fe_based"))
     parts = [f"{row['reached']} of {row['goals']} goals reached"]
     if near:
-        counted = row["counted"]
-        what = "" if counted is None else f" of {', '.join(counted) or 'no place'} alone (search.weights)"
+        weighted = row["counted"]
+        what = "" if weighted is None else f" of {', '.join(weighted) or 'no place'} alone (search.weights)"
         parts.append(
             f"tracking error{what} mean {length(near['mean'])}, max {length(near['max'])}, on the mesh of the model"
         )
