@@ -94,9 +94,12 @@ def test_so_is_one_under_forces_and_one_that_nobody_pushes(folder, tmp_path, dri
 
 
 def test_intervals_hold(both, folder):
-    """A step of the model's own motion, whose vibration the filter does not know: 95 % intervals hold in 90 to 99 %."""
+    """A step of the model's own motion, whose vibration the filter does not know: 95 % intervals hold in 90 % or more.
+    They may hold in all, as this motion has none of the faults of model and actuators that the filter allows for; so
+    that they say something, most are less than half as wide as what varies."""
     made, compiled, _ = both
-    motion, rng, inside, swings = load_motion(folder), np.random.default_rng(0), [], []
+    motion, rng, swings = load_motion(folder), np.random.default_rng(0), []
+    missed, truth, deviation = [], [], []
     nothing = np.full(1, np.nan)
     for _ in range(6):
         compiled.reset()
@@ -112,8 +115,12 @@ def test_intervals_hold(both, folder):
             found = compiled.frame(place=seen, displacement=nothing, force=nothing, command=u)
             assert found.status == 0
             if frame > 10:
-                inside.append(np.abs(found.x - y) < 1.96 * np.sqrt(np.diag(found.covariance)))
-    assert 0.9 < np.mean(inside) < 0.99 and max(swings) > 0.3
+                missed.append(np.abs(found.x - y)), truth.append(y)
+                deviation.append(np.sqrt(np.diag(found.covariance)))
+    inside = np.array(missed) < 1.96 * np.array(deviation)
+    varies = np.std(truth, axis=0) > 1e-6 * made.scale
+    sharp = np.std(truth, axis=0)[varies] / np.mean(deviation, axis=0)[varies]
+    assert inside[:, varies].mean() > 0.9 and np.median(sharp) > 2 and max(swings) > 0.3
 
 
 def test_it_begins_again_where_it_is_lost(both):
