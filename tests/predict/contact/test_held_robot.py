@@ -9,9 +9,8 @@ from scipy.linalg import block_diag
 from cfem.contact.obstacle import Plane
 from cfem.contact.obstacle_set import ObstacleSet
 from cfem.predict.contact.bodies import PlacedModel
-from cfem.predict.contact.held_robot import HeldRobot, stiff_flexibility
+from cfem.predict.contact.held_robot import HELD, HeldRobot, held, stiff_flexibility
 from cfem.predict.contact.scene import ContactScene
-from cfem.predict.contact.surface_model import HELD
 
 DELTA = np.array([2.0])
 
@@ -47,8 +46,8 @@ def test_robots_of_one_model_that_stay_are_evaluated_once(patched_bar, monkeypat
 
 def test_few_states_are_kept(patched_bar):
     model = replace(patched_bar)
-    first = model.held(DELTA)
-    assert model.held(DELTA.copy()) is first and model.held(DELTA, np.zeros(model.model.rows.n_e)) is not first
+    first = held(model, DELTA)
+    assert held(model, DELTA.copy()) is first and held(model, DELTA, np.zeros(model.model.rows.n_e)) is not first
     for i in range(HELD):
-        model.held(DELTA + 0.01 * i)
-    assert model.held(DELTA + 0.01) is model.held(DELTA + 0.01) and len(model._held) == HELD
+        held(model, DELTA + 0.01 * i)
+    assert held(model, DELTA + 0.01) is held(model, DELTA + 0.01) and len(model.kept) == HELD

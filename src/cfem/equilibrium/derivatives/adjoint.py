@@ -25,9 +25,9 @@ from typing import Protocol
 import numpy as np
 
 from cfem.core.errors import InputError
-from cfem.equilibrium.condensation import solved
 from cfem.equilibrium.derivatives.explicit import Changing, Columns, explicit, row_curvatures
 from cfem.equilibrium.derivatives.parameter_slopes import Sides
+from cfem.equilibrium.derivatives.solved import solved
 from cfem.equilibrium.derivatives.third_order import steepest
 from cfem.equilibrium.system.evaluation import Evaluation
 from cfem.equilibrium.system.problem import Problem

@@ -12,7 +12,7 @@ from itertools import permutations
 import numpy as np
 
 from cfem.condensed.packing import symmetric4_indices
-from cfem.equilibrium.condensation import solved
+from cfem.equilibrium.derivatives.solved import solved
 from cfem.equilibrium.derivatives.third_order import steepest
 from cfem.equilibrium.system.evaluation import Evaluation
 from cfem.equilibrium.system.solution import Linearisation

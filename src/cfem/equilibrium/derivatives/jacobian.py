@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cfem.equilibrium.condensation import solved
 from cfem.equilibrium.derivatives.explicit import explicit
 from cfem.equilibrium.derivatives.parameter_slopes import Sides
+from cfem.equilibrium.derivatives.solved import solved
 from cfem.equilibrium.derivatives.third_order import SkinRowsChange, derivative_along
 from cfem.equilibrium.system.solution import Linearisation
 

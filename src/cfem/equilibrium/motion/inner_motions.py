@@ -9,7 +9,7 @@ lowest vibrations of some equilibria: what each leaves out of a vibration is of 
 import numpy as np
 import scipy.sparse as sp
 
-from cfem.equilibrium.condensation import solved
+from cfem.equilibrium.derivatives.solved import solved
 from cfem.equilibrium.motion.inertia import times_mass
 from cfem.equilibrium.motion.vibration import lowest_modes
 from cfem.equilibrium.solve import Wanted, solve

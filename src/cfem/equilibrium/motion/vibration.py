@@ -19,8 +19,8 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import LinearOperator, eigsh
 
 from cfem.core.errors import NumericalError
-from cfem.equilibrium.condensation import solved
 from cfem.equilibrium.derivatives.explicit import Columns
+from cfem.equilibrium.derivatives.solved import solved
 from cfem.equilibrium.motion.inertia import times_mass
 from cfem.equilibrium.system.solution import Linearisation
 

@@ -1,21 +1,18 @@
 """A learned robot at held actuators whose surface is free: what all forces on it have in common.
 
 It depends on the displacements of the actuators and on the wrench alone. Robots of one model that are held alike share
-it, and so do the rounds of a step and steps in which actuators stay (`SurfaceModel.held`)."""
+it, and so do the rounds of a step and steps in which actuators stay (`held`)."""
 
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numba import njit
 
 from cfem.predict.contact.compliance import PatchCompliance
 from cfem.predict.contact.joint_dents import JointDents
+from cfem.predict.contact.surface_model import NONE, SurfaceModel
 
-if TYPE_CHECKING:
-    from cfem.predict.contact.surface_model import SurfaceModel
-
-NONE = np.zeros(0)
+HELD = 8  # states of held actuators that are kept of a model
 KEPT, FEW = 8, 64  # compliances that are kept, and of how many points at most
 
 
@@ -28,7 +25,7 @@ class HeldRobot:
     D: (r, n_e + r, r) mm/N^2, how loads on the mixtures `bends` (k, r) of the modes change C_es and C_ss
     missing: `SurfaceModel.missing`"""
 
-    def __init__(self, model: "SurfaceModel", delta: np.ndarray, wrench: np.ndarray | None):
+    def __init__(self, model: SurfaceModel, delta: np.ndarray, wrench: np.ndarray | None):
         """Evaluates the model's series at delta (n_a,) mm."""
         skin = model.model.skin
         self.model, self.delta, self.wrench, self.rows = model, delta, wrench, skin.rows(delta, NONE)
@@ -94,6 +91,16 @@ class HeldRobot:
         """(n_a, c) 1/N^2 and three mixtures (c,) each: derivatives by the actuators of D[v, v, v], v loads on them."""
         series, mixtures, slopes = self.model.cubic
         return self.basis @ slopes @ series, mixtures
+
+
+def held(model: SurfaceModel, delta: np.ndarray, wrench: np.ndarray | None = None) -> HeldRobot:
+    """The robot at held actuators, delta (n_a,) mm, under a wrench (n_e,) on its effectors: kept for the next call."""
+    key = delta.tobytes(), None if wrench is None else wrench.tobytes()
+    if key not in model.kept:
+        if len(model.kept) >= HELD:
+            del model.kept[next(iter(model.kept))]
+        model.kept[key] = HeldRobot(model, delta.copy(), wrench)
+    return model.kept[key]
 
 
 @njit(cache=True, error_model="numpy")

@@ -15,6 +15,7 @@ first."""
 import numpy as np
 
 from cfem.predict.contact.compliance import LoadResponse, PatchCompliance, load_response, moved_places, under_forces
+from cfem.predict.contact.held_robot import held
 from cfem.predict.contact.joint_dents import DentedPlaces, JointDents, dented_places
 from cfem.predict.contact.surface_model import SurfaceModel
 
@@ -32,7 +33,7 @@ class LoadedRobot:
 
     def __init__(self, model: SurfaceModel, delta: np.ndarray, wrench: np.ndarray | None = None):
         """At delta (n_a,) mm, without forces on patches."""
-        self.model, self.delta, self.wrench, self.held = model, delta, wrench, model.held(delta, wrench)
+        self.model, self.delta, self.wrench, self.held = model, delta, wrench, held(model, delta, wrench)
         self.free = model.patches.rest + (model.flat @ self.held.rows).reshape(-1, 3)
         if wrench is not None:
             series, every = model.local_tip, np.arange(len(self.free))

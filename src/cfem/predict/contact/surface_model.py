@@ -9,6 +9,7 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import permutations
+from typing import Any
 
 import numpy as np
 
@@ -19,7 +20,6 @@ from cfem.contact.detection import along
 from cfem.core.errors import InputError
 from cfem.equilibrium.contact.node_compliance import NodeResponse
 from cfem.equilibrium.contact.patch_compliance import PatchResponse
-from cfem.predict.contact.held_robot import NONE, HeldRobot
 from cfem.predict.contact.joint_dents import JointDents
 from cfem.predict.loads.wrench_series import WrenchSeries
 from cfem.predict.protocol import Predictor
@@ -28,8 +28,8 @@ from cfem.predict.series.few_states import degrees
 
 STILL = 1e-9  # of the largest compliance: a patch that is held has less
 BENT = 0.005  # of all that is known of how loads on the modes change the compliance: what is left out
+NONE = np.zeros(0)
 DRAWS = 64  # random forces
-HELD = 8  # states of held actuators that are kept
 
 
 @dataclass(frozen=True)
@@ -69,18 +69,9 @@ class SurfaceModel(ABC):
         """Dents of points (c,) turned by R (c, 3, 3) by forces on several of them; None where each has its own."""
         return None
 
-    def held(self, delta: np.ndarray, wrench: np.ndarray | None = None) -> HeldRobot:
-        """The robot at held actuators, delta (n_a,) mm, under a wrench (n_e,) on its effectors: kept for the next
-        call."""
-        key = delta.tobytes(), None if wrench is None else wrench.tobytes()
-        if key not in self._held:
-            if len(self._held) >= HELD:
-                del self._held[next(iter(self._held))]
-            self._held[key] = HeldRobot(self, delta.copy(), wrench)
-        return self._held[key]
-
     @cached_property
-    def _held(self) -> dict[tuple[bytes, bytes | None], HeldRobot]:
+    def kept(self) -> dict[tuple[bytes, bytes | None], Any]:
+        """What `held_robot.held` keeps of this model."""
         return {}
 
     @cached_property

@@ -8,7 +8,8 @@ import pytest
 from support.blocks import bar
 
 from cfem.core.errors import NumericalError
-from cfem.equilibrium.condensation import refined, solved
+from cfem.equilibrium.condensation import refined
+from cfem.equilibrium.derivatives.solved import solved
 from cfem.equilibrium.newton import NewtonSettings
 from cfem.equilibrium.solve import Wanted, solve
 from cfem.equilibrium.system import actuation
@@ -26,8 +27,8 @@ def state_with_the_factor_of(robot, pulled, others):
 
 
 def test_the_factor_of_a_state_nearby_gives_the_same_answers():
-    """A correction leaves a tenth to a quarter of the residual. The rule for factors that can be replaced gives up there,
-    3 % off."""
+    """A correction leaves a tenth to a quarter of the residual. The rule for factors that can be replaced gives up
+    there, 3 % off."""
     own, nearby = state_with_the_factor_of(bar(poisson=0.4), [1.0, 1.5], [1.05, 1.55])
     B = own.at.H
     assert refined(nearby.problem, nearby.data, nearby.factor, B)[2] > 0.01
