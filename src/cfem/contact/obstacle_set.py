@@ -27,7 +27,7 @@ class ObstacleSet:
         return obstacles if isinstance(obstacles, cls) else cls(obstacles)
 
     def posed(self, R: np.ndarray, t: np.ndarray) -> "ObstacleSet":
-        """The same shapes at other poses (n, 3, 3) and (n, 3) mm, which are not checked."""
+        """Copy of the shapes at other poses (n, 3, 3) and (n, 3) mm, which are not checked."""
         posed = object.__new__(ObstacleSet)  # many a step
         posed._shapes, posed.R, posed.t = self._shapes, R, t
         return posed

@@ -112,7 +112,7 @@ def lawful(local, push, sticks, frames, gaps, compliance, places, by_bodies, mu)
     compliance: (3 c, 3 c) mm/N, of patches among which these have places (d,)
     by_bodies: (3 d, 3 d) mm/N, what the motion of rigid bodies adds to it; of size 0 without"""
     d, by_forces, by_motion, beyond = len(local), 0.0, 0.0, -np.inf
-    by_law, there, own = np.zeros((d, 3)), local.copy(), np.empty((3 * d, 3 * d))
+    by_law, in_frame, block = np.zeros((d, 3)), local.copy(), np.empty((3 * d, 3 * d))
     for i in range(d):
         for a in range(3):
             for b in range(3):
@@ -120,23 +120,25 @@ def lawful(local, push, sticks, frames, gaps, compliance, places, by_bodies, mu)
         if sticks[i]:
             by_law[i] = push[i]
             for a in range(3):
-                there[i, a] = frames[i, a, 0] * push[i, 0] + frames[i, a, 1] * push[i, 1] + frames[i, a, 2] * push[i, 2]
-        beyond = max(beyond, np.sqrt(there[i, 1] ** 2 + there[i, 2] ** 2) - mu * there[i, 0])
+                in_frame[i, a] = (
+                    frames[i, a, 0] * push[i, 0] + frames[i, a, 1] * push[i, 1] + frames[i, a, 2] * push[i, 2]
+                )
+        beyond = max(beyond, np.sqrt(in_frame[i, 1] ** 2 + in_frame[i, 2] ** 2) - mu * in_frame[i, 0])
     for row in range(len(compliance)):
-        way = 0.0
+        change = 0.0
         for j in range(d):
             for b in range(3):
-                way += compliance[row, 3 * places[j] + b] * (by_law[j, b] - push[j, b])
-        by_forces = max(by_forces, abs(way))
+                change += compliance[row, 3 * places[j] + b] * (by_law[j, b] - push[j, b])
+        by_forces = max(by_forces, abs(change))
     for i in range(3 * d):
-        way = 0.0
+        change = 0.0
         for j in range(3 * d):
-            own[i, j] = compliance[3 * places[i // 3] + i % 3, 3 * places[j // 3] + j % 3]
+            block[i, j] = compliance[3 * places[i // 3] + i % 3, 3 * places[j // 3] + j % 3]
             if len(by_bodies):
-                own[i, j] += by_bodies[i, j]
-                way += by_bodies[i, j] * (by_law[j // 3, j % 3] - push[j // 3, j % 3])
-        by_motion = max(by_motion, abs(way))
-    return by_law, max(by_forces + by_motion, violation(there, gaps, own, mu)), beyond
+                block[i, j] += by_bodies[i, j]
+                change += by_bodies[i, j] * (by_law[j // 3, j % 3] - push[j // 3, j % 3])
+        by_motion = max(by_motion, abs(change))
+    return by_law, max(by_forces + by_motion, violation(in_frame, gaps, block, mu)), beyond
 
 
 @njit(cache=True, error_model="numpy")

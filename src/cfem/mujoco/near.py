@@ -118,8 +118,8 @@ class Look:
             surface, wrenches = part.whole, (now.wrenches[i], then.wrenches[i], part.whole.moved_by_wrench)
             by_rows = now.rows[i], then.rows[i], surface.moved_by_row
             obstacles = now.obstacles.R, now.obstacles.t, then.obstacles.R, then.obstacles.t
-            way = _approach(*obstacles, *now.poses[i], *then.poses[i], *by_rows, *wrenches, surface.size)
-            farthest = max(farthest, way)
+            approach = _approach(*obstacles, *now.poses[i], *then.poses[i], *by_rows, *wrenches, surface.size)
+            farthest = max(farthest, approach)
         return farthest / (REACH * self.parts[0].model.length)
 
 
@@ -146,12 +146,12 @@ def _approach(
     R (n, 3, 3), t (n, 3) mm: poses of obstacles, and of the robot, now and then; rows (k,) mm and wrench (n_e,) N of
     the robot, which move a point by no more than by_row (k,) and by_wrench (n_e,) each; size: mm of the robot at
     rest"""
-    own, by_geoms = 0.0, 0.0
+    by_robot, by_geoms = 0.0, 0.0
     for d in range(len(rows)):
-        own += abs(rows[d] - rows_then[d]) * by_row[d]
+        by_robot += abs(rows[d] - rows_then[d]) * by_row[d]
         size += abs(rows[d]) * by_row[d]
     for d in range(len(wrench)):
-        own += (abs(wrench[d]) + abs(wrench_then[d])) * by_wrench[d]
+        by_robot += (abs(wrench[d]) + abs(wrench_then[d])) * by_wrench[d]
     for i in range(len(t)):
         turned, shifted, far = 0.0, 0.0, 0.0
         for a in range(3):  # in the frame of the robot
@@ -167,4 +167,4 @@ def _approach(
                     change += R_robot[c, a] * R[i, c, b] - R_robot_then[c, a] * R_then[i, c, b]
                 turned += change**2
         by_geoms = max(by_geoms, np.sqrt(turned) * (size + np.sqrt(far)) + np.sqrt(shifted))
-    return own + by_geoms
+    return by_robot + by_geoms

@@ -51,8 +51,8 @@ class Rigid:
         """(6 b,) N and N mm that the contact of a state exerts about the centres at the beginning of the step. Where a
         robot touches a geom, both get their force at one point, so that impulse and angular impulse balance: that point
         of the geom, moved back as its body moved."""
-        pairs, own = state.pairs, (self.robots, state.bodies, state.places, state.forces)
-        return _wrench(pairs.slots, pairs.partners, state.push, *own, self.obstacles, self._centres, self._way)
+        pairs, loads = state.pairs, (self.robots, state.bodies, state.places, state.forces)
+        return _wrench(pairs.slots, pairs.partners, state.push, *loads, self.obstacles, self._centres, self._way)
 
 
 @njit(cache=True, error_model="numpy")

@@ -179,11 +179,11 @@ class World:
         scene = self._scene(ahead, gravity, rigid.ahead(ahead, self._wrench))
         state, look = self._look.step(scene, deltas, self.contact)
         self._demand_sound(scene, state)
-        wrench, speed, own = rigid.wrench(state), data.qvel.copy(), data.qfrc_applied.copy()
+        wrench, speed, applied = rigid.wrench(state), data.qvel.copy(), data.qfrc_applied.copy()
         forces = rigid.joint_forces(wrench)
         data.qfrc_applied += forces
         mujoco.mj_step(model, data)
-        data.qfrc_applied[:] = own
+        data.qfrc_applied[:] = applied
         passed = MM * model.opt.timestep * float(forces @ (speed + data.qvel)) / 2
         mujoco.mj_kinematics(model, data)
         self.energies = self._account(state, passed)

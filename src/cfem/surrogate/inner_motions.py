@@ -181,7 +181,7 @@ def _size(fields: np.ndarray, axes: tuple[int, ...]) -> np.ndarray:
 
 
 def _clearest(fields: np.ndarray, most: int) -> np.ndarray:
-    """As many orthonormal directions (m, p, k <= most) near constant combinations of fields (m, p, f) as these make
+    """Orthonormal directions (m, p, k <= most) near constant combinations of fields (m, p, f): as many as these make
     clearly at all states, each field counting alike."""
     for k in range(min(most, *fields.shape[1:]), 0, -1):
         directions, least = _alike(fields / _size(fields, (0, 1)), k)

@@ -58,7 +58,7 @@ class Bodies:
 
     @cached_property
     def ends(self) -> list[int]:
-        """Where the patches of each robot begin among all, and their number."""
+        """Indices at which the patches of each robot begin among all, and their number."""
         return list(accumulate((len(robot.patched.patches) for robot in self.robots), initial=0))
 
     @cached_property

@@ -241,15 +241,15 @@ def moved_places(free, flat, motion, patches, local, forces, dents):
     places = np.empty_like(free)
     for p in range(len(free)):
         for a in range(3):
-            way = 0.0
+            displacement = 0.0
             for d in range(len(motion)):
-                way += flat[3 * p + a, d] * motion[d]
-            places[p, a] = free[p, a] + way
+                displacement += flat[3 * p + a, d] * motion[d]
+            places[p, a] = free[p, a] + displacement
     for i in range(len(patches)):
         for a in range(3):
-            way = dents[i, a]
+            displacement = dents[i, a]
             for j in range(len(patches)):
                 for b in range(3):
-                    way += local[3 * i + a, 3 * j + b] * forces[j, b]
-            places[patches[i], a] += way
+                    displacement += local[3 * i + a, 3 * j + b] * forces[j, b]
+            places[patches[i], a] += displacement
     return places

@@ -43,7 +43,7 @@ class ContactBounds:
 
 
 def bending(state: ContactState) -> float:
-    """How far forces bend the robot beyond what is known of it, 1 at least: the L of the bounds."""
+    """Measure L of the bounds, 1 at least: how far forces bend the robot beyond what is known of it."""
     return max(state.error, LEAST) / LEAST
 
 

@@ -99,7 +99,7 @@ def held(model: SurfaceModel, delta: np.ndarray, wrench: np.ndarray | None = Non
     if key not in model.kept:
         if len(model.kept) >= HELD:
             del model.kept[next(iter(model.kept))]
-        model.kept[key] = HeldRobot(model, delta.copy(), wrench)
+        model.kept[key] = HeldRobot(model.whole, delta.copy(), wrench)
     return model.kept[key]
 
 

@@ -22,11 +22,11 @@ class Poses:
         """Moves rigid bodies by the forces of the robots, and push (d, 3) N of obstacles `which` (d,) on patches near
         (d,). Places (N, 3) mm of all patches then."""
         scene, robots, rigid = self.scene, self.robots, self.rigid
-        own = robots.own_places()
+        local = robots.own_places()
         if rigid is None or not len(rigid.centres):
-            return _placed(own, scene.bodies, robots.R, robots.t)
+            return _placed(local, scene.bodies, robots.R, robots.t)
         places, robots.R, robots.t, R, t = _follow(
-            *(own, scene.bodies, scene.R, scene.t, robots.R, robots.t, rigid.of_robots),
+            *(local, scene.bodies, scene.R, scene.t, robots.R, robots.t, rigid.of_robots),
             *(robots.known, robots.on_known, near, rigid.of_obstacles[which], push),
             *(rigid.centres, rigid.mobility, rigid.before),
         )
@@ -57,24 +57,24 @@ class Poses:
 
 
 @njit(cache=True, error_model="numpy")
-def _placed(own, bodies, R, t):
+def _placed(local, bodies, R, t):
     """(N, 3) mm in the scene, of places in the frames of robots `bodies` (N,) at R (r, 3, 3) and t (r, 3) mm."""
-    places = np.empty_like(own)
-    for p in range(len(own)):
+    places = np.empty_like(local)
+    for p in range(len(local)):
         i = bodies[p]
         for a in range(3):
-            places[p, a] = R[i, a, 0] * own[p, 0] + R[i, a, 1] * own[p, 1] + R[i, a, 2] * own[p, 2] + t[i, a]
+            places[p, a] = R[i, a, 0] * local[p, 0] + R[i, a, 1] * local[p, 1] + R[i, a, 2] * local[p, 2] + t[i, a]
     return places
 
 
 @njit(cache=True, error_model="numpy")
-def _follow(own, bodies, R, t, R_now, t_now, of_robots, known, forces, near, met, push, centres, mobility, before):
+def _follow(local, bodies, R, t, R_now, t_now, of_robots, known, forces, near, met, push, centres, mobility, before):
     """Places (N, 3) mm, poses of the robots, and motions of the rigid bodies from where they are predicted.
 
-    own (N, 3) mm, of robots `bodies` (N,), predicted at R and t, now at R_now and t_now, on bodies of_robots (r,);
+    local (N, 3) mm, of robots `bodies` (N,), predicted at R and t, now at R_now and t_now, on bodies of_robots (r,);
     forces (c, 3) N on known (c,) patches, of which push (d, 3) N on near (d,) are of obstacles on bodies met (d,); the
     rest is of `RigidBodies`."""
-    places, lever = _placed(own, bodies, R_now, t_now), np.empty(3)
+    places, lever = _placed(local, bodies, R_now, t_now), np.empty(3)
     for _ in range(2 if (of_robots >= 0).any() else 1):  # once more with the levers where robots have come to
         wrench = -before
         for i in range(len(known)):
@@ -92,7 +92,7 @@ def _follow(own, bodies, R, t, R_now, t_now, of_robots, known, forces, near, met
                 xi[a] += mobility[a, b] * wrench[b]
         R_body, t_body = motions(xi, centres)
         R_now, t_now = poses_carried(of_robots, R_body, t_body, R, t)
-        places = _placed(own, bodies, R_now, t_now)
+        places = _placed(local, bodies, R_now, t_now)
     return places, R_now, t_now, R_body, t_body
 
 
@@ -105,13 +105,15 @@ def _apart(bodies, met, points, centres):
 @njit(cache=True, error_model="numpy")
 def _carried(points, which, R_then, t_then, R_now, t_now):
     """(d, 3) mm: points of bodies `which` (d,) that have gone from poses then to poses now."""
-    result, own = np.empty((len(points), 3)), np.empty(3)
+    result, local = np.empty((len(points), 3)), np.empty(3)
     for p in range(len(points)):
         i = which[p]
         for a in range(3):
-            own[a] = 0.0
+            local[a] = 0.0
             for b in range(3):
-                own[a] += (points[p, b] - t_then[i, b]) * R_then[i, b, a]
+                local[a] += (points[p, b] - t_then[i, b]) * R_then[i, b, a]
         for a in range(3):
-            result[p, a] = R_now[i, a, 0] * own[0] + R_now[i, a, 1] * own[1] + R_now[i, a, 2] * own[2] + t_now[i, a]
+            result[p, a] = (
+                R_now[i, a, 0] * local[0] + R_now[i, a, 1] * local[1] + R_now[i, a, 2] * local[2] + t_now[i, a]
+            )
     return result

@@ -69,9 +69,14 @@ class SurfaceModel(ABC):
         """Dents of points (c,) turned by R (c, 3, 3) by forces on several of them; None where each has its own."""
         return None
 
+    @property
+    def whole(self) -> "SurfaceModel":
+        """Model of all points: this one, where a `SurfacePart` has another."""
+        return self
+
     @cached_property
     def kept(self) -> dict[tuple[bytes, bytes | None], Any]:
-        """What `held_robot.held` keeps of this model."""
+        """Held robots that `held_robot.held` keeps of this model."""
         return {}
 
     @cached_property

@@ -19,7 +19,7 @@ class SurfacePart:
         self.patches = SurfacePoints(patches.weights[numbers], patches.rest[numbers], np.zeros(len(numbers)))
         self.U, self.held_still = whole.U[numbers], whole.held_still[numbers]
         self.flat = self.U.reshape(-1, self.U.shape[-1])
-        self.model, self.held, self.most = whole.model, whole.held, whole.most  # asked for in each step
+        self.model, self.kept, self.most = whole.model, whole.kept, whole.most  # asked for in each step
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.whole, name)
