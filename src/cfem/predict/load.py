@@ -172,8 +172,10 @@ def read_arrays(folder: Path, name: str = WEIGHTS) -> dict[str, np.ndarray]:
 
 
 class LiveModel:
-    """As the `Predictor` in the folder, now. `refresh` takes up one that has replaced it, skin and all, or keeps the
-    one before where that is of another robot or damaged. taken: how many have been taken up."""
+    """Predictor that follows its folder: answers are those of the model that is there now. `refresh` takes up one that
+    has replaced it, skin and all, or keeps the one before where that is of another robot or damaged.
+
+    taken: how many have been taken up"""
 
     def __init__(self, folder: Path, runtime: Runtime = "arrays"):
         self._folder, self._runtime, self.taken = folder, runtime, 0

@@ -45,10 +45,11 @@ def goals(model):
     return np.array(found)
 
 
-def run(model, aims, adapt, p_of, seed=0, noise=NOISE, delay=1, spoil=lambda rng, x: x, gains=FEEDBACK, loss=0.0):
+def pilot_at(model):
+    """Pilot of the model at its first parameters, by forces."""
     limits = Limits(np.array([[0.0, 3 * model.domain.lambda_a[1].max()]] * 2), model.reach * [[1, 1.5]] - [[1, 0]])
     ridge = ridge_of(1e-10, model.reach, model.length)
-    pilot = Pilot(
+    return Pilot(
         AtParameters(model, first(model)),
         "force",
         "equilibrium",
@@ -57,6 +58,10 @@ def run(model, aims, adapt, p_of, seed=0, noise=NOISE, delay=1, spoil=lambda rng
         ridge,
         SearchSettings(20, 1e-5, 3.0),
     )
+
+
+def run(model, aims, adapt, p_of, seed=0, noise=NOISE, delay=1, spoil=lambda rng, x: x, gains=FEEDBACK, loss=0.0):
+    pilot = pilot_at(model)
     if adapt:
         controller = AdaptiveController(
             pilot, model.rest_e, Tracker(model, "force", NOISE, forget=20, loss=loss), gains
@@ -112,20 +117,9 @@ def test_what_the_feedback_added_for_the_model_before_is_taken_back(model):
 def test_the_integral_gives_back_what_the_new_parameters_account_for_and_no_more(model):
     """Under one command the change of parameters moves the tip by a known shift; of an integral of 1.5 shifts against
     it, half of one stays, and of an integral that points the same way all of it."""
-    limits = Limits(np.array([[0.0, 10.0]] * 2), model.reach)
-    ridge = ridge_of(1e-10, model.reach, model.length)
     for share, left in [(-1.5, -0.5), (0.5, 0.5)]:
-        pilot = Pilot(
-            AtParameters(model, first(model)),
-            "force",
-            "equilibrium",
-            limits,
-            np.ones(3),
-            ridge,
-            SearchSettings(20, 1e-5, 3.0),
-        )
         tracker = Tracker(model, "force", NOISE)
-        controller = AdaptiveController(pilot, model.rest_e, tracker, FEEDBACK)
+        controller = AdaptiveController(pilot_at(model), model.rest_e, tracker, FEEDBACK)
         controller.tick(goals(model)[0])
         old = controller.belief.iterate.condensed
         tracker._used = tracker._used + 0.1
