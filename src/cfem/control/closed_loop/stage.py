@@ -18,7 +18,7 @@ from cfem.control.closed_loop.spec import LoopSpec
 from cfem.control.closed_loop.summary import headline, judged
 from cfem.control.closed_loop.tick import Pilot
 from cfem.control.closed_loop.tick_log import tick_log
-from cfem.control.task.goals.doubts import one_point, wide
+from cfem.control.task.goals.doubts import left_out, one_point, wide
 from cfem.control.task.goals.from_spec import demand_near
 from cfem.control.task.goals.trajectory_spec import meant_beyond
 from cfem.control.task.loads import load_doubts
@@ -67,7 +67,8 @@ def run_controllers(
     # Laps run on whether a goal is reached or not.
     counted = {} if loop.laps else {name: results[name] for name in goals if not meant_beyond(spec.trajectories[name])}
     far = [] if loop.laps else wide(loop.settle.radius, robot.length, "loop.settle.radius")
-    judgement = [*judged(counted), *one_point(goals, robot.length), *far, *load_doubts(spec.loads)]
+    missing = [*left_out(goals, spec.trajectories), *one_point(goals, robot.length)]
+    judgement = [*judged(counted), *missing, *far, *load_doubts(spec.loads)]
     verdict = {"headline": headline(results), KEY: judgement}
     return {**verdict, "plant": spec.plant, "loop": results, "length": robot.length}
 

@@ -14,6 +14,7 @@ from cfem.control.open_loop.mesh_error import discretisation, states_to_refine
 from cfem.control.open_loop.planners import counted_rows, pilots_of
 from cfem.control.open_loop.resume import KeptRun
 from cfem.control.open_loop.summary import headline, judged, record, summarise
+from cfem.control.task.goals.doubts import left_out
 from cfem.control.task.goals.trajectory_spec import has_been, meant_beyond
 from cfem.control.task.loads import load_doubts
 from cfem.control.task.prepared import Prepared
@@ -66,6 +67,7 @@ def carry_out(folder: Path, spec: PlannedSpec, base: Path, prepared: Prepared, k
         "headline": lines,
         KEY: [
             *judged(results, {name: meant_beyond(trajectory) for name, trajectory in spec.trajectories.items()}),
+            *left_out(prepared.goals, spec.trajectories),
             *doubts(prepared.goals, spec.reached, refined, robot.length),
             *(load_doubts(spec.loads) if isinstance(spec, LoadedSpec) else []),
             *(prepared.touched.judged(robot.length) if prepared.touched else []),

@@ -10,7 +10,7 @@ from pydantic import TypeAdapter
 from cfem.condensed import Rows
 from cfem.control.task.goals.from_spec import demand_fits, demand_near, goals_of
 from cfem.control.task.goals.trajectory_spec import GoalsSpec, TrajectorySpec
-from cfem.core.errors import SpecError
+from cfem.core.errors import NumericalError, SpecError
 from cfem.core.yaml import read_yaml
 
 PIPELINES = Path(__file__).parents[4] / "pipelines"
@@ -28,6 +28,18 @@ class Fem:
         return SimpleNamespace(x_e=np.array([*share, share.sum()]))
 
 
+class Snapping(Fem):
+    """Has no stable state where the first actuator is pulled by more than `beyond` of its reach."""
+
+    def __init__(self, beyond):
+        self.beyond = beyond
+
+    def pull(self, share):
+        if share[0] > self.beyond:
+            raise NumericalError("FE robot: the equilibrium is unstable")
+        return super().pull(share)
+
+
 def goals(robot=ROBOT, shift=NOWHERE, **spec):
     return goals_of("curve", TRAJECTORY.validate_python(spec), robot, Fem(), shift)
 
@@ -37,6 +49,21 @@ def test_given_points_are_taken_and_move_with_the_design():
     np.testing.assert_array_equal(goals(kind="goals", points=points), [[0, 1, 2], [3, 4, 5]])
     moved = goals(kind="goals", points=points, shift=np.array([0.0, 0.5, -1.0]))
     np.testing.assert_array_equal(moved, [[0, 1.5, 1], [3, 4.5, 4]])
+
+
+def test_images_without_a_stable_state_are_left_out():
+    image = TRAJECTORY.validate_python({"kind": "image", "centre": 0.5, "radii": 0.4, "goals": 8})
+    every = goals_of("curve", image, ROBOT, Fem(), NOWHERE)
+    stable = goals_of("curve", image, ROBOT, Snapping(0.7), NOWHERE)
+    np.testing.assert_array_equal(stable, every[every[:, 0] <= 0.7])
+    assert len(stable) == 5
+
+
+def test_an_image_that_mostly_has_no_stable_state_is_an_error():
+    image = TRAJECTORY.validate_python({"kind": "image", "centre": 0.5, "radii": 0.4, "goals": 8})
+    words = r"no stable state is found for 5 of 8 goals; the first is goal 0, at \[0.9, 0.5\] of the reach"
+    with pytest.raises(NumericalError, match=words):
+        goals_of("curve", image, ROBOT, Snapping(0.49), NOWHERE)
 
 
 def test_an_arc_begins_at_rest_where_it_is_asked_to():

@@ -6,14 +6,15 @@ from cfem.condensed.far import FAR, doubt, far_of
 from cfem.control.task.goals.trajectory import arc, half_sphere, loop_of_shares, with_approach
 from cfem.control.task.goals.trajectory_spec import ArcSpec, GoalsSpec, HalfSphereSpec, ImageSpec, TrajectorySpec
 from cfem.core.console.progress import progress
-from cfem.core.errors import SpecError
+from cfem.core.errors import NumericalError, SpecError
 from cfem.equilibrium.system.robot import Robot
 from cfem.plant.fem_plant import FemPlant
 
 
 def goals_of(name: str, trajectory: TrajectorySpec, robot: Robot, fem: FemPlant, shift: np.ndarray) -> np.ndarray:
     """Goals (m, n_e) mm absolute of a trajectory. robot: or what stands for several and their object; shift: (n_e,) mm
-    by how much they move with a design, empty without one."""
+    by how much they move with a design, empty without one. Goals that are images are fewer than asked for where the
+    robot has no stable state (`left_out`). NumericalError where most of them have none."""
     if isinstance(trajectory, ArcSpec):
         on_arc = arc(*(getattr(trajectory, key) for key in ("centre", "radius", "start", "end", "plane", "goals")))
         on_arc = _fit(name, trajectory, on_arc, robot, shift)
@@ -26,11 +27,26 @@ def goals_of(name: str, trajectory: TrajectorySpec, robot: Robot, fem: FemPlant,
         return _fit(name, trajectory, np.hstack([trajectory.points, *oriented]), robot, shift)
     centre, radii = _shares(name, trajectory, robot.rows.n_a)
     shares = loop_of_shares(centre, radii, trajectory.goals, trajectory.shape)
-    goals = []
+    return _images(name, shares, fem)
+
+
+def _images(name: str, shares: np.ndarray, fem: FemPlant) -> np.ndarray:
+    """Effectors (k, n_e) mm at shares (m, n_a) of the actuators' reach, without those where finite elements find no
+    stable state, as where a body snaps. NumericalError where they find none for more than half."""
+    goals, missing = [], []
     with progress(f"solving the goals of {name} by FE", len(shares)) as advance:
-        for share in shares:
-            goals.append(fem.pull(share).x_e)
+        for number, share in enumerate(shares):
+            try:
+                goals.append(fem.pull(share).x_e)
+            except NumericalError as error:
+                missing.append((number, share, error))
             advance(1)
+    if 2 * len(missing) > len(shares):
+        number, share, error = missing[0]
+        first = f"the first is goal {number}, at {np.round(share, 2).tolist()} of the reach ({error})"
+        do = "lower centre and radii, or the reach in scene.yaml"
+        what = f"no stable state is found for {len(missing)} of {len(shares)} goals; {first}"
+        raise NumericalError(what, where=f"trajectories.{name}", do=do)
     return np.array(goals)
 
 
