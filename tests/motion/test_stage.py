@@ -37,6 +37,7 @@ def test_it_moves_as_full_finite_elements_do(root, spec):
     path = spec(RAMP, f"step: 0.5 ms\nfull: {{scene: {scene}}}\npayload: {{mass: 0.5 g, gravity: {gravity}}}\n")
     results = run(path, [], None, QUIET)["results"]
     assert results["steps"] == 120 and results["commanded"] == "displacement"
+    assert results["headline"][0].startswith("120 steps of 0.5 ms to 0.06 s; first natural frequency ")
     assert results["full"]["percent_of_travel"] < 3.0 and results["full"]["why"] is None
     table, full = (read_parquet(path.parent / "out" / name) for name in (TABLE, FULL))
     assert table.column_names == full.column_names and len(table) == 121
