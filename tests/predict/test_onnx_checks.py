@@ -31,6 +31,11 @@ def test_a_plain_graph_passes(tmp_path):
     assert checked_graph(write(tmp_path, data)) == data
 
 
+def test_a_tensor_as_large_as_allowed_passes(tmp_path):
+    data = huge("ConstantOfShape", 2**24).SerializeToString()
+    assert checked_graph(write(tmp_path, data)) == data
+
+
 def nested(inner):
     """A graph in an `If`, in which `inner` is a constant."""
     branch = helper.make_graph(
@@ -93,6 +98,7 @@ HOSTILE = {
     "a loop without end": endless().SerializeToString(),
     "8 TB from a constant": huge("ConstantOfShape").SerializeToString(),
     "8 TB by expansion": huge("Expand").SerializeToString(),
+    "a number more than allowed": huge("Expand", 2**24 + 1).SerializeToString(),
     "an operator that cfem does not write": graph(op="Mod").SerializeToString(),
     "empty": b"",
     "text": b"import os",

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cfem.condensed import Rows
-from cfem.plant.device.answer import DEEPEST, Malformed, answer_of, nesting, shown
+from cfem.plant.device.answer import DEEPEST, Malformed, answer_of, nesting, numbers, shown
 from cfem.plant.device.device_plant import DevicePlant
 from cfem.plant.device.lines import Lines
 
@@ -45,10 +45,8 @@ def judged(line, markers=()):
         return None
     assert 0 <= found.t <= 3 and type(found.t) is int
     for name, size, far in (("x_e", 3, 500.0), ("delta_a", 2, 300.0), ("lambda_a", 2, np.inf)):
-        numbers = getattr(found, name)
-        assert numbers is None or (
-            numbers.shape == (size,) and (np.isnan(numbers).all() or np.abs(numbers).max() <= far)
-        )
+        read = getattr(found, name)
+        assert read is None or (read.shape == (size,) and (np.isnan(read).all() or np.abs(read).max() <= far))
     return found
 
 
@@ -93,6 +91,15 @@ def test_a_good_answer_is_taken_as_it_is():
     found = judged('{"t": 3, "x_e": [499, -499, 0.5], "delta_a": [300, -299], "lambda_a": null}')
     assert found.t == 3 and found.lambda_a is None
     np.testing.assert_array_equal(found.x_e, [499, -499, 0.5])
+
+
+def test_how_far_a_number_is_counts_from_rest():
+    rest, farthest = np.array([100.0, -40.0]), np.array([50.0, 10.0])
+    np.testing.assert_array_equal(numbers({"x_e": [149, -31]}, "x_e", rest, farthest), [149, -31])
+    with pytest.raises(Malformed, match=r"number 2 is 11 from rest, at most 10"):
+        numbers({"x_e": [149, -29]}, "x_e", rest, farthest)
+    with pytest.raises(Malformed, match=r"number 1 is 51 from rest, at most 50"):
+        numbers({"x_e": [49, -31]}, "x_e", rest, farthest)
 
 
 def test_turns_have_a_range_of_their_own():

@@ -25,13 +25,13 @@ def shown(value: Any) -> str:
 def answer_of(line: str) -> dict[str, Any]:
     """The object of a line. Malformed where it has none, or reports an error."""
     if nesting(line) > DEEPEST:
-        raise Malformed(f"answered {shown(line[:200])}, which is nested deeper than {DEEPEST}")
+        raise Malformed(f"answered {shown(line)}, which is nested deeper than {DEEPEST}")
     try:
         answer = json.loads(line)
     except ValueError:  # also an integer of thousands of digits
         answer = None
     if not isinstance(answer, dict):
-        raise Malformed(f"answered '{shown(line[:200])}', which is no JSON object on a line")
+        raise Malformed(f"answered '{shown(line)}', which is no JSON object on a line")
     if "error" in answer:
         raise Malformed(f"reports: {shown(answer['error'])}")
     return answer

@@ -32,7 +32,7 @@ class Lines:
         """Answer to a message. Malformed where the device gives none that can be read within `timeout` seconds."""
         early = self._process.line(0.0)
         if early is not None:
-            raise Malformed(f"said '{shown(early[:200])}' without being asked")
+            raise Malformed(f"said '{shown(early)}' without being asked")
         self._process.tell(json.dumps(message))
         line = self._process.line(timeout)
         if line is None:
