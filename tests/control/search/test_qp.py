@@ -21,6 +21,17 @@ def residuals(M, d, A, lower, upper, box, x, y, z) -> Kkt:
     return program.judged(x / variables, np.concatenate([z, y]) / multipliers).kkt.of(program.unit)
 
 
+@pytest.mark.parametrize("unit", (1e-6, 1e6))
+def test_units_of_a_variable_without_part_in_the_objective_change_nothing(unit):
+    M, d, A = np.array([[2.0, 0.0], [1.0, 0.0]]), np.array([1.0, 3.0]), np.array([[1.0, -1.0]])
+    box, limits, units = np.array([[-5.0, 5.0], [-1.0, 2.0]]), np.array([0.5, 4.0]), np.array([1.0, unit])
+    plain, _, _ = scaled(M, d, A, *np.concatenate([box, limits[None]]).T)
+    other, _, _ = scaled(M / units, d, A / units, *np.concatenate([box * units[:, None], limits[None]]).T)
+    for name in ("M", "d", "G", "low", "high"):
+        np.testing.assert_allclose(getattr(other, name), getattr(plain, name), rtol=1e-12, err_msg=name)
+    assert np.ptp([plain.low[1], plain.high[1]]) * plain.unit == pytest.approx(1.0)
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_random_programs_end_at_the_optimum_they_were_built_around(kind):
     rng = np.random.default_rng(20)
