@@ -1,11 +1,15 @@
 """`cfem control` of a crawler: from the scene of a leg to the judged walk, on bars of 24 cells."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
 import cfem
+from cfem.control.crawling.stage import _records
 from cfem.core.errors import CfemError
+from cfem.equilibrium.quasi_static import CONVERGED
 
 SCENE = """
 name: leg
@@ -89,3 +93,17 @@ def test_a_model_without_displacements_is_refused(folder):
     cfem.run_stage("train", folder / "force.yaml")
     with pytest.raises(CfemError, match="form displacement"):
         cfem.run_stage("control", folder / "control.yaml", overrides=["models.spectral=force"])
+
+
+def test_commands_that_the_fe_crawler_did_not_come_to_have_no_place():
+    leg = SimpleNamespace(delta_a=np.ones(2), lambda_a=np.ones(2))
+    touch = SimpleNamespace(solved=[leg, None], iterations=3, check=SimpleNamespace(largest=1e-9))
+    base, commands = np.arange(9.0).reshape(3, 3), [np.ones(2)] * 2
+    planned = SimpleNamespace(commands=commands, base=base, touches=[touch] * 2, seconds=[0.1] * 2, status=CONVERGED)
+    fe = SimpleNamespace(commands=commands[:1], base=base[:2] + 0.3, status="no balance found")
+    model = SimpleNamespace(at_displacement=lambda u: u, inside=lambda state: True, distance=lambda state: 0.5)
+    first, second = _records("spectral", planned, fe, 1.0, model)
+    assert first["error"] == pytest.approx(np.sqrt(3) * 0.3) and first["reached"]
+    assert first["plant_status"] == CONVERGED
+    assert np.isnan(second["x_e"]).all() and not second["reached"]
+    assert second["plant_status"] == "no balance found"

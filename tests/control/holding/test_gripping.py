@@ -231,3 +231,13 @@ def test_the_command_says_whether_the_robots_have_let_go(clear, said):
     line = _opened(plant, "converged", 1e-5)
     assert said in line and "without them it moves by 1e-05 mm" in line
     assert "does NOT stand" in _opened(plant, "no balance", 0.0)
+
+
+@pytest.mark.parametrize(("margin", "said"), [(None, "planned; the grasp"), (1.5, "planned, 1.5 asked for; the grasp")])
+def test_the_margin_to_slip_is_told_with_what_was_asked_for(margin, said):
+    learned = SimpleNamespace(margins=[2.0, 1.7], margin=margin, holds=3.0)
+    fe = SimpleNamespace(margins=[1.6, 1.8], holds=True)
+    spec = SimpleNamespace(object=SimpleNamespace(table=False))
+    figures, (line,) = Grip.results(SimpleNamespace(model=learned, fe=fe), spec, [])
+    assert line == f"grip: the margin to slip is 1.60 at least, 1.70 {said} holds 3 times the load"
+    assert figures == {"margin": 1.6, "margin_planned": 1.7, "holds": 3.0}

@@ -113,5 +113,17 @@ def test_where_nothing_that_the_model_knows_reaches_the_goal_the_answer_beside_i
     np.testing.assert_array_equal(best.delta_a, first.delta_a)
 
 
+def test_an_answer_that_the_model_knows_does_not_give_way_to_one_beside_it():
+    """The search ended at 3.95. All that begins around it ends at 4.65, where the goal is met, and the model knows
+    nothing."""
+    model, settings = Learned(), SearchSettings(tolerance=1e-9)
+    near, aim = (Aim(np.array([2.0, value]), np.ones(2), np.full(2, 1e-6)) for value in (1.05, 1.5))
+    first = search_goal(model, near, LIMITS, Iterate.at(model.at_displacement(np.array([2.0, 3.0]))), settings)
+    beside = search_goal(model, aim, LIMITS, Iterate.at(model.at_displacement(np.array([2.0, 4.2]))), settings)
+    assert first.delta_a[1] == pytest.approx(3.95, abs=1e-4) and beside.delta_a[1] == pytest.approx(4.65, abs=1e-4)
+    best = multistart(model, aim, LIMITS, first, settings, by_displacement, around(first, LIMITS))
+    np.testing.assert_array_equal(best.delta_a, first.delta_a)
+
+
 def test_starts_are_states_that_the_model_was_trained_on_within_the_course():
     np.testing.assert_array_equal(list(all_over(Learned(), LIMITS, 8)), [[1.0, 3.0], [2.0, 10.0]])
