@@ -27,6 +27,13 @@ def test_ticks_are_synced_at_once_and_then_at_most_every_second(tmp_path, monkey
     assert len(synced) in (5, 6) and synced[0] == len(lines[0]) + 1  # the first tick at once
 
 
+def test_one_tick_is_told_of_as_one(tmp_path):
+    kept = re.escape(f"the tick before is kept in {tmp_path / 'interrupted-1.jsonl'}")
+    with pytest.raises(NumericalError, match=kept), tick_log(tmp_path) as append:
+        append({"t": 0.0})
+        raise NumericalError("the device is gone", do="")
+
+
 def test_a_run_that_ends_well_leaves_no_log(tmp_path):
     with tick_log(tmp_path) as append:
         append({"t": 0.0})

@@ -122,6 +122,7 @@ def test_a_course_walks_a_gait_and_tells_of_it():
     lines = headline(far, course.unit, sweep, walks, account, 0.5, 0)
     assert "mm a cycle planned" in lines[0] and "0 % apart, friction 0.5" in lines[0] and "OUTSIDE" not in lines[0]
     assert lines[1].startswith("friction 0.8, a cycle: ")
+    assert lines[-1].endswith("contact points at their ends: 3 stick; the law is met to 1.0e-09")
     alone = [course.planned_at(mu, ROWS, one) for mu in (0.5, 0.8)]
     assert [row["planned"] for row in alone] == [course.far(planned), sweep[0]["planned"]]
     said = headline(far, course.unit, sweep, walks, account, 0.5, 3, alone)
