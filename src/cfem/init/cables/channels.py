@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
-from cfem.contact.facets import solid_angles
+from cfem.contact.surface.facets import solid_angles
 from cfem.init.cables.line import CableLine, make_line
 from cfem.init.cables.spine import straight
 from cfem.init.chambers import chambers_of

@@ -1,5 +1,5 @@
-"""One valid state of the contacts: of many points by Newton's method (`cfem.contact.newton`) or by following them along
-growing friction (`cfem.contact.path`); else by pivoting from a guess, then search.
+"""One valid state of the contacts: of many points by Newton's method (`cfem.contact.law.newton`) or by following them
+along growing friction (`cfem.contact.law.path`); else by pivoting from a guess, then search.
 
 Pivoting changes the mode of every violated point, or, where that leads back, of the worst alone; this nearly
 always ends within a few systems, though nothing promises it (friction makes the problem neither symmetric nor
@@ -12,12 +12,12 @@ from heapq import heappop, heappush
 
 import numpy as np
 
-from cfem.contact.check import Check, check
-from cfem.contact.enumerate import MOST, ContactState, all_modes
-from cfem.contact.modes import VALID, Mode, ModeSolution, modes_of, solve_mode, understood
-from cfem.contact.newton import modes_from, newton, newton_with_object
-from cfem.contact.path import along_friction
-from cfem.contact.problem import ContactProblem, Law
+from cfem.contact.law.check import Check, check
+from cfem.contact.law.enumerate import MOST, ContactState, all_modes
+from cfem.contact.law.modes import VALID, Mode, ModeSolution, modes_of, solve_mode, understood
+from cfem.contact.law.newton import modes_from, newton, newton_with_object
+from cfem.contact.law.path import along_friction
+from cfem.contact.law.problem import ContactProblem, Law
 
 BUDGET = 400  # choices of modes that a search over more than four points tries
 SEARCHED, FEW = 8, 20  # beyond so many points a search tries no more than FEW choices; so few, each from few starts

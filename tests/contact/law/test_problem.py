@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cfem.contact.problem import ContactProblem
+from cfem.contact.law.problem import ContactProblem
 from cfem.core.errors import SpecError
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from cfem.contact.problem import ContactProblem, Law
+from cfem.contact.law.problem import ContactProblem, Law
 
 
 @dataclass(frozen=True)

@@ -5,9 +5,9 @@ from itertools import product
 
 import numpy as np
 
-from cfem.contact.check import Check, check
-from cfem.contact.modes import Mode, distinct, modes_of, solve_mode
-from cfem.contact.problem import ContactProblem, Law
+from cfem.contact.law.check import Check, check
+from cfem.contact.law.modes import Mode, distinct, modes_of, solve_mode
+from cfem.contact.law.problem import ContactProblem, Law
 from cfem.core.errors import SpecError
 
 MOST = 4  # points

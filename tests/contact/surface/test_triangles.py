@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.optimize import nnls
 
-from cfem.contact.triangles import closest
+from cfem.contact.surface.triangles import closest
 
 
 def test_no_share_of_the_corners_comes_nearer():

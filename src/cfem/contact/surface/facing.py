@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cfem.contact.crossing import pierced_by
+from cfem.contact.surface.crossing import pierced_by
 
 START = 1e-6  # of the size: how far before its face a ray begins
 FACING = 0.5  # cosine between the normals of faces that face each other

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from support.benchmark import benchmark
 
-from cfem.contact.check import check
-from cfem.contact.modes import VALID
-from cfem.contact.newton import by_friction, newton, normal_forces, projected
-from cfem.contact.path import along_friction
-from cfem.contact.problem import ContactProblem
-from cfem.contact.solve import ContactStatus, solve_contact
+from cfem.contact.law.check import check
+from cfem.contact.law.modes import VALID
+from cfem.contact.law.newton import by_friction, newton, normal_forces, projected
+from cfem.contact.law.path import along_friction
+from cfem.contact.law.problem import ContactProblem
+from cfem.contact.law.solve import ContactStatus, solve_contact
 
 a_problem = benchmark("contact_random").a_problem
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cfem.contact.facets import components, edges, solid_angles, unmatched_edges
+from cfem.contact.surface.facets import components, edges, solid_angles, unmatched_edges
 
 TETRAHEDRON = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
 

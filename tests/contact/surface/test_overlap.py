@@ -6,7 +6,7 @@ from support.blocks import block
 from support.closed import box_arrays
 
 from cfem.constraint.surface import triangulated
-from cfem.contact.overlap import boundary_of, depth_in_itself
+from cfem.contact.surface.overlap import boundary_of, depth_in_itself
 from cfem.mechanics.mesh import Mesh, boundary_facets
 from cfem.stability.families.chambers import SIZE, hollow_mesh
 

@@ -16,8 +16,8 @@ from itertools import islice, product
 
 import numpy as np
 
-from cfem.contact.check import residuals
-from cfem.contact.problem import ContactProblem, Law
+from cfem.contact.law.check import residuals
+from cfem.contact.law.problem import ContactProblem, Law
 
 CONDITION = 1e12  # beyond it a system counts as singular
 VALID = 1e-8  # largest residual of `check` of a state that satisfies its law

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from cfem.contact.check import check
-from cfem.contact.problem import ContactProblem
+from cfem.contact.law.check import check
+from cfem.contact.law.problem import ContactProblem
 
 GOOD = np.array([1.5, -0.36, -0.48])  # slides along (0.6, 0.8) at 2.8 mm, by hand
 

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from cfem.contact import newton as newton_module
-from cfem.contact.check import check
-from cfem.contact.enumerate import all_modes
-from cfem.contact.modes import Mode
-from cfem.contact.newton import modes_from, newton, projected, scaled
-from cfem.contact.problem import ContactProblem
+from cfem.contact.law import newton as newton_module
+from cfem.contact.law.check import check
+from cfem.contact.law.enumerate import all_modes
+from cfem.contact.law.modes import Mode
+from cfem.contact.law.newton import modes_from, newton, projected, scaled
+from cfem.contact.law.problem import ContactProblem
 
 
 def a_problem(seed, m, mu):

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from support.fast_cases import fast_are
 
-from cfem.contact.check import check
-from cfem.contact.modes import Mode, ModeStatus, solve_mode
-from cfem.contact.newton import newton_with_object
-from cfem.contact.problem import ContactProblem
-from cfem.contact.solve import solve_contact
+from cfem.contact.law.check import check
+from cfem.contact.law.modes import Mode, ModeStatus, solve_mode
+from cfem.contact.law.newton import newton_with_object
+from cfem.contact.law.problem import ContactProblem
+from cfem.contact.law.solve import solve_contact
 
 
 def table(points, push, mu, seed=0):

@@ -3,11 +3,11 @@ import pytest
 from scipy.optimize import nnls
 from support.fast_cases import fast_are
 
-from cfem.contact.check import check
-from cfem.contact.enumerate import all_modes
-from cfem.contact.modes import Mode
-from cfem.contact.problem import ContactProblem
-from cfem.contact.solve import ContactStatus, solve_contact
+from cfem.contact.law.check import check
+from cfem.contact.law.enumerate import all_modes
+from cfem.contact.law.modes import Mode
+from cfem.contact.law.problem import ContactProblem
+from cfem.contact.law.solve import ContactStatus, solve_contact
 from cfem.core.errors import SpecError
 
 

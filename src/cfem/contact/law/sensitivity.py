@@ -1,14 +1,14 @@
 """How forces and motions of a contact state change with its free gaps, while no point changes its mode.
 
-The equations of the modes (`cfem.contact.modes`), F(z, free) = 0, are differentiated: dz/dfree = -(dF/dz)^-1 dF/dfree.
-Where points slip, the direction of friction is one of the unknowns."""
+The equations of the modes (`cfem.contact.law.modes`), F(z, free) = 0, are differentiated:
+dz/dfree = -(dF/dz)^-1 dF/dfree. Where points slip, the direction of friction is one of the unknowns."""
 
 from collections.abc import Sequence
 
 import numpy as np
 
-from cfem.contact.modes import Mode, linear_equations, slip_equations
-from cfem.contact.problem import ContactProblem
+from cfem.contact.law.modes import Mode, linear_equations, slip_equations
+from cfem.contact.law.problem import ContactProblem
 from cfem.core.errors import NumericalError
 
 

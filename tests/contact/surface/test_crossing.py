@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cfem.contact.crossing import crossings
+from cfem.contact.surface.crossing import crossings
 
 PLATE = np.array([[0.0, 0, 0], [4, 0, 0], [0, 4, 0]])
 

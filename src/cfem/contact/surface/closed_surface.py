@@ -12,8 +12,8 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial import cKDTree
 
-from cfem.contact.facets import components, edges, solid_angles, unmatched_edges
-from cfem.contact.triangles import closest
+from cfem.contact.surface.facets import components, edges, solid_angles, unmatched_edges
+from cfem.contact.surface.triangles import closest
 from cfem.core.console.shown import counted
 from cfem.core.errors import InputError
 

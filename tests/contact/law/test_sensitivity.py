@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from cfem.contact.modes import Mode
-from cfem.contact.problem import ContactProblem
-from cfem.contact.sensitivity import sensitivity
-from cfem.contact.solve import solve_contact
+from cfem.contact.law.modes import Mode
+from cfem.contact.law.problem import ContactProblem
+from cfem.contact.law.sensitivity import sensitivity
+from cfem.contact.law.solve import solve_contact
 
 STEP = 1e-6
 

@@ -12,8 +12,8 @@ import numpy as np
 from numba import njit
 from scipy.optimize import nnls
 
-from cfem.contact.modes import Mode
-from cfem.contact.problem import ContactProblem
+from cfem.contact.law.modes import Mode
+from cfem.contact.law.problem import ContactProblem
 
 ITERATIONS, HALVINGS = 40, 4
 MODES = Mode.OPEN, Mode.STICK, Mode.SLIP
@@ -25,8 +25,8 @@ def newton(
     W: np.ndarray, free: np.ndarray, mu: float, start: np.ndarray | None = None
 ) -> tuple[np.ndarray | None, int]:
     """(m, 3) N in the frames of the surface, None where it does not converge, and how many systems it solved. W
-    (3m, 3m) mm/N and free (3m,) mm: see `cfem.contact.problem`; mu: of friction; start (m, 3) N: forces, zero unless
-    given."""
+    (3m, 3m) mm/N and free (3m,) mm: see `cfem.contact.law.problem`; mu: of friction; start (m, 3) N: forces, zero
+    unless given."""
     lam = np.zeros((len(free) // 3, 3)) if start is None else np.array(start, float).reshape(-1, 3)
     converged, systems = _newton(np.ascontiguousarray(W, float), np.ascontiguousarray(free, float), float(mu), lam)
     return lam if converged else None, systems

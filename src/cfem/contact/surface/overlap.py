@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import coo_array
 
-from cfem.contact.closed_surface import winding
-from cfem.contact.crossing import crossings
-from cfem.contact.facets import components
-from cfem.contact.triangles import closest
+from cfem.contact.surface.closed_surface import winding
+from cfem.contact.surface.crossing import crossings
+from cfem.contact.surface.facets import components
+from cfem.contact.surface.triangles import closest
 
 JITTER = 1e-8  # of the size: mirrored halves meet at edges exactly, where none would pierce the other
 ALLOWED = 0.01  # of a robot's length, to which parts of its body may pass through each other

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from support.closed import box_arrays, box_surface, octahedral_sphere, prism_arrays
 
-from cfem.contact.closed_surface import ClosedSurface
 from cfem.contact.obstacle import Box
+from cfem.contact.surface.closed_surface import ClosedSurface
 from cfem.core.errors import InputError
 
 HALF = np.array([1.0, 2.0, 3.0])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from support.blocks import block
 
-from cfem.contact.facing import facing
+from cfem.contact.surface.facing import facing
 
 CENTRE = np.full((1, 3), 1 / 3)
 
@@ -43,6 +43,6 @@ def test_what_lies_behind_a_face_is_none():
 def test_portions_of_rays_give_the_same_pairs(monkeypatch):
     X, triangles = stacked(0.5)
     whole = facing(X, triangles, CENTRE, 0.6)
-    monkeypatch.setattr("cfem.contact.crossing.PORTION", 7)
+    monkeypatch.setattr("cfem.contact.surface.crossing.PORTION", 7)
     for part, expected in zip(facing(X, triangles, CENTRE, 0.6), whole, strict=True):
         np.testing.assert_array_equal(part, expected)

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from cfem.contact.modes import Mode, ModeStatus, slip_equations, solve_mode, start_angles, with_angles
-from cfem.contact.problem import ContactProblem
+from cfem.contact.law.modes import Mode, ModeStatus, slip_equations, solve_mode, start_angles, with_angles
+from cfem.contact.law.problem import ContactProblem
 
 
 def test_the_jacobian_of_slip_is_the_derivative():

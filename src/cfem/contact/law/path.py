@@ -1,6 +1,6 @@
 """Forces of many points by following them from no friction to the friction that is asked for.
 
-Where Newton's method on the law F(lambda, mu) = 0 fails (`cfem.contact.newton`), its solutions are followed as a
+Where Newton's method on the law F(lambda, mu) = 0 fails (`cfem.contact.law.newton`), its solutions are followed as a
 curve z = (lambda, mu), by the length along it: where the curve turns back towards less friction, so does the walk
 (Allgower and Georg, *Numerical Continuation Methods*, 1990). The curve has corners where a point opens, sticks or
 slips: there the determinant of the equations, bordered by the tangent, keeps its sign, which says where it goes on.
@@ -13,7 +13,7 @@ so that by Brouwer's theorem some of them are mu times its own normal forces."""
 
 import numpy as np
 
-from cfem.contact.newton import by_friction, newton, normal_forces, projected, scaled
+from cfem.contact.law.newton import by_friction, newton, normal_forces, projected, scaled
 
 STEPS = 20000  # systems
 CORRECTIONS = 8  # of Newton's method back to the curve
@@ -25,7 +25,7 @@ CLOSE = 1e-10
 
 def along_friction(W: np.ndarray, free: np.ndarray, mu: float) -> tuple[np.ndarray | None, int]:
     """(m, 3) N in the frames of the surface, None where it was lost or the systems allowed were used up, and how many
-    were solved. W (3m, 3m) mm/N, free (3m,) mm: see `cfem.contact.problem`; mu: of friction."""
+    were solved. W (3m, 3m) mm/N, free (3m,) mm: see `cfem.contact.law.problem`; mu: of friction."""
     equation = scaled(W, free)
     begin = normal_forces(W, free) if mu == 0 or definite(W) else None  # else there may be no state, and no end
     if equation is None or begin is None or mu == 0 or not begin.any():
