@@ -5,7 +5,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 from support.blocks import block, hexahedra
 
-from cfem.init.shape import Shape
+from cfem.init.body.shape import Shape
 from cfem.mechanics.mesh import Mesh, boundary_facets
 
 

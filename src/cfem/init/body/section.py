@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
-from cfem.init.interior import Interior
+from cfem.init.body.interior import Interior
 
 _LATTICE = 40  # points across the longer side of a cut
 # No direction is further than 27.6 deg from one of these, of which the cosine is 1 / 1.129.

@@ -5,7 +5,7 @@ import pytest
 from support.blocks import box
 
 from cfem.constraint.attachment import locate
-from cfem.init.interior import interior
+from cfem.init.body.interior import interior
 from cfem.mechanics.mesh import Mesh
 
 

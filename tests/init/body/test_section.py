@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from init.bodies import box_shape, tapered, tube
 
-from cfem.init.section import clear, cut
+from cfem.init.body.section import clear, cut
 
 
 @pytest.mark.parametrize("share", [0.05, 0.5, 0.9])

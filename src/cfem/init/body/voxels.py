@@ -9,7 +9,7 @@ from scipy import ndimage
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import dijkstra
 
-from cfem.init.interior import Interior
+from cfem.init.body.interior import Interior
 
 _INSIDE = 30_000  # cubes inside the body, about
 _PAIRS = 500_000  # of tetrahedra and cubes at a time

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from cfem.core.errors import InputError
-from cfem.init.interior import Interior, interior
-from cfem.init.voxels import Voxels, voxels
+from cfem.init.body.interior import Interior, interior
+from cfem.init.body.voxels import Voxels, voxels
 from cfem.mechanics.mesh import Mesh
 from cfem.robot.geometry import SURFACES, MeshFile, StepFile
 from cfem.robot.mesh.mesh_file import read_data, read_own

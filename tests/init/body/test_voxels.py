@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from init.bodies import holed, tube
 
-import cfem.init.voxels as module
-from cfem.init.voxels import voxels
+import cfem.init.body.voxels as module
+from cfem.init.body.voxels import voxels
 
 
 @pytest.mark.parametrize("pairs", [module._PAIRS, 1000])

@@ -7,8 +7,8 @@ import numpy as np
 from cfem.constraint.attachment import show
 from cfem.constraint.surface import triangulated
 from cfem.core.errors import SpecError
-from cfem.init.section import cut_across
-from cfem.init.shape import Shape
+from cfem.init.body.section import cut_across
+from cfem.init.body.shape import Shape
 from cfem.robot.selection import Plane
 
 _FLAT = 1e-4  # of the largest extent: single precision of a file that is far from its origin

@@ -6,7 +6,7 @@ from init.bodies import box_shape, corner, inclined, tapered
 from scipy.spatial.transform import Rotation
 
 from cfem.core.errors import SpecError
-from cfem.init.face import end_face, face_at
+from cfem.init.body.face import end_face, face_at
 from cfem.init.hold import guess_hold, read_hold, run_from
 from cfem.init.watch import guess_watched
 from cfem.robot.selection import select_nodes

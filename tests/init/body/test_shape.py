@@ -8,7 +8,7 @@ import pytest
 from init.bodies import write_cells, write_stl
 
 from cfem.core.errors import InputError
-from cfem.init.shape import geometry, make_shape, read_source
+from cfem.init.body.shape import geometry, make_shape, read_source
 from cfem.robot.mesh.meshing import corner_mesh
 from cfem.robot.spec import Meshing
 
@@ -24,7 +24,7 @@ def test_a_closed_surface_becomes_a_coarse_mesh(tmp_path):
 
 
 def test_a_round_body_gets_a_size_at_which_straight_edges_keep_its_volume(tmp_path):
-    arm = read_source(Path(__file__).parents[2] / "docs" / "tutorial" / "s-arm.step")
+    arm = read_source(Path(__file__).parents[3] / "docs" / "tutorial" / "s-arm.step")
     shape = make_shape(arm, 1.0, 5000)
     meshing = Meshing(size=f"{shape.size!r} mm", element="tet4")
     finer, volume = corner_mesh(geometry(arm.path, 1.0), meshing, [], Path(), "geometry")
