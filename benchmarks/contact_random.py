@@ -4,7 +4,7 @@ python benchmarks/contact_random.py [--problems 1000]
 
 The compliance of a body with a few soft modes and local ones, as a skin has, or of a full random matrix; points near,
 in and beyond what they meet; friction from 0 to 1.5. Every answer is checked for gap, force, cone, dissipation and
-balance by `cfem.contact.check`, which knows nothing of how it was found."""
+balance by `cfem.contact.law.check`, which knows nothing of how it was found."""
 
 import argparse
 import time
@@ -12,9 +12,9 @@ from collections import Counter
 
 import numpy as np
 
-from cfem.contact.check import check
-from cfem.contact.problem import ContactProblem
-from cfem.contact.solve import ContactStatus, solve_contact
+from cfem.contact.law.check import check
+from cfem.contact.law.problem import ContactProblem
+from cfem.contact.law.solve import ContactStatus, solve_contact
 
 MODES, FRICTION = (3, 10, 30), (0.0, 0.2, 0.5, 0.8, 1.5)
 

@@ -24,7 +24,7 @@ from cfem.condensed.parameters import completed
 from cfem.core.artefact.content import artefact_file
 from cfem.core.stage import Options
 from cfem.dataset.reader import Dataset, read_dataset
-from cfem.predict.protocol import build
+from cfem.predict.array_predictor import build
 from cfem.robot.stage import run as make_mesh
 from cfem.sample.stage import run as simulate_sample
 from cfem.surrogate.model_card import model_card

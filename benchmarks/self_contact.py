@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from cfem.constraint.surface import triangulated
-from cfem.contact.overlap import boundary_of
+from cfem.contact.surface.overlap import boundary_of
 from cfem.core.spec import load_spec
 from cfem.equilibrium.solve import solve
 from cfem.equilibrium.system.actuation import displacement

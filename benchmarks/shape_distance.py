@@ -20,8 +20,8 @@ from scipy.spatial.transform import Rotation
 
 import cfem
 from cfem.contact.clearance import nearest_of_surface
-from cfem.contact.closed_surface import ClosedSurface
 from cfem.contact.obstacle import Box, Capsule, ClosedMesh, Obstacle, Plane, Sphere
+from cfem.contact.surface.closed_surface import ClosedSurface
 from cfem.predict.contact.clearance import clearance
 
 ROOT = Path(__file__).parents[1]

@@ -71,10 +71,10 @@ def test_tests_that_fail_without_a_change_end_the_run(mutate, monkeypatch, statu
     covering = mutate.CoveringTests({}, {})
     if status:
         with pytest.raises(SystemExit, match="nothing was changed"):
-            mutate.demand_green(Path("contact/path.py"), covering)
+            mutate.demand_green(Path("contact/law/path.py"), covering)
     else:
-        mutate.demand_green(Path("contact/path.py"), covering)
-    assert asked[0] is None and "tests/contact/test_path.py" in asked[1]
+        mutate.demand_green(Path("contact/law/path.py"), covering)
+    assert asked[0] is None and "tests/contact/law/test_path.py" in asked[1]
 
 
 @pytest.fixture

@@ -9,8 +9,8 @@ from support.closed import box_arrays, octahedral_sphere
 from support.fast_cases import fast_are
 
 from cfem.contact.clearance import nearest_of_surface
-from cfem.contact.closed_surface import ClosedSurface
 from cfem.contact.obstacle import Box, Capsule, ClosedMesh, Plane, Sphere
+from cfem.contact.surface.closed_surface import ClosedSurface
 
 DIRECTIONS, TRIANGLES = octahedral_sphere(3)
 SHAPES = {

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from support.closed import octahedral_sphere
 
-from cfem.contact.closed_surface import ClosedSurface
 from cfem.contact.obstacle import Box, Capsule, ClosedMesh, Cylinder, Ellipsoid, Plane, Sphere, tangents
+from cfem.contact.surface.closed_surface import ClosedSurface
 from cfem.core.errors import SpecError
 
 DIRECTIONS, TRIANGLES = octahedral_sphere(2)

@@ -7,9 +7,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 from support.closed import octahedral_sphere
 
-from cfem.contact.closed_surface import ClosedSurface
 from cfem.contact.obstacle import Box, Capsule, ClosedMesh, Plane, Sphere
 from cfem.contact.obstacle_set import ObstacleSet
+from cfem.contact.surface.closed_surface import ClosedSurface
 
 MESH = ClosedMesh(ClosedSurface(*octahedral_sphere(1)))
 SHAPES = [Plane(), Sphere(2.0), MESH, Box(np.array([1.0, 2.0, 3.0])), Capsule(1.0, 2.5), Plane()]

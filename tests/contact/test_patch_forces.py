@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from support.benchmark import benchmark
 
-from cfem.contact.newton import newton
+from cfem.contact.law.newton import newton
 from cfem.contact.patch_forces import turned, violation
 
 a_problem = benchmark("contact_random").a_problem

@@ -5,9 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from cfem.contact.closed_surface import ClosedSurface
 from cfem.contact.obstacle import ClosedMesh, Sphere
 from cfem.contact.prescribed_motion import ActuatedRobot, Translation, between, stops
+from cfem.contact.surface.closed_surface import ClosedSurface
 
 WAY = np.array([[0.0, 0, 0], [3.0, 0, 0], [3.0, 4, 0]])
 CORNERS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])

@@ -6,7 +6,7 @@ from support.clip import GAP, clip
 from support.fast_cases import fast_are
 
 from cfem.constraint.surface import triangulated
-from cfem.contact.overlap import boundary_of
+from cfem.contact.surface.overlap import boundary_of
 from cfem.equilibrium.derived import Wanted
 from cfem.equilibrium.newton import NewtonSettings
 from cfem.equilibrium.solve import solve

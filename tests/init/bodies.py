@@ -5,7 +5,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 from support.blocks import block, hexahedra
 
-from cfem.init.shape import Shape
+from cfem.init.body.shape import Shape
 from cfem.mechanics.mesh import Mesh, boundary_facets
 
 
@@ -78,7 +78,7 @@ def holed(length=60.0, side=12.0, hole=2.0, gaps=()) -> Shape:
 
 def chambered(size=(40.0, 12.0, 12.0), rooms=((4.0, 16.0), (22.0, 36.0))) -> Shape:
     """A box along x with closed rooms from x to x, walls of 3."""
-    mesh = block(size, (40, 12, 12))
+    mesh = block(size, (20, 4, 4))
     x, y, z = mesh.X[mesh.cells].mean(axis=1).T
     middle = (np.abs(y - size[1] / 2) < size[1] / 2 - 3) & (np.abs(z - size[2] / 2) < size[2] / 2 - 3)
     return _part(mesh, ~(middle & np.any([(x > a) & (x < b) for a, b in rooms], axis=0)), 3.0)

@@ -5,8 +5,8 @@ import pytest
 from init.bodies import box_shape, tapered
 
 from cfem.core.errors import SpecError
+from cfem.init.body.shape import Shape
 from cfem.init.hold import Hold, Run, guess_hold, read_hold, run_from
-from cfem.init.shape import Shape
 from cfem.mechanics.mesh import Mesh
 from cfem.robot.selection import select_nodes
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from init.bodies import write_stl
 
+from cfem.init.body.shape import read_source
 from cfem.init.question import answer
-from cfem.init.shape import read_source
 from cfem.init.unit import natural_unit, unit_doubt, unit_of
 
 

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from support.blocks import block
 from support.boundary_value import newton
 
-from cfem.contact.facing import facing
+from cfem.contact.surface.facing import facing
 from cfem.mechanics import self_contact
 from cfem.mechanics.assembly import make_pattern, symmetric_product
 from cfem.mechanics.body import make_body, on_nodes, response, tangent_form, with_materials

@@ -2,7 +2,7 @@
 
 import pytest
 
-from cfem.contact.modes import Mode
+from cfem.contact.law.modes import Mode
 from cfem.plant.contact_account import ContactAccount
 
 

@@ -5,9 +5,9 @@ import pytest
 
 from cfem.condensed.patches import cut
 from cfem.constraint.surface import outer_surface
-from cfem.contact.closed_surface import ClosedSurface
-from cfem.contact.modes import Mode
+from cfem.contact.law.modes import Mode
 from cfem.contact.obstacle import Plane, Sphere
+from cfem.contact.surface.closed_surface import ClosedSurface
 from cfem.equilibrium.contact.obstacles import obstacle_step
 from cfem.equilibrium.contact.patch_compliance import with_patches
 from cfem.equilibrium.contact.skinned_robot import SkinnedRobot

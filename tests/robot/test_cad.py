@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from cfem.robot.cad import Box, Difference, Frustum, Loft, Prism, Union
-from cfem.robot.catalogue.bar import bar
-from cfem.robot.catalogue.soft_finger import cavity, soft_finger
-from cfem.robot.geometry import Bar, Refinement, SoftFinger
+from cfem.robot.catalogue.bar import Bar, bar
+from cfem.robot.catalogue.soft_finger import SoftFinger, cavity, soft_finger
+from cfem.robot.geometry import Refinement
 from cfem.robot.mesh.meshing import run_gmsh
 from cfem.robot.spec import Meshing
 

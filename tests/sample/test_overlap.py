@@ -5,7 +5,7 @@ import pytest
 from sample.synthetic import Factory
 from support.closed import box_arrays
 
-from cfem.contact.overlap import boundary_of
+from cfem.contact.surface.overlap import boundary_of
 from cfem.sample import shard
 from cfem.sample.artefact import fill
 from cfem.sample.overlap import deeper, finding, overlaps

@@ -8,7 +8,7 @@ from cfem.condensed import Rows
 from cfem.constraint.attachment import attach
 from cfem.constraint.cable import make_cable
 from cfem.constraint.effector import make_effector
-from cfem.contact.facing import facing
+from cfem.contact.surface.facing import facing
 from cfem.equilibrium.system.robot import Robot
 from cfem.mechanics.body import make_body
 from cfem.mechanics.element import ELEMENTS

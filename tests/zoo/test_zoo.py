@@ -3,7 +3,7 @@
 import pytest
 from zoo.zoo import BODIES, run_body, write_file
 
-from cfem.init.shape import FILES, read_source
+from cfem.init.body.shape import FILES, read_source
 
 
 @pytest.mark.slow

@@ -18,7 +18,7 @@ from cfem.core.optional import installed, remedy
 from cfem.init.question import Answer, Ask, Question, answer
 
 if TYPE_CHECKING:
-    from cfem.init.shape import Shape
+    from cfem.init.body.shape import Shape
     from cfem.init.texts import NewScene
 
 _PAGES, _LATEST = "cfem-init-", 5

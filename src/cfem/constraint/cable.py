@@ -4,8 +4,9 @@ The multiplier is the tension in N, positive when the cable pulls. With d_s the 
 
     d delta = - sum_s (d_s / l_s) . dd_s,    d2 delta = - sum_s dd_s . (1 - t t^T) / l_s . dd_s,    t = d_s / l_s
 
-Where friction takes tension away along the cable (friction.py), the multiplier is the tension at the first segment,
-and delta = sum_s share_s (l0_s - l_s), the displacement that it does work on; all derivatives hold the shares."""
+Where friction takes tension away along the cable (equilibrium/friction), the multiplier is the tension at the first
+segment, and delta = sum_s share_s (l0_s - l_s), the displacement that it does work on; all derivatives hold the
+shares."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -22,7 +22,7 @@ from typing import ClassVar
 import numpy as np
 
 from cfem.constraint.attachment import show
-from cfem.contact.facets import components, edges, solid_angles, unmatched_edges
+from cfem.contact.surface.facets import components, edges, solid_angles, unmatched_edges
 from cfem.core.console.shown import counted
 from cfem.core.errors import SpecError
 from cfem.mechanics.element import shape, shape_derivatives

@@ -1,7 +1,8 @@
 """Chambers along a rod whose sections do not deform: delta = V - V0 in mm^3; the multiplier is the pressure in MPa.
 
 A plane section sweeps the volume A n . dr/ds ds at the centroid r of the chamber (the theorem of Pappus), so that the
-growth is linear in the strains (gamma, kappa) of the rod, and on an element of constant strain (rod_element.py) in e:
+growth is linear in the strains (gamma, kappa) of the rod, and on an element of constant strain
+(mechanics/rod/element.py) in e:
 
     V = int A (1 + gamma_x + kappa_y z - kappa_z y) ds = sum over elements, A (h + e . (1, 0, 0, 0, z, -y))"""
 

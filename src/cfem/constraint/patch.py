@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from cfem.contact.triangles import closest
+from cfem.contact.surface.triangles import closest
 from cfem.core.errors import InputError, SpecError
 
 LEAST = 4  # nodes of a patch

@@ -1,8 +1,8 @@
 """A cable in a straight channel of a rod: delta = l0 - l in mm; the multiplier is its tension in N.
 
 The channel keeps its place (y, z) = r(s) in the sections, linear in s between its points. On an element of constant
-strain e (rod_element.py) the cable's tangent is t = (1, r') + gamma + kappa x r with gamma, kappa = e / h. It is affine
-in e, so that
+strain e (mechanics/rod/element.py) the cable's tangent is t = (1, r') + gamma + kappa x r with gamma, kappa = e / h. It
+is affine in e, so that
 
     l = sum over elements, int |t| ds        dl/de = int B^T t / |t| ds        d2l/de2 = int B^T (1 - t t^T) B / |t| ds
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cfem.contact.facets import components
+from cfem.contact.surface.facets import components
 
 _TRIANGLES = {3: [0, 1, 2], 6: [0, 3, 5, 3, 1, 4, 5, 4, 2, 3, 4, 5], 4: [0, 1, 2, 0, 2, 3]}
 

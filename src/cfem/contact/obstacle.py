@@ -10,7 +10,7 @@ from typing import Protocol, Self
 
 import numpy as np
 
-from cfem.contact.closed_surface import ClosedSurface
+from cfem.contact.surface.closed_surface import ClosedSurface
 from cfem.core.errors import SpecError
 
 AXES = np.eye(3)
@@ -228,8 +228,8 @@ class Ellipsoid(_Posed):
 
 @dataclass(frozen=True, eq=False)
 class ClosedMesh(_Posed):
-    """What a closed surface of triangles bounds (`cfem.contact.closed_surface`, `read_stl`). A new pose costs nothing:
-    the surface is checked and searched in its own coordinates."""
+    """What a closed surface of triangles bounds (`cfem.contact.surface.closed_surface`, `read_stl`). A new pose costs
+    nothing: the surface is checked and searched in its own coordinates."""
 
     surface: ClosedSurface
 

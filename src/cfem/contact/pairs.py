@@ -18,7 +18,7 @@ import numpy as np
 
 from cfem.condensed.patches import Patches
 from cfem.contact.detection import NEVER, WITHIN, detect, may_meet
-from cfem.contact.modes import Mode
+from cfem.contact.law.modes import Mode
 from cfem.contact.obstacle_set import ObstacleSet
 from cfem.contact.prescribed_motion import PrescribedMotion
 

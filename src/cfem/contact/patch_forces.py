@@ -5,12 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from cfem.contact.enumerate import MOST
-from cfem.contact.modes import Mode
-from cfem.contact.newton import modes_from, newton, project
-from cfem.contact.path import along_friction
-from cfem.contact.problem import ContactProblem
-from cfem.contact.solve import ContactStatus, solve_contact
+from cfem.contact.law.enumerate import MOST
+from cfem.contact.law.modes import Mode
+from cfem.contact.law.newton import modes_from, newton, project
+from cfem.contact.law.path import along_friction
+from cfem.contact.law.problem import ContactProblem
+from cfem.contact.law.solve import ContactStatus, solve_contact
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +65,7 @@ def pressed(
 
 @njit(cache=True, error_model="numpy")
 def _in_frames(compliance, gap, frames, start):
-    """W and free of `cfem.contact.problem`: what `pressed` takes, in the frames."""
+    """W and free of `cfem.contact.law.problem`: what `pressed` takes, in the frames."""
     n, half = 3 * len(frames), np.empty((3, 3))
     W, free = np.empty((n, n)), gap.copy().reshape(-1)
     for i in range(0, n, 3):
@@ -86,8 +86,8 @@ def _in_frames(compliance, gap, frames, start):
 @njit(cache=True, error_model="numpy")
 def violation(forces, gap, compliance, mu):
     """Largest distance, mm, of patches from the law of contact, at forces (c, 3) N and gaps (c, 3) mm, both in the
-    frames of the surfaces there: by how much forces differ from their projection (`cfem.contact.newton`), times what a
-    patch yields, of compliance (3 c, 3 c) mm/N. A force of 0 has no violation where its gap is open."""
+    frames of the surfaces there: by how much forces differ from their projection (`cfem.contact.law.newton`), times
+    what a patch yields, of compliance (3 c, 3 c) mm/N. A force of 0 has no violation where its gap is open."""
     largest, p, D = 0.0, np.empty(3), np.empty((3, 3))
     for i in range(len(forces)):
         flexibility = max(compliance[3 * i, 3 * i], compliance[3 * i + 1, 3 * i + 1], compliance[3 * i + 2, 3 * i + 2])

@@ -12,7 +12,7 @@ theorem 3.1.6), so that only a tangent with negative eigenvalues leaves none."""
 
 import numpy as np
 
-from cfem.contact.newton import normal_forces
+from cfem.contact.law.newton import normal_forces
 
 # Condition of the held rows' compliance, each row scaled to one, beyond which they are the same row to rounding.
 _DEPENDENT = 1e13

@@ -1,6 +1,5 @@
 """`cfem export`: a trained model to a folder that control runs from, each format compared with the trained model."""
 
-import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -18,6 +17,7 @@ from cfem.export.firmware.embedding import Embedding, embedding, write_embedded
 from cfem.export.loads import solves_patches, under_loads
 from cfem.export.skin import write_row_skin, write_skin
 from cfem.export.spec import PACKAGES, ExportSpec, writable
+from cfem.export.written import RUNNERS, largest_difference
 from cfem.motion import load as motion
 from cfem.predict.load import VECTORS, build, has_file, has_skin, read_arrays, read_meta, read_model, read_vectors
 from cfem.predict.loads.loaded_skin import skin_under_loads_of
@@ -122,12 +122,9 @@ def work(
     if {"onnx", "torchscript"} & set(spec.formats):
         doing("importing PyTorch, writing ONNX and TorchScript")
         write_graphs(folder, spec, meta, arrays)
-    reference = vectors["W"], vectors["delta_free"]
     doing("running what was written, to compare it with the trained model")
     parity = {
-        name: max(map(difference, reference, RUNNERS[name](folder / FILES[name], meta, vectors["s"], vectors["p"])))
-        for name in spec.formats
-        if name in RUNNERS
+        name: largest_difference(name, folder / FILES[name], meta, vectors) for name in spec.formats if name in RUNNERS
     }
     sizes = {name: (folder / FILES[name]).stat().st_size for name in parity}
     report, made = None, []
@@ -296,34 +293,6 @@ def write_graphs(folder: Path, spec: ExportSpec, meta: dict, arrays: dict[str, n
         write_whole(folder / FILES["onnx"], onnx_bytes(model, meta))
     if "torchscript" in spec.formats:
         write_whole(folder / FILES["torchscript"], torchscript_bytes(model, example(meta)))
-
-
-def difference(reference: np.ndarray, values: np.ndarray) -> float:
-    """Largest difference, relative to the largest entry."""
-    return float(np.abs(values - reference).max() / np.abs(reference).max())
-
-
-def _run_arrays(path: Path, meta: dict, s: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    with np.load(path, allow_pickle=False) as arrays:
-        return build(meta, dict(arrays)).evaluate(s, p)
-
-
-def _run_onnx(path: Path, meta: dict, s: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    from cfem.predict.kinds.onnx import OnnxPredictor
-
-    return OnnxPredictor(meta, path).evaluate(s, p)
-
-
-def _run_torchscript(path: Path, meta: dict, s: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, ...]:
-    import torch
-
-    inputs = (s, p) if meta["parameters"] else (s,)
-    with warnings.catch_warnings(), torch.no_grad():
-        warnings.simplefilter("ignore", DeprecationWarning)
-        return tuple(out.numpy() for out in torch.jit.load(path)(*map(torch.as_tensor, inputs)))
-
-
-RUNNERS = {"arrays": _run_arrays, "onnx": _run_onnx, "torchscript": _run_torchscript}
 
 
 COMMAND = Command(

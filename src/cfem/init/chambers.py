@@ -8,9 +8,9 @@ import numpy as np
 
 from cfem.constraint.attachment import show
 from cfem.constraint.surface import triangulated
-from cfem.contact.facets import components, solid_angles
+from cfem.contact.surface.facets import components, solid_angles
+from cfem.init.body.shape import Shape
 from cfem.init.question import point
-from cfem.init.shape import Shape
 from cfem.robot.mesh.surface_file import read_surface
 
 _LEAST = 1e-4  # of the body's volume: a smaller void is a bubble

@@ -15,12 +15,12 @@ from cfem.core.artefact.place import write_beside
 from cfem.core.console.progress import doing
 from cfem.core.errors import InputError, OutputError, SpecError
 from cfem.core.names import demand_scene_name
+from cfem.init.body.shape import MESH, Shape, Source, geometry, make_shape, read_source
 from cfem.init.cables.ends import Proposal
 from cfem.init.drive import NOTHING, Stated, drive, proposal
 from cfem.init.further import further
 from cfem.init.hold import Hold, Run, read_hold, run_from
 from cfem.init.question import Answer, Ask, Question, choice, integer, parts, point, ratio, stress
-from cfem.init.shape import MESH, Shape, Source, geometry, make_shape, read_source
 from cfem.init.texts import SPECS, NewScene, texts
 from cfem.init.trial import tried
 from cfem.init.unit import demand_unit, unit_doubt, unit_of

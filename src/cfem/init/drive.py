@@ -4,13 +4,13 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 from cfem.core.errors import SpecError
+from cfem.init.body.shape import Shape
 from cfem.init.cables.ends import Proposal, place, propose
 from cfem.init.cables.line import CableLine, attachment_radius, read_cable, sections_along
 from cfem.init.cables.spine import straight
 from cfem.init.chambers import Chamber, chambers_of, read_chamber
 from cfem.init.hold import Run, guess_hold
 from cfem.init.question import Ask, Question, choice, integer
-from cfem.init.shape import Shape
 
 _AIR = {"yes": True, "no": False, "auto": None}
 

@@ -10,9 +10,9 @@ import numpy as np
 
 from cfem.core.errors import SpecError
 from cfem.core.units import parse_quantity
+from cfem.init.body.shape import BREP, STEP, Shape, Source
 from cfem.init.hold import AXES, Hold, read_part
 from cfem.init.question import Answer, Ask, Question, choice, parts, point, ratio, stress
-from cfem.init.shape import BREP, STEP, Shape, Source
 from cfem.init.written import note, number, selection, short, vector
 
 T = TypeVar("T")

@@ -7,10 +7,10 @@ import numpy as np
 
 from cfem.core.errors import SpecError
 from cfem.core.units import parse_quantity
-from cfem.init.face import Face, end_face, face_at
+from cfem.init.body.face import Face, end_face, face_at
+from cfem.init.body.section import cut
+from cfem.init.body.shape import Shape, surface_area
 from cfem.init.question import point
-from cfem.init.section import cut
-from cfem.init.shape import Shape, surface_area
 from cfem.robot.selection import Named, Plane, select_nodes
 
 AXES = "xyz"

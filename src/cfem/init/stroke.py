@@ -9,8 +9,8 @@ from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial.transform import Rotation
 
 from cfem.constraint.surface import triangulated
-from cfem.contact.crossing import crossings
-from cfem.contact.overlap import ALLOWED, boundary_of
+from cfem.contact.surface.crossing import crossings
+from cfem.contact.surface.overlap import ALLOWED, boundary_of
 from cfem.core.errors import SpecError
 from cfem.equilibrium.fields import Strain
 from cfem.equilibrium.newton import NewtonSettings

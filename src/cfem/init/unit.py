@@ -3,8 +3,8 @@
 import numpy as np
 
 from cfem.core.errors import SpecError
+from cfem.init.body.shape import Source
 from cfem.init.question import Answer, Ask, Question, positive
-from cfem.init.shape import Source
 from cfem.robot.checks.plausible import ROBOTS, SMALLEST, sides, size_doubts
 
 # The first in which the body is of a soft robot's size is guessed: most files are in mm or m, and drawings in others.

@@ -3,10 +3,10 @@
 import numpy as np
 
 from cfem.constraint.attachment import locate
-from cfem.init.face import end_face
+from cfem.init.body.face import end_face
+from cfem.init.body.section import cut
+from cfem.init.body.shape import Shape
 from cfem.init.hold import Run, is_flat
-from cfem.init.section import cut
-from cfem.init.shape import Shape
 from cfem.mechanics.mesh import Mesh
 
 _BEFORE = (0.0005, 0.02, 0.05, 0.1)  # the tip, in shares of the length

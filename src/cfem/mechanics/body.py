@@ -83,7 +83,7 @@ class BodyResponse:
     force: (n, 3) N internal of the solids, layers and contact, with the given p
     mismatch, pressure, min_J: (m,) MPa and number as of its regions (solid.py), min_J 0 or less also where sections of
     the rod touch
-    rod: its own response, whose forces act on the sections' frames (rod.py)"""
+    rod: its own response, whose forces act on the sections' frames (rod/region.py)"""
 
     energy: float
     force: np.ndarray

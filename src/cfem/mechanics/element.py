@@ -61,7 +61,7 @@ ELEMENTS = {
 # Between rigid sections, the first edges along the rod. hex8-full has the whole Gauss rule: in bending its shear locks,
 # and adds G A h^2 / 12 to the bending stiffness. hex8-reduced takes the strains at the middle of the first edges, as a
 # Timoshenko element with one point does (Hughes, Taylor and Kanoknukulchai, IJNME 11, 1977). beam: hexahedra that carry
-# pictures and attachments, while a rod (rod.py) joins the sections.
+# pictures and attachments, while a rod (rod/region.py) joins the sections.
 SECTIONED = {
     element.name: element
     for element in (

@@ -83,8 +83,8 @@ def make_self_contact(
     shear: float,
 ) -> SelfContact:
     """Self-contact of faces (f, 3 | 6) at X (n, 3) mm. pairs: the faces (k,) and barycentric places (k, 3) of POINTS of
-    each face, and those of their partners (`cfem.contact.facing`); closing: the onset's share of the gap at rest;
-    shear: MPa, modulus of the softest wall."""
+    each face, and those of their partners (`cfem.contact.surface.facing`); closing: the onset's share of the gap at
+    rest; shear: MPa, modulus of the softest wall."""
     face, place, partner, partner_place = pairs
     count = facets.shape[1]
     values, slopes = triangle_values(count, partner_place), triangle_slopes(count, partner_place)

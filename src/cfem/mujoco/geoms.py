@@ -7,9 +7,9 @@ import mujoco
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from cfem.contact.closed_surface import ClosedSurface
 from cfem.contact.obstacle import Box, Capsule, ClosedMesh, Cylinder, Ellipsoid, Plane, Sphere
 from cfem.contact.obstacle_set import ObstacleSet
+from cfem.contact.surface.closed_surface import ClosedSurface
 from cfem.core.errors import InputError
 
 MM = 1000.0  # of MuJoCo's metre

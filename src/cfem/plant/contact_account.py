@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from cfem.contact.clearance import TOLERANCE
-from cfem.contact.modes import Mode
+from cfem.contact.law.modes import Mode
 from cfem.core.artefact.judgement import poor
 
 DEEP = 0.01  # of the length: how far the surface may be in an obstacle between its patches

@@ -9,8 +9,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from cfem.contact.modes import Mode
-from cfem.contact.problem import Law
+from cfem.contact.law.modes import Mode
+from cfem.contact.law.problem import Law
 from cfem.equilibrium.contact.grasp import FreeObject, grasp_step, holding_stiffness
 from cfem.equilibrium.contact.ground import Pads
 from cfem.equilibrium.contact.points import PlacedRobot, PointRobot, PointsState

@@ -10,12 +10,12 @@ import numpy as np
 
 from cfem.condensed.patches import Patches
 from cfem.contact.clearance import nearest_of_surface
-from cfem.contact.closed_surface import ClosedSurface
 from cfem.contact.obstacle import ClosedMesh, Obstacle
 from cfem.contact.obstacle_set import ObstacleSet
-from cfem.contact.overlap import depth_in_itself
 from cfem.contact.pairs import numbers_of
 from cfem.contact.prescribed_motion import ActuatedRobot, PrescribedMotion, stops
+from cfem.contact.surface.closed_surface import ClosedSurface
+from cfem.contact.surface.overlap import depth_in_itself
 from cfem.core.errors import InputError
 from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
 from cfem.equilibrium.contact.surfaces import SurfaceScene, SurfacesState

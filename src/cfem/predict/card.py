@@ -10,7 +10,7 @@ from cfem.condensed.model import Form
 from cfem.condensed.model_error import ModelError
 from cfem.core.names import Name
 from cfem.core.reading import Data
-from cfem.predict.protocol import KINDS
+from cfem.predict.array_predictor import KINDS
 
 FORMAT = 3
 

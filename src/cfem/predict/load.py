@@ -13,9 +13,10 @@ from cfem.core.artefact.manifest import MANIFEST, read_manifest
 from cfem.core.errors import InputError
 from cfem.core.optional import demand
 from cfem.core.reading import checked, read_npz, take
+from cfem.predict.array_predictor import build
 from cfem.predict.card import ABSENT, FORMAT, ModelCard
 from cfem.predict.kinds import energy_net, mlp, spectral  # noqa: F401  (each joins KINDS)
-from cfem.predict.protocol import Predictor, build
+from cfem.predict.protocol import Predictor
 from cfem.predict.rows import kind as row_kind  # noqa: F401  (joins KINDS)
 from cfem.predict.rows import serial, serial_skin
 from cfem.predict.series.skin import FILE, LearnedSkin

@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from cfem.init.body.shape import Shape
 from cfem.init.chambers import Chamber
 from cfem.init.hold import Hold
-from cfem.init.shape import Shape
 from cfem.init.texts import NewScene
 from cfem.init.written import short
 from cfem.mechanics.mesh import Mesh

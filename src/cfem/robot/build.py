@@ -27,10 +27,11 @@ from cfem.mechanics.mass import gravity
 from cfem.mechanics.material import LAWS
 from cfem.mechanics.material.law import Material
 from cfem.mechanics.mesh import Mesh
-from cfem.mechanics.rod.region import CrossSection, Rod
+from cfem.mechanics.rod.region import Rod
 from cfem.mechanics.rod.sections import Sections
 from cfem.robot import constraints, spec
-from cfem.robot.catalogue import stiff_flop, taper
+from cfem.robot.catalogue import stiff_flop
+from cfem.robot.catalogue.cross_sections import cross_section
 from cfem.robot.catalogue.sections import sections_of
 from cfem.robot.checks.possible import demand_possible
 from cfem.robot.discrepancy import discrepancy_in
@@ -125,16 +126,9 @@ def _body(scene: spec.SceneSpec, mesh: Mesh, regions: list[np.ndarray], sections
         return touching_itself(scene.self_contact, solid, scene.length)
     rigid_sections = Sections(mesh.X, np.stack(sections))
     if element == "beam":
-        shape = _section_shape(scene, rigid_sections)
+        shape = cross_section(scene.geometry, rigid_sections.centres[:, 0], scene.material.poisson)
         return make_rod_body(mesh, SECTIONED[element], rigid_sections, shape, main, parts)
     return replace(make_body(mesh, SECTIONED[element], main, parts), sections=rigid_sections)
-
-
-def _section_shape(scene: spec.SceneSpec, sections: Sections) -> CrossSection:
-    """Cross sections of a rod, from its geometry."""
-    if isinstance(scene.geometry, spec.StiffFlop):
-        return stiff_flop.section_shape(scene.geometry)
-    return taper.section_shape(scene.geometry, sections.centres[:, 0], scene.material.poisson)
 
 
 def _rigid(scene: spec.SceneSpec, mesh: Mesh, sections: list[np.ndarray], fixed: np.ndarray) -> tuple[np.ndarray, ...]:

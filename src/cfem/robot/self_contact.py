@@ -6,8 +6,8 @@ from typing import Annotated
 from pydantic import BeforeValidator, Field
 
 from cfem.constraint.surface import triangulated
-from cfem.contact.facing import facing
-from cfem.contact.overlap import boundary_of
+from cfem.contact.surface.facing import facing
+from cfem.contact.surface.overlap import boundary_of
 from cfem.core.errors import SpecError
 from cfem.core.spec import Spec
 from cfem.core.units import Length, Percent

@@ -10,9 +10,11 @@ from cfem.core.spec import Spec, load_spec, meaning
 from cfem.core.units import AccelerationVector, Length, Percent
 from cfem.mechanics.element import SECTIONED
 from cfem.robot.catalogue import routes
+from cfem.robot.catalogue.stiff_flop import StiffFlop
+from cfem.robot.catalogue.taper import Taper
 from cfem.robot.constraints import Actuator, Chambers, Contact, Effector, Load
 from cfem.robot.discrepancy import DiscrepancySpec
-from cfem.robot.geometry import Assembly, Geometry, MeshFile, Refinement, StiffFlop, Taper
+from cfem.robot.geometry import Assembly, Geometry, MeshFile, Refinement
 from cfem.robot.layers import LayerSpec
 from cfem.robot.materials import MaterialRegion, MaterialSpec
 from cfem.robot.selection import Selection

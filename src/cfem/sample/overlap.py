@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from cfem.contact.overlap import ALLOWED, Boundary
+from cfem.contact.surface.overlap import ALLOWED, Boundary
 from cfem.core.artefact.judgement import poor
 from cfem.core.console.shown import length
 

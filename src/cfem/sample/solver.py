@@ -14,7 +14,7 @@ from cfem.condensed.skin import Skin
 from cfem.condensed.viscosity import Viscosity
 from cfem.constraint.skin_rows import SkinRows
 from cfem.constraint.surface import Surface, outer_surface, triangulated
-from cfem.contact.overlap import Boundary, boundary_of
+from cfem.contact.surface.overlap import Boundary, boundary_of
 from cfem.core.errors import NumericalError, SpecError
 from cfem.equilibrium.system.actuation import Actuation
 from cfem.equilibrium.system.solution import Equilibrium, State

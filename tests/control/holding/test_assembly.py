@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from cfem.contact.facets import unmatched_edges
+from cfem.contact.surface.facets import unmatched_edges
 from cfem.control.holding.assembly import _taut_state, box_surface
 
 

@@ -10,7 +10,7 @@ from support.blocks import box
 from support.fast_cases import fast_are
 from support.half_space import block_robot, half_space, skinned
 
-from cfem.contact.modes import Mode
+from cfem.contact.law.modes import Mode
 from cfem.contact.obstacle import Plane, Sphere
 from cfem.contact.obstacle_set import ObstacleSet
 from cfem.contact.prescribed_motion import Translation

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from support.blocks import bar
 
-from cfem.contact.modes import Mode
+from cfem.contact.law.modes import Mode
 from cfem.contact.obstacle import Box, Plane
 from cfem.contact.step_status import StepStatus
 from cfem.equilibrium.contact.grasp import FreeObject, grasp_step

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cfem.contact.modes import Mode
+from cfem.contact.law.modes import Mode
 from cfem.contact.obstacle import Plane
 from cfem.equilibrium.contact.grasp import grasp_step
 from cfem.equilibrium.contact.ground import Ground, Pads

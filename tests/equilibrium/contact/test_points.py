@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from support.blocks import bar
 
-from cfem.contact.modes import Mode
+from cfem.contact.law.modes import Mode
 from cfem.contact.obstacle import Box, Plane
 from cfem.contact.step_status import StepStatus
 from cfem.equilibrium.contact.grasp import FreeObject

@@ -22,7 +22,7 @@ TOLERANCE = {"double": 1e-12, "float": 1e-5}
 HELD, NO_MODEL = 16, 64
 
 
-def states(row, count=20):
+def states(row, count=10):
     return np.random.default_rng(0).uniform(-1.5, 1.5, (count, row.rows.n_a))
 
 

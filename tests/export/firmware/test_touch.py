@@ -10,12 +10,12 @@ from support.benchmark import benchmark
 from support.fast_cases import fast_are
 
 import cfem
-from cfem.contact.check import check
-from cfem.contact.newton import newton
+from cfem.contact.law.check import check
+from cfem.contact.law.newton import newton
+from cfem.contact.law.problem import ContactProblem
 from cfem.contact.obstacle import Box, Capsule, ClosedMesh, Plane, Sphere
 from cfem.contact.obstacle_set import ObstacleSet
 from cfem.contact.patch_forces import pressed
-from cfem.contact.problem import ContactProblem
 from cfem.core.artefact.content import artefact_content
 from cfem.core.errors import InputError, SpecError
 from cfem.export.compiled.build import STANDARD, compiler, run

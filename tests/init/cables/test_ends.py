@@ -6,10 +6,10 @@ from init.bodies import box_shape, cage, corner, discs, frame, lattice, star, ta
 
 from cfem.constraint.attachment import locate
 from cfem.core.errors import SpecError
+from cfem.init.body.shape import Shape
 from cfem.init.cables.centreline import centreline
 from cfem.init.cables.ends import inside, place, propose
 from cfem.init.hold import guess_hold, read_hold, run_from
-from cfem.init.shape import Shape
 from cfem.mechanics.mesh import Mesh
 
 

@@ -6,8 +6,8 @@ from support.closed import octahedral_sphere
 
 import cfem
 from cfem.contact.clearance import nearest_of_surface
-from cfem.contact.closed_surface import ClosedSurface
 from cfem.contact.obstacle import Box, Capsule, ClosedMesh, Plane, Sphere
+from cfem.contact.surface.closed_surface import ClosedSurface
 from cfem.predict.contact.clearance import clearance, row_gradient
 
 DIRECTIONS, TRIANGLES = octahedral_sphere(2)

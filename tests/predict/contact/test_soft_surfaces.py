@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from support.fast_cases import fast_are
 
-from cfem.contact.modes import Mode
+from cfem.contact.law.modes import Mode
 from cfem.contact.obstacle import Plane
 from cfem.contact.obstacle_set import ObstacleSet
 from cfem.core.errors import InputError

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cfem.contact.triangles import closest
+from cfem.contact.surface.triangles import closest
 from cfem.core.errors import InputError
 from cfem.plant.fem_plant import FemPlant, pushed
 from cfem.predict.estimation.estimate import Estimator

@@ -15,8 +15,8 @@ from cfem.equilibrium.system.problem import Problem
 from cfem.mechanics.element import HEX_CORNERS
 from cfem.mechanics.rod.region import CrossSection
 from cfem.robot.build import build_robot
-from cfem.robot.catalogue.stiff_flop import chamber_area, chamber_surface, section_shape
-from cfem.robot.geometry import StiffFlop
+from cfem.robot.catalogue.cross_sections import stiff_flop_section
+from cfem.robot.catalogue.stiff_flop import StiffFlop, chamber_area, chamber_surface
 from cfem.robot.mesh.meshing import make_mesh
 from cfem.robot.mesh.quality import quality
 from cfem.robot.spec import SceneSpec
@@ -48,7 +48,7 @@ def at_rest(element, slices, *changes):
 
 
 def test_the_section_has_the_known_area_and_moment():
-    shape = section_shape(StiffFlop(kind="stiff-flop"))
+    shape = stiff_flop_section(StiffFlop(kind="stiff-flop"))
     assert shape.area == pytest.approx(73.9, rel=1e-3)
     assert shape.bending == pytest.approx(682.5, rel=1e-4)
     assert chamber_area(StiffFlop(kind="stiff-flop")) == pytest.approx(1.6875)
@@ -60,7 +60,7 @@ def test_the_hexahedra_fill_the_section_and_leave_the_chambers():
     figures = quality(mesh, volume)
     assert figures.inverted == 0 and figures.smallest_scaled_jacobian > 0.3
     assert figures.volume_error == pytest.approx(0.0, abs=1e-12)
-    shape, X = section_shape(made.geometry), mesh.X
+    shape, X = stiff_flop_section(made.geometry), mesh.X
     robot_ = build_robot(made, mesh)
     part = robot_.body.solids[0]
     N = (1 + part.element.points[:, None] * HEX_CORNERS).prod(axis=2) / 8

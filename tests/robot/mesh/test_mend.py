@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from support.blocks import block
 
-from cfem.contact.crossing import crossings
-from cfem.contact.facets import unmatched_edges
+from cfem.contact.surface.crossing import crossings
+from cfem.contact.surface.facets import unmatched_edges
 from cfem.core.errors import InputError
 from cfem.robot.mesh.mend import mend
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from support.blocks import block
 
-from cfem.contact.facets import unmatched_edges
+from cfem.contact.surface.facets import unmatched_edges
 from cfem.robot.mesh.mend import mend
 from cfem.robot.mesh.short_edges import without_short_edges
 

@@ -8,8 +8,7 @@ from cfem.constraint.attachment import attach
 from cfem.core.errors import NumericalError, SpecError
 from cfem.mechanics.mesh import Mesh, boundary_facets
 from cfem.robot.cad import Box, Difference, Frustum, Placed, Prism
-from cfem.robot.catalogue.soft_finger import route, soft_finger
-from cfem.robot.geometry import SoftFinger
+from cfem.robot.catalogue.soft_finger import SoftFinger, route, soft_finger
 from cfem.robot.mesh.meshing import make_mesh
 from cfem.robot.shape.morph import Morph, _Anderson
 from cfem.robot.shape.surfaces import PlaneSurface, surfaces

@@ -13,8 +13,8 @@ from support.fast_cases import fast_are
 
 from cfem.condensed.rotation import cross_matrix, left_jacobian
 from cfem.constraint.patch import PatchLoad
-from cfem.contact.closed_surface import ClosedSurface
 from cfem.contact.obstacle import Sphere
+from cfem.contact.surface.closed_surface import ClosedSurface
 from cfem.core.errors import InputError, NumericalError
 from cfem.core.stage import Options
 from cfem.equilibrium.solve import solve

@@ -6,7 +6,7 @@ Its effectors are the object's place and, where a margin is asked for, what each
 
 A query walks from where the grip stands (`settle`) to the actuators that are asked for in quasi-static steps, as the FE
 plant does (`cfem.plant.grip_plant`), since friction depends on the way. Derivatives are those of the last step, with
-the points open, sticking and slipping as they are (`cfem.contact.sensitivity`)."""
+the points open, sticking and slipping as they are (`cfem.contact.law.sensitivity`)."""
 
 from collections.abc import Mapping, Sequence
 from copy import copy
@@ -18,7 +18,7 @@ from scipy.linalg import block_diag
 from cfem.condensed import Condensed, Rows
 from cfem.condensed.coupling import Coupled, HolderState, state_of
 from cfem.condensed.rotation import inverse_left_jacobian
-from cfem.contact.sensitivity import sensitivity
+from cfem.contact.law.sensitivity import sensitivity
 from cfem.control.closed_loop.tick import Pilot
 from cfem.control.holding.on_table import lifted, put_down
 from cfem.control.holding.spec import HoldingSpec

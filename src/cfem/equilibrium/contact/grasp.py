@@ -7,8 +7,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from cfem.condensed.rotation import cross_matrix
+from cfem.contact.law.problem import Law
 from cfem.contact.obstacle import Obstacle
-from cfem.contact.problem import Law
 from cfem.equilibrium.contact.points import PlacedRobot, PointsState, points_step
 from cfem.equilibrium.system.actuation import Actuation
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from cfem.contact.law.problem import Law
 from cfem.contact.obstacle import Obstacle
-from cfem.contact.problem import Law
 from cfem.contact.step_status import StepStatus
 from cfem.equilibrium.contact.points import PlacedRobot, PointsState, points_step
 from cfem.equilibrium.newton import NewtonSettings

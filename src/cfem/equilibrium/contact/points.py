@@ -2,10 +2,10 @@
 
 Every robot is solved by finite elements with its contact points held at trial positions; condensation gives what they
 yield to contact forces, exactly to first order; the contact law on that linearisation, with the motion and the balance
-of what the points meet, is solved exactly (`cfem.contact.solve`); its displacements are the next trial positions and
-poses. It is Newton's method on the nonlinear problem but for the curvature of the surfaces; the last state is checked
-as it is, not as the linearisation has it: gaps, forces, cones and the balance of what moves by itself. A learned robot
-takes the place of finite elements where it answers the same (`PointRobot`)."""
+of what the points meet, is solved exactly (`cfem.contact.law.solve`); its displacements are the next trial positions
+and poses. It is Newton's method on the nonlinear problem but for the curvature of the surfaces; the last state is
+checked as it is, not as the linearisation has it: gaps, forces, cones and the balance of what moves by itself. A
+learned robot takes the place of finite elements where it answers the same (`PointRobot`)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -14,10 +14,10 @@ from typing import Any, Protocol
 import numpy as np
 from scipy.linalg import block_diag
 
-from cfem.contact.check import Check, check
-from cfem.contact.modes import Mode
-from cfem.contact.problem import ContactProblem, Law
-from cfem.contact.solve import FEW, ContactSolution, ContactStatus, solve_contact
+from cfem.contact.law.check import Check, check
+from cfem.contact.law.modes import Mode
+from cfem.contact.law.problem import ContactProblem, Law
+from cfem.contact.law.solve import FEW, ContactSolution, ContactStatus, solve_contact
 from cfem.contact.step_status import StepStatus
 from cfem.equilibrium.contact.held_patch import contact_points, held
 from cfem.equilibrium.newton import NewtonSettings

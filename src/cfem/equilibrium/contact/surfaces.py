@@ -15,11 +15,11 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from cfem.condensed.patches import Patches
-from cfem.contact.modes import Mode
+from cfem.contact.law.modes import Mode
+from cfem.contact.law.problem import demand_friction
 from cfem.contact.obstacle_set import ObstacleSet
 from cfem.contact.pairs import Memory, Pairs, Pressing, Surroundings
 from cfem.contact.patch_forces import balance
-from cfem.contact.problem import demand_friction
 from cfem.contact.step_status import StepStatus
 from cfem.equilibrium.contact.pressed_robot import STRICT, PressedRobot
 from cfem.equilibrium.contact.skinned_robot import SkinnedRobot

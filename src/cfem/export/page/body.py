@@ -10,8 +10,8 @@ from scipy.spatial import cKDTree
 
 from cfem.export.page.chambers import ChamberWall
 from cfem.robot.catalogue import routes, stiff_flop
+from cfem.robot.catalogue.stiff_flop import StiffFlop
 from cfem.robot.constraints import Route
-from cfem.robot.geometry import StiffFlop
 from cfem.viewer.surface import sharpened
 
 NEAR = 24  # surface nodes that carry a point of the inside

@@ -15,9 +15,10 @@ from cfem.export.page.chambers import walls
 from cfem.export.page.page import ASSETS, page
 from cfem.export.spec import ExportSpec
 from cfem.motion.load import FILE as MOTION
+from cfem.predict.array_predictor import build
 from cfem.predict.load import has_file, read_arrays, read_meta, skin_of
 from cfem.predict.loads.loaded_skin import skin_under_loads_of
-from cfem.predict.protocol import Predictor, build
+from cfem.predict.protocol import Predictor
 from cfem.predict.series.skin import FILE
 
 

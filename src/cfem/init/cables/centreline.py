@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
+from cfem.init.body.voxels import Voxels
 from cfem.init.hold import Run
-from cfem.init.voxels import Voxels
 
 _LEVELS = 24
 _SMALL = 0.15  # of the largest piece of a level: smaller ones are no branch

@@ -5,13 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
-from cfem.contact.facets import solid_angles
+from cfem.contact.surface.facets import solid_angles
+from cfem.init.body.section import lattice_across
+from cfem.init.body.shape import Shape
 from cfem.init.cables.line import CableLine, make_line
 from cfem.init.cables.spine import straight
 from cfem.init.chambers import chambers_of
 from cfem.init.hold import Run
-from cfem.init.section import lattice_across
-from cfem.init.shape import Shape
 
 _CUTS, _FINE = 60, 90  # cuts along the body, and points across a cut
 _SMALL = 0.12  # of the area within the outline of a cut: larger holes are no channel

@@ -7,6 +7,7 @@ import numpy as np
 
 from cfem.core.console.shown import counted
 from cfem.core.errors import SpecError
+from cfem.init.body.shape import Shape
 from cfem.init.cables.centreline import Centreline, centreline
 from cfem.init.cables.channels import cables_in_channels
 from cfem.init.cables.legs import cables_in_legs
@@ -14,7 +15,6 @@ from cfem.init.cables.line import CableLine, attachment_radius, place_cables, se
 from cfem.init.cables.spine import Spine, along, straight
 from cfem.init.cables.through_air import cables_through_air
 from cfem.init.hold import Hold, Run, end_hold, guess_hold, run_from
-from cfem.init.shape import Shape
 
 _LONG = 0.5  # of the longest extent: shorter axes have no ends
 _WIDER = 1.6  # times the lever: for so much more, cables go through the air

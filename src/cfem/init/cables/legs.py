@@ -6,11 +6,11 @@ import numpy as np
 from scipy import ndimage
 from scipy.sparse.csgraph import dijkstra
 
+from cfem.init.body.section import clear
+from cfem.init.body.shape import Shape
 from cfem.init.cables.centreline import held_cubes
 from cfem.init.cables.line import CableLine, make_line
 from cfem.init.hold import Run
-from cfem.init.section import clear
-from cfem.init.shape import Shape
 
 _SMALL, _MOST = 0.15, 8  # of the largest leg; legs
 _TOP = 0.9  # share of the way that a cable goes

@@ -10,11 +10,11 @@ from scipy import ndimage
 
 from cfem.constraint.attachment import show
 from cfem.core.errors import SpecError
+from cfem.init.body.section import Section, clear, cut, frame
+from cfem.init.body.shape import Shape
 from cfem.init.cables.spine import Spine
 from cfem.init.hold import Run
 from cfem.init.question import point
-from cfem.init.section import Section, clear, cut, frame
-from cfem.init.shape import Shape
 
 _FIRST, _LAST = 0.1, 0.07  # shares of the free length before the first point and after the last
 _FEWEST, _MOST, _MOST_CURVED = 3, 8, 12  # points of a cable

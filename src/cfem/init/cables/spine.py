@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cfem.init.body.interior import Interior
+from cfem.init.body.section import Section, cut_across
 from cfem.init.cables.centreline import Centreline
 from cfem.init.hold import Run
-from cfem.init.interior import Interior
-from cfem.init.section import Section, cut_across
 
 
 @dataclass(frozen=True)

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 
 from cfem.core.errors import SpecError
+from cfem.init.body.section import Section, clear
+from cfem.init.body.shape import Shape
 from cfem.init.cables.line import CableLine, directions, make_line
 from cfem.init.cables.spine import straight
 from cfem.init.hold import Run
-from cfem.init.section import Section, clear
-from cfem.init.shape import Shape
 
 _CUTS = 60
 _SHARES = np.linspace(0.9, 0.3, 13)  # of the way from the middle to the surface

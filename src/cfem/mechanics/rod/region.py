@@ -1,6 +1,6 @@
 """A rod of rigid sections as a region of a body: energy, forces on the sections, tangent stiffness.
 
-Its energy is quadratic in the strains e of its elements (rod_element.py): 1/2 e^T (C / h) e with
+Its energy is quadratic in the strains e of its elements (element.py): 1/2 e^T (C / h) e with
 C = diag(E A, G A, G A, G J, E I_y, E I_z). Where its sections may contract and are of rubber, its fibres stiffen and
 soften as fibres.py has it. Unknowns of a section are those of its rigid group (rigid_groups.py): translation, and
 rotation vector times radius of gyration."""

@@ -8,9 +8,9 @@ from itertools import accumulate
 import numpy as np
 
 from cfem.contact.detection import NEVER, patch_normals, separation
+from cfem.contact.law.problem import demand_friction
 from cfem.contact.obstacle_set import ObstacleSet
 from cfem.contact.pairs import Surroundings
-from cfem.contact.problem import demand_friction
 from cfem.contact.rigid_bodies import RigidBodies
 from cfem.predict.contact.state import ContactState
 from cfem.predict.contact.surface_model import SurfaceModel

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from cfem.contact.path import definite
+from cfem.contact.law.path import definite
 from cfem.core.errors import InputError
 from cfem.predict.kinds.spectral import SpectralPredictor
 from cfem.predict.loads.wrench_series import Held, Loaded, WrenchSeries

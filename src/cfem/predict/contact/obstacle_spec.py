@@ -8,9 +8,9 @@ import numpy as np
 from pydantic import Field
 from scipy.spatial.transform import Rotation
 
-from cfem.contact.closed_surface import ClosedSurface
 from cfem.contact.obstacle import Box, Capsule, ClosedMesh, Obstacle, Plane, Sphere, tangents
 from cfem.contact.prescribed_motion import ActuatedRobot, PrescribedMotion, Translation
+from cfem.contact.surface.closed_surface import ClosedSurface
 from cfem.core.errors import InputError
 from cfem.core.spec import Spec
 from cfem.core.stl import read_stl

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cfem.contact.modes import Mode
+from cfem.contact.law.modes import Mode
 from cfem.contact.pairs import Memory, Pairs
 from cfem.contact.patch_forces import Balance, TurningCompliance, balance, gaps_in, lawful, turned
 from cfem.contact.step_status import StepStatus

@@ -3,7 +3,7 @@ from where they slip, and whether they have settled."""
 
 import numpy as np
 
-from cfem.contact.modes import Mode
+from cfem.contact.law.modes import Mode
 from cfem.contact.obstacle_set import ObstacleSet
 from cfem.contact.pairs import Memory, Pairs
 from cfem.predict.contact.loaded_robots import LoadedRobots

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cfem.contact.modes import Mode
+from cfem.contact.law.modes import Mode
 from cfem.contact.obstacle_set import ObstacleSet
 from cfem.contact.pairs import Memory, Pressing
 from cfem.contact.prescribed_motion import PrescribedMotion

@@ -3,7 +3,7 @@
 import numpy as np
 
 from cfem.condensed.spread import outermost, spread
-from cfem.contact.triangles import closest
+from cfem.contact.surface.triangles import closest
 from cfem.predict.protocol import Predictor
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from cfem.condensed import entries, unpack_upper
 from cfem.core.reading import take
-from cfem.predict.protocol import ArrayPredictor, build
+from cfem.predict.array_predictor import ArrayPredictor, build
 from cfem.predict.series.semidefinite import with_nearest
 
 

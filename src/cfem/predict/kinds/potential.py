@@ -5,7 +5,7 @@ from abc import abstractmethod
 import numpy as np
 
 from cfem.condensed import Condensed
-from cfem.predict.protocol import ArrayPredictor
+from cfem.predict.array_predictor import ArrayPredictor
 from cfem.predict.series.energy import Parts, condense
 
 

@@ -22,10 +22,11 @@ from cfem.condensed.packing import pack_upper, symmetric3_indices
 from cfem.constraint.patch import PatchLoad
 from cfem.core.errors import InputError, SpecError
 from cfem.equilibrium.contact.patch_effectors import PatchYield
+from cfem.predict.array_predictor import ArrayPredictor
 from cfem.predict.kinds.spectral import SpectralPredictor
 from cfem.predict.loads.loaded_rows import LEFT, LoadedRows, rows_of
 from cfem.predict.loads.loaded_skin import skin_under
-from cfem.predict.protocol import ArrayPredictor, Predictor
+from cfem.predict.protocol import Predictor
 from cfem.predict.rows.loaded_serial import LoadedSerialPredictor
 from cfem.predict.rows.serial import SerialPredictor
 from cfem.predict.rows.serial_patches import row_patches

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cfem.predict.protocol import KINDS
+from cfem.predict.array_predictor import KINDS
 from cfem.predict.rows.serial import SerialPredictor
 
 

@@ -20,7 +20,8 @@ from numpy.typing import ArrayLike
 
 from cfem.condensed.rotation import cross_matrix, left_jacobian
 from cfem.core.errors import InputError
-from cfem.predict.protocol import ArrayPredictor, Predictor, build
+from cfem.predict.array_predictor import ArrayPredictor, build
+from cfem.predict.protocol import Predictor
 from cfem.predict.rows.patches import RowPatches
 from cfem.predict.rows.serial_skin import SerialSkin, in_a_row
 from cfem.predict.series.skin import LearnedSkin

@@ -1,1 +1,1 @@
-"""The robots of the catalogue: the solid of each from a few lengths."""
+"""The bodies of the catalogue, a file each: its spec of a few lengths, and its solid."""

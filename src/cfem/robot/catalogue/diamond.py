@@ -1,11 +1,14 @@
 """The diamond of Menager et al., ICRA 2023, in a shape of our own: four legs with knees from a base to a platform."""
 
 from math import atan2, cos, pi, sin, tan
+from typing import Literal
 
 import numpy as np
+from pydantic import Field
 
+from cfem.core.spec import Spec
+from cfem.core.units import Length
 from cfem.robot.cad import Box, Placed, Prism, Solid, Union
-from cfem.robot.geometry import Diamond
 
 # mm; not parameters: where the base stands, what joins the legs, the flat outer side of a knee, the length of a hinge
 BOTTOM = -37.0
@@ -14,6 +17,27 @@ PLATFORM = 16.0
 KNEE_FACE = 12.0
 HINGE = 14.0
 PULLED = 67 / 163  # of the height: where the cables are pulled from, a third of the width off the axis
+
+
+class Diamond(Spec):
+    """Four legs with knees, from a base up to a platform (after Menager et al. 2023)."""
+
+    kind: Literal["diamond"]
+    """The diamond robot."""
+    width: Length = Field(default=30.0, gt=0)
+    """Width of base, legs and platform."""
+    leg_thickness: Length = Field(default=13.5, gt=0)
+    """Thickness of a leg."""
+    hinge_thickness: Length = Field(default=9.0, gt=0)
+    """Thickness of a leg at its root. Smaller than leg_thickness."""
+    knee_distance: Length = Field(default=97.0, gt=0)
+    """Distance of the knees' outer sides from the z axis."""
+    height: Length = Field(default=163.0, gt=0)
+    """Height of the whole robot, from z = -37 mm up."""
+
+    def check(self) -> None:
+        if self.hinge_thickness >= self.leg_thickness:
+            raise ValueError("hinge_thickness must be smaller than leg_thickness")
 
 
 def diamond(spec: Diamond) -> Solid:

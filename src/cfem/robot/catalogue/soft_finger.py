@@ -1,16 +1,44 @@
 """The soft finger of Navez, Menager et al. 2025: three segments along -z, joined by hollow bellows, bending to +y."""
 
-from math import tan
+from math import pi, tan
+from typing import Literal
 
 import numpy as np
+from pydantic import Field
 
+from cfem.core.spec import Spec
+from cfem.core.units import Angle, Length
 from cfem.robot.cad import Box, Difference, Frustum, Prism, Solid, Union
-from cfem.robot.geometry import SoftFinger
 
 # mm; not design parameters of the paper
 BELLOW_OVERHANG = 6.0
 BELLOW_HALF_LENGTH = 4.0
 FLANGE = 3.0
+
+
+class SoftFinger(Spec):
+    """Three segments joined by bellows with passive cavities (Navez, Menager et al. 2025). Defaults are the paper's."""
+
+    kind: Literal["soft-finger"]
+    """The soft finger of the paper."""
+    segment_length: Length = Field(default=40.0, gt=0)
+    """Length of each segment."""
+    height: Length = Field(default=20.0, gt=0)
+    """Height of a segment."""
+    joint_height: Length = Field(default=6.0, gt=0)
+    """Height of the joint between two segments."""
+    thickness: Length = Field(default=17.5, gt=0)
+    """Thickness of the finger."""
+    slope: Angle = Field(default=pi / 4, gt=0, lt=pi / 2)
+    """Angle of the sloped faces of a bellow."""
+    plateau: Length = Field(default=0.0, ge=0, lt=8)
+    """Length over which a bellow has its largest radius."""
+    wall: Length = Field(default=3.5, gt=0)
+    """Thickness of a bellow's wall around its cavity."""
+    centre_wall: Length = Field(default=3.0, ge=0)
+    """Thickness of the wall between the two halves of a cavity; 0 for one cavity."""
+    cork: Length = Field(default=4.0, ge=0)
+    """Height from y = 0 up to which the cavity is filled."""
 
 
 def soft_finger(spec: SoftFinger) -> Solid:

@@ -4,17 +4,47 @@ A section of six sectors is either whole, twelve quadrilaterals around each cham
 hexahedra only carry pictures and attachments."""
 
 from dataclasses import dataclass, replace
+from math import cos, pi
+from typing import Literal
 
 import numpy as np
+from pydantic import Field, PositiveInt
 
+from cfem.core.spec import Spec
+from cfem.core.units import Length
 from cfem.mechanics.mesh import Mesh
-from cfem.mechanics.rod.region import CrossSection
 from cfem.robot.catalogue.sections import sections_of, sliced_mesh
-from cfem.robot.geometry import StiffFlop
 
 CHAMBERS, SIDES = 6, 12
 # A polygon of twelve sides as five quadrilaterals.
 _LID = np.array([[i, i + 1, 10 - i, 11 - i] for i in range(5)])
+
+
+class StiffFlop(Spec):
+    """Modules in a row from x = 0 along x, each with a bore and six chambers around it (the STIFF-FLOP trunk of Navez,
+    Menager et al. 2025). Chamber k lies at k times 60 deg from the y axis towards z. Circles are polygons of twelve
+    sides. The sections do not deform, as with fibres around the body. The robot is meshed into slices of mesh.size
+    along x. Defaults are the paper's."""
+
+    kind: Literal["stiff-flop"]
+    """The pneumatic trunk of one or more modules."""
+    modules: PositiveInt = 2
+    """Number of modules."""
+    module_length: Length = Field(default=55.0, gt=0)
+    """Length of one module."""
+    radius: Length = Field(default=5.75, gt=0)
+    """Outer radius."""
+    bore_radius: Length = Field(default=2.25, gt=0)
+    """Radius of the bore."""
+    chamber_radius: Length = Field(default=0.75, gt=0)
+    """Radius of a chamber."""
+    chamber_circle: Length = Field(default=4.0, gt=0)
+    """Radius of the circle on which the chambers' centres lie."""
+
+    def check(self) -> None:
+        wall = self.chamber_circle - self.chamber_radius
+        if not self.bore_radius < wall or not self.chamber_circle + self.chamber_radius < self.radius * cos(pi / 12):
+            raise ValueError("the chambers must lie between bore_radius and radius")
 
 
 @dataclass(frozen=True)
@@ -58,20 +88,9 @@ def windings(geometry: StiffFlop, mesh: Mesh) -> tuple[np.ndarray, ...]:
     return tuple(groups)
 
 
-def section_shape(geometry: StiffFlop) -> CrossSection:
-    """Cross section of the polygons; its torsion constant is 2 I, as of plane sections that do not warp."""
-    outer, bore, chamber = (
-        _polygon(radius) for radius in (geometry.radius, geometry.bore_radius, geometry.chamber_radius)
-    )
-    area = outer[0] - bore[0] - CHAMBERS * chamber[0]
-    # six equal areas on a circle have half of their polar moment about either axis
-    bending = outer[1] - bore[1] - CHAMBERS * (chamber[1] + chamber[0] * geometry.chamber_circle**2 / 2)
-    return CrossSection(area, bending, 2 * bending)
-
-
 def chamber_area(geometry: StiffFlop) -> float:
     """Area mm^2 of the section of one chamber."""
-    return _polygon(geometry.chamber_radius)[0]
+    return polygon(geometry.chamber_radius)[0]
 
 
 def chamber_centres(geometry: StiffFlop, chambers: list[int]) -> np.ndarray:
@@ -138,7 +157,7 @@ def _directions(angles: np.ndarray) -> np.ndarray:
     return np.column_stack([np.cos(angles), np.sin(angles)])
 
 
-def _polygon(radius: float) -> tuple[float, float]:
+def polygon(radius: float) -> tuple[float, float]:
     """Area and second moment about an axis through the middle of a regular polygon with corners at `radius`."""
     angle = 2 * np.pi / SIDES
     area = SIDES / 2 * radius**2 * np.sin(angle)

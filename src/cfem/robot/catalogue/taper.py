@@ -1,21 +1,41 @@
 """A round body of cones in a row: as a solid, as a rod of plane sections, and what its sections amount to."""
 
 from itertools import pairwise
+from typing import Literal
 
 import numpy as np
 
+from cfem.core.spec import Spec
+from cfem.core.units import LengthVector
 from cfem.mechanics.mesh import Mesh, tet_volumes
-from cfem.mechanics.rod.region import CrossSection
 from cfem.robot.cad import Frustum, Solid, Union
 from cfem.robot.catalogue.sections import sliced_mesh, steps
-from cfem.robot.geometry import Taper
 
 SIDES = 8
 # A polygon of eight sides as three quadrilaterals.
 _LID = np.array([[0, 1, 2, 3], [0, 3, 4, 7], [4, 5, 6, 7]])
 _SPAN = 3.0  # cells between places where the volume of the tetrahedra is that of the cones
 _ROUNDS = 20
-_GAUSS = (np.array([-1, 0, 1]) * np.sqrt(0.6), np.array([5, 8, 5]) / 18)
+
+
+class Taper(Spec):
+    """A round body along x from the origin, such as a tentacle: cones in a row."""
+
+    kind: Literal["taper"]
+    """A round body whose radius changes along its axis."""
+    places: LengthVector
+    """Places along x where the radius is given, from 0 to the length."""
+    radii: LengthVector
+    """Radius at each place. It is linear in between."""
+
+    def check(self) -> None:
+        places, radii = self.places, self.radii
+        if len(places) < 2 or len(places) != len(radii):
+            raise ValueError(f"taper: needs as many places as radii, at least two; got {len(places)} and {len(radii)}")
+        if places[0] != 0 or not (places[1:] > places[:-1]).all():
+            raise ValueError("taper: places must begin at 0 and ascend")
+        if not (radii > 0).all():
+            raise ValueError("taper: radii must be above 0")
 
 
 def taper(spec: Taper) -> Solid:
@@ -63,15 +83,6 @@ def _hats(knots: np.ndarray, places: np.ndarray, amounts: np.ndarray) -> np.ndar
     part = (places - knots[left]) / (knots[left + 1] - knots[left])
     count = len(knots)
     return np.bincount(left, amounts * (1 - part), count) + np.bincount(left + 1, amounts * part, count)
-
-
-def section_shape(spec: Taper, places: np.ndarray, poisson: float) -> CrossSection:
-    """Mean cross section of each element between neighbouring `places` (s,) mm, by Gauss's rule of three points.
-    Sections are free to contract; shear as Cowper's for a circle of the main material."""
-    middle, half = (places[1:] + places[:-1]) / 2, np.diff(places) / 2
-    radii = np.interp(middle[:, None] + half[:, None] * _GAUSS[0], spec.places, spec.radii)
-    area, bending = np.pi * radii**2 @ _GAUSS[1], np.pi / 4 * radii**4 @ _GAUSS[1]
-    return CrossSection(area, bending, 2 * bending, True, 6 * (1 + poisson) / (7 + 6 * poisson))
 
 
 def shifted(points: np.ndarray, y: float, z: float, outward: float) -> np.ndarray:

@@ -1,14 +1,42 @@
 """The trunk of Menager et al., ICRA 2023, in a shape of our own: tapered, disks for the cables and necks that bend."""
 
 from math import cos, pi, sin
+from typing import Literal
 
 import numpy as np
+from pydantic import Field, PositiveInt
 
+from cfem.core.spec import Spec
+from cfem.core.units import Length
 from cfem.robot.cad import Loft, Point, Solid, Union
-from cfem.robot.geometry import Trunk
 
 SIDES = 8  # of every section; two of them face each way that a cable lies in
 AT_BASE, AT_TIP = 10 / 26, 3.5 / 12  # of the width: a cable's distance from the axis
+
+
+class Trunk(Spec):
+    """A tapered trunk from z = 0 up. Necks join its disks (after Menager et al. 2023)."""
+
+    kind: Literal["trunk"]
+    """The trunk robot."""
+    length: Length = Field(default=195.0, gt=0)
+    """Length along z."""
+    base_width: Length = Field(default=26.0, gt=0)
+    """Width across flats at the base."""
+    tip_width: Length = Field(default=12.0, gt=0)
+    """Width across flats at the tip."""
+    neck: float = Field(default=0.63, gt=0, le=1)
+    """Width of a neck relative to that of a disk there."""
+    disks: PositiveInt = 10
+    """Number of disks."""
+    pitch: Length = Field(default=17.5, gt=0)
+    """Distance from disk to disk."""
+    disk_thickness: Length = Field(default=6.0, gt=0)
+    """Thickness of a disk. Smaller than pitch."""
+
+    def check(self) -> None:
+        if self.disk_thickness >= self.pitch or self.disks * self.pitch >= self.length:
+            raise ValueError("disk_thickness must be smaller than pitch, and disks times pitch smaller than length")
 
 
 def trunk(spec: Trunk) -> Solid:

@@ -9,8 +9,8 @@ from cfem.constraint.attachment import distance_outside, show, tolerance_outside
 from cfem.core.errors import SpecError
 from cfem.mechanics.element import SECTIONED
 from cfem.mechanics.mesh import Mesh
+from cfem.robot.catalogue.stiff_flop import StiffFlop
 from cfem.robot.constraints import Cable
-from cfem.robot.geometry import StiffFlop
 from cfem.robot.places import cable_points
 from cfem.robot.selection import cells_of
 from cfem.robot.spec import SceneSpec

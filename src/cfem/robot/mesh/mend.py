@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.sparse import csr_array
 
-from cfem.contact.crossing import crossings
-from cfem.contact.facets import components, solid_angles
+from cfem.contact.surface.crossing import crossings
+from cfem.contact.surface.facets import components, solid_angles
 from cfem.core.console.shown import counted
 from cfem.core.errors import InputError
 from cfem.robot.mesh.same_place import representatives

@@ -7,7 +7,7 @@ from pathlib import Path
 import meshio
 import numpy as np
 
-from cfem.contact.facets import components
+from cfem.contact.surface.facets import components
 from cfem.core.artefact.files import write_whole
 from cfem.core.errors import InputError
 from cfem.mechanics.mesh import Mesh, boundary_facets, hex_volumes, tet_volumes

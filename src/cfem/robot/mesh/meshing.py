@@ -11,10 +11,12 @@ from cfem.mechanics.element import ELEMENTS
 from cfem.mechanics.mesh import TET_EDGES, Mesh, boundary_facets, quadratic, tet_volumes
 from cfem.robot import selection
 from cfem.robot.cad import Box, Difference, File, Placed, Solid, SurfaceSolid, as_data
+from cfem.robot.catalogue.bar import Bar
+from cfem.robot.catalogue.cross_sections import stiff_flop_section
 from cfem.robot.catalogue.solids import CATALOGUE
-from cfem.robot.catalogue.stiff_flop import section_shape, slice_mesh
-from cfem.robot.catalogue.taper import filled, rod_mesh
-from cfem.robot.geometry import Assembly, Bar, MeshFile, Part, Single, StiffFlop, Taper
+from cfem.robot.catalogue.stiff_flop import StiffFlop, slice_mesh
+from cfem.robot.catalogue.taper import Taper, filled, rod_mesh
+from cfem.robot.geometry import Assembly, MeshFile, Part, Single
 from cfem.robot.mesh import hexahedra
 from cfem.robot.mesh.ask_gmsh import ask_gmsh
 from cfem.robot.mesh.mesh_file import read_own
@@ -52,7 +54,7 @@ def make_mesh(scene: SceneSpec, folder: Path, grading: Grading | None = None) ->
         length = _length(scene.geometry)
         demand_cells(scene.mesh, length / scene.mesh.size, np.array([length, *[2 * scene.geometry.radius] * 2]))
         mesh = slice_mesh(scene.geometry, scene.mesh.element, scene.mesh.size)
-        return mesh, None if scene.mesh.element == "beam" else length * section_shape(scene.geometry).area
+        return mesh, None if scene.mesh.element == "beam" else length * stiff_flop_section(scene.geometry).area
     if isinstance(scene.geometry, Taper) and scene.mesh.element == "beam":
         length, width = float(scene.geometry.places[-1]), 2 * float(scene.geometry.radii.max())
         demand_cells(scene.mesh, length / scene.mesh.size, np.array([length, width, width]))

@@ -1,4 +1,4 @@
-// The text that page_data.py packed: decoded, its length and checksum compared. Throws a sentence where it is damaged.
+// The text that data.py packed: decoded, its length and checksum compared. Throws a sentence where it is damaged.
 const CUT = "The data in this page are incomplete or damaged, so nothing is drawn. Ask for the file again, or export it again.";
 
 function bytesOf(text) {

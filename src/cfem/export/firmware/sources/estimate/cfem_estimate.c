@@ -1,4 +1,4 @@
-/* One estimate, and a filter of one after the other: see src/cfem/predict/estimation/estimate.py and estimate_filter.py. */
+/* One estimate, and a filter of one after the other: see src/cfem/predict/estimation/estimate.py and filter.py. */
 #include "cfem_estimate_parts.h"
 
 #include <math.h>

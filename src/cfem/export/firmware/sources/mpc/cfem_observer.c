@@ -1,4 +1,4 @@
-/* Where the robot is and how it moves, from measured effectors: an extended Kalman filter, as src/cfem/control/moving/observer.py has
+/* Where the robot is and how it moves, from measured effectors: an extended Kalman filter, as src/cfem/control/motion/observer.py has
  * it. A late sample corrects the state of its own tick. One that does not fit is not heard (cfem_gate.h); after a run of these, and where
  * the estimate is lost, the filter begins again at the model's equilibrium. */
 #include <string.h>

@@ -3,7 +3,7 @@
 #include "cfem_linear.h"
 
 enum { ITERATIONS = 40, HALVINGS = 4, SYSTEMS = 2000, CORRECTIONS = 8 };
-/* Of the curve along friction: steps in units of the largest force without it; see cfem.contact.path. */
+/* Of the curve along friction: steps in units of the largest force without it; see cfem.contact.law.path. */
 static const double LONGEST = 1.0, FIRST = 0.1, SHORTEST = 1e-7, ACROSS = 1e-5, ONWARDS = 1e-4, FARTHEST = 1.2, CLOSE = 1e-10;
 static const double EXACT = 1e-13; /* of the largest force: change of a force in the last step */
 
@@ -121,7 +121,7 @@ static int newton_step(int m, const double *A, const double *F, const double *D,
     return 0;
 }
 
-/* Newton's method from lambda, the answer in its place; see cfem.contact.newton. */
+/* Newton's method from lambda, the answer in its place; see cfem.contact.law.newton. */
 static int newton(int m, const double *W, const double *free, double mu, double *lambda, double *room) {
     const int n = 3 * m;
     double *const A = room, *const J = A + n * n, *const constant = J + n * n, *const F = constant + n;
@@ -206,7 +206,7 @@ static int turn(int m, const double *A, const double *constant, const double *z,
     return !cfem_finite(square);
 }
 
-/* From no friction on along the curve of forces over friction, which may turn back; see cfem.contact.path. */
+/* From no friction on along the curve of forces over friction, which may turn back; see cfem.contact.law.path. */
 static int along_friction(int m, const double *W, const double *free, double mu, double *lambda, double *room) {
     const int n = 3 * m;
     double *const A = room, *const constant = A + n * n, *const work = constant + n;

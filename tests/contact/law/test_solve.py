@@ -1,0 +1,241 @@
+import numpy as np
+import pytest
+from scipy.optimize import nnls
+from support.fast_cases import fast_are
+
+from cfem.contact.law.check import check
+from cfem.contact.law.enumerate import all_modes
+from cfem.contact.law.modes import Mode
+from cfem.contact.law.problem import ContactProblem
+from cfem.contact.law.solve import ContactStatus, solve_contact
+from cfem.core.errors import SpecError
+
+
+def random_problem(seed: int, m: int, k: int, cone: str = "exact", sides: int = 4) -> ContactProblem:
+    rng = np.random.default_rng(seed)
+    root = rng.normal(size=(3 * m, 3 * m + 1))
+    scale = 10.0 ** rng.uniform(-3, 1)  # mm/N
+    G, wrench = (rng.normal(size=(3 * m, k)), rng.normal(size=k) / scale) if k else (None, None)
+    return ContactProblem(
+        scale * root @ root.T / (3 * m),
+        rng.normal(size=3 * m),
+        G,
+        wrench,
+        float(rng.choice([0.2, 0.6, 2.0])),
+        cone,
+        sides,
+    )
+
+
+# seeds, points, coordinates of the object, law, cone: 1000 problems, of which those that cost little are fast
+FEW = [
+    (range(100), 1, 0, "signorini", "exact"),
+    (range(100), 2, 1, "signorini", "exact"),
+    (range(30), 3, 3, "signorini", "exact"),
+    (range(50), 1, 0, "coulomb", "exact"),
+    (range(15), 1, 2, "coulomb", "exact"),
+    (range(10), 2, 0, "coulomb", "exact"),
+    (range(2), 2, 3, "coulomb", "exact"),
+    (range(1), 3, 0, "coulomb", "exact"),
+    (range(30), 1, 1, "coulomb", "pyramid"),
+    (range(30), 2, 0, "coulomb", "pyramid"),
+    (range(20), 2, 3, "coulomb", "pyramid"),
+    (range(5), 3, 2, "coulomb", "pyramid"),
+]
+MANY = [
+    (range(30, 100), 3, 3, "signorini", "exact"),
+    (range(50, 150), 1, 0, "coulomb", "exact"),
+    (range(15, 100), 1, 2, "coulomb", "exact"),
+    (range(10, 50), 2, 0, "coulomb", "exact"),
+    (range(2, 15), 2, 3, "coulomb", "exact"),
+    (range(1, 10), 3, 0, "coulomb", "exact"),
+    (range(5), 3, 3, "coulomb", "exact"),
+    (range(30, 100), 1, 1, "coulomb", "pyramid"),
+    (range(30, 170), 2, 0, "coulomb", "pyramid"),
+    (range(20, 50), 2, 3, "coulomb", "pyramid"),
+    (range(5, 50), 3, 2, "coulomb", "pyramid"),
+]
+
+
+def test_the_families_are_a_thousand():
+    assert sum(len(seeds) for seeds, *_ in FEW + MANY) == 1000
+
+
+@pytest.mark.parametrize(("seeds", "m", "k", "law", "cone"), fast_are(FEW, FEW + MANY))
+def test_the_answer_is_one_of_all_or_none(seeds, m, k, law, cone):
+    for seed in seeds:
+        problem = random_problem(seed, m, k, cone)
+        states = all_modes(problem, law)
+        solution = solve_contact(problem, law)
+        if not states:
+            assert solution.status is ContactStatus.NONE, seed
+            continue
+        assert solution.status is ContactStatus.SOLVED, seed
+        assert solution.check.valid() and check(problem, law, solution.lam, solution.xi).valid()
+        force = np.abs(solution.lam).max() or 1.0
+        assert min(np.abs(solution.lam - each.lam).max() for each in states) <= 1e-8 * max(1.0, force), seed
+
+
+def block_gauss_seidel(problem: ContactProblem) -> np.ndarray | None:
+    """lam by projecting each point's force on its cone again and again (Alart and Curnier's map); None where that
+    does not converge."""
+    lam = np.zeros(len(problem.free))
+    steps = [0.3 / np.linalg.norm(problem.W[3 * i : 3 * i + 3, 3 * i : 3 * i + 3], 2) for i in range(problem.m)]
+    for _ in range(4000):
+        before = lam.copy()
+        for i, step in enumerate(steps):
+            at = slice(3 * i, 3 * i + 3)
+            moved = lam[at] - step * (problem.W[at] @ lam + problem.free[at])
+            normal = max(0.0, moved[0])
+            friction = np.linalg.norm(moved[1:])
+            limit = problem.mu * normal
+            lam[at] = [normal, *(moved[1:] if friction <= limit else moved[1:] * limit / friction)]
+        if np.abs(lam - before).max() < 1e-13 * max(1e-12, np.abs(lam).max()):
+            return lam
+    return None
+
+
+@pytest.mark.parametrize("m", [1, 2])
+def test_what_gauss_seidel_converges_to_is_among_all(m):
+    converged = 0
+    for seed in range(2000, 2012):
+        problem = random_problem(seed, m, 0)
+        lam = block_gauss_seidel(problem)
+        if lam is None:
+            continue
+        converged += 1
+        force = max(1e-12, np.abs(lam).max())
+        assert min(np.abs(lam - each.lam).max() for each in all_modes(problem, "coulomb")) < 1e-7 * force, seed
+    assert converged >= 6
+
+
+@pytest.mark.parametrize("m", [1, 2, 3, 6])
+def test_signorini_is_a_least_squares_problem(m):
+    """min lam^T W lam / 2 + free^T lam over lam >= 0, by the factor of W and non-negative least squares."""
+    for seed in range(20):
+        problem = random_problem(seed, m, 0)
+        normal = problem.W[::3, ::3]
+        factor = np.linalg.cholesky(normal)
+        expected = nnls(factor.T, -np.linalg.solve(factor, problem.free[::3]))[0]
+        solution = solve_contact(problem, "signorini")
+        assert solution.status is ContactStatus.SOLVED
+        np.testing.assert_allclose(solution.lam[::3], expected, atol=1e-9 * max(1.0, expected.max()))
+        assert not solution.lam.reshape(-1, 3)[:, 1:].any()
+
+
+@pytest.mark.parametrize("cone", ["exact", "pyramid"])
+def test_strongly_coupled_points_have_an_odd_number_of_states(cone):
+    """With a positive definite W the states are the fixed points of a map of degree one (Brouwer), generic ones come
+    in odd number: an even one tells of a missed state."""
+    rng, several = np.random.default_rng(7), 0
+    for trial in range(80):
+        m = 1 + (trial % 4 == 3)
+        root = rng.normal(size=(3 * m, 3 * m))
+        root[:, 1::3] += 2 * root[:, 0::3]
+        problem = ContactProblem(root.T @ root, rng.normal(size=3 * m), mu=5.0, cone=cone, sides=4)
+        solution = solve_contact(problem, "coulomb", count=True)
+        assert len(solution.solutions) % 2 == 1, trial
+        assert all(each.check.valid() for each in solution.solutions)
+        assert (solution.status is ContactStatus.SEVERAL) == (len(solution.solutions) > 1)
+        several += len(solution.solutions) > 1
+    assert several > 4
+
+
+def pressed(push: float, cone: str = "exact") -> ContactProblem:
+    """One point, 2 mm/N, pressed by 3 mm, its rest place moved `push` mm along a slanted direction of the plane."""
+    return ContactProblem(2 * np.eye(3), np.array([-3.0, 0.6 * push, 0.8 * push]), mu=0.4, cone=cone)
+
+
+@pytest.mark.parametrize("push", [0.0, 0.5, 1.19, 1.21, 4.0])
+def test_a_pressed_point_sticks_until_the_push_exceeds_mu_n(push):
+    solution = solve_contact(pressed(push), "coulomb")
+    limit = 0.4 * 1.5
+    friction = min(push / 2, limit)
+    assert solution.modes == ((Mode.STICK,) if push / 2 < limit else (Mode.SLIP,))
+    np.testing.assert_allclose(solution.lam, [1.5, -0.6 * friction, -0.8 * friction], atol=1e-12)
+
+
+def test_the_pyramid_slides_at_a_corner_and_tends_to_the_circle():
+    exact = solve_contact(pressed(4.0), "coulomb").lam
+    errors = []
+    for sides in (8, 32, 128):
+        problem = ContactProblem(2 * np.eye(3), pressed(4.0).free, mu=0.4, cone="pyramid", sides=sides)
+        errors.append(np.abs(solve_contact(problem, "coulomb").lam - exact).max())
+    assert errors[0] < 0.6 * np.pi / 8 and errors[2] < 0.6 * np.pi / 128
+
+
+def test_strong_coupling_gives_three_states():
+    """Sliding against the coupling presses harder the harder it presses: 1 - 0.8 mu < 0 (Painleve's paradox).
+
+    By hand: slip lam = (1, -2), stick lam = -W^-1 free, open lam = 0."""
+    W = np.array([[1.0, 0.8, 0.0], [0.8, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    problem = ContactProblem(W, np.array([0.6, 2.0, 0.0]), mu=2.0)
+    solution = solve_contact(problem, "coulomb", count=True)
+    assert solution.status is ContactStatus.SEVERAL
+    found = {each.modes[0]: each.lam for each in solution.solutions}
+    assert len(solution.solutions) == 3 and set(found) == set(Mode)
+    np.testing.assert_allclose(found[Mode.SLIP], [1, -2, 0], atol=1e-12)
+    np.testing.assert_allclose(found[Mode.STICK], -np.linalg.solve(W, problem.free), atol=1e-12)
+    np.testing.assert_array_equal(found[Mode.OPEN], 0)
+    for mode in Mode:
+        assert solve_contact(problem, "coulomb", [mode]).modes == (mode,)
+
+
+@pytest.mark.parametrize("law", ["signorini", "coulomb"])
+def test_an_object_that_is_pulled_away_has_no_state(law):
+    G, pull = np.array([[1.0], [0.0], [0.0]]), np.array([-1.0])
+    problem = ContactProblem(np.eye(3), np.zeros(3), G, pull, mu=0.5)
+    solution = solve_contact(problem, law)
+    assert solution.status is ContactStatus.NONE
+    assert np.isnan(solution.lam).all() and not solution.check.valid()
+
+
+def test_an_object_on_three_points_shares_its_weight():
+    """A disc on three equal springs: a third of the weight each, the object down by the springs' share."""
+    angle = 2 * np.pi * np.arange(3) / 3
+    G = np.zeros((9, 6))
+    for i, (x, y) in enumerate(np.column_stack([np.cos(angle), np.sin(angle)])):
+        G[3 * i] = [0, 0, 1, y, -x, 0]
+        G[3 * i + 1] = [1, 0, 0, 0, 0, -y]
+        G[3 * i + 2] = [0, 1, 0, 0, 0, x]
+    # Along the springs' push the object carries 6 N; its coordinate falls where they shorten.
+    problem = ContactProblem(0.5 * np.eye(9), np.zeros(9), G, np.array([0, 0, 6.0, 0, 0, 0]), mu=0.5)
+    solution = solve_contact(problem, "coulomb")
+    assert solution.status is ContactStatus.SOLVED
+    np.testing.assert_allclose(solution.lam, np.tile([2.0, 0, 0], 3), atol=1e-12)
+    np.testing.assert_allclose(solution.xi, [0, 0, 1.0, 0, 0, 0], atol=1e-12)
+
+
+@pytest.mark.parametrize("m", [6, 9])
+def test_many_points_on_a_soft_plate_settle(m):
+    rng = np.random.default_rng(m)
+    places = rng.uniform(0, 10, (m, 2))
+    decay = np.exp(-np.linalg.norm(places[:, None] - places, axis=2) / 3)
+    W = np.kron(decay, np.diag([1.0, 0.5, 0.5])) + 0.05 * np.eye(3 * m)
+    solution = solve_contact(ContactProblem(W, rng.normal(size=3 * m), mu=0.3, cone="exact"), "coulomb")
+    assert solution.status is ContactStatus.SOLVED and solution.check.valid()
+
+
+def test_a_search_that_runs_out_says_so():
+    G, pull = np.tile([[1.0], [0.0], [0.0]], (6, 1)), np.array([-1.0])
+    problem = ContactProblem(np.eye(18), np.full(18, 0.1), G, pull, mu=0.5)
+    assert solve_contact(problem, "coulomb", budget=5).status is ContactStatus.BUDGET
+
+
+def test_too_many_points_are_not_enumerated():
+    with pytest.raises(SpecError, match="5 points"):
+        all_modes(ContactProblem(np.eye(15), np.zeros(15)), "signorini")
+
+
+def test_bilateral_points_are_glued():
+    problem = random_problem(3, 2, 2)
+    solution = solve_contact(problem, "bilateral")
+    np.testing.assert_allclose(problem.gap(solution.lam, solution.xi), 0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"W": np.eye(2)}, {"mu": -1.0}, {"sides": 5}, {"wrench": np.zeros(2)}, {"free": np.full(3, np.nan)}]
+)
+def test_a_problem_that_does_not_fit_together_is_refused(wrong):
+    with pytest.raises(SpecError, match="contact"):
+        ContactProblem(**({"W": np.eye(3), "free": np.zeros(3)} | wrong))
