@@ -282,7 +282,8 @@ class World:
             R, t = self._pose(data, number)
             wrench = robot.wrench((MM * self.model.opt.gravity if gravity is None else gravity[number]) @ R)
             robots.append(PlacedModel(robot.surface, R, t, False, robot.unilateral, wrench))
-        return ContactScene(robots, self.geoms.placed(data), self.friction, rigid, self.robots_touch)
+        stacked = self._everywhere.surfaces
+        return ContactScene(robots, self.geoms.placed(data), self.friction, rigid, self.robots_touch, stacked)
 
     def _commanded(self, commands: Mapping[str, ArrayLike]) -> list[np.ndarray]:
         for name in commands:

@@ -22,7 +22,7 @@ class Poses:
         """Moves rigid bodies by the forces of the robots, and push (d, 3) N of obstacles `which` (d,) on patches near
         (d,). Places (N, 3) mm of all patches then."""
         scene, robots, rigid = self.scene, self.robots, self.rigid
-        local = robots.own_places()
+        local = robots.places
         if rigid is None or not len(rigid.centres):
             return _placed(local, scene.bodies, robots.R, robots.t)
         places, robots.R, robots.t, R, t = _follow(
