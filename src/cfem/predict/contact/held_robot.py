@@ -88,8 +88,7 @@ class HeldRobot:
     def alone(self) -> tuple[np.ndarray, np.ndarray]:
         """Displacements (n_e,) mm of the effectors and forces (n_a,) N of the actuators."""
         if self.wrench is None:
-            condensed = self.model.model.at_displacement(self.delta)
-            return condensed.delta_e, condensed.lambda_a
+            return self.model.model.ends_at_displacement(self.delta)
         loaded = self.model.wrenches.at(self.delta).under(self.wrench)
         return loaded.e, loaded.lam
 

@@ -170,7 +170,10 @@ def _forwards(factor, by):
 @njit(cache=True, error_model="numpy")
 def dent_slopes(change, mine, factor):
     """(3 c, 3 c) mm/N: derivative of the places by the forces, symmetric; of fields of `DentedPlaces`."""
-    half, slopes = change[mine], np.empty_like(change)
+    half, slopes = np.empty((len(mine), len(change))), np.empty((len(change), len(change)))
+    for r in range(len(mine)):
+        for j in range(len(change)):
+            half[r, j] = change[mine[r], j]
     _forwards(factor, half)
     for i in range(len(change)):
         for j in range(i, len(change)):
@@ -193,7 +196,7 @@ def changed(forces, triples, change):
     for row in range(len(forces)):
         loaded[row // 3] |= forces[row] != 0.0
     for t in range(len(triples)):
-        i, j, k = triples[t]
+        i, j, k = triples[t, 0], triples[t, 1], triples[t, 2]
         if not (loaded[i] or loaded[j] or loaded[k]):
             continue
         for a in range(3):
@@ -219,9 +222,13 @@ def _among(place, triples, change):
     for t in range(len(triples)):
         count += place[triples[t, 0]] >= 0 and place[triples[t, 1]] >= 0 and place[triples[t, 2]] >= 0
     chosen, some = np.empty((count, 3), dtype=np.int64), np.empty((count, 3, 3, 3))
-    for t in range(len(triples)):
-        i, j, k = place[triples[t, 0]], place[triples[t, 1]], place[triples[t, 2]]
-        if i >= 0 and j >= 0 and k >= 0:
-            chosen[n], some[n] = (i, j, k), change[t]
-            n += 1
+    for t in range(len(triples)):  # by loops: whole arrays take seconds to compile
+        if place[triples[t, 0]] < 0 or place[triples[t, 1]] < 0 or place[triples[t, 2]] < 0:
+            continue
+        for a in range(3):
+            chosen[n, a] = place[triples[t, a]]
+            for b in range(3):
+                for d in range(3):
+                    some[n, a, b, d] = change[t, a, b, d]
+        n += 1
     return chosen, some

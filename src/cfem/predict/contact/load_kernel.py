@@ -69,10 +69,10 @@ def load_robots(shapes, numbers, triples, flat, free, known, forces, R, loaded):
     `Surfaces`."""
     point, mode, mixture, effector, first, triple, entry, number, modal = 0, 0, 0, 0, 0, 0, 0, 0, 0
     for i in range(len(shapes)):
-        n, k, r, e, c, t = shapes[i]
-        mine, turned = known[first : first + c] - point, np.empty((c, 3))
+        n, k, r, e, c, t = shapes[i, 0], shapes[i, 1], shapes[i, 2], shapes[i, 3], shapes[i, 4], shapes[i, 5]
+        mine, turned = np.empty(c, dtype=np.int64), np.empty((c, 3))
         for p in range(c):
-            f = forces[first + p]
+            mine[p], f = known[first + p] - point, forces[first + p]
             for a in range(3):
                 turned[p, a] = f[0] * R[i, 0, a] + f[1] * R[i, 1, a] + f[2] * R[i, 2, a]
         robot, end = robot_numbers(numbers, number, shapes[i])
@@ -97,24 +97,34 @@ def load_robots(shapes, numbers, triples, flat, free, known, forces, R, loaded):
 @njit(cache=True, error_model="numpy")
 def robot_numbers(numbers, begin, shape):
     """`RobotNumbers` of a robot of this shape (6,) that begin in numbers, and where they end."""
-    _, k, r, e, c, t = shape
-    ends = np.array([1, k, e * k, k * k, k * r, r * (e + r) * r, 3 * c * k, 9 * c * c, 9 * c * c, c, 9 * c * (3 + e)])
-    a = begin + np.concatenate((np.zeros(1, dtype=np.int64), np.cumsum(ends)))
-    tip, end = a[11] + 3 * e * c, a[11] + 3 * e * c + 27 * max(t, 0)
+    k, r, e, c, t = shape[1], shape[2], shape[3], shape[4], shape[5]
+    rows = begin + 1
+    C_es = rows + k
+    C_ss = C_es + e * k
+    bends = C_ss + k * k
+    D = bends + k * r
+    U = D + r * (e + r) * r
+    local = U + 3 * c * k
+    total = local + 9 * c * c
+    flexibility = total + 9 * c * c
+    dents = flexibility + c
+    tip = dents + 9 * c * (3 + e)
+    change = tip + 3 * e * c
+    end = change + 27 * max(t, 0)
     robot = RobotNumbers(
-        numbers[a[0] : a[1]],
-        numbers[a[1] : a[2]],
-        numbers[a[2] : a[3]].reshape((e, k)),
-        numbers[a[3] : a[4]].reshape((k, k)),
-        numbers[a[4] : a[5]].reshape((k, r)),
-        numbers[a[5] : a[6]].reshape((r, e + r, r)),
-        numbers[a[6] : a[7]].reshape((3 * c, k)),
-        numbers[a[7] : a[8]].reshape((3 * c, 3 * c)),
-        numbers[a[8] : a[9]].reshape((3 * c, 3 * c)),
-        numbers[a[9] : a[10]],
-        numbers[a[10] : a[11]].reshape((c, 3, 3, 3 + e)),
-        numbers[a[11] : tip].reshape((e, 3 * c)),
-        numbers[tip:end].reshape((max(t, 0), 3, 3, 3)),
+        numbers[begin:rows],
+        numbers[rows:C_es],
+        numbers[C_es:C_ss].reshape((e, k)),
+        numbers[C_ss:bends].reshape((k, k)),
+        numbers[bends:D].reshape((k, r)),
+        numbers[D:U].reshape((r, e + r, r)),
+        numbers[U:local].reshape((3 * c, k)),
+        numbers[local:total].reshape((3 * c, 3 * c)),
+        numbers[total:flexibility].reshape((3 * c, 3 * c)),
+        numbers[flexibility:dents],
+        numbers[dents:tip].reshape((c, 3, 3, 3 + e)),
+        numbers[tip:change].reshape((e, 3 * c)),
+        numbers[change:end].reshape((max(t, 0), 3, 3, 3)),
     )
     return robot, end
 
@@ -129,14 +139,21 @@ def _load(robot, flat, triples, free, known, forces, joint, loaded):
         yields[p] = loaded.pressed[known[p]]
     sizes[BEARS], sizes[STORED] = bears, 0.0
     if not bears:
-        loaded.rows[:], loaded.w[:], loaded.v[:], loaded.moved[:] = robot.rows, 0.0, 0.0, 0.0
-        loaded.places[:], loaded.compliance[:], loaded.begin[0] = free, robot.total.reshape(-1), 0
+        for a in range(len(loaded.w)):
+            loaded.w[a], loaded.rows[a] = 0.0, robot.rows[a]
+        for a in range(len(loaded.v)):
+            loaded.v[a] = 0.0
+        for a in range(len(loaded.moved)):
+            loaded.moved[a] = 0.0
+        loaded.begin[0] = 0
+        _copy(free.reshape(-1), loaded.places.reshape(-1))
+        _copy(robot.total.reshape(-1), loaded.compliance)
         return
     response = load_response(forces, robot.C_ss, robot.bends, robot.D, robot.U, robot.flexibility, robot.dents)
     modes, by_dents, f = response.modes, response.places, forces.reshape(-1)
     for d in range(len(robot.rows)):
         loaded.rows[d], loaded.w[d] = robot.rows[d] + modes.motion[d], response.w[d]
-    loaded.v[:] = response.v
+    _copy(response.v, loaded.v)
     change = response.change[len(robot.C_es) :]
     compliance = under_forces(robot.total, robot.local, robot.U, robot.bends, change, response.slopes, modes)
     sizes[FIRST], sizes[SECOND], sizes[STORED] = modes.first, modes.second, _stored(robot, forces, response)
@@ -145,16 +162,23 @@ def _load(robot, flat, triples, free, known, forces, joint, loaded):
         start = loaded.h[: loaded.begin[0]]
         dented = dented_places(forces, robot.total, triples, robot.change, yields, start)
         loaded.begin[0] = len(dented.h) if dented.share == 1.0 else 0
-        loaded.h[: len(dented.h)] = dented.h
+        _copy(dented.h, loaded.h)
         by_dents, slopes = dented.places, dent_slopes(dented.change, dented.mine, dented.factor)
         sizes[STORED] += dented.energy
         sizes[ERROR] = np.inf if dented.share < 1 else sizes[ERROR]
         for i in range(len(f)):
             for j in range(len(f)):
                 compliance[i, j] += slopes[i, j]
-    loaded.compliance[:] = compliance.reshape(-1)
-    loaded.places[:] = moved_places(free, flat, modes.motion, known, robot.local, forces, by_dents)
+    _copy(compliance.reshape(-1), loaded.compliance)
+    places = moved_places(free, flat, modes.motion, known, robot.local, forces, by_dents)
+    _copy(places.reshape(-1), loaded.places.reshape(-1))
     _move_effectors(robot, forces, response, loaded.moved)
+
+
+@njit(cache=True, error_model="numpy")
+def _copy(numbers, into):
+    for i in range(len(numbers)):
+        into[i] = numbers[i]
 
 
 @njit(cache=True, error_model="numpy")
@@ -215,7 +239,8 @@ def free_places(shapes, flat, rest, rows):
     for i in range(len(shapes)):
         n, k = shapes[i, 0], shapes[i, 1]
         modes = flat[modal : modal + 3 * n * k].reshape((3 * n, k))
-        places[point : point + n] = moved_places(rest[point : point + n], modes, rows[mode : mode + k], *nothing)
+        moved = moved_places(rest[point : point + n], modes, rows[mode : mode + k], *nothing)
+        _copy(moved.reshape(-1), places[point : point + n].reshape(-1))
         point, mode, modal = point + n, mode + k, modal + 3 * n * k
     return places
 
@@ -224,8 +249,10 @@ def free_places(shapes, flat, rest, rows):
 def turned_compliance(shapes, numbers, loaded, R, under_forces):
     """(3 C, 3 C) mm/N of the known points of all robots, in axes to which R (r, 3, 3) turn; under_forces: as the forces
     have changed it."""
-    count = shapes[:, 4].sum()
-    total, half, first, entry, number = np.zeros((3 * count, 3 * count)), np.empty((3, 3)), 0, 0, 0
+    count, half, first, entry, number = 0, np.empty((3, 3)), 0, 0, 0
+    for i in range(len(shapes)):
+        count += shapes[i, 4]
+    total = np.zeros((3 * count, 3 * count))
     for i in range(len(shapes)):
         robot, number = robot_numbers(numbers, number, shapes[i])
         n = len(robot.total)

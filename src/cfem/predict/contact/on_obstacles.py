@@ -6,7 +6,7 @@ import numpy as np
 from cfem.contact.modes import Mode
 from cfem.contact.obstacle_set import ObstacleSet
 from cfem.contact.pairs import Pairs
-from cfem.contact.patch_forces import TurningCompliance, gaps_in, lawful, turned
+from cfem.contact.patch_forces import TurningCompliance, lawful, turned
 from cfem.predict.contact.poses import Poses
 from cfem.predict.contact.state import ContactState
 
@@ -44,7 +44,7 @@ class OnObstacles:
 
     def place(self) -> np.ndarray:
         """Puts rigid bodies where the forces bring them. Places (N, 3) mm of all patches then."""
-        return self.poses.follow(self.near, self.which[self.near], self.push[self.near])
+        return self.poses.follow(self.near, self.which, self.push)
 
     def look_at_all(self, places: np.ndarray) -> None:
         """Finds how far all patches, at places (N, 3) mm, are from obstacles."""
@@ -96,9 +96,8 @@ class OnObstacles:
 
     def gaps(self, places: np.ndarray) -> np.ndarray:
         """(d, 3) mm of patches near obstacles, in the frames of these: from them, and from where they last stuck."""
-        near, mu = self.near, self.scene.mu
-        stuck = self._stuck_now(near) if mu else self.stuck[near]
-        return gaps_in(self.frames(places), places[near], stuck, self.distance[near], float(mu))
+        frames, stuck = self.frames(places), (self.stuck, self.distance, self._stood)
+        return self.poses.gaps(frames, places, self.near, self.which, *stuck)
 
     def lawful(
         self,
@@ -133,12 +132,8 @@ class OnObstacles:
         """(N, 3) mm: `ContactState.stuck`."""
         pressed, sticks = self.near[self.push[self.near].any(axis=1)], self.sticks[self.near]
         stuck, held = self.stuck.copy(), self.near[sticks]
-        stuck[held] = self._stuck_now(held)
+        stuck[held] = self.poses.carried(stuck[held], self.which[held], self._stood)
         return held_by_friction(places, stuck, pressed, held, self.frames(places)[sticks, 0])
-
-    def _stuck_now(self, patches: np.ndarray) -> np.ndarray:
-        """(d, 3) mm from where the slip of patches (d,) counts, on obstacles that have moved."""
-        return self.poses.carried(self.stuck[patches], self.which[patches], self._stood)
 
 
 def begins_deep(obstacles: ObstacleSet, places: np.ndarray, distance: np.ndarray, which: np.ndarray) -> bool:

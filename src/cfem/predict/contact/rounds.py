@@ -140,7 +140,7 @@ class Rounds:
             frames = np.concatenate([frames, touching.frames])
             push = np.concatenate([push, self.soft.push_of(touching)])
         soft = None if relative is None else relative[len(near) :]
-        self._mobility = self.poses.mobility(places, near, met.which[near], soft)
+        self._mobility = self.poses.mobility(places, near, met.which, soft)
         given = gaps, self.robots.on_known, push, mu, self._mobility
         if turning is not None:
             answer = balance(relative, frames, turning.compliance, *given)
