@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from cfem.contact.obstacle_set import ObstacleSet
+from cfem.core.errors import NumericalError
 from cfem.mujoco import World
 from cfem.mujoco.near import REACH, Look
+from cfem.predict.contact.state import TRUSTED
 
 TURNING = """<mujoco><option timestep="0.002"/><worldbody>
   <body><joint axis="0 0 1" damping="1"/><geom size="0.004" pos="-0.01 0 0" mass="1"/><site name="bar"/></body>
@@ -69,6 +71,15 @@ def test_skins_are_there_after_a_step_that_fails(soft_bar):
     with pytest.raises(Exception, match="one finite number"):
         world.step({"bar": [1.0, 2.0]})
     assert world.model.flex_vertnum.tolist() == [len(soft_bar.surface.model.skin.rest)]
+
+
+def test_a_ball_that_bends_the_bar_beyond_what_its_model_knows_is_said_to(soft_bar):
+    """It falls 90 mm, and sinks until the bar nearly buckles under it."""
+    world = World(TURNING.replace("0.055 0 0.0115", "0.055 0 0.1015"), {"bar": soft_bar})
+    with pytest.raises(NumericalError, match=r"no balance.*just before, forces bent a robot so far") as raised:
+        for _ in range(90):
+            world.step({"bar": [0.0]})
+    assert world.contact.error > TRUSTED and "more slowly or with less mass" in raised.value.do
 
 
 @pytest.mark.parametrize(("gravity", "steps", "most"), [(0.0, 5, 480), (-9.81, 150, 950)])  # free, in contact

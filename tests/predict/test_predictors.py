@@ -227,3 +227,11 @@ def test_no_torch_no_scipy_no_training_code(exports, runtime):
         "print([name for name in ('torch', 'scipy', 'pyarrow', 'numba', 'cfem.surrogate') if name in sys.modules])"
     )
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
+
+
+@pytest.mark.parametrize("kind", MODELS)
+def test_ends_at_a_displacement_are_those_of_the_condensed_robot(exports, kind):
+    model = load_model(exports[kind], "arrays")
+    state = model.at_displacement(dataset(10, 7).delta_a[0])
+    for given, expected in zip(model.ends_at_displacement(state.delta_a), (state.delta_e, state.lambda_a), strict=True):
+        np.testing.assert_allclose(given, expected, atol=1e-12 * max(1.0, np.abs(expected).max()))

@@ -9,7 +9,6 @@ import numpy as np
 
 from cfem.contact import rounded_boxes
 from cfem.contact.obstacle import Obstacle, Rounded
-from cfem.contact.rigid_bodies import carried
 
 
 class ObstacleSet:
@@ -61,11 +60,6 @@ class ObstacleSet:
             else:
                 frames[mine] = rounded_boxes.frames(self._boxes, place, np.ascontiguousarray(points[mine], float))
         return frames
-
-    def moved(self, bodies: np.ndarray, R: np.ndarray, t: np.ndarray) -> "ObstacleSet":
-        """The obstacles after motions x -> R x + t, R (b, 3, 3) and t (b, 3) mm, of the bodies (n,) to which they are
-        fixed; -1: of none."""
-        return self.posed(*carried(bodies, R, t, self.R, self.t))
 
     @property
     def curved(self) -> bool:

@@ -141,19 +141,6 @@ def lawful(local, push, sticks, frames, gaps, compliance, places, by_bodies, mu)
     return by_law, max(by_forces + by_motion, violation(in_frame, gaps, block, mu)), beyond
 
 
-@njit(cache=True, error_model="numpy")
-def gaps_in(frames, places, stuck, distance, mu):
-    """(d, 3) mm of patches at places (d, 3) mm, in the frames (d, 3, 3) of obstacles that are `distance` (d,) mm away:
-    normal gap, and, with friction mu, slip from where they stuck, (d, 3) mm."""
-    gaps = np.zeros((len(frames), 3))
-    for i in range(len(frames)):
-        gaps[i, 0] = distance[i]
-        for a in range(1, 3):
-            for b in range(3):
-                gaps[i, a] += frames[i, a, b] * (places[i, b] - stuck[i, b]) if mu > 0 else 0.0
-    return gaps
-
-
 @dataclass(frozen=True, eq=False)
 class Balance:
     """Forces that obey the law on one linearisation.

@@ -31,7 +31,10 @@ class RigidBodies:
 
     def levers(self, bodies: np.ndarray, points: np.ndarray) -> np.ndarray:
         """(p, 3, 6 b): G of points (p, 3) mm of bodies (p,)."""
-        return levers(bodies, points, self.centres)
+        G = np.zeros((len(points), 3, 6 * len(self.centres)))
+        for lever, body, point in zip(G, bodies, points, strict=True):
+            add_lever(lever, body, point, self.centres, 1.0)
+        return G
 
 
 @njit(cache=True, error_model="numpy")
@@ -66,20 +69,16 @@ def add_wrench(wrench, body, lever, force):
 
 
 @njit(cache=True, error_model="numpy")
-def levers(bodies, points, centres):
-    """(p, 3, 6 b): velocity of points by the twists of their bodies; zero where the number of the body is -1."""
-    G = np.zeros((len(points), 3, 6 * len(centres)))
-    for p in range(len(points)):
-        body = bodies[p]
-        if body < 0:
-            continue
-        x, y, z = points[p] - centres[body]
-        first = 6 * body
-        for a in range(3):
-            G[p, a, first + a] = 1.0
-        G[p, 0, first + 4], G[p, 1, first + 5], G[p, 2, first + 3] = z, x, y
-        G[p, 0, first + 5], G[p, 1, first + 3], G[p, 2, first + 4] = -y, -z, -x
-    return G
+def add_lever(G, body, point, centres, share):
+    """Adds to G (3, 6 b) a share of the velocity of a point (3,) mm by the twist of its body; nothing where body is
+    -1."""
+    if body < 0:
+        return
+    for a in range(3):
+        b, c = (a + 1) % 3, (a + 2) % 3
+        G[a, 6 * body + a] += share
+        G[a, 6 * body + 3 + b] += share * (point[c] - centres[body, c])
+        G[a, 6 * body + 3 + c] -= share * (point[b] - centres[body, b])
 
 
 @njit(cache=True, error_model="numpy")

@@ -7,16 +7,18 @@ those of a step of all points."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numba import njit
 
 from cfem.predict.contact.bodies import PlacedModel
-from cfem.predict.contact.loaded_robot import LoadedRobot
+from cfem.predict.contact.loaded_robots import LoadedRobots
 from cfem.predict.contact.scene import ContactScene
 from cfem.predict.contact.state import ContactState
 from cfem.predict.contact.surface_model import SurfaceModel
 from cfem.predict.contact.surface_part import SurfacePart
+from cfem.predict.contact.surfaces import Surfaces
 
 REACH = 0.03  # of the length
 OLD = 0.5  # of REACH: after it one looks again
@@ -27,19 +29,19 @@ class Look:
     """Points (n,) that may touch since a look.
 
     numbers: (n,) of these points among all (N)
-    parts: surfaces of the robots, of these points alone
+    surfaces: of the robots, of these points alone
     state: in which everything was, None where all points may touch
     share: largest approach of a point to a geom since then (`moved`)"""
 
     numbers: np.ndarray
-    parts: Sequence[SurfaceModel | SurfacePart]
+    surfaces: Surfaces
     state: ContactState | None = None
     share: float = np.inf
 
     @classmethod
     def nowhere(cls, surfaces: Sequence[SurfaceModel]) -> "Look":
         """All points may touch."""
-        return cls(np.arange(sum(len(surface.patches) for surface in surfaces)), surfaces)
+        return cls(np.arange(sum(len(surface.patches) for surface in surfaces)), Surfaces(surfaces))
 
     def again(self, surfaces: Sequence[SurfaceModel], state: ContactState) -> "Look":
         """A look at a state of the points of this one; surfaces: whole ones of the robots."""
@@ -52,29 +54,29 @@ class Look:
             numbers.append(first + np.flatnonzero(close))
             parts.append(SurfacePart(surface, np.flatnonzero(close)))
             first += len(close)
-        return Look(np.concatenate(numbers), parts, state)
+        return Look(np.concatenate(numbers), Surfaces(parts), state)
 
     def step(
         self, scene: ContactScene, deltas: Sequence[np.ndarray], before: ContactState | None
     ) -> tuple[ContactState, "Look"]:
         """`ContactScene.step` of a scene with whole surfaces from a state of the points of this look. The look that
         goes with the state after it."""
-        surfaces = [robot.patched for robot in scene.robots]
-        everywhere = Look.nowhere(surfaces)
+        surfaces = scene.surfaces
+        everywhere = Look(np.arange(len(scene.bodies)), surfaces)
         if before is None or scene.soft:
             return scene.step(deltas, before), everywhere
         look, start = self, before
         if self.share > OLD:
-            look = self.again(surfaces, before)
+            look = self.again(surfaces.models, before)
             start = look.taken(before, self.numbers)
         robots = [
             PlacedModel(part, robot.R, robot.t, False, robot.unilateral, robot.wrench)
-            for robot, part in zip(scene.robots, look.parts, strict=True)
+            for robot, part in zip(scene.robots, look.surfaces.models, strict=True)
         ]
-        state = replace(scene, robots=robots).step(deltas, start)
+        state = replace(scene, robots=robots, stacked=look.surfaces).step(deltas, start)
         share = look.moved(state)
         if state.converged and share <= 1.0:
-            return state, Look(look.numbers, look.parts, look.state, share)
+            return state, Look(look.numbers, look.surfaces, look.state, share)
         return scene.step(deltas, everywhere.taken(before, self.numbers)), everywhere
 
     def taken(self, state: ContactState, numbers: np.ndarray) -> ContactState:
@@ -91,7 +93,7 @@ class Look:
         return replace(
             state,
             pairs=replace(pairs, slots=place[pairs.points] + n, relative=relative),
-            bodies=np.repeat(np.arange(len(self.parts)), [len(part.patches) for part in self.parts]),
+            bodies=self.surfaces.bodies,
             forces=forces,
             places=places,
             stuck=stuck,
@@ -102,11 +104,14 @@ class Look:
 
     def places(self, state: ContactState) -> np.ndarray:
         """(n, 3) mm of the points in any state, but for what forces on them do locally."""
-        each = []
-        for number, part in enumerate(self.parts):
-            loaded, (R, t) = LoadedRobot(part, state.deltas[number], state.wrenches[number]), state.poses[number]
-            by_forces = (part.flat @ (state.rows[number] - loaded.held.rows)).reshape(-1, 3)
-            each.append((loaded.free + by_forces) @ R.T + t)
+        surfaces, each = self.surfaces, []
+        wrenches = [wrench if wrench.any() else None for wrench in state.wrenches]
+        nothing = np.zeros(0, dtype=np.int64), np.zeros((len(self.numbers), 3))
+        R, t = map(np.array, zip(*state.poses, strict=True))
+        free = LoadedRobots(surfaces, state.deltas, wrenches, R, t, *nothing)
+        for i, (model, (a, b)) in enumerate(zip(surfaces.models, pairwise(surfaces.ends), strict=True)):
+            by_forces = (model.flat @ (state.rows[i] - free.held[i].rows)).reshape(-1, 3)
+            each.append((free.free[a:b] + by_forces) @ R[i].T + t[i])
         return np.concatenate(each)
 
     def moved(self, state: ContactState) -> float:
@@ -114,13 +119,13 @@ class Look:
         if self.state is None:
             return np.inf
         farthest, then, now = 0.0, self.state, state
-        for i, part in enumerate(self.parts):
+        for i, part in enumerate(self.surfaces.models):
             surface, wrenches = part.whole, (now.wrenches[i], then.wrenches[i], part.whole.moved_by_wrench)
             by_rows = now.rows[i], then.rows[i], surface.moved_by_row
             obstacles = now.obstacles.R, now.obstacles.t, then.obstacles.R, then.obstacles.t
             approach = _approach(*obstacles, *now.poses[i], *then.poses[i], *by_rows, *wrenches, surface.size)
             farthest = max(farthest, approach)
-        return farthest / (REACH * self.parts[0].model.length)
+        return farthest / (REACH * self.surfaces.models[0].model.length)
 
 
 @njit(cache=True, error_model="numpy")

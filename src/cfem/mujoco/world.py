@@ -25,7 +25,7 @@ from cfem.mujoco.soft_robot import SoftRobot
 from cfem.predict.contact.bodies import PlacedModel
 from cfem.predict.contact.node_model import NodeModel
 from cfem.predict.contact.scene import ContactScene
-from cfem.predict.contact.state import ContactState
+from cfem.predict.contact.state import TRUSTED, ContactState
 
 INSIDE = 1e-3  # of the length: by how much a robot may overlap a geom at the start
 FAST = 0.05  # of the length: the longest way of a geom in one step that may touch a robot in it
@@ -282,7 +282,8 @@ class World:
             R, t = self._pose(data, number)
             wrench = robot.wrench((MM * self.model.opt.gravity if gravity is None else gravity[number]) @ R)
             robots.append(PlacedModel(robot.surface, R, t, False, robot.unilateral, wrench))
-        return ContactScene(robots, self.geoms.placed(data), self.friction, rigid, self.robots_touch)
+        stacked = self._everywhere.surfaces
+        return ContactScene(robots, self.geoms.placed(data), self.friction, rigid, self.robots_touch, stacked)
 
     def _commanded(self, commands: Mapping[str, ArrayLike]) -> list[np.ndarray]:
         for name in commands:
@@ -321,8 +322,13 @@ class World:
         """NumericalError where a state cannot be gone on from."""
         when = f"at t = {self.data.time:.4g} s"
         if not state.converged:
+            what = f"contact of soft robots {when}: {state.status.value}"
             do = "take a shorter timestep, or slower commands"
-            raise NumericalError(f"contact of soft robots {when}: {state.status.value}", do=do)
+            known = 0.0 if self.contact is None else self.contact.error
+            if known > TRUSTED:
+                what += f"; just before, forces bent a robot so far that what they do was {known:.0%} off"
+                do = "touch it more slowly or with less mass; a shorter timestep does not help a robot that buckles"
+            raise NumericalError(what, do=do)
         if state.deep and state.depth > LONGEST * scene.length:
             what = (
                 f"{when} a geom comes {state.depth:.2g} mm into a soft robot in one step, too far to know on which side"

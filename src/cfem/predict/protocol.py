@@ -178,6 +178,11 @@ class Predictor(ABC):
         self._demand_near(delta_a, *self.domain.delta_a, "displacements", 0)
         return self.at(delta_a, p) if self.form == "displacement" else self._with_dual(delta_a, p)
 
+    def ends_at_displacement(self, delta_a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """delta_e (n_e,) and lambda_a (n_a,) of `at_displacement`, for users who need nothing else of one state."""
+        state = self.at_displacement(delta_a)
+        return state.delta_e, state.lambda_a
+
     def at_force(self, lambda_a: ArrayLike, p: ArrayLike | None = None) -> Condensed:
         """The condensed robot under lambda_a (..., n_a) N. NumericalError where there is none, and far outside the
         domain."""

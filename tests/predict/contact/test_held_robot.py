@@ -26,7 +26,7 @@ def test_it_is_the_harmonic_mean_of_the_eigenvalues_and_zero_where_the_body_is_h
 def test_robots_of_one_model_that_stay_are_evaluated_once(patched_bar, monkeypatch):
     """Two of them, beside each other under a plate that comes down in three steps."""
     model, asked, points = replace(patched_bar), [], []
-    kinds = {HeldRobot: "__init__", type(model.model): "at_displacement"}
+    kinds = {HeldRobot: "__init__", type(model.model): "ends_at_displacement"}
     for kind, name in kinds.items():
         function = getattr(kind, name)
         monkeypatch.setattr(kind, name, lambda *given, function=function: asked.append(function) or function(*given))

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.forces import put
 
 from cfem.condensed.strokes import ridge_of
 from cfem.contact.clearance import nearest_of_surface
@@ -15,7 +16,8 @@ from cfem.core.errors import NumericalError
 from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
 from cfem.plant.touch_plant import TouchPlant
 from cfem.predict.contact.bodies import PlacedModel
-from cfem.predict.contact.loaded_robot import LoadedRobot, estimated_error
+from cfem.predict.contact.load_kernel import estimated_error
+from cfem.predict.contact.loaded_robots import LoadedRobots
 from cfem.predict.contact.model import TRUSTED, ContactModel
 from cfem.predict.contact.scene import contact_step
 from cfem.robot.build import build_robot
@@ -190,11 +192,11 @@ def test_a_load_that_bends_the_robot_beyond_its_order_is_outside(patched, table)
     world = ContactModel(patched, {"table": table}, ("table",))
     world.settle(delta)  # from there no round goes farther
     state, touched = world.at_displacement(delta), world.touched(delta)
-    held, size = LoadedRobot(patched, delta), 1e-3
+    held, size = LoadedRobots.of(patched, delta), 1e-3
     ends = []
     for share in (size, -size):
-        held.load(touched.pairs.points, share * touched.push)
-        ends.append(held.rows - held.held.rows)
+        put(held, touched.pairs.points, share * touched.push)
+        ends.append(held.rows[0] - held.held[0].rows)
     share = np.linalg.norm(ends[0] + ends[1]) / np.linalg.norm(ends[0] - ends[1])
     assert estimated_error(share / size, patched.missing) == pytest.approx(state.error, rel=1e-4) and state.error > 0
     assert world.inside(state) and not world.inside(replace(state, error=1.01 * TRUSTED))

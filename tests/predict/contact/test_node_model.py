@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 from support.fast_cases import fast_are
+from support.forces import compliance_of, put
 
 from cfem.constraint.surface import outer_surface
 from cfem.constraint.surface_points import at_nodes
@@ -19,9 +20,9 @@ from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
 from cfem.equilibrium.contact.surfaces import SurfaceScene
 from cfem.equilibrium.solve import solve
 from cfem.equilibrium.system.actuation import displacement
-from cfem.predict.contact import loaded_robot
+from cfem.predict.contact import loaded_robots
 from cfem.predict.contact.bodies import PlacedModel
-from cfem.predict.contact.loaded_robot import LoadedRobot
+from cfem.predict.contact.loaded_robots import LoadedRobots
 from cfem.predict.contact.node_model import NodeModel, _add_local, _dents, node_patches
 from cfem.predict.contact.scene import ContactScene, contact_step
 from cfem.predict.load import load_model
@@ -148,7 +149,7 @@ def test_where_an_edge_comes_straight_at_a_node_either_side_is_a_state_and_the_a
 
 def test_the_compliance_of_nodes_is_symmetric_and_positive(nodes):
     some = np.flatnonzero(~nodes.held_still)[:40]
-    C = LoadedRobot(nodes, DELTA).free_compliance(some)
+    C = compliance_of(LoadedRobots.of(nodes, DELTA), some)
     assert np.array_equal(C, C.T) or np.abs(C - C.T).max() < 1e-12 * np.abs(C).max()
     assert np.linalg.eigvalsh(C).min() > -1e-12 * np.abs(C).max()
 
@@ -176,25 +177,25 @@ def test_forces_on_neighbours_dent_the_surface_as_finite_elements_say(nodes, ski
     skin, normals = nodes.model.skin, area_vectors(nodes.model.skin.rest, nodes.model.skin.triangles)
     some = np.sort(np.argsort(np.linalg.norm(skin.rest - [x, 0.0, 5.0], axis=1))[:3])
     forces = -0.1 * normals[some] / np.linalg.norm(normals[some], axis=1, keepdims=True) * [[1.0], [0.6], [1.4]]
-    loaded, places, start = LoadedRobot(nodes, DELTA), [], None
-    without = LoadedRobot(replace(nodes, by_fe=replace(nodes.by_fe, dented=0 * nodes.by_fe.dented)), DELTA)
+    loaded, places, start = LoadedRobots.of(nodes, DELTA), [], None
+    without = LoadedRobots.of(replace(nodes, by_fe=replace(nodes.by_fe, dented=0 * nodes.by_fe.dented)), DELTA)
     for share in (0.0, 1.0, -1.0):
         nodal = np.zeros_like(skinned.robot.X)
         nodal[skinned.nodes[some]] = share * forces
         solved = solve(skinned.problem.under(nodal), displacement(DELTA), start, slack=False)
         start, each = solved.state, [skinned.surface(solved.state.x)[some]]
         for learned in (loaded, without):
-            learned.load(some, share * forces)
-            each.append(learned.places()[some])
+            put(learned, some, share * forces)
+            each.append(learned.places[some])
         places.append(each)
     exact, by_dents, by_modes = np.array(places[1]) + np.array(places[2]) - 2 * np.array(places[0])
     assert np.linalg.norm(by_modes - exact) > 0.9 * np.linalg.norm(exact)
     assert np.linalg.norm(by_dents - exact) < left * np.linalg.norm(by_modes - exact)
 
 
-def test_a_step_that_changes_little_finds_the_compliance_once_and_the_dents_twice(nodes, monkeypatch):
+def test_a_step_that_changes_little_finds_the_compliance_once_and_what_forces_do_twice(nodes, monkeypatch):
     """Under the forces of the state before, and under those of its only round."""
-    obstacle, counts = obstacle_above(nodes.model, "plane"), {"compliance": 0, "dented_places": 0}
+    obstacle, counts = obstacle_above(nodes.model, "plane"), {"compliance": 0, "load_robots": 0}
     here = replace(obstacle, t=obstacle.t + 0.3 * DOWN)
     before = contact_step(nodes, DELTA, [here], before=contact_step(nodes, DELTA, [here]))
 
@@ -206,25 +207,25 @@ def test_a_step_that_changes_little_finds_the_compliance_once_and_the_dents_twic
         monkeypatch.setattr(owner, name, call)
 
     counted(NodeModel, "compliance", NodeModel.compliance)
-    counted(loaded_robot, "dented_places", loaded_robot.dented_places)
+    counted(loaded_robots, "load_robots", loaded_robots.load_robots)
     found = contact_step(nodes, DELTA * (1 + 1e-6), [here], before=before)
     assert found.converged and found.iterations == 1 and len(found.known) > 1
-    assert counts == {"compliance": 1, "dented_places": 2}
+    assert counts == {"compliance": 1, "load_robots": 2}
 
 
 def test_the_compliance_under_forces_is_the_derivative_of_the_places(nodes):
     some = np.sort(np.argsort(np.linalg.norm(nodes.model.skin.rest - [15.0, 0.0, 5.0], axis=1))[:3])
     forces, step = 0.1 * np.random.default_rng(1).normal(size=(3, 3)), 1e-5
-    loaded, each = LoadedRobot(nodes, DELTA), []
-    loaded.load(some, forces)
-    compliance, dents = loaded.compliance(), loaded.places()[some]
+    loaded, each = LoadedRobots.of(nodes, DELTA), []
+    put(loaded, some, forces)
+    compliance, dents = loaded.compliance(under_forces=True), loaded.places[some]
     for unit in np.eye(9).reshape(9, 3, 3):
         sides = []
         for way in (step, -step):
-            loaded.load(some, forces + way * unit)
-            sides.append(loaded.places()[some].ravel())
+            put(loaded, some, forces + way * unit)
+            sides.append(loaded.places[some].ravel())
         each.append((sides[0] - sides[1]) / (2 * step))
     np.testing.assert_allclose(compliance, np.column_stack(each), atol=1e-6 * np.abs(compliance).max())
-    without = LoadedRobot(replace(nodes, by_fe=replace(nodes.by_fe, dented=0 * nodes.by_fe.dented)), DELTA)
-    without.load(some, forces)
-    assert np.abs(dents - without.places()[some]).max() > 1e-4
+    without = LoadedRobots.of(replace(nodes, by_fe=replace(nodes.by_fe, dented=0 * nodes.by_fe.dented)), DELTA)
+    put(without, some, forces)
+    assert np.abs(dents - without.places[some]).max() > 1e-4

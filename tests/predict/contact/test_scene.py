@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.forces import compliance_of, put
 
 from cfem.contact.obstacle import Box, Capsule, Plane, Sphere
 from cfem.contact.step_status import StepStatus
@@ -14,8 +15,8 @@ from cfem.equilibrium.newton import NewtonSettings
 from cfem.equilibrium.solve import solve
 from cfem.equilibrium.system.actuation import Actuation, displacement
 from cfem.equilibrium.system.problem import Problem
-from cfem.predict.contact.loaded_robot import LoadedRobot
-from cfem.predict.contact.rounds import TOLERANCE
+from cfem.predict.contact.loaded_robots import LoadedRobots
+from cfem.predict.contact.on_obstacles import TOLERANCE
 from cfem.predict.contact.scene import contact_step
 from cfem.predict.contact.state import TRUSTED
 
@@ -126,27 +127,27 @@ def test_what_it_answers_obeys_the_law(patched, mu):
 
 def test_what_is_stored_is_the_work_of_the_forces(patched):
     """Of forces that grow, which bend the bar and dent it: the integral of forces over places."""
-    held, patches = LoadedRobot(patched, DELTA), np.array([4, 9, 21])
+    held, patches = LoadedRobots.of(patched, DELTA), np.array([4, 9, 21])
     forces = np.array([[2.0, 1.0, -30.0], [1.0, 20.0, 4.0], [-9.0, 3.0, 20.0]]) * 1e-3
     work, shares = 0.0, np.linspace(0.0, 1.0, 41)
     places = []
     for share in shares:
-        held.load(patches, share * forces)
-        places.append(held.places()[patches])
+        put(held, patches, share * forces)
+        places.append(held.places[patches])
     for first, second, a, b in zip(shares, shares[1:], places, places[1:], strict=False):
         work += (first + second) / 2 * float((forces * (b - a)).sum())
-    assert held.stored() == pytest.approx(work, rel=1e-4)
+    assert held.stored == pytest.approx(work, rel=1e-4)
     assert held.error > 0.002
 
 
 def off_the_law(patched, delta, obstacle, mu, found, before):
     """mm by which patches are off: those that bear from the surface; those that stick from where friction holds them,
     along the surface; those that slide from the line of their friction. Where they are follows from the forces anew."""
-    held = LoadedRobot(patched, delta)
+    held = LoadedRobots.of(patched, delta)
     begin = held.free if before is None else np.where(np.isnan(before.stuck), before.places, before.stuck)
     patches = found.pairs.points
-    held.load(patches, found.push)
-    places, off = held.places()[patches], []
+    put(held, patches, found.push)
+    places, off = held.places[patches], []
     for x, force, slip in zip(places, found.push, places - begin[patches], strict=True):
         normal = obstacle.normals(x[None])[0]
         pressing, slip = force @ normal, slip - (slip @ normal) * normal
@@ -290,12 +291,12 @@ def test_what_does_not_fit_is_refused(patched):
 def test_compliance_is_that_of_finite_elements_also_between_their_states(patched, robot):
     chosen = np.arange(len(patched.patches))
     for delta, known in zip(patched.by_fe.states, patched.by_fe.own, strict=True):  # as many states as terms
-        found = LoadedRobot(patched, delta).free_compliance(chosen)
+        found = compliance_of(LoadedRobots.of(patched, delta), chosen)
         assert np.abs(found - known).max() < 1e-3 * np.abs(known).max()
     between = patched.by_fe.states.mean(axis=0)
     skin = patched.model.skin
     truth = patch_response(robot, skin.watched, patched.patches, between[None]).own[0]
-    assert np.abs(LoadedRobot(patched, between).free_compliance(chosen) - truth).max() < 5e-3 * np.abs(truth).max()
+    assert np.abs(compliance_of(LoadedRobots.of(patched, between), chosen) - truth).max() < 5e-3 * np.abs(truth).max()
 
 
 @pytest.mark.parametrize(("allowed", "count"), [(1e-12, 4), (0.3, 2)])
@@ -317,7 +318,7 @@ def test_mixtures_of_modes_change_the_compliance_as_all_modes_do(patched, monkey
 def test_a_dent_is_right_to_the_second_order_in_its_force(patched, robot):
     """Against finite elements with a force on a patch: half of it leaves an eighth of the error."""
     delta = patched.by_fe.states[0]
-    held, size = LoadedRobot(patched, delta), np.diag(patched.by_fe.own[0]).reshape(-1, 3).sum(axis=1)
+    held, size = LoadedRobots.of(patched, delta), np.diag(patched.by_fe.own[0]).reshape(-1, 3).sum(axis=1)
     number = int(np.argmin(np.where(patched.held_still, np.inf, size)))  # where what is local matters most
     touched = with_patches(robot, patched.model.skin.nodes, patched.patches, np.array([number]))
     settings, places, off = NewtonSettings(tolerance=1e-11), [], []
@@ -326,8 +327,8 @@ def test_a_dent_is_right_to_the_second_order_in_its_force(patched, robot):
         force = share * direction
         at = Actuation(np.eye(1, 4), delta, np.concatenate([np.zeros(1), force[0]]))
         places.append(solve(Problem(touched), at, slack=False, settings=settings).delta_c)
-        held.load(np.array([number]), force)
-        moved = held.places()[number] - held.free[number]
+        put(held, np.array([number]), force)
+        moved = held.places[number] - held.free[number]
         off.append(np.linalg.norm(moved - (places[-1] - places[0])))
     assert 6.0 < off[2] / off[1] < 10.0
     assert off[2] < 0.02 * np.linalg.norm(places[2] - places[0])
@@ -336,27 +337,27 @@ def test_a_dent_is_right_to_the_second_order_in_its_force(patched, robot):
 @pytest.mark.parametrize("size", [0.01, 30.0])
 def test_places_yield_as_their_differences_say(patched, size):
     """And alike in both directions, as one energy says; far beyond the second order too."""
-    rng, held = np.random.default_rng(3), LoadedRobot(patched, DELTA)
+    rng, held = np.random.default_rng(3), LoadedRobots.of(patched, DELTA)
     chosen = np.flatnonzero(~patched.held_still)[:6]
     forces, h = size * rng.normal(size=(6, 3)), 1e-6 * size
     found = np.empty((18, 18))
     for i, one in enumerate(np.eye(18)):
         ends = []
         for sign in (1, -1):
-            held.load(chosen, forces + sign * h * one.reshape(6, 3))
-            ends.append(held.places()[chosen].ravel())
+            put(held, chosen, forces + sign * h * one.reshape(6, 3))
+            ends.append(held.places[chosen].ravel())
         found[:, i] = (ends[0] - ends[1]) / (2 * h)
-    held.load(chosen, forces)
-    exact = held.compliance()
+    put(held, chosen, forces)
+    exact = held.compliance(under_forces=True)
     np.testing.assert_allclose(exact, exact.T, atol=1e-7 * np.abs(exact).max())
     np.testing.assert_allclose(found, exact, atol=2e-7 * np.abs(exact).max())
 
 
 def test_places_and_turns_are_those_of_the_surface(patched):
-    held, skin = LoadedRobot(patched, DELTA), patched.model.skin
-    surface = skin.surface(held.held.rows)
+    held, skin = LoadedRobots.of(patched, DELTA), patched.model.skin
+    surface = skin.surface(held.held[0].rows)
     assert np.allclose(held.free, patched.patches.mean(surface), atol=1e-4)
-    R = patched.turns(held.held.rows, np.arange(len(patched.patches)))
+    R = patched.turns(held.held[0].rows, np.arange(len(patched.patches)))
     assert np.allclose(R @ R.swapaxes(1, 2), np.eye(3), atol=1e-12) and np.allclose(np.linalg.det(R), 1.0)
     angle = np.degrees(np.arccos((np.trace(R, axis1=1, axis2=2) - 1) / 2)).max()
     assert 1.0 < angle < 90.0  # the bar bends

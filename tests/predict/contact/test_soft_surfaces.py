@@ -182,7 +182,7 @@ def test_one_robot_among_obstacles_alone_does_as_a_touched_one(patched):
 def test_a_straight_robot_does_not_touch_itself(patched):
     found = ContactScene([PlacedModel(patched)]).go([[2.0]])
     assert found.converged and found.pressed == 0.0
-    assert np.array_equal(found.delta_e[0], patched.model.at_displacement([2.0]).delta_e)
+    assert np.array_equal(found.delta_e[0], patched.model.ends_at_displacement(np.array([2.0]))[0])
 
 
 def test_robots_that_overlap_at_first_are_refused(patched):

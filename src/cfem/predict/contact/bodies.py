@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import accumulate
 
 import numpy as np
 
@@ -14,6 +13,7 @@ from cfem.contact.pairs import Surroundings
 from cfem.contact.rigid_bodies import RigidBodies
 from cfem.predict.contact.state import ContactState
 from cfem.predict.contact.surface_model import SurfaceModel
+from cfem.predict.contact.surfaces import Surfaces
 
 
 @dataclass(frozen=True)
@@ -40,13 +40,15 @@ class Bodies:
     coefficient of friction.
 
     rigid: bodies that some of them are fixed to, None where all stand still
-    meet: whether robots may touch each other"""
+    meet: whether robots may touch each other
+    stacked: surfaces of the robots, joined once for many steps; None: by this scene"""
 
     robots: Sequence[PlacedModel]
     obstacles: ObstacleSet = field(default_factory=lambda: ObstacleSet(()))
     mu: float = 0.0
     rigid: RigidBodies | None = None
     meet: bool = True
+    stacked: Surfaces | None = None
 
     def __post_init__(self) -> None:
         demand_friction(self.mu)
@@ -57,14 +59,19 @@ class Bodies:
         return (self.meet and len(self.robots) > 1) or any(robot.itself for robot in self.robots)
 
     @cached_property
+    def surfaces(self) -> Surfaces:
+        """Surfaces of the robots: those of another step where the scene states them."""
+        return self.stacked or Surfaces([robot.patched for robot in self.robots])
+
+    @property
     def ends(self) -> list[int]:
         """Indices at which the patches of each robot begin among all, and their number."""
-        return list(accumulate((len(robot.patched.patches) for robot in self.robots), initial=0))
+        return self.surfaces.ends
 
-    @cached_property
+    @property
     def bodies(self) -> np.ndarray:
         """(N,) number of the robot of each patch."""
-        return np.repeat(np.arange(len(self.robots)), [len(robot.patched.patches) for robot in self.robots])
+        return self.surfaces.bodies
 
     @cached_property
     def R(self) -> np.ndarray:
@@ -75,16 +82,6 @@ class Bodies:
     def t(self) -> np.ndarray:
         """(r, 3) mm"""
         return np.array([robot.t for robot in self.robots], float)
-
-    @cached_property
-    def held_still(self) -> np.ndarray:
-        """(N,) bool: patches where a body is held, which touch nothing."""
-        return np.concatenate([robot.patched.held_still for robot in self.robots])
-
-    @cached_property
-    def most(self) -> int:
-        """Points that may touch obstacles at once."""
-        return max(robot.patched.most for robot in self.robots)
 
     @cached_property
     def length(self) -> float:

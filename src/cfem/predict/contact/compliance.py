@@ -11,25 +11,6 @@ from numba import njit
 from cfem.predict.loads.high_order import HighOrderMotion, beyond, slope
 
 
-class PatchCompliance(NamedTuple):
-    """Compliance of patches without forces.
-
-    U (3 c, k): their modes
-    local (3 c, 3 c) mm/N: what the modes leave of the compliance
-    total (3 c, 3 c) mm/N: all of it
-    flexibility (c,) mm/N: of each patch in its stiff directions
-    R (c, 3, 3): rotations since rest
-    dents (c, 3, 3, 3 + n_e) mm/N^2: change of the compliance of each patch, with itself and with the effectors, with a
-        force on it; in the robot's axes"""
-
-    U: np.ndarray
-    local: np.ndarray
-    total: np.ndarray
-    flexibility: np.ndarray
-    R: np.ndarray
-    dents: np.ndarray
-
-
 class LoadResponse(NamedTuple):
     """What forces on patches do.
 
@@ -38,7 +19,7 @@ class LoadResponse(NamedTuple):
     change (n_e + r, r) mm/N: of C_es and C_ss, seen in the mixtures
     modes: motion of the modes, with its first and second order
     bending: size of the second order of that motion over the first
-    places (c, 3) mm: motion of the patches by dents, beyond what `PatchCompliance.local` says
+    places (c, 3) mm: motion of the patches by dents, beyond what `PointCompliance.local` says
     slopes (c, 3, 3) mm/N: derivatives of `places` by the forces
     firsts, seconds (c,): shares of the first and of the second order that are taken
     bears: whether any of the forces is not 0"""
@@ -57,7 +38,7 @@ class LoadResponse(NamedTuple):
 
 @njit(cache=True, error_model="numpy")
 def patch_compliance(patches, modes, C_ss, R, basis, local, dented):
-    """U, local, total and dents of `PatchCompliance`: of patches (c,) among N with modes (N, 3, k); C_ss (k, k) mm/N;
+    """U, local, total and dents of `PointCompliance`: of patches (c,) among N with modes (N, 3, k); C_ss (k, k) mm/N;
     basis (terms,) of the series local (N, N, terms, 3, 3) and dented (terms, N, 3, 3, 3 + n_e)."""
     c, k, terms = len(patches), len(C_ss), len(basis)  # by loops: whole arrays take seconds to compile
     U, by_compliance = np.empty((3 * c, k)), np.zeros((3 * c, k))
@@ -135,25 +116,10 @@ def _dents(patches, R, basis, dented):
     return dents
 
 
-def load_response(
-    forces: np.ndarray,
-    C_ss: np.ndarray,
-    bends: np.ndarray,
-    D: np.ndarray,
-    U: np.ndarray,
-    flexibility: np.ndarray,
-    dents: np.ndarray,
-) -> LoadResponse:
-    """Response to forces (c, 3) N on patches. bends (k, r); D (r, n_e + r, r) mm/N^2; U, flexibility and dents of
-    `PatchCompliance`."""
-    w, v, change, *modes, bending, places, slopes, firsts, seconds, bears = _load_response(
-        forces, C_ss, bends, D, U, flexibility, dents
-    )
-    return LoadResponse(w, v, change, HighOrderMotion(*modes), bending, places, slopes, firsts, seconds, bears)
-
-
 @njit(cache=True, error_model="numpy")
-def _load_response(forces, C_ss, bends, D, U, flexibility, dents):  # a plain tuple: others are slow to pass on
+def load_response(forces, C_ss, bends, D, U, flexibility, dents):
+    """`LoadResponse` to forces (c, 3) N on patches. bends (k, r); D (r, n_e + r, r) mm/N^2; U, flexibility and dents of
+    `PointCompliance`."""
     c, (k, r), seen = len(forces), bends.shape, D.shape[1]
     w, v, change, by_mixture = np.zeros(k), np.zeros(r), np.zeros((seen, r)), np.zeros(r)
     bears = False
@@ -199,17 +165,14 @@ def _load_response(forces, C_ss, bends, D, U, flexibility, dents):  # a plain tu
             for b in range(3):
                 slopes[i, a, b] = inclined[a, b] - stiff[a, b]
         firsts[i], seconds[i] = dent.first, dent.second
-    return (
-        *(w, v, change, modes.motion, modes.first, modes.second, modes.across, modes.rank),
-        *(bending, places, slopes, firsts, seconds, bears),
-    )
+    return LoadResponse(w, v, change, modes, bending, places, slopes, firsts, seconds, bears)
 
 
 @njit(cache=True, error_model="numpy")
-def under_forces(total, local, U, bends, change, slopes, first, second, across, rank):
-    """Compliance (3 c, 3 c) mm/N of patches under forces: total, local and U of `PatchCompliance`; bends (k, r); change
-    (r, r) of C_ss, and slopes of `LoadResponse`; the rest of `HighOrderMotion`."""
-    n, (k, r) = len(total), bends.shape
+def under_forces(total, local, U, bends, change, slopes, modes):
+    """Compliance (3 c, 3 c) mm/N of patches under forces: total, local and U of `PointCompliance`; bends (k, r); change
+    (r, r) of C_ss, and slopes and modes of `LoadResponse`."""
+    n, (k, r), (_, first, second, across, rank) = len(total), bends.shape, modes
     V, along, by_change = np.zeros((r, n)), np.zeros(n), np.zeros((n, r))
     for i in range(n):
         for d in range(k):
@@ -236,7 +199,7 @@ def under_forces(total, local, U, bends, change, slopes, first, second, across, 
 @njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract"})
 def moved_places(free, flat, motion, patches, local, forces, dents):
     """Places (N, 3) mm of patches from places `free` (N, 3) mm, modes `flat` (3 N, k) having gone by motion (k,) mm.
-    Those of patches (c,) are also moved by forces (c, 3) N that act locally, by `local` of `PatchCompliance`, and by
+    Those of patches (c,) are also moved by forces (c, 3) N that act locally, by `local` of `PointCompliance`, and by
     dents (c, 3) mm."""
     places = np.empty_like(free)
     for p in range(len(free)):

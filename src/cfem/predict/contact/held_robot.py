@@ -4,16 +4,32 @@ It depends on the displacements of the actuators and on the wrench alone. Robots
 it, and so do the rounds of a step and steps in which actuators stay (`held`)."""
 
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
-from cfem.predict.contact.compliance import PatchCompliance
-from cfem.predict.contact.joint_dents import JointDents
 from cfem.predict.contact.surface_model import NONE, SurfaceModel
 
 HELD = 8  # states of held actuators that are kept of a model
 KEPT, FEW = 8, 64  # compliances that are kept, and of how many points at most
+
+
+class PointCompliance(NamedTuple):
+    """Compliance of points (c,) of the surface without forces, without the modes' part in `RobotNumbers`.
+
+    numbers: the later fields of `RobotNumbers`, from U on, joined: U (3 c, k) of the modes; local (3 c, 3 c) mm/N, what
+        the modes leave of the compliance, and total (3 c, 3 c) mm/N, all of it; flexibility (c,) mm/N of each point in
+        its stiff directions; dents (c, 3, 3, 3 + n_e) mm/N^2, change of the compliance of each point, with itself and
+        with the effectors, with a force on it; tip (n_e, 3 c) mm/N, what the modes leave of the effectors' compliance;
+        change of `JointDents`. In the robot's axes
+    triples: of `JointDents`, None where each point dents by itself"""
+
+    numbers: np.ndarray
+    triples: np.ndarray | None
+
+
+NO_POINTS = PointCompliance(np.zeros(0), None)
 
 
 class HeldRobot:
@@ -37,11 +53,14 @@ class HeldRobot:
             self.rows = self.rows + wrench @ (self.C_es + by_wrench.T / 2)
             self.C_es, self.C_ss = self.C_es + by_wrench.T, self.C_ss + among_rows
         self.D, self.bends, self.missing = (self.basis @ model.bent)[model.bent_at], model.bends, model.missing
-        self._points: dict[bytes, tuple[PatchCompliance, JointDents | None]] = {}
+        self.numbers = joined(np.array([self.missing]), self.rows, self.C_es, self.C_ss, self.bends, self.D)
+        self._points: dict[bytes, PointCompliance] = {}
 
-    def compliance_of(self, points: np.ndarray) -> tuple[PatchCompliance, JointDents | None]:
-        """Compliance of points (c,) of the surface, and their joint dents. Where it is not positive definite, the
-        nearest semidefinite matrix takes its place."""
+    def compliance_of(self, points: np.ndarray) -> PointCompliance:
+        """Compliance of points (c,) of the surface. Where it is not positive definite, the nearest semidefinite matrix
+        takes its place."""
+        if not len(points):
+            return NO_POINTS
         if len(points) > FEW:
             return self._found(points)
         key = points.tobytes()
@@ -51,7 +70,7 @@ class HeldRobot:
             self._points[key] = self._found(points)
         return self._points[key]
 
-    def _found(self, points: np.ndarray) -> tuple[PatchCompliance, JointDents | None]:
+    def _found(self, points: np.ndarray) -> PointCompliance:
         model, R = self.model, self.model.turns(self.rows, points)
         U, local, total, dents = model.compliance(points, self.C_ss, R, self.basis, self.delta)
         try:
@@ -60,14 +79,16 @@ class HeldRobot:
             sizes, axes = np.linalg.eigh(total)
             nearest = (axes * np.maximum(sizes, 0.0)) @ axes.T
             local, total = local + (nearest - total), nearest
-        return PatchCompliance(U, local, total, stiff_flexibility(total), R, dents), model.joint_dents(points, R)
+        tip = (self.basis @ model.local_tip[:, :, points].reshape(len(self.basis), -1)).reshape(-1, len(points), 3)
+        turned_tip, joint = R @ tip[:, :, :, None], model.joint_dents(points, R)
+        change, triples = (np.zeros(0), None) if joint is None else (joint.change, joint.triples)
+        return PointCompliance(joined(U, local, total, stiff_flexibility(total), dents, turned_tip, change), triples)
 
     @cached_property
     def alone(self) -> tuple[np.ndarray, np.ndarray]:
         """Displacements (n_e,) mm of the effectors and forces (n_a,) N of the actuators."""
         if self.wrench is None:
-            condensed = self.model.model.at_displacement(self.delta)
-            return condensed.delta_e, condensed.lambda_a
+            return self.model.model.ends_at_displacement(self.delta)
         loaded = self.model.wrenches.at(self.delta).under(self.wrench)
         return loaded.e, loaded.lam
 
@@ -87,10 +108,15 @@ class HeldRobot:
         return self.model.model.skin.compliance_slopes(self.delta, NONE)
 
     @cached_property
-    def cubic(self) -> tuple[np.ndarray, tuple[np.ndarray, ...]]:
-        """(n_a, c) 1/N^2 and three mixtures (c,) each: derivatives by the actuators of D[v, v, v], v loads on them."""
+    def cubic(self) -> tuple[np.ndarray, np.ndarray]:
+        """(n_a, c) 1/N^2 and three mixtures (3, c): derivatives by the actuators of D[v, v, v], v loads on them."""
         series, mixtures, slopes = self.model.cubic
         return self.basis @ slopes @ series, mixtures
+
+
+def joined(*arrays: np.ndarray) -> np.ndarray:
+    """All numbers of the arrays, one after another."""
+    return np.concatenate([array.reshape(-1) for array in arrays])
 
 
 def held(model: SurfaceModel, delta: np.ndarray, wrench: np.ndarray | None = None) -> HeldRobot:

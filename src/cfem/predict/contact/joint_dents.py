@@ -11,8 +11,6 @@ over h at the nodes that have been pressed. Without h this is the second order. 
 energy is cubic in the displacements. Newton's method finds h on the branch that begins without forces. Where a surface
 softens so far that it carries no more, D is halved."""
 
-from dataclasses import dataclass
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -32,8 +30,7 @@ class JointDents(NamedTuple):
     change: np.ndarray
 
 
-@dataclass(frozen=True)
-class DentedPlaces:
+class DentedPlaces(NamedTuple):
     """What forces do by dents.
 
     places: (c, 3) mm beyond C f
@@ -52,23 +49,12 @@ class DentedPlaces:
     factor: np.ndarray
     systems: int
 
-    @cached_property
-    def slopes(self) -> np.ndarray:
-        """(3 c, 3 c) mm/N: derivative of `places` by the forces, symmetric."""
-        return _slopes(self.change, self.mine, self.factor)
-
-
-def dented_places(
-    forces: np.ndarray, C: np.ndarray, dents: JointDents, pressed: np.ndarray, near: DentedPlaces | None = None
-) -> DentedPlaces:
-    """Places under forces (c, 3) N; pressed (c,) bool: nodes that give way. near: what is known of the same nodes under
-    other forces, from which the search begins. Where C - D[g] is positive definite there is one h at most."""
-    start = np.zeros(0) if near is None or near.share < 1 else near.h
-    return DentedPlaces(*_dented_places(forces, C, dents.triples, dents.change, pressed, start))
-
 
 @njit(cache=True, error_model="numpy")
-def _dented_places(forces, C, triples, change, pressed, start):
+def dented_places(forces, C, triples, change, pressed, start):
+    """`DentedPlaces` under forces (c, 3) N of nodes with compliance C (3 c, 3 c) mm/N and the fields of `JointDents`;
+    pressed (c,) bool: nodes that give way. start (p,): h of the same nodes under other forces that took all of D, from
+    which the search begins, or of another size: from 0. Where C - D[g] is positive definite there is one h at most."""
     c, b, p = len(forces), 0, 0
     place, f = np.full(c, -1), forces.copy().reshape(-1)
     for i in range(c):  # the others are moved, but neither bear forces nor give way
@@ -112,9 +98,9 @@ def _dented_places(forces, C, triples, change, pressed, start):
         for i in range(p):
             for j in range(p):
                 energy += h[i] * C_pp[i, j] * h[j] / 2
-        return moved.reshape(c, 3), energy, share, bent, mine, h, factor, systems
-    nothing = np.empty(0, dtype=np.int64)
-    return np.zeros((c, 3)), 0.0, 0.0, np.zeros((3 * c, 3 * c)), nothing, np.zeros(0), np.zeros((0, 0)), systems
+        return DentedPlaces(moved.reshape(c, 3), energy, share, bent, mine, h, factor, systems)
+    nothing, none = np.empty(0, dtype=np.int64), np.zeros((0, 0))
+    return DentedPlaces(np.zeros((c, 3)), 0.0, 0.0, np.zeros((3 * c, 3 * c)), nothing, np.zeros(0), none, systems)
 
 
 @njit(cache=True, error_model="numpy")
@@ -182,9 +168,12 @@ def _forwards(factor, by):
 
 
 @njit(cache=True, error_model="numpy")
-def _slopes(change, mine, factor):
-    """Derivative of the places: `change` and what gives way."""
-    half, slopes = change[mine], np.empty_like(change)
+def dent_slopes(change, mine, factor):
+    """(3 c, 3 c) mm/N: derivative of the places by the forces, symmetric; of fields of `DentedPlaces`."""
+    half, slopes = np.empty((len(mine), len(change))), np.empty((len(change), len(change)))
+    for r in range(len(mine)):
+        for j in range(len(change)):
+            half[r, j] = change[mine[r], j]
     _forwards(factor, half)
     for i in range(len(change)):
         for j in range(i, len(change)):
@@ -207,7 +196,7 @@ def changed(forces, triples, change):
     for row in range(len(forces)):
         loaded[row // 3] |= forces[row] != 0.0
     for t in range(len(triples)):
-        i, j, k = triples[t]
+        i, j, k = triples[t, 0], triples[t, 1], triples[t, 2]
         if not (loaded[i] or loaded[j] or loaded[k]):
             continue
         for a in range(3):
@@ -233,9 +222,13 @@ def _among(place, triples, change):
     for t in range(len(triples)):
         count += place[triples[t, 0]] >= 0 and place[triples[t, 1]] >= 0 and place[triples[t, 2]] >= 0
     chosen, some = np.empty((count, 3), dtype=np.int64), np.empty((count, 3, 3, 3))
-    for t in range(len(triples)):
-        i, j, k = place[triples[t, 0]], place[triples[t, 1]], place[triples[t, 2]]
-        if i >= 0 and j >= 0 and k >= 0:
-            chosen[n], some[n] = (i, j, k), change[t]
-            n += 1
+    for t in range(len(triples)):  # by loops: whole arrays take seconds to compile
+        if place[triples[t, 0]] < 0 or place[triples[t, 1]] < 0 or place[triples[t, 2]] < 0:
+            continue
+        for a in range(3):
+            chosen[n, a] = place[triples[t, a]]
+            for b in range(3):
+                for d in range(3):
+                    some[n, a, b, d] = change[t, a, b, d]
+        n += 1
     return chosen, some

@@ -158,7 +158,7 @@ def _dents(points, R, first, triples, dented):
             i, j, k = place[point], place[triples[t, 1]], place[triples[t, 2]]
             if j < 0 or k < 0:
                 continue
-            chosen[n] = i, j, k
+            chosen[n, 0], chosen[n, 1], chosen[n, 2] = i, j, k
             for a in range(3):
                 for b in range(3):
                     for d in range(3):

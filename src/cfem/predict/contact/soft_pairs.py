@@ -6,6 +6,7 @@ import numpy as np
 from cfem.contact.law.modes import Mode
 from cfem.contact.obstacle_set import ObstacleSet
 from cfem.contact.pairs import Memory, Pairs
+from cfem.predict.contact.bodies import Bodies
 from cfem.predict.contact.loaded_robots import LoadedRobots
 from cfem.predict.contact.state import ContactState
 
@@ -23,9 +24,9 @@ class SoftPairs:
     memory: from where slip counts
     step: mm by which patches last moved"""
 
-    def __init__(self, robots: LoadedRobots, before: ContactState | None, places: np.ndarray):
+    def __init__(self, robots: LoadedRobots, scene: Bodies, before: ContactState | None, places: np.ndarray):
         """Begins with the pairs of the state `before`, None: with those that are near at places (N, 3) mm."""
-        self.robots, self.surroundings, self.length = robots, robots.scene.surroundings, robots.scene.length
+        self.robots, self.scene, self.surroundings, self.length = robots, scene, scene.surroundings, scene.length
         self.memory, self.push, self.step = Memory(), {}, np.inf
         self.touching, self._settled_slots = Pairs.none(len(places)), frozenset()
         self._faces: dict[int, np.ndarray] = {}  # of what has touched in this step
@@ -39,7 +40,8 @@ class SoftPairs:
 
     def detect(self, places: np.ndarray) -> None:
         """Finds the pairs anew, of patches at places (N, 3) mm."""
-        self.pairs = self.surroundings.pairs(places, self.robots.normals(), self._faces, self.step)
+        normals = self.scene.normals(self.robots.rows, self.robots.R)
+        self.pairs = self.surroundings.pairs(places, normals, self._faces, self.step)
 
     def onwards(self, places: np.ndarray) -> None:
         """Moves the same pairs along with patches to places (N, 3) mm."""

@@ -62,7 +62,7 @@ class SurfaceModel(ABC):
     def compliance(
         self, points: np.ndarray, C_ss: np.ndarray, R: np.ndarray, basis: np.ndarray, delta: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """U, local, total and dents of `PatchCompliance`, of points (c,) turned by R (c, 3, 3). C_ss (k, k) mm/N of the
+        """U, local, total and dents of `PointCompliance`, of points (c,) turned by R (c, 3, 3). C_ss (k, k) mm/N of the
         modes; basis (terms,), values of the series at delta (n_a,) mm."""
 
     def joint_dents(self, points: np.ndarray, R: np.ndarray) -> JointDents | None:
@@ -190,9 +190,9 @@ class SurfaceModel(ABC):
         return np.concatenate([seen[:, None] + apart[:, None], mixtures], axis=1)
 
     @cached_property
-    def cubic(self) -> tuple[np.ndarray, tuple[np.ndarray, ...], np.ndarray]:
+    def cubic(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Series of bent[v, v, v], v loads on the mixtures, a symmetric cubic form: coefficients (terms, c) mm/N^2, the
-        three mixtures (c,) that each goes with, and derivatives (n_a, terms, terms) 1/mm of the series by delta_a."""
+        three mixtures (3, c) that each goes with, and derivatives (n_a, terms, terms) 1/mm of the series by delta_a."""
         from cfem.predict.series.derivatives import input_derivatives
 
         low, high = self.model.domain.delta_a
@@ -200,7 +200,7 @@ class SurfaceModel(ABC):
         orders = np.where((i == j) & (j == k), 1.0, np.where((i == j) | (j == k), 3.0, 6.0))
         by_delta = input_derivatives(self.degrees, np.diag(2 / (high - low)), len(low))
         slopes = np.stack([slope.toarray() for slope in by_delta])
-        return orders * self.bent[:, : len(i)], (i, j, k), slopes
+        return orders * self.bent[:, : len(i)], np.stack([i, j, k]), slopes
 
     @cached_property
     def _of_modes(self) -> tuple[np.ndarray, np.ndarray]:

@@ -26,6 +26,13 @@ class PotentialPredictor(ArrayPredictor):
         W, delta_free = condense(self.form, self.rows, s, part, self.sizes)
         return Condensed(self.rows, W, delta_free, s if self.form == "force" else part["gradient"])
 
+    def ends_at_displacement(self, delta_a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        if self.parameters or self.form == "force":
+            return super().ends_at_displacement(delta_a)
+        self._demand_near(delta_a, *self.domain.delta_a, "displacements", 0)
+        part = self.parts(delta_a, delta_a[:0])
+        return part["effector"], part["gradient"]
+
     def slopes(self, delta_a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Forces lambda_a (B, n_a) and d lambda_a / d delta_a (B, n_a, n_a) at delta_a (B, n_a) mm and the scene's own
         parameters, for users who need nothing of the effectors."""

@@ -96,7 +96,7 @@ class LearnedSkin:
         packed, k = self._at(self._compliance_basis, s, q) @ self._compliance.T, len(self)
         across = self._n_e * k
         C_es = packed[..., :across].reshape(*packed.shape[:-1], self._n_e, k)
-        return C_es, packed[..., across:][..., unpacking(k)]
+        return C_es, packed[..., across:][..., self._unpacking]
 
     def compliance_slopes(self, s: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Derivatives (n_a, n_e, k) and (n_a, k, k) of `compliance` by s (n_a,)."""
@@ -105,7 +105,7 @@ class LearnedSkin:
         slopes = np.bincount(rows, entries * values[columns], self._n_a * len(values))
         packed = slopes.reshape(-1, len(values)) @ self._compliance.T
         C_es, C_ss = np.split(packed, [self._n_e * k], axis=1)
-        return C_es.reshape(-1, self._n_e, k), C_ss[:, unpacking(k)]
+        return C_es.reshape(-1, self._n_e, k), C_ss[:, self._unpacking]
 
     def joined(self, condensed: Condensed, s: np.ndarray, q: np.ndarray, softer: float = 1.0) -> Condensed:
         """The condensed robot with the rows of the skin. s, q: inputs of the reference at which it is; softer: how much
@@ -127,6 +127,10 @@ class LearnedSkin:
         free[kept] = condensed.delta_free
         free[rows.s] = self.rows(s, q) - W_sa @ condensed.lam
         return Condensed(rows, W, free, condensed.lam)
+
+    @cached_property
+    def _unpacking(self) -> np.ndarray:
+        return unpacking(len(self))
 
     @cached_property
     def _slopes_T(self) -> np.ndarray:
