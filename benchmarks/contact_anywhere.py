@@ -1,11 +1,11 @@
 """A learned robot pressed onto obstacles at unseen places, against finite elements whose surface touches the same.
 
-python benchmarks/contact_anywhere.py SCENE MODEL [--places 30] [--patches 6] [--mu 0.5] [--seed 1]
+python benchmarks/contact_anywhere.py SCENE MODEL [--places 30] [--patches 6 | --nodes] [--mu 0.5] [--seed 1]
 
-The places are those of `cfem.surrogate.contact_error`: a sphere, a plane or the edge of a box comes in by 0.25 to
-1.25 % of the length. Prints the largest and the median error of force and tip; whether bounds of the sum of forces and
-of the tip, made at half of the places, hold at the others; and the processor time of a learned step with ten pads, each
-of which presses on one patch, in C too, and alone with `--places 0`."""
+The places are those of `cfem.surrogate.contact_error`: one to three of spheres, planes and edges of boxes come in by
+0.25 to 1.25 % of the length. Prints the largest and the median error of forces and tip; whether bounds made at some of
+the places hold at the others; and, with patches, the processor time of a learned step with ten pads, each of which
+presses on one patch, in C too, and alone with `--places 0`."""
 
 import argparse
 import tempfile
@@ -18,23 +18,26 @@ import numpy as np
 from cfem.contact.obstacle import Obstacle
 from cfem.contact.obstacle_set import ObstacleSet
 from cfem.core.artefact.content import artefact_content
+from cfem.equilibrium.system.robot import Robot
 from cfem.export.compiled.build import compiler
 from cfem.export.compiled.touch import CompiledTouch
 from cfem.export.firmware.folder import write_c
 from cfem.export.firmware.touch import write_c_touch
 from cfem.export.spec import CSpec
-from cfem.predict.contact.error import bending
-from cfem.predict.contact.kept_patches import patched_model_of
+from cfem.predict.contact.error import contact_error, sizes
+from cfem.predict.contact.kept_patches import node_model_of, patched_model_of
 from cfem.predict.contact.patched_model import PatchedModel
 from cfem.predict.contact.scene import contact_step
+from cfem.predict.contact.surface_model import SurfaceModel
 from cfem.predict.load import load_model, read_model, read_vectors
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh
 from cfem.robot.spec import scene_meaning
-from cfem.surrogate.calibration import ENOUGH, bound
-from cfem.surrogate.contact_error import outward, placed, pressed_places
+from cfem.surrogate.calibration import ENOUGH
+from cfem.surrogate.contact_error import Pressed, error_at, outward, placed, pressed_places
 
 IN = np.arange(1, 11) / 100  # mm: depths of pads
+SPLITS = 100
 
 
 def main() -> None:
@@ -43,6 +46,7 @@ def main() -> None:
     parser.add_argument("model", type=Path)
     parser.add_argument("--places", type=int, default=30)
     parser.add_argument("--patches", type=float, default=6.0, help="distance of patches, mm")
+    parser.add_argument("--nodes", action="store_true", help="touch at every node")
     parser.add_argument("--mu", type=float, default=0.0)
     parser.add_argument("--seed", type=int, default=0, help="of the places")
     given = parser.parse_args()
@@ -53,53 +57,65 @@ def main() -> None:
         "mesh": artefact_content(given.scene.parent / scene.out),
         "loads": {},
     }
-    patched = patched_model_of(model, given.model, robot, made_of, given.patches)
-    patches, own = patched.patches, patched.by_fe.own
-    print(f"{len(patches)} patches, their compliance at {len(patched.by_fe.states)} states; {len(model.skin)} modes")
-    size = np.diag(own[0]).reshape(-1, 3).sum(axis=1)
-    loose, rng = np.flatnonzero(size > 0.1 * size.max()), np.random.default_rng(given.seed)
-    forces, tips, failed, points, judged = [], [], 0, ~np.array(model.rows.turns), []
-    for place in islice(pressed_places(patched, robot, given.mu, given.seed), given.places):
+    touched: SurfaceModel = (
+        node_model_of(model, given.model, robot, made_of)
+        if given.nodes
+        else patched_model_of(model, given.model, robot, made_of, given.patches)
+    )
+    what, states = "nodes" if given.nodes else "patches", len(touched.by_fe.states)
+    print(f"{len(touched.patches)} {what}, their compliance at {states} states; {len(model.skin)} modes")
+    at_places(touched, robot, given.places, given.mu, given.seed)
+    size, rng = touched.flexibility.sum(axis=1), np.random.default_rng(given.seed)
+    loose = np.flatnonzero(size > 0.1 * size.max())
+    for _ in range(0 if given.nodes else 4):
+        ten_pads(given.model, touched, rng.choice(loose, 10, replace=False), given.mu)
+
+
+def at_places(touched: SurfaceModel, robot: Robot, count: int, mu: float, seed: int) -> None:
+    """Prints errors at so many places, and how often bounds made of some hold at the others."""
+    known = []
+    for place in islice(pressed_places(touched, robot, mu, seed), count):
+        what = f"  {', '.join(place.kinds):20s} {place.depths.max():.2f} mm: "
         if not place.converged:
-            failed += 1
-            print(f"  {place.kind:6s}: {place.learned.status.value}; finite elements: {place.full.status.value}")
+            print(f"{what}{place.learned.status.value}; finite elements: {place.full.status.value}")
             continue
-        found, solved, mine, near = place.learned, place.full.solved[0], place.learned.forces, place.near
-        exact = solved.lambda_c.reshape(-1, 3)
-        largest = np.linalg.norm(exact, axis=1).max()
-        unseen = np.delete(np.linalg.norm(mine, axis=1), near).max()
-        forces.append(max(np.linalg.norm(mine[near] - exact, axis=1).max(), unseen) / largest)
-        tips.append(np.linalg.norm(found.delta_e[0] - solved.delta_e))
-        away = np.linalg.norm(solved.delta_e - model.at_displacement(found.deltas[0]).delta_e)
-        if found.trusted:
-            judged.append((bending(found), *place.errors(points)))
+        known += [place] if place.known else []
+        force, tip = place.errors(touched)
+        pressing, moved = sizes(touched, place.learned)
         print(
-            f"  {place.kind:6s} {place.depth:.2f} mm: largest force {largest:.3f} N on {np.sum(exact.any(axis=1))} of "
-            f"{len(near)}, worst error {100 * forces[-1]:.1f} %; tip moved {away:.2f} mm, error {tips[-1]:.3f} mm"
-            f"{'' if found.trusted else '; NOT KNOWN'}",
+            f"{what}{pressing:.3f} N, {100 * force:.2f} % off; tip moved {moved:.2f} mm, {100 * tip:.2f} % off"
+            f"{'' if place.learned.trusted else '; NOT KNOWN'}",
             flush=True,
         )
-    if forces:
-        for name, values, unit in (("force", 100 * np.array(forces), "%"), ("tip", np.array(tips), "mm")):
-            middle, largest = f"{np.median(values):.3g} {unit}", f"{values.max():.3g} {unit}"
-            print(f"{name}: median {middle}, largest {largest} of {len(values)} places, {failed} without a state")
-    if len(judged) > 2 * ENOUGH:
-        L, *errors = np.array(judged).T
-        for name, values in zip(("sum of forces", "tip by its motion"), errors, strict=True):
-            print(f"{name}: median {100 * np.median(values):.2g} %, {held(values, L)}")
-    for _ in range(4):
-        ten_pads(given.model, patched, rng.choice(loose, 10, replace=False), given.mu)
+    if known:
+        print(f"{count} places, {len(known)} trusted")
+        errors = 100 * np.array([place.errors(touched) for place in known])
+        for name, values in zip(("force", "tip"), errors.T, strict=True):
+            print(f"{name}: median {np.median(values):.2g} %, largest {values.max():.2g} %")
+    for part in sorted({ENOUGH + 1, len(known) // 2}):
+        if len(known) > part > 1:
+            print(f"calibrated with {part}: {held(touched, known, part, mu)}")
 
 
-def held(errors: np.ndarray, L: np.ndarray) -> str:
-    """Coverage of places that took no part, and bound over error, of bounds from half of the places, 200 times."""
+def held(touched: SurfaceModel, known: list[Pressed], count: int, mu: float) -> str:
+    """Coverage of places that took no part in a calibration with `count`, and bound over error, SPLITS times."""
     rng, rows = np.random.default_rng(0), []
-    for _ in range(200):
-        mine, others = np.split(rng.permutation(len(L)), [len(L) // 2])
-        most = bound(errors[mine], L[mine]).at(L[others])
-        rows.append(((errors[others] <= most).mean(), np.median(most / np.maximum(errors[others], 1e-12))))
-    coverage, ratio = np.mean(rows, axis=0)
-    return f"within the bound at {100 * coverage:.0f} % of the others, which is {ratio:.2g} times the error"
+    alone = np.array([len(place.kinds) == 1 for place in known])
+    errors = np.array([place.errors(touched) for place in known]) * [sizes(touched, place.learned) for place in known]
+    for _ in range(SPLITS):
+        mine, others = np.split(rng.permutation(len(known)), [count])
+        stated = error_at(touched, [known[number] for number in mine], 0, mu)
+        bounds = [contact_error(stated, touched, known[number].learned) for number in others]
+        most = np.array([(each.force, each.tip) for each in bounds])
+        within, several = errors[others] <= most, ~alone[others]
+        ratio = np.median(most / np.maximum(errors[others], 1e-12), axis=0)
+        rows.append([*(part.mean(axis=0) for part in (within, within[~several], within[several])), ratio])
+    (force, *of_force), (tip, *of_tip) = np.nanmean(rows, axis=0).T
+    return "; ".join(
+        f"{name} within the bound at {100 * all_of_them:.0f} % of the others, at {100 * one:.0f} % of those with one "
+        f"obstacle, {100 * several:.0f} % with several; the bound is {ratio:.2g} times the error"
+        for name, all_of_them, (one, several, ratio) in (("force", force, of_force), ("tip", tip, of_tip))
+    )
 
 
 def ten_pads(folder: Path, patched: PatchedModel, where: np.ndarray, mu: float) -> None:

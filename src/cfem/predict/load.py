@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
@@ -15,6 +16,7 @@ from cfem.core.optional import demand
 from cfem.core.reading import checked, read_npz, take
 from cfem.predict.array_predictor import build
 from cfem.predict.card import ABSENT, FORMAT, ModelCard
+from cfem.predict.contact.kept_error import contact_errors
 from cfem.predict.kinds import energy_net, mlp, spectral  # noqa: F401  (each joins KINDS)
 from cfem.predict.protocol import Predictor
 from cfem.predict.rows import kind as row_kind  # noqa: F401  (joins KINDS)
@@ -87,6 +89,7 @@ def with_skin(predictor: Predictor, folder: Path) -> Predictor:
         return skin
 
     predictor.skin_source = read
+    predictor.contact_errors_source = partial(contact_errors, folder)
     return predictor
 
 

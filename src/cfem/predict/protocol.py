@@ -21,6 +21,7 @@ from cfem.predict.series.skin import LearnedSkin
 from cfem.predict.series.state_error import state_error
 
 if TYPE_CHECKING:
+    from cfem.predict.contact.error import ContactError
     from cfem.predict.workspace import Workspace
 
 _PUSHES = 0.1  # of the largest force: training states beyond so much of the other sign mean actuators that push
@@ -64,6 +65,7 @@ class Predictor(ABC):
         self._learned = [i for i, parameter in enumerate(self.parameters) if not parameter.exact]
         self._exact = [i for i, parameter in enumerate(self.parameters) if parameter.exact]
         self.skin_source: Callable[[], LearnedSkin | None] = lambda: None
+        self.contact_errors_source: Callable[[], tuple[Any, ...]] = tuple
 
     @cached_property
     def skin(self) -> LearnedSkin:
@@ -73,6 +75,12 @@ class Predictor(ABC):
             do = "sample it with `skin: {}` in sample.yaml, and train again"
             raise InputError(f"the model of scene '{self.meta['scene']}' has no skin", do=do)
         return skin
+
+    @property
+    def contact_errors(self) -> "tuple[ContactError, ...]":
+        """Errors of the model's contact with obstacles that are kept beside its folder, one for each kind of contact
+        and friction that `cfem control` has met; none of a model that was not read from a folder."""
+        return self.contact_errors_source()
 
     @property
     def facets(self) -> np.ndarray:

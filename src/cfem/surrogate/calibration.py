@@ -111,6 +111,11 @@ def bound(
     return stated
 
 
+def proportional(errors: np.ndarray, extrapolation: np.ndarray) -> ErrorBound:
+    """Bound from errors (n,) that are known to grow in proportion to a measure (n,)."""
+    return ErrorBound(everywhere=_quantile(errors), factor=_quantile(errors / extrapolation), power=1.0)
+
+
 def powers(errors: np.ndarray, extrapolation: np.ndarray) -> tuple[float, np.ndarray]:
     """Slope of the logarithms of errors (n,) over those of the extrapolation, and the slopes (n,) without each."""
     x, y = np.log(extrapolation), np.log(np.maximum(errors, max(_NOTHING * errors.max(), np.finfo(float).tiny)))

@@ -17,6 +17,8 @@ from cfem.control.open_loop.summary import headline, judged, record, summarise
 from cfem.control.task.goals.doubts import left_out
 from cfem.control.task.goals.trajectory_spec import has_been, meant_beyond
 from cfem.control.task.loads import load_doubts
+from cfem.control.task.obstacles.spec import ObstaclesSpec
+from cfem.control.task.obstacles.stated import stated_errors
 from cfem.control.task.prepared import Prepared
 from cfem.control.task.run_spec import FE_BASED, LoadedSpec, PlannedSpec
 from cfem.core.artefact.judgement import KEY
@@ -59,6 +61,10 @@ def carry_out(folder: Path, spec: PlannedSpec, base: Path, prepared: Prepared, k
     if prepared.world:
         figures, sentences = prepared.world.results(spec, records)
         lines = [*sentences, *lines]
+    contact_error = None
+    if isinstance(spec, ObstaclesSpec):
+        contact_error, sentences = stated_errors(prepared.predictors, spec.error_places, records, prepared.rest_e)
+        lines += sentences
         held, met = (held | figures, None) if holding else (None, figures)
     if prepared.touched and prepared.touched.commands:  # none where the model is its own plant
         lines.append(prepared.touched.sentence())
@@ -74,6 +80,7 @@ def carry_out(folder: Path, spec: PlannedSpec, base: Path, prepared: Prepared, k
         ],
         "object": held,
         "obstacles": met,
+        "contact_error": contact_error,
         "load_error": prepared.load_error,
         "plant": spec.plant,
         "trajectories": results,
@@ -141,6 +148,8 @@ def _write_table(path: Path, records: list[dict], prepared: Prepared) -> None:
         "delta_a": displacements,
         "lambda_a": forces,
         "contact": "N",
+        "model_error": "mm",
+        "force_error": "N",
         "predicted_e": "mm",
         "rotation_error": "deg",
         "step_us": "us",

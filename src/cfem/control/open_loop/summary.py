@@ -1,6 +1,7 @@
 """Tracked goals to rows of a table and to the numbers of the headline."""
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -57,6 +58,7 @@ def record(
         "inside": tracked.inside,
         "distance_to_data": tracked.distance,
         "model_error": np.nan if plan.model_error is None else plan.model_error,
+        **({} if world is None else {"force_error": _force_error(plan.iterate.condensed)}),
         "status": plan.status.value,
         "plant_status": measured.status,
         "iterations": plan.iterations,
@@ -66,6 +68,12 @@ def record(
         "seconds": plan.seconds,
         "step_us": 1e6 * plan.seconds / max(plan.iterations, 1),
     }
+
+
+def _force_error(condensed: Any) -> float:
+    """N, bound of the error of the force of each obstacle; NaN where none is stated."""
+    bounds = getattr(condensed, "bounds", None)
+    return np.nan if bounds is None else bounds.force
 
 
 def summarise(records: Sequence[dict], length: float, counted: Sequence[str] | None = None) -> dict:

@@ -1,8 +1,13 @@
-"""The error of the contact of a learned robot, calibrated on finite elements that touch the same.
+"""The error of the contact of a learned robot among rigid obstacles, calibrated on finite elements that touch the same.
 
-What forces do is the further off the further they bend the robot, and `ContactState.error` estimates how far. The error
-of a state is factor L^power, where L is that estimate, as `cfem.condensed.model_error` has it of the place in the
-domain."""
+Most of the error of a force is that of the place at which a point of the surface would be if nothing touched it: a
+surface that is off by eps, pressed in by d, feels a force that is off by eps / d of it. The error of a state is factor
+L^power, as `cfem.condensed.model_error` has it of the place in the domain, with
+
+    L = n^2 (1 + (eps / d) / FLOOR)
+
+of n obstacles that touch; eps and d are means over the touching points, by their forces. With a square bounds hold of
+one and of several alike (docs/figures/model-error.md)."""
 
 from dataclasses import dataclass
 
@@ -10,52 +15,93 @@ import numpy as np
 from pydantic import Field
 
 from cfem.condensed.model_error import ErrorBound
+from cfem.contact.pairs import Pressing
 from cfem.core.reading import Data
 from cfem.predict.contact.state import ContactState
+from cfem.predict.contact.surface_model import NONE, SurfaceModel
 
-LEAST = 1e-3  # of `ContactState.error`: below it the estimate says no more
+FLOOR = 1e-3  # of force and motion: what is off besides
+TINY = np.finfo(float).tiny
 
 
 class ContactError(Data):
-    """Bounds of the error of the contact of one robot with one obstacle, of trusted states.
+    """Bounds of the error of the contact of one robot with rigid obstacles, of trusted states.
 
-    force: of the sum of forces on the robot, relative to it; tip: of all effector points together, relative to how far
-    forces move them
+    force: of the force by any of the obstacles, relative to the sum of all of them (`sizes`); tip: of how forces move
+    all effector points together, relative to the sum of what each obstacle's do
     probability: that a bound holds at a place like those of the calibration; places: of it; left_out: those that were
-    not trusted, or where no state was found; friction: coefficient at these places"""
+    not trusted, or where no state was found; friction: coefficient at these places; most: obstacles that touched at
+    once
+    off: (N,) mm, root mean squares of how far each point of the surface is off along its normal where nothing
+    touches"""
 
     probability: float = Field(gt=0, lt=1)
     places: int = Field(ge=1)
     left_out: int = Field(ge=0)
     friction: float = Field(ge=0)
+    most: int = Field(ge=1)
+    off: list[float]
     force: ErrorBound
     tip: ErrorBound
+
+    @property
+    def percent(self) -> str:
+        """The probability in words: '95 %'."""
+        return f"{100 * self.probability:.0f} %"
 
 
 @dataclass(frozen=True)
 class ContactBounds:
-    """Bounds of the error of one contact state, infinite where it is not trusted.
+    """Bounds of the error of one contact state, infinite where it is not trusted, or more touches than in calibration.
 
-    force: N, of the sum of forces; tip: mm, of all effector points together"""
+    force: N, of the force by any of the obstacles; tip: mm, of how forces move all effector points together"""
 
     force: float
     tip: float
 
 
-def bending(state: ContactState) -> float:
-    """Measure L of the bounds, 1 at least: how far forces bend the robot beyond what is known of it."""
-    return max(state.error, LEAST) / LEAST
-
-
-def contact_error(stated: ContactError, state: ContactState, points: np.ndarray) -> ContactBounds:
-    """Bounds of the first robot's error at a state. points: (n_e,) bool, effector rows that are no turns."""
-    force, moved = sizes(state, points)
-    if not state.converged or not state.trusted:
+def contact_error(stated: ContactError, touched: SurfaceModel, state: ContactState) -> ContactBounds:
+    """Bounds of a robot's error at a state among rigid obstacles; touched: the robot's model."""
+    force, moved = sizes(touched, state)
+    count = len(touching(state))
+    if not state.converged or not state.trusted or count > stated.most:
         return ContactBounds(np.inf, np.inf)
-    L = np.array(bending(state))
+    L = np.array(measure(np.array(stated.off), state))
     return ContactBounds(float(stated.force.at(L)) * force, float(stated.tip.at(L)) * moved)
 
 
-def sizes(state: ContactState, points: np.ndarray) -> tuple[float, float]:
-    """N, the sum of forces on the first robot, and mm by which they move its effector points."""
-    return float(np.linalg.norm(state.forces.sum(axis=0))), float(np.linalg.norm(state.moved[0][points]))
+def measure(off: np.ndarray, state: ContactState) -> float:
+    """L of the bounds, 1 at least; off (N,) mm as `ContactError` has it."""
+    pressing, force = state.pressing, np.linalg.norm(forces_of(state, touching(state)), axis=1).sum()
+    if not force or not pressing.sum() > 0:
+        return 1.0
+    eps = float(pressing @ off[state.pairs.points] / pressing.sum())
+    travel = max(2 * state.stored / force, TINY)  # the forces have done their work on this way
+    return len(touching(state)) ** 2 * (1 + eps / travel / FLOOR)
+
+
+def sizes(touched: SurfaceModel, state: ContactState) -> tuple[float, float]:
+    """N, the sum of the forces of all obstacles, each as a vector, and mm by which each of them moves the effector
+    points, added up too: where obstacles press against each other, errors are not as small as what is left."""
+    met, model = touching(state), touched.model
+    forces, points = forces_of(state, met), ~np.array(model.rows.turns)
+    C_es = model.skin.compliance(state.deltas[0], NONE)[0][points]
+    each = [
+        C_es @ np.einsum("pik,pi->k", touched.U[state.pairs.points[mine]], state.push[mine])
+        for mine in (state.among(0, number) for number in met)
+    ]
+    apart, together = sum(map(np.linalg.norm, each)), np.linalg.norm(sum(each))
+    moved = float(np.linalg.norm(state.moved[0][points]))
+    return float(np.linalg.norm(forces, axis=1).sum()), moved * float(apart / together if together > 0 else 1.0)
+
+
+def touching(state: Pressing) -> list[int]:
+    """Numbers of the obstacles that press the first robot, the body 0, as `pairs` have them."""
+    mine = (state.bodies[state.pairs.points] == 0) & state.push.any(axis=1)
+    return np.unique(state.pairs.partners[mine]).tolist()
+
+
+def forces_of(state: Pressing, met: list[int]) -> np.ndarray:
+    """(o, 3) N on the first robot by the bodies and obstacles `met`."""
+    pushed = [state.push[state.among(0, number)].sum(axis=0) for number in met]
+    return np.array(pushed).reshape(-1, 3)

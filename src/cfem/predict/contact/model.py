@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from cfem.condensed import Condensed, Rows
+from cfem.condensed.model_error import StateError
 from cfem.contact.obstacle import Obstacle
 from cfem.contact.obstacle_set import ObstacleSet
 from cfem.contact.pairs import numbers_of
@@ -27,6 +28,7 @@ from cfem.core.errors import NumericalError
 from cfem.equilibrium.quasi_static import CONVERGED, carried_out
 from cfem.predict.contact.bodies import PlacedModel
 from cfem.predict.contact.clearance import clearance
+from cfem.predict.contact.error import ContactBounds, ContactError, contact_error
 from cfem.predict.contact.scene import SHARE, ContactScene
 from cfem.predict.contact.state import TRUSTED, ContactState
 from cfem.predict.contact.surface_model import SurfaceModel
@@ -40,10 +42,12 @@ Step = Callable[[Any, Any, ContactState | None], ContactState]  # from where, to
 
 @dataclass(frozen=True)
 class InContact(Condensed):
-    """Condensed robot in contact. error, deep: as `ContactState` has them."""
+    """Condensed robot in contact. error, deep: as `ContactState` has them. bounds: of what contact adds to the model's
+    error, None where nobody has stated any."""
 
     error: float
     deep: bool
+    bounds: ContactBounds | None = None
 
 
 @dataclass
@@ -60,7 +64,8 @@ class ContactModel:
     share: of the run, where moving things are now (`pass_to`)
     others: robots that it may touch, by name, each placed and with the course of its actuators
     itself: the name under which it touches itself, or none
-    unilateral: (n_a,) bool, actuators that go slack at `pass_to` where they would push; plans hold them"""
+    unilateral: (n_a,) bool, actuators that go slack at `pass_to` where they would push; plans hold them
+    stated: error of its contact, None where nobody has calibrated it"""
 
     patched: SurfaceModel
     solid: Mapping[str, Obstacle]
@@ -74,6 +79,7 @@ class ContactModel:
     others: Mapping[str, tuple[PlacedModel, ActuatedRobot]] = field(default_factory=dict)
     itself: tuple[str, ...] = ()
     unilateral: np.ndarray | None = None
+    stated: ContactError | None = None
 
     @cached_property
     def rows(self) -> Rows:
@@ -236,7 +242,23 @@ class ContactModel:
         W[rows.e, rows.e], W[rows.e, rows.a], W[rows.a, rows.e], W[rows.a, rows.a] = W_ea @ J.T, W_ea, W_ea.T, W_aa
         delta = np.concatenate([e, delta_a])
         error, deep = (0.0, False) if state is None else (state.error, state.deep)
-        return InContact(rows, W, delta - W[:, rows.a] @ lam, lam, error, deep)
+        return InContact(rows, W, delta - W[:, rows.a] @ lam, lam, error, deep, self._bounds(state))
+
+    def _bounds(self, state: ContactState | None) -> ContactBounds | None:
+        if state is None or self.stated is None:
+            return None
+        return contact_error(self.stated, self.patched, state)
+
+    def error(self, condensed: Condensed) -> StateError | None:
+        """Bound of the tip's error at a state found with the model, of the robot alone and by contact; of nothing else.
+        None where the error of the contact is not known."""
+        bounds = getattr(condensed, "bounds", None)
+        if bounds is None:
+            return None
+        alone = self.patched.model.error(condensed)
+        tip = np.array(bounds.tip) + (0.0 if alone is None else alone.tip)
+        rows = condensed.rows
+        return StateError(self.stated.probability, tip, np.full(rows.n_a, np.nan), np.full((rows.n, rows.n), np.nan))
 
     def _sides(
         self, delta_a: np.ndarray, step: np.ndarray, near: ContactState, middle: tuple[np.ndarray, np.ndarray]

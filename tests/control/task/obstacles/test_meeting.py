@@ -23,7 +23,7 @@ def control(bar, name, obstacles, **more):
         "out": f"../../data/bar/{name}",
         "trajectories": GOALS,
         "search": {"step": "0.5 mm"},
-        **({"obstacles": obstacles, "contact": {"patches": "8 mm"}} if obstacles else {}),
+        **({"obstacles": obstacles, "contact": {"patches": "8 mm", "error_places": 0}} if obstacles else {}),
         **more,
     }
     path = bar / "pipelines" / "bar" / f"{name}.yaml"
@@ -45,12 +45,25 @@ def test_a_stated_force_is_what_finite_elements_feel(bar):
     assert "2 of 2 commands carried out" in found["headline"][-1]
 
 
+def test_the_error_of_the_contact_is_stated_and_kept(bar):
+    """Few places, which promise little; the second run calibrates no more."""
+    obstacles = {"ceiling": {**CEILING, "press": "30 mN"}}
+    more = {"search": {"step": "0.5 mm", "weights": [0, 0, 0]}, "contact": {"patches": "8 mm", "error_places": 4}}
+    found = cfem.run_stage("control", control(bar, "stated", obstacles, **more))["results"]
+    stated = found["contact_error"]["spectral"]
+    assert stated["places"] + stated["left_out"] == 4 and stated["goals"] == stated["stated"] == 2
+    assert any(line.startswith("contact by spectral: force of each obstacle within") for line in found["headline"])
+    rows = read_table(bar / "data" / "bar" / "stated" / "trajectories.parquet").to_pylist()
+    assert all(0 < row["force_error"] < 0.2 * 0.03 and 0 < row["model_error"] < 1.0 for row in rows)
+    assert len(cfem.load_model(bar / "models" / "bar" / "spectral").contact_errors) == 1
+
+
 @pytest.mark.slow
 def test_a_stated_force_is_what_finite_elements_feel_that_touch_at_every_node(bar, monkeypatch):
     """Plan and FE robot touch at nodes unless patches are asked for."""
     monkeypatch.delattr("cfem.control.task.obstacles.meeting.patched_model_of")
     obstacles = {"ceiling": {**CEILING, "press": "30 mN"}}
-    more = {"search": {"step": "0.5 mm", "weights": [0, 0, 0]}, "contact": {}}
+    more = {"search": {"step": "0.5 mm", "weights": [0, 0, 0]}, "contact": {"error_places": 0}}
     found = cfem.run_stage("control", control(bar, "press-mesh", obstacles, **more))["results"]
     met = found["obstacles"]["ceiling"]
     assert met["wanted"] == pytest.approx(0.03) and met["error_max"] < 0.05 * 0.03

@@ -13,11 +13,14 @@ from cfem.control.task.obstacles.clearance import demand_apart, demand_outside, 
 from cfem.control.task.obstacles.read import ReadObstacles, naming, read_obstacles
 from cfem.control.task.obstacles.spec import ObstaclesSpec
 from cfem.control.task.obstacles.world import ObstacleWorld, world_of
+from cfem.core.errors import NumericalError
 from cfem.core.spec import meaning
 from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
 from cfem.equilibrium.system.robot import Robot
 from cfem.plant.touch_plant import TouchPlant
 from cfem.predict.contact.bodies import PlacedModel
+from cfem.predict.contact.error import ContactError
+from cfem.predict.contact.kept_error import kept_contact_error
 from cfem.predict.contact.kept_patches import node_model_of, patched_model_of
 from cfem.predict.contact.model import ContactModel
 from cfem.predict.contact.obstacle_spec import RobotObstacle
@@ -26,6 +29,7 @@ from cfem.predict.protocol import Predictor
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh, made_from
 from cfem.robot.same_robot import demand_robot
+from cfem.surrogate.contact_error import calibrated_contact
 
 
 @dataclass(frozen=True)
@@ -56,7 +60,8 @@ def with_obstacles(
     for name, model in predictors.items():
         with naming(models[name]):
             touched = _touched(spec, model, models[name], robot, made_of)
-        learned[name] = _contact_model(spec, obstacles, others, touched, robot)
+            stated = _stated(spec, touched, models[name], robot, made_of)
+        learned[name] = _contact_model(spec, obstacles, others, touched, robot, stated)
         demand_apart(learned[name])
     first, model = next(iter(learned.values())), next(iter(predictors.values()))
     points: Patches | SurfacePoints = first.patched.patches
@@ -76,12 +81,28 @@ def _touched(
     return patched_model_of(model, folder, robot, made_of, *spec.contact.cut)
 
 
+def _stated(
+    spec: ObstaclesSpec, touched: SurfaceModel, folder: Path, robot: Robot, made_of: Mapping[str, Any]
+) -> ContactError | None:
+    """Error of the contact of a model of `folder`; None where the spec asks for none, or no place tells it."""
+    mu, places = spec.contact.friction, spec.error_places
+
+    def solve() -> ContactError | None:
+        try:
+            return calibrated_contact(touched, robot, places, mu)
+        except NumericalError:
+            return None
+
+    return kept_contact_error(touched, folder, made_of, mu, places, solve) if places else None
+
+
 def _contact_model(
     spec: ObstaclesSpec,
     obstacles: ReadObstacles,
     others: Mapping[str, OtherRobot],
     touched: SurfaceModel,
     robot: Robot,
+    stated: ContactError | None,
 ) -> ContactModel:
     """A learned robot among the obstacles."""
     return ContactModel(
@@ -94,6 +115,7 @@ def _contact_model(
         others={name: (soft_obstacle.learned, soft_obstacle.course) for name, soft_obstacle in others.items()},
         itself=obstacles.itself,
         unilateral=robot.unilateral,
+        stated=stated,
     )
 
 

@@ -10,6 +10,15 @@ from cfem.core.names import Name
 from cfem.predict.contact.obstacle_spec import ContactSpec, MeshObstacle, ObstacleSpec, RobotObstacle
 
 
+class StatedContactSpec(ContactSpec):
+    """How the robot's surface touches, and what is stated of the error."""
+
+    error_places: int = Field(30, ge=0, le=1000)
+    """Random places at which finite elements touch one to three obstacles, once for each model and friction. Errors of
+    the model's forces and tip there give the bounds that the run states. 0 states none. None are stated among soft
+    obstacles."""
+
+
 class ObstaclesSpec(PlannedSpec, LoadedSpec):
     """Goals of a robot that touches, presses or avoids obstacles on its way."""
 
@@ -22,7 +31,7 @@ class ObstaclesSpec(PlannedSpec, LoadedSpec):
     obstacles: dict[Name, ObstacleSpec] = Field(min_length=1)
     """What the robot meets, by name: rigid bodies, other soft robots, itself. Plans know them: they touch, press or
     avoid them with any part of the surface, and the FE robot meets the same."""
-    contact: ContactSpec = ContactSpec()
+    contact: StatedContactSpec = StatedContactSpec()
     """How the robot's surface touches."""
 
     def check(self) -> None:
@@ -43,6 +52,11 @@ class ObstaclesSpec(PlannedSpec, LoadedSpec):
     def at_nodes(self) -> bool:
         """True where the robot touches at every node of its surface, False where it does by patches."""
         return not self._soft and not self.contact.of_patches
+
+    @property
+    def error_places(self) -> int:
+        """Places at which the error of the contact is calibrated."""
+        return 0 if self._soft else self.contact.error_places
 
     @property
     def files(self) -> dict[str, Path]:
