@@ -171,7 +171,13 @@ def test_mlp_is_stored_and_loaded(tmp_path):
 
 def trained():
     """Results of a training with 60 samples, and of one with 30."""
-    measured = {"tip_mm": 0.012, "force_N": 0.34, "tip_percent_of_length": 0.66, "force_percent": 1.5, "W_percent": 20.0}
+    measured = {
+        "tip_mm": 0.012,
+        "force_N": 0.34,
+        "tip_percent_of_length": 0.66,
+        "force_percent": 1.5,
+        "W_percent": 20.0,
+    }
     errors = {name: {"max": largest, "rms": 0.1 * largest} for name, largest in measured.items()}
     errors |= {"loss": 7e-6, "frame_loss": 5e-6, "states": 40}
     results = {"kind": "spectral", "samples": 60, "errors": errors, "seconds_fit": 1.0, "microseconds_query": 50.0}
@@ -182,7 +188,9 @@ def trained():
 
 def test_the_headline_states_errors_in_percent_for_each_number_of_samples():
     fewer, all_samples = headline(trained(), {})[1:]
-    before = "root mean square and largest errors: tip 0.066, 0.66 % of the length; actuators 0.15, 1.5 % of the largest"
+    before = (
+        "root mean square and largest errors: tip 0.066, 0.66 % of the length; actuators 0.15, 1.5 % of the largest"
+    )
     assert fewer == f"30 samples, {before}; W_ij 9, 70 % of the root of W_ii W_jj"
     assert all_samples == f"60 samples, {before}; W_ij 2, 20 % of the root of W_ii W_jj"
 
