@@ -191,7 +191,7 @@ def main() -> None:
     parser.add_argument("--pressures", type=float, nargs="+", default=PRESSURES, metavar="KPA")
     parser.add_argument("--sizes", type=float, nargs="*", default=[6.0, 3.0], metavar="MM")
     parser.add_argument("--elements", nargs="+", default=["tet10p0", "tet10"], metavar="NAME")
-    parser.add_argument("--hexahedra", type=float, nargs="*", default=[2.5, 1.5], metavar="MM")
+    parser.add_argument("--hexahedra", type=float, nargs="*", default=[3.0, 2.0], metavar="MM")
     parser.add_argument("--ccx", default="ccx", metavar="PROGRAM")
     parser.add_argument("--folder", type=Path, help="where CalculiX works; a folder of its own unless given")
     asked = parser.parse_args()
