@@ -62,6 +62,7 @@ LONG = {
     "meeting.py": "minutes of finite elements: see its help",
     "mesh_error.py": "minutes of finite elements: see its help",
     "self_contact.py": "minutes of finite elements: see its help",
+    "pneunet_bending.py": "minutes of finite elements: see its help",
     "model_error.py": "minutes of finite elements: see its help",
     "ringing.py": "cfem run pipelines/moving-finger/train.yaml",
     "rows.py": "minutes of finite elements: see its help",

@@ -92,3 +92,27 @@ def test_states_beyond_buckling_are_counted_and_the_loss_of_the_others_is_told()
     wrong[0] += 1.0
     errors = measure(test, wrong, test.delta_free)
     assert errors["buckled_states"] == 3 and errors["loss"] > 0 and errors["loss_of_stable"] == 0
+
+
+def test_an_entry_of_w_errs_by_a_share_of_the_root_of_its_diagonal_entries():
+    test = dataset(30, 1)
+    W = test.W.copy()
+    W[:, 0, 4] += 0.1 * np.sqrt(W[:, 0, 0] * W[:, 4, 4])
+    n = W.shape[-1]
+    expected = {"max": 10.0, "mean": 10.0 / n**2, "rms": 10.0 / n}
+    assert measure(test, W, test.delta_free)["W_percent"] == pytest.approx(expected)
+
+
+def test_an_entry_of_w_that_is_nothing_does_not_count():
+    test = dataset(30, 1)
+    test.W[:, 0], test.W[:, :, 0] = 0.0, 0.0
+    assert measure(test, test.W, test.delta_free)["W_percent"] == {"max": 0.0, "mean": 0.0, "rms": 0.0}
+
+
+def test_multipliers_err_by_a_share_of_the_largest_of_their_actuator():
+    test = dataset(30, 1)
+    delta_free = test.delta_free.copy()
+    largest = np.abs(test.lambda_a).max(axis=0)
+    delta_free[:, 3:] -= np.einsum("mij,j->mi", test.W[:, 3:, 3:], 0.02 * largest)
+    expected = {"max": 2.0, "mean": 2.0, "rms": 2.0}
+    assert measure(test, test.W, delta_free)["force_percent"] == pytest.approx(expected)

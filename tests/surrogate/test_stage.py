@@ -169,10 +169,34 @@ def test_mlp_is_stored_and_loaded(tmp_path):
     assert np.array_equal(W, stored["W"])
 
 
+def trained():
+    """Results of a training with 60 samples, and of one with 30."""
+    measured = {
+        "tip_mm": 0.012,
+        "force_N": 0.34,
+        "tip_percent_of_length": 0.66,
+        "force_percent": 1.5,
+        "W_percent": 20.0,
+    }
+    errors = {name: {"max": largest, "rms": 0.1 * largest} for name, largest in measured.items()}
+    errors |= {"loss": 7e-6, "frame_loss": 5e-6, "states": 40}
+    results = {"kind": "spectral", "samples": 60, "errors": errors, "seconds_fit": 1.0, "microseconds_query": 50.0}
+    worse = errors | {"W_percent": {"max": 70.0, "rms": 9.0}}
+    curve = [{"samples": 30, "errors": worse}, {"samples": 60, "errors": errors}]
+    return {**results, "learning_curve": curve, "positive_definite": {"share": 1.0}}
+
+
+def test_the_headline_states_errors_in_percent_for_each_number_of_samples():
+    fewer, all_samples = headline(trained(), {})[1:]
+    before = (
+        "root mean square and largest errors: tip 0.066, 0.66 % of the length; actuators 0.15, 1.5 % of the largest"
+    )
+    assert fewer == f"30 samples, {before}; W_ij 9, 70 % of the root of W_ii W_jj"
+    assert all_samples == f"60 samples, {before}; W_ij 2, 20 % of the root of W_ii W_jj"
+
+
 @pytest.mark.parametrize(("unit", "said"), [("N", "N"), ("MPa", "MPa"), (["N", "MPa", "N"], "N or MPa")])
 def test_the_headline_states_mm_and_the_unit_of_the_actuators_before_the_loss(unit, said):
-    errors = {"tip_mm": {"max": 0.012}, "force_N": {"max": 0.34}, "loss": 7e-6, "frame_loss": 5e-6, "states": 40}
-    results = {"kind": "spectral", "samples": 60, "errors": errors, "seconds_fit": 1.0, "microseconds_query": 50.0}
-    (line,) = headline({**results, "positive_definite": {"share": 1.0}}, {"lambda_a": unit})
+    line = headline(trained(), {"lambda_a": unit})[0]
     losses = "the paper's loss 7.00e-06, the same loss of whole vectors 5.00e-06"
     assert f"largest errors 12 um at the tip and 0.34 {said} on 40 test states; {losses}" in line.replace("µ", "u")

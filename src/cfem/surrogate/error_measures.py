@@ -7,6 +7,7 @@ import numpy as np
 from cfem.condensed import Rows, entries
 from cfem.predict.series.chebyshev import basis
 from cfem.predict.series.energy import FOURTH, FOURTH_INDICES, THIRD
+from cfem.predict.series.state_error import entry_sizes
 
 CONSTANT = 1e-9  # standard deviation, relative to the largest entry of its kind, below which an entry says nothing
 SIZE = 1.0  # mm, mm^3 or rad: delta_free is taken to be at least so large, as at rest without load it is rounding alone
@@ -15,9 +16,11 @@ SIZE = 1.0  # mm, mm^3 or rad: delta_free is taken to be at least so large, as a
 def measure(dataset: Any, W: np.ndarray, delta_free: np.ndarray) -> dict[str, Any]:
     """All measures of a prediction W (m, n, n), delta_free (m, n) at the states of `dataset`, as plain data.
 
-    tip: distance between predicted and true effector at the state's own delta_a; force: of the multipliers there."""
+    tip: distance between predicted and true effector at the state's own delta_a; force: of the multipliers there, in
+    percent of the largest of the actuator; W_percent: of its entries, of the root of W_ii W_jj."""
     rows, length = dataset.rows, float(dataset.meta["length"])
     lambda_a, delta_e = state(rows, W, delta_free, dataset.delta_a)
+    force = np.abs(lambda_a - dataset.lambda_a)
     distance = np.linalg.norm((delta_e - dataset.delta_e).reshape(len(W), -1, 3), axis=2)  # (m, effectors) mm
     names = [name.rsplit(".", 1)[0] for name in rows.effectors[::3]]
     return {
@@ -28,10 +31,10 @@ def measure(dataset: Any, W: np.ndarray, delta_free: np.ndarray) -> dict[str, An
         "tip_mm": _statistics(distance),
         "tip_percent_of_length": _statistics(100 * distance / length),
         "effectors_mm": {name: _statistics(distance[:, i]) for i, name in enumerate(names)},
-        "force_N": _statistics(np.abs(lambda_a - dataset.lambda_a)),
-        "actuators_N": {
-            name: _statistics(np.abs(lambda_a - dataset.lambda_a)[:, i]) for i, name in enumerate(rows.actuators)
-        },
+        "force_N": _statistics(force),
+        "force_percent": _statistics(_percent(force, np.abs(dataset.lambda_a).max(axis=0))),
+        "actuators_N": {name: _statistics(force[:, i]) for i, name in enumerate(rows.actuators)},
+        "W_percent": _statistics(_percent(np.abs(W - dataset.W), entry_sizes(dataset.W))),
     }
 
 
@@ -124,6 +127,11 @@ def sizes(values: np.ndarray, n: int) -> np.ndarray:
     """Scales (n (n + 3) / 2,) of the `entries` (m, n (n + 3) / 2): the largest of its kind."""
     W, delta_free = np.abs(values[:, :-n]).max(), max(np.abs(values[:, -n:]).max(), SIZE)
     return np.repeat([W, delta_free], [values.shape[1] - n, n])
+
+
+def _percent(errors: np.ndarray, sizes: np.ndarray) -> np.ndarray:
+    """Errors in percent of sizes, 0 where a size is 0."""
+    return 100 * np.divide(errors, sizes, out=np.zeros(errors.shape), where=np.broadcast_to(sizes > 0, errors.shape))
 
 
 def _statistics(values: np.ndarray) -> dict[str, float]:

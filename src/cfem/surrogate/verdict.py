@@ -39,6 +39,7 @@ def headline(results: dict[str, Any], units: dict[str, Any]) -> list[str]:
             f"largest, in {stated.percent} of the unseen states of its domain{few}; "
             "model.error(state) bounds each state by its place"
         )
+    lines += [_errors_line(point) for point in results["learning_curve"]]
     if (frequencies := frequency_error_of(results.get("motion"))) is not None:
         held, free = (
             ", ".join(f"{100 * each.everywhere:.2g}" for each in bounds)
@@ -64,6 +65,19 @@ def headline(results: dict[str, Any], units: dict[str, Any]) -> list[str]:
             f"the loss of whole vectors of the others is {errors['loss_of_stable']:.2e}"
         )
     return lines
+
+
+def _errors_line(point: dict[str, Any]) -> str:
+    """Line about the errors of one point of the learning curve."""
+    errors = point["errors"]
+    tip, force, W = (
+        f"{errors[name]['rms']:.2g}, {errors[name]['max']:.2g} %"
+        for name in ("tip_percent_of_length", "force_percent", "W_percent")
+    )
+    return (
+        f"{counted(point['samples'], 'sample')}, root mean square and largest errors: tip {tip} of the length; "
+        f"actuators {force} of the largest; W_ij {W} of the root of W_ii W_jj"
+    )
 
 
 def judged(results: dict[str, Any]) -> list[dict[str, Any]]:
