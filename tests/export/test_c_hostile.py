@@ -26,7 +26,7 @@ SANITISED = ("-std=c99", "-g1", "-fsanitize=address,undefined", "-fno-sanitize-r
 FEW = 4000  # ticks, up to which a program that is not optimised costs less with its compilation
 RECOVERY = 20  # good ticks after which it is alive again
 COSTLY = 30  # times the branches of the longest good tick that a bad one may take
-ROUNDS = 1000  # the same of a step of contact: all its rounds with all its patches, or ways along a huge friction
+ROUNDS = 1000  # the same of a step of contact: all systems that it may solve, with all its patches
 FORCES = {"command": "force", "observer": "equilibrium"}
 FREE = {"unilateral": False}
 MODELS = {
@@ -108,7 +108,7 @@ def touching(bar, tmp_path_factory):
 
 
 def among(touching, place, case, ticks):
-    """Steps with friction of 1e6 and obstacles that are none take long: most of what the law is allowed."""
+    """Steps with friction of 1e6, and to commands of kilometres, take long: all systems that they may solve."""
     kind, folder = CONTACT[case]
     demand_survival(place, touching / folder / "c", kind, ticks, COSTLY if kind == "contact" else ROUNDS)
 
