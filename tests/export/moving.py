@@ -58,14 +58,14 @@ def model(n_a: int = 2) -> MotionModel:
     return MotionModel(build(meta, arrays), moving, VISCOSITY)
 
 
-def spec(kind: str = "force", mpc: dict | None = None, **control) -> CSpec:
-    start = model().static.domain.delta_a.mean(axis=0)
+def spec(kind: str = "force", mpc: dict | None = None, n_a: int = 2, **control) -> CSpec:
+    start = model(n_a).static.domain.delta_a.mean(axis=0)
     control = {"command": kind, "start": {"mm": start.tolist()}, **control}
     return CSpec(controller=control, mpc={"ticks": f"{RATE} Hz", "horizon": 8, **(mpc or {})})
 
 
 def folder_of(folder: Path, chosen: CSpec) -> Path:
-    meta, arrays, moving = robot()
+    meta, arrays, moving = robot(len(chosen.controller.start))
     export(folder, (meta, arrays), controller=chosen.controller, arithmetic=chosen.arithmetic, vectors=20)
     write_c_motion(folder, meta, arrays, moving)
     write_c_mpc(folder, chosen, meta, arrays, moving)

@@ -15,6 +15,7 @@ from support.fast_cases import fast_are
 
 from cfem.export.compiled import build
 from cfem.export.firmware.estimate import write_c_estimate
+from cfem.export.firmware.single import write_single
 from cfem.export.spec import CSpec
 from cfem.predict.load import load_model
 
@@ -25,7 +26,7 @@ SANITISED = ("-std=c99", "-g1", "-fsanitize=address,undefined", "-fno-sanitize-r
 FEW = 4000  # ticks, up to which a program that is not optimised costs less with its compilation
 RECOVERY = 20  # good ticks after which it is alive again
 COSTLY = 30  # times the branches of the longest good tick that a bad one may take
-ROUNDS = 1000  # the same of a step of contact: all its rounds with all its patches, or ways along a huge friction
+ROUNDS = 1000  # the same of a step of contact: all systems that it may solve, with all its patches
 FORCES = {"command": "force", "observer": "equilibrium"}
 FREE = {"unilateral": False}
 MODELS = {
@@ -34,42 +35,55 @@ MODELS = {
     "modules": (serial, {"scalar": "float", "controller": {"damping": 1e-7, **FREE}}),
     "network": (network, {"scalar": "float", "hidden_weights": "int16"}),
     "measured": (spectral, {"controller": {"observer": "measured"}}),
+    "single precision": (spectral, {"arithmetic": "float"}),
     "row": (row, {"scalar": "float", "controller": {"weights": [1.0] * 3 + [0.0] * 3, **FREE}}),
+}
+PREDICTIVE = {
+    "force": {},
+    "displacement": {"kind": "displacement"},
+    "one actuator": {"n_a": 1},
+    "single precision": {"arithmetic": "float"},
 }
 
 pytestmark = pytest.mark.skipif(shutil.which("gcc") is None, reason="there is no gcc")
 
 
-def survived(place, folder, kind, ticks):
+def survived(place, folder, kind, ticks, arithmetic):
     """The driver's numbers, where it neither fell nor left a bound."""
     sources = [path for path in folder.glob("*.c") if path.name != STARTUP and not PROGRAM.search(path.read_text())]
     gcc = ["gcc", *SANITISED, "-O0" if ticks <= FEW else "-O1"]
     place.mkdir(exist_ok=True)
+    harness = shutil.copytree(HARNESS, place / "driver")
+    if arithmetic == "float":
+        write_single(harness)
     compiled = build.objects(
         [*gcc, "-fsanitize-coverage=trace-pc"], folder, sorted(path.name for path in sources), place
     )
-    driver = [f"-I{folder}", f"-I{HARNESS}", HARNESS / f"{kind}.c", HARNESS / "driver.c"]
+    driver = [f"-I{folder}", f"-I{harness}", harness / f"{kind}.c", harness / "driver.c"]
     subprocess.run([*gcc, "-o", "hostile", *driver, *compiled, "-lm"], cwd=place, check=True)
     done = subprocess.run(["./hostile", str(ticks)], cwd=place, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr
     return map(int, done.stdout.split())
 
 
-def demand_survival(place, folder, kind, ticks, costly=COSTLY):
-    counted, lost, longest, good, most = survived(place, folder, kind, ticks)
+def demand_survival(place, folder, kind, ticks, costly=COSTLY, arithmetic="double"):
+    counted, lost, longest, good, most = survived(place, folder, kind, ticks, arithmetic)
     assert counted == ticks and 0 < lost < 0.75 * ticks
     assert longest <= RECOVERY
     assert most <= costly * good
 
 
-def predictive(place, kind, ticks):
-    demand_survival(place / "built", folder_of(place, spec(kind)), "mpc", ticks)
+def predictive(place, name, ticks):
+    words = {"arithmetic": "double", **PREDICTIVE[name]}
+    arithmetic = words.pop("arithmetic")
+    folder = folder_of(place, spec(**words).model_copy(update={"arithmetic": arithmetic}))
+    demand_survival(place / "built", folder, "mpc", ticks, arithmetic=arithmetic)
 
 
 def inverse(place, name, ticks):
     model, words = MODELS[name]
     export(place, model(), **words)
-    demand_survival(place / "built", place, "controller", ticks)
+    demand_survival(place / "built", place, "controller", ticks, arithmetic=words.get("arithmetic", "double"))
 
 
 def at_rest(place, bar, ticks):
@@ -94,7 +108,7 @@ def touching(bar, tmp_path_factory):
 
 
 def among(touching, place, case, ticks):
-    """Steps with friction of 1e6 and obstacles that are none take long: most of what the law is allowed."""
+    """Steps with friction of 1e6, and to commands of kilometres, take long: all systems that they may solve."""
     kind, folder = CONTACT[case]
     demand_survival(place, touching / folder / "c", kind, ticks, COSTLY if kind == "contact" else ROUNDS)
 
@@ -127,9 +141,9 @@ def test_the_filter_of_what_moves_survives(tmp_path, moving_bar):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["force", "displacement"])
-def test_so_does_predictive_control_for_200_000_ticks(tmp_path, kind):
-    predictive(tmp_path, kind, 200_000)
+@pytest.mark.parametrize("name", PREDICTIVE)
+def test_so_does_predictive_control_for_200_000_ticks(tmp_path, name):
+    predictive(tmp_path, name, 200_000)
 
 
 @pytest.mark.slow

@@ -170,9 +170,14 @@ def test_what_cannot_be_met_ends_with_a_status(exported, patched):
     compiled = CompiledMeet(exported[0], STRICT)
     assert compiled([np.array([np.nan]), np.zeros(1)]).status == BAD_INPUT
     assert compiled([np.zeros(1), np.zeros(1)], mu=-0.1).status == BAD_INPUT
-    compiled.placed[1].t[2] = 9.0
+    pose = compiled.placed[1]
+    for held, index in ((pose.t, 0), (pose.R[1], 1)):
+        right, held[index] = held[index], np.nan
+        assert compiled([np.zeros(1), np.zeros(1)]).status == BAD_INPUT
+        held[index] = right
+    pose.t[2] = 9.0
     assert compiled([np.zeros(1), np.zeros(1)]).status == INSIDE
-    compiled.placed[1].t[2] = 16.0
+    pose.t[2] = 16.0
     assert compiled([np.zeros(1), np.zeros(1)]).status == 0
 
 

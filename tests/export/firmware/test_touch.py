@@ -2,6 +2,7 @@
 
 import ctypes
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -35,7 +36,8 @@ a_problem = benchmark("contact_random").a_problem
 needs_compiler = pytest.mark.skipif(compiler() is None, reason="no C compiler")
 STRICT = ("-O2", "-Wall", "-Wextra", "-Werror", "-pedantic")
 CEILING = {"kind": "plane", "point": {"mm": [0, 0, 9]}, "normal": [0, 0, -1]}
-BAD_INPUT, OUTSIDE, HELD, NO_MODEL = 4, 4, 16, 64  # of cfem_touch.h; of cfem.h
+ITERATIONS, BAD_INPUT = 2, 4  # of cfem_touch.h
+OUTSIDE, HELD, NO_MODEL = 4, 16, 64  # of cfem.h
 
 
 def export(bar, out, obstacles, **contact):
@@ -253,9 +255,45 @@ def test_nonsense_ends_with_a_status(compiled, patched):
     assert compiled([1.0], [mid], -0.1).status == BAD_INPUT
     swallowed = compiled([1.0], [mid], 0.5)
     assert swallowed.iterations <= 60 and np.isfinite(swallowed.forces).all()
+    for R, core, rounding in (  # Python refuses to make these
+        (np.diag([1.0, 1, -1]), [1, 1, 1], 0),
+        (np.diag([-797.0, 1, 1]), [1, 1, 1], 0),
+        (np.eye(3)[[0, 0, 2]], [1, 1, 1], 0),
+        (np.eye(3), [1, -1, 1], 0),
+        (np.eye(3), [1, np.nan, 1], 0),
+        (np.eye(3), [1, 1, 1], -0.1),
+    ):
+        body = SimpleNamespace(R=R, t=np.array([0.0, 0, 500]), core=np.array(core, float), rounding=rounding)
+        assert compiled([1.0], [body]).status == BAD_INPUT
     free = compiled([1.0], [])
     assert free.status == 0 and not len(free.patches)
     np.testing.assert_allclose(free.delta_e, patched.model.at_displacement([1.0]).delta_e, atol=1e-10)
+
+
+def law(library, W, free, mu, lam, systems=2000):
+    """cfem_law from the forces lam of m points, which it overwrites: 0, or 1 where it finds none."""
+    m, left = lam.size // 3, ctypes.c_int(systems)
+    room = np.zeros(18 * m**2 + 48 * m + 8)
+    given = W.ctypes, free.ctypes, ctypes.c_double(mu), lam.ctypes, room.ctypes, ctypes.byref(left)
+    status = library.cfem_law(m, *given)
+    assert 0 <= left.value <= systems
+    return status
+
+
+@needs_compiler
+def test_a_step_that_leads_nowhere_ends_within_the_systems_allowed(compiled):
+    """Pulls of kilometres, whose rounds change for ever, and a friction at which nothing slips, deep in an obstacle."""
+    ceiling, swallowing = (Plane(R=np.diag([1.0, -1.0, -1.0]), t=np.array([0, 0, z])) for z in (9.0, -25.7))
+    far = [(delta, ceiling, 0.4) for delta in np.geomspace(1e6, 4e6, 4)]
+    rough = [(delta, swallowing, mu) for delta in (2.0, 3.0) for mu in (1e4, 1e6)]
+    for cases in (far, rough):
+        solved = []
+        for delta, obstacle, mu in cases:
+            compiled.reset()
+            state = compiled([delta], [obstacle], mu)
+            assert state.status == ITERATIONS or state.systems < 2000
+            solved.append(state.systems)
+        assert max(solved) == 2000
 
 
 @needs_compiler
@@ -265,23 +303,21 @@ def test_what_the_law_is_said_to_be_obeyed_by_obeys_it(tmp_path):
     rng, solved = np.random.default_rng(0), 0
     hard = [a_problem(seed) for seed in (169, 979)]  # Newton's method does not solve these
     for problem in hard:
-        lam, room = np.zeros(3 * problem.m), np.zeros(18 * problem.m**2 + 48 * problem.m + 8)
-        given = problem.W.ctypes, problem.free.ctypes, ctypes.c_double(problem.mu)
-        assert library.cfem_law(problem.m, *given, lam.ctypes, room.ctypes) == 0
+        lam = np.zeros(3 * problem.m)
+        assert law(library, problem.W, problem.free, problem.mu, lam) == 0
         assert check(problem, "coulomb", lam).valid()
     for seed in range(60):
         m, mu = 1 + seed % 12, (0.0, 0.3, 0.8)[seed % 3]
         modes = rng.normal(size=(3 * m, 4))
         W = modes @ modes.T + 0.3 * np.diag(np.tile([1.0, 0.8, 0.8], m))
         free, lam = rng.normal(size=3 * m), np.zeros(3 * m)
-        room = np.zeros(18 * m * m + 48 * m + 8)
-        status = library.cfem_law(m, W.ctypes, free.ctypes, ctypes.c_double(mu), lam.ctypes, room.ctypes)
+        status = law(library, W, free, mu, lam)
         solved += status == 0
         if status == 0:
             assert check(ContactProblem(W, free, mu=mu), "coulomb", lam).valid()
     assert solved == 60
     W[0, 0] = np.nan
-    assert library.cfem_law(m, W.ctypes, free.ctypes, ctypes.c_double(mu), lam.ctypes, room.ctypes) == 1
+    assert law(library, W, free, mu, lam) == 1
 
 
 @needs_compiler
@@ -293,9 +329,8 @@ def test_of_several_states_c_and_python_choose_the_same(tmp_path):
         problem = replace(a_problem(seed), mu=4.0 if seed == 3002 else (0.5, 1.5)[seed % 2])
         m, size = problem.m, np.abs(problem.free).max() / np.diag(problem.W).max()
         known = size * np.abs(np.random.default_rng(seed).normal(size=(m, 3))) * [1, 0.3, 0.3]
-        lam, room = known.copy(), np.zeros(18 * m**2 + 48 * m + 8)
-        given = problem.W.ctypes, problem.free.ctypes, ctypes.c_double(problem.mu)
-        assert library.cfem_law(m, *given, lam.ctypes, room.ctypes) == 0
+        lam = known.copy()
+        assert law(library, problem.W, problem.free, problem.mu, lam) == 0
         gap = (problem.free + problem.W @ known.ravel()).reshape(-1, 3)
         found = pressed(problem.W, gap, np.tile(np.eye(3), (m, 1, 1)), known, problem.mu)
         np.testing.assert_allclose(lam, found[1], atol=1e-8 * np.abs(found[1]).max(), rtol=0)

@@ -28,6 +28,7 @@ int tick(long number, int phase) {
     }
     const double mu = uniform() < 0.02 ? sample(CFEM_TOUCH_FRICTION, phase) : CFEM_TOUCH_FRICTION; /* no sensor says it */
     const unsigned status = cfem_meet(delta_a, robots, cfem_obstacles, CFEM_TOUCH_OBSTACLES, mu, before, now, &room);
+    demand(now->systems >= 0 && now->systems <= CFEM_TOUCH_SYSTEMS, "systems");
     demand(status == now->status && now->iterations <= 60 && now->pair_count <= CFEM_MEET_PAIRS, "status, iterations or pairs");
     before = status ? 0 : now;
     if (status) memset(at, 0, sizeof at);

@@ -24,6 +24,7 @@ int tick(long number, int phase) {
     }
     const double mu = uniform() < 0.02 ? sample(CFEM_TOUCH_FRICTION, phase) : CFEM_TOUCH_FRICTION; /* no sensor says it */
     const unsigned status = (number % 2 ? cfem_touch_slack : cfem_touch)(delta_a, bodies, CFEM_TOUCH_OBSTACLES, mu, before, now, &room);
+    demand(now->systems >= 0 && now->systems <= CFEM_TOUCH_SYSTEMS, "systems");
     demand(status == now->status && now->iterations <= 60 && now->count >= 0 && now->count <= CFEM_TOUCH_MOST, "status, iterations or count");
     before = status ? 0 : now;
     if (status) return LOST;

@@ -20,6 +20,7 @@ class MetInC:
 
     status: int
     iterations: int
+    systems: int
     forces: np.ndarray
     places: np.ndarray
     pressed: float
@@ -62,6 +63,7 @@ class CompiledMeet:
         return MetInC(
             status,
             now.iterations,
+            now.systems,
             np.concatenate(forces),
             np.concatenate(places),
             sum(self.library.cfem_meet_pressed(ctypes.byref(now), *pair) for pair in met),

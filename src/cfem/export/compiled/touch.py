@@ -20,6 +20,7 @@ class TouchedInC:
 
     status: int
     iterations: int
+    systems: int
     patches: np.ndarray
     obstacles: np.ndarray
     modes: np.ndarray
@@ -64,6 +65,7 @@ class CompiledTouch:
         return TouchedInC(
             status,
             now.iterations,
+            now.systems,
             *(np.array(values)[:c] for values in (now.patch, now.obstacle, now.mode)),
             *(np.array(values)[:c] for values in (now.force, now.normal, now.gap)),
             *(np.array(values) for values in (now.rows, now.delta_e, now.delta_a, now.lambda_a)),

@@ -3,7 +3,7 @@ are, which stick, from where they slip, and whether their forces obey the law wh
 
 import numpy as np
 
-from cfem.contact.modes import Mode
+from cfem.contact.law.modes import Mode
 from cfem.contact.obstacle_set import ObstacleSet
 from cfem.contact.pairs import Pairs
 from cfem.contact.patch_forces import TurningCompliance, lawful, turned

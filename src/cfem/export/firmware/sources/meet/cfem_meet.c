@@ -277,9 +277,9 @@ unsigned cfem_meet(double (*delta_a)[CFEM_NA], const cfem_placed *robots, const 
                    const cfem_met *before, cfem_met *now, cfem_meet_room *room) {
     struct cfem_meeting soft = {before, now, room, 0};
     cfem_rounds at = {.placed = robots, .obstacles = obstacles, .obstacle_count = count, .mu = mu, .before = before ? before->robot : 0,
-                      .now = now->robot, .room = room->robot, .soft = &soft};
+                      .now = now->robot, .room = room->robot, .soft = &soft, .systems = CFEM_TOUCH_SYSTEMS};
     now->pair_count = now->hold_count = 0;
-    now->status = (before ? cfem_rounds_slack : cfem_rounds_run)(&at, &delta_a[0][0]), now->iterations = at.iterations;
+    now->status = (before ? cfem_rounds_slack : cfem_rounds_run)(&at, &delta_a[0][0]), now->iterations = at.iterations, now->systems = CFEM_TOUCH_SYSTEMS - at.systems;
     if (now->status == CFEM_TOUCH_NO_MODEL || now->status == CFEM_TOUCH_MANY) now->pair_count = now->hold_count = 0;
     return now->status;
 }

@@ -26,7 +26,7 @@ typedef struct {
 /* One state. robot: of each one, `patch`, `force` in its own frame, `rows`, `delta_e` and `lambda_a`; `place` is in the scene. */
 typedef struct {
     unsigned status;
-    int iterations, pair_count, hold_count;
+    int iterations, systems, pair_count, hold_count;
     cfem_touched robot[CFEM_MEET_ROBOTS];
     cfem_pair pair[CFEM_MEET_PAIRS]; /* of soft surfaces, all that are near */
     cfem_hold hold[CFEM_MEET_PAIRS]; /* of those that press */

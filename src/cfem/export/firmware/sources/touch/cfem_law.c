@@ -2,10 +2,13 @@
 
 #include "cfem_linear.h"
 
-enum { ITERATIONS = 40, HALVINGS = 4, SYSTEMS = 2000, CORRECTIONS = 8 };
+enum { ITERATIONS = 40, HALVINGS = 4, CORRECTIONS = 8 };
 /* Of the curve along friction: steps in units of the largest force without it; see cfem.contact.law.path. */
 static const double LONGEST = 1.0, FIRST = 0.1, SHORTEST = 1e-7, ACROSS = 1e-5, ONWARDS = 1e-4, FARTHEST = 1.2, CLOSE = 1e-10;
 static const double EXACT = 1e-13; /* of the largest force: change of a force in the last step */
+
+/* Whether another system may be solved, which is one of these. */
+static int may_solve(int *systems) { return *systems > 0 && (*systems)-- > 0; }
 
 static double largest_of(int n, const double *x) {
     double found = 0.0;
@@ -122,7 +125,7 @@ static int newton_step(int m, const double *A, const double *F, const double *D,
 }
 
 /* Newton's method from lambda, the answer in its place; see cfem.contact.law.newton. */
-static int newton(int m, const double *W, const double *free, double mu, double *lambda, double *room) {
+static int newton(int m, const double *W, const double *free, double mu, double *lambda, double *room, int *systems) {
     const int n = 3 * m;
     double *const A = room, *const J = A + n * n, *const constant = J + n * n, *const F = constant + n;
     double *const step = F + n, *const trial = step + n, *const now = trial + n, *const by = now + n, *const D = by + n;
@@ -130,7 +133,7 @@ static int newton(int m, const double *W, const double *free, double mu, double 
     for (int a = 0; a < n; a++) now[a] = lambda[a];
     const double forces = largest_of(n, constant);
     double size = missing(m, A, constant, mu, now, F, D);
-    for (int iteration = 0; iteration < ITERATIONS; iteration++) {
+    for (int iteration = 0; iteration < ITERATIONS && may_solve(systems); iteration++) {
         if (newton_step(m, A, F, D, mu, J, by, step)) return 1;
         double share = 1.0;
         for (int halving = 0; halving <= HALVINGS; halving++, share *= 0.5) {
@@ -174,32 +177,33 @@ static void border(int m, const double *A, const double *constant, const double 
     for (int b = 0; b <= n; b++) M[n * (n + 1) + b] = last[b];
 }
 
-/* Into `found`: the point of the curve whose way from z has `length` along the tangent. Systems solved, or minus that: none near. */
+/* Into `found`: the point of the curve whose way from z has `length` along the tangent. 0, or 1 where none is near. */
 static int near(int m, const double *A, const double *constant, const double *z, const double *tangent, double length,
-                double *found, double *room) {
+                double *found, double *room, int *systems) {
     const int n = 3 * m;
     double *const F = room, *const D = F + n + 1, *const M = D + 9 * m;
     for (int b = 0; b <= n; b++) found[b] = z[b] + length * tangent[b];
-    for (int systems = 0;; systems++) {
+    for (int correction = 0;; correction++) {
         double way = -length, square = 0.0, sign;
         border(m, A, constant, found, tangent, F, D, M);
         for (int b = 0; b <= n; b++) way += tangent[b] * (found[b] - z[b]);
         F[n] = way;
-        if (largest_of(n, F) < CLOSE && fabs(way) < CLOSE * (length > 1.0 ? length : 1.0)) return systems;
-        if (systems == CORRECTIONS || cfem_eliminate(n + 1, M, 1, F, &sign)) return -systems - 1;
+        if (largest_of(n, F) < CLOSE && fabs(way) < CLOSE * (length > 1.0 ? length : 1.0)) return 0;
+        if (correction == CORRECTIONS || !may_solve(systems) || cfem_eliminate(n + 1, M, 1, F, &sign)) return 1;
         for (int b = 0; b <= n; b++) found[b] -= F[b], square += (found[b] - z[b]) * (found[b] - z[b]);
-        if (!(sqrt(square) <= FARTHEST * length)) return -systems - 1;
+        if (!(sqrt(square) <= FARTHEST * length)) return 1;
     }
 }
 
 /* tangent: onwards from the direction it has, at z. 0, or 1. */
-static int turn(int m, const double *A, const double *constant, const double *z, double *tangent, double *side, double *room) {
+static int turn(int m, const double *A, const double *constant, const double *z, double *tangent, double *side, double *room,
+                int *systems) {
     const int n = 3 * m;
     double *const F = room, *const D = F + n + 1, *const M = D + 9 * m, square = 0.0, sign;
     border(m, A, constant, z, tangent, F, D, M);
     for (int b = 0; b < n; b++) tangent[b] = 0.0;
     tangent[n] = 1.0;
-    if (cfem_eliminate(n + 1, M, 1, tangent, &sign)) return 1;
+    if (!may_solve(systems) || cfem_eliminate(n + 1, M, 1, tangent, &sign)) return 1;
     if (*side == 0.0) *side = sign;
     for (int b = 0; b <= n; b++) square += tangent[b] * tangent[b];
     for (int b = 0; b <= n; b++) tangent[b] *= sign * *side / sqrt(square);
@@ -207,62 +211,61 @@ static int turn(int m, const double *A, const double *constant, const double *z,
 }
 
 /* From no friction on along the curve of forces over friction, which may turn back; see cfem.contact.law.path. */
-static int along_friction(int m, const double *W, const double *free, double mu, double *lambda, double *room) {
+static int along_friction(int m, const double *W, const double *free, double mu, double *lambda, double *room, int *systems) {
     const int n = 3 * m;
     double *const A = room, *const constant = A + n * n, *const work = constant + n;
     double *const z = room + CFEM_LAW_ROOM(m) - 4 * (n + 1), *const tangent = z + n + 1, *const found = tangent + n + 1;
     double length = FIRST, side = 0.0;
     for (int a = 0; a < n * n; a++) A[a] = W[a];
     if (cfem_cholesky(n, n, A, 0.0)) return 1; /* there may be no state, and no end of the curve */
-    if (newton(m, W, free, 0.0, lambda, room)) return 1;
+    if (newton(m, W, free, 0.0, lambda, room, systems)) return 1;
     const double size = largest_of(n, lambda);
     if (!(size > 0.0)) return 0;
     for (int b = 0; b < n; b++) z[b] = lambda[b] / size, tangent[b] = 0.0;
     z[n] = 0.0, tangent[n] = 1.0;
-    for (int systems = 0, fresh = 1; systems < SYSTEMS; systems++) {
+    for (int fresh = 1; *systems > 0;) {
         if (fresh) { /* Newton's method has taken the room */
             scale(m, W, free, A, constant);
             for (int b = 0; b < n; b++) constant[b] /= size;
-            if (side == 0.0 && turn(m, A, constant, z, tangent, &side, work)) return 1;
+            if (side == 0.0 && turn(m, A, constant, z, tangent, &side, work, systems)) return 1;
             fresh = 0;
         }
-        int cost = near(m, A, constant, z, tangent, length, found, work);
-        if (cost < 0 && length > SHORTEST) {
-            systems -= cost, length /= 2.0;
+        int lost = near(m, A, constant, z, tangent, length, found, work, systems);
+        if (lost && length > SHORTEST) {
+            length /= 2.0;
             continue;
         }
-        if (cost < 0) { /* a corner, at which the curve turns by more than a right angle */
+        if (lost) { /* a corner, at which the curve turns by more than a right angle */
             for (int b = 0; b <= n; b++) found[b] = z[b] + ACROSS * tangent[b];
-            if (turn(m, A, constant, found, tangent, &side, work)) return 1;
-            length = ONWARDS, cost = near(m, A, constant, z, tangent, length, found, work);
-            if (cost < 0) return 1;
+            if (turn(m, A, constant, found, tangent, &side, work, systems)) return 1;
+            length = ONWARDS, lost = near(m, A, constant, z, tangent, length, found, work, systems);
+            if (lost) return 1;
         }
-        systems += cost;
         if (found[n] >= mu) {
             const double share = (mu - z[n]) / (found[n] - z[n]);
             for (int b = 0; b < n; b++) lambda[b] = size * (z[b] + share * (found[b] - z[b]));
-            if (!newton(m, W, free, mu, lambda, room)) return 0;
+            if (!newton(m, W, free, mu, lambda, room, systems)) return 0;
             if (length <= SHORTEST) return 1;
-            length /= 4.0, fresh = 1, systems += ITERATIONS;
+            length /= 4.0, fresh = 1;
             continue;
         }
         for (int b = 0; b <= n; b++) z[b] = found[b];
         const double longest = z[n] > 1.0 ? LONGEST * z[n] : LONGEST;
         length = 1.5 * length < longest ? 1.5 * length : longest;
-        if (z[n] < 0.0 || turn(m, A, constant, z, tangent, &side, work)) return 1;
+        if (z[n] < 0.0 || turn(m, A, constant, z, tangent, &side, work, systems)) return 1;
     }
     return 1;
 }
 
-int cfem_law(int m, const double *W, const double *free, double mu, double *lambda, double *room) {
+int cfem_law(int m, const double *W, const double *free, double mu, double *lambda, double *room, int *systems) {
     const int n = 3 * m;
     double *const found = room + CFEM_LAW_ROOM(m) - n;
     for (int a = 0; a < n * n; a++)
         if (!cfem_finite(W[a])) return 1;
-    if (!newton(m, W, free, mu, lambda, room)) return 0;
+    if (!newton(m, W, free, mu, lambda, room, systems)) return 0;
     for (int a = 0; a < n; a++) found[a] = 0.0;
-    int status = newton(m, W, free, mu, found, room);
-    if (status && mu > 0.0) status = along_friction(m, W, free, mu, found, room);
+    int status = newton(m, W, free, mu, found, room, systems);
+    if (status && mu > 0.0) status = along_friction(m, W, free, mu, found, room, systems);
     for (int a = 0; a < n && !status; a++) lambda[a] = found[a];
     return status;
 }

@@ -14,8 +14,8 @@ extern "C" {
 
 /* lambda (3 m,) N: forces to begin with, and the answer. W (3 m, 3 m) mm/N, free (3 m,) mm. 0, or 1 where no forces were found that
  * obey the law; lambda is not changed then. Newton's method from lambda and from no forces, then along the curve of forces over
- * friction; all loops are bounded. */
-int cfem_law(int m, const double *W, const double *free, double mu, double *lambda, double *room);
+ * friction; systems: linear ones that may be solved, less those that were: all loops are bounded. */
+int cfem_law(int m, const double *W, const double *free, double mu, double *lambda, double *room, int *systems);
 
 /* mm: by how much a point's force, and its gap there, miss the law, both in its frame; `yields` mm/N turns what the force misses into
  * a length. */

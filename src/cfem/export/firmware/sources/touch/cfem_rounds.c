@@ -21,6 +21,7 @@ static const double NEAR = 0.005; /* of the length */
 
 enum { ITERATIONS = 60, ON = CFEM_ROUNDS_ON }; /* rounds, as many as in Python (predict/contact/rounds.py) */
 static const double TOLERANCE = 1e-9, OVERLAP = 1e-6, FAR = 0.1; /* of the length */
+static const double SKEW = 1e-5; /* of a rotation, at most */
 static const double SIDE = 0.7; /* product of normals: less is another side of an obstacle */
 
 static int presses(const double *force) { return force[0] != 0.0 || force[1] != 0.0 || force[2] != 0.0; }
@@ -248,7 +249,7 @@ static unsigned one_round(cfem_rounds *at) {
     if (status || !settled) return status ? status : ON;
 #endif
     for (int b = 0; b < ROBOTS; b++) cfem_touch_yield(at->now[b].count, at->now[b].patch, &at->room[b]);
-    if (cfem_rounds_obey(at)) return CFEM_TOUCH_NO_STATE;
+    if (cfem_rounds_obey(at)) return at->systems > 0 ? CFEM_TOUCH_NO_STATE : CFEM_TOUCH_ITERATIONS;
     name_modes(at);
     const double nearest = move(at);
 #if CFEM_TOUCH_SOFT
@@ -293,15 +294,29 @@ static void finish(cfem_rounds *at) {
     }
 }
 
+static int is_rotation(const double (*R)[3]) {
+    const double *const x = R[0], *const y = R[1];
+    const double z[3] = {x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]};
+    int is = fabs(cfem_dot(3, x, x) - 1.0) <= SKEW && fabs(cfem_dot(3, y, y) - 1.0) <= SKEW && fabs(cfem_dot(3, x, y)) <= SKEW;
+    for (int a = 0; a < 3; a++) is &= fabs(R[2][a] - z[a]) <= SKEW;
+    return is;
+}
+
 static int sensible(const cfem_rounds *at, const double *delta_a) {
     double sum = at->mu;
+    int bodies = 1;
     for (int i = 0; i < ROBOTS * NA; i++) sum += delta_a[i];
-    for (int o = 0; o < at->obstacle_count; o++) {
-        sum += at->obstacles[o].rounding;
-        for (int a = 0; a < 9; a++) sum += at->obstacles[o].R[a / 3][a % 3];
-        for (int a = 0; a < 3; a++) sum += at->obstacles[o].t[a];
+    for (int b = 0; b < ROBOTS && SOFT(1, 0); b++) {
+        sum += at->placed[b].t[0] + at->placed[b].t[1] + at->placed[b].t[2];
+        bodies &= is_rotation(at->placed[b].R);
     }
-    return cfem_finite(sum) && at->mu >= 0.0;
+    for (int o = 0; o < at->obstacle_count; o++) {
+        const cfem_obstacle *const obstacle = &at->obstacles[o];
+        sum += obstacle->rounding;
+        for (int a = 0; a < 3; a++) sum += obstacle->t[a], bodies &= obstacle->core[a] >= 0.0;
+        bodies &= is_rotation(obstacle->R) && obstacle->rounding >= 0.0;
+    }
+    return cfem_finite(sum) && bodies && at->mu >= 0.0;
 }
 
 unsigned cfem_rounds_run(cfem_rounds *at, const double *delta_a) {

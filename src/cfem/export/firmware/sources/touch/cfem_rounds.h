@@ -19,7 +19,7 @@ struct cfem_meeting;
 
 /* robots: of the step, of each one its state before, or 0, and now. solid: patches near obstacles, which are the first rows of the law: of
  * each its robot, and its place among those of the robot that bear. pairs: of soft surfaces that touch, which are the next rows. local: N, in
- * the frames of the rows. moved: mm, by the last change of the forces. */
+ * the frames of the rows. moved: mm, by the last change of the forces. systems: linear ones that the step may still solve, of all its rounds. */
 typedef struct {
     const cfem_placed *placed;
     const cfem_obstacle *obstacles;
@@ -29,7 +29,7 @@ typedef struct {
     cfem_touched *now;
     cfem_touch_room *room;
     struct cfem_meeting *soft;
-    int iterations, solid, pairs, robot[CFEM_TOUCH_MOST], slot[CFEM_TOUCH_MOST];
+    int iterations, systems, solid, pairs, robot[CFEM_TOUCH_MOST], slot[CFEM_TOUCH_MOST];
     double frame[CFEM_TOUCH_MOST][3][3], local[CFEM_TOUCH_MOST][3], moved;
     unsigned char stuck_before[CFEM_TOUCH_ROBOTS][CFEM_PATCHES]; /* whether friction held it on an obstacle in the last round */
 } cfem_rounds;

@@ -85,7 +85,7 @@ static int law(cfem_rounds *at, int which, double (*known)[3], const double *gap
     for (int b = 0; b < ROBOTS; b++) yield(at, b, compliance(&at->room[b], which), known, W, free);
     for (int i = 0; i < n; i++) free[i] -= cfem_dot(n, W + i * n, &known[0][0]);
     memcpy(at->local, known, sizeof *known * (size_t)rows);
-    return cfem_law(rows, W, free, at->mu, &at->local[0][0], at->room[0].law);
+    return cfem_law(rows, W, free, at->mu, &at->local[0][0], at->room[0].law, &at->systems);
 }
 
 /* (C^-1 - B)^-1 into `turned`, B of the patches' bends (blocks); by it forces turn. 1 where that is not positive definite. */

@@ -8,9 +8,10 @@
 static unsigned step(unsigned (*run)(cfem_rounds *, const double *), const double *delta_a, const cfem_obstacle *obstacles, int count, double mu,
                      const cfem_touched *before, cfem_touched *now, cfem_touch_room *room) {
     cfem_placed here = {{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}, {0}, 0, {0}};
-    cfem_rounds at = {.placed = &here, .obstacles = obstacles, .obstacle_count = count, .mu = mu, .before = before, .now = now, .room = room};
+    cfem_rounds at = {.placed = &here, .obstacles = obstacles, .obstacle_count = count, .mu = mu, .before = before, .now = now, .room = room,
+                      .systems = CFEM_TOUCH_SYSTEMS};
     memcpy(here.unilateral, cfem_patch_unilateral, sizeof here.unilateral);
-    now->status = run(&at, delta_a), now->iterations = at.iterations;
+    now->status = run(&at, delta_a), now->iterations = at.iterations, now->systems = CFEM_TOUCH_SYSTEMS - at.systems;
     return now->status;
 }
 

@@ -18,11 +18,13 @@ extern "C" {
 enum {
     CFEM_TOUCH_CONVERGED = 0,
     CFEM_TOUCH_NO_STATE = 1,   /* no forces were found that obey the law */
-    CFEM_TOUCH_ITERATIONS = 2, /* open, sticking and sliding patches keep changing: the iterations allowed were used up */
+    CFEM_TOUCH_ITERATIONS = 2, /* open, sticking and sliding patches keep changing: the rounds or systems allowed were used up */
     CFEM_TOUCH_MANY = 3,       /* more than CFEM_TOUCH_MOST patches touch */
-    CFEM_TOUCH_BAD_INPUT = 4,  /* a number of the input is not finite, or friction is below 0 */
+    CFEM_TOUCH_BAD_INPUT = 4,  /* a number is not finite, friction or a size is below 0, or R is not a rotation */
     CFEM_TOUCH_NO_MODEL = 5    /* the model has no trustworthy answer here */
 };
+#define CFEM_TOUCH_SYSTEMS 2000 /* linear systems that a step may solve, in all its rounds */
+
 /* Where `error` is larger, forces bend the robot further than is known; with `deep` the step was too long. Forces may be wrong, a patch may lie
  * on another side than the one on which it came in, and rounding may choose between states that all obey the law. Take shorter steps from
  * a state before. */
@@ -40,7 +42,7 @@ enum { CFEM_TOUCH_OPEN, CFEM_TOUCH_STICK, CFEM_TOUCH_SLIP };
 /* One state. The members up to `rows` are of patches that touch, `count` of them; those after it of the robot. */
 typedef struct {
     unsigned status;
-    int count, iterations;
+    int count, iterations, systems;
     int patch[CFEM_TOUCH_MOST];        /* number of it */
     int obstacle[CFEM_TOUCH_MOST];     /* number of what it touches */
     int mode[CFEM_TOUCH_MOST];
