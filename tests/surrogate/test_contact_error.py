@@ -6,9 +6,10 @@ from itertools import islice
 import numpy as np
 import pytest
 
+from cfem.condensed.model_error import ContactError
 from cfem.contact.step_status import StepStatus
 from cfem.core.errors import NumericalError
-from cfem.predict.contact.error import FLOOR, ContactError, contact_error, measure, sizes, touching
+from cfem.predict.contact.error import FLOOR, contact_error, measure, sizes, touching
 from cfem.predict.contact.state import TRUSTED
 from cfem.surrogate import contact_error as calibration
 from cfem.surrogate.contact_error import calibrated_contact, error_at, pressed_places

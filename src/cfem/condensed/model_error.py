@@ -30,7 +30,20 @@ class ErrorBound(Data):
         return self.factor * extrapolation**self.power
 
 
-class ModelError(Data):
+class _Calibrated(Data):
+    """Bounds that hold with a probability, calibrated on finite elements; left_out: of their states, those that the
+    bounds are not of."""
+
+    probability: float = Field(gt=0, lt=1)
+    left_out: int = Field(ge=0)
+
+    @property
+    def percent(self) -> str:
+        """The probability in words: '95 %'."""
+        return f"{100 * self.probability:.0f} %"
+
+
+class ModelError(_Calibrated):
     """Bounds of the distance between a model's answer and the finite elements' to the same command, on one mesh.
 
     tip: of all effector points together, mm, orientations left out; actuators: of what is not commanded, forces where
@@ -39,18 +52,31 @@ class ModelError(Data):
     probability: of a state like the test states that the bound holds; states: test states in the domain, which it was
     taken from; left_out: the others"""
 
-    probability: float = Field(gt=0, lt=1)
     states: int = Field(ge=1)
-    left_out: int = Field(ge=0)
     command: Form
     tip: ErrorBound
     actuators: ErrorBound
     W: ErrorBound
 
-    @property
-    def percent(self) -> str:
-        """The probability in words: '95 %'."""
-        return f"{100 * self.probability:.0f} %"
+
+class ContactError(_Calibrated):
+    """Bounds of the error of the contact of one robot with rigid obstacles, of trusted states.
+
+    force: of the force by any of the obstacles, relative to the sum of all of them
+    tip: of how forces move all effector points together, relative to the sum of what each obstacle's do
+    (`cfem.predict.contact.error.sizes`)
+    probability: that a bound holds at a place like those of the calibration; places: of it; left_out: those that were
+    not trusted, or where no state was found; friction: coefficient at these places; most: obstacles that touched at
+    once
+    off: (N,) mm, root mean squares of how far each point of the surface is off along its normal where nothing
+    touches"""
+
+    places: int = Field(ge=1)
+    friction: float = Field(ge=0)
+    most: int = Field(ge=1)
+    off: list[float]
+    force: ErrorBound
+    tip: ErrorBound
 
 
 def model_error_of(stated: Mapping[str, Any] | None) -> ModelError | None:

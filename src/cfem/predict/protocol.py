@@ -12,7 +12,7 @@ from cfem.condensed import Condensed, Rows
 from cfem.condensed.coupling import HolderState
 from cfem.condensed.mesh_error import mesh_error_of
 from cfem.condensed.model import Form, demand_found, with_duals
-from cfem.condensed.model_error import StateError, model_error_of
+from cfem.condensed.model_error import ContactError, StateError, model_error_of
 from cfem.condensed.parameters import coordinates, from_json, references
 from cfem.core.errors import InputError, NumericalError
 from cfem.predict.series.christoffel import Christoffel
@@ -21,7 +21,6 @@ from cfem.predict.series.skin import LearnedSkin
 from cfem.predict.series.state_error import state_error
 
 if TYPE_CHECKING:
-    from cfem.predict.contact.error import ContactError
     from cfem.predict.workspace import Workspace
 
 _PUSHES = 0.1  # of the largest force: training states beyond so much of the other sign mean actuators that push
@@ -77,7 +76,7 @@ class Predictor(ABC):
         return skin
 
     @property
-    def contact_errors(self) -> "tuple[ContactError, ...]":
+    def contact_errors(self) -> tuple[ContactError, ...]:
         """Errors of the model's contact with obstacles that are kept beside its folder, one for each kind of contact
         and friction that `cfem control` has met; none of a model that was not read from a folder."""
         return self.contact_errors_source()

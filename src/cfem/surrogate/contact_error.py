@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from cfem.condensed.model_error import ContactError
 from cfem.condensed.patches import Patches
 from cfem.constraint.surface import outer_surface
 from cfem.constraint.surface_points import at_nodes
@@ -23,7 +24,7 @@ from cfem.core.errors import NumericalError
 from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
 from cfem.equilibrium.contact.surfaces import SurfaceScene, SurfacesState
 from cfem.equilibrium.system.robot import Robot
-from cfem.predict.contact.error import TINY, ContactError, forces_of, measure, sizes
+from cfem.predict.contact.error import TINY, forces_of, measure, sizes
 from cfem.predict.contact.node_model import NodeModel
 from cfem.predict.contact.scene import contact_step
 from cfem.predict.contact.state import ContactState

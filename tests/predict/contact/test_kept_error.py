@@ -4,8 +4,7 @@ import shutil
 
 import pytest
 
-from cfem.condensed.model_error import ErrorBound
-from cfem.predict.contact.error import ContactError
+from cfem.condensed.model_error import ContactError, ErrorBound
 from cfem.predict.contact.kept_error import kept_contact_error
 from cfem.predict.load import load_model
 

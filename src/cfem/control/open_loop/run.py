@@ -71,13 +71,7 @@ def carry_out(folder: Path, spec: PlannedSpec, base: Path, prepared: Prepared, k
     kept_run.remove()
     return {
         "headline": lines,
-        KEY: [
-            *judged(results, {name: meant_beyond(trajectory) for name, trajectory in spec.trajectories.items()}),
-            *left_out(prepared.goals, spec.trajectories),
-            *doubts(prepared.goals, spec.reached, refined, robot.length),
-            *(load_doubts(spec.loads) if isinstance(spec, LoadedSpec) else []),
-            *(prepared.touched.judged(robot.length) if prepared.touched else []),
-        ],
+        KEY: _judgement(spec, prepared, results, refined),
         "object": held,
         "obstacles": met,
         "contact_error": contact_error,
@@ -89,6 +83,20 @@ def carry_out(folder: Path, spec: PlannedSpec, base: Path, prepared: Prepared, k
         "fe_cost": cost,
         "nodes": len(robot.X),
     }
+
+
+def _judgement(
+    spec: PlannedSpec, prepared: Prepared, results: dict[str, Any], refined: dict[str, Any]
+) -> list[dict[str, Any]]:
+    """Findings that make the run poor; results: of the trajectories; refined: of `mesh_error.discretisation`."""
+    length = prepared.robot.length
+    return [
+        *judged(results, {name: meant_beyond(trajectory) for name, trajectory in spec.trajectories.items()}),
+        *left_out(prepared.goals, spec.trajectories),
+        *doubts(prepared.goals, spec.reached, refined, length),
+        *(load_doubts(spec.loads) if isinstance(spec, LoadedSpec) else []),
+        *(prepared.touched.judged(length) if prepared.touched else []),
+    ]
 
 
 def _follow(

@@ -12,42 +12,14 @@ one and of several alike (docs/figures/model-error.md)."""
 from dataclasses import dataclass
 
 import numpy as np
-from pydantic import Field
 
-from cfem.condensed.model_error import ErrorBound
+from cfem.condensed.model_error import ContactError
 from cfem.contact.pairs import Pressing
-from cfem.core.reading import Data
 from cfem.predict.contact.state import ContactState
 from cfem.predict.contact.surface_model import NONE, SurfaceModel
 
 FLOOR = 1e-3  # of force and motion: what is off besides
 TINY = np.finfo(float).tiny
-
-
-class ContactError(Data):
-    """Bounds of the error of the contact of one robot with rigid obstacles, of trusted states.
-
-    force: of the force by any of the obstacles, relative to the sum of all of them (`sizes`); tip: of how forces move
-    all effector points together, relative to the sum of what each obstacle's do
-    probability: that a bound holds at a place like those of the calibration; places: of it; left_out: those that were
-    not trusted, or where no state was found; friction: coefficient at these places; most: obstacles that touched at
-    once
-    off: (N,) mm, root mean squares of how far each point of the surface is off along its normal where nothing
-    touches"""
-
-    probability: float = Field(gt=0, lt=1)
-    places: int = Field(ge=1)
-    left_out: int = Field(ge=0)
-    friction: float = Field(ge=0)
-    most: int = Field(ge=1)
-    off: list[float]
-    force: ErrorBound
-    tip: ErrorBound
-
-    @property
-    def percent(self) -> str:
-        """The probability in words: '95 %'."""
-        return f"{100 * self.probability:.0f} %"
 
 
 @dataclass(frozen=True)

@@ -8,11 +8,11 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from cfem.condensed.model_error import ContactError
 from cfem.core.artefact.content import artefact_content
 from cfem.core.artefact.files import confined, content_sha256, read_json, write_json
 from cfem.core.errors import DiskError, InputError
 from cfem.core.reading import Data, checked
-from cfem.predict.contact.error import ContactError
 from cfem.predict.contact.surface_model import SurfaceModel
 
 VERSION = 1  # raised when the same inputs make another error

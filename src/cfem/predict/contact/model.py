@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from cfem.condensed import Condensed, Rows
-from cfem.condensed.model_error import StateError
+from cfem.condensed.model_error import ContactError, StateError
 from cfem.contact.obstacle import Obstacle
 from cfem.contact.obstacle_set import ObstacleSet
 from cfem.contact.pairs import numbers_of
@@ -28,7 +28,7 @@ from cfem.core.errors import NumericalError
 from cfem.equilibrium.quasi_static import CONVERGED, carried_out
 from cfem.predict.contact.bodies import PlacedModel
 from cfem.predict.contact.clearance import clearance
-from cfem.predict.contact.error import ContactBounds, ContactError, contact_error
+from cfem.predict.contact.error import ContactBounds, contact_error
 from cfem.predict.contact.scene import SHARE, ContactScene
 from cfem.predict.contact.state import TRUSTED, ContactState
 from cfem.predict.contact.surface_model import SurfaceModel

@@ -52,8 +52,8 @@ class OnObstacles:
         self.distance[self.scene.surfaces.held_still] = np.inf
 
     def look(self, places: np.ndarray, before: np.ndarray) -> None:
-        """The same after patches have moved from places `before` (N, 3) mm. Where nothing but robots moves, those that
-        cannot have come near an obstacle keep the distance that is certain."""
+        """Finds the distances after patches have moved from places `before` (N, 3) mm. Where nothing but robots moves,
+        patches that cannot have come near an obstacle keep a distance that is certain."""
         if self.scene.rigid is not None:
             return self.look_at_all(places)
         self.distance = self.distance - 2 * np.abs(places - before).max()  # more than the root of 3
@@ -62,7 +62,7 @@ class OnObstacles:
         self.distance[near], self.which[near] = self.poses.obstacles.nearest(places[near])
 
     def look_again(self, places: np.ndarray) -> None:
-        """The same of patches that may touch, which those beside them have moved."""
+        """Finds the distances of patches that may touch, which those beside them have moved."""
         near, self._frames = self.near, None
         self.distance[near], self.which[near] = self.poses.obstacles.nearest(places[near])
 

@@ -57,5 +57,5 @@ class Surfaces:
 
     @cached_property
     def mode_ends(self) -> list[tuple[int, int]]:
-        """Where the modes of each surface begin and end among those of all."""
+        """First and last number of each surface's modes among those of all."""
         return list(pairwise(accumulate(self.shapes[:, 1].tolist(), initial=0)))

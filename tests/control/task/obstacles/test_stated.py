@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from cfem.condensed import Rows
-from cfem.condensed.model_error import ErrorBound
+from cfem.condensed.model_error import ContactError, ErrorBound
 from cfem.control.task.obstacles.stated import stated_errors
-from cfem.predict.contact.error import ContactError
 
 BOUND = ErrorBound(everywhere=0.02, factor=0.01, power=1.0)
 REST = np.array([10.0, 0.0, 0.0, 0.0])

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from cfem.condensed.model_error import ContactError
 from cfem.condensed.patches import Patches, SurfacePoints
 from cfem.constraint.surface import outer_surface
 from cfem.constraint.surface_points import at_nodes
@@ -19,7 +20,6 @@ from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
 from cfem.equilibrium.system.robot import Robot
 from cfem.plant.touch_plant import TouchPlant
 from cfem.predict.contact.bodies import PlacedModel
-from cfem.predict.contact.error import ContactError
 from cfem.predict.contact.kept_error import kept_contact_error
 from cfem.predict.contact.kept_patches import node_model_of, patched_model_of
 from cfem.predict.contact.model import ContactModel

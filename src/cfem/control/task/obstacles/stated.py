@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
+from cfem.condensed.model_error import ContactError
 from cfem.core.console.shown import counted, length
 from cfem.equilibrium.quasi_static import CONVERGED
-from cfem.predict.contact.error import ContactError
 from cfem.predict.contact.model import ContactModel
 
 
