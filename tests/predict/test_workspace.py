@@ -5,9 +5,11 @@ import pytest
 from scipy.spatial import ConvexHull
 from surrogate.synthetic import dataset, effector, energy
 
+from cfem.condensed import Rows
 from cfem.core.errors import InputError
 from cfem.predict.load import build
 from cfem.predict.series.energy import FORMS
+from cfem.predict.workspace import Workspace
 from cfem.surrogate.model_card import model_card
 from cfem.surrogate.series.spectral import fit
 
@@ -63,6 +65,13 @@ def test_it_can_be_drawn(model, tmp_path):
     figure = model.workspace(50).plot()
     figure.savefig(tmp_path / "workspace.png")
     assert [view.get_xlabel() for view in figure.axes[:3]] == ["tip.x (mm)", "tip.x (mm)", "tip.y (mm)"]
+
+
+def test_a_first_effector_of_one_coordinate_cannot_be_drawn():
+    rows = Rows(("stop.x", "tip.x", "tip.y"), ("cable",))
+    space = Workspace(rows, np.ones((2, 1)), np.ones((2, 1)), np.eye(3)[:2], np.zeros(3))
+    with pytest.raises(InputError, match="effector 'stop' has fewer than two coordinates"):
+        space.plot()
 
 
 def test_no_states_are_an_error(model):

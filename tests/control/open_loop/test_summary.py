@@ -1,5 +1,6 @@
 """The headline says what a reader must not miss."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -53,9 +54,11 @@ def test_a_goal_is_reached_where_the_orientation_that_it_states_is(yaw, reached)
     )
     measured = Measurement(there, np.zeros(2), np.zeros(2), 1, "converged")
     places, yaw_alone = np.arange(6) < 3, np.arange(6) == 5
-    row = record(
-        "t", Tracked("m", 0, goal, plan, measured, True, 0.0, places, yaw_alone), 0.05, None, None, np.radians(0.1)
-    )
+    tracked = Tracked("m", 0, goal, plan, measured, True, 0.0, places, yaw_alone)
+    by_fe = replace(tracked, measured=replace(measured, x_e=there + np.array([0.03, 0.04, 0, 0, 0, 0])))
+    row = record("t", tracked, 0.05, by_fe, None, np.radians(0.1))
+    assert row["error_to_fe_based"] == pytest.approx(0.05)
+    assert np.isnan(record("t", tracked, 0.05, None)["error_to_fe_based"])
     assert row["rotation_error"] == pytest.approx(yaw) and row["error"] == pytest.approx(1e-3)
     assert bool(row["reached"]) is reached
 

@@ -45,6 +45,18 @@ def test_an_image_is_reached_and_no_optimum_is_asked_for():
     assert found.verdict(reached=False) is Verdict.NOT_CONVERGED  # the linearised robot comes to the goal
 
 
+def test_a_miss_is_none_below_a_ten_thousandth_of_what_a_stroke_moves():
+    """The farthest that any of the actuators moves the tip over its stroke, by finite differences."""
+    u = 0.5 * ROBOT.reach.mean(axis=1)
+    state, step = ROBOT.at_displacement(u), 1e-4 * ROBOT.reach[:, 1]
+    ends = [[ROBOT.at_displacement(u + side * way).delta_e for side in (-1, 1)] for way in np.diag(step)]
+    course = np.ptp(ROBOT.reach, axis=1)
+    moved = max(np.linalg.norm(b - a) / (2 * h) * c for (a, b), h, c in zip(ends, step, course, strict=True))
+    aside = np.array([0.0, 0.6, 0.8]) * 1e-4 * moved
+    assert arrived(state, aim(state.delta_e + 0.98 * aside), LIMITS)
+    assert not arrived(state, aim(state.delta_e + 1.02 * aside), LIMITS)
+
+
 @pytest.mark.parametrize(
     "settings",
     [{"tolerance": 1e3}, {"regularisation": 1e3}, {"iterations": 1}, {"step": 1e-4}, {"regularisation": 1e-1}],

@@ -51,3 +51,14 @@ def test_few_states_are_kept(patched_bar):
     for i in range(HELD):
         held(model, DELTA + 0.01 * i)
     assert held(model, DELTA + 0.01) is held(model, DELTA + 0.01) and len(model.kept) == HELD
+
+
+def test_a_wrench_moves_rows_as_the_compliance_under_it_says(patched_bar):
+    """Rows are of second order in the wrench, and the compliance, their derivative, of first: central differences of
+    rows are exact."""
+    wrench, step = np.array([0.02, -0.03, 0.05]), 1e-3
+    by_wrench = HeldRobot(patched_bar, DELTA, wrench).C_es
+    for axis, along in enumerate(step * np.eye(3)):
+        behind, ahead = (HeldRobot(patched_bar, DELTA, wrench + side * along).rows for side in (-1, 1))
+        np.testing.assert_allclose((ahead - behind) / (2 * step), by_wrench[axis], rtol=1e-6, atol=1e-9)
+    assert np.abs(by_wrench - HeldRobot(patched_bar, DELTA, None).C_es).max() > 1e-4
