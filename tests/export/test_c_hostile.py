@@ -122,7 +122,7 @@ CONTACT = {
 
 
 def test_predictive_control_survives(tmp_path):
-    predictive(tmp_path, "force", FEW // 4)  # each costs many times the controller's
+    predictive(tmp_path, "force", FEW)
 
 
 @pytest.mark.parametrize("name", fast_are({"forces"}, ["double", "forces"]))

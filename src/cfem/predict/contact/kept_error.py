@@ -6,14 +6,16 @@ depends on, as that of patches (`kept_patches`). It may be deleted at any time."
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from cfem.condensed.model_error import ContactError
 from cfem.core.artefact.content import artefact_content
 from cfem.core.artefact.files import confined, content_sha256, read_json, write_json
 from cfem.core.errors import DiskError, InputError
 from cfem.core.reading import Data, checked
-from cfem.predict.contact.surface_model import SurfaceModel
+
+if TYPE_CHECKING:
+    from cfem.predict.contact.surface_model import SurfaceModel
 
 VERSION = 1  # raised when the same inputs make another error
 
@@ -28,7 +30,7 @@ class KeptContactError(Data):
 
 
 def kept_contact_error(
-    touched: SurfaceModel,
+    touched: "SurfaceModel",
     folder: Path,
     made_of: Mapping[str, Any],
     mu: float,
