@@ -165,20 +165,30 @@ def test_the_skin_that_is_drawn_is_where_the_robot_is(soft_bar):
 
 
 @pytest.mark.parametrize(
-    ("body", "more", "said"),
+    ("body", "said"),
     [
-        (
-            '<geom name="hills" type="hfield" hfield="h" pos="0 0 -0.5"/>',
-            '<asset><hfield name="h" nrow="4" ncol="4" size="1 1 0.1 0.1"/></asset>',
-            "geom 'hills' is of a kind, hfield",
-        ),
-        (ball_above(0.008), "", "'ball' and the soft robot 'bar' overlap by 3 mm at the start"),
-        ("<geom/>", "", "the MuJoCo model: .*size"),
+        (ball_above(0.008), "'ball' and the soft robot 'bar' overlap by 3 mm at the start"),
+        ("<geom/>", "the MuJoCo model: .*size"),
     ],
 )
-def test_what_no_world_is_made_of_is_said(soft_bar, body, more, said):
+def test_what_no_world_is_made_of_is_said(soft_bar, body, said):
     with pytest.raises(InputError, match=said):
-        World(mjcf(body, more=more), {"bar": soft_bar})
+        World(mjcf(body), {"bar": soft_bar})
+
+
+def test_a_flat_height_field_is_a_ceiling(soft_bar):
+    """The bar bends up against it as against a plane."""
+    field = '<asset><hfield name="flat" nrow="4" ncol="4" size="0.1 0.1 0.001 0.01"/></asset>'
+    ceilings = '<geom type="plane" size="1 1 1"', '<geom type="hfield" hfield="flat"'
+    pressed = []
+    for geom in ceilings:
+        world = World(mjcf(f'{geom} pos="0 0 0.0075" zaxis="0 0 -1"/>', more=field), {"bar": soft_bar})
+        for command in (0.5, 1.0, 1.5):
+            world.step({"bar": [command]})
+        assert world.contact.forces.any()
+        pressed.append((world.contact.forces.sum(axis=0), world.contact.delta_e[0]))
+    np.testing.assert_allclose(pressed[1][0], pressed[0][0], rtol=1e-6)
+    np.testing.assert_allclose(pressed[1][1], pressed[0][1], atol=1e-7)
 
 
 def test_who_is_not_there_is_said(soft_bar):

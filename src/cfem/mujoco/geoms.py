@@ -64,8 +64,11 @@ def _shape(model: mujoco.MjModel, number: int, name: str) -> Any:
             mesh = model.geom_dataid[number]
             first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
             return ClosedMesh(_hull(model.mesh_vert[first : first + count].astype(float) * MM))
+        case mujoco.mjtGeom.mjGEOM_HFIELD:
+            return ClosedMesh(_height_field(model, model.geom_dataid[number]))
     what = f"geom '{name}' is of a kind, {kind.name.removeprefix('mjGEOM_').lower()}, that soft robots do not touch"
-    do = "take a plane, sphere, capsule, cylinder, ellipsoid, box or mesh, or let it not collide: contype=conaffinity=0"
+    known = "plane, sphere, capsule, cylinder, ellipsoid, box, mesh or hfield"
+    do = f"take a {known}, or let it not collide: contype=conaffinity=0"
     raise InputError(what, do=do)
 
 
@@ -79,3 +82,21 @@ def _hull(points: np.ndarray) -> ClosedSurface:
     order = np.full(len(points), -1)
     order[hull.vertices] = np.arange(len(hull.vertices))
     return ClosedSurface(points[hull.vertices], order[triangles])
+
+
+def _height_field(model: mujoco.MjModel, number: int) -> ClosedSurface:
+    """Top of a height field, its cells cut in two as MuJoCo cuts them, with walls down to its base."""
+    rows, columns, first = model.hfield_nrow[number], model.hfield_ncol[number], model.hfield_adr[number]
+    half_x, half_y, height, base = model.hfield_size[number] * MM
+    y, x = np.meshgrid(np.linspace(-half_y, half_y, rows), np.linspace(-half_x, half_x, columns), indexing="ij")
+    z = model.hfield_data[first : first + rows * columns].reshape(rows, columns) * height
+    top = np.stack([x, y, z], axis=2).reshape(-1, 3)
+    nodes = np.arange(rows * columns).reshape(rows, columns)
+    a, b, c, d = nodes[:-1, :-1].ravel(), nodes[:-1, 1:].ravel(), nodes[1:, 1:].ravel(), nodes[1:, :-1].ravel()
+    upwards = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
+    rim = np.concatenate([nodes[0, :-1], nodes[:-1, -1], nodes[-1, :0:-1], nodes[:0:-1, 0]])  # anticlockwise from above
+    after, below = np.roll(rim, -1), len(top)
+    walls = [[rim + below, after + below, after], [rim + below, after, rim]]
+    triangles = np.concatenate([upwards, upwards[:, ::-1] + below, *(np.stack(wall, axis=1) for wall in walls)])
+    bottom = np.column_stack([top[:, :2], np.full(len(top), -base)])
+    return ClosedSurface(np.concatenate([top, bottom]), triangles)
