@@ -12,7 +12,7 @@ from numba import njit
 from cfem.predict.contact.compliance import load_response, moved_places, under_forces
 from cfem.predict.contact.joint_dents import dent_slopes, dented_places
 
-FIRST, SECOND, BEARS, ERROR, STORED = range(5)  # columns of `Loaded.sizes`
+FIRST, SECOND, BEARS, ERROR, STORED = range(5)  # columns of `LoadResult.sizes`
 THIRD = 2.5  # the third order over the square of the second, both relative to the first (docs/contact.md)
 
 
@@ -39,7 +39,7 @@ class RobotNumbers(NamedTuple):
     change: np.ndarray
 
 
-class Loaded(NamedTuple):
+class LoadResult(NamedTuple):
     """What forces do, of one robot after another and each in its own frame.
 
     rows (sum of k,) mm of the skins; w (sum of k,) N and v (sum of r,) N: loads of the forces on modes and mixtures
@@ -76,7 +76,7 @@ def load_robots(shapes, numbers, triples, flat, free, known, forces, R, loaded):
             for a in range(3):
                 turned[p, a] = f[0] * R[i, 0, a] + f[1] * R[i, 1, a] + f[2] * R[i, 2, a]
         robot, end = robot_numbers(numbers, number, shapes[i])
-        of_robot = Loaded(
+        of_robot = LoadResult(
             loaded.rows[mode : mode + k],
             loaded.w[mode : mode + k],
             loaded.v[mixture : mixture + r],

@@ -22,7 +22,7 @@ from cfem.predict.contact.load_kernel import (
     BEARS,
     ERROR,
     STORED,
-    Loaded,
+    LoadResult,
     free_places,
     load_robots,
     relief,
@@ -65,7 +65,7 @@ class LoadedRobots:
             if wrench is not None:
                 self.free[a:b] += moved_by_wrench(robot, model, wrench)
         (count, modes, mixtures, effectors), r = surfaces.shapes.sum(axis=0).tolist(), len(self.held)
-        self._loaded = Loaded(
+        self._loaded = LoadResult(
             *(np.empty(modes), np.empty(modes), np.empty(mixtures), np.empty((count, 3)), np.empty(0)),
             *(np.empty(effectors), np.zeros((r, 5)), np.zeros(count, dtype=bool), np.empty(0), NOTHING),
         )

@@ -11,7 +11,7 @@ from cfem.predict.contact.obstacle_spec import ContactSpec, MeshObstacle, Obstac
 
 
 class StatedContactSpec(ContactSpec):
-    """How the robot's surface touches, and what is stated of the error."""
+    """Contact of the robot's surface, and the error that is stated of it."""
 
     error_places: int = Field(30, ge=0, le=1000)
     """Random places at which finite elements touch one to three obstacles, once for each model and friction. Errors of
