@@ -25,10 +25,10 @@ from cfem.export.firmware.folder import write_c
 from cfem.export.firmware.touch import write_c_touch
 from cfem.export.spec import CSpec
 from cfem.predict.contact.error import contact_error, sizes
-from cfem.predict.contact.kept_patches import node_model_of, patched_model_of
-from cfem.predict.contact.patched_model import PatchedModel
-from cfem.predict.contact.scene import contact_step
-from cfem.predict.contact.surface_model import SurfaceModel
+from cfem.predict.contact.step.scene import contact_step
+from cfem.predict.contact.surface.kept_patches import node_model_of, patched_model_of
+from cfem.predict.contact.surface.patched_model import PatchedModel
+from cfem.predict.contact.surface.surface_model import SurfaceModel
 from cfem.predict.load import load_model, read_model, read_vectors
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh

@@ -32,12 +32,12 @@ from cfem.core.artefact.content import artefact_content
 from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
 from cfem.equilibrium.contact.surfaces import SurfaceScene, SurfacesState
 from cfem.equilibrium.system.robot import Robot
-from cfem.predict.contact.kept_patches import node_model_of, patched_model_of
-from cfem.predict.contact.node_model import NodeModel
-from cfem.predict.contact.on_obstacles import begins_deep
-from cfem.predict.contact.scene import contact_step
-from cfem.predict.contact.state import ContactState
-from cfem.predict.contact.surface_model import SurfaceModel
+from cfem.predict.contact.step.on_obstacles import begins_deep
+from cfem.predict.contact.step.scene import contact_step
+from cfem.predict.contact.step.state import ContactState
+from cfem.predict.contact.surface.kept_patches import node_model_of, patched_model_of
+from cfem.predict.contact.surface.node_model import NodeModel
+from cfem.predict.contact.surface.surface_model import SurfaceModel
 from cfem.predict.load import load_model
 from cfem.predict.protocol import Predictor
 from cfem.robot.build import build_robot

@@ -35,9 +35,9 @@ from cfem.core.errors import NumericalError
 from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
 from cfem.equilibrium.system.robot import Robot
 from cfem.plant.touch_plant import TouchPlant
-from cfem.predict.contact.kept_patches import node_model_of
 from cfem.predict.contact.model import ContactModel
-from cfem.predict.contact.surface_model import SurfaceModel
+from cfem.predict.contact.surface.kept_patches import node_model_of
+from cfem.predict.contact.surface.surface_model import SurfaceModel
 from cfem.predict.load import load_model
 from cfem.predict.protocol import Predictor
 from cfem.robot.build import build_robot

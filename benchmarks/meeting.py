@@ -22,9 +22,9 @@ import cfem
 from cfem.equilibrium.contact.patch_compliance import patch_response
 from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
 from cfem.equilibrium.contact.surfaces import SurfaceScene as MeetingInFe
-from cfem.predict.contact.bodies import PlacedModel
-from cfem.predict.contact.patched_model import PatchedModel, patches_of
-from cfem.predict.contact.scene import ContactScene
+from cfem.predict.contact.step.bodies import PlacedModel
+from cfem.predict.contact.step.scene import ContactScene
+from cfem.predict.contact.surface.patched_model import PatchedModel, patches_of
 from cfem.predict.load import load_model
 from cfem.predict.series.few_states import patch_states
 from cfem.robot.build import build_robot

@@ -131,7 +131,7 @@ def bar_of_any_material(bar, tmp_path_factory):
 def patched_bar(bar):
     """The bar's spectral model that may be touched at patches 8 mm from each other."""
     from cfem.equilibrium.contact.patch_compliance import patch_response
-    from cfem.predict.contact.patched_model import PatchedModel, patches_of
+    from cfem.predict.contact.surface.patched_model import PatchedModel, patches_of
     from cfem.predict.series.few_states import patch_states
 
     known = cfem.load_model(bar / "models" / "bar" / "spectral")

@@ -9,7 +9,7 @@ from cfem.contact.obstacle_set import ObstacleSet
 from cfem.core.errors import NumericalError
 from cfem.mujoco import World
 from cfem.mujoco.near import REACH, Look
-from cfem.predict.contact.state import TRUSTED
+from cfem.predict.contact.step.state import TRUSTED
 
 TURNING = """<mujoco><option timestep="0.002"/><worldbody>
   <body><joint axis="0 0 1" damping="1"/><geom size="0.004" pos="-0.01 0 0" mass="1"/><site name="bar"/></body>

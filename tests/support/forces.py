@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cfem.predict.contact.loaded_robots import LoadedRobots
+from cfem.predict.contact.forces.loaded_robots import LoadedRobots
 
 
 def put(robots: LoadedRobots, points: np.ndarray, forces: np.ndarray) -> None:

@@ -10,7 +10,7 @@ from cfem.condensed.model_error import ContactError
 from cfem.contact.step_status import StepStatus
 from cfem.core.errors import NumericalError
 from cfem.predict.contact.error import FLOOR, contact_error, measure, sizes, touching
-from cfem.predict.contact.state import TRUSTED
+from cfem.predict.contact.step.state import TRUSTED
 from cfem.surrogate import contact_error as calibration
 from cfem.surrogate.contact_error import calibrated_contact, error_at, pressed_places
 

@@ -9,7 +9,7 @@ from cfem.constraint.patch import PatchLoad
 from cfem.core.errors import InputError
 from cfem.equilibrium.contact.patch_effectors import PatchYield
 from cfem.export.spec import ExportSpec
-from cfem.predict.contact.kept_patches import yield_of
+from cfem.predict.contact.surface.kept_patches import yield_of
 from cfem.predict.load import build, read_arrays, with_skin
 from cfem.predict.loads.loaded import loaded, wrench_of
 from cfem.predict.loads.spec import loads_of

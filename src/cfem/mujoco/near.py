@@ -2,8 +2,8 @@
 
 At a look, the distance of every point to the geoms is known. As long as nothing has moved by more than REACH, against
 what it is near, only points that were as near as that may touch, and a step is one of these points
-(`cfem.predict.contact.surface_part`). Afterwards the motion that was is checked, by bounds: the forces and places are
-those of a step of all points."""
+(`cfem.predict.contact.surface.surface_part`). Afterwards the motion that was is checked, by bounds: the forces and
+places are those of a step of all points."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -12,13 +12,13 @@ from itertools import pairwise
 import numpy as np
 from numba import njit
 
-from cfem.predict.contact.bodies import PlacedModel
-from cfem.predict.contact.loaded_robots import LoadedRobots
-from cfem.predict.contact.scene import ContactScene
-from cfem.predict.contact.state import ContactState
-from cfem.predict.contact.surface_model import SurfaceModel
-from cfem.predict.contact.surface_part import SurfacePart
-from cfem.predict.contact.surfaces import Surfaces
+from cfem.predict.contact.forces.loaded_robots import LoadedRobots
+from cfem.predict.contact.step.bodies import PlacedModel
+from cfem.predict.contact.step.scene import ContactScene
+from cfem.predict.contact.step.state import ContactState
+from cfem.predict.contact.surface.surface_model import SurfaceModel
+from cfem.predict.contact.surface.surface_part import SurfacePart
+from cfem.predict.contact.surface.surfaces import Surfaces
 
 REACH = 0.03  # of the length
 OLD = 0.5  # of REACH: after it one looks again

@@ -7,7 +7,7 @@ from numba import njit
 
 from cfem.contact.rigid_bodies import RigidBodies, add_wrench
 from cfem.mujoco.geoms import MM, Geoms
-from cfem.predict.contact.state import ContactState
+from cfem.predict.contact.step.state import ContactState
 
 
 class Rigid:

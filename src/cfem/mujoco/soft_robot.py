@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 from cfem.core.errors import InputError, NumericalError
 from cfem.equilibrium.system.robot import Robot
 from cfem.mujoco.description import points_of, rows_of
-from cfem.predict.contact.kept_patches import node_model_of, patched_model_of
-from cfem.predict.contact.surface_model import SurfaceModel
+from cfem.predict.contact.surface.kept_patches import node_model_of, patched_model_of
+from cfem.predict.contact.surface.surface_model import SurfaceModel
 from cfem.predict.load import load_model
 from cfem.predict.loads.loaded import TRUSTED, wrench_error
 from cfem.robot.build import build_robot

@@ -22,10 +22,10 @@ from cfem.mujoco.geoms import MM, Geoms
 from cfem.mujoco.near import Look
 from cfem.mujoco.rigid import Rigid
 from cfem.mujoco.soft_robot import SoftRobot
-from cfem.predict.contact.bodies import PlacedModel
-from cfem.predict.contact.node_model import NodeModel
-from cfem.predict.contact.scene import ContactScene
-from cfem.predict.contact.state import TRUSTED, ContactState
+from cfem.predict.contact.step.bodies import PlacedModel
+from cfem.predict.contact.step.scene import ContactScene
+from cfem.predict.contact.step.state import TRUSTED, ContactState
+from cfem.predict.contact.surface.node_model import NodeModel
 
 INSIDE = 1e-3  # of the length: by how much a robot may overlap a geom at the start
 FAST = 0.05  # of the length: the longest way of a geom in one step that may touch a robot in it

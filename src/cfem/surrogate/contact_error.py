@@ -25,10 +25,10 @@ from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
 from cfem.equilibrium.contact.surfaces import SurfaceScene, SurfacesState
 from cfem.equilibrium.system.robot import Robot
 from cfem.predict.contact.error import TINY, forces_of, measure, sizes
-from cfem.predict.contact.node_model import NodeModel
-from cfem.predict.contact.scene import contact_step
-from cfem.predict.contact.state import ContactState
-from cfem.predict.contact.surface_model import SurfaceModel
+from cfem.predict.contact.step.scene import contact_step
+from cfem.predict.contact.step.state import ContactState
+from cfem.predict.contact.surface.node_model import NodeModel
+from cfem.predict.contact.surface.surface_model import SurfaceModel
 from cfem.predict.protocol import Predictor
 from cfem.surrogate.calibration import promised, proportional
 

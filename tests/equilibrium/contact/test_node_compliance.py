@@ -12,7 +12,7 @@ from cfem.equilibrium.contact.patch_compliance import patch_response
 from cfem.equilibrium.solve import solve
 from cfem.equilibrium.system.actuation import displacement
 from cfem.equilibrium.system.problem import Problem
-from cfem.predict.contact.node_model import node_patches
+from cfem.predict.contact.surface.node_model import node_patches
 from cfem.predict.load import load_model
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh

@@ -24,11 +24,11 @@ from cfem.export.compiled.build import compiler
 from cfem.export.compiled.meet import CompiledMeet
 from cfem.export.compiled.structures import numbers
 from cfem.export.firmware.meet import areas
-from cfem.predict.contact.bodies import PlacedModel
-from cfem.predict.contact.kept_patches import patched_model_of
 from cfem.predict.contact.model import ContactModel
-from cfem.predict.contact.rounds import ITERATIONS
-from cfem.predict.contact.scene import ContactScene
+from cfem.predict.contact.step.bodies import PlacedModel
+from cfem.predict.contact.step.rounds import ITERATIONS
+from cfem.predict.contact.step.scene import ContactScene
+from cfem.predict.contact.surface.kept_patches import patched_model_of
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh
 from cfem.robot.spec import scene_meaning

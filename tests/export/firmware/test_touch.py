@@ -23,10 +23,10 @@ from cfem.export.compiled.build import STANDARD, compiler, run
 from cfem.export.compiled.touch import CompiledTouch
 from cfem.export.firmware.copying import copy_sources
 from cfem.export.firmware.touch import write_c_touch
-from cfem.predict.contact.kept_patches import patched_model_of
 from cfem.predict.contact.model import ContactModel
-from cfem.predict.contact.scene import contact_step
-from cfem.predict.contact.state import TRUSTED
+from cfem.predict.contact.step.scene import contact_step
+from cfem.predict.contact.step.state import TRUSTED
+from cfem.predict.contact.surface.kept_patches import patched_model_of
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh
 from cfem.robot.spec import scene_meaning

@@ -15,11 +15,11 @@ from cfem.control.search.inverse import Aim, Limits
 from cfem.core.errors import NumericalError
 from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
 from cfem.plant.touch_plant import TouchPlant
-from cfem.predict.contact.bodies import PlacedModel
-from cfem.predict.contact.load_kernel import estimated_error
-from cfem.predict.contact.loaded_robots import LoadedRobots
+from cfem.predict.contact.forces.load_kernel import estimated_error
+from cfem.predict.contact.forces.loaded_robots import LoadedRobots
 from cfem.predict.contact.model import TRUSTED, ContactModel
-from cfem.predict.contact.scene import contact_step
+from cfem.predict.contact.step.bodies import PlacedModel
+from cfem.predict.contact.step.scene import contact_step
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh
 
@@ -204,6 +204,6 @@ def test_a_load_that_bends_the_robot_beyond_its_order_is_outside(patched, table)
 
 
 def test_no_contact_state_is_an_error(patched, table, monkeypatch):
-    monkeypatch.setattr("cfem.predict.contact.surface_model.SurfaceModel.most", 0)
+    monkeypatch.setattr("cfem.predict.contact.surface.surface_model.SurfaceModel.most", 0)
     with pytest.raises(NumericalError, match="patches touch"):
         ContactModel(patched, {"table": table}).at_displacement(DELTA)

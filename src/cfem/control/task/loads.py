@@ -14,7 +14,7 @@ from cfem.equilibrium.contact.patch_effectors import PatchYield
 from cfem.equilibrium.system.robot import Robot
 from cfem.plant.fem_plant import pushed
 from cfem.predict.at_parameters import AtParameters
-from cfem.predict.contact.kept_patches import yield_of
+from cfem.predict.contact.surface.kept_patches import yield_of
 from cfem.predict.loads.loaded import loaded, wrench_of
 from cfem.predict.loads.spec import LoadSpec, loads_of
 from cfem.predict.protocol import Predictor

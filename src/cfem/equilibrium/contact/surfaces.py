@@ -1,5 +1,5 @@
 """Robots by finite elements that touch each other, themselves and rigid obstacles, with friction: the reference of
-`cfem.predict.contact.scene`.
+`cfem.predict.contact.step.scene`.
 
 Newton's method on all robots and all forces together: at each iteration the law on pairs of a patch and what is before
 it (`cfem.contact.pairs`) is solved on how the robots' linearisations go (`cfem.equilibrium.contact.pressed_robot`), and

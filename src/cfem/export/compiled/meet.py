@@ -16,7 +16,7 @@ from cfem.export.compiled.touch import CompiledTouch
 
 @dataclass(frozen=True)
 class MetInC:
-    """One state: status as in cfem_meet.h, and the rest as `cfem.predict.contact.state.ContactState`."""
+    """One state: status as in cfem_meet.h, and the rest as `cfem.predict.contact.step.state.ContactState`."""
 
     status: int
     iterations: int

@@ -15,7 +15,7 @@ from cfem.export.compiled.structures import numbers, structures
 
 @dataclass(frozen=True)
 class TouchedInC:
-    """One state: status as in cfem_touch.h, and the rest as `cfem.predict.contact.state.ContactState`; holds (N,):
+    """One state: status as in cfem_touch.h, and the rest as `cfem.predict.contact.step.state.ContactState`; holds (N,):
     whether friction holds each patch."""
 
     status: int

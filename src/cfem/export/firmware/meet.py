@@ -12,10 +12,10 @@ from cfem.contact.pairs import APART
 from cfem.core.artefact.files import write_whole
 from cfem.export.firmware import c_text
 from cfem.export.firmware.copying import copy_sources
-from cfem.predict.contact.bodies import PlacedModel
-from cfem.predict.contact.patched_model import PatchedModel
-from cfem.predict.contact.scene import ContactScene
-from cfem.predict.contact.state import ContactState
+from cfem.predict.contact.step.bodies import PlacedModel
+from cfem.predict.contact.step.scene import ContactScene
+from cfem.predict.contact.step.state import ContactState
+from cfem.predict.contact.surface.patched_model import PatchedModel
 
 MOST = 48  # patches of one robot that may touch at once, and be touched
 TOLERANCE = 1e-8  # of the largest number of effectors, and of actuators, of the way in meet.c

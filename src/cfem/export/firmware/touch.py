@@ -10,7 +10,7 @@ from cfem.contact.obstacle import Obstacle, Rounded
 from cfem.core.errors import InputError
 from cfem.export.firmware import c_text
 from cfem.export.firmware.copying import copy_sources
-from cfem.predict.contact.patched_model import PatchedModel
+from cfem.predict.contact.surface.patched_model import PatchedModel
 
 UPPER = np.triu_indices(3)
 MOST = 30  # patches that may touch at once

@@ -16,11 +16,11 @@ from cfem.export.compiled.touch import CompiledTouch
 from cfem.export.firmware import meet as c_meet
 from cfem.export.firmware.touch import write_c_touch
 from cfem.export.spec import CSpec
-from cfem.predict.contact.bodies import PlacedModel
-from cfem.predict.contact.kept_patches import patched_model_of
-from cfem.predict.contact.patched_model import PatchedModel
-from cfem.predict.contact.scene import ContactScene, contact_step
-from cfem.predict.contact.state import ContactState
+from cfem.predict.contact.step.bodies import PlacedModel
+from cfem.predict.contact.step.scene import ContactScene, contact_step
+from cfem.predict.contact.step.state import ContactState
+from cfem.predict.contact.surface.kept_patches import patched_model_of
+from cfem.predict.contact.surface.patched_model import PatchedModel
 from cfem.predict.load import load_model
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh, made_from

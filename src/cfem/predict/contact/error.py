@@ -16,8 +16,8 @@ import numpy as np
 
 from cfem.condensed.model_error import ContactError
 from cfem.contact.pairs import Pressing
-from cfem.predict.contact.state import ContactState
-from cfem.predict.contact.surface_model import NONE, SurfaceModel
+from cfem.predict.contact.step.state import ContactState
+from cfem.predict.contact.surface.surface_model import NONE, SurfaceModel
 
 FLOOR = 1e-3  # of force and motion: what is off besides
 TINY = np.finfo(float).tiny

@@ -15,7 +15,7 @@ from cfem.core.errors import DiskError, InputError
 from cfem.core.reading import Data, checked
 
 if TYPE_CHECKING:
-    from cfem.predict.contact.surface_model import SurfaceModel
+    from cfem.predict.contact.surface.surface_model import SurfaceModel
 
 VERSION = 1  # raised when the same inputs make another error
 

@@ -26,12 +26,12 @@ from cfem.contact.pairs import numbers_of
 from cfem.contact.prescribed_motion import ActuatedRobot, PrescribedMotion, stops
 from cfem.core.errors import NumericalError
 from cfem.equilibrium.quasi_static import CONVERGED, carried_out
-from cfem.predict.contact.bodies import PlacedModel
 from cfem.predict.contact.clearance import clearance
 from cfem.predict.contact.error import ContactBounds, contact_error
-from cfem.predict.contact.scene import SHARE, ContactScene
-from cfem.predict.contact.state import TRUSTED, ContactState
-from cfem.predict.contact.surface_model import SurfaceModel
+from cfem.predict.contact.step.bodies import PlacedModel
+from cfem.predict.contact.step.scene import SHARE, ContactScene
+from cfem.predict.contact.step.state import TRUSTED, ContactState
+from cfem.predict.contact.surface.surface_model import SurfaceModel
 
 STEP = 1e-4  # of the reach: of the differences
 LONGEST = 0.005  # of the length: the longest way of an obstacle in one quasi-static step

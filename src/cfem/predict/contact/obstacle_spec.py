@@ -229,7 +229,7 @@ class ContactSpec(Spec):
     @property
     def cut(self) -> tuple[float | None, bool]:
         """Spacing of the patches and whether sharp edges have their own
-        (`cfem.predict.contact.patched_model.patches_of`)."""
+        (`cfem.predict.contact.surface.patched_model.patches_of`)."""
         return self.patches, self.sharp_edges
 
 

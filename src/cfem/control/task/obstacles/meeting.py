@@ -19,12 +19,12 @@ from cfem.core.spec import meaning
 from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
 from cfem.equilibrium.system.robot import Robot
 from cfem.plant.touch_plant import TouchPlant
-from cfem.predict.contact.bodies import PlacedModel
 from cfem.predict.contact.kept_error import kept_contact_error
-from cfem.predict.contact.kept_patches import node_model_of, patched_model_of
 from cfem.predict.contact.model import ContactModel
 from cfem.predict.contact.obstacle_spec import RobotObstacle
-from cfem.predict.contact.surface_model import SurfaceModel
+from cfem.predict.contact.step.bodies import PlacedModel
+from cfem.predict.contact.surface.kept_patches import node_model_of, patched_model_of
+from cfem.predict.contact.surface.surface_model import SurfaceModel
 from cfem.predict.protocol import Predictor
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh, made_from

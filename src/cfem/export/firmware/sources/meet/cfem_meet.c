@@ -1,4 +1,4 @@
-/* Robots that meet, and the pairs of their soft surfaces. The same as cfem.predict.contact.soft_pairs. */
+/* Robots that meet, and the pairs of their soft surfaces. The same as cfem.predict.contact.step.soft_pairs. */
 #include "cfem_meet.h"
 
 #include <string.h>

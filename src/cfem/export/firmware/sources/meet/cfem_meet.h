@@ -1,5 +1,5 @@
 /* Robots that touch each other, themselves and rigid bodies, all of the model that was exported: one quasi-static step at held
- * displacements, with friction. The same as cfem.predict.contact.scene. cfem_meet_data.h and cfem_meet_data.c were written by `cfem export`.
+ * displacements, with friction. The same as cfem.predict.contact.step.scene. cfem_meet_data.h and cfem_meet_data.c were written by `cfem export`.
  *
  * Memory is what the caller owns: states, and a room to work in. Every loop is bounded; a step that finds no state says so. */
 #ifndef CFEM_MEET_H

@@ -1,5 +1,5 @@
 /* Rounds: the law of contact, linear about where the patches are; where its forces bring them; until it holds there too. The same
- * as cfem.predict.contact.rounds. */
+ * as cfem.predict.contact.step.rounds. */
 #include "cfem_rounds.h"
 
 #include <string.h>
@@ -19,7 +19,7 @@ static const double NEAR = 0.005; /* of the length */
 #define ROWS CFEM_TOUCH_ROWS
 #define ROBOTS CFEM_TOUCH_ROBOTS
 
-enum { ITERATIONS = 60, ON = CFEM_ROUNDS_ON }; /* rounds, as many as in Python (predict/contact/rounds.py) */
+enum { ITERATIONS = 60, ON = CFEM_ROUNDS_ON }; /* rounds, as many as in Python (predict/contact/step/rounds.py) */
 static const double TOLERANCE = 1e-9, OVERLAP = 1e-6, FAR = 0.1; /* of the length */
 static const double SKEW = 1e-5; /* of a rotation, at most */
 static const double SIDE = 0.7; /* product of normals: less is another side of an obstacle */

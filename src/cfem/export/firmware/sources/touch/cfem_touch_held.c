@@ -1,5 +1,5 @@
 /* The surface of the robot: x_p = X_p + sum_k u_kp rows_k + sum_q R_p L_pq R_q^T f_q + R_p E_p[g_p, g_p] / 2, g_p = R_p^T f_p,
- * rows = s_0 + C_ss w + Q D_ss[v, v] / 2 + ..., w_k = sum_p u_kp . f_p, v = Q^T w; see cfem.predict.contact.held_robot. */
+ * rows = s_0 + C_ss w + Q D_ss[v, v] / 2 + ..., w_k = sum_p u_kp . f_p, v = Q^T w; see cfem.predict.contact.forces.held_robot. */
 #include "cfem_chebyshev.h"
 #include "cfem_linear.h"
 #include "cfem_touch.h"
@@ -11,7 +11,7 @@
 #define M CFEM_PATCH_BENDS
 #define CUBES (M * (M + 1) * (M + 2) / 6)
 static const double TRUSTED = 0.3; /* to which a body that softens is followed; see cfem.predict.loads.high_order */
-static const double THIRD = 2.5;   /* the third order over the square of the second; see cfem.predict.contact.load_kernel */
+static const double THIRD = 2.5;   /* the third order over the square of the second; see cfem.predict.contact.forces.load_kernel */
 
 #define DEGREES (CFEM_PATCH_DEGREE + 1)
 #define LOCAL 4 /* polynomials in what the modes leave, whose degree is 3 at most */

@@ -1,4 +1,4 @@
-/* How patches of the surface turn with the robot, and how they yield to forces on each other; see cfem.predict.contact.patched_model. */
+/* How patches of the surface turn with the robot, and how they yield to forces on each other; see cfem.predict.contact.surface.patched_model. */
 #include "cfem_linear.h"
 #include "cfem_touch.h"
 

@@ -1,0 +1,1 @@
+"""What forces on their surfaces do to learned robots at held actuators."""

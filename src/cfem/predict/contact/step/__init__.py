@@ -1,0 +1,1 @@
+"""One step of contact: robots among obstacles and each other, round by round."""

@@ -1,0 +1,171 @@
+"""Patches and the obstacles that they may touch in the rounds of a step (`cfem.predict.contact.step.rounds`): how far
+they are, which stick, from where they slip, and whether their forces obey the law where patches have come to."""
+
+import numpy as np
+
+from cfem.contact.law.modes import Mode
+from cfem.contact.obstacle_set import ObstacleSet
+from cfem.contact.pairs import Pairs
+from cfem.contact.patch_forces import TurningCompliance, lawful, turned
+from cfem.predict.contact.step.poses import Poses
+from cfem.predict.contact.step.state import ContactState
+
+SIDE = 0.7  # product of normals: less is another side of an obstacle
+TOLERANCE = 1e-9  # of the length: how far gaps, and places by their forces, may be from what the law says
+OVERLAP = 1e-6  # of the length: how far a patch may be within an obstacle
+FAR = 0.1  # of the length: no distance is larger, as none is asked
+NOTHING = np.zeros(0, dtype=np.int64)
+
+
+class OnObstacles:
+    """Patches (N) among obstacles during one step.
+
+    near: (d,) patches that may touch an obstacle
+    push: (N, 3) N, force of obstacles on the patches
+    distance: (N,) mm from obstacles, or less where that is far above 0
+    which: (N,) nearest obstacle
+    stuck: (N, 3) mm, from where slip along obstacles counts
+    sticks: (N,) bool, in the last round"""
+
+    def __init__(self, poses: Poses, before: ContactState | None):
+        """Begins with what presses in the state `before`, None: with nothing."""
+        self.scene, self.poses = poses.scene, poses
+        count = len(self.scene.bodies)
+        self.near, self.push, self.sticks = NOTHING, np.zeros((count, 3)), np.zeros(count, dtype=bool)
+        self.which, self._stood = np.zeros(count, dtype=np.int64), None
+        self._frames: np.ndarray | None = None  # of obstacles at the places, where they are known
+        if before is None:
+            return
+        pressed = before.on_obstacles
+        patches = before.pairs.points[pressed]
+        self.near, self.push[patches] = before.near, before.push[pressed]
+        self.sticks[patches] = [before.modes.get(patch + count) is Mode.STICK for patch in patches.tolist()]
+        self._stood, self.which[before.near] = before.obstacles, before.met
+
+    def place(self) -> np.ndarray:
+        """Puts rigid bodies where the forces bring them. Places (N, 3) mm of all patches then."""
+        return self.poses.follow(self.near, self.which, self.push)
+
+    def look_at_all(self, places: np.ndarray) -> None:
+        """Finds how far all patches, at places (N, 3) mm, are from obstacles."""
+        self.distance, self.which = self.poses.obstacles.nearest(places, FAR * self.scene.length)
+        self.distance[self.scene.surfaces.held_still] = np.inf
+
+    def look(self, places: np.ndarray, before: np.ndarray) -> None:
+        """Finds the distances after patches have moved from places `before` (N, 3) mm. Where nothing but robots moves,
+        patches that cannot have come near an obstacle keep a distance that is certain."""
+        if self.scene.rigid is not None:
+            return self.look_at_all(places)
+        self.distance = self.distance - 2 * np.abs(places - before).max()  # more than the root of 3
+        near = self.distance <= 0
+        near[self.near] = True
+        self.distance[near], self.which[near] = self.poses.obstacles.nearest(places[near])
+
+    def look_again(self, places: np.ndarray) -> None:
+        """Finds the distances of patches that may touch, which those beside them have moved."""
+        near, self._frames = self.near, None
+        self.distance[near], self.which[near] = self.poses.obstacles.nearest(places[near])
+
+    def take(self, near: np.ndarray) -> None:
+        """Patches (d,) that may touch in this round."""
+        if len(near) != len(self.near) or not np.array_equal(near, self.near):
+            self.near, self._frames = near, None
+
+    def let_go(self) -> None:
+        """Takes all forces off."""
+        self.near, self.push, self._frames = NOTHING, np.zeros_like(self.push), None
+
+    def frames(self, places: np.ndarray) -> np.ndarray:
+        """Frames (d, 3, 3) of the obstacles at patches near them, at places (N, 3) mm."""
+        if self._frames is None:
+            self._frames = self.poses.obstacles.frames(self.which[self.near], places[self.near])
+        return self._frames
+
+    def turned(self, compliance: np.ndarray, places: np.ndarray, known: np.ndarray) -> TurningCompliance | None:
+        """Compliance of known patches (c,) with forces that turn by the curvature of obstacles, None without."""
+        near = self.near
+        if not self.poses.obstacles.curved or not len(near):
+            return None
+        pressing = np.where(self.sticks[near], 0.0, (self.frames(places)[:, 0] * self.push[near]).sum(axis=1))
+        if not pressing.any():
+            return None
+        turning = np.zeros((len(known), 3, 3))
+        bends = self.poses.obstacles.bends(self.which[near], places[near])
+        turning[np.searchsorted(known, near)] = pressing[:, None, None] * bends
+        return turned(compliance, turning)
+
+    def gaps(self, places: np.ndarray) -> np.ndarray:
+        """(d, 3) mm of patches near obstacles, in the frames of these: from them, and from where they last stuck."""
+        frames, stuck = self.frames(places), (self.stuck, self.distance, self._stood)
+        return self.poses.gaps(frames, places, self.near, self.which, *stuck)
+
+    def lawful(
+        self,
+        local: np.ndarray,
+        push: np.ndarray,
+        places: np.ndarray,
+        compliance: np.ndarray,
+        at: np.ndarray,
+        mobility: np.ndarray | None,
+    ) -> np.ndarray | None:
+        """(d, 3) N: what obstacles press by the frames at places (N, 3) mm, None where the law does not hold there with
+        this.
+
+        local (d, 3) N: in the frames before; push (d, 3) N: in the scene
+        compliance (3 c, 3 c) mm/N: of patches among which these have places `at` (d,)
+        mobility: of rigid bodies, of these and more patches (`Poses.mobility`)"""
+        scene, self._frames = self.scene, None
+        by_bodies = np.zeros((0, 0)) if mobility is None else mobility[: local.size, : local.size]
+        there = self.frames(places), self.gaps(places), compliance, at, by_bodies, float(scene.mu)
+        by_law, missed, beyond = lawful(local, push, self.sticks[self.near], *there)
+        if missed > TOLERANCE * scene.length or self.distance.min() < -OVERLAP * scene.length:
+            return None
+        return None if beyond > TOLERANCE * np.abs(push).max() else by_law
+
+    def pairs(self, touches: np.ndarray, places: np.ndarray) -> Pairs:
+        """Pairs of the patches near obstacles that touch, (d,) bool."""
+        patches, frames = self.near[touches], self.frames(places)[touches]
+        partners = self.which[patches] + len(self.scene.robots)
+        return pairs_with_obstacles(patches, frames, self.distance[patches], partners, len(places))
+
+    def stuck_next(self, places: np.ndarray) -> np.ndarray:
+        """(N, 3) mm: `ContactState.stuck`."""
+        pressed, sticks = self.near[self.push[self.near].any(axis=1)], self.sticks[self.near]
+        stuck, held = self.stuck.copy(), self.near[sticks]
+        stuck[held] = self.poses.carried(stuck[held], self.which[held], self._stood)
+        return held_by_friction(places, stuck, pressed, held, self.frames(places)[sticks, 0])
+
+
+def begins_deep(obstacles: ObstacleSet, places: np.ndarray, distance: np.ndarray, which: np.ndarray) -> bool:
+    """True where a patch, at places (N, 3) mm, is so far within its obstacle `which` (N,), by -distance (N,) mm, that,
+    twice as far in, another side of it is nearer."""
+    within = distance < 0
+    if not within.any():
+        return False
+    which, places = which[within], places[within]
+    normals = obstacles.frames(which, places)[:, 0]
+    deeper = obstacles.frames(which, places + distance[within, None] * normals)[:, 0]
+    return bool(((normals * deeper).sum(axis=1) < SIDE).any())
+
+
+def pairs_with_obstacles(
+    patches: np.ndarray, frames: np.ndarray, gaps: np.ndarray, partners: np.ndarray, count: int
+) -> Pairs:
+    """Pairs of patches (p,), among `count`, and an obstacle each; frames (p, 3, 3), gaps (p,) mm and partners (p,) as
+    `Pairs` has them."""
+    relative = np.zeros((len(patches), count))
+    relative[np.arange(len(patches)), patches] = 1.0
+    return Pairs(patches + count, relative, frames, gaps, partners)
+
+
+def held_by_friction(
+    places: np.ndarray, stuck: np.ndarray, pressed: np.ndarray, sticking: np.ndarray, normals: np.ndarray
+) -> np.ndarray:
+    """(N, 3) mm from where slip counts in the next step, NaN of patches that are not pressed. Those that slide are at
+    places (N, 3) mm; those that stick, by their numbers (s,), where they were, stuck (N, 3) mm, brought to the surface
+    along its normals (s, 3)."""
+    held = np.full_like(places, np.nan)
+    held[pressed] = places[pressed]
+    away = ((places[sticking] - stuck[sticking]) * normals).sum(axis=1)
+    held[sticking] = stuck[sticking] + away[:, None] * normals
+    return held

@@ -1,0 +1,199 @@
+"""Where robots and obstacles stand in the rounds of a step: those on rigid bodies move as contact pushes these."""
+
+import numpy as np
+from numba import njit
+
+from cfem.contact.obstacle_set import ObstacleSet
+from cfem.contact.rigid_bodies import RigidBodies, add_lever, add_wrench, carried, motions
+from cfem.predict.contact.forces.loaded_robots import LoadedRobots
+from cfem.predict.contact.step.bodies import Bodies
+
+
+class Poses:
+    """Poses during one step. obstacles: where they stand now."""
+
+    def __init__(self, scene: Bodies, robots: LoadedRobots):
+        """Poses that the scene states, where nothing moves."""
+        self.scene, self.robots, self.obstacles = scene, robots, scene.obstacles
+        self.rigid: RigidBodies | None = scene.rigid
+
+    def follow(self, near: np.ndarray, which: np.ndarray, push: np.ndarray) -> np.ndarray:
+        """Moves rigid bodies by the forces of the robots, and push (N, 3) N of obstacles `which` (N,), of all patches,
+        on patches near (d,). Places (N, 3) mm of all patches then."""
+        scene, robots, rigid = self.scene, self.robots, self.rigid
+        if rigid is None or not len(rigid.centres):
+            return _placed(robots.places, scene.bodies, robots.R, robots.t)
+        places, robots.R, robots.t, R, t = _follow(
+            *(robots.places, scene.bodies, scene.R, scene.t, robots.R, robots.t, rigid.of_robots),
+            *(robots.known, robots.on_known, near, which, push, rigid.of_obstacles, scene.obstacles.R),
+            *(scene.obstacles.t, rigid.centres, rigid.mobility, rigid.before),
+        )
+        self.obstacles = scene.obstacles.posed(R, t)
+        return places
+
+    def mobility(
+        self, places: np.ndarray, near: np.ndarray, which: np.ndarray, soft: np.ndarray | None
+    ) -> np.ndarray | None:
+        """(3 p, 3 p) mm/N: how patches near (d,) obstacles `which` (N,) yield to their forces, and then pairs of soft
+        surfaces of relative (q, c) places of the known patches, by the motion of rigid bodies alone. None without."""
+        rigid = self.rigid
+        if rigid is None:
+            return None
+        known = self.robots.known
+        relative = np.zeros((0, len(known))) if soft is None else soft
+        bodies = rigid.of_robots, self.scene.bodies, rigid.of_obstacles
+        return _mobility(places, near, which, known, relative, *bodies, rigid.centres, rigid.mobility)
+
+    def carried(self, points: np.ndarray, which: np.ndarray, before: ObstacleSet | None) -> np.ndarray:
+        """(d, 3) mm where points of the surface of obstacles `which` (d,) are that were at `points` (d, 3) mm where
+        these stood before."""
+        if self.rigid is None or before is None:
+            return points
+        return _carried(points, which, before.R, before.t, self.obstacles.R, self.obstacles.t)
+
+    def gaps(
+        self,
+        frames: np.ndarray,
+        places: np.ndarray,
+        near: np.ndarray,
+        which: np.ndarray,
+        stuck: np.ndarray,
+        distance: np.ndarray,
+        before: ObstacleSet | None,
+    ) -> np.ndarray:
+        """(d, 3) mm of patches near (d,), in the frames (d, 3, 3) of obstacles `which` (N,) that are `distance` (N,) mm
+        away: normal gap, and slip from where they stuck, (N, 3) mm, when obstacles stood as `before` says, None: as
+        now."""
+        now, then = self.obstacles, self.obstacles if self.rigid is None or before is None else before
+        poses = then.R, then.t, now.R, now.t
+        return _gaps(frames, places, near, which, stuck, distance, *poses, now is not then, float(self.scene.mu))
+
+
+@njit(cache=True, error_model="numpy")
+def _placed(local, bodies, R, t):
+    """(N, 3) mm in the scene, of places in the frames of robots `bodies` (N,) at R (r, 3, 3) and t (r, 3) mm."""
+    places = np.empty_like(local)
+    for p in range(len(local)):
+        i = bodies[p]
+        for a in range(3):
+            places[p, a] = R[i, a, 0] * local[p, 0] + R[i, a, 1] * local[p, 1] + R[i, a, 2] * local[p, 2] + t[i, a]
+    return places
+
+
+@njit(cache=True, error_model="numpy")
+def _follow(
+    local,
+    bodies,
+    R,
+    t,
+    R_now,
+    t_now,
+    of_robots,
+    known,
+    forces,
+    near,
+    which,
+    push,
+    of_obstacles,
+    R_obstacles,
+    t_obstacles,
+    centres,
+    mobility,
+    before,
+):
+    """Places (N, 3) mm, and poses of the robots and of the obstacles, all predicted where nothing else presses.
+
+    local (N, 3) mm, of robots `bodies` (N,), predicted at R and t, now at R_now and t_now, on bodies of_robots (r,);
+    forces (c, 3) N on known (c,) patches, of which push (N, 3) N on near (d,) are of obstacles `which` (N,), predicted
+    at R_obstacles and t_obstacles, on bodies of_obstacles (n,); the rest is of `RigidBodies`."""
+    places, lever = _placed(local, bodies, R_now, t_now), np.empty(3)
+    for _ in range(2 if (of_robots >= 0).any() else 1):  # once more with the levers where robots have come to
+        wrench = -before
+        for i in range(len(known)):
+            body = of_robots[bodies[known[i]]]
+            for a in range(3):
+                lever[a] = places[known[i], a] - centres[body, a]
+            add_wrench(wrench, body, lever, forces[i])
+        for patch in near:
+            body = of_obstacles[which[patch]]
+            for a in range(3):
+                lever[a] = places[patch, a] - centres[body, a]
+            add_wrench(wrench, body, lever, -push[patch])
+        xi = np.zeros(len(wrench))
+        for a in range(len(wrench)):
+            for b in range(len(wrench)):
+                xi[a] += mobility[a, b] * wrench[b]
+        R_body, t_body = motions(xi, centres)
+        R_now, t_now = carried(of_robots, R_body, t_body, R, t)
+        places = _placed(local, bodies, R_now, t_now)
+    R_met, t_met = carried(of_obstacles, R_body, t_body, R_obstacles, t_obstacles)
+    return places, R_now, t_now, R_met, t_met
+
+
+@njit(cache=True, error_model="numpy")
+def _mobility(places, near, which, known, relative, of_robots, bodies, of_obstacles, centres, Y):
+    """G Y G^T of G (p, 3, 6 b): patches near obstacles less what these do there, then soft pairs."""
+    d, n, columns = len(near), 3 * (len(near) + len(relative)), 6 * len(centres)
+    G, by_motion, product = np.zeros((n, columns)), np.zeros((n, columns)), np.zeros((n, n))
+    for i in range(d):
+        add_lever(G[3 * i : 3 * i + 3], of_robots[bodies[near[i]]], places[near[i]], centres, 1.0)
+        add_lever(G[3 * i : 3 * i + 3], of_obstacles[which[near[i]]], places[near[i]], centres, -1.0)
+    for pair in range(len(relative)):
+        for i in range(len(known)):
+            if relative[pair, i] != 0.0:
+                first, body = 3 * (d + pair), of_robots[bodies[known[i]]]
+                add_lever(G[first : first + 3], body, places[known[i]], centres, relative[pair, i])
+    for i in range(n):
+        for b in range(columns):
+            if G[i, b] != 0.0:
+                for a in range(columns):
+                    by_motion[i, a] += G[i, b] * Y[b, a]
+        for j in range(n):
+            for a in range(columns):
+                product[i, j] += by_motion[i, a] * G[j, a]
+    return product
+
+
+@njit(cache=True, error_model="numpy")
+def _gaps(frames, places, near, which, stuck, distance, R_then, t_then, R_now, t_now, moves, mu):
+    """(d, 3) mm of patches near (d,), in the frames (d, 3, 3) of obstacles `which` (N,) that are `distance` (N,) mm
+    away: normal gap, and, with friction mu, slip from where they stuck, (N, 3) mm, on obstacles that move with them
+    from poses then to poses now. Of all patches: places (N, 3) mm."""
+    gaps, local, begin = np.zeros((len(near), 3)), np.empty(3), np.empty(3)
+    for i in range(len(near)):
+        p, o = near[i], which[near[i]]
+        gaps[i, 0] = distance[p]
+        if not mu > 0:
+            continue
+        for a in range(3):
+            begin[a] = stuck[p, a]
+        if moves:
+            for a in range(3):
+                local[a] = 0.0
+                for b in range(3):
+                    local[a] += (stuck[p, b] - t_then[o, b]) * R_then[o, b, a]
+            for a in range(3):
+                begin[a] = (
+                    R_now[o, a, 0] * local[0] + R_now[o, a, 1] * local[1] + R_now[o, a, 2] * local[2] + t_now[o, a]
+                )
+        for a in range(1, 3):
+            for b in range(3):
+                gaps[i, a] += frames[i, a, b] * (places[p, b] - begin[b])
+    return gaps
+
+
+@njit(cache=True, error_model="numpy")
+def _carried(points, which, R_then, t_then, R_now, t_now):
+    """(d, 3) mm: points of bodies `which` (d,) that have gone from poses then to poses now."""
+    result, local = np.empty((len(points), 3)), np.empty(3)
+    for p in range(len(points)):
+        i = which[p]
+        for a in range(3):
+            local[a] = 0.0
+            for b in range(3):
+                local[a] += (points[p, b] - t_then[i, b]) * R_then[i, b, a]
+        for a in range(3):
+            result[p, a] = (
+                R_now[i, a, 0] * local[0] + R_now[i, a, 1] * local[1] + R_now[i, a, 2] * local[2] + t_now[i, a]
+            )
+    return result

@@ -1,0 +1,240 @@
+"""Rounds of one contact step of learned robots (`cfem.predict.contact.step.scene`): the law of contact, linear about
+where the patches are; where its forces bring them; whether the law holds there.
+
+Two kinds of contact enter the law together: patches that may touch an obstacle, and pairs of soft surfaces. An obstacle
+is where it is, so that a state is checked against the law in place. The faces of a soft surface are found again in each
+round, so that it has settled once they stay."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from cfem.contact.law.modes import Mode
+from cfem.contact.pairs import Memory, Pairs
+from cfem.contact.patch_forces import Balance, balance
+from cfem.contact.step_status import StepStatus
+from cfem.predict.contact.forces.loaded_robots import NOTHING, LoadedRobots
+from cfem.predict.contact.step.bodies import Bodies
+from cfem.predict.contact.step.on_obstacles import OnObstacles, begins_deep
+from cfem.predict.contact.step.poses import Poses
+from cfem.predict.contact.step.soft_pairs import SoftPairs
+from cfem.predict.contact.step.state import ContactState
+
+ITERATIONS = 60
+MOST_PAIRS = 60  # pairs of soft surfaces that may touch at once
+NEAR = 0.005  # of the length: farther patches on which no obstacle presses are forgotten between steps
+
+
+class Rounds:
+    """State of N patches in the scene during one step.
+
+    places: (N, 3) mm
+    met: patches that may touch obstacles
+    soft: pairs of soft surfaces, None where none may touch
+    modes: of the patches near obstacles, then of the soft pairs that touch"""
+
+    def __init__(self, scene: Bodies, deltas: Sequence[np.ndarray], before: ContactState | None):
+        """Begins at the actuators `deltas` with the contacts of the state `before`, None: without any."""
+        self.scene, self.iterations, self.modes = scene, 0, ()
+        loads = NOTHING, np.zeros((len(scene.bodies), 3))
+        if before is not None:
+            loads = before.known, before.forces
+        wrenches = [robot.wrench for robot in scene.robots]
+        self.robots = LoadedRobots(scene.surfaces, deltas, wrenches, scene.R, scene.t, *loads)
+        self.poses = Poses(scene, self.robots)
+        self.met = met = OnObstacles(self.poses, before)
+        self.places = met.stuck = met.place()  # what did not touch slides from where it was
+        if before is not None and scene.mu:
+            met.stuck = np.where(np.isnan(before.stuck), before.places, before.stuck)
+        met.look_at_all(self.places)
+        self.depth = max(0.0, -float(met.distance.min(initial=0.0)))
+        self.deep = begins_deep(self.poses.obstacles, self.places, met.distance, met.which)
+        self.deep |= before is not None and before.deep and len(before.near) > 0  # it may still be on the wrong side
+        self.soft = SoftPairs(self.robots, scene, before, self.places) if scene.soft else None
+
+    @property
+    def gap(self) -> float:
+        """Smallest gap of all, mm."""
+        soft = np.inf if self.soft is None else self.soft.pairs.gaps.min(initial=np.inf)
+        return float(min(soft, self.met.distance.min(initial=np.inf)))
+
+    def run(self) -> ContactState:
+        """The state in which the rounds end."""
+        status = None
+        while status is None:
+            status = self._round() if self.iterations < ITERATIONS else StepStatus.ITERATIONS
+        return self._state(status)
+
+    def _round(self) -> StepStatus | None:
+        """Status in which the step ends, None where another round is needed."""
+        self.iterations += 1
+        near = self.met.distance <= 0
+        if self.soft is None:
+            near[self.met.near] = True  # also those that have opened: only of known patches are places quite known
+        else:
+            near |= self.met.push.any(axis=1)
+        self.met.take(np.flatnonzero(near))
+        self.modes = ()
+        touching = None if self.soft is None else self.soft.touch(self.places)
+        if not len(self.met.near) and not touching:
+            return self._free()
+        if len(self.met.near) > self.scene.surfaces.most or (touching and len(touching) > MOST_PAIRS):
+            self._let_go()
+            return StepStatus.MANY
+        if not self._know(touching):
+            return None
+        answer = self._law()
+        if answer is None:
+            return StepStatus.NO_MODE
+        return StepStatus.CONVERGED if self._move(*answer) else None
+
+    def _free(self) -> StepStatus | None:
+        """Status of a round in which nothing touches."""
+        free = not self.robots.forces.any()
+        self._let_go()
+        if self.soft is None:
+            return StepStatus.CONVERGED
+        self.places = self.met.place()
+        if self.scene.rigid is not None:
+            self.met.look_at_all(self.places)
+        self.soft.detect(self.places)
+        return StepStatus.CONVERGED if free and self.soft.apart(self.places) else None
+
+    def _let_go(self) -> None:
+        """Takes all forces off."""
+        self.met.let_go()
+        self.robots.know(NOTHING if self.soft is None else self.robots.known, self.met.push)
+        if self.soft is not None:
+            self.soft.push = {}
+
+    def _know(self, touching: Pairs | None) -> bool:
+        """Makes all patches known that may touch. False where more touch then."""
+        near, before = self.met.near, self.robots.known
+        known = near if touching is None else np.union1d(np.union1d(before, touching.used), near)
+        if len(known) > len(before):
+            self.robots.know(known, self.robots.forces)
+            self.places = self.met.place()  # moved by those beside them
+            self.met.look_again(self.places)
+            if self.soft is not None:
+                self.soft.onwards(self.places)
+                touching = self.soft.touch(self.places)
+                if not np.isin(touching.used, known).all():
+                    return False
+        if self.soft is not None:
+            self.soft.take(touching, self.places)
+        return True
+
+    def _law(self) -> tuple[Balance, np.ndarray | None] | None:
+        """Forces that obey the law, linear about the places, and the change (3 c, 3 c) of forces as they turn with the
+        places of patches, None where they do not turn. None where nothing obeys the law."""
+        met, places, mu, known = self.met, self.places, self.scene.mu, self.robots.known
+        frames, near, compliance = met.frames(places), met.near, self.robots.compliance(under_forces=True)
+        turning = met.turned(compliance, places, known)
+        gaps, push, relative = met.gaps(places), met.push[near], None
+        if self.soft is not None:
+            touching = self.soft.touching
+            alone = np.zeros((len(near), len(known)))
+            alone[np.arange(len(near)), self._of_near()] = 1.0
+            relative = np.concatenate([alone, touching.relative[:, known]])
+            gaps = np.concatenate([gaps, self.soft.gaps(places, mu)])
+            frames = np.concatenate([frames, touching.frames])
+            push = np.concatenate([push, self.soft.push_of(touching)])
+        soft = None if relative is None else relative[len(near) :]
+        self._mobility = self.poses.mobility(places, near, met.which, soft)
+        given = gaps, self.robots.on_known, push, mu, self._mobility
+        if turning is not None:
+            answer = balance(relative, frames, turning.compliance, *given)
+            if answer is not None:
+                return answer, turning.turning
+        answer = balance(relative, frames, compliance, *given)
+        if answer is None:  # under large forces the derivative may be indefinite, which this is not
+            answer = balance(relative, frames, self.robots.compliance(under_forces=False), *given)
+        return None if answer is None else (answer, None)
+
+    def _move(self, answer: Balance, turning: np.ndarray | None) -> bool:
+        """Loads the forces of the answer, which move the patches. True where the law holds there too."""
+        met, d, forces, self.modes = self.met, len(self.met.near), answer.forces, answer.modes
+        local, push = answer.local[:d], answer.push[:d]
+        if turning is not None:
+            change = (turning @ answer.change.ravel()).reshape(-1, 3)
+            push, forces = push + change[self._of_near()], forces + change
+        met.sticks[:] = False
+        met.sticks[met.near] = [mode is Mode.STICK for mode in answer.modes[:d]]
+        self._press(push, forces)
+        before, self.places = self.places, met.place()
+        if self.soft is not None:
+            self.soft.press(answer.push[d:], float(np.abs(answer.step).max()))
+        met.look(self.places, before)
+        if self.soft is not None:
+            self.soft.detect(self.places)
+        settled = self.soft is None or self.soft.settled(self.places, met.near)
+        by_law = push
+        if d:
+            yields, at = self.robots.compliance(under_forces=False), np.searchsorted(self.robots.known, met.near)
+            by_law = met.lawful(local, push, self.places, yields, at, self._mobility)
+        if by_law is None or not settled:
+            return False
+        if not np.array_equal(by_law, push):
+            change = np.zeros_like(forces)
+            change[self._of_near()] = by_law - push
+            self._press(by_law, forces + change)
+        return True
+
+    def _press(self, push: np.ndarray, forces: np.ndarray) -> None:
+        """Puts push (d, 3) N of obstacles, of all forces (c, 3) N on the known patches, and takes all others off."""
+        self.robots.load(forces)
+        self.met.push = self.robots.forces
+        if self.soft is not None:
+            self.met.push = np.zeros_like(self.met.push)
+            self.met.push[self.met.near] = push
+
+    def _of_near(self) -> np.ndarray | slice:
+        """Positions of patches near obstacles among the known ones: these are the same without soft pairs."""
+        return slice(None) if self.soft is None else np.searchsorted(self.robots.known, self.met.near)
+
+    def _state(self, status: StepStatus) -> ContactState:
+        """The state in which the step ends: pairs, forces and memory, with patches known to the next step."""
+        met, near, places, robots = self.met, self.met.near, self.places, self.robots
+        touches = met.push[near].any(axis=1) | (met.distance[near] <= 0)
+        next_near = known = near[touches | (met.distance[near] < NEAR * self.scene.length)]
+        pairs, push, memory = met.pairs(touches, places), met.push[near[touches]], Memory()
+        modes = zip((near + len(places)).tolist(), self.modes, touches.tolist(), strict=False)
+        modes = {slot: mode for slot, mode, does in modes if does}
+        if self.soft is not None:
+            soft = self.soft
+            modes |= dict(zip(soft.touching.slots.tolist(), self.modes[len(near) :], strict=False))
+            memory, pairs = soft.memory_after(places, modes), soft.pairs.joined(pairs)
+            push = np.concatenate([soft.push_of(soft.pairs), push])
+            known = soft.to_be_known(places, self.poses.obstacles)
+        slides = not self.scene.mu or not self.modes or not len(near)
+        delta_e, lambda_a, relief, moved = robots.outputs()
+        each = zip(robots.wrenches, moved, strict=True)
+        wrenches = [np.zeros_like(e) if wrench is None else wrench for wrench, e in each]
+        return ContactState(
+            pairs,
+            push,
+            self.scene.bodies,
+            status,
+            robots.forces,
+            places,
+            known,
+            next_near,
+            modes,
+            np.full_like(places, np.nan) if slides else met.stuck_next(places),
+            memory,
+            list(robots.deltas),
+            delta_e,
+            lambda_a,
+            relief,
+            wrenches,
+            moved,
+            robots.rows,
+            robots.error,
+            self.deep,
+            self.depth,
+            self.iterations,
+            self.poses.obstacles,
+            met.which[next_near],
+            robots.stored,
+            list(zip(robots.R, robots.t, strict=True)),
+        )

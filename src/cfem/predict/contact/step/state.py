@@ -1,0 +1,101 @@
+"""Answers of the contact of learned robots (`cfem.predict.contact.step.scene`)."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cfem.contact.law.modes import Mode
+from cfem.contact.obstacle_set import ObstacleSet
+from cfem.contact.pairs import Memory, Pressing
+from cfem.contact.prescribed_motion import PrescribedMotion
+from cfem.contact.step_status import StepStatus
+
+TRUSTED = 0.035  # estimated error of the motion by forces; forces are then within 5 % (docs/contact.md)
+
+
+@dataclass(frozen=True)
+class ContactState(Pressing):
+    """One state of a scene. Of all N patches, robot after robot, in the scene's axes. `pairs` are those of soft
+    surfaces that are near each other, then those of patches that touch obstacles.
+
+    forces (N, 3) N, places (N, 3) mm: of all patches
+    known (c,): patches whose local motion is known
+    near (d,): those of them that touch obstacles, or may touch one next
+    modes: by slot, of pairs that touch
+    stuck (N, 3) mm: where friction of an obstacle holds each patch, NaN where none does
+    memory: from where the slip of soft surfaces counts
+    deltas (n_a,) mm, delta_e (n_e,) mm, lambda_a (n_a,) N of each robot in its own frame; lambda_a is negative where a
+        cable that is held would have to push; relief (n_a,) N of it is what the forces on patches take off
+    wrenches (n_e,): on its effectors, 0 without; moved (n_e,) mm: what of delta_e the forces on patches make
+    rows (k,) mm: of each robot's skin, from which `LearnedSkin.surface` draws it, without what is local
+    error: estimate of how far what forces do is off, a share of it, the largest of all robots and rounds
+    deep: whether a patch began so far within an obstacle that, twice as far in, another side of it is nearer: in this
+        step, or in one before, since when some patch has been near an obstacle
+    depth: mm, how far within an obstacle the deepest patch began
+    obstacles: where they stand
+    met (d,): those that the patches `near` are near
+    stored: N mm, by which forces on the patches have changed the energy of all robots
+    poses: (3, 3) and (3,) mm from the frame of each robot to the scene's"""
+
+    status: StepStatus
+    forces: np.ndarray
+    places: np.ndarray
+    known: np.ndarray
+    near: np.ndarray
+    modes: Mapping[int, Mode]
+    stuck: np.ndarray
+    memory: Memory
+    deltas: list[np.ndarray]
+    delta_e: list[np.ndarray]
+    lambda_a: list[np.ndarray]
+    relief: list[np.ndarray]
+    wrenches: list[np.ndarray]
+    moved: list[np.ndarray]
+    rows: list[np.ndarray]
+    error: float
+    deep: bool
+    depth: float
+    iterations: int
+    obstacles: ObstacleSet
+    met: np.ndarray
+    stored: float
+    poses: list[tuple[np.ndarray, np.ndarray]]
+
+    @property
+    def converged(self) -> bool:
+        return self.status is StepStatus.CONVERGED
+
+    @property
+    def trusted(self) -> bool:
+        """True where forces bend the robots no further than is known, to 5 %, and no step was longer than what it is
+        linear about allows. Beyond, forces may be wrong, a patch may
+        lie on another side than the one on which it came in, and rounding may choose between states that all obey the
+        law: take shorter steps. Where an edge comes straight at a point of the surface there are two states however
+        short they are."""
+        return self.error <= TRUSTED and not self.deep
+
+    @property
+    def pull(self) -> np.ndarray:
+        """(n,) N of the actuators of all robots, robot after robot."""
+        return np.concatenate(self.lambda_a)
+
+    @property
+    def on_obstacles(self) -> np.ndarray:
+        """(p,) bool: the pairs that are with obstacles."""
+        return self.pairs.slots >= len(self.places)
+
+    def slipping_from(self, before: "ContactState") -> "ContactState":
+        """This state, whose slip counts from where that of a step from `before` to it does."""
+        return replace(self, memory=before.memory, stuck=before.stuck, places=before.places)
+
+    def carried(self, courses: Mapping[int, PrescribedMotion], begin: float, end: float) -> "ContactState":
+        """This state, whose patches go with the obstacles that hold them: courses of obstacles, by their number among
+        the partners of `pairs`, from share `begin` to `end` of the run."""
+        stuck, pressed = self.stuck.copy(), self.push.any(axis=1)
+        for number, course in courses.items():
+            patches = self.pairs.points[(self.pairs.partners == number) & pressed]
+            patches = patches[np.isfinite(stuck[patches, 0])]
+            if len(patches):
+                stuck[patches] = course.carried(stuck[patches], begin, end)
+        return replace(self, stuck=stuck)

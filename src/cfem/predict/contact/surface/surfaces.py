@@ -1,0 +1,61 @@
+"""Surfaces of the robots of a scene, one after another, as compiled loops take them: what does not change between
+steps."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import accumulate, pairwise
+
+import numpy as np
+
+from cfem.predict.contact.surface.surface_model import SurfaceModel
+from cfem.predict.contact.surface.surface_part import SurfacePart
+
+
+@dataclass(frozen=True, eq=False)
+class Surfaces:
+    """Surfaces (r) of N points together."""
+
+    models: Sequence[SurfaceModel | SurfacePart]
+
+    @cached_property
+    def ends(self) -> list[int]:
+        """Indices at which the points of each surface begin among all, and their number."""
+        return list(accumulate((len(model.patches) for model in self.models), initial=0))
+
+    @cached_property
+    def bodies(self) -> np.ndarray:
+        """(N,) number of the surface of each point."""
+        return np.repeat(np.arange(len(self.models)), np.diff(self.ends))
+
+    @cached_property
+    def held_still(self) -> np.ndarray:
+        """(N,) bool: points where a body is held, which touch nothing."""
+        return np.concatenate([model.held_still for model in self.models])
+
+    @cached_property
+    def most(self) -> int:
+        """Points that may touch obstacles at once."""
+        return max(model.most for model in self.models)
+
+    @cached_property
+    def rest(self) -> np.ndarray:
+        """(N, 3) mm in the frames of the robots."""
+        return np.concatenate([model.patches.rest for model in self.models])
+
+    @cached_property
+    def flat(self) -> np.ndarray:
+        """(sum of 3 n k,) the modes (3 n, k) of each surface."""
+        each = [np.ascontiguousarray(model.flat).reshape(-1) for model in self.models]
+        return each[0] if len(each) == 1 else np.concatenate(each)
+
+    @cached_property
+    def shapes(self) -> np.ndarray:
+        """(r, 4) numbers of points, modes, mixtures of modes and effectors of each surface."""
+        each = [(len(model.patches), *model.bends.shape, model.model.rows.n_e) for model in self.models]
+        return np.array(each, dtype=np.int64)
+
+    @cached_property
+    def mode_ends(self) -> list[tuple[int, int]]:
+        """First and last number of each surface's modes among those of all."""
+        return list(pairwise(accumulate(self.shapes[:, 1].tolist(), initial=0)))

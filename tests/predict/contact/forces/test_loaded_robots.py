@@ -1,0 +1,44 @@
+"""Robots that lie one after another in compiled loops do what each does alone."""
+
+import numpy as np
+import pytest
+from scipy.linalg import block_diag
+from scipy.spatial.transform import Rotation
+from support.forces import put
+
+from cfem.predict.contact.forces.loaded_robots import LoadedRobots
+from cfem.predict.contact.surface.surface_part import SurfacePart
+from cfem.predict.contact.surface.surfaces import Surfaces
+
+
+def test_robots_of_a_scene_do_what_each_does_alone(patched_bar):
+    """Three of them, of which one has few points and one bears nothing."""
+    rng, count = np.random.default_rng(0), len(patched_bar.patches)
+    free = np.flatnonzero(~patched_bar.held_still)
+    models = patched_bar, SurfacePart(patched_bar, free[2:9]), patched_bar
+    deltas, R = [np.array([mm]) for mm in (1.0, 2.0, 3.0)], Rotation.random(3, rng=rng).as_matrix()
+    points, forces = [free[:4], np.array([1, 3]), free[4:6]], [0.02 * rng.normal(size=(n, 3)) for n in (4, 2, 2)]
+    forces[2][:] = 0.0
+    surfaces = Surfaces(models)
+    known = np.concatenate([mine + first for mine, first in zip(points, surfaces.ends, strict=False)])
+    on_all = np.zeros((2 * count + 7, 3))
+    on_all[known] = np.concatenate([mine @ turn.T for mine, turn in zip(forces, R, strict=True)])
+    together = LoadedRobots(surfaces, deltas, [None] * 3, R, np.zeros((3, 3)), known, on_all)
+    each = [LoadedRobots.of(model, delta) for model, delta in zip(models, deltas, strict=True)]
+    for alone, mine, pressed in zip(each, points, forces, strict=True):
+        put(alone, mine, pressed)
+    np.testing.assert_allclose(together.places, np.concatenate([alone.places for alone in each]), atol=1e-12)
+    np.testing.assert_allclose(
+        np.concatenate(together.rows), np.concatenate([alone.rows[0] for alone in each]), atol=1e-12
+    )
+    for under_forces in (True, False):
+        turned = []
+        for alone, turn, mine in zip(each, R, points, strict=True):
+            every = np.kron(np.eye(len(mine)), turn)
+            turned.append(every @ alone.compliance(under_forces) @ every.T)
+        np.testing.assert_allclose(together.compliance(under_forces), block_diag(*turned), atol=1e-10)
+    assert together.stored == pytest.approx(sum(alone.stored for alone in each), rel=1e-9)
+    assert together.error == pytest.approx(max(alone.error for alone in each), rel=1e-9) and together.error > 0
+    for values, alone in zip(zip(*together.outputs(), strict=True), each, strict=True):
+        for value, (expected,) in zip(values, alone.outputs(), strict=True):
+            np.testing.assert_allclose(value, expected, atol=1e-12)

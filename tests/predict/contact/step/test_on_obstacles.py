@@ -1,0 +1,44 @@
+"""Patches on obstacles, in closed form."""
+
+import numpy as np
+import pytest
+
+from cfem.contact.obstacle import Box, Plane
+from cfem.contact.obstacle_set import ObstacleSet
+from cfem.predict.contact.step.on_obstacles import begins_deep, held_by_friction, pairs_with_obstacles
+
+
+def test_what_sticks_is_held_where_it_was_on_the_surface_and_what_slides_where_it_is():
+    places = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.2], [2.0, 0.0, -0.1], [3.0, 0.0, 4.0]])
+    stuck = places + [0.3, -0.2, 0.5]
+    normals = np.array([[0.0, 0.0, 1.0]])
+    held = held_by_friction(places, stuck, np.array([1, 2]), np.array([2]), normals)
+    assert np.isnan(held[[0, 3]]).all()
+    np.testing.assert_allclose(held[1], places[1])
+    np.testing.assert_allclose(held[2], [2.3, -0.2, -0.1])  # its slip stays, its gap is none
+
+
+@pytest.mark.parametrize(("depth", "deep"), [(-0.5, False), (0.0, False), (0.4, False), (0.6, True)])
+def test_a_patch_is_deep_where_twice_as_far_in_another_side_is_nearer(depth, deep):
+    """A plate 2 mm thick: the middle is 1 mm below either side."""
+    plate = ObstacleSet((Box(np.array([9.0, 9.0, 1.0])),))
+    places = np.array([[0.0, 0.0, 1.0 - depth], [50.0, 0.0, 0.0]])
+    distance, which = plate.nearest(places)
+    assert begins_deep(plate, places, distance, which) == deep
+
+
+def test_one_deep_patch_among_others_is_enough_and_a_half_space_has_no_other_side():
+    plate = ObstacleSet((Box(np.array([9.0, 9.0, 1.0])),))
+    places = np.array([[0.0, 0.0, 0.9], [1.0, 0.0, 0.3]])
+    assert begins_deep(plate, places, *plate.nearest(places))
+    ground = ObstacleSet((Plane(),))
+    assert not begins_deep(ground, -places, *ground.nearest(-places))
+
+
+def test_pairs_depend_on_their_own_patch_alone():
+    frames, gaps = np.tile(np.eye(3), (2, 1, 1)), np.array([0.1, 0.2])
+    pairs = pairs_with_obstacles(np.array([3, 1]), frames, gaps, np.array([5, 6]), 4)
+    np.testing.assert_array_equal(pairs.slots, [7, 5])
+    np.testing.assert_array_equal(pairs.points, [3, 1])
+    np.testing.assert_array_equal(pairs.relative, [[0, 0, 0, 1], [0, 1, 0, 0]])
+    np.testing.assert_array_equal(pairs.partners, [5, 6])
