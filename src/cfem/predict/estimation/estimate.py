@@ -32,8 +32,8 @@ from cfem.predict.estimation.fit import (
     minimise,
 )
 from cfem.predict.estimation.force_series import ForceSeries
+from cfem.predict.estimation.response import RowResponse
 from cfem.predict.estimation.series import ReferenceSeries
-from cfem.predict.loads.response import RowResponse
 from cfem.predict.protocol import Predictor
 from cfem.predict.series.modes import ModeSeries
 

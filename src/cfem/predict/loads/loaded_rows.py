@@ -13,18 +13,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cfem.constraint.patch import PatchLoad
-from cfem.core.errors import InputError, SpecError
+from cfem.core.errors import InputError
 from cfem.predict.kinds.spectral import SpectralPredictor
 from cfem.predict.series.chebyshev import basis, union
 from cfem.predict.series.energy import THIRD, layout, unpacking, unpacking3
 from cfem.predict.series.few_states import degrees
-from cfem.predict.series.skin import LearnedSkin
 
 if TYPE_CHECKING:
     from cfem.equilibrium.contact.patch_effectors import PatchYield
 
 LEFT = 0.08  # of what forces on patches move the effectors by: what the modes of the skin leave of it
-HELD = 1e-6  # of the largest mode: where they are smaller, the body is held
 
 
 @dataclass(frozen=True)
@@ -89,7 +87,7 @@ def _with_patches(model: SpectralPredictor, effectors: LoadedRows, patches: Sequ
     if changing:
         what = f"the surface of other designs is not known: '{changing}' changes where it rests"
         raise InputError(what, where=f"loads.{patches[0].name}", do="train a model without this parameter")
-    U, skin, n_e = on_modes(model.skin, patches), model.skin.arrays, model.rows.n_e
+    U, skin, n_e = model.skin.modes_over(patches), model.skin.arrays, model.rows.n_e
     k, r = len(U), n_e + U.shape[1]
     if not all(np.array_equal(skin[name], model.arrays[name]) for name in ("to_box", "offset")):
         raise InputError("the skin is of another model", do="train the model again")
@@ -108,15 +106,3 @@ def _with_patches(model: SpectralPredictor, effectors: LoadedRows, patches: Sequ
         D = np.zeros((len(indices), r, r, r))
         D[a, :n_e, :n_e, :n_e] = effectors.D
     return LoadedRows(indices, psi, e, C, D, False, moves)
-
-
-def on_modes(skin: LearnedSkin, patches: Sequence[PatchLoad]) -> np.ndarray:
-    """Modes (k, 3 P) of the skin as means over patches. SpecError where a patch is not on the surface, or is held."""
-    columns, largest = [], np.abs(skin.modes).max()
-    for patch in patches:
-        shares = patch.shares(skin.rest, skin.triangles, skin.weights)
-        columns.append(np.tensordot(skin.modes, shares, axes=(1, 0)))
-        if np.abs(columns[-1]).max() < HELD * largest:
-            what = "the body is held here, so that no force moves it"
-            raise SpecError(what, where=f"loads.{patch.name}", do="take a place where it is free")
-    return np.hstack(columns)

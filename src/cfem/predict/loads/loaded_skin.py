@@ -5,7 +5,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from cfem.constraint.patch import PatchLoad
-from cfem.predict.loads.loaded_rows import on_modes
 from cfem.predict.protocol import Predictor
 from cfem.predict.series.chebyshev import union
 from cfem.predict.series.energy import unpacking
@@ -27,7 +26,7 @@ def loaded_skin(
     C_es, C_ss = np.split(arrays["compliance"], [n_e * k])
     moved = np.tensordot(np.asarray(wrench, float), C_es.reshape(n_e, k, -1), axes=1)  # (k, L)
     if patches:
-        on = on_modes(_of(model, arrays), patches) @ np.concatenate([patch.force for patch in patches])
+        on = _of(model, arrays).modes_over(patches) @ np.concatenate([patch.force for patch in patches])
         moved = moved + np.tensordot(on, C_ss[unpacking(k)], axes=1)
     indices, (rows, more) = union(arrays["indices"], arrays["compliance_indices"])
     series = np.zeros((k, len(indices)))

@@ -23,7 +23,7 @@ from scipy.linalg import block_diag
 from cfem.condensed.rotation import turn
 from cfem.constraint.patch import PatchLoad
 from cfem.core.errors import NumericalError
-from cfem.predict.loads.loaded_rows import LEFT, on_modes
+from cfem.predict.loads.loaded_rows import LEFT
 from cfem.predict.loads.wrench_series import NEAR, Held, Loaded, WrenchSeries
 from cfem.predict.rows.patches import RowPatches
 from cfem.predict.rows.serial import END, SerialPredictor
@@ -214,7 +214,7 @@ class LoadedSerialPredictor(SerialPredictor):
             C_es, C_ss = skin.compliance(*inputs)
             moved = w[: self.pose] @ C_es[: self.pose]
             if on:
-                moved = moved + C_ss @ on_modes(skin, on) @ w[self.pose :][: 3 * len(on)]
+                moved = moved + C_ss @ skin.modes_over(on) @ w[self.pose :][: 3 * len(on)]
             rows.append(skin.rows(*inputs) + softer * moved)
         P, R, _ = self._places([part.e[: self.pose] for part in parts])
         return self.surface.surface(rows, P[:-1], R)

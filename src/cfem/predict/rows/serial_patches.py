@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 
 from cfem.constraint.patch import PatchLoad
-from cfem.predict.loads.loaded_rows import on_modes
 from cfem.predict.protocol import Predictor
 from cfem.predict.rows.patches import RowPatches
 from cfem.predict.rows.serial import SerialPredictor, module_arrays
@@ -28,7 +27,7 @@ def row_patches(row: SerialPredictor, patches: Sequence[PatchLoad]) -> RowPatche
     rests, forces = np.zeros((k, 3 * places)), np.zeros((k, 3 * places))
     for i, (mine, skin) in enumerate(zip(each, surface.modules, strict=True)):
         for j, patch in enumerate(mine):
-            on_modes(skin, [patch])  # it is on the surface, and free
+            skin.modes_over([patch])  # it is on the surface, and free
             shares = patch.shares(skin.rest, skin.triangles, skin.weights)
             rests[i, 3 * j : 3 * j + 3], forces[i, 3 * j : 3 * j + 3] = shares @ skin.rest, patch.force
     return RowPatches(tuple(map(tuple, each)), surface.modules, places, rests, forces)

@@ -6,6 +6,7 @@ held ('force'). The blocks of W follow from W_aa and W_ea of the model as those 
 (`cfem.predict.series.energy`). A model of any kind has such a skin, or none; what does not ask for shapes never reads
 it."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
 
@@ -13,13 +14,15 @@ import numpy as np
 
 from cfem.condensed import Condensed
 from cfem.condensed.skin import PREFIX, Skin
-from cfem.core.errors import InputError
+from cfem.constraint.patch import PatchLoad
+from cfem.core.errors import InputError, SpecError
 from cfem.core.reading import take
 from cfem.predict.series.chebyshev import Basis
 from cfem.predict.series.energy import Form, unpacking
 from cfem.predict.series.semidefinite import with_nearest
 
 FILE = "skin.npz"  # of a model folder
+HELD = 1e-6  # of the largest mode: where they are smaller, the body is held
 
 
 class LearnedSkin:
@@ -85,6 +88,17 @@ class LearnedSkin:
         places[..., self.nodes, :] = self.surface(rows)
         places[..., inner, :] = np.tensordot(rows, modes, axes=(-1, 0)) + rest
         return places
+
+    def modes_over(self, patches: Sequence[PatchLoad]) -> np.ndarray:
+        """Modes (k, 3 P) as means over patches. SpecError where a patch is not on the surface, or is held."""
+        columns, largest = [], np.abs(self.modes).max()
+        for patch in patches:
+            shares = patch.shares(self.rest, self.triangles, self.weights)
+            columns.append(np.tensordot(self.modes, shares, axes=(1, 0)))
+            if np.abs(columns[-1]).max() < HELD * largest:
+                what = "the body is held here, so that no force moves it"
+                raise SpecError(what, where=f"loads.{patch.name}", do="take a place where it is free")
+        return np.hstack(columns)
 
     def gradient(self, s: np.ndarray, q: np.ndarray) -> np.ndarray:
         """Derivatives (..., k, n_a) of the rows by s."""

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from support.patches import drawn_patches
 
+from cfem.predict.contact.forces.high_order import beyond, slope
 from cfem.predict.contact.forces.load_response import load_response, moved_places
 from cfem.predict.contact.surface.patch_compliance import patch_compliance
-from cfem.predict.loads.high_order import beyond, slope
 
 
 @pytest.fixture(scope="module")

@@ -194,8 +194,8 @@ def estimated_error(bending, missing):
 @njit(cache=True, error_model="numpy")
 def _stored(robot, forces, response):
     """N mm that forces (c, 3) N have stored, without joint dents: their work, less the integral of places over forces.
-    Of the latter the orders w . C w and D[w, w, w] have 1/2 and 1/6 (`cfem.predict.loads.high_order`), and of the work
-    1 and 1/2."""
+    Of the latter the orders w . C w and D[w, w, w] have 1/2 and 1/6 (`cfem.predict.contact.forces.high_order`), and of
+    the work 1 and 1/2."""
     w, modes, f, stored = response.w, response.modes, forces.reshape(-1), 0.0
     for d in range(len(w)):
         stored += 2 / 3 * w[d] * modes.motion[d]

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from cfem.predict.loads.high_order import HighOrderMotion, beyond, slope
+from cfem.predict.contact.forces.high_order import HighOrderMotion, beyond, slope
 
 
 class LoadResponse(NamedTuple):

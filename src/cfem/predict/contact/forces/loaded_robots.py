@@ -5,8 +5,8 @@ How the rows of a robot go is known to the second order in the load w on the mod
     rows = rows_0 + C_ss w + Q D_ss[v, v] / 2 + ...        v = Q^T w
 
 with the mixtures Q of the modes that matter to D (`SurfaceModel.bends`). The orders beyond follow as far as the energy
-along the load tells them (`cfem.predict.loads.high_order`). So do the dents, by which a force on a patch changes what
-this patch yields. Nodes, which are close to each other, have joint dents instead
+along the load tells them (`cfem.predict.contact.forces.high_order`). So do the dents, by which a force on a patch
+changes what this patch yields. Nodes, which are close to each other, have joint dents instead
 (`cfem.predict.contact.forces.joint_dents`). All of it is the derivative of one energy by the forces, so that the
 compliance is symmetric.
 

@@ -20,11 +20,9 @@ from cfem.predict.contact.surface.surfaces import Surfaces
 class PlacedModel:
     """A learned robot and its place in the scene.
 
-    R, t: (3, 3) and (3,) mm from its frame to the scene's
-    itself: True where it may touch itself
-    unilateral: (n_a,) bool, actuators that go slack where they would push (`cfem.predict.slack`); the others are held.
-    None: all are held
-    wrench: (n_e,) N and N mm on its effectors in its own frame, such as its weight; None: none"""
+    R, t: (3, 3) and (3,) mm from its frame to the scene's itself: True where it may touch itself unilateral: (n_a,)
+    bool, actuators that go slack where they would push (`cfem.predict.contact.step.slack`); the others are held. None:
+    all are held wrench: (n_e,) N and N mm on its effectors in its own frame, such as its weight; None: none"""
 
     patched: SurfaceModel
     R: np.ndarray = field(default_factory=lambda: np.eye(3))

@@ -24,9 +24,9 @@ from cfem.core.errors import InputError
 from cfem.equilibrium.quasi_static import all_carried_out
 from cfem.predict.contact.step.bodies import Bodies, PlacedModel
 from cfem.predict.contact.step.rounds import Rounds
+from cfem.predict.contact.step.slack import with_slack
 from cfem.predict.contact.step.state import ContactState
 from cfem.predict.contact.surface.surface_model import SurfaceModel
-from cfem.predict.slack import with_slack
 
 INSIDE = 1e-3  # of the length: by how much robots may overlap where they begin
 SHARE = 0.05  # of its reach: the longest way of an actuator in one step

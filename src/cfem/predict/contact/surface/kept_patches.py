@@ -22,7 +22,6 @@ from cfem.equilibrium.system.robot import Robot
 from cfem.predict.contact.surface.node_model import DENTED, MODES, NEAR, NodeModel, node_patches
 from cfem.predict.contact.surface.patched_model import PatchedModel, patches_of
 from cfem.predict.kinds.spectral import SpectralPredictor
-from cfem.predict.loads.loaded_rows import on_modes
 from cfem.predict.protocol import Predictor
 from cfem.predict.series.few_states import linear_states, patch_states
 
@@ -73,7 +72,7 @@ def yield_of(
     surface."""
     if not isinstance(model, SpectralPredictor) or model.form != "displacement" or model.parameters:
         return None
-    on_modes(model.skin, patches)  # says what is wrong, before finite elements take a while
+    model.skin.modes_over(patches)  # says what is wrong, before finite elements take a while
     states = patch_states(model.domain, robot.rows.n_a)
     regions = [[*patch.at, patch.radius] for patch in patches]
     asked = {"states": states, "where": np.array(regions), "effectors": robot.rows.effectors}

@@ -1,5 +1,5 @@
 /* Cables only pull: one that would have to push goes slack, carries nothing, and is beyond its target. The same as
- * cfem.predict.slack. */
+ * cfem.predict.contact.step.slack. */
 #ifndef CFEM_SLACK_H
 #define CFEM_SLACK_H
 

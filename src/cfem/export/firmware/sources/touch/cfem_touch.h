@@ -67,7 +67,7 @@ typedef struct {
 
 #define CFEM_TOUCH_ROWS (3 * CFEM_TOUCH_MOST)
 
-/* What is taken of the first and of the second order of a load, and of its own derivative, 1/(N mm): see cfem.predict.loads.high_order. */
+/* What is taken of the first and of the second order of a load, and of its own derivative, 1/(N mm): see cfem.predict.contact.forces.high_order. */
 typedef struct {
     double first, second, rank;
 } cfem_beyond;

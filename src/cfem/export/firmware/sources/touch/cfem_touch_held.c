@@ -10,7 +10,7 @@
 #define PACKED (NE * K + K * (K + 1) / 2)
 #define M CFEM_PATCH_BENDS
 #define CUBES (M * (M + 1) * (M + 2) / 6)
-static const double TRUSTED = 0.3; /* to which a body that softens is followed; see cfem.predict.loads.high_order */
+static const double TRUSTED = 0.3; /* to which a body that softens is followed; see cfem.predict.contact.forces.high_order */
 static const double THIRD = 2.5;   /* the third order over the square of the second; see cfem.predict.contact.forces.load_kernel */
 
 #define DEGREES (CFEM_PATCH_DEGREE + 1)
@@ -219,7 +219,7 @@ void cfem_touch_loaded(cfem_touched *now, cfem_touch_room *room) {
     for (int k = 0; k < K; k++) now->rows[k] = room->rows[k] + (now->count ? room->moved[k] : 0.0);
     if (!now->count) return;
     move_tip(now, room);
-    /* lambda = grad (Psi - w . s_0 - Phi), see cfem.predict.loads.high_order */
+    /* lambda = grad (Psi - w . s_0 - Phi), see cfem.predict.contact.forces.high_order */
     cfem_box box = BOX;
     cfem_polynomials(box, room->s, 2, t[0][0]);
     local_polynomials(room->s, local);

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cfem.predict.loads.high_order import TRUSTED, beyond, slope
+from cfem.predict.contact.forces.high_order import TRUSTED, beyond, slope
 
 
 def cubic(rng, n):

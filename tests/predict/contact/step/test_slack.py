@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from cfem.predict.slack import with_slack
+from cfem.predict.contact.step.slack import with_slack
 
 
 class Robot:
