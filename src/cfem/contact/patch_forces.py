@@ -118,8 +118,8 @@ def lawful(local, push, sticks, frames, gaps, compliance, places, by_bodies, mu)
             for b in range(3):
                 by_law[i, a] += local[i, b] * frames[i, b, a]
         if sticks[i]:
-            by_law[i] = push[i]
             for a in range(3):
+                by_law[i, a] = push[i, a]
                 in_frame[i, a] = (
                     frames[i, a, 0] * push[i, 0] + frames[i, a, 1] * push[i, 1] + frames[i, a, 2] * push[i, 2]
                 )

@@ -139,7 +139,7 @@ def _move(place, law):
             x[i] = u[i]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(inline="always", error_model="numpy")  # else numba optimises it again in its caller
 def _begin(b, place, law, delta, known, out):
     """Sets where robot b is sought first: where the last Hessian leads to."""
     n_a, entry = len(place.x), len(place.x)
@@ -159,7 +159,7 @@ def _begin(b, place, law, delta, known, out):
     _move(place, law)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(inline="always", error_model="numpy")
 def _slopes(b, lane, place, law, sums, w, softer):
     """Slopes g and H of robot b at place.x, loads taken off; `sums` then has the actuators' forces without those of
     loads. Returns what is left of the equations, in tolerances."""

@@ -63,7 +63,7 @@ def _choose(lanes, room, dt, small, short, count):
     return wrong
 
 
-@njit(cache=True, no_cpython_wrapper=True, no_cfunc_wrapper=True, error_model="numpy")
+@njit(inline="always", error_model="numpy")  # else numba optimises it again in its caller
 def _step(learned, lanes, room, forces, pulls, dt, small, tolerance, count):
     """Takes one step of all lanes. Returns of how many of the first `count` robots the equations were not solved."""
     n_a, n_q = lanes.command.shape[0], learned.n_q
@@ -176,7 +176,7 @@ def ticks(learned, effectors, state, begin, end, forces, pulls, dt, substeps, sm
     return failed
 
 
-@njit(cache=True, no_cpython_wrapper=True, no_cfunc_wrapper=True, error_model="numpy")
+@njit(inline="always", error_model="numpy")
 def _copy(source, to, first, to_first, count):
     """Copies count robots from place `first` on, to place `to_first` on."""
     for b in range(count):

@@ -65,7 +65,8 @@ def _wrench(slots, partners, push, robots, bodies, places, forces, obstacles, ce
             between = True
             continue
         point = slots[p] - n
-        soft[point] -= push[p]
+        for a in range(3):
+            soft[point, a] -= push[p, a]
         met, carrier = obstacles[partners[p] - len(robots)], robots[bodies[point]]
         for body, sign in ((met, -1.0), (carrier, 1.0)):
             if body < 0:

@@ -26,6 +26,7 @@ SWING = [
     "models={spectral: ../../models/bar/spectral}",
     "mesh_error={states: 1}",
 ]
+TRACKED = [*SWING[:-1], "mesh_error=null"]  # the mesh's error takes longer than the goals
 
 
 @pytest.fixture(scope="module")
@@ -39,23 +40,23 @@ def swing(bar):
 
 @pytest.fixture(scope="module")
 def unfinished(swing, tmp_path_factory):
-    """Work of a run that was cut short after so many goals, cut once, and copied beside `out`."""
-    folders = {}
+    """Work of a run of `TRACKED` that was cut short after two goals, cut once, and copied beside `out`."""
+    folder = tmp_path_factory.mktemp("cut")
+    cut_short(swing[0], 2, overrides=TRACKED, out=folder / "cut")
 
-    def unfinished(after, out):
-        if after not in folders:
-            folders[after] = tmp_path_factory.mktemp("cut")
-            cut_short(swing[0], after, overrides=SWING, out=folders[after] / out.name)
-        shutil.copytree(folders[after], out.parent, dirs_exist_ok=True)
+    def unfinished(out):
+        shutil.copytree(folder, out.parent, dirs_exist_ok=True)
         return out
 
     return unfinished
 
 
 @pytest.mark.parametrize("after", [2, pytest.param(5, marks=pytest.mark.slow)])
-def test_interrupted_it_ends_with_the_same_figures(swing, unfinished, tmp_path, capfd, monkeypatch, after):
+def test_interrupted_it_ends_with_the_same_figures(swing, tmp_path, capfd, monkeypatch, after):
     spec, whole = swing
-    cut = unfinished(after, tmp_path / "cut")
+    cut = tmp_path / "cut"
+    cut_short(spec, after, overrides=SWING, out=cut)
+    capfd.readouterr()
     solved = count_solves(monkeypatch)
     again = cfem.run_stage("control", spec, overrides=SWING, out=cut)
     demand_equal(whole, cut)
@@ -90,8 +91,8 @@ def test_interrupted_twice(swing, tmp_path):
 
 
 def test_of_other_goals_it_starts_over(swing, unfinished, tmp_path, capfd):
-    other = [*SWING, "trajectories.swing.goals=1"]
-    found = cfem.run_stage("control", swing[0], overrides=other, out=unfinished(2, tmp_path / "cut"))
+    other = [*TRACKED, "trajectories.swing.goals=1"]
+    found = cfem.run_stage("control", swing[0], overrides=other, out=unfinished(tmp_path / "cut"))
     assert found["results"]["trajectories"]["swing"]["spectral"]["goals"] == 1
     assert "going on" not in capfd.readouterr().err
 
@@ -99,10 +100,10 @@ def test_of_other_goals_it_starts_over(swing, unfinished, tmp_path, capfd):
 @pytest.mark.parametrize("keep", fast_are({0.9}, [0.0, 0.9]))
 def test_a_damaged_file_is_said_and_left(swing, unfinished, tmp_path, capfd, keep):
     spec, whole = swing
-    unfinished(2, tmp_path / "cut")
+    unfinished(tmp_path / "cut")
     file = tmp_path / ".cut.partial" / FILE
     os.truncate(file, int(keep * file.stat().st_size))
-    cfem.run_stage("control", spec, overrides=SWING, out=tmp_path / "cut")
+    cfem.run_stage("control", spec, overrides=TRACKED, out=tmp_path / "cut")
     demand_equal(whole, tmp_path / "cut")
     said = capfd.readouterr().err
     assert f"{FILE}: what an interrupted run kept cannot be used (it is damaged): starting over\n" in said
@@ -118,7 +119,7 @@ def test_a_full_disk_ends_the_keeping_and_not_the_run(swing, tmp_path, capfd, mo
 
     monkeypatch.setattr(resume, "write_whole", full)
     monkeypatch.setattr(resume, "EVERY", 0.0)
-    cfem.run_stage("control", spec, overrides=[*SWING, "mesh_error=null"], out=tmp_path / "out")
+    cfem.run_stage("control", spec, overrides=TRACKED, out=tmp_path / "out")
     demand_equal(whole, tmp_path / "out")
     said = capfd.readouterr().err
     assert said.count("No space left on device") == 1 and "after an interruption this run starts over" in said

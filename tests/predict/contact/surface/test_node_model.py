@@ -58,7 +58,8 @@ def test_what_is_near_adds_the_compliance_of_its_pairs_turned_with_both_nodes():
     rng = np.random.default_rng(2)
     pairs = np.array([[0, 0], [0, 2], [0, 4], [1, 1], [2, 2], [2, 4], [3, 3], [4, 4]])
     first = np.searchsorted(pairs[:, 0], np.arange(6))
-    left, linear, points = rng.normal(size=(2, len(pairs), 3, 3)), np.array([1.0, 0.3]), np.array([4, 0, 2])
+    left = rng.normal(size=(2, len(pairs), 3, 3)).astype(np.float32)
+    linear, points = np.array([1.0, 0.3]), np.array([4, 0, 2])
     R = Rotation.random(3, rng).as_matrix()
     total = np.zeros((9, 9))
     _add_local(total, points, R, linear, first, pairs[:, 1], left)
@@ -77,7 +78,8 @@ def test_dents_of_nodes_that_touch_turn_with_all_three():
     """Against the products written out, of three of five nodes."""
     rng = np.random.default_rng(2)
     triples = np.array([[0, 0, 0], [0, 0, 2], [0, 2, 4], [0, 3, 4], [1, 1, 1], [2, 4, 4], [4, 4, 4]])
-    first, dented = np.searchsorted(triples[:, 0], np.arange(6)), rng.normal(size=(len(triples), 3, 3, 3))
+    first = np.searchsorted(triples[:, 0], np.arange(6))
+    dented = rng.normal(size=(len(triples), 3, 3, 3)).astype(np.float32)
     points, R = np.array([0, 2, 4]), Rotation.random(3, rng).as_matrix()
     chosen, turned = _dents(points, R, first, triples, dented)
     expected = triples[[0, 1, 2, 5, 6]] // 2

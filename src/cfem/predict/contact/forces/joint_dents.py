@@ -67,7 +67,9 @@ def dented_places(forces, C, triples, change, pressed, start):
     some, some_change = _among(place, triples, change)
     share, systems, begin = 1.0, 0, 1
     if len(start) == p > 0:
-        h[:], begin = start, 0
+        begin = 0
+        for i in range(p):  # by a loop: a copy of an array takes seconds to compile
+            h[i] = start[i]
     for trial in range(begin, 2 + HALVINGS):
         stable, steps = _give_way(borne, C_pp, some, some_change, among, share, h, factor)
         systems += steps

@@ -67,7 +67,8 @@ class LoadResult(NamedTuple):
 def load_robots(shapes, numbers, triples, flat, free, known, forces, R, loaded):
     """Puts forces (C, 3) N, in axes to which R (r, 3, 3) turn, on known points (C,) of free places (N, 3) mm. flat: of
     `Surfaces`."""
-    point, mode, mixture, effector, first, triple, entry, number, modal = 0, 0, 0, 0, 0, 0, 0, 0, 0
+    point, mode, mixture, effector, first, triple, entry, modal = 0, 0, 0, 0, 0, 0, 0, 0
+    number = np.int64(0)  # of a literal 0 numba would compile `robot_numbers` once more
     for i in range(len(shapes)):
         n, k, r, e, c, t = shapes[i, 0], shapes[i, 1], shapes[i, 2], shapes[i, 3], shapes[i, 4], shapes[i, 5]
         mine, turned = np.empty(c, dtype=np.int64), np.empty((c, 3))
@@ -129,7 +130,7 @@ def robot_numbers(numbers, begin, shape):
     return robot, end
 
 
-@njit(cache=True, error_model="numpy")
+@njit(inline="always", error_model="numpy")  # as are others with one caller: else numba optimises them twice
 def _load(robot, flat, triples, free, known, forces, joint, loaded):
     """Loads one robot by forces (c, 3) N in its own frame; joint: whether its points dent together."""
     bears, yields, sizes = False, np.zeros(len(known), dtype=np.bool_), loaded.sizes[0]
@@ -175,7 +176,7 @@ def _load(robot, flat, triples, free, known, forces, joint, loaded):
     _move_effectors(robot, forces, response, loaded.moved)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(inline="always", error_model="numpy")
 def _copy(numbers, into):
     for i in range(len(numbers)):
         into[i] = numbers[i]
@@ -191,7 +192,7 @@ def estimated_error(bending, missing):
     return (missing + THIRD * bending) * bending
 
 
-@njit(cache=True, error_model="numpy")
+@njit(inline="always", error_model="numpy")
 def _stored(robot, forces, response):
     """N mm that forces (c, 3) N have stored, without joint dents: their work, less the integral of places over forces.
     Of the latter the orders w . C w and D[w, w, w] have 1/2 and 1/6 (`cfem.predict.contact.forces.high_order`), and of
@@ -213,7 +214,7 @@ def _stored(robot, forces, response):
     return stored
 
 
-@njit(cache=True, error_model="numpy")
+@njit(inline="always", error_model="numpy")
 def _move_effectors(robot, forces, response, moved):
     """Puts into moved (e,) mm by how much forces (c, 3) N move the effectors."""
     for e in range(len(moved)):
@@ -249,7 +250,7 @@ def free_places(shapes, flat, rest, rows):
 def turned_compliance(shapes, numbers, loaded, R, under_forces):
     """(3 C, 3 C) mm/N of the known points of all robots, in axes to which R (r, 3, 3) turn; under_forces: as the forces
     have changed it."""
-    count, half, first, entry, number = 0, np.empty((3, 3)), 0, 0, 0
+    count, half, first, entry, number = 0, np.empty((3, 3)), 0, 0, np.int64(0)
     for i in range(len(shapes)):
         count += shapes[i, 4]
     total = np.zeros((3 * count, 3 * count))

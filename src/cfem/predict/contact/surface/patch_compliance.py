@@ -52,14 +52,14 @@ def patch_compliance(patches, modes, C_ss, R, basis, local, dented):
     return U, local_part, total, _dents(patches, R, basis, dented)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(inline="always", error_model="numpy")  # else numba optimises it again in its caller
 def _product(A, B, product):
     for a in range(3):
         for b in range(3):
             product[a, b] = A[a, 0] * B[0, b] + A[a, 1] * B[1, b] + A[a, 2] * B[2, b]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(inline="always", error_model="numpy")
 def _dents(patches, R, basis, dented):
     """(c, 3, 3, 3 + n_e) of the series, turned by R, which the effectors are not."""
     last = dented.shape[-1]
