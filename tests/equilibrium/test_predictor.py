@@ -127,3 +127,30 @@ def test_pulls_that_follow_each_other_end_in_the_states_from_rest_and_cost_less(
     for warm, cold in zip(ended, alone, strict=True):
         np.testing.assert_allclose(warm.state.x, cold.state.x, atol=1e-6)
     assert sum(each.factorizations for each in ended) < 0.6 * sum(each.factorizations for each in alone)
+
+
+@pytest.mark.parametrize("rigid_end", [False, True])
+def test_rotations_and_stretches_lead_farther_than_positions(rigid_end):
+    problem = Problem(bar("tet10", divisions=(8, 1, 1), rigid_end=rigid_end))
+    pulls = [displacement([amount, 0.0]) for amount in (1.0, 4.0, 8.0)]
+    states = [solve(problem, asked, slack=False) for asked in pulls]
+    known = [knot(state.delta_a, state) for state in states[:2]]
+    for knots in (known[:1], known):
+        wanted, asked = states[len(knots)], pulls[len(knots)]
+        by_positions = predict(knots, asked.target, asked)
+        by_shape = predict(knots, asked.target, asked, shape=problem.rotation_strain)
+        errors = [np.abs(problem.kinematics.hold(one.x) - wanted.state.x).max() for one in (by_positions, by_shape)]
+        assert errors[1] < errors[0] / 4, errors
+        costs = [solve(problem, asked, start, slack=False).factorizations for start in (by_positions, by_shape)]
+        assert costs[1] <= costs[0]
+
+
+def test_where_many_states_are_known_positions_serve():
+    problem = Problem(bar("tet4", divisions=(6, 1, 1)))
+    knots = []
+    for share in np.random.default_rng(0).random((12, 2)):
+        state = solve(problem, displacement(4.0 * share), predict(knots, share, displacement(4.0 * share)), slack=False)
+        knots.append(knot(state.delta_a, state))
+    asked = displacement([2.0, 2.0])
+    starts = [predict(knots, asked.target, asked, shape=shape) for shape in (None, problem.rotation_strain)]
+    np.testing.assert_array_equal(starts[0].x, starts[1].x)

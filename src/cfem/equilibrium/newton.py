@@ -4,13 +4,15 @@ With A dx = -R + H C^T dmu and C (delta + H^T dx) = target, the border is elimin
 Which one-sided rows hold is found anew in every correction, on S alone (`cfem.equilibrium.complementarity`).
 The correction at the new point, by the same factor, is the next chord step for nothing, and its ratio to the one before
 says how fast the chord converges (Deuflhard, Newton Methods for Nonlinear Problems, 2004, section 2.1): below `slow`
-the factor serves on; above, the tangent is factorised again.
+the factor serves on; above, the tangent is factorised again. What earlier corrections of the same factor have changed
+foretells what is left where a few soft motions converge slowly (Anderson, J. ACM 12, 1965).
 
 A fresh tangent takes the stress in its geometric part from the linearisation that led there (solid.stress_lag). Full
 steps then converge over large rotations of stiff parts, where a line search would creep: it judges by residuals that
 the false strain of a linear step dominates. A step is shortened only where it would invert an element or push walls
 through each other; one whose corrections grow is given up, and continuation takes a shorter one."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -28,6 +30,9 @@ from cfem.mechanics.self_contact import step_until_deep
 _EXACT = 1e-13  # of the body's size: positions are no more exact
 _NO_GAP = 10 * _EXACT  # likewise: a one-sided row that is beyond its target by less, without a multiplier, holds
 _NO_LACK = 100 * _EXACT  # likewise: what a row that does not hold may lack
+_IN_EQUILIBRIUM = 1e-3  # relative residual of a start from which the tangent of the path leads on
+_FAR = 0.02  # of the body's size: a motion that turns parts of it
+_REMEMBERED = 5  # corrections of one factor that foretell the next
 _NO_PUSH = 1e-9  # of the largest multiplier: what a one-sided row that holds may push
 
 
@@ -113,6 +118,28 @@ class Correction:
     def size(self) -> float:
         return float(np.linalg.norm(self.step))
 
+    def less(self, factor: float, other: "Correction") -> "Correction":
+        """This correction less a multiple of another."""
+        return replace(
+            self,
+            step=self.step - factor * other.step,
+            pressure=self.pressure - factor * other.pressure,
+            multipliers=self.multipliers - factor * other.multipliers,
+        )
+
+
+def accelerated(proposed: Correction, taken: Sequence[tuple[Correction, Correction]]) -> Correction:
+    """The correction without the part that the changes by earlier ones explain, by least squares of the steps
+    (Walker and Ni, SIAM J. Numer. Anal. 49, 2011). taken: those of the same factor, each with the change of what the
+    factor proposed that it made."""
+    if not taken:
+        return proposed
+    changes = np.column_stack([change.step for _, change in taken])
+    shares = np.linalg.lstsq(changes, proposed.step, rcond=1e-10)[0]
+    for share, (correction, change) in zip(shares, taken, strict=True):
+        proposed = proposed.less(share, correction).less(share, change)
+    return proposed
+
 
 def newton(
     problem: Problem,
@@ -136,10 +163,11 @@ def newton(
             last = correction.size
         except np.linalg.LinAlgError:
             tangent = None
-    begin = cost.iterations
+    begin, taken = cost.iterations, []
     for _ in range(settings.max_iterations + 1):
         fresh = tangent is None
         if fresh:
+            taken = []
             try:
                 tangent = problem.factor(evaluation, start.lam if before is None else lam, cost, before)
                 border, correction = _proposed(problem, evaluation, lam, tangent, actuation, held)
@@ -155,7 +183,8 @@ def newton(
         if closed(problem, actuation, evaluation, lam, held) and (residual <= settings.tolerance or stalled):
             status = Status.CONVERGED
             break
-        trial, part = advanced(problem, evaluation, correction)
+        proposed, correction = correction, accelerated(correction, taken[-_REMEMBERED:])
+        trial, part = advanced(problem, evaluation, correction, before is None and residual <= _IN_EQUILIBRIUM)
         if trial is None and not fresh:
             tangent = None
             continue
@@ -169,8 +198,10 @@ def newton(
         except np.linalg.LinAlgError:  # of rows as they are now, and a factor of where they were
             tangent = None
             continue
-        if part < 1.0 or following.size > max(settings.slow * correction.size, smallest):
+        if part < 1.0 or following.size > max(settings.slow * proposed.size, smallest):
             tangent = None
+        same_rows = (proposed.held == held).all() and (following.held == held).all()
+        taken = [*taken, (correction, following.less(1.0, proposed))] if same_rows else []
         correction = following
     beyond = 0 if tangent is None else tangent.factor.negative - border.negative(held)
     return NewtonResult(status, evaluation, lam, tangent, residual, rounding, cost.iterations - begin, held, beyond)
@@ -213,25 +244,33 @@ def judged(problem: Problem, result: NewtonResult, actuation: Actuation, cost: S
         return replace(result, status=Status.SINGULAR, tangent=None)
 
 
-def advanced(problem: Problem, evaluation: Evaluation, correction: Correction) -> tuple[Evaluation | None, float]:
+def advanced(
+    problem: Problem, evaluation: Evaluation, correction: Correction, turning: bool = False
+) -> tuple[Evaluation | None, float]:
     """The state after the step, halved as often as it inverts an element and shortened where it would push walls
-    through each other, and the part taken; None where it cannot."""
+    through each other, and the part taken; None where it cannot. turning: in rotations and stretches, where it is
+    large."""
     for halvings in range(6):
         part = 0.5**halvings
-        trial = _after(problem, evaluation, correction, part)
+        trial = _after(problem, evaluation, correction, part, turning)
         if trial.response.min_J > 0.0:
             break
     else:
         return None, 0.0
     contact, walls = evaluation.response.contact, problem.body.contact
     until = 1.0 if contact is None else step_until_deep(walls, contact.gap, trial.response.contact.gap)
-    shorter = trial if until == 1.0 else _after(problem, evaluation, correction, until * part)
+    shorter = trial if until == 1.0 else _after(problem, evaluation, correction, until * part, turning)
     return (shorter, until * part) if shorter.response.min_J > 0.0 else (trial, part)
 
 
-def _after(problem: Problem, evaluation: Evaluation, correction: Correction, part: float) -> Evaluation:
+def _after(problem: Problem, evaluation: Evaluation, correction: Correction, part: float, turning: bool) -> Evaluation:
     """The state after a part of the step."""
     x = problem.kinematics.advance(evaluation.x, part * correction.step)
+    moved = x - evaluation.x
+    far = _FAR * problem.robot.body.mesh.size
+    if turning and np.abs(moved).max() > far and problem.rotation_strain is not None:
+        turned = problem.rotation_strain.combined(evaluation.x[None], moved[None], np.ones(1))
+        x = x if turned is None else problem.kinematics.hold(turned)
     return problem.evaluate(x, evaluation.pressure + part * correction.pressure, evaluation.load)
 
 

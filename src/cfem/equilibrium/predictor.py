@@ -3,7 +3,8 @@
 Every solved state knows x, lambda and their derivatives by delta: dx/ddelta = dx/dlambda W^-1, dlambda/ddelta = W^-1
 (of the actuators, and of the contacts where they are prescribed as well). A polynomial in delta, fitted to all of them
 by weighted least squares, has an error of order degree + 1 in the distance. Its degree grows with the number of
-neighbours, from the tangent of a single one. Where the robots themselves differ, it is one in delta and in the
+neighbours, from the tangent of a single one. Where few are known, it is a polynomial of rotations and stretches
+(`cfem.mechanics.rotation_strain`), else of positions. Where the robots themselves differ, it is one in delta and in the
 coordinates q of their parameters, by which a solve gives derivatives too (parameter_slopes.py)."""
 
 from collections.abc import Callable, Sequence
@@ -17,11 +18,14 @@ from scipy.linalg import block_diag
 from cfem.equilibrium import complementarity
 from cfem.equilibrium.system.actuation import Actuation
 from cfem.equilibrium.system.solution import Equilibrium, State
+from cfem.mechanics.rotation_strain import RotationStrain
 
 NEIGHBOURS = 20
 MAX_DEGREE = 6
 # Equations a coefficient: values and gradients at scattered points are not independent of each other.
 _EQUATIONS_PER_TERM = 1.5
+# Degree of the polynomial up to which rotations and stretches are worth their time: above, positions are as near.
+_SPARSE = 3
 NO_PARAMETERS = np.zeros(0)
 
 
@@ -67,10 +71,14 @@ def knot(place: np.ndarray, solved: Equilibrium, contacts: bool = False, q: np.n
 
 
 def predict(
-    knots: Sequence[Knot], place: np.ndarray, actuation: Actuation, q: np.ndarray = NO_PARAMETERS
+    knots: Sequence[Knot],
+    place: np.ndarray,
+    actuation: Actuation,
+    q: np.ndarray = NO_PARAMETERS,
+    shape: RotationStrain | None = None,
 ) -> State | None:
     """State near the equilibrium under `actuation` of the robot at q, which is at `place`; None where nothing is solved
-    yet.
+    yet. shape: coordinates in which states are combined, for robots without parameters; None: their positions.
 
     The pressure is left to the solver (empty): its derivatives are not among what a solve gives."""
     if not knots:
@@ -83,7 +91,9 @@ def predict(
         matched = _match(local, actuation, q)
         if matched is not None:
             inputs, lam = matched
-            return State(local.x(inputs), np.empty(0), lam)
+            x = local.x(inputs) if shape is None or local.degree > _SPARSE else local.combined(inputs, shape)
+            if x is not None:
+                return State(x, np.empty(0), lam)
     return State(around[0].x, np.empty(0), around[0].lam)
 
 
@@ -126,6 +136,10 @@ class _Local:
     exponents: np.ndarray
     solution: np.ndarray
 
+    @property
+    def degree(self) -> int:
+        return int(self.exponents.sum(axis=1).max())
+
     def weights(self, inputs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(m,) of the values and (m, n) of the derivatives, whose sum is the polynomial at the inputs (n,)."""
         basis, _ = _monomials((self.to_xi @ (inputs - self.centre))[None], self.exponents)
@@ -142,6 +156,12 @@ class _Local:
         terms = zip(self.knots, value, slope, strict=True)
         first = self.knots[0].x  # relative to it, so that held nodes do not move by the rounding of the weights
         return first + sum(w * (known.x - first) + known.dx @ v for known, w, v in terms)
+
+    def combined(self, inputs: np.ndarray, shape: RotationStrain) -> np.ndarray | None:
+        """Positions (n, 3) mm by rotations and stretches; None where the knots are too far apart."""
+        value, slope = self.weights(inputs)
+        motions = np.stack([known.dx @ v for known, v in zip(self.knots, slope, strict=True)])
+        return shape.combined(np.stack([known.x for known in self.knots]), motions, value)
 
 
 def _fit(knots: Sequence[Knot]) -> _Local:

@@ -135,7 +135,8 @@ def _continuation(
         cost.steps += 1
         # loose on the way: only the last step has to be exact
         tuned = settings if to == 1.0 else replace(settings, tolerance=max(1e-4, settings.tolerance))
-        result, tangent = newton(problem, state, part(to), tuned, cost, tangent), None
+        result = newton(problem, state, part(to), tuned, cost, tangent)
+        tangent = None
         if result.status is Status.CONVERGED:
             result = judged(problem, result, part(to), cost)
         if result.status is Status.CONVERGED:
@@ -146,6 +147,7 @@ def _continuation(
             if to == 1.0:
                 return _Path(result, lost, stable)
             done, state = to, result.state
+            tangent = result.tangent if result.tangent is problem.latest else None
             step *= 2.0 if result.iterations <= 5 and not failed else 1.0
             failed = False
         else:

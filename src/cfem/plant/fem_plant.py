@@ -3,7 +3,7 @@ acts on."""
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,7 +12,7 @@ from cfem.condensed import Condensed
 from cfem.constraint.patch import PatchLoad
 from cfem.core.errors import NumericalError
 from cfem.equilibrium.contact.patch_effectors import with_patches
-from cfem.equilibrium.predictor import following
+from cfem.equilibrium.predictor import following, predict
 from cfem.equilibrium.solve import solve
 from cfem.equilibrium.system.actuation import displacement, force, pull
 from cfem.equilibrium.system.robot import Robot, demand_without_discrepancy
@@ -107,7 +107,8 @@ class FemPlant(FemRobot):
         """Compliance (n_a, n_a) mm/N at rest, and the share of their reach that all actuators bear at once."""
         n_a, reach_max = self._problem.robot.rows.n_a, self._problem.robot.reach[:, 1]
         compliance = solve(self._problem, force(np.zeros(n_a))).condensed.W_aa
-        pulled = following(lambda asked, start: solve(self._problem, asked, start))
+        start = partial(predict, shape=self._problem.rotation_strain)
+        pulled = following(lambda asked, state: solve(self._problem, asked, state), start)
         return compliance, borne_together(pulled, reach_max, compliance)
 
     @property

@@ -236,7 +236,8 @@ def _slopes(by_q: ParameterSlopes, dq_dp: np.ndarray) -> dict[str, np.ndarray]:
 def _start(facts: Facts, knots: Sequence[Knot], u: np.ndarray, asked: Actuation, q: np.ndarray) -> State | None:
     """Sections in a row go farthest from an equilibrium: the nearest of the same robot, else rest. So do walls that a
     prediction has pushed through each other."""
-    predicted = None if facts.in_a_row else predict(knots, u, asked, q)
+    shape = None if len(q) else facts.rotation_strain
+    predicted = None if facts.in_a_row else predict(knots, u, asked, q, shape)
     passed = predicted is not None and facts.contact is not None and is_deep(facts.contact, predicted.x)
     if passed or facts.in_a_row:
         return None if len(q) else nearest(knots, u)

@@ -19,6 +19,7 @@ from cfem.core.errors import NumericalError, SpecError
 from cfem.equilibrium.system.actuation import Actuation
 from cfem.equilibrium.system.solution import Equilibrium, State
 from cfem.mechanics.mesh import Mesh
+from cfem.mechanics.rotation_strain import RotationStrain
 from cfem.mechanics.self_contact import SelfContact
 from cfem.robot.same_robot import robot_of
 from cfem.robot.spec import SceneSpec
@@ -53,6 +54,7 @@ class Facts:
     inside: the nodes that are not of the surface, None where there are none
     boundary: by which parts of the body may pass through each other, None of rigid sections in a row
     contact: of its walls with each other, None where they have none
+    rotation_strain: coordinates in which states are combined, None where positions are
     unilateral: (n_a,) actuators that go slack rather than push, (0,) where none does"""
 
     scene: str
@@ -75,6 +77,7 @@ class Facts:
     unilateral: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))
     boundary: Boundary | None = None
     contact: SelfContact | None = None
+    rotation_strain: RotationStrain | None = None
 
 
 class Solver(Protocol):
@@ -166,6 +169,7 @@ class FiniteElements:
             unilateral=robot.unilateral if self.slack else np.zeros(0, dtype=bool),
             boundary=None if robot.body.sections else boundary_of(robot.X, triangulated(robot.body.mesh.facets)),
             contact=robot.body.contact,
+            rotation_strain=problem.rotation_strain,
         )
         options = self.third_order, self.loads, self.slack
         return _FiniteElementSolver(facts, family, problem, settings, *options, mass, stresses)

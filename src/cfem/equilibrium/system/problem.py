@@ -28,6 +28,7 @@ from cfem.mechanics.body import (
 from cfem.mechanics.factorization import analyze
 from cfem.mechanics.kinematics import NO_JOINTS, make_kinematics
 from cfem.mechanics.rod import region as rods
+from cfem.mechanics.rotation_strain import RotationStrain, make_rotation_strain
 
 
 class Problem:
@@ -82,6 +83,11 @@ class Problem:
         loaded.loads, loaded._nodal = loads if loaded.finite else None, True
         loaded._loads = None if loaded.loads is None else self.kinematics.reduce(self.rest, loads)
         return loaded
+
+    @cached_property
+    def rotation_strain(self) -> RotationStrain | None:
+        """Coordinates of the body in which its large motions are nearly linear; None where it has none."""
+        return make_rotation_strain(self.robot.body, self.robot.fixed)
 
     @property
     def n_active(self) -> int:

@@ -9,28 +9,7 @@ import numpy as np
 from numba import njit
 
 from cfem.mechanics.material.law import Law, shear_and_bulk
-from cfem.mechanics.material.tensor import add_identity, inverse
-
-
-@njit(cache=True)
-def _rotation(D: np.ndarray, R: np.ndarray) -> None:
-    """Rotation of 1 + D by Newton's iteration R <- (R + R^-T) / 2 (Higham, SIAM J. Sci. Stat. Comput. 7, 1986)."""
-    R_inverse = np.empty((3, 3))
-    add_identity(D, R)
-    for _ in range(60):
-        if inverse(R, R_inverse) == 0.0:
-            return
-        change = 0.0
-        for i in range(3):
-            for j in range(3):
-                new = 0.5 * (R[i, j] + R_inverse[j, i])
-                change = max(change, abs(new - R[i, j]))
-                R_inverse[j, i] = new
-        for i in range(3):
-            for j in range(3):
-                R[i, j] = R_inverse[j, i]
-        if change < 1e-15:
-            return
+from cfem.mechanics.material.tensor import inverse, rotation
 
 
 @njit(cache=True)
@@ -39,7 +18,7 @@ def response(D, parameters, psi, theta, P, g):
     shear = parameters[0]
     for k in range(D.shape[0]):
         R = g[k]
-        _rotation(D[k], R)
+        rotation(D[k], R)
         square, trace = 0.0, 0.0
         for i in range(3):
             for j in range(3):
@@ -58,7 +37,7 @@ def curvature(D, parameters, pressure, C):
     R, S, G, G_inverse = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     axial, omega = np.empty(3), np.empty(3)
     for k in range(D.shape[0]):
-        _rotation(D[k], R)
+        rotation(D[k], R)
         for i in range(3):
             for j in range(3):
                 S[i, j] = R[0, i] * D[k, 0, j] + R[1, i] * D[k, 1, j] + R[2, i] * D[k, 2, j] + R[j, i]

@@ -37,6 +37,28 @@ def add_identity(D: np.ndarray, F: np.ndarray) -> None:
 
 
 @njit(cache=True)
+def rotation(D: np.ndarray, R: np.ndarray) -> None:
+    """Writes the rotation of 1 + D, by Newton's iteration R <- (R + R^-T) / 2 (Higham, SIAM J. Sci. Stat. Comput. 7,
+    1986)."""
+    R_inverse = np.empty((3, 3))
+    add_identity(D, R)
+    for _ in range(60):
+        if inverse(R, R_inverse) == 0.0:
+            return
+        change = 0.0
+        for i in range(3):
+            for j in range(3):
+                new = 0.5 * (R[i, j] + R_inverse[j, i])
+                change = max(change, abs(new - R[i, j]))
+                R_inverse[j, i] = new
+        for i in range(3):
+            for j in range(3):
+                R[i, j] = R_inverse[j, i]
+        if change < 1e-15:
+            return
+
+
+@njit(cache=True)
 def volume_change(D: np.ndarray, cof_D: np.ndarray) -> tuple[float, float]:
     """The two parts tr D and tr cof D + det D of J - 1; fills cof D."""
     cofactor(D, cof_D)

@@ -153,7 +153,8 @@ def _solve(scene: SceneSpec, mesh: Mesh, shares: Sequence[Sequence[float]]) -> S
         near = solve(problem, pull(_NEIGHBOUR * share, reach))
         if not near.converged:
             raise NumericalError(f"discretisation, {scene.mesh.element}, {len(mesh.cells)} cells: {near.status.value}")
-        start = predict([knot(_NEIGHBOUR * share, near)], share, pull(share, reach))
+        near_knot = knot(_NEIGHBOUR * share, near)
+        start = predict([near_knot], share, pull(share, reach), shape=problem.rotation_strain)
         begin = time.process_time()
         solved = solve(problem, pull(share, reach), start, near.state)
         seconds.append(time.process_time() - begin)

@@ -1,0 +1,63 @@
+"""Chord corrections: what those before foretell, against a linear system and on a trunk."""
+
+import numpy as np
+import pytest
+from support.blocks import bar
+
+from cfem.equilibrium import newton as module
+from cfem.equilibrium.newton import Correction, accelerated
+from cfem.equilibrium.solve import solve
+from cfem.equilibrium.system.actuation import displacement
+from cfem.equilibrium.system.problem import Problem
+
+
+def linear(step):
+    return Correction(step, 2.0 * step[:2], -step[:1], np.zeros(1, dtype=bool))
+
+
+@pytest.mark.parametrize("rank", [1, 2, 3])
+def test_a_factor_that_is_wrong_in_few_directions_converges_in_one_step_more_than_these(rank):
+    rng = np.random.default_rng(rank)
+    A = (
+        np.eye(9)
+        + 0.8 * (wrong := np.linalg.qr(rng.normal(size=(9, rank)))[0]) @ np.diag(0.5 + 0.5 * rng.random(rank)) @ wrong.T
+    )
+    b, x, taken = rng.normal(size=9), np.zeros(9), []
+    proposed = linear(b - A @ x)  # by the factor of the identity
+    plain = proposed.step
+    for _ in range(rank + 1):
+        correction = accelerated(proposed, taken)
+        x, plain = x + correction.step, plain + (b - A @ plain)
+        following = linear(b - A @ x)
+        taken.append((correction, following.less(1.0, proposed)))
+        proposed = following
+    correction = accelerated(proposed, taken)
+    np.testing.assert_allclose(x + correction.step, np.linalg.solve(A, b), atol=1e-12)
+    np.testing.assert_allclose(correction.pressure, 2.0 * correction.step[:2], atol=1e-12)
+    np.testing.assert_allclose(correction.multipliers, -correction.step[:1], atol=1e-12)
+    assert np.abs(plain - np.linalg.solve(A, b)).max() > 1e-6
+
+
+def test_nothing_taken_nothing_foretold():
+    proposed = linear(np.arange(3.0))
+    assert accelerated(proposed, []) is proposed
+
+
+def test_the_same_state_with_fewer_corrections_than_by_the_chord_alone(monkeypatch):
+    states = []
+    for remembered in (0, 5):
+        monkeypatch.setattr(module, "_REMEMBERED", remembered)
+        states.append(solve(Problem(bar("tet10", divisions=(8, 1, 1))), displacement([6.0, 0.0]), slack=False))
+    alone, helped = states
+    np.testing.assert_allclose(helped.state.x, alone.state.x, atol=1e-7)
+    assert helped.iterations <= alone.iterations and helped.factorizations <= alone.factorizations
+
+
+def test_a_long_step_from_an_equilibrium_turns_what_it_bends(monkeypatch):
+    costs = []
+    for far in (np.inf, module._FAR):
+        monkeypatch.setattr(module, "_FAR", far)
+        state = solve(Problem(bar("tet10", divisions=(8, 1, 1))), displacement([8.0, 0.0]), slack=False)
+        assert state.converged
+        costs.append(state.factorizations)
+    assert costs[1] < costs[0], costs
