@@ -4,6 +4,7 @@ With a parameter, Poisson's ratio in its coordinate q multiplies the energy and 
 
 import time
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 from surrogate import synthetic as closed_form
@@ -41,6 +42,7 @@ class SyntheticSolver:
     fails_beyond: float = np.inf
     facts: Facts = FACTS
     third_order: bool = False
+    rotation_strain: ClassVar[None] = None
 
     def solve(self, actuation: Actuation, start: State | None, p: np.ndarray = NONE) -> Equilibrium:
         time.sleep(self.delay)

@@ -34,6 +34,7 @@ class BarSolver:
     def __init__(self):
         robot = bar(element="tet4", divisions=(4, 1, 1), cables=2, contact=True)
         self.problem = Problem(robot)
+        self.rotation_strain = self.problem.rotation_strain
         patch = patch_of(contact_points(self.problem), False)
         rows = replace(robot.rows, contacts=patch.names)
         units = row_units(robot, False)

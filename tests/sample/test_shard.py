@@ -54,9 +54,9 @@ def test_states_come_back_bit_for_bit():
 def test_a_prediction_that_puts_walls_through_each_other_gives_way_to_the_nearest_state():
     problem, none = Problem(clip("tet4")), np.zeros(0)
     open_legs = knot(np.array([0.1, 0.1]), solve(problem, displacement([0.4, 0.08])))
-    facts = replace(FACTS, contact=problem.body.contact)
+    solver = SyntheticSolver(facts=replace(FACTS, contact=problem.body.contact))
     near, far = (
-        _start(facts, [open_legs], open_legs.place, displacement(each), none) for each in ([0.5, 0.1], [4.0, 0.8])
+        _start(solver, [open_legs], open_legs.place, displacement(each), none) for each in ([0.5, 0.1], [4.0, 0.8])
     )
     assert np.abs(near.x - open_legs.x).max() > 0.01
     np.testing.assert_array_equal(far.x, open_legs.x)

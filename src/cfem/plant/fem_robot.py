@@ -56,7 +56,7 @@ class FemRobot:
         base = None if self.state is None else self.state.state
         if slack:
             actuation = pulling_only(actuation, self._problem.robot.unilateral)
-        start = predict(self._known, near, actuation, shape=self._problem.rotation_strain)
+        start = predict(self._known, near, actuation, shape=None if again else self._problem.rotation_strain)
         tangent = self._problem.latest if again else None
         equilibrium = solve(
             self._problem, actuation, start, base, settings=self._settings, slack=slack, tangent=tangent

@@ -71,7 +71,7 @@ def together(robot: bytes) -> float:
     middle = from_shares(parameters, np.full(len(parameters), 0.5))
 
     def start(knots: Sequence[Knot], place: np.ndarray, command: Actuation) -> State | None:
-        return _start(solver.facts, knots, place, command, NO_PARAMETERS)  # all are the robot of the middle
+        return _start(solver, knots, place, command, NO_PARAMETERS)  # all are the robot of the middle
 
     solve = following(lambda command, state: solver.solve(command, state, middle), start)
     return borne_together(solve, high, solver.facts.compliance)
@@ -190,7 +190,7 @@ def _solve_row(solver: Solver, piece: Piece, index: int, knots: Sequence[Knot]) 
         p = from_shares(parameters, u[n_a:])
     asked, q = pulling_only(asked, facts.unilateral), coordinates(parameters, p)
     tally.begin(piece.split[index], piece.id[index])
-    solved = solver.solve(asked, _start(facts, knots, u, asked, q), p)
+    solved = solver.solve(asked, _start(solver, knots, u, asked, q), p)
     known = _knot(facts, piece, u, p, solved)
     return SolvedRow(u, asked, X, p, solved, known, time.perf_counter() - begin)
 
@@ -233,10 +233,11 @@ def _slopes(by_q: ParameterSlopes, dq_dp: np.ndarray) -> dict[str, np.ndarray]:
     return {name: (values * dq_dp).ravel() for name, values in by_p.items()}
 
 
-def _start(facts: Facts, knots: Sequence[Knot], u: np.ndarray, asked: Actuation, q: np.ndarray) -> State | None:
+def _start(solver: Solver, knots: Sequence[Knot], u: np.ndarray, asked: Actuation, q: np.ndarray) -> State | None:
     """Sections in a row go farthest from an equilibrium: the nearest of the same robot, else rest. So do walls that a
     prediction has pushed through each other."""
-    shape = None if len(q) else facts.rotation_strain
+    facts = solver.facts
+    shape = None if len(q) or facts.in_a_row else solver.rotation_strain
     predicted = None if facts.in_a_row else predict(knots, u, asked, q, shape)
     passed = predicted is not None and facts.contact is not None and is_deep(facts.contact, predicted.x)
     if passed or facts.in_a_row:

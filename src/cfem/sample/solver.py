@@ -54,7 +54,6 @@ class Facts:
     inside: the nodes that are not of the surface, None where there are none
     boundary: by which parts of the body may pass through each other, None of rigid sections in a row
     contact: of its walls with each other, None where they have none
-    rotation_strain: coordinates in which states are combined, None where positions are
     unilateral: (n_a,) actuators that go slack rather than push, (0,) where none does"""
 
     scene: str
@@ -77,11 +76,14 @@ class Facts:
     unilateral: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))
     boundary: Boundary | None = None
     contact: SelfContact | None = None
-    rotation_strain: RotationStrain | None = None
 
 
 class Solver(Protocol):
     facts: Facts
+
+    @property
+    def rotation_strain(self) -> RotationStrain | None:
+        """Coordinates in which its states are combined, None where positions are."""
 
     def solve(self, actuation: Actuation, start: State | None, p: np.ndarray) -> Equilibrium:
         """Equilibrium of the robot at p (n_p,), from `start`; from rest where that is None or fails. Its slopes are by
@@ -169,7 +171,6 @@ class FiniteElements:
             unilateral=robot.unilateral if self.slack else np.zeros(0, dtype=bool),
             boundary=None if robot.body.sections else boundary_of(robot.X, triangulated(robot.body.mesh.facets)),
             contact=robot.body.contact,
-            rotation_strain=problem.rotation_strain,
         )
         options = self.third_order, self.loads, self.slack
         return _FiniteElementSolver(facts, family, problem, settings, *options, mass, stresses)
@@ -196,6 +197,10 @@ class _FiniteElementSolver:
     stresses: Any = None
     skin: Skin | None = None
     pushed: Skin | None = None
+
+    @property
+    def rotation_strain(self) -> RotationStrain | None:
+        return self.problem.rotation_strain
 
     def watching(self, skin: Skin) -> "_FiniteElementSolver":
         return replace(self, problem=self._problem(self.problem.robot, skin, self.problem), skin=skin)

@@ -61,6 +61,8 @@ class Problem:
             self.kinematics, self._factor, self._made = like.kinematics, like._factor, like._made
             if self.rest is not like.rest and not robot.rigid:
                 self.kinematics = replace(like.kinematics, X=self.rest)
+        shares = like is not None and self.rest is like.rest
+        self._coordinates: list[RotationStrain | None] = like._coordinates if shares else []
         if self.body.rod is not None:
             self._joined = self.kinematics.unknowns(joints).reshape(-1, 12)
         self._rod_rows = tuple(row for row in robot.active if isinstance(row, RodRow))
@@ -84,10 +86,12 @@ class Problem:
         loaded._loads = None if loaded.loads is None else self.kinematics.reduce(self.rest, loads)
         return loaded
 
-    @cached_property
+    @property
     def rotation_strain(self) -> RotationStrain | None:
         """Coordinates of the body in which its large motions are nearly linear; None where it has none."""
-        return make_rotation_strain(self.robot.body, self.robot.fixed)
+        if not self._coordinates:
+            self._coordinates.append(make_rotation_strain(self.robot.body, self.robot.fixed))
+        return self._coordinates[0]
 
     @property
     def n_active(self) -> int:
@@ -208,7 +212,7 @@ class Problem:
         data, dtheta = self.stiffness(evaluation, lam, before)
         cost.factorizations += 1
         self._made[:] = []
-        self._made[:] = [Tangent(self._factor(data), dtheta)]
+        self._made[:] = [Tangent(self._factor(data), dtheta, evaluation.x)]
         return self._made[0]
 
     @property
