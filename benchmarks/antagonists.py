@@ -54,7 +54,8 @@ def robot_of(name: str) -> Robot:
 def measured(robot: Robot, spaces: list[str], commands: int) -> dict:
     problem = Problem(robot)
     compliance = solve(problem, force(np.zeros(robot.rows.n_a))).condensed.W_aa
-    together = borne_together(following(partial(solve, problem), partial(predict, shape=problem.rotation_strain)), robot.reach[:, 1], compliance)
+    start = partial(predict, shape=problem.rotation_strain)
+    together = borne_together(following(partial(solve, problem), start), robot.reach[:, 1], compliance)
     u = unit_rows(SplitSpec(rows=commands, method="random", seed=0), robot.rows.n_a)
     first = skeleton(u, SKELETON)
     order = np.concatenate([first, *shards(u, np.setdiff1d(np.arange(len(u)), first), 50)])
@@ -64,7 +65,7 @@ def measured(robot: Robot, spaces: list[str], commands: int) -> dict:
         for row in u[order]:
             asked = actuation(space, row, robot.reach, compliance, together=together)
             asked = pulling_only(asked, robot.unilateral)
-            walked.append(solve(problem, asked, predict(knots, row, asked, shape=problem.rotation_strain)))
+            walked.append(solve(problem, asked, start(knots, row, asked)))
             if walked[-1].converged:
                 knots.append(knot(row, walked[-1]))
         for row in u[: min(COLD, commands)]:

@@ -4,7 +4,7 @@ Every solved state knows x, lambda and their derivatives by delta: dx/ddelta = d
 (of the actuators, and of the contacts where they are prescribed as well). A polynomial in delta, fitted to all of them
 by weighted least squares, has an error of order degree + 1 in the distance. Its degree grows with the number of
 neighbours, from the tangent of a single one. Where few are known, it is a polynomial of rotations and stretches
-(`cfem.mechanics.rotation_strain`), else of positions. Where the robots themselves differ, it is one in delta and in the
+(`cfem.equilibrium.system.rotation_strain`), else of positions. Where the robots themselves differ, it is one in delta and in the
 coordinates q of their parameters, by which a solve gives derivatives too (parameter_slopes.py)."""
 
 from collections.abc import Callable, Sequence
@@ -17,8 +17,8 @@ from scipy.linalg import block_diag
 
 from cfem.equilibrium import complementarity
 from cfem.equilibrium.system.actuation import Actuation
+from cfem.equilibrium.system.rotation_strain import RotationStrain
 from cfem.equilibrium.system.solution import Equilibrium, State
-from cfem.mechanics.rotation_strain import RotationStrain
 
 NEIGHBOURS = 20
 MAX_DEGREE = 6

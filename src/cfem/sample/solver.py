@@ -17,9 +17,9 @@ from cfem.constraint.surface import Surface, outer_surface, triangulated
 from cfem.contact.surface.overlap import Boundary, boundary_of
 from cfem.core.errors import NumericalError, SpecError
 from cfem.equilibrium.system.actuation import Actuation
+from cfem.equilibrium.system.rotation_strain import RotationStrain
 from cfem.equilibrium.system.solution import Equilibrium, State
 from cfem.mechanics.mesh import Mesh
-from cfem.mechanics.rotation_strain import RotationStrain
 from cfem.mechanics.self_contact import SelfContact
 from cfem.robot.same_robot import robot_of
 from cfem.robot.spec import SceneSpec

@@ -16,6 +16,7 @@ from cfem.constraint.protocol import Watched
 from cfem.constraint.rod_row import RodRow
 from cfem.equilibrium.system.evaluation import Evaluation, SolveCost, Tangent
 from cfem.equilibrium.system.robot import Robot
+from cfem.equilibrium.system.rotation_strain import RotationStrain, make_rotation_strain
 from cfem.mechanics.assembly import Pattern, add_blocks
 from cfem.mechanics.body import (
     bulk_over_volume,
@@ -28,7 +29,6 @@ from cfem.mechanics.body import (
 from cfem.mechanics.factorization import analyze
 from cfem.mechanics.kinematics import NO_JOINTS, make_kinematics
 from cfem.mechanics.rod import region as rods
-from cfem.mechanics.rotation_strain import RotationStrain, make_rotation_strain
 
 
 class Problem:

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from support.blocks import block, box
 
+from cfem.equilibrium.system.rotation_strain import make_rotation_strain
 from cfem.mechanics.body import make_body
 from cfem.mechanics.element import ELEMENTS
 from cfem.mechanics.material import LAWS
 from cfem.mechanics.material.law import Material
 from cfem.mechanics.mesh import Mesh
-from cfem.mechanics.rotation_strain import make_rotation_strain
 
 SIZE = np.array([20.0, 2.0, 2.0])
 every_element = pytest.mark.parametrize("element", ["tet4", "tet10", "tet10p0", "hex8"])
