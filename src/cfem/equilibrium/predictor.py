@@ -4,7 +4,7 @@ Every solved state knows x, lambda and their derivatives by delta: dx/ddelta = d
 (of the actuators, and of the contacts where they are prescribed as well). A polynomial in delta, fitted to all of them
 by weighted least squares, has an error of order degree + 1 in the distance. Its degree grows with the number of
 neighbours, from the tangent of a single one. Where few are known, it is a polynomial of rotations and stretches
-(`cfem.equilibrium.system.rotation_strain`), else of positions. Where the robots themselves differ, it is one in delta and in the
+(system/rotation_strain.py), else of positions. Where the robots themselves differ, it is one in delta and in the
 coordinates q of their parameters, by which a solve gives derivatives too (parameter_slopes.py)."""
 
 from collections.abc import Callable, Sequence
