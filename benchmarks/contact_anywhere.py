@@ -3,18 +3,19 @@
 python benchmarks/contact_anywhere.py SCENE MODEL [--places 30] [--patches 6 | --nodes] [--mu 0.5] [--seed 1]
 
 The places are those of `cfem.surrogate.contact_error`: one to three of spheres, planes and edges of boxes come in by
-0.25 to 1.25 % of the length. Prints the largest and the median error of forces and tip; whether bounds made at some of
-the places hold at the others; and, with patches, the processor time of a learned step with ten pads, each of which
-presses on one patch, in C too, and alone with `--places 0`."""
+0.25 to 1.25 % of the length. Prints the largest and the median error of forces and tip; from 41 places on, whether
+bounds made at 20 places with one obstacle and 20 with several hold at the others, SPLITS times; and, with
+patches, the processor time of a learned step with ten pads, each of which presses on one patch, in C too, and alone
+with `--places 0`."""
 
 import argparse
 import tempfile
 import time
-from itertools import islice
 from pathlib import Path
 
 import numpy as np
 
+from cfem.condensed.model_error import ContactError
 from cfem.contact.obstacle import Obstacle
 from cfem.contact.obstacle_set import ObstacleSet
 from cfem.core.artefact.content import artefact_content
@@ -24,7 +25,7 @@ from cfem.export.compiled.touch import CompiledTouch
 from cfem.export.firmware.folder import write_c
 from cfem.export.firmware.touch import write_c_touch
 from cfem.export.spec import CSpec
-from cfem.predict.contact.error import contact_error, sizes
+from cfem.predict.contact.error import contact_error, forces_of, touching
 from cfem.predict.contact.step.scene import contact_step
 from cfem.predict.contact.surface.kept_patches import node_model_of, patched_model_of
 from cfem.predict.contact.surface.patched_model import PatchedModel
@@ -72,50 +73,72 @@ def main() -> None:
 
 
 def at_places(touched: SurfaceModel, robot: Robot, count: int, mu: float, seed: int) -> None:
-    """Prints errors at so many places, and how often bounds made of some hold at the others."""
-    known = []
-    for place in islice(pressed_places(touched, robot, mu, seed), count):
-        what = f"  {', '.join(place.kinds):20s} {place.depths.max():.2f} mm: "
-        if not place.converged:
-            print(f"{what}{place.learned.status.value}; finite elements: {place.full.status.value}")
-            continue
-        known += [place] if place.known else []
-        force, tip = place.errors(touched)
-        pressing, moved = sizes(touched, place.learned)
-        print(
-            f"{what}{pressing:.3f} N, {100 * force:.2f} % off; tip moved {moved:.2f} mm, {100 * tip:.2f} % off"
-            f"{'' if place.learned.trusted else '; NOT KNOWN'}",
-            flush=True,
-        )
-    if known:
-        print(f"{count} places, {len(known)} trusted")
-        errors = 100 * np.array([place.errors(touched) for place in known])
-        for name, values in zip(("force", "tip"), errors.T, strict=True):
-            print(f"{name}: median {np.median(values):.2g} %, largest {values.max():.2g} %")
-    for part in sorted({ENOUGH + 1, len(known) // 2}):
-        if len(known) > part > 1:
-            print(f"calibrated with {part}: {held(touched, known, part, mu)}")
+    """Prints errors at so many known places, and how often bounds made of some hold at the others."""
+    known, left_out = [], 0
+    for place in pressed_places(touched, robot, mu, seed) if count else ():
+        what = f"  {', '.join(place.coming.kinds):20s} {place.coming.depths.max():.2f} mm: "
+        if place.known:
+            known.append(place)
+            (force, tip), whole = place.errors(touched), pressing(place)
+            print(f"{what}{whole:.3f} N, {100 * force / whole:.2f} % off; tip {tip:.4f} mm off", flush=True)
+        else:
+            left_out += 1
+            unknown = "NOT KNOWN" if place.learned.converged else place.learned.status.value
+            print(f"{what}{place.full.status.value if place.full else unknown}", flush=True)
+        if len(known) == count:
+            break
+    print(f"{len(known)} places; {left_out} left out: not trusted, or without a state")
+    groups = {"one obstacle": [], "several": []}
+    for place in known:
+        groups["several" if place.several else "one obstacle"].append(place)
+    for name, places in groups.items():
+        if places:
+            print(f"{len(places)} with {name}: {sizes(touched, places)}")
+    if min(map(len, groups.values())) > ENOUGH + 1:
+        print(f"calibrated with {ENOUGH + 1} of each and asked at the others:")
+        print(held(touched, groups, mu))
 
 
-def held(touched: SurfaceModel, known: list[Pressed], count: int, mu: float) -> str:
-    """Coverage of places that took no part in a calibration with `count`, and bound over error, SPLITS times."""
-    rng, rows = np.random.default_rng(0), []
-    alone = np.array([len(place.kinds) == 1 for place in known])
-    errors = np.array([place.errors(touched) for place in known]) * [sizes(touched, place.learned) for place in known]
-    for _ in range(SPLITS):
-        mine, others = np.split(rng.permutation(len(known)), [count])
-        stated = error_at(touched, [known[number] for number in mine], 0, mu)
-        bounds = [contact_error(stated, touched, known[number].learned) for number in others]
-        most = np.array([(each.force, each.tip) for each in bounds])
-        within, several = errors[others] <= most, ~alone[others]
-        ratio = np.median(most / np.maximum(errors[others], 1e-12), axis=0)
-        rows.append([*(part.mean(axis=0) for part in (within, within[~several], within[several])), ratio])
-    (force, *of_force), (tip, *of_tip) = np.nanmean(rows, axis=0).T
-    return "; ".join(
-        f"{name} within the bound at {100 * all_of_them:.0f} % of the others, at {100 * one:.0f} % of those with one "
-        f"obstacle, {100 * several:.0f} % with several; the bound is {ratio:.2g} times the error"
-        for name, all_of_them, (one, several, ratio) in (("force", force, of_force), ("tip", tip, of_tip))
+def pressing(place: Pressed) -> float:
+    """N, the sum of the forces of all obstacles on the learned robot."""
+    return float(np.linalg.norm(forces_of(place.learned, touching(place.learned)), axis=1).sum())
+
+
+def sizes(touched: SurfaceModel, places: list[Pressed]) -> str:
+    """Median and largest errors."""
+    force, tip = np.array([place.errors(touched) for place in places]).T
+    share = 100 * force / [pressing(place) for place in places]
+    return (
+        f"force {np.median(share):.2g} % off, {share.max():.2g} % at most, tip {np.median(tip):.2g} mm, "
+        f"{tip.max():.2g} mm at most"
     )
+
+
+def held(touched: SurfaceModel, groups: dict[str, list[Pressed]], mu: float) -> str:
+    """Coverage of places that took no part in calibrations with some of each group, bound over error, and bound: means
+    of coverage and medians of medians over SPLITS of them."""
+    rng, rows = np.random.default_rng(0), []
+    for _ in range(SPLITS):
+        parts = [np.split(rng.permutation(len(places)), [ENOUGH + 1]) for places in groups.values()]
+        each = list(zip(groups.values(), parts, strict=True))
+        stated = error_at(touched, [places[number] for places, (mine, _) in each for number in mine], 0, mu)
+        rows.append([_asked(stated, touched, [places[number] for number in others]) for places, (_, others) in each])
+    covered, medians = np.mean(rows, axis=0)[:, 0], np.median(rows, axis=0)[:, 1:]
+    return "\n".join(
+        f"  {name}: force within the bound at {100 * within[0]:.0f} %, tip at {100 * within[1]:.0f} %; the bound is "
+        f"{ratio[0]:.2g} and {ratio[1]:.2g} times the error, {100 * bound[0]:.2g} % of the force and {bound[1]:.2g} mm"
+        for name, within, (ratio, bound) in zip(groups, covered, medians, strict=True)
+    )
+
+
+def _asked(stated: ContactError, touched: SurfaceModel, places: list[Pressed]) -> np.ndarray:
+    """(3, 2) of force and tip: share of the places that are within the bound, medians of bound over error, and of the
+    bound, relative to the force and in mm."""
+    errors = np.array([place.errors(touched) for place in places])
+    bounds = [contact_error(stated, touched, place.learned) for place in places]
+    most = np.array([(each.force, each.tip) for each in bounds])
+    whole = np.array([(pressing(place), 1.0) for place in places])
+    return np.array([(errors <= most).mean(axis=0), *np.median([most / errors, most / whole], axis=1)])
 
 
 def ten_pads(folder: Path, patched: PatchedModel, where: np.ndarray, mu: float) -> None:

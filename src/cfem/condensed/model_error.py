@@ -59,24 +59,36 @@ class ModelError(_Calibrated):
     W: ErrorBound
 
 
-class ContactError(_Calibrated):
-    """Bounds of the error of the contact of one robot with rigid obstacles, of trusted states.
+class ContactFactors(Data):
+    """Factors of `cfem.predict.contact.error.expected_error` that give bounds of the error of contact.
 
-    force: of the force by any of the obstacles, relative to the sum of all of them
-    tip: of how forces move all effector points together, relative to the sum of what each obstacle's do
-    (`cfem.predict.contact.error.sizes`)
-    probability: that a bound holds at a place like those of the calibration; places: of it; left_out: those that were
-    not trusted, or where no state was found; friction: coefficient at these places; most: obstacles that touched at
-    once
+    force: of the force by any of the obstacles; tip: of how forces move all effector points together
+    probability: that a bound holds at a place like those of the calibration; places: of it"""
+
+    probability: float = Field(gt=0, lt=1)
+    places: int = Field(ge=1)
+    force: _Size
+    tip: _Size
+
+
+class ContactError(_Calibrated):
+    """Bounds of the error of the contact of one robot with rigid obstacles, in trusted states.
+
+    one, several: where one obstacle touches, and where several do; None where no place tells it
+    probability: the smaller of both; left_out: places that were not trusted, or where no state was found; friction:
+    coefficient at all of them; most: obstacles that touched at once
     off: (N,) mm, root mean squares of how far each point of the surface is off along its normal where nothing
     touches"""
 
-    places: int = Field(ge=1)
+    one: ContactFactors | None
+    several: ContactFactors | None
     friction: float = Field(ge=0)
     most: int = Field(ge=1)
     off: list[float]
-    force: ErrorBound
-    tip: ErrorBound
+
+    def of(self, count: int) -> ContactFactors | None:
+        """Factors where so many obstacles touch, None where nothing is stated."""
+        return None if not 0 < count <= self.most else self.one if count == 1 else self.several
 
 
 def model_error_of(stated: Mapping[str, Any] | None) -> ModelError | None:

@@ -104,16 +104,11 @@ def bound(
     holds for a known error as well, if a power up to `STEEPEST` does."""
     power, without = powers(errors, extrapolation)
     for least in np.arange(0.0, STEEPEST + _POWERS, _POWERS):
-        factor = _quantile(errors / extrapolation ** np.maximum(without, least))
-        stated = ErrorBound(everywhere=_quantile(errors), factor=factor, power=float(max(power, least)))
+        factor = quantile(errors / extrapolation ** np.maximum(without, least))
+        stated = ErrorBound(everywhere=quantile(errors), factor=factor, power=float(max(power, least)))
         if stated.at(np.array(known_extrapolation)) >= known:
             break
     return stated
-
-
-def proportional(errors: np.ndarray, extrapolation: np.ndarray) -> ErrorBound:
-    """Bound from errors (n,) that are known to grow in proportion to a measure (n,)."""
-    return ErrorBound(everywhere=_quantile(errors), factor=_quantile(errors / extrapolation), power=1.0)
 
 
 def powers(errors: np.ndarray, extrapolation: np.ndarray) -> tuple[float, np.ndarray]:
@@ -130,7 +125,7 @@ def powers(errors: np.ndarray, extrapolation: np.ndarray) -> tuple[float, np.nda
     return float(slope(n, *sums)), slope(n - 1, *others)
 
 
-def _quantile(values: np.ndarray) -> float:
+def quantile(values: np.ndarray) -> float:
     """The smallest that a further value does not exceed with `PROBABILITY`; the largest where there are too few."""
     rank = int(np.ceil(PROBABILITY * (len(values) + 1)))
     return float(np.sort(values)[min(rank, len(values)) - 1])

@@ -2,9 +2,10 @@
 
 A sphere, a plane or the edge of a box, or two or three of them, come to random points of the robot's surface at a
 random state between two training states and move on, in steps, as where a point comes to lie beside an edge depends on
-the way. The finite elements touch by the same points (`cfem.equilibrium.contact.surfaces`). Bounds are made of the
-errors as of the model without contact (`calibration`), but in proportion to the measure of
-`cfem.predict.contact.error`."""
+the way. The finite elements touch by the same points (`cfem.equilibrium.contact.surfaces`), where the learned state is
+trusted all the way. Bounds are made of the errors as of the model without contact (`calibration`), but in proportion to
+what `cfem.predict.contact.error` expects, and by themselves where one obstacle touches and where several do: then
+each of both promises what it says, and one obstacle does not pay for several."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -13,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from cfem.condensed.model_error import ContactError
+from cfem.condensed.model_error import ContactError, ContactFactors
 from cfem.condensed.patches import Patches
 from cfem.constraint.surface import outer_surface
 from cfem.constraint.surface_points import at_nodes
@@ -24,118 +25,146 @@ from cfem.core.errors import NumericalError
 from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
 from cfem.equilibrium.contact.surfaces import SurfaceScene, SurfacesState
 from cfem.equilibrium.system.robot import Robot
-from cfem.predict.contact.error import TINY, forces_of, measure, sizes
+from cfem.predict.contact.error import expected_error, forces_of, touching
 from cfem.predict.contact.step.scene import contact_step
 from cfem.predict.contact.step.state import ContactState
 from cfem.predict.contact.surface.node_model import NodeModel
 from cfem.predict.contact.surface.surface_model import SurfaceModel
 from cfem.predict.protocol import Predictor
-from cfem.surrogate.calibration import promised, proportional
+from cfem.surrogate.calibration import promised, quantile
 
 KINDS = ("sphere", "plane", "edge")
 SIZE = 1 / 15  # of the length: radius of spheres, and the box
 DEPTHS = 0.0025, 0.0125  # of the length
-STEPS = 0.05, 0.5, 1.0  # of the depth
+STEPS = 0.05, 0.5, 1.0  # of the depth, of finite elements
+LEARNED_STEPS = 0.05, 0.275, 0.5, 0.75, 1.0  # of the depth
 LOOSE = 0.1  # of the largest compliance: points that give way
 AT_ONCE = 1, 2, 1, 3  # obstacles, in turn
 TRIES, MOST_TRIES = 50, 1000  # random places for a number of obstacles, and for any
 APART = 3.0  # sizes: points that several obstacles come to
+DRAWN = 5  # times the places that are wanted: at most so many, those left out too
+
+
+@dataclass(frozen=True)
+class Coming:
+    """Obstacles at the end of their ways, of these kinds, the normals (o, 3) against which they come, and the depths
+    (o,) mm that they reach."""
+
+    kinds: tuple[str, ...]
+    obstacles: tuple[Obstacle, ...]
+    normals: np.ndarray
+    depths: np.ndarray
+
+    def at(self, share: float) -> ObstacleSet:
+        """The obstacles at this share of their depths."""
+        back = (1 - share) * self.depths[:, None] * self.normals
+        return ObstacleSet(tuple(moved(*each) for each in zip(self.obstacles, back, strict=True)))
 
 
 @dataclass(frozen=True)
 class Pressed:
     """One place: the learned state and that of finite elements, among the same obstacles.
 
-    kinds, depths (o,) mm: of the obstacles
+    full: None where the learned state is not found or not trusted, at the end or on the way
     free: (n_e,) mm, effectors of finite elements that nothing touches
     off: (N,) mm, how far the learned points are off then, along the normals"""
 
-    kinds: tuple[str, ...]
-    depths: np.ndarray
+    coming: Coming
     learned: ContactState
-    full: SurfacesState
-    free: np.ndarray
-    off: np.ndarray
-
-    @property
-    def converged(self) -> bool:
-        return self.learned.converged and self.full.converged
+    full: SurfacesState | None = None
+    free: np.ndarray | None = None
+    off: np.ndarray | None = None
 
     @property
     def known(self) -> bool:
-        """True where both states are found, the learned one touches and is trusted."""
-        return self.converged and self.learned.trusted and bool(self.learned.forces.any())
-
-    def errors(self, touched: SurfaceModel) -> tuple[float, float]:
-        """Errors of the forces and of the tip, relative as in `ContactError`."""
-        force, moved = sizes(touched, self.learned)
-        off = forces_of(self.learned, self._numbers) - forces_of(self.full, self._numbers)
-        by_forces = self.full.solved[0].delta_e - self.free
-        apart = np.linalg.norm((self.learned.moved[0] - by_forces)[~np.array(touched.model.rows.turns)])
-        return float(np.linalg.norm(off, axis=1).max() / max(force, TINY)), float(apart / max(moved, TINY))
+        """True where both states are found, and the learned one is trusted."""
+        return self.full is not None and self.full.converged
 
     @property
-    def _numbers(self) -> list[int]:
-        return [1 + number for number in range(len(self.kinds))]
+    def several(self) -> bool:
+        """True where more than one obstacle touches."""
+        return len(touching(self.learned)) > 1
+
+    def errors(self, touched: SurfaceModel) -> tuple[float, float]:
+        """N and mm: the largest error of the force by any obstacle, and that of how forces move all effector points
+        together."""
+        numbers = [1 + number for number in range(len(self.coming.kinds))]
+        off = forces_of(self.learned, numbers) - forces_of(self.full, numbers)
+        apart = self.learned.moved[0] - (self.full.solved[0].delta_e - self.free)
+        of_tip = np.linalg.norm(apart[~np.array(touched.model.rows.turns)])
+        return float(np.linalg.norm(off, axis=1).max()), float(of_tip)
 
 
 def calibrated_contact(
-    touched: SurfaceModel, robot: Robot, places: int = 30, mu: float = 0.0, seed: int = 0
+    touched: SurfaceModel, robot: Robot, places: int = 40, mu: float = 0.0, seed: int = 0
 ) -> ContactError:
-    """Error of the contact of a model from random places, of one to three obstacles each. NumericalError where too few
-    of them are trusted and have a state. robot: of finite elements; places: that are tried, one takes three steps of
-    them"""
-    known = []
+    """Error of the contact of a model from random places, half of them of one obstacle, half of two or three.
+    NumericalError where too few of them are trusted and have a state. robot: of finite elements; places: that finite
+    elements touch, each in three steps"""
+    known, drawn = [], 0
     with progress("places that finite elements touch", places) as advance:
-        for place in islice(pressed_places(touched, robot, mu, seed), places):
+        for place in islice(pressed_places(touched, robot, mu, seed), DRAWN * places):
+            drawn += 1
             known += [place] if place.known else []
-            advance(1)
+            advance(int(place.known))
+            if len(known) == places:
+                break
     if len(known) < 2:
-        what = f"{len(known)} of {places} contact places are trusted and have a state"
+        what = f"{len(known)} of {drawn} contact places are trusted and have a state"
         raise NumericalError(what, do="try more places")
-    return error_at(touched, known, places - len(known), mu)
+    return error_at(touched, known, drawn - len(known), mu)
 
 
 def error_at(touched: SurfaceModel, known: Sequence[Pressed], left_out: int, mu: float) -> ContactError:
     """Error of the contact of a model from known places, two at least."""
     squares = np.array([place.off**2 for place in known])
     others = np.sqrt((squares.sum(axis=0) - squares) / (len(known) - 1))  # its own would make its error look smaller
-    L = np.array([measure(off, place.learned) for off, place in zip(others, known, strict=True)])
-    errors = np.array([place.errors(touched) for place in known])
-    force, tip = (proportional(values, L) for values in errors.T)
+    expected = np.array([expected_error(off, touched, each.learned) for off, each in zip(others, known, strict=True)])
+    shares = np.array([place.errors(touched) for place in known]) / expected
+    several = np.array([place.several for place in known])
+    one, more = _factors(shares[~several]), _factors(shares[several])
     return ContactError(
-        probability=promised(len(L)),
-        places=len(L),
+        probability=min(each.probability for each in (one, more) if each),
         left_out=left_out,
+        one=one,
+        several=more,
         friction=mu,
-        most=max(len(place.kinds) for place in known),
+        most=max(len(touching(place.learned)) for place in known),
         off=np.sqrt(squares.mean(axis=0)).tolist(),
-        force=force,
-        tip=tip,
     )
+
+
+def _factors(shares: np.ndarray) -> ContactFactors | None:
+    """Factors from errors of places over what is expected there (n, 2); None of none."""
+    if not len(shares):
+        return None
+    force, tip = map(quantile, shares.T)
+    return ContactFactors(probability=promised(len(shares)), places=len(shares), force=force, tip=tip)
 
 
 def pressed_places(
     touched: SurfaceModel, robot: Robot, mu: float = 0.0, seed: int = 0, at_once: Sequence[int] = AT_ONCE
 ) -> Iterator[Pressed]:
-    """Random places, without end where there is room, spheres, planes and edges in turn, so many `at_once` in turn."""
+    """Random places, without end where there is room, spheres, planes and edges in turn, so many `at_once` that touch
+    in the end. A number has its turn until a place with it is known."""
     model, points = touched.model, touched.patches
     skinned = SkinnedRobot(robot, model.skin.nodes, model.skin.triangles, _fe_points(touched, robot), itself=False)
     flexible = touched.flexibility.sum(axis=1)
     stiff = flexible < LOOSE * flexible.max()
-    rng, states, tries = np.random.default_rng(seed), model.domain.states[:, : model.rows.n_a], 0
+    rng, states = np.random.default_rng(seed), model.domain.states[:, : model.rows.n_a]
     for place in count():
-        kinds, coming = tuple(islice(cycle(KINDS), place, place + at_once[place % len(at_once)])), None
-        while coming is None:
+        kinds, pressed, tries = tuple(islice(cycle(KINDS), place, place + at_once[place % len(at_once)])), None, 0
+        while pressed is None or not pressed.known:
             first, second = states[rng.integers(len(states), size=2)]
             delta = first + rng.uniform() * (second - first)
             coming, tries = _coming(model, points, stiff, delta, kinds, rng), tries + 1
+            pressed = None if coming is None else _pressed(touched, skinned, delta, coming, mu)
+            if pressed is not None:
+                yield pressed
             if tries % TRIES == 0:  # there is no room for so many
                 kinds = kinds[: max(1, len(kinds) - 1)]
             if tries == MOST_TRIES:
                 return
-        tries = 0
-        yield _pressed(touched, skinned, delta, kinds, *coming, mu)
 
 
 def _fe_points(touched: SurfaceModel, robot: Robot) -> Any:
@@ -151,11 +180,11 @@ def _coming(
     points: Patches,
     stiff: np.ndarray,
     delta: np.ndarray,
-    kinds: Sequence[str],
+    kinds: tuple[str, ...],
     rng: np.random.Generator,
-) -> tuple[list[Obstacle], np.ndarray, np.ndarray] | None:
-    """Obstacles at the end of their ways, normals (o, 3) against which they come, and depths (o,) mm; None where one
-    would reach where the body is held, and hardly gives way, or where another one is."""
+) -> Coming | None:
+    """Obstacles that come to random points; None where one would reach where the body is held, and hardly gives way, or
+    where another one is."""
     x, length = model.shape(delta), model.length
     at, chosen, coming, normals, depths = points.mean(x), [], [], [], []
     for kind in kinds:
@@ -175,34 +204,30 @@ def _coming(
         coming.append(obstacle)
         normals.append(normal)
         depths.append(depth)
-    return coming, np.array(normals), np.array(depths)
+    return Coming(kinds, tuple(coming), np.array(normals), np.array(depths))
 
 
 def _pressed(
-    touched: SurfaceModel,
-    skinned: SkinnedRobot,
-    delta: np.ndarray,
-    kinds: tuple[str, ...],
-    coming: Sequence[Obstacle],
-    normals: np.ndarray,
-    depths: np.ndarray,
-    mu: float,
-) -> Pressed:
-    """Both states after the obstacles have come."""
+    touched: SurfaceModel, skinned: SkinnedRobot, delta: np.ndarray, coming: Coming, mu: float
+) -> Pressed | None:
+    """Both states after the obstacles have come; None where not all of them touch in the end."""
+    learned, unilateral = None, skinned.robot.unilateral
+    for share in LEARNED_STEPS:
+        learned = contact_step(touched, delta, coming.at(share), mu=mu, before=learned, unilateral=unilateral)
+        if not learned.converged or not learned.trusted:
+            return Pressed(coming, learned)
+    if len(touching(learned)) < len(coming.kinds):
+        return None
     alone = SurfaceScene([skinned], mu=mu)
     full = alone.step([delta], None)
     full = full if full.converged else alone.go([delta])
-    free, learned = full.solved[0].delta_e, None
+    free = full.solved[0].delta_e
     surface = skinned.surface(full.solved[0].state.x)
     apart = touched.patches.mean(surface - touched.model.shape(delta))
     off = (apart * skinned.normals(surface)).sum(axis=1)
     for share in STEPS:
-        each = zip(coming, normals, depths, strict=True)
-        here = ObstacleSet(tuple(moved(obstacle, (1 - share) * depth * normal) for obstacle, normal, depth in each))
-        unilateral = skinned.robot.unilateral
-        learned = contact_step(touched, delta, here, mu=mu, before=learned, unilateral=unilateral)
-        full = SurfaceScene([skinned], here, mu).step([delta], full) if full.converged else full
-    return Pressed(kinds, depths, learned, full, free, off)
+        full = SurfaceScene([skinned], coming.at(share), mu).step([delta], full) if full.converged else full
+    return Pressed(coming, learned, full, free, off)
 
 
 def placed(kind: str, point: np.ndarray, normal: np.ndarray, depth: float, size: float) -> Obstacle:

@@ -4,11 +4,11 @@ import shutil
 
 import pytest
 
-from cfem.condensed.model_error import ContactError, ErrorBound
+from cfem.condensed.model_error import ContactError, ContactFactors
 from cfem.predict.contact.kept_error import kept_contact_error
 from cfem.predict.load import load_model
 
-BOUND = ErrorBound(everywhere=0.02, factor=0.01, power=1.0)
+FACTORS = ContactFactors(probability=0.95, places=20, force=0.02, tip=0.01)
 
 
 @pytest.fixture
@@ -19,8 +19,8 @@ def asked(bar, tmp_path, patched_bar):
     def ask(mu=0.0, places=20, **made_of):
         def solve():
             solved.append(mu)
-            given = {"probability": 0.95, "places": 20, "left_out": 0, "most": 3, "off": [0.1], "friction": mu}
-            return ContactError(**given, force=BOUND, tip=BOUND) if places > 1 else None
+            given = {"probability": 0.95, "left_out": 0, "most": 3, "off": [0.1], "friction": mu}
+            return ContactError(**given, one=FACTORS, several=FACTORS) if places > 1 else None
 
         return kept_contact_error(patched_bar, folder, made_of, mu, places, solve)
 
@@ -43,7 +43,7 @@ def test_the_model_states_what_is_kept_of_itself(asked):
     ask(0.2, scene="one", loads={"weight": 1})
     ask(places=1, scene="one")
     (stated,) = load_model(folder).contact_errors
-    assert stated.friction == 0.5 and stated.force == BOUND
+    assert stated.friction == 0.5 and stated.several == FACTORS
 
 
 def test_what_no_place_told_is_not_asked_again(asked):
@@ -58,4 +58,4 @@ def test_a_damaged_file_is_calibrated_again(asked):
     kept.write_text(kept.read_text()[:100])
     assert load_model(folder).contact_errors == ()
     ask()
-    assert ask().places == 20 and len(solved) == 2
+    assert ask().one.places == 20 and len(solved) == 2

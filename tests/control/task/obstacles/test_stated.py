@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from cfem.condensed import Rows
-from cfem.condensed.model_error import ContactError, ErrorBound
+from cfem.condensed.model_error import ContactError, ContactFactors
 from cfem.control.task.obstacles.stated import stated_errors
 
-BOUND = ErrorBound(everywhere=0.02, factor=0.01, power=1.0)
+FACTORS = ContactFactors(probability=0.95, places=20, force=0.02, tip=0.01)
 REST = np.array([10.0, 0.0, 0.0, 0.0])
 
 
@@ -27,8 +27,8 @@ def goal(tip_off, force_off, **more):
 
 @pytest.fixture(scope="module")
 def stated():
-    given = {"probability": 0.95, "places": 20, "left_out": 3, "most": 3, "off": [0.1], "friction": 0.3}
-    return ContactError(**given, force=BOUND, tip=BOUND)
+    given = {"probability": 0.95, "left_out": 3, "most": 3, "off": [0.1], "friction": 0.3}
+    return ContactError(**given, one=FACTORS, several=None)
 
 
 def test_goals_within_both_bounds_are_counted(stated):
@@ -37,6 +37,7 @@ def test_goals_within_both_bounds_are_counted(stated):
     figures, (line,) = stated_errors({"m": model(stated)}, 23, rows, REST)
     assert {key: figures["m"][key] for key in ("goals", "stated", "within")} == {"goals": 4, "stated": 3, "within": 1}
     assert "force of each obstacle within 0.01 N, tip within 50 µm" in line and "it held at 1 of 3 goals" in line
+    assert "with 95 % (from 20 random places of one obstacle and 0 of several, friction 0.3)" in line
     assert "NOT stated at 1" in line
 
 

@@ -49,9 +49,10 @@ def _sentence(stated: ContactError, figures: Mapping[str, Any]) -> str:
     goals, known, largest = figures["goals"], figures["stated"], figures["largest"]
     if not known:
         return f"no error stated at {counted(goals, 'goal')}, whose states are not trusted"
+    one, several = (each.places if each else 0 for each in (stated.one, stated.several))
     text = (
         f"force of each obstacle within {largest['force_error']:.2g} N, tip within {length(largest['model_error'])} of "
-        f"finite elements, with {stated.percent} (from {counted(stated.places, 'random place')}, friction "
-        f"{stated.friction:g}); it held at {figures['within']} of {counted(known, 'goal')}"
+        f"finite elements, with {stated.percent} (from {counted(one, 'random place')} of one obstacle and {several} of "
+        f"several, friction {stated.friction:g}); it held at {figures['within']} of {counted(known, 'goal')}"
     )
     return text + (f", and is NOT stated at {goals - known}, not trusted" if known < goals else "")
