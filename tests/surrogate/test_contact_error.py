@@ -9,6 +9,9 @@ import pytest
 
 from cfem.condensed.model_error import ContactError
 from cfem.core.errors import NumericalError
+from cfem.equilibrium.solve import solve
+from cfem.equilibrium.system.actuation import displacement
+from cfem.equilibrium.system.problem import Problem
 from cfem.predict.contact.error import contact_error, touching
 from cfem.surrogate import contact_error as calibration
 from cfem.surrogate.contact_error import AT_ONCE, calibrated_contact, error_at, pressed_places
@@ -30,15 +33,22 @@ def stated(patched_bar, known):
     return error_at(patched_bar, known[:6], 0, 0.0)
 
 
-def test_errors_are_those_of_the_forces_and_of_how_they_move_the_tip(patched_bar, known):
+def test_errors_are_those_of_the_forces_and_of_how_they_move_the_tip(patched_bar, robot, known):
     place = next(place for place in known if not place.several)
-    (solved,) = place.full.solved
+    (solved,), delta = place.full.solved, place.learned.deltas[0]
     force, tip = place.errors(patched_bar)
     apart = place.learned.forces.sum(axis=0) - place.full.forces.sum(axis=0)
     assert np.linalg.norm(apart) == pytest.approx(force, rel=1e-9)
-    free = patched_bar.model.at_displacement(place.learned.deltas[0]).delta_e
-    moved = place.learned.delta_e[0] - free
-    assert np.linalg.norm(moved - (solved.delta_e - place.free)) == pytest.approx(tip, rel=1e-4)
+    free = solve(Problem(robot), displacement(delta)).delta_e
+    moved = place.learned.delta_e[0] - patched_bar.model.at_displacement(delta).delta_e
+    assert np.linalg.norm(moved - (solved.delta_e - free)) == pytest.approx(tip, rel=1e-4)
+
+
+def test_the_motion_of_a_cable_that_goes_slack_is_motion_by_the_obstacle(patched_bar, known):
+    """`moved` is of the robot at the actuators where the obstacle leaves them."""
+    place = known[0]
+    slack = replace(place, learned=replace(place.learned, moved=[np.zeros(3)], deltas=[np.zeros(1)]))
+    assert slack.errors(patched_bar) == place.errors(patched_bar)
 
 
 def test_several_obstacles_come_at_once_and_each_has_its_error(patched_bar, known):

@@ -66,13 +66,13 @@ class Pressed:
     """One place: the learned state and that of finite elements, among the same obstacles.
 
     full: None where the learned state is not found or not trusted, at the end or on the way
-    free: (n_e,) mm, effectors of finite elements that nothing touches
-    off: (N,) mm, how far the learned points are off then, along the normals"""
+    alone: (n_e,) mm, how far the learned effectors are off where nothing touches; off: (N,) mm, how far the learned
+    points are off then, along the normals"""
 
     coming: Coming
     learned: ContactState
     full: SurfacesState | None = None
-    free: np.ndarray | None = None
+    alone: np.ndarray | None = None
     off: np.ndarray | None = None
 
     @property
@@ -86,11 +86,11 @@ class Pressed:
         return len(touching(self.learned)) > 1
 
     def errors(self, touched: SurfaceModel) -> tuple[float, float]:
-        """N and mm: the largest error of the force by any obstacle, and that of how forces move all effector points
-        together."""
+        """N and mm: the largest error of the force by any obstacle, and that of how the obstacles move all effector
+        points together, slack cables too."""
         numbers = [1 + number for number in range(len(self.coming.kinds))]
         off = forces_of(self.learned, numbers) - forces_of(self.full, numbers)
-        apart = self.learned.moved[0] - (self.full.solved[0].delta_e - self.free)
+        apart = self.learned.delta_e[0] - self.full.solved[0].delta_e - self.alone
         of_tip = np.linalg.norm(apart[~np.array(touched.model.rows.turns)])
         return float(np.linalg.norm(off, axis=1).max()), float(of_tip)
 
@@ -218,16 +218,17 @@ def _pressed(
             return Pressed(coming, learned)
     if len(touching(learned)) < len(coming.kinds):
         return None
-    alone = SurfaceScene([skinned], mu=mu)
-    full = alone.step([delta], None)
-    full = full if full.converged else alone.go([delta])
-    free = full.solved[0].delta_e
+    free = SurfaceScene([skinned], mu=mu)
+    full = free.step([delta], None)
+    full = full if full.converged else free.go([delta])
+    nothing = contact_step(touched, delta, (), mu=mu, unilateral=unilateral)
+    alone = nothing.delta_e[0] - full.solved[0].delta_e
     surface = skinned.surface(full.solved[0].state.x)
     apart = touched.patches.mean(surface - touched.model.shape(delta))
     off = (apart * skinned.normals(surface)).sum(axis=1)
     for share in STEPS:
         full = SurfaceScene([skinned], coming.at(share), mu).step([delta], full) if full.converged else full
-    return Pressed(coming, learned, full, free, off)
+    return Pressed(coming, learned, full, alone, off)
 
 
 def placed(kind: str, point: np.ndarray, normal: np.ndarray, depth: float, size: float) -> Obstacle:
