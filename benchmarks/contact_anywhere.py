@@ -39,6 +39,7 @@ from cfem.surrogate.contact_error import Pressed, error_at, outward, placed, pre
 
 IN = np.arange(1, 11) / 100  # mm: depths of pads
 SPLITS = 100
+NUMBERS = {1: "one obstacle", 2: "two", 3: "three"}
 
 
 def main() -> None:
@@ -115,25 +116,29 @@ def sizes(touched: SurfaceModel, places: list[Pressed]) -> str:
 
 
 def held(touched: SurfaceModel, groups: dict[str, list[Pressed]], mu: float) -> str:
-    """Coverage of places that took no part in calibrations with some of each group, bound over error, and bound: means
-    of coverage and medians of medians over SPLITS of them."""
+    """Coverage of places that took no part in calibrations with some of each group, by how many obstacles touch, bound
+    over error, and bound: means of coverage and medians of medians over SPLITS of them."""
     rng, rows = np.random.default_rng(0), []
     for _ in range(SPLITS):
         parts = [np.split(rng.permutation(len(places)), [ENOUGH + 1]) for places in groups.values()]
         each = list(zip(groups.values(), parts, strict=True))
         stated = error_at(touched, [places[number] for places, (mine, _) in each for number in mine], 0, mu)
-        rows.append([_asked(stated, touched, [places[number] for number in others]) for places, (_, others) in each])
-    covered, medians = np.mean(rows, axis=0)[:, 0], np.median(rows, axis=0)[:, 1:]
+        others = [places[number] for places, (_, rest) in each for number in rest]
+        by_count = [[place for place in others if len(place.coming.kinds) == count] for count in NUMBERS]
+        rows.append([_asked(stated, touched, places) for places in by_count])
+    covered, medians = np.nanmean(rows, axis=0)[:, 0], np.nanmedian(rows, axis=0)[:, 1:]
     return "\n".join(
         f"  {name}: force within the bound at {100 * within[0]:.0f} %, tip at {100 * within[1]:.0f} %; the bound is "
         f"{ratio[0]:.2g} and {ratio[1]:.2g} times the error, {100 * bound[0]:.2g} % of the force and {bound[1]:.2g} mm"
-        for name, within, (ratio, bound) in zip(groups, covered, medians, strict=True)
+        for name, within, (ratio, bound) in zip(NUMBERS.values(), covered, medians, strict=True)
     )
 
 
 def _asked(stated: ContactError, touched: SurfaceModel, places: list[Pressed]) -> np.ndarray:
     """(3, 2) of force and tip: share of the places that are within the bound, medians of bound over error, and of the
-    bound, relative to the force and in mm."""
+    bound, relative to the force and in mm. NaN of no places."""
+    if not places:
+        return np.full((3, 2), np.nan)
     errors = np.array([place.errors(touched) for place in places])
     bounds = [contact_error(stated, touched, place.learned) for place in places]
     most = np.array([(each.force, each.tip) for each in bounds])

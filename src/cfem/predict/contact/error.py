@@ -23,7 +23,7 @@ from cfem.predict.contact.step.state import ContactState
 from cfem.predict.contact.surface.surface_model import SurfaceModel
 
 FLOOR, BENT = 1e-3, 0.01  # share of a motion that is not known, and the motion, of the length, that doubles it
-STIFFEST = 1e6  # of the softest motion of the touching points
+STIFFEST = 1e6  # times the least stiffness of the touching points
 
 
 @dataclass(frozen=True)
