@@ -104,7 +104,8 @@ def violation(forces, gap, compliance, mu):
 @njit(cache=True, error_model="numpy")
 def lawful(local, push, sticks, frames, gaps, compliance, places, by_bodies, mu):
     """Forces (d, 3) N of patches in the scene by the frames (d, 3, 3) of the surfaces where they have come to; by how
-    much they miss the law there, mm; and by how much friction is beyond its limit, N.
+    much they miss the law there, mm; how far they move as they turn with the frames, mm; and by how much friction is
+    beyond its limit, N.
 
     local, push: (d, 3) N in the frames before, and in the scene; sticks (d,) bool: patches whose force stays in the
     scene, and does not turn with its frame
@@ -138,7 +139,7 @@ def lawful(local, push, sticks, frames, gaps, compliance, places, by_bodies, mu)
                 block[i, j] += by_bodies[i, j]
                 change += by_bodies[i, j] * (by_law[j // 3, j % 3] - push[j // 3, j % 3])
         by_motion = max(by_motion, abs(change))
-    return by_law, max(by_forces + by_motion, violation(in_frame, gaps, block, mu)), beyond
+    return by_law, violation(in_frame, gaps, block, mu), by_forces + by_motion, beyond
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,6 +175,7 @@ def balance(
     push: np.ndarray,
     mu: float,
     mobility: np.ndarray | None = None,
+    share: float = 1.0,
 ) -> Balance | None:
     """The law of contact on p pairs of c patches with `compliance` (3 c, 3 c) mm/N in the scene's axes, under forces
     (c, 3) N; None where nothing obeys it.
@@ -181,7 +183,8 @@ def balance(
     relative (p, c): how pairs depend on the patches (`Pairs.relative`), None where each patch has one, in their order
     frames (p, 3, 3), and in these gaps (p, 3) mm: normal gap and slip
     push (p, 3) N: a guess in the scene; `forces` where relative is None
-    mobility (3 p, 3 p) mm/N: by how much the pairs yield beside the patches, as the bodies move that they are on"""
+    mobility (3 p, 3 p) mm/N: by how much the pairs yield beside the patches, as the bodies move that they are on
+    share: of the way from the guess to the forces that obey the law, which is taken"""
     if not len(frames):
         return Balance((), np.zeros((0, 3)), np.zeros((0, 3)), 0 * forces, -forces, compliance)
     guess, pair_compliance = (frames @ push[:, :, None])[..., 0], compliance
@@ -197,6 +200,9 @@ def balance(
     if answer is None:
         return None
     modes, local = answer
+    if share < 1:
+        local = guess + share * (local - guess)
+        modes = modes_from(local, mu)
     pushes = (local[:, None] @ frames)[:, 0]
     balanced = pushes if relative is None else (B.T @ pushes.ravel()).reshape(-1, 3)
     return Balance(modes, local, pushes, balanced, balanced - forces, compliance)

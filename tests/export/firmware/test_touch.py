@@ -88,6 +88,29 @@ def alone(state):
     return of_robot | on_patches | {"delta_a": state.deltas[0], "error": state.error}
 
 
+@needs_compiler
+def test_a_cable_that_lets_go_of_what_sticks_leads_through_the_states_of_python(compiled, patched):
+    """In a few rounds each, where the body softens."""
+    ceiling, before, rounds = Plane(R=np.diag([1.0, -1.0, -1.0]), t=np.array([0.0, 0.0, 9.0])), None, []
+    compiled.reset()
+    for delta in [*np.linspace(1.0, 7.2, 12), *np.linspace(7.1, 4.8, 16)]:
+        before = contact_step(patched, [delta], [ceiling], mu=0.4, before=before)
+        found = compiled([delta], [ceiling], 0.4)
+        assert before.converged and found.status == 0 and found.iterations == before.iterations
+        np.testing.assert_allclose(found.delta_e, before.delta_e[0], atol=1e-7)
+        rounds.append(found.iterations)
+    assert max(rounds) < 20 and np.mean(rounds) < 4
+
+
+@needs_compiler
+@pytest.mark.parametrize(("delta", "outside"), [(-0.5, True), (0.5, False), (7.9, False), (8.5, True), (12.0, True)])
+def test_c_and_python_say_which_actuators_the_model_was_not_trained_on(compiled, patched, delta, outside):
+    compiled.reset()
+    found, state = compiled([delta], []), contact_step(patched, [delta], [])
+    assert found.status == 0 and state.converged
+    assert found.outside == state.outside == outside
+
+
 def foremost(patched, delta):
     places = patched.patches.mean(patched.model.shape(delta))
     return places[np.argmax(places[:, 2])]

@@ -33,6 +33,7 @@ class TouchedInC:
     lambda_a: np.ndarray
     error: float
     deep: bool
+    outside: bool
     everywhere: np.ndarray
     stuck: np.ndarray
     holds: np.ndarray
@@ -71,6 +72,7 @@ class CompiledTouch:
             *(np.array(values) for values in (now.rows, now.delta_e, now.delta_a, now.lambda_a)),
             now.error,
             bool(now.deep),
+            bool(now.outside),
             *(np.array(values) for values in (now.place, now.stuck)),
             np.array(now.holds, dtype=bool),
         )

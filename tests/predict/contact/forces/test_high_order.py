@@ -48,7 +48,7 @@ def test_the_slope_is_that_of_differences_and_symmetric(size, sign):
 def test_a_body_that_softens_moves_by_a_bounded_multiple_of_the_first_order():
     C, D = np.eye(1), np.array([[[2.0]]])
     motions = np.array([at(C, D, np.array([w])).motion[0] / w for w in np.geomspace(1e-3, 1e6, 60)])
-    assert (np.diff(motions) > 0).all() and 1.0 < motions[0] < 1.01 and 1.5 < motions[-1] < 1.6
+    assert (np.diff(motions) > 0).all() and 1.0 < motions[0] < 1.01 and 5.6 < motions[-1] < 5.7
 
 
 def test_no_load_moves_nothing():

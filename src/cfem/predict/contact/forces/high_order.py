@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-TRUSTED = 0.3  # r to which a body that softens is followed
+TRUSTED = 0.8  # r to which a body that softens is followed
 
 
 class HighOrderMotion(NamedTuple):

@@ -25,7 +25,8 @@ class OnObstacles:
     distance: (N,) mm from obstacles, or less where that is far above 0
     which: (N,) nearest obstacle
     stuck: (N, 3) mm, from where slip along obstacles counts
-    sticks: (N,) bool, in the last round"""
+    sticks: (N,) bool, in the last round
+    missed: mm, by which patches missed the law where the last round brought them"""
 
     def __init__(self, poses: Poses, before: ContactState | None):
         """Begins with what presses in the state `before`, None: with nothing."""
@@ -33,6 +34,7 @@ class OnObstacles:
         count = len(self.scene.bodies)
         self.near, self.push, self.sticks = NOTHING, np.zeros((count, 3)), np.zeros(count, dtype=bool)
         self.which, self._stood = np.zeros(count, dtype=np.int64), None
+        self.missed = 0.0
         self._frames: np.ndarray | None = None  # of obstacles at the places, where they are known
         if before is None:
             return
@@ -117,8 +119,10 @@ class OnObstacles:
         scene, self._frames = self.scene, None
         by_bodies = np.zeros((0, 0)) if mobility is None else mobility[: local.size, : local.size]
         there = self.frames(places), self.gaps(places), compliance, at, by_bodies, float(scene.mu)
-        by_law, missed, beyond = lawful(local, push, self.sticks[self.near], *there)
-        if missed > TOLERANCE * scene.length or self.distance.min() < -OVERLAP * scene.length:
+        by_law, missed, turns, beyond = lawful(local, push, self.sticks[self.near], *there)
+        within = -float(self.distance.min())
+        self.missed = max(missed, within, 0.0)
+        if max(missed, turns) > TOLERANCE * scene.length or within > OVERLAP * scene.length:
             return None
         return None if beyond > TOLERANCE * np.abs(push).max() else by_law
 

@@ -21,6 +21,7 @@ from cfem.predict.contact.step.soft_pairs import SoftPairs
 from cfem.predict.contact.step.state import ContactState
 
 ITERATIONS = 60
+PATIENCE, LEAST = 8, 1 / 64  # rounds that take all of the change of the forces, and the least share of later ones
 MOST_PAIRS = 60  # pairs of soft surfaces that may touch at once
 NEAR = 0.005  # of the length: farther patches on which no obstacle presses are forgotten between steps
 
@@ -36,6 +37,7 @@ class Rounds:
     def __init__(self, scene: Bodies, deltas: Sequence[np.ndarray], before: ContactState | None):
         """Begins at the actuators `deltas` with the contacts of the state `before`, None: without any."""
         self.scene, self.iterations, self.modes = scene, 0, ()
+        self._share, self._missed = 1.0, np.inf
         loads = NOTHING, np.zeros((len(scene.bodies), 3))
         if before is not None:
             loads = before.known, before.forces
@@ -86,7 +88,19 @@ class Rounds:
         answer = self._law()
         if answer is None:
             return StepStatus.NO_MODE
-        return StepStatus.CONVERGED if self._move(*answer) else None
+        share, holds = self._share, self._move(*answer)
+        self._weigh(answer[0])
+        return StepStatus.CONVERGED if holds and share == 1 else None
+
+    def _weigh(self, answer: Balance) -> None:
+        """Share of the change of the forces that the next round takes: half of this one's where patches miss the law by
+        more than in the last round, else twice as much. Where a body softens, or a patch is about to slide, whole
+        changes may lead from one round to the next and back."""
+        last, self._missed = self._missed, self.met.missed if len(self.met.near) else 0.0
+        if self.soft is not None and len(self.soft.touching):
+            self._missed = max(self._missed, float(np.abs(answer.step).max(initial=0.0)) / self._share)
+        if self.iterations > PATIENCE:
+            self._share = min(2 * self._share, 1.0) if self._missed < last else max(self._share / 2, LEAST)
 
     def _free(self) -> StepStatus | None:
         """Status of a round in which nothing touches."""
@@ -125,8 +139,9 @@ class Rounds:
         return True
 
     def _law(self) -> tuple[Balance, np.ndarray | None] | None:
-        """Forces that obey the law, linear about the places, and the change (3 c, 3 c) of forces as they turn with the
-        places of patches, None where they do not turn. None where nothing obeys the law."""
+        """Forces that obey the law, linear about the places, or a share of the way there, and the change (3 c, 3 c) of
+        forces as they turn with the places of patches, None where they do not turn. None where nothing obeys the
+        law."""
         met, places, mu, known = self.met, self.places, self.scene.mu, self.robots.known
         frames, near, compliance = met.frames(places), met.near, self.robots.compliance(under_forces=True)
         turning = met.turned(compliance, places, known)
@@ -141,7 +156,7 @@ class Rounds:
             push = np.concatenate([push, self.soft.push_of(touching)])
         soft = None if relative is None else relative[len(near) :]
         self._mobility = self.poses.mobility(places, near, met.which, soft)
-        given = gaps, self.robots.on_known, push, mu, self._mobility
+        given = gaps, self.robots.on_known, push, mu, self._mobility, self._share
         if turning is not None:
             answer = balance(relative, frames, turning.compliance, *given)
             if answer is not None:
@@ -237,4 +252,5 @@ class Rounds:
             met.which[next_near],
             robots.stored,
             list(zip(robots.R, robots.t, strict=True)),
+            [model.model for model in self.scene.surfaces.models],
         )

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from cfem.contact.obstacle_set import ObstacleSet
 from cfem.contact.pairs import Memory, Pressing
 from cfem.contact.prescribed_motion import PrescribedMotion
 from cfem.contact.step_status import StepStatus
+from cfem.predict.protocol import Predictor
 
 TRUSTED = 0.035  # estimated error of the motion by forces; forces are then within 5 % (docs/contact.md)
 
@@ -36,7 +38,8 @@ class ContactState(Pressing):
     obstacles: where they stand
     met (d,): those that the patches `near` are near
     stored: N mm, by which forces on the patches have changed the energy of all robots
-    poses: (3, 3) and (3,) mm from the frame of each robot to the scene's"""
+    poses: (3, 3) and (3,) mm from the frame of each robot to the scene's
+    models: of each robot"""
 
     status: StepStatus
     forces: np.ndarray
@@ -61,6 +64,7 @@ class ContactState(Pressing):
     met: np.ndarray
     stored: float
     poses: list[tuple[np.ndarray, np.ndarray]]
+    models: list[Predictor]
 
     @property
     def converged(self) -> bool:
@@ -68,12 +72,19 @@ class ContactState(Pressing):
 
     @property
     def trusted(self) -> bool:
-        """True where forces bend the robots no further than is known, to 5 %, and no step was longer than what it is
-        linear about allows. Beyond, forces may be wrong, a patch may
-        lie on another side than the one on which it came in, and rounding may choose between states that all obey the
-        law: take shorter steps. Where an edge comes straight at a point of the surface there are two states however
-        short they are."""
-        return self.error <= TRUSTED and not self.deep
+        """True where the models know the actuators, forces bend the robots no further than is known, to 5 %, and no
+        step was longer than what it is linear about allows. Beyond, forces may be wrong, a patch may lie on another
+        side than the one on which it came in, and rounding may choose between states that all obey the law: take
+        shorter steps. Where an edge comes straight at a point of the surface there are two states however short they
+        are."""
+        return self.error <= TRUSTED and not self.deep and not self.outside
+
+    @cached_property
+    def outside(self) -> bool:
+        """True where a robot that nothing touches would be beyond what its model was trained on, its actuators as they
+        are."""
+        states = [model.at_displacement(delta) for model, delta in zip(self.models, self.deltas, strict=True)]
+        return not all(model.inside(state) for model, state in zip(self.models, states, strict=True))
 
     @property
     def pull(self) -> np.ndarray:

@@ -178,6 +178,8 @@ int cfem_rounds_obey(cfem_rounds *at) {
         if (law(at, TOTAL, known, gap)) return 1;
         which = TOTAL;
     }
+    for (int r = 0; r < at->solid + at->pairs && at->share < 1.0; r++)
+        for (int a = 0; a < 3; a++) at->local[r][a] = known[r][a] + at->share * (at->local[r][a] - known[r][a]);
     press(at, which);
     return 0;
 }

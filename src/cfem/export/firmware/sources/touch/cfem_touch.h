@@ -59,6 +59,7 @@ typedef struct {
     double error;                      /* estimate of how far what forces do is off, a share of it, the largest of all rounds */
     int deep;                          /* a patch began so far within an obstacle that twice as far in another side of it is nearer,
                                         * in this step or in one before, since when some patch has been near an obstacle */
+    int outside;                       /* without contact the model would have no training states here: cfem_outside */
     double place[CFEM_PATCHES][3];     /* mm, of all patches */
     double stuck[CFEM_PATCHES][3];     /* mm: where friction holds each patch; read where `holds` */
     unsigned char holds[CFEM_PATCHES];

@@ -10,7 +10,7 @@
 #define PACKED (NE * K + K * (K + 1) / 2)
 #define M CFEM_PATCH_BENDS
 #define CUBES (M * (M + 1) * (M + 2) / 6)
-static const double TRUSTED = 0.3; /* to which a body that softens is followed; see cfem.predict.contact.forces.high_order */
+static const double TRUSTED = 0.8; /* to which a body that softens is followed; see cfem.predict.contact.forces.high_order */
 static const double THIRD = 2.5;   /* the third order over the square of the second; see cfem.predict.contact.forces.load_kernel */
 
 #define DEGREES (CFEM_PATCH_DEGREE + 1)
@@ -31,8 +31,9 @@ static void local_polynomials(const double *delta_a, double t[2][NA][LOCAL]) {
 unsigned cfem_touch_hold(const double delta_a[NA], cfem_touched *now, cfem_touch_room *room) {
     cfem_condensed m;
     double packed[PACKED] = {0.0}, t[NA][DEGREES], local[2][NA][LOCAL];
-    now->error = room->error = 0.0, now->deep = 0;
+    now->error = room->error = 0.0, now->deep = 0, now->outside = 1;
     if (cfem_model(delta_a, &m)) return CFEM_TOUCH_NO_MODEL;
+    now->outside = cfem_outside(&m) != CFEM_OK;
     for (int e = 0; e < NE; e++) now->delta_e[e] = m.free_e[e] + cfem_dot(NA, m.W_ea[e], m.lambda_a);
     for (int i = 0; i < NA; i++) now->lambda_a[i] = m.lambda_a[i], room->s[i] = now->delta_a[i] = delta_a[i];
     cfem_box box = BOX;
