@@ -18,7 +18,7 @@ from cfem.contact.obstacle import Box, Capsule, ClosedMesh, Plane, Sphere
 from cfem.contact.obstacle_set import ObstacleSet
 from cfem.contact.patch_forces import pressed
 from cfem.core.artefact.content import artefact_content
-from cfem.core.errors import InputError, SpecError
+from cfem.core.errors import InputError, NumericalError, SpecError
 from cfem.export.compiled.build import STANDARD, compiler, run
 from cfem.export.compiled.touch import CompiledTouch
 from cfem.export.firmware.copying import copy_sources
@@ -36,7 +36,7 @@ a_problem = benchmark("contact_random").a_problem
 needs_compiler = pytest.mark.skipif(compiler() is None, reason="no C compiler")
 STRICT = ("-O2", "-Wall", "-Wextra", "-Werror", "-pedantic")
 CEILING = {"kind": "plane", "point": {"mm": [0, 0, 9]}, "normal": [0, 0, -1]}
-ITERATIONS, BAD_INPUT = 2, 4  # of cfem_touch.h
+ITERATIONS, BAD_INPUT, NO_STATE_OF_MODEL = 2, 4, 5  # of cfem_touch.h
 OUTSIDE, HELD, NO_MODEL = 4, 16, 64  # of cfem.h
 
 
@@ -305,18 +305,26 @@ def law(library, W, free, mu, lam, systems=2000):
 
 @needs_compiler
 def test_a_step_that_leads_nowhere_ends_within_the_systems_allowed(compiled):
-    """Pulls of kilometres, whose rounds change for ever, and a friction at which nothing slips, deep in an obstacle."""
-    ceiling, swallowing = (Plane(R=np.diag([1.0, -1.0, -1.0]), t=np.array([0, 0, z])) for z in (9.0, -25.7))
-    far = [(delta, ceiling, 0.4) for delta in np.geomspace(1e6, 4e6, 4)]
-    rough = [(delta, swallowing, mu) for delta in (2.0, 3.0) for mu in (1e4, 1e6)]
-    for cases in (far, rough):
-        solved = []
-        for delta, obstacle, mu in cases:
-            compiled.reset()
-            state = compiled([delta], [obstacle], mu)
-            assert state.status == ITERATIONS or state.systems < 2000
-            solved.append(state.systems)
-        assert max(solved) == 2000
+    """A friction at which nothing slips, deep in an obstacle."""
+    swallowing = Plane(R=np.diag([1.0, -1.0, -1.0]), t=np.array([0, 0, -25.7]))
+    solved = []
+    for delta, mu in [(delta, mu) for delta in (2.0, 3.0) for mu in (1e4, 1e6)]:
+        compiled.reset()
+        state = compiled([delta], [swallowing], mu)
+        assert state.status == ITERATIONS or state.systems < 2000
+        solved.append(state.systems)
+    assert max(solved) == 2000
+
+
+@needs_compiler
+@pytest.mark.parametrize("delta", [-10.0, 20.0, 1e6])
+def test_actuators_that_cannot_be_meant_have_no_state_in_c_and_python(compiled, patched, delta):
+    """Beyond the training states by more than their range."""
+    compiled.reset()
+    found = compiled([delta], [])
+    assert found.status == NO_STATE_OF_MODEL and not found.systems and found.outside
+    with pytest.raises(NumericalError, match="far outside"):
+        contact_step(patched, [delta], [])
 
 
 @needs_compiler

@@ -1,11 +1,9 @@
-/* DRIVER TICKS: turns of 500 ticks, each of one phase. Exit 1: a bound was left. Prints the ticks; those that were lost; the largest number
+/* DRIVER TICKS [TURN]: turns of TURN ticks (500), each of one phase. Exit 1: a bound was left. Prints the ticks; those that were lost; the largest number
  * of lost ones in a row among good inputs; and the branches that the longest tick took, of good inputs and of all. */
 #include "driver.h"
 
 #include <stdio.h>
 #include <stdlib.h>
-
-enum { TURN = 500 };
 
 static unsigned long long random_state = 88172645463325252ull, branches;
 static long now;
@@ -48,12 +46,12 @@ void demand_within(int count, const double *values, const double *low, const dou
 }
 
 int main(int count, char **words) {
-    const long ticks = count > 1 ? atol(words[1]) : 0;
+    const long ticks = count > 1 ? atol(words[1]) : 0, turn = count > 2 ? atol(words[2]) : 500;
     unsigned long long most[2] = {0, 0};
     long lost = 0, longest = 0, run = 0;
     begin();
     for (now = 0; now < ticks; now++) {
-        const int phase = (int)(now / TURN % PHASES);
+        const int phase = (int)(now / turn % PHASES);
         branches = 0;
         const int alive = tick(now, phase) == ALIVE;
         for (int all = phase != GOOD; all < 2; all++) most[all] = branches > most[all] ? branches : most[all];

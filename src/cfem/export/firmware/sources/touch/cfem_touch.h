@@ -21,7 +21,7 @@ enum {
     CFEM_TOUCH_ITERATIONS = 2, /* open, sticking and sliding patches keep changing: the rounds or systems allowed were used up */
     CFEM_TOUCH_MANY = 3,       /* more than CFEM_TOUCH_MOST patches touch */
     CFEM_TOUCH_BAD_INPUT = 4,  /* a number is not finite, friction or a size is below 0, or R is not a rotation */
-    CFEM_TOUCH_NO_MODEL = 5    /* the model has no trustworthy answer here */
+    CFEM_TOUCH_NO_MODEL = 5    /* the model has no trustworthy answer here: see cfem_touch_is_far */
 };
 #define CFEM_TOUCH_SYSTEMS 2000 /* linear systems that a step may solve, in all its rounds */
 
@@ -122,7 +122,10 @@ const double (*cfem_touch_rotation(int patch, cfem_touch_room *room))[3];
 /* Finds what the room holds of patches (count,) without forces. 0, or 1 where they are not finite. */
 int cfem_touch_compliance(int count, const int *patch, cfem_touch_room *room);
 
-/* cfem_touch_held.c, for cfem_rounds.c: the robot without forces at delta_a. 0, or a status. */
+/* cfem_touch_held.c: whether delta_a (CFEM_NA,) mm is beyond the displacements of the training states by more than their range, as no step can
+ * be meant to be. */
+int cfem_touch_is_far(const double delta_a[CFEM_NA]);
+/* For cfem_rounds.c: the robot without forces at delta_a. 0, or a status. */
 unsigned cfem_touch_hold(const double delta_a[CFEM_NA], cfem_touched *now, cfem_touch_room *room);
 /* Puts forces on patches (count,), and takes all others off. No more of the second order is taken than can be trusted. */
 void cfem_touch_bear(int count, const int *patch, double (*force)[3], cfem_touch_room *room);

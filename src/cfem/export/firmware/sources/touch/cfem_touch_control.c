@@ -88,6 +88,8 @@ static unsigned go(cfem_touch_controller *c, const double *delta_a) {
     const int walks = SOFT || c->mu > 0.0;
     double longest = 1.0, share = 0.0, there, end[ALL_NA], on[ALL_NA];
     with_others(c, delta_a, end);
+    for (int i = 0; i < ALL_NA; i += NA)
+        if (cfem_touch_is_far(end + i)) return CFEM_TOUCH_NO_MODEL;
     c->near = c->at;
     for (int i = 0; i < ALL_NA && walks; i++)
         longest = fmax(longest, fabs(end[i] - c->delta_a[i]) / (SHARE * cfem_patch_reach[i % NA]));

@@ -28,11 +28,20 @@ static void local_polynomials(const double *delta_a, double t[2][NA][LOCAL]) {
     }
 }
 
+int cfem_touch_is_far(const double delta_a[NA]) {
+    int far = 0;
+    for (int i = 0; i < NA; i++) {
+        const double low = cfem_domain_delta_a[0][i], high = cfem_domain_delta_a[1][i];
+        far |= high > low && fmax(low - delta_a[i], delta_a[i] - high) > high - low;
+    }
+    return far;
+}
+
 unsigned cfem_touch_hold(const double delta_a[NA], cfem_touched *now, cfem_touch_room *room) {
     cfem_condensed m;
     double packed[PACKED] = {0.0}, t[NA][DEGREES], local[2][NA][LOCAL];
     now->error = room->error = 0.0, now->deep = 0, now->outside = 1;
-    if (cfem_model(delta_a, &m)) return CFEM_TOUCH_NO_MODEL;
+    if (cfem_touch_is_far(delta_a) || cfem_model(delta_a, &m)) return CFEM_TOUCH_NO_MODEL;
     now->outside = cfem_outside(&m) != CFEM_OK;
     for (int e = 0; e < NE; e++) now->delta_e[e] = m.free_e[e] + cfem_dot(NA, m.W_ea[e], m.lambda_a);
     for (int i = 0; i < NA; i++) now->lambda_a[i] = m.lambda_a[i], room->s[i] = now->delta_a[i] = delta_a[i];
