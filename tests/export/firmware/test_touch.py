@@ -103,6 +103,17 @@ def test_a_cable_that_lets_go_of_what_sticks_leads_through_the_states_of_python(
 
 
 @needs_compiler
+@pytest.mark.parametrize("delta", [5.2, 5.8, 6.2])
+def test_one_long_step_whose_rounds_would_lead_back_and_forth_takes_shares_of_them(compiled, patched, delta):
+    """A free bar is up to 20 mm within the ceiling. Whole changes of the forces throw it out and let it in again."""
+    ceiling = Plane(R=np.diag([1.0, -1.0, -1.0]), t=np.array([0.0, 0.0, 9.0]))
+    compiled.reset()
+    found, state = compiled([delta], [ceiling], 0.4), contact_step(patched, [delta], [ceiling], mu=0.4)
+    assert found.status == 0 and state.converged and not state.trusted
+    assert 8 < found.iterations == state.iterations < 20
+
+
+@needs_compiler
 @pytest.mark.parametrize(("delta", "outside"), [(-0.5, True), (0.5, False), (7.9, False), (8.5, True), (12.0, True)])
 def test_c_and_python_say_which_actuators_the_model_was_not_trained_on(compiled, patched, delta, outside):
     compiled.reset()
