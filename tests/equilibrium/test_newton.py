@@ -55,8 +55,8 @@ def test_the_same_state_with_fewer_corrections_than_by_the_chord_alone(monkeypat
 
 def test_a_long_step_from_an_equilibrium_turns_what_it_bends(monkeypatch):
     costs = []
-    for far in (np.inf, module.FAR):
-        monkeypatch.setattr(module, "FAR", far)
+    for far in (np.inf, module._FAR):
+        monkeypatch.setattr(module, "_FAR", far)
         state = solve(Problem(bar("tet10", divisions=(8, 1, 1))), displacement([5.0, 0.0]), slack=False)
         assert state.converged
         costs.append(state.factorizations)

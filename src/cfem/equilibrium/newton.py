@@ -31,7 +31,7 @@ _EXACT = 1e-13  # of the body's size: positions are no more exact
 _NO_GAP = 10 * _EXACT  # likewise: a one-sided row that is beyond its target by less, without a multiplier, holds
 _NO_LACK = 100 * _EXACT  # likewise: what a row that does not hold may lack
 _IN_EQUILIBRIUM = 1e-3  # relative residual of a start from which the tangent of the path leads on
-FAR = 0.02  # of the body's size: a motion that turns parts of it
+_FAR = 0.02  # of the body's size: a motion that turns parts of it
 _REMEMBERED = 5  # corrections of one factor that foretell the next
 _NO_PUSH = 1e-9  # of the largest multiplier: what a one-sided row that holds may push
 
@@ -267,7 +267,7 @@ def _after(problem: Problem, evaluation: Evaluation, correction: Correction, par
     """The state after a part of the step."""
     x = problem.kinematics.advance(evaluation.x, part * correction.step)
     moved = x - evaluation.x
-    far = FAR * problem.robot.body.mesh.size
+    far = _FAR * problem.robot.body.mesh.size
     if turning and np.abs(moved).max() > far and problem.rotation_strain is not None:
         turned = problem.rotation_strain.combined(evaluation.x[None], moved[None], np.ones(1))
         x = x if turned is None else problem.kinematics.hold(turned)

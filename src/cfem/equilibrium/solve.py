@@ -13,7 +13,7 @@ import numpy as np
 
 from cfem.equilibrium.criticality import classify, softest_mode
 from cfem.equilibrium.derived import W_ALONE, Derived, Wanted, derive
-from cfem.equilibrium.newton import FAR, NewtonResult, NewtonSettings, judged, linear_motion, newton
+from cfem.equilibrium.newton import NewtonResult, NewtonSettings, judged, linear_motion, newton
 from cfem.equilibrium.system.actuation import Actuation, pulling_only
 from cfem.equilibrium.system.evaluation import SolveCost, Tangent
 from cfem.equilibrium.system.problem import Problem
@@ -135,8 +135,7 @@ def _continuation(
         cost.steps += 1
         # loose on the way: only the last step has to be exact
         tuned = settings if to == 1.0 else replace(settings, tolerance=max(1e-4, settings.tolerance))
-        result = newton(problem, state, part(to), tuned, cost, tangent)
-        tangent = None
+        result, tangent = newton(problem, state, part(to), tuned, cost, tangent), None
         if result.status is Status.CONVERGED:
             result = judged(problem, result, part(to), cost)
         if result.status is Status.CONVERGED:
@@ -147,7 +146,6 @@ def _continuation(
             if to == 1.0:
                 return _Path(result, lost, stable)
             done, state = to, result.state
-            tangent = result.tangent if _serves(problem, result) else None
             step *= 2.0 if result.iterations <= 5 and not failed else 1.0
             failed = False
         else:
@@ -155,12 +153,6 @@ def _continuation(
             cost.halvings += 1
             if step < max(settings.smallest_step * done, _NOTHING):
                 return _Path(result, lost, stable or reached, done)
-
-
-def _serves(problem: Problem, result: NewtonResult) -> bool:
-    """True where the tangent of a result is of a state nearby, and may still be used."""
-    tangent, near = result.tangent, FAR * problem.robot.body.mesh.size
-    return tangent is not None and tangent is problem.latest and float(np.abs(tangent.x - result.at.x).max()) < near
 
 
 def _finite(problem: Problem, actuation: Actuation, *states: State | None) -> bool:

@@ -42,8 +42,7 @@ class Evaluation:
 
 @dataclass(frozen=True)
 class Tangent:
-    """A factored at positions x (n, 3) mm, with the gradient of theta_mean V that the element pressures need."""
+    """A factored at one state, with the gradient of theta_mean V that the element pressures need."""
 
     factor: Factor
     dtheta: np.ndarray
-    x: np.ndarray

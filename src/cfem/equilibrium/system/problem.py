@@ -212,7 +212,7 @@ class Problem:
         data, dtheta = self.stiffness(evaluation, lam, before)
         cost.factorizations += 1
         self._made[:] = []
-        self._made[:] = [Tangent(self._factor(data), dtheta, evaluation.x)]
+        self._made[:] = [Tangent(self._factor(data), dtheta)]
         return self._made[0]
 
     @property
