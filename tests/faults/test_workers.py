@@ -52,6 +52,10 @@ class Watched:
     def facts(self):
         return self.solver.facts
 
+    @property
+    def rotation_strain(self):
+        return self.solver.rotation_strain
+
     def roughly(self, pushed=None):
         return self.solver.roughly(pushed)
 

@@ -30,8 +30,6 @@ from cfem.mechanics.self_contact import step_until_deep
 _EXACT = 1e-13  # of the body's size: positions are no more exact
 _NO_GAP = 10 * _EXACT  # likewise: a one-sided row that is beyond its target by less, without a multiplier, holds
 _NO_LACK = 100 * _EXACT  # likewise: what a row that does not hold may lack
-_IN_EQUILIBRIUM = 1e-3  # relative residual of a start from which the tangent of the path leads on
-_FAR = 0.02  # of the body's size: a motion that turns parts of it
 _REMEMBERED = 5  # corrections of one factor that foretell the next
 _NO_PUSH = 1e-9  # of the largest multiplier: what a one-sided row that holds may push
 
@@ -42,7 +40,7 @@ class NewtonSettings:
 
     tolerance:      of the relative residual, where rounding lets it be reached
     max_iterations: of one load step
-    slow:           contraction above which the tangent is factorised again (0.6: fewest seconds of trunk and PneuNets)
+    slow:           contraction above which the tangent is factorised again (0.4: fewest seconds on the finger)
     max_growth:     fresh corrections in a row that may be larger than the one before
     smallest_step:  fraction of the load reached so far at which continuation gives up
     first_step:     fraction that continuation tries first where the motion is large
@@ -52,7 +50,7 @@ class NewtonSettings:
 
     tolerance: float = 1e-10
     max_iterations: int = 30
-    slow: float = 0.6
+    slow: float = 0.4
     max_growth: int = 3
     smallest_step: float = 1e-3
     first_step: float = 0.5
@@ -184,7 +182,7 @@ def newton(
             status = Status.CONVERGED
             break
         proposed, correction = correction, accelerated(correction, taken[-_REMEMBERED:])
-        trial, part = advanced(problem, evaluation, correction, before is None and residual <= _IN_EQUILIBRIUM)
+        trial, part = advanced(problem, evaluation, correction)
         if trial is None and not fresh:
             tangent = None
             continue
@@ -244,33 +242,25 @@ def judged(problem: Problem, result: NewtonResult, actuation: Actuation, cost: S
         return replace(result, status=Status.SINGULAR, tangent=None)
 
 
-def advanced(
-    problem: Problem, evaluation: Evaluation, correction: Correction, turning: bool = False
-) -> tuple[Evaluation | None, float]:
+def advanced(problem: Problem, evaluation: Evaluation, correction: Correction) -> tuple[Evaluation | None, float]:
     """The state after the step, halved as often as it inverts an element and shortened where it would push walls
-    through each other, and the part taken; None where it cannot. turning: in rotations and stretches, where it is
-    large."""
+    through each other, and the part taken; None where it cannot."""
     for halvings in range(6):
         part = 0.5**halvings
-        trial = _after(problem, evaluation, correction, part, turning)
+        trial = _after(problem, evaluation, correction, part)
         if trial.response.min_J > 0.0:
             break
     else:
         return None, 0.0
     contact, walls = evaluation.response.contact, problem.body.contact
     until = 1.0 if contact is None else step_until_deep(walls, contact.gap, trial.response.contact.gap)
-    shorter = trial if until == 1.0 else _after(problem, evaluation, correction, until * part, turning)
+    shorter = trial if until == 1.0 else _after(problem, evaluation, correction, until * part)
     return (shorter, until * part) if shorter.response.min_J > 0.0 else (trial, part)
 
 
-def _after(problem: Problem, evaluation: Evaluation, correction: Correction, part: float, turning: bool) -> Evaluation:
+def _after(problem: Problem, evaluation: Evaluation, correction: Correction, part: float) -> Evaluation:
     """The state after a part of the step."""
     x = problem.kinematics.advance(evaluation.x, part * correction.step)
-    moved = x - evaluation.x
-    far = _FAR * problem.robot.body.mesh.size
-    if turning and np.abs(moved).max() > far and problem.rotation_strain is not None:
-        turned = problem.rotation_strain.combined(evaluation.x[None], moved[None], np.ones(1))
-        x = x if turned is None else problem.kinematics.hold(turned)
     return problem.evaluate(x, evaluation.pressure + part * correction.pressure, evaluation.load)
 
 

@@ -26,6 +26,7 @@ MAX_DEGREE = 6
 _EQUATIONS_PER_TERM = 1.5
 # Degree of the polynomial up to which rotations and stretches are worth their time: above, positions are as near.
 _SPARSE = 3
+_TURNED = 10  # neighbours whose rotations and stretches are combined: 20 are no nearer, for twice the time
 NO_PARAMETERS = np.zeros(0)
 
 
@@ -86,12 +87,14 @@ def predict(
     distance = [float(((known.place - place) ** 2).sum()) for known in knots]
     nearest = np.argsort(distance, kind="stable")[:NEIGHBOURS]
     around = [knots[index] for index in nearest]
+    turned = shape is not None and _degree(len(around), len(around[0].inputs)) <= _SPARSE
+    around = around[:_TURNED] if turned else around
     for members in (around, around[:1]):
         local = _fit(members)
         matched = _match(local, actuation, q)
         if matched is not None:
             inputs, lam = matched
-            x = local.x(inputs) if shape is None or local.degree > _SPARSE else local.combined(inputs, shape)
+            x = local.combined(inputs, shape) if turned else local.x(inputs)
             if x is not None:
                 return State(x, np.empty(0), lam)
     return State(around[0].x, np.empty(0), around[0].lam)
@@ -135,10 +138,6 @@ class _Local:
     from_xi: np.ndarray
     exponents: np.ndarray
     solution: np.ndarray
-
-    @property
-    def degree(self) -> int:
-        return int(self.exponents.sum(axis=1).max())
 
     def weights(self, inputs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(m,) of the values and (m, n) of the derivatives, whose sum is the polynomial at the inputs (n,)."""

@@ -51,8 +51,9 @@ class RotationStrain:
         first, turn, stretch = np.empty((points, 3, 3)), np.zeros((points, 3)), np.zeros((points, 3, 3))
         _rotations(self._gradients(x[0]), first)
         for place, motion, weight in zip(x, motions, weights, strict=True):
-            u, v = self._gradients(place), self._gradients(motion + self.rest)
-            if not _add_state(u, v, first, weight, turn, stretch) < FARTHEST:
+            both = (self.gradient @ np.hstack([place - self.rest, motion])).reshape(points, 3, 6)
+            D, dD = both[:, :, :3].swapaxes(1, 2), both[:, :, 3:].swapaxes(1, 2)
+            if not _add_state(D, dD, first, weight, turn, stretch) < FARTHEST:
                 return None
         return self._positions(_deformed(first, turn, stretch))
 

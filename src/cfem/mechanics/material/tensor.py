@@ -54,7 +54,7 @@ def rotation(D: np.ndarray, R: np.ndarray) -> None:
         for i in range(3):
             for j in range(3):
                 R[i, j] = R_inverse[j, i]
-        if change < 1e-15:
+        if change < 1e-8:  # of which the square is left
             return
 
 
