@@ -139,6 +139,16 @@ def accelerated(proposed: Correction, taken: Sequence[tuple[Correction, Correcti
     return proposed
 
 
+def _remembered(
+    taken: Sequence[tuple[Correction, Correction]], correction: Correction, proposed: Correction, following: Correction
+) -> Sequence[tuple[Correction, Correction]]:
+    """The latest corrections, this one among them, with its change from what was proposed to what follows; none where
+    other rows hold."""
+    if (following.held != correction.held).any():
+        return []
+    return [*taken, (correction, following.less(1.0, proposed))][-_REMEMBERED:]
+
+
 def newton(
     problem: Problem,
     start: State,
@@ -165,23 +175,21 @@ def newton(
     for _ in range(settings.max_iterations + 1):
         fresh = tangent is None
         if fresh:
-            taken = []
             try:
-                tangent = problem.factor(evaluation, start.lam if before is None else lam, cost, before)
+                tangent, taken = problem.factor(evaluation, start.lam if before is None else lam, cost, before), []
                 border, correction = _proposed(problem, evaluation, lam, tangent, actuation, held)
             except (SingularMatrixError, np.linalg.LinAlgError) as error:
                 status = Status.UNSTABLE if isinstance(error, NoActiveSetError) else Status.SINGULAR
                 tangent = None
                 break
-            growth = growth + 1 if correction.size > last else 0
-            last = correction.size
+            growth, last = growth + 1 if correction.size > last else 0, correction.size
         stalled, residual = residual, problem.relative_residual(evaluation, lam, tangent)
         rounding = problem.rounding(evaluation, lam)
         stalled = residual <= rounding and residual > 0.5 * stalled
         if closed(problem, actuation, evaluation, lam, held) and (residual <= settings.tolerance or stalled):
             status = Status.CONVERGED
             break
-        proposed, correction = correction, accelerated(correction, taken[-_REMEMBERED:])
+        proposed, correction = correction, accelerated(correction, taken)
         trial, part = advanced(problem, evaluation, correction)
         if trial is None and not fresh:
             tangent = None
@@ -198,9 +206,7 @@ def newton(
             continue
         if part < 1.0 or following.size > max(settings.slow * proposed.size, smallest):
             tangent = None
-        same_rows = (proposed.held == held).all() and (following.held == held).all()
-        taken = [*taken, (correction, following.less(1.0, proposed))] if same_rows else []
-        correction = following
+        taken, correction = _remembered(taken, correction, proposed, following), following
     beyond = 0 if tangent is None else tangent.factor.negative - border.negative(held)
     return NewtonResult(status, evaluation, lam, tangent, residual, rounding, cost.iterations - begin, held, beyond)
 
