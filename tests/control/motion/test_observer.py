@@ -97,7 +97,7 @@ def test_samples_are_used_once_and_lost_ones_are_no_harm():
     observer.command(np.array([2.4]))
     observer.correct(Measurement(np.full(3, np.nan), None, None, 2, "nothing"), robot().rest_e)
     assert observer.sampled == 2 and np.isfinite(observer.state.z).all()
-    with pytest.raises(InputError, match="commands were given"):
+    with pytest.raises(InputError, match="of tick 7, and 2 commands were given"):
         observer.correct(Measurement(seen.x_e, None, None, 7, "converged"), robot().rest_e)
 
 
