@@ -33,6 +33,11 @@ def test_answers_obey_the_law(mu, least):
     assert found >= least
 
 
+def test_points_without_compliance_and_numbers_that_are_not_finite_are_refused_before_any_system():
+    for W in (np.zeros((3, 3)), np.full((3, 3), np.nan)):
+        assert newton(W, np.full(3, -1.0), 0.3) == (None, 0)
+
+
 def test_it_is_one_of_all_states():
     for seed in range(30):
         problem = a_problem(seed, 2, 0.4)

@@ -1,6 +1,7 @@
 """A learned robot among obstacles as a model: its rows, its derivatives, and what control finds with it."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from cfem.control.search.inverse import Aim, Limits
 from cfem.core.errors import NumericalError
 from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
 from cfem.plant.touch_plant import TouchPlant
+from cfem.predict.contact.error import ContactBounds
 from cfem.predict.contact.forces.load_kernel import estimated_error
 from cfem.predict.contact.forces.loaded_robots import LoadedRobots
 from cfem.predict.contact.model import TRUSTED, ContactModel
@@ -207,3 +209,14 @@ def test_no_contact_state_is_an_error(patched, table, monkeypatch):
     monkeypatch.setattr("cfem.predict.contact.surface.surface_model.SurfaceModel.most", 0)
     with pytest.raises(NumericalError, match="patches touch"):
         ContactModel(patched, {"table": table}).at_displacement(DELTA)
+
+
+@pytest.mark.parametrize(("alone", "tip"), [(None, 0.2), (0.3, 0.5)])
+def test_the_error_of_the_tip_in_contact_adds_to_that_of_the_robot_alone(alone, tip):
+    model = SimpleNamespace(error=lambda _: None if alone is None else SimpleNamespace(tip=alone))
+    world = SimpleNamespace(patched=SimpleNamespace(model=model), stated=SimpleNamespace(probability=0.95))
+    rows = SimpleNamespace(n=5, n_a=2)
+    stated = ContactModel.error(world, SimpleNamespace(bounds=ContactBounds(1.0, 0.2), rows=rows))
+    assert stated.tip == pytest.approx(tip) and stated.probability == 0.95
+    assert np.isnan(stated.actuators).all()
+    assert ContactModel.error(world, SimpleNamespace(rows=rows)) is None
