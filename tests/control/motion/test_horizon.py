@@ -10,6 +10,7 @@ from cfem.control.motion.horizon import (
     HalfSpace,
     HorizonCost,
     Predicted,
+    _softened,
     best_commands,
     condensed_forces,
     condensed_states,
@@ -121,3 +122,16 @@ def test_an_obstacle_that_cannot_be_avoided_widens_as_little_as_it_can():
     assert held.softened and held.qp.status is QpStatus.OPTIMAL
     fastest = state.u[0] - 0.1 * np.arange(1, N + 1)
     np.testing.assert_allclose(held.U[:, 0], fastest, atol=5e-2)
+
+
+def test_bounds_that_give_way_do_so_alike_in_any_unit():
+    rng = np.random.default_rng(0)
+    M, d, A, box = rng.normal(size=(6, 3)), rng.normal(size=6), rng.normal(size=(2, 3)), np.tile([-1.0, 1.0], (3, 1))
+    low, high = np.array([5.0, 5.0]), np.array([6.0, 6.0])  # beyond what the box allows
+
+    def commands(unit):
+        return _softened(M, d, unit * A, unit * low, unit * high, box, 0, "active_set").x[:3]
+
+    np.testing.assert_allclose(commands(1e-3), commands(1e3), atol=1e-8)
+    nearest = minimize(lambda x: ((np.maximum(low - A @ x, 0)) ** 2).sum(), np.zeros(3), bounds=box).x
+    np.testing.assert_allclose(A @ commands(1.0), A @ nearest, atol=1e-3)
