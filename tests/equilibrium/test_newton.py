@@ -38,6 +38,13 @@ def test_a_factor_that_is_wrong_in_few_directions_converges_in_one_step_more_tha
     assert np.abs(plain - np.linalg.solve(A, b)).max() > 1e-6
 
 
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_numbers_that_are_not_finite_are_passed_on_and_raise_nothing(bad):
+    good, proposed = linear(np.arange(1.0, 4.0)), linear(np.array([bad, 1.0, 2.0]))
+    assert accelerated(proposed, [(good, good)]) is proposed
+    assert accelerated(good, [(good, proposed)]) is good
+
+
 def test_nothing_taken_nothing_foretold():
     proposed = linear(np.arange(3.0))
     assert accelerated(proposed, []) is proposed

@@ -133,6 +133,8 @@ def accelerated(proposed: Correction, taken: Sequence[tuple[Correction, Correcti
     if not taken:
         return proposed
     changes = np.column_stack([change.step for _, change in taken])
+    if not (np.isfinite(changes).all() and np.isfinite(proposed.step).all()):
+        return proposed
     shares = np.linalg.lstsq(changes, proposed.step, rcond=1e-10)[0]
     for share, (correction, change) in zip(shares, taken, strict=True):
         proposed = proposed.less(share, correction).less(share, change)

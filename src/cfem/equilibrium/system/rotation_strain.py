@@ -46,7 +46,7 @@ class RotationStrain:
 
         x, motions: (k, n, 3) mm
         weights: (k,) of the states, which sum to 1
-        Returns None where a state is turned too far from the first, or its elements are inverted."""
+        Returns None where a state is turned too far from the first, or is not finite."""
         points = len(self.weights) // 3
         first, turn, stretch = np.empty((points, 3, 3)), np.zeros((points, 3)), np.zeros((points, 3, 3))
         _rotations(self._gradients(x[0]), first)
@@ -109,8 +109,8 @@ def _rotations(D, R):
 @njit(cache=True)
 def _add_state(D, dD, first, weight, turn, stretch):
     """Adds to turn (p, 3) and stretch (p, 3, 3) those of a state with gradients D (p, 3, 3), times its weight, and what
-    the change dD (p, 3, 3) makes of them; returns the largest angle to the rotations `first`, inf where an element is
-    inverted."""
+    the change dD (p, 3, 3) makes of them; returns the largest angle to the rotations `first`, inf where a stretch has no
+    two positive values or is not finite."""
     F, R, U, W = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     G, G_inverse, Q = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     spin, v = np.empty(3), np.empty(3)
