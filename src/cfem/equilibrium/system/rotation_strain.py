@@ -109,8 +109,8 @@ def _rotations(D, R):
 @njit(cache=True)
 def _add_state(D, dD, first, weight, turn, stretch):
     """Adds to turn (p, 3) and stretch (p, 3, 3) those of a state with gradients D (p, 3, 3), times its weight, and what
-    the change dD (p, 3, 3) makes of them; returns the largest angle to the rotations `first`, inf where a stretch has no
-    two positive values or is not finite."""
+    the change dD (p, 3, 3) makes of them; returns the largest angle (rad) to the rotations `first`, inf where a stretch
+    has no two positive values, NaN where it is not finite."""
     F, R, U, W = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     G, G_inverse, Q = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     spin, v = np.empty(3), np.empty(3)
