@@ -38,7 +38,7 @@ def pressed(patched_bar, delta):
 
 @pytest.fixture(scope="module")
 def spheres(pressed):
-    return pressed(0.1, 0.2)
+    return pressed(0.05, 0.1)
 
 
 @pytest.fixture(scope="module")

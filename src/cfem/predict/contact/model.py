@@ -30,7 +30,7 @@ from cfem.predict.contact.clearance import clearance
 from cfem.predict.contact.error import ContactBounds, contact_error
 from cfem.predict.contact.step.bodies import PlacedModel
 from cfem.predict.contact.step.scene import SHARE, ContactScene
-from cfem.predict.contact.step.state import TRUSTED, ContactState
+from cfem.predict.contact.step.state import ContactState
 from cfem.predict.contact.surface.surface_model import SurfaceModel
 
 STEP = 1e-4  # of the reach: of the differences
@@ -42,11 +42,10 @@ Step = Callable[[Any, Any, ContactState | None], ContactState]  # from where, to
 
 @dataclass(frozen=True)
 class InContact(Condensed):
-    """Condensed robot in contact. error, deep: as `ContactState` has them. bounds: of what contact adds to the model's
-    error, None where nobody has stated any."""
+    """Condensed robot in contact. trusted: as `ContactState` has it. bounds: of what contact adds to the model's error,
+    None where nobody has stated any."""
 
-    error: float
-    deep: bool
+    trusted: bool
     bounds: ContactBounds | None = None
 
 
@@ -241,8 +240,8 @@ class ContactModel:
         W, W_ea = np.empty((rows.n, rows.n)), J @ W_aa
         W[rows.e, rows.e], W[rows.e, rows.a], W[rows.a, rows.e], W[rows.a, rows.a] = W_ea @ J.T, W_ea, W_ea.T, W_aa
         delta = np.concatenate([e, delta_a])
-        error, deep = (0.0, False) if state is None else (state.error, state.deep)
-        return InContact(rows, W, delta - W[:, rows.a] @ lam, lam, error, deep, self._bounds(state))
+        trusted = state is None or state.trusted
+        return InContact(rows, W, delta - W[:, rows.a] @ lam, lam, trusted, self._bounds(state))
 
     def _bounds(self, state: ContactState | None) -> ContactBounds | None:
         if state is None or self.stated is None:
@@ -279,10 +278,8 @@ class ContactModel:
         return sides, width
 
     def inside(self, condensed: Condensed) -> bool:
-        """True where the model knows the state, forces bend the robot no further than a model of second order can say,
-        and on which side of an obstacle each patch lies is known."""
-        known = not isinstance(condensed, InContact) or (condensed.error <= TRUSTED and not condensed.deep)
-        return known and self.patched.model.inside(condensed)
+        """True where the model knows the state, and its contact is trusted."""
+        return getattr(condensed, "trusted", True) and self.patched.model.inside(condensed)
 
     def distance(self, condensed: Condensed) -> float:
         return self.patched.model.distance(condensed)

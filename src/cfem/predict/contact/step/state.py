@@ -14,6 +14,7 @@ from cfem.contact.step_status import StepStatus
 from cfem.predict.protocol import Predictor
 
 TRUSTED = 0.035  # estimated error of the motion by forces; forces are then within 5 % (docs/contact.md)
+SETTLED = 6  # rounds on rigid obstacles; where more are needed, small errors make large forces (docs/contact.md)
 
 
 @dataclass(frozen=True)
@@ -72,12 +73,19 @@ class ContactState(Pressing):
 
     @property
     def trusted(self) -> bool:
-        """True where the models know the actuators, forces bend the robots no further than is known, to 5 %, and no
-        step was longer than what it is linear about allows. Beyond, forces may be wrong, a patch may lie on another
-        side than the one on which it came in, and rounding may choose between states that all obey the law: take
-        shorter steps. Where an edge comes straight at a point of the surface there are two states however short they
-        are."""
-        return self.error <= TRUSTED and not self.deep and not self.outside
+        """True where the models know the actuators, forces bend the robots no further than is known, to 5 %, no step
+        was longer than what it is linear about allows, and the forces settled. Beyond, forces may be wrong, a patch may
+        lie on another side than the one on which it came in, and rounding may choose between states that all obey the
+        law: take shorter steps. Where an edge comes straight at a point of the surface there are two states however
+        short they are."""
+        return self.error <= TRUSTED and not self.deep and not self.outside and self.settled
+
+    @property
+    def settled(self) -> bool:
+        """True where few rounds found the forces, which soft surfaces that touch do not tell. Where forces hardly
+        settle, a robot between obstacles gives way to their forces about as much as it withstands them, and small
+        errors of its compliance become large ones of the forces."""
+        return self.iterations <= SETTLED or not self.on_obstacles[self.push.any(axis=1)].all()
 
     @cached_property
     def outside(self) -> bool:

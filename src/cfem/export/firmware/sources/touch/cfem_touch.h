@@ -25,10 +25,11 @@ enum {
 };
 #define CFEM_TOUCH_SYSTEMS 2000 /* linear systems that a step may solve, in all its rounds */
 
-/* Where `error` is larger, forces bend the robot further than is known; with `deep` the step was too long. Forces may be wrong, a patch may lie
- * on another side than the one on which it came in, and rounding may choose between states that all obey the law. Take shorter steps from
- * a state before. */
+/* Where `error` is larger, forces bend the robot further than is known; with `deep` the step was too long; where one robot took more
+ * `iterations`, its forces hardly settle, and small errors of the model make large ones. Forces may be wrong, a patch may lie on another side
+ * than the one on which it came in, and rounding may choose between states that all obey the law. Take shorter steps from a state before. */
 #define CFEM_TOUCH_TRUSTED 0.035
+#define CFEM_TOUCH_SETTLED 6
 
 /* A robot: x = R x_own + t; itself: whether it touches itself; unilateral: actuators that go slack instead of pushing. */
 typedef struct {

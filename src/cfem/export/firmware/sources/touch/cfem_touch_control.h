@@ -45,7 +45,7 @@ typedef struct {
 unsigned cfem_touch_control_init(cfem_touch_controller *c, const cfem_obstacle *obstacles, int count, double mu);
 
 /* One tick, as cfem_step. CFEM_OUTSIDE also where contact bends a robot further than the model knows (CFEM_TOUCH_TRUSTED), or, without
- * other robots, a patch has begun too `deep`. CFEM_NO_MODEL where no contact state was found: where to plan, with CFEM_HELD, or else where
+ * other robots, a patch has begun too `deep` or forces hardly settle (CFEM_TOUCH_SETTLED). CFEM_NO_MODEL where no contact state was found: where to plan, with CFEM_HELD, or else where
  * the command leads, and `at` is then the state before. Where a plan fails at one tick it mostly fails at the next, as nothing has moved:
  * after CFEM_TOUCH_HELD such ticks the actuators go towards home, a step at each tick within their bounds and rate, until there is a plan
  * again, and friction is forgotten: CFEM_NO_MODEL with CFEM_RESTARTED, without CFEM_HELD. */

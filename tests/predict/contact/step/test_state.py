@@ -1,0 +1,62 @@
+"""What a contact state says of itself."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from cfem.contact.obstacle import Plane, Sphere
+from cfem.contact.obstacle_set import ObstacleSet
+from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
+from cfem.equilibrium.contact.surfaces import SurfaceScene
+from cfem.predict.contact.error import forces_of
+from cfem.predict.contact.step.scene import contact_step
+from cfem.predict.contact.step.state import SETTLED, TRUSTED
+
+DELTA = np.array([7.436])
+RADIUS = 4.0
+FROM_ABOVE, FROM_BELOW = (
+    direction / np.linalg.norm(direction) for direction in np.array([[-0.57, 0.65, 0.5], [0.51, -0.67, -0.54]])
+)
+SPHERE, PLANE = (np.array(point) for point in ([29.76, 5.73, 19.61], [33.55, -3.69, 8.35]))  # mm
+DEPTHS = 0.632, 0.322  # mm
+
+
+def between(share):
+    """A sphere and a plane on opposite sides of the bar, which have come so much of their depths into it."""
+    away = [(1 - share) * depth * normal for depth, normal in zip(DEPTHS, (FROM_ABOVE, FROM_BELOW), strict=True)]
+    across = np.cross(FROM_BELOW, [1.0, 0, 0])
+    across /= np.linalg.norm(across)
+    R = np.stack([np.cross(across, -FROM_BELOW), across, -FROM_BELOW], axis=1)
+    return ObstacleSet((Sphere(RADIUS, t=SPHERE + away[0]), Plane(R=R, t=PLANE + away[1])))
+
+
+def test_forces_that_hardly_settle_between_obstacles_are_wrong_and_not_trusted(patched_bar, robot):
+    """Steps are short, no patch is deep, and forces bend the bar little."""
+    skin = patched_bar.model.skin
+    skinned = SkinnedRobot(robot, skin.nodes, skin.triangles, patched_bar.patches, itself=False)
+    learned = full = None
+    says = []
+    for share in (0.05, 0.275, 0.5, 0.75, 1.0):
+        learned = contact_step(patched_bar, DELTA, between(share), before=learned, unilateral=robot.unilateral)
+        full = SurfaceScene([skinned], between(share), 0.0).step([DELTA], full)
+        assert learned.converged and full.converged and learned.error < TRUSTED and not learned.deep
+        apart, truth = forces_of(learned, [1, 2]) - forces_of(full, [1, 2]), forces_of(full, [1, 2])
+        off = np.linalg.norm(apart, axis=1).max() / np.linalg.norm(truth, axis=1).sum()
+        says.append((learned.trusted, off))
+    assert [trusted for trusted, _ in says] == [True, False, False, False, False]
+    assert says[-1][1] > 0.05
+
+
+def test_a_state_is_trusted_where_nothing_speaks_against_it(patched_bar):
+    state = contact_step(patched_bar, DELTA, between(0.05))
+    assert state.trusted
+    for changes in ({"error": 1.01 * TRUSTED}, {"deep": True}, {"iterations": SETTLED + 1}):
+        assert not replace(state, **changes).trusted
+
+
+def test_rounds_in_which_soft_surfaces_touch_say_nothing(patched_bar):
+    """They go on until the same faces touch."""
+    state = contact_step(patched_bar, DELTA, between(0.05))
+    soft = replace(state.pairs, slots=np.zeros_like(state.pairs.slots))
+    assert replace(state, pairs=soft, iterations=SETTLED + 1).settled
+    assert not replace(state, iterations=SETTLED + 1).settled
