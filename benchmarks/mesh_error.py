@@ -11,6 +11,7 @@ files instead of solving, as docs/figures/mesh-error.json, a list of them."""
 
 import argparse
 import json
+import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -73,13 +74,21 @@ class Commands:
         return [state for state in found if state.converged]
 
     def again(self, states: Sequence[Equilibrium], of: "Commands") -> list[Equilibrium]:
-        """Commands of states on another mesh, carried out on this one."""
-        tetrahedra, found = of.mesh.cells.shape[1] in (4, 10), []
+        """Commands of states on another mesh, carried out on this one. Each starts from the state on the other mesh,
+        and is off it as the state of the nearest command before."""
+        tetrahedra, found, known = of.mesh.cells.shape[1] in (4, 10), [], []
         for state in states:
-            x = carried_over(of.mesh, state.state.x, self.mesh) if tetrahedra else None
-            start = State(x, np.empty(0), state.state.lam) if tetrahedra else None
+            start = None
+            if tetrahedra:
+                carried = carried_over(of.mesh, state.state.x, self.mesh)
+                nearest = min(known, key=lambda each: np.abs(each[0] - state.delta_a).max(), default=(None, 0.0))
+                start = State(carried + nearest[1], np.empty(0), state.state.lam)
             command = displacement(state.delta_a) if self.robot.forces is None else force(state.lambda_a)
-            found.append(solve(self.problem, command, start, wanted=Wanted(condense=False)))
+            solved = solve(self.problem, command, start, wanted=Wanted(condense=False))
+            found.append(solved)
+            if tetrahedra and solved.converged:
+                known.append((state.delta_a, solved.state.x - carried))
+            print(f"finer mesh: {solved.status.value}, {solved.factorizations} factorisations", file=sys.stderr)
         return found
 
 
