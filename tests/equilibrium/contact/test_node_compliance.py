@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cfem.condensed.surface_turns import members_of, rotations, spread
 from cfem.constraint.contact import make_contact
 from cfem.equilibrium.contact.node_compliance import node_response
 from cfem.equilibrium.contact.patch_compliance import patch_response
 from cfem.equilibrium.solve import solve
 from cfem.equilibrium.system.actuation import displacement
 from cfem.equilibrium.system.problem import Problem
+from cfem.mechanics.surface_turns import members_of, rotations, spread
 from cfem.predict.contact.surface.node_model import node_patches
 from cfem.predict.load import load_model
 from cfem.robot.build import build_robot

@@ -17,7 +17,6 @@ from scipy.spatial import cKDTree
 
 from cfem.condensed.patches import SurfacePoints
 from cfem.condensed.skin import Skin
-from cfem.condensed.surface_turns import members_of, rotations, spread
 from cfem.core.console.progress import progress
 from cfem.equilibrium.contact.node_dents import NodeDents
 from cfem.equilibrium.contact.patch_compliance import solved_at
@@ -27,6 +26,7 @@ from cfem.equilibrium.skinned import skinned
 from cfem.equilibrium.system.evaluation import Evaluation, SolveCost
 from cfem.equilibrium.system.problem import Problem
 from cfem.equilibrium.system.robot import Robot
+from cfem.mechanics.surface_turns import members_of, rotations, spread
 
 AT_ONCE = 192  # right-hand sides
 OVER = 4  # random forces for each mode, all states together

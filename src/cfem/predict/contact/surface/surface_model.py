@@ -15,11 +15,11 @@ import numpy as np
 
 from cfem.condensed.packing import symmetric3_indices
 from cfem.condensed.patches import Patches
-from cfem.condensed.surface_turns import members_of, rotations, spread
 from cfem.contact.detection import along
 from cfem.core.errors import InputError
 from cfem.equilibrium.contact.node_compliance import NodeResponse
 from cfem.equilibrium.contact.patch_compliance import PatchResponse
+from cfem.mechanics.surface_turns import members_of, rotations, spread
 from cfem.predict.loads.wrench_series import WrenchSeries
 from cfem.predict.protocol import Predictor
 from cfem.predict.series.chebyshev import Basis, basis
@@ -140,7 +140,7 @@ class SurfaceModel(ABC):
 
     @cached_property
     def spread(self) -> tuple[np.ndarray, np.ndarray]:
-        """(N, 3, 3) and (k, N, 3, 3): `cfem.condensed.surface_turns.spread` of the nodes of each patch and of its
+        """(N, 3, 3) and (k, N, 3, 3): `cfem.mechanics.surface_turns.spread` of the nodes of each patch and of its
         triangles, at rest and by each row of the skin."""
         skin = self.model.skin
         members = members_of(skin.triangles, self.patches.of, len(self.patches))

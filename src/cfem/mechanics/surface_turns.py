@@ -1,7 +1,10 @@
 """Rotations of parts of a surface since rest: the rotation that fits their nodes best (Kabsch, 1976)."""
 
 import numpy as np
+from numba import njit
 from scipy.sparse import csr_array
+
+from cfem.mechanics.material.tensor import cofactor, rotation
 
 
 def members_of(triangles: np.ndarray, parts: np.ndarray, count: int) -> csr_array:
@@ -21,8 +24,22 @@ def spread(members: csr_array, rest: np.ndarray, moved: np.ndarray) -> np.ndarra
     return pairs - sums / members.sum(axis=1)[:, None, None]
 
 
-def rotations(spreads: np.ndarray) -> np.ndarray:
-    """Rotations (N, 3, 3) since rest of parts with these `spread` (N, 3, 3)."""
-    left, _, right = np.linalg.svd(spreads)
-    left[:, :, 2] *= np.sign(np.linalg.det(left @ right))[:, None]
-    return left @ right
+@njit(cache=True, error_model="numpy")
+def rotations(spreads):
+    """Rotations (N, 3, 3) since rest of parts with these `spread` (N, 3, 3) A.
+
+    With A = R S, S symmetric of values a, b and c, also the matrix of cofactors is R times a symmetric one, of values b
+    c, a c and a b. Their weighted sum has the same rotation, and is far from singular where the part is flat, c = 0."""
+    R, D, cofactors = np.empty(spreads.shape), np.empty((3, 3)), np.empty((3, 3))
+    for p in range(len(spreads)):
+        A, size = spreads[p], 0.0
+        cofactor(A, cofactors)
+        for i in range(3):
+            for j in range(3):
+                size += A[i, j] ** 2
+        size = np.sqrt(size)
+        for i in range(3):
+            for j in range(3):
+                D[i, j] = (A[i, j] + cofactors[i, j] / size) / size - (1.0 if i == j else 0.0)
+        rotation(D, R[p])
+    return R
