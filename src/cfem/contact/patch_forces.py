@@ -18,10 +18,12 @@ class TurningCompliance:
     """Compliance of c patches, C, corrected for forces that turn with their places, df/dx = B.
 
     compliance: (3 c, 3 c) mm/N, (C^-1 - B)^-1: motion by the forces before they turn
-    turning: (3 c, 3 c), B (C^-1 - B)^-1: change of the forces, for the same forces"""
+    turning: (3 c, 3 c), B (C^-1 - B)^-1: change of the forces, for the same forces
+    by_place: (c, 3, 3) N/mm, blocks of B"""
 
     compliance: np.ndarray
     turning: np.ndarray
+    by_place: np.ndarray
 
 
 def turned(compliance: np.ndarray, turning: np.ndarray) -> TurningCompliance | None:
@@ -37,7 +39,7 @@ def turned(compliance: np.ndarray, turning: np.ndarray) -> TurningCompliance | N
         np.linalg.cholesky((effective + effective.T) / 2)
     except np.linalg.LinAlgError:
         return None
-    return TurningCompliance(effective, change)
+    return TurningCompliance(effective, change, turning)
 
 
 def pressed(

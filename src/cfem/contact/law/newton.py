@@ -143,7 +143,7 @@ def _step(A, F, D, mu, J, step):
             b = kept[column]
             J[row, column] = -(d[0] * A[i, b] + d[1] * A[i + 1, b] + d[2] * A[i + 2, b])
         J[row, row] += 1.0
-    if not _eliminate(J, right):
+    if not eliminate(J, right.reshape(-1, 1)):
         return False
     for row in range(c):
         step[kept[row]] = right[row]
@@ -151,10 +151,10 @@ def _step(A, F, D, mu, J, step):
 
 
 @njit(cache=True, error_model="numpy")
-def _eliminate(J, by):
-    """Solves J x = by in place, J the leading block of (c, c), by Gauss's elimination with pivots. False where it is
-    singular."""
-    c = len(by)
+def eliminate(J, by):
+    """Solves J x = by (c, k) in place, J the leading block of (c, c), by Gauss's elimination with pivots. False where
+    it is singular."""
+    c, k = by.shape
     for i in range(c):
         pivot = i
         for r in range(i + 1, c):
@@ -165,17 +165,21 @@ def _eliminate(J, by):
         if pivot != i:
             for b in range(i, c):
                 J[i, b], J[pivot, b] = J[pivot, b], J[i, b]
-            by[i], by[pivot] = by[pivot], by[i]
+            for b in range(k):
+                by[i, b], by[pivot, b] = by[pivot, b], by[i, b]
         for r in range(i + 1, c):
             share = J[r, i] / J[i, i]
             if share != 0:
                 for b in range(i + 1, c):
                     J[r, b] -= share * J[i, b]
-                by[r] -= share * by[i]
+                for b in range(k):
+                    by[r, b] -= share * by[i, b]
     for i in range(c - 1, -1, -1):
-        for b in range(i + 1, c):
-            by[i] -= J[i, b] * by[b]
-        by[i] /= J[i, i]
+        for r in range(i + 1, c):
+            for b in range(k):
+                by[i, b] -= J[i, r] * by[r, b]
+        for b in range(k):
+            by[i, b] /= J[i, i]
     return True
 
 

@@ -39,7 +39,8 @@ class Bodies:
 
     rigid: bodies that some of them are fixed to, None where all stand still
     meet: whether robots may touch each other
-    stacked: surfaces of the robots, joined once for many steps; None: by this scene"""
+    stacked: surfaces of the robots, joined once for many steps; None: by this scene
+    even: whether steps are alike in length, so that forces may be expected to go on as in the last one"""
 
     robots: Sequence[PlacedModel]
     obstacles: ObstacleSet = field(default_factory=lambda: ObstacleSet(()))
@@ -47,6 +48,7 @@ class Bodies:
     rigid: RigidBodies | None = None
     meet: bool = True
     stacked: Surfaces | None = None
+    even: bool = False
 
     def __post_init__(self) -> None:
         demand_friction(self.mu)

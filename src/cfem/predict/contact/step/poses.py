@@ -4,9 +4,15 @@ import numpy as np
 from numba import njit
 
 from cfem.contact.obstacle_set import ObstacleSet
-from cfem.contact.rigid_bodies import RigidBodies, add_lever, add_wrench, carried, motions
+from cfem.contact.patch_forces import TurningCompliance
+from cfem.contact.rigid_bodies import RigidBodies, add_wrench, carried, motions
 from cfem.predict.contact.forces.loaded_robots import LoadedRobots
 from cfem.predict.contact.step.bodies import Bodies
+from cfem.predict.contact.step.body_yield import BodyYield, levers, moved_bodies
+
+NO_BENDS, NO_TURNING = np.zeros((0, 3, 3)), np.zeros((0, 0))
+
+Loads = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 class Poses:
@@ -31,18 +37,45 @@ class Poses:
         self.obstacles = scene.obstacles.posed(R, t)
         return places
 
-    def mobility(
-        self, places: np.ndarray, near: np.ndarray, which: np.ndarray, soft: np.ndarray | None
-    ) -> np.ndarray | None:
-        """(3 p, 3 p) mm/N: how patches near (d,) obstacles `which` (N,) yield to their forces, and then pairs of soft
-        surfaces of relative (q, c) places of the known patches, by the motion of rigid bodies alone. None without."""
-        rigid = self.rigid
+    def yields(
+        self,
+        places: np.ndarray,
+        near: np.ndarray,
+        which: np.ndarray,
+        loads: Loads,
+        relative: np.ndarray | None,
+        compliance: np.ndarray,
+        turned: TurningCompliance | None,
+    ) -> BodyYield | None:
+        """How patches near (d,) obstacles `which` (N,), and then pairs of soft surfaces, yield by the motion of rigid
+        bodies. None where these have no motion of the first order.
+
+        places: (N, 3) mm of all patches
+        loads: forces (c, 3) N on the known patches, push (N, 3) N of obstacles on all, and which of those near turn
+            their forces with the obstacles, (d,) bool
+        relative (p, c): of `balance`; compliance (3 c, 3 c) mm/N: that of `turned`, where places turn forces"""
+        rigid, known, d = self.rigid, self.robots.known, 3 * len(near)
+        if rigid is None and turned is None:
+            return BodyYield(None, None)
+        at = np.searchsorted(known, near)
+        B = None if relative is None else np.kron(relative, np.eye(3))
+        by_pairs, turning, bends = compliance if B is None else compliance @ B.T, NO_TURNING, NO_BENDS
+        if turned is not None:
+            turning = turned.turning.reshape(-1, 3, 3 * len(known))[at].reshape(d, -1)
+            turning, bends = turning if B is None else turning @ B.T, turned.by_place[at]
         if rigid is None:
-            return None
-        known = self.robots.known
-        relative = np.zeros((0, len(known))) if soft is None else soft
+            return BodyYield(None, turning)
+        soft = np.zeros((0, len(known))) if relative is None else relative[len(near) :]
         bodies = rigid.of_robots, self.scene.bodies, rigid.of_obstacles
-        return _mobility(places, near, which, known, relative, *bodies, rigid.centres, rigid.mobility)
+        of_bodies = levers(places, near, at, which, known, soft, *loads, bends, *bodies, rigid.centres)
+        mobility, turns, sound = moved_bodies(of_bodies, rigid.mobility, by_pairs, turning)
+        if not sound:
+            return None
+        if not turns.any():
+            return BodyYield(mobility, None if turned is None else turning)
+        moved = by_pairs[:, :d] @ turns
+        mobility += moved if B is None else B @ moved
+        return BodyYield(mobility, turns if turned is None else turns + turning + turning[:, :d] @ turns)
 
     def carried(self, points: np.ndarray, which: np.ndarray, before: ObstacleSet | None) -> np.ndarray:
         """(d, 3) mm where points of the surface of obstacles `which` (d,) are that were at `points` (d, 3) mm where
@@ -128,30 +161,6 @@ def _follow(
         places = _placed(local, bodies, R_now, t_now)
     R_met, t_met = carried(of_obstacles, R_body, t_body, R_obstacles, t_obstacles)
     return places, R_now, t_now, R_met, t_met
-
-
-@njit(cache=True, error_model="numpy")
-def _mobility(places, near, which, known, relative, of_robots, bodies, of_obstacles, centres, Y):
-    """G Y G^T of G (p, 3, 6 b): patches near obstacles less what these do there, then soft pairs."""
-    d, n, columns = len(near), 3 * (len(near) + len(relative)), 6 * len(centres)
-    G, by_motion, product = np.zeros((n, columns)), np.zeros((n, columns)), np.zeros((n, n))
-    for i in range(d):
-        add_lever(G[3 * i : 3 * i + 3], of_robots[bodies[near[i]]], places[near[i]], centres, 1.0)
-        add_lever(G[3 * i : 3 * i + 3], of_obstacles[which[near[i]]], places[near[i]], centres, -1.0)
-    for pair in range(len(relative)):
-        for i in range(len(known)):
-            if relative[pair, i] != 0.0:
-                first, body = 3 * (d + pair), of_robots[bodies[known[i]]]
-                add_lever(G[first : first + 3], body, places[known[i]], centres, relative[pair, i])
-    for i in range(n):
-        for b in range(columns):
-            if G[i, b] != 0.0:
-                for a in range(columns):
-                    by_motion[i, a] += G[i, b] * Y[b, a]
-        for j in range(n):
-            for a in range(columns):
-                product[i, j] += by_motion[i, a] * G[j, a]
-    return product
 
 
 @njit(cache=True, error_model="numpy")

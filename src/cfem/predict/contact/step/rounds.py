@@ -5,18 +5,18 @@ Two kinds of contact enter the law together: patches that may touch an obstacle,
 is where it is, so that a state is checked against the law in place. The faces of a soft surface are found again in each
 round, so that it has settled once they stay."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from cfem.contact.law.modes import Mode
 from cfem.contact.pairs import Memory, Pairs
-from cfem.contact.patch_forces import Balance, balance
+from cfem.contact.patch_forces import Balance, TurningCompliance, balance
 from cfem.contact.step_status import StepStatus
 from cfem.predict.contact.forces.loaded_robots import NOTHING, LoadedRobots
 from cfem.predict.contact.step.bodies import Bodies
 from cfem.predict.contact.step.on_obstacles import OnObstacles, begins_deep
-from cfem.predict.contact.step.poses import Poses
+from cfem.predict.contact.step.poses import Loads, Poses
 from cfem.predict.contact.step.soft_pairs import SoftPairs
 from cfem.predict.contact.step.state import ContactState
 
@@ -39,7 +39,10 @@ class Rounds:
         self.scene, self.iterations, self.modes = scene, 0, ()
         self._share, self._missed = 1.0, np.inf
         loads = NOTHING, np.zeros((len(scene.bodies), 3))
+        self._begin = loads[1] if before is None else before.forces
         if before is not None:
+            goes_on = scene.even and not scene.soft and before.change.any() and before.steady
+            before = before.going_on() if goes_on else before
             loads = before.known, before.forces
         wrenches = [robot.wrench for robot in scene.robots]
         self.robots = LoadedRobots(scene.surfaces, deltas, wrenches, scene.R, scene.t, *loads)
@@ -117,7 +120,9 @@ class Rounds:
     def _let_go(self) -> None:
         """Takes all forces off."""
         self.met.let_go()
-        self.robots.know(NOTHING if self.soft is None else self.robots.known, self.met.push)
+        known = NOTHING if self.soft is None else self.robots.known
+        if len(known) < len(self.robots.known) or self.robots.forces.any():
+            self.robots.know(known, self.met.push)
         if self.soft is not None:
             self.soft.push = {}
 
@@ -139,40 +144,52 @@ class Rounds:
         return True
 
     def _law(self) -> tuple[Balance, np.ndarray | None] | None:
-        """Forces that obey the law, linear about the places, or a share of the way there, and the change (3 c, 3 c) of
-        forces as they turn with the places of patches, None where they do not turn. None where nothing obeys the
-        law."""
-        met, places, mu, known = self.met, self.places, self.scene.mu, self.robots.known
-        frames, near, compliance = met.frames(places), met.near, self.robots.compliance(under_forces=True)
-        turning = met.turned(compliance, places, known)
-        gaps, push, relative = met.gaps(places), met.push[near], None
+        """Forces that obey the law, linear about the places, or a share of the way there, and by how much (d, 3) N
+        those of obstacles change beside as they turn, None where none turns. None where nothing obeys the law."""
+        met, places, mu = self.met, self.places, self.scene.mu
+        frames, near, gaps, relative = met.frames(places), met.near, met.gaps(places), None
+        push = met.push[near]
         if self.soft is not None:
-            touching = self.soft.touching
+            known, touching = self.robots.known, self.soft.touching
             alone = np.zeros((len(near), len(known)))
             alone[np.arange(len(near)), self._of_near()] = 1.0
             relative = np.concatenate([alone, touching.relative[:, known]])
             gaps = np.concatenate([gaps, self.soft.gaps(places, mu)])
             frames = np.concatenate([frames, touching.frames])
             push = np.concatenate([push, self.soft.push_of(touching)])
-        soft = None if relative is None else relative[len(near) :]
-        self._mobility = self.poses.mobility(places, near, met.which, soft)
-        given = gaps, self.robots.on_known, push, mu, self._mobility, self._share
-        if turning is not None:
-            answer = balance(relative, frames, turning.compliance, *given)
+        for compliance, turned, loads in self._linearisations():
+            yields = self.poses.yields(places, near, met.which, loads, relative, compliance, turned)
+            if yields is None:
+                continue
+            given = gaps, self.robots.on_known, push, mu, yields.mobility, self._share
+            answer = balance(relative, frames, compliance, *given)
             if answer is not None:
-                return answer, turning.turning
-        answer = balance(relative, frames, compliance, *given)
-        if answer is None:  # under large forces the derivative may be indefinite, which this is not
-            answer = balance(relative, frames, self.robots.compliance(under_forces=False), *given)
-        return None if answer is None else (answer, None)
+                self._mobility, change = yields.mobility, None
+                if yields.turning is not None:
+                    change = (yields.turning @ (answer.push - push).ravel()).reshape(-1, 3)
+                return answer, change
+        return None
 
-    def _move(self, answer: Balance, turning: np.ndarray | None) -> bool:
-        """Loads the forces of the answer, which move the patches. True where the law holds there too."""
+    def _linearisations(self) -> Iterator[tuple[np.ndarray, TurningCompliance | None, Loads]]:
+        """Compliance of the known patches, with how forces turn, and the forces that bodies turn, as `Poses.yields` has
+        them: the derivative, that without curvature, and, as it may be indefinite under large forces, what is not."""
+        met, robots = self.met, self.robots
+        compliance, loads = robots.compliance(under_forces=True), (robots.on_known, met.push, ~met.sticks[met.near])
+        turned = met.turned(compliance, self.places, robots.known)
+        if turned is not None:
+            yield turned.compliance, turned, loads
+        yield compliance, None, loads
+        nothing = np.zeros_like(robots.on_known), np.zeros_like(met.push), loads[2]
+        yield robots.compliance(under_forces=False), None, nothing
+
+    def _move(self, answer: Balance, turned: np.ndarray | None) -> bool:
+        """Loads the forces of the answer, and `turned` (d, 3) N beside, which move the patches. True where the law
+        holds there too."""
         met, d, forces, self.modes = self.met, len(self.met.near), answer.forces, answer.modes
         local, push = answer.local[:d], answer.push[:d]
-        if turning is not None:
-            change = (turning @ answer.change.ravel()).reshape(-1, 3)
-            push, forces = push + change[self._of_near()], forces + change
+        if turned is not None:
+            push, forces = push + turned, forces.copy()
+            forces[self._of_near()] += turned
         met.sticks[:] = False
         met.sticks[met.near] = [mode is Mode.STICK for mode in answer.modes[:d]]
         self._press(push, forces)
@@ -231,6 +248,7 @@ class Rounds:
             self.scene.bodies,
             status,
             robots.forces,
+            robots.forces - self._begin,
             places,
             known,
             next_near,

@@ -13,6 +13,7 @@ from cfem.contact.prescribed_motion import PrescribedMotion
 from cfem.contact.step_status import StepStatus
 from cfem.predict.protocol import Predictor
 
+GOES_ON = 0.3  # of a force: the largest change in a step that is expected to go on
 TRUSTED = 0.035  # estimated error of the motion by forces; forces are then within 5 % (docs/contact.md)
 SETTLED = 6  # rounds on rigid obstacles; where more are needed, small errors make large forces (docs/contact.md)
 
@@ -23,6 +24,7 @@ class ContactState(Pressing):
     surfaces that are near each other, then those of patches that touch obstacles.
 
     forces (N, 3) N, places (N, 3) mm: of all patches
+    change: (N, 3) N of the forces in this step
     known (c,): patches whose local motion is known
     near (d,): those of them that touch obstacles, or may touch one next
     modes: by slot, of pairs that touch
@@ -44,6 +46,7 @@ class ContactState(Pressing):
 
     status: StepStatus
     forces: np.ndarray
+    change: np.ndarray
     places: np.ndarray
     known: np.ndarray
     near: np.ndarray
@@ -103,6 +106,18 @@ class ContactState(Pressing):
     def on_obstacles(self) -> np.ndarray:
         """(p,) bool: the pairs that are with obstacles."""
         return self.pairs.slots >= len(self.places)
+
+    @property
+    def steady(self) -> bool:
+        """True where all that touches sticks, and no force has changed by more than a share in this step. Where patches
+        slide, begin to touch or come off, several states may obey the law: the guess would choose between them."""
+        change, sizes = (self.change * self.change).sum(axis=1), (self.forces * self.forces).sum(axis=1)
+        return bool((change <= GOES_ON**2 * sizes).all()) and all(mode is Mode.STICK for mode in self.modes.values())
+
+    def going_on(self) -> "ContactState":
+        """This state, its forces where a step brings them that goes on as the last one: a guess. All pairs are with
+        obstacles."""
+        return replace(self, forces=self.forces + self.change, push=self.push + self.change[self.pairs.points])
 
     def slipping_from(self, before: "ContactState") -> "ContactState":
         """This state, whose slip counts from where that of a step from `before` to it does."""
