@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from cfem.core.errors import InputError
+from cfem.predict.contact.step.state import ContactState
 
 gymnasium = pytest.importorskip("gymnasium")
 
@@ -60,8 +61,9 @@ def test_the_same_seed_and_actions_give_the_same_digits(env):
 
 
 def test_bars_that_close_and_rise_bring_the_block_to_its_goal(env):
+    """What is held needs one round a step: it begins with forces that go on as in the last one."""
     env.reset(seed=0)
-    rewards = []
+    rewards, rounds = [], []
     for tick in range(90):
         up = np.clip((tick - 40) / 40, 0, 1) * 0.010 / 0.03
         target = np.array([up, *[min(1.0, tick / 40)] * 2]) * (env.high - env.low) + env.low
@@ -69,9 +71,25 @@ def test_bars_that_close_and_rise_bring_the_block_to_its_goal(env):
         seen, reward, failed, cut, info = env.step(action.astype(np.float32))
         assert not failed and not cut
         rewards.append(reward)
+        rounds.append(env.world.contact.iterations)
+    assert np.mean(rounds[:40]) < 3.0 and max(rounds[80:]) == 1
     assert info["error"] < 1.0 and rewards[0] < -1.0 and rewards[-1] > 0.5
     assert info["command"] == pytest.approx(env.low + np.array([1 / 3, 1, 1]) * (env.high - env.low), rel=1e-5)
     assert seen[:3] == pytest.approx([0, 0, 0], abs=0.1) and seen[9:12] == pytest.approx([-1 / 3, 1, 1], abs=1e-5)
+
+
+def test_the_forces_that_a_step_begins_with_change_no_answer(soft_bar, monkeypatch):
+    """Of a block that slides and turns between bars that close on it."""
+    ends = []
+    for guess in (True, False):
+        env = made(soft_bar)
+        env.reset(seed=0)
+        if not guess:
+            monkeypatch.setattr(ContactState, "going_on", lambda state: state)
+        for _ in range(20):
+            env.step(np.array([0, 1, 1], np.float32))
+        ends.append(env.world.data.body("cube").xpos.copy())
+    assert ends[0] == pytest.approx(ends[1], abs=1e-9) and not np.array_equal(*ends)
 
 
 def test_a_block_that_is_lost_ends_the_episode(env):

@@ -10,6 +10,7 @@ from cfem.core.errors import NumericalError
 from cfem.mujoco import World
 from cfem.mujoco.near import REACH, Look
 from cfem.predict.contact.step.state import TRUSTED
+from cfem.predict.contact.surface.surfaces import Surfaces
 
 TURNING = """<mujoco><option timestep="0.002"/><worldbody>
   <body><joint axis="0 0 1" damping="1"/><geom size="0.004" pos="-0.01 0 0" mass="1"/><site name="bar"/></body>
@@ -53,11 +54,12 @@ def test_forces_are_those_of_all_points_and_few_of_these_are_asked(soft_bar, ask
 def test_no_point_comes_nearer_than_is_said(soft_bar):
     world = World(TURNING, {"bar": soft_bar})
     world.data.qvel[0], largest = 1.0, 0.0
-    everywhere = Look.nowhere([soft_bar.surface])
+    whole = Surfaces([soft_bar.surface])
+    everywhere = Look.nowhere(whole)
     for i in range(15):
         state = world.step({"bar": [0.02 * i]})
         if i == 0:
-            first, look = state.obstacles, everywhere.again([soft_bar.surface], everywhere.taken(state, world.points))
+            first, look = state.obstacles, everywhere.again(whole, everywhere.taken(state, world.points))
             before = everywhere.places(state)
         nearer = first.nearest(before)[0] - state.obstacles.nearest(everywhere.places(state))[0]
         share = nearer.max() / (REACH * soft_bar.surface.model.length)

@@ -1,9 +1,10 @@
 """Which points of soft robots may touch a geom: broad phase of `World`.
 
-At a look, the distance of every point to the geoms is known. As long as nothing has moved by more than REACH, against
-what it is near, only points that were as near as that may touch, and a step is one of these points
+At a look, it is known how far every point is from the geoms at least. As long as nothing has moved by more than REACH,
+against what it is near, only points that were as near as that may touch, and a step is one of these points
 (`cfem.predict.contact.surface.surface_part`). Afterwards the motion that was is checked, by bounds: the forces and
-places are those of a step of all points."""
+places are those of a step of all points. The next look asks for the distances of those points alone that this motion
+may have brought near."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -12,16 +13,16 @@ from itertools import pairwise
 import numpy as np
 from numba import njit
 
-from cfem.predict.contact.forces.loaded_robots import LoadedRobots
+from cfem.predict.contact.forces.held_robot import held
+from cfem.predict.contact.forces.loaded_robots import moved_by_wrench
 from cfem.predict.contact.step.bodies import PlacedModel
 from cfem.predict.contact.step.scene import ContactScene
 from cfem.predict.contact.step.state import ContactState
-from cfem.predict.contact.surface.surface_model import SurfaceModel
 from cfem.predict.contact.surface.surface_part import SurfacePart
 from cfem.predict.contact.surface.surfaces import Surfaces
 
 REACH = 0.03  # of the length
-OLD = 0.5  # of REACH: after it one looks again
+AHEAD = 2.0  # steps like the last one: where they may bring other points near, one looks again
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,44 +31,54 @@ class Look:
 
     numbers: (n,) of these points among all (N)
     surfaces: of the robots, of these points alone
+    apart: (N,) mm, how far all points were from geoms at least
     state: in which everything was, None where all points may touch
-    share: largest approach of a point to a geom since then (`moved`)"""
+    share: largest approach of a point to a geom since then (`moved`)
+    growth: of the share in the last step"""
 
     numbers: np.ndarray
     surfaces: Surfaces
+    apart: np.ndarray
     state: ContactState | None = None
     share: float = np.inf
+    growth: float = 0.0
 
     @classmethod
-    def nowhere(cls, surfaces: Sequence[SurfaceModel]) -> "Look":
+    def nowhere(cls, surfaces: Surfaces) -> "Look":
         """All points may touch."""
-        return cls(np.arange(sum(len(surface.patches) for surface in surfaces)), Surfaces(surfaces))
+        return cls(np.arange(len(surfaces.bodies)), surfaces, np.zeros(len(surfaces.bodies)))
 
-    def again(self, surfaces: Sequence[SurfaceModel], state: ContactState) -> "Look":
-        """A look at a state of the points of this one; surfaces: whole ones of the robots."""
-        numbers, parts, first, reach = [], [], 0, REACH * surfaces[0].model.length
-        known = self.numbers[state.known]
-        for surface, rows, (R, t) in zip(surfaces, state.rows, state.poses, strict=True):
-            places = (surface.patches.rest + (surface.flat @ rows).reshape(-1, 3)) @ R.T + t
-            close = (state.obstacles.nearest(places, 2 * reach)[0] <= reach) & ~surface.held_still
-            close[known[(known >= first) & (known < first + len(close))] - first] = True
-            numbers.append(first + np.flatnonzero(close))
-            parts.append(SurfacePart(surface, np.flatnonzero(close)))
-            first += len(close)
-        return Look(np.concatenate(numbers), Surfaces(parts), state)
+    def again(self, whole: Surfaces, state: ContactState) -> "Look":
+        """A look at a state of the points of this one; whole: surfaces of the robots, with all points."""
+        reach, parts = REACH * whole.models[0].model.length, []
+        apart = self.apart if self.state is None else self.apart - self.share * reach
+        asked = np.flatnonzero((apart <= reach) & ~whole.held_still)
+        ends, places = np.searchsorted(asked, whole.ends).tolist(), np.empty((len(asked), 3))
+        each = zip(whole.models, state.rows, state.poses, pairwise(ends), whole.ends, strict=False)
+        for surface, rows, (R, t), (a, b), first in each:
+            mine = asked[a:b] - first
+            places[a:b] = (surface.patches.rest[mine] + surface.U[mine] @ rows) @ R.T + t
+        apart = apart.copy()
+        apart[asked] = state.obstacles.nearest(places)[0]
+        close = (apart <= reach) & ~whole.held_still
+        close[self.numbers[state.known]] = True
+        numbers = np.flatnonzero(close)
+        for surface, (a, b), first in zip(
+            whole.models, pairwise(np.searchsorted(numbers, whole.ends).tolist()), whole.ends, strict=False
+        ):
+            parts.append(SurfacePart(surface, numbers[a:b] - first))
+        return Look(numbers, Surfaces(parts), apart, state, 0.0, self.growth)
 
     def step(
         self, scene: ContactScene, deltas: Sequence[np.ndarray], before: ContactState | None
     ) -> tuple[ContactState, "Look"]:
         """`ContactScene.step` of a scene with whole surfaces from a state of the points of this look. The look that
         goes with the state after it."""
-        surfaces = scene.surfaces
-        everywhere = Look(np.arange(len(scene.bodies)), surfaces)
         if before is None or scene.soft:
-            return scene.step(deltas, before), everywhere
+            return scene.step(deltas, before), Look.nowhere(scene.surfaces)
         look, start = self, before
-        if self.share > OLD:
-            look = self.again(surfaces.models, before)
+        if self.share + AHEAD * self.growth > 1.0:
+            look = self.again(scene.surfaces, before)
             start = look.taken(before, self.numbers)
         robots = [
             PlacedModel(part, robot.R, robot.t, False, robot.unilateral, robot.wrench)
@@ -76,7 +87,9 @@ class Look:
         state = replace(scene, robots=robots, stacked=look.surfaces).step(deltas, start)
         share = look.moved(state)
         if state.converged and share <= 1.0:
-            return state, Look(look.numbers, look.surfaces, look.state, share)
+            growth = abs(share - look.share)
+            return state, Look(look.numbers, look.surfaces, look.apart, look.state, share, growth)
+        everywhere = Look.nowhere(scene.surfaces)
         return scene.step(deltas, everywhere.taken(before, self.numbers)), everywhere
 
     def taken(self, state: ContactState, numbers: np.ndarray) -> ContactState:
@@ -85,8 +98,9 @@ class Look:
         place[self.numbers] = np.arange(len(self.numbers))
         place, count, n = place[numbers], len(numbers), len(self.numbers)
         mine, places = place >= 0, self.places(state)
-        forces, stuck = np.zeros((n, 3)), np.full((n, 3), np.nan)
-        for array, given in ((forces, state.forces), (places, state.places), (stuck, state.stuck)):
+        forces, change, stuck = np.zeros((n, 3)), np.zeros((n, 3)), np.full((n, 3), np.nan)
+        kept = (forces, state.forces), (change, state.change), (places, state.places), (stuck, state.stuck)
+        for array, given in kept:
             array[place[mine]] = given[mine]
         pairs, relative = state.pairs, np.zeros((len(state.pairs), n))
         relative[:, place[mine]] = pairs.relative[:, mine]
@@ -95,6 +109,7 @@ class Look:
             pairs=replace(pairs, slots=place[pairs.points] + n, relative=relative),
             bodies=self.surfaces.bodies,
             forces=forces,
+            change=change,
             places=places,
             stuck=stuck,
             known=place[state.known],
@@ -104,14 +119,14 @@ class Look:
 
     def places(self, state: ContactState) -> np.ndarray:
         """(n, 3) mm of the points in any state, but for what forces on them do locally."""
-        surfaces, each = self.surfaces, []
-        wrenches = [wrench if wrench.any() else None for wrench in state.wrenches]
-        nothing = np.zeros(0, dtype=np.int64), np.zeros((len(self.numbers), 3))
-        R, t = map(np.array, zip(*state.poses, strict=True))
-        free = LoadedRobots(surfaces, state.deltas, wrenches, R, t, *nothing)
-        for i, (model, (a, b)) in enumerate(zip(surfaces.models, pairwise(surfaces.ends), strict=True)):
-            by_forces = (model.flat @ (state.rows[i] - free.held[i].rows)).reshape(-1, 3)
-            each.append((free.free[a:b] + by_forces) @ R[i].T + t[i])
+        each = []
+        for model, rows, delta, wrench, (R, t) in zip(
+            self.surfaces.models, state.rows, state.deltas, state.wrenches, state.poses, strict=True
+        ):
+            places = model.patches.rest + (model.flat @ rows).reshape(-1, 3)
+            if wrench.any():
+                places = places + moved_by_wrench(held(model, delta, wrench), model, wrench)
+            each.append(places @ R.T + t)
         return np.concatenate(each)
 
     def moved(self, state: ContactState) -> float:

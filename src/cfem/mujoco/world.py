@@ -21,11 +21,13 @@ from cfem.mujoco.description import add_robot, control_names, skin_name
 from cfem.mujoco.geoms import MM, Geoms
 from cfem.mujoco.near import Look
 from cfem.mujoco.rigid import Rigid
+from cfem.mujoco.sensors import Sensors
 from cfem.mujoco.soft_robot import SoftRobot
 from cfem.predict.contact.step.bodies import PlacedModel
 from cfem.predict.contact.step.scene import ContactScene
 from cfem.predict.contact.step.state import TRUSTED, ContactState
 from cfem.predict.contact.surface.node_model import NodeModel
+from cfem.predict.contact.surface.surfaces import Surfaces
 
 INSIDE = 1e-3  # of the length: by how much a robot may overlap a geom at the start
 FAST = 0.05  # of the length: the longest way of a geom in one step that may touch a robot in it
@@ -111,14 +113,11 @@ class World:
         }
         kind, self._vector = mujoco.mjtObj.mjOBJ_FLEX, np.empty(mujoco.mj_stateSize(self.model, STATE))
         self._flexes = [mujoco.mj_name2id(self.model, kind, skin_name(name)) for name in robots]
-        self._sensors = [
-            (self._sensor(f"{name}.force"), np.array([self._sensor(f"{name}.{point}") for point in robot.points]))
-            for name, robot in robots.items()
-        ]
+        self._sensors = Sensors(self.model, self.robots)
         self.geoms = Geoms(self.model, carriers.tolist())
         self.rigid = Rigid(self.model, carriers, self.geoms)
         self._shortest = min(robot.surface.model.length for robot in self.robots.values())
-        self._everywhere = Look.nowhere([robot.surface for robot in robots.values()])
+        self._everywhere = Look.nowhere(Surfaces([robot.surface for robot in robots.values()]))
         self.reset()
 
     def reset(self) -> None:
@@ -138,7 +137,7 @@ class World:
                 if inside > INSIDE * robot.patched.model.length:
                     what = f"geom '{geom}' and the soft robot '{name}' overlap by {inside:.2g} mm at the start"
                     raise InputError(what, do="move one of them, or let the geom not collide: contype=conaffinity=0")
-        self._write_sensors(start)
+        self._sensors.write(self.data.sensordata, start, *self._poses(self.data))
 
     @contextmanager
     def _skins_hidden(self) -> Iterator[None]:
@@ -188,7 +187,7 @@ class World:
         mujoco.mj_kinematics(model, data)
         self.energies = self._account(state, passed)
         self.contact, self._look, self._deltas, self._wrench = state, look, state.deltas, wrench
-        self._write_sensors(state)
+        self._sensors.write(data.sensordata, state, *self._poses(data))
         return state
 
     @property
@@ -218,10 +217,10 @@ class World:
         """Brings the skins that MuJoCo draws to where the robots are; before a renderer or viewer updates its scene."""
         model, data = self.model, self.data
         mujoco.mj_kinematics(model, data)
-        for number, (robot, flex) in enumerate(zip(self.robots.values(), self._flexes, strict=True)):
+        each = enumerate(zip(self.robots.values(), self._flexes, *self._poses(data), strict=True))
+        for number, (robot, flex, R, t) in each:
             skin = robot.surface.model.skin
             rows = skin.rows(self._deltas[number], np.zeros(0)) if self.contact is None else self.contact.rows[number]
-            R, t = self._pose(data, number)
             first = model.flex_vertadr[flex]
             data.flexvert_xpos[first : first + len(skin.rest)] = (skin.surface(rows) @ R.T + t) / MM
 
@@ -238,13 +237,9 @@ class World:
         self.contact, self._look, self._deltas = saved.contact, saved.look, saved.deltas
         self._wrench, self.energies = saved.wrench, saved.energies
 
-    def _sensor(self, name: str) -> np.ndarray:
-        """(3,) places of its numbers among those of all sensors."""
-        return self.model.sensor(name).adr + np.arange(3)
-
-    def _pose(self, data: mujoco.MjData, number: int) -> tuple[np.ndarray, np.ndarray]:
-        site = self._sites[number]
-        return data.site_xmat[site].reshape(3, 3).copy(), data.site_xpos[site] * MM
+    def _poses(self, data: mujoco.MjData) -> tuple[np.ndarray, np.ndarray]:
+        """(r, 3, 3) and (r, 3) mm of the robots' sites."""
+        return data.site_xmat[self._sites].reshape(-1, 3, 3), data.site_xpos[self._sites] * MM
 
     def _velocities(self, data: mujoco.MjData) -> list[np.ndarray]:
         """(2, 3) mm/s and rad/s of each base at its robot's centre of mass; none without `inertia`."""
@@ -252,8 +247,7 @@ class World:
             return []
         model, J, velocities = self.model, np.zeros((2, 3, self.model.nv)), []
         mujoco.mj_comPos(model, data)
-        for number, robot in enumerate(self.robots.values()):
-            R, t = self._pose(data, number)
+        for number, (robot, R, t) in enumerate(zip(self.robots.values(), *self._poses(data), strict=True)):
             centre = robot.surface.model.rest_e + (0.0 if self.contact is None else self.contact.delta_e[number])
             point, body = (R @ centre[robot.weight.rows] + t) / MM, model.site_bodyid[self._sites[number]]
             mujoco.mj_jac(model, data, J[0], J[1], point, body)
@@ -278,12 +272,11 @@ class World:
         """Robots and geoms where `data` has them; gravity (r, 3) mm/s^2 on each robot, the model's unless given; rigid:
         bodies that give way."""
         robots = []
-        for number, robot in enumerate(self.robots.values()):
-            R, t = self._pose(data, number)
+        for number, (robot, R, t) in enumerate(zip(self.robots.values(), *self._poses(data), strict=True)):
             wrench = robot.wrench((MM * self.model.opt.gravity if gravity is None else gravity[number]) @ R)
             robots.append(PlacedModel(robot.surface, R, t, False, robot.unilateral, wrench))
         stacked = self._everywhere.surfaces
-        return ContactScene(robots, self.geoms.placed(data), self.friction, rigid, self.robots_touch, stacked)
+        return ContactScene(robots, self.geoms.placed(data), self.friction, rigid, self.robots_touch, stacked, True)
 
     def _commanded(self, commands: Mapping[str, ArrayLike]) -> list[np.ndarray]:
         for name in commands:
@@ -355,14 +348,6 @@ class World:
             what = f"contact has given {-energies.lost:.3g} N mm more than it was given by t = {self.data.time:.4g} s"
             raise NumericalError(what, do=f"take a timestep shorter than {self.model.opt.timestep:g} s")
         return energies
-
-    def _write_sensors(self, state: ContactState) -> None:
-        values, numbers = self.data.sensordata, np.arange(len(self.robots))
-        forces = (state.bodies == numbers[:, None]).astype(float) @ state.forces
-        for number, ((of_force, of_points), robot) in enumerate(zip(self._sensors, self.robots.values(), strict=True)):
-            (R, t), places = self._pose(self.data, number), robot.surface.model.rest_e + state.delta_e[number]
-            values[of_force] = forces[number]
-            values[of_points] = (places[robot.point_rows] @ R.T + t) / MM
 
 
 def _compiled(mjcf: Path | str | mujoco.MjSpec, robots: Mapping[str, SoftRobot]) -> mujoco.MjModel:

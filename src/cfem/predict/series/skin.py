@@ -22,6 +22,7 @@ from cfem.predict.series.energy import Form, unpacking
 from cfem.predict.series.semidefinite import with_nearest
 
 FILE = "skin.npz"  # of a model folder
+LAST = 8  # values of a basis that are kept
 HELD = 1e-6  # of the largest mode: where they are smaller, the body is held
 
 
@@ -53,7 +54,7 @@ class LearnedSkin:
         self._series_T = np.ascontiguousarray(take(arrays, "series", (k, len(self._indices))).T)
         indices = take(arrays, "compliance_indices", (None, n_inputs), "iu").astype(np.int64)
         self._compliance_basis = Basis(indices)
-        self._last: dict[int, tuple[tuple[bytes, bytes], np.ndarray]] = {}
+        self._last: dict[tuple[int, bytes, bytes], np.ndarray] = {}
         self._compliance = take(arrays, "compliance", (n_e * k + k * (k + 1) // 2, len(indices)))
 
     def __len__(self) -> int:
@@ -167,14 +168,15 @@ class LearnedSkin:
         return joined.row.astype(np.int64), joined.col.astype(np.int64), joined.data
 
     def _at(self, basis: Basis, s: np.ndarray, q: np.ndarray) -> np.ndarray:
-        """(..., M) the basis there; of the last single state it is kept, as most are asked for several things."""
+        """(..., M) the basis there; of the last single states it is kept, as most are asked for several things."""
         if s.ndim > 1:
             return basis(self._box(s, q))
-        key = s.tobytes(), q.tobytes()
-        known = self._last.get(id(basis))
-        if known is None or known[0] != key:
-            known = self._last[id(basis)] = key, basis(self._box(s, q))
-        return known[1]
+        key = id(basis), s.tobytes(), q.tobytes()
+        if key not in self._last:
+            if len(self._last) >= LAST:
+                del self._last[next(iter(self._last))]
+            self._last[key] = basis(self._box(s, q))
+        return self._last[key]
 
     def _box(self, s: np.ndarray, q: np.ndarray) -> np.ndarray:
         t = np.concatenate([s, q], axis=-1) if q.shape[-1] else s
