@@ -4,13 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 
+from cfem.contact.law.modes import Mode
 from cfem.contact.obstacle import Plane, Sphere
 from cfem.contact.obstacle_set import ObstacleSet
 from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
 from cfem.equilibrium.contact.surfaces import SurfaceScene
 from cfem.predict.contact.error import forces_of
 from cfem.predict.contact.step.scene import contact_step
-from cfem.predict.contact.step.state import SETTLED, TRUSTED
+from cfem.predict.contact.step.state import GOES_ON, SETTLED, TRUSTED
 
 DELTA = np.array([7.436])
 RADIUS = 4.0
@@ -60,3 +61,17 @@ def test_rounds_in_which_soft_surfaces_touch_say_nothing(patched_bar):
     soft = replace(state.pairs, slots=np.zeros_like(state.pairs.slots))
     assert replace(state, pairs=soft, iterations=SETTLED + 1).settled
     assert not replace(state, iterations=SETTLED + 1).settled
+
+
+def test_forces_go_on_where_all_that_touches_sticks_and_none_changes_much(patched_bar):
+    state = contact_step(patched_bar, DELTA, between(0.05))
+    assert np.array_equal(state.change, state.forces) and not state.steady  # it has begun to touch
+    sticks = dict.fromkeys(state.modes, Mode.STICK)
+    state = replace(state, modes=sticks, change=0.99 * GOES_ON * state.forces)
+    ahead = state.going_on()
+    assert state.steady and np.array_equal(ahead.forces, state.forces + state.change)
+    assert np.array_equal(ahead.push, state.push + state.change[state.pairs.points])
+    assert not replace(state, change=1.01 * GOES_ON * state.forces).steady
+    assert not replace(state, modes=sticks | {next(iter(sticks)): Mode.SLIP}).steady
+    left = replace(state, forces=np.zeros_like(state.forces), change=-state.forces, modes={})
+    assert not left.steady  # it has come off
