@@ -7,12 +7,14 @@ import pytest
 from support import linear_robot
 from support.linear_robot import LinearRobot
 
-from cfem.control.closed_loop.pilots import pilot_of
+from cfem.control.closed_loop.pilots import gains_of, pilot_of, seeds_of, standing_at
 from cfem.control.closed_loop.spec import ControllerSpec, ForceCommandSpec
 from cfem.control.closed_loop.tick import Pilot
 from cfem.control.search.goal_search import Iterate, SearchSettings, by_force, search_goal
 from cfem.control.search.inverse import Aim, Limits
 from cfem.control.task.run_spec import FE_BASED
+from cfem.core.errors import SpecError
+from cfem.plant.gains import Gains
 
 MM = np.array([1.0, -1.0])  # of both actuators
 TRAINED = np.array([[-30.0, 25.0], [-10.0, 25.0]])  # mm, beyond the scene's reach on three sides of four
@@ -84,3 +86,52 @@ def test_a_tick_changes_the_command_by_a_step_and_searches_once_with_the_control
     slow, free = pilot("spectral", step="0.5 N"), pilot("spectral")
     assert slow.rate == 0.5 and free.rate == np.inf
     assert (slow.settings.iterations, slow.restarts, slow.command) == (10, 0, "force")
+
+
+def controller(mode: str, **more) -> ControllerSpec:
+    return ControllerSpec.model_validate({"mode": mode, **more})
+
+
+@pytest.mark.parametrize(
+    ("spec", "gains"),
+    [
+        (controller("open"), None),
+        (controller("closed", mpc={}), None),
+        (controller("closed"), Gains(phase_margin=np.radians(60))),
+        (controller("closed", gains={"phase_margin": "45 deg"}), Gains(phase_margin=np.radians(45))),
+        (controller("closed", gains={"phase_margin": "45 deg", "bound": "3 mm"}), Gains(0, None, 3.0, np.radians(45))),
+        (controller("closed", gains={"proportional": 0.1, "integral": 0.2}), Gains(0.1, 0.2)),
+        (controller("closed", gains={"integral": 0.2, "bound": "3 mm"}), Gains(0.0, 0.2, 3.0)),
+    ],
+)
+def test_gains_are_those_of_the_spec_and_have_no_bound_unless_it_states_one(spec, gains):
+    found = gains_of(spec)
+    assert (found is None) == (gains is None)
+    if gains:
+        stated = (found.proportional, found.bound, found.integral_at(2))
+        assert stated == pytest.approx((gains.proportional, gains.bound, gains.integral_at(2)))
+
+
+@pytest.mark.parametrize(
+    ("spec", "seeds"),
+    [
+        (controller("open"), [4]),
+        (controller("open", observer="measured"), [4, 5, 6]),
+        (controller("closed"), [4, 5, 6]),
+        (controller("policy", policy="saved.onnx"), [4, 5, 6]),
+    ],
+)
+def test_what_hears_no_noise_runs_with_one_seed(spec, seeds):
+    assert seeds_of(spec, SimpleNamespace(seeds=[4, 5, 6])) == seeds
+
+
+def test_a_loop_that_moves_begins_where_the_robot_stands_at_its_first_goal():
+    search, wanted = pilot(FE_BASED), np.array([7.0, -4.0])
+    goal = linear_robot.REST_E + search.model.at_displacement(wanted).delta_e
+    np.testing.assert_allclose(standing_at(goal, search, linear_robot.REST_E).delta_a, wanted, atol=1e-6)
+
+
+def test_a_first_goal_that_nothing_leads_to_is_an_error():
+    search = pilot(FE_BASED)
+    with pytest.raises(SpecError, match="no way to the first goal"):
+        standing_at(np.full(2, np.nan), search, linear_robot.REST_E)
