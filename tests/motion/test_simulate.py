@@ -67,6 +67,21 @@ def test_a_step_that_no_halves_help_is_an_error_after_eight_of_them(no_longer_th
     np.testing.assert_allclose(tried, DT * 0.5 ** np.arange(9))
 
 
+def test_a_second_half_is_halved_as_often_as_a_first(monkeypatch):
+    step, tried = simulated.step, []
+
+    def some(moving, now, command, dt, payload):
+        tried.append(dt)
+        if dt > DT / 2 or now.t >= DT / 2:
+            raise NumericalError("too long, or too late")
+        return step(moving, now, command, dt, payload)
+
+    monkeypatch.setattr(simulated, "step", some)
+    with pytest.raises(NumericalError, match="too late"):
+        motion(DT)
+    np.testing.assert_allclose(tried, DT * np.concatenate([[1.0], [0.5], 0.5 ** np.arange(1, 9)]))
+
+
 def test_a_motion_ends_at_its_time_whatever_the_step(no_longer_than):
     tried = no_longer_than(1.0)
     ends = motion(0.8 * DT)  # of 3.75 steps 4 are made
