@@ -105,11 +105,14 @@ class CoveringTests:
         return cls(frozen, {test: tests[test]["seconds"] for test in passed})
 
     def of(self, file: Path, first: int, last: int) -> list[str]:
-        """The tests that run one of these lines of a file, or where none is known to, those that run any of its lines:
-        lines of a module are run as it is imported, and compiled ones by no interpreter. The nearest test comes first,
-        of equally near ones the quickest."""
+        """The tests that run one of these lines of a file, or where none is known to, those that run any of its lines
+        and those of the file that mirrors it: lines of a module are run as it is imported, and compiled ones by no
+        interpreter. The nearest test comes first, of equally near ones the quickest."""
         known = self.lines.get(file.as_posix(), {})
-        found = set().union(*(known.get(n, ()) for n in range(first, last + 1))) or set().union(*known.values())
+        found = set().union(*(known.get(n, ()) for n in range(first, last + 1)))
+        if not found:
+            mirroring = (test for test in self.seconds if distance(file, test) < 0)
+            found = set().union(*known.values(), mirroring)
         return sorted(found, key=lambda test: (distance(file, test), self.seconds[test], test))
 
 

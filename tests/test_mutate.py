@@ -99,9 +99,14 @@ def test_a_line_that_runs_on_import_is_answered_for_by_the_tests_of_its_file(rec
     assert covering.of(Path("contact/a.py"), 1, 2) == [near, beside, far]
 
 
+def test_a_line_that_is_compiled_is_answered_for_by_the_tests_of_the_file_that_mirrors_it(record):
+    covering, _, beside, _ = record
+    assert covering.of(Path("contact/b.py"), 1, 9) == [beside]
+
+
 def test_without_a_record_the_tests_that_import_a_file_answer_for_it(mutate, record):
     covering = record[0]
-    assert covering.of(Path("contact/b.py"), 1, 9) == []
+    assert covering.of(Path("contact/c.py"), 1, 9) == []
     gains = mutate.tests_of(Path("plant/gains.py"), 1, 2, covering)
     assert gains[0] == "tests/plant/test_gains.py" and "tests/control/closed_loop/test_feedback.py" in gains
     assert mutate.tests_of(Path("plant/fem_robot.py"), 1, 2, covering) == ["tests/plant"]  # which none imports

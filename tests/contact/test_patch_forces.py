@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from support.benchmark import benchmark
 
 from cfem.contact.law.newton import newton
-from cfem.contact.patch_forces import turned, violation
+from cfem.contact.patch_forces import balance, turned, violation
 
 a_problem = benchmark("contact_random").a_problem
 MU, C = 0.5, np.diag([2.0, 1.0, 1.0])
@@ -53,3 +54,56 @@ def test_of_forces_that_turn_those_of_flat_obstacles_do_not():
     np.testing.assert_allclose(answer.compliance, exact, rtol=1e-8, atol=1e-10)
     np.testing.assert_allclose(answer.turning, B @ exact, rtol=1e-8, atol=1e-10)
     assert turned(C, 100 * np.abs(turning)) is None
+
+
+def drawn(pairs, patches=3, seed=4):
+    """Frames (p, 3, 3), compliance (9, 9) mm/N of three patches under forces (3, 3) N, and gaps (p, 3) mm."""
+    rng = np.random.default_rng(seed)
+    root = rng.normal(size=(3 * patches, 3 * patches))
+    frames, gaps = Rotation.random(pairs, rng=rng).as_matrix(), rng.uniform(-1.0, 0.2, (pairs, 3))
+    return frames, root @ root.T + np.eye(3 * patches), gaps, rng.normal(size=(patches, 3))
+
+
+@pytest.mark.parametrize("bodies", [False, True])
+def test_forces_obey_the_law_where_they_move_the_patches(bodies):
+    frames, C, gaps, forces = drawn(3)
+    mobility = 0.5 * np.eye(9) if bodies else None
+    found = balance(None, frames, C, gaps, forces, forces, MU, mobility)
+    moved = found.step + (0.5 * (found.push - forces) if bodies else 0.0)
+    now = gaps + (frames @ moved[..., None])[..., 0]
+    assert violation(found.local, now, C, MU) < 1e-9 and found.local[:, 0].max() > 1e-3
+    np.testing.assert_allclose(found.forces, forces + found.change)
+    np.testing.assert_allclose(found.forces, found.push)
+    np.testing.assert_allclose((frames @ found.push[..., None])[..., 0], found.local, atol=1e-12)
+
+
+@pytest.mark.parametrize("known", [0.0, 1.0])
+def test_patches_that_press_each_other_bear_opposite_forces(known):
+    """The first pair is of patch 0 against 1, the second of 2 against what is still. known: share of the forces so far
+    that the guess tells."""
+    frames, C, gaps, _ = drawn(2)
+    relative = np.array([[1.0, -1.0, 0.0], [0.0, 0.0, 1.0]])
+    push = 0.01 * np.random.default_rng(5).normal(size=(2, 3))
+    forces, push = relative.T @ push, known * push
+    found = balance(relative, frames, C, gaps, forces, push, MU)
+    np.testing.assert_allclose(found.forces[0], -found.forces[1])
+    np.testing.assert_allclose(found.forces[[0, 2]], found.push)
+    now = gaps + (frames @ (relative @ found.step)[..., None])[..., 0]
+    flexibility = np.kron(relative, np.eye(3)) @ C @ np.kron(relative, np.eye(3)).T
+    assert violation(found.local, now, flexibility, MU) < 1e-9 and found.local[:, 0].max() > 1e-3
+
+
+def test_a_share_of_the_way_ends_between_the_guess_and_the_law():
+    frames, C, gaps, forces = drawn(3)
+    whole, half = (balance(None, frames, C, gaps, forces, forces, MU, None, share) for share in (1.0, 0.5))
+    np.testing.assert_allclose(half.forces, (forces + whole.forces) / 2)
+    np.testing.assert_allclose(half.step, whole.step / 2)
+
+
+def test_without_pairs_all_forces_are_taken_off():
+    _, C, _, forces = drawn(0)
+    forces[1] = 0.0
+    found = balance(np.zeros((0, 3)), np.zeros((0, 3, 3)), C, np.zeros((0, 3)), forces, np.zeros((0, 3)), MU)
+    assert found.modes == () and found.push.shape == found.local.shape == (0, 3)
+    np.testing.assert_array_equal(found.forces, np.zeros((3, 3)))
+    np.testing.assert_allclose(found.step.ravel(), -C @ forces.ravel())

@@ -53,6 +53,17 @@ def test_normals_are_gradients_and_their_slopes_are_bends():
     assert of_edges.any() and not of_edges.all()  # flat sides do not bend
 
 
+@pytest.mark.parametrize("axis", range(3))
+@pytest.mark.parametrize("shape", [Sphere(2.0), Capsule(2.0, 1.5), Box(np.array([1.0, 1.0, 1.0]))])
+def test_normals_turn_on_the_axes_of_a_shape_as_beside_them(shape, axis):
+    """A ball has no place where it is flat, a capsule none but along its axis, and a box nothing else than faces."""
+    made, point, h = Boxes.of([shape]), np.full((1, 3), 0.0), 1e-6
+    point[0, axis] = -5.0
+    number, sides = np.zeros(1, dtype=int), h * np.eye(3)
+    ends = [np.array([frames(made, number, point + sign * step)[0, 0] for step in sides]) for sign in (1, -1)]
+    np.testing.assert_allclose(bends(made, number, point)[0].T, (ends[0] - ends[1]) / (2 * h), atol=1e-9)
+
+
 def test_within_the_core_the_normal_does_not_turn():
     made = boxes()
     assert not bends(made, np.arange(6), made.t).any()

@@ -101,6 +101,41 @@ def test_a_way_that_ends_is_left_where_it_ended(monkeypatch):
 
 
 @pytest.mark.parametrize(
+    ("longest", "held", "stops"),
+    [
+        (1.0, 0.3, [0.2, 0.1, 0.0]),
+        (1.0, 0.25, [1 / 6, 1 / 12, 0.0]),
+        (60.0, -24.0, [-18.0, -12.0, -6.0, 0.0]),  # mm^3
+    ],
+)
+def test_robots_let_go_in_equal_steps_of_a_tenth_of_the_longest(monkeypatch, longest, held, stops):
+    """The first step is no longer than the others, and the last ends at rest."""
+    one, tried = plant(table=object(), longest=longest), []
+    one.at = np.array([0.0, held, held / 2, 0.0])
+
+    def go(self, u, load):
+        tried.append(u)
+        return "converged"
+
+    monkeypatch.setattr(GripPlant, "_go", go)
+    assert one.towards(np.zeros(4)) == "converged"
+    np.testing.assert_allclose(tried, np.outer(stops, [0.0, 1.0, 0.5, 0.0]), atol=1e-12)
+
+
+def test_robots_that_cannot_let_go_stay_where_that_ended(monkeypatch):
+    """Where a step has no solution the object slides; where it finds no balance then, nothing goes on."""
+    one, tried, slid = plant(table=object()), [], []
+    one.at = np.array([0.0, 0.4, 0.0, 0.0])
+    monkeypatch.setattr(GripPlant, "_go", lambda self, u, load: tried.append(u[1]) or "no")
+    monkeypatch.setattr(
+        GripPlant, "_slide", lambda self, u: slid.append(u[1]) or ("no" if u[1] < 0.15 else "converged")
+    )
+    assert one.towards(np.zeros(4)) == "no"
+    np.testing.assert_allclose(tried, [0.3, 0.2, 0.1])
+    np.testing.assert_allclose(slid, tried)
+
+
+@pytest.mark.parametrize(
     ("modes", "moved", "commanded", "longest", "said"),
     [
         ((Mode.OPEN, Mode.OPEN), 0.01, 0.3, 1.0, "let go"),

@@ -89,7 +89,8 @@ def bends(boxes, numbers, points):
             continue
         for i in range(3):
             for j in range(3):
-                local[i, j] = ((1.0 if i == j and n[i] != 0 else 0.0) - n[i] * n[j]) / away
+                round_there = i == j and (n[i] != 0 or boxes.core[o, i] == 0)  # there is no face across this axis
+                local[i, j] = ((1.0 if round_there else 0.0) - n[i] * n[j]) / away
         for i in range(3):
             for j in range(3):
                 half[i, j] = local[i, 0] * R[j, 0] + local[i, 1] * R[j, 1] + local[i, 2] * R[j, 2]

@@ -12,7 +12,7 @@ from cfem.motion.model import MotionModel, MotionTerms
 class Altered:
     """The model with `stiffness` times its modulus of elasticity, whose viscosity goes with it, and `viscosity` times
     its viscosity on top of that. Of one material without loads: forces are in proportion to the modulus. It stands
-    for a `MotionModel` wherever one is asked for."""
+    for a `MotionModel` where a motion is stepped."""
 
     model: MotionModel
     stiffness: float = 1.0
@@ -24,11 +24,6 @@ class Altered:
         return replace(
             place, pull=s * place.pull, stiff=s * place.stiff, inner=s * place.inner, F=s * self.viscosity * place.F
         )
-
-    def learned(self, delta_a: np.ndarray, slopes: bool = True) -> dict[str, np.ndarray]:
-        """Learned terms of the altered model at delta_a (n_a,) mm."""
-        terms = self.model.learned(delta_a, slopes)
-        return terms | {"F": self.stiffness * self.viscosity * terms["F"]}
 
     def forces(self, delta_a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Forces of the altered model at delta_a (n_a,) mm."""

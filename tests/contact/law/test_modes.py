@@ -70,3 +70,35 @@ def test_a_singular_jacobian_takes_the_step_of_least_norm_to_the_same_solutions(
     least_norm = solve_mode(problem, "coulomb", [Mode.SLIP])
     assert regular.status is least_norm.status is ModeStatus.SOLVED and len(regular.lam)
     np.testing.assert_allclose(least_norm.lam, regular.lam, atol=1e-9)
+
+
+@pytest.mark.parametrize("C", [np.eye(3), np.array([[2.0, 0.3, 0.1], [0.3, 1.5, -0.2], [0.1, -0.2, 1.0]])])
+def test_points_at_one_place_share_the_force_that_one_alone_would_bear(C):
+    """Who bears how much is undetermined: the least forces are halves."""
+    free = np.array([-1.0, 0.2, -0.1])
+    alone = solve_mode(ContactProblem(C, free), "bilateral", [Mode.STICK])
+    both = solve_mode(ContactProblem(np.tile(C, (2, 2)), np.tile(free, 2)), "bilateral", [Mode.STICK] * 2)
+    assert (alone.status, both.status) == (ModeStatus.SOLVED, ModeStatus.SINGULAR)
+    np.testing.assert_allclose(both.lam, np.tile(alone.lam, 2) / 2, atol=1e-12)
+    np.testing.assert_allclose(C @ alone.lam[0], -free, atol=1e-12)
+
+
+def test_of_points_on_a_rigid_plate_the_least_forces_are_found():
+    """The third is where the plate goes with 0.3 and 0.7 of the others: forces (0.3, 0.7, -1) f do nothing, so that the
+    least ones have no part of them. By rounding the system is nearly regular."""
+    root = np.random.default_rng(4).normal(size=(6, 6))
+    plate = np.kron([[1.0, 0.0], [0.0, 1.0], [0.3, 0.7]], np.eye(3))
+    problem = ContactProblem(plate @ root @ root.T @ plate.T, plate @ np.random.default_rng(5).normal(size=6))
+    found = solve_mode(problem, "bilateral", [Mode.STICK] * 3)
+    assert found.status is ModeStatus.SINGULAR
+    np.testing.assert_allclose(problem.W @ found.lam[0], -problem.free, atol=1e-9)
+    np.testing.assert_allclose([0.3, 0.7, -1.0] @ found.lam[0].reshape(3, 3), 0.0, atol=1e-9)
+
+
+def test_equations_of_a_stiff_and_a_soft_direction_hold_to_rounding():
+    """The inverse alone leaves rounding times the condition, 1e9."""
+    Q = np.linalg.qr(np.random.default_rng(6).normal(size=(6, 6)))[0]
+    W, lam = Q * np.logspace(0, -9, 6) @ Q.T, np.random.default_rng(7).normal(size=6)
+    found = solve_mode(ContactProblem(W, -W @ lam), "bilateral", [Mode.STICK] * 2)
+    assert found.status is ModeStatus.SOLVED
+    np.testing.assert_allclose(W @ found.lam[0], W @ lam, atol=1e-13)

@@ -1,6 +1,11 @@
 """The sentence on bounds that held."""
 
-from cfem.control.closed_loop.summary import _saturated, judged
+from types import SimpleNamespace
+
+import pytest
+
+from cfem.control.closed_loop.run import Pace
+from cfem.control.closed_loop.summary import _saturated, judged, summarise
 
 
 def test_bounds_are_told_by_kind_and_rare_ones_left_to_the_table():
@@ -20,3 +25,29 @@ def test_a_trajectory_is_poor_where_the_best_controller_misses_most_goals():
     assert judged({"curve": {"open": of(0.0), "closed": of(5.0)}}) == []
     (one,) = judged({"curve": {"open": of(0.0), "closed": of(4.9)}, "other": {"open": of(10.0)}})
     assert one["what"] == "curve: the best controller, closed, reaches 4.9 of 10 goals"
+
+
+def moments(errors_of_goals):
+    """A run with these errors, mm, at the ticks of each goal."""
+    actual = SimpleNamespace(status="converged")
+    return [
+        SimpleNamespace(index=index, error=error, cpu=1e-6, actual=actual)
+        for index, errors in enumerate(errors_of_goals)
+        for error in errors
+    ]
+
+
+@pytest.mark.parametrize(
+    ("errors", "run_up", "mean", "at_goals"),
+    [
+        ([[9.0, 8.0], [1.0, 2.0], [3.0, 4.0]], 0, 2.5, 14 / 3),  # on its way to the first goal it does not count
+        ([[9.0, 8.0], [1.0, 2.0]], 0, 1.5, 5.0),
+        ([[9.0, 8.0]], 0, 8.5, 8.0),  # of one goal there is nothing else
+        ([[9.0, 8.0], [7.0, 6.0], [3.0, 4.0]], 2, 3.5, 4.0),
+    ],
+)
+def test_errors_of_goals_by_the_clock_leave_the_way_to_the_first_out(errors, run_up, mean, at_goals):
+    found = summarise([moments(errors)], len(errors), Pace(0.1, 1, ticks_a_goal=2, run_up=run_up), 10.0)
+    assert found["error"]["mean"] == pytest.approx(mean)
+    assert found["error_at_goals"]["mean"] == pytest.approx(at_goals)
+    assert found["goals"] == len(errors) - run_up and found["ticks_to_converge"] is None

@@ -167,5 +167,46 @@ def test_a_goal_where_the_robot_has_been_is_never_called_out_of_reach():
     assert what.startswith("t, m: the model takes 1 of 1 goals for out of reach, and the robot has been there")
 
 
+def goal_row(world=None, bounds=None, **plan) -> dict:
+    """Row of a goal at which the plant stands as planned."""
+    condensed = SimpleNamespace(bounds=bounds)
+    searched = SearchResult(
+        *(np.zeros(2), np.zeros(2), np.zeros(3)),
+        *(0.0, SearchStatus.CONVERGED, 4, 9, False, 0.0, 2e-3, SimpleNamespace(condensed=condensed), None, None),
+    )
+    measured = Measurement(np.zeros(3), np.zeros(2), np.zeros(2), 1, "converged")
+    every, none = np.ones(3, bool), np.zeros(3, bool)
+    tracked = Tracked("m", 0, np.zeros(3), replace(searched, **plan), measured, True, 0.0, every, none)
+    return record("t", tracked, 0.1, None, world)
+
+
+@pytest.mark.parametrize("model_error", [0.0, 0.25, np.inf])
+def test_a_row_has_the_error_that_the_model_states(model_error):
+    assert goal_row(model_error=model_error)["model_error"] == model_error
+
+
+def test_a_row_has_no_error_where_the_model_states_none():
+    assert np.isnan(goal_row()["model_error"]) and "force_error" not in goal_row()
+
+
+def test_a_row_among_obstacles_has_the_error_of_their_forces():
+    world = SimpleNamespace(met=lambda delta_e, reached: True)
+    assert goal_row(world, SimpleNamespace(force=0.02))["force_error"] == 0.02
+    assert np.isnan(goal_row(world)["force_error"])
+
+
+def test_a_goal_among_obstacles_is_reached_where_its_forces_are():
+    held = SimpleNamespace(met=lambda delta_e, reached: True)
+    missed = SimpleNamespace(met=lambda delta_e, reached: False)
+    row, beside = goal_row(held), goal_row(missed, status=SearchStatus.NO_ANSWER)
+    assert row["reached"] and row["verdict"] == "reached"
+    assert not beside["reached"] and beside["verdict"] == "not converged"
+
+
+@pytest.mark.parametrize("iterations, step_us", [(4, 500.0), (1, 2000.0), (0, 2000.0)])
+def test_the_time_of_a_step_is_that_of_the_search_over_its_iterations(iterations, step_us):
+    assert goal_row(iterations=iterations)["step_us"] == pytest.approx(step_us, rel=1e-12)
+
+
 def test_what_fewer_iterations_cost_is_no_doubt_of_the_run():
     assert said(of(4, 0, "not converged", "spectral@1")) == []

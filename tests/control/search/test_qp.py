@@ -32,6 +32,21 @@ def test_units_of_a_variable_without_part_in_the_objective_change_nothing(unit):
     assert np.ptp([plain.low[1], plain.high[1]]) * plain.unit == pytest.approx(1.0)
 
 
+@pytest.mark.parametrize("size", (1e-3, 1e3))
+def test_constraints_of_a_program_are_unit_normals_in_the_coordinates_of_the_objective(size):
+    """A row of zeros bounds nothing, and stays one."""
+    rng = np.random.default_rng(3)
+    A, box = np.vstack([rng.normal(size=(2, 3)), np.zeros(3)]), np.tile([-1.0, 1.0], (3, 1))
+    wide = np.concatenate([box, np.tile([-2.0, 2.0], (3, 1))])
+    program, _, _ = scaled(size * rng.normal(size=(4, 3)), rng.normal(size=4), A, *wide.T)
+    np.testing.assert_allclose(np.linalg.norm(program.normals, axis=1), [1, 1, 1, 1, 1, 0], atol=1e-12)
+    x = rng.normal(size=3)
+    moved = np.linalg.norm(program.M @ x)
+    coordinates = program.S * (program.V.T @ x)
+    assert np.linalg.norm(coordinates) == pytest.approx(moved)
+    np.testing.assert_allclose(program.length * (program.normals @ coordinates), program.G @ x, atol=1e-12)
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_random_programs_end_at_the_optimum_they_were_built_around(kind):
     rng = np.random.default_rng(20)
@@ -216,6 +231,20 @@ def test_an_open_box_and_a_flat_objective(backend):
     solution = solve_qp(np.array([[1.0, 1.0]]), np.ones(1), *NO_ROWS, box, backend)
     assert solution.status is QpStatus.OPTIMAL
     np.testing.assert_allclose(solution.x, [0.8, 0.2], atol=1e-7)
+
+
+@pytest.mark.parametrize("count", (2, 60))
+def test_of_many_variables_only_two_combinations_matter(count):
+    """The rounding of the other singular values grows with the largest, which is the number of variables: it is no
+    direction."""
+    rng = np.random.default_rng(7)
+    M = rng.uniform(0.5, 1.0, (count, 2)) @ rng.uniform(0.5, 1.0, (2, count))
+    d = M @ rng.uniform(-1.0, 1.0, count) + 0.1 * rng.normal(size=count)
+    box, rows = np.tile([-0.05, 0.05], (count, 1)), (np.zeros((0, count)), np.zeros(0), np.zeros(0))
+    solution = solve_qp(M, d, *rows, box)
+    by_scipy = lsq_linear(M, d, box.T, tol=1e-12)
+    assert solution.status is QpStatus.OPTIMAL and solution.iterations <= 2 * count
+    assert np.square(M @ solution.x - d).sum() / 2 == pytest.approx(by_scipy.cost, rel=1e-6)
 
 
 def test_an_objective_of_nothing_leaves_the_bounds_to_decide():

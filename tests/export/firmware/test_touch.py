@@ -399,7 +399,8 @@ def test_obstacles_are_those_of_python(tmp_path, patched):
     library.cfem_obstacle_distance.restype = ctypes.c_double
     size = len(bytes((ctypes.c_double * 16)())) + 8
     bodies = ctypes.addressof((ctypes.c_char * (4 * size)).in_dll(library, "cfem_obstacles"))
-    for x in 3 * np.random.default_rng(0).normal(size=(50, 3)):
+    on_an_axis = several.obstacles[1].t + [0, 0, 2.5]
+    for x in [*3 * np.random.default_rng(0).normal(size=(50, 3)), on_an_axis]:
         for number, one in enumerate(several.obstacles):
             body, frame, bend = ctypes.c_void_p(bodies + number * size), np.zeros((3, 3)), np.zeros((3, 3))
             distance = library.cfem_obstacle_distance(body, x.ctypes)

@@ -154,6 +154,15 @@ def filter_at_rest(parts, frames=10):
     return filtered, places, u
 
 
+def test_a_frame_at_the_time_of_the_last_moves_nothing_on(parts):
+    """Unless told how much later it is, a frame is of the same time."""
+    (once, places, u), (again, _, _) = filter_at_rest(parts), filter_at_rest(parts)
+    further = np.array([2.5])
+    told, untold = once.tick(places, None, further, after=0.0), again.tick(places, None, further)
+    np.testing.assert_array_equal(told.delta_a, untold.delta_a)
+    np.testing.assert_allclose(untold.delta_a, u, atol=0.02)
+
+
 @pytest.mark.parametrize("garbage", [1e9, -1e300, np.nan, np.inf])
 def test_a_command_that_no_robot_reaches_is_not_followed(parts, garbage):
     filtered, places, u = filter_at_rest(parts)

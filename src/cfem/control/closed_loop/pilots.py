@@ -62,7 +62,8 @@ def pilot_of(search: Pilot, controller: ControllerSpec, loop: LoopSpec, model: M
     command, limits = loop.command, bounded(search.limits, loop)
     if command.kind == "force" and robot.forces is not None:
         # What protects the robot is the bound of what it is told; a course only has to be one that the model knows.
-        course = np.full_like(robot.reach, np.inf) * [-1, 1] if controller.model == FE_BASED else _known(model, robot)
+        anywhere = np.tile([-np.inf, np.inf], (len(robot.reach), 1))
+        course = anywhere if controller.model == FE_BASED else _known(model, robot)
         limits = Limits(limits.lambda_a, course)
     return replace(
         search,
@@ -86,8 +87,8 @@ def bounded(limits: Limits, loop: LoopSpec) -> Limits:
 
 def _known(model: Predictor, robot: Robot) -> np.ndarray:
     """(n_a, 2) mm (mm^3): what the scene states, and wherever else the model was trained."""
-    low, high = np.stack([robot.reach, model.domain.delta_a.T], axis=-1).swapaxes(0, 1)
-    return np.column_stack([low.min(axis=-1), high.max(axis=-1)])
+    (low, high), reach = model.domain.delta_a, robot.reach
+    return np.column_stack([np.minimum(low, reach[:, 0]), np.maximum(high, reach[:, 1])])
 
 
 def gains_of(controller: ControllerSpec) -> Gains | None:

@@ -206,6 +206,6 @@ def _softened(
     missed[hard:] = np.eye(soft)
     price = _SOFT * np.abs(M).max() / np.abs(A[hard:]).max()
     M = np.block([[M, np.zeros((len(M), soft))], [np.zeros((soft, n)), price * np.eye(soft)]])
-    open_ = np.full((soft, 2), np.inf) * [-1, 1]
+    open_ = np.tile([-np.inf, np.inf], (soft, 1))
     d, A, box = np.append(d, np.zeros(soft)), np.hstack([A, missed]), np.vstack([box, open_])
     return solve_qp(M, d, A, low, high, box, backend)

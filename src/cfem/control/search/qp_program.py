@@ -116,9 +116,7 @@ def scaled(
     return _program(M, d, A, low, high, unit), unit / column, unit * scale
 
 
-def _program(
-    M: np.ndarray, d: np.ndarray, A: np.ndarray, low: np.ndarray, high: np.ndarray, unit: float = 1.0
-) -> Program:
+def _program(M: np.ndarray, d: np.ndarray, A: np.ndarray, low: np.ndarray, high: np.ndarray, unit: float) -> Program:
     """Program of a scaled problem, whose objective is reduced by the singular values of M."""
     n = M.shape[1]
     U, singular_values, Vt = np.linalg.svd(M, full_matrices=len(M) < n)

@@ -35,6 +35,8 @@ def test_each_triple_tells_the_change_of_all_its_pairs(drawn):
     _, D, dents = drawn
     f = np.random.default_rng(4).normal(size=9)
     np.testing.assert_allclose(changed(f, *dents), D @ f, atol=1e-13)
+    for unit, by_unit in zip(np.eye(9), D.transpose(2, 0, 1), strict=True):  # forces along one axis of one node
+        np.testing.assert_allclose(changed(unit, *dents), by_unit, atol=1e-13)
 
 
 @pytest.mark.parametrize("size", [1e-3, 0.5])
@@ -68,6 +70,22 @@ def test_slopes_and_the_stored_energy_go_with_the_places(drawn, pressed):
     np.testing.assert_allclose(slopes_of(dented), np.column_stack(places), atol=1e-7 * np.abs(slopes_of(dented)).max())
     np.testing.assert_array_equal(slopes_of(dented), slopes_of(dented).T)
     np.testing.assert_allclose(stored, forces.ravel() @ slopes_of(dented), atol=1e-7)
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_a_node_that_does_not_give_way_dents_others_by_a_force_along_any_axis(drawn, axis):
+    """No force along the other axes is the limit of small ones."""
+    C, _, dents = drawn
+    forces, pressed = np.zeros((3, 3)), np.array([True, False, False])
+    forces[0] = 0.05
+    alone = dented_places(forces, C, *dents, pressed, NONE)
+    forces[1, axis] = 1.0
+    one = dented_places(forces, C, *dents, pressed, NONE)
+    forces[1] += 1e-13
+    several = dented_places(forces, C, *dents, pressed, NONE)
+    assert np.abs(one.h - alone.h).max() > 0.01 * np.abs(one.h).max()
+    np.testing.assert_allclose(one.h, several.h, rtol=1e-9)
+    np.testing.assert_allclose(one.places, several.places, rtol=1e-9)
 
 
 def test_one_factorisation_a_step_of_nodes_that_bear_forces(drawn):

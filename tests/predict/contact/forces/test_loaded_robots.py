@@ -42,3 +42,24 @@ def test_robots_of_a_scene_do_what_each_does_alone(patched_bar):
     for values, alone in zip(zip(*together.outputs(), strict=True), each, strict=True):
         for value, (expected,) in zip(values, alone.outputs(), strict=True):
             np.testing.assert_allclose(value, expected, atol=1e-12)
+
+
+@pytest.mark.parametrize(("size", "apart"), [(0.0, 1e-5), (0.3, 0.04)])
+def test_forces_relieve_actuators_by_as_much_as_these_move_the_patches(patched_bar, size, apart):
+    """By one energy the derivative of the relief by a force is that of the patch's place by the actuator. The second
+    order in the forces changes it by 0.055; dents, whose change with the actuators the relief leaves out, by 0.035."""
+    free = np.flatnonzero(~patched_bar.held_still)[[2, 5, 8]]
+    forces, step = size * np.random.default_rng(1).normal(size=(3, 3)), 1e-3
+
+    def under(mm, forces):
+        robot = LoadedRobots.of(patched_bar, np.array([mm]))
+        put(robot, free, forces)
+        return robot
+
+    by_force = []
+    for unit in np.eye(9).reshape(9, 3, 3):
+        ahead, behind = (under(2.0, forces + way * step * unit).outputs()[2][0] for way in (1, -1))
+        by_force.append((ahead - behind) / (2 * step))
+    ahead, behind = (under(2.0 + way * step, forces).places[free] for way in (1, -1))
+    by_actuator = (ahead - behind) / (2 * step)
+    np.testing.assert_allclose(np.ravel(by_force), by_actuator.ravel(), atol=apart)

@@ -1,11 +1,19 @@
 """Patches on obstacles, in closed form."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
-from cfem.contact.obstacle import Box, Plane
+from cfem.contact.obstacle import Box, Plane, Sphere
 from cfem.contact.obstacle_set import ObstacleSet
-from cfem.predict.contact.step.on_obstacles import begins_deep, held_by_friction, pairs_with_obstacles
+from cfem.predict.contact.step.on_obstacles import (
+    NOTHING,
+    OnObstacles,
+    begins_deep,
+    held_by_friction,
+    pairs_with_obstacles,
+)
 
 
 def test_what_sticks_is_held_where_it_was_on_the_surface_and_what_slides_where_it_is():
@@ -42,3 +50,17 @@ def test_pairs_depend_on_their_own_patch_alone():
     np.testing.assert_array_equal(pairs.points, [3, 1])
     np.testing.assert_array_equal(pairs.relative, [[0, 0, 0, 1], [0, 1, 0, 0]])
     np.testing.assert_array_equal(pairs.partners, [5, 6])
+
+
+@pytest.mark.parametrize(("near", "pressing", "turns"), [([1], 2.0, True), ([1], 0.0, False), ([], 0.0, False)])
+def test_forces_turn_where_a_patch_presses_a_ball(near, pressing, turns):
+    """As a patch goes by dx along a ball of 5 mm its normal turns by dx / 5 mm: a force of 2 N by 0.4 N/mm."""
+    scene = SimpleNamespace(bodies=[None] * 2)
+    met = OnObstacles(SimpleNamespace(scene=scene, obstacles=ObstacleSet((Sphere(5.0),))), None)
+    met.near, met.push[1] = np.array(near, dtype=NOTHING.dtype), [0.0, 0.0, pressing]
+    places, known = np.array([[0.0, 0.0, 9.0], [0.0, 0.0, 5.0]]), np.arange(2)
+    turned = met.turned(0.1 * np.eye(6), places, known)
+    assert (turned is not None) == turns
+    if turns:
+        moved = np.linalg.solve(np.eye(6) / 0.1 - np.diag([0, 0, 0, 0.4, 0.4, 0]), [1.0, 0, 0, 1.0, 0, 1.0])
+        np.testing.assert_allclose(turned.compliance @ [1.0, 0, 0, 1.0, 0, 1.0], moved, atol=1e-12)

@@ -86,7 +86,7 @@ class OnObstacles:
     def turned(self, compliance: np.ndarray, places: np.ndarray, known: np.ndarray) -> TurningCompliance | None:
         """Compliance of known patches (c,) with forces that turn by the curvature of obstacles, None without."""
         near = self.near
-        if not self.poses.obstacles.curved or not len(near):
+        if not self.poses.obstacles.curved:
             return None
         pressing = np.where(self.sticks[near], 0.0, (self.frames(places)[:, 0] * self.push[near]).sum(axis=1))
         if not pressing.any():

@@ -45,7 +45,10 @@ void cfem_obstacle_bend(const cfem_obstacle *o, const double x[3], double bend[3
     const double away = local(o, x, n) + o->rounding;
     const int curved = o->rounding > 0.0 && away > 0.0;
     for (int i = 0; i < 3; i++)
-        for (int j = 0; j < 3; j++) own[i][j] = curved ? ((i == j && n[i] != 0.0 ? 1.0 : 0.0) - n[i] * n[j]) / away : 0.0;
+        for (int j = 0; j < 3; j++) {
+            const int round_there = i == j && (n[i] != 0.0 || o->core[i] == 0.0); /* there is no face across this axis */
+            own[i][j] = curved ? ((round_there ? 1.0 : 0.0) - n[i] * n[j]) / away : 0.0;
+        }
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++) {
             bend[i][j] = 0.0;
