@@ -143,6 +143,11 @@ def test_mistakes_are_named(override, words):
         load_spec(PIPELINES / "bar" / "control.yaml", ControlSpec, [override])
 
 
+def test_a_device_without_a_loop_is_told_what_it_lacks():
+    with pytest.raises(SpecError, match="plant: device needs `loop`"):
+        load_spec(PIPELINES / "bar" / "control.yaml", ControlSpec, ["plant=device"])
+
+
 def test_a_model_for_plant_has_no_fe_based_control():
     goals = "trajectories={a: {kind: goals, points: {mm: [[55, 0, 5]]}}}"
     with pytest.raises(SpecError, match="fe_based: needs plant: fem; set it to false with plant: model"):

@@ -6,6 +6,7 @@ import pytest
 from pydantic import Field, model_validator
 
 from cfem.core.errors import SpecError
+from cfem.core.origin import Origin
 from cfem.core.spec import Spec, json_schema, load_spec, meaning
 from cfem.core.units import Angle, Length, LengthMatrix, Points
 
@@ -102,6 +103,14 @@ def test_a_later_mistake_is_named_with_file_and_line(tmp_path, key, where, said)
     spec = load(tmp_path, text, "count=3")
     with pytest.raises(SpecError, match=said), spec.locating(*key):
         raise SpecError("wrong", where=where)
+
+
+def test_a_mistake_below_a_key_that_an_override_made_is_the_overrides():
+    origin = Origin("spec.yaml", {(): 1, ("name",): 1, ("extra", "sub", "here"): 0})
+    assert origin.place(("extra", "sub", "here", "deeper")) == "--set: extra.sub.here.deeper"
+    assert origin.place(("extra", "sub", "other")) == "--set: extra.sub.other"
+    assert origin.place(("extra",)) == "--set: extra"
+    assert origin.place(("another",)) == "spec.yaml:1: another"
 
 
 def test_a_spec_without_a_file_names_the_key():

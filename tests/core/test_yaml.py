@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pytest
 
-from cfem.core.errors import InputError, SpecError
+from cfem.core.errors import CfemError, InputError, SpecError
 from cfem.core.yaml import parse_value, parse_yaml, read_yaml
 
 
@@ -69,6 +69,14 @@ def test_missing_and_unreadable_files(tmp_path):
     (tmp_path / "bytes.yaml").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(InputError, match="is not text"):
         read_yaml(tmp_path / "bytes.yaml")
+
+
+@pytest.mark.parametrize("content", [b"ISO-10303-21;\nHEADER;\n", b"\xff\xfe\x00", b"solid robot\n"])
+def test_a_shape_in_place_of_a_spec_is_told_from_one(tmp_path, content):
+    shape = tmp_path / "robot.STEP"
+    shape.write_bytes(content)
+    with pytest.raises(CfemError, match=r"robot\.STEP: is not a spec.*cfem init NAME --from FILE"):
+        read_yaml(shape)
 
 
 @pytest.mark.parametrize("text, value", [("1e-3", 1e-3), ("3 mm", "3 mm"), ("[1, 2]", [1, 2]), ("true", True)])

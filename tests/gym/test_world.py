@@ -126,6 +126,11 @@ def test_designs_of_another_shape_are_refused(model):
         World(model, "reach", 1, designs=np.zeros((3, 7)))
 
 
+def test_an_unknown_key_of_randomise_is_refused(model):
+    with pytest.raises(InputError, match=r"randomise: unknown key 'nois' \(known are parameters, slack, gain, noise\)"):
+        World(model, "reach", 2, randomise={"nois": 0.1})
+
+
 def test_what_is_randomised_differs_from_episode_to_episode(model):
     world = begun(model, "reach", randomise=Randomised(slack=0.2, gain=0.05, noise=0.1))
     assert len(np.unique(world.p[:, 1])) > 30 and len(np.unique(world.slack)) == 80 and (world.slack >= 0).all()

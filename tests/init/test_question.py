@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from cfem.core.errors import SpecError
+from cfem.init.further import gravity
 from cfem.init.question import Question, answer, integer, point, positive
 
 
@@ -22,6 +23,12 @@ def test_what_is_no_point(text):
 def test_what_is_no_count(text):
     with pytest.raises(ValueError, match="whole number from 1 to 12"):
         integer(text, 1, 12)
+
+
+@pytest.mark.parametrize("text", ["9.81", "0, 0, 9.81 mm", "down"])
+def test_what_is_no_gravity_is_told_the_unit_of_gravity(text):
+    with pytest.raises(ValueError, match=r"in m/s\^2, got"):
+        gravity(text)
 
 
 def test_a_default_is_a_guess_and_an_answer_is_not():

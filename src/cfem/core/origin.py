@@ -33,7 +33,8 @@ class Origin:
             under_unit = [(*written, part) for written in below if len(below) == 1]
             nearer = [candidate for candidate in ((*nearest, part), *under_unit) if candidate in self.lines]
             if not nearer:
-                break
+                made = (*nearest, part)  # by an override of a key below it, if at all
+                return next((written for written in self.lines if written[: len(made)] == made), nearest)
             nearest = nearer[0]
         return nearest
 

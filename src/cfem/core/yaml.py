@@ -19,13 +19,24 @@ MAX_INTEGER = 2**63 - 1
 def read_yaml(path: Path) -> tuple[dict, dict[tuple[Key, ...], int]]:
     """Plain data of a YAML mapping, and the line (from 1) of every key path in it."""
     try:
+        return parse_yaml(_text(path), str(path))
+    except (SpecError, InputError) as error:
+        if path.suffix.lower() in ("", ".yaml", ".yml") or not path.is_file():
+            raise
+        do = "give a YAML file; `cfem init NAME --from FILE` makes those of a robot from its shape"
+        raise SpecError(f"is not a spec: {error.what}", where=str(path), do=do) from error
+
+
+def _text(path: Path) -> str:
+    """Text of a file of specs. SpecError or InputError where it cannot be read."""
+    try:
         with open(path, "rb") as file:
             data = file.read(MAX_BYTES + 1)  # no more, whatever the file
         if len(data) > MAX_BYTES:
             raise SpecError(
                 f"is larger than {MAX_BYTES} bytes, the limit of a spec", where=str(path), do="check the path"
             )
-        text = data.decode()
+        return data.decode()
     except FileNotFoundError:
         raise InputError("no such file", where=str(path), do="check the path") from None
     except IsADirectoryError:
@@ -34,7 +45,6 @@ def read_yaml(path: Path) -> tuple[dict, dict[tuple[Key, ...], int]]:
         raise InputError(f"cannot be read: {error.strerror}", where=str(path), do="check its permissions") from error
     except ValueError as error:
         raise InputError(f"is not text in UTF-8: {error}", where=str(path), do="save it as UTF-8") from error
-    return parse_yaml(text, str(path))
 
 
 def parse_yaml(text: str, source: str) -> tuple[dict, dict[tuple[Key, ...], int]]:

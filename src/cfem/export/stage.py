@@ -153,8 +153,11 @@ def _compared(
     spec: ExportSpec, parity: dict[str, float], sizes: dict[str, int], report: dict[str, Any] | None
 ) -> list[str]:
     """Lines about how far each format is from the trained model, and which were left out."""
+    held = {name: f"{size(count)}, " for name, count in sizes.items()}
+    if "c" in held:
+        held["c"] = f"coefficients {held['c']}"
     headline = [
-        f"{name}: {f'{size(sizes[name])}, ' if name in sizes else ''}largest relative difference from "
+        f"{name}: {held.get(name, '')}largest relative difference from "
         f"{IN_PYTHON.get(name, 'the trained model')} {error:.1e}"
         for name, error in parity.items()
     ]

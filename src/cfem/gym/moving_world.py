@@ -10,6 +10,7 @@ from cfem.core.errors import InputError
 from cfem.gym.moving_robots import MovingRobots
 from cfem.gym.moving_tasks import MOVING, ahead_of, moving_observation
 from cfem.gym.tasks import Goals, Scales
+from cfem.gym.world import randomised
 from cfem.motion.model import MotionModel
 from cfem.predict.protocol import Predictor
 
@@ -70,9 +71,7 @@ class MovingWorld:
             model = load_motion(Path(model))
         self.robots = MovingRobots(model, command, 1.0 / rate, substeps)
         self.model, self.count, self.name, self.command = model, count, task, command
-        self.randomised = (
-            randomise if isinstance(randomise, MovingRandomised) else MovingRandomised(**(randomise or {}))
-        )
+        self.randomised = randomised(MovingRandomised, randomise)
         self.ahead, self.history, self.tick = ahead, history, 1.0 / rate
         rng = np.random.default_rng(seed)
         self.task = MOVING[task](self.robots.static, np.zeros((POOL, 0)), rng, self.tick)

@@ -1,8 +1,8 @@
 """A batch of episodes: robots, goals, what differs from robot to robot, and one step of all of them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from cfem.gym.tasks import TASKS, Goals, Scales, observation
 from cfem.predict.protocol import Predictor
 
 POOL = 4096  # robots of which episodes are
+K = TypeVar("K")
 
 
 @dataclass(frozen=True)
@@ -23,6 +24,17 @@ class Randomised:
     slack: float = 0.0  # mm, by which an actuator may be less than commanded, standard deviation
     gain: float = 0.0  # share by which a command may be off
     noise: float = 0.0  # mm, of each measured coordinate of the effector, new at each tick
+
+
+def randomised(kind: type[K], given: K | dict[str, Any] | None) -> K:
+    """What differs, as keys of `kind` say, its defaults without them. InputError for a key that it does not have."""
+    if isinstance(given, kind):
+        return given
+    known = [field.name for field in fields(kind)]
+    for key in given or {}:
+        if key not in known:
+            raise InputError(f"unknown key '{key}'", where="randomise", do=f"known are {', '.join(known)}")
+    return kind(**(given or {}))
 
 
 class World:
@@ -61,7 +73,7 @@ class World:
         kind = TASKS[task]
         self.robots = Robots(model, kind.needs, kind.loaded)
         self.model, self.count, self.name = model, count, task
-        self.randomised = randomise if isinstance(randomise, Randomised) else Randomised(**(randomise or {}))
+        self.randomised = randomised(Randomised, randomise)
         self.observes_parameters = observe_parameters
         rng = np.random.default_rng(seed)
         self.task = kind(self.robots, self._pool(rng, designs), rng)

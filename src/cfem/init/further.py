@@ -12,7 +12,7 @@ from cfem.core.errors import SpecError
 from cfem.core.units import parse_quantity
 from cfem.init.body.shape import BREP, STEP, Shape, Source
 from cfem.init.hold import AXES, Hold, read_part
-from cfem.init.question import Answer, Ask, Question, choice, parts, point, ratio, stress
+from cfem.init.question import Answer, Ask, Question, choice, parts, point, ratio, stress, triple
 from cfem.init.written import note, number, selection, short, vector
 
 T = TypeVar("T")
@@ -138,7 +138,7 @@ def _questions(shape: Shape, source: Source) -> dict[str, Question]:
             _each(_push),
         ),
         "gravity": question(
-            "gravity", "Which way is down (-z, or 'x, y, z' in m/s^2)?", _gravity, "-z", "on a table as it is drawn"
+            "gravity", "Which way is down (-z, or 'x, y, z' in m/s^2)?", gravity, "-z", "on a table as it is drawn"
         ),
         "region": question(
             "region",
@@ -195,13 +195,15 @@ def _named(text: str, form: str) -> tuple[str, str]:
     return match[1], match[2]
 
 
-def _gravity(text: str) -> np.ndarray | None:
+def gravity(text: str) -> np.ndarray | None:
+    """(3,) m/s^2 of an axis such as '-z', or of 'x, y, z'; None for no text. ValueError for anything else."""
     if not text:
         return None
     match = re.fullmatch(r"\s*([+-]?)([xyz])\s*", text)
     if match:
         return _GRAVITY * (-1 if match[1] == "-" else 1) * np.eye(3)[AXES.index(match[2])]
-    acceleration = point(text.removesuffix("m/s^2"))
+    numbers = text.strip().removesuffix("m/s^2")
+    acceleration = triple(numbers, f"expected '-z', or three numbers 'x, y, z' in m/s^2, got '{text.strip()}'")
     if not acceleration.any():
         raise ValueError(f"expected a direction such as '-z', got '{text}'")
     return acceleration

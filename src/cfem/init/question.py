@@ -64,13 +64,19 @@ def point(text: str) -> np.ndarray:
     """(3,) mm of 'x, y, z', in mm or in the unit that follows. ValueError for anything else."""
     match = re.fullmatch(r"(.*[\d.])\s*([a-z]+)?", text.strip())
     numbers, unit = match.groups() if match else ("", None)
+    x = triple(numbers, f"expected three coordinates 'x, y, z' in mm, got '{text.strip()}'")
+    return x * parse_quantity(f"1 {unit or 'mm'}", "mm")
+
+
+def triple(numbers: str, refusal: str) -> np.ndarray:
+    """(3,) finite numbers of 'x, y, z'. ValueError with the text `refusal` for anything else."""
     try:
         x = np.array([parse_number(part) for part in numbers.split(",")])
     except ValueError:
         x = np.empty(0)
     if x.shape != (3,) or not np.isfinite(x).all():
-        raise ValueError(f"expected three coordinates 'x, y, z' in mm, got '{text.strip()}'")
-    return x * parse_quantity(f"1 {unit or 'mm'}", "mm")
+        raise ValueError(refusal)
+    return x
 
 
 def choice(text: str, choices: tuple[str, ...]) -> str:

@@ -30,7 +30,7 @@ def test_plans_outside_the_training_states_are_flagged(inside):
     assert ("4 plans OUTSIDE" in line) is not inside
     assert "2 of 4 goals reached" in line and "90 µs per control step" in line
     assert "tracking error mean 0.2 mm, max 0.2 mm" in line
-    assert "1 goal is out of reach: the robot ended 0.2 mm away on average" in line
+    assert "1 goal is out of reach: the robot ended 0.2 mm away;" in line
 
 
 def test_the_headline_has_orientation_errors_in_degrees():

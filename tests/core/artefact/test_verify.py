@@ -112,6 +112,12 @@ def test_names_outside_the_folder_are_refused(artefact, tmp_path):
     assert [is_inside(name) for name in ("a", "a/b", "/a", "a/../b", "", "..")] == [True, True, *[False] * 4]
 
 
+def test_a_folder_of_many_files_names_three_of_them(artefact):
+    write_manifest(artefact, {**read_manifest(artefact), "files": {f"{k}.c": "0" * 64 for k in range(5)}})
+    with pytest.raises(InputError, match=r"holds no a: cfem \w+ made 0\.c, 1\.c, 2\.c and 2 more there"):
+        artefact_file(artefact, "a")
+
+
 def test_the_command_ends_with_3_where_anything_is_damaged(artefact):
     def run(*words):
         return CliRunner().invoke(app, ["verify", str(artefact), *words])

@@ -71,7 +71,9 @@ def test_the_export_says_how_far_c_is_from_python(exported):
     out, results = exported
     assert results["parity"]["c contact"] < 1e-8
     assert [line for line in results["headline"] if "contact" in line and "from contact in Python" in line]
-    assert [line for line in results["headline"] if line.startswith("c: ") and "from the trained model" in line]
+    assert [
+        line for line in results["headline"] if line.startswith("c: coefficients ") and "from the trained model" in line
+    ]
     assert results["c"]["contact"]["patches"] > 10
     assert {"cfem_touch.c", "cfem_touch_data.h"} <= {path.name for path in (out / "c").iterdir()}
 

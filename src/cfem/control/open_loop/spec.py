@@ -1,6 +1,8 @@
 """Spec of a run in open loop: goals that learned models plan one by one for a robot that is free."""
 
-from typing import Literal
+from typing import Any, Literal
+
+from pydantic import field_validator
 
 from cfem.control.task.run_spec import FamilySpec, PlannedSpec
 from cfem.robot.mesh.error_spec import MeshErrorSpec
@@ -13,6 +15,13 @@ class OpenLoopSpec(PlannedSpec, FamilySpec):
     """What the commands act on: fem, the finite-element robot; model, the first model itself, for trying out."""
     mesh_error: MeshErrorSpec | None = MeshErrorSpec()
     """How the error of the mesh is estimated from goals' commands, null to leave it out."""
+
+    @field_validator("plant", mode="before")
+    @classmethod
+    def _device_has_a_loop(cls, plant: Any) -> Any:
+        if plant == "device":
+            raise ValueError("device needs `loop`, with `loop.device`")
+        return plant
 
     def check(self) -> None:
         super().check()

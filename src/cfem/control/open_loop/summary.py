@@ -205,7 +205,8 @@ def _parts(row: dict, fe_cost: dict | None) -> list[str]:
     if far:
         out = row["goals"] - row["reachable"]
         goals = f"{counted(out, 'goal is', 'goals are')} out of reach: the robot ended"
-        parts.append(f"{goals} {length(far['mean'])} away on average, {length(far['max'])} at most")
+        how_far = f" on average, {length(far['max'])} at most" if out > 1 else ""
+        parts.append(f"{goals} {length(far['mean'])} away{how_far}")
     if row["not_converged"]:
         parts.append(f"the search for {row['not_converged']} of them did NOT CONVERGE")
     if fe:

@@ -19,7 +19,8 @@ def artefact_file(folder: Path, name: str) -> Path:
     manifest = read_manifest(folder)
     known = manifest["files"].get(name) if is_inside(name) else None
     if known is None:
-        files = ", ".join(sorted(manifest["files"]))
+        first, more = sorted(manifest["files"])[:3], len(manifest["files"]) - 3
+        files = ", ".join(first) + (f" and {more} more" if more > 0 else "")
         what = f"holds no {name}: cfem {manifest.get('stage')} made {files} there"
         raise InputError(what, where=str(folder), do="check the path, and what the spec of that stage asks for")
     if file_sha256(folder / name) != known:

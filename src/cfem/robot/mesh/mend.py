@@ -52,8 +52,8 @@ def mend(X: np.ndarray, triangles: np.ndarray, where: str, body: int = 1) -> Men
     X, triangles, hole_widths = _closed(X, triangles, where)
     if hole_widths:
         extent = np.ptp(X[np.unique(triangles)], axis=0).max()
-        holes = "a hole" if len(hole_widths) == 1 else f"{len(hole_widths)} holes"
-        mends.append(f"closed {holes}, {100 * max(hole_widths) / extent:.2g} % of the body's extent wide at most")
+        holes, most = ("a hole", "") if len(hole_widths) == 1 else (f"{len(hole_widths)} holes", " at most")
+        mends.append(f"closed {holes}, {100 * max(hole_widths) / extent:.2g} % of the body's extent wide{most}")
     triangles, turned_shells, bodies = _outward(X, triangles)
     if turned or turned_shells:
         mends.append("turned triangles whose normals pointed the wrong way")
