@@ -5,7 +5,7 @@ from scipy.spatial.transform import Rotation
 from support.rods import rod_body
 
 from cfem.constraint.cavity import make_cavity
-from cfem.constraint.chambers import make_rod_chambers
+from cfem.constraint.rod_chambers import make_rod_chambers
 from cfem.mechanics.rod.element import screw
 
 CENTRE, HALF = np.array([3.0, -1.5]), 0.4
