@@ -55,6 +55,8 @@ def _solves(spec: ExportSpec) -> bool:
 
 
 def _extra(spec: ExportSpec, base: Path) -> Callable[[], dict[str, Any]]:
+    """What determines the output beside the model: the C sources, the scene that is solved, the embedding."""
+
     def extra() -> dict[str, Any]:
         chosen = CONTROLLERS & set(spec.formats)
         contents: dict[str, Any] = {name: _sources(name) for name in sorted(chosen)}

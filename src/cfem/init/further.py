@@ -122,6 +122,7 @@ def push_lines(push: PushLine, radius: float) -> list[str]:
 
 
 def _questions(shape: Shape, source: Source) -> dict[str, Question]:
+    """Questions about what a robot may have further, by the word that asks for each."""
     several = "several with | between them"
     low, high = (", ".join(f"{value:.4g}" for value in ends) for ends in (shape.low, shape.high))
 
@@ -173,6 +174,7 @@ def _each(read: Callable[[str], T]) -> Callable[[str], tuple[T, ...]]:
 
 
 def _push(text: str) -> PushLine:
+    """A push from the text 'NAME: x, y, z; dx, dy, dz'."""
     name, places = _named(text, "'NAME: x, y, z; dx, dy, dz'")
     place_text, semicolon, direction_text = places.partition(";")
     if not semicolon:
@@ -196,6 +198,7 @@ def _named(text: str, form: str) -> tuple[str, str]:
 
 
 def _gravity(text: str) -> np.ndarray | None:
+    """Acceleration (3,) from the text '-z' or 'x, y, z' in m/s^2; None of an empty text."""
     if not text:
         return None
     match = re.fullmatch(r"\s*([+-]?)([xyz])\s*", text)
@@ -222,6 +225,7 @@ def _region(text: str, shape: Shape) -> Region:
 
 
 def _symmetry(text: str, shape: Shape, source: Source) -> str | None:
+    """Axis across which the body is its own mirror image, None of an empty text. SpecError where it cannot be."""
     if not text:
         return None
     axis = choice(text, tuple(AXES))

@@ -154,6 +154,7 @@ def is_flat(shape: Shape, axis: int, end: float, area: float) -> bool:
 
 
 def _read(text: str, shape: Shape) -> Hold:
+    """The part of the body that a text names: a set of the mesh, a side, a face, or what lies beyond a plane."""
     mesh = shape.mesh
     if text in {*mesh.node_sets, *mesh.facet_sets, *mesh.cell_sets}:
         return Hold(int(shape.extent.argmax()), True, 0.0, text)

@@ -70,7 +70,7 @@ class Body:
         return sum(len(part.cells) for part in self.solids) if self.element.pressure else 0
 
     def parts(self) -> list[tuple[Solid, slice]]:
-        """Regions, each with its place among the element pressures."""
+        """Regions, each with the slice of the body's element pressures that belongs to it."""
         ends = np.cumsum([0] + [len(part.cells) for part in self.solids])
         return [(part, slice(a, b)) for part, a, b in zip(self.solids, ends[:-1], ends[1:], strict=True)]
 

@@ -136,7 +136,8 @@ def _results(models: Mapping[Any, tuple[Path, dict[str, Any]]]) -> dict[Any, dic
 
 
 def _trusts(models: Manifests, samples: Path | None, beyond: Path | None) -> dict[str, Trust]:
-    """Worth of the flags of each model, by FE states of these datasets."""
+    """How far each model's warning of states outside its domain can be trusted, by FE states: of the dataset `samples`,
+    and of `beyond`, which reaches farther."""
     if samples is None:
         return {}
     states, outside = (path and read_dataset(artefact_file(path, "test.parquet")) for path in (samples, beyond))

@@ -154,9 +154,9 @@ def rows_bytes(records: list[Record], schema: pa.Schema) -> bytes:
 class SolvedRow:
     """A row u of the plan, solved.
 
-    asked, X: what it prescribes, and its pose, if any
+    asked, X: the actuation that it prescribes, and its pose, if any
     p: its parameters
-    seconds: that it took"""
+    seconds: time of the solve"""
 
     u: np.ndarray
     asked: Actuation

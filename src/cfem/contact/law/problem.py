@@ -75,7 +75,7 @@ class ContactProblem:
         return np.zeros(0) if self.wrench is None else self.wrench
 
     def gap(self, lam: np.ndarray, xi: np.ndarray) -> np.ndarray:
-        """(..., 3m) mm, of lam (..., 3m) N and xi (..., k)."""
+        """Gaps (..., 3m) mm of the points under forces lam (..., 3m) N and motions xi (..., k) of the object."""
         return lam @ self.W.T + self.free - xi @ self.motion.T
 
     @cached_property

@@ -35,7 +35,7 @@ from cfem.core.errors import InputError, NumericalError
 from cfem.plant.protocol import Command
 from cfem.predict.at_parameters import AtParameters
 from cfem.predict.estimation.fit import Search
-from cfem.predict.estimation.gate import Gate, Verdict
+from cfem.predict.estimation.gate import Gate, SampleVerdict
 from cfem.predict.estimation.kalman import Gaussian, Update, gated_update
 from cfem.predict.protocol import Predictor
 
@@ -141,7 +141,7 @@ class Tracker:
             lambda: Gaussian(predicted.mean, np.diag(self.unknowns.sd**2)),
             lambda prior: self._update(prior, measured, u, state),
         )
-        if verdict is Verdict.REJECTED:
+        if verdict is SampleVerdict.REJECTED:
             self.rejected += 1
         else:
             self.known = update.posterior

@@ -68,5 +68,5 @@ class SkinnedRobot:
         return self.patches.mean(np.isin(self.nodes, self.robot.fixed).astype(float)) > HELD
 
     def surface(self, x: np.ndarray) -> np.ndarray:
-        """(m, 3) mm in the scene, of nodes at x (n, 3) mm."""
+        """Surface nodes (m, 3) mm in the scene's axes, of the body whose nodes are at x (n, 3) mm in its own."""
         return x[self.nodes] @ self.R.T + self.t

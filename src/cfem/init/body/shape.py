@@ -70,17 +70,17 @@ class Shape:
 
     @property
     def low(self) -> np.ndarray:
-        """(3,) mm."""
+        """Size (3,) mm of the box around the body, along x, y and z."""
         return self.mesh.X.min(axis=0)
 
     @property
     def high(self) -> np.ndarray:
-        """(3,) mm."""
+        """Size (3,) mm of the box around the body, along x, y and z."""
         return self.mesh.X.max(axis=0)
 
     @property
     def extent(self) -> np.ndarray:
-        """(3,) mm."""
+        """Size (3,) mm of the box around the body, along x, y and z."""
         return self.high - self.low
 
 

@@ -12,8 +12,8 @@ from cfem.predict.series.energy import Parts, condense
 class PotentialPredictor(ArrayPredictor):
     @abstractmethod
     def parts(self, s: np.ndarray, q: np.ndarray) -> Parts:
-        """(..., n_a), (..., n_q) -> the potential, its gradient, ...: every part of
-        `cfem.predict.series.energy.layout`, matrices in full."""
+        """Every part of `cfem.predict.series.energy.layout` at inputs s (..., n_a) and parameters q (..., n_q): the
+        potential, its gradient and so on, matrices in full."""
 
     def learned(self, s: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return condense(self.form, self.rows, s, self.parts(s, q), self.sizes)

@@ -49,7 +49,8 @@ class SpectralPredictor(PotentialPredictor, kind="spectral"):
         return t @ self._to_box_T + self._offset
 
     def parts(self, s: np.ndarray, q: np.ndarray) -> Parts:
-        """(..., n_a), (..., n_q) -> the potential, its gradient, ...: every part of `layout`, matrices in full."""
+        """Every part of `layout` at inputs s (..., n_a) and parameters q (..., n_q): the potential, its gradient and so
+        on, matrices in full."""
         t = np.concatenate([s, q], axis=-1) if q.shape[-1] else s
         return self._split(self.basis(t) @ self._series_T)
 

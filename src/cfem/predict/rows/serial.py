@@ -66,7 +66,7 @@ class SerialPredictor(ArrayPredictor):
         self.heavy = self.rows.n_e > 3  # whether the centre of mass of the whole is an effector
         self.pose = END + CENTRE * self.heavy
         ends = np.cumsum([0, *(module.rows.n_a for module in self.modules)])
-        self.own = [slice(int(a), int(b)) for a, b in pairwise(ends)]
+        self.columns = [slice(int(a), int(b)) for a, b in pairwise(ends)]
         self.rests = np.array([module.rest_e[: self.pose] for module in self.modules])
         masses = np.array([sum(module.meta.get("masses", {}).values()) for module in self.modules])
         self.shares = masses / masses.sum() if self.heavy else np.zeros(len(masses))
@@ -84,7 +84,7 @@ class SerialPredictor(ArrayPredictor):
         n_e, n = self.rows.n_e, self.rows.n
         out, lam = np.zeros((*s.shape[:-1], n, n)), np.concatenate([part.lam for part in parts], axis=-1)
         for i, (part, T) in enumerate(zip(parts, self._moving(P, R, c), strict=True)):
-            mine = slice(n_e + self.own[i].start, n_e + self.own[i].stop)
+            mine = slice(n_e + self.columns[i].start, n_e + self.columns[i].stop)
             out[..., :n_e, :n_e] += T @ part.W_ee @ T.swapaxes(-1, -2)
             out[..., mine, mine] = part.W_aa
             out[..., :n_e, mine] = T @ part.W_ea
@@ -97,7 +97,7 @@ class SerialPredictor(ArrayPredictor):
         states: list[ModuleState] = [None] * len(self.which)
         for number, model in enumerate(self.models):
             places = [i for i, model_number in enumerate(self.which) if model_number == number]
-            each = np.stack([s[..., self.own[i]] for i in places])
+            each = np.stack([s[..., self.columns[i]] for i in places])
             W, free = model.evaluate(each)
             p, e, a = self.pose, slice(0, self.pose), model.rows.a
             lam = np.linalg.solve(W[..., a, a], (each - free[..., a])[..., None])
@@ -173,7 +173,9 @@ class SerialPredictor(ArrayPredictor):
         s = np.asarray(delta_a, float)
         P, R, _ = self._places([part.pose for part in self._parts(s)])
         none = s[..., :0]
-        rows = [skin.rows(s[..., columns], none) for skin, columns in zip(self.surface.modules, self.own, strict=True)]
+        rows = [
+            skin.rows(s[..., columns], none) for skin, columns in zip(self.surface.modules, self.columns, strict=True)
+        ]
         return self.surface.surface(rows, P[:-1], R)
 
     def surface_gradient(self, delta_a: ArrayLike, nodes: np.ndarray) -> np.ndarray:
@@ -183,10 +185,12 @@ class SerialPredictor(ArrayPredictor):
         P, R, _ = self._places([part.pose for part in parts])
         place, owner = self.shape(s)[nodes], row_skin.owner[nodes]
         gradients = np.zeros((len(nodes), 3, len(s)))
-        for i, (part, skin, columns) in enumerate(zip(parts, row_skin.modules, self.own, strict=True)):
+        for i, (part, skin, columns) in enumerate(zip(parts, row_skin.modules, self.columns, strict=True)):
             mine, after = owner == i, owner > i
             gradient = part.W_ea[:END] @ np.linalg.inv(part.W_aa)  # by spins
-            moved = np.einsum("rcj,rn->cjn", skin.modes[:, row_skin.own[nodes[mine]]], skin.gradient(s[columns], none))
+            moved = np.einsum(
+                "rcj,rn->cjn", skin.modes[:, row_skin.number[nodes[mine]]], skin.gradient(s[columns], none)
+            )
             gradients[mine, :, columns] = R[i] @ moved
             arm = (place[after] - P[i + 1]) @ R[i]
             gradients[after, :, columns] = R[i] @ (gradient[:3] - cross_matrix(arm) @ gradient[3:])
