@@ -104,8 +104,8 @@ def following(
     solve: Callable[[Actuation, State | None], Equilibrium],
     start: Callable[[Sequence[Knot], np.ndarray, Actuation], State | None] = predict,
 ) -> Callable[[Actuation], Equilibrium]:
-    """`solve` of an actuation alone: each state starts from those solved before it, told apart by their targets. For
-    actuations that differ in nothing else."""
+    """A solver of actuations that differ in their targets alone, from `solve` (actuation, start): it predicts the start
+    of each state from the states that it has solved before."""
     knots: list[Knot] = []
 
     def from_those_before(actuation: Actuation) -> Equilibrium:

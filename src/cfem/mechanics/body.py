@@ -153,7 +153,7 @@ def make_rod_body(
     section_of = np.empty(len(mesh.X), dtype=int)
     section_of[sections.nodes] = np.arange(len(sections.nodes))[:, None]
     lowest = section_of[mesh.cells].min(axis=1)
-    numbers = [int(np.bincount(owner[lowest == section]).argmax()) for section in range(len(sections.apart))]
+    numbers = [int(np.bincount(owner[lowest == section]).argmax()) for section in range(len(sections.spacing))]
     rubber = [material.law.name in RUBBER for material in materials]
     rod = rods.make_rod(sections, shape, _moduli(materials), np.array(numbers), rubber)
     return Body(mesh, element, (), sections, rod)

@@ -67,7 +67,7 @@ class ContactProblem:
 
     @cached_property
     def motion(self) -> np.ndarray:
-        """G, (3m, 0) without object."""
+        """The motions G (3m, k) of the points by the object's, (3m, 0) without one."""
         return np.zeros((len(self.free), 0)) if self.G is None else self.G
 
     @cached_property
@@ -80,7 +80,7 @@ class ContactProblem:
 
     @cached_property
     def corners(self) -> np.ndarray:
-        """(sides, 2) directions of the pyramid's corners."""
+        """Directions (sides, 2) of the pyramid's corners."""
         angle = 2 * np.pi * np.arange(self.sides) / self.sides
         return np.column_stack([np.cos(angle), np.sin(angle)])
 

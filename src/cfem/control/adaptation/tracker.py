@@ -92,22 +92,22 @@ class Tracker:
 
     @property
     def p(self) -> np.ndarray:
-        """(n_p,) the estimate."""
+        """Estimate (n_p,) of the parameters."""
         return self.unknowns.p(self.known.mean)
 
     @property
     def used_p(self) -> np.ndarray:
-        """(n_p,) the parameters that the guards let through."""
+        """Parameters (n_p,) that the guards let through."""
         return self.unknowns.p(self._used)
 
     @property
     def used_b(self) -> np.ndarray:
-        """(n_a,) mm or N, the losses that the guards let through."""
+        """Losses (n_a,) mm or N that the guards let through."""
         return self.unknowns.losses(self._used)
 
     @property
     def used_f(self) -> np.ndarray:
-        """(6,) mm and rad by which the camera is taken to have moved."""
+        """Motion (6,) mm and rad that the camera is taken to have made."""
         return self.unknowns.camera(self._used)
 
     def true(self, delta_e: np.ndarray) -> np.ndarray:
@@ -116,7 +116,7 @@ class Tracker:
 
     @property
     def deviation(self) -> np.ndarray:
-        """(n,) of what is tracked: shares of ranges, losses in mm or N, rates in shares a sample."""
+        """Standard deviations (n,) of the unknowns: shares of ranges, losses in mm or N, rates in shares a sample."""
         return np.sqrt(np.diag(self.known.covariance))
 
     def sample(self, u: np.ndarray, delta_e: np.ndarray, near: Condensed) -> bool:
@@ -228,6 +228,6 @@ class Tracker:
         return J[self._rows]
 
     def _shown(self, x: np.ndarray, state: Condensed) -> np.ndarray:
-        """(k,) mm from rest: the measured rows as the camera shows them."""
+        """Measured rows (k,) mm from rest as the camera shows them."""
         moves = len(self.unknowns.moves)
         return (self._camera.shown(state.delta_e, self.unknowns.camera(x)) if moves else state.delta_e)[self._rows]

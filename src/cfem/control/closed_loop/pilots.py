@@ -85,7 +85,7 @@ def bounded(limits: Limits, loop: LoopSpec) -> Limits:
 
 
 def _known(model: Predictor, robot: Robot) -> np.ndarray:
-    """(n_a, 2) mm (mm^3): what the scene states, and wherever else the model was trained."""
+    """Courses (n_a, 2) mm (mm^3) that the model knows: those of the scene, and wherever else it was trained."""
     low, high = np.stack([robot.reach, model.domain.delta_a.T], axis=-1).swapaxes(0, 1)
     return np.column_stack([low.min(axis=-1), high.max(axis=-1)])
 

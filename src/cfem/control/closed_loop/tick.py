@@ -92,7 +92,7 @@ class Belief:
 
     @property
     def delta_a(self) -> np.ndarray:
-        """(n_a,) mm: where it takes the actuators to stand."""
+        """Displacements (n_a,) mm of the actuators that the controller believes in."""
         return self.iterate.condensed.delta_a
 
     @classmethod

@@ -47,7 +47,7 @@ class Walk:
             return float("nan")
         return float((self.base[cycles * steps] - self.base[steps]) @ direction) / (cycles - 1)
 
-    def gone(self, direction: np.ndarray) -> float:
+    def travelled(self, direction: np.ndarray) -> float:
         """Distance (mm) along `direction` since rest; NaN where the walk ended before."""
         return float((self.base[-1] - self.base[0]) @ direction) if self.status == CONVERGED else float("nan")
 

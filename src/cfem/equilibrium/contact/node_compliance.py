@@ -138,7 +138,7 @@ def node_response(
             K = basis.T @ pushed.moved_by(basis)
             by_modes.append((K + K.T) / 2)
             if number in local:
-                left.append(_left(pushed, basis, by_modes[-1], pairs))
+                left.append(_remainder(pushed, basis, by_modes[-1], pairs))
             if number == middle:
                 dented = _dented(pushed, touched.problem, skin, state[0].x, denting)
             advance(1)
@@ -154,7 +154,7 @@ def _pairs(rest: np.ndarray, near: float) -> np.ndarray:
     return pairs[np.lexsort(pairs.T[::-1])]
 
 
-def _left(pushed: _Pushed, basis: np.ndarray, K: np.ndarray, pairs: np.ndarray) -> np.ndarray:
+def _remainder(pushed: _Pushed, basis: np.ndarray, K: np.ndarray, pairs: np.ndarray) -> np.ndarray:
     """(p, 3, 3) mm/N: what modes leave of the compliance of pairs of nodes."""
     m = len(basis) // 3
     modes, by_modes = basis.reshape(m, 3, -1), (basis @ K).reshape(m, 3, -1)

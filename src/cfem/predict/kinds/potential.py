@@ -42,6 +42,7 @@ class PotentialPredictor(ArrayPredictor):
         return self.gradient_and_hessian(delta_a)
 
     def gradient_and_hessian(self, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(..., n_a) -> of the potential, (..., n_a) and (..., n_a, n_a), at the scene's own parameters."""
+        """Gradient (..., n_a) and Hessian (..., n_a, n_a) of the potential at s (..., n_a) and the
+        scene's own parameters."""
         part = self.parts(s, s[..., :0])
         return part["gradient"], part["hessian"]

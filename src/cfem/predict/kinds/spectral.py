@@ -41,11 +41,11 @@ class SpectralPredictor(PotentialPredictor, kind="spectral"):
         self._split = Splitter(self.rows.n_a, self.rows.n_e)
 
     def basis(self, t: np.ndarray) -> np.ndarray:
-        """(..., n) inputs -> (..., M) values of the basis."""
+        """Values (..., M) of the basis at inputs (..., n)."""
         return self._basis(self.box(t))
 
     def box(self, t: np.ndarray) -> np.ndarray:
-        """(..., n) inputs -> (..., n) box coordinates."""
+        """Box coordinates (..., n) of inputs (..., n)."""
         return t @ self._to_box_T + self._offset
 
     def parts(self, s: np.ndarray, q: np.ndarray) -> Parts:

@@ -65,11 +65,11 @@ class LearnedSkin:
         return Skin(self.nodes, self.rest, self.triangles, self.weights, self.modes, np.zeros((1, 2)))
 
     def rows(self, s: np.ndarray, q: np.ndarray) -> np.ndarray:
-        """(..., n_a), (..., n_q) -> (..., k) mm from rest."""
+        """Rows (..., k) mm from rest at inputs s (..., n_a) and parameters q (..., n_q)."""
         return self._at(self._basis, s, q) @ self._series_T
 
     def surface(self, rows: np.ndarray) -> np.ndarray:
-        """(..., k) mm -> (..., m, 3) mm positions of the surface nodes."""
+        """Positions (..., m, 3) mm of the surface nodes at rows (..., k) mm."""
         return (rows @ self._flat).reshape(*rows.shape[:-1], *self.rest.shape) + self.rest
 
     def all_nodes(self, rows: np.ndarray) -> np.ndarray:
