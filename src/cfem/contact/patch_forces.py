@@ -163,7 +163,7 @@ class Balance:
 
     @property
     def step(self) -> np.ndarray:
-        """(c, 3) mm by which the change of the forces moves the patches."""
+        """Step (c, 3) mm by which the change of the forces moves the patches."""
         return (self.compliance @ self.change.ravel()).reshape(-1, 3)
 
 

@@ -30,7 +30,7 @@ class RigidBodies:
     of_obstacles: np.ndarray
 
     def levers(self, bodies: np.ndarray, points: np.ndarray) -> np.ndarray:
-        """(p, 3, 6 b): G of points (p, 3) mm of bodies (p,)."""
+        """Matrix G (p, 3, 6 b) from bodies' motions to points (p, 3) mm, of bodies (p,)."""
         G = np.zeros((len(points), 3, 6 * len(self.centres)))
         for lever, body, point in zip(G, bodies, points, strict=True):
             add_lever(lever, body, point, self.centres, 1.0)

@@ -53,8 +53,8 @@ def _candidate_pairs(edges: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarr
 
 
 def _pierces(edges: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """(k,) bool of edges (k, 2, 3) and triangles (k, 3, 3); where they do, the share of the edge, and the second and
-    third barycentric coordinates in the triangle."""
+    """Mask (k,) of crossings of edges (k, 2, 3) and triangles (k, 3, 3); where they do, the share of the edge, and the
+    second and third barycentric coordinates in the triangle."""
     start, along = edges[:, 0], edges[:, 1] - edges[:, 0]
     a, first, second = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     across = np.cross(along, second)

@@ -223,7 +223,7 @@ def _stable(holds: list[Holder], held: RigidObject, taut: np.ndarray) -> np.ndar
 
 
 def _taut_state(predictor: Predictor, n_pose: int) -> np.ndarray:
-    """(n_a,) actuators of the training state that is most in the middle: control starts among the data."""
+    """Displacements (n_a,) of the actuators at the most central training state: control starts among the data."""
     known = predictor.domain.states
     n = known.shape[1] // 2
     low, high = known.min(axis=0), known.max(axis=0)

@@ -102,7 +102,7 @@ class SurfaceScene:
 
     @cached_property
     def longest(self) -> list[np.ndarray]:
-        """(n_a,) mm of each robot: the longest way of its actuators in one step."""
+        """Longest ways (n_a,) mm of the actuators of each robot in one step."""
         return [SHARE * np.abs(robot.robot.reach).max(axis=1) for robot in self.robots]
 
     def short_step(self, deltas: Sequence[np.ndarray], before: SurfacesState | None) -> SurfacesState:

@@ -133,7 +133,7 @@ def _drops(D: np.ndarray, s: np.ndarray, F: np.ndarray, low: np.ndarray, high: n
 
 
 def _along(first: float, F: np.ndarray, low: np.ndarray, high: np.ndarray, angle: np.ndarray) -> np.ndarray:
-    """(s,) N behind each guide: of one that slips by its share, of one that sticks by its drop."""
+    """Tensions (s,) N behind each guide: of one that slips by its share, of one that sticks by its drop."""
     near = 1e-9 * (high - low)
     direction = np.where(high - near <= F, 1.0, np.where(low + near >= F, -1.0, 0.0))
     tension, now = np.empty(len(F)), first

@@ -192,7 +192,8 @@ class Problem:
         return self.rod_form(self._rod_blocks(evaluation, lam), q)
 
     def rod_form(self, blocks: np.ndarray, q: np.ndarray) -> np.ndarray:
-        """(k, k) N mm: of changes q (n_dof, k) of the unknowns in blocks (m, 12, 12) of the rod's elements."""
+        """Products (k, k) N mm of changes q (n_dof, k) of the unknowns with blocks (m, 12, 12) of the rod's
+        elements."""
         mine = np.concatenate([q, np.zeros((1, q.shape[1]))])[self._joined]
         return np.tensordot(mine, blocks @ mine, axes=((0, 1), (0, 1)))
 

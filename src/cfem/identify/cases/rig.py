@@ -97,7 +97,7 @@ class Rig:
 
     @property
     def d_sd(self) -> np.ndarray:
-        """(n_d,) mm."""
+        """Standard deviations (n_d,) mm of the unknowns d."""
         alike = [np.full(len(self._effector), sd) for sd in self._offsets]
         lacking = [] if self.discrepancy is None else [self.discrepancy.sd] * len(self.discrepancy.terms)
         return np.repeat(np.concatenate([*alike, *lacking, []]), 3)

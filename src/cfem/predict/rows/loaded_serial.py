@@ -248,7 +248,7 @@ class LoadedSerialPredictor(SerialPredictor):
 
     @property
     def _sizes(self) -> np.ndarray | None:
-        """(n_e,) those of the modules' ends and centres of mass, None where a model has none."""
+        """Sizes (n_e,) of the modules' ends and centres of mass, None where a model has none."""
         if any(model.sizes is None for model in self.models):
             return None
         rows = [0, 1, 2, 6, 7, 8][: self.rows.n_e]

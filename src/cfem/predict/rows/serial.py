@@ -126,7 +126,7 @@ class SerialPredictor(ArrayPredictor):
         return P, R[:-1], c
 
     def _watched(self, P: list[np.ndarray], c: list[np.ndarray]) -> np.ndarray:
-        """(..., n_e) mm places of the tip, and of the centre of mass."""
+        """Places (..., n_e) mm of the tip, and of the centre of mass."""
         centre = (
             [sum(share * centre_of_mass for share, centre_of_mass in zip(self.shares, c, strict=True))]
             if self.heavy
@@ -135,8 +135,8 @@ class SerialPredictor(ArrayPredictor):
         return np.concatenate([P[-1], *centre], axis=-1)
 
     def _moving(self, P: list[np.ndarray], R: list[np.ndarray], c: list[np.ndarray]) -> list[np.ndarray]:
-        """(..., n_e, 6 or 9) of each module: how the effectors move with the rows of its end, spins among them, and of
-        its centre of mass, in the frame at its base."""
+        """Matrices (..., n_e, 6 or 9) of each module: how the effectors move with the rows of its end, spins among
+        them, and of its centre of mass, in the frame at its base."""
         motions = []
         for i, frame in enumerate(R):
             T = np.zeros((*frame.shape[:-2], self.rows.n_e, self.pose))
@@ -179,7 +179,7 @@ class SerialPredictor(ArrayPredictor):
         return self.surface.surface(rows, P[:-1], R)
 
     def surface_gradient(self, delta_a: ArrayLike, nodes: np.ndarray) -> np.ndarray:
-        """(c, 3, n_a) of the places of nodes (c,) of `shape` by the displacements (n_a,) of the actuators."""
+        """Gradient (c, 3, n_a) of the places of nodes (c,) of `shape` by the displacements (n_a,) of the actuators."""
         s, row_skin, none = np.asarray(delta_a, float), self.surface, np.zeros(0)
         parts = self._parts(s)
         P, R, _ = self._places([part.pose for part in parts])
@@ -209,7 +209,7 @@ def joined(parts: list[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
 
 
 def turns(phi: np.ndarray) -> np.ndarray:
-    """(..., 3, 3) exp [phi] = 1 + [phi] J of rotation vectors (..., 3)."""
+    """Rotations (..., 3, 3), exp [phi] = 1 + [phi] J, of rotation vectors (..., 3)."""
     return np.eye(3) + cross_matrix(phi) @ left_jacobian(phi)
 
 
