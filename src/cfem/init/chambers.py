@@ -71,8 +71,8 @@ def _enclosed(X: np.ndarray, triangles: np.ndarray, volume: float) -> tuple[Cham
 
 
 def _point_inside(corners: np.ndarray) -> np.ndarray:
-    """(3,) mm far from the walls (t, 3, 3), whose normals point into the void: half way across it from the middle of
-    some facet, the one from which the way across is longest."""
+    """Point (3,) mm far from the walls (t, 3, 3), whose normals point into the void: half way across it from the middle
+    of some facet, the one from which the way across is longest."""
     a, b, c = corners.swapaxes(0, 1)
     normals, middles = np.cross(b - a, c - a), corners.mean(axis=1)
     areas = np.linalg.norm(normals, axis=1)

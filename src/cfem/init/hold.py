@@ -186,7 +186,7 @@ def _at_face(text: str, shape: Shape) -> Hold:
 
 
 def _held_nodes(shape: Shape, hold: Hold) -> np.ndarray:
-    """(k, 3) mm. SpecError where there are none."""
+    """Nodes (k, 3) mm that are held. SpecError where there are none."""
     return shape.mesh.X[select_nodes(shape.mesh, hold.selection(), "fixed")]
 
 

@@ -254,7 +254,7 @@ def moved(obstacle: Obstacle, by: np.ndarray) -> Obstacle:
 
 
 def outward(model: Predictor, patches: Patches, x: np.ndarray, number: int) -> np.ndarray:
-    """(3,) mean normal of a patch, surface nodes at x (m, 3)."""
+    """Mean normal (3,) of a patch, surface nodes at x (m, 3)."""
     corners = x[model.facets[(patches.of[model.facets] == number).any(axis=1)]]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]).sum(axis=0)
     return normal / np.linalg.norm(normal)

@@ -40,8 +40,10 @@ class Strider:
         base, done = self.centre.copy(), 0
         while done < min(len(u), self.most) and not there(base):
             base, done = base + [-1.0, 3.0, 0.0], done + 1
-        gone = base - self.centre
-        return SimpleNamespace(status=CONVERGED, commands=u[:done], gone=lambda way: float(gone @ way))
+        travelled = base - self.centre
+        return SimpleNamespace(
+            status=CONVERGED, commands=u[:done], travelled=lambda direction: float(travelled @ direction)
+        )
 
 
 def course(distance):

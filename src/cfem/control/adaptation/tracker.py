@@ -205,8 +205,8 @@ class Tracker:
         return under_force(model, felt, model.at_displacement(near.delta_a))  # near is of other parameters
 
     def _slopes(self, x: np.ndarray, state: Condensed) -> np.ndarray:
-        """(k, n) of the measured rows by x (n,), at the state there. By z from states beside this one at the same
-        displacements, corrected to the same forces."""
+        """Slopes (k, n) of the measured rows by x (n,), at the state there. By z from states beside this one at the
+        same displacements, corrected to the same forces."""
         forced, columns, unknowns = self.command == "force", [], self.unknowns
         for i in range(len(unknowns.find)):
             low, high = max(x[i] - STEP, 0.0), min(x[i] + STEP, 1.0)

@@ -81,7 +81,7 @@ class CompiledEstimator(CompiledFilter):
         return self._answer(self._library.cfem_estimate_frame, measured)
 
     def modes(self, x: np.ndarray) -> np.ndarray:
-        """(k,) mm of the skin where the unknowns are x (n,)."""
+        """Modes (k,) mm of the skin where the unknowns are x (n,)."""
         return self._shape(self._library.cfem_estimate_modes, x)
 
 

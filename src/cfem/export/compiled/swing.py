@@ -26,7 +26,7 @@ class CompiledSwing(CompiledFilter):
         return self._answer(self._library.cfem_swing_frame, measured, ctypes.byref(self._filter))
 
     def modes(self, x: np.ndarray) -> np.ndarray:
-        """(k,) mm of the skin where the unknowns are x (n,)."""
+        """Modes (k,) mm of the skin where the unknowns are x (n,)."""
         return self._shape(self._library.cfem_swing_modes, x)
 
 

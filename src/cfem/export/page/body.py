@@ -71,7 +71,7 @@ def body(skin: dict[str, np.ndarray], lines: Sequence[ActuatorTube], walls: Sequ
 
 
 def within(wall: ChamberWall, skin: dict[str, np.ndarray]) -> np.ndarray:
-    """(k, p, 3) modes of a wall's points: the skin's own where it has nodes inside the body, else carried."""
+    """Modes (k, p, 3) of a wall's points: the skin's own where it has nodes inside the body, else carried."""
     inner = skin.get("inner_nodes", np.zeros(0, int))
     if not np.isin(wall.nodes, inner).all():
         return carried(wall.rest, skin)
@@ -80,12 +80,12 @@ def within(wall: ChamberWall, skin: dict[str, np.ndarray]) -> np.ndarray:
 
 
 def carried(points: np.ndarray, skin: dict[str, np.ndarray]) -> np.ndarray:
-    """(k, p, 3) modes of points (p, 3) mm that the surface near them carries along."""
+    """Modes (k, p, 3) of points (p, 3) mm that the surface near them carries along."""
     return np.einsum("pn,knd->kpd", carriers(points, skin["rest"]), skin["modes"])
 
 
 def carriers(points: np.ndarray, surface: np.ndarray) -> np.ndarray:
-    """(p, n) weights of surface points (n, 3) whose weighted mean moves as points (p, 3) between them do in any affine
+    """Weights (p, n) of surface points (n, 3) whose weighted mean moves as points (p, 3) between them do in any affine
     motion: least squares in a neighbourhood, weighted by closeness."""
     distance, near = cKDTree(surface).query(points, k=min(NEAR, len(surface)))
     weights = np.zeros((len(points), len(surface)))

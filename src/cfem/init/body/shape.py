@@ -44,7 +44,7 @@ class Source:
 
     @cached_property
     def extent(self) -> np.ndarray | None:
-        """(3,) in the file's unit; None of a CAD file, which is not looked into."""
+        """Size (3,) in the file's unit; None of a CAD file, which is not looked into."""
         if self.mesh is None and self.path.suffix.lower() in STEP + BREP:
             return None
         X = self.mesh.X if self.mesh is not None else read_surface(self.path, self.body)[0]

@@ -222,14 +222,14 @@ class Estimator:
         return minimise(problem, x, Search(self.scale, self.box), lambda: self._nearest_state(moved, seen, x))
 
     def from_rest(self, measured: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(m, 3) mm of the markers from their places at rest, and (m,) which of them were seen."""
+        """Displacements (m, 3) mm of the markers from their places at rest, and (m,) which of them were seen."""
         if measured.shape != self.markers.shape:
             raise InputError(f"expected {len(self.markers)} markers of three numbers, got {measured.shape}")
         seen = np.isfinite(measured).all(axis=1)
         return np.where(seen[:, None], measured, 0.0) - self.rest, seen
 
     def _nearest_state(self, moved: np.ndarray, seen: np.ndarray, x: np.ndarray) -> np.ndarray:
-        """(n_a + n_w,) the state, of x and those of the training data, from which half of the markers are nearest.
+        """The state (n_a + n_w,), of x and those of the training data, from which half of the markers are nearest.
 
         moved (m, 3) mm: measured displacements of the markers from rest; seen (m,): which of them were measured."""
         guess = (self.places(x) - self.rest)[None]

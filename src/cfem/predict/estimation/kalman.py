@@ -106,7 +106,7 @@ class Gaussian:
 
 
 def information_root(P: np.ndarray) -> np.ndarray:
-    """(n, n) matrix whose product with an error of covariance P (n, n) has unit covariance, whatever the units."""
+    """Matrix (n, n) whose product with an error of covariance P (n, n) has unit covariance, whatever the units."""
     size = np.sqrt(np.maximum(np.diag(P), FLOOR))
     lower = np.linalg.cholesky(P / np.outer(size, size) + RIDGE * np.eye(len(P)))
     return np.linalg.solve(lower, np.diag(1 / size))

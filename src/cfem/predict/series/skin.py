@@ -148,7 +148,7 @@ class LearnedSkin:
 
     @cached_property
     def _slopes_T(self) -> np.ndarray:
-        """(M, k n_a) series of the gradient."""
+        """Series (M, k n_a) of the gradient."""
         from cfem.predict.series.derivatives import input_derivatives  # which needs SciPy, as no shape does
 
         by_s = input_derivatives(self._indices, self._to_box, self._n_a)
@@ -167,7 +167,7 @@ class LearnedSkin:
         return joined.row.astype(np.int64), joined.col.astype(np.int64), joined.data
 
     def _at(self, basis: Basis, s: np.ndarray, q: np.ndarray) -> np.ndarray:
-        """(..., M) the basis there; of the last single state it is kept, as most are asked for several things."""
+        """Basis (..., M) at an input; of the last single state it is kept, as most are asked for several things."""
         if s.ndim > 1:
             return basis(self._box(s, q))
         key = s.tobytes(), q.tobytes()
