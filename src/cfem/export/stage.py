@@ -55,7 +55,7 @@ def _solves(spec: ExportSpec) -> bool:
 
 
 def _extra(spec: ExportSpec, base: Path) -> Callable[[], dict[str, Any]]:
-    """What determines the output beside the model: the C sources, the scene that is solved, the embedding."""
+    """Function that reads what determines the output beside the model: C sources, a scene that is solved, embedding."""
 
     def extra() -> dict[str, Any]:
         chosen = CONTROLLERS & set(spec.formats)

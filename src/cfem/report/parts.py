@@ -136,8 +136,8 @@ def _results(models: Mapping[Any, tuple[Path, dict[str, Any]]]) -> dict[Any, dic
 
 
 def _trusts(models: Manifests, samples: Path | None, beyond: Path | None) -> dict[str, Trust]:
-    """How far each model's warning of states outside its domain can be trusted, by FE states: of the dataset `samples`,
-    and of `beyond`, which reaches farther."""
+    """Trust in each model's warning of states outside its domain, by FE states of the datasets `samples` and `beyond`.
+    The latter reaches farther."""
     if samples is None:
         return {}
     states, outside = (path and read_dataset(artefact_file(path, "test.parquet")) for path in (samples, beyond))

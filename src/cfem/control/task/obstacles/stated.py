@@ -46,6 +46,7 @@ def _held(model: ContactModel, rows: Sequence[Mapping[str, Any]], rest_e: np.nda
 
 
 def _sentence(stated: ContactError, figures: Mapping[str, Any]) -> str:
+    """Sentence on the largest stated bounds, on what they are calibrated by, and at how many goals they held."""
     goals, known, largest = figures["goals"], figures["stated"], figures["largest"]
     if not known:
         return f"no error stated at {counted(goals, 'goal')}, whose states are not trusted"
