@@ -104,6 +104,9 @@ def test_the_architecture_names_files_that_are_there():
     assert len(named) > 20
     for name in named:
         assert (ROOT / "src" / "cfem" / name).exists(), name
+    sources = {path.name for path in (ROOT / "src/cfem/export/firmware/sources").rglob("*.c")}
+    in_c = set(re.findall(r"`(cfem_\w+\.c)`", text))
+    assert len(in_c) > 5 and in_c <= sources, in_c - sources
 
 
 def test_files_and_modules_that_the_pages_name_are_there():

@@ -6,8 +6,8 @@ from scipy.spatial.transform import Rotation
 from support.rods import LENGTH, MATERIAL, SHAPE, elastica, rod_body, rod_problem
 
 from cfem.constraint.cable import make_cable
-from cfem.constraint.chambers import make_rod_chambers
 from cfem.constraint.contact import ContactPoint
+from cfem.constraint.rod_chambers import make_rod_chambers
 from cfem.constraint.section_point import attach_to_sections
 from cfem.equilibrium.solve import Wanted, solve
 from cfem.equilibrium.system.actuation import Actuation, displacement, force

@@ -7,7 +7,7 @@ from export.embedded import needs_compiler
 
 from cfem.export.compiled.build import STANDARD, compiler, run
 from cfem.export.firmware.copying import SOURCES
-from cfem.predict.estimation.gate import Gate, Verdict
+from cfem.predict.estimation.gate import Gate, SampleVerdict
 
 CODE = """#include "cfem_gate.h"
 double spread(const cfem_gate *gate) { return gate->spread; }
@@ -16,7 +16,7 @@ int judge(cfem_gate *gate, double square, int n, double sigmas, int samples) {
     return cfem_gate_judge(gate, square, n, sigmas, samples);
 }
 """
-ORDER = [Verdict.ACCEPTED, Verdict.REJECTED, Verdict.RESTART]
+ORDER = [SampleVerdict.ACCEPTED, SampleVerdict.REJECTED, SampleVerdict.RESTART]
 
 
 @needs_compiler

@@ -6,7 +6,7 @@ import numpy as np
 from support.blocks import bar
 from support.rods import rod_problem
 
-from cfem.constraint.chambers import make_rod_chambers
+from cfem.constraint.rod_chambers import make_rod_chambers
 from cfem.fe_motion.problem import MovingProblem
 
 DENSITY = 1.1e-9  # t/mm^3

@@ -20,7 +20,7 @@ from cfem.equilibrium.system.problem import Problem
 from cfem.equilibrium.system.robot import Robot
 from cfem.init import stroke
 from cfem.init.question import answer
-from cfem.init.stroke import Stroke, alike, find_strokes
+from cfem.init.stroke import Stroke, equalised, find_strokes
 from cfem.mechanics.body import make_body
 from cfem.mechanics.element import ELEMENTS
 from cfem.mechanics.material import LAWS
@@ -103,10 +103,10 @@ def test_all_together_unlike_actuators_are_pulled_in_the_proportion_of_their_for
 
 def test_strokes_that_are_nearly_alike_are_the_shorter_and_others_are_kept():
     found = [Stroke(reach, 1.0, "x") for reach in (10.0, 11.9, 30.0, 12.0, 33.0, 2.0)]
-    assert [each.reach for each in alike(found, ["mm"] * 6)] == [10, 10, 30, 10, 30, 2]
+    assert [each.reach for each in equalised(found, ["mm"] * 6)] == [10, 10, 30, 10, 30, 2]
     units = ["mm", "mm^3", "mm", "mm", "mm", "mm^3"]
-    assert [each.reach for each in alike(found, units)] == [10, 11.9, 30, 10, 30, 2]
-    assert alike([], []) == []
+    assert [each.reach for each in equalised(found, units)] == [10, 11.9, 30, 10, 30, 2]
+    assert equalised([], []) == []
 
 
 def test_strokes_that_end_suddenly_are_compared_before_they_are_shortened(monkeypatch):

@@ -148,10 +148,10 @@ def _known(evaluate: EvaluateMany, inputs: np.ndarray, numbers: np.ndarray) -> l
 
 
 def demand_found(form: Form, wanted: np.ndarray, left: np.ndarray) -> None:
-    """NumericalError where something is left (m,) of the states that `wanted` (m, n_a) asks for, as `with_duals` has
-    it."""
-    at, unit = ("at the displacements", "mm") if form == "force" else ("under the forces", "N")
+    """NumericalError unless all states that `wanted` (m, n_a) asks for are found; left (m,): residuals in the unit of
+    `wanted`, 0 of a state that is (`with_duals`)."""
+    where, unit = ("at the displacements", "mm") if form == "force" else ("under the forces", "N")
     for asked, rest in zip(wanted.tolist(), left, strict=True):
         if rest:
-            what = f"the model has no state {at} {asked} {unit}: {rest:.2g} {unit} are left"
+            what = f"the model has no state {where} {asked} {unit}: {rest:.2g} {unit} are left"
             raise NumericalError(what, do="ask nearer to the states of its training")

@@ -26,7 +26,7 @@ class ErrorBound(Data):
     power: Annotated[float, Field(ge=0, le=100)]
 
     def at(self, extrapolation: np.ndarray) -> np.ndarray:
-        """(...,) bounds where the model extrapolates by so much (...,)."""
+        """Bounds (...,) where the model extrapolates by `extrapolation` (...,)."""
         return self.factor * extrapolation**self.power
 
 
@@ -114,7 +114,7 @@ class StateError:
 
     @property
     def inside(self) -> np.ndarray:
-        """(...,) whether the states lie in the model's domain."""
+        """Mask (...,) of the states that lie in the model's domain."""
         return np.isfinite(self.tip)
 
 

@@ -13,7 +13,8 @@ def stroke(reach: np.ndarray) -> np.ndarray:
 
 
 def stated_or_share(stated: float | None, share: float, reach: np.ndarray) -> np.ndarray:
-    """Values (n_a,) of a stated quantity for every actuator, or where there is none that share of each stroke."""
+    """Values (n_a,) of a quantity for all actuators: the stated one, or `share` of the stroke of each (reach (n_a, 2))
+    where none is stated."""
     full = stroke(reach)
     return share * full if stated is None else np.full(len(full), float(stated))
 

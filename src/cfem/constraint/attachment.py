@@ -93,7 +93,8 @@ def distance_outside(mesh: Mesh, points: np.ndarray, cells: np.ndarray | None = 
 
 
 def tolerance_outside(mesh: Mesh, radius: float) -> float:
-    """Distance, mm, that a point of such a radius may lie outside, as on the curved side of a coarse mesh."""
+    """Distance (mm) by which a point may lie outside of the mesh that it is attached to through a region of `radius`
+    mm: on the curved side of a coarse mesh it does."""
     return max(0.5 * radius, 1e-3 * mesh.size)
 
 

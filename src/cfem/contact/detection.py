@@ -123,8 +123,8 @@ def patch_normals(surface: np.ndarray, triangles: np.ndarray, patch: np.ndarray,
 def area_vectors(
     surface: np.ndarray, triangles: np.ndarray, patch: np.ndarray | None = None, count: int | None = None
 ) -> np.ndarray:
-    """(count, 3) mm^2: sums of the normals of triangles, twice their area long, over the corners that belong to each
-    patch, to each node unless patches (m,) are given."""
+    """Area vectors (count, 3) mm^2: sums of the normals of triangles, twice their area long, over the corners that
+    belong to each patch, to each node unless patches (m,) are given."""
     a, b, c = (surface[triangles[:, i]].T for i in range(3))
     (x, y, z), (u, v, w) = b - a, c - a
     corners = (triangles if patch is None else patch[triangles]).ravel()
@@ -134,9 +134,9 @@ def area_vectors(
 
 
 def may_meet(alongs: Sequence[np.ndarray], apart: Sequence[float]) -> np.ndarray:
-    """(N, N) of the patches of all bodies: OTHER, of another body, or of a part of its own that no surface joins to it;
-    OWN, of its own and more than `apart` mm away along the surface; NEVER. Of each body the distances `along` its
-    surface, and `apart`, infinite where it does not touch itself."""
+    """Codes (N, N) of the patches of all bodies: OTHER, of another body, or of a part of its own that no surface joins
+    to it; OWN, of its own and more than `apart` mm away along the surface; NEVER. Of each body the distances `along`
+    its surface, and `apart`, infinite where it does not touch itself."""
     blocks = [
         np.where(along > least, np.where(np.isinf(along), OTHER, OWN), NEVER) - OTHER
         for along, least in zip(alongs, apart, strict=True)
@@ -145,7 +145,7 @@ def may_meet(alongs: Sequence[np.ndarray], apart: Sequence[float]) -> np.ndarray
 
 
 def along(rest: np.ndarray, triangles: np.ndarray, patches: Patches) -> np.ndarray:
-    """(N, N) mm between patches along edges of the surface at rest (m, 3) mm, triangles (t, 3)."""
+    """Distances (N, N) mm between patches along edges of the surface at rest (m, 3) mm, triangles (t, 3)."""
     graph = edges(rest, triangles)
     centres = cKDTree(rest).query(patches.rest)[1]
     return dijkstra(graph, directed=False, indices=centres)[:, centres]

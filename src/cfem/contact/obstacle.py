@@ -21,8 +21,8 @@ class Obstacle(Protocol):
     """A rigid body of which the signed distance is known; points are (k, 3) mm."""
 
     def at_least(self, corners: np.ndarray, wanted: float = np.inf) -> tuple[np.ndarray, np.ndarray]:
-        """(k,) mm: at the centroids of triangles (k, 3, 3), and a bound each that none of its points is nearer than.
-        Bounds above `wanted` need not be sharp."""
+        """Distances (k,) mm at the centroids of triangles (k, 3, 3) mm, and a lower bound (k,) mm of the distance of
+        each triangle. Bounds above `wanted` need not be sharp."""
         ...
 
     def posed(self, R: np.ndarray, t: np.ndarray) -> Self:
@@ -30,15 +30,15 @@ class Obstacle(Protocol):
         ...
 
     def distance(self, points: np.ndarray) -> np.ndarray:
-        """(k,) mm."""
+        """Signed distances (k,) mm, positive outside."""
         ...
 
     def normals(self, points: np.ndarray) -> np.ndarray:
-        """(k, 3) unit gradients of the distance."""
+        """Unit gradients (k, 3) of the distance."""
         ...
 
     def frames(self, points: np.ndarray) -> np.ndarray:
-        """(k, 3, 3) rows n, t1, t2, right-handed; they turn with the pose."""
+        """Frames (k, 3, 3) with rows n, t1, t2, right-handed; they turn with the pose."""
         ...
 
 
@@ -70,18 +70,19 @@ class _Posed(ABC):
         return tangents(self._local((points - self.t) @ self.R)[1]) @ self.R.T
 
     def at_least(self, corners: np.ndarray, wanted: float = np.inf) -> tuple[np.ndarray, np.ndarray]:
-        """The distance of a convex shape is a convex function, so nowhere below its tangent at the centroid."""
+        """Distances and bounds as `Obstacle.at_least`, of a convex shape: its distance is a convex function, so nowhere
+        below its tangent at the centroid."""
         centroid = corners.mean(axis=1)
         distance, normal = self._local((centroid - self.t) @ self.R)
         along = np.einsum("kci,ki->kc", corners - centroid[:, None], normal @ self.R.T)
         return distance, distance + along.min(axis=1)
 
     def bends(self, points: np.ndarray) -> np.ndarray:
-        """(k, 3, 3) 1/mm: derivative of the normal by the place; 0 on flat faces, and at edges, where there is none."""
+        """Derivative (k, 3, 3) 1/mm of the normal by the place; 0 on flat faces, and at edges, where there is none."""
         return self.R @ self._bends((points - self.t) @ self.R) @ self.R.T
 
     def _bends(self, s: np.ndarray) -> np.ndarray:
-        """(k, 3, 3) 1/mm in the shape's coordinates."""
+        """Derivative (k, 3, 3) 1/mm of the normal in the shape's coordinates."""
         return np.zeros((len(s), 3, 3))
 
     @abstractmethod
@@ -260,7 +261,7 @@ def rounded(
 
 
 def tangents(normals: np.ndarray) -> np.ndarray:
-    """(k, 3, 3) rows n, t1, t2 for unit normals (k, 3): x, y, z turned by the shortest way that brings
+    """Frames (k, 3, 3) with rows n, t1, t2 for unit normals (k, 3): x, y, z turned by the shortest way that brings
     z to n, so smooth but for a jump near n = -z, which no field of frames can avoid (Duff et al., *Building an
     Orthonormal Basis, Revisited*, 2017, with the jump moved from the equator to 8 degrees from the pole)."""
     x, y, z = normals.T

@@ -36,7 +36,7 @@ class ObstacleSet:
         return tuple(shape.posed(*pose) for shape, *pose in zip(self._shapes.shapes, self.R, self.t, strict=True))
 
     def nearest(self, points: np.ndarray, farthest: float = np.inf) -> tuple[np.ndarray, np.ndarray]:
-        """(N,) mm distance of points (N, 3) mm to the nearest obstacle, and (N,) its number; `farthest` mm and any
+        """Distances (N,) mm of points (N, 3) mm to the nearest obstacle, and (N,) its number; `farthest` mm and any
         number where none is as near as that."""
         distance, place = rounded_boxes.nearest(self._boxes, np.ascontiguousarray(points, float), float(farthest))
         shapes = self._shapes
@@ -50,7 +50,7 @@ class ObstacleSet:
         return distance, which
 
     def frames(self, which: np.ndarray, points: np.ndarray) -> np.ndarray:
-        """(c, 3, 3) rows n, t1, t2 of the obstacles `which` (c,) at points (c, 3) mm."""
+        """Frames (c, 3, 3), rows n, t1, t2, of the obstacles `which` (c,) at points (c, 3) mm."""
         if not len(self._shapes.others):
             return rounded_boxes.frames(self._boxes, which, points)
         frames = np.empty((len(points), 3, 3))
@@ -67,7 +67,7 @@ class ObstacleSet:
         return self._shapes.curved
 
     def bends(self, which: np.ndarray, points: np.ndarray) -> np.ndarray:
-        """(c, 3, 3) 1/mm: derivative of the normal by the place. 0 on flat faces, and at edges, where there is none."""
+        """Derivative (c, 3, 3) 1/mm of the normal by the place. 0 on flat faces, and at edges, where there is none."""
         slopes = np.zeros((len(points), 3, 3))
         for mine, place in self._groups(which):
             if place is None:

@@ -48,7 +48,7 @@ class Pairs:
 
     @property
     def points(self) -> np.ndarray:
-        """(p,) numbers of the patches."""
+        """Numbers (p,) of the patches."""
         return self.slots % self.relative.shape[1]
 
     @property
@@ -107,7 +107,7 @@ class Pressing:
         return float(self.pressing.sum())
 
     def among(self, body: int, other: int) -> np.ndarray:
-        """(p,) bool: the pairs of two bodies; an obstacle has the number of bodies plus its own."""
+        """Mask (p,) of the pairs of two bodies; an obstacle has the number of bodies plus its own."""
         mine, met = self.bodies[self.pairs.points], self.pairs.partners
         return ((mine == body) & (met == other)) | ((mine == other) & (met == body))
 
@@ -190,8 +190,9 @@ class Surroundings:
         return self._with_obstacles(replace(soft, gaps=gaps), places)
 
     def entered(self, pairs: Pairs, places: np.ndarray, begin: np.ndarray | None, memory: "Memory") -> np.ndarray:
-        """(p,) bool: those that touched before, and those of robots that were not deep within each other where the step
-        began, at (N, 3) mm (none: nothing is known): the others have not come in through the faces that they have."""
+        """Mask (p,) of the pairs that touched before, and of those of robots that were not deep within each other where
+        the step began, at (N, 3) mm (none: nothing is known): the others have not come in through the faces that they
+        have."""
         if begin is None or not len(pairs):
             return np.ones(len(pairs), dtype=bool)
         outside = _gaps_at(pairs, places, begin) > -ENTERED * self.spacing
@@ -262,7 +263,7 @@ class Memory:
         return Memory(rows)
 
     def slips(self, pairs: Pairs, places: np.ndarray) -> np.ndarray:
-        """(p, 2) mm of pairs that it knows."""
+        """Slips (p, 2) mm of pairs that it knows."""
         known = [self.rows[slot] for slot in pairs.slots.tolist()]
         rows = np.array([row for row, _ in known]).reshape(pairs.relative.shape)
         moved = rows @ places - np.array([origin for _, origin in known]).reshape(-1, 3)
@@ -270,7 +271,7 @@ class Memory:
 
 
 def _gaps_at(pairs: Pairs, places: np.ndarray, moved: np.ndarray) -> np.ndarray:
-    """(p,) mm of pairs that are known at `places`, were the patches at `at` (N, 3) mm, on the same planes."""
+    """Gaps (p,) mm of pairs that are known at `places`, were the patches at `at` (N, 3) mm, on the same planes."""
     return pairs.gaps + (pairs.frames[:, 0] * (pairs.relative @ (moved - places))).sum(axis=1)
 
 

@@ -32,9 +32,9 @@ def turned(compliance: np.ndarray, turning: np.ndarray) -> TurningCompliance | N
     turn = np.flatnonzero(turning.any(axis=(1, 2)))
     n, rows, B = len(compliance), (3 * turn[:, None] + np.arange(3)).ravel(), turning[turn]
     by_turn = (compliance[:, rows].reshape(n, -1, 1, 3) @ B).reshape(n, -1)
-    there = np.linalg.solve(np.eye(len(rows)) - by_turn[rows], compliance[rows])  # of the patches that turn alone
-    effective, change = compliance + by_turn @ there, np.zeros((n, n))
-    change[rows] = (B @ there.reshape(-1, 3, n)).reshape(-1, n)
+    turned_rows = np.linalg.solve(np.eye(len(rows)) - by_turn[rows], compliance[rows])  # of the patches that turn alone
+    effective, change = compliance + by_turn @ turned_rows, np.zeros((n, n))
+    change[rows] = (B @ turned_rows.reshape(-1, 3, n)).reshape(-1, n)
     try:
         np.linalg.cholesky((effective + effective.T) / 2)
     except np.linalg.LinAlgError:
@@ -67,7 +67,8 @@ def pressed(
 
 @njit(cache=True, error_model="numpy")
 def _in_frames(compliance, gap, frames, start):
-    """W and free of `cfem.contact.law.problem`: what `pressed` takes, in the frames."""
+    """Contact problem W (3 c, 3 c) mm/N and free (3 c,) mm (`cfem.contact.law.problem`) in the frames of the patches,
+    from the arguments of `pressed`."""
     n, half = 3 * len(frames), np.empty((3, 3))
     W, free = np.empty((n, n)), gap.copy().reshape(-1)
     for i in range(0, n, 3):
@@ -164,7 +165,7 @@ class Balance:
 
     @property
     def step(self) -> np.ndarray:
-        """(c, 3) mm by which the change of the forces moves the patches."""
+        """Step (c, 3) mm by which the change of the forces moves the patches."""
         return (self.compliance @ self.change.ravel()).reshape(-1, 3)
 
 

@@ -26,7 +26,7 @@ class PrescribedMotion(Protocol):
         ...
 
     def carried(self, points: np.ndarray, begin: float, end: float) -> np.ndarray:
-        """(k, 3) mm where points of its surface, (k, 3) mm at `begin`, are at `end`."""
+        """Places (k, 3) mm at `end` of points of its surface that are at (k, 3) mm at `begin`."""
         ...
 
 
@@ -65,7 +65,7 @@ class ActuatedRobot:
         return self._make(self._shape(share))
 
     def deltas(self, share: float) -> np.ndarray:
-        """(n_a,) mm of its actuators."""
+        """Displacements (n_a,) mm of its actuators."""
         return between(self._deltas, share)
 
     def _shape(self, share: float) -> np.ndarray:

@@ -30,7 +30,7 @@ class RigidBodies:
     of_obstacles: np.ndarray
 
     def levers(self, bodies: np.ndarray, points: np.ndarray) -> np.ndarray:
-        """(p, 3, 6 b): G of points (p, 3) mm of bodies (p,)."""
+        """Matrix G (p, 3, 6 b) from bodies' motions to points (p, 3) mm, of bodies (p,)."""
         G = np.zeros((len(points), 3, 6 * len(self.centres)))
         for lever, body, point in zip(G, bodies, points, strict=True):
             add_lever(lever, body, point, self.centres, 1.0)
@@ -83,7 +83,8 @@ def add_lever(G, body, point, centres, share):
 
 @njit(cache=True, error_model="numpy")
 def motions(xi, centres):
-    """(b, 3, 3) and (b, 3) mm: R and t of the displacements and rotation vectors xi (6 b,) about the centres."""
+    """Frames R (b, 3, 3) and places t (b, 3) mm of bodies whose centres (b, 3) mm are displaced, and which are turned
+    about these, by xi (6 b,): a displacement in mm and a rotation vector in rad each."""
     R, t = np.empty((len(centres), 3, 3)), np.empty((len(centres), 3))
     for body in range(len(centres)):
         u, v = xi[6 * body : 6 * body + 3], xi[6 * body + 3 : 6 * body + 6]

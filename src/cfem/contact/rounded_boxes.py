@@ -41,7 +41,7 @@ def sizes(obstacles: Sequence[Rounded]) -> tuple[np.ndarray, np.ndarray, np.ndar
 
 @njit(cache=True, error_model="numpy")
 def nearest(boxes, points, farthest):
-    """(N,) mm from points (N, 3) mm to the nearest box, `farthest` at most, and (N,) its place among them."""
+    """Distances (N,) mm from points (N, 3) mm to the nearest box, `farthest` at most, and (N,) its place among them."""
     distance, which = np.full(len(points), farthest), np.zeros(len(points), dtype=np.int64)
     normal = np.empty(3)
     for p in range(len(points)):
@@ -59,7 +59,7 @@ def nearest(boxes, points, farthest):
 
 @njit(cache=True, error_model="numpy")
 def frames(boxes, numbers, points):
-    """(c, 3, 3) rows n, t1, t2 of the boxes `numbers` (c,) at points (c, 3) mm: see
+    """Frames (c, 3, 3), rows n, t1, t2, of the boxes `numbers` (c,) at points (c, 3) mm: see
     `cfem.contact.obstacle.tangents`."""
     frames, n, local = np.zeros((len(points), 3, 3)), np.empty(3), np.empty((3, 3))
     for p in range(len(points)):

@@ -81,7 +81,7 @@ class FeProblem(DesignProblem):
         return values, slopes
 
     def _over(self, number: Any, p: np.ndarray, free: Sequence[int], spread: np.ndarray) -> tuple[float, np.ndarray]:
-        """Value and derivatives of a number of several states."""
+        """Value and derivatives (free,) of an objective at the design p, over the states of its actuations."""
         states_and_slopes = [self.family.jacobian(number.kind, u, p, free) for u in number.actuations]
         states = stacked([state for state, _ in states_and_slopes])
         rows, outputs, by_p = partials(_rows([number]), states, spread)

@@ -65,8 +65,8 @@ def _with(S: np.ndarray, gap: np.ndarray, mu: np.ndarray, held: np.ndarray) -> n
 
 
 def _active(S: np.ndarray, gap: np.ndarray, unilateral: np.ndarray, slop: np.ndarray) -> np.ndarray:
-    """(m,) bool: the rows that hold; gap: without any multiplier. Rows are scaled to a compliance of one, so that those
-    of cables and chambers compare."""
+    """Mask (m,) of the rows that hold; gap: without any multiplier. Rows are scaled to a compliance of one, so that
+    those of cables and chambers compare."""
     size = np.sqrt(np.maximum(np.abs(np.diag(S)), np.finfo(float).tiny))
     S, gap, slop = S / np.outer(size, size), gap / size, slop / size
     bilateral = ~unilateral

@@ -1,4 +1,5 @@
-"""Condensation: W = H A^-1 H^T of all rows at an equilibrium, from a factor that may be of a state nearby.
+"""Condensation: W = H A^-1 H^T of all rows, and delta_free = delta - W lambda, at an equilibrium, from a factor that
+may be of a state nearby.
 
 With B = H^T (all rows as columns) and Z an approximation of A^-1 B, the error of W = B^T Z + Z^T (B - A Z) is the
 square of Z's error. Z comes from the nearby factor, refined against the true A until its residual is small enough."""

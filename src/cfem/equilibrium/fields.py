@@ -36,11 +36,11 @@ class Field(ABC):
 
     @abstractmethod
     def at_points(self, part: Solid, D: np.ndarray) -> np.ndarray:
-        """(k,) at displacement gradients D (k, 3, 3)."""
+        """Values (k,) at displacement gradients D (k, 3, 3)."""
 
     @abstractmethod
     def slopes(self, part: Solid, D: np.ndarray) -> np.ndarray:
-        """(k, 3, 3) by the deformation gradient F = D + I."""
+        """Derivatives (k, 3, 3) by the deformation gradient F = D + I."""
 
     def value(self, problem: Problem, evaluation: Evaluation) -> float:
         """Mean J of the field over the body."""
@@ -108,7 +108,7 @@ class Strain(Field):
         return lambda behind, ahead: np.einsum("kij,kij->k", slopes, ahead[1] - behind[1])
 
     def slopes(self, part: Solid, D: np.ndarray) -> np.ndarray:
-        """(k, 3, 3) by F: n N^T, the directions of the largest stretch after and before."""
+        """Derivatives (k, 3, 3) by F: n N^T, the directions of the largest stretch after and before."""
         F = D + np.eye(3)
         squares, axes = np.linalg.eigh(F.swapaxes(1, 2) @ F)
         N = axes[:, :, 2]

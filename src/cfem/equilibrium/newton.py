@@ -273,7 +273,7 @@ def _after(problem: Problem, evaluation: Evaluation, correction: Correction, par
 
 
 def holding(problem: Problem, actuation: Actuation, evaluation: Evaluation, lam: np.ndarray) -> np.ndarray:
-    """(m,) bool: the rows that hold at a state: all but one-sided ones without a multiplier beyond their targets."""
+    """Mask (m,) of the rows that hold at a state: all but one-sided ones without a multiplier beyond their targets."""
     gap = actuation.C @ evaluation.delta - actuation.target
     return ~actuation.unilateral | (actuation.C @ lam > 0) | (gap <= _NO_GAP * _move(problem, actuation, evaluation))
 

@@ -48,7 +48,7 @@ class Knot:
 
     @property
     def inputs(self) -> np.ndarray:
-        """(n_a + n_q,) what the state is a function of."""
+        """Inputs (n_a + n_q,) that the state is a function of."""
         return np.concatenate([self.delta, self.q])
 
 
@@ -104,8 +104,8 @@ def following(
     solve: Callable[[Actuation, State | None], Equilibrium],
     start: Callable[[Sequence[Knot], np.ndarray, Actuation], State | None] = predict,
 ) -> Callable[[Actuation], Equilibrium]:
-    """`solve` of an actuation alone: each state starts from those solved before it, told apart by their targets. For
-    actuations that differ in nothing else."""
+    """A solver of actuations that differ in their targets alone, from `solve` (actuation, start): it predicts the start
+    of each state from the states that it has solved before."""
     knots: list[Knot] = []
 
     def from_those_before(actuation: Actuation) -> Equilibrium:
@@ -140,7 +140,7 @@ class _Local:
     solution: np.ndarray
 
     def weights(self, inputs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(m,) of the values and (m, n) of the derivatives, whose sum is the polynomial at the inputs (n,)."""
+        """Weights (m,) of the values and (m, n) of the derivatives, whose sum is the polynomial at the inputs (n,)."""
         basis, _ = _monomials((self.to_xi @ (inputs - self.centre))[None], self.exponents)
         weights = (basis[0] @ self.solution).reshape(len(self.knots), -1)
         return weights[:, 0], weights[:, 1:] @ self.from_xi.T
@@ -185,8 +185,8 @@ def _fit(knots: Sequence[Knot]) -> _Local:
 
 
 def _root(stiffness: np.ndarray) -> np.ndarray:
-    """(n_a, n_a) R with R^T R = stiffness. Where contacts hold a robot that would buckle without them, the stiffness
-    has negative eigenvalues, which count by their size: distances need no sign."""
+    """Root R (n_a, n_a) of the stiffness, R^T R. Where contacts hold a robot that would buckle without them, the
+    stiffness has negative eigenvalues, which count by their size: distances need no sign."""
     try:
         return np.linalg.cholesky(stiffness).T
     except np.linalg.LinAlgError:
@@ -232,13 +232,13 @@ def _degree(knots: int, n: int) -> int:
 
 @lru_cache(maxsize=64)
 def _exponents(n: int, degree: int) -> np.ndarray:
-    """(terms, n) of all monomials up to the degree."""
+    """Exponents (terms, n) of all monomials up to the degree."""
     terms = [term for order in range(degree + 1) for term in combinations_with_replacement(range(n), order)]
     return np.array([[term.count(axis) for axis in range(n)] for term in terms])
 
 
 def _monomials(xi: np.ndarray, exponents: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(m, n) -> values (m, terms) and gradients (m, n, terms)."""
+    """Values (m, terms) and gradients (m, n, terms) of the monomials at points (m, n)."""
     powers = xi[:, None, :] ** exponents
     gradients = np.empty((len(xi), xi.shape[1], len(exponents)))
     for axis in range(xi.shape[1]):

@@ -182,6 +182,7 @@ class ExportSpec(Spec):
     """Settings of format fmu."""
 
     def check(self) -> None:
+        """Checks which formats and settings go together."""
         if self.c.obstacles and (self.scene is None or self.loads):
             raise ValueError("c.obstacles need `scene`, of which the surface is solved, and do not go with loads yet")
         if self.c.obstacles and "fmu" in self.formats:

@@ -55,6 +55,8 @@ def _solves(spec: ExportSpec) -> bool:
 
 
 def _extra(spec: ExportSpec, base: Path) -> Callable[[], dict[str, Any]]:
+    """Function that reads what determines the output beside the model: C sources, a scene that is solved, embedding."""
+
     def extra() -> dict[str, Any]:
         chosen = CONTROLLERS & set(spec.formats)
         contents: dict[str, Any] = {name: _sources(name) for name in sorted(chosen)}

@@ -33,7 +33,7 @@ class Effectors(NamedTuple):
 
 
 @njit(cache=True, no_cpython_wrapper=True, no_cfunc_wrapper=True, fastmath=FAST, error_model="numpy")
-def _apart(learned, lanes, room, dt):
+def _distance(learned, lanes, room, dt):
     """Distance of the middles of the step from those of the expansion, in half widths; of the farthest lane."""
     n_a, to_box, most = lanes.command.shape[0], learned.inertia.to_box, 0.0
     for k in range(n_a):
@@ -92,7 +92,7 @@ def _step(learned, lanes, room, forces, pulls, dt, small, tolerance, count):
             failed += wrong
             if not wrong:
                 break
-        if _apart(learned, lanes, room, dt) <= NEAR * tolerance:
+        if _distance(learned, lanes, room, dt) <= NEAR * tolerance:
             break
     for i in range(n_q):
         for b in range(LANES):

@@ -73,7 +73,8 @@ class Reach:
         self.near = 0.02 * self.scale
 
     def begin(self, goals: "Goals", robots: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        """Goals of new episodes `which` (k,); returns their robots (k, n_p)."""
+        """Draws goals for new episodes of `robots` (k,), numbers in the batch, and returns their parameters
+        (k, n_p)."""
         chosen = rng.integers(len(self._pool.tip), size=len(robots))
         goals.path[robots] = self._pool.tip[chosen][:, None]
         return self._p[chosen]

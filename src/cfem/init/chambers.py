@@ -28,7 +28,7 @@ class Chamber:
 
 def chambers_of(shape: Shape) -> tuple[Chamber, ...]:
     """The largest first."""
-    return _found(shape.mesh.X, triangulated(shape.mesh.facets), float(np.abs(shape.mesh.volumes).sum()))
+    return _enclosed(shape.mesh.X, triangulated(shape.mesh.facets), float(np.abs(shape.mesh.volumes).sum()))
 
 
 def read_chamber(text: str, shape: Shape) -> Chamber:
@@ -51,7 +51,9 @@ def read_chamber(text: str, shape: Shape) -> Chamber:
     raise ValueError(f"no closed inner surface is around {show(place)} mm; {others}")
 
 
-def _found(X: np.ndarray, triangles: np.ndarray, volume: float) -> tuple[Chamber, ...]:
+def _enclosed(X: np.ndarray, triangles: np.ndarray, volume: float) -> tuple[Chamber, ...]:
+    """Chambers of a body, the largest first: closed inner surfaces that enclose more than _LEAST of its `volume` mm^3.
+    X (n, 3) mm, triangles (t, 3)."""
     count, part = components(triangles)
     if count == 1:
         return ()
@@ -69,8 +71,8 @@ def _found(X: np.ndarray, triangles: np.ndarray, volume: float) -> tuple[Chamber
 
 
 def _point_inside(corners: np.ndarray) -> np.ndarray:
-    """(3,) mm far from the walls (t, 3, 3), whose normals point into the void: half way across it from the middle of
-    some facet, the one from which the way across is longest."""
+    """Point (3,) mm far from the walls (t, 3, 3), whose normals point into the void: half way across it from the middle
+    of some facet, the one from which the way across is longest."""
     a, b, c = corners.swapaxes(0, 1)
     normals, middles = np.cross(b - a, c - a), corners.mean(axis=1)
     areas = np.linalg.norm(normals, axis=1)

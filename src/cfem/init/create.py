@@ -243,6 +243,7 @@ def _cells(source: Source, ask: Ask) -> Answer | None:
 
 
 def _hold(shape: Shape, proposal: Proposal, ask: Ask) -> Answer:
+    """The answer to what is held: parts of the body, by a proposal that is asked about."""
     hold = proposal.hold
     low, high = vector(_rounded(shape.low)), vector(_rounded(shape.high))
     names = sorted({*shape.mesh.node_sets, *shape.mesh.facet_sets})
@@ -267,6 +268,7 @@ def _material(ask: Ask) -> tuple[Answer, Answer]:
 
 
 def _effector(shape: Shape, run: Run, held: Sequence[Hold], ask: Ask) -> Answer:
+    """The answer to which point (3,) mm is watched: near the body, and not held."""
     place, why = guess_watched(shape, run)
     default = ", ".join(number(value) for value in place) + " mm"
 

@@ -122,6 +122,7 @@ def push_lines(push: PushLine, radius: float) -> list[str]:
 
 
 def _questions(shape: Shape, source: Source) -> dict[str, Question]:
+    """Questions about what a robot may have further, by the word that asks for each."""
     several = "several with | between them"
     low, high = (", ".join(f"{value:.4g}" for value in ends) for ends in (shape.low, shape.high))
 
@@ -173,6 +174,7 @@ def _each(read: Callable[[str], T]) -> Callable[[str], tuple[T, ...]]:
 
 
 def _push(text: str) -> PushLine:
+    """A push from the text 'NAME: x, y, z; dx, dy, dz'."""
     name, places = _named(text, "'NAME: x, y, z; dx, dy, dz'")
     place_text, semicolon, direction_text = places.partition(";")
     if not semicolon:
@@ -196,7 +198,7 @@ def _named(text: str, form: str) -> tuple[str, str]:
 
 
 def gravity(text: str) -> np.ndarray | None:
-    """(3,) m/s^2 of an axis such as '-z', or of 'x, y, z'; None for no text. ValueError for anything else."""
+    """Acceleration (3,) m/s^2 from the text '-z' or 'x, y, z'; None of an empty text. ValueError for anything else."""
     if not text:
         return None
     match = re.fullmatch(r"\s*([+-]?)([xyz])\s*", text)
@@ -224,6 +226,7 @@ def _region(text: str, shape: Shape) -> Region:
 
 
 def _symmetry(text: str, shape: Shape, source: Source) -> str | None:
+    """Axis across which the body is its own mirror image, None of an empty text. SpecError where it cannot be."""
     if not text:
         return None
     axis = choice(text, tuple(AXES))

@@ -154,6 +154,7 @@ def is_flat(shape: Shape, axis: int, end: float, area: float) -> bool:
 
 
 def _read(text: str, shape: Shape) -> Hold:
+    """The part of the body that a text names: a set of the mesh, a side, a face, or what lies beyond a plane."""
     mesh = shape.mesh
     if text in {*mesh.node_sets, *mesh.facet_sets, *mesh.cell_sets}:
         return Hold(int(shape.extent.argmax()), True, 0.0, text)
@@ -185,7 +186,7 @@ def _at_face(text: str, shape: Shape) -> Hold:
 
 
 def _held_nodes(shape: Shape, hold: Hold) -> np.ndarray:
-    """(k, 3) mm. SpecError where there are none."""
+    """Nodes (k, 3) mm that are held. SpecError where there are none."""
     return shape.mesh.X[select_nodes(shape.mesh, hold.selection(), "fixed")]
 
 

@@ -61,7 +61,7 @@ def integer(text: str, least: int, most: int) -> int:
 
 
 def point(text: str) -> np.ndarray:
-    """(3,) mm of 'x, y, z', in mm or in the unit that follows. ValueError for anything else."""
+    """Point (3,) mm from the text 'x, y, z', in mm or in the unit that follows. ValueError for anything else."""
     match = re.fullmatch(r"(.*[\d.])\s*([a-z]+)?", text.strip())
     numbers, unit = match.groups() if match else ("", None)
     x = triple(numbers, f"expected three coordinates 'x, y, z' in mm, got '{text.strip()}'")

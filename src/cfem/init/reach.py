@@ -55,7 +55,9 @@ def _by_name(names: Sequence[str], whys: Sequence[str]) -> str:
     """One why where it is the same, else each with the names of those that it is said of."""
     if len(set(whys)) == 1:
         return whys[0]
-    actuators = {why: ", ".join(name for name, other in zip(names, whys, strict=True) if other == why) for why in whys}
+    actuators = {
+        why: ", ".join(name for name, its_why in zip(names, whys, strict=True) if its_why == why) for why in whys
+    }
     return "; ".join(f"{carriers}: {why}" for why, carriers in actuators.items())
 
 

@@ -76,7 +76,7 @@ def find_strokes(robot: Robot, advance: Callable[[int], None] = lambda _: None) 
     near = np.linalg.norm(robot.X - robot.rest_e[:3], axis=1)
     tip = near.argsort()[: max(8, int((near < _TIP * robot.length).sum()))]
     units = [unit for unit, _ in robot.actuator_units]
-    alone = alike([_alone(problem, index, tip, advance) for index in range(robot.rows.n_a)], units)
+    alone = equalised([_alone(problem, index, tip, advance) for index in range(robot.rows.n_a)], units)
     alone = [each.shortened(_MARGIN) if each.sudden else each for each in alone]
     if len(alone) < 2:
         return alone
@@ -146,7 +146,7 @@ def with_contact(
     return pushed, answer
 
 
-def alike(strokes: Sequence[Stroke], units: Sequence[str]) -> list[Stroke]:
+def equalised(strokes: Sequence[Stroke], units: Sequence[str]) -> list[Stroke]:
     """Those that are nearly as long as a shorter one of the same unit have that in its place."""
     chosen = list(strokes)
     for unit in set(units):

@@ -78,6 +78,7 @@ def texts(robot: NewScene) -> dict[str, str]:
 
 
 def _scene(robot: NewScene) -> str:
+    """Text of scene.yaml."""
     kind = robot.kind if robot.unit is None else f"{robot.kind}, unit: {number(robot.unit.value)} mm"
     kind += ", remesh: true" if robot.remesh else ""
     kind += f", body: {robot.body}" if robot.body > 1 else ""
@@ -116,6 +117,7 @@ def _self_contact(answer: Answer | None) -> list[str]:
 
 
 def _actuators(robot: NewScene) -> list[str]:
+    """Lines of the actuators in scene.yaml; without any a comment that has to be filled in."""
     driven, reach = robot.drive, zip(robot.least, robot.reach, strict=True)
     if not robot.n_a:
         return [*_open_question(robot), "actuators: []"]
@@ -174,6 +176,7 @@ def _open_question(robot: NewScene) -> list[str]:
 
 
 def _mesh(robot: NewScene) -> list[str]:
+    """Lines of the mesh in scene.yaml."""
     if robot.cells is None:
         return [
             f"mesh: {{size: {number(robot.size)} mm, element: {robot.element}}}"
@@ -188,6 +191,7 @@ def _mesh(robot: NewScene) -> list[str]:
 
 
 def _sample(robot: NewScene) -> str:
+    """Text of sample.yaml."""
     rows = _ROWS if robot.n_a <= _FEW else _MORE_ROWS
     more = _OF_MANY if robot.n_a > _FEW else ""
     return f"""# The states to solve: `cfem sample sample.yaml`. No cable ever pushes, no chamber ever sucks.
@@ -230,6 +234,7 @@ formats: [html]
 
 
 def _control(robot: NewScene) -> str:
+    """Text of control.yaml."""
     return f"""# Goals to follow with the learned model, in the finite-element robot: `cfem control control.yaml`.
 scene: scene.yaml
 mesh: ../../data/{robot.name}/mesh
@@ -246,6 +251,7 @@ trajectories:
 
 
 def _report(robot: NewScene) -> str:
+    """Text of report.yaml."""
     page = f"page: ../../models/{robot.name}/page          # the robot to move, beside the report\n"
     return f"""# One page on all of it: `cfem report report.yaml`.
 scene: scene.yaml

@@ -42,11 +42,11 @@ def unit_doubt(source: Source) -> str:
     fitting = _fitting(size)
     if not fitting:
         return f"soft robots measure {ROBOTS[0]:g} to {ROBOTS[1]:g} mm, and the body does in no usual unit"
-    if unit in _USUAL and min(fitting, key=lambda other: _off(size, other)) == unit:
+    if unit in _USUAL and min(fitting, key=lambda candidate: _off(size, candidate)) == unit:
         return ""
-    others = {other: size * in_mm for other, in_mm in _IN_MM.items() if other in ("mm", *fitting) and other != unit}
+    lengths = {name: size * in_mm for name, in_mm in _IN_MM.items() if name in ("mm", *fitting) and name != unit}
     about = "about " if source.extent is None else ""
-    return " and ".join(f"in {other} it would be {about}{long:.3g} mm long" for other, long in others.items())
+    return " and ".join(f"in {name} it would be {about}{length:.3g} mm long" for name, length in lengths.items())
 
 
 def demand_unit(extent: np.ndarray, unit: float) -> None:

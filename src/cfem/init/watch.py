@@ -14,8 +14,8 @@ _CARRIERS = 20  # nodes of the coarse mesh
 
 
 def guess_watched(shape: Shape, run: Run) -> tuple[np.ndarray, str]:
-    """(3,) mm and what it is in words: the centre of the free end where that lies in the body, else a centre a little
-    before it, else the centre outside the body."""
+    """Watched point (3,) mm, and what it is in words: the centre of the free end where that lies in the body, else a
+    centre a little before it, else the centre outside the body."""
     step = 10.0 ** np.round(np.log10(run.length) - 3)
     sections = [cut(shape.interior, run.axis, run.inwards(share * run.length)) for share in _BEFORE]
     sections = [section for section in sections if section is not None]

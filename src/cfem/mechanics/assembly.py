@@ -70,7 +70,7 @@ def make_pattern(n_nodes: int, groups: Sequence[np.ndarray], fixed: np.ndarray) 
 
 
 def _slots_of_blocks(indptr: np.ndarray, column: np.ndarray, place: np.ndarray) -> np.ndarray:
-    """(m, 3) slots of blocks (m,) by their node column and their place in it, 0 for the diagonal block."""
+    """Slots (m, 3) of blocks (m,) by their node column and their place in it, 0 for the diagonal block."""
     starts = indptr[:-1].reshape(-1, 3)[column]
     return starts + np.where(place[:, None] == 0, -np.arange(3), 3 * place[:, None] - np.arange(3))
 

@@ -70,7 +70,7 @@ class Body:
         return sum(len(part.cells) for part in self.solids) if self.element.pressure else 0
 
     def parts(self) -> list[tuple[Solid, slice]]:
-        """Regions, each with its place among the element pressures."""
+        """Regions, each with the slice of the body's element pressures that belongs to it."""
         ends = np.cumsum([0] + [len(part.cells) for part in self.solids])
         return [(part, slice(a, b)) for part, a, b in zip(self.solids, ends[:-1], ends[1:], strict=True)]
 
@@ -153,7 +153,7 @@ def make_rod_body(
     section_of = np.empty(len(mesh.X), dtype=int)
     section_of[sections.nodes] = np.arange(len(sections.nodes))[:, None]
     lowest = section_of[mesh.cells].min(axis=1)
-    numbers = [int(np.bincount(owner[lowest == section]).argmax()) for section in range(len(sections.apart))]
+    numbers = [int(np.bincount(owner[lowest == section]).argmax()) for section in range(len(sections.spacing))]
     rubber = [material.law.name in RUBBER for material in materials]
     rod = rods.make_rod(sections, shape, _moduli(materials), np.array(numbers), rubber)
     return Body(mesh, element, (), sections, rod)

@@ -73,7 +73,7 @@ SECTIONED = {
 
 
 def shape(n_nodes: int, coordinates: np.ndarray) -> np.ndarray:
-    """(k, n_nodes) shape functions, VTK node order, at barycentric coordinates (k, 4), or (k, 3) in [-1, 1]^3."""
+    """Shape functions (k, n_nodes), VTK node order, at barycentric coordinates (k, 4), or (k, 3) in [-1, 1]^3."""
     L = np.asarray(coordinates, dtype=float)
     if n_nodes == 4:
         return L
@@ -83,7 +83,7 @@ def shape(n_nodes: int, coordinates: np.ndarray) -> np.ndarray:
 
 
 def shape_derivatives(n_nodes: int, coordinates: np.ndarray) -> np.ndarray:
-    """(k, n_nodes, 4 or 3) derivatives of the shape functions by the coordinates."""
+    """Derivatives (k, n_nodes, 4 or 3) of the shape functions by the coordinates."""
     L = np.asarray(coordinates, dtype=float)
     if n_nodes == 8:
         factors = 1 + L[:, None, :] * HEX_CORNERS
@@ -124,7 +124,7 @@ def reference_gradients(element: Element, X: np.ndarray, cells: np.ndarray) -> t
 
 
 def barycentric_gradients(X: np.ndarray, cells: np.ndarray) -> np.ndarray:
-    """(m, 4, 3) gradients of the barycentric coordinates of straight-edged tetrahedra, 1/mm."""
+    """Gradients (m, 4, 3) 1/mm of the barycentric coordinates of straight-edged tetrahedra."""
     corners = X[cells[:, :4]]
     edges = corners[:, 1:] - corners[:, :1]  # rows X_i - X_0: the Jacobian, transposed
     inverse = np.linalg.inv(edges)  # columns are the gradients of L_1, L_2, L_3

@@ -193,7 +193,7 @@ def _each_point(layer: Layer, values: np.ndarray) -> np.ndarray:
 
 
 def _matrix(stress: np.ndarray) -> np.ndarray:
-    """(k, 2, 2) of (S_11, S_22, S_12)."""
+    """Symmetric matrices (k, 2, 2) of their entries (S_11, S_22, S_12)."""
     return stress[:, [0, 2, 2, 1]].reshape(-1, 2, 2)
 
 

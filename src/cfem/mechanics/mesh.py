@@ -55,18 +55,18 @@ class Mesh:
 
 
 def tet_volumes(X: np.ndarray, cells: np.ndarray) -> np.ndarray:
-    """(m,) signed volumes of straight-edged tetrahedra from their corners."""
+    """Signed volumes (m,) mm^3 of straight-edged tetrahedra from their corners."""
     a, b, c, d = (X[cells[:, corner]] for corner in range(4))
     return np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a) / 6
 
 
 def hex_volumes(X: np.ndarray, cells: np.ndarray) -> np.ndarray:
-    """(m,) signed volumes of the six tetrahedra that each hexahedron is cut into (exact where its faces are flat)."""
+    """Signed volumes (m,) mm^3 of the six tetrahedra of each hexahedron, exact where its faces are flat."""
     return sum(tet_volumes(X, cells[:, corners]) for corners in HEX_TETS)
 
 
 def boundary_facets(cells: np.ndarray) -> np.ndarray:
-    """(k, 3) or (k, 4) faces that belong to one cell only, normals outward, in a fixed order."""
+    """Faces (k, 3) or (k, 4) that belong to one cell only, normals outward, in a fixed order."""
     table = HEX_FACES if cells.shape[1] == 8 else TET_FACES
     faces = cells[:, table].reshape(-1, table.shape[1])
     _, first, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)

@@ -162,7 +162,7 @@ def tangent_form(contact: SelfContact, state: SelfContactResponse, motions: np.n
 
 
 def _frames(contact: SelfContact, x: np.ndarray) -> np.ndarray:
-    """(k, 3, 3) mm: p - y and the tangents."""
+    """Frames (k, 3, 3) mm: p - y and the two tangents."""
     return contact.shares @ x[contact.nodes]
 
 
@@ -204,7 +204,7 @@ def _curvature(state: SelfContactResponse) -> np.ndarray:
 
 
 def _cross_matrix(vectors: np.ndarray) -> np.ndarray:
-    """(k, 3, 3) with which a product is the cross product of vectors (k, 3) and what follows."""
+    """Matrices (k, 3, 3) whose products with b are the cross products of vectors (k, 3) and b."""
     out = np.zeros((len(vectors), 3, 3))
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
         out[:, i, j], out[:, j, i] = -vectors[:, k], vectors[:, k]

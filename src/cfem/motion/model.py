@@ -177,7 +177,7 @@ class MotionModel:
         """M, dM and F of `MotionTerms` at delta_a (n_a,) mm."""
         return self._inertia(self._terms(delta_a))
 
-    def apart(self, change: np.ndarray) -> float:
+    def half_widths(self, change: np.ndarray) -> float:
         """A change (n_a,) mm of delta_a in half widths of the box that was learned."""
         return float(np.abs(change @ self._to_box_T).max())
 

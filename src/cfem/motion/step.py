@@ -118,7 +118,7 @@ def step(
             break
         change, v = solved.v - v, solved.v
         settled = not carried or np.abs(change / model.scale).max() <= tolerance * near.size(v)
-        if settled and model.apart(dt / 2 * change[:n_a]) <= NEAR:
+        if settled and model.half_widths(dt / 2 * change[:n_a]) <= NEAR:
             lam = force
             lam[held[:n_a]] = -2 / dt * solved.rest[held]
             q, p, gain = motion.q + dt * v, 2 * solved.impulse - motion.p, (v - motion.v) / dt

@@ -50,7 +50,7 @@ class Meshes:
         except Unreachable:
             if self._folder is None:
                 raise
-        for remeshed in sorted(self.own, key=lambda candidate: self._apart(candidate.p, p)):
+        for remeshed in sorted(self.own, key=lambda candidate: self._distance(candidate.p, p)):
             try:
                 return remeshed.family, remeshed.family.at(p)
             except Unreachable:
@@ -60,7 +60,7 @@ class Meshes:
                 f"{MOST} designs have meshes of their own already, and the search asks for another",
                 do="narrow the ranges, or make the mesh of a scene in their middle",
             )
-        added = self._made(p)
+        added = self._meshed(p)
         self.own.append(added)
         return added.family, added.family.at(p)
 
@@ -78,7 +78,7 @@ class Meshes:
                 high = middle
         return begin + low * (remeshed.p - begin)
 
-    def _made(self, p: np.ndarray) -> OwnMesh:
+    def _meshed(self, p: np.ndarray) -> OwnMesh:
         """A mesh of the design p (n_p,). NumericalError where its geometry cannot be meshed."""
         scene = with_values(self._scene, [parameter.key for parameter in self.parameters], p)
         doing("meshing a design again")
@@ -91,6 +91,6 @@ class Meshes:
             )
             raise NumericalError(f"cannot be meshed again: {error}", where=f"design {named}") from None
 
-    def _apart(self, p: np.ndarray, q: np.ndarray) -> float:
+    def _distance(self, p: np.ndarray, q: np.ndarray) -> float:
         width = np.array([parameter.high - parameter.low for parameter in self.parameters])
         return float((np.abs(p - q) / width).max())

@@ -41,7 +41,7 @@ def pushed(robot: Robot, push: np.ndarray, patches: Sequence[PatchLoad] = ()) ->
 
 
 class FemPlant(FemRobot):
-    """Both protocols, `Model` and `Plant`; a step to where the robot stands costs nothing."""
+    """A finite-element robot as a `Model` and as a `Plant`. A step to where it stands costs nothing."""
 
     def __init__(self, robot: Robot):
         super().__init__(robot, MEMORY, APART * float(np.abs(robot.reach).max()))
@@ -81,7 +81,7 @@ class FemPlant(FemRobot):
         self._t += 1
         amount = 0.0
         if share.any():
-            amount = borne(share, reach_max, *self._together, float(share @ share / share.sum()))
+            amount = borne(share, reach_max, *self._pull_together, float(share @ share / share.sum()))
         for _ in range(_LESS):
             self._solve(pull(share, reach_max, amount), share * reach_max, slack=True)
             if self._used() <= 1.0:
@@ -103,7 +103,7 @@ class FemPlant(FemRobot):
             self._solve(displacement(held), held, slack=True)
 
     @cached_property
-    def _together(self) -> tuple[np.ndarray, float]:
+    def _pull_together(self) -> tuple[np.ndarray, float]:
         """Compliance (n_a, n_a) mm/N at rest, and the share of their reach that all actuators bear at once."""
         n_a, reach_max = self._problem.robot.rows.n_a, self._problem.robot.reach[:, 1]
         compliance = solve(self._problem, force(np.zeros(n_a))).condensed.W_aa

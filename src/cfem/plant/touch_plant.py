@@ -83,7 +83,7 @@ class TouchPlant(ContactAccount):
         n_e = robot.rows.n_e + len(self._pressed) + len(self._avoided)
         if kind != "displacement":
             return Measurement.failed(n_e, len(u), self.commands, "contact takes displacements")
-        status = carried_out(self._at, u, longest, self._go_short) if self._blocked == CONVERGED else self._blocked
+        status = carried_out(self._at, u, longest, self._short_step) if self._blocked == CONVERGED else self._blocked
         self.failures += status != CONVERGED
         if self.met is None:
             return Measurement.failed(n_e, len(u), self.commands, status)
@@ -116,7 +116,7 @@ class TouchPlant(ContactAccount):
                 self._obstacles, self._meeting, self.met, self._share = before
                 return
 
-    def _go_short(self, u: np.ndarray) -> str:
+    def _short_step(self, u: np.ndarray) -> str:
         return self._go(u, self._meeting.short_step)
 
     def _go(self, u: np.ndarray, step: Callable[..., SurfacesState] | None = None) -> str:

@@ -30,8 +30,8 @@ UNBOUNDED = ("in_scale", mlp.AT_REST + "in_scale")  # infinite for inputs that d
 Runtime = Literal["arrays", "onnx"]
 
 
-def load_model(folder: Path, runtime: Runtime = "arrays", whole: bool = False) -> Predictor:
-    """The model of a folder that `cfem train` or `cfem export` made; whole: its skin is read now, if it has one.
+def load_model(folder: Path, runtime: Runtime = "arrays", with_skin: bool = False) -> Predictor:
+    """The model of a folder that `cfem train` or `cfem export` made; with_skin: its skin is read now, if it has one.
     InputError where a file is missing or damaged.
 
     A folder that is replaced meanwhile is read again, so that no model is half of one and half of another."""
@@ -39,7 +39,7 @@ def load_model(folder: Path, runtime: Runtime = "arrays", whole: bool = False) -
         known = stamp(folder)
         try:
             predictor = _load(folder, runtime)
-            if whole and (has_skin(folder) or has_file(folder, serial_skin.FILE)):
+            if with_skin and (has_skin(folder) or has_file(folder, serial_skin.FILE)):
                 predictor.skin  # noqa: B018 - kept there
         except InputError:
             if known == stamp(folder):
@@ -205,4 +205,4 @@ class LiveModel:
 
     def _read(self) -> tuple[Any, Predictor]:
         version = stamp(self._folder)  # one that is replaced while it is read is looked at again next time
-        return version, load_model(self._folder, self._runtime, whole=True)
+        return version, load_model(self._folder, self._runtime, with_skin=True)

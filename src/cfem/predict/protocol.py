@@ -83,17 +83,17 @@ class Predictor(ABC):
 
     @property
     def facets(self) -> np.ndarray:
-        """(t, 3) triangles of the surface, normals outward: numbers of nodes as `shape` has them."""
+        """Triangles (t, 3) of the surface, normals outward: numbers of nodes as `shape` has them."""
         return self.skin.triangles
 
     def shape(self, delta_a: ArrayLike, p: ArrayLike | None = None) -> np.ndarray:
-        """(..., m, 3) mm positions of all surface nodes where the actuators stand at delta_a (..., n_a) mm; p (n_p,) or
+        """Positions (..., m, 3) mm of all surface nodes where the actuators stand at delta_a (..., n_a) mm; p (n_p,) or
         (..., n_p). InputError where the model has no skin, or one of another geometry than p's."""
         return self.skin.surface(self._skin_rows(delta_a, p))
 
     def all_nodes(self, delta_a: ArrayLike, p: ArrayLike | None = None) -> np.ndarray:
-        """(..., n, 3) mm as `shape`, of all nodes inside and outside, in the order of the mesh. InputError where the
-        samples had the surface alone."""
+        """Positions (..., n, 3) mm of all nodes, inside and outside, in the order of the mesh; otherwise as
+        `shape`. InputError where the samples had the surface alone."""
         return self.skin.all_nodes(self._skin_rows(delta_a, p))
 
     def _skin_rows(self, delta_a: ArrayLike, p: ArrayLike | None) -> np.ndarray:
@@ -150,11 +150,12 @@ class Predictor(ABC):
 
     @abstractmethod
     def evaluate(self, s: np.ndarray, p: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """(..., n_a) mm or N by the form, (..., n_p) -> W (..., n, n), delta_free (..., n)."""
+        """W (..., n, n) mm/N and delta_free (..., n) mm at inputs s (..., n_a), mm or N by the form, and parameters p
+        (..., n_p)."""
 
     def softer(self, p: np.ndarray) -> np.ndarray:
-        """(..., n_p) -> (...) reference over Young's modulus where its effect is exact (identity 6 of the condensed
-        model: W ~ 1/E, lambda ~ E), else 1."""
+        """Reference over Young's modulus (...) at parameters p (..., n_p) where its effect is exact (identity 6 of the
+        condensed model: W ~ 1/E, lambda ~ E), else 1."""
         return np.prod(self._reference[self._exact] / p[..., self._exact], axis=-1)
 
     def softness(self, p: np.ndarray | None) -> np.ndarray | float:
@@ -162,7 +163,7 @@ class Predictor(ABC):
         return self.softer(self._p(p))[..., None] if self.parameters else 1.0
 
     def q(self, p: np.ndarray | None) -> np.ndarray:
-        """(..., n_p) -> (..., n_q) coordinates of the parameters that are learned."""
+        """Coordinates (..., n_q) of the parameters that are learned, at parameters p (..., n_p)."""
         p = self._p(p)
         if not self._learned:
             return p[..., :0]
@@ -207,8 +208,8 @@ class Predictor(ABC):
         return states, left == 0
 
     def jacobian(self, state: Condensed) -> np.ndarray:
-        """(..., n_e, n_a) d delta_e / d delta_a = W_ea W_aa^-1 at a state found with this model. InputError where it is
-        none."""
+        """Jacobian (..., n_e, n_a) d delta_e / d delta_a = W_ea W_aa^-1 at a state found with this model. InputError
+        where it is none."""
         return _state(state).effector_jacobian
 
     def workspace(self, states: int = 1000, seed: int = 0) -> "Workspace":
@@ -219,12 +220,12 @@ class Predictor(ABC):
 
     @property
     def pulls(self) -> np.ndarray:
-        """(n_a,) bool: actuators that pull, or blow, and do not push, or suck, in the training states."""
+        """Mask (n_a,) of the actuators that pull, or blow, and do not push, or suck, in the training states."""
         low, high = self.domain.lambda_a
         return low > -_PUSHES * high
 
     def _one_each(self, values: ArrayLike, what: str) -> np.ndarray:
-        """(..., n_a). InputError where these are not a finite number for each actuator."""
+        """Values as an array (..., n_a). InputError unless they are finite, one for each actuator."""
         try:
             array = np.asarray(values, float)
         except (TypeError, ValueError, OverflowError):

@@ -74,7 +74,7 @@ def _work(folder: Path, control: Path, manifest: Mapping[str, Any], spec: Animat
 
     shapes = list(histories(control, manifest, spec.frames))
     if not shapes or (spec.learned and all(history.kind != LEARNED for history in shapes)):
-        raise _nothing(control, manifest)
+        raise _nothing_to_draw(control, manifest)
     scene = _scene(control, manifest)
     files: dict[str, list[str]] = {}
     shown = {history.name: history for history in reversed(shapes)}  # FE, which come first, before the learned
@@ -104,7 +104,7 @@ def _pictures(folder: Path, history: "ShapeHistory", viewer: "Viewer", formats: 
     return list(pictures)
 
 
-def _nothing(control: Path, manifest: Mapping[str, Any]) -> InputError:
+def _nothing_to_draw(control: Path, manifest: Mapping[str, Any]) -> InputError:
     """Error that says why there is nothing to draw."""
     if manifest["spec"].get("object") or manifest["spec"].get("design"):
         what = "a learned skin is of the scene's own robot alone, without object or design, and"

@@ -136,7 +136,8 @@ def _results(models: Mapping[Any, tuple[Path, dict[str, Any]]]) -> dict[Any, dic
 
 
 def _trusts(models: Manifests, samples: Path | None, beyond: Path | None) -> dict[str, Trust]:
-    """Worth of the flags of each model, by FE states of these datasets."""
+    """Trust in each model's warning of states outside its domain, by FE states of the datasets `samples` and `beyond`.
+    The latter reaches farther."""
     if samples is None:
         return {}
     states, outside = (path and read_dataset(artefact_file(path, "test.parquet")) for path in (samples, beyond))

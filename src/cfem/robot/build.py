@@ -12,12 +12,12 @@ from cfem.constraint.attachment import Attachment, attach
 from cfem.constraint.cable import Cable, make_cable
 from cfem.constraint.cavity import Cavity, enclosed, is_skin, make_cavity
 from cfem.constraint.centre_of_mass import centre_of_mass
-from cfem.constraint.chambers import RodChambers, make_rod_chambers
 from cfem.constraint.contact import ContactPoint
 from cfem.constraint.effector import make_effector
 from cfem.constraint.protocol import Watched
 from cfem.constraint.push import Push, make_push
 from cfem.constraint.rod_cable import RodCable, make_rod_cable
+from cfem.constraint.rod_chambers import RodChambers, make_rod_chambers
 from cfem.constraint.section_point import attach_to_sections, make_section_effector
 from cfem.core.errors import SpecError
 from cfem.equilibrium.system.robot import Robot

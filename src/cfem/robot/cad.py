@@ -49,7 +49,7 @@ class Union:
 
 @dataclass(frozen=True)
 class Difference:
-    """`whole` without `parts`."""
+    """The solid `whole`, from which `parts` are cut."""
 
     whole: "Solid"
     parts: tuple["Solid", ...]

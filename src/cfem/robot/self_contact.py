@@ -29,7 +29,7 @@ class SelfContactSpec(Spec):
 
 
 def _as_spec(given: object) -> object:
-    """`true` as all defaults, `false` as none."""
+    """The spec that a user's value stands for: all defaults of `true`, no spec of `false`."""
     return ({} if given else None) if isinstance(given, bool) else given
 
 

@@ -24,14 +24,14 @@ def sampled_frequencies(dataset: Path, scene: SceneSpec, mesh: Mesh) -> dict[str
     """Hz of the lowest `MODES`, a list for each converged state of a dataset's file: `held`, with the actuators still,
     and `free`, with constant forces. None where the robot is unstable so, or was not solved again."""
     rows, problem = read_dataset(dataset), MovingProblem(build_robot(scene, mesh))
-    found: dict[str, Any] = {"held": [], "free": []}
+    frequencies: dict[str, Any] = {"held": [], "free": []}
     with progress("natural frequencies of the test states", len(rows)) as advance:
         for delta in rows.delta_a:
             solved = solve(problem, displacement(delta), slack=False, wanted=Wanted(condense=False))
             for kind, command in (("held", None), ("free", force(np.zeros(rows.rows.n_a)))):
-                found[kind].append(_lowest(problem, solved.state, command) if solved.converged else None)
+                frequencies[kind].append(_lowest(problem, solved.state, command) if solved.converged else None)
             advance(1)
-    return found
+    return frequencies
 
 
 def _lowest(problem: MovingProblem, state: State, command: Actuation | None) -> list[float] | None:

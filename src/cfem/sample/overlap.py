@@ -41,7 +41,8 @@ def deeper(first: Mapping[str, Any] | None, second: Mapping[str, Any] | None) ->
 
 
 def finding(overlap: Mapping[str, Any] | None, body: float) -> list[dict[str, Any]]:
-    """Finding about a robot of the length `body` mm whose parts pass through each other by more than ALLOWED of it."""
+    """The finding that parts of a robot pass through each other by more than ALLOWED of its length `body` mm; none
+    where they do not."""
     if overlap is None or overlap["depth_mm"] <= ALLOWED * body:
         return []
     depth, place = overlap["depth_mm"], ", ".join(f"{number:.3g}" for number in overlap["place_mm"])

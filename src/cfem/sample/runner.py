@@ -130,7 +130,7 @@ def make_job(
     together = 1.0
     if spec.space == "pulling" and spec.contact is None:
         doing("finding how far all actuators can be pulled at once")
-        _, together = next(_results(executor, timeout, {"pull of all actuators": (shard.together, robot)}))
+        _, together = next(_results(executor, timeout, {"pull of all actuators": (shard.pull_together, robot)}))
     columns = facts.rows.n_a + facts.rows.n_c + len(sampled(facts.parameters))
     plans = {
         name: with_idle(unit_rows(split, columns), facts.rows.n_a, spec.idle) for name, split in spec.splits.items()

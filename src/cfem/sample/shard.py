@@ -64,7 +64,7 @@ def facts(robot: bytes) -> Facts:
     return _solver(robot).facts
 
 
-def together(robot: bytes) -> float:
+def pull_together(robot: bytes) -> float:
     """See `borne_together`; where the robot has parameters, at the middle of their ranges."""
     solver = _solver(robot).roughly()
     parameters, high = sampled(solver.facts.parameters), solver.facts.reach[:, 1]
@@ -112,7 +112,7 @@ def solve_skeleton(
         begun.append(row)
         if row.solved.converged:
             knots.append(row.knot)
-            seen.append(_seen(nodes, rest, row.solved))
+            seen.append(_skin_sample(nodes, rest, row.solved))
         tally.add(not row.solved.converged, row.solved.factorizations)
     demand_states(knots)
     skin = find_skin(surface, seen, asked, solver.facts.length, inside)
@@ -120,7 +120,7 @@ def solve_skeleton(
     rows = []
     for index, row in enumerate(begun):
         tally.begin(piece.split[index], piece.id[index])
-        rows.append(_again(watching, piece, row))
+        rows.append(_solve_with_skin(watching, piece, row))
         tally.add(False, rows[-1].solved.factorizations - row.solved.factorizations)
     records = [_record(solver.facts, skin, piece, index, row) for index, row in enumerate(rows)]
     states = knots_bytes([row.knot for row in rows if row.solved.converged])
@@ -154,9 +154,9 @@ def rows_bytes(records: list[Record], schema: pa.Schema) -> bytes:
 class SolvedRow:
     """A row u of the plan, solved.
 
-    asked, X: what it prescribes, and its pose, if any
+    asked, X: the actuation that it prescribes, and its pose, if any
     p: its parameters
-    seconds: that it took"""
+    seconds: time of the solve"""
 
     u: np.ndarray
     asked: Actuation
@@ -195,7 +195,7 @@ def _solve_row(solver: Solver, piece: Piece, index: int, knots: Sequence[Knot]) 
     return SolvedRow(u, asked, X, p, solved, known, time.perf_counter() - begin)
 
 
-def _seen(nodes: np.ndarray, rest: np.ndarray, solved: Equilibrium) -> SkinSample:
+def _skin_sample(nodes: np.ndarray, rest: np.ndarray, solved: Equilibrium) -> SkinSample:
     yields = solved.push_response
     return SkinSample(
         solved.state.x[nodes] - rest,
@@ -205,7 +205,7 @@ def _seen(nodes: np.ndarray, rest: np.ndarray, solved: Equilibrium) -> SkinSampl
     )
 
 
-def _again(solver: Solver, piece: Piece, row: SolvedRow) -> SolvedRow:
+def _solve_with_skin(solver: Solver, piece: Piece, row: SolvedRow) -> SolvedRow:
     """A state of the skeleton with the rows of the skin, at the cost of both times. One that was not found stays so."""
     if not row.solved.converged:
         return row

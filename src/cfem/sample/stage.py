@@ -108,13 +108,15 @@ def _with_frequencies(outcome: dict[str, Any], dataset: Path, spec: SampleSpec, 
     from cfem.robot.load import load_scene_and_mesh
     from cfem.sample.frequencies import sampled_frequencies
 
-    found = sampled_frequencies(dataset / "test.parquet", *load_scene_and_mesh(base / spec.scene, base / spec.mesh))
-    return {**outcome, "frequencies": found, "content": _with_content(outcome, found)}
+    frequencies = sampled_frequencies(
+        dataset / "test.parquet", *load_scene_and_mesh(base / spec.scene, base / spec.mesh)
+    )
+    return {**outcome, "frequencies": frequencies, "content": _with_content(outcome, frequencies)}
 
 
-def _with_content(outcome: dict[str, Any], found: Any) -> str:
+def _with_content(outcome: dict[str, Any], estimate: Any) -> str:
     """Hash of the content of a dataset with what was estimated from it, as models state that."""
-    return hashlib.sha256(json.dumps([outcome["content"], found]).encode()).hexdigest()
+    return hashlib.sha256(json.dumps([outcome["content"], estimate]).encode()).hexdigest()
 
 
 def merge(

@@ -109,7 +109,7 @@ def _state_checks(trial: Trial) -> list[LimitCheck]:
 def _actuation_checks(trial: Trial) -> list[LimitCheck]:
     """Checks of the actuation: prescribed displacements and forces, and that no cable pushes."""
     robot, actuation, lam = trial.robot, trial.actuation, trial.answer.state.lam
-    gap, loose = _gaps(trial), _let_go(trial)
+    gap, loose = _gaps(trial), _slack_rows(trial)
     largest = float(np.abs(lam).max(initial=0.0)) or 1.0
     pulls = np.zeros(len(lam), dtype=bool)
     pulls[: robot.rows.n_a] = robot.unilateral & trial.slack
@@ -132,7 +132,7 @@ def _gaps(trial: Trial) -> np.ndarray:
     return (trial.actuation.target - C @ _delta(trial)) / np.maximum(scale, np.finfo(float).tiny)
 
 
-def _let_go(trial: Trial) -> np.ndarray:
+def _slack_rows(trial: Trial) -> np.ndarray:
     """Mask (m,) of the rows that prescribe one cable that carries nothing, and may be shorter than prescribed."""
     robot, lam = trial.robot, trial.answer.state.lam
     n_a = robot.rows.n_a
@@ -193,7 +193,7 @@ def _stability(trial: Trial) -> LimitCheck:
     try:
         np.linalg.cholesky(A)
     except np.linalg.LinAlgError:
-        C, act = trial.actuation.C[~_let_go(trial)], answer.condensed.rows.active
+        C, act = trial.actuation.C[~_slack_rows(trial)], answer.condensed.rows.active
         held = C @ answer.condensed.W[act, act] @ C.T
         beyond = (np.linalg.eigvalsh(A) < 0).sum() - (np.linalg.eigvalsh(held) < 0).sum()
         return LimitCheck(what, float(beyond), 0)

@@ -57,9 +57,9 @@ def answers(predictor: Predictor, test: Any, command: str) -> tuple[Condensed | 
     ask = predictor.at_force if command == "force" else predictor.at_displacement
     commands = test.lambda_a if command == "force" else test.delta_a
     states, answered = [], []
-    for number, (told, p) in enumerate(zip(commands, completed(predictor.parameters, test.p), strict=True)):
+    for number, (command_row, p) in enumerate(zip(commands, completed(predictor.parameters, test.p), strict=True)):
         try:
-            state = ask(told, p)
+            state = ask(command_row, p)
         except NumericalError:  # as whoever asks is told
             continue
         if predictor.inside(state, p):
@@ -69,7 +69,7 @@ def answers(predictor: Predictor, test: Any, command: str) -> tuple[Condensed | 
 
 
 def state_errors(predictor: Predictor, states: Condensed, test: Any, command: str) -> dict[str, np.ndarray]:
-    """(m,) errors of the model's states by quantity, in the units of `ModelError`."""
+    """Errors (m,) of the model's states by quantity, in the units of `ModelError`."""
     rows, p = predictor.rows, completed(predictor.parameters, test.p)
     points = ~np.array(rows.turns)
     reaction = states.delta_a - test.delta_a if command == "force" else states.lambda_a - test.lambda_a

@@ -89,10 +89,10 @@ class Pressed:
         """N and mm: the largest error of the force by any obstacle, and that of how the obstacles move all effector
         points together, slack cables too."""
         numbers = [1 + number for number in range(len(self.coming.kinds))]
-        off = forces_of(self.learned, numbers) - forces_of(self.full, numbers)
+        missed = forces_of(self.learned, numbers) - forces_of(self.full, numbers)
         apart = self.learned.delta_e[0] - self.full.solved[0].delta_e - self.alone
         of_tip = np.linalg.norm(apart[~np.array(touched.model.rows.turns)])
-        return float(np.linalg.norm(off, axis=1).max()), float(of_tip)
+        return float(np.linalg.norm(missed, axis=1).max()), float(of_tip)
 
 
 def calibrated_contact(
@@ -119,15 +119,17 @@ def error_at(touched: SurfaceModel, known: Sequence[Pressed], left_out: int, mu:
     """Error of the contact of a model from known places, two at least."""
     squares = np.array([place.off**2 for place in known])
     others = np.sqrt((squares.sum(axis=0) - squares) / (len(known) - 1))  # its own would make its error look smaller
-    expected = np.array([expected_error(off, touched, each.learned) for off, each in zip(others, known, strict=True)])
+    expected = np.array(
+        [expected_error(distances, touched, each.learned) for distances, each in zip(others, known, strict=True)]
+    )
     shares = np.array([place.errors(touched) for place in known]) / expected
     several = np.array([place.several for place in known])
-    one, more = _factors(shares[~several]), _factors(shares[several])
+    single, several_at_once = _factors(shares[~several]), _factors(shares[several])
     return ContactError(
-        probability=min(each.probability for each in (one, more) if each),
+        probability=min(each.probability for each in (single, several_at_once) if each),
         left_out=left_out,
-        one=one,
-        several=more,
+        one=single,
+        several=several_at_once,
         friction=mu,
         most=max(len(touching(place.learned)) for place in known),
         off=np.sqrt(squares.mean(axis=0)).tolist(),
@@ -186,19 +188,19 @@ def _coming(
     """Obstacles that come to random points; None where one would reach where the body is held, and hardly gives way, or
     where another one is."""
     x, length = model.shape(delta), model.length
-    at, chosen, coming, normals, depths = points.mean(x), [], [], [], []
+    places, chosen, coming, normals, depths = points.mean(x), [], [], [], []
     for kind in kinds:
         number, depth = rng.choice(np.flatnonzero(~stiff)), length * rng.uniform(*DEPTHS)
         normal = outward(model, points, x, number)
         if kind == "plane":  # the foremost point decides how deep
-            number = int(np.argmax(at @ normal))
-        obstacle = placed(kind, at[number], normal, depth, SIZE * length)
+            number = int(np.argmax(places @ normal))
+        obstacle = placed(kind, places[number], normal, depth, SIZE * length)
         if kind == "edge":
             obstacle = moved(obstacle, depth / 4 * np.cross(obstacle.R[:, 0], normal))
         for _ in range(10):  # back, where other points are deeper in it
-            obstacle = moved(obstacle, max(0.0, -obstacle.distance(at).min() - depth) * normal)
-        near = any(np.linalg.norm(at[number] - at[other]) < APART * SIZE * length for other in chosen)
-        if near or stiff[obstacle.distance(at) < 0].any():
+            obstacle = moved(obstacle, max(0.0, -obstacle.distance(places).min() - depth) * normal)
+        near = any(np.linalg.norm(places[number] - places[earlier]) < APART * SIZE * length for earlier in chosen)
+        if near or stiff[obstacle.distance(places) < 0].any():
             return None
         chosen.append(number)
         coming.append(obstacle)
@@ -252,7 +254,7 @@ def moved(obstacle: Obstacle, by: np.ndarray) -> Obstacle:
 
 
 def outward(model: Predictor, patches: Patches, x: np.ndarray, number: int) -> np.ndarray:
-    """(3,) mean normal of a patch, surface nodes at x (m, 3)."""
+    """Mean normal (3,) of a patch, surface nodes at x (m, 3)."""
     corners = x[model.facets[(patches.of[model.facets] == number).any(axis=1)]]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]).sum(axis=0)
     return normal / np.linalg.norm(normal)

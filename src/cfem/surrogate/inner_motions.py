@@ -93,7 +93,7 @@ def _of_rows(moving: Any, D: np.ndarray | None) -> Iterator[InnerMotions]:
     offered = False
     for k in range(min(MOST, *fields.shape[1:]), 0, -1):
         lowest = fields[:, :k]
-        vibrations, least = _alike(lowest / _size(lowest, (0, 2)), k)
+        vibrations, least = _common_directions(lowest / _size(lowest, (0, 2)), k)
         clear, wanted = least > CLEAR or k == 1, k >= FEWEST or not offered
         if clear and wanted:
             offered, Q = True, np.zeros((len(states), p, MOST))
@@ -184,13 +184,13 @@ def _clearest(fields: np.ndarray, most: int) -> np.ndarray:
     """Orthonormal directions (m, p, k <= most) near constant combinations of fields (m, p, f): as many as these make
     clearly at all states, each field counting alike."""
     for k in range(min(most, *fields.shape[1:]), 0, -1):
-        directions, least = _alike(fields / _size(fields, (0, 1)), k)
+        directions, least = _common_directions(fields / _size(fields, (0, 1)), k)
         if least > CLEAR:
             return directions
     return np.zeros((*fields.shape[:2], 0))
 
 
-def _alike(fields: np.ndarray, k: int) -> tuple[np.ndarray, float]:
+def _common_directions(fields: np.ndarray, k: int) -> tuple[np.ndarray, float]:
     """Orthonormal directions (m, p, k) at each state near constant combinations of fields (m, p, f), the strongest; and
     the least singular value of these over the largest of its state."""
     gram = (fields.swapaxes(1, 2) @ fields).mean(axis=0)

@@ -44,7 +44,7 @@ def calibrated_frequencies(
 def frequency_errors(
     model: MotionModel, delta_a: np.ndarray, sampled: Mapping[str, Sequence[Sequence[float] | None]]
 ) -> np.ndarray:
-    """(m, 2, k) relative errors of the lowest frequencies at states (m, n_a), with the actuators held and free; NaN
+    """Relative errors (m, 2, k) of the lowest frequencies at states (m, n_a), with the actuators held and free; NaN
     where the robot is unstable."""
     count = _modes(model, sampled)
     errors = np.full((len(delta_a), 2, count), np.nan)

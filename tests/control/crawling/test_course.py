@@ -40,8 +40,10 @@ class Strider:
         base, done = self.centre.copy(), 0
         while done < min(len(u), self.most) and not there(base):
             base, done = base + [-1.0, 3.0, 0.0], done + 1
-        gone = base - self.centre
-        return SimpleNamespace(status=CONVERGED, commands=u[:done], gone=lambda way: float(gone @ way))
+        travelled = base - self.centre
+        return SimpleNamespace(
+            status=CONVERGED, commands=u[:done], travelled=lambda direction: float(travelled @ direction)
+        )
 
 
 def course(distance):
@@ -55,6 +57,6 @@ def course(distance):
 def test_a_stated_distance_ends_the_walk_and_one_that_is_not_gone_is_an_error(monkeypatch):
     monkeypatch.setattr("cfem.control.crawling.course.commands_of", lambda *arguments: np.zeros((400, 1)))
     walk = course(30.0).plan(Strider(), None)
-    assert walk.gone(np.array([0.0, 1.0, 0.0])) == 30.0 and len(walk.commands) == 10
+    assert walk.travelled(np.array([0.0, 1.0, 0.0])) == 30.0 and len(walk.commands) == 10
     with pytest.raises(NumericalError, match="the gait goes 27 mm in 100 cycles, not 30 mm"):
         course(30.0).plan(Strider(most=9), None)

@@ -117,14 +117,14 @@ def test_a_course_walks_a_gait_and_tells_of_it():
     planned = course.plan(one, ROWS)
     assert len(planned.commands) == 8
     account = {"commands": 8, "points": {"stick": 3}, "law_residual": 1e-9}
-    far = dict.fromkeys(("planned", "fe"), course.far(planned))
+    far = dict.fromkeys(("planned", "fe"), course.distance(planned))
     sweep, walks = [course.at_friction(0.8, ROWS, one, one)], {"planned": planned, "fe": planned}
     lines = headline(far, course.unit, sweep, walks, account, 0.5, 0)
     assert "mm a cycle planned" in lines[0] and "0 % apart, friction 0.5" in lines[0] and "OUTSIDE" not in lines[0]
     assert lines[1].startswith("friction 0.8, a cycle: ")
     assert lines[-1].endswith("contact points at their ends: 3 stick; the law is met to 1.0e-09")
     alone = [course.planned_at(mu, ROWS, one) for mu in (0.5, 0.8)]
-    assert [row["planned"] for row in alone] == [course.far(planned), sweep[0]["planned"]]
+    assert [row["planned"] for row in alone] == [course.distance(planned), sweep[0]["planned"]]
     said = headline(far, course.unit, sweep, walks, account, 0.5, 3, alone)
     assert said[2].startswith("planned alone") and "at 0.5," in said[2] and said[2].endswith("at 0.8")
     assert said[0].endswith("3 of 8 plans OUTSIDE what the model was trained on")
@@ -135,7 +135,7 @@ def test_a_stated_distance_is_walked_and_no_command_more():
     planned = course.plan(one, ROWS)
     gone = (planned.base - planned.base[0]) @ course.direction
     assert gone[-1] >= 0.3 > gone[:-1].max() and course.unit == "mm"
-    assert course.far(planned) == gone[-1]
+    assert course.distance(planned) == gone[-1]
     np.testing.assert_array_equal(course.repeat(one, planned).base, planned.base)
 
 

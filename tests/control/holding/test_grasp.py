@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from cfem.control.holding.grasp import SHARES, least_squeeze, share_that_lifts, taken
+from cfem.control.holding.grasp import SHARES, least_squeeze, margin_of, share_that_lifts
 from cfem.control.holding.gripping import MOST
 from cfem.core.errors import SpecError
 from cfem.equilibrium.quasi_static import CONVERGED
@@ -39,18 +39,18 @@ class Grip:
 @pytest.mark.parametrize(("bears", "margin"), [(np.inf, MOST), (2.5, 2.5), (1.0, 1.0)])
 def test_the_margin_of_a_grip_is_how_many_loads_it_bears(bears, margin):
     grip = Grip(bears)
-    assert taken(grip) == margin and grip.load == 1.0  # the grip itself carries one
+    assert margin_of(grip) == margin and grip.load == 1.0  # the grip itself carries one
 
 
 def test_without_load_there_is_no_margin():
-    assert taken(Grip(load=0.0)) is None
+    assert margin_of(Grip(load=0.0)) is None
 
 
 def test_what_cannot_be_held_is_refused_with_the_reason():
     with pytest.raises(SpecError, match="the grip cannot hold the object: no equilibrium"):
-        taken(Grip(squeezed="no equilibrium"))
+        margin_of(Grip(squeezed="no equilibrium"))
     with pytest.raises(SpecError, match="slips under 40 % of the load of 5 mN"):
-        taken(Grip(bears=0.4))
+        margin_of(Grip(bears=0.4))
 
 
 @pytest.mark.parametrize(("margin", "least"), [(0.3, 0.0), (1.0, 0.0), (1.3, 0.0), (0.1, 0.8), (6.0, 0.0)])

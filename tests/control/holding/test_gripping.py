@@ -101,7 +101,7 @@ def test_slopes_on_the_table_and_in_the_air_are_those_of_differences(plans):
     how forces turn with the bars, below 0.2 % here."""
     h = 1e-7
     for at in (lifting(0.0), lifting(0.02)):
-        model = replace(plans, before=None, at=None)
+        model = replace(plans, before=None, settled_at=None)
         model.settle(at)
         here = model.at_displacement(at)
         assert (here.borne > 0) == (at[0] == GRASP[0])
@@ -133,7 +133,7 @@ def test_slopes_of_the_objects_rotation_are_those_of_differences(scene):
 def test_plans_stand_lift_and_put_down_and_finite_elements_follow(plans, scene):
     """Until the block leaves the table, the table bears what the bars do not; then they carry it with the margin."""
     fe = scene[3]
-    model = replace(plans, before=None, at=None, margins=[], borne=[])
+    model = replace(plans, before=None, settled_at=None, margins=[], borne=[])
     goals = np.array([[65, 5, 5], [65, 5, 5.1], [65, 5, 5.2], [65, 5, 5.1], [65, 5, 5]])
     rest = np.array([*CENTRE, 0.0, 0.0])
     controller, found = Controller(pilot(model, fe), rest), []
@@ -178,7 +178,7 @@ def test_an_object_is_put_down_where_it_should_stand_and_let_go(plans, scene):
     """The plan of the learned bars, and finite elements: the block falls from 0.05 mm above its table, and stands."""
     fe = copy(scene[3])
     fe.reset()
-    model = replace(plans, before=None, at=None, margins=[], borne=[])
+    model = replace(plans, before=None, settled_at=None, margins=[], borne=[])
     controller = Controller(pilot(model, fe), np.array([*CENTRE, 0.0, 0.0]))
     above = controller.tick(np.array([65, 5, 5.05, 0, 0])).plan
     assert fe.step(above.delta_a).status == "converged" and fe.holds
@@ -195,7 +195,7 @@ def test_an_object_is_put_down_where_it_should_stand_and_let_go(plans, scene):
 
 def test_a_search_ends_after_so_many_steps_without_a_solution(plans, monkeypatch):
     """And the plan says that it stays where it is."""
-    model, tried = replace(plans, before=None, at=None, margins=[], borne=[]), []
+    model, tried = replace(plans, before=None, settled_at=None, margins=[], borne=[]), []
     model.settle(lifting(0.02))
     controller = Controller(pilot(model, model.grip), np.array([*CENTRE, 0.0, 0.0]), start=lifting(0.02))
     none = PointsState(StepStatus.NO_MODE, (), (), None, np.zeros((0, 3)), None, 1, 0)
@@ -214,7 +214,7 @@ def test_robots_that_find_no_way_to_put_down_stay_and_say_so(plans):
     def nowhere(*rest):
         raise NumericalError("the object slides off and finds no balance")
 
-    model = replace(plans, before=None, at=None, margins=[], borne=[])
+    model = replace(plans, before=None, settled_at=None, margins=[], borne=[])
     lost = replace(pilot(model, model.grip), put_down=nowhere)
     controller = Controller(lost, np.array([*CENTRE, 0.0, 0.0]))
     belief = controller.tick(np.array([*CENTRE, 0, 0]), let_go=True)

@@ -7,7 +7,7 @@ from control.motion.bar import clocked, plant, robot, standing
 from cfem.control.motion.observer import Doubt, Observer
 from cfem.core.errors import InputError
 from cfem.plant.protocol import Measurement
-from cfem.predict.estimation.gate import Verdict
+from cfem.predict.estimation.gate import SampleVerdict
 
 NOISE = 0.02
 
@@ -135,10 +135,14 @@ def swinging(k):
 @pytest.mark.parametrize("away", [5.0, 50.0, 1e3, 1e6])
 def test_one_outlier_changes_nothing(away):
     (observer, there), (clean, other) = settled(), settled()
-    assert sample_after(observer, there, swinging(60), lambda x: x + [0.0, away, 0.0]) is Verdict.REJECTED
+    assert sample_after(observer, there, swinging(60), lambda x: x + [0.0, away, 0.0]) is SampleVerdict.REJECTED
     sample_after(clean, other, swinging(60))
     for k in range(61, 81):
-        assert sample_after(observer, there, swinging(k)) is sample_after(clean, other, swinging(k)) is Verdict.ACCEPTED
+        assert (
+            sample_after(observer, there, swinging(k))
+            is sample_after(clean, other, swinging(k))
+            is SampleVerdict.ACCEPTED
+        )
     np.testing.assert_allclose(observer.state.z, clean.state.z, atol=0.01)
     np.testing.assert_allclose(observer.offset, clean.offset, atol=0.01)
 
@@ -146,14 +150,14 @@ def test_one_outlier_changes_nothing(away):
 def test_a_robot_that_is_stiffer_and_swings_is_not_rejected():
     for stiffness in (0.9, 1.1, 1.3):
         observer, there = settled(0, stiffness=stiffness, viscosity=1.3)
-        assert all(sample_after(observer, there, swinging(k)) is Verdict.ACCEPTED for k in range(120))
+        assert all(sample_after(observer, there, swinging(k)) is SampleVerdict.ACCEPTED for k in range(120))
 
 
 def test_a_robot_that_is_elsewhere_is_believed_after_so_many_samples():
     """Pushed away by 20 mm: the observer begins again after 8 samples that agree, and knows where it is at once."""
     observer, there = settled()
     said = [sample_after(observer, there, swinging(k), lambda x: x + [0.0, 15.0, -12.0]) for k in range(60, 90)]
-    assert said == [Verdict.REJECTED] * 7 + [Verdict.RESTART] + [Verdict.ACCEPTED] * 22
+    assert said == [SampleVerdict.REJECTED] * 7 + [SampleVerdict.RESTART] + [SampleVerdict.ACCEPTED] * 22
     e, _ = clocked().effectors(observer.now().z[None])
     expected = robot().rest_e + e[0] + observer.offset
     assert np.linalg.norm(expected - there.actual.x_e - [0.0, 15.0, -12.0]) < 4 * NOISE
@@ -163,19 +167,19 @@ def test_a_sensor_that_is_stuck_is_rejected_and_a_robot_that_stands_still_is_not
     observer, there = settled()
     frozen = there.actual.x_e.copy()
     said = [sample_after(observer, there, swinging(k), lambda x: frozen) for k in range(60, 80)]
-    assert said.count(Verdict.REJECTED) >= 15 and Verdict.RESTART not in said
+    assert said.count(SampleVerdict.REJECTED) >= 15 and SampleVerdict.RESTART not in said
     observer, there = settled()
     said = [
         sample_after(observer, there, np.array([2.4]), lambda x: robot().rest_e + standing(2.4).delta_e)
         for _ in range(40)
     ]
-    assert said[20:] == [Verdict.ACCEPTED] * 20
+    assert said[20:] == [SampleVerdict.ACCEPTED] * 20
 
 
 def test_an_estimate_that_is_lost_begins_again_at_the_model_s_equilibrium():
     observer, there = settled()
     observer.state.z[:] = np.nan
-    assert sample_after(observer, there, np.array([2.0])) is Verdict.RESTART
+    assert sample_after(observer, there, np.array([2.0])) is SampleVerdict.RESTART
     observer.restart(np.array([2.0]))
     np.testing.assert_allclose(observer.state.z[:1], standing(2.0).delta_a, rtol=1e-8)
     assert not observer.state.z[1:].any() and not observer.offset.any() and observer.material.stiffness == 1.0

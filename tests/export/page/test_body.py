@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from export.pages import tube
 
-from cfem.export.page.body import Tube, body, carriers, lines
+from cfem.export.page.body import ActuatorTube, body, carriers, lines
 from cfem.export.page.chambers import ChamberWall
 
 SKIN = tube(100.0)
@@ -20,8 +20,8 @@ def test_carriers_reproduce_affine_motions():
 
 
 def test_lines_follow_the_surface_and_what_is_held_does_not():
-    line = Tube(1, np.array([[0.0, 0.0, 30.0], *INSIDE]), 0.5, held=1)
-    made = body(SKIN, [line, Tube(0, INSIDE[:1], 2.0)], [])
+    line = ActuatorTube(1, np.array([[0.0, 0.0, 30.0], *INSIDE]), 0.5, held=1)
+    made = body(SKIN, [line, ActuatorTube(0, INSIDE[:1], 2.0)], [])
     n = len(SKIN["rest"])
     assert made.lines == [(1, n, 4, 0.5), (0, n + 4, 1, 2.0)]
     assert (made.rest[n : n + 4] == line.points).all() and (made.modes[:, n] == 0).all()
@@ -51,7 +51,7 @@ def test_what_a_model_says_of_its_robot_becomes_lines():
 
 def test_walls_of_chambers_lie_behind_the_skin_and_move_with_it_or_with_nodes_of_their_own():
     wall = ChamberWall(2, np.array([7, 5, 6]), INSIDE, np.array([[0, 1, 2], [2, 1, 0]]))
-    made = body(SKIN, [Tube(0, INSIDE[:1], 2.0)], [wall])
+    made = body(SKIN, [ActuatorTube(0, INSIDE[:1], 2.0)], [wall])
     n, t = len(SKIN["rest"]), len(SKIN["triangles"])
     assert made.outer == t and made.chambers == [(2, t, 2)] and len(made.triangles) == t + 2
     assert (made.rest[made.triangles[t:]] == INSIDE[wall.triangles]).all()

@@ -7,7 +7,7 @@ import pytest
 
 from cfem.core.errors import InputError
 from cfem.motion.altered import Altered
-from cfem.motion.estimation.marker_filter import Frame, MarkerFilter
+from cfem.motion.estimation.marker_filter import MarkerFilter, MarkerFrame
 from cfem.motion.estimation.uncertainty import MotionUncertainty
 from cfem.motion.load import load_motion
 from cfem.motion.step import MotionCommand, at_rest, step
@@ -211,7 +211,7 @@ def test_the_first_state_is_as_uncertain_as_is_stated(parts, kind):
     made, n_q = MarkerFilter(*parts, kind, unknown(stiffness=0.2)), motion.n_q
     places = estimator.places(np.array([2.0, 0.0, 0.0, 0.0]))
     u = np.array([2.05]) if kind == "displacement" else at_rest(motion, np.array([2.0])).lam
-    first = made._first(Frame(places, None, u))
+    first = made._first(MarkerFrame(places, None, u))
     P, mean = first.covariance, first.distribution.mean
     n_z = made.forward.n_z
     assert first.u == u and not first.v.any() and not first.by_slip.any()
@@ -227,7 +227,7 @@ def test_the_first_state_is_as_uncertain_as_is_stated(parts, kind):
     assert not P[n_q].any() and not P[:, n_q].any()  # what is held has no momentum of its own
     np.testing.assert_allclose(P[n_z:-1, n_z:-1], estimator.load_covariance)
     assert P[-1, -1] == pytest.approx(0.2**2)
-    unknown_command = MarkerFilter(*parts, "displacement", unknown())._first(Frame(places, None, None))
+    unknown_command = MarkerFilter(*parts, "displacement", unknown())._first(MarkerFrame(places, None, None))
     assert unknown_command.covariance[0, 0] == pytest.approx((3.0 * estimator.scale[0]) ** 2)
     assert unknown_command.u == pytest.approx(2.0, abs=0.05)
 

@@ -5,9 +5,9 @@ import pytest
 from pydantic import ValidationError
 from scipy.stats import chi2, norm
 
-from cfem.predict.estimation.gate import FIRST, Gate, GateSpec, Verdict
+from cfem.predict.estimation.gate import FIRST, Gate, GateSpec, SampleVerdict
 
-ACCEPTED, REJECTED, RESTART = Verdict.ACCEPTED, Verdict.REJECTED, Verdict.RESTART
+ACCEPTED, REJECTED, RESTART = SampleVerdict.ACCEPTED, SampleVerdict.REJECTED, SampleVerdict.RESTART
 
 
 def settled(**given):

@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import least_squares
 
 from cfem.predict.estimation.fit import Search
-from cfem.predict.estimation.gate import Gate, Verdict
+from cfem.predict.estimation.gate import Gate, SampleVerdict
 from cfem.predict.estimation.kalman import Gaussian, gated_update, information_root
 
 RNG = np.random.default_rng(0)
@@ -84,7 +84,7 @@ def test_a_state_without_uncertainty_stays():
 def test_a_covariance_that_is_none_says_that_the_filter_is_lost():
     update = Gaussian(np.zeros(1), np.array([[-5.0]])).updated(np.eye(1), np.ones(1), np.eye(1))
     assert update.innovation == (-np.inf, 1)
-    assert Gate().judge(*update.innovation) is Verdict.RESTART
+    assert Gate().judge(*update.innovation) is SampleVerdict.RESTART
     exact = Gaussian(np.zeros(1), np.eye(1)).updated(np.eye(1), np.zeros(1), np.eye(1))
     assert exact.innovation == (0.0, 1)
 
@@ -175,13 +175,17 @@ def test_without_a_prediction_the_filter_begins_and_the_sample_is_not_judged():
     gate = Gate()
     gate.spread = 3.0
     answer, verdict = ask(gate, None, 1e9)
-    assert answer.began_with == "first" and verdict is Verdict.ACCEPTED and gate.spread == gate.first
+    assert answer.began_with == "first" and verdict is SampleVerdict.ACCEPTED and gate.spread == gate.first
 
 
 def test_samples_are_judged_and_after_a_run_the_filter_begins_again():
     gate = Gate(samples=3, first=1.0)
-    assert ask(gate, "predicted", 2.0) == (Answer("predicted", (2.0, 3)), Verdict.ACCEPTED)
+    assert ask(gate, "predicted", 2.0) == (Answer("predicted", (2.0, 3)), SampleVerdict.ACCEPTED)
     answers = [ask(gate, "predicted", 1e6) for _ in range(3)]
-    assert [verdict for _, verdict in answers] == [Verdict.REJECTED, Verdict.REJECTED, Verdict.RESTART]
+    assert [verdict for _, verdict in answers] == [
+        SampleVerdict.REJECTED,
+        SampleVerdict.REJECTED,
+        SampleVerdict.RESTART,
+    ]
     assert [answer.began_with for answer, _ in answers] == ["predicted", "predicted", "first"]
     assert gate.spread == 1.0 and gate.agreeing == 0

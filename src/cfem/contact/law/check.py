@@ -30,12 +30,12 @@ class Residuals:
 
     @property
     def points(self) -> np.ndarray:
-        """(B, m) worst residual of each point."""
+        """Worst residual (B, m) of each point."""
         return np.max([self.gap, self.force, self.complementarity, self.cone, self.dissipation], axis=0)
 
     @property
     def largest(self) -> np.ndarray:
-        """(B,) NaN where a state holds one."""
+        """Largest residual (B,) of each state, NaN where it holds one."""
         return np.maximum(self.points.max(axis=1), self.balance)
 
 

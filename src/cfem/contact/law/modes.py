@@ -115,7 +115,7 @@ def distinct(states: np.ndarray) -> list[int]:
 def _solutions(
     p: ContactProblem, law: Law, modes: tuple[Mode, ...], quick: bool, angles: np.ndarray | None
 ) -> Iterator[tuple[np.ndarray, bool]]:
-    """(c, 3m + k) states of the equations, in portions, and whether their systems are regular."""
+    """States (c, 3m + k) of the equations, in portions, and whether their systems are regular."""
     sliding = law == "coulomb" and p.mu > 0 and Mode.SLIP in modes
     if sliding and p.cone == "exact":
         yield _newton(p, modes, quick, angles), True
@@ -229,7 +229,7 @@ def slip_equations(
 
 
 def start_angles(count: int, quick: bool) -> np.ndarray:
-    """(starts, count) directions spread over the circles."""
+    """Directions (starts, count) spread over the circles."""
     total = 6 if quick else _STARTS.get(count, 200)
     per = round(total ** (1 / count))
     if per >= 4:
@@ -242,7 +242,7 @@ def start_angles(count: int, quick: bool) -> np.ndarray:
 
 
 def with_angles(p: ContactProblem, modes: Sequence[Mode], angles: np.ndarray) -> np.ndarray:
-    """(B, n) unknowns whose other parts solve `slip_equations` as well as they can at these angles (B, s)."""
+    """Unknowns (B, n) whose other parts solve `slip_equations` as well as they can at these angles (B, s)."""
     n3, s = len(p.free), angles.shape[1]
     y = np.zeros((len(angles), n3 + p.k + 2 * s))
     turning = slice(n3 + p.k, n3 + p.k + s)
@@ -262,7 +262,7 @@ def _balanced(p: ContactProblem, modes: tuple[Mode, ...]) -> bool:
 
 
 def _newton(p: ContactProblem, modes: tuple[Mode, ...], quick: bool, angles: np.ndarray | None) -> np.ndarray:
-    """(c, 3m + k) solutions on the exact cone, repetitions included."""
+    """Solutions (c, 3m + k) on the exact cone, repetitions included."""
     n3 = len(p.free)
     if not _balanced(p, modes):
         return np.zeros((0, n3 + p.k))

@@ -24,7 +24,7 @@ EXACT = 1e-13  # of the largest force: change of a force in the last step
 def newton(
     W: np.ndarray, free: np.ndarray, mu: float, start: np.ndarray | None = None
 ) -> tuple[np.ndarray | None, int]:
-    """(m, 3) N in the frames of the surface, None where it does not converge, and how many systems it solved. W
+    """Forces (m, 3) N in the frames of the surface, None where it does not converge, and how many systems it solved. W
     (3m, 3m) mm/N and free (3m,) mm: see `cfem.contact.law.problem`; mu: of friction; start (m, 3) N: forces, zero
     unless given."""
     lam = np.zeros((len(free) // 3, 3)) if start is None else np.array(start, float).reshape(-1, 3)
@@ -209,9 +209,9 @@ def _scaled(W, free):
 
 
 def normal_forces(W: np.ndarray, free: np.ndarray) -> np.ndarray | None:
-    """(m, 3) N without friction: where Newton's method fails, those that minimise lambda . W_nn lambda / 2 + lambda .
-    free_n over lambda >= 0 (Lawson and Hanson, *Solving Least Squares Problems*, 1974, chapter 23). None where W is not
-    positive definite."""
+    """Forces (m, 3) N without friction: where Newton's method fails, those that minimise lambda . W_nn lambda / 2 +
+    lambda . free_n over lambda >= 0 (Lawson and Hanson, *Solving Least Squares Problems*, 1974, chapter 23). None where
+    W is not positive definite."""
     forces, _ = newton(W, free, 0.0)
     if forces is None:
         try:
@@ -286,7 +286,7 @@ def _projected(p, mu):
 
 
 def by_friction(p: np.ndarray, mu: float) -> np.ndarray:
-    """(3 m,) derivative of P by mu."""
+    """Derivative (3 m,) of P by mu."""
     p, slope = p.reshape(-1, 3), np.zeros((len(p) // 3, 3))
     length = np.hypot(p[:, 1], p[:, 2])
     slips = (p[:, 0] > 0) & (length > mu * p[:, 0])

@@ -24,8 +24,8 @@ CLOSE = 1e-10
 
 
 def along_friction(W: np.ndarray, free: np.ndarray, mu: float) -> tuple[np.ndarray | None, int]:
-    """(m, 3) N in the frames of the surface, None where it was lost or the systems allowed were used up, and how many
-    were solved. W (3m, 3m) mm/N, free (3m,) mm: see `cfem.contact.law.problem`; mu: of friction."""
+    """Forces (m, 3) N in the frames of the surface, None where the path was lost or the systems allowed were used up,
+    and how many were solved. W (3m, 3m) mm/N, free (3m,) mm: see `cfem.contact.law.problem`; mu: of friction."""
     equation = scaled(W, free)
     begin = normal_forces(W, free) if mu == 0 or definite(W) else None  # else there may be no state, and no end
     if equation is None or begin is None or mu == 0 or not begin.any():
@@ -87,7 +87,7 @@ class _Curve:
         return z[:-1] - P.ravel(), J
 
     def tangent(self, z: np.ndarray, last: np.ndarray | None) -> np.ndarray | None:
-        """(n + 1,) of length 1, onwards from the direction `last`, at first towards more friction."""
+        """Tangent (n + 1,) of length 1, onwards from the direction `last`, at first towards more friction."""
         J, along = self._at(z)[1], np.eye(len(z))[-1]
         bordered = np.vstack([J, along if last is None else last])
         self.systems += 1

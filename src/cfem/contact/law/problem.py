@@ -67,7 +67,7 @@ class ContactProblem:
 
     @cached_property
     def motion(self) -> np.ndarray:
-        """G, (3m, 0) without object."""
+        """The motions G (3m, k) of the points by the object's, (3m, 0) without one."""
         return np.zeros((len(self.free), 0)) if self.G is None else self.G
 
     @cached_property
@@ -75,12 +75,12 @@ class ContactProblem:
         return np.zeros(0) if self.wrench is None else self.wrench
 
     def gap(self, lam: np.ndarray, xi: np.ndarray) -> np.ndarray:
-        """(..., 3m) mm, of lam (..., 3m) N and xi (..., k)."""
+        """Gaps (..., 3m) mm of the points under forces lam (..., 3m) N and motions xi (..., k) of the object."""
         return lam @ self.W.T + self.free - xi @ self.motion.T
 
     @cached_property
     def corners(self) -> np.ndarray:
-        """(sides, 2) directions of the pyramid's corners."""
+        """Directions (sides, 2) of the pyramid's corners."""
         angle = 2 * np.pi * np.arange(self.sides) / self.sides
         return np.column_stack([np.cos(angle), np.sin(angle)])
 

@@ -15,8 +15,8 @@ from cfem.core.errors import NumericalError
 def sensitivity(
     problem: ContactProblem, modes: Sequence[Mode], lam: np.ndarray, xi: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(3m, 3m) N/mm of forces and (k, 3m) of motions, at the state lam (3m,) N, xi (k,) with these modes, exact cone.
-    NumericalError where the modes leave it undetermined."""
+    """Derivatives (3m, 3m) N/mm of forces and (k, 3m) of motions, at the state lam (3m,) N, xi (k,) with these modes,
+    exact cone. NumericalError where the modes leave it undetermined."""
     p, u, n3 = problem.normalised, problem.units, len(problem.free)
     if problem.mu > 0:
         y = _unknowns(p, modes, lam / u.force, xi / u.motion)

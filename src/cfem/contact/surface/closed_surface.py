@@ -84,7 +84,7 @@ class ClosedSurface:
         return self.triangles[triangle], bary
 
     def winding(self, points: np.ndarray) -> np.ndarray:
-        """(k,) how often the surface winds around each point: 1 inside, 0 outside."""
+        """Numbers (k,) of times that the surface winds around each point: 1 inside, 0 outside."""
         return winding(self._corners, points)
 
     @cached_property
@@ -155,7 +155,7 @@ class ClosedSurface:
 
     @cached_property
     def _normals(self) -> tuple[np.ndarray, np.ndarray]:
-        """(t, 7, 3) unit normals of each triangle's face, of its edges opposite to corners 0, 1, 2, and of its corners;
+        """Unit normals (t, 7, 3) of each triangle's face, of its edges opposite to corners 0, 1, 2, and of its corners;
         (t, 7) whether all triangles that they are of have an area."""
         corners, triangles = self._corners, self.triangles
         sides = np.roll(corners, -1, axis=1) - corners
@@ -230,7 +230,7 @@ class ClosedSurface:
 
 
 def winding(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """(k,) how often closed surfaces, of triangles with corners (t, 3, 3), wind around points (k, 3)."""
+    """Numbers (k,) of times that closed surfaces, of triangles with corners (t, 3, 3), wind around points (k, 3)."""
     angles = np.empty(len(points))
     for some in _portions(points, max(1, PAIRS // len(corners))):
         apart = corners[None] - points[some][:, None, None]

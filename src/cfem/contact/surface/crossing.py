@@ -14,7 +14,7 @@ def crossings(X: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndar
     """
     sides = np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2)
     edges = np.unique(np.sort(sides, axis=1), axis=0)
-    edge, triangle = _near(X[edges], X[triangles])
+    edge, triangle = _candidate_pairs(X[edges], X[triangles])
     apart = (edges[edge][:, :, None] != triangles[triangle][:, None]).all(axis=(1, 2))
     edge, triangle = edge[apart], triangle[apart]
     pierced, *_ = _pierces(X[edges[edge]], X[triangles[triangle]])
@@ -27,14 +27,14 @@ def pierced_by(segments: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, n
     parts = []
     for start in range(0, len(segments), PORTION):
         some = segments[start : start + PORTION]
-        segment, triangle = _near(some, corners)
+        segment, triangle = _candidate_pairs(some, corners)
         pierced, *coordinates = _pierces(some[segment], corners[triangle])
         share, u, v = (value[pierced] for value in coordinates)
         parts.append((start + segment[pierced], triangle[pierced], share, np.column_stack([1 - u - v, u, v])))
     return tuple(np.concatenate(each) for each in zip(*parts, strict=True))
 
 
-def _near(edges: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _candidate_pairs(edges: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Pairs of edges (k, 2, 3) and triangles (m, 3, 3), numbers (p,) each, whose surrounding balls meet. Triangles are
     sought by classes of size, so that large ones do not make every edge near."""
     middles, centres = edges.mean(axis=1), triangles.mean(axis=1)
@@ -53,8 +53,8 @@ def _near(edges: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 
 def _pierces(edges: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """(k,) bool of edges (k, 2, 3) and triangles (k, 3, 3); where they do, the share of the edge, and the second and
-    third barycentric coordinates in the triangle."""
+    """Mask (k,) of crossings of edges (k, 2, 3) and triangles (k, 3, 3); where they do, the share of the edge, and the
+    second and third barycentric coordinates in the triangle."""
     start, along = edges[:, 0], edges[:, 1] - edges[:, 0]
     a, first, second = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     across = np.cross(along, second)

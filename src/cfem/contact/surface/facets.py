@@ -26,7 +26,7 @@ def edges(facets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def unmatched_edges(facets: np.ndarray) -> np.ndarray:
-    """(m, 2) edges that are not used exactly once in either direction: none where the surface is closed, without
+    """Edges (m, 2) that are not used exactly once in either direction: none where the surface is closed, without
     branches, and oriented."""
     start, end = (part.ravel() for part in edges(facets))
     base = facets.max() + 1
@@ -39,7 +39,7 @@ def unmatched_edges(facets: np.ndarray) -> np.ndarray:
 
 
 def solid_angles(corners: np.ndarray) -> np.ndarray:
-    """(m,) signed solid angles, seen from the origin, of facets (m, 3 | 4, 3), quadrilaterals as two triangles;
+    """Signed solid angles (m,), seen from the origin, of facets (m, 3 | 4, 3), quadrilaterals as two triangles;
     positive where the normal points away (van Oosterom and Strackee, IEEE Trans. Biomed. Eng. 30, 1983, eq. 8)."""
     if corners.shape[1] == 4:
         return solid_angles(corners[:, [0, 1, 2]]) + solid_angles(corners[:, [0, 2, 3]])

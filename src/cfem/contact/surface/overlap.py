@@ -89,7 +89,7 @@ def depth_in_itself(nodes: np.ndarray, triangles: np.ndarray, tried: np.ndarray)
 
 
 def _within(nodes: np.ndarray, triangles: np.ndarray, tried: np.ndarray, around: float = 0.0) -> np.ndarray:
-    """(k,) whether what is next to the outer side of the nodes `tried` is within the body."""
+    """Mask (k,) of the nodes `tried` of which the outer side is within the body."""
     before = nodes[tried] + OUT * np.linalg.norm(np.ptp(nodes, axis=0)) * _outward(nodes, triangles)[tried]
     return winding(nodes[triangles], before) + around > 0.5
 

@@ -6,7 +6,7 @@ FLAT = 1e-24  # of the squared sides' product: the squared area of a triangle th
 
 
 def closest(corners: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(t, 3) barycentric coordinates of the point of each triangle (t, 3, 3) that is nearest to its point, and their
+    """Barycentric coordinates (t, 3) of the point of each triangle (t, 3, 3) that is nearest to its point, and their
     distance (t,) mm; points (t, 3), or one (3,) for all. On an edge the other corner's coordinate is exactly 0."""
     a, b, c = corners.swapaxes(0, 1)
     ab, ac, ap = b - a, c - a, points - a
@@ -36,7 +36,7 @@ def closest(corners: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.nda
 
 
 def _on_sides(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """(t, 3) of the nearest points of their three sides."""
+    """Barycentric coordinates (t, 3) of the nearest points of their three sides."""
     bary = np.zeros((3, len(corners), 3))
     for side, (start, end) in enumerate(((0, 1), (1, 2), (2, 0))):
         edge = corners[:, end] - corners[:, start]

@@ -35,7 +35,7 @@ from cfem.core.errors import InputError, NumericalError
 from cfem.plant.protocol import Command
 from cfem.predict.at_parameters import AtParameters
 from cfem.predict.estimation.fit import Search
-from cfem.predict.estimation.gate import Gate, Verdict
+from cfem.predict.estimation.gate import Gate, SampleVerdict
 from cfem.predict.estimation.kalman import Gaussian, Update, gated_update
 from cfem.predict.protocol import Predictor
 
@@ -92,22 +92,22 @@ class Tracker:
 
     @property
     def p(self) -> np.ndarray:
-        """(n_p,) the estimate."""
+        """Estimate (n_p,) of the parameters."""
         return self.unknowns.p(self.known.mean)
 
     @property
     def used_p(self) -> np.ndarray:
-        """(n_p,) the parameters that the guards let through."""
+        """Parameters (n_p,) that the guards let through."""
         return self.unknowns.p(self._used)
 
     @property
     def used_b(self) -> np.ndarray:
-        """(n_a,) mm or N, the losses that the guards let through."""
+        """Losses (n_a,) mm or N that the guards let through."""
         return self.unknowns.losses(self._used)
 
     @property
     def used_f(self) -> np.ndarray:
-        """(6,) mm and rad by which the camera is taken to have moved."""
+        """Motion (6,) mm and rad that the camera is taken to have made."""
         return self.unknowns.camera(self._used)
 
     def true(self, delta_e: np.ndarray) -> np.ndarray:
@@ -116,7 +116,7 @@ class Tracker:
 
     @property
     def deviation(self) -> np.ndarray:
-        """(n,) of what is tracked: shares of ranges, losses in mm or N, rates in shares a sample."""
+        """Standard deviations (n,) of the unknowns: shares of ranges, losses in mm or N, rates in shares a sample."""
         return np.sqrt(np.diag(self.known.covariance))
 
     def sample(self, u: np.ndarray, delta_e: np.ndarray, near: Condensed) -> bool:
@@ -141,7 +141,7 @@ class Tracker:
             lambda: Gaussian(predicted.mean, np.diag(self.unknowns.sd**2)),
             lambda prior: self._update(prior, measured, u, state),
         )
-        if verdict is Verdict.REJECTED:
+        if verdict is SampleVerdict.REJECTED:
             self.rejected += 1
         else:
             self.known = update.posterior
@@ -205,8 +205,8 @@ class Tracker:
         return under_force(model, felt, model.at_displacement(near.delta_a))  # near is of other parameters
 
     def _slopes(self, x: np.ndarray, state: Condensed) -> np.ndarray:
-        """(k, n) of the measured rows by x (n,), at the state there. By z from states beside this one at the same
-        displacements, corrected to the same forces."""
+        """Slopes (k, n) of the measured rows by x (n,), at the state there. By z from states beside this one at the
+        same displacements, corrected to the same forces."""
         forced, columns, unknowns = self.command == "force", [], self.unknowns
         for i in range(len(unknowns.find)):
             low, high = max(x[i] - STEP, 0.0), min(x[i] + STEP, 1.0)
@@ -228,6 +228,6 @@ class Tracker:
         return J[self._rows]
 
     def _shown(self, x: np.ndarray, state: Condensed) -> np.ndarray:
-        """(k,) mm from rest: the measured rows as the camera shows them."""
+        """Measured rows (k,) mm from rest as the camera shows them."""
         moves = len(self.unknowns.moves)
         return (self._camera.shown(state.delta_e, self.unknowns.camera(x)) if moves else state.delta_e)[self._rows]

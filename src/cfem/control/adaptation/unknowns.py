@@ -64,7 +64,7 @@ class TrackedUnknowns:
         self.transition[drifting, sizes[0] + sizes[1] + np.arange(sizes[2])] = 1.0
 
     def p(self, x: np.ndarray) -> np.ndarray:
-        """(n_p,) the model's parameters."""
+        """The model's parameters (n_p,)."""
         if not len(self._q):
             return self._q
         q = self._q.copy()
@@ -73,11 +73,11 @@ class TrackedUnknowns:
         return values(self._parameters, q)
 
     def losses(self, x: np.ndarray) -> np.ndarray:
-        """(n_a,) mm or N that the actuators lose of their commands."""
+        """Losses (n_a,) mm or N of the actuators' commands."""
         return x[self.kinds == LOSS] if (self.kinds == LOSS).any() else np.zeros(self._n_a)
 
     def camera(self, x: np.ndarray) -> np.ndarray:
-        """(6,) mm and rad by which the camera has moved."""
+        """Motion (6,) mm and rad of the camera."""
         motion = np.zeros(6)
         motion[self.moves] = x[self.kinds == CAMERA]
         return motion

@@ -16,7 +16,7 @@ POINTS = 500  # of the surface, where its error is looked at
 
 
 def judged(model: Predictor) -> np.ndarray:
-    """(k,) numbers of the skin's nodes where the true surface is compared."""
+    """Numbers (k,) of the skin's nodes where the true surface is compared."""
     return np.linspace(0, len(model.skin.rest) - 1, min(POINTS, len(model.skin.rest))).astype(int)
 
 
@@ -73,7 +73,8 @@ class EstimateAccount:
         return columns | {"innovation": np.nan, "innovation_numbers": 0}
 
     def _true_loads(self, tick: int) -> np.ndarray:
-        """(n_w,) N on the loaded rows; nan for rows of the skin, to which a push on an effector is not known to be."""
+        """True loads (n_w,) N on the loaded rows; nan for rows of the skin, to which a push on an effector is not known
+        to be."""
         effectors = self._estimator.model.rows.effectors
         push = np.zeros(len(effectors)) if self._push is None or tick < self._since else self._push
         return np.array(
@@ -111,7 +112,7 @@ def estimate_results(rows: list[Mapping[str, Any]], unknowns: tuple[str, ...]) -
 
 
 def _unknowns(good: list[Mapping[str, Any]]) -> list[tuple[np.ndarray, np.ndarray]]:
-    """(errors, standard deviations) of each unknown, actuators first."""
+    """Errors and standard deviations of each unknown, actuators first."""
     columns = []
     for name, true in (("estimated_a", "true_a"), ("loads", "true_loads")):
         values, truth, sd = (np.array([row[key] for row in good], dtype=float) for key in (name, true, f"{name}_sd"))

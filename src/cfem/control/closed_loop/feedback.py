@@ -25,7 +25,7 @@ import numpy as np
 from cfem.condensed.far import FAR, in_metres
 from cfem.core.errors import InputError
 from cfem.plant.gains import Gains, late_samples
-from cfem.predict.estimation.gate import Gate, Verdict
+from cfem.predict.estimation.gate import Gate, SampleVerdict
 
 HISTORY = 1000  # ticks; a sample that followed an older command corrects nothing
 WINDOW = 8  # samples whose ages and intervals count
@@ -99,13 +99,13 @@ class Feedback:
             self._intervals.append(interval)
         self.late = late_samples(max(self._ages) - 1, min(self._intervals, default=1))
         self.integral = self._gains.integral_at(self.late)
-        if self._gate.judge(self._surprise(missed), int(self._measured.sum())) is Verdict.REJECTED:
+        if self._gate.judge(self._innovation_square(missed), int(self._measured.sum())) is SampleVerdict.REJECTED:
             return False
         self.missed, self.rejected = missed, False
         self._correct(missed - np.where(self._measured, moved, 0.0))
         return True
 
-    def _surprise(self, missed: np.ndarray) -> float:
+    def _innovation_square(self, missed: np.ndarray) -> float:
         """Square of the normalised innovation: of what the model misses by (n_e,) mm against the last time; rotations
         do not count."""
         share = (missed - self.missed) / (SPREAD * np.broadcast_to(self._far, missed.shape) / FAR)

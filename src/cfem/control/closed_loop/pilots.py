@@ -86,7 +86,7 @@ def bounded(limits: Limits, loop: LoopSpec) -> Limits:
 
 
 def _known(model: Predictor, robot: Robot) -> np.ndarray:
-    """(n_a, 2) mm (mm^3): what the scene states, and wherever else the model was trained."""
+    """Courses (n_a, 2) mm (mm^3) that the model knows: those of the scene, and wherever else it was trained."""
     (low, high), reach = model.domain.delta_a, robot.reach
     return np.column_stack([np.minimum(low, reach[:, 0]), np.maximum(high, reach[:, 1])])
 

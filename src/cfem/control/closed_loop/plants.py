@@ -79,7 +79,7 @@ def plants_of(
 
 
 def _on_effectors(force: np.ndarray, robot: Robot) -> np.ndarray:
-    """(n_e,) N: `force` (3,) on the first effector, whose first rows are x, y, z."""
+    """Forces (n_e,) N on all effector rows: `force` (3,) on the first effector, whose first rows are x, y, z."""
     if robot.rows.n_e < 3:
         raise SpecError("needs an effector with rows x, y, z", where="loop.disturbance")
     return np.concatenate([force, np.zeros(robot.rows.n_e - 3)])
@@ -100,9 +100,9 @@ def _fem_plants(
     since: int,
     places: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> tuple[Plant, Plant | None]:
-    """The real robot in full, and the same under a push (n_e,) N on its effectors; one that moves takes the push
-    itself, from tick `since` on. model: bound where the spec states a design. places: of the markers, and of the points
-    where the true surface is told."""
+    """The plant of finite elements, and the same under a push (n_e,) N on its effectors; a plant that moves takes the
+    push itself, from tick `since` on. model: bound where the spec states a design. places: of the markers, and of the
+    points where the true surface is recorded."""
     from cfem.plant.fem_plant import FemPlant, pushed
     from cfem.robot.build import build_robot
     from cfem.robot.load import load_scene_and_mesh

@@ -104,8 +104,8 @@ def _demand_command(pilot: Pilot, policy: Policy) -> None:
 
 
 def _parameters(model: Any, policy: Policy) -> np.ndarray:
-    """(n_p,) of the robot that the model is of: a design's, or the scene's own. InputError where the model does not
-    have those that the policy wants to be told."""
+    """Parameters (n_p,) of the robot that the model is of: a design's, or the scene's own. InputError where the model
+    does not have those that the policy wants to be told."""
     if not policy.parameters:
         return np.zeros(0)
     predictor = model.predictor if isinstance(model, AtParameters) else model

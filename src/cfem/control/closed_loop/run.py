@@ -22,7 +22,7 @@ class TickedController(Protocol):
     """What the controller takes the robot's state to be, after the last tick."""
 
     aimed: np.ndarray
-    """(n_e,) mm, the goal of that tick as corrected."""
+    """Goal (n_e,) mm of that tick as corrected."""
 
     def tick(
         self, goal: np.ndarray, measured: Measurement | None = None, ahead: np.ndarray | None = None
@@ -126,7 +126,7 @@ def run_closed_loop(
 
 
 def _ahead(goals: np.ndarray, index: int, spent: int, pace: Pace) -> np.ndarray:
-    """(k, n_e) goals of this tick and the next ones, as far as the clock tells."""
+    """Goals (k, n_e) mm of this tick and the next ones, as far as the clock tells."""
     if pace.ticks_a_goal is None:
         return goals[index : index + 1]
     most = max(pace.ticks_a_goal, 0 if index else pace.approach)

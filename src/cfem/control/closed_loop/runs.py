@@ -93,7 +93,7 @@ def run_controller(
             if account:
                 row |= account.row(controller, moment.tick, moment.actual)
             if loop.live:
-                row["models_taken"] = _taken(setting.predictors)
+                row["models_taken"] = _models_taken_up(setting.predictors)
             rows.append(row)
             write(row)
 
@@ -119,7 +119,7 @@ def run_controller(
     }
 
 
-def _taken(predictors: Mapping[str, Any]) -> int:
+def _models_taken_up(predictors: Mapping[str, Any]) -> int:
     """Number of models that have been taken up, one of this moment included."""
     for model in predictors.values():
         model.refresh()

@@ -1,4 +1,4 @@
-"""Ticks to rows of `loop.parquet` and to the numbers of the headline."""
+"""Rows of `loop.parquet` and numbers of the headline, from the ticks of a run."""
 
 from collections.abc import Mapping, Sequence
 from itertools import groupby

@@ -92,7 +92,7 @@ class Belief:
 
     @property
     def delta_a(self) -> np.ndarray:
-        """(n_a,) mm: where it takes the actuators to stand."""
+        """Displacements (n_a,) mm of the actuators that the controller believes in."""
         return self.iterate.condensed.delta_a
 
     @classmethod
@@ -131,13 +131,13 @@ def drive(
     let_go: robots put their object down there and open. Where the model has no answer the command stays, and the status
     says why. InputError where that observer's sensor is missing."""
     aim = Aim(goal, pilot.weights, pilot.ridge, pilot.preload, pilot.damping, pilot.places)
-    limits = _this_tick(pilot, belief.u)
+    limits = _tick_limits(pilot, belief.u)
     try:
         iterate = belief.iterate
         if pilot.observer == "measured" and measured is not None:
-            iterate = _seen(pilot, iterate, measured)
+            iterate = _at_measured(pilot, iterate, measured)
         if pilot.command == "force" and pilot.observer == "previous_step":
-            return _as_published(pilot, iterate, aim, limits)
+            return _published_step(pilot, iterate, aim, limits)
         if let_go:
             if pilot.put_down is None:
                 raise InputError("the robots hold no object that they could let go", do="leave let_go out")
@@ -185,7 +185,7 @@ def _same(a: Limits, b: Limits) -> bool:
     return a is b or (np.array_equal(a.delta_a, b.delta_a) and np.array_equal(a.lambda_a, b.lambda_a))
 
 
-def _seen(pilot: Pilot, iterate: Iterate, measured: Measurement) -> Iterate:
+def _at_measured(pilot: Pilot, iterate: Iterate, measured: Measurement) -> Iterate:
     if measured.delta_a is None:
         raise InputError("the plant has no sensor of delta_a", do="choose another observer")
     if not np.isfinite(measured.delta_a).all():
@@ -194,7 +194,7 @@ def _seen(pilot: Pilot, iterate: Iterate, measured: Measurement) -> Iterate:
     return replace(iterate, condensed=pilot.model.at_displacement(measured.delta_a))
 
 
-def _this_tick(pilot: Pilot, u: np.ndarray) -> Limits:
+def _tick_limits(pilot: Pilot, u: np.ndarray) -> Limits:
     """Amplitudes, cut down to what a command that follows u may be."""
     if pilot.command == "displacement":
         return pilot.limits.within(u, pilot.rate)
@@ -205,7 +205,7 @@ def _this_tick(pilot: Pilot, u: np.ndarray) -> Limits:
     return replace(pilot.limits, lambda_a=nearby)
 
 
-def _as_published(pilot: Pilot, iterate: Iterate, aim: Aim, limits: Limits) -> Belief:
+def _published_step(pilot: Pilot, iterate: Iterate, aim: Aim, limits: Limits) -> Belief:
     """Belief as published: the forces of the inverse step as they are, and its linearised displacements for where they
     lead."""
     for _ in range(pilot.settings.iterations):

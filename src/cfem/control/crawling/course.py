@@ -76,8 +76,8 @@ class Course:
         doing(f"walking {spec.distance:g} mm")
         start = learned.centre
         walk = learned.walk(u, spec.ground.friction, lambda base: float((base - start) @ direction) >= spec.distance)
-        if walk.status == CONVERGED and not walk.gone(direction) >= spec.distance:
-            what = f"the gait goes {walk.gone(direction):.3g} mm in {MOST} cycles, not {spec.distance:g} mm"
+        if walk.status == CONVERGED and not walk.travelled(direction) >= spec.distance:
+            what = f"the gait goes {walk.travelled(direction):.3g} mm in {MOST} cycles, not {spec.distance:g} mm"
             raise NumericalError(what, where="gait.distance", do="take a smaller one, or more evaluations")
         return walk
 
@@ -86,11 +86,11 @@ class Course:
         doing(f"walking {len(planned.commands)} commands by finite elements")
         return fe.walk(planned.commands, self.spec.ground.friction)
 
-    def far(self, walk: Walk) -> float:
+    def distance(self, walk: Walk) -> float:
         """Distance that judges a walk: mm since rest where the spec states a distance, else mm a cycle."""
         if self.spec.distance is None:
             return walk.per_cycle(self.spec.steps, self.direction)
-        return walk.gone(self.direction)
+        return walk.travelled(self.direction)
 
     @property
     def unit(self) -> str:

@@ -47,7 +47,7 @@ class Walk:
             return float("nan")
         return float((self.base[cycles * steps] - self.base[steps]) @ direction) / (cycles - 1)
 
-    def gone(self, direction: np.ndarray) -> float:
+    def travelled(self, direction: np.ndarray) -> float:
         """Distance (mm) along `direction` since rest; NaN where the walk ended before."""
         return float((self.base[-1] - self.base[0]) @ direction) if self.status == CONVERGED else float("nan")
 
@@ -81,7 +81,8 @@ class Crawler:
     weights: tuple[LegWeight, ...] = ()
 
     def _ground(self, last: PointsState | None) -> Ground:
-        """Ground with the weight of all at the centre of its mass, where the state `last` has the legs."""
+        """The ground, with the weight of base and legs at their common centre of mass; the legs are as in the state
+        `last`, at rest without one."""
         if not self.weights:
             return self.ground
         solved = [None] * len(self.weights) if last is None else last.solved

@@ -76,7 +76,7 @@ def crawl(folder: Path, spec: CrawlingSpec, base: Path, mesh: Path, models: Mapp
     best = course.best(learned)
     planned = course.plan(learned, best)
     walks = {"planned": planned, "fe": course.repeat(fe, planned)}
-    far = {key: course.far(walk) for key, walk in walks.items()}
+    far = {key: course.distance(walk) for key, walk in walks.items()}
     sweep = [course.at_friction(friction, best, learned, fe) for friction in gait.frictions]
     alone = [course.planned_at(friction, best, learned) for friction in gait.planned_frictions]
     rows = _records(setting.name, planned, walks["fe"], spec.reached, setting.model)
@@ -93,7 +93,7 @@ def crawl(folder: Path, spec: CrawlingSpec, base: Path, mesh: Path, models: Mapp
         "headline": headline(far, course.unit, sweep, walks, account, gait.ground.friction, outside, alone),
         "gait": {key: getattr(best, key).tolist() for key in ("mean", "amplitude", "phase")},
         "per_cycle": {key: known(walk.per_cycle(gait.steps, course.direction)) for key, walk in walks.items()},
-        "distance": {key: known(walk.gone(course.direction)) for key, walk in walks.items()},
+        "distance": {key: known(walk.travelled(course.direction)) for key, walk in walks.items()},
         "frictions": sweep,
         "planned_frictions": alone,
         "contact": account,

@@ -11,7 +11,7 @@ from cfem.condensed import Rows
 from cfem.condensed.coupling import Coupled, Holder, RigidObject
 from cfem.condensed.model import Model
 from cfem.contact.obstacle import Box
-from cfem.control.holding.grasp import from_table, taken
+from cfem.control.holding.grasp import from_table, margin_of
 from cfem.control.holding.gripping import Grip, Gripping
 from cfem.control.holding.spec import HoldingSpec, RobotSpec
 from cfem.control.holding.squeeze import balanced
@@ -143,7 +143,7 @@ def gripped(
         if table:
             plans = from_table(robots, glued, mu, about.margin, grasp, preload)
         else:
-            plans = Gripping(robots, glued, mu, about.margin, grasp, taken(robots))
+            plans = Gripping(robots, glued, mu, about.margin, grasp, margin_of(robots))
         plans_by_name[name] = plans
     first = next(iter(plans_by_name.values()))
     fe = grip(fingers, first.home, table)
@@ -223,7 +223,7 @@ def _stable(holds: list[Holder], held: RigidObject, taut: np.ndarray) -> np.ndar
 
 
 def _taut_state(predictor: Predictor, n_pose: int) -> np.ndarray:
-    """(n_a,) actuators of the training state that is most in the middle: control starts among the data."""
+    """Displacements (n_a,) of the actuators at the most central training state: control starts among the data."""
     known = predictor.domain.states
     n = known.shape[1] // 2
     low, high = known.min(axis=0), known.max(axis=0)

@@ -15,7 +15,7 @@ SHARES = (0.25, 0.5, 1.0, 2.0, 3.0)  # of a squeeze that are tried
 HALVINGS = 3  # between the last that fails and the first that holds
 
 
-def taken(grip: GripPlant) -> float | None:
+def margin_of(grip: GripPlant) -> float | None:
     """Margin of the learned grip that takes the object: how many times its load it would hold, at most MOST; None
     without load. SpecError where it cannot hold the object: the reason, before anything is carried out."""
     load = float(np.linalg.norm(grip.load_of_object))
@@ -80,5 +80,5 @@ def from_table(
     status = stands.squeeze() if air is not None else "they do not hold it"
     if status != CONVERGED:
         raise SpecError(f"{wrong}: {status}", where="search.preload")
-    above = Gripping(air, glued, mu, margin, home, taken(air))
+    above = Gripping(air, glued, mu, margin, home, margin_of(air))
     return replace(above, grip=stands, home=grasp, air=above, needs=share * preload)

@@ -56,7 +56,7 @@ class Gripping:
     holds: how many times its load the grip would hold at home
     air: the same without a table, where there is one (`cfem.control.holding.on_table`)
     needs: mm or mm^3, the least preload that lifts
-    before, at: nothing remembered unless given (`settle`)
+    before, settled_at: nothing remembered unless given (`settle`)
     margins, borne: to slip, and N by the table, where it has settled so far
     stuck: steps without a solution since it has settled"""
 
@@ -69,7 +69,7 @@ class Gripping:
     air: "Gripping | None" = None
     needs: float | None = None
     before: GripPlant | None = None
-    at: np.ndarray | None = None
+    settled_at: np.ndarray | None = None
     margins: list[float] = field(default_factory=list)
     borne: list[float] = field(default_factory=list)
     stuck: int = 0
@@ -100,8 +100,8 @@ class Gripping:
     def settle(self, delta_a: np.ndarray) -> None:
         """Moves the robots to delta_a (n_a,) mm, where further steps begin."""
         self.begin_search()
-        self.at = np.asarray(delta_a, float)
-        self.before = self._walked(self.at)
+        self.settled_at = np.asarray(delta_a, float)
+        self.before = self._walked(self.settled_at)
         if self.before.holds:
             self.margins.append(self.before.slip_margin())
         self.borne.append(self.before.on_table())

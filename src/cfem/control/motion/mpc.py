@@ -29,7 +29,7 @@ from cfem.motion.linear import Guess, MaterialShares, first_of
 from cfem.motion.model import MotionTerms
 from cfem.motion.mpc_spec import EVERY, blocks
 from cfem.plant.protocol import Measurement
-from cfem.predict.estimation.gate import Verdict
+from cfem.predict.estimation.gate import SampleVerdict
 
 
 @dataclass(frozen=True)
@@ -106,7 +106,7 @@ class Mpc:
         self._states = np.concatenate([self._states[-self._plan.ticks :], 2 * self._states[-1:] - self._states[-2:-1]])
         self._sent(u, place)
         astray = self.observer is not None and self.observer.astray
-        outcome = verdict is Verdict.REJECTED, verdict is Verdict.RESTART or self._resets
+        outcome = verdict is SampleVerdict.REJECTED, verdict is SampleVerdict.RESTART or self._resets
         self.belief = MovingBelief(u, status, self._states[0, : self._clocked.n_a].copy(), softened, astray, *outcome)
         return self.belief
 
@@ -130,7 +130,7 @@ class Mpc:
         """True if the observer begins again in this tick because there has been no plan for long."""
         return self.observer is not None and self._lost > PATIENCE and (self._lost - PATIENCE) % AGAIN == 1
 
-    def _present(self, measured: Measurement | None) -> tuple[ClockedState, Verdict | None]:
+    def _present(self, measured: Measurement | None) -> tuple[ClockedState, SampleVerdict | None]:
         """State of the robot now, and the verdict on the sample."""
         if self.observer is None:
             return self._state, None

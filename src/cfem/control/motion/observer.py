@@ -24,7 +24,7 @@ from cfem.motion.estimation.pushes import mean_compliance, push_covariance, slop
 from cfem.motion.linear import MaterialShares, places
 from cfem.motion.model import MotionTerms
 from cfem.plant.protocol import Measurement
-from cfem.predict.estimation.gate import MEMORY, Gate, GateSpec, Verdict
+from cfem.predict.estimation.gate import MEMORY, Gate, GateSpec, SampleVerdict
 from cfem.predict.estimation.kalman import Gaussian, Update, gated_update
 
 _KNOWN = 4.0  # standard deviations within which a logarithm of the material stays
@@ -121,7 +121,7 @@ class Observer:
         self._commands.append(np.asarray(u, float))
         self._places.append(place)
 
-    def correct(self, measured: Measurement | None, rest_e: np.ndarray) -> Verdict | None:
+    def correct(self, measured: Measurement | None, rest_e: np.ndarray) -> SampleVerdict | None:
         """Verdict on a sample, with the number of its tick. None for one that was used before, which changes nothing,
         and for one without a position, which does not correct."""
         if measured is None or measured.t <= self.sampled:
@@ -132,7 +132,7 @@ class Observer:
         ticks, verdict = measured.t - self.sampled, None
         for u, place in zip(self._commands[:ticks], self._places[:ticks], strict=True):
             if not self._predict(u, place):
-                verdict = Verdict.RESTART
+                verdict = SampleVerdict.RESTART
         self._commands, self._places = self._commands[ticks:], self._places[ticks:]
         self.sampled = measured.t
         if self._measured.any() and np.isfinite(measured.x_e[self._measured]).all():
@@ -140,22 +140,22 @@ class Observer:
             verdict = judged if verdict is None else verdict
         return verdict
 
-    def _judged(self, sample: np.ndarray) -> Verdict:
+    def _judged(self, sample: np.ndarray) -> SampleVerdict:
         """The verdict on a sample (k,) mm from rest, by which the state is corrected unless it is rejected."""
         predicted = self._known
         expected, slope = self._expected_rows(predicted)
         if self._repeats(sample, expected):
-            return Verdict.REJECTED
+            return SampleVerdict.REJECTED
 
         def update(known: Gaussian) -> Update:
             rows = (expected, slope) if known is predicted else self._expected_rows(known)
             return self._update(known, sample, *rows)
 
         correction, verdict = gated_update(self.gate, predicted, lambda: self._first(sample, expected), update)
-        if verdict is not Verdict.REJECTED:
+        if verdict is not SampleVerdict.REJECTED:
             self._known = correction.posterior
-        self.innovation = 1.0 if verdict is Verdict.RESTART else correction.square / len(sample)
-        return Verdict.RESTART if self._restart_if_lost(self._command) else verdict
+        self.innovation = 1.0 if verdict is SampleVerdict.RESTART else correction.square / len(sample)
+        return SampleVerdict.RESTART if self._restart_if_lost(self._command) else verdict
 
     def _repeats(self, sample: np.ndarray, expected: np.ndarray) -> bool:
         """True if a sample repeats the one before to the last bit although the robot should have moved."""

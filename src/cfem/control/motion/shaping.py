@@ -28,7 +28,7 @@ class Shaper:
         """Delay (s) by which a slow command comes late."""
         return float(self.amplitude @ self.time)
 
-    def left(self, frequency: float, damping: float) -> float:
+    def residual(self, frequency: float, damping: float) -> float:
         """Share of its vibration that a mode (Hz, share of the critical) keeps."""
         omega = 2 * np.pi * frequency
         decay, turn = damping * omega, omega * np.sqrt(1 - damping**2)

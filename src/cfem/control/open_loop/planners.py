@@ -71,7 +71,7 @@ def pilots_of(
 
 
 def _on_its_own_way(model: ContactModel | Gripping) -> ContactModel | Gripping:
-    return model.standing(0.0) if isinstance(model, ContactModel) else replace(model, before=None, at=None)
+    return model.standing(0.0) if isinstance(model, ContactModel) else replace(model, before=None, settled_at=None)
 
 
 def _updated_once(model: Any) -> Any:

@@ -71,7 +71,7 @@ class KeptRun:
             self._read()
 
     def begin(self, plants: Sequence[Any], goals: Mapping[str, np.ndarray]) -> None:
-        """Takes the plants and FE models whose states are kept, as they stand before the first goal, and the goals."""
+        """Registers the goals, and the plants whose states are kept, as they stand before the first goal."""
         if not self._keep:
             return
         self.goals, self._changing = dict(goals), [pair for plant in plants for pair in plant.changing]

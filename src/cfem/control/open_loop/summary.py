@@ -1,4 +1,4 @@
-"""Tracked goals to rows of a table and to the numbers of the headline."""
+"""Rows of the table and numbers of the headline, from tracked goals."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any

@@ -64,6 +64,6 @@ class Optimality:
 
 
 def arrived(condensed: Condensed, aim: Aim, limits: Limits) -> bool:
-    """True if the effectors are at the goal, but for a share of how far a full stroke moves them here."""
+    """True if the effectors are at the goal, to a small share of the way by which a full stroke moves them here."""
     moved = np.linalg.norm(aim.weights[:, None] * condensed.effector_jacobian, axis=0) * limits.course
     return aim.missed(condensed.delta_e) <= ARRIVED * float(moved.max())

@@ -63,6 +63,7 @@ def _in_use(target: Path) -> bool:
 
 
 def _below(folder: Path) -> Iterator[Path]:
+    """Folders below `folder` that are set aside, or unfinished and of no command that runs now."""
     for path in folder.iterdir():
         if _OLD.fullmatch(path.name) and not path.is_symlink():
             yield path

@@ -38,12 +38,12 @@ class FreeObject:
 
     @property
     def delta_e(self) -> np.ndarray:
-        """(n_e,) mm since rest, and rad where it is oriented."""
+        """Displacement (n_e,) of the object since rest, mm, and rad where it is oriented."""
         return np.concatenate([self.x, Rotation.from_matrix(self.R).as_rotvec()]) if self.oriented else self.x
 
     @property
     def gone(self) -> np.ndarray:
-        """(k,) mm and rad since `begin`."""
+        """Motion (k,) of the object, mm and rad, since `begin`."""
         turned = Rotation.from_matrix(self.R @ self.begin.R.T).as_rotvec()
         return np.concatenate([self.x - self.begin.x, turned])[: len(self.wrench)]
 

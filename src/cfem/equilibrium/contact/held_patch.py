@@ -13,7 +13,7 @@ def patch_of(points: np.ndarray, turns: bool) -> Patch:
 
 
 def contact_points(problem: Problem) -> np.ndarray:
-    """(k, 3) mm at rest."""
+    """Contact points (k, 3) mm at rest."""
     return np.array([point.rest for point in problem.robot.contacts])
 
 

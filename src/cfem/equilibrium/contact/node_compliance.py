@@ -93,17 +93,17 @@ class _Pushed:
         self.tip = (tip.reshape(-1, len(R), 1, 3) @ R).reshape(tip.shape)
 
     def body_moved_by(self, forces: np.ndarray) -> np.ndarray:
-        """(n_dof, c): motion of the body by forces (3 m, c) N in turning frames."""
+        """Motion (n_dof, c) of the body by forces (3 m, c) N in turning frames."""
         turned = (self.R @ forces.reshape(len(self.R), 3, -1)).reshape(forces.shape)
         return self._factor.solve(self._motion @ turned) - self._Z @ (self._held @ turned)
 
     def nodes_of(self, body: np.ndarray) -> np.ndarray:
-        """(3 m, c) mm in turning frames: motion of the nodes where that of the body is (n_dof, c)."""
+        """Motion (3 m, c) mm of the nodes, in turning frames, where that of the body is (n_dof, c)."""
         moved = (self._motion.T @ body).reshape(len(self.R), 3, -1)
         return (self.R.swapaxes(1, 2) @ moved).reshape(-1, body.shape[1])
 
     def moved_by(self, forces: np.ndarray) -> np.ndarray:
-        """(3 m, c) mm: motion of the nodes by forces (3 m, c) N, both in turning frames."""
+        """Motion (3 m, c) mm of the nodes by forces (3 m, c) N, both in turning frames."""
         parts = np.split(forces, range(AT_ONCE, forces.shape[1], AT_ONCE), axis=1)
         return np.hstack([self.nodes_of(self.body_moved_by(part)) for part in parts])
 
@@ -138,7 +138,7 @@ def node_response(
             K = basis.T @ pushed.moved_by(basis)
             by_modes.append((K + K.T) / 2)
             if number in local:
-                left.append(_left(pushed, basis, by_modes[-1], pairs))
+                left.append(_remainder(pushed, basis, by_modes[-1], pairs))
             if number == middle:
                 dented = _dented(pushed, touched.problem, skin, state[0].x, denting)
             advance(1)
@@ -148,14 +148,14 @@ def node_response(
 
 
 def _pairs(rest: np.ndarray, near: float) -> np.ndarray:
-    """(p, 2): each node with itself and with those near it, in order."""
+    """Pairs (p, 2) of each node with itself and with those near it, in order."""
     each = np.repeat(np.arange(len(rest))[:, None], 2, axis=1)
     pairs = np.concatenate([each, cKDTree(rest).query_pairs(near, output_type="ndarray")])
     return pairs[np.lexsort(pairs.T[::-1])]
 
 
-def _left(pushed: _Pushed, basis: np.ndarray, K: np.ndarray, pairs: np.ndarray) -> np.ndarray:
-    """(p, 3, 3) mm/N: what modes leave of the compliance of pairs of nodes."""
+def _remainder(pushed: _Pushed, basis: np.ndarray, K: np.ndarray, pairs: np.ndarray) -> np.ndarray:
+    """Compliance (p, 3, 3) mm/N of pairs of nodes, less that by modes."""
     m = len(basis) // 3
     modes, by_modes = basis.reshape(m, 3, -1), (basis @ K).reshape(m, 3, -1)
     left = np.empty((len(pairs), 3, 3))

@@ -66,7 +66,9 @@ class NodeDents:
             steepest = steepest_of(self._rest, body.cells, motions[:, :, axis])
             if steepest > 0:
                 step = STEP / steepest * motions[:, :, axis]
-                ahead, behind = (tangent_form(body, response(body, self._x + way), motions) for way in (step, -step))
+                ahead, behind = (
+                    tangent_form(body, response(body, self._x + shift), motions) for shift in (step, -step)
+                )
                 third[axis] = (ahead - behind) * steepest / (2 * STEP)
         return third
 
@@ -86,13 +88,13 @@ class NodeDents:
         stiff = tangent_form(body, state, both)[: c + 3, c + 3 :].reshape(-1, 3, 3)
         force = np.einsum("pqab,nb->napq", S, state.force[nodes])
         second = np.einsum("nav,napq->vpq", both[nodes][:, :, : c + 3], force) - stiff
-        one, three = second[:c], second[c:]
+        by_motion, by_turn = second[:c], second[c:]
         first = turns[:, :3]
         return (
-            np.einsum("apq,pi,qj->aij", one[:3], turns, turns)
-            + np.einsum("ipq,pa,qj->aij", one, first, turns)
-            + np.einsum("jpq,pa,qi->aij", one, first, turns)
-            - 2 * np.einsum("rpq,ra,pi,qj->aij", three, first, turns, turns)
+            np.einsum("apq,pi,qj->aij", by_motion[:3], turns, turns)
+            + np.einsum("ipq,pa,qj->aij", by_motion, first, turns)
+            + np.einsum("jpq,pa,qi->aij", by_motion, first, turns)
+            - 2 * np.einsum("rpq,ra,pi,qj->aij", by_turn, first, turns, turns)
         )
 
 

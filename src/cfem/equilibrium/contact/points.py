@@ -42,7 +42,7 @@ class PointRobot(Protocol):
 
     @property
     def points(self) -> np.ndarray:
-        """(k, 3) mm its contact points at rest, in the scene."""
+        """Contact points (k, 3) mm at rest, in the scene."""
         ...
 
     def respond(
@@ -87,7 +87,7 @@ class PlacedRobot:
 
     @property
     def points(self) -> np.ndarray:
-        """(k, 3) mm its contact points at rest, in the scene."""
+        """Contact points (k, 3) mm at rest, in the scene."""
         return contact_points(self.problem) @ self.turn.T + self.shift
 
     def forget(self) -> None:
@@ -143,7 +143,7 @@ class Partner(Protocol):
         ...
 
     def now(self, places: np.ndarray) -> np.ndarray:
-        """(m, 3) mm where its places are."""
+        """Places (m, 3) mm of the object as it is now."""
         ...
 
     def places(self, points: np.ndarray) -> np.ndarray:
@@ -196,7 +196,7 @@ class Posed:
     dragged: tuple[np.ndarray, np.ndarray] | None = None
 
     def motion(self, answer: ContactSolution) -> np.ndarray:
-        """(k,) of what the points meet."""
+        """Motion (k,) of what the points meet."""
         if self.dragged is None:
             return answer.xi
         free, held_back = self.dragged
@@ -275,7 +275,8 @@ def _share(last: np.ndarray | None, correction: np.ndarray) -> float:
 
 
 def point_compliance(solved: Equilibrium, actuators: Actuation) -> np.ndarray:
-    """(n_c, n_c) mm/N: of the contact rows to their forces, the actuators as they are driven, slack ones free."""
+    """Compliance (n_c, n_c) mm/N of the contact rows to their forces, the actuators as they are driven, slack ones
+    free."""
     condensed, rows = solved.condensed, solved.condensed.rows
     C = actuators.C[(actuators.C[:, ~solved.slack] != 0).any(axis=1)]
     W_ac = C @ condensed.W[rows.a, rows.c]

@@ -174,7 +174,8 @@ class _Compliance:
         self.known, self.W = np.zeros(0, dtype=np.int64), np.zeros((0, 0))
 
     def of(self, numbers: np.ndarray, motion: sp.csc_array, tangent: Tangent) -> np.ndarray:
-        """(3 c, 3 c) mm/N of the points `numbers` (c,); motion (n_dof, 3 N): `SkinnedRobot.motion_of_points`."""
+        """Compliance (3 c, 3 c) mm/N of the points `numbers` (c,); motion (n_dof, 3 N):
+        `SkinnedRobot.motion_of_points`."""
         new = np.setdiff1d(numbers, self.known)
         if len(new):
             both = np.concatenate([self.known, new])

@@ -36,7 +36,8 @@ class SkinnedRobot:
         return Problem(replace(self.robot, contacts=(), rows=replace(self.robot.rows, contacts=())))
 
     def motion_of_points(self, x: np.ndarray) -> sp.csc_array:
-        """(n_dof, 3 N): unknowns by points, of which the transpose is points by unknowns, nodes at x (n, 3) mm."""
+        """Matrix (n_dof, 3 N) from points to unknowns, whose transpose is from unknowns to points, nodes at x (n, 3)
+        mm."""
         kinematics = self.problem.kinematics
         if kinematics.groups is None:
             return self._motion
@@ -48,7 +49,7 @@ class SkinnedRobot:
 
     @cached_property
     def _nodal(self) -> sp.csr_array:
-        """(3 n, 3 N): nodes by points."""
+        """Matrix (3 n, 3 N) from points to nodes."""
         weights = sp.coo_array(self.patches.weights)
         shape = (len(self.robot.X), len(self.patches))
         by_node = sp.coo_array((weights.data, (self.nodes[weights.col], weights.row)), shape=shape)
@@ -68,5 +69,5 @@ class SkinnedRobot:
         return self.patches.mean(np.isin(self.nodes, self.robot.fixed).astype(float)) > HELD
 
     def surface(self, x: np.ndarray) -> np.ndarray:
-        """(m, 3) mm in the scene, of nodes at x (n, 3) mm."""
+        """Surface nodes (m, 3) mm in the scene's axes, of the body whose nodes are at x (n, 3) mm in its own."""
         return x[self.nodes] @ self.R.T + self.t

@@ -102,7 +102,7 @@ class SurfaceScene:
 
     @cached_property
     def longest(self) -> list[np.ndarray]:
-        """(n_a,) mm of each robot: the longest way of its actuators in one step."""
+        """Longest ways (n_a,) mm of the actuators of each robot in one step."""
         return [SHARE * np.abs(robot.robot.reach).max(axis=1) for robot in self.robots]
 
     def short_step(self, deltas: Sequence[np.ndarray], before: SurfacesState | None) -> SurfacesState:
@@ -219,7 +219,7 @@ class _Step:
         change = self.found.forces - self.forces[self.points]
         self._change = float(np.abs(change).max(initial=0.0))
         self.residual = float(np.abs(shift + self.found.step).max(initial=0.0))
-        for robot, mine in zip(self.robots, self._mine(self.points), strict=True):
+        for robot, mine in zip(self.robots, self._by_robot(self.points), strict=True):
             robot.correct((change[mine] @ robot.of.R).ravel())
         self._touching = touching
         return True
@@ -283,12 +283,12 @@ class _Step:
         self.places = np.concatenate(places)
         self.pairs = self.of.surroundings.pairs(self.places, np.concatenate(normals), self.faces, self.residual)
 
-    def _mine(self, numbers: np.ndarray) -> list[np.ndarray]:
+    def _by_robot(self, numbers: np.ndarray) -> list[np.ndarray]:
         """Patches of each robot among these numbers (c,), bool."""
         return [(numbers >= first) & (numbers < last) for first, last in self.of.ends]
 
     def _choose(self, points: np.ndarray) -> None:
         self.points = points
-        each = zip(self.robots, self._mine(points), self.of.ends, strict=True)
+        each = zip(self.robots, self._by_robot(points), self.of.ends, strict=True)
         for robot, mine, (first, _) in each:
             robot.choose(points[mine] - first, self.forces[points[mine]] @ robot.of.R)

@@ -171,7 +171,7 @@ def steepest(problem: Problem, moved: np.ndarray) -> float:
     """1/N: largest change of a cell's displacement gradient, about, with the nodes' motion (n, 3) mm/N."""
     sections = problem.body.sections
     if sections is not None:
-        apart = np.diff(moved[sections.nodes], axis=0) / sections.apart[:, None, None]
+        apart = np.diff(moved[sections.nodes], axis=0) / sections.spacing[:, None, None]
         return float(np.sqrt((apart**2).sum(axis=2).max()))
     return steepest_of(problem.rest, problem.body.cells, moved)
 

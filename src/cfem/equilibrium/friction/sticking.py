@@ -46,9 +46,9 @@ class Follower:
     def __init__(self, problem: Problem):
         """Splits the cables that rub into their segments, each an actuator of its own."""
         self._whole, robot = problem, problem.robot
-        self._rubbing = [j for j, actuator in enumerate(robot.actuators) if _rubs(actuator)]
+        self._rubbing = [j for j, actuator in enumerate(robot.actuators) if _has_friction(actuator)]
         self._cables = [robot.actuators[j] for j in self._rubbing]
-        parts = [actuator.segments if _rubs(actuator) else (actuator,) for actuator in robot.actuators]
+        parts = [actuator.segments if _has_friction(actuator) else (actuator,) for actuator in robot.actuators]
         self._actuator = np.repeat(np.arange(len(parts)), [len(mine) for mine in parts])
         self._here = np.flatnonzero(np.isin(self._actuator, self._rubbing))
         self._cable = np.unique(self._actuator[self._here], return_inverse=True)[1]
@@ -75,7 +75,7 @@ class Follower:
             if equilibrium.status is not Status.CONVERGED:
                 return equilibrium, before
             state, evaluation = equilibrium.state, self._evaluate(equilibrium.state)
-            wanted = self._wanted(evaluation, evaluation.delta[self._here] - before.delta, tension, forces)
+            wanted = self._lawful_tensions(evaluation, evaluation.delta[self._here] - before.delta, tension, forces)
             change, tension = np.abs(wanted - tension).max(), wanted
             if change <= _ENOUGH * np.abs(commands).max():
                 return equilibrium, Followed(state, evaluation.delta[self._here], tension)
@@ -95,8 +95,10 @@ class Follower:
     def _evaluate(self, state: State) -> Evaluation:
         return self._split.evaluate(state.x, state.pressure, state.load)
 
-    def _wanted(self, evaluation: Evaluation, moved: np.ndarray, tension: np.ndarray, forces: np.ndarray) -> np.ndarray:
-        """(s,) N that obey the law, if shape and compliance are those at hand."""
+    def _lawful_tensions(
+        self, evaluation: Evaluation, moved: np.ndarray, tension: np.ndarray, forces: np.ndarray
+    ) -> np.ndarray:
+        """Tensions (s,) N of the segments that obey the law of friction, if shape and compliance are those at hand."""
         command = forces[self._rubbing][self._cable]
         if not command.any():
             return tension
@@ -131,7 +133,7 @@ def _drops(D: np.ndarray, s: np.ndarray, F: np.ndarray, low: np.ndarray, high: n
 
 
 def _along(first: float, F: np.ndarray, low: np.ndarray, high: np.ndarray, angle: np.ndarray) -> np.ndarray:
-    """(s,) N behind each guide: of one that slips by its share, of one that sticks by its drop."""
+    """Tensions (s,) N behind each guide: of one that slips by its share, of one that sticks by its drop."""
     near = 1e-9 * (high - low)
     direction = np.where(high - near <= F, 1.0, np.where(low + near >= F, -1.0, 0.0))
     tension, now = np.empty(len(F)), first
@@ -142,7 +144,7 @@ def _along(first: float, F: np.ndarray, low: np.ndarray, high: np.ndarray, angle
     return tension
 
 
-def _rubs(constraint: Constraint) -> bool:
+def _has_friction(constraint: Constraint) -> bool:
     return isinstance(constraint, Cable | RodCable) and constraint.friction > 0
 
 

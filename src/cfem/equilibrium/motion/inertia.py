@@ -64,7 +64,7 @@ class Inner:
 
 
 def mass_of(robot: Robot) -> sp.csr_array:
-    """(n, n) t in each direction. InputError where a material has no density."""
+    """Mass (n, n) t, the same in each direction. InputError where a material has no density."""
     if robot.density is None:
         raise InputError(
             f"robot {robot.name} has no density, and what moves needs its mass",
@@ -136,7 +136,7 @@ def _inner(
 
 
 def times_mass(problem: Problem, mass: sp.csr_array, x: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """(n_dof, k): T^T M T of changes q (n_dof, k) of the unknowns."""
+    """Products (n_dof, k) T^T M T q with changes q (n_dof, k) of the unknowns."""
     heavy = np.diff(mass.indptr) > 0  # of the nodes of a rod's section, three
     motions = problem.kinematics.spread(x, q, heavy)
     return problem.kinematics.reduce(x, (mass @ motions.reshape(len(x), -1)).reshape(motions.shape), heavy)

@@ -22,7 +22,7 @@ LEAST = 1e-3  # of the strongest component's energy
 
 
 def rod_stresses(problem: Problem, mass: sp.csr_array) -> np.ndarray:
-    """(m, 6, k) N and N mm: stresses of the rod's elements, of energy 1 N mm each. Depends on the robot alone.
+    """Stresses (m, 6, k), N and N mm, of the rod's elements, of energy 1 N mm each. Depends on the robot alone.
     mass: of `mass_of`."""
     from scipy.stats import qmc  # half a second, which robots without a rod do not pay
 
@@ -49,7 +49,7 @@ def _actuation(problem: Problem, share: np.ndarray) -> Actuation:
 
 
 def _strains(problem: Problem, mass: sp.csr_array, equilibrium: Equilibrium) -> np.ndarray:
-    """(m, 6, MODES) of the lowest vibrations about it, the actuators held."""
+    """Strains (m, 6, MODES) of the lowest vibrations about a state, the actuators held."""
     linear = equilibrium.linear
     _, shapes, _ = lowest_modes(
         lambda b: solved(linear, b)[0],

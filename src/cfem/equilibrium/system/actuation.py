@@ -44,7 +44,7 @@ class Actuation:
 
     @property
     def unilateral(self) -> np.ndarray:
-        """(m,) bool of the rows."""
+        """Mask (m,) of the rows that cannot push."""
         rows = np.zeros(len(self.C), dtype=bool)
         rows[list(self.one_sided)] = True
         return rows

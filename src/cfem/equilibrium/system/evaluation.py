@@ -36,7 +36,7 @@ class Evaluation:
     strained: tuple[Strained, ...] = field(default=(), kw_only=True)
 
     def residual(self, lam: np.ndarray) -> np.ndarray:
-        """(n_dof,) N."""
+        """Residual (n_dof,) N on the unknowns."""
         return self.force - self.H @ lam
 
 

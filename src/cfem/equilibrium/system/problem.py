@@ -129,7 +129,7 @@ class Problem:
         return evaluation.response.energy - work
 
     def gradients(self, rows: tuple[Watched, ...], x: np.ndarray) -> np.ndarray:
-        """(n_dof, sum of rows) on the unknowns."""
+        """Gradients (n_dof, rows) of the constraints by the unknowns."""
         count = sum(len(row.rest) for row in rows)
         if not any(len(row.nodes) for row in rows):
             return np.zeros((self.pattern.n_dof, count))
@@ -192,7 +192,8 @@ class Problem:
         return self.rod_form(self._rod_blocks(evaluation, lam), q)
 
     def rod_form(self, blocks: np.ndarray, q: np.ndarray) -> np.ndarray:
-        """(k, k) N mm: of changes q (n_dof, k) of the unknowns in blocks (m, 12, 12) of the rod's elements."""
+        """Products (k, k) N mm of changes q (n_dof, k) of the unknowns with blocks (m, 12, 12) of the rod's
+        elements."""
         mine = np.concatenate([q, np.zeros((1, q.shape[1]))])[self._joined]
         return np.tensordot(mine, blocks @ mine, axes=((0, 1), (0, 1)))
 
@@ -266,7 +267,7 @@ class Problem:
         return float(parts / self.scale(evaluation, lam))
 
     def _rod_blocks(self, evaluation: Evaluation, lam: np.ndarray) -> np.ndarray:
-        """(m, 12, 12) N/mm tangent stiffness of the rod under the rows that pull at its strains."""
+        """Tangent stiffness (m, 12, 12) N/mm of the rod under the rows that pull at its strains."""
         tensions = lam[self._strained]
         pulled = sum((t * row.by_e for t, row in zip(tensions, evaluation.strained, strict=True)), 0.0)
         blocks = rods.stiffness(self.body.rod, evaluation.response.rod, pulled)
@@ -277,13 +278,13 @@ class Problem:
         return blocks
 
     def _on_unknowns(self, joined: np.ndarray) -> np.ndarray:
-        """(n_dof, k) sums of (m, 12, k) on the unknowns of the sections that the rod's elements join."""
+        """Sums (n_dof, k) of values (m, 12, k) on the unknowns of the sections that the rod's elements join."""
         out = np.zeros((self.pattern.n_dof + 1, joined.shape[2]))  # the last row for sections that are held
         np.add.at(out, self._joined, joined)
         return out[:-1]
 
     def _unbalanced(self, evaluation: Evaluation, lam: np.ndarray) -> np.ndarray:
-        """(n, 3) N nodal residual."""
+        """Nodal residual (n, 3) N."""
         nodal = evaluation.response.force.copy()
         if self.loads is not None:
             nodal -= evaluation.load * self.loads
@@ -296,7 +297,7 @@ class Problem:
 
 
 def curvature_form(row: Watched, x: np.ndarray, motions: np.ndarray) -> np.ndarray:
-    """(k, k) M^T hess delta M of a row that has curvature, M the motions (n, 3, k)."""
+    """Curvature (k, k) M^T hess delta M of a row that has one, M the motions (n, 3, k)."""
     if isinstance(row, Cable):
         return row.curvature_form(x, motions)
     form = np.zeros((motions.shape[2], motions.shape[2]))

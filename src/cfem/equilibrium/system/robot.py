@@ -54,12 +54,12 @@ class Robot:
 
     @property
     def X(self) -> np.ndarray:
-        """(n, 3) mm nodes at rest."""
+        """Nodes (n, 3) mm at rest."""
         return self.body.mesh.X
 
     @property
     def facets(self) -> np.ndarray:
-        """(k, 3 | 6) of the surface; quadrilaterals as two triangles each."""
+        """Facets (k, 3 | 6) of the surface; quadrilaterals as two triangles each."""
         facets = self.body.mesh.facets
         return facets[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3) if facets.shape[1] == 4 else facets
 
@@ -97,12 +97,12 @@ class Robot:
 
     @property
     def rest_e(self) -> np.ndarray:
-        """(n_e,) rest positions (mm) and orientations (rad) of the effectors."""
+        """Positions (mm) and orientations (rad) of the effectors at rest, (n_e,)."""
         return np.concatenate([effector.rest for effector in self.effectors])
 
 
 def watched_displacements(robot: Robot, x: np.ndarray) -> np.ndarray:
-    """(n_e + n_s,) mm and rad from rest of effectors and skin, nodes at x (n, 3)."""
+    """Displacements (n_e + n_s,), mm and rad from rest, of effectors and skin, nodes at x (n, 3) mm."""
     return np.concatenate([np.empty(0), *(row.value(x) - row.rest for row in robot.watched)])
 
 
@@ -127,5 +127,5 @@ def demand_without_discrepancy(robot: Robot, what: str) -> None:
 
 
 def effector_displacements(robot: Robot, x: np.ndarray) -> np.ndarray:
-    """(n_e,) mm and rad from rest, nodes at x (n, 3)."""
+    """Displacements (n_e,), mm and rad from rest, of the effectors, nodes at x (n, 3) mm."""
     return np.concatenate([effector.value(x) - effector.rest for effector in robot.effectors])

@@ -90,7 +90,8 @@ def make_rotation_strain(body: Body, fixed: np.ndarray) -> RotationStrain | None
 
 
 def _gradient(gradients: np.ndarray, cells: np.ndarray, n: int) -> sp.csr_array:
-    """(3 m q, n) 1/mm: gradients (m, q, k, 3) of the shape functions of cells (m, n_nodes), bubbles left out."""
+    """Matrix (3 m q, n) 1/mm of gradients (m, q, k, 3) of the shape functions of cells (m, n_nodes), bubbles left
+    out."""
     m, q = gradients.shape[:2]
     k = cells.shape[1]
     columns = np.broadcast_to(cells[:, None, None, :], (m, q, 3, k))

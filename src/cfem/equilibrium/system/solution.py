@@ -136,22 +136,22 @@ class Equilibrium:
 
     @property
     def delta_a(self) -> np.ndarray:
-        """(n_a,) mm."""
+        """Displacements (n_a,) mm of the actuators."""
         return self.delta[: self.n_a]
 
     @property
     def delta_c(self) -> np.ndarray:
-        """(n_c,) mm."""
+        """Displacements (n_c,) mm of the contact rows."""
         return self.delta[self.n_a :]
 
     @property
     def lambda_a(self) -> np.ndarray:
-        """(n_a,) N."""
+        """Forces (n_a,) N of the actuators."""
         return self.state.lam[: self.n_a]
 
     @property
     def lambda_c(self) -> np.ndarray:
-        """(n_c,) N."""
+        """Forces (n_c,) N on the contact rows."""
         return self.state.lam[self.n_a :]
 
     @property

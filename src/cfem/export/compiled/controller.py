@@ -40,7 +40,7 @@ class CompiledController:
 
     @property
     def moved(self) -> np.ndarray:
-        """(n_e,) mm by which the goal is moved."""
+        """Correction (n_e,) mm by which the goal is moved."""
         return np.array(self._state.feedback.moved)
 
     @property

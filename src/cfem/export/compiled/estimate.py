@@ -47,7 +47,7 @@ class CompiledFilter:
         self._library = library(folder, flags)
         self.reset()
 
-    def _asked(self, call: Callable[..., Any], measured: dict[str, np.ndarray], *before: Any) -> EstimateInC:
+    def _answer(self, call: Callable[..., Any], measured: dict[str, np.ndarray], *before: Any) -> EstimateInC:
         """Answer of a call in a frame; its arguments are those `before`, the frame and the estimate."""
         for name, values in measured.items():
             numbers(getattr(self._frame, name))[...] = values
@@ -74,14 +74,14 @@ class CompiledEstimator(CompiledFilter):
 
     def tick(self, **measured: np.ndarray) -> EstimateInC:
         """Estimate after the next frame. place (m, 3), displacement, force, command (n_a,): nan where not measured."""
-        return self._asked(self._library.cfem_filter_tick, measured, ctypes.byref(self._filter))
+        return self._answer(self._library.cfem_filter_tick, measured, ctypes.byref(self._filter))
 
     def alone(self, **measured: np.ndarray) -> EstimateInC:
         """Estimate from one frame by itself; arguments as of `tick`."""
-        return self._asked(self._library.cfem_estimate_frame, measured)
+        return self._answer(self._library.cfem_estimate_frame, measured)
 
     def modes(self, x: np.ndarray) -> np.ndarray:
-        """(k,) mm of the skin where the unknowns are x (n,)."""
+        """Modes (k,) mm of the skin where the unknowns are x (n,)."""
         return self._shape(self._library.cfem_estimate_modes, x)
 
 

@@ -49,7 +49,7 @@ class CompiledMeet:
 
     def __call__(self, deltas: Sequence[np.ndarray], obstacles: Sequence[Rounded] = (), mu: float = 0.0) -> MetInC:
         """State with actuators held at deltas, (n_a,) mm of each robot, among obstacles with friction mu."""
-        now, given = self._given(deltas, obstacles, mu)
+        now, given = self._arguments(deltas, obstacles, mu)
         status = self.library.cfem_meet(*given)
         if not status:
             self._before = now
@@ -75,13 +75,13 @@ class CompiledMeet:
 
     def seconds(self, deltas: Sequence[np.ndarray], obstacles: Sequence[Rounded], mu: float, count: int) -> float:
         """Processor time of a step from where the last one ended, the mean of `count`."""
-        _, given = self._given(deltas, obstacles, mu)
+        _, given = self._arguments(deltas, obstacles, mu)
         begin = time.process_time()
         for _ in range(count):
             self.library.cfem_meet(*given)
         return (time.process_time() - begin) / count
 
-    def _given(self, deltas: Sequence[np.ndarray], obstacles: Sequence[Rounded], mu: float) -> tuple:
+    def _arguments(self, deltas: Sequence[np.ndarray], obstacles: Sequence[Rounded], mu: float) -> tuple:
         """The state that a step fills, and its arguments."""
         _, (_, bodies, count, friction, *_) = self._touch.given(deltas[0], obstacles, mu)
         displacements = (ctypes.c_double * (len(deltas) * len(deltas[0])))(*np.concatenate(deltas).tolist())

@@ -23,10 +23,10 @@ class CompiledSwing(CompiledFilter):
 
     def frame(self, **measured: np.ndarray) -> EstimateInC:
         """Estimate after the next frame. place (m, 3), displacement, force, command (n_a,): nan where not measured."""
-        return self._asked(self._library.cfem_swing_frame, measured, ctypes.byref(self._filter))
+        return self._answer(self._library.cfem_swing_frame, measured, ctypes.byref(self._filter))
 
     def modes(self, x: np.ndarray) -> np.ndarray:
-        """(k,) mm of the skin where the unknowns are x (n,)."""
+        """Modes (k,) mm of the skin where the unknowns are x (n,)."""
         return self._shape(self._library.cfem_swing_modes, x)
 
 

@@ -217,14 +217,14 @@ def _mlp_outputs(n_a: int, n_e: int, softer: float, full: bool) -> tuple[np.ndar
 
 
 def multipliers(spec: FirmwareControllerSpec, n_a: int, pressures: np.ndarray | None) -> np.ndarray:
-    """(n_a, 2) smallest and largest, N or MPa; pressures: (n_a, 2) that the scene states, if any."""
+    """Smallest and largest forces (n_a, 2), N or MPa; pressures: (n_a, 2) that the scene states, if any."""
     box = np.tile([0.0 if spec.unilateral else -np.inf, np.inf], (n_a, 1)) if pressures is None else pressures
     return box if spec.largest_force is None else np.clip(box, -spec.largest_force, spec.largest_force)
 
 
 def _courses(predictor: Predictor, spec: FirmwareControllerSpec, pressures: np.ndarray | None) -> np.ndarray:
-    """(n_a, 2) mm or mm^3. Where pressures are commanded within stated bounds, these protect the robot, and the course
-    only has to be one that the model knows, as in `cfem control`."""
+    """Courses (n_a, 2) mm or mm^3. Where pressures are commanded within stated bounds, these protect the robot, and the
+    course only has to be one that the model knows, as in `cfem control`."""
     if spec.command == "displacement" or pressures is None:
         return predictor.reach
     known = np.stack([predictor.reach, predictor.domain.delta_a.T])

@@ -44,7 +44,8 @@ def embedding(meta: dict, spec: CSpec, scene: SceneSpec | None) -> Embedding:
 
 
 def stated_pressures(scene: SceneSpec, names: list[str]) -> np.ndarray | None:
-    """(n_a, 2) MPa, None where no actuator has any. InputError where they are not those of the model (names)."""
+    """Pressures (n_a, 2) MPa that the scene states, None where no actuator has any. InputError where they are not those
+    of the model (names)."""
     actuators = [item.name for item in scene.actuators]
     if actuators != names:
         raise InputError(

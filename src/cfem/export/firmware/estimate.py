@@ -127,7 +127,7 @@ def _series(estimator: Estimator) -> dict[str, tuple[np.ndarray, np.ndarray, str
 
 
 def _by_row(series: np.ndarray) -> np.ndarray:
-    """(1 + n_w, rows, M) -> (M, rows (1 + n_w)): of each row itself, then by each load."""
+    """Coefficients (M, rows (1 + n_w)) from those of (1 + n_w, rows, M): of each row itself, then by each load."""
     return series.transpose(2, 1, 0).reshape(series.shape[2], -1)
 
 

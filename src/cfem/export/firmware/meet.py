@@ -59,17 +59,19 @@ def scale(states: Sequence[ContactState], name: str) -> float:
 
 
 def self_pairs(patched: PatchedModel) -> np.ndarray:
-    """(N, N) which patches of one robot may meet: see `cfem.contact.detection.may_meet`."""
+    """Codes (N, N) of the patches of one robot that may meet: see `cfem.contact.detection.may_meet`."""
     return may_meet([patched.along], [APART * patched.model.length]).astype(np.uint8)
 
 
 def areas(patched: PatchedModel) -> np.ndarray:
-    """(N, 3, (k + 1) (k + 2) / 2) mm^2: twice the area of each patch as a vector, a quadratic form of (1, rows), whose
-    entries i <= j stand row by row; see `cfem.contact.detection.patch_normals`."""
-    skin, of = patched.model.skin, patched.patches.of
+    """Area forms (N, 3, (k + 1) (k + 2) / 2) mm^2: twice the area of each patch as a vector, a quadratic form of (1,
+    rows), whose entries i <= j stand row by row; see `cfem.contact.detection.patch_normals`."""
+    skin, patch_of = patched.model.skin, patched.patches.of
     a, b, c = (np.concatenate([skin.rest[None], skin.modes])[:, corner] for corner in skin.triangles.T)
     count, each = len(skin.triangles), np.arange(3 * len(skin.triangles)) % len(skin.triangles)
-    belongs = coo_array((np.ones(3 * count), (of[skin.triangles.T].ravel(), each)), shape=(len(patched.patches), count))
+    belongs = coo_array(
+        (np.ones(3 * count), (patch_of[skin.triangles.T].ravel(), each)), shape=(len(patched.patches), count)
+    )
     first, second = b - a, c - a
     pairs = [(i, j) for i in range(len(a)) for j in range(i, len(a))]
     products = [np.cross(first[i], second[j]) + (np.cross(first[j], second[i]) if i != j else 0.0) for i, j in pairs]

@@ -37,6 +37,7 @@ class Fmu:
 
 
 def model_description(fmu: Fmu, token: str) -> bytes:
+    """Text of modelDescription.xml of FMI 3.0; token: the hash of what the FMU was made of."""
     root = Element(
         "fmiModelDescription",
         fmiVersion="3.0",

@@ -36,6 +36,7 @@ Blocks = dict[str, list[Variable]]  # by the name in C, CFEM_FMU_GOAL of GOAL
 
 
 def controller_blocks(model: Predictor, spec: CSpec) -> Blocks:
+    """Variables of the FMU of the controller: goals and samples in, commands and references out."""
     places = _places(model)
     blocks = {
         "GOAL": _inputs("goal", places, "where it should be, absolute", model.rest_e),
@@ -85,6 +86,7 @@ def state_blocks(motion: MotionModel) -> Blocks:
 
 
 def estimator_blocks(model: Predictor, spec: CSpec) -> Blocks:
+    """Variables of the FMU of the estimator: markers, sensors and commands in, the estimate and its deviations out."""
     estimate, names = spec.estimate, model.rows.actuators
     strokes, forces = ([*zip(names, units, strict=True)] for units in zip(*model.actuator_units, strict=True))
     driven = "displacement" if estimate.dynamics is None else estimate.dynamics.driven

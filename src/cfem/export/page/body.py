@@ -20,7 +20,7 @@ CABLE = 0.006  # radius of what is drawn, of the robot's length
 
 
 @dataclass(frozen=True)
-class Tube:
+class ActuatorTube:
     """Points (p, 3) mm of actuator number `actuator`, drawn as a tube of radius mm; the first `held` do not move."""
 
     actuator: int
@@ -44,7 +44,7 @@ class DrawnBody:
     chambers: list[tuple[int, int, int]]
 
 
-def body(skin: dict[str, np.ndarray], lines: Sequence[Tube], walls: Sequence[ChamberWall]) -> DrawnBody:
+def body(skin: dict[str, np.ndarray], lines: Sequence[ActuatorTube], walls: Sequence[ChamberWall]) -> DrawnBody:
     """The skin's surface, whose sharp edges stay sharp, and lines and walls of chambers inside of it."""
     rest, modes = skin["rest"], skin["modes"]
     points, moving, placed, inner, chambers = [rest], [modes], [], [], []
@@ -71,7 +71,7 @@ def body(skin: dict[str, np.ndarray], lines: Sequence[Tube], walls: Sequence[Cha
 
 
 def within(wall: ChamberWall, skin: dict[str, np.ndarray]) -> np.ndarray:
-    """(k, p, 3) modes of a wall's points: the skin's own where it has nodes inside the body, else carried."""
+    """Modes (k, p, 3) of a wall's points: the skin's own where it has nodes inside the body, else carried."""
     inner = skin.get("inner_nodes", np.zeros(0, int))
     if not np.isin(wall.nodes, inner).all():
         return carried(wall.rest, skin)
@@ -80,12 +80,12 @@ def within(wall: ChamberWall, skin: dict[str, np.ndarray]) -> np.ndarray:
 
 
 def carried(points: np.ndarray, skin: dict[str, np.ndarray]) -> np.ndarray:
-    """(k, p, 3) modes of points (p, 3) mm that the surface near them carries along."""
+    """Modes (k, p, 3) of points (p, 3) mm that the surface near them carries along."""
     return np.einsum("pn,knd->kpd", carriers(points, skin["rest"]), skin["modes"])
 
 
 def carriers(points: np.ndarray, surface: np.ndarray) -> np.ndarray:
-    """(p, n) weights of surface points (n, 3) whose weighted mean moves as points (p, 3) between them do in any affine
+    """Weights (p, n) of surface points (n, 3) whose weighted mean moves as points (p, 3) between them do in any affine
     motion: least squares in a neighbourhood, weighted by closeness."""
     distance, near = cKDTree(surface).query(points, k=min(NEAR, len(surface)))
     weights = np.zeros((len(points), len(surface)))
@@ -101,14 +101,14 @@ def carriers(points: np.ndarray, surface: np.ndarray) -> np.ndarray:
     return weights
 
 
-def lines(robot: dict[str, Any] | None, length: float) -> list[Tube]:
+def lines(robot: dict[str, Any] | None, length: float) -> list[ActuatorTube]:
     """The cables, and the chambers of rods, that the model says its robot has; none where it does not say."""
     if robot is None:
         return []
     return [line for number, item in enumerate(robot["actuators"]) for line in _of(number, item, robot, length)]
 
 
-def _of(number: int, item: dict[str, Any], robot: dict[str, Any], length: float) -> Iterator[Tube]:
+def _of(number: int, item: dict[str, Any], robot: dict[str, Any], length: float) -> Iterator[ActuatorTube]:
     """Lines of one actuator, as the model describes it."""
     geometry = {key: value for key, value in robot["geometry"].items() if key != "kind"}
     if item["kind"] == "cable":
@@ -119,10 +119,10 @@ def _of(number: int, item: dict[str, Any], robot: dict[str, Any], length: float)
             points = routes.points(body, route)
             pull = routes.pull_point(body, route) if pull is None else pull
         held = [] if pull is None else [pull]
-        yield Tube(number, np.array([*held, *points], float), CABLE * length, len(held))
+        yield ActuatorTube(number, np.array([*held, *points], float), CABLE * length, len(held))
     elif item["kind"] == "chambers":
         trunk = StiffFlop.model_construct(kind="stiff-flop", **geometry)
         along = np.linspace(item["module"] - 1, item["module"], ALONG_A_CHAMBER) * trunk.module_length
         for centre in stiff_flop.chamber_centres(trunk, item["chambers"]):
             points = np.column_stack([along, np.broadcast_to(centre, (len(along), 2))])
-            yield Tube(number, points, trunk.chamber_radius)
+            yield ActuatorTube(number, points, trunk.chamber_radius)

@@ -55,7 +55,7 @@ def mesh_of(artefact: Path) -> Mesh | None:
 
 
 def facets_around(mesh: Mesh, cavity: dict[str, Any]) -> np.ndarray:
-    """(g, 3 | 6 | 4) facets of a cavity's wall, as its scene describes it; none where the mesh has no such void."""
+    """Facets (g, 3 | 6 | 4) of a cavity's wall, as its scene describes it; none where the mesh has no such void."""
     try:
         if cavity.get("inside") is None:
             return facets_of(mesh, cavity["surface"], cavity["name"])

@@ -36,7 +36,7 @@ class DiscrepancyPrior:
 
     @property
     def sd(self) -> np.ndarray:
-        """(k,) mm standard deviation of each w of a marker."""
+        """Standard deviation (k,) mm of each w of a marker."""
         return self.share * self.spread
 
 

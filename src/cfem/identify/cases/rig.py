@@ -56,10 +56,10 @@ class MarkerPredictions:
 
 
 class Rig:
-    """Markers, drives and cameras of a laboratory, with unknowns z (n_z,) and d (n_d,) mm of the markers: offsets and
-    what the model lacks.
+    """Markers, drives and cameras of a laboratory. Its unknowns are z (n_z,), and for the markers d (n_d,) mm: offsets,
+    and the discrepancy of the model.
 
-    robots:   that are measured
+    robots:   those that are measured
     unknowns: of robot and rig
     actuators: names, in the order of forces
     sessions: those that have unknowns of their own
@@ -97,7 +97,7 @@ class Rig:
 
     @property
     def d_sd(self) -> np.ndarray:
-        """(n_d,) mm."""
+        """Standard deviations (n_d,) mm of the unknowns d."""
         alike = [np.full(len(self._effector), sd) for sd in self._offsets]
         lacking = [] if self.discrepancy is None else [self.discrepancy.sd] * len(self.discrepancy.terms)
         return np.repeat(np.concatenate([*alike, *lacking, []]), 3)

@@ -27,7 +27,7 @@ class Face:
 
     @property
     def inside(self) -> np.ndarray:
-        """(3,) mm, a point behind its centre, rounded."""
+        """Point (3,) mm behind its centre, rounded."""
         step = 10.0 ** np.floor(np.log10(self.depth) - 0.5)
         return np.round((self.centre - self.depth * np.array(self.normal)) / step) * step
 
@@ -82,7 +82,7 @@ def _facets(shape: Shape) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _coplanar(shape: Shape, corners: np.ndarray, normals: np.ndarray, first: int) -> np.ndarray:
-    """(t,) bool: triangles in the plane of one of them, and on its side."""
+    """Mask (t,) of the triangles in the plane of one of them, and on its side."""
     apart = np.abs((corners - corners[first].mean(axis=0)) @ normals[first]).max(axis=1)
     return (apart < _FLAT * shape.mesh.size) & (normals @ normals[first] > 0)
 

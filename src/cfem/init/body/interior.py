@@ -31,7 +31,7 @@ class Interior:
         return np.flatnonzero(((self.low <= high) & (self.high >= low)).all(axis=1))
 
     def contains(self, points: np.ndarray, among: np.ndarray) -> np.ndarray:
-        """(k,) whether each point (k, 3) mm lies in one of the tetrahedra `among`."""
+        """Mask (k,) of the points (k, 3) mm that lie in one of the tetrahedra `among`."""
         if len(among) == 0:
             return np.zeros(len(points), dtype=bool)
         slope, shift, contained = self.slope[among], self.shift[among], []

@@ -96,7 +96,8 @@ def lattice_across(body: Interior, place: np.ndarray, normal: np.ndarray, finene
 
 
 def clear(body: Interior, points: np.ndarray, radius: float) -> np.ndarray:
-    """(k,) whether the ball of `radius` mm around each point (k, 3) lies inside, judged by 26 points of its surface."""
+    """Mask (k,) of the points (k, 3) mm around which a ball of `radius` mm lies inside, judged by 26 points of its
+    surface."""
     around = points[:, None] + radius * np.vstack([np.zeros(3), _BALL])
     inside = body.contains(around.reshape(-1, 3), body.near_points(points, 1.2 * radius))
     return inside.reshape(len(points), -1).all(axis=1)

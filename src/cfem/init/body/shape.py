@@ -44,7 +44,7 @@ class Source:
 
     @cached_property
     def extent(self) -> np.ndarray | None:
-        """(3,) in the file's unit; None of a CAD file, which is not looked into."""
+        """Size (3,) in the file's unit; None of a CAD file, which is not looked into."""
         if self.mesh is None and self.path.suffix.lower() in STEP + BREP:
             return None
         X = self.mesh.X if self.mesh is not None else read_surface(self.path, self.body)[0]
@@ -70,17 +70,17 @@ class Shape:
 
     @property
     def low(self) -> np.ndarray:
-        """(3,) mm."""
+        """Size (3,) mm of the box around the body, along x, y and z."""
         return self.mesh.X.min(axis=0)
 
     @property
     def high(self) -> np.ndarray:
-        """(3,) mm."""
+        """Size (3,) mm of the box around the body, along x, y and z."""
         return self.mesh.X.max(axis=0)
 
     @property
     def extent(self) -> np.ndarray:
-        """(3,) mm."""
+        """Size (3,) mm of the box around the body, along x, y and z."""
         return self.high - self.low
 
 

@@ -28,22 +28,22 @@ class Voxels:
 
     @cached_property
     def depth(self) -> np.ndarray:
-        """(a, b, c) mm from the wall, 0 outside."""
+        """Distances (a, b, c) mm of the cubes from the wall, 0 outside."""
         return np.maximum(ndimage.distance_transform_edt(self.inside) - 0.5, 0) * self.step
 
     @cached_property
     def centres(self) -> np.ndarray:
-        """(k, 3) mm of the cubes inside."""
+        """Middles (k, 3) mm of the cubes inside."""
         return self.low + self.step * np.argwhere(self.inside)
 
     def depth_at(self, points: np.ndarray) -> np.ndarray:
-        """(k,) mm at points (k, 3), to about the step."""
+        """Distances (k,) mm from the wall at points (k, 3) mm, to about the step."""
         places = (np.asarray(points) - self.low) / self.step
         return ndimage.map_coordinates(self.depth, places.T, order=1, mode="constant")
 
     @cached_property
     def graph(self) -> csr_array:
-        """(k, k) mm between the middles of cubes that touch, each pair once."""
+        """Distances (k, k) mm between the middles of cubes that touch, each pair once."""
         number = np.full(self.inside.shape, -1)
         number[self.inside] = np.arange(len(self.centres))
         rows, columns, lengths = [], [], []
@@ -60,7 +60,7 @@ class Voxels:
         ).tocsr()
 
     def distances(self, held: np.ndarray) -> np.ndarray:
-        """(k,) mm from the cubes `held` (k,) bool through the body; infinite where nothing leads there."""
+        """Distances (k,) mm from the cubes `held` (k,) bool through the body; infinite where nothing leads there."""
         return dijkstra(self.graph, directed=False, indices=np.flatnonzero(held), min_only=True)
 
 

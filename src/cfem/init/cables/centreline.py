@@ -25,7 +25,7 @@ class Centreline:
 
 
 def held_cubes(shape: Voxels, run: Run) -> np.ndarray:
-    """(k,) bool: those at or beyond the level of the held part."""
+    """Mask (k,) of those at or beyond the level of the held part."""
     along = (shape.centres[:, run.axis] - run.level) * run.forward
     return along <= max(shape.step, along.min() + shape.step)
 

@@ -67,7 +67,7 @@ def _path(before: np.ndarray, end: int) -> list[int]:
 
 
 def _simple(shape: Shape, path: np.ndarray, axis: np.ndarray, radius: float) -> np.ndarray | None:
-    """(k, 3) mm: few points near a path (m, 3), as far from `axis` (3,) as there is room, straight lines inside."""
+    """Few points (k, 3) mm near a path (m, 3), as far from `axis` (3,) as there is room, straight lines inside."""
     path = ndimage.gaussian_filter1d(path, 2.0, axis=0, mode="nearest")
     tangents = np.gradient(path, axis=0)
     tangents /= np.maximum(np.linalg.norm(tangents, axis=1), 1e-12)[:, None]

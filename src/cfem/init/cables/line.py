@@ -117,8 +117,8 @@ def _cuts(shape: Shape, spine: Spine, shares: np.ndarray) -> list[Section]:
 def _clear_of_all(
     shape: Shape, spine: Spine, cuts: list[Section], rays: list[np.ndarray], radius: float
 ) -> np.ndarray | None:
-    """(k, count, 3) mm in the cuts, no farther out than a ball of `radius` fits in the cuts between: inside the necks
-    of a body of discs and necks. None where it fits nowhere."""
+    """Points (k, count, 3) mm in the cuts, no farther out than a ball of `radius` fits in the cuts between: inside the
+    necks of a body of discs and necks. None where it fits nowhere."""
     shares = np.linspace(_FIRST, 1 - _LAST, _FINE * (len(cuts) - 2) + 1)
     fine = [cuts[0], *_cuts(shape, spine, shares)]
     fine_rays = directions(fine, len(rays[0]))
@@ -148,7 +148,7 @@ def _outside(shape: Shape, places: np.ndarray, radius: float) -> np.ndarray | No
 
 
 def directions(sections: Sequence[Section], count: int) -> list[np.ndarray]:
-    """(count, 3) unit vectors in each section, at equal angles: the first along the narrowest width of the middle
+    """Unit vectors (count, 3) in each section, at equal angles: the first along the narrowest width of the middle
     section, or, where that is round, along an axis; carried to the others without a turn about the normal."""
     half = len(sections) // 2
     middle = sections[half]
@@ -182,7 +182,7 @@ def make_line(name: str, places: np.ndarray, run: Run, offset: float | None) -> 
 def _outermost_of_all(
     shape: Shape, sections: list[Section], rays: list[np.ndarray], radius: float
 ) -> np.ndarray | None:
-    """(k, count, 3) mm: `_outermost` of each section; None as soon as one has none."""
+    """Points (k, count, 3) mm: `_outermost` of each section; None as soon as one has none."""
     outermost = []
     for section, outward in zip(sections, rays, strict=True):
         places = _outermost(shape, section, outward, radius)
@@ -193,8 +193,8 @@ def _outermost_of_all(
 
 
 def _outermost(shape: Shape, section: Section, rays: np.ndarray, radius: float) -> np.ndarray | None:
-    """(count, 3) mm: the farthest point from the centre along each ray around which a ball fits; None where there is
-    none on one of them."""
+    """Points (count, 3) mm: the farthest point from the centre along each ray around which a ball fits; None where
+    there is none on one of them."""
     places = np.empty_like(rays)
     open_ = np.arange(len(rays))
     for apart in np.linspace(section.extent, 0, _ROWS)[:-1]:

@@ -57,7 +57,7 @@ def _whole(shape: Shape, run: Run, section: Section) -> Section:
 def _lines(
     shape: Shape, cuts: list[Section], shares: np.ndarray, count: int, out: float, radius: float
 ) -> list[np.ndarray]:
-    """(1 + k, 3) mm of each cable that passes enough parts: where it begins, and the middle of each part."""
+    """Points (1 + k, 3) mm of each cable that passes enough parts: where it begins, and the middle of each part."""
     centres, widths = np.array([each.centre for each in cuts]), np.array([each.extent for each in cuts])
     middle = (
         np.polynomial.Polynomial.fit(shares, centres[:, 0], 1),

@@ -66,7 +66,7 @@ def stretch(ca: np.ndarray, Ra: np.ndarray, cb: np.ndarray, Rb: np.ndarray, h: n
 
 
 def curvature(strain: RodStrain, weights: np.ndarray) -> np.ndarray:
-    """(m, 12, 12) second derivative of weights . e, weights (m, 6), by the motions of both sections: of straight lines
+    """Second derivative (m, 12, 12) of weights . e, weights (m, 6), by the motions of both sections: of straight lines
     (dc, omega), R -> exp[omega] R. With (alpha, beta) = (Ra^T omega_a, Rb^T omega_b) and tau = Ra^T (dcb - dca),
 
         theta' = Jr^-1 beta - Jl^-1 alpha            theta'' = Jr^-1' beta - Jl^-1' alpha

@@ -64,7 +64,7 @@ class Rod:
     @property
     def length(self) -> np.ndarray:
         """Lengths (m,) mm of the elements."""
-        return self.sections.apart
+        return self.sections.spacing
 
 
 @dataclass(frozen=True)

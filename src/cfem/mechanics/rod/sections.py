@@ -32,7 +32,7 @@ class Sections:
         return self.X[self.nodes] - self.centres[:, None]
 
     @cached_property
-    def apart(self) -> np.ndarray:
+    def spacing(self) -> np.ndarray:
         """Distances (s - 1,) mm between neighbours."""
         return np.diff(self.centres[:, 0])
 
@@ -63,9 +63,9 @@ class Sections:
         """Positions (s, k, 3) after motions (s, 6), mm and rad, of the sections from x: the first stays where it is,
         the others follow from their relative motions, which are linear in `motions`."""
         c, R = self.frames(x)
-        now = stretch(c[:-1], R[:-1], c[1:], R[1:], self.apart)
+        now = stretch(c[:-1], R[:-1], c[1:], R[1:], self.spacing)
         pairs = np.concatenate([motions[:-1], motions[1:]], axis=1)
-        p, turn = screw(now.e + (now.gradient @ pairs[:, :, None])[:, :, 0], self.apart)
+        p, turn = screw(now.e + (now.gradient @ pairs[:, :, None])[:, :, 0], self.spacing)
         c, R = c.copy(), R.copy()
         for number in range(len(p)):
             c[number + 1] = c[number] + R[number] @ p[number]

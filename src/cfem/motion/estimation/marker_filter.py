@@ -25,7 +25,7 @@ from cfem.motion.model import MotionModel
 from cfem.predict.estimation.answer import Estimate
 from cfem.predict.estimation.estimate import UNSEEN, Estimator
 from cfem.predict.estimation.fit import EstimateStatus, FitResiduals, Markers, Minimum, Search, minimise
-from cfem.predict.estimation.gate import Gate, GateSpec, Verdict
+from cfem.predict.estimation.gate import Gate, GateSpec, SampleVerdict
 from cfem.predict.estimation.kalman import Gaussian, gated_update
 
 FAR = 8.0  # standard deviations of unknowns within which they are looked for
@@ -34,7 +34,7 @@ JUMP = 0.05  # of the reach: of an actuator that is not where its command is
 
 
 @dataclass(frozen=True)
-class Frame:
+class MarkerFrame:
     """Measurements at one time.
 
     measured: (m, 3) mm, the markers
@@ -145,12 +145,12 @@ class MarkerFilter:
         self, measured: ArrayLike, sensed: ArrayLike | None = None, commanded: ArrayLike | None = None
     ) -> Estimate:
         """The estimate with a frame of the present time; arguments as in `tick`."""
-        frame = Frame(np.asarray(measured, float), sensed, commanded)
+        frame = MarkerFrame(np.asarray(measured, float), sensed, commanded)
         correction, verdict = gated_update(
             self.gate, self.known, lambda: self._first(frame), lambda state: self._update(state, frame)
         )
         self.known, minimum = correction.predicted, correction.minimum
-        if verdict is Verdict.REJECTED and minimum.converged:
+        if verdict is SampleVerdict.REJECTED and minimum.converged:
             minimum = replace(minimum, status=EstimateStatus.REJECTED)
         shown = Gaussian(self._mean(self.known), self._covariance(correction.prior.covariance))
         if minimum.converged:
@@ -166,7 +166,7 @@ class MarkerFilter:
         u = np.asarray(commanded, float)
         return u if self.kind == "force" or _near(u, self.box[: self.motion.n_a]) else None
 
-    def _update(self, state: MovingState, frame: Frame) -> MarkerCorrection:
+    def _update(self, state: MovingState, frame: MarkerFrame) -> MarkerCorrection:
         """The update of a predicted state; with a wider prior where that fits better and an actuator may have
         jumped."""
         correction = self._fitted(state, state.distribution, frame)
@@ -178,7 +178,7 @@ class MarkerFilter:
         better = more or (self._likely(wider.minimum) and not self._likely(minimum))
         return wider if wider.minimum.converged and (not minimum.converged or better) else correction
 
-    def _fitted(self, state: MovingState, prior: Gaussian, frame: Frame) -> MarkerCorrection:
+    def _fitted(self, state: MovingState, prior: Gaussian, frame: MarkerFrame) -> MarkerCorrection:
         """The minimum of a frame's residuals with a prior; state: gives the noise of the markers."""
         moved, seen = self.estimator.from_rest(frame.measured)
         noise, mean = self._noise(state), self._mean(state)
@@ -209,7 +209,7 @@ class MarkerFilter:
         """Covariance (n, n) of the numbers that markers show."""
         return covariance[np.ix_(self._shown, self._shown)]
 
-    def _first(self, frame: Frame) -> MovingState:
+    def _first(self, frame: MarkerFrame) -> MovingState:
         """The state before the first frame: near the command, or where the frame shows a robot at rest."""
         n_a, n_q, n_z, uncertainty = self.motion.n_a, self.motion.n_q, self.forward.n_z, self.uncertainty
         u, n_w = self._reachable(frame.commanded), len(self.estimator.loaded)

@@ -168,6 +168,7 @@ class Dynamixel:
         return np.array(self._answered(read, "not every motor answers"), float)
 
     def _write(self, motor: Motor, place: tuple[int, int], value: int) -> None:
+        """Writes one byte to a motor's control table, at (address, size) `place`."""
         name = self._names[self._motors.index(motor)]
 
         def write() -> tuple[None, int]:

@@ -62,6 +62,7 @@ class Wire:
         self._channel.close()
 
     def _greeted(self, message: dict[str, Any], timeout: float) -> dict[str, Any]:
+        """Answer of the device to hello, which is repeated until then. Malformed after `timeout` s without one."""
         self._markers = tuple(message.get("markers", ()))
         end = time.monotonic() + timeout
         while (now := time.monotonic()) < end:
@@ -93,6 +94,8 @@ class Wire:
         self._takes = takes
 
     def _answered(self, message: dict[str, Any], timeout: float) -> dict[str, Any] | None:
+        """Answer of the device to a goal or a command, sent up to TRIES times within its period; None where it is lost.
+        Malformed where nothing was heard for `timeout` s."""
         kind = Kind.GOAL if "goal" in message else KINDS[message["kind"]]
         if not self._takes & TAKES[kind]:
             able = [WORDS[taken] for taken, flag in TAKES.items() if self._takes & flag]

@@ -39,7 +39,7 @@ class Estimate:
 
     @property
     def deviation(self) -> np.ndarray:
-        """(n_a + n_w,) standard deviations."""
+        """Standard deviations (n_a + n_w,) of the unknowns."""
         return np.sqrt(np.diag(self.covariance))
 
     @property

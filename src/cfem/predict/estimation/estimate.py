@@ -96,17 +96,17 @@ class Estimator:
 
     @property
     def unknowns(self) -> tuple[str, ...]:
-        """(n_a + n_w) names: actuators, then rows with loads."""
+        """Names (n_a + n_w,) of the unknowns: actuators, then rows with loads."""
         return self.model.rows.actuators + self.loaded
 
     @cached_property
     def scale(self) -> np.ndarray:
-        """(n_a + n_w,) mm and N: how large each unknown becomes."""
+        """Sizes (n_a + n_w,) mm and N that the unknowns reach."""
         return np.concatenate([np.abs(self.model.reach).max(axis=1), np.full(len(self.loaded), self.largest)])
 
     @cached_property
     def box(self) -> np.ndarray:
-        """(n_a + n_w, 2) mm and N: where the unknowns are looked for."""
+        """Bounds (n_a + n_w, 2) mm and N within which the unknowns are searched for."""
         low, high = self.model.domain.delta_a
         more, most = BEYOND * (high - low), np.full(len(self.loaded), MOST * self.largest)
         return np.stack([np.concatenate([low - more, -most]), np.concatenate([high + more, most])], axis=1)
@@ -120,7 +120,7 @@ class Estimator:
 
     @cached_property
     def load_covariance(self) -> np.ndarray:
-        """(n_w, n_w) N^2 of the loads before anything is measured."""
+        """Covariance (n_w, n_w) N^2 of the loads before anything is measured."""
         relative = np.eye(len(self.loaded))
         if self.along is not None:
             along = np.asarray(self.along, float) / np.linalg.norm(self.along)
@@ -129,7 +129,7 @@ class Estimator:
 
     @property
     def loaded_rows(self) -> np.ndarray:
-        """(n_w,) numbers of the rows with loads, effectors first, then modes of the skin."""
+        """Numbers (n_w,) of the rows with loads, effectors first, then modes of the skin."""
         return self.series.loaded_rows
 
     @cached_property
@@ -147,7 +147,7 @@ class Estimator:
 
     @property
     def marker_map(self) -> np.ndarray:
-        """(3 m, k) from modes to displacements of the markers."""
+        """Matrix (3 m, k) from modes to displacements of the markers."""
         return self.series.marker_map
 
     @cached_property
@@ -167,26 +167,26 @@ class Estimator:
 
     @cached_property
     def rest(self) -> np.ndarray:
-        """(m, 3) mm of the markers on the robot at rest."""
+        """Places (m, 3) mm of the markers on the robot at rest."""
         return self.seen(self.model.skin.rest)
 
     @cached_property
     def middle(self) -> np.ndarray:
-        """(n_a + n_w,) the state nearest to the mean of the training data, without loads."""
+        """The state (n_a + n_w,) nearest to the mean of the training data, without loads."""
         states = self.model.domain.states[:, : self.model.rows.n_a]
         inner = np.linalg.norm(states - states.mean(axis=0), axis=1).argmin()
         return np.concatenate([states[inner], np.zeros(len(self.loaded))])
 
     def seen(self, surface: np.ndarray) -> np.ndarray:
-        """(m, 3) mm of the markers on a surface whose nodes are at (n, 3) mm."""
+        """Places (m, 3) mm of the markers on a surface whose nodes are at (n, 3) mm."""
         return self.series.nearest[0] @ surface
 
     def places(self, x: np.ndarray) -> np.ndarray:
-        """(m, 3) mm of the markers where the unknowns are x (n_a + n_w,)."""
+        """Places (m, 3) mm of the markers where the unknowns are x (n_a + n_w,)."""
         return self.rest + self.marker_series(*self.split(x))[0].reshape(-1, 3)
 
     def tensions(self, x: np.ndarray) -> np.ndarray:
-        """(n_a,) N forces of the actuators where the unknowns are x (n_a + n_w,)."""
+        """Forces (n_a,) N of the actuators where the unknowns are x (n_a + n_w,)."""
         return self.tension_rows(x)[0]
 
     def tension_rows(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -222,14 +222,14 @@ class Estimator:
         return minimise(problem, x, Search(self.scale, self.box), lambda: self._nearest_state(moved, seen, x))
 
     def from_rest(self, measured: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(m, 3) mm of the markers from their places at rest, and (m,) which of them were seen."""
+        """Displacements (m, 3) mm of the markers from their places at rest, and (m,) which of them were seen."""
         if measured.shape != self.markers.shape:
             raise InputError(f"expected {len(self.markers)} markers of three numbers, got {measured.shape}")
         seen = np.isfinite(measured).all(axis=1)
         return np.where(seen[:, None], measured, 0.0) - self.rest, seen
 
     def _nearest_state(self, moved: np.ndarray, seen: np.ndarray, x: np.ndarray) -> np.ndarray:
-        """(n_a + n_w,) the state, of x and those of the training data, from which half of the markers are nearest.
+        """The state (n_a + n_w,), of x and those of the training data, from which half of the markers are nearest.
 
         moved (m, 3) mm: measured displacements of the markers from rest; seen (m,): which of them were measured."""
         guess = (self.places(x) - self.rest)[None]
@@ -293,7 +293,7 @@ class Estimator:
         return x[: self.model.rows.n_a], x[self.model.rows.n_a :]
 
     def effectors(self, delta_a: np.ndarray, loads: np.ndarray) -> np.ndarray:
-        """(n_e,) mm of the effectors at delta_a (n_a,) mm under loads (n_w,) N."""
+        """Displacements (n_e,) mm of the effectors at delta_a (n_a,) mm under loads (n_w,) N."""
         response = self.response(delta_a)
         return response.state.delta_e + (response.locked @ loads if len(loads) else 0.0)
 

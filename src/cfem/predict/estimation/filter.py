@@ -26,7 +26,7 @@ from cfem.core.errors import InputError
 from cfem.predict.estimation.answer import Estimate
 from cfem.predict.estimation.estimate import Estimator
 from cfem.predict.estimation.fit import EstimateStatus, Minimum, Prior
-from cfem.predict.estimation.gate import Gate, GateSpec, Verdict
+from cfem.predict.estimation.gate import Gate, GateSpec, SampleVerdict
 from cfem.predict.estimation.kalman import Gaussian, gated_update
 from cfem.predict.estimation.spec import MarkersSpec, estimator_of
 from cfem.predict.protocol import Predictor
@@ -105,9 +105,9 @@ class Filter:
         predicted = None if self.last is None else self._predicted(self.last, command)
         minimum, verdict = gated_update(self.gate, predicted, lambda: self._first(command), update)
         estimate = self.estimator.answer(minimum)
-        if verdict is Verdict.REJECTED:
+        if verdict is SampleVerdict.REJECTED:
             return replace(estimate, status=EstimateStatus.REJECTED) if estimate.converged else estimate
-        if verdict is Verdict.RESTART:
+        if verdict is SampleVerdict.RESTART:
             self.last = None
         if estimate.converged and np.isfinite(estimate.covariance).all():
             self.last, self._commanded = estimate, command

@@ -87,7 +87,7 @@ class FitResiduals:
     sensors: tuple[Sensor, ...] = ()
 
     def sizes(self, x: np.ndarray) -> np.ndarray:
-        """(m,) root mean square of each marker's coordinates, in standard deviations."""
+        """Root mean square (m,) of each marker's coordinates, in standard deviations."""
         return np.sqrt((self.markers.residual(x)[0] ** 2).sum(axis=1) / 3)
 
     def __call__(self, x: np.ndarray, kept: np.ndarray, weight: np.ndarray | None = None) -> "Evaluated":
@@ -193,8 +193,8 @@ class Minimum:
         return float(np.sqrt(np.mean(residuals**2))) if len(residuals) else 0.0
 
     def covariance(self, scale: np.ndarray, least: float = 0.0) -> np.ndarray:
-        """(n, n) inverse of J^T J; least: information on each unknown over its scale (n,), added so that the inverse
-        exists where nothing was measured of an unknown."""
+        """Covariance (n, n), the inverse of J^T J; least: information on each unknown over its scale (n,), added so
+        that the inverse exists where nothing was measured of an unknown."""
         scaled = self.J * scale
         return np.linalg.inv(scaled.T @ scaled + least * np.eye(len(scale))) * np.outer(scale, scale)
 
@@ -260,7 +260,7 @@ def _descend(
 
 
 def _step(point: Evaluated, scale: np.ndarray, damping: float) -> np.ndarray:
-    """(n,) step over the scale, to be subtracted, of the normal equations with Levenberg's damping."""
+    """Step (n,) over the scale, to be subtracted, of the normal equations with Levenberg's damping."""
     scaled = point.J * scale
     normal = scaled.T @ scaled
     diagonal = np.diagonal(normal)

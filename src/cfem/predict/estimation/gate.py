@@ -39,7 +39,7 @@ class GateSpec(Spec):
     """Rejected samples in a row that agree with each other, after which the filter begins again."""
 
 
-class Verdict(Enum):
+class SampleVerdict(Enum):
     """Decision on a sample. RESTART: the filter begins again, with this sample."""
 
     ACCEPTED = "accepted"
@@ -88,16 +88,16 @@ class Gate:
         """True where a sample with this innovation would be accepted; changes nothing."""
         return numbers < 1 or self.deviate(square, numbers) <= self.sigmas
 
-    def judge(self, square: float, numbers: int) -> Verdict:
+    def judge(self, square: float, numbers: int) -> SampleVerdict:
         """The verdict on a sample; square, numbers: d and n.
 
         d is infinite where the filter found no answer to the sample, and negative where its covariance is not positive:
         then it is lost, and begins again."""
         if numbers < 1:
-            return Verdict.ACCEPTED
+            return SampleVerdict.ACCEPTED
         if square < 0:
             self.restart()
-            return Verdict.RESTART
+            return SampleVerdict.RESTART
         if not square < inf:  # nan too
             square = inf
         accepted = self.accepts(square, numbers)
@@ -107,12 +107,12 @@ class Gate:
             self.spread = max(1.0, self.spread + (counted - self.spread) / self.memory)
         if accepted:
             self.agreeing, self.last = 0, 0.0
-            return Verdict.ACCEPTED
+            return SampleVerdict.ACCEPTED
         self.agreeing, self.last = self.agreeing + 1 if agrees else 1, square
         if self.agreeing < self.samples:
-            return Verdict.REJECTED
+            return SampleVerdict.REJECTED
         self.restart()
-        return Verdict.RESTART
+        return SampleVerdict.RESTART
 
     def restart(self) -> None:
         """Returns to the state before the first sample."""

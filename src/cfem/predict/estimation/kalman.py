@@ -21,7 +21,7 @@ from typing import Protocol, TypeVar
 import numpy as np
 
 from cfem.predict.estimation.fit import Prior, Search
-from cfem.predict.estimation.gate import Gate, Verdict
+from cfem.predict.estimation.gate import Gate, SampleVerdict
 
 FLOOR = 1e-18  # least variance in a root: of numbers that are known exactly
 RIDGE = 1e-12  # added to a correlation matrix, so that it has a Cholesky factor
@@ -106,7 +106,7 @@ class Gaussian:
 
 
 def information_root(P: np.ndarray) -> np.ndarray:
-    """(n, n) matrix whose product with an error of covariance P (n, n) has unit covariance, whatever the units."""
+    """Matrix (n, n) whose product with an error of covariance P (n, n) has unit covariance, whatever the units."""
     size = np.sqrt(np.maximum(np.diag(P), FLOOR))
     lower = np.linalg.cholesky(P / np.outer(size, size) + RIDGE * np.eye(len(P)))
     return np.linalg.solve(lower, np.diag(1 / size))
@@ -146,7 +146,7 @@ Corrected = TypeVar("Corrected", bound=UpdateResult)
 
 def gated_update(
     gate: Gate, predicted: Belief | None, first: Callable[[], Belief], update: Callable[[Belief], Corrected]
-) -> tuple[Corrected, Verdict]:
+) -> tuple[Corrected, SampleVerdict]:
     """The update by a sample, and the gate's verdict on the sample.
 
     predicted: what is known before the sample; where that is None, or the gate asks for a restart, the filter begins
@@ -154,7 +154,7 @@ def gated_update(
     if predicted is not None:
         corrected = update(predicted)
         verdict = gate.judge(*corrected.innovation)
-        if verdict is not Verdict.RESTART:
+        if verdict is not SampleVerdict.RESTART:
             return corrected, verdict
     gate.restart()
-    return update(first()), Verdict.ACCEPTED if predicted is None else Verdict.RESTART
+    return update(first()), SampleVerdict.ACCEPTED if predicted is None else SampleVerdict.RESTART

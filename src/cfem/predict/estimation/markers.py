@@ -22,7 +22,7 @@ def on_triangles(points: np.ndarray, rest: np.ndarray, triangles: np.ndarray) ->
 
 
 def markers_near(model: Predictor, count: int) -> np.ndarray:
-    """(count, 3) mm of nodes spread over the part of the surface that moves: for trials."""
+    """Places (count, 3) mm of nodes spread over the part of the surface that moves: for trials."""
     rest = model.skin.rest
     moves = np.linalg.norm(model.skin.modes, axis=(0, 2))
     loose = np.flatnonzero(moves > 0.2 * moves.max())

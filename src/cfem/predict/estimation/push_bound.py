@@ -67,7 +67,7 @@ def frames_for(estimator: Estimator, delta_a: np.ndarray, seen: Seen, share: flo
 
 
 def frame_information(estimator: Estimator, delta_a: np.ndarray, seen: Seen) -> np.ndarray:
-    """(n, n) J^T J of one frame, without forces on the robot."""
+    """Information (n, n), J^T J, of one frame, without forces on the robot."""
     n_a, w = len(delta_a), np.zeros(len(estimator.loaded))
     parts = [estimator.marker_series(delta_a, w)[1] / estimator.noise]
     if seen.sensed:

@@ -26,7 +26,7 @@ class RowResponse:
 
     @cached_property
     def locked(self) -> np.ndarray:
-        """(n_e, n_w) mm/N: of the effectors, actuators locked."""
+        """Compliance (n_e, n_w) mm/N of the effectors, actuators locked."""
         G, rows = self.state.effector_jacobian, self.model.rows
         C_ee = self.state.W[rows.e, rows.e] - G @ self.state.W_aa @ G.T
         C_es, _ = self.model.skin.compliance(self.state.delta_a, self.q)
@@ -40,5 +40,5 @@ class RowResponse:
 
     @cached_property
     def held(self) -> np.ndarray:
-        """(n_e, n_w) mm/N: of the effectors, the actuators' forces held."""
+        """Compliance (n_e, n_w) mm/N of the effectors, the actuators' forces held."""
         return self.locked + self.state.effector_jacobian @ self.actuators

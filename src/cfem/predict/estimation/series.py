@@ -31,12 +31,12 @@ class ReferenceSeries:
 
     @cached_property
     def nearest(self) -> tuple[np.ndarray, np.ndarray]:
-        """(m, n) weights of the surface's nodes, those of the triangle nearest to each marker; distances (m,) mm."""
+        """Weights (m, n) of the surface's nodes, those of the triangle nearest to each marker; distances (m,) mm."""
         return on_triangles(self._markers, self._model.skin.rest, self._model.skin.triangles)
 
     @cached_property
     def marker_map(self) -> np.ndarray:
-        """(3 m, k) from modes to displacements of the markers."""
+        """Matrix (3 m, k) from modes to displacements of the markers."""
         phi = np.einsum("mn,kni->mik", self.nearest[0], self._model.skin.modes)
         return phi.reshape(-1, phi.shape[2])
 

@@ -37,7 +37,8 @@ class EnergyNetPredictor(PotentialPredictor, kind="energy_net"):
         self._split = Splitter(n_a, self.rows.n_e)
 
     def parts(self, s: np.ndarray, q: np.ndarray) -> Parts:
-        """(..., n_a), (..., n_q) -> the potential, its gradient, ...: every part of `layout`, matrices in full."""
+        """Every part of `layout` at inputs s (..., n_a) and parameters q (..., n_q): the potential, its gradient and so
+        on, matrices in full."""
         t = np.concatenate([s, q], axis=-1) if q.shape[-1] else s
         z = t @ self._to_box_T + self._offset
         first, second = self._products
@@ -65,7 +66,7 @@ class SineNetwork:
         self._slope_products = self._slopes[self._first] * self._slopes[self._second]
 
     def __call__(self, z: np.ndarray) -> np.ndarray:
-        """(..., n) -> (..., outputs of every derivative), the value first; grad e row by row."""
+        """Values and derivatives (..., outputs) at inputs (..., n), the value first; grad e row by row."""
         a = z @ self._inner_T[0] + self._biases[0]
         sine, cosine = np.sin(a)[..., None, :], np.cos(a)[..., None, :]
         rows = np.concatenate([sine, cosine * self._slopes, -sine * self._slope_products], axis=-2)

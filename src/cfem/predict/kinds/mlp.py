@@ -28,7 +28,7 @@ def rest_arrays(arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 
 def rest_entries(model: ArrayPredictor, q: np.ndarray) -> np.ndarray:
-    """(..., n_q) -> (..., n (n + 3) / 2): W (upper triangle) and delta_free that `model` gives where s = 0."""
+    """Entries (..., n (n + 3) / 2) of W (upper triangle) and delta_free by `model` at s = 0 and q (..., n_q)."""
     return entries(*model.learned(np.zeros((*q.shape[:-1], model.rows.n_a)), q))
 
 
@@ -62,7 +62,7 @@ class MlpPredictor(ArrayPredictor, kind="mlp"):
             self._layers.append((np.ascontiguousarray(weight.T), take(arrays, f"bias_{i}", (inputs,))))
 
     def beside(self, q: np.ndarray) -> np.ndarray:
-        """(..., n_q) coordinates of the learned parameters -> (..., k) inputs beside s."""
+        """Inputs (..., k) beside s, from the coordinates (..., n_q) of the learned parameters."""
         return q if self._at_rest is None else rest_entries(self._at_rest, q)
 
     def learned(self, s: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -31,9 +31,9 @@ OPERATORS = frozenset((
 
 
 def checked_graph(path: Path) -> bytes:
-    """The file, where it is a valid graph of the operators that cfem writes, whole in itself, its tensors of a size
-    that a model has: other domains are code of others, and tensors outside would be read from wherever the file says.
-    Raises InputError."""
+    """Bytes of an ONNX file. InputError unless it is a valid graph of the operators that cfem writes, its tensors are
+    within the file and none is larger than a model's: operators of other domains would be code of others, and tensors
+    outside would be read from wherever the file says."""
     import onnx
 
     where, do = str(path), "export it again with --force"

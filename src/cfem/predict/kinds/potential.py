@@ -12,8 +12,8 @@ from cfem.predict.series.energy import Parts, condense
 class PotentialPredictor(ArrayPredictor):
     @abstractmethod
     def parts(self, s: np.ndarray, q: np.ndarray) -> Parts:
-        """(..., n_a), (..., n_q) -> the potential, its gradient, ...: every part of
-        `cfem.predict.series.energy.layout`, matrices in full."""
+        """Every part of `cfem.predict.series.energy.layout` at inputs s (..., n_a) and parameters q (..., n_q): the
+        potential, its gradient and so on, matrices in full."""
 
     def learned(self, s: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return condense(self.form, self.rows, s, self.parts(s, q), self.sizes)
@@ -42,6 +42,7 @@ class PotentialPredictor(ArrayPredictor):
         return self.gradient_and_hessian(delta_a)
 
     def gradient_and_hessian(self, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(..., n_a) -> of the potential, (..., n_a) and (..., n_a, n_a), at the scene's own parameters."""
+        """Gradient (..., n_a) and Hessian (..., n_a, n_a) of the potential at s (..., n_a) and the
+        scene's own parameters."""
         part = self.parts(s, s[..., :0])
         return part["gradient"], part["hessian"]

@@ -41,15 +41,16 @@ class SpectralPredictor(PotentialPredictor, kind="spectral"):
         self._split = Splitter(self.rows.n_a, self.rows.n_e)
 
     def basis(self, t: np.ndarray) -> np.ndarray:
-        """(..., n) inputs -> (..., M) values of the basis."""
+        """Values (..., M) of the basis at inputs (..., n)."""
         return self._basis(self.box(t))
 
     def box(self, t: np.ndarray) -> np.ndarray:
-        """(..., n) inputs -> (..., n) box coordinates."""
+        """Box coordinates (..., n) of inputs (..., n)."""
         return t @ self._to_box_T + self._offset
 
     def parts(self, s: np.ndarray, q: np.ndarray) -> Parts:
-        """(..., n_a), (..., n_q) -> the potential, its gradient, ...: every part of `layout`, matrices in full."""
+        """Every part of `layout` at inputs s (..., n_a) and parameters q (..., n_q): the potential, its gradient and so
+        on, matrices in full."""
         t = np.concatenate([s, q], axis=-1) if q.shape[-1] else s
         return self._split(self.basis(t) @ self._series_T)
 

@@ -61,11 +61,11 @@ class HeldCurvature:
         return self.series.watched
 
     def cubic(self, w: np.ndarray) -> np.ndarray:
-        """(1 + n + n n, watched): E[w, w, w] / 6 and its derivatives."""
+        """E[w, w, w] / 6 and its derivatives, (1 + n + n n, watched)."""
         return self.series.cubic(self.slopes, w)
 
     def square(self, w: np.ndarray) -> np.ndarray:
-        """(watched, watched): E[w, w] / 2."""
+        """E[w, w] / 2, (watched, watched)."""
         return self.series.square(self.packed, w)
 
 

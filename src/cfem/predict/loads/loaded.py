@@ -41,7 +41,7 @@ FOLLOWING = 3.0  # times the estimate, which is the middle of what comes true, f
 
 
 def wrench_of(rows: Rows, forces: Mapping[str, Sequence[float]]) -> np.ndarray:
-    """(n_e,) N and N mm on all effector rows, of forces (3,) N by the name of the effector that they act on.
+    """Wrench (n_e,), N and N mm, on all effector rows, of forces (3,) N by the name of the effector that they act on.
     SpecError where there is no such effector."""
     wrench = np.zeros(rows.n_e)
     for name, force in forces.items():
@@ -145,7 +145,7 @@ def _error(model: SpectralPredictor, rows: LoadedRows, w: np.ndarray) -> float:
 
 
 def _farthest(moved: np.ndarray, moves: np.ndarray) -> np.ndarray:
-    """(m,) mm of rows moved (m, r), of that effector or patch which moves farthest; moves (g, r)."""
+    """Distances (m,) mm of rows moved (m, r), of that effector or patch which moves farthest; moves (g, r)."""
     return np.sqrt((moved**2) @ moves.T).max(axis=1)
 
 
@@ -196,14 +196,14 @@ def _domain(model: Predictor, under_load: Predictor) -> Domain:
 
 
 def _dual(model: ArrayPredictor, s: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """(n_a,) forces at displacements s, or displacements under forces s."""
+    """Duals (n_a,): forces at displacements s, or displacements under forces s."""
     W, free = model.learned(s, q)
     a = model.rows.a
     return np.linalg.solve(W[a, a], s - free[a]) if model.form == "displacement" else W[a, a] @ s + free[a]
 
 
 def _basis_of_states(model: SpectralPredictor, indices: np.ndarray) -> np.ndarray:
-    """(k, M) a basis at the training states that the domain keeps."""
+    """Basis (k, M) at the training states that the domain keeps."""
     n_a, states = model.rows.n_a, model.domain.states
     s = states[:, :n_a] if model.form == "displacement" else states[:, n_a : 2 * n_a]
     return Basis(indices)(model.box(np.hstack([s, states[:, 2 * n_a :]])))

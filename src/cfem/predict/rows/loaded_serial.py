@@ -208,7 +208,7 @@ class LoadedSerialPredictor(SerialPredictor):
         row, parts = self._settle(self._held(delta))
         wrenches = (self._forces @ row.B).reshape(len(parts), -1)
         patches, rows = self._on.each, []
-        modules = zip(self.surface.modules, self.own, wrenches, self.softer, patches, strict=True)
+        modules = zip(self.surface.modules, self.columns, wrenches, self.softer, patches, strict=True)
         for skin, columns, w, softer, on in modules:
             inputs = delta[columns], np.zeros(0)
             C_es, C_ss = skin.compliance(*inputs)
@@ -228,7 +228,7 @@ class LoadedSerialPredictor(SerialPredictor):
         return np.stack(columns, axis=-1)
 
     def _held(self, delta: np.ndarray) -> list[Held]:
-        return [series.at(delta[columns]) for series, columns in zip(self._series, self.own, strict=True)]
+        return [series.at(delta[columns]) for series, columns in zip(self._series, self.columns, strict=True)]
 
     def _one(self, delta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """W and delta_free at delta (n_a,) mm: the modules' compliance joined by the stiffness V of the loads that
@@ -248,7 +248,7 @@ class LoadedSerialPredictor(SerialPredictor):
 
     @property
     def _sizes(self) -> np.ndarray | None:
-        """(n_e,) those of the modules' ends and centres of mass, None where a model has none."""
+        """Sizes (n_e,) of the modules' ends and centres of mass, None where a model has none."""
         if any(model.sizes is None for model in self.models):
             return None
         rows = [0, 1, 2, 6, 7, 8][: self.rows.n_e]

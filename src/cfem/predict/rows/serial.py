@@ -66,7 +66,7 @@ class SerialPredictor(ArrayPredictor):
         self.heavy = self.rows.n_e > 3  # whether the centre of mass of the whole is an effector
         self.pose = END + CENTRE * self.heavy
         ends = np.cumsum([0, *(module.rows.n_a for module in self.modules)])
-        self.own = [slice(int(a), int(b)) for a, b in pairwise(ends)]
+        self.columns = [slice(int(a), int(b)) for a, b in pairwise(ends)]
         self.rests = np.array([module.rest_e[: self.pose] for module in self.modules])
         masses = np.array([sum(module.meta.get("masses", {}).values()) for module in self.modules])
         self.shares = masses / masses.sum() if self.heavy else np.zeros(len(masses))
@@ -84,7 +84,7 @@ class SerialPredictor(ArrayPredictor):
         n_e, n = self.rows.n_e, self.rows.n
         out, lam = np.zeros((*s.shape[:-1], n, n)), np.concatenate([part.lam for part in parts], axis=-1)
         for i, (part, T) in enumerate(zip(parts, self._moving(P, R, c), strict=True)):
-            mine = slice(n_e + self.own[i].start, n_e + self.own[i].stop)
+            mine = slice(n_e + self.columns[i].start, n_e + self.columns[i].stop)
             out[..., :n_e, :n_e] += T @ part.W_ee @ T.swapaxes(-1, -2)
             out[..., mine, mine] = part.W_aa
             out[..., :n_e, mine] = T @ part.W_ea
@@ -97,7 +97,7 @@ class SerialPredictor(ArrayPredictor):
         states: list[ModuleState] = [None] * len(self.which)
         for number, model in enumerate(self.models):
             places = [i for i, model_number in enumerate(self.which) if model_number == number]
-            each = np.stack([s[..., self.own[i]] for i in places])
+            each = np.stack([s[..., self.columns[i]] for i in places])
             W, free = model.evaluate(each)
             p, e, a = self.pose, slice(0, self.pose), model.rows.a
             lam = np.linalg.solve(W[..., a, a], (each - free[..., a])[..., None])
@@ -126,7 +126,7 @@ class SerialPredictor(ArrayPredictor):
         return P, R[:-1], c
 
     def _watched(self, P: list[np.ndarray], c: list[np.ndarray]) -> np.ndarray:
-        """(..., n_e) mm places of the tip, and of the centre of mass."""
+        """Places (..., n_e) mm of the tip, and of the centre of mass."""
         centre = (
             [sum(share * centre_of_mass for share, centre_of_mass in zip(self.shares, c, strict=True))]
             if self.heavy
@@ -135,8 +135,8 @@ class SerialPredictor(ArrayPredictor):
         return np.concatenate([P[-1], *centre], axis=-1)
 
     def _moving(self, P: list[np.ndarray], R: list[np.ndarray], c: list[np.ndarray]) -> list[np.ndarray]:
-        """(..., n_e, 6 or 9) of each module: how the effectors move with the rows of its end, spins among them, and of
-        its centre of mass, in the frame at its base."""
+        """Matrices (..., n_e, 6 or 9) of each module: how the effectors move with the rows of its end, spins among
+        them, and of its centre of mass, in the frame at its base."""
         motions = []
         for i, frame in enumerate(R):
             T = np.zeros((*frame.shape[:-2], self.rows.n_e, self.pose))
@@ -173,20 +173,24 @@ class SerialPredictor(ArrayPredictor):
         s = np.asarray(delta_a, float)
         P, R, _ = self._places([part.pose for part in self._parts(s)])
         none = s[..., :0]
-        rows = [skin.rows(s[..., columns], none) for skin, columns in zip(self.surface.modules, self.own, strict=True)]
+        rows = [
+            skin.rows(s[..., columns], none) for skin, columns in zip(self.surface.modules, self.columns, strict=True)
+        ]
         return self.surface.surface(rows, P[:-1], R)
 
     def surface_gradient(self, delta_a: ArrayLike, nodes: np.ndarray) -> np.ndarray:
-        """(c, 3, n_a) of the places of nodes (c,) of `shape` by the displacements (n_a,) of the actuators."""
+        """Gradient (c, 3, n_a) of the places of nodes (c,) of `shape` by the displacements (n_a,) of the actuators."""
         s, row_skin, none = np.asarray(delta_a, float), self.surface, np.zeros(0)
         parts = self._parts(s)
         P, R, _ = self._places([part.pose for part in parts])
         place, owner = self.shape(s)[nodes], row_skin.owner[nodes]
         gradients = np.zeros((len(nodes), 3, len(s)))
-        for i, (part, skin, columns) in enumerate(zip(parts, row_skin.modules, self.own, strict=True)):
+        for i, (part, skin, columns) in enumerate(zip(parts, row_skin.modules, self.columns, strict=True)):
             mine, after = owner == i, owner > i
             gradient = part.W_ea[:END] @ np.linalg.inv(part.W_aa)  # by spins
-            moved = np.einsum("rcj,rn->cjn", skin.modes[:, row_skin.own[nodes[mine]]], skin.gradient(s[columns], none))
+            moved = np.einsum(
+                "rcj,rn->cjn", skin.modes[:, row_skin.number[nodes[mine]]], skin.gradient(s[columns], none)
+            )
             gradients[mine, :, columns] = R[i] @ moved
             arm = (place[after] - P[i + 1]) @ R[i]
             gradients[after, :, columns] = R[i] @ (gradient[:3] - cross_matrix(arm) @ gradient[3:])
@@ -205,7 +209,7 @@ def joined(parts: list[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
 
 
 def turns(phi: np.ndarray) -> np.ndarray:
-    """(..., 3, 3) exp [phi] = 1 + [phi] J of rotation vectors (..., 3)."""
+    """Rotations (..., 3, 3), exp [phi] = 1 + [phi] J, of rotation vectors (..., 3)."""
     return np.eye(3) + cross_matrix(phi) @ left_jacobian(phi)
 
 

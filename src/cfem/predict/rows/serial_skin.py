@@ -22,13 +22,13 @@ class SerialSkin:
 
     modules: (k,) skin of each
     owner: (m,) the module that each node of the whole moves with
-    own: (m,) number of the node in its module
+    number: (m,) of the node in its module
     rest: (m, 3) mm
     triangles: (t, 3), normals outward"""
 
     modules: tuple[LearnedSkin, ...]
     owner: np.ndarray
-    own: np.ndarray
+    number: np.ndarray
     rest: np.ndarray
     triangles: np.ndarray
 
@@ -38,7 +38,7 @@ class SerialSkin:
         places = np.empty((*P[0].shape[:-1], len(self.owner), 3))
         for i, (skin, row, base, frame) in enumerate(zip(self.modules, rows, P, R, strict=True)):
             mine = self.owner == i
-            placed = skin.surface(row)[..., self.own[mine], :] @ frame.swapaxes(-1, -2)
+            placed = skin.surface(row)[..., self.number[mine], :] @ frame.swapaxes(-1, -2)
             places[..., mine, :] = placed + base[..., None, :]
         return places
 

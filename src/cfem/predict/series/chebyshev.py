@@ -6,7 +6,7 @@ import numpy as np
 
 
 def polynomials(z: np.ndarray, degree: int) -> np.ndarray:
-    """(degree + 1, *z.shape) T_0 ... T_degree of every entry, also outside [-1, 1].
+    """Polynomials (degree + 1, *z.shape), T_0 ... T_degree, of every entry, also outside [-1, 1].
 
     Doubles the table by T_{m+j} = 2 T_m T_j - T_{m-j}, j = 1 ... m: a few array operations whatever the degree."""
     table = np.empty((max(degree, 1) + 1, *z.shape))
@@ -64,12 +64,12 @@ class Basis:
 
 
 def basis(z: np.ndarray, indices: np.ndarray) -> np.ndarray:
-    """(B, M) or (M,) basis functions at z (B, n) or (n,); indices (M, n): their degree in each coordinate."""
+    """Basis functions (B, M) or (M,) at z (B, n) or (n,); indices (M, n): their degree in each coordinate."""
     return _product(polynomials(z.T, int(indices.max(initial=0))), indices, 0).T
 
 
 def _product(table: np.ndarray, indices: np.ndarray, first: int) -> np.ndarray:
-    """(M, ...) of the columns of indices, which are those of the coordinates from `first` on."""
+    """Products (M, ...) of the columns of indices, which are those of the coordinates from `first` on."""
     product = table[indices[:, 0], first]
     for axis in range(1, indices.shape[1]):
         product = product * table[indices[:, axis], first + axis]
@@ -77,6 +77,6 @@ def _product(table: np.ndarray, indices: np.ndarray, first: int) -> np.ndarray:
 
 
 def union(*bases: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
-    """(M, n) degrees that are in any of the bases, and the place of each of theirs."""
+    """Degrees (M, n) that are in any of the bases, and the place of each of theirs."""
     degrees, place = np.unique(np.vstack(bases), axis=0, return_inverse=True)
     return degrees, np.split(place.ravel(), np.cumsum([len(basis) for basis in bases])[:-1])

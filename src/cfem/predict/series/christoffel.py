@@ -45,5 +45,5 @@ class Christoffel:
         return cls(to_box, basis, axes[kept].T / size[kept] / np.sqrt(kept.sum()))
 
     def __call__(self, x: np.ndarray) -> np.ndarray:
-        """(...,) at states x (..., n)."""
+        """Values (...,) at states x (..., n)."""
         return np.linalg.norm(self.basis(x * self.to_box[0] + self.to_box[1]) @ self.to_unit, axis=-1)

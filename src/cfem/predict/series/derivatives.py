@@ -7,7 +7,7 @@ from scipy.sparse import csr_array
 def differentiated(
     indices: np.ndarray, to_box: np.ndarray, n_a: int, psi: np.ndarray, e: np.ndarray, compliance: np.ndarray
 ) -> np.ndarray:
-    """(n_out, M) coefficients of every part of `cfem.predict.series.energy.layout`, derivatives by the first n_a
+    """Coefficients (n_out, M) of every part of `cfem.predict.series.energy.layout`, derivatives by the first n_a
     inputs, from those of the potential psi (M, 1), the effectors e (M, n_e) and the packed compliance (M, n_e (n_e + 1)
     / 2); indices (M, n); to_box (n, n) as in `cfem.predict.kinds.spectral`."""
     by_s = input_derivatives(indices, to_box, n_a)
@@ -18,7 +18,7 @@ def differentiated(
 
 
 def input_derivatives(indices: np.ndarray, to_box: np.ndarray, n_a: int) -> list[csr_array]:
-    """(M, M) d/ds_i of a series, i < n_a: s_i moves the box coordinates by column i of to_box."""
+    """Matrices (M, M) of d/ds_i of a series, i < n_a: s_i moves the box coordinates by column i of to_box."""
     D = derivative_matrices(indices)
     return [sum(to_box[j, i] * D[j] for j in range(n_a)) for i in range(n_a)]
 

@@ -48,20 +48,20 @@ class Domain:
         return {name: getattr(self, name).tolist() for name in self.__dataclass_fields__}
 
     def outside(self, delta_a: np.ndarray, lambda_a: np.ndarray, p: np.ndarray | None = None) -> float | np.ndarray:
-        """(...,) how far states (..., n_a) lie outside the boxes, as a share of their widths; 0 inside."""
+        """Distances (...,) by which states (..., n_a) lie outside the boxes, as shares of their widths; 0 inside."""
         low, high = self._box
         state = self._state(delta_a, lambda_a, p)
         return _plain((np.maximum(low - state, state - high) / _range(self._box)).max(axis=-1, initial=0.0))
 
     def distance(self, delta_a: np.ndarray, lambda_a: np.ndarray, p: np.ndarray | None = None) -> float | np.ndarray:
-        """(...,) from states (..., n_a) to the nearest kept training state, in units of the largest gap between one of
-        them and its nearest neighbour: about 1 or less among the data, however many there are."""
+        """Distances (...,) from states (..., n_a) to the nearest kept training state, in units of the largest gap
+        between one of them and its nearest neighbour: about 1 or less among the data, however many there are."""
         width = _range(self._box)
         offsets = (self.states - self._state(delta_a, lambda_a, p)[..., None, :]) / width
         return _plain(np.sqrt((offsets**2).sum(axis=-1).min(axis=-1)) / self._gap)
 
     def holds(self, delta_a: np.ndarray, lambda_a: np.ndarray, p: np.ndarray | None = None) -> bool | np.ndarray:
-        """(...,) whether states (..., n_a) are like those that the model was trained on."""
+        """Mask (...,) of the states (..., n_a) that are like those that the model was trained on."""
         within = np.equal(self.outside(delta_a, lambda_a, p), 0.0) & self._on_sheet(delta_a)
         return _plain(within & np.less_equal(self.distance(delta_a, lambda_a, p), FAR))
 
@@ -79,7 +79,7 @@ class Domain:
         return known[np.argmin(apart), answer]
 
     def _on_sheet(self, delta_a: np.ndarray) -> np.ndarray:
-        """(...,) True where displacements (..., n_a) lie in the sheet."""
+        """Mask (...,) of the displacements (..., n_a) that lie in the sheet."""
         axes, (low, high) = self.sheet
         along = delta_a @ axes.T
         return ((low <= along) & (along <= high)).all(axis=-1)
@@ -109,7 +109,7 @@ class Domain:
         return float(apart.min(axis=1).max()) if len(apart) > 1 else 1.0
 
     def _state(self, delta_a: np.ndarray, lambda_a: np.ndarray, p: np.ndarray | None) -> np.ndarray:
-        """(..., 2 n_a + n_p) joined."""
+        """Displacements, multipliers and parameters joined, (..., 2 n_a + n_p)."""
         p = np.zeros(0) if p is None else p
         return np.concatenate([delta_a, lambda_a, np.broadcast_to(p, (*delta_a.shape[:-1], p.shape[-1]))], axis=-1)
 

@@ -39,7 +39,7 @@ def layout(n_a: int, n_e: int) -> dict[str, slice]:
 
 
 def unpacking(n: int) -> np.ndarray:
-    """(n, n) position of each entry of a symmetric matrix in its packed upper triangle."""
+    """Position (n, n) of each entry of a symmetric matrix in its packed upper triangle."""
     position = np.empty((n, n), dtype=np.int64)
     rows, columns = upper_indices(n)
     position[rows, columns] = position[columns, rows] = np.arange(len(rows))

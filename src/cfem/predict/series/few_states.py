@@ -12,7 +12,7 @@ TERMS, MOST = 10, 3  # of the polynomials, and their highest degree
 
 
 def degrees(n_a: int) -> np.ndarray:
-    """(terms, n_a) degrees of the polynomial through L, the lower ones first: of the highest total degree, MOST at
+    """Degrees (terms, n_a) of the polynomial through L, the lower ones first: of the highest total degree, MOST at
     most, that has no more than TERMS."""
     rows = [np.zeros(n_a, dtype=np.int64)]
     for degree in range(1, MOST + 1):
@@ -24,8 +24,8 @@ def degrees(n_a: int) -> np.ndarray:
 
 
 def patch_states(domain: Domain, n_a: int) -> np.ndarray:
-    """(J, n_a) mm: of the training states those at which finite elements say most of a polynomial in delta_a (pivots of
-    a QR factorisation: Sommariva and Vianello, *Computing approximate Fekete points*, 2009)."""
+    """Displacements (J, n_a) mm: of the training states those at which finite elements say most of a polynomial in
+    delta_a (pivots of a QR factorisation: Sommariva and Vianello, *Computing approximate Fekete points*, 2009)."""
     states = domain.states[:, :n_a]
     low, high = domain.delta_a
     values = basis(2 * (states - low) / (high - low) - 1, degrees(n_a))

@@ -100,7 +100,7 @@ class ModeSeries:
 
 
 def compliance_columns(k: int, effectors: int, loaded: np.ndarray) -> list[np.ndarray]:
-    """(k,) places in a skin's array `compliance` of the k modes' compliance to each loaded row."""
+    """Places (k,) in a skin's array `compliance` of the k modes' compliance to each loaded row."""
     place = unpacking(k)
     return [
         np.arange(row * k, (row + 1) * k) if row < effectors else effectors * k + place[row - effectors]

@@ -11,8 +11,8 @@ FLOOR = 1e-12  # eigenvalue that C has at least, in these units: the rounding of
 
 
 def nearest(C: np.ndarray, sizes: np.ndarray) -> np.ndarray:
-    """(..., k, k) symmetric C where no eigenvalue is below FLOOR, else the nearest such; sizes (k,): the square roots
-    of the rows' compliance."""
+    """The symmetric C (..., k, k) where no eigenvalue of it is below FLOOR, else the nearest such; sizes (k,): the
+    square roots of the rows' compliance."""
     units = np.outer(sizes, sizes)
     scaled = C / units
     try:  # the usual case, at a fifth of the price
@@ -25,7 +25,7 @@ def nearest(C: np.ndarray, sizes: np.ndarray) -> np.ndarray:
 
 
 def with_nearest(W: np.ndarray, n_e: int, sizes: np.ndarray) -> np.ndarray:
-    """(..., n, n) W, rows e first, with the locked compliance that is in it replaced by its nearest. States at which
+    """W (..., n, n), rows e first, with the locked compliance that is in it replaced by its nearest. States at which
     W_aa is singular stay as they are."""
     e, a = slice(0, n_e), slice(n_e, None)
     determinate = np.linalg.cond(W[..., a, a]) < 1 / np.finfo(float).eps

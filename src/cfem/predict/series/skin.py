@@ -66,11 +66,11 @@ class LearnedSkin:
         return Skin(self.nodes, self.rest, self.triangles, self.weights, self.modes, np.zeros((1, 2)))
 
     def rows(self, s: np.ndarray, q: np.ndarray) -> np.ndarray:
-        """(..., n_a), (..., n_q) -> (..., k) mm from rest."""
+        """Rows (..., k) mm from rest at inputs s (..., n_a) and parameters q (..., n_q)."""
         return self._at(self._basis, s, q) @ self._series_T
 
     def surface(self, rows: np.ndarray) -> np.ndarray:
-        """(..., k) mm -> (..., m, 3) mm positions of the surface nodes."""
+        """Positions (..., m, 3) mm of the surface nodes at rows (..., k) mm."""
         return (rows @ self._flat).reshape(*rows.shape[:-1], *self.rest.shape) + self.rest
 
     def all_nodes(self, rows: np.ndarray) -> np.ndarray:
@@ -149,7 +149,7 @@ class LearnedSkin:
 
     @cached_property
     def _slopes_T(self) -> np.ndarray:
-        """(M, k n_a) series of the gradient."""
+        """Series (M, k n_a) of the gradient."""
         from cfem.predict.series.derivatives import input_derivatives  # which needs SciPy, as no shape does
 
         by_s = input_derivatives(self._indices, self._to_box, self._n_a)
@@ -168,7 +168,7 @@ class LearnedSkin:
         return joined.row.astype(np.int64), joined.col.astype(np.int64), joined.data
 
     def _at(self, basis: Basis, s: np.ndarray, q: np.ndarray) -> np.ndarray:
-        """(..., M) the basis there; of the last single states it is kept, as most are asked for several things."""
+        """Basis (..., M) at an input; of the last single states it is kept, as most are asked for several things."""
         if s.ndim > 1:
             return basis(self._box(s, q))
         key = id(basis), s.tobytes(), q.tobytes()

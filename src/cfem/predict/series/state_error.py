@@ -49,20 +49,20 @@ def state_error(model: StatesError, state: Condensed, p: np.ndarray | None = Non
 
 
 def extrapolation(model: StatesError, state: Condensed, p: np.ndarray | None = None) -> np.ndarray:
-    """(...,) how far the model extrapolates at states found with it (`Christoffel`)."""
+    """Extrapolation (...,) of the model at states found with it (`Christoffel`)."""
     delta_a, lambda_a, q = model.where(state, p)
     s = delta_a if model.form == "displacement" else lambda_a
     return model.christoffel(np.concatenate([s, np.broadcast_to(q, (*s.shape[:-1], q.shape[-1]))], axis=-1))
 
 
 def reaction_sizes(model: StatesError, command: str, p: np.ndarray | None = None) -> np.ndarray:
-    """(..., n_a) the largest of what is not commanded in the domain, in its unit."""
+    """Largest values (..., n_a) in the domain of what is not commanded, in its unit."""
     if command == "force":
         return np.abs(model.domain.delta_a).max(axis=0)
     return np.abs(model.domain.lambda_a).max(axis=0) / model.softness(p)
 
 
 def entry_sizes(W: np.ndarray) -> np.ndarray:
-    """(..., n, n) the root of W_ii W_jj."""
+    """Sizes (..., n, n) of the entries of W: the root of W_ii W_jj."""
     root = np.sqrt(np.abs(np.diagonal(W, axis1=-2, axis2=-1)))
     return root[..., :, None] * root[..., None, :]

@@ -88,7 +88,7 @@ def read_tracking(folder: Path, manifest: Mapping[str, Any]) -> Tracking:
 
 
 def places(tracking: Tracking) -> list[int]:
-    """Columns of the x of every watched point among the effector rows; orientations are no points."""
+    """Columns of the x coordinates of all watched points among the effector rows. Orientations are left out."""
     return [i for i, name in enumerate(tracking.rows[: tracking.columns["goal"].shape[1]]) if name.endswith(".x")]
 
 

@@ -39,6 +39,7 @@ class FinRay(Spec):
     """Thickness of the foot along x."""
 
     def check(self) -> None:
+        """Checks that walls, ribs and foot leave room between them."""
         slope = (self.base - self.tip) / self.length
         end = (self.base - self.wall * (2 + hypot(1, slope))) / slope if slope > 0 else 0.0
         end = min(end, self.length - 2 * self.wall)

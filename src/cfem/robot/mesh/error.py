@@ -39,7 +39,7 @@ FAR = 0.5  # of the largest travel: states from which the error of large travels
 
 
 @dataclass(frozen=True)
-class Response:
+class CommandResponse:
     """Response of a robot to a command.
 
     tip: mm, of all effector points from rest; reaction: (n_a,) of what is not commanded"""
@@ -168,7 +168,9 @@ def _compare(robot: Robot, resting: Sequence[Equilibrium], state: Equilibrium, f
     """One command on both meshes. Orientations of effectors are left out, as they are no lengths."""
     places = [index for index, name in enumerate(robot.rows.effectors) if not name.split(".")[-1].startswith("r")]
     by_force = robot.forces is not None
-    solved = [Response(each.delta_e[places], each.delta_a if by_force else each.lambda_a) for each in (state, finer)]
+    solved = [
+        CommandResponse(each.delta_e[places], each.delta_a if by_force else each.lambda_a) for each in (state, finer)
+    ]
     linear = [_linear(rest, resting[0], state, places, by_force) for rest in resting]
     travel, reaction = float(np.linalg.norm(solved[0].tip)), float(np.abs(solved[0].reaction).max())
     return Compared(
@@ -180,7 +182,9 @@ def _compare(robot: Robot, resting: Sequence[Equilibrium], state: Equilibrium, f
     )
 
 
-def _linear(rest: Equilibrium, coarse: Equilibrium, state: Equilibrium, places: list[int], by_force: bool) -> Response:
+def _linear(
+    rest: Equilibrium, coarse: Equilibrium, state: Equilibrium, places: list[int], by_force: bool
+) -> CommandResponse:
     """Response to a small command in the direction of a state's forces, by the compliance at rest. coarse: the rest
     of the mesh at hand, whose displacements are those commanded."""
     rows, lam = rest.condensed.rows, state.lambda_a
@@ -189,12 +193,12 @@ def _linear(rest: Equilibrium, coarse: Equilibrium, state: Equilibrium, places: 
     W, commanded = rest.condensed.W, lam[pulling]
     within = np.ix_(actuators, actuators)
     if by_force:
-        return Response(W[np.ix_(effectors, actuators)] @ commanded, W[within] @ commanded)
+        return CommandResponse(W[np.ix_(effectors, actuators)] @ commanded, W[within] @ commanded)
     carried = np.linalg.solve(W[within], coarse.condensed.W[within] @ commanded)
-    return Response(W[np.ix_(effectors, actuators)] @ carried, carried)
+    return CommandResponse(W[np.ix_(effectors, actuators)] @ carried, carried)
 
 
-def _difference(responses: Sequence[Response], key: str) -> float:
+def _difference(responses: Sequence[CommandResponse], key: str) -> float:
     """Difference of two responses relative to the first."""
     norm = np.linalg.norm if key == "tip" else (lambda values: np.abs(values).max())
     coarse, fine = (getattr(response, key) for response in responses)

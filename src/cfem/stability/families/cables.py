@@ -46,7 +46,7 @@ def cases() -> list[Case]:
 
 
 def _pulled() -> list[Case]:
-    """Cables pulled to a part of what there is to pull, and beyond."""
+    """Cases of cables that are pulled by a part of their length, by all of it, and by more."""
     return [
         Case(f"cables/pulled {label}/{law}", expect, attempt(partial(_single, law=law), displacement([amount])))
         for law in LAWS

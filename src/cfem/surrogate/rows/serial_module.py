@@ -17,7 +17,7 @@ class Serial(nn.Module):
         super().__init__()
         self.models = nn.ModuleList([models[number] for number in row.which])
         self.softer, self.heavy, self.pose = row.softer.tolist(), row.heavy, row.pose
-        self.own = [(columns.start, columns.stop) for columns in row.own]
+        self.columns = [(columns.start, columns.stop) for columns in row.columns]
         self.watched = [module.rows.n_e for module in row.modules]
         self.shares = row.shares.tolist()
         self.register_buffer("rests", torch.as_tensor(row.rests))
@@ -31,7 +31,7 @@ class Serial(nn.Module):
         R, P = self.one[None].expand(s.shape[0], 3, 3), torch.zeros_like(s[:, :1]).expand(s.shape[0], 3)
         placed, centres = [], []
         for i, model in enumerate(self.models):
-            s_module, n_e, softer = s[:, self.own[i][0] : self.own[i][1]], self.watched[i], self.softer[i]
+            s_module, n_e, softer = s[:, self.columns[i][0] : self.columns[i][1]], self.watched[i], self.softer[i]
             W, free = model(s_module)
             lam = spd_inverse(W[:, n_e:, n_e:]) @ (s_module - free[:, n_e:])[:, :, None]
             pose = free[:, :p] + (W[:, :p, n_e:] @ lam)[:, :, 0]
@@ -58,7 +58,7 @@ class Serial(nn.Module):
             W_ee = W_ee + T @ own_ee @ T.transpose(1, 2)
             pulled.append(T @ own_ea)
             row = [own_aa if j == i else torch.zeros_like(own_aa[:, :, :1]).expand(-1, -1, stop - start)
-                   for j, (start, stop) in enumerate(self.own)]  # fmt: skip
+                   for j, (start, stop) in enumerate(self.columns)]  # fmt: skip
             blocks.append(torch.cat(row, dim=2))
         W_ea = torch.cat(pulled, dim=2)
         W_a = torch.cat([W_ea, torch.cat(blocks, dim=1)], dim=1)

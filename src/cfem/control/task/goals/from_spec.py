@@ -17,14 +17,14 @@ def goals_of(name: str, trajectory: TrajectorySpec, robot: Robot, fem: FemPlant,
     robot has no stable state (`left_out`). NumericalError where most of them have none."""
     if isinstance(trajectory, ArcSpec):
         on_arc = arc(*(getattr(trajectory, key) for key in ("centre", "radius", "start", "end", "plane", "goals")))
-        on_arc = _fit(name, trajectory, on_arc, robot, shift)
+        on_arc = _on_rows(name, trajectory, on_arc, robot, shift)
         return with_approach(on_arc, robot.rest_e, trajectory.from_rest)
     if isinstance(trajectory, HalfSphereSpec):
         points = half_sphere(trajectory.centre, trajectory.radius, trajectory.turns, trajectory.goals)
-        return _fit(name, trajectory, points, robot, shift)
+        return _on_rows(name, trajectory, points, robot, shift)
     if isinstance(trajectory, GoalsSpec):
         oriented = [] if trajectory.rotation is None else [trajectory.rotation]
-        return _fit(name, trajectory, np.hstack([trajectory.points, *oriented]), robot, shift)
+        return _on_rows(name, trajectory, np.hstack([trajectory.points, *oriented]), robot, shift)
     centre, radii = _shares(name, trajectory, robot.rows.n_a)
     shares = loop_of_shares(centre, radii, trajectory.goals, trajectory.shape)
     return _images(name, shares, fem)
@@ -75,9 +75,11 @@ def _demand_rows(name: str, numbers: int, rows: int) -> None:
         raise SpecError(what, where=f"trajectories.{name}", do=do)
 
 
-def _fit(
+def _on_rows(
     name: str, trajectory: ArcSpec | HalfSphereSpec | GoalsSpec, goals: np.ndarray, robot: Robot, shift: np.ndarray
 ) -> np.ndarray:
+    """Goals (m, n_e) mm of all effector rows, from stated ones (m, k) mm of all rows or of those that are aimed at:
+    then the others stay at rest. shift (n_e,) mm is added to every goal, unless it is empty."""
     aims = robot.aims
     if goals.shape[1] != aims.sum():  # no goal is set for a centre of mass, unless all rows are stated
         _demand_rows(name, goals.shape[1], robot.rows.n_e)

@@ -35,6 +35,7 @@ class ObstaclesSpec(PlannedSpec, LoadedSpec):
     """How the robot's surface touches."""
 
     def check(self) -> None:
+        """Checks which keys go together."""
         super().check()
         if self.fe_based:
             raise ValueError("obstacles need fe_based: false")

@@ -36,23 +36,24 @@ def _held(model: ContactModel, rows: Sequence[Mapping[str, Any]], rest_e: np.nda
     points[len(model.patched.model.rest_e) :] = False
     within = 0
     for row in known:
-        off = np.array(row["x_e"]) - rest_e - row["predicted_e"]
+        missed = np.array(row["x_e"]) - rest_e - row["predicted_e"]
         pressing = np.array(row["predicted_e"])[forces] > 0
-        forces_off = np.abs(off[forces][pressing])
-        held = np.linalg.norm(off[points]) <= row["model_error"] and (forces_off <= row["force_error"]).all()
+        force_errors = np.abs(missed[forces][pressing])
+        held = np.linalg.norm(missed[points]) <= row["model_error"] and (force_errors <= row["force_error"]).all()
         within += bool(held)
     largest = {key: max((row[key] for row in known), default=None) for key in ("force_error", "model_error")}
     return {"goals": len(rows), "stated": len(known), "within": within, "largest": largest}
 
 
 def _sentence(stated: ContactError, figures: Mapping[str, Any]) -> str:
+    """Sentence on the largest stated bounds, on what they are calibrated by, and at how many goals they held."""
     goals, known, largest = figures["goals"], figures["stated"], figures["largest"]
     if not known:
         return f"no error stated at {counted(goals, 'goal')}, whose states are not trusted"
-    one, several = (each.places if each else 0 for each in (stated.one, stated.several))
+    single, several = (each.places if each else 0 for each in (stated.one, stated.several))
     text = (
         f"force of each obstacle within {largest['force_error']:.2g} N, tip within {length(largest['model_error'])} of "
-        f"finite elements, with {stated.percent} (from {counted(one, 'random place')} of one obstacle and {several} of "
-        f"several, friction {stated.friction:g}); it held at {figures['within']} of {counted(known, 'goal')}"
+        f"finite elements, with {stated.percent} (from {counted(single, 'random place')} of one obstacle and {several} "
+        f"of several, friction {stated.friction:g}); it held at {figures['within']} of {counted(known, 'goal')}"
     )
     return text + (f", and is NOT stated at {goals - known}, not trusted" if known < goals else "")

@@ -1,3 +1,4 @@
+/* The dual active set of Goldfarb and Idnani, on a QR factorisation of the active normals. */
 #include "cfem_active.h"
 
 #include <string.h>
@@ -12,10 +13,10 @@
 static double *row_of(const cfem_active *set, int k) { return set->R + k * (k + 3) / 2; }
 
 /* v := R^-1 v, and R^-T v, of the first `count` rows. */
-static void down(const cfem_active *set, double *v) {
+static void solve_lower(const cfem_active *set, double *v) {
     for (int i = 0; i < set->count; i++) v[i] = (v[i] - cfem_dot(i, row_of(set, i), v)) / row_of(set, i)[i];
 }
-static void up(const cfem_active *set, double *v) {
+static void solve_upper(const cfem_active *set, double *v) {
     for (int i = set->count - 1; i >= 0; i--) {
         const double *const row = row_of(set, i);
         v[i] /= row[i];
@@ -35,16 +36,16 @@ static void add_rows(int n, int count, const double *part, const double *Q, doub
 
 /* Splits the normal in the next row of Q into its shares in the rows before, the next row of R, and a remainder, by Gram-Schmidt, done twice
  * where little remains. The squared length of the remainder, with that in the directions of `miss`. */
-static double orthogonalise(cfem_active *set, double whole, double price) {
+static double orthogonalise(cfem_active *set, double normal_square, double price) {
     const int n = set->n, count = set->count;
-    double *const rest = set->Q + count * n, *const share = row_of(set, count), *const part = set->force + set->most, left = whole;
+    double *const rest = set->Q + count * n, *const share = row_of(set, count), *const part = set->force + set->most, left = normal_square;
     for (int i = 0; i < count; i++) share[i] = 0.0;
-    for (int pass = 0; pass < 2 && !(pass && (set->priced || left > ENOUGH * whole)); pass++) {
+    for (int pass = 0; pass < 2 && !(pass && (set->priced || left > ENOUGH * normal_square)); pass++) {
         for (int i = 0; i < count; i++) part[i] = -cfem_dot(n, set->Q + i * n, rest), share[i] -= part[i];
         add_rows(n, count, part, set->Q, rest);
         left = cfem_dot(n, rest, rest);
     }
-    return set->priced ? whole + price - cfem_dot(count, share, share) : left;
+    return set->priced ? normal_square + price - cfem_dot(count, share, share) : left;
 }
 
 /* Drops active constraint number `slot`: its row of R, and by rotations what stands right of the diagonal then. */
@@ -71,42 +72,42 @@ static void drop(cfem_active *set, int slot) {
 }
 
 /* y and the multipliers from scratch, which takes out what rounding has left. */
-static void settle(cfem_active *set, double *y) {
+static void recompute(cfem_active *set, double *y) {
     memcpy(set->force, set->bound, sizeof(double) * (size_t)set->count);
-    down(set, set->force);
+    solve_lower(set, set->force);
     for (int j = 0; j < set->n; j++) y[j] = 0.0;
     add_rows(set->n, set->count, set->force, set->Q, y);
-    up(set, set->force);
+    solve_upper(set, set->force);
 }
 
 /* Makes constraint k active, and drops those that it relieves. The status. */
-static int hold(cfem_active *set, const cfem_program *program, int k, double sign, int steps, double *y) {
+static int activate(cfem_active *set, const cfem_program *program, int k, double sign, int steps, double *y) {
     const int n = set->n;
-    double *const normal = set->Q + (set->most + 1) * n, *const r = set->force + set->most, own = 0.0;
+    double *const normal = set->Q + (set->most + 1) * n, *const r = set->force + set->most, multiplier = 0.0;
     const cfem_bound side = program->bound(program->with, k, sign, normal);
-    const double whole = cfem_dot(n, normal, normal), least = (set->priced ? PRICED_DEPENDENT : DEPENDENT) * (whole + side.price);
-    double by = side.bound - cfem_dot(n, normal, y);
+    const double normal_square = cfem_dot(n, normal, normal), least = (set->priced ? PRICED_DEPENDENT : DEPENDENT) * (normal_square + side.price);
+    double violation = side.bound - cfem_dot(n, normal, y);
     while (set->changes < steps) {
         const int count = set->count;
         double *const rest = set->Q + count * n, partial = HUGE_VAL;
         int slot = -1;
         memcpy(rest, normal, sizeof(double) * (size_t)n);
-        const double square = orthogonalise(set, whole, side.price);
-        const int apart = square > least && count < set->most;
+        const double square = orthogonalise(set, normal_square, side.price);
+        const int independent = square > least && count < set->most;
         memcpy(r, row_of(set, count), sizeof(double) * (size_t)count);
-        up(set, r);
+        solve_upper(set, r);
         for (int i = 0; i < count; i++)
             if (r[i] > RELIEVED && set->force[i] < partial * r[i]) partial = set->force[i] / r[i], slot = i;
-        if (!apart && slot < 0) {
+        if (!independent && slot < 0) {
             set->state[k] = CFEM_MEETING;
-            return by > side.meets ? CFEM_QP_INFEASIBLE : CFEM_QP_OPTIMAL;
+            return violation > side.meets ? CFEM_QP_INFEASIBLE : CFEM_QP_OPTIMAL;
         }
-        const double full = apart ? by / square : HUGE_VAL, t = full < partial ? full : partial;
+        const double full = independent ? violation / square : HUGE_VAL, t = full < partial ? full : partial;
         for (int i = 0; i < count; i++) set->force[i] -= t * r[i];
-        own += t;
-        if (apart) {
+        multiplier += t;
+        if (independent) {
             for (int j = 0; j < n; j++) y[j] += t * rest[j];
-            by -= t * square;
+            violation -= t * square;
         }
         if (t < full) {
             drop(set, slot);
@@ -114,7 +115,7 @@ static int hold(cfem_active *set, const cfem_program *program, int k, double sig
         }
         const double norm = row_of(set, count)[count] = sqrt(square);
         for (int j = 0; j < n; j++) rest[j] /= norm;
-        set->which[count] = k, set->sign[count] = sign, set->bound[count] = side.bound, set->force[count] = own;
+        set->which[count] = k, set->sign[count] = sign, set->bound[count] = side.bound, set->force[count] = multiplier;
         set->state[k] = CFEM_ACTIVE, set->count++, set->changes++;
         return CFEM_QP_OPTIMAL;
     }
@@ -131,19 +132,19 @@ int cfem_active_solve(cfem_active *set, const cfem_program *program, int steps, 
         const int k = program->violated(program->with, y, set->state, &sign);
         if (k >= 0) {
             settled = 0;
-            const int status = hold(set, program, k, sign, steps, y);
+            const int status = activate(set, program, k, sign, steps, y);
             if (status) return status;
             continue;
         }
         if (settled) return CFEM_QP_OPTIMAL;
-        settle(set, y);
+        recompute(set, y);
         settled = 1;
         int worst = -1;
         for (int i = 0; i < set->count; i++)
             if (set->force[i] < (worst < 0 ? 0.0 : set->force[worst])) worst = i;
         if (worst >= 0) { /* rounding had hidden that this one need not hold */
             drop(set, worst);
-            settle(set, y);
+            recompute(set, y);
             settled = 0;
         }
     }
@@ -152,9 +153,9 @@ int cfem_active_solve(cfem_active *set, const cfem_program *program, int steps, 
 
 void cfem_active_refine(cfem_active *set, double *left, double *step) {
     const int n = set->n;
-    down(set, left);
+    solve_lower(set, left);
     for (int i = 0; i < set->count; i++) left[i] -= cfem_dot(n, set->Q + i * n, step);
     add_rows(n, set->count, left, set->Q, step);
-    up(set, left);
+    solve_upper(set, left);
     for (int i = 0; i < set->count; i++) set->force[i] = fmax(0.0, set->force[i] + left[i]);
 }

@@ -1,3 +1,4 @@
+/* A tick of the controller (cfem_step): sample, observer, model, inverse step, and a command that is cut to its bounds. */
 #include "cfem_far.h"
 #include "cfem_inverse.h"
 #include "cfem_linear.h"
@@ -9,7 +10,7 @@
 #define MOST_NE CFEM_MOST_NE
 
 /* The model that the controller plans with. */
-static unsigned ask(const cfem_controller *c, const double *s, cfem_condensed *m) {
+static unsigned query_model(const cfem_controller *c, const double *s, cfem_condensed *m) {
 #if CFEM_CONTACT
     if (c->ask) return c->ask(c->with, s, m);
 #else
@@ -22,7 +23,7 @@ static double clip(double x, double low, double high) { return x < low ? low : x
 
 /* Amplitude limits cut down to what one tick may change: `rate` from the last command, a `share` of `step` from where the
  * actuators stand (here, mm). Where those lie outside of the amplitudes, what is left is the bound. */
-static cfem_limits of_this_tick(const cfem_controller *c, const double *here, double share) {
+static cfem_limits tick_limits(const cfem_controller *c, const double *here, double share) {
     cfem_limits l;
     for (int i = 0; i < NA; i++) {
         const double least = cfem_lambda_low[i], most = cfem_lambda_high[i];
@@ -36,8 +37,8 @@ static cfem_limits of_this_tick(const cfem_controller *c, const double *here, do
     return l;
 }
 
-/* Whether a and b (NA,) mm are as good as the same. */
-static int together(const double *a, const double *b) {
+/* Whether the actuators at a and at b (NA,) mm are the same to the tolerance of a search. */
+static int same_place(const double *a, const double *b) {
     for (int i = 0; i < NA; i++)
         if (fabs(a[i] - b[i]) > cfem_tolerance[i]) return 0;
     return 1;
@@ -66,22 +67,22 @@ static double merit(const cfem_condensed *m, const double *aim, double penalty) 
 static unsigned descend(const cfem_controller *c, cfem_condensed *m, const double *aim, int *moved) {
     double lambda_a[MOST_NA], delta_a[MOST_NA], strongest, share = 1.0;
 #if CFEM_CONTACT
-    double whole[MOST_NA] = {0.0};
+    double full_step[MOST_NA] = {0.0};
 #endif
     unsigned first = CFEM_OK;
     *moved = 0;
     for (int halving = 0; halving < CFEM_HALVINGS; halving++, share *= 0.5) {
-        const cfem_limits l = of_this_tick(c, m->delta_a, share);
+        const cfem_limits l = tick_limits(c, m->delta_a, share);
         const unsigned status = cfem_inverse_step(m, aim, &l, lambda_a, delta_a, &strongest);
         cfem_condensed trial;
         if (halving == 0) first = status;
-        if ((status & CFEM_NO_QP) || together(delta_a, m->delta_a)) break;
+        if ((status & CFEM_NO_QP) || same_place(delta_a, m->delta_a)) break;
 #if CFEM_CONTACT
-        for (int i = 0; i < NA && halving == 0; i++) whole[i] = delta_a[i];
-        const int as_long = together(delta_a, whole);
-        for (int i = 0; i < NA && as_long; i++) delta_a[i] = m->delta_a[i] + share * (delta_a[i] - m->delta_a[i]);
+        for (int i = 0; i < NA && halving == 0; i++) full_step[i] = delta_a[i];
+        const int unshortened = same_place(delta_a, full_step);
+        for (int i = 0; i < NA && unshortened; i++) delta_a[i] = m->delta_a[i] + share * (delta_a[i] - m->delta_a[i]);
 #endif
-        if (ask(c, CFEM_FORM_DISPLACEMENT ? delta_a : lambda_a, &trial)) continue;
+        if (query_model(c, CFEM_FORM_DISPLACEMENT ? delta_a : lambda_a, &trial)) continue;
         if (merit(&trial, aim, 2.0 * strongest) < merit(m, aim, 2.0 * strongest)) {
             *m = trial, *moved = 1;
             break;
@@ -106,11 +107,11 @@ static unsigned observe(const cfem_controller *c, const cfem_input *in, double *
                     : CFEM_COMMAND_FORCE                    ? c->lambda_a[i]
                                                             : c->delta_a[i];
     }
-    if (CFEM_OBSERVER == CFEM_OBSERVER_PREVIOUS_STEP) return ask(c, s, m);
+    if (CFEM_OBSERVER == CFEM_OBSERVER_PREVIOUS_STEP) return query_model(c, s, m);
     if ((CFEM_OBSERVER == CFEM_OBSERVER_EQUILIBRIUM && CFEM_COMMAND_FORCE) == CFEM_FORM_DISPLACEMENT)
         return cfem_find(wanted, s, m);
     for (int i = 0; i < NA; i++) s[i] = wanted[i]; /* what is known is what the model takes */
-    return ask(c, s, m);
+    return query_model(c, s, m);
 }
 
 unsigned cfem_outside(const cfem_condensed *m) {
@@ -125,8 +126,8 @@ unsigned cfem_outside(const cfem_condensed *m) {
     return CFEM_OK;
 }
 
-/* 0, or what is wrong with the input. */
-static unsigned complaint(const cfem_input *in) {
+/* CFEM_OK, or CFEM_HELD with what is wrong with the input. */
+static unsigned input_status(const cfem_input *in) {
     double goal[MOST_NE];
     int good = 1;
     for (int e = 0; e < NE; e++) goal[e] = (double)in->goal[e], good &= cfem_finite(goal[e]);
@@ -187,21 +188,21 @@ unsigned cfem_step(cfem_controller *c, const cfem_input *in, cfem_output *out) {
     double aim[MOST_NE], expected[MOST_NE], s[MOST_NA], delta_a[MOST_NA], lambda_a[MOST_NA];
     cfem_condensed m;
     cfem_limits l;
-    const unsigned wrong = complaint(in);
+    const unsigned wrong = input_status(in);
     if (wrong) return answer(c, wrong, out);
-    unsigned found = cfem_feedback_hear(&c->feedback, in->tick, in->x_e), status = CFEM_OK;
+    unsigned qualifiers = cfem_feedback_hear(&c->feedback, in->tick, in->x_e), status = CFEM_OK;
     for (int e = 0; e < NE; e++) aim[e] = (double)in->goal[e] + c->feedback.moved[e] - cfem_rest_e[e]; /* the goal shift */
 
-    found |= observe(c, in, s, &m);
-    if (found & CFEM_NO_MODEL) return answer(c, CFEM_HELD | found, out);
+    qualifiers |= observe(c, in, s, &m);
+    if (qualifiers & CFEM_NO_MODEL) return answer(c, CFEM_HELD | qualifiers, out);
     for (int iteration = 0;; iteration++) {
-        found |= cfem_outside(&m);
-        l = of_this_tick(c, m.delta_a, 1.0);
+        qualifiers |= cfem_outside(&m);
+        l = tick_limits(c, m.delta_a, 1.0);
 #if CFEM_MOST_HALVINGS
         if (CFEM_HALVINGS) {
             int moved;
             status = descend(c, &m, aim, &moved);
-            if (status & CFEM_NO_QP) return hold(c, status | found, out);
+            if (status & CFEM_NO_QP) return hold(c, status | qualifiers, out);
             if (!moved) status |= cfem_verdict(&m, aim);
             if (!moved || iteration == CFEM_ITERATIONS - 1) break;
             continue;
@@ -209,12 +210,12 @@ unsigned cfem_step(cfem_controller *c, const cfem_input *in, cfem_output *out) {
 #endif
         double strongest;
         status = cfem_inverse_step(&m, aim, &l, lambda_a, delta_a, &strongest);
-        if (status & CFEM_NO_QP) return hold(c, status | found, out);
-        if (together(delta_a, m.delta_a)) status |= cfem_verdict(&m, aim);
+        if (status & CFEM_NO_QP) return hold(c, status | qualifiers, out);
+        if (same_place(delta_a, m.delta_a)) status |= cfem_verdict(&m, aim);
         if (iteration == CFEM_ITERATIONS - 1) break;
         for (int i = 0; i < NA; i++) s[i] = CFEM_FORM_DISPLACEMENT ? delta_a[i] : lambda_a[i];
-        const unsigned there = ask(c, s, &m);
-        if (there) return hold(c, there | found, out);
+        const unsigned no_model = query_model(c, s, &m);
+        if (no_model) return hold(c, no_model | qualifiers, out);
     }
     for (int i = 0; i < NA; i++) { /* the command keeps its bounds, also where the program softened them */
         if (CFEM_HALVINGS) delta_a[i] = m.delta_a[i], lambda_a[i] = m.lambda_a[i];
@@ -225,5 +226,5 @@ unsigned cfem_step(cfem_controller *c, const cfem_input *in, cfem_output *out) {
     }
     remember(c, &m, lambda_a, delta_a, expected);
     cfem_feedback_commanded(&c->feedback, expected);
-    return answer(c, status | found, out);
+    return answer(c, status | qualifiers, out);
 }

@@ -1,3 +1,4 @@
+/* The PI correction of goals, with the gate of its samples and the gain for their delay. */
 #include "cfem_feedback.h"
 
 #include "cfem_far.h"
@@ -12,7 +13,7 @@ void cfem_feedback_init(cfem_feedback *f) {
 }
 
 /* The next of a window, which counts on to twice its length and back. */
-static void into(uint32_t *window, int *count, uint32_t value) {
+static void append(uint32_t *window, int *count, uint32_t value) {
     window[*count % WINDOW] = value;
     *count = *count + 1 < 2 * WINDOW ? *count + 1 : WINDOW;
 }
@@ -28,7 +29,7 @@ static int late_samples(const cfem_feedback *f) {
 }
 
 /* Square of the normalised innovation: of what the model misses by against the last time; rotations do not count. */
-static double surprise(const cfem_feedback *f, const double *missed) {
+static double innovation_square(const cfem_feedback *f, const double *missed) {
     double square = 0.0;
     for (int e = 0; e < CFEM_NE; e++) {
         const double share = (missed[e] - f->missed[e]) / (CFEM_FEEDBACK_SPREAD * cfem_far[e] / CFEM_FAR_LENGTHS);
@@ -56,11 +57,11 @@ unsigned cfem_feedback_hear(cfem_feedback *f, uint32_t tick, const cfem_real *x_
         if (counts && fabs(place[e] - cfem_rest_e[e]) > cfem_far[e]) return CFEM_REJECTED;
     }
     if (cfem_in_metres(place)) return CFEM_REJECTED;
-    into(f->ages, &f->samples, age);
-    if (!first) into(f->intervals, &f->gaps, interval);
+    append(f->ages, &f->samples, age);
+    if (!first) append(f->intervals, &f->gaps, interval);
     f->late = late_samples(f);
     f->integral = cfem_integral_gain[f->late];
-    if (cfem_gate_judge(&f->gate, surprise(f, missed), measured, CFEM_FEEDBACK_SIGMAS, CFEM_FEEDBACK_CONFIRMED) == CFEM_GATE_REJECTED)
+    if (cfem_gate_judge(&f->gate, innovation_square(f, missed), measured, CFEM_FEEDBACK_SIGMAS, CFEM_FEEDBACK_CONFIRMED) == CFEM_GATE_REJECTED)
         return CFEM_REJECTED;
     for (int e = 0; e < CFEM_NE; e++) {
         const double error = missed[e] - (cfem_effector_weight[e] > 0.0 ? f->shifted[command][e] : 0.0);

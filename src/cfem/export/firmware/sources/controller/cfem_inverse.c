@@ -1,3 +1,4 @@
+/* The inverse step as a quadratic program in lambda_a, and whether a goal is out of reach. */
 #include "cfem_inverse.h"
 
 #include "cfem_linear.h"

@@ -1,3 +1,4 @@
+/* A box- and row-constrained least-squares program: to the coordinates of its active set, back, and checked. */
 #include "cfem_qp.h"
 
 #include "cfem_linear.h"
@@ -46,10 +47,10 @@ static int triangularise(int n, int rows, double B[CFEM_QP_ROWS][N + 1]) {
     for (int j = 0; j < n; j++) {
         double square = 0.0;
         for (int i = j; i < rows; i++) square += B[i][j] * B[i][j];
-        const double whole = sqrt(square), old = B[j][j], norm = old > 0 ? -whole : whole;
+        const double column_length = sqrt(square), old = B[j][j], norm = old > 0 ? -column_length : column_length;
         double above = 0.0;
         for (int i = 0; i < j; i++) above += B[i][j] * B[i][j];
-        if (!(whole > FLAT * sqrt(square + above))) return 1;
+        if (!(column_length > FLAT * sqrt(square + above))) return 1;
         B[j][j] = old - norm; /* the reflection's vector is column j from row j on */
         const double scale = norm * B[j][j];
         for (int c = j + 1; c <= n; c++) {
@@ -165,14 +166,14 @@ static double residual(const program *p, const cfem_qp_answer *a, double *forces
         for (int j = 0; j < n; j++) forces[j] += p->M[i * n + j] * missing;
     }
     for (int k = 0; k < n + p->m; k++) {
-        const double z = a->multipliers[k], length = p->length[k], at = value(p, k, a->x);
+        const double z = a->multipliers[k], length = p->length[k], row_value = value(p, k, a->x);
         if (length == 0.0) continue;
         if (k >= n)
             for (int j = 0; j < n; j++) forces[j] += p->A[(k - n) * p->stride + j] * z;
-        kkt = cfem_larger(kkt, cfem_larger(p->low[k] - at, at - p->high[k]) / length);
+        kkt = cfem_larger(kkt, cfem_larger(p->low[k] - row_value, row_value - p->high[k]) / length);
         if (z != 0.0) {
             const double scaled = fabs(z) * length / p->curvature;
-            kkt = cfem_larger(kkt, scaled / cfem_larger(1.0, scaled) * fabs(at - (z > 0 ? p->high[k] : p->low[k])) / length);
+            kkt = cfem_larger(kkt, scaled / cfem_larger(1.0, scaled) * fabs(row_value - (z > 0 ? p->high[k] : p->low[k])) / length);
         }
     }
     const double reference = cfem_larger(p->curvature, p->steepest);

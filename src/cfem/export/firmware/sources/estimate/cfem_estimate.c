@@ -23,8 +23,8 @@ static void answer(const cfem_estimate_problem *asked, const cfem_estimate_evalu
             found->covariance[j][i] = unit[j] * cfem_estimate_scale[i] * cfem_estimate_scale[j];
             finite = finite && known(found->covariance[j][i]);
         }
-        const double told = here->normal[i][i]; /* the squared norm of its column */
-        if (!(sqrt(found->covariance[i][i]) <= UNSEEN * cfem_estimate_scale[i]) || told < 1.0) found->unseen |= (uint32_t)1 << i;
+        const double information = here->normal[i][i]; /* the squared norm of its column */
+        if (!(sqrt(found->covariance[i][i]) <= UNSEEN * cfem_estimate_scale[i]) || information < 1.0) found->unseen |= (uint32_t)1 << i;
     }
     found->left_out = cfem_estimate_left_out(asked, here, kept, &found->noise);
     cfem_estimate_effectors_at(here->x, found->effector);
@@ -33,8 +33,8 @@ static void answer(const cfem_estimate_problem *asked, const cfem_estimate_evalu
     if (!definite || !finite) found->status |= CFEM_ESTIMATE_NO_NUMBER;
 }
 
-/* Of the problem, all but what is known before. */
-static void measured(const cfem_frame *frame, cfem_estimate_problem *asked) {
+/* Writes what a frame measures into the problem; its prior stays. */
+static void set_measured(const cfem_frame *frame, cfem_estimate_problem *asked) {
     cfem_estimate_see(frame, asked);
     asked->noise = cfem_estimate_noise, asked->numbers = asked->rows + 3 * cfem_estimate_count(asked->there), asked->forces = 0;
     for (int a = 0; a < NA; a++) {
@@ -47,7 +47,7 @@ static void measured(const cfem_frame *frame, cfem_estimate_problem *asked) {
 static unsigned solve(cfem_estimate_problem *asked, const cfem_frame *frame, cfem_estimate *found, double *square, int *numbers) {
     int kept[M];
     cfem_estimate_evaluated here;
-    measured(frame, asked);
+    set_measured(frame, asked);
     found->status = cfem_estimate_minimise(asked, asked->mean, &here, kept, &found->iterations);
     answer(asked, &here, kept, found);
     *square = here.cost, *numbers = asked->numbers - 3 * (cfem_estimate_count(asked->there) - cfem_estimate_count(kept)) - N;
@@ -55,8 +55,8 @@ static unsigned solve(cfem_estimate_problem *asked, const cfem_frame *frame, cfe
     return found->status;
 }
 
-/* A middle state, and loads as large as they usually are. */
-static void before(cfem_estimate_problem *asked) {
+/* The prior of a robot of which nothing is known: a middle state, and loads as large as they usually are. */
+static void set_prior(cfem_estimate_problem *asked) {
     memset(asked, 0, sizeof *asked);
     memcpy(asked->mean, cfem_estimate_middle, sizeof(double) * NA);
     for (int w = 0; w < NW; w++)
@@ -68,20 +68,20 @@ unsigned cfem_estimate_frame(const cfem_frame *frame, cfem_estimate *found) {
     cfem_estimate_problem asked;
     double square;
     int numbers;
-    before(&asked);
+    set_prior(&asked);
     return solve(&asked, frame, found, &square, &numbers);
 }
 
 void cfem_filter_init(cfem_filter *filter) { memset(filter, 0, sizeof *filter), cfem_gate_restart(&filter->gate); }
 
 /* The last estimate after the commands, slips and loads of a frame: 0 where its covariance is no more one. */
-static int forward(const cfem_filter *filter, const double *command, cfem_estimate_problem *asked) {
+static int predict(const cfem_filter *filter, const double *command, cfem_estimate_problem *asked) {
     const cfem_estimate *last = &filter->last;
     double lower[N][N], size[N], keeps[N];
     const double rho = cfem_estimate_keeps;
     for (int i = 0; i < N; i++) {
         keeps[i] = i < NA ? 1.0 : rho;
-        asked->mean[i] = keeps[i] * last->x[i] + (i < NA && command && filter->told ? command[i] - filter->command[i] : 0.0);
+        asked->mean[i] = keeps[i] * last->x[i] + (i < NA && command && filter->commanded ? command[i] - filter->command[i] : 0.0);
         for (int j = 0; j <= i; j++) {
             double fresh = 0.0; /* slips of the actuators, and what changes of the loads */
             if (i < NA) fresh = i == j ? cfem_estimate_slip * cfem_estimate_slip : 0.0;
@@ -103,9 +103,9 @@ static int forward(const cfem_filter *filter, const double *command, cfem_estima
     return 1;
 }
 
-/* Before the first frame. */
-static void first(const double *command, cfem_estimate_problem *asked) {
-    before(asked);
+/* The prior of the first frame, about its command where it has one. */
+static void start(const double *command, cfem_estimate_problem *asked) {
+    set_prior(asked);
     for (int a = 0; command && a < NA; a++) {
         asked->mean[a] = command[a];
         asked->root[NW + a][a] = 1.0 / cfem_estimate_first;
@@ -120,21 +120,21 @@ unsigned cfem_filter_tick(cfem_filter *filter, const cfem_frame *frame, cfem_est
     const double *command = frame->command;
     for (int a = 0; command && a < NA; a++)
         if (!known(frame->command[a])) command = NULL;
-    before(&asked);
-    const int carried = filter->known && forward(filter, command, &asked);
-    if (!carried) first(command, &asked);
+    set_prior(&asked);
+    const int carried = filter->known && predict(filter, command, &asked);
+    if (!carried) start(command, &asked);
     solve(&asked, frame, found, &square, &numbers);
     if (carried) {
         const int verdict = cfem_gate_judge(&filter->gate, square, numbers, cfem_estimate_gate_sigmas, CFEM_ESTIMATE_GATE_SAMPLES);
         if (verdict == CFEM_GATE_REJECTED) return found->status = found->status ? found->status : CFEM_ESTIMATE_REJECTED;
         if (verdict == CFEM_GATE_RESTART) {
             filter->known = 0;
-            first(command, &asked);
+            start(command, &asked);
             solve(&asked, frame, found, &square, &numbers);
         }
     }
     if (found->status == 0u) {
-        filter->last = *found, filter->known = 1, filter->told = command != NULL;
+        filter->last = *found, filter->known = 1, filter->commanded = command != NULL;
         for (int a = 0; command && a < NA; a++) filter->command[a] = command[a];
     }
     return found->status;

@@ -39,7 +39,7 @@ typedef struct {
 typedef struct {
     cfem_estimate last;
     double command[CFEM_ESTIMATE_NA];
-    int known, told;
+    int known, commanded; /* whether `last`, and `command`, are set */
     cfem_gate gate;
 } cfem_filter;
 

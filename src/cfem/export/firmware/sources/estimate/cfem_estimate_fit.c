@@ -14,7 +14,7 @@
 #define OUTLIER 4.0    /* standard deviations at which a marker counts a quarter */
 #define FIT 2.57       /* standard deviations of a coordinate, root mean square of three */
 
-static void count(cfem_estimate_evaluated *at, double r, const double *J, double weight) {
+static void add_residual(cfem_estimate_evaluated *at, double r, const double *J, double weight) {
     at->cost += weight * r * r;
     for (int i = 0; i < N; i++) {
         at->gradient[i] += weight * J[i] * r;
@@ -23,7 +23,7 @@ static void count(cfem_estimate_evaluated *at, double r, const double *J, double
 }
 
 /* What all markers and load cells miss at x. */
-static void look(const cfem_estimate_problem *asked, const double *x, cfem_estimate_evaluated *at) {
+static void evaluate_markers(const cfem_estimate_problem *asked, const double *x, cfem_estimate_evaluated *at) {
     double y[ROWS], by[ROWS][N];
     memcpy(at->x, x, sizeof at->x);
     cfem_estimate_places(x, y, by);
@@ -40,27 +40,27 @@ static void look(const cfem_estimate_problem *asked, const double *x, cfem_estim
 }
 
 /* normal, gradient and cost of the markers kept, each with its weight (1 where that is NULL), and of all else. */
-static void gather(const cfem_estimate_problem *asked, const int *kept, const double *weight, cfem_estimate_evaluated *at) {
+static void add_up(const cfem_estimate_problem *asked, const int *kept, const double *weight, cfem_estimate_evaluated *at) {
     double J[N];
     const double *x = at->x;
     const cfem_frame *frame = asked->frame;
     memset(at->normal, 0, sizeof at->normal), memset(at->gradient, 0, sizeof at->gradient), at->cost = 0.0;
     for (int m = 0; m < M; m++)
-        for (int c = 0; c < 3 && kept[m]; c++) count(at, at->r[m][c], at->J[m][c], weight ? weight[m] : 1.0);
+        for (int c = 0; c < 3 && kept[m]; c++) add_residual(at, at->r[m][c], at->J[m][c], weight ? weight[m] : 1.0);
     for (int k = 0; k < asked->rows; k++) {
         double r = 0.0;
         for (int i = 0; i < N; i++) r += asked->root[k][i] * (x[i] - asked->mean[i]), J[i] = asked->root[k][i] * cfem_estimate_scale[i];
-        count(at, r, J, 1.0);
+        add_residual(at, r, J, 1.0);
     }
     for (int a = 0; a < NA; a++) {
         if (!known(frame->displacement[a])) continue;
         for (int i = 0; i < N; i++) J[i] = i == a ? cfem_estimate_scale[i] / cfem_estimate_sensor : 0.0;
-        count(at, (x[a] - frame->displacement[a]) / cfem_estimate_sensor, J, 1.0);
+        add_residual(at, (x[a] - frame->displacement[a]) / cfem_estimate_sensor, J, 1.0);
     }
     for (int a = 0; a < NA; a++) {
         if (!known(frame->force[a])) continue;
         for (int i = 0; i < N; i++) J[i] = at->by_x[a][i] / cfem_estimate_tension * cfem_estimate_scale[i];
-        count(at, (at->force[a] - frame->force[a]) / cfem_estimate_tension, J, 1.0);
+        add_residual(at, (at->force[a] - frame->force[a]) / cfem_estimate_tension, J, 1.0);
     }
 }
 
@@ -75,7 +75,7 @@ static int step_of(const cfem_estimate_evaluated *at, double damping, double *st
     return 1;
 }
 
-static void within(double *x) {
+static void clip_to_box(double *x) {
     for (int i = 0; i < N; i++) x[i] = fmin(fmax(x[i], cfem_estimate_box[i][0]), cfem_estimate_box[i][1]);
 }
 
@@ -90,9 +90,9 @@ static int descend(const cfem_estimate_problem *asked, cfem_estimate_evaluated *
         steps++;
         if (!step_of(here, damping, step)) return steps;
         for (int i = 0; i < N; i++) x[i] = here->x[i] - cfem_estimate_scale[i] * step[i];
-        within(x);
+        clip_to_box(x);
         for (int i = 0; i < N; i++) moved = fmax(moved, fabs(x[i] - here->x[i]) / cfem_estimate_scale[i]);
-        look(asked, x, &trial), gather(asked, kept, NULL, &trial);
+        evaluate_markers(asked, x, &trial), add_up(asked, kept, NULL, &trial);
         if (!(trial.cost <= here->cost * (1.0 + 1e-12))) {
             damping *= 100.0, last = HUGE_VAL;
             if (damping < 1e8) continue;
@@ -122,8 +122,8 @@ static double median(const double *values, const int *there) {
     return n % 2 ? sorted[n / 2] : 0.5 * (sorted[n / 2 - 1] + sorted[n / 2]);
 }
 
-/* x becomes that of x and of the states that the model was trained on from which half of the markers are least away. */
-static void near(const cfem_estimate_problem *asked, double *x) {
+/* Replaces x by a state of the training set where half of the markers are nearer to it. */
+static void choose_start(const cfem_estimate_problem *asked, double *x) {
     double y[ROWS], by[ROWS][N], apart[M], least = HUGE_VAL;
     int best = -1;
     cfem_estimate_places(x, y, by);
@@ -145,18 +145,18 @@ static void near(const cfem_estimate_problem *asked, double *x) {
 static int weighted(const cfem_estimate_problem *asked, double *x, cfem_estimate_evaluated *here) {
     double bound = HUGE_VAL, weight[M], step[N];
     int steps = 0;
-    look(asked, x, here);
+    evaluate_markers(asked, x, here);
     while (steps < LEVELS && bound > OUTLIER) {
         bound = fmax(OUTLIER, fmin(bound / 2.0, 3.0 * median(here->size, asked->there)));
         for (int m = 0; m < M; m++) {
             const double share = 1.0 + here->size[m] * here->size[m] / (bound * bound);
             weight[m] = 1.0 / (share * share);
         }
-        gather(asked, asked->there, weight, here);
+        add_up(asked, asked->there, weight, here);
         if (!step_of(here, 1e-6, step)) return steps;
         for (int i = 0; i < N; i++) x[i] -= cfem_estimate_scale[i] * step[i];
-        within(x), steps++;
-        look(asked, x, here);
+        clip_to_box(x), steps++;
+        evaluate_markers(asked, x, here);
     }
     return steps;
 }
@@ -176,7 +176,7 @@ static double inverse_square(double A[3][3], const double *r) {
 }
 
 /* The marker of those kept without which the sum of squares falls most. */
-static int worst(const cfem_estimate_evaluated *here, const int *kept) {
+static int least_fitting(const cfem_estimate_evaluated *here, const int *kept) {
     double A[N][N], most = -HUGE_VAL;
     int found = -1;
     memcpy(A, here->normal, sizeof A);
@@ -235,24 +235,24 @@ int cfem_estimate_count(const int *kept) {
 unsigned cfem_estimate_minimise(const cfem_estimate_problem *asked, const double *first, cfem_estimate_evaluated *here, int *kept, int *iterations) {
     double x[N];
     int done;
-    memcpy(kept, asked->there, sizeof asked->there), memcpy(x, first, sizeof x), within(x);
-    look(asked, x, here), gather(asked, kept, NULL, here);
+    memcpy(kept, asked->there, sizeof asked->there), memcpy(x, first, sizeof x), clip_to_box(x);
+    evaluate_markers(asked, x, here), add_up(asked, kept, NULL, here);
     *iterations = 0;
     if (asked->numbers < N) return CFEM_ESTIMATE_TOO_FEW;
     *iterations = descend(asked, here, kept, FIRST, &done);
     const int all = cfem_estimate_count(kept);
     if ((done || !all) && fits(here, kept)) return done ? 0u : CFEM_ESTIMATE_ITERATIONS;
-    memcpy(x, first, sizeof x), near(asked, x), within(x);
+    memcpy(x, first, sizeof x), choose_start(asked, x), clip_to_box(x);
     *iterations += weighted(asked, x, here);
     for (int m = 0; m < M; m++) kept[m] = asked->there[m] && here->size[m] < 2.0 * OUTLIER;
     while (cfem_estimate_count(kept) >= all / 2 + 1) {
-        gather(asked, kept, NULL, here);
+        add_up(asked, kept, NULL, here);
         *iterations += descend(asked, here, kept, LAST, &done);
         memcpy(x, here->x, sizeof x);
         if (fits(here, kept)) return done ? 0u : CFEM_ESTIMATE_ITERATIONS;
-        kept[worst(here, kept)] = 0;
+        kept[least_fitting(here, kept)] = 0;
     }
     memcpy(kept, asked->there, sizeof asked->there);
-    look(asked, x, here), gather(asked, kept, NULL, here);
+    evaluate_markers(asked, x, here), add_up(asked, kept, NULL, here);
     return CFEM_ESTIMATE_OUTLIERS;
 }

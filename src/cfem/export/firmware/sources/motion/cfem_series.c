@@ -1,3 +1,4 @@
+/* Sums of Chebyshev series and of their slopes. */
 #include "cfem_series.h"
 
 #include <string.h>

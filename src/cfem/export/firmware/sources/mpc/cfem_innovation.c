@@ -1,3 +1,4 @@
+/* The observer's update: innovation of a sample, its covariance, the gain, and the corrected state. */
 #include "cfem_innovation.h"
 
 #include "cfem_linear.h"

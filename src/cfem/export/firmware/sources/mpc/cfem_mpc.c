@@ -1,3 +1,4 @@
+/* A tick of predictive control: the horizon is linearised, its program is solved, the first command is sent. */
 #include "cfem_mpc.h"
 
 #include <string.h>
@@ -73,7 +74,7 @@ static int condense(cfem_mpc *m, const cfem_moving *now) {
     for (int k = 0, block = 0, from = 0, to = 0; k < TICKS; k++) {
         const cfem_place *near = after;
         cfem_stage *stage = &m->stage[k];
-        double v[CFEM_MOTION_MOST_NQ], w[CFEM_MOTION_MOST_NA], off[CFEM_MPC_MOST_NZ], next[CFEM_MPC_MOST_NZ], by[CFEM_MOTION_MOST_NA];
+        double v[CFEM_MOTION_MOST_NQ], w[CFEM_MOTION_MOST_NA], deviation[CFEM_MPC_MOST_NZ], next[CFEM_MPC_MOST_NZ], by[CFEM_MOTION_MOST_NA];
         guess(m, k, v);
         if (k > to) { /* what is learned is asked at every few ticks, and interpolated between */
             from = to, to = from + EVERY < TICKS - 1 ? from + EVERY : TICKS - 1;
@@ -89,11 +90,11 @@ static int condense(cfem_mpc *m, const cfem_moving *now) {
         if (cfem_stage_at(m->states[k], v, w, &near->inertia, &m->first.inertia, &m->material, stage)) return 1;
         /* Without commands, and under those of the last plan. */
         for (int a = 0; a < NA; a++) w[a] = (k == 0 && CFEM_MPC_FORCE ? now->u[a] / 2 : 0.0) - w[a];
-        for (int i = 0; i < NZ; i++) off[i] = at[i] - m->states[k][i];
-        cfem_stage_of_one(stage, off, w, next, by);
-        for (int i = 0; i < NZ; i++) at[i] = stage->end[i] + next[i], off[i] = about[i] - m->states[k][i];
+        for (int i = 0; i < NZ; i++) deviation[i] = at[i] - m->states[k][i];
+        cfem_stage_of_one(stage, deviation, w, next, by);
+        for (int i = 0; i < NZ; i++) at[i] = stage->end[i] + next[i], deviation[i] = about[i] - m->states[k][i];
         for (int a = 0; a < NA; a++) plan->course[k][a] = CFEM_MPC_FORCE ? at[a] : stage->lambda[a] + by[a], w[a] = 0.0;
-        cfem_stage_of_one(stage, off, w, next, 0);
+        cfem_stage_of_one(stage, deviation, w, next, 0);
         for (int i = 0; i < NZ; i++) about[i] = stage->end[i] + next[i];
         /* By the commands: of this tick, and the one before where forces act with their mean. */
         const int earlier = block;
@@ -117,17 +118,17 @@ static int condense(cfem_mpc *m, const cfem_moving *now) {
 
 /* Takes over the plan: its commands, shifted by a tick, and where they lead. */
 static void follow(cfem_mpc *m, const cfem_moving *now, double *u) {
-    double state[CFEM_MPC_MOST_NZ], told[CFEM_MOTION_MOST_NA], first[CFEM_MPC_MOST_NZ];
-    memcpy(state, now->z, sizeof state), memcpy(told, now->u, sizeof told);
+    double state[CFEM_MPC_MOST_NZ], command[CFEM_MOTION_MOST_NA], first[CFEM_MPC_MOST_NZ];
+    memcpy(state, now->z, sizeof state), memcpy(command, now->u, sizeof command);
     memcpy(u, m->plan.x, sizeof(double) * NA);
     for (int k = 0, block = 0; k < TICKS; k++) {
-        double w[CFEM_MOTION_MOST_NA], off[CFEM_MPC_MOST_NZ], next[CFEM_MPC_MOST_NZ];
+        double w[CFEM_MOTION_MOST_NA], deviation[CFEM_MPC_MOST_NZ], next[CFEM_MPC_MOST_NZ];
         if (block + 1 < MOVES && cfem_mpc_begins[block + 1] == k) block++;
         const double *given = m->plan.x + block * NA;
-        cfem_acting(told, given, w);
-        for (int a = 0; a < NA; a++) w[a] -= m->w[k][a], told[a] = given[a];
-        for (int i = 0; i < NZ; i++) off[i] = state[i] - m->states[k][i];
-        cfem_stage_of_one(&m->stage[k], off, w, next, 0);
+        cfem_acting(command, given, w);
+        for (int a = 0; a < NA; a++) w[a] -= m->w[k][a], command[a] = given[a];
+        for (int i = 0; i < NZ; i++) deviation[i] = state[i] - m->states[k][i];
+        cfem_stage_of_one(&m->stage[k], deviation, w, next, 0);
         for (int i = 0; i < NZ; i++) state[i] = m->stage[k].end[i] + next[i];
         if (k) { /* the guess of tick k has been used */
             memcpy(m->states[k - 1], first, sizeof first);
@@ -140,7 +141,7 @@ static void follow(cfem_mpc *m, const cfem_moving *now, double *u) {
 }
 
 /* The next tick of the plan before. */
-static void go_on(cfem_mpc *m, double *u) {
+static void keep_plan(cfem_mpc *m, double *u) {
     memcpy(u, m->ahead[0], sizeof(double) * NA);
     memmove(m->ahead[0], m->ahead[1], sizeof m->ahead[0] * (TICKS - 1));
     memmove(m->states[0], m->states[1], sizeof m->states[0] * TICKS);
@@ -157,7 +158,7 @@ static void retreat(cfem_mpc *m, double *u) {
 }
 
 /* heard: what became of the sample. */
-static unsigned planned(cfem_mpc *m, const cfem_mpc_input *in, double *u, unsigned *heard) {
+static unsigned plan_command(cfem_mpc *m, const cfem_mpc_input *in, double *u, unsigned *heard) {
     cfem_moving now;
     double sum = 0.0;
     int far = 0;
@@ -179,7 +180,7 @@ static unsigned planned(cfem_mpc *m, const cfem_mpc_input *in, double *u, unsign
     if (!cfem_finite(sum)) return CFEM_HELD | CFEM_BAD_INPUT;
     if (far) return CFEM_HELD | CFEM_BAD_INPUT | CFEM_FAR;
     for (int k = 0; m->lost && k <= TICKS; k++) memcpy(m->states[k], now.z, sizeof m->states[k]);
-    memcpy(m->plan.told, now.u, sizeof m->plan.told), memcpy(m->plan.rest, m->rest, sizeof m->plan.rest);
+    memcpy(m->plan.previous, now.u, sizeof m->plan.previous), memcpy(m->plan.rest, m->rest, sizeof m->plan.rest);
     if (condense(m, &now)) return CFEM_HELD | CFEM_NO_MODEL;
     if (cfem_plan_solve(&m->plan, &m->work.factors)) return CFEM_HELD | CFEM_NO_QP;
     follow(m, &now, u);
@@ -192,7 +193,7 @@ static unsigned planned(cfem_mpc *m, const cfem_mpc_input *in, double *u, unsign
 unsigned cfem_mpc_step(cfem_mpc *m, const cfem_mpc_input *in, cfem_mpc_output *out) {
     unsigned heard = 0;
     m->has_first = 0;
-    unsigned status = planned(m, in, out->u, &heard);
+    unsigned status = plan_command(m, in, out->u, &heard);
     m->lost = status & (CFEM_NO_MODEL | CFEM_NO_QP) ? m->lost + 1 : 0;
     status |= heard;
     if (m->lost > PATIENCE) {
@@ -200,11 +201,11 @@ unsigned cfem_mpc_step(cfem_mpc *m, const cfem_mpc_input *in, cfem_mpc_output *o
         /* What samples cannot tell from the truth may still leave no plan. */
         if (CFEM_MPC_SENSED && (m->lost - PATIENCE) % AGAIN == 1) cfem_observer_restart(m, out->u), status |= CFEM_RESTARTED;
     } else if (status & CFEM_HELD)
-        go_on(m, out->u);
+        keep_plan(m, out->u);
     memcpy(m->last, out->u, sizeof(double) * NA);
     for (int i = 0; i < NZ; i++) m->states[TICKS][i] = 2.0 * m->states[TICKS - 1][i] - m->states[TICKS - 2][i];
     if (CFEM_MPC_SENSED) {
-        cfem_observer_told(m, out->u);
+        cfem_observer_commanded(m, out->u);
     } else {
         if (cfem_tick(&m->state, out->u, &m->material, &m->first, &m->has_first, &m->stage[0])) status |= CFEM_NOT_FOUND;
         m->sent++;

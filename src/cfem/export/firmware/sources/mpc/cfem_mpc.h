@@ -81,7 +81,7 @@ unsigned cfem_mpc_step(cfem_mpc *mpc, const cfem_mpc_input *input, cfem_mpc_outp
 void cfem_observer_init(cfem_mpc *mpc);
 unsigned cfem_observer_hear(cfem_mpc *mpc, const double *x_e, long sampled);
 int cfem_observer_now(cfem_mpc *mpc, cfem_moving *now);
-void cfem_observer_told(cfem_mpc *mpc, const double *u);
+void cfem_observer_commanded(cfem_mpc *mpc, const double *u);
 void cfem_observer_restart(cfem_mpc *mpc, const double *u); /* at the model's equilibrium under the command u */
 
 #ifdef __cplusplus

@@ -23,7 +23,7 @@
 #define SWING 0.1  /* of the square of what samples missed: that of a swing that they may be of */
 
 /* (NQ,) K^-1 b of a robot at rest, or of what is not held of it. W: the compliance of the actuators. */
-static void yield_to(double W[CFEM_MOTION_MOST_NA][CFEM_MOTION_MOST_NA], const double *b, double *out) {
+static void apply_compliance(double W[CFEM_MOTION_MOST_NA][CFEM_MOTION_MOST_NA], const double *b, double *out) {
     for (int a = 0; a < NA; a++) out[a] = HELD ? 0.0 : cfem_dot(NA, W[a], b);
     for (int r = NA; r < NQ; r++) out[r] = b[r] / cfem_motion_stiffness;
 }
@@ -95,7 +95,7 @@ static void widen(cfem_mpc *m, double square) {
     if (HELD || !cfem_invert(NA, CFEM_MOST_SERIES_NA, parts.hessian[0]))
         for (int k = 0; k < NE; k++) {
             double by[MOST_NQ];
-            yield_to(parts.hessian, C[k], by);
+            apply_compliance(parts.hessian, C[k], by);
             moved += cfem_dot(NQ, C[k], by);
         }
     const double energy = moved > 0.0 ? SWING * square * NE / moved : 0.0;
@@ -124,15 +124,15 @@ static int add_pushes(cfem_mpc *m, const double *z, const cfem_inner *place, con
     cfem_tips(still, place, place, e, C);
     for (int k = 0; k < NE; k++) {
         double by[MOST_NQ];
-        yield_to(parts.hessian, C[k], by);
+        apply_compliance(parts.hessian, C[k], by);
         moved += cfem_dot(NQ, C[k], by) / m->material.stiffness / NE;
     }
     for (int c = 0; c < ACROSS; c += CFEM_MOTION_MOST_NA) { /* a push is like momentum, half of it before the tick, half after */
-        double one[CFEM_MPC_MOST_NZ * CFEM_MOTION_MOST_NA], out[CFEM_MPC_MOST_NZ * CFEM_MOTION_MOST_NA];
+        double unit[CFEM_MPC_MOST_NZ * CFEM_MOTION_MOST_NA], out[CFEM_MPC_MOST_NZ * CFEM_MOTION_MOST_NA];
         if (c >= NQ) break;
-        memset(one, 0, sizeof one);
-        for (int k = 0; k < NA && c + k < NQ; k++) one[(NQ + c + k) * NA + k] = 1.0;
-        cfem_stage_of_block(stage, NA, one, 0.0, out, 0);
+        memset(unit, 0, sizeof unit);
+        for (int k = 0; k < NA && c + k < NQ; k++) unit[(NQ + c + k) * NA + k] = 1.0;
+        cfem_stage_of_block(stage, NA, unit, 0.0, out, 0);
         for (int i = 0; i < NZ; i++)
             for (int k = 0; k < NA && c + k < NQ; k++) push[i][c + k] = DT / 2 * (out[i * NA + k] + (i == NQ + c + k));
     }
@@ -150,7 +150,7 @@ static int add_pushes(cfem_mpc *m, const double *z, const cfem_inner *place, con
 }
 
 /* out = F in, of NX columns. */
-static void transport(const cfem_stage *stage, double by_material[CFEM_MPC_MOST_NZ][2], double in[][ACROSS], double out[][ACROSS]) {
+static void propagate(const cfem_stage *stage, double by_material[CFEM_MPC_MOST_NZ][2], double in[][ACROSS], double out[][ACROSS]) {
     for (int c = 0; c < NX; c += NA) cfem_stage_of_block(stage, ACROSS, in[0] + c, 0.0, out[0] + c, 0);
     for (int i = 0; i < NZ; i++)
         for (int c = 0; c < NX; c++) out[i][c] += by_material[i][0] * in[MATERIAL][c] + by_material[i][1] * in[MATERIAL + 1][c];
@@ -165,13 +165,13 @@ static int predict(cfem_mpc *m, const double *u) {
     *place = m->place[0];
     if (cfem_tick(&m->state, u, &m->material, place, &m->known[0], stage)) return 1;
     cfem_stage_by_material(stage, by_material);
-    transport(stage, by_material, m->covariance, m->work.moved);
+    propagate(stage, by_material, m->covariance, m->work.moved);
     for (int i = 0; i < NX; i++)
         for (int j = i + 1; j < NX; j++) {
-            const double one = m->work.moved[i][j];
-            m->work.moved[i][j] = m->work.moved[j][i], m->work.moved[j][i] = one;
+            const double upper = m->work.moved[i][j];
+            m->work.moved[i][j] = m->work.moved[j][i], m->work.moved[j][i] = upper;
         }
-    transport(stage, by_material, m->work.moved, m->covariance);
+    propagate(stage, by_material, m->work.moved, m->covariance);
     if (add_pushes(m, stage->middle, &place->inner, stage)) return 1;
     for (int k = 0; k < 2; k++) {
         const double wander = CFEM_MPC_DOUBT_WANDER * share[k];
@@ -182,7 +182,7 @@ static int predict(cfem_mpc *m, const double *u) {
 }
 
 /* Predicts the oldest command that is still on its way; whether the estimate was lost, and began again. */
-static int next(cfem_mpc *m) {
+static int predict_oldest(cfem_mpc *m) {
     const int failed = predict(m, m->late[0]) || lost(m);
     if (failed) restart(m, m->late[0]);
     m->heard++;
@@ -196,26 +196,26 @@ unsigned cfem_observer_hear(cfem_mpc *m, const double *x_e, long sampled) {
     double sum = 0.0, size;
     unsigned status = 0;
     int measured = 0;
-    cfem_innovation of;
+    cfem_innovation innovation;
     if (sampled <= m->heard) return 0;
     while (m->heard < sampled)
-        if (next(m)) status = CFEM_RESTARTED;
+        if (predict_oldest(m)) status = CFEM_RESTARTED;
     for (int e = 0; e < NE; e++)
         if (cfem_mpc_weight[e] > 0.0) sum += x_e[e], measured = 1;
     if (!measured || !cfem_finite(sum)) return status;
-    const int none = cfem_innovation_of(m, x_e, &of);
-    if (cfem_frozen(m, x_e, &of)) return status | CFEM_REJECTED;
+    const int none = cfem_innovation_of(m, x_e, &innovation);
+    if (cfem_frozen(m, x_e, &innovation)) return status | CFEM_REJECTED;
     const int verdict =
-        none ? CFEM_GATE_RESTART : cfem_gate_judge(&m->gate, of.square, of.n, CFEM_MPC_GATE_SIGMAS, CFEM_MPC_GATE_SAMPLES);
+        none ? CFEM_GATE_RESTART : cfem_gate_judge(&m->gate, innovation.square, innovation.n, CFEM_MPC_GATE_SIGMAS, CFEM_MPC_GATE_SAMPLES);
     if (verdict == CFEM_GATE_REJECTED) return status | CFEM_REJECTED;
     if (verdict == CFEM_GATE_RESTART) {
-        size = of.size, status = CFEM_RESTARTED;
+        size = innovation.size, status = CFEM_RESTARTED;
         restart(m, m->state.u);
-        if (cfem_innovation_of(m, x_e, &of)) return status;
-        widen(m, fmax(size, of.size));
-        if (cfem_innovation_of(m, x_e, &of)) return status;
+        if (cfem_innovation_of(m, x_e, &innovation)) return status;
+        widen(m, fmax(size, innovation.size));
+        if (cfem_innovation_of(m, x_e, &innovation)) return status;
     }
-    cfem_correct(m, &of);
+    cfem_correct(m, &innovation);
     if (!lost(m)) return status;
     restart(m, m->state.u);
     return CFEM_RESTARTED;
@@ -235,8 +235,8 @@ int cfem_observer_now(cfem_mpc *m, cfem_moving *now) {
     return -1;
 }
 
-void cfem_observer_told(cfem_mpc *m, const double *u) {
-    if (m->sent - m->heard == CFEM_MPC_LATE) next(m); /* no sample will be of that tick any more */
+void cfem_observer_commanded(cfem_mpc *m, const double *u) {
+    if (m->sent - m->heard == CFEM_MPC_LATE) predict_oldest(m); /* no sample will be of that tick any more */
     const long last = m->sent++ - m->heard;
     memcpy(m->late[last], u, sizeof(double) * NA);
     if ((m->known[last] = m->has_first)) m->place[last] = m->first;

@@ -18,7 +18,7 @@
 
 typedef struct {
     /* Given. */
-    double told[CFEM_MOTION_MOST_NA]; /* the command before */
+    double previous[CFEM_MOTION_MOST_NA]; /* the command before */
     double rest[CFEM_MOTION_MOST_NA]; /* what effort is counted from */
     double e[CFEM_MPC_MOST_TICKS][CFEM_MOTION_MOST_NE], goal[CFEM_MPC_MOST_TICKS][CFEM_MOTION_MOST_NE]; /* mm from rest */
     double course[CFEM_MPC_MOST_TICKS][CFEM_MOTION_MOST_NA];

@@ -1,3 +1,4 @@
+/* Rows, slopes and the Hessian's factor of the quadratic program of a horizon. */
 #include "cfem_program.h"
 
 #include <string.h>
@@ -26,7 +27,7 @@ int cfem_program_row(const cfem_plan *p, int i, double *row, int *begin, double 
     }
     if (i < CFEM_PROGRAM_SOFT) {
         const int j = i - V, a = j % NA;
-        const double from = j < NA ? p->told[a] / cfem_mpc_size[a] : 0.0, rate = cfem_mpc_rate[a] / cfem_mpc_size[a];
+        const double from = j < NA ? p->previous[a] / cfem_mpc_size[a] : 0.0, rate = cfem_mpc_rate[a] / cfem_mpc_size[a];
         *low = from - rate, *high = from + rate, *begin = j < NA ? j : j - NA;
         if (row) {
             for (int c = *begin; c < j; c++) row[c] = 0.0;
@@ -81,7 +82,7 @@ void cfem_program_slope(const cfem_plan *p, const double *x, double *slope) {
     for (int j = 0; j < V; j++) {
         const int a = j % NA;
         const double size = cfem_mpc_size[a], smooth = cfem_mpc_smooth[a] * size, effort = cfem_mpc_effort[a] * size;
-        const double by = smooth * smooth * (x[j] - (j < NA ? p->told[a] / size : x[j - NA]));
+        const double by = smooth * smooth * (x[j] - (j < NA ? p->previous[a] / size : x[j - NA]));
         slope[j] += by + lasting(j / NA) * effort * effort * (x[j] - p->rest[a] / size);
         if (j >= NA) slope[j - NA] -= by;
     }

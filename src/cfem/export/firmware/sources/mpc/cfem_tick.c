@@ -1,3 +1,4 @@
+/* A tick of the condensed robot in motion, linearised: its factors, what it does to columns of states and commands. */
 #include "cfem_tick.h"
 
 #include <string.h>

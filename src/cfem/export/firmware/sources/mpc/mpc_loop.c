@@ -74,7 +74,7 @@ static int follow(double speed, int predictive) {
     cfem_mpc_input in;
     cfem_mpc_output out;
     cfem_input asked;
-    cfem_output told;
+    cfem_output output;
     double before[CFEM_NA], u[CFEM_NA], late[CFEM_NE], mean = 0.0, largest = 0.0;
     const int lap = (int)(1.0 / (speed * CFEM_MPC_DT)), all = (int)(1.5 / CFEM_MPC_DT) + lap, ticks = all < MOST ? all : MOST;
     int held = 0, limited = 0;
@@ -96,9 +96,9 @@ static int follow(double speed, int predictive) {
             for (int e = 0; e < CFEM_NE; e++) asked.goal[e] = (cfem_real)in.goal[0][e];
             for (int i = 0; i < 6; i++) {
                 for (int a = 0; a < CFEM_NA; a++) asked.delta_a[a] = (cfem_real)inverse.delta_a[a];
-                cfem_step(&inverse, &asked, &told);
+                cfem_step(&inverse, &asked, &output);
             }
-            for (int a = 0; a < CFEM_NA; a++) u[a] = CFEM_COMMAND_FORCE ? (double)told.lambda_a[a] : (double)told.delta_a[a];
+            for (int a = 0; a < CFEM_NA; a++) u[a] = CFEM_COMMAND_FORCE ? (double)output.lambda_a[a] : (double)output.delta_a[a];
         }
         double x_e[CFEM_NE], square = 0.0;
         sample(x_e);

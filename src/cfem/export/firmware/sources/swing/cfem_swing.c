@@ -20,10 +20,10 @@
 #define UNSEEN 0.3
 
 /* Place of an unknown that markers tell (N), in the covariance (NX). */
-static int told(int i) { return i < NQ ? i : i - NQ + NZ; }
+static int state_index(int i) { return i < NQ ? i : i - NQ + NZ; }
 
 /* Whether a value is at most the width of its box away from it. */
-static int near(int i, double value) {
+static int in_box(int i, double value) {
     const double low = cfem_swing_box[i][0], high = cfem_swing_box[i][1];
     return value > 2.0 * low - high && value < 2.0 * high - low;
 }
@@ -31,7 +31,7 @@ static int near(int i, double value) {
 void cfem_swing_init(cfem_swing *filter) { memset(filter, 0, sizeof *filter), cfem_gate_restart(&filter->gate); }
 
 /* Before the first frame: about where it is told, or where a robot at rest would be. 0, or 1 where nobody said which forces drive it. */
-static int first(cfem_swing *s, const cfem_frame *frame, const double *u) {
+static int start(cfem_swing *s, const cfem_frame *frame, const double *u) {
     double delta_a[NA], (*P)[NX] = s->covariance;
     cfem_inertia inertia;
     cfem_estimate at_rest;
@@ -73,9 +73,9 @@ static double noise_of(const cfem_swing *s) {
 /* root (N, N), whose product with an error of covariance P, of what markers tell, has unit covariance; 0 where it is no covariance. */
 static int root_of(double P[NX][NX], double root[N][N]) {
     double lower[N][N], size[N];
-    for (int i = 0; i < N; i++) size[i] = sqrt(fmax(P[told(i)][told(i)], 1e-18));
+    for (int i = 0; i < N; i++) size[i] = sqrt(fmax(P[state_index(i)][state_index(i)], 1e-18));
     for (int i = 0; i < N; i++)
-        for (int j = 0; j <= i; j++) lower[i][j] = P[told(i)][told(j)] / (size[i] * size[j]) + (i == j ? 1e-12 : 0.0);
+        for (int j = 0; j <= i; j++) lower[i][j] = P[state_index(i)][state_index(j)] / (size[i] * size[j]) + (i == j ? 1e-12 : 0.0);
     if (cfem_cholesky(N, N, lower[0], 0.0)) return 0;
     for (int j = 0; j < N; j++) {
         double column[N] = {0.0};
@@ -87,7 +87,7 @@ static int root_of(double P[NX][NX], double root[N][N]) {
 }
 
 /* The covariance if actuators were not where their commands are: cables that are slack for a moment. */
-static void jump(const cfem_swing *s, double P[NX][NX]) {
+static void slack_covariance(const cfem_swing *s, double P[NX][NX]) {
     memcpy(P, s->covariance, sizeof s->covariance);
     for (int i = 0; i < NZ; i++)
         for (int j = 0; j < NZ; j++)
@@ -112,12 +112,12 @@ static int covariance_of(double normal[N][N], double P[N][N]) {
 static void correct(cfem_swing *s, double root[N][N], const double *mean, const double *x, double P[N][N]) {
     double gain[REST][N], GP[REST][N], less[N][N], (*C)[NX] = s->covariance;
     for (int i = 0; i < N; i++)
-        for (int j = 0; j < N; j++) less[i][j] = P[i][j] - C[told(i)][told(j)];
+        for (int j = 0; j < N; j++) less[i][j] = P[i][j] - C[state_index(i)][state_index(j)];
     for (int k = 0; k < REST; k++) {
         double half[N];
         for (int i = 0; i < N; i++) {
             half[i] = 0.0;
-            for (int j = 0; j <= i; j++) half[i] += root[i][j] * C[NQ + k][told(j)];
+            for (int j = 0; j <= i; j++) half[i] += root[i][j] * C[NQ + k][state_index(j)];
         }
         for (int j = 0; j < N; j++) {
             gain[k][j] = 0.0;
@@ -131,8 +131,8 @@ static void correct(cfem_swing *s, double root[N][N], const double *mean, const 
         for (int l = 0; l <= k; l++) C[NQ + k][NQ + l] = C[NQ + l][NQ + k] = C[NQ + k][NQ + l] + cfem_dot(N, of, gain[l]);
     }
     for (int i = 0; i < N; i++) {
-        for (int j = 0; j < N; j++) C[told(i)][told(j)] = (P[i][j] + P[j][i]) / 2;
-        for (int k = 0; k < REST; k++) C[told(i)][NQ + k] = C[NQ + k][told(i)] = GP[k][i];
+        for (int j = 0; j < N; j++) C[state_index(i)][state_index(j)] = (P[i][j] + P[j][i]) / 2;
+        for (int k = 0; k < REST; k++) C[state_index(i)][NQ + k] = C[NQ + k][state_index(i)] = GP[k][i];
     }
     memcpy(s->z, x, sizeof(double) * NQ), memcpy(s->load, x + NQ, sizeof(double) * NW);
     s->stiffness = x[N - 1];
@@ -146,7 +146,7 @@ typedef struct {
 } fit;
 
 /* Whether the gate would hear a frame. */
-static int likely(const cfem_swing *s, const fit *of) {
+static int passes_gate(const cfem_swing *s, const fit *of) {
     return of->numbers < 1 || cfem_gate_deviate(&s->gate, of->square, of->numbers) <= cfem_estimate_gate_sigmas;
 }
 
@@ -165,7 +165,7 @@ static void solve(cfem_estimate_problem *asked, double covariance[NX][NX], fit *
     for (int a = 0; a < NA; a++) found->numbers += cfem_finite(asked->frame->displacement[a]) != 0;
 }
 
-static void ask(const cfem_swing *s, const cfem_frame *frame, cfem_estimate_problem *asked) {
+static void set_problem(const cfem_swing *s, const cfem_frame *frame, cfem_estimate_problem *asked) {
     memset(asked, 0, sizeof *asked);
     cfem_estimate_see(frame, asked);
     asked->rows = N, asked->numbers = N, asked->noise = noise_of(s);
@@ -177,7 +177,7 @@ static void answer(const cfem_swing *s, const fit *best, const cfem_estimate_pro
     memcpy(found->x, s->z, sizeof(double) * NQ), memcpy(found->x + NQ, s->load, sizeof(double) * NW);
     found->x[N - 1] = s->stiffness, found->unseen = 0u;
     for (int i = 0; i < N; i++) {
-        for (int j = 0; j < N; j++) found->covariance[i][j] = s->covariance[told(i)][told(j)];
+        for (int j = 0; j < N; j++) found->covariance[i][j] = s->covariance[state_index(i)][state_index(j)];
         if (!(sqrt(found->covariance[i][i]) <= UNSEEN * cfem_swing_scale[i])) found->unseen |= (uint32_t)1 << i;
     }
     found->left_out = cfem_estimate_left_out(asked, &best->here, best->kept, &found->noise);
@@ -192,25 +192,25 @@ unsigned cfem_swing_frame(cfem_swing *s, const cfem_frame *frame, cfem_swing_fou
     fit one, other, *best = &one;
     const double *u = frame->command;
     for (int a = 0; a < NA; a++) {
-        const int stated = cfem_finite(frame->command[a]) && (!HELD || near(a, frame->command[a]));
+        const int stated = cfem_finite(frame->command[a]) && (!HELD || in_box(a, frame->command[a]));
         seen.force[a] = NAN, u = u && stated ? u : NULL;
     }
     if (s->known) cfem_swing_advance(s, u ? u : s->u);
-    for (int i = 0; i < NQ; i++) s->known = s->known && near(i, s->z[i]);
+    for (int i = 0; i < NQ; i++) s->known = s->known && in_box(i, s->z[i]);
     for (int again = 0; again < 2; again++) {
         const int begins = !s->known;
         int wide = 0;
         best = &one;
-        if (begins && first(s, &seen, u)) {
+        if (begins && start(s, &seen, u)) {
             memset(found, 0, sizeof *found);
             return found->status = CFEM_SWING_NO_COMMAND;
         }
-        ask(s, &seen, &asked);
+        set_problem(s, &seen, &asked);
         solve(&asked, s->covariance, &one);
-        if (!one.good || cfem_estimate_count(one.kept) < cfem_estimate_count(asked.there) || !likely(s, &one)) {
-            jump(s, wider);
+        if (!one.good || cfem_estimate_count(one.kept) < cfem_estimate_count(asked.there) || !passes_gate(s, &one)) {
+            slack_covariance(s, wider);
             solve(&asked, wider, &other);
-            const int better = cfem_estimate_count(other.kept) > cfem_estimate_count(one.kept) || (likely(s, &other) && !likely(s, &one));
+            const int better = cfem_estimate_count(other.kept) > cfem_estimate_count(one.kept) || (passes_gate(s, &other) && !passes_gate(s, &one));
             wide = other.good && (!one.good || better);
             if (wide) best = &other;
         }

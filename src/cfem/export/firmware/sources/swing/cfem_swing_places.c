@@ -24,7 +24,7 @@ void cfem_estimate_effectors_at(const double x[STATIC], double effector[NE]);
 #define BOX CFEM_MOTION_BOX(CFEM_SWING_DEGREE, DEGREES)
 
 /* The swings that forces do not hold: eta - H_w^T w / kappa; x, static: unknowns of the filter, and of the robot at rest. */
-static void split(const double *x, const cfem_inner *inner, double *at_rest, double swing[NR]) {
+static void split_swings(const double *x, const cfem_inner *inner, double *at_rest, double swing[NR]) {
     const double soft = exp(-x[N - 1]);
     memcpy(at_rest, x, sizeof(double) * NA);
     memcpy(swing, x + NA, sizeof(double) * NR);
@@ -40,7 +40,7 @@ void cfem_swing_places(const double *x, double y[ROWS], double by[ROWS][N]) {
     const double soft = exp(-x[N - 1]);
     cfem_inner inner;
     cfem_inner_at(x, 1, &inner);
-    split(x, &inner, at_rest, swing);
+    split_swings(x, &inner, at_rest, swing);
     cfem_estimate_places(at_rest, y, by_rest);
     cfem_box box = BOX;
     cfem_polynomials(box, x, 2, t[0][0]);
@@ -81,7 +81,7 @@ void cfem_swing_effectors(const double x[N], double effector[NE]) {
     double at_rest[STATIC], swing[NR], curve[CFEM_MOTION_MOST_NE][CFEM_MOTION_MOST_NR];
     cfem_inner inner;
     cfem_inner_at(x, 0, &inner);
-    split(x, &inner, at_rest, swing);
+    split_swings(x, &inner, at_rest, swing);
     cfem_estimate_effectors_at(at_rest, effector);
     cfem_curve_of(&inner, x + NA, curve);
     for (int e = 0; e < NE; e++)
@@ -92,7 +92,7 @@ void cfem_swing_modes(const double x[N], double modes[MODES]) {
     double at_rest[STATIC], swing[NR], t[NA][DEGREES];
     cfem_inner inner;
     cfem_inner_at(x, 0, &inner);
-    split(x, &inner, at_rest, swing);
+    split_swings(x, &inner, at_rest, swing);
     cfem_estimate_modes(at_rest, modes);
     cfem_box box = BOX;
     cfem_polynomials(box, x, 1, t[0]);

@@ -32,14 +32,14 @@ static void slopes(const double *q, const cfem_inner *inner, double J[LOADS][NQ]
 }
 
 /* A (NZ, NZ), B (NZ, NA): the state by the one before, and by what acts in the step. */
-static void formed(const cfem_stage *stage, double A[NZ][NZ], double B[NZ][NA]) {
-    double one[NZ * NA];
+static void transition(const cfem_stage *stage, double A[NZ][NZ], double B[NZ][NA]) {
+    double units[NZ * NA];
     cfem_stage_of_block(stage, NA, NULL, 1.0, B[0], NULL);
     for (int c = 0; c < NZ; c += NA) {
         double out[NZ * NA];
-        memset(one, 0, sizeof one);
-        for (int k = 0; k < NA && c + k < NZ; k++) one[(c + k) * NA + k] = 1.0;
-        cfem_stage_of_block(stage, NA, one, 0.0, out, NULL);
+        memset(units, 0, sizeof units);
+        for (int k = 0; k < NA && c + k < NZ; k++) units[(c + k) * NA + k] = 1.0;
+        cfem_stage_of_block(stage, NA, units, 0.0, out, NULL);
         for (int i = 0; i < NZ; i++)
             for (int k = 0; k < NA && c + k < NZ; k++) A[i][c + k] = out[i * NA + k];
     }
@@ -48,7 +48,7 @@ static void formed(const cfem_stage *stage, double A[NZ][NZ], double B[NZ][NA]) 
 }
 
 /* Adds what forces do that nobody knows. half (NZ, NQ): by a force. 0, or 1 where there is no stiffness. */
-static int push(const cfem_stage *stage, const cfem_inner *inner, double stiffness, double half[NZ][NQ], double P[NX][NX]) {
+static int add_pushes(const cfem_stage *stage, const cfem_inner *inner, double stiffness, double half[NZ][NQ], double P[NX][NX]) {
     double moved = 0.0, compliance[CFEM_MOST_SERIES_NA][CFEM_MOST_SERIES_NA];
     cfem_parts potential, tip;
     cfem_potential_parts(stage->middle, &potential), cfem_effector_parts(stage->middle, &tip);
@@ -70,7 +70,7 @@ static int push(const cfem_stage *stage, const cfem_inner *inner, double stiffne
 }
 
 /* P becomes F P F^T, its lower triangle. */
-static void carry(double F[NX][NX], double P[NX][NX]) {
+static void transport(double F[NX][NX], double P[NX][NX]) {
     double FP[NX][NX];
     for (int i = 0; i < NX; i++) {
         memset(FP[i], 0, sizeof FP[i]);
@@ -97,7 +97,7 @@ static int step(cfem_swing *s, const double *u, double share, cfem_place *place,
     double goal[NA];
     for (int a = 0; a < NA; a++) goal[a] = HELD ? s->z[a] + u[a] - s->u[a] : u[a];
     if (cfem_tick(&moving, goal, &material, place, &known, &stage)) return 1;
-    formed(&stage, A, B), cfem_stage_by_material(&stage, by_material);
+    transition(&stage, A, B), cfem_stage_by_material(&stage, by_material);
     memset(F, 0, sizeof F);
     for (int i = 0; i < NZ; i++) {
         for (int j = 0; j < NQ; j++) half[i][j] = DT / 2 * (A[i][NQ + j] + (i == NQ + j)); /* half before, half after the step */
@@ -106,8 +106,8 @@ static int step(cfem_swing *s, const double *u, double share, cfem_place *place,
         F[i][NX - 1] = by_material[i][0];
     }
     for (int i = NZ; i < NX; i++) F[i][i] = i == NX - 1 ? 1.0 : keeps;
-    carry(F, P);
-    if (push(&stage, &place->inner, material.stiffness, half, P)) return 1;
+    transport(F, P);
+    if (add_pushes(&stage, &place->inner, material.stiffness, half, P)) return 1;
     for (int i = 0; i < NZ && HELD; i++)
         for (int j = 0; j <= i; j++) P[i][j] += CFEM_SWING_SLIP * CFEM_SWING_SLIP * DT * cfem_dot(NA, B[i], B[j]);
     for (int i = 0; i < NX && HELD; i++)

@@ -1,3 +1,4 @@
+/* Frames to bytes, and bytes to frames. */
 #include "cfem_wire.h"
 
 #include <string.h>
@@ -17,11 +18,11 @@ uint16_t cfem_wire_checksum(const uint8_t *bytes, int count) {
 
 uint16_t cfem_wire_robot(void) { return cfem_wire_checksum((const uint8_t *)rows, (int)sizeof rows - 1); }
 
-static void put(uint8_t *to, uint32_t value, int bytes) {
+static void put_bytes(uint8_t *to, uint32_t value, int bytes) {
     for (int i = 0; i < bytes; i++) to[i] = (uint8_t)(value >> 8 * i);
 }
 
-static uint32_t get(const uint8_t *from, int bytes) {
+static uint32_t get_bytes(const uint8_t *from, int bytes) {
     uint32_t value = 0;
     for (int i = 0; i < bytes; i++) value |= (uint32_t)from[i] << 8 * i;
     return value;
@@ -31,13 +32,13 @@ int cfem_wire_pack(const cfem_wire_frame *frame, uint8_t bytes[CFEM_WIRE_BYTES])
     const int count = frame->count < CFEM_WIRE_MOST ? frame->count : CFEM_WIRE_MOST, end = HEAD + 4 * count;
     bytes[0] = FIRST, bytes[1] = SECOND, bytes[2] = frame->version, bytes[3] = frame->kind;
     bytes[4] = (uint8_t)count, bytes[5] = (uint8_t)(255 - count);
-    put(bytes + 6, frame->sequence, 2), put(bytes + 8, frame->tick, 4), put(bytes + 12, frame->stamp, 4);
+    put_bytes(bytes + 6, frame->sequence, 2), put_bytes(bytes + 8, frame->tick, 4), put_bytes(bytes + 12, frame->stamp, 4);
     for (int i = 0; i < count; i++) {
         uint32_t bits;
         memcpy(&bits, &frame->payload[i], sizeof bits);
-        put(bytes + HEAD + 4 * i, bits, 4);
+        put_bytes(bytes + HEAD + 4 * i, bits, 4);
     }
-    put(bytes + end, cfem_wire_checksum(bytes + CHECKED, end - CHECKED), 2);
+    put_bytes(bytes + end, cfem_wire_checksum(bytes + CHECKED, end - CHECKED), 2);
     return end + 2;
 }
 
@@ -54,7 +55,7 @@ void cfem_wire_put(cfem_wire_receiver *receiver, uint8_t byte) {
 }
 
 /* Bytes of the frame that begins here, 0 where none does; more than `filled` where that is not known yet. */
-static int length(const uint8_t *bytes, int filled) {
+static int frame_length(const uint8_t *bytes, int filled) {
     if (bytes[0] != FIRST || (filled > 1 && bytes[1] != SECOND)) return 0;
     if (filled < LENGTHS) return LENGTHS;
     return bytes[4] + bytes[5] == 255 && bytes[4] <= CFEM_WIRE_MOST ? HEAD + 4 * bytes[4] + 2 : 0;
@@ -64,14 +65,14 @@ int cfem_wire_next(cfem_wire_receiver *receiver, cfem_wire_frame *frame) {
     const uint8_t *from = receiver->bytes;
     int left = receiver->filled, found = 0;
     for (; left; from++, left--) {
-        const int whole = length(from, left);
-        if (whole > left) break;
-        if (!whole || get(from + whole - 2, 2) != cfem_wire_checksum(from + CHECKED, whole - 2 - CHECKED)) continue;
-        found = whole;
+        const int length = frame_length(from, left);
+        if (length > left) break;
+        if (!length || get_bytes(from + length - 2, 2) != cfem_wire_checksum(from + CHECKED, length - 2 - CHECKED)) continue;
+        found = length;
         frame->version = from[2], frame->kind = from[3], frame->count = from[4];
-        frame->sequence = (uint16_t)get(from + 6, 2), frame->tick = get(from + 8, 4), frame->stamp = get(from + 12, 4);
+        frame->sequence = (uint16_t)get_bytes(from + 6, 2), frame->tick = get_bytes(from + 8, 4), frame->stamp = get_bytes(from + 12, 4);
         for (int i = 0; i < frame->count; i++) {
-            const uint32_t bits = get(from + HEAD + 4 * i, 4);
+            const uint32_t bits = get_bytes(from + HEAD + 4 * i, 4);
             memcpy(&frame->payload[i], &bits, sizeof bits);
         }
         break;

@@ -5,7 +5,7 @@ from scipy.spatial.transform import Rotation
 from support.rods import rod_body
 
 from cfem.constraint.cavity import make_cavity
-from cfem.constraint.chambers import make_rod_chambers
+from cfem.constraint.rod_chambers import make_rod_chambers
 from cfem.mechanics.rod.element import screw
 
 CENTRE, HALF = np.array([3.0, -1.5]), 0.4
@@ -15,7 +15,7 @@ STRAIN = np.array([0.08, 0.02, -0.03, 0.01, -0.02, 0.015])  # gamma, kappa (1/mm
 def bent(elements):
     """A rod under one strain all along, and its frames."""
     body = rod_body(elements)
-    h = body.sections.apart
+    h = body.sections.spacing
     p, turns = screw(h[:, None] * STRAIN, h)
     c, R = np.zeros((elements + 1, 3)), np.tile(np.eye(3), (elements + 1, 1, 1))
     for k in range(elements):
