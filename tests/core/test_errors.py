@@ -3,7 +3,7 @@
 import pytest
 
 from cfem.core.artefact.changes import LONGEST, in_words
-from cfem.core.errors import InputError
+from cfem.core.errors import InputError, StaleError, located
 
 
 def test_a_path_that_goes_back_is_shown_direct(tmp_path, monkeypatch):
@@ -23,6 +23,13 @@ def test_it_stays_where_a_link_leads_elsewhere(tmp_path, monkeypatch):
 @pytest.mark.parametrize("where", [None, "scene.yaml:12", "loads.a", "goal"])
 def test_what_is_no_such_path_stays(where):
     assert InputError("is wrong", where=where).where == where
+
+
+def test_an_error_without_a_place_gets_one_and_stays_what_it_is(tmp_path):
+    for where, shown in ((None, str(tmp_path)), ("reach", "reach")):
+        with pytest.raises(StaleError) as raised, located(tmp_path):
+            raise StaleError("is old", where=where, do="make it again")
+        assert (raised.value.where, raised.value.what, raised.value.do) == (shown, "is old", "make it again")
 
 
 def test_long_values_are_counted_or_cut():

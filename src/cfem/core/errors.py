@@ -1,6 +1,9 @@
 """One exception a documented exit code. A message says what is wrong, where, and what to do."""
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
 
 
 class CfemError(Exception):
@@ -31,6 +34,17 @@ class InputError(CfemError):
     """An input file is missing, corrupt or incompatible (exit 3)."""
 
     exit_code = 3
+
+
+@contextmanager
+def located(path: Path) -> Iterator[None]:
+    """Places an InputError that does not say where it is at this path."""
+    try:
+        yield
+    except InputError as error:
+        if error.where:
+            raise
+        raise type(error)(error.what, where=str(path), do=error.do) from None
 
 
 class StaleError(InputError):

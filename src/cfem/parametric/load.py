@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from cfem.condensed.parameters import Parameter
-from cfem.core.errors import SpecError
+from cfem.core.errors import SpecError, located
 from cfem.core.spec import load_spec
 from cfem.parametric.differentiable import FIELDS, VIBRATIONS, Differentiable
 from cfem.parametric.family import FiniteElementFamily, LearnedFamily
@@ -21,10 +21,12 @@ def learned(model: Path, scene: Path | None = None) -> LearnedFamily:
     """Family of a model folder; scene: of a model of several shapes."""
     predictor = load_model(model)
     if scene is None:
-        return LearnedFamily(predictor, None)
+        with located(model):
+            return LearnedFamily(predictor, None)
     spec = load_spec(scene, SceneSpec)
     demand_robot(spec, predictor.meta.get("robot"), model, f"train a model of {scene}, or name the scene of this one")
-    return LearnedFamily(predictor, Rest(spec, predictor.parameters, predictor.rest_e))
+    with located(model):
+        return LearnedFamily(predictor, Rest(spec, predictor.parameters, predictor.rest_e))
 
 
 def finite_elements(

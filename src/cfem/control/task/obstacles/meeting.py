@@ -11,10 +11,10 @@ from cfem.constraint.surface import outer_surface
 from cfem.constraint.surface_points import at_nodes
 from cfem.contact.prescribed_motion import ActuatedRobot
 from cfem.control.task.obstacles.clearance import demand_apart, demand_outside, demand_way
-from cfem.control.task.obstacles.read import ReadObstacles, naming, read_obstacles
+from cfem.control.task.obstacles.read import ReadObstacles, read_obstacles
 from cfem.control.task.obstacles.spec import ObstaclesSpec
 from cfem.control.task.obstacles.world import ObstacleWorld, world_of
-from cfem.core.errors import NumericalError
+from cfem.core.errors import NumericalError, located
 from cfem.core.spec import meaning
 from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
 from cfem.equilibrium.system.robot import Robot
@@ -49,7 +49,7 @@ def with_obstacles(
     skin or its form does not fit, SpecError where the robot starts inside something."""
     obstacles = read_obstacles(spec, base)
     for name, model in predictors.items():  # before finite elements take a while
-        with naming(models[name]):
+        with located(models[name]):
             demand_outside(robot, model.skin.nodes, obstacles.at_first)
             demand_way(robot, model.skin.nodes, obstacles.moving)
     others = {
@@ -58,7 +58,7 @@ def with_obstacles(
     made_of = made_from(base / spec.scene, base / spec.mesh) | {"loads": meaning(spec.loads)}
     learned = {}
     for name, model in predictors.items():
-        with naming(models[name]):
+        with located(models[name]):
             touched = _touched(spec, model, models[name], robot, made_of)
             stated = _stated(spec, touched, models[name], robot, made_of)
         learned[name] = _contact_model(spec, obstacles, others, touched, robot, stated)
@@ -145,7 +145,7 @@ def other_robot(
     robot, skin = build_robot(scene, mesh), model.skin
     mesh_folder = scene_path.parent / scene.out if obstacle.scene else base / spec.mesh
     made_of = made_from(scene_path, mesh_folder) | {"loads": {}}
-    with naming(folder):
+    with located(folder):
         patched = patched_model_of(model, folder, robot, made_of, *spec.contact.cut)
     place = course.R, course.t, False
     return OtherRobot(

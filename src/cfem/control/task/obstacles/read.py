@@ -1,7 +1,6 @@
 """The obstacles of a spec, with what their files hold: how each moves, and which are pressed, avoided or soft."""
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -9,7 +8,7 @@ from pathlib import Path
 from cfem.contact.obstacle import Obstacle
 from cfem.contact.prescribed_motion import ActuatedRobot, PrescribedMotion
 from cfem.control.task.obstacles.spec import ObstaclesSpec
-from cfem.core.errors import InputError
+from cfem.core.errors import located
 from cfem.predict.contact.obstacle_spec import RobotObstacle
 from cfem.predict.load import load_model
 
@@ -66,14 +65,5 @@ def read_obstacles(spec: ObstaclesSpec, base: Path) -> ReadObstacles:
 
 def course_of(obstacle: RobotObstacle, folder: Path) -> ActuatedRobot:
     """Course of another robot's actuators; folder: of its model."""
-    with naming(folder):
+    with located(folder):
         return obstacle.actuated(load_model(folder))
-
-
-@contextmanager
-def naming(model: Path) -> Iterator[None]:
-    """Names this model in an InputError that does not say where it is."""
-    try:
-        yield
-    except InputError as error:
-        raise InputError(error.what, where=error.where or str(model), do=error.do) from None
