@@ -27,7 +27,8 @@ class Randomised:
 
 
 def randomised(kind: type[K], given: K | dict[str, Any] | None) -> K:
-    """What differs, as keys of `kind` say, its defaults without them. InputError for a key that it does not have."""
+    """Random changes of a robot, from the keys of `kind`; its defaults where none are given. InputError for a key that
+    it does not have."""
     if isinstance(given, kind):
         return given
     known = [field.name for field in fields(kind)]

@@ -84,6 +84,7 @@ class LiftEnv(gymnasium.Env):
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, self.low.shape, np.float32)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
+        """Observation and info after the object is put beside its place at random, all commands at their start."""
         super().reset(seed=seed)
         world = self.world
         world.reset()
@@ -95,6 +96,7 @@ class LiftEnv(gymnasium.Env):
         return self._observe(), self._info()
 
     def step(self, action: np.ndarray):
+        """Observation, reward, ended, truncated and info of one tick; action (n,) in [-1, 1], changes of commands."""
         move = np.clip(np.nan_to_num(np.asarray(action, float)), -1.0, 1.0) * self.share
         before, failed = self.commands, ""
         self.commands = np.clip(before + move * (self.high - self.low), self.low, self.high)

@@ -162,6 +162,8 @@ class World:
             return self._step(commands)
 
     def _step(self, commands: Mapping[str, ArrayLike]) -> ContactState:
+        """Contact state after one step of the world: contact where MuJoCo alone would bring its bodies, then MuJoCo's
+        step under the forces of that contact."""
         model, data, ahead, rigid = self.model, self.data, self._ahead, self.rigid
         deltas = self._commanded(commands)
         mujoco.mj_getState(model, data, self._vector, STATE)
@@ -279,6 +281,8 @@ class World:
         return ContactScene(robots, self.geoms.placed(data), self.friction, rigid, self.robots_touch, stacked, True)
 
     def _commanded(self, commands: Mapping[str, ArrayLike]) -> list[np.ndarray]:
+        """Displacements (n_a,) of each robot's actuators: as stated, else by MuJoCo's controls, else as they are.
+        SpecError for an unknown robot, or numbers that do not fit it."""
         for name in commands:
             if name not in self.robots:
                 raise SpecError(f"there is no soft robot '{name}'", do=f"known are {', '.join(self.robots)}")

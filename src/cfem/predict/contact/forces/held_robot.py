@@ -71,6 +71,7 @@ class HeldRobot:
         return self._points[key]
 
     def _found(self, points: np.ndarray) -> PointCompliance:
+        """Compliance of points (c,), the nearest semidefinite one where the model's is indefinite."""
         model, R = self.model, self.model.turns(self.rows, points)
         U, local, total, dents = model.compliance(points, self.C_ss, R, self.basis, self.delta)
         try:

@@ -47,8 +47,8 @@ class Poses:
         compliance: np.ndarray,
         turned: TurningCompliance | None,
     ) -> BodyYield | None:
-        """How patches near (d,) obstacles `which` (N,), and then pairs of soft surfaces, yield by the motion of rigid
-        bodies. None where these have no motion of the first order.
+        """Yielding of patches near (d,) obstacles `which` (N,), and then of pairs of soft surfaces, by the motion of
+        rigid bodies. None where these have no motion of the first order.
 
         places: (N, 3) mm of all patches
         loads: forces (c, 3) N on the known patches, push (N, 3) N of obstacles on all, and which of those near turn
