@@ -23,6 +23,12 @@ _DAMAGE = (
 LARGEST = 2**30  # bytes of all arrays of one .npz file
 
 
+def demand_file(path: Path, do: str = "check the path") -> None:
+    """InputError where there is no such file, or a folder in its place; do: what would help."""
+    if not path.is_file():
+        raise InputError("is a folder, not a file" if path.is_dir() else "no such file", where=str(path), do=do)
+
+
 class Checked(BaseModel):
     """Base of all that is read: first each field is checked, then whether they go together."""
 

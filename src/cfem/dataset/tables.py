@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from cfem.core.errors import InputError
+from cfem.core.reading import demand_file
 from cfem.core.text_table import read_rows, title_parts, titled
 from cfem.core.units import parse_quantity
 
@@ -47,8 +48,7 @@ def _suffix(path: Path) -> str:
             where=str(path),
             do="save it in one of these formats",
         )
-    if not path.exists():
-        raise InputError("no such file", where=str(path), do="check the path")
+    demand_file(path)
     return path.suffix
 
 

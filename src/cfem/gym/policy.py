@@ -10,6 +10,7 @@ import numpy as np
 from cfem.condensed.parameters import from_json, shares
 from cfem.core.errors import InputError
 from cfem.core.optional import demand
+from cfem.core.reading import demand_file
 from cfem.gym.moving_tasks import moving_observation
 from cfem.gym.tasks import Scales, observation
 
@@ -30,8 +31,7 @@ class Policy:
         demand("onnxruntime", where="policy")
         import onnxruntime
 
-        if not Path(self.path).is_file():
-            raise InputError("no such file", where=str(self.path), do="train a policy first")
+        demand_file(Path(self.path), "train a policy first")
         try:
             session = onnxruntime.InferenceSession(str(self.path), providers=["CPUExecutionProvider"])
             facts = json.loads(session.get_modelmeta().custom_metadata_map[KEY])

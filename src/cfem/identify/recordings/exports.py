@@ -10,6 +10,7 @@ import numpy as np
 
 from cfem.core.errors import InputError
 from cfem.core.optional import demand
+from cfem.core.reading import demand_file
 from cfem.core.text_table import TableRow, TextTable, read_rows, titled
 from cfem.identify.recordings.recording import MarkerRecording, make_recording
 
@@ -23,8 +24,7 @@ def read_recording(path: Path, unit: float | None = None) -> MarkerRecording:
     """The markers of an export. InputError where the file is no export that is known.
 
     unit: mm of one unit of the file's numbers, where it states none or a wrong one"""
-    if not path.exists():
-        raise InputError("no such file", where=str(path), do="check the path")
+    demand_file(path)
     if path.suffix.lower() == ".c3d":
         return _c3d(path, unit)
     lines = read_rows(path)

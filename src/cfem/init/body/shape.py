@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from cfem.core.errors import InputError
+from cfem.core.reading import demand_file
 from cfem.init.body.interior import Interior, interior
 from cfem.init.body.voxels import Voxels, voxels
 from cfem.mechanics.mesh import Mesh
@@ -92,8 +93,7 @@ def read_source(path: Path, remesh: bool = False, body: int = 1) -> Source:
         raise InputError(
             f"a file of type '{suffix}' cannot be read as a shape", where=str(path), do=f"one of {' '.join(FILES)}"
         )
-    if not path.is_file():
-        raise InputError("no such file", where=str(path), do="check the path")
+    demand_file(path)
     if suffix in MESH and not remesh:
         data = read_data(path)
         if any(block.dim == 3 for block in data.cells):

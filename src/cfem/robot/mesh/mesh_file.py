@@ -10,6 +10,7 @@ import numpy as np
 from cfem.contact.surface.facets import components
 from cfem.core.artefact.files import write_whole
 from cfem.core.errors import InputError
+from cfem.core.reading import demand_file
 from cfem.mechanics.mesh import Mesh, boundary_facets, hex_volumes, tet_volumes
 from cfem.robot.mesh.mesh_sets import CELL_SET, SET, arrays, named_sets
 from cfem.robot.mesh.same_place import representatives
@@ -121,8 +122,7 @@ def _upright(X: np.ndarray, cells: np.ndarray, path: Path) -> np.ndarray:
 
 def read_data(path: Path) -> meshio.Mesh:
     """Data of a mesh file, its coordinates and node numbers checked. InputError where it cannot be read."""
-    if not path.is_file():
-        raise InputError("no such file", where=str(path), do="check the path, or run the stage that makes it")
+    demand_file(path, "check the path, or run the stage that makes it")
     try:
         with contextlib.redirect_stderr(io.StringIO()):  # meshio also prints what it raises
             data = meshio.read(path, _format(path))

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from cfem.core.errors import InputError, SpecError
+from cfem.core.errors import SpecError
+from cfem.core.reading import demand_file
 from cfem.mechanics.element import ELEMENTS
 from cfem.mechanics.mesh import TET_EDGES, Mesh, boundary_facets, quadratic, tet_volumes
 from cfem.robot import selection
@@ -212,8 +213,7 @@ def solid_of(geometry: Single, folder: Path) -> Solid:
     if type(geometry) in CATALOGUE:
         return CATALOGUE[type(geometry)](geometry)
     path = folder / geometry.path
-    if not path.is_file():
-        raise InputError("no such file", where=str(path), do="check geometry.path")
+    demand_file(path, "check geometry.path")
     if isinstance(geometry, MeshFile):
         return SurfaceSolid(str(path), geometry.unit, geometry.body)
     return File(str(path), geometry.unit or 1.0)

@@ -11,6 +11,7 @@ import numpy as np
 
 from cfem.core.console.shown import counted
 from cfem.core.errors import InputError
+from cfem.core.reading import demand_file
 from cfem.core.stl import read_stl
 from cfem.mechanics.mesh import boundary_facets
 from cfem.robot.geometry import Geometry, MeshFile, singles
@@ -40,8 +41,7 @@ def count_bodies(path: Path) -> int:
 
 
 def _known(path: Path, body: int) -> MendedSurface:
-    if not path.is_file():
-        raise InputError("no such file", where=str(path), do="check the path")
+    demand_file(path)
     stat = path.stat()
     return _read(path, body, (stat.st_mtime_ns, stat.st_size))
 
