@@ -117,7 +117,7 @@ def among(touching, place, case):
 CONTACT = {  # of which each takes two minutes of CPU time at most
     "steps": ("touch", "rigid", 200_000, TURN),
     "steps among robots": ("meet", "soft", 20_000, TURN),
-    "ticks": ("contact", "rigid", 20_000, TURN),
+    "ticks": ("contact", "rigid", 200_000, TURN),
     "ticks among robots": ("contact", "soft", 2_000, 125),
 }
 
