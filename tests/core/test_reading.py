@@ -17,4 +17,4 @@ def test_what_is_no_file_is_refused_with_what_would_help(tmp_path, name, what):
 
 def test_a_file_is_accepted(tmp_path):
     (tmp_path / "bar.stl").touch()
-    demand_file(tmp_path / "bar.stl")
+    assert demand_file(tmp_path / "bar.stl") is None

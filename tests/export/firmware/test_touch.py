@@ -153,7 +153,7 @@ def test_steps_are_those_of_python(compiled, patched, mu):
             assert before.converged and found.status == 0 and found.iterations == before.iterations
             np.testing.assert_array_equal(found.patches, before.pairs.points)
             np.testing.assert_array_equal(found.obstacles, before.pairs.partners - 1)
-            assert found.deep == before.deep
+            assert (found.deep, found.unsettled) == (before.deep, before.unsettled)
             for name in ("forces", "normals", "delta_e", "lambda_a", "everywhere", "rows", "error"):
                 wanted = alone(before)[name]
                 size = np.abs(wanted).max(initial=1e-6)
@@ -249,6 +249,24 @@ def test_a_tick_says_that_contact_bends_the_robot_too_far(exported, patched, dep
     found = Planning(exported[0] / "c", [ball], 1.5, STRICT).step(patched.model.rest_e)
     assert not found.status & NO_MODEL and among.before.forces.any()
     assert bool(found.status & OUTSIDE) == (among.before.error > TRUSTED) == (depth == 1.0)
+
+
+@needs_compiler
+@pytest.mark.parametrize(("shares", "settles"), [((0.55, 0.95), True), ((0.7, 0.95), False)])
+def test_a_tick_says_that_forces_between_obstacles_hardly_settle(exported, patched, shares, settles):
+    """Two balls press the bar by 0.1 mm, one from above and one from below, at these shares of its length."""
+    places = patched.patches.mean(patched.model.shape(np.zeros(1)))
+    along, up = places[:, 0] / places[:, 0].max(), places[:, 2] / np.abs(places[:, 2]).max()
+    balls = []
+    for share, side in zip(shares, (1, -1), strict=True):
+        at = places[np.argmin(np.abs(along - share) - side * up)]
+        balls.append(Sphere(4.0, t=at + [0, 0, side * 3.9]))
+    among = ContactModel(patched, dict(zip("ab", balls, strict=True)))
+    among.settle(np.zeros(1))
+    found = Planning(exported[0] / "c", balls, 0.0, STRICT).step(patched.model.rest_e)
+    among.settle(found.delta_a)
+    assert among.before.error <= TRUSTED and not among.before.deep and not found.status & NO_MODEL
+    assert bool(found.status & OUTSIDE) == among.before.unsettled == (not settles)
 
 
 def longest_held(exported, patched, seed, share=0.3, ticks=100):

@@ -33,6 +33,7 @@ class TouchedInC:
     lambda_a: np.ndarray
     error: float
     deep: bool
+    unsettled: bool
     outside: bool
     everywhere: np.ndarray
     stuck: np.ndarray
@@ -72,6 +73,7 @@ class CompiledTouch:
             *(np.array(values) for values in (now.rows, now.delta_e, now.delta_a, now.lambda_a)),
             now.error,
             bool(now.deep),
+            bool(now.unsettled),
             bool(now.outside),
             *(np.array(values) for values in (now.place, now.stuck)),
             np.array(now.holds, dtype=bool),

@@ -35,7 +35,7 @@ from cfem.predict.contact.surface.surface_model import SurfaceModel
 
 STEP = 1e-4  # of the reach: of the differences
 LONGEST = 0.005  # of the length: the longest way of an obstacle in one quasi-static step
-HALVINGS = 6  # of a step in which a patch begins too deep
+HALVINGS = 6  # of a step in which a patch begins too deep, or forces hardly settle
 
 Step = Callable[[Any, Any, ContactState | None], ContactState]  # from where, to where, and the state there
 
@@ -47,6 +47,11 @@ class InContact(Condensed):
 
     trusted: bool
     bounds: ContactBounds | None = None
+
+
+def _long(state: ContactState) -> bool:
+    """True where the step to a state was longer than can be trusted, or one before it."""
+    return state.deep or state.unsettled
 
 
 @dataclass
@@ -155,9 +160,9 @@ class ContactModel:
         self, go: Step, begin: Any, end: Any, before: ContactState | None, times: int = HALVINGS
     ) -> ContactState:
         """The state at the end of a step; in halves, which are halved `times` at most, where a patch begins deeper in
-        an obstacle than can be trusted."""
+        an obstacle than can be trusted, or forces hardly settle."""
         state = go(begin, end, before)
-        if not times or not state.deep or (before is not None and before.deep):
+        if not times or not _long(state) or (before is not None and _long(before)):
             return state
         middle = (begin + end) / 2
         return self._in_halves(go, middle, end, self._in_halves(go, begin, middle, before, times - 1), times - 1)

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from cfem.contact.law.modes import Mode
 from cfem.contact.obstacle import Plane, Sphere
@@ -10,7 +11,9 @@ from cfem.contact.obstacle_set import ObstacleSet
 from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
 from cfem.equilibrium.contact.surfaces import SurfaceScene
 from cfem.predict.contact.error import forces_of
-from cfem.predict.contact.step.scene import contact_step
+from cfem.predict.contact.step.bodies import PlacedModel
+from cfem.predict.contact.step.rounds import Rounds
+from cfem.predict.contact.step.scene import ContactScene, contact_step
 from cfem.predict.contact.step.state import GOES_ON, SETTLED, TRUSTED
 
 DELTA = np.array([7.436])
@@ -51,16 +54,19 @@ def test_forces_that_hardly_settle_between_obstacles_are_wrong_and_not_trusted(p
 def test_a_state_is_trusted_where_nothing_speaks_against_it(patched_bar):
     state = contact_step(patched_bar, DELTA, between(0.05))
     assert state.trusted
-    for changes in ({"error": 1.01 * TRUSTED}, {"deep": True}, {"iterations": SETTLED + 1}):
+    for changes in ({"error": 1.01 * TRUSTED}, {"deep": True}, {"unsettled": True}):
         assert not replace(state, **changes).trusted
 
 
-def test_rounds_in_which_soft_surfaces_touch_say_nothing(patched_bar):
-    """They go on until the same faces touch."""
+def test_what_has_not_settled_stays_so_until_nothing_is_near(patched_bar):
+    """Asked again, a state takes a round or two, on whichever branch it is."""
     state = contact_step(patched_bar, DELTA, between(0.05))
-    soft = replace(state.pairs, slots=np.zeros_like(state.pairs.slots))
-    assert replace(state, pairs=soft, iterations=SETTLED + 1).settled
-    assert not replace(state, iterations=SETTLED + 1).settled
+    for share in (0.275, 0.275):
+        state = contact_step(patched_bar, DELTA, between(share), before=state)
+        assert state.unsettled
+    assert state.iterations <= SETTLED
+    free = contact_step(patched_bar, DELTA, (), before=state)
+    assert not contact_step(patched_bar, DELTA, between(0.05), before=free).unsettled
 
 
 def test_forces_go_on_where_all_that_touches_sticks_and_none_changes_much(patched_bar):
@@ -75,3 +81,16 @@ def test_forces_go_on_where_all_that_touches_sticks_and_none_changes_much(patche
     assert not replace(state, modes=sticks | {next(iter(sticks)): Mode.SLIP}).steady
     left = replace(state, forces=np.zeros_like(state.forces), change=-state.forces, modes={})
     assert not left.steady  # it has come off
+
+
+@pytest.mark.parametrize("left", [0, 1])
+def test_patches_of_obstacles_that_are_gone_are_not_near_any(patched_bar, left):
+    """No frame is asked of an obstacle that is not there."""
+    obstacles = between(0.05).obstacles
+    state = contact_step(patched_bar, DELTA, obstacles)
+    assert set(state.met.tolist()) == {0, 1}
+    scene = ContactScene([PlacedModel(patched_bar, itself=False)], ObstacleSet(obstacles[:left]), 0.0)
+    began = Rounds(scene, [DELTA], state).met
+    assert len(began.near) == np.sum(state.met < left) and not np.delete(began.push, began.near, axis=0).any()
+    after = scene.step([DELTA], state)
+    assert after.converged and (after.met < left).all() and np.isfinite(after.places).all()

@@ -18,7 +18,7 @@ from cfem.predict.contact.step.bodies import Bodies
 from cfem.predict.contact.step.on_obstacles import OnObstacles, begins_deep
 from cfem.predict.contact.step.poses import Loads, Poses
 from cfem.predict.contact.step.soft_pairs import SoftPairs
-from cfem.predict.contact.step.state import ContactState
+from cfem.predict.contact.step.state import SETTLED, ContactState
 
 ITERATIONS = 60
 PATIENCE, LEAST = 8, 1 / 64  # rounds that take all of the change of the forces, and the least share of later ones
@@ -41,6 +41,7 @@ class Rounds:
         loads = NOTHING, np.zeros((len(scene.bodies), 3))
         self._begin = loads[1] if before is None else before.forces
         if before is not None:
+            before = before.with_first_obstacles(len(scene.obstacles.obstacles))
             goes_on = scene.even and not scene.soft and before.change.any() and before.steady
             before = before.going_on() if goes_on else before
             loads = before.known, before.forces
@@ -54,7 +55,9 @@ class Rounds:
         met.look_at_all(self.places)
         self.depth = max(0.0, -float(met.distance.min(initial=0.0)))
         self.deep = begins_deep(self.poses.obstacles, self.places, met.distance, met.which)
-        self.deep |= before is not None and before.deep and len(before.near) > 0  # it may still be on the wrong side
+        stays = before is not None and len(before.near) > 0  # on the wrong side, or branch, where it was before
+        self.deep |= stays and before.deep
+        self._unsettled = stays and before.unsettled
         self.soft = SoftPairs(self.robots, scene, before, self.places) if scene.soft else None
 
     @property
@@ -238,6 +241,7 @@ class Rounds:
             memory, pairs = soft.memory_after(places, modes), soft.pairs.joined(pairs)
             push = np.concatenate([soft.push_of(soft.pairs), push])
             known = soft.to_be_known(places, self.poses.obstacles)
+        on_rigid = (pairs.slots >= len(places))[push.any(axis=1)].all()
         slides = not self.scene.mu or not self.modes or not len(near)
         delta_e, lambda_a, relief, moved = robots.outputs()
         each = zip(robots.wrenches, moved, strict=True)
@@ -264,6 +268,7 @@ class Rounds:
             robots.rows,
             robots.error,
             self.deep,
+            self._unsettled or (self.iterations > SETTLED and on_rigid),
             self.depth,
             self.iterations,
             self.poses.obstacles,

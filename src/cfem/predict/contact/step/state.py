@@ -15,7 +15,9 @@ from cfem.predict.protocol import Predictor
 
 GOES_ON = 0.3  # of a force: the largest change in a step that is expected to go on
 TRUSTED = 0.035  # estimated error of the motion by forces; forces are then within 5 % (docs/contact.md)
-SETTLED = 6  # rounds on rigid obstacles; where more are needed, small errors make large forces (docs/contact.md)
+# Rounds on rigid obstacles. Where more are needed, the robot is close to an instability between them, and small errors
+# of its compliance become large errors of the forces (docs/contact.md).
+SETTLED = 6
 
 
 @dataclass(frozen=True)
@@ -37,6 +39,8 @@ class ContactState(Pressing):
     error: estimate of how far what forces do is off, a share of it, the largest of all robots and rounds
     deep: whether a patch began so far within an obstacle that, twice as far in, another side of it is nearer: in this
         step, or in one before, since when some patch has been near an obstacle
+    unsettled: whether a step that ends in a state on rigid obstacles alone took more than SETTLED rounds: this one, or
+        one before, since when some patch has been near an obstacle
     depth: mm, how far within an obstacle the deepest patch began
     obstacles: where they stand
     met (d,): those that the patches `near` are near
@@ -62,6 +66,7 @@ class ContactState(Pressing):
     rows: list[np.ndarray]
     error: float
     deep: bool
+    unsettled: bool
     depth: float
     iterations: int
     obstacles: ObstacleSet
@@ -81,14 +86,7 @@ class ContactState(Pressing):
         lie on another side than the one on which it came in, and rounding may choose between states that all obey the
         law: take shorter steps. Where an edge comes straight at a point of the surface there are two states however
         short they are."""
-        return self.error <= TRUSTED and not self.deep and not self.outside and self.settled
-
-    @property
-    def settled(self) -> bool:
-        """True where few rounds found the forces, which soft surfaces that touch do not tell. Where forces hardly
-        settle, a robot between obstacles gives way to their forces about as much as it withstands them, and small
-        errors of its compliance become large ones of the forces."""
-        return self.iterations <= SETTLED or not self.on_obstacles[self.push.any(axis=1)].all()
+        return self.error <= TRUSTED and not self.deep and not self.outside and not self.unsettled
 
     @cached_property
     def outside(self) -> bool:
@@ -122,6 +120,18 @@ class ContactState(Pressing):
     def slipping_from(self, before: "ContactState") -> "ContactState":
         """This state, whose slip counts from where that of a step from `before` to it does."""
         return replace(self, memory=before.memory, stuck=before.stuck, places=before.places)
+
+    def with_first_obstacles(self, count: int) -> "ContactState":
+        """This state as far as the first `count` obstacles press; the others are gone."""
+        left = self.met < count
+        if left.all():
+            return self
+        gone = self.on_obstacles & np.isin(self.pairs.points, self.near[~left])
+        forces, near = self.forces.copy(), self.near[left]
+        forces[self.pairs.points[gone]] -= self.push[gone]
+        known = near if self.on_obstacles.all() else self.known
+        pairs, push = self.pairs.some(~gone), self.push[~gone]
+        return replace(self, pairs=pairs, push=push, forces=forces, known=known, near=near, met=self.met[left])
 
     def carried(self, courses: Mapping[int, PrescribedMotion], begin: float, end: float) -> "ContactState":
         """This state, whose patches go with the obstacles that hold them: courses of obstacles, by their number among

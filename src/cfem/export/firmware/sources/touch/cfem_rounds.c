@@ -127,7 +127,8 @@ static unsigned begin(cfem_rounds *at, const double *delta_a) {
             for (int a = 0; a < 3; a++) one->stuck[p][a] = from[a];
             look(at, b, p, FAR * CFEM_PATCH_LENGTH), one->deep |= deep(at, b, p);
         }
-        one->deep |= before && before->near_count && before->deep; /* it may still be on the wrong side */
+        const int stays = before && before->near_count; /* on the wrong side, or branch, where it was before */
+        one->deep |= stays && before->deep, one->unsettled |= stays && before->unsettled;
     }
     return status ? status : SOFT(cfem_soft_begin(at), 0);
 }

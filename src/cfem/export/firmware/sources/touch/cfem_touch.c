@@ -12,6 +12,7 @@ static unsigned step(unsigned (*run)(cfem_rounds *, const double *), const doubl
                       .systems = CFEM_TOUCH_SYSTEMS};
     memcpy(here.unilateral, cfem_patch_unilateral, sizeof here.unilateral);
     now->status = run(&at, delta_a), now->iterations = at.iterations, now->systems = CFEM_TOUCH_SYSTEMS - at.systems;
+    now->unsettled |= now->iterations > CFEM_TOUCH_SETTLED;
     return now->status;
 }
 

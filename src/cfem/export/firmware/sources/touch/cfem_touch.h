@@ -25,8 +25,8 @@ enum {
 };
 #define CFEM_TOUCH_SYSTEMS 2000 /* linear systems that a step may solve, in all its rounds */
 
-/* Where `error` is larger, forces bend the robot further than is known; with `deep` the step was too long; where one robot took more
- * `iterations`, its forces hardly settle, and small errors of the model make large ones. Forces may be wrong, a patch may lie on another side
+/* Where `error` is larger, forces bend the robot further than is known; with `deep` the step was too long; `unsettled`
+ * says that forces hardly settle, and that small errors of the model make large ones. Forces may be wrong, a patch may lie on another side
  * than the one on which it came in, and rounding may choose between states that all obey the law. Take shorter steps from a state before. */
 #define CFEM_TOUCH_TRUSTED 0.035
 #define CFEM_TOUCH_SETTLED 6
@@ -60,6 +60,8 @@ typedef struct {
     double error;                      /* estimate of how far what forces do is off, a share of it, the largest of all rounds */
     int deep;                          /* a patch began so far within an obstacle that twice as far in another side of it is nearer,
                                         * in this step or in one before, since when some patch has been near an obstacle */
+    int unsettled;                     /* a step on rigid obstacles took more than CFEM_TOUCH_SETTLED iterations: this one, or one
+                                        * before, since when some patch has been near an obstacle; 0 among robots */
     int outside;                       /* without contact the model would have no training states here: cfem_outside */
     double place[CFEM_PATCHES][3];     /* mm, of all patches */
     double stuck[CFEM_PATCHES][3];     /* mm: where friction holds each patch; read where `holds` */

@@ -70,7 +70,7 @@ static unsigned step(cfem_touch_controller *c, const double *delta_a, const cfem
 static const cfem_touched *own(const cfem_touched *state) { return state; }
 
 static int known(const cfem_touched *state) {
-    return state->error <= CFEM_TOUCH_TRUSTED && !state->deep && state->iterations <= CFEM_TOUCH_SETTLED;
+    return state->error <= CFEM_TOUCH_TRUSTED && !state->deep && !state->unsettled;
 }
 
 static double other(const cfem_touch_controller *c, int i) { return c->delta_a[i]; }

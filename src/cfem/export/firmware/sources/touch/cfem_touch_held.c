@@ -40,7 +40,7 @@ int cfem_touch_is_far(const double delta_a[NA]) {
 unsigned cfem_touch_hold(const double delta_a[NA], cfem_touched *now, cfem_touch_room *room) {
     cfem_condensed m;
     double packed[PACKED] = {0.0}, t[NA][DEGREES], local[2][NA][LOCAL];
-    now->error = room->error = 0.0, now->deep = 0, now->outside = 1;
+    now->error = room->error = 0.0, now->deep = now->unsettled = 0, now->outside = 1;
     if (cfem_touch_is_far(delta_a) || cfem_model(delta_a, &m)) return CFEM_TOUCH_NO_MODEL;
     now->outside = cfem_outside(&m) != CFEM_OK;
     for (int e = 0; e < NE; e++) now->delta_e[e] = m.free_e[e] + cfem_dot(NA, m.W_ea[e], m.lambda_a);
