@@ -118,7 +118,7 @@ CONTACT = {  # of which each takes two minutes of CPU time at most
     "steps": ("touch", "rigid", 200_000, TURN),
     "steps among robots": ("meet", "soft", 20_000, TURN),
     "ticks": ("contact", "rigid", 200_000, TURN),
-    "ticks among robots": ("contact", "soft", 2_000, 125),
+    "ticks among robots": ("contact", "soft", 20_000, 125),
 }
 
 

@@ -58,6 +58,9 @@ static void see(cfem_rounds *at) {
     }
 }
 
+/* Whether patches hardly move any more. */
+static int rests(const cfem_rounds *at) { return at->moved <= SETTLING * CFEM_MEET_SPACING; }
+
 /* The pairs of before on the same planes. */
 static void onwards(cfem_rounds *at) {
     double apart[3];
@@ -69,24 +72,46 @@ static void onwards(cfem_rounds *at) {
     }
 }
 
-/* Who is before whom. What has touched in this step keeps its faces: always where patches hardly move any more, else where it would have
- * none. 0, or a status. */
+/* The pair of patch p, where it has one now. What has touched in this step keeps its faces: always where patches hardly move any more, else
+ * where it would have none. 1: a pair; 0: none; -1: too many patches. */
+static int look_at(cfem_rounds *at, int p, cfem_pair *pair) {
+    cfem_meet_room *const room = at->soft->room;
+    const int h = cfem_hold_of(at->soft->now, p);
+    const cfem_row_of *const faces = h >= 0 && room->kept[h] ? &room->faces[h] : 0;
+    const int found = !faces || !rests(at) ? cfem_pair_of(&room->around, p, 0, pair) : 0;
+    return !found && faces ? cfem_pair_of(&room->around, p, faces, pair) : found;
+}
+
+/* Who is before whom. 0, or a status. */
 static unsigned look(cfem_rounds *at) {
     cfem_met *const now = at->soft->now;
-    cfem_meet_room *const room = at->soft->room;
     see(at);
-    memset(room->around.known, 0, sizeof room->around.known);
+    memset(at->soft->room->around.known, 0, sizeof at->soft->room->around.known);
     now->pair_count = 0;
     for (int p = 0; p < ALL; p++) {
         if (now->pair_count == CFEM_MEET_PAIRS) return CFEM_TOUCH_MANY;
-        cfem_pair *const pair = &now->pair[now->pair_count];
-        const int h = cfem_hold_of(now, p);
-        const cfem_row_of *const faces = h >= 0 && room->kept[h] ? &room->faces[h] : 0;
-        int found = !faces || at->moved > SETTLING * CFEM_MEET_SPACING ? cfem_pair_of(&room->around, p, 0, pair) : 0;
-        if (!found && faces) found = cfem_pair_of(&room->around, p, faces, pair);
+        const int found = look_at(at, p, &now->pair[now->pair_count]);
         if (found < 0) return CFEM_TOUCH_MANY;
         now->pair_count += found;
     }
+    return 0;
+}
+
+/* The same where patches hardly move: pairs that are far apart keep their planes, and nothing new comes near. 0, or a status. */
+static unsigned look_again(cfem_rounds *at) {
+    cfem_met *const now = at->soft->now;
+    int kept = 0;
+    onwards(at);
+    memset(at->soft->room->around.known, 0, sizeof at->soft->room->around.known);
+    for (int i = 0; i < now->pair_count; i++) {
+        const int p = now->pair[i].row.slot, h = cfem_hold_of(now, p);
+        const int apart = now->pair[i].gap > NEAR * CFEM_MEET_SPACING && !(h >= 0 && at->soft->room->kept[h]);
+        const int found = apart ? 1 : look_at(at, p, &now->pair[i]);
+        if (found < 0) return CFEM_TOUCH_MANY;
+        if (found && kept < i) now->pair[kept] = now->pair[i];
+        kept += found;
+    }
+    now->pair_count = kept;
     return 0;
 }
 
@@ -97,8 +122,8 @@ unsigned cfem_soft_begin(cfem_rounds *at) {
     at->soft->room->around.robots = at->placed, at->soft->last = 0;
     if (before) {
         now->pair_count = before->pair_count, now->hold_count = before->hold_count;
-        memcpy(now->pair, before->pair, sizeof now->pair);
-        memcpy(now->hold, before->hold, sizeof now->hold);
+        memcpy(now->pair, before->pair, sizeof *now->pair * (size_t)now->pair_count);
+        memcpy(now->hold, before->hold, sizeof *now->hold * (size_t)now->hold_count);
         memset(at->soft->room->kept, 0, sizeof at->soft->room->kept);
         onwards(at);
         return 0;
@@ -226,7 +251,7 @@ unsigned cfem_soft_settle(cfem_rounds *at, int *settled) {
         for (int a = 0; a < 9; a++) hold->push[a % 3] += at->local[r][a / 3] * at->frame[r][a / 3][a % 3];
     }
     at->soft->last = rows;
-    const unsigned status = look(at);
+    const unsigned status = *settled || !rests(at) || at->iterations == 0 ? look(at) : look_again(at);
     for (int i = 0, r = at->solid; i < now->pair_count; i++) {
         while (r < rows && slots[r] < now->pair[i].row.slot) r++;
         if (r < rows && slots[r] == now->pair[i].row.slot) continue;

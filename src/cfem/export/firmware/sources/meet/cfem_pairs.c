@@ -84,11 +84,13 @@ static void frame_of(const double *n, double (*frame)[3]) {
 }
 
 /* By how much the least eigenvalue of a symmetric M (3, 3) falls short of RANK of the largest, or less than 0: by the roots of its
- * cubic. */
+ * cubic. None of positive ones is below 4 det / trace^2. */
 static double falls_short(const double *M) {
     const double mean = (M[0] + M[4] + M[8]) / 3.0, a = M[0] - mean, b = M[4] - mean, c = M[8] - mean;
     const double size = sqrt((a * a + b * b + c * c + 2.0 * (M[1] * M[1] + M[2] * M[2] + M[5] * M[5])) / 6.0);
     const double det = a * (b * c - M[5] * M[5]) - M[1] * (M[1] * c - M[5] * M[2]) + M[2] * (M[1] * M[5] - b * M[2]);
+    const double trace = 3.0 * mean, whole = M[0] * (M[4] * M[8] - M[5] * M[5]) - M[1] * (M[1] * M[8] - M[5] * M[2]) + M[2] * (M[1] * M[5] - M[4] * M[2]);
+    if (M[0] * M[4] > M[1] * M[1] && 4.0 * whole > 2.0 * RANK * trace * trace * trace) return -1.0;
     const double bent = det / (2.0 * size * size * size), angle = acos(bent < -1.0 ? -1.0 : bent < 1.0 ? bent : 1.0) / 3.0;
     return RANK * (mean + 2.0 * size * cos(angle)) - (mean + 2.0 * size * cos(angle + 2.0943951023931953));
 }

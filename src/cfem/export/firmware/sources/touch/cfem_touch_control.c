@@ -85,14 +85,16 @@ static void with_others(const cfem_touch_controller *c, const double *delta_a, d
 }
 
 /* `here` at delta_a from where all robots stand; with friction, and with soft ones, the way is gone in steps, and one that fails is halved,
- * as in cfem.equilibrium.quasi_static. `near`: where the last of them begins. */
+ * as in cfem.equilibrium.quasi_static. `near`: where the last of them begins. What this tick has found last it
+ * does not look for again. */
 static unsigned go(cfem_touch_controller *c, const double *delta_a) {
     const int walks = SOFT || c->mu > 0.0;
     double longest = 1.0, share = 0.0, there, end[ALL_NA], on[ALL_NA];
     with_others(c, delta_a, end);
+    if (c->arrived && !memcmp(end, c->here_delta_a, sizeof end)) return 0;
     for (int i = 0; i < ALL_NA; i += NA)
         if (cfem_touch_is_far(end + i)) return CFEM_TOUCH_NO_MODEL;
-    c->near = c->at;
+    c->near = c->at, c->arrived = 0;
     for (int i = 0; i < ALL_NA && walks; i++)
         longest = fmax(longest, fabs(end[i] - c->delta_a[i]) / (SHARE * cfem_patch_reach[i % NA]));
     const double first = 1.0 / ceil(fmin(longest, 1e3) - ROUNDING), shortest = fmin(SHORTEST, first / 8.0);
@@ -104,6 +106,7 @@ static unsigned go(cfem_touch_controller *c, const double *delta_a) {
         if (status) size = (there - share) / 2.0, there = share;
         else if (there < 1.0) size = fmin(2.0 * size, fmax(first, size)), c->near = c->here;
     }
+    memcpy(c->here_delta_a, end, sizeof end), c->arrived = 1;
     return 0;
 }
 
@@ -111,22 +114,25 @@ static unsigned go(cfem_touch_controller *c, const double *delta_a) {
  * none. */
 static unsigned touched_model(void *with, const double *s, cfem_condensed *m) {
     cfem_touch_controller *const c = with;
-    const cfem_touched *const here = own(&c->here);
-    double J[NE][NA], K[NA][NA], to[ALL_NA];
+    const cfem_touched *const here = own(&c->here), *const beside = own(&c->beside);
+    double J[NE][NA] = {{0.0}}, K[NA][NA] = {{0.0}}, to[ALL_NA];
     if (cfem_model(s, m) || go(c, s)) return CFEM_NO_MODEL;
-    again(&c->here, &c->near);
+    c->begin = c->here;
+    again(&c->begin, &c->near);
     for (int j = 0; j < NA; j++) {
         const double h = STEP * cfem_patch_reach[j];
-        with_others(c, s, to);
-        to[j] = s[j] + h;
-        const int before = !step(c, to, &c->here, &c->ahead);
-        to[j] = s[j] - h;
-        const int after = !step(c, to, &c->here, &c->behind);
-        if (!before && !after) return CFEM_NO_MODEL;
-        const cfem_touched *const ahead = before ? own(&c->ahead) : here, *const behind = after ? own(&c->behind) : here;
-        const double width = (before + after) * h;
-        for (int e = 0; e < NE; e++) J[e][j] = (ahead->delta_e[e] - behind->delta_e[e]) / width;
-        for (int i = 0; i < NA; i++) K[i][j] = (ahead->lambda_a[i] - behind->lambda_a[i]) / width;
+        double width = 0.0;
+        for (int side = -1; side <= 1; side += 2) {
+            with_others(c, s, to);
+            to[j] = s[j] + side * h;
+            if (step(c, to, &c->begin, &c->beside)) continue;
+            for (int e = 0; e < NE; e++) J[e][j] += side * (beside->delta_e[e] - here->delta_e[e]);
+            for (int i = 0; i < NA; i++) K[i][j] += side * (beside->lambda_a[i] - here->lambda_a[i]);
+            width += h;
+        }
+        if (width == 0.0) return CFEM_NO_MODEL;
+        for (int e = 0; e < NE; e++) J[e][j] /= width;
+        for (int i = 0; i < NA; i++) K[i][j] /= width;
     }
     for (int i = 0; i < NA; i++)
         for (int j = 0; j < NA; j++) m->W_aa[i][j] = (K[i][j] + K[j][i]) / 2.0;
@@ -145,7 +151,7 @@ static unsigned settle(cfem_touch_controller *c) {
     const unsigned status = go(c, c->controller.delta_a);
     if (status) return status;
     c->at = c->here;
-    with_others(c, c->controller.delta_a, c->delta_a);
+    memcpy(c->delta_a, c->here_delta_a, sizeof c->here_delta_a);
     return status;
 }
 
@@ -181,6 +187,7 @@ unsigned cfem_touch_control(cfem_touch_controller *c, const cfem_input *input, c
 #if CFEM_MOST_HALVINGS
     c->controller.stands = 0; /* obstacles may have moved, and friction counts from here on */
 #endif
+    c->arrived = 0; /* obstacles may have moved */
     unsigned status = cfem_step(&c->controller, input, output);
     if (settle(c)) status |= CFEM_NO_MODEL;
     c->failed = status & CFEM_NO_MODEL ? c->failed + 1 : 0;

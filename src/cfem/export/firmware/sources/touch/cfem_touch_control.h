@@ -36,7 +36,9 @@ typedef struct {
     double others[CFEM_MEET_ROBOTS][CFEM_NA];     /* mm: where the others' actuators are to be, from the second robot on */
 #endif
     cfem_contact_state at; /* where the robot stands */
-    cfem_contact_state here, near, ahead, behind;
+    cfem_contact_state near, here, begin, beside;
+    double here_delta_a[CFEM_CONTACT_NA]; /* mm: of the state `here`, */
+    int arrived;                          /* where this tick has found it */
     cfem_contact_room room;
 } cfem_touch_controller;
 
