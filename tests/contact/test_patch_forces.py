@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from support.benchmark import benchmark
 
-from cfem.contact.law.newton import newton
+from cfem.contact.law.newton import modes_from, newton
 from cfem.contact.patch_forces import balance, turned, violation
 
 a_problem = benchmark("contact_random").a_problem
@@ -95,9 +95,12 @@ def test_patches_that_press_each_other_bear_opposite_forces(known):
 
 def test_a_share_of_the_way_ends_between_the_guess_and_the_law():
     frames, C, gaps, forces = drawn(3)
-    whole, half = (balance(None, frames, C, gaps, forces, forces, MU, None, share) for share in (1.0, 0.5))
-    np.testing.assert_allclose(half.forces, (forces + whole.forces) / 2)
+    whole = balance(None, frames, C, gaps, forces, forces, MU)
+    mean = (forces + whole.forces) / 2
+    half = whole.with_forces(mean, mean, frames, MU)
     np.testing.assert_allclose(half.step, whole.step / 2)
+    np.testing.assert_allclose((half.local[:, None] @ frames)[:, 0], mean)
+    assert half.modes == modes_from(half.local, MU)
 
 
 def test_without_pairs_all_forces_are_taken_off():

@@ -1,6 +1,6 @@
 """One round of a contact step: the law of contact, linear about where the patches are."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numba import njit
@@ -163,6 +163,13 @@ class Balance:
     change: np.ndarray
     compliance: np.ndarray
 
+    def with_forces(self, push: np.ndarray, forces: np.ndarray, frames: np.ndarray, mu: float) -> "Balance":
+        """Other forces on the same linearisation, push (p, 3) N of pairs and forces (c, 3) N on patches, which need not
+        obey the law."""
+        local = (frames @ push[:, :, None])[..., 0]
+        change = self.change + forces - self.forces
+        return replace(self, modes=modes_from(local, mu), local=local, push=push, forces=forces, change=change)
+
     @property
     def step(self) -> np.ndarray:
         """Step (c, 3) mm by which the change of the forces moves the patches."""
@@ -178,7 +185,6 @@ def balance(
     push: np.ndarray,
     mu: float,
     mobility: np.ndarray | None = None,
-    share: float = 1.0,
 ) -> Balance | None:
     """The law of contact on p pairs of c patches with `compliance` (3 c, 3 c) mm/N in the scene's axes, under forces
     (c, 3) N; None where nothing obeys it.
@@ -186,8 +192,7 @@ def balance(
     relative (p, c): how pairs depend on the patches (`Pairs.relative`), None where each patch has one, in their order
     frames (p, 3, 3), and in these gaps (p, 3) mm: normal gap and slip
     push (p, 3) N: a guess in the scene; `forces` where relative is None
-    mobility (3 p, 3 p) mm/N: by how much the pairs yield beside the patches, as the bodies move that they are on
-    share: of the way from the guess to the forces that obey the law, which is taken"""
+    mobility (3 p, 3 p) mm/N: by how much the pairs yield beside the patches, as the bodies move that they are on"""
     if not len(frames):
         return Balance((), np.zeros((0, 3)), np.zeros((0, 3)), 0 * forces, -forces, compliance)
     guess, pair_compliance = (frames @ push[:, :, None])[..., 0], compliance
@@ -203,9 +208,6 @@ def balance(
     if answer is None:
         return None
     modes, local = answer
-    if share < 1:
-        local = guess + share * (local - guess)
-        modes = modes_from(local, mu)
     pushes = (local[:, None] @ frames)[:, 0]
-    balanced = pushes if relative is None else (B.T @ pushes.ravel()).reshape(-1, 3)
+    balanced = pushes if relative is None else relative.T @ pushes
     return Balance(modes, local, pushes, balanced, balanced - forces, compliance)

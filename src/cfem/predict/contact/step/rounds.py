@@ -14,6 +14,7 @@ from cfem.contact.pairs import Memory, Pairs
 from cfem.contact.patch_forces import Balance, TurningCompliance, balance
 from cfem.contact.step_status import StepStatus
 from cfem.predict.contact.forces.loaded_robots import NOTHING, LoadedRobots
+from cfem.predict.contact.step.acceleration import Acceleration
 from cfem.predict.contact.step.bodies import Bodies
 from cfem.predict.contact.step.on_obstacles import OnObstacles, begins_deep
 from cfem.predict.contact.step.poses import Loads, Poses
@@ -22,6 +23,8 @@ from cfem.predict.contact.step.state import SETTLED, ContactState
 
 ITERATIONS = 60
 PATIENCE, LEAST = 8, 1 / 64  # rounds that take all of the change of the forces, and the least share of later ones
+ACCELERATED = 16  # rounds that combine answers: where a surface loses its hold, no combination of them leads on
+ALIKE = 0.5  # cosine between steps that go the same way
 MOST_PAIRS = 60  # pairs of soft surfaces that may touch at once
 NEAR = 0.005  # of the length: farther patches on which no obstacle presses are forgotten between steps
 
@@ -37,7 +40,8 @@ class Rounds:
     def __init__(self, scene: Bodies, deltas: Sequence[np.ndarray], before: ContactState | None):
         """Begins at the actuators `deltas` with the contacts of the state `before`, None: without any."""
         self.scene, self.iterations, self.modes = scene, 0, ()
-        self._share, self._missed = 1.0, np.inf
+        self._share, self._missed, self._last_step = 1.0, np.inf, np.zeros((0, 3))
+        self._acceleration = Acceleration()
         loads = NOTHING, np.zeros((len(scene.bodies), 3))
         self._begin = loads[1] if before is None else before.forces
         if before is not None:
@@ -94,19 +98,51 @@ class Rounds:
         answer = self._law()
         if answer is None:
             return StepStatus.NO_MODE
-        share, holds = self._share, self._move(*answer)
-        self._weigh(answer[0])
-        return StepStatus.CONVERGED if holds and share == 1 else None
+        lawful, turning = answer
+        step = lawful.step
+        largest = float(np.abs(step).max(initial=0.0))
+        taken = self._taken(lawful, largest)
+        holds = self._move(taken, turning, largest)
+        self._weigh(step, largest)
+        return StepStatus.CONVERGED if holds and taken is lawful else None
 
-    def _weigh(self, answer: Balance) -> None:
+    @property
+    def _on_faces(self) -> bool:
+        """True where pairs of soft surfaces touch."""
+        return self.soft is not None and len(self.soft.touching) > 0
+
+    def _taken(self, answer: Balance, step: float) -> Balance:
+        """What the round takes of the answer of the law, by which patches move by at most `step` mm: all of it, a share
+        of the change of the forces, or, where faces of soft surfaces still turn from round to round, the answers of
+        the last rounds combined."""
+        soft, share, mu = self.soft, self._share, self.scene.mu
+        if share < 1:
+            push, forces = self._pushes(), self.robots.on_known
+            push, forces = push + share * (answer.push - push), forces + share * (answer.forces - forces)
+            self._acceleration.forget()
+            return answer.with_forces(push, forces, self._frames(), mu)
+        if not self._on_faces or soft.at_rest(step) or self.iterations > ACCELERATED:
+            return answer
+        rows = self.met.near.tobytes(), soft.touching.slots.tobytes(), self.robots.known.tobytes(), answer.modes
+        combined = self._acceleration.next(rows, np.concatenate([answer.push, answer.forces]), answer.step)
+        if combined is None:
+            return answer
+        pairs = len(answer.push)
+        return answer.with_forces(combined[:pairs], combined[pairs:], self._frames(), mu)
+
+    def _weigh(self, step: np.ndarray, largest: float) -> None:
         """Share of the change of the forces that the next round takes: half of this one's where patches miss the law by
         more than in the last round, else twice as much. Where a body softens, or a patch is about to slide, whole
-        changes may lead from one round to the next and back."""
+        changes may lead from one round to the next and back; a patch that slides off its faces misses the law by more
+        and more on its way. step (c, 3) mm, by which all of the change moves patches, and the largest of it."""
         last, self._missed = self._missed, self.met.missed if len(self.met.near) else 0.0
-        if self.soft is not None and len(self.soft.touching):
-            self._missed = max(self._missed, float(np.abs(answer.step).max(initial=0.0)) / self._share)
+        onwards = False
+        if self._on_faces:
+            self._missed = max(self._missed, largest)
+            onwards = same_way(step, self._last_step)
+        self._last_step = step
         if self.iterations > PATIENCE:
-            self._share = min(2 * self._share, 1.0) if self._missed < last else max(self._share / 2, LEAST)
+            self._share = min(2 * self._share, 1.0) if self._missed < last or onwards else max(self._share / 2, LEAST)
 
     def _free(self) -> StepStatus | None:
         """Status of a round in which nothing touches."""
@@ -146,31 +182,36 @@ class Rounds:
             self.soft.take(touching, self.places)
         return True
 
+    def _frames(self) -> np.ndarray:
+        """(p, 3, 3) frames of the pairs of the law: of obstacles, then of soft surfaces."""
+        frames = self.met.frames(self.places)
+        return frames if self.soft is None else np.concatenate([frames, self.soft.touching.frames])
+
+    def _pushes(self) -> np.ndarray:
+        """(p, 3) N on the pairs of the law, as they are."""
+        push = self.met.push[self.met.near]
+        return push if self.soft is None else np.concatenate([push, self.soft.push_of(self.soft.touching)])
+
     def _law(self) -> tuple[Balance, np.ndarray | None] | None:
-        """Forces that obey the law, linear about the places, or a share of the way there, and by how much (d, 3) N
-        those of obstacles change beside as they turn, None where none turns. None where nothing obeys the law."""
+        """Forces that obey the law, linear about the places, and (3 d, 3 p) how those of obstacles turn with changes of
+        all, None where none turns. None where nothing obeys the law."""
         met, places, mu = self.met, self.places, self.scene.mu
-        frames, near, gaps, relative = met.frames(places), met.near, met.gaps(places), None
-        push = met.push[near]
+        frames, near, gaps, relative, push = self._frames(), met.near, met.gaps(places), None, self._pushes()
         if self.soft is not None:
             known, touching = self.robots.known, self.soft.touching
             alone = np.zeros((len(near), len(known)))
             alone[np.arange(len(near)), self._of_near()] = 1.0
             relative = np.concatenate([alone, touching.relative[:, known]])
             gaps = np.concatenate([gaps, self.soft.gaps(places, mu)])
-            frames = np.concatenate([frames, touching.frames])
-            push = np.concatenate([push, self.soft.push_of(touching)])
         for compliance, turned, loads in self._linearisations():
             yields = self.poses.yields(places, near, met.which, loads, relative, compliance, turned)
             if yields is None:
                 continue
-            given = gaps, self.robots.on_known, push, mu, yields.mobility, self._share
+            given = gaps, self.robots.on_known, push, mu, yields.mobility
             answer = balance(relative, frames, compliance, *given)
             if answer is not None:
-                self._mobility, change = yields.mobility, None
-                if yields.turning is not None:
-                    change = (yields.turning @ (answer.push - push).ravel()).reshape(-1, 3)
-                return answer, change
+                self._mobility = yields.mobility
+                return answer, yields.turning
         return None
 
     def _linearisations(self) -> Iterator[tuple[np.ndarray, TurningCompliance | None, Loads]]:
@@ -185,12 +226,13 @@ class Rounds:
         nothing = np.zeros_like(robots.on_known), np.zeros_like(met.push), loads[2]
         yield robots.compliance(under_forces=False), None, nothing
 
-    def _move(self, answer: Balance, turned: np.ndarray | None) -> bool:
-        """Loads the forces of the answer, and `turned` (d, 3) N beside, which move the patches. True where the law
-        holds there too."""
+    def _move(self, answer: Balance, turning: np.ndarray | None, step: float) -> bool:
+        """Loads the forces of the answer, and by what those of obstacles turn (`turning`, as of `_law`), which move the
+        patches. True where the law holds there too. step: mm, by which all of the law's answer moves them."""
         met, d, forces, self.modes = self.met, len(self.met.near), answer.forces, answer.modes
         local, push = answer.local[:d], answer.push[:d]
-        if turned is not None:
+        if turning is not None:
+            turned = (turning @ (answer.push - self._pushes()).ravel()).reshape(-1, 3)
             push, forces = push + turned, forces.copy()
             forces[self._of_near()] += turned
         met.sticks[:] = False
@@ -198,7 +240,7 @@ class Rounds:
         self._press(push, forces)
         before, self.places = self.places, met.place()
         if self.soft is not None:
-            self.soft.press(answer.push[d:], float(np.abs(answer.step).max()))
+            self.soft.press(answer.push[d:], step)
         met.look(self.places, before)
         if self.soft is not None:
             self.soft.detect(self.places)
@@ -277,3 +319,10 @@ class Rounds:
             list(zip(robots.R, robots.t, strict=True)),
             [model.model for model in self.scene.surfaces.models],
         )
+
+
+def same_way(step: np.ndarray, last: np.ndarray) -> bool:
+    """True where steps of the same patches, (c, 3) mm, go the same way."""
+    if step.shape != last.shape:
+        return False
+    return bool((step * last).sum() > ALIKE * np.sqrt((step**2).sum() * (last**2).sum()))

@@ -68,7 +68,7 @@ class SoftPairs:
         return np.array([self.push.get(slot, np.zeros(3)) for slot in pairs.slots.tolist()]).reshape(-1, 3)
 
     def press(self, push: np.ndarray, step: float) -> None:
-        """Those that touch are pressed by push (p, 3) N, which moves patches by `step` mm."""
+        """Those that touch are pressed by push (p, 3) N; step: mm, by which all of the law's answer moves patches."""
         pressed = push.any(axis=1)
         self.push, self.step = _by_slot(self.touching.slots[pressed], push[pressed]), step
 
@@ -79,7 +79,11 @@ class SoftPairs:
         same, self._settled_slots = slots == self._settled_slots, slots
         opened = ~np.isin(self.pairs.slots, list(slots)) & self._entered(places)
         clear = self.pairs.gaps[opened].min(initial=np.inf) >= -OVERLAP * self.length
-        return same and clear and self.step <= SETTLED * self.length
+        return same and clear and self.at_rest(self.step)
+
+    def at_rest(self, step: float) -> bool:
+        """True where patches hardly move: by `step` mm."""
+        return step <= SETTLED * self.length
 
     def apart(self, places: np.ndarray) -> bool:
         """True where no pair touches."""

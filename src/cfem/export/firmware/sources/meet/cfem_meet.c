@@ -12,7 +12,7 @@
 #define MOST CFEM_TOUCH_MOST
 #define NA CFEM_NA
 
-static const double TOLERANCE = 1e-8, OVERLAP = 1e-6, INSIDE = 1e-3; /* of the length */
+static const double OVERLAP = 1e-6, INSIDE = 1e-3; /* of the length */
 static const double SETTLING = 0.01, ENTERED = 0.1, NEAR = 0.1;      /* of the distance of patches */
 
 static int presses(const double *force) { return force[0] != 0.0 || force[1] != 0.0 || force[2] != 0.0; }
@@ -97,21 +97,22 @@ static unsigned look(cfem_rounds *at) {
     return 0;
 }
 
-/* The same where patches hardly move: pairs that are far apart keep their planes, and nothing new comes near. 0, or a status. */
+/* The same where patches hardly move: pairs that are far apart keep their planes. 0, or a status. */
 static unsigned look_again(cfem_rounds *at) {
     cfem_met *const now = at->soft->now;
-    int kept = 0;
+    cfem_pair new;
     onwards(at);
     memset(at->soft->room->around.known, 0, sizeof at->soft->room->around.known);
-    for (int i = 0; i < now->pair_count; i++) {
-        const int p = now->pair[i].row.slot, h = cfem_hold_of(now, p);
-        const int apart = now->pair[i].gap > NEAR * CFEM_MEET_SPACING && !(h >= 0 && at->soft->room->kept[h]);
-        const int found = apart ? 1 : look_at(at, p, &now->pair[i]);
-        if (found < 0) return CFEM_TOUCH_MANY;
-        if (found && kept < i) now->pair[kept] = now->pair[i];
-        kept += found;
+    for (int p = 0, i = 0; p < ALL; p++) {
+        cfem_pair *const pair = &now->pair[i];
+        const int h = cfem_hold_of(now, p), is = i < now->pair_count && pair->row.slot == p;
+        const int far = is && pair->gap > NEAR * CFEM_MEET_SPACING && !(h >= 0 && at->soft->room->kept[h]);
+        const int found = far ? 1 : look_at(at, p, is ? pair : &new);
+        if (found < 0 || (found && !is && now->pair_count == CFEM_MEET_PAIRS)) return CFEM_TOUCH_MANY;
+        if (found != is) memmove(pair + found, pair + is, sizeof *pair * (size_t)(now->pair_count - i - is));
+        if (found && !is) *pair = new;
+        now->pair_count += found - is, i += found;
     }
-    now->pair_count = kept;
     return 0;
 }
 
@@ -120,6 +121,7 @@ unsigned cfem_soft_begin(cfem_rounds *at) {
     const cfem_met *const before = at->soft->begin;
     int inside = 0;
     at->soft->room->around.robots = at->placed, at->soft->last = 0;
+    at->soft->room->answers.count = at->soft->room->answers.last_moved = 0;
     if (before) {
         now->pair_count = before->pair_count, now->hold_count = before->hold_count;
         memcpy(now->pair, before->pair, sizeof *now->pair * (size_t)now->pair_count);
@@ -241,11 +243,11 @@ unsigned cfem_soft_settle(cfem_rounds *at, int *settled) {
     const int rows = at->solid + at->pairs;
     int *const slots = at->soft->room->slots;
     release(now);
-    *settled = rows == at->soft->last && at->moved <= TOLERANCE * CFEM_PATCH_LENGTH;
+    *settled = rows == at->soft->last && at->moved <= CFEM_SOFT_RESTS * CFEM_PATCH_LENGTH;
     for (int r = 0; r < rows; r++) {
-        const int k = r - at->solid, slot = k < 0 ? ALL + at->robot[r] * N + at->now[at->robot[r]].patch[at->slot[r]] : touching(at, k)->row.slot;
+        const int slot = cfem_soft_slot(at, r);
         *settled &= r < at->soft->last && slots[r] == slot, slots[r] = slot;
-        if (k < 0) continue;
+        if (r < at->solid) continue;
         cfem_hold *const hold = &now->hold[cfem_hold_of(now, slot)];
         hold->mode = cfem_touch_mode(at->mu, at->local[r]);
         for (int a = 0; a < 9; a++) hold->push[a % 3] += at->local[r][a / 3] * at->frame[r][a / 3][a % 3];

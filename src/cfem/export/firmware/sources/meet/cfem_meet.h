@@ -34,10 +34,20 @@ typedef struct {
 
 extern const cfem_placed cfem_robots[CFEM_MEET_ROBOTS]; /* of the export */
 
+/* Answers of the last rounds, `count` of them, on the same `rows` of the law. pushes: N, of the rows in the scene, and behind them on the
+ * patches that bear; step: mm, by which these move, `moved` numbers. last, last_moved: the step of the last round, whatever its rows. */
+#define CFEM_MEET_ANSWERS 4
+typedef struct {
+    int count, rows, moved, last_moved, slot[CFEM_TOUCH_MOST], mode[CFEM_TOUCH_MOST];
+    double pushes[CFEM_MEET_ANSWERS][CFEM_TOUCH_ROWS * (1 + CFEM_MEET_ROBOTS)];
+    double step[CFEM_MEET_ANSWERS][CFEM_TOUCH_ROWS * CFEM_MEET_ROBOTS], last[CFEM_TOUCH_ROWS * CFEM_MEET_ROBOTS];
+} cfem_answers;
+
 /* Room to work in. */
 typedef struct {
     cfem_touch_room robot[CFEM_MEET_ROBOTS];
     cfem_around around;
+    cfem_answers answers;
     int chosen[CFEM_MEET_PATCHES];                        /* place of a patch among those of its robot's state, or -1 */
     int kept[CFEM_MEET_PAIRS];                            /* whether a hold has touched in this step, */
     cfem_row_of faces[CFEM_MEET_PAIRS];                   /* and what it met then */

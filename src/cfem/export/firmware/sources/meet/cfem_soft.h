@@ -5,6 +5,8 @@
 #include "cfem_meet.h"
 #include "cfem_rounds.h"
 
+#define CFEM_SOFT_RESTS 1e-8 /* of the length: patches that move by less have settled */
+
 /* begin: the state before, or 0. last: rows of the last round. */
 struct cfem_meeting {
     const cfem_met *begin;
@@ -12,6 +14,12 @@ struct cfem_meeting {
     cfem_meet_room *room;
     int last;
 };
+
+/* Number of row r of the law, of a patch near an obstacle or of a pair: the same in all rounds. */
+static inline int cfem_soft_slot(const cfem_rounds *at, int r) {
+    if (r >= at->solid) return at->soft->now->pair[at->soft->room->touching[r - at->solid]].row.slot;
+    return CFEM_MEET_PATCHES + at->robot[r] * CFEM_PATCHES + at->now[at->robot[r]].patch[at->slot[r]];
+}
 
 /* Number of the hold of a slot, or -1. */
 int cfem_hold_of(const cfem_met *now, int slot);
@@ -42,6 +50,10 @@ static inline int cfem_soft_entry(const cfem_rounds *at, int k, int e, int *plac
     *place = at->soft->room->chosen[row->patch[e]], *weight = row->weight[e];
     return row->patch[e] / CFEM_PATCHES;
 }
+
+/* In cfem_answers.c: combines the answers of the last rounds, on N on the patches of each robot and `local`, where these converge too slowly;
+ * step mm: how far this one's moves patches in the scene. And whether that is where they went in the last round. */
+void cfem_soft_weigh(cfem_rounds *at, double (*on)[CFEM_TOUCH_ROWS], double (*step)[CFEM_TOUCH_ROWS]);
 
 /* Takes the forces of the round, and finds the pairs anew; settled: whether what touches is what did, and hardly moves any more. 0, or a
  * status. */

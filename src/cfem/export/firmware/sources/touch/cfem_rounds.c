@@ -236,14 +236,14 @@ static int lawful(cfem_rounds *at, double nearest) {
     return 1;
 }
 
-/* Whether the law holds where the round ends, which took all of the change of the forces. Of later rounds the next one takes half of the share
- * of this one where patches miss the law by more than in the last one, else twice as much. */
+/* Whether the law holds where the round ends, which took all of its answer. Of later rounds the next one takes half of the share of this one
+ * where patches miss the law by more than in the last one, and do not go on the same way, else twice as much. */
 static int ends(cfem_rounds *at, double nearest, int settled) {
     const double last = at->missed;
-    int holds = settled && at->share == 1.0;
+    int holds = settled && at->takes_all;
     if (at->solid) holds &= lawful(at, nearest);
-    if (at->pairs) at->missed = cfem_larger(at->solid ? at->missed : 0.0, at->moved / at->share);
-    if (at->iterations >= PATIENCE) at->share = at->missed < last ? fmin(2.0 * at->share, 1.0) : fmax(at->share / 2.0, LEAST);
+    if (at->pairs) at->missed = cfem_larger(at->solid ? at->missed : 0.0, at->moved);
+    if (at->iterations >= PATIENCE) at->share = at->missed < last || at->onwards ? fmin(2.0 * at->share, 1.0) : fmax(at->share / 2.0, LEAST);
     return holds;
 }
 
@@ -336,7 +336,7 @@ static int sensible(const cfem_rounds *at, const double *delta_a) {
 }
 
 unsigned cfem_rounds_run(cfem_rounds *at, const double *delta_a) {
-    at->iterations = at->solid = at->pairs = 0, at->moved = at->missed = HUGE_VAL, at->share = 1.0;
+    at->iterations = at->solid = at->pairs = 0, at->onwards = 0, at->moved = at->missed = HUGE_VAL, at->share = 1.0;
     for (int b = 0; b < ROBOTS; b++) at->now[b].count = 0;
     unsigned status = sensible(at, delta_a) ? begin(at, delta_a) : CFEM_TOUCH_BAD_INPUT;
     if (status) return status;

@@ -19,8 +19,9 @@ struct cfem_meeting;
 
 /* robots: of the step, of each one its state before, or 0, and now. solid: patches near obstacles, which are the first rows of the law: of
  * each its robot, and its place among those of the robot that bear. pairs: of soft surfaces that touch, which are the next rows. local: N, in
- * the frames of the rows. moved: mm, by the last change of the forces. share: of the change of the forces, that the round takes. missed: mm,
- * by which patches miss the law where they have come to. systems: linear ones that the step may still solve, of all its rounds. */
+ * the frames of the rows. moved: mm, by all of the last change of the forces. share: of that change, that the round takes; takes_all: whether it takes
+ * the answer of the law as it is; onwards: whether patches go where they went in the last round. missed: mm, by which patches miss the law
+ * where they have come to. systems: linear ones that the step may still solve, of all its rounds. */
 typedef struct {
     const cfem_placed *placed;
     const cfem_obstacle *obstacles;
@@ -30,7 +31,7 @@ typedef struct {
     cfem_touched *now;
     cfem_touch_room *room;
     struct cfem_meeting *soft;
-    int iterations, systems, solid, pairs, robot[CFEM_TOUCH_MOST], slot[CFEM_TOUCH_MOST];
+    int iterations, systems, solid, pairs, takes_all, onwards, robot[CFEM_TOUCH_MOST], slot[CFEM_TOUCH_MOST];
     double frame[CFEM_TOUCH_MOST][3][3], local[CFEM_TOUCH_MOST][3], moved, share, missed;
     unsigned char stuck_before[CFEM_TOUCH_ROBOTS][CFEM_PATCHES]; /* whether friction held it on an obstacle in the last round */
 } cfem_rounds;
@@ -41,7 +42,7 @@ typedef struct {
 unsigned cfem_rounds_run(cfem_rounds *at, const double *delta_a);
 unsigned cfem_rounds_slack(cfem_rounds *at, const double *delta_a);
 
-/* Forces of the round that obey the law, or `share` of the way there, in `local` and on the patches. 0, or 1 where nothing does. */
+/* Forces of the round that obey the law, or what it takes of these, in `local` and on the patches. 0, or 1 where nothing does. */
 int cfem_rounds_obey(cfem_rounds *at);
 
 /* From a robot's axes to those of the scene, and back. */

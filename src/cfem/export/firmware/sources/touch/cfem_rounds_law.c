@@ -132,25 +132,55 @@ static int on_obstacle(cfem_rounds *at, int r, double *known, double *gap) {
     return turns;
 }
 
-/* Puts `local` on the patches, and turns it with curved obstacles; how far that moves them, but for the turning, into `moved`. */
-static void press(cfem_rounds *at, int which) {
-    at->moved = 0.0;
+/* on N: what `local` puts on the patches of each robot; step mm: how far that moves them, in the scene. The largest of it. */
+static double step_by(cfem_rounds *at, int which, double (*on)[ROWS], double (*step)[ROWS]) {
+    double largest = 0.0, change[ROWS], way[ROWS];
+    for (int b = 0; b < ROBOTS; b++) {
+        const cfem_touched *const one = &at->now[b];
+        const double *const C = compliance(&at->room[b], which);
+        const int c = 3 * one->count;
+        on_patches(at, b, at->local, on[b]);
+        for (int j = 0; j < c; j++) change[j] = on[b][j] - one->force[j / 3][j % 3];
+        for (int j = 0; j < c && SOFT(1, 0); j++) way[j] = cfem_dot(c, C + j * c, change);
+        for (int i = 0; i < one->count && SOFT(1, 0); i++) cfem_turn(&at->placed[b], way + 3 * i, step[b] + 3 * i);
+        for (int j = 0; j < c && SOFT(1, 0); j++) largest = cfem_larger(largest, fabs(step[b][j]));
+    }
+    return largest;
+}
+
+/* What the round takes of `local`, and of what it puts `on` the patches: all of it, a share of the change of the forces, or, where faces of
+ * soft surfaces still turn from round to round, the answers of the last rounds combined. */
+static void take(cfem_rounds *at, double (*known)[3], double (*on)[ROWS], double (*step)[ROWS]) {
+    at->takes_all = at->share >= 1.0;
+    for (int i = 0; i < 3 * (at->solid + at->pairs) && !at->takes_all; i++)
+        at->local[i / 3][i % 3] = known[i / 3][i % 3] + at->share * (at->local[i / 3][i % 3] - known[i / 3][i % 3]);
+    for (int b = 0; b < ROBOTS && !at->takes_all; b++)
+        for (int j = 0; j < 3 * at->now[b].count; j++) {
+            const double force = at->now[b].force[j / 3][j % 3];
+            on[b][j] = force + at->share * (on[b][j] - force);
+        }
+#if CFEM_TOUCH_SOFT
+    cfem_soft_weigh(at, on, step);
+#else
+    (void)step;
+#endif
+}
+
+/* Puts `local` on the patches, where it is `on`, and turns its change from `known` with curved obstacles. */
+static void press(cfem_rounds *at, int which, double (*known)[3], double (*on)[ROWS]) {
+    double by_rows[MOST][3];
+    for (int i = 0; i < 3 * (at->solid + at->pairs); i++) by_rows[i / 3][i % 3] = at->local[i / 3][i % 3] - known[i / 3][i % 3];
     for (int b = 0; b < ROBOTS; b++) {
         cfem_touched *const one = &at->now[b];
         cfem_touch_room *const room = &at->room[b];
         const int c = 3 * one->count;
-        double on[ROWS], step[ROWS], way[ROWS], scene[3];
-        on_patches(at, b, at->local, on);
-        for (int j = 0; j < c; j++) step[j] = on[j] - one->force[j / 3][j % 3];
-        for (int j = 0; j < c && SOFT(1, which == TURNED); j++) way[j] = cfem_dot(c, compliance(room, which) + j * c, step);
+        double change[ROWS], way[ROWS], scene[3];
+        if (which == TURNED) on_patches(at, b, by_rows, change);
+        for (int j = 0; j < c && which == TURNED; j++) way[j] = cfem_dot(c, compliance(room, which) + j * c, change);
         for (int i = 0; i < one->count; i++)
             for (int a = 0; a < 3; a++)
-                one->force[i][a] = on[3 * i + a] + (which == TURNED ? cfem_dot(3, room->bend[i][a], way + 3 * i) : 0.0);
-        for (int i = 0; i < one->count && SOFT(1, 0); i++) {
-            memset(PUSH(one)[i], 0, sizeof one->force[i]);
-            cfem_turn(&at->placed[b], way + 3 * i, scene);
-            for (int a = 0; a < 3; a++) at->moved = cfem_larger(at->moved, fabs(scene[a]));
-        }
+                one->force[i][a] = on[b][3 * i + a] + (which == TURNED ? cfem_dot(3, room->bend[i][a], way + 3 * i) : 0.0);
+        for (int i = 0; i < one->count && SOFT(1, 0); i++) memset(PUSH(one)[i], 0, sizeof one->force[i]);
         for (int r = 0; r < at->solid && SOFT(1, 0); r++) {
             const int i = at->slot[r];
             double turned[3] = {0.0};
@@ -164,7 +194,7 @@ static void press(cfem_rounds *at, int which) {
 }
 
 int cfem_rounds_obey(cfem_rounds *at) {
-    double known[MOST][3], gap[ROWS];
+    double known[MOST][3], gap[ROWS], on[ROBOTS][ROWS], step[ROBOTS][ROWS];
     int turns = 0, which;
     for (int b = 0; b < ROBOTS; b++)
         if (at->now[b].count) memset(at->room[b].bend, 0, sizeof at->room[b].bend[0] * (size_t)at->now[b].count);
@@ -178,8 +208,8 @@ int cfem_rounds_obey(cfem_rounds *at) {
         if (law(at, TOTAL, known, gap)) return 1;
         which = TOTAL;
     }
-    for (int r = 0; r < at->solid + at->pairs && at->share < 1.0; r++)
-        for (int a = 0; a < 3; a++) at->local[r][a] = known[r][a] + at->share * (at->local[r][a] - known[r][a]);
-    press(at, which);
+    at->moved = step_by(at, which, on, step);
+    take(at, known, on, step);
+    press(at, which, known, on);
     return 0;
 }
