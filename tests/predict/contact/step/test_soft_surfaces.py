@@ -14,6 +14,7 @@ from cfem.equilibrium.contact.patch_compliance import patch_response
 from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
 from cfem.equilibrium.contact.surfaces import SurfaceScene as MeetingInFe
 from cfem.predict.contact.step.bodies import PlacedModel
+from cfem.predict.contact.step.rounds import ACCELERATED, Rounds
 from cfem.predict.contact.step.scene import ContactScene, contact_step
 from cfem.predict.contact.surface.patched_model import PatchedModel, patches_of
 from cfem.predict.load import load_model
@@ -151,6 +152,25 @@ def test_the_work_of_the_cables_along_a_closed_way_is_what_friction_takes(twins,
             at = now
     assert taken == pytest.approx(mu * size, rel=0.05, abs=1e-9)
     assert worked == pytest.approx(taken, abs=0.05 * MU * size)
+
+
+def test_answers_combined_take_fewer_rounds_to_the_same_states(twins, monkeypatch):
+    """The more the robots press each other, the slower plain rounds settle: faces turn with what presses on them."""
+    ways = {}
+    for accelerated in (0, ACCELERATED):
+        monkeypatch.setattr(f"{Rounds.__module__}.ACCELERATED", accelerated)
+        scene, state, ways[accelerated] = ContactScene(twins, mu=MU), None, []
+        for share in np.arange(13) / 10:
+            deltas = [np.array([1.6 * share]), np.array([share])]
+            state = scene.start(deltas) if state is None else scene.step(deltas, state)
+            assert state.converged
+            ways[accelerated].append(state)
+    plain, combined = ways.values()
+    for a, b in zip(plain, combined, strict=True):
+        np.testing.assert_allclose(b.forces, a.forces, rtol=0, atol=1e-5 * max(a.pressed, 1e-3))
+    assert plain[-1].pressed > 0.02
+    rounds = [sum(state.iterations for state in states) for states in (plain, combined)]
+    assert rounds[1] < 0.85 * rounds[0], rounds
 
 
 def test_what_sticks_stays_where_it_is_on_the_other(twins, rubbed):

@@ -13,7 +13,7 @@
 #define NA CFEM_NA
 
 static const double OVERLAP = 1e-6, INSIDE = 1e-3; /* of the length */
-static const double SETTLING = 0.01, ENTERED = 0.1, NEAR = 0.1;      /* of the distance of patches */
+static const double SETTLING = 0.01, STAYING = 0.001, ENTERED = 0.1, NEAR = 0.1; /* of the distance of patches */
 
 static int presses(const double *force) { return force[0] != 0.0 || force[1] != 0.0 || force[2] != 0.0; }
 
@@ -87,7 +87,7 @@ static unsigned look(cfem_rounds *at) {
     cfem_met *const now = at->soft->now;
     see(at);
     memset(at->soft->room->around.known, 0, sizeof at->soft->room->around.known);
-    now->pair_count = 0;
+    now->pair_count = 0, at->soft->moved = 0.0;
     for (int p = 0; p < ALL; p++) {
         if (now->pair_count == CFEM_MEET_PAIRS) return CFEM_TOUCH_MANY;
         const int found = look_at(at, p, &now->pair[now->pair_count]);
@@ -97,22 +97,22 @@ static unsigned look(cfem_rounds *at) {
     return 0;
 }
 
-/* The same where patches hardly move: pairs that are far apart keep their planes. 0, or a status. */
+/* The same where patches have hardly moved since: pairs that are far apart keep their planes, and nothing new has come near. 0, or a
+ * status. */
 static unsigned look_again(cfem_rounds *at) {
     cfem_met *const now = at->soft->now;
-    cfem_pair new;
+    int kept = 0;
     onwards(at);
     memset(at->soft->room->around.known, 0, sizeof at->soft->room->around.known);
-    for (int p = 0, i = 0; p < ALL; p++) {
-        cfem_pair *const pair = &now->pair[i];
-        const int h = cfem_hold_of(now, p), is = i < now->pair_count && pair->row.slot == p;
-        const int far = is && pair->gap > NEAR * CFEM_MEET_SPACING && !(h >= 0 && at->soft->room->kept[h]);
-        const int found = far ? 1 : look_at(at, p, is ? pair : &new);
-        if (found < 0 || (found && !is && now->pair_count == CFEM_MEET_PAIRS)) return CFEM_TOUCH_MANY;
-        if (found != is) memmove(pair + found, pair + is, sizeof *pair * (size_t)(now->pair_count - i - is));
-        if (found && !is) *pair = new;
-        now->pair_count += found - is, i += found;
+    for (int i = 0; i < now->pair_count; i++) {
+        const int p = now->pair[i].row.slot, h = cfem_hold_of(now, p);
+        const int far = now->pair[i].gap > NEAR * CFEM_MEET_SPACING && !(h >= 0 && at->soft->room->kept[h]);
+        const int found = far ? 1 : look_at(at, p, &now->pair[i]);
+        if (found < 0) return CFEM_TOUCH_MANY;
+        if (found && kept < i) now->pair[kept] = now->pair[i];
+        kept += found;
     }
+    now->pair_count = kept;
     return 0;
 }
 
@@ -120,7 +120,7 @@ unsigned cfem_soft_begin(cfem_rounds *at) {
     cfem_met *const now = at->soft->now;
     const cfem_met *const before = at->soft->begin;
     int inside = 0;
-    at->soft->room->around.robots = at->placed, at->soft->last = 0;
+    at->soft->room->around.robots = at->placed, at->soft->last = 0, at->soft->moved = HUGE_VAL;
     at->soft->room->answers.count = at->soft->room->answers.last_moved = 0;
     if (before) {
         now->pair_count = before->pair_count, now->hold_count = before->hold_count;
@@ -253,7 +253,8 @@ unsigned cfem_soft_settle(cfem_rounds *at, int *settled) {
         for (int a = 0; a < 9; a++) hold->push[a % 3] += at->local[r][a / 3] * at->frame[r][a / 3][a % 3];
     }
     at->soft->last = rows;
-    const unsigned status = *settled || !rests(at) || at->iterations == 0 ? look(at) : look_again(at);
+    at->soft->moved += at->moved;
+    const unsigned status = *settled || at->soft->moved > STAYING * CFEM_MEET_SPACING ? look(at) : look_again(at);
     for (int i = 0, r = at->solid; i < now->pair_count; i++) {
         while (r < rows && slots[r] < now->pair[i].row.slot) r++;
         if (r < rows && slots[r] == now->pair[i].row.slot) continue;
@@ -302,7 +303,7 @@ int cfem_soft_near(const cfem_rounds *at, int b, int p) {
 
 unsigned cfem_meet(double (*delta_a)[CFEM_NA], const cfem_placed *robots, const cfem_obstacle *obstacles, int count, double mu,
                    const cfem_met *before, cfem_met *now, cfem_meet_room *room) {
-    struct cfem_meeting soft = {before, now, room, 0};
+    struct cfem_meeting soft = {before, now, room, 0, 0.0};
     cfem_rounds at = {.placed = robots, .obstacles = obstacles, .obstacle_count = count, .mu = mu, .before = before ? before->robot : 0,
                       .now = now->robot, .room = room->robot, .soft = &soft, .systems = CFEM_TOUCH_SYSTEMS};
     now->pair_count = now->hold_count = 0;

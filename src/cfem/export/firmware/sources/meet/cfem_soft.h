@@ -7,12 +7,13 @@
 
 #define CFEM_SOFT_RESTS 1e-8 /* of the length: patches that move by less have settled */
 
-/* begin: the state before, or 0. last: rows of the last round. */
+/* begin: the state before, or 0. last: rows of the last round. moved: mm, since all pairs were looked for. */
 struct cfem_meeting {
     const cfem_met *begin;
     cfem_met *now;
     cfem_meet_room *room;
     int last;
+    double moved;
 };
 
 /* Number of row r of the law, of a patch near an obstacle or of a pair: the same in all rounds. */
