@@ -105,6 +105,22 @@ def test_steps_are_those_of_python(exported, robots, mu):
 
 
 @needs_compiler
+def test_a_step_without_the_obstacles_of_before_does_as_in_python(exported, robots):
+    """Of two walls that a bar leans on one is gone, then the other."""
+    compiled, mu, now = CompiledMeet(exported[0], STRICT), 0.3, None
+    turned = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
+    below = Plane(t=np.array([0.0, 0.0, -5.0]))
+    walls = (Plane(R=turned, t=np.array([0.0, 5.0 + 1e-3, 0.0])), below)
+    for solid in (walls, walls, walls, walls[:1], walls[:1], (), ()):
+        deltas = [np.array([1.2 if now is None else now.deltas[0][0] + 0.1]), np.array([0.9])]
+        scene = ContactScene(robots, ObstacleSet(solid), mu)
+        now = scene.start([0 * d for d in deltas]) if now is None else scene.step(deltas, now)
+        found = compiled(now.deltas, solid, mu)
+        assert now.converged and found.status == 0
+        assert np.abs(found.forces - now.forces).max() < 1e-7 * max(0.01, np.abs(now.forces).max())
+
+
+@needs_compiler
 @pytest.mark.parametrize("mu", fast_are({0.3}, [0.0, 0.3]))
 def test_a_ball_among_soft_robots_presses_as_in_python(exported, patched, robots, mu):
     """A ball that goes with the side of a bar and into it: forces turn with a curved obstacle."""

@@ -105,12 +105,14 @@ static unsigned take_up(cfem_rounds *at, const double *delta_a) {
         for (int i = 0, j = 0; i < one->count; i++) { /* in the same order */
             const int p = one->patch[i] = before->near[i];
             while (j < before->count && before->patch[j] < p) j++;
-            const int bore = j < before->count && before->patch[j] == p;
+            const int bore = j < before->count && before->patch[j] == p, gone = bore && before->obstacle[j] >= at->obstacle_count;
+            double pushed[3] = {0.0}; /* by an obstacle that is gone */
+            if (gone && SOFT(1, 0)) cfem_turn_back(&at->placed[b], PUSH(before)[j], pushed);
             for (int a = 0; a < 3; a++) {
-                one->force[i][a] = bore ? before->force[j][a] : 0.0;
-                PUSH(one)[i][a] = bore ? PUSH(before)[j][a] : 0.0;
+                one->force[i][a] = bore && SOFT(1, !gone) ? before->force[j][a] - pushed[a] : 0.0;
+                PUSH(one)[i][a] = bore && !gone ? PUSH(before)[j][a] : 0.0;
             }
-            at->stuck_before[b][p] = bore && at->mu > 0.0 && before->mode[j] == CFEM_TOUCH_STICK;
+            at->stuck_before[b][p] = bore && !gone && at->mu > 0.0 && before->mode[j] == CFEM_TOUCH_STICK;
         }
     }
     return cfem_rounds_know(at);
