@@ -25,9 +25,9 @@ import numpy as np
 from cfem.constraint.surface import Surface, outer_surface
 from cfem.constraint.surface_points import at_nodes
 from cfem.contact.clearance import nearest_of_surface
-from cfem.contact.detection import area_vectors
 from cfem.contact.obstacle import Box, Capsule, Obstacle
 from cfem.contact.obstacle_set import ObstacleSet
+from cfem.contact.surface.triangles import area_vectors
 from cfem.core.artefact.content import artefact_content
 from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
 from cfem.equilibrium.contact.surfaces import SurfaceScene, SurfacesState

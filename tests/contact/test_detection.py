@@ -5,7 +5,8 @@ import pytest
 
 from cfem.condensed.patches import cut
 from cfem.constraint.surface import outer_surface
-from cfem.contact.detection import NEVER, OTHER, OWN, along, detect, may_meet, patch_normals, separation
+from cfem.contact.detection import NEVER, OTHER, OWN, along, detect, may_meet, separation
+from cfem.contact.surface.triangles import mean_normals
 from cfem.mechanics.mesh import boundary_facets
 
 UP, DOWN = np.array([0.0, 0, 1]), np.array([0.0, 0, -1])
@@ -110,7 +111,7 @@ def test_neighbours_along_the_surface_never_meet_and_normals_point_outwards():
     assert (np.diag(who) == NEVER).all() and (who[:n, n:] == OTHER).all()
     far = np.abs(patches.rest[:, 0, None] - patches.rest[:, 0])
     assert (who[:n, :n][far > 6.0] == OWN).all() and (who[:n, :n][far < 1.0] == NEVER).all()
-    normals = patch_normals(surface.rest, surface.triangles, patches.of, n)
+    normals = mean_normals(surface.rest, surface.triangles, patches.of, n)
     outward = patches.rest - np.column_stack([patches.rest[:, 0].clip(0.5, 7.5), np.full((n, 2), 0.5)])
     assert ((normals * outward).sum(axis=1) > 0).all()
 

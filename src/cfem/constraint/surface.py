@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cfem.contact.surface.facets import components
+from cfem.contact.surface.triangles import normals_of, volumes_within
 
 _TRIANGLES = {3: [0, 1, 2], 6: [0, 3, 5, 3, 1, 4, 5, 4, 2, 3, 4, 5], 4: [0, 1, 2, 0, 2, 3]}
 
@@ -29,12 +30,10 @@ def outer_surface(X: np.ndarray, facets: np.ndarray) -> Surface:
     four."""
     triangles = triangulated(facets)
     _, part = components(triangles)
-    corners = X[triangles] - X[triangles].mean(axis=(0, 1))
-    volumes = np.bincount(part, np.einsum("ij,ij->i", np.cross(corners[:, 0], corners[:, 1]), corners[:, 2]))
+    volumes = volumes_within(X, triangles, part)
     nodes, triangles = np.unique(triangles[volumes[part] > 0], return_inverse=True)
     triangles, rest = triangles.reshape(-1, 3), X[nodes]
-    a, b, c = rest[triangles].swapaxes(0, 1)
-    areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    areas = np.linalg.norm(normals_of(rest[triangles]), axis=1)
     weights = np.bincount(triangles.ravel(), np.repeat(areas, 3))
     return Surface(nodes, rest, triangles, weights / weights.sum())
 

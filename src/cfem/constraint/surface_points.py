@@ -16,6 +16,7 @@ from scipy.sparse.csgraph import connected_components
 
 from cfem.condensed.patches import SHARP, SurfacePoints
 from cfem.constraint.surface import Surface
+from cfem.contact.surface.triangles import normals_of
 
 # Barycentric points and weights of degree 4 (Dunavant, IJNME 21, 1985), Gauss points of the square.
 _A, _B = 0.445948490915965, 0.091576213509771
@@ -69,8 +70,7 @@ def facet_rule(X: np.ndarray, facets: np.ndarray) -> tuple[np.ndarray, np.ndarra
         slope = _SQUARE * (1 + _GAUSS[:, None] * _SQUARE)[:, :, ::-1] / 4  # (q, 4, 2) by the two coordinates
         along = np.einsum("qka,fki->fqai", slope, X[facets])
         return shapes, shapes, np.linalg.norm(np.cross(along[:, :, 0], along[:, :, 1]), axis=2)
-    a, b, c = (X[facets[:, i]] for i in range(3))
-    area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+    area = np.linalg.norm(normals_of(X[facets[:, :3]]), axis=1) / 2
     if k == 3:
         return _TRIANGLE, _TRIANGLE, area[:, None] * _TRIANGLE_WEIGHTS
     corners = np.vstack([np.eye(3), (np.eye(3) + np.roll(np.eye(3), 1, axis=1)) / 2])
@@ -86,7 +86,7 @@ def smooth_sides(X: np.ndarray, facets: np.ndarray) -> np.ndarray:
     """Numbers (f,) of the side that each facet belongs to: sides meet at edges that turn by more than SHARP."""
     corners = facets[:, :4] if facets.shape[1] == 4 else facets[:, :3]
     k, x = corners.shape[1], X[corners]
-    normal = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
+    normal = normals_of(x)
     normal /= np.linalg.norm(normal, axis=1)[:, None]
     start, end = corners.ravel(), np.roll(corners, -1, axis=1).ravel()
     facet, key, twin = np.repeat(np.arange(len(facets)), k), start * len(X) + end, end * len(X) + start

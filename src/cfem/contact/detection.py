@@ -113,26 +113,6 @@ def kernel(squares: np.ndarray) -> np.ndarray:
     return np.maximum((np.exp(-squares) - end) / (1 - end), LEAST)
 
 
-def patch_normals(surface: np.ndarray, triangles: np.ndarray, patch: np.ndarray, count: int) -> np.ndarray:
-    """Outward unit normals (count, 3) of patches of a surface (m, 3) mm with triangles (t, 3); patch (m,): number of
-    each node's patch. Each corner of a triangle gives its area to its own patch."""
-    total = area_vectors(surface, triangles, patch, count)
-    return total / np.maximum(np.linalg.norm(total, axis=1), 1e-300)[:, None]
-
-
-def area_vectors(
-    surface: np.ndarray, triangles: np.ndarray, patch: np.ndarray | None = None, count: int | None = None
-) -> np.ndarray:
-    """Area vectors (count, 3) mm^2: sums of the normals of triangles, twice their area long, over the corners that
-    belong to each patch, to each node unless patches (m,) are given."""
-    a, b, c = (surface[triangles[:, i]].T for i in range(3))
-    (x, y, z), (u, v, w) = b - a, c - a
-    corners = (triangles if patch is None else patch[triangles]).ravel()
-    area = (np.repeat(component, 3) for component in (y * w - z * v, z * u - x * w, x * v - y * u))
-    count = len(surface) if count is None else count
-    return np.stack([np.bincount(corners, component, count) for component in area], axis=1)
-
-
 def may_meet(alongs: Sequence[np.ndarray], apart: Sequence[float]) -> np.ndarray:
     """Codes (N, N) of the patches of all bodies: OTHER, of another body, or of a part of its own that no surface joins
     to it; OWN, of its own and more than `apart` mm away along the surface; NEVER. Of each body the distances `along`

@@ -9,6 +9,7 @@ import numpy as np
 from cfem.constraint.attachment import show
 from cfem.constraint.surface import triangulated
 from cfem.contact.surface.facets import components, solid_angles
+from cfem.contact.surface.triangles import normals_of, volumes_within
 from cfem.init.body.shape import Shape
 from cfem.init.question import point
 from cfem.robot.mesh.surface_file import read_surface
@@ -54,27 +55,20 @@ def read_chamber(text: str, shape: Shape) -> Chamber:
 def _enclosed(X: np.ndarray, triangles: np.ndarray, volume: float) -> tuple[Chamber, ...]:
     """Chambers of a body, the largest first: closed inner surfaces that enclose more than _LEAST of its `volume` mm^3.
     X (n, 3) mm, triangles (t, 3)."""
-    count, part = components(triangles)
-    if count == 1:
-        return ()
-    voids = []
-    for number in range(count):
-        corners = X[triangles[part == number]]
-        void = -float(np.linalg.det(corners - corners.mean(axis=(0, 1))).sum()) / 6
-        if void > _LEAST * volume:
-            voids.append((void, corners))
-    voids.sort(key=lambda each: -each[0])
-    names = ["chamber"] if len(voids) == 1 else [f"chamber-{index + 1}" for index in range(len(voids))]
-    return tuple(
-        Chamber(name, _point_inside(corners), void, corners) for name, (void, corners) in zip(names, voids, strict=True)
-    )
+    _, part = components(triangles)
+    voids = -volumes_within(X, triangles, part)
+    largest_first = [number for number in np.argsort(-voids, kind="stable") if voids[number] > _LEAST * volume]
+    chambers = []
+    for index, number in enumerate(largest_first):
+        name, corners = f"chamber-{index + 1}" if len(largest_first) > 1 else "chamber", X[triangles[part == number]]
+        chambers.append(Chamber(name, _point_inside(corners), float(voids[number]), corners))
+    return tuple(chambers)
 
 
 def _point_inside(corners: np.ndarray) -> np.ndarray:
     """Point (3,) mm far from the walls (t, 3, 3), whose normals point into the void: half way across it from the middle
     of some facet, the one from which the way across is longest."""
-    a, b, c = corners.swapaxes(0, 1)
-    normals, middles = np.cross(b - a, c - a), corners.mean(axis=1)
+    normals, middles = normals_of(corners), corners.mean(axis=1)
     areas = np.linalg.norm(normals, axis=1)
     best, longest = middles[0], -1.0
     for facet in np.argsort(-areas)[:40]:

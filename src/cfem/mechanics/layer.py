@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cfem.contact.surface.triangles import normals_of
 from cfem.core.errors import InputError
 from cfem.mechanics.element import triangle_slopes
 from cfem.mechanics.mesh import TET_FACES
@@ -110,7 +111,7 @@ def make_layer(
     owner = _owners(cells, facets)
     nodes = (cells[owner][:, None, :] == facets[:, :, None]).argmax(axis=2)
     a, b, c = X[facets[:, :3]].swapaxes(0, 1)
-    across = np.cross(b - a, c - a)
+    across = normals_of(X[facets[:, :3]])
     twice = np.linalg.norm(across, axis=1)
     first = (b - a) / np.linalg.norm(b - a, axis=1)[:, None]
     normal = across / twice[:, None]

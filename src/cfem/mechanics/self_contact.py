@@ -16,6 +16,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from cfem.condensed.rotation import cross_matrix
+from cfem.contact.surface.triangles import normals_of
 from cfem.mechanics.assembly import add_blocks
 from cfem.mechanics.element import triangle_slopes, triangle_values
 
@@ -98,8 +100,7 @@ def make_self_contact(
 
 def at_rest(contact: SelfContact, X: np.ndarray) -> SelfContact:
     """Self-contact of the same pairs where the nodes rest at X (n, 3) mm."""
-    a, b, c = X[contact.nodes[:, :3]].swapaxes(0, 1)
-    areas = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+    areas = np.linalg.norm(normals_of(X[contact.nodes[:, :3]]), axis=1) / 2
     gap = _gaps(_frames(contact, X))[0]
     return replace(contact, weights=areas / len(POINTS) / 2, onset=contact.closing * gap)
 
@@ -189,23 +190,15 @@ def _curvature(state: SelfContactResponse) -> np.ndarray:
     apart, first, second = state.frames.swapaxes(0, 1)
     turning = (apart - gap[:, None] * normal) / length[:, None]
     along = (np.eye(3) - normal[:, :, None] * normal[:, None]) / length[:, None, None]
-    by_product = np.concatenate([np.zeros((len(gap), 3, 3)), -_cross_matrix(second), _cross_matrix(first)], axis=2)
+    by_product = np.concatenate([np.zeros((len(gap), 3, 3)), -cross_matrix(second), cross_matrix(first)], axis=2)
     mixed = turning[:, :, None] * normal[:, None] / length[:, None, None]
     of_product = -(mixed + mixed.swapaxes(1, 2) + (gap / length)[:, None, None] * along)
     H = by_product.swapaxes(1, 2) @ of_product @ by_product
     straight = along @ by_product
     H[:, :3] += straight
     H[:, :, :3] += straight.swapaxes(1, 2)
-    twist = _cross_matrix(turning)
+    twist = cross_matrix(turning)
     H[:, 3:6, 6:] -= twist
     H[:, 6:, 3:6] += twist
     gradient = _gradient(state.frames).reshape(-1, 9)
     return state.stiffness[:, None, None] * gradient[:, :, None] * gradient[:, None] - state.push[:, None, None] * H
-
-
-def _cross_matrix(vectors: np.ndarray) -> np.ndarray:
-    """Matrices (k, 3, 3) whose products with b are the cross products of vectors (k, 3) and b."""
-    out = np.zeros((len(vectors), 3, 3))
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        out[:, i, j], out[:, j, i] = -vectors[:, k], vectors[:, k]
-    return out

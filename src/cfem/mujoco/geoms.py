@@ -10,6 +10,7 @@ from scipy.spatial import ConvexHull
 from cfem.contact.obstacle import Box, Capsule, ClosedMesh, Cylinder, Ellipsoid, Plane, Sphere
 from cfem.contact.obstacle_set import ObstacleSet
 from cfem.contact.surface.closed_surface import ClosedSurface
+from cfem.contact.surface.triangles import normals_of
 from cfem.core.errors import InputError
 
 MM = 1000.0  # of MuJoCo's metre
@@ -76,7 +77,7 @@ def _hull(points: np.ndarray) -> ClosedSurface:
     """Convex hull, as MuJoCo collides meshes."""
     hull = ConvexHull(points)
     corners = points[hull.simplices]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals = normals_of(corners)
     inwards = (normals * hull.equations[:, :3]).sum(axis=1) < 0
     triangles = np.where(inwards[:, None], hull.simplices[:, ::-1], hull.simplices)
     order = np.full(len(points), -1)

@@ -21,6 +21,8 @@ import numpy as np
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
+from cfem.constraint.surface import triangulated
+from cfem.contact.surface.triangles import normals_of
 from cfem.report.style import FE, GROUND, INK, png
 from cfem.viewer.surface import sharpened
 
@@ -93,7 +95,7 @@ class Viewer:
         take = self.takes[0]
         body = take.x[:, np.unique(self.triangles)].reshape(-1, 3)[::7]
         held = take.x[0][self.triangles[self.kinds == HELD]]
-        normals = np.cross(held[:, 1] - held[:, 0], held[:, 2] - held[:, 0])
+        normals = normals_of(held)
 
         def seen(camera: tuple[float, float]) -> float:
             axes = camera_axes(*camera)
@@ -183,7 +185,7 @@ def visible(points: np.ndarray, axes: np.ndarray, extents: int) -> float:
 def painted(x: np.ndarray, triangles: np.ndarray, colours: np.ndarray, axes: np.ndarray) -> PolyCollection:
     """Triangles (k, 3) that face the viewer, lit, from far to near; colours: (k, 3)."""
     corners = (x @ axes.T)[triangles]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normal = normals_of(corners)
     front = np.flatnonzero(normal[:, 2] > 0)
     front = front[np.argsort(corners[front, :, 2].sum(axis=1))]
     light = np.maximum(normal[front] @ _LAMP / np.linalg.norm(normal[front], axis=1), 0)
@@ -194,11 +196,7 @@ def painted(x: np.ndarray, triangles: np.ndarray, colours: np.ndarray, axes: np.
 def flat_triangles(facets: np.ndarray) -> np.ndarray:
     """Triangles (k, 3) of facets with three corners, or four, or three and mid-edge nodes: these become four triangles
     each where few enough."""
-    if facets.shape[1] == 4:
-        return facets[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
-    if facets.shape[1] == 6 and 4 * len(facets) <= FINE:
-        return facets[:, [[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]]].reshape(-1, 3)
-    return facets[:, :3]
+    return triangulated(facets[:, :3] if facets.shape[1] == 6 and 4 * len(facets) > FINE else facets)
 
 
 def carried_along(points: np.ndarray, X: np.ndarray, x: np.ndarray) -> np.ndarray:

@@ -20,6 +20,7 @@ from cfem.constraint.surface import outer_surface
 from cfem.constraint.surface_points import at_nodes
 from cfem.contact.obstacle import Box, Obstacle, Plane, Sphere, tangents
 from cfem.contact.obstacle_set import ObstacleSet
+from cfem.contact.surface.triangles import normals_of
 from cfem.core.console.progress import progress
 from cfem.core.errors import NumericalError
 from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
@@ -256,5 +257,5 @@ def moved(obstacle: Obstacle, by: np.ndarray) -> Obstacle:
 def outward(model: Predictor, patches: Patches, x: np.ndarray, number: int) -> np.ndarray:
     """Mean normal (3,) of a patch, surface nodes at x (m, 3)."""
     corners = x[model.facets[(patches.of[model.facets] == number).any(axis=1)]]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]).sum(axis=0)
+    normal = normals_of(corners).sum(axis=0)
     return normal / np.linalg.norm(normal)

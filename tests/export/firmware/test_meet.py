@@ -13,10 +13,10 @@ from export.planning import Planning, demand_same_ticks
 from support.fast_cases import fast_are
 
 import cfem
-from cfem.contact.detection import patch_normals
 from cfem.contact.obstacle import Plane, Sphere
 from cfem.contact.obstacle_set import ObstacleSet
 from cfem.contact.prescribed_motion import ActuatedRobot
+from cfem.contact.surface.triangles import mean_normals
 from cfem.core.artefact.content import artefact_content
 from cfem.core.errors import InputError, NumericalError, SpecError
 from cfem.export import firmware
@@ -210,7 +210,7 @@ def test_areas_are_the_normals_of_the_bent_surface(patched):
     z = np.concatenate([[1.0], skin.rows(np.array([2.0]), np.zeros(0))])
     i, j = np.triu_indices(len(z))
     found = areas(patched) @ (z[i] * z[j])
-    wanted = patch_normals(skin.surface(z[1:]), skin.triangles, of.of, len(of))
+    wanted = mean_normals(skin.surface(z[1:]), skin.triangles, of.of, len(of))
     np.testing.assert_allclose(found / np.linalg.norm(found, axis=1)[:, None], wanted, atol=1e-12)
 
 

@@ -3,6 +3,7 @@
 import numpy as np
 
 from cfem.contact.surface.crossing import pierced_by
+from cfem.contact.surface.triangles import normals_of
 
 START = 1e-6  # of the size: how far before its face a ray begins
 FACING = 0.5  # cosine between the normals of faces that face each other
@@ -18,7 +19,7 @@ def facing(
     Returns the numbers (k,) and barycentric places (k, 3) of the points, and those of their partners; without faces
     that share a node or stand at more than 60 degrees to each other."""
     corners = X[triangles]
-    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    across = normals_of(corners)
     normals = across / np.linalg.norm(across, axis=1)[:, None]
     aside = points + ALONG * np.array([1.0, np.sqrt(2), -1 - np.sqrt(2)])
     places = np.einsum("qc,tci->tqi", aside, corners).reshape(-1, 3)

@@ -8,7 +8,7 @@ from scipy.sparse import coo_array
 from cfem.contact.surface.closed_surface import winding
 from cfem.contact.surface.crossing import crossings
 from cfem.contact.surface.facets import components
-from cfem.contact.surface.triangles import closest
+from cfem.contact.surface.triangles import closest, mean_normals, normals_of, volumes_within
 
 JITTER = 1e-8  # of the size: mirrored halves meet at edges exactly, where none would pierce the other
 ALLOWED = 0.01  # of a robot's length, to which parts of its body may pass through each other
@@ -49,8 +49,7 @@ class Boundary:
 def boundary_of(X: np.ndarray, triangles: np.ndarray) -> Boundary:
     """Boundary of triangles (t, 3), normals outward, at nodes X (n, 3) mm at rest."""
     _, part = components(triangles)
-    corners = X[triangles] - X[triangles].mean(axis=(0, 1))
-    volumes = np.bincount(part, np.einsum("ij,ij->i", np.cross(corners[:, 0], corners[:, 1]), corners[:, 2]))
+    volumes = volumes_within(X, triangles, part)
     voids = tuple(triangles[part == number] for number in np.flatnonzero(volumes < 0))
     plain = Boundary(X, triangles[volumes[part] > 0], voids)
     return Boundary(X, plain.skin, voids, plain.overlap(X).depth)
@@ -90,28 +89,18 @@ def depth_in_itself(nodes: np.ndarray, triangles: np.ndarray, tried: np.ndarray)
 
 def _within(nodes: np.ndarray, triangles: np.ndarray, tried: np.ndarray, around: float = 0.0) -> np.ndarray:
     """Mask (k,) of the nodes `tried` of which the outer side is within the body."""
-    before = nodes[tried] + OUT * np.linalg.norm(np.ptp(nodes, axis=0)) * _outward(nodes, triangles)[tried]
+    before = nodes[tried] + OUT * np.linalg.norm(np.ptp(nodes, axis=0)) * mean_normals(nodes, triangles)[tried]
     return winding(nodes[triangles], before) + around > 0.5
 
 
 def _deepest(nodes: np.ndarray, triangles: np.ndarray, within: np.ndarray) -> tuple[float, int]:
     """Depth mm and number of the node, of those within, whose way out is the longest: that to the nearest triangle
     which faces the node."""
-    corners, outward = nodes[triangles], _outward(nodes, triangles)
-    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    corners, outward = nodes[triangles], mean_normals(nodes, triangles)
+    across = normals_of(corners)
     deepest = (0.0, -1)
     for number in within:
         facing = corners[across @ outward[number] < 0]
         distance = closest(facing, np.broadcast_to(nodes[number], (len(facing), 3)))[1]
         deepest = max(deepest, (float(distance.min(initial=np.inf)) if len(distance) else 0.0, int(number)))
     return deepest
-
-
-def _outward(nodes: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """Unit normals (m, 3) at the nodes, means of those of the triangles by area."""
-    corners = nodes[triangles]
-    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    outward = np.zeros(nodes.shape)
-    for corner in triangles.T:
-        np.add.at(outward, corner, across)
-    return outward / np.maximum(np.linalg.norm(outward, axis=1), 1e-300)[:, None]

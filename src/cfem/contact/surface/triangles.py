@@ -1,8 +1,44 @@
-"""Nearest points of triangles (Ericson, *Real-Time Collision Detection*, 2005, section 5.1.5)."""
+"""Triangles of surfaces: their normals, the volumes within, and nearest points (Ericson, *Real-Time Collision
+Detection*, 2005, section 5.1.5)."""
 
 import numpy as np
 
 FLAT = 1e-24  # of the squared sides' product: the squared area of a triangle that is no more than a segment
+
+
+def normals_of(corners: np.ndarray) -> np.ndarray:
+    """Normals (t, 3) mm^2 of triangles (t, 3, 3), each twice its area long."""
+    return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+
+
+def area_vectors(
+    surface: np.ndarray, triangles: np.ndarray, patch: np.ndarray | None = None, count: int | None = None
+) -> np.ndarray:
+    """Area vectors (count, 3) mm^2: sums of the normals of triangles, twice their area long, over the corners that
+    belong to each patch, to each node unless patches (m,) are given."""
+    a, b, c = (surface[triangles[:, i]].T for i in range(3))
+    (x, y, z), (u, v, w) = b - a, c - a
+    corners = (triangles if patch is None else patch[triangles]).ravel()
+    area = (np.repeat(component, 3) for component in (y * w - z * v, z * u - x * w, x * v - y * u))
+    count = len(surface) if count is None else count
+    return np.stack([np.bincount(corners, component, count) for component in area], axis=1)
+
+
+def mean_normals(
+    surface: np.ndarray, triangles: np.ndarray, patch: np.ndarray | None = None, count: int | None = None
+) -> np.ndarray:
+    """Outward unit normals (count, 3) of patches of a surface (m, 3) mm with triangles (t, 3), of its nodes unless
+    patches are given; patch (m,): number of each node's patch. Each corner of a triangle gives its area to its own
+    patch."""
+    total = area_vectors(surface, triangles, patch, count)
+    return total / np.maximum(np.linalg.norm(total, axis=1), 1e-300)[:, None]
+
+
+def volumes_within(X: np.ndarray, triangles: np.ndarray, part: np.ndarray) -> np.ndarray:
+    """Volumes (count,) mm^3 within closed surfaces of triangles (t, 3) at nodes X (n, 3) mm, negative where the normals
+    point into it; part (t,): number of each triangle's surface."""
+    corners = X[triangles] - X[triangles].mean(axis=(0, 1))
+    return np.bincount(part, np.linalg.det(corners)) / 6
 
 
 def closest(corners: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

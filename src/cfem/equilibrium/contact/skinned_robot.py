@@ -7,7 +7,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from cfem.condensed.patches import Patches, SurfacePoints
-from cfem.contact.detection import along, area_vectors
+from cfem.contact.detection import along
+from cfem.contact.surface.triangles import area_vectors
 from cfem.equilibrium.system.problem import Problem
 from cfem.equilibrium.system.robot import Robot, demand_without_discrepancy
 

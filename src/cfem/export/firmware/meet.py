@@ -65,7 +65,7 @@ def self_pairs(patched: PatchedModel) -> np.ndarray:
 
 def areas(patched: PatchedModel) -> np.ndarray:
     """Area forms (N, 3, (k + 1) (k + 2) / 2) mm^2: twice the area of each patch as a vector, a quadratic form of (1,
-    rows), whose entries i <= j stand row by row; see `cfem.contact.detection.patch_normals`."""
+    rows), whose entries i <= j stand row by row; see `cfem.contact.surface.triangles.mean_normals`."""
     skin, patch_of = patched.model.skin, patched.patches.of
     a, b, c = (np.concatenate([skin.rest[None], skin.modes])[:, corner] for corner in skin.triangles.T)
     count, each = len(skin.triangles), np.arange(3 * len(skin.triangles)) % len(skin.triangles)

@@ -6,6 +6,7 @@ import numpy as np
 
 from cfem.constraint.attachment import show
 from cfem.constraint.surface import triangulated
+from cfem.contact.surface.triangles import normals_of
 from cfem.core.errors import SpecError
 from cfem.init.body.section import cut_across
 from cfem.init.body.shape import Shape
@@ -76,7 +77,7 @@ def face_at(shape: Shape, place: np.ndarray) -> Face:
 def _facets(shape: Shape) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Corners (t, 3, 3) mm, outward unit normals (t, 3) and areas (t,) mm^2 of the surface's triangles."""
     corners = shape.mesh.X[triangulated(shape.mesh.facets)]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals = normals_of(corners)
     lengths = np.linalg.norm(normals, axis=1)
     return corners, normals / np.where(lengths > 0, lengths, 1.0)[:, None], lengths / 2
 

@@ -7,6 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+from cfem.constraint.surface import triangulated
+from cfem.contact.surface.facets import components
+from cfem.contact.surface.triangles import normals_of, volumes_within
 from cfem.core.artefact.files import write_whole
 from cfem.core.errors import SpecError
 from cfem.mechanics.mesh import Mesh
@@ -39,9 +42,8 @@ def triangles(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
     """Corners X (k, 3) mm and triangles (m, 3) of the boundary, normals outward; quadrilaterals cut in two. The middle
     nodes of edges lie on them and are left out."""
     facets = mesh.facets
-    flat = np.vstack([facets[:, [0, 1, 2]], facets[:, [0, 2, 3]]]) if facets.shape[1] == 4 else facets[:, :3]
-    used, numbers = np.unique(flat, return_inverse=True)
-    return mesh.X[used], numbers.reshape(flat.shape)
+    used, numbers = np.unique(triangulated(facets[:, :3] if facets.shape[1] == 6 else facets), return_inverse=True)
+    return mesh.X[used], numbers.reshape(-1, 3)
 
 
 def write_faceted(mesh: Mesh, name: str, file: Path) -> None:
@@ -56,25 +58,17 @@ def write_faceted(mesh: Mesh, name: str, file: Path) -> None:
 
 def _shells(X: np.ndarray, corners: np.ndarray) -> list[np.ndarray]:
     """The triangles of the outer surface, then of each closed cavity, whose normals point into the cavity."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
-    rows, columns = corners[:, [0, 1]].ravel(), corners[:, [1, 2]].ravel()
-    edges = coo_array((np.ones(len(rows)), (rows, columns)), (len(X), len(X)))
-    count, shell_of = connected_components(edges, directed=False)
-    shells = [corners[shell_of[corners[:, 0]] == number] for number in range(count)]
-    volumes = np.array([np.linalg.det(X[shell]).sum() / 6 for shell in shells])  # negative of a cavity
+    _, shell = components(corners)
+    volumes = volumes_within(X, corners, shell)  # negative of a cavity
     bodies = int((volumes > 0).sum())
     if bodies != 1:
         what = f"the mesh is {bodies} separate bodies, and a STEP file holds one"
         raise SpecError(what, where="cad", do="use its STL file")
-    shells = [shells[i] for i in np.argsort(volumes)[::-1]]
-    return shells
+    return [corners[shell == number] for number in np.argsort(volumes)[::-1]]
 
 
 def _normals(X: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    a, b, c = (X[corners[:, i]] for i in range(3))
-    normal = np.cross(b - a, c - a)
+    normal = normals_of(X[corners])
     return normal / np.linalg.norm(normal, axis=1)[:, None]
 
 

@@ -8,6 +8,7 @@ from scipy.sparse import csr_array
 
 from cfem.contact.surface.crossing import crossings
 from cfem.contact.surface.facets import components, solid_angles
+from cfem.contact.surface.triangles import normals_of
 from cfem.core.console.shown import counted
 from cfem.core.errors import InputError
 from cfem.robot.mesh.same_place import representatives
@@ -85,7 +86,7 @@ def _without_slivers(X: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, 
     for _ in range(_ROUNDS):
         corners = X[triangles]
         sides = np.linalg.norm(corners[:, [1, 2, 0]] - corners, axis=2)
-        twice_area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+        twice_area = np.linalg.norm(normals_of(corners), axis=1)
         flat = np.flatnonzero(twice_area < _FLAT * sides.max(axis=1) ** 2)
         if len(flat) == 0:
             break

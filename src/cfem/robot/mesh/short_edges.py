@@ -5,6 +5,8 @@ from collections import defaultdict
 
 import numpy as np
 
+from cfem.contact.surface.triangles import normals_of
+
 _NOTHING = 0.003  # of the largest extent
 _BESIDE = 0.1  # of the median of the edges around it
 _TURN = 0.5  # least cosine between the normals of a triangle before and after
@@ -100,7 +102,6 @@ class _Surface:
     def _normals(self, numbers: set[int], moved: dict[int, int]) -> tuple[np.ndarray, np.ndarray]:
         """Unit normals (k, 3) of triangles, and twice their areas (k,), a node that moved being where it went."""
         corners = [[moved.get(node, node) for node in self.triangles[number]] for number in sorted(numbers)]
-        a, b, c = (self.X[[nodes[i] for nodes in corners]] for i in range(3))
-        normal = np.cross(b - a, c - a)
+        normal = normals_of(self.X[corners])
         size = np.linalg.norm(normal, axis=1)
         return normal / np.maximum(size, np.finfo(float).tiny)[:, None], size

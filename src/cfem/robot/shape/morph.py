@@ -22,6 +22,7 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
 from cfem.constraint.attachment import Attachment
+from cfem.contact.surface.triangles import normals_of
 from cfem.core.errors import NumericalError, SpecError
 from cfem.mechanics.mesh import Mesh, tet_volumes
 from cfem.robot.cad import Solid
@@ -187,7 +188,7 @@ def _bounds(mesh: Mesh, now: Sequence[Surface]) -> list[_Bound]:
     along it."""
     facets = mesh.facets[:, :3]
     a, b, c = (mesh.X[facets[:, i]] for i in range(3))
-    normal = np.cross(b - a, c - a)
+    normal = normals_of(mesh.X[facets])
     normal /= np.linalg.norm(normal, axis=1)[:, None]
     centre = (a + b + c) / 3
     bounds, covered = [], np.zeros(len(facets), dtype=bool)

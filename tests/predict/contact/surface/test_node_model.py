@@ -11,9 +11,9 @@ from support.forces import compliance_of, put
 
 from cfem.constraint.surface import outer_surface
 from cfem.constraint.surface_points import at_nodes
-from cfem.contact.detection import area_vectors
 from cfem.contact.obstacle import Box, Plane, Sphere
 from cfem.contact.obstacle_set import ObstacleSet
+from cfem.contact.surface.triangles import area_vectors
 from cfem.core.errors import InputError
 from cfem.equilibrium.contact.node_compliance import NodeResponse, node_response
 from cfem.equilibrium.contact.skinned_robot import SkinnedRobot

@@ -6,11 +6,12 @@ from functools import cached_property
 
 import numpy as np
 
-from cfem.contact.detection import NEVER, patch_normals, separation
+from cfem.contact.detection import NEVER, separation
 from cfem.contact.law.problem import demand_friction
 from cfem.contact.obstacle_set import ObstacleSet
 from cfem.contact.pairs import Surroundings
 from cfem.contact.rigid_bodies import RigidBodies
+from cfem.contact.surface.triangles import mean_normals
 from cfem.predict.contact.step.state import ContactState
 from cfem.predict.contact.surface.surface_model import SurfaceModel
 from cfem.predict.contact.surface.surfaces import Surfaces
@@ -107,7 +108,7 @@ class Bodies:
         for robot, of_robot, turn in zip(self.robots, rows, self.R if R is None else R, strict=True):
             patches, skin = robot.patched.patches, robot.patched.model.skin
             surface = skin.surface(of_robot)
-            normals.append(patch_normals(surface, skin.triangles, patches.of, len(patches)) @ turn.T)
+            normals.append(mean_normals(surface, skin.triangles, patches.of, len(patches)) @ turn.T)
         return np.concatenate(normals)
 
     def separation(self, state: ContactState, body: int, second_body: int) -> float:
