@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cfem.condensed import Rows
-from cfem.condensed.packing import upper_indices
+from cfem.condensed.packing import packed_indices
 from cfem.core.artefact.files import content_sha256, file_sha256
 from cfem.dataset.inspect import dataset_files
 from cfem.dataset.reader import CONVERGED, column_array, read_table
@@ -150,7 +150,7 @@ def compare(scene: str, folder: Path, golds: Path) -> tuple[list[str], list[Diff
 
 def number_names(rows: Rows) -> dict[str, dict[int, str]]:
     """By column, of the numbers in it."""
-    pairs = [f"{rows.names[i]} x {rows.names[j]}" for i, j in zip(*upper_indices(rows.n), strict=True)]
+    pairs = [f"{rows.names[i]} x {rows.names[j]}" for i, j in zip(*packed_indices(rows.n), strict=True)]
     named = {"delta_e": rows.effectors, "W": pairs, "delta_free": rows.names}
     named |= dict.fromkeys(("u", "delta_a", "lambda_a"), rows.actuators)
     return {column: dict(enumerate(names)) for column, names in named.items()}

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 from fe_motion.moving import moving_bar
 
-from cfem.condensed.packing import pack_symmetric3
+from cfem.condensed.packing import packed_indices
 from cfem.condensed.viscosity import Viscosity
 from cfem.equilibrium.solve import Wanted, solve
 from cfem.equilibrium.system.actuation import displacement
@@ -71,7 +71,7 @@ def dataset():
     viscosity = [{"relaxation": TAU, "prony": []}]
     moving = SimpleNamespace(rows=robot.rows, W=W, dV=None, viscosity=viscosity, inner_M=None, **own)
     none = dict.fromkeys(("dW", "d2C", "dpsi_dp", "dlambda_dp", "ddelta_e_dp"))
-    none["dC"] = np.array([pack_symmetric3(one.dC) for one in found])
+    none["dC"] = np.array([one.dC[*packed_indices(one.dC.shape[-1], 3)] for one in found])
     p = np.zeros((len(found), 0))
     return States(rows=robot.rows, W=W, moving=moving, p=p, n_c=0, meta={"parameters": []}, **stacked, **none)
 

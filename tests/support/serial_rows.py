@@ -4,10 +4,11 @@ from math import comb
 
 import numpy as np
 
+from cfem.condensed.packing import unpacking
 from cfem.predict.load import build, skins_of
 from cfem.predict.rows.serial import joined
 from cfem.predict.series.derivatives import differentiated
-from cfem.predict.series.energy import layout, unpacking
+from cfem.predict.series.energy import layout
 from cfem.surrogate.series.chebyshev import index_set
 
 AXES = ("x", "y", "z", "rx", "ry", "rz")

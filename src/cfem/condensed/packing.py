@@ -1,39 +1,30 @@
 """Symmetric matrices as their upper triangle, row by row: W[0,0], W[0,1], ..., W[1,1], ...; tensors likewise."""
 
 from functools import lru_cache
-from itertools import combinations_with_replacement
+from itertools import combinations_with_replacement, permutations
 
 import numpy as np
 
 
 @lru_cache(maxsize=64)
-def upper_indices(n: int) -> tuple[np.ndarray, np.ndarray]:
-    """Row and column index of each packed entry, both (n (n + 1) / 2,)."""
-    return np.triu_indices(n)
+def packed_indices(n: int, order: int = 2) -> np.ndarray:
+    """Indices i <= j <= ... (order, entries) of the packed entries of a tensor (n, ..., n) of this order, symmetric in
+    all of them."""
+    return np.array(list(combinations_with_replacement(range(n), order)), dtype=np.int64).reshape(-1, order).T
+
+
+def unpacking(n: int, order: int = 2) -> np.ndarray:
+    """Position (n, ..., n) of each entry of a symmetric tensor of this order among its packed entries."""
+    position, indices = np.empty((n,) * order, dtype=np.int64), packed_indices(n, order)
+    for places in permutations(indices):
+        position[places] = np.arange(indices.shape[1])
+    return position
 
 
 def pack_upper(matrix: np.ndarray) -> np.ndarray:
     """Upper triangles (..., n (n + 1) / 2) of symmetric matrices (..., n, n)."""
-    rows, columns = upper_indices(matrix.shape[-1])
+    rows, columns = packed_indices(matrix.shape[-1])
     return matrix[..., rows, columns]
-
-
-@lru_cache(maxsize=64)
-def symmetric3_indices(n: int) -> np.ndarray:
-    """Indices i <= j <= k (3, n (n + 1) (n + 2) / 6) of the packed entries of a tensor symmetric in all three."""
-    return np.array(list(combinations_with_replacement(range(n), 3))).T
-
-
-@lru_cache(maxsize=64)
-def symmetric4_indices(n: int) -> np.ndarray:
-    """Indices (4, n (n + 1) (n + 2) (n + 3) / 24) of the packed entries of a tensor symmetric in all four."""
-    return np.array(list(combinations_with_replacement(range(n), 4))).T
-
-
-def pack_symmetric3(tensor: np.ndarray) -> np.ndarray:
-    """Packed entries (..., n (n + 1) (n + 2) / 6) of symmetric tensors (..., n, n, n)."""
-    i, j, k = symmetric3_indices(tensor.shape[-1])
-    return tensor[..., i, j, k]
 
 
 def entries(W: np.ndarray, delta_free: np.ndarray) -> np.ndarray:
@@ -47,7 +38,7 @@ def unpack_upper(packed: np.ndarray) -> np.ndarray:
     n = int((np.sqrt(8 * packed.shape[-1] + 1) - 1) / 2)
     if n * (n + 1) // 2 != packed.shape[-1]:
         raise ValueError(f"{packed.shape[-1]} entries are no upper triangle")
-    rows, columns = upper_indices(n)
+    rows, columns = packed_indices(n)
     matrix = np.empty((*packed.shape[:-1], n, n), dtype=packed.dtype)
     matrix[..., rows, columns] = packed
     matrix[..., columns, rows] = packed

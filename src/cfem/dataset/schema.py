@@ -10,7 +10,7 @@ import numpy as np
 import pyarrow as pa
 
 from cfem.condensed import Rows
-from cfem.condensed.packing import symmetric3_indices, symmetric4_indices
+from cfem.condensed.packing import packed_indices
 from cfem.condensed.parameters import Parameter, from_json, sampled, to_json
 
 FORMAT = 3
@@ -239,8 +239,8 @@ def _units_of_rows(rows: Rows, displacement: Sequence[str], multiplier: Sequence
         **{name: [f"{unit} s^{2 * power}" for unit in upper] for power, name in enumerate(("V", "V2", "V3"), 1)},
         "dV": [f"{unit}/{k} s^2" for k in per[rows.active] for unit in upper],
         "dW": [f"{unit}/{k}" for k in per[rows.active] for unit in upper],
-        "dC": _quotients(symmetric3_indices(rows.n_e), displacement, multiplier),
-        "d2C": _quotients(symmetric4_indices(rows.n_e), displacement, multiplier),
+        "dC": _quotients(packed_indices(rows.n_e, 3), displacement, multiplier),
+        "d2C": _quotients(packed_indices(rows.n_e, 4), displacement, multiplier),
     }
 
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from cfem.condensed.packing import upper_indices
+from cfem.condensed.packing import packed_indices
 from cfem.core.errors import InputError
 from cfem.gym.robots import Robots
 from cfem.motion.model import MotionModel, layout
@@ -137,7 +137,7 @@ def learned(model: MotionModel, warp: float) -> tuple[Any, Any]:
     n_a, n_e, n_r, scale = model.n_a, model.rows.n_e, model.n_r, model.scale
     static, static_slices = model.static.arrays, static_layout(model.n_a, n_e)
     arrays, slices = model.arrays, layout(model.n_q, n_r, n_e, len(model.losses))
-    first, second = upper_indices(n_a)
+    first, second = packed_indices(n_a)
     pull, stiff = (static["series"][static_slices[name]] for name in ("gradient", "hessian"))
     forces = np.concatenate([pull * scale[:n_a, None], stiff * (scale[first] * scale[second])[:, None]])
     root, lost = warp * arrays["series"][slices["M"]], np.sqrt(warp) * arrays["series"][slices["H"].stop :]
@@ -145,7 +145,7 @@ def learned(model: MotionModel, warp: float) -> tuple[Any, Any]:
     inertia = [root, *(scale[a] * (slopes[a] @ root.T).T for a in range(n_a)), lost]
     bends = [_scaled(arrays["series"][slices["H"]], n_e, scale[n_a:])]
     if "curve" in arrays:
-        first, second = upper_indices(n_r)
+        first, second = packed_indices(n_r)
         bends.append(_scaled(arrays["curve"], n_e, scale[n_a:][first] * scale[n_a:][second]))
 
     def series(part: dict[str, np.ndarray], rows: np.ndarray) -> LaneSeries:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from cfem.condensed.packing import upper_indices
+from cfem.condensed.packing import packed_indices, unpacking
 from cfem.condensed.parameters import coordinates, values
 from cfem.condensed.strokes import STEP, stroke
 from cfem.core.errors import InputError
@@ -15,7 +15,7 @@ from cfem.core.optional import demand
 from cfem.predict.kinds.spectral import SpectralPredictor
 from cfem.predict.protocol import Predictor
 from cfem.predict.series.derivatives import input_derivatives
-from cfem.predict.series.energy import layout, unpacking
+from cfem.predict.series.energy import layout
 
 
 @dataclass
@@ -62,7 +62,7 @@ class Robots:
             by = input_derivatives(model.arrays["indices"], model.arrays["to_box"], n_a)
             chosen = rows["effector"][self._loaded]
             rows["slopes"] = np.stack([(by[i] @ chosen.T).T for i in range(n_a)], axis=1).reshape(len(loaded) * n_a, -1)
-            pairs = list(zip(*upper_indices(n_a), strict=True))
+            pairs = list(zip(*packed_indices(n_a), strict=True))
             bends = [(by[j] @ (by[i] @ chosen.T)).T for i, j in pairs]
             rows["bends"] = np.stack(bends, axis=1).reshape(len(loaded) * len(pairs), -1)
             columns = unpacking(n_e)[:, self._loaded]

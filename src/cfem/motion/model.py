@@ -18,13 +18,13 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from scipy.sparse import hstack
 
+from cfem.condensed.packing import unpacking
 from cfem.condensed.viscosity import Viscosity
 from cfem.core.errors import InputError
 from cfem.core.reading import take
 from cfem.motion.inner_skin import InnerSkin
 from cfem.predict.series.chebyshev import Basis
 from cfem.predict.series.derivatives import input_derivatives
-from cfem.predict.series.energy import unpacking
 
 
 @runtime_checkable

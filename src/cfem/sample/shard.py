@@ -12,7 +12,7 @@ import numpy as np
 import pyarrow as pa
 
 from cfem.condensed import Condensed, Rows, pack_upper
-from cfem.condensed.packing import pack_symmetric3
+from cfem.condensed.packing import packed_indices
 from cfem.condensed.parameters import coordinates, from_shares, sampled, slopes
 from cfem.condensed.pose import Patch, onto_patch, slopes_onto_patch
 from cfem.condensed.skin import Skin, skin_bytes, skin_from
@@ -293,7 +293,7 @@ def _state(piece: Piece, index: int, solved: Equilibrium, held: tuple[Patch, np.
         dW = solved.dW[: solved.n_a, :n, :n] if held is None else slopes_onto_patch(solved.condensed, solved.dW, *held)
         row["dW"] = pack_upper(dW).ravel()
     if solved.converged and solved.dC is not None:
-        row["dC"] = pack_symmetric3(solved.dC)
+        row["dC"] = solved.dC[*packed_indices(solved.dC.shape[-1], 3)]
     if solved.converged and solved.d2C is not None:
         row["d2C"] = solved.d2C
     return row

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from cfem.condensed import pack_upper
+from cfem.condensed.packing import unpacking
 from cfem.core.errors import InputError
-from cfem.predict.series.energy import unpacking3
 from cfem.surrogate.inner_motions import InnerMotions, inner_motions
 from cfem.surrogate.series.coordinates import box_coordinates
 from cfem.surrogate.series.observations import Observations
@@ -31,7 +31,7 @@ def fit_motion(dataset: Any, max_degree: int = 16, folds: int = 5) -> tuple[dict
     if dataset.p.shape[1]:
         raise InputError("motion of robots with parameters cannot be learned yet", do="sample one robot")
     n_a, s = dataset.rows.n_a, dataset.delta_a
-    D = None if dataset.dC is None else dataset.dC[:, unpacking3(dataset.rows.n_e)]
+    D = None if dataset.dC is None else dataset.dC[:, unpacking(dataset.rows.n_e, 3)]
     to_box, offset = box_coordinates(s, np.zeros((len(s), 0)), np.eye(n_a))
     z = s @ to_box.T + offset
 

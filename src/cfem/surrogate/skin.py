@@ -10,7 +10,7 @@ import numpy as np
 
 from cfem.condensed import Rows
 from cfem.condensed.model import Form
-from cfem.condensed.packing import upper_indices
+from cfem.condensed.packing import packed_indices
 from cfem.condensed.skin import Skin
 from cfem.predict.series.skin import LearnedSkin
 from cfem.surrogate.series.coordinates import box_coordinates
@@ -85,7 +85,7 @@ def joined(dataset: Any) -> Any:
 
 def of_skin(n_e: int, k: int) -> np.ndarray:
     """Places in the packed upper triangle (n_e + k rows) of C_es, row by row, then of the upper triangle of C_ss."""
-    first, second = upper_indices(n_e + k)
+    first, second = packed_indices(n_e + k)
     across, within = (first < n_e) & (second >= n_e), first >= n_e
     return np.concatenate([np.flatnonzero(across), np.flatnonzero(within)])
 

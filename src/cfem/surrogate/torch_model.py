@@ -11,9 +11,9 @@ import torch
 from torch import Tensor, nn
 
 from cfem.condensed import Rows
-from cfem.condensed.packing import upper_indices
+from cfem.condensed.packing import packed_indices, unpacking
 from cfem.condensed.parameters import Parameter
-from cfem.predict.series.energy import Form, layout, unpacking
+from cfem.predict.series.energy import Form, layout
 from cfem.predict.series.semidefinite import FLOOR
 
 ACTIVATIONS = {"relu": nn.ReLU, "tanh": nn.Tanh, "silu": nn.SiLU}
@@ -231,7 +231,7 @@ class OnRest(nn.Module):
     def __init__(self, network: Mlp, model: nn.Module):
         super().__init__()
         self.network, self.model = network, model
-        rows, columns = upper_indices(network.n)
+        rows, columns = packed_indices(network.n)
         self.register_buffer("upper", torch.as_tensor(rows * network.n + columns))
 
     def forward(self, s: Tensor, q: Tensor) -> tuple[Tensor, Tensor]:

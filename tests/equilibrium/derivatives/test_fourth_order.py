@@ -7,7 +7,7 @@ import pytest
 from support.blocks import bar
 from support.fast_cases import fast_are
 
-from cfem.condensed.packing import symmetric4_indices
+from cfem.condensed.packing import packed_indices
 from cfem.constraint.attachment import attach
 from cfem.constraint.cable import make_cable
 from cfem.equilibrium.newton import NewtonSettings
@@ -31,7 +31,7 @@ def test_it_is_the_derivative_of_that_of_loaded_solves(name):
     at = solve(problem, actuation.displacement([2.0, 3.5]), settings=EXACT, slack=False, wanted=Wanted(loads=2))
     assert at.converged
     packed, size = at.d2C, np.abs(at.d2C).max()
-    i, j, k, m = symmetric4_indices(3)
+    i, j, k, m = packed_indices(3, 4)
 
     def change(push):
         loaded = solve(
@@ -73,7 +73,7 @@ def test_a_row_that_the_actuators_lock_has_that_of_loaded_solves_too():
         for side in (1, -1)
     )
     slope, size = (ahead - behind) / (2 * step[1]), np.sqrt(np.diag(W)[:3])
-    rows, scale = symmetric4_indices(3), 5.0
+    rows, scale = packed_indices(3, 4), 5.0
     packed = at.d2C / size[rows].prod(axis=0)
     mine = (rows == 1).any(axis=0)
     others = np.array([np.delete(one, one.tolist().index(1)) for one in rows.T[mine]]).T

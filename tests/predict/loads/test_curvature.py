@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from support.serial_rows import DELTA, chain
 
+from cfem.condensed.packing import unpacking
 from cfem.predict.loads.curvature import CurvatureSeries
 from cfem.predict.series.chebyshev import basis
-from cfem.predict.series.energy import unpacking4
 
 W = np.array([0.5, -0.4, 0.3, 2.0, 1.0, -3.0, 0.2, 0.1, -0.6])
 
@@ -16,7 +16,7 @@ def test_contractions_are_those_of_the_tensor(watched):
     (model,), at = chain(mixed=False, curved=True).models, DELTA[:2]
     w, held = W[:watched], CurvatureSeries(model, watched).at(at)
     values = model.arrays["fourth"] @ basis(model.box(at)[None], model.arrays["fourth_indices"])[0]
-    E = values[unpacking4(9)][:watched, :watched, :watched, :watched]
+    E = values[unpacking(9, 4)][:watched, :watched, :watched, :watched]
     assert held.square(w) == pytest.approx(np.einsum("ijkl,k,l->ij", E, w, w) / 2, rel=1e-12)
     assert held.cubic(w)[0] == pytest.approx(np.einsum("ijkl,j,k,l->i", E, w, w, w) / 6, rel=1e-12)
 

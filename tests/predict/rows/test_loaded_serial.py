@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 from support.serial_rows import CENTRE, DELTA, REST, WRENCH, chain, series
 
+from cfem.condensed.packing import unpacking
 from cfem.core.errors import InputError, NumericalError
 from cfem.predict.load import build
 from cfem.predict.loads.loaded import loaded
 from cfem.predict.loads.wrench_series import NEAR, STIFF, Held, softening
 from cfem.predict.rows.loaded_serial import row_of
-from cfem.predict.series.energy import layout, unpacking
+from cfem.predict.series.energy import layout
 
 
 @pytest.mark.parametrize("shares", [None, np.array([0.2, 0.5, 0.3])])

@@ -9,10 +9,11 @@ from export.embedded import compiler, export, network, serial, spectral, states
 from export.test_graphs import energy_net, network_of_forces
 from support.fast_cases import fast_are
 
+from cfem.condensed.packing import unpacking
 from cfem.export.compiled.controller import CompiledController
 from cfem.export.onnx import onnx_bytes
 from cfem.predict.load import build
-from cfem.predict.series.energy import layout, unpacking
+from cfem.predict.series.energy import layout
 from cfem.predict.series.semidefinite import FLOOR, nearest
 from cfem.surrogate.definiteness import smallest_eigenvalue
 from cfem.surrogate.modules import module_of

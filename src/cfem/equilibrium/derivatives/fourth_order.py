@@ -11,7 +11,7 @@ from itertools import permutations
 
 import numpy as np
 
-from cfem.condensed.packing import symmetric4_indices
+from cfem.condensed.packing import packed_indices
 from cfem.equilibrium.derivatives.solved import solved
 from cfem.equilibrium.derivatives.third_order import steepest
 from cfem.equilibrium.system.evaluation import Evaluation
@@ -27,7 +27,7 @@ LOCKED = 1e-3  # of what a wrench on a row strains with the actuators free: step
 
 def load_curvatures(linear: Linearisation) -> np.ndarray:
     """Second derivatives (n_e (n_e + 1) (n_e + 2) (n_e + 3) / 24,) mm/N^3, d2C/dw2, symmetric in all four indices, as
-    the entries i <= j <= k <= l (`packing.symmetric4_indices`); linear: what a solve without contacts has kept."""
+    the entries i <= j <= k <= l (`packing.packed_indices`); linear: what a solve without contacts has kept."""
     pulled, n = _Pulled(linear), linear.problem.robot.rows.n_e
     changes = np.full((n, n, n, n), np.nan)
     for row, h in enumerate(pulled.steps * OUTER / INNER):
@@ -35,7 +35,7 @@ def load_curvatures(linear: Linearisation) -> np.ndarray:
         if h > 0:
             changes[row, : row + 1] = (pulled.change(row, h) - pulled.change(row, -h)) / (2 * h)
     each = np.stack([changes.transpose(order) for order in permutations(range(4))])
-    return np.nanmean(each[:, *symmetric4_indices(n)], axis=0)
+    return np.nanmean(each[:, *packed_indices(n, 4)], axis=0)
 
 
 class _Pulled:

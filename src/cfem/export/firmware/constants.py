@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from cfem.condensed.far import far_of
-from cfem.condensed.packing import upper_indices
+from cfem.condensed.packing import packed_indices
 from cfem.condensed.parameters import vector
 from cfem.condensed.strokes import STEP, TOLERANCE, ridge_of, stated_or_share
 from cfem.core.actuator_units import demand_units
@@ -206,7 +206,7 @@ def _quantised(weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def _mlp_outputs(n_a: int, n_e: int, softer: float, full: bool) -> tuple[np.ndarray, np.ndarray]:
     """Which outputs of the network, and what to scale them by, in the order of cfem_parts.h; rows of W are e, a."""
     n = n_a + n_e
-    rows, columns = upper_indices(n)
+    rows, columns = packed_indices(n)
     place = {(i, j): k for k, (i, j) in enumerate(zip(rows.tolist(), columns.tolist(), strict=True))}
     W = [place[n_e + i, n_e + j] for i in range(n_a) for j in range(i, n_a)]
     W += [place[e, n_e + j] for e in range(n_e) for j in range(n_a)]

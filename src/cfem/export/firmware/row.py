@@ -6,7 +6,7 @@ from math import comb
 
 import numpy as np
 
-from cfem.condensed.packing import pack_upper, symmetric3_indices, symmetric4_indices
+from cfem.condensed.packing import pack_upper, packed_indices, unpacking
 from cfem.constraint.patch import PatchLoad
 from cfem.export.firmware import c_text
 from cfem.predict.kinds.spectral import SpectralPredictor
@@ -14,7 +14,7 @@ from cfem.predict.loads.loaded_rows import rows_of
 from cfem.predict.rows.patches import RowPatches
 from cfem.predict.rows.serial import SerialPredictor
 from cfem.predict.series.chebyshev import union
-from cfem.predict.series.energy import FOURTH, FOURTH_INDICES, unpacking4
+from cfem.predict.series.energy import FOURTH, FOURTH_INDICES
 
 PARTS = ("potential", "effector", "compliance", "change", "curvature")
 TYPES = """
@@ -96,7 +96,7 @@ def tables(
     none = np.zeros((len(indices), 1))
     parts["compliance"] = pack_upper(C) if loaded else none
     third = loaded and rows.D is not None
-    parts["change"] = rows.D[:, *symmetric3_indices(watched)] if third else none
+    parts["change"] = rows.D[:, *packed_indices(watched, 3)] if third else none
     fourth = third and FOURTH in arrays
     known = arrays[FOURTH_INDICES].astype(np.int64) if fourth else indices[:0]
     indices, (of_own, of_fourth) = union(indices, known)
@@ -105,7 +105,7 @@ def tables(
         parts[name][:, of_own] = coefficients.T
     parts["curvature"] = np.zeros((comb(watched + 3, 4) if fourth else 1, len(indices)))
     if fourth:
-        parts["curvature"][:, of_fourth] = arrays[FOURTH][unpacking4(model.rows.n_e)[*symmetric4_indices(watched)]]
+        parts["curvature"][:, of_fourth] = arrays[FOURTH][unpacking(model.rows.n_e, 4)[*packed_indices(watched, 4)]]
     used = np.flatnonzero(np.any([(coefficients != 0).any(axis=0) for coefficients in parts.values()], axis=0))
     number = np.zeros(len(indices), np.uint16)
     number[used] = np.arange(len(used))

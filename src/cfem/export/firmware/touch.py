@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cfem.condensed.packing import symmetric3_indices
+from cfem.condensed.packing import packed_indices
 from cfem.contact.obstacle import Obstacle, Rounded
 from cfem.core.errors import InputError
 from cfem.export.firmware import c_text
@@ -64,7 +64,7 @@ def touch_constants(patched: PatchedModel) -> dict[str, np.ndarray]:
     arrays, (spread, by_row) = skin.arrays, patched.spread
     p, q = np.triu_indices(N)
     local = patched.local[p, q].reshape(len(p), len(patched.degrees), 9)
-    (a, b, c), padding = symmetric3_indices(3), -patched.bent.shape[1] % 4  # vectors of a processor
+    (a, b, c), padding = packed_indices(3, 3), -patched.bent.shape[1] % 4  # vectors of a processor
     return {
         "to_box": np.asarray(arrays["to_box"], float),
         "offset": np.asarray(arrays["offset"], float),

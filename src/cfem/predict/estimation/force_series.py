@@ -13,10 +13,11 @@ from functools import cached_property
 
 import numpy as np
 
+from cfem.condensed.packing import unpacking
 from cfem.predict.kinds.spectral import SpectralPredictor
 from cfem.predict.series.chebyshev import Basis
 from cfem.predict.series.derivatives import input_derivatives
-from cfem.predict.series.energy import layout, unpacking
+from cfem.predict.series.energy import layout
 from cfem.predict.series.modes import BoxMap, joined
 
 

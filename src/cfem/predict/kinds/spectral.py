@@ -8,11 +8,12 @@ from functools import cached_property
 
 import numpy as np
 
+from cfem.condensed.packing import unpacking
 from cfem.core.errors import InputError
 from cfem.core.reading import take
 from cfem.predict.kinds.potential import PotentialPredictor
 from cfem.predict.series.chebyshev import Basis
-from cfem.predict.series.energy import Parts, Splitter, layout, unpacking
+from cfem.predict.series.energy import Parts, Splitter, layout
 
 LARGEST_DEGREE = 255  # what a byte of the C export holds
 

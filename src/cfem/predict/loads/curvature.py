@@ -11,10 +11,11 @@ from math import factorial, prod
 
 import numpy as np
 
+from cfem.condensed.packing import unpacking
 from cfem.predict.kinds.spectral import SpectralPredictor
 from cfem.predict.series.chebyshev import Basis
 from cfem.predict.series.derivatives import input_derivatives
-from cfem.predict.series.energy import FOURTH, FOURTH_INDICES, unpacking4
+from cfem.predict.series.energy import FOURTH, FOURTH_INDICES
 
 
 class CurvatureSeries:
@@ -29,7 +30,7 @@ class CurvatureSeries:
         self._basis, self._box = Basis(indices), model.box
         self._coefficients = np.ascontiguousarray(model.arrays[FOURTH].T)
         self.watched = watched
-        places = unpacking4(model.rows.n_e)[:watched, :watched, :watched, :watched]
+        places = unpacking(model.rows.n_e, 4)[:watched, :watched, :watched, :watched]
         self._triples, self._pairs = (_Monomials(watched, degree) for degree in (3, 2))
         self._of_triple = places[:, *self._triples.rows]  # (watched, number)
         self._of_pair = places[:, :, *self._pairs.rows]

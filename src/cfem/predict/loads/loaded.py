@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cfem.condensed import Rows
-from cfem.condensed.packing import pack_upper, symmetric3_indices
+from cfem.condensed.packing import pack_upper, packed_indices
 from cfem.constraint.patch import PatchLoad
 from cfem.core.errors import InputError, SpecError
 from cfem.equilibrium.contact.patch_effectors import PatchYield
@@ -170,7 +170,7 @@ def _loaded(model: SpectralPredictor, rows: LoadedRows, w: np.ndarray) -> Spectr
         arrays = {**arrays, "indices": rows.indices.astype(model.arrays["indices"].dtype)}
         arrays.pop(THIRD, None)
         if rows.D is not None:
-            arrays[THIRD] = rows.D[:, *symmetric3_indices(n_e)].T.copy()
+            arrays[THIRD] = rows.D[:, *packed_indices(n_e, 3)].T.copy()
     parameters = [parameter for parameter in model.meta["parameters"] if not parameter["exact"]]
     return SpectralPredictor({**model.meta, "parameters": parameters}, arrays)
 

@@ -12,11 +12,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cfem.condensed.packing import unpacking
 from cfem.constraint.patch import PatchLoad
 from cfem.core.errors import InputError
 from cfem.predict.kinds.spectral import SpectralPredictor
 from cfem.predict.series.chebyshev import basis, union
-from cfem.predict.series.energy import THIRD, layout, unpacking, unpacking3
+from cfem.predict.series.energy import THIRD, layout
 from cfem.predict.series.few_states import degrees
 
 if TYPE_CHECKING:
@@ -52,7 +53,7 @@ def rows_of(
     parts, series = layout(model.rows.n_a, model.rows.n_e), model.arrays["series"]
     psi, e, C = (series[parts[name]].T for name in ("energy", "effector", "effector_compliance"))
     third = model.arrays.get(THIRD)
-    D = None if third is None else third.T[:, unpacking3(model.rows.n_e)]
+    D = None if third is None else third.T[:, unpacking(model.rows.n_e, 3)]
     moves = np.array([[unit == "mm" for unit, _ in model.rows.effector_units]])
     effectors = LoadedRows(model.arrays["indices"], psi, e, C[:, unpacking(model.rows.n_e)], D, D is not None, moves)
     if not patches:

@@ -4,10 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from cfem.condensed.packing import unpacking
 from cfem.constraint.patch import PatchLoad
 from cfem.predict.protocol import Predictor
 from cfem.predict.series.chebyshev import union
-from cfem.predict.series.energy import unpacking
 from cfem.predict.series.skin import LearnedSkin
 
 

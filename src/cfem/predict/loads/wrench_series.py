@@ -20,14 +20,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cfem.condensed.packing import pack_upper, symmetric3_indices
+from cfem.condensed.packing import pack_upper, packed_indices, unpacking
 from cfem.constraint.patch import PatchLoad
 from cfem.predict.kinds.spectral import SpectralPredictor
 from cfem.predict.loads.curvature import CurvatureSeries, HeldCurvature
 from cfem.predict.loads.loaded_rows import rows_of
 from cfem.predict.series.chebyshev import Basis
 from cfem.predict.series.derivatives import input_derivatives
-from cfem.predict.series.energy import FOURTH, unpacking, unpacking3
+from cfem.predict.series.energy import FOURTH
 
 NEAR = 0.5  # share of the load that would buckle, by the series: up to here it is believed
 STIFF = -2.0  # where the load has taken all but 1 / 27 of the compliance
@@ -70,7 +70,7 @@ class WrenchSeries:
         parts = [rows.psi, e, pack_upper(C)]
         if rows.D is not None:
             D = np.pad(rows.D[:, columns][:, :, columns][:, :, :, columns], ((0, 0), still, still, still))
-            parts.append(D[:, *symmetric3_indices(size)])
+            parts.append(D[:, *packed_indices(size, 3)])
         parts = np.concatenate(parts, axis=1)  # (M, q)
         by_s = input_derivatives(rows.indices, model.arrays["to_box"], n_a)
         first = [D @ parts for D in by_s]
@@ -79,7 +79,7 @@ class WrenchSeries:
         self._coefficients = np.concatenate([parts, *first, *second], axis=1)
         self._unpack = 1 + size + unpacking(size)
         first_of_D = 1 + size + size * (size + 1) // 2
-        self._unpack3 = None if rows.D is None else first_of_D + unpacking3(size)
+        self._unpack3 = None if rows.D is None else first_of_D + unpacking(size, 3)
 
         self._curvature = CurvatureSeries(model, watched) if FOURTH in model.arrays and rows.D is not None else None
 

@@ -10,13 +10,11 @@ the effectors' displacements e and a compliance C of theirs:
 
 and delta_free = delta - W[:, a] lambda_a. W is symmetric by construction."""
 
-from itertools import permutations
-
 import numpy as np
 
 from cfem.condensed import Rows
 from cfem.condensed.model import Form
-from cfem.condensed.packing import symmetric3_indices, symmetric4_indices, upper_indices
+from cfem.condensed.packing import unpacking
 from cfem.predict.series.semidefinite import nearest, with_nearest
 
 FORMS: tuple[Form, ...] = ("displacement", "force")
@@ -38,37 +36,11 @@ def layout(n_a: int, n_e: int) -> dict[str, slice]:
     return {name: slice(int(end - size), int(end)) for (name, size), end in zip(sizes.items(), ends, strict=True)}
 
 
-def unpacking(n: int) -> np.ndarray:
-    """Position (n, n) of each entry of a symmetric matrix in its packed upper triangle."""
-    position = np.empty((n, n), dtype=np.int64)
-    rows, columns = upper_indices(n)
-    position[rows, columns] = position[columns, rows] = np.arange(len(rows))
-    return position
-
-
 THIRD = "third"  # array (n_e (n_e + 1) (n_e + 2) / 6, M): series of D, entries i <= j <= k
 
 # array (n_e (n_e + 1) (n_e + 2) (n_e + 3) / 24, M): series of d2C/dw2, entries i <= j <= k <= l, of a basis of its own,
 # whose degrees are the other array (M, n)
 FOURTH, FOURTH_INDICES = "fourth", "fourth_indices"
-
-
-def unpacking3(n: int) -> np.ndarray:
-    """Positions (n, n, n) of the entries of a symmetric tensor among those with i <= j <= k."""
-    position = np.empty((n, n, n), dtype=np.int64)
-    for number, indices in enumerate(symmetric3_indices(n).T.tolist()):
-        for place in permutations(indices):
-            position[place] = number
-    return position
-
-
-def unpacking4(n: int) -> np.ndarray:
-    """Positions (n, n, n, n) of the entries of a symmetric tensor among those with i <= j <= k <= l."""
-    position = np.empty((n, n, n, n), dtype=np.int64)
-    for number, indices in enumerate(symmetric4_indices(n).T.tolist()):
-        for place in permutations(indices):
-            position[place] = number
-    return position
 
 
 class Splitter:

@@ -13,10 +13,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from cfem.condensed.packing import unpacking
 from cfem.core.errors import InputError
 from cfem.predict.series.chebyshev import Basis, union
 from cfem.predict.series.derivatives import input_derivatives
-from cfem.predict.series.energy import unpacking
 from cfem.predict.series.skin import LearnedSkin
 
 

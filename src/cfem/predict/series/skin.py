@@ -13,12 +13,13 @@ from functools import cached_property
 import numpy as np
 
 from cfem.condensed import Condensed
+from cfem.condensed.packing import unpacking
 from cfem.condensed.skin import PREFIX, Skin
 from cfem.constraint.patch import PatchLoad
 from cfem.core.errors import InputError, SpecError
 from cfem.core.reading import take
 from cfem.predict.series.chebyshev import Basis
-from cfem.predict.series.energy import Form, unpacking
+from cfem.predict.series.energy import Form
 from cfem.predict.series.semidefinite import with_nearest
 
 FILE = "skin.npz"  # of a model folder

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cfem.condensed.packing import symmetric3_indices
+from cfem.condensed.packing import packed_indices
 from cfem.condensed.patches import Patches
 from cfem.contact.detection import along
 from cfem.core.errors import InputError
@@ -180,7 +180,7 @@ class SurfaceModel(ABC):
         """(terms, c) mm/N^2, series of how the compliance of effectors and of mixtures `bends` of the modes changes
         with loads on these, as symmetric as the derivatives of an energy are, and rounded like L: of i <= j <= k what
         mixtures have, and then of each effector what it has of i <= j."""
-        (i, j, k), (first, second) = symmetric3_indices(self.bends.shape[1]), np.triu_indices(self.bends.shape[1])
+        (i, j, k), (first, second) = packed_indices(self.bends.shape[1], 3), packed_indices(self.bends.shape[1])
         seen, mixtures = np.split(self._bent, [self.model.rows.n_e], axis=2)
         seen = seen[:, first, :, second].transpose(1, 2, 0).reshape(len(mixtures), -1)
         return (self._inverse @ np.hstack([mixtures[:, i, j, k], seen])).astype(np.float32).astype(float)
@@ -190,7 +190,7 @@ class SurfaceModel(ABC):
         """(r, n_e + r, r): which number of `bent` says how the compliance of the second and third changes with a load
         on the first."""
         r, n_e = self.bends.shape[1], self.model.rows.n_e
-        cube, square = symmetric3_indices(r), np.array(np.triu_indices(r))
+        cube, square = packed_indices(r, 3), packed_indices(r)
         mixtures, seen = np.empty((r, r, r), dtype=np.int64), np.empty((r, r), dtype=np.int64)
         for order in permutations(range(3)):
             mixtures[tuple(cube[list(order)])] = np.arange(cube.shape[1])
@@ -205,7 +205,7 @@ class SurfaceModel(ABC):
         from cfem.predict.series.derivatives import input_derivatives
 
         low, high = self.model.domain.delta_a
-        i, j, k = symmetric3_indices(self.bends.shape[1])
+        i, j, k = packed_indices(self.bends.shape[1], 3)
         orders = np.where((i == j) & (j == k), 1.0, np.where((i == j) | (j == k), 3.0, 6.0))
         by_delta = input_derivatives(self.degrees, np.diag(2 / (high - low)), len(low))
         slopes = np.stack([slope.toarray() for slope in by_delta])
