@@ -33,6 +33,12 @@ def test_plans_outside_the_training_states_are_flagged(inside):
     assert "1 goal is out of reach: the robot ended 0.2 mm away;" in line
 
 
+@pytest.mark.parametrize("plant, judged", [("fem", "on the mesh of the model"), ("model", "by the model alone")])
+def test_an_error_says_whether_a_mesh_or_the_model_itself_judges(plant, judged):
+    (line,) = headline({"circle": summarise(rows("spectral", True, 0.2), length=100.0)}, plant=plant)
+    assert f"tracking error mean 0.2 mm, max 0.2 mm, {judged};" in line
+
+
 def test_the_headline_has_orientation_errors_in_degrees():
     turned = [
         row | {"rotation_error": error}

@@ -143,7 +143,8 @@ def test_the_first_screen_has_three_numbers_with_their_units():
     assert found.concerns == () and "reaches 4 of 4 goals" in found.sentence
     assert [one.value for one in found.numbers] == ["4 of 4", "25 µm", "200 µs"]
     assert "60 ms, 300 times as long" in found.numbers[2].notes[0]
-    assert found.numbers[1].notes[1] == "discretisation error: not estimated"
+    assert found.numbers[1].notes == ("largest 40 µm, on the mesh of the model", "discretisation error: not estimated")
+    assert first(plant="model").numbers[1].notes[0] == "largest 40 µm, by the model alone"
 
 
 def test_the_discretisation_error_stands_beside_the_tracking_error():

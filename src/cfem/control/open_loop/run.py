@@ -53,7 +53,7 @@ def carry_out(folder: Path, spec: PlannedSpec, base: Path, prepared: Prepared, k
     np.savez_compressed(folder / "states.npz", **states)
     _write_table(folder / "trajectories.parquet", records, prepared)
     cost = fem and {key: getattr(fem, key) for key in ("solves", "factorizations", "seconds")}
-    lines, held, met = headline(results, refined, cost), None, None
+    lines, held, met = headline(results, refined, cost, spec.plant), None, None
     if isinstance(spec, LoadedSpec) and spec.loads:
         lines.append(f"estimated error of the models under the loads: {prepared.load_error:.2g} mm")
     if holding:

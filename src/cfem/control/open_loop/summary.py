@@ -12,6 +12,8 @@ from cfem.control.task.run_spec import FE_BASED
 from cfem.core.artefact.judgement import poor
 from cfem.core.console.shown import counted, duration, length
 
+JUDGED = {"fem": "on the mesh of the model", "model": "by the model alone"}  # what an error is of, by plant
+
 
 def record(
     trajectory: str,
@@ -120,15 +122,18 @@ def summarise(records: Sequence[dict], length: float, counted: Sequence[str] | N
 
 
 def headline(
-    trajectories: dict[str, dict], discretisation: dict | None = None, fe_cost: dict | None = None
+    trajectories: dict[str, dict],
+    discretisation: dict | None = None,
+    fe_cost: dict | None = None,
+    plant: str = "fem",
 ) -> list[str]:
     """One sentence per trajectory and controller, those with fewer iterations (name@n) left to the tables, and one on
-    the discretisation error, which comes first where it is larger than all distances to goals."""
+    the discretisation error, which comes first where it is larger than all distances to goals. plant: of the spec."""
     lines = []
     for trajectory, controllers in trajectories.items():
         for name, row in controllers.items():
             if "@" not in name:
-                lines.append(f"{trajectory}, {name}: " + "; ".join(_parts(row, fe_cost)))
+                lines.append(f"{trajectory}, {name}: " + "; ".join(_parts(row, fe_cost, plant)))
     if discretisation is None:
         return lines
     sentence = discretisation_sentence(discretisation)
@@ -190,16 +195,14 @@ def discretisation_sentence(error: dict) -> str:
     )
 
 
-def _parts(row: dict, fe_cost: dict | None) -> list[str]:
+def _parts(row: dict, fe_cost: dict | None, plant: str) -> list[str]:
     """Parts of the sentence about one controller on one trajectory."""
     near, far, fe = (row[f"distance_to_{what}"] for what in ("reachable_goals", "unreachable_goals", "fe_based"))
     parts = [f"{row['reached']} of {row['goals']} goals reached"]
     if near:
         weighted = row["counted"]
         what = "" if weighted is None else f" of {', '.join(weighted) or 'no place'} alone (search.weights)"
-        parts.append(
-            f"tracking error{what} mean {length(near['mean'])}, max {length(near['max'])}, on the mesh of the model"
-        )
+        parts.append(f"tracking error{what} mean {length(near['mean'])}, max {length(near['max'])}, {JUDGED[plant]}")
     if row.get("rotation_error"):
         parts.append("orientation error mean {mean:.2g} deg, max {max:.2g} deg".format(**row["rotation_error"]))
     if far:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from cfem.control.open_loop.summary import JUDGED
 from cfem.control.search.optimality import Verdict
 from cfem.control.task.run_spec import FE_BASED
 from cfem.core.console.shown import duration, length, times
@@ -88,7 +89,7 @@ def _concerns(outcome: Outcome, tracking: Tracking, reached: int) -> Iterator[st
 
 def _beside(error: np.ndarray, tracking: Tracking) -> tuple[str, str]:
     """Notes beside the mean tracking error."""
-    text, mesh = f"largest {length(error.max())}, on the mesh of the model", tracking.discretisation or {}
+    text, mesh = f"largest {length(error.max())}, {JUDGED[tracking.plant]}", tracking.discretisation or {}
     if "tip_mm" in mesh:
         return text, f"discretisation error of the tip: up to {length(mesh['tip_mm'], digits=2)} (estimated)"
     why = f": {mesh['left_out']}" if "left_out" in mesh else ""
