@@ -13,7 +13,7 @@ from cfem.control.crawling.course import Course, account_of, headline, judged, k
 from cfem.control.crawling.crawler import Crawler, Walk, crawler_of
 from cfem.control.crawling.own_weight import own_weight
 from cfem.control.crawling.spec import CrawlingSpec, GaitSpec
-from cfem.control.holding.assembly import box_surface, place_of
+from cfem.control.holding.assembly import box_surface
 from cfem.control.open_loop.summary import summarise
 from cfem.control.search.optimality import Verdict
 from cfem.control.task.prepared import demand_same_rows, robot_and_models
@@ -28,6 +28,7 @@ from cfem.plant.fem_plant import pushed
 from cfem.predict.contact.leg import LearnedLeg, held_by
 from cfem.robot.checks.plausible import gravity_doubts
 from cfem.robot.load import load_scene_and_mesh
+from cfem.robot.mesh.placement import motion_of
 
 Place = tuple[np.ndarray, np.ndarray]
 
@@ -53,7 +54,7 @@ def setting_of(spec: CrawlingSpec, base: Path, mesh: Path, models: Mapping[str, 
     demand_same_rows(robot, predictors, models)
     name, model = next(iter(predictors.items()))
     places, names = (
-        [place_of(robot_spec) for robot_spec in spec.robots],
+        [motion_of(robot_spec.rotate, robot_spec.translate) for robot_spec in spec.robots],
         [robot_spec.name for robot_spec in spec.robots],
     )
     loads, weights = own_weight(gait, robot, places)

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from cfem.condensed import Rows
 from cfem.condensed.coupling import Coupled, Holder, RigidObject
@@ -13,7 +12,7 @@ from cfem.condensed.model import Model
 from cfem.contact.obstacle import Box
 from cfem.control.holding.grasp import from_table, margin_of
 from cfem.control.holding.gripping import Grip, Gripping
-from cfem.control.holding.spec import HoldingSpec, RobotSpec
+from cfem.control.holding.spec import HoldingSpec
 from cfem.control.holding.squeeze import balanced
 from cfem.core.errors import InputError, NumericalError
 from cfem.equilibrium.contact.grasp import FreeObject
@@ -27,6 +26,7 @@ from cfem.plant.fem_patch import CoupledFem, FemPatch
 from cfem.plant.grip_plant import GripPlant
 from cfem.predict.contact.gripping_finger import LearnedFinger, WithinPatch
 from cfem.predict.protocol import Predictor
+from cfem.robot.mesh.placement import motion_of
 
 TABLE = 0.01  # mm/N of each of the four points of a table, in every direction
 WITHIN = 0.8  # of the way from the middle of a side to its edges, where these points are
@@ -72,7 +72,7 @@ def assembled(
     n = 6 if turns else 3
     force = np.zeros(3) if spec.object.force is None else spec.object.force
     held = RigidObject(spec.object.centre, turns, np.concatenate([force, np.zeros(n - 3)]), spec.oriented)
-    places = [place_of(robot_spec) for robot_spec in spec.robots]
+    places = [motion_of(robot_spec.rotate, robot_spec.translate) for robot_spec in spec.robots]
     n_a, count = robot.rows.n_a, len(places)
     origin = patch_of(contact_points(Problem(robot)), turns).origin
 
@@ -117,7 +117,9 @@ def gripped(
     force = np.zeros(3) if about.force is None else about.force
     held = FreeObject(shape, about.centre, np.concatenate([force, np.zeros(3)]), about.turns, oriented=spec.oriented)
     n_a, count = robot.rows.n_a, len(spec.robots)
-    fingers = [PlacedRobot(Problem(robot), *place_of(robot_spec)) for robot_spec in spec.robots]
+    fingers = [
+        PlacedRobot(Problem(robot), *motion_of(robot_spec.rotate, robot_spec.translate)) for robot_spec in spec.robots
+    ]
     points, _ = box_surface(about.centre, about.half_size, robot.body.mesh.facets.shape[1])
     ends, preload = n_a * np.arange(count + 1), spec.search.preload
     longest = np.tile(LONGEST * np.abs(robot.reach).max(axis=1), count)
@@ -187,17 +189,6 @@ def box_surface(centre: np.ndarray, half_size: np.ndarray, width: int) -> tuple[
     ends = corners[triangles]  # (12, 3, 3)
     both = np.concatenate([ends, (ends + np.roll(ends, -1, axis=1)) / 2], axis=1)
     return both.reshape(-1, 3), np.arange(72).reshape(12, 6)
-
-
-def place_of(robot_spec: RobotSpec) -> tuple[np.ndarray, np.ndarray]:
-    """Rotation (3, 3) and translation (3,) mm of a robot in the scene."""
-    rotation, shift = np.eye(3), np.zeros(3)
-    if robot_spec.rotate is not None:
-        axis = np.asarray(robot_spec.rotate.axis, float)
-        rotation = Rotation.from_rotvec(robot_spec.rotate.angle * axis / np.linalg.norm(axis)).as_matrix()
-    if robot_spec.translate is not None:
-        shift = np.asarray(robot_spec.translate, float)
-    return rotation, shift
 
 
 def _pose_rows(predictor: Predictor, robot: Robot, where: Path) -> int:

@@ -6,7 +6,6 @@ from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
-from scipy.spatial.transform import Rotation
 
 from cfem.contact.obstacle import Box, Capsule, ClosedMesh, Obstacle, Plane, Sphere, tangents
 from cfem.contact.prescribed_motion import ActuatedRobot, PrescribedMotion, Translation
@@ -17,6 +16,7 @@ from cfem.core.stl import read_stl
 from cfem.core.units import Force, Length, Point, Points
 from cfem.predict.protocol import Predictor
 from cfem.robot.geometry import Turn
+from cfem.robot.mesh.placement import rotation_of
 from cfem.robot.selection import Direction
 
 
@@ -97,7 +97,7 @@ class BoxObstacle(_Solid):
     """Rotation about its centre."""
 
     def made(self, folder: Path) -> Obstacle:
-        return Box(np.array(self.half_size), R=_rotation(self.rotate), t=np.array(self.centre))
+        return Box(np.array(self.half_size), R=rotation_of(self.rotate), t=np.array(self.centre))
 
 
 class CapsuleObstacle(_Solid):
@@ -143,7 +143,7 @@ class MeshObstacle(_Solid):
         except InputError as error:
             raise InputError(error.what, where=error.where or str(path), do=error.do) from None
         t = np.zeros(3) if self.translate is None else np.array(self.translate)
-        return ClosedMesh(surface, R=_rotation(self.rotate), t=t)
+        return ClosedMesh(surface, R=rotation_of(self.rotate), t=t)
 
 
 class RobotObstacle(_Any):
@@ -178,7 +178,7 @@ class RobotObstacle(_Any):
         if not (np.isfinite(shares).all() and shares.min() >= 0 and shares.max() <= 1):
             raise InputError("`shares` must be between 0 and 1")
         low, high = model.reach.T
-        R, t = _rotation(self.rotate), np.zeros(3) if self.translate is None else np.array(self.translate)
+        R, t = rotation_of(self.rotate), np.zeros(3) if self.translate is None else np.array(self.translate)
         facets = model.facets
         return ActuatedRobot(model, low + shares * (high - low), lambda x: ClosedMesh(ClosedSurface(x, facets)), R, t)
 
@@ -231,13 +231,6 @@ class ContactSpec(Spec):
         """Spacing of the patches and whether sharp edges have their own
         (`cfem.predict.contact.surface.patched_model.patches_of`)."""
         return self.patches, self.sharp_edges
-
-
-def _rotation(turn: Turn | None) -> np.ndarray:
-    if turn is None:
-        return np.eye(3)
-    axis = np.asarray(turn.axis, float)
-    return Rotation.from_rotvec(turn.angle * axis / np.linalg.norm(axis)).as_matrix()
 
 
 def _turned(z: np.ndarray) -> np.ndarray:

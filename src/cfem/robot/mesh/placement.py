@@ -1,6 +1,6 @@
 """Parts of an assembly: put in their places, and their meshes made one."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -8,24 +8,24 @@ from scipy.spatial.transform import Rotation
 
 from cfem.mechanics.mesh import Mesh
 from cfem.robot.cad import Box, Placed
-from cfem.robot.geometry import Part
+from cfem.robot.geometry import Part, Turn
 
 
 def place(mesh: Mesh, part: Part) -> Mesh:
     """The part's mesh, from the coordinates of its geometry to the scene's."""
-    rotation, shift = _motion(part)
+    rotation, shift = motion_of(part.rotate, part.translate)
     return replace(mesh, X=mesh.X @ rotation.T + shift)
 
 
 def place_back(mesh: Mesh, part: Part) -> Mesh:
     """The inverse of `place`."""
-    rotation, shift = _motion(part)
+    rotation, shift = motion_of(part.rotate, part.translate)
     return replace(mesh, X=(mesh.X - shift) @ rotation)
 
 
 def seen_from(box: Box, part: Part) -> Box | Placed:
     """A box in the scene's coordinates, in those of the part's geometry: the inverse of `place`."""
-    rotation, shift = _motion(part)
+    rotation, shift = motion_of(part.rotate, part.translate)
     if np.abs(rotation - np.round(rotation)).max() < 1e-12:
         corners = (np.array([box.low, box.high]) - shift) @ np.round(rotation)
         return Box(tuple(corners.min(axis=0).tolist()), tuple(corners.max(axis=0).tolist()))
@@ -52,12 +52,14 @@ def join(parts: Mapping[str, Mesh]) -> Mesh:
     return Mesh(np.concatenate(X), np.concatenate(cells), np.concatenate(facets), node_sets, facet_sets, cell_sets)
 
 
-def _motion(part: Part) -> tuple[np.ndarray, np.ndarray]:
+def motion_of(rotate: Turn | None, translate: Sequence[float] | None) -> tuple[np.ndarray, np.ndarray]:
     """Rotation (3, 3) and shift (3,) mm: x -> rotation @ x + shift."""
-    rotation, shift = np.eye(3), np.zeros(3)
-    if part.rotate is not None:
-        axis = np.asarray(part.rotate.axis)
-        rotation = Rotation.from_rotvec(part.rotate.angle * axis / np.linalg.norm(axis)).as_matrix()
-    if part.translate is not None:
-        shift = np.asarray(part.translate)
-    return rotation, shift
+    return rotation_of(rotate), np.zeros(3) if translate is None else np.asarray(translate, float)
+
+
+def rotation_of(turn: Turn | None) -> np.ndarray:
+    """Rotation (3, 3) of a turn, none of None."""
+    if turn is None:
+        return np.eye(3)
+    axis = np.asarray(turn.axis, float)
+    return Rotation.from_rotvec(turn.angle * axis / np.linalg.norm(axis)).as_matrix()
