@@ -15,9 +15,10 @@ from cfem.mechanics.element import ELEMENTS
 from cfem.mechanics.mass import gravity
 from cfem.mechanics.material import LAWS
 from cfem.mechanics.material.law import Material
-from cfem.mechanics.mesh import HEX_TETS, TET_EDGES, Mesh, boundary_facets, quadratic
+from cfem.mechanics.mesh import HEX_TETS, Mesh, boundary_facets
 from cfem.robot.cad import Box
 from cfem.robot.mesh import hexahedra
+from cfem.robot.mesh.meshing import corners_of, with_middles
 
 BAR = (60.0, 10.0, 10.0)  # mm
 COARSE = {"tet4": (8, 2, 2), "tet10": (6, 1, 1), "tet10p0": (6, 1, 1), "hex8": (8, 2, 2)}  # cells of a bar
@@ -49,19 +50,7 @@ def in_element(mesh: Mesh, element: str) -> Mesh:
     none there. A node in the middle is in the node sets that both ends are in."""
     if ELEMENTS[element].order == mesh.order:
         return mesh
-    sets = {"facet_sets": mesh.facet_sets, "cell_sets": mesh.cell_sets}
-    if mesh.order == 2:
-        corners, cells = np.unique(mesh.cells[:, :4], return_inverse=True)
-        number = np.searchsorted(corners, mesh.facets[:, :3])
-        nodes = {name: np.flatnonzero(np.isin(corners, members)) for name, members in mesh.node_sets.items()}
-        return Mesh(mesh.X[corners], cells.reshape(-1, 4), number, nodes, **sets)
-    X, cells, facets = quadratic(mesh.X, mesh.cells, mesh.facets)
-    edges, middles = cells[:, TET_EDGES], cells[:, 4:]
-    nodes = {
-        name: np.union1d(members, middles[np.isin(edges, members).all(axis=2)])
-        for name, members in mesh.node_sets.items()
-    }
-    return Mesh(X, cells, facets, nodes, **sets)
+    return corners_of(mesh) if mesh.order == 2 else with_middles(mesh)
 
 
 def cells_where(mesh: Mesh, inside: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:

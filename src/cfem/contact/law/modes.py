@@ -77,14 +77,11 @@ def understood(problem: ContactProblem, law: Law, modes: Sequence[Mode]) -> tupl
     return tuple(mode if mode in known else known[-1] for mode in modes)
 
 
-def solve_mode(
-    problem: ContactProblem, law: Law, modes: Sequence[Mode], quick: bool = False, angles: np.ndarray | None = None
-) -> ModeSolution:
-    """States in which each point has its mode of `modes`. quick: fewer starts where directions of slip are unknown;
-    angles: approximate ones of the friction of the slipping points, an additional start."""
+def solve_mode(problem: ContactProblem, law: Law, modes: Sequence[Mode], quick: bool = False) -> ModeSolution:
+    """States in which each point has its mode of `modes`. quick: fewer starts where directions of slip are unknown."""
     p, modes = problem.normalised, understood(problem, law, modes)
     kept, status = np.zeros((0, len(p.free) + p.k)), ModeStatus.INCONSISTENT
-    for states, regular in _solutions(p, law, modes, quick, angles):
+    for states, regular in _solutions(p, law, modes, quick):
         if not len(states):
             continue
         status = ModeStatus.SOLVED if regular else ModeStatus.SINGULAR
@@ -112,13 +109,11 @@ def distinct(states: np.ndarray) -> list[int]:
     return kept
 
 
-def _solutions(
-    p: ContactProblem, law: Law, modes: tuple[Mode, ...], quick: bool, angles: np.ndarray | None
-) -> Iterator[tuple[np.ndarray, bool]]:
+def _solutions(p: ContactProblem, law: Law, modes: tuple[Mode, ...], quick: bool) -> Iterator[tuple[np.ndarray, bool]]:
     """States (c, 3m + k) of the equations, in portions, and whether their systems are regular."""
     sliding = law == "coulomb" and p.mu > 0 and Mode.SLIP in modes
     if sliding and p.cone == "exact":
-        yield _newton(p, modes, quick, angles), True
+        yield _newton(p, modes, quick), True
         return
     pieces = _pieces(p, modes) if sliding else iter([()])
     while chunk := list(islice(pieces, _CHUNK)):
@@ -261,14 +256,13 @@ def _balanced(p: ContactProblem, modes: tuple[Mode, ...]) -> bool:
     return bool(np.abs(unbalanced).max(initial=0.0) <= SAME)
 
 
-def _newton(p: ContactProblem, modes: tuple[Mode, ...], quick: bool, angles: np.ndarray | None) -> np.ndarray:
+def _newton(p: ContactProblem, modes: tuple[Mode, ...], quick: bool) -> np.ndarray:
     """Solutions (c, 3m + k) on the exact cone, repetitions included."""
     n3 = len(p.free)
     if not _balanced(p, modes):
         return np.zeros((0, n3 + p.k))
     s = modes.count(Mode.SLIP)
-    starts = start_angles(s, quick)
-    y, done = with_angles(p, modes, starts if angles is None else np.vstack([angles, starts])), []
+    y, done = with_angles(p, modes, start_angles(s, quick)), []
     for _ in range(25):
         F, J, _ = slip_equations(p, modes, y)
         try:

@@ -48,15 +48,11 @@ def obstacle_step(
     mu: float = 0.0,
     before: PointsState | None = None,
     carried: np.ndarray | None = None,
-    cone: str = "exact",
-    tolerance: float = 1e-8,
-    iterations: int = 30,
 ) -> PointsState:
     """Quasi-static step to `actuators`, one obstacle a contact point, from the state `before` (none: nothing touches).
 
     carried: (k, 3) mm where the points at which friction held before are now, as the obstacles have moved with them
-    (where they were unless given). tolerance: of the law, relative, at the state itself. Never raises for numerical
-    failure."""
+    (where they were unless given). Never raises for numerical failure."""
     robot, around = PlacedRobot(problem, np.eye(3), np.zeros(3)), Obstacles(tuple(obstacles))
     cost = 0
     if before is None:
@@ -68,5 +64,5 @@ def obstacle_step(
             return before
     elif carried is not None:
         before = replace(before, stuck=carried)
-    state = points_step([robot], [actuators], around, before, law, mu, cone, tolerance, iterations)
+    state = points_step([robot], [actuators], around, before, law, mu)
     return replace(state, factorizations=state.factorizations + cost)

@@ -210,7 +210,6 @@ def points_step(
     before: PointsState | None = None,
     law: Law = "coulomb",
     mu: float = 0.0,
-    cone: str = "exact",
     tolerance: float = 1e-9,
     iterations: int = 40,
 ) -> PointsState:
@@ -245,7 +244,7 @@ def points_step(
             places = came
         compliance = turns @ block_diag(*soft) @ turns.T
         push = turns @ np.concatenate([state.lambda_c for state in solved])
-        posed = _posed(around, places, stuck, compliance, push, law, mu, cone)
+        posed = _posed(around, places, stuck, compliance, push, law, mu)
         verdict = check(posed.problem, law, posed.force, np.zeros(posed.problem.k))
         if verdict.largest <= tolerance and modes and asked == EXACT:
             sticks = np.array([mode is Mode.STICK for mode in modes])[:, None]
@@ -292,7 +291,6 @@ def _posed(
     push: np.ndarray,
     law: Law,
     mu: float,
-    cone: str,
 ) -> Posed:
     """Contact problem of points at places (m, 3) mm with `compliance` (3m, 3m) mm/N under `push` (3m,) N, both in the
     scene's axes. Glue holds a point at its place on the partner, on the surface or not."""
@@ -306,7 +304,7 @@ def _posed(
     G, wrench = (rotation @ motion, around.wrench) if motion.shape[1] else (None, None)
     W, free = (W + W.T) / 2, gap.ravel() - W @ force
     if G is None or around.mobility is None:
-        return Posed(ContactProblem(W, free, G, wrench, mu, cone), compliance, rotation, force)
+        return Posed(ContactProblem(W, free, G, wrench, mu), compliance, rotation, force)
     goes, held_back = around.mobility * wrench - around.gone, around.mobility[:, None] * G.T
-    problem = ContactProblem(W + G @ held_back, free - G @ goes, None, None, mu, cone)
+    problem = ContactProblem(W + G @ held_back, free - G @ goes, None, None, mu)
     return Posed(problem, compliance, rotation, force, (goes, held_back))
