@@ -13,7 +13,7 @@ import numpy as np
 import pyarrow as pa
 
 from cfem.active_learning.choose import choose, disagreement
-from cfem.active_learning.until_error import COMMITTEE, largest_error, model
+from cfem.active_learning.until_error import committee, largest_error, model
 from cfem.condensed.parameters import references, sampled, shares
 from cfem.condensed.spread import spread
 from cfem.core.artefact.files import write_whole
@@ -43,8 +43,7 @@ def fill(folder: Path, spec: SampleSpec, factory: SolverFactory, workers: Worker
     known = as_dataset(tables["train"])
     visited = task_states(around.task, known)
     doing("fitting models of parts of the samples")
-    full_model, number = model(known, TERMS), np.arange(len(known))
-    parts = [model(known.take(number % COMMITTEE != fold), TERMS) for fold in range(COMMITTEE)]
+    full_model, parts = committee(known, TERMS)
     s, p, u = places(known, visited, full_model.form)
     score, judges = disagreement(full_model, parts, s, p), spread(u, min(around.judges, len(u) // 2), 0)
     candidates = np.setdiff1d(np.arange(len(u)), judges)

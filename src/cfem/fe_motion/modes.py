@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cfem.condensed.viscosity import stiffened
 from cfem.core.errors import NumericalError
 from cfem.equilibrium.motion.vibration import lowest_modes
 from cfem.equilibrium.system.actuation import Actuation, displacement
@@ -62,15 +63,8 @@ def _with_viscosity(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Squares omega^2 (k,) with the stiffness that viscosity stores at each frequency, and phi . loss . phi (k,),
     1/s^2."""
-    if not problem.viscosity:
-        return squares, np.zeros_like(squares)
     by_material = []
     for number in range(len(problem.viscosity)):
         data = problem.overstress_data(evaluation, viscous.damping(problem.body, evaluation.response, number))
         by_material.append((shapes * symmetric_product(problem.pattern, data, shapes)).sum(axis=0))
-    stiffer = squares
-    for _ in range(20):
-        moduli = [material.modulus(np.sqrt(stiffer)) for material in problem.viscosity]
-        stored, lost = sum(m * q for m, q in zip(moduli, by_material, strict=True))
-        stiffer = squares + stored
-    return stiffer, lost
+    return stiffened(squares, problem.viscosity, by_material)

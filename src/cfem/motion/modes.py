@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import eigh
 
+from cfem.condensed.viscosity import stiffened
 from cfem.core.errors import NumericalError
 from cfem.motion.model import MotionModel
 from cfem.motion.payload import Payload
@@ -37,12 +38,7 @@ def natural_modes(
         what = f"{int((squares <= 0).sum())} of the {count} lowest modes grow: the robot is unstable at {delta_a} mm"
         raise NumericalError(what, do="hold its actuators, or take another state")
     by_material = [np.einsum("ik,ij,jk->k", shapes, F, shapes) for F in place.F]
-    squared, lost = squares, np.zeros_like(squares)
-    for _ in range(20 if by_material else 0):
-        moduli = [loss.modulus(np.sqrt(squared)) for loss in model.losses]
-        stored = sum(m[0] * f for m, f in zip(moduli, by_material, strict=True))
-        lost = sum(m[1] * f for m, f in zip(moduli, by_material, strict=True))
-        squared = squares + stored
+    squared, lost = stiffened(squares, model.losses, by_material)
     return LearnedModes(np.sqrt(squared) / (2 * np.pi), lost / (2 * squared), shapes, place.effectors_by_q @ shapes)
 
 

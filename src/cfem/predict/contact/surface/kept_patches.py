@@ -6,6 +6,7 @@ share it. It may be deleted at any time."""
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -42,12 +43,8 @@ def patched_model_of(
     patches, skin = patches_of(model, apart, sharp_edges), model.skin
     states = patch_states(model.domain, robot.rows.n_a)
     asked = {"nodes": skin.nodes, "of": patches.of, "shares": patches.shares, "states": states, "modes": skin.modes}
-    key = content_sha256({"version": VERSION, "robot": dict(made_of), **asked})[:16]
-
-    def solved() -> PatchResponse:
-        return patch_response(robot, skin.watched, patches, states)
-
-    return PatchedModel(model, patches, _kept(folder.parent / f"patches-{key}.npz", PatchResponse, solved))
+    solve = partial(patch_response, robot, skin.watched, patches, states)
+    return PatchedModel(model, patches, _kept(folder, "patches", made_of, asked, PatchResponse, solve))
 
 
 def node_model_of(model: Predictor, folder: Path, robot: Robot, made_of: Mapping[str, Any]) -> NodeModel:
@@ -56,12 +53,11 @@ def node_model_of(model: Predictor, folder: Path, robot: Robot, made_of: Mapping
     local, near, denting = linear_states(model.domain, states), NEAR * model.length, DENTED * model.length
     asked = {"nodes": skin.nodes, "states": states, "local": local, "skin": skin.modes, "modes": MODES}
     asked |= {"near": near, "denting": denting}
-    key = content_sha256({"version": VERSION, "robot": dict(made_of), **asked})[:16]
 
-    def solved() -> NodeResponse:
+    def solve() -> NodeResponse:
         return node_response(robot, skin.watched, states, local, MODES, near, denting).rounded()
 
-    return NodeModel(model, node_patches(model), _kept(folder.parent / f"nodes-{key}.npz", NodeResponse, solved))
+    return NodeModel(model, node_patches(model), _kept(folder, "nodes", made_of, asked, NodeResponse, solve))
 
 
 def yield_of(
@@ -76,16 +72,15 @@ def yield_of(
     states = patch_states(model.domain, robot.rows.n_a)
     regions = [[*patch.at, patch.radius] for patch in patches]
     asked = {"states": states, "where": np.array(regions), "effectors": robot.rows.effectors}
+    return _kept(folder, "loads", made_of, asked, PatchYield, partial(patch_yield, robot, patches, states))
+
+
+def _kept(
+    folder: Path, name: str, made_of: Mapping[str, Any], asked: Mapping[str, Any], kind: type[T], solve: Callable[[], T]
+) -> T:
+    """Content of the file beside the model's folder, solved again where there is none or a damaged one."""
     key = content_sha256({"version": VERSION, "robot": dict(made_of), **asked})[:16]
-
-    def solved() -> PatchYield:
-        return patch_yield(robot, patches, states)
-
-    return _kept(folder.parent / f"loads-{key}.npz", PatchYield, solved)
-
-
-def _kept(path: Path, kind: type[T], solve: Callable[[], T]) -> T:
-    """Content of the file, solved again where there is none or a damaged one."""
+    path = folder.parent / f"{name}-{key}.npz"
     result = _read(path, kind)
     if result is None:
         result = solve()
