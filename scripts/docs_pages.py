@@ -12,6 +12,13 @@ from mkdocs.structure.files import File
 
 OUTSIDE = r"\[([^\]]*)\]\(\.\./{}([^)]+)\)"  # a link to a file outside docs/, of a page so many folders down
 
+# what stands for a generated page in a checkout, and that page
+GENERATED = {
+    r"\.\./schemas/(\w+)\.json": r"reference/\1.md",
+    r"\.\./src/cfem/cli": "reference/cli.md",
+    r"\.\./src/cfem/core/errors\.py": "reference/cli.md#exit-codes",
+    r"notebooks/([\w-]+)\.ipynb": r"notebooks/\1.md",
+}
 PICTURE = re.compile(r'<img src="tracked-finger.gif"[^>]*>')  # of the front page, where no live robot is there
 LIVE = (
     '<iframe src="robots/soft-finger.html" title="The soft finger, live: drag its tip" loading="lazy" '
@@ -39,12 +46,15 @@ def on_files(files, config):
 
 
 def on_page_markdown(markdown, page, config, files):
-    """Links to files of the repository outside docs/ lead to its web page; without one, only their path is shown."""
+    """Links to what a page is generated from lead to that page. Those to other files of the repository outside docs/
+    lead to its web page; without one, only their path is shown."""
     if page.file.src_uri == "index.md" and "soft-finger" in robot_pages():
         markdown = PICTURE.sub(LIVE, markdown, count=1)
     markdown = IN_MOTION.sub(lambda found: front_row(found[1].split(", ")), markdown)
     if page.file.src_uri == "gallery.md":
         markdown += gallery()
+    for there, page_of_site in GENERATED.items():
+        markdown = re.sub(rf"\]\({there}\)", f"]({page_of_site})", markdown)
     outside = re.compile(OUTSIDE.format(r"\.\./" * page.file.src_uri.count("/")))
     return outside.sub(rf"[\1]({config.repo_url}/blob/main/\2)" if config.repo_url else r"\1 (`\2`)", markdown)
 

@@ -2,6 +2,7 @@
 
 import re
 from pathlib import Path
+from types import SimpleNamespace
 
 from support.script import script
 
@@ -34,6 +35,30 @@ def test_the_map_of_the_tree_names_every_package_and_no_other():
     named = re.findall(r"`(\w+)`", "".join(row.split("|")[1] for row in text.splitlines() if row.startswith("| `")))
     packages = [path.parent.name for path in (ROOT / "src" / "cfem").glob("*/__init__.py")]
     assert sorted(named) == sorted(packages)
+
+
+def test_every_link_leads_somewhere_in_a_checkout_and_on_the_site(monkeypatch):
+    monkeypatch.chdir(ROOT)
+    site, broken = script("docs_pages"), []
+    generated = site.pages()
+    for path in (ROOT / "docs").rglob("*.md"):
+        name = path.relative_to(ROOT / "docs").as_posix()
+        there = SimpleNamespace(file=SimpleNamespace(src_uri=name))
+        shown = site.on_page_markdown(path.read_text(), there, SimpleNamespace(repo_url=None), None)
+        broken += [(name, link) for link in links(path.read_text()) if not (path.parent / link).exists()]
+        broken += [
+            (name, link)
+            for link in links(shown)
+            if not (path.parent / link).exists()
+            and (path.parent / link).resolve().relative_to(ROOT / "docs").as_posix() not in generated
+            and not link.startswith("robots/")
+        ]
+    assert broken == []
+
+
+def links(text):
+    """Targets of links to files, without the place in them."""
+    return [link for link in re.findall(r"\]\(([^)\s#]+)[^)]*\)", text) if "://" not in link and "mailto" not in link]
 
 
 def test_every_page_is_in_the_navigation():
