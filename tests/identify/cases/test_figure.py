@@ -23,7 +23,7 @@ def test_cases_without_an_equilibrium_are_drawn_as_measured():
     cases = Cases(("a", "b"), ("", ""), np.zeros((2, 1)), np.ones(2), places, None)
     posed = (Pose(np.zeros((1, 3)), np.eye(3)[None], MESH.X + 1), None)
     computed = np.array([[[1.0, 0, 0]], [[np.nan] * 3]])
-    made = shapes_figure(cases, posed, computed, np.abs(computed), MESH, "Cases", np.array([0, 0, -1.0]))
+    made = shapes_figure(cases, posed, computed, np.abs(computed), 0.95, MESH, "Cases", np.array([0, 0, -1.0]))
     assert made[:4] == b"\x89PNG"
 
 
@@ -33,6 +33,7 @@ def test_cases_that_are_left_out_are_said(monkeypatch):
         cases = Cases(
             ("a",) * count, ("",) * count, np.zeros((count, 1)), np.ones(count), np.zeros((count, 1, 3)), None
         )
-        drawn = shapes_figure(cases, (None,) * count, cases.places, cases.places, MESH, "Cases")
+        drawn = shapes_figure(cases, (None,) * count, cases.places, cases.places, 0.9, MESH, "Cases")
         assert drawn.get_suptitle() == title
+        assert drawn.legends[0].get_texts()[1].get_text() == "computed, with 90 % intervals"
         assert sum(ax.get_visible() for ax in drawn.axes) == 2 * 20

@@ -18,6 +18,7 @@ def shapes_figure(
     poses: tuple[Pose | None, ...],
     computed: np.ndarray,
     half: np.ndarray,
+    confidence: float,
     mesh: Mesh,
     title: str,
     gravity: np.ndarray | None = None,
@@ -26,7 +27,7 @@ def shapes_figure(
 
     poses:    of the robot, None where there is no equilibrium
     computed: (m, k, 3) mm places or displacements
-    half:     (m, k, 3) mm of the intervals
+    half:     (m, k, 3) mm of the intervals of this confidence
     mesh:     of the robot at rest
     gravity:  (3,) its direction, None without"""
     count = min(len(cases), _LARGEST)
@@ -49,7 +50,7 @@ def shapes_figure(
                 _body(ax, poses[i].nodes, mesh, (across, up, sign), _BODY)
             ax.errorbar(
                 computed[i, :, across], sign * computed[i, :, up], half[i, :, up], half[i, :, across], "x", color=FE,
-                markersize=6, elinewidth=1, zorder=3, label="computed, with 95 % intervals",
+                markersize=6, elinewidth=1, zorder=3, label=f"computed, with {100 * confidence:g} % intervals",
             )  # fmt: skip
             ax.plot(
                 measured[i, :, across], sign * measured[i, :, up], "o", color=LEARNED[0], markersize=5, zorder=2,

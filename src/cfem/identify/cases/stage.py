@@ -49,7 +49,7 @@ def _work(folder: Path, spec: CasesSpec, base: Path) -> dict[str, Any]:
 
         half, _ = half_and_radius(left_out.covariance, left_out.inflation, kept.degrees, spec.confidence)
         title = "Each case, as the calibration by the other cases predicts it"
-        shapes = left_out.poses, left_out.residuals + cases.target, half
+        shapes = left_out.poses, left_out.residuals + cases.target, half, spec.confidence
         write_whole(folder / FIGURE, shapes_figure(cases, *shapes, lab.mesh, title, lab.down))
     results = case_results(kept, models, cases, lab.markers, in_fit.distance, spec.confidence)
     results["average"] = averaged

@@ -10,7 +10,9 @@ def headline(results: Mapping[str, Any], in_fit: float, confidence: float) -> li
 
     results: `case_results`
     in_fit:  mm, mean error over the markers in the fit"""
-    lines = [_estimate(name, entry) for name, entry in results["estimates"].items()] + list(results["untold"])
+    lines = [_estimate(name, entry, confidence) for name, entry in results["estimates"].items()] + list(
+        results["untold"]
+    )
     left_out = results["models"]["kept"]["left_out_mm"]
     beside = "" if left_out is None else f", {left_out:.3g} mm of cases left out of it"
     lines.append(f"errors, mean over markers: {in_fit:.3g} mm in the fit{beside}")
@@ -54,7 +56,7 @@ def shown(value: float, unit: str) -> tuple[float, str]:
     return value, "" if unit == "1" else unit
 
 
-def _estimate(name: str, entry: Mapping[str, Any]) -> str:
+def _estimate(name: str, entry: Mapping[str, Any], confidence: float) -> str:
     value, unit = shown(entry["value"], entry["unit"])
     low, high = (shown(end, entry["unit"])[0] for end in entry["interval"])
-    return f"{name} {value:.4g}{' ' + unit if unit else ''}, 95 % interval [{low:.4g}, {high:.4g}]"
+    return f"{name} {value:.4g}{' ' + unit if unit else ''}, {100 * confidence:g} % interval [{low:.4g}, {high:.4g}]"

@@ -58,7 +58,8 @@ def _work(folder: Path, spec: PredictSpec, base: Path) -> dict[str, Any]:
         from cfem.identify.cases.figure import shapes_figure
 
         poses = tuple(None if i in failed else pose for i, pose in enumerate(prediction.poses))
-        drawn = shapes_figure(cases, poses, prediction.y, prediction.half, lab.mesh, "Predicted", lab.down)
+        shapes = poses, prediction.y, prediction.half, spec.confidence
+        drawn = shapes_figure(cases, *shapes, lab.mesh, "Predicted", lab.down)
         write_whole(folder / FIGURE, drawn)
     results = prediction_results(prediction, cases, lab.markers, known)
     write_json(folder / RESULT, results)
