@@ -1,6 +1,6 @@
 """Commands over time from a table, and where a motion under them begins."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -60,9 +60,9 @@ def read_commands(path: Path, model: MotionModel) -> CommandTable:
 
 def starting(model: MotionModel, commands: CommandTable, payload: Payload | None = None) -> CondensedMotion:
     """Standing still under the first command, at its time. NumericalError where no state of rest is found."""
-    first, n_a = commands.values[0], model.n_a
+    begin, first, n_a = float(commands.t[0]), commands.values[0], model.n_a
     if commands.kind == "displacement":
-        return _at(at_rest(model, first, payload), commands)
+        return replace(at_rest(model, first, payload), t=begin)
     states = model.static.domain.states
     near = states[np.argmin(np.linalg.norm((states[:, n_a : 2 * n_a] - first) / _width(states[:, n_a:]), axis=1)), :n_a]
     delta = near.copy()
@@ -74,12 +74,8 @@ def starting(model: MotionModel, commands: CommandTable, payload: Payload | None
         if not np.isfinite(delta).all():
             break
         if np.abs(change).max() <= 1e-10 * model.static.length:
-            return _at(at_rest(model, delta, payload), commands)
+            return replace(at_rest(model, delta, payload), t=begin)
     raise NumericalError("no state of rest is found under the first forces", do="begin with others, such as none")
-
-
-def _at(motion: CondensedMotion, commands: CommandTable) -> CondensedMotion:
-    return CondensedMotion(float(commands.t[0]), *(getattr(motion, name) for name in ("q", "p", "v", "memory", "lam")))
 
 
 def _width(forces: np.ndarray) -> float:

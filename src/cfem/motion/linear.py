@@ -67,12 +67,9 @@ def places(model: MotionModel, delta_a: np.ndarray, every: int = 1) -> MotionTer
     part = model.static.parts(delta_a, delta_a[:, :0])
     knots = np.unique([*range(0, count, every), count - 1])
     terms = [model.learned(delta_a[k], slopes=k == 0) for k in knots]
-    after = np.clip(np.searchsorted(knots, np.arange(count)), 1, max(len(knots) - 1, 1))
-    before = after - 1
-    last = len(knots) - 1
-    after = np.minimum(after, last)
-    width = np.maximum(knots[after] - knots[before], 1)
-    share = np.minimum((np.arange(count) - knots[before]) / width, 1.0)
+    place = np.interp(np.arange(count), knots, np.arange(len(knots)))
+    before = place.astype(int)
+    after, share = np.minimum(before + 1, len(knots) - 1), place - before
     slopes = [name for name in terms[0] if name.startswith("d")]
     learned = {name: np.broadcast_to(terms[0][name], (count, *terms[0][name].shape)) for name in slopes}
     for name in terms[0].keys() - slopes:

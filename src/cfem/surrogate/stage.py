@@ -30,6 +30,7 @@ from cfem.predict.load import build, skin_of
 from cfem.predict.protocol import Predictor
 from cfem.predict.series.skin import FILE
 from cfem.surrogate.calibration import calibrated
+from cfem.surrogate.definiteness import definiteness
 from cfem.surrogate.series.observations import inputs
 from cfem.surrogate.spec import EnergyNetSpec, MlpSpec, ModelSpec, SerialSpec, SpectralSpec, TrainSpec
 from cfem.surrogate.verdict import headline, judged
@@ -65,10 +66,10 @@ def work(folder: Path, spec: TrainSpec, dataset_folder: Path) -> dict[str, Any]:
     meta, arrays, results = train_and_judge(training, test, spec.model, checkpoints)
     doing("checking the model")
     predictor = build(meta, arrays)
-    results["positive_definite"] = definite = check_definite(predictor, training)
+    results["positive_definite"] = definite = definiteness(predictor, training, QUERIES)
     results["model_error"] = meta["model_error"] = calibrated(predictor, test)
     results["learning_curve"] = [
-        learning_point(first_rows(training, samples), test, spec.model, checkpoints)
+        point(train_and_judge(first_rows(training, samples), test, spec.model, checkpoints)[2])
         for samples in spec.learning_curve
         if samples < len(training)
     ] + [point(results)]
@@ -234,17 +235,6 @@ def point(results: dict[str, Any]) -> dict[str, Any]:
     """Point of the learning curve, from the results of one training."""
     kept = ("samples", "seconds_fit", "seconds_sampling", "microseconds_query", "errors")
     return {key: results[key] for key in kept}
-
-
-def learning_point(training: Any, test: Any, spec: ModelSpec, folder: Path) -> dict[str, Any]:
-    _, _, results = train_and_judge(training, test, spec, folder)
-    return point(results)
-
-
-def check_definite(predictor: Predictor, training: Any) -> dict[str, Any]:
-    from cfem.surrogate.definiteness import definiteness
-
-    return definiteness(predictor, training, QUERIES)
 
 
 def model_inputs(predictor: Predictor, test: Any) -> tuple[np.ndarray, np.ndarray]:
