@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from cfem.core.artefact.files import npz_bytes
 from cfem.core.errors import InputError
 from cfem.core.reading import read_npz, take
 
@@ -75,9 +76,7 @@ class Skin:
 
 def skin_bytes(skin: Skin) -> bytes:
     """An .npz; equal arrays, equal bytes."""
-    buffer = io.BytesIO()
-    np.savez(buffer, **{name: getattr(skin, name) for name in Skin.__dataclass_fields__})
-    return buffer.getvalue()
+    return npz_bytes({name: getattr(skin, name) for name in Skin.__dataclass_fields__})
 
 
 def skin_from(data: bytes) -> Skin:

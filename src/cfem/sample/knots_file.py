@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from cfem.core.artefact.files import npz_bytes
 from cfem.core.errors import InputError, NumericalError
 from cfem.equilibrium.predictor import Knot
 
@@ -21,10 +22,7 @@ def demand_states(knots: Sequence[Knot]) -> None:
 
 def knots_bytes(knots: Sequence[Knot]) -> bytes:
     """An .npz, one array a field, the knots along its first axis."""
-    stacked = {name: np.array([getattr(known, name) for known in knots]) for name in Knot.__dataclass_fields__}
-    buffer = io.BytesIO()
-    np.savez(buffer, **stacked)
-    return buffer.getvalue()
+    return npz_bytes({name: np.array([getattr(known, name) for known in knots]) for name in Knot.__dataclass_fields__})
 
 
 def read_knots(file: Path | io.BytesIO) -> list[Knot]:

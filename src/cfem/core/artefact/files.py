@@ -75,11 +75,16 @@ def write_whole(path: Path, data: bytes) -> None:
         sync(path.parent)
 
 
-def write_npz(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
-    """Whole or absent; equal arrays, equal bytes (np.savez stamps no time)."""
+def npz_bytes(arrays: Mapping[str, np.ndarray]) -> bytes:
+    """An .npz file; equal arrays, equal bytes (np.savez stamps no time)."""
     buffer = io.BytesIO()
     np.savez(buffer, **arrays)
-    write_whole(path, buffer.getvalue())
+    return buffer.getvalue()
+
+
+def write_npz(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
+    """Whole or absent."""
+    write_whole(path, npz_bytes(arrays))
 
 
 def remove_unfinished(folder: Path) -> None:

@@ -5,7 +5,6 @@ along v, and the step taken is v + a / 2 where a is small beside v (Transtrum an
 Levenberg-Marquardt algorithm, arXiv:1201.5885). It costs two evaluations of r and follows the curved valleys of such
 fits: ten times fewer steps than without."""
 
-import io
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,7 +13,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
 
-from cfem.core.artefact.files import write_whole
+from cfem.core.artefact.files import write_npz
 from cfem.surrogate.networks.series_network import DerivativeResiduals
 
 DAMPING = 1e-3  # mu at the start, relative to the mean diagonal entry of J^T J
@@ -43,10 +42,8 @@ class LeastSquaresState:
     history: list[dict[str, float]] = field(default_factory=list)
 
     def save(self, path: Path) -> None:
-        buffer = io.BytesIO()
         columns = {f"history_{name}": [record[name] for record in self.history] for name in (self.history or [{}])[0]}
-        np.savez(buffer, **{name: value for name, value in vars(self).items() if name != "history"}, **columns)
-        write_whole(path, buffer.getvalue())
+        write_npz(path, {name: value for name, value in vars(self).items() if name != "history"} | columns)
 
     @classmethod
     def load(cls, path: Path) -> "LeastSquaresState":
