@@ -23,6 +23,7 @@ from matplotlib.figure import Figure
 
 from cfem.constraint.surface import triangulated
 from cfem.contact.surface.triangles import normals_of
+from cfem.core.artefact.files import finite
 from cfem.report.style import FE, GROUND, INK, png
 from cfem.viewer.surface import sharpened
 
@@ -224,7 +225,7 @@ def _take(take: Take, frames: np.ndarray) -> dict[str, Any]:
         "closed": take.closed and len(frames) == len(take.goals),
         "goals": rounded(take.goals),
         "reached": [None if point is None else rounded(point) for point in reached],
-        "errors": [float(error) if np.isfinite(error) else None for error in take.errors],
+        "errors": [finite(float(error)) for error in take.errors],
         "lines": [{"name": line.name, "colour": line.colour, "frames": rounded(line.frames)} for line in take.lines],
         "marks": [{"point": rounded(point), "colour": colour} for point, colour in take.marks],
     }

@@ -2,9 +2,9 @@
 
 from collections.abc import Sequence
 from itertools import groupby
-from math import isfinite
 from typing import Any
 
+from cfem.core.artefact.files import finite
 from cfem.core.console.shown import duration
 from cfem.core.system import peak_memory
 from cfem.stability.suite import Result, misbehaving
@@ -63,16 +63,12 @@ def as_data(results: Sequence[Result]) -> dict[str, Any]:
                 "status": result.status,
                 "right": not result.wrong,
                 "wrong": list(result.wrong),
-                **{figure: _known(getattr(result.evidence, figure, None)) for figure in _FIGURES},
+                **{figure: finite(getattr(result.evidence, figure, None)) for figure in _FIGURES},
                 "seconds": result.seconds,
             }
             for result in results
         ],
     }
-
-
-def _known(value: float | int | None) -> float | int | None:
-    return value if value is not None and isfinite(value) else None
 
 
 def _short(value: float | int | None) -> str:

@@ -140,6 +140,11 @@ def plain(value: Any) -> Any:
     return value
 
 
+def finite(value: float | None) -> float | None:
+    """The number, None where it is missing or not finite, which JSON does not hold."""
+    return value if value is not None and math.isfinite(value) else None
+
+
 def read_json(path: Path) -> dict:
     """A JSON object; InputError where the file is missing or damaged."""
     try:

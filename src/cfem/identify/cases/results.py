@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from cfem.core.artefact.files import finite
 from cfem.core.artefact.judgement import poor
 from cfem.identify.cases.fit import CaseFit
 from cfem.identify.cases.left_out import LeftOut
@@ -55,8 +56,7 @@ class FittedModel:
 
     def covered(self, confidence: float) -> list[float | None]:
         """Share of coordinates of left-out cases within their intervals, and of markers within their radius."""
-        shares = self.left_out.covered(self.most, confidence)
-        return [share if np.isfinite(share) else None for share in shares]
+        return [finite(share) for share in self.left_out.covered(self.most, confidence)]
 
     def row(self, find: Sequence[str]) -> dict[str, Any]:
         """Figures by which models are compared; find: its parameters."""
@@ -70,7 +70,7 @@ class FittedModel:
             "scatter_share": self.fit.scatter.share,
             "free": self.fit.free,
             "solves": self.rig.robots.solves,
-            **{name: value if np.isfinite(value) else None for name, value in self.fit.criteria.items()},
+            **{name: finite(value) for name, value in self.fit.criteria.items()},
         }
 
 
@@ -124,7 +124,7 @@ def average_results(
     return {
         "weights": dict(zip(names, weights.tolist(), strict=True)),
         "left_out_mm": float(error.mean()) if len(error) else None,
-        "left_out_within": [float(share) if np.isfinite(share) else None for share in shares],
+        "left_out_within": [finite(share) for share in shares],
         "apart_mm": float(np.sqrt(spread.mean())) if len(spread) else None,
     }
 
@@ -151,7 +151,7 @@ def _by_case_and_marker(
 ) -> dict[str, dict[str, float | None]]:
     """Distances mm by case and marker, None where not measured."""
     return {
-        case: {marker: float(e) if np.isfinite(e) else None for marker, e in zip(markers, row, strict=True)}
+        case: {marker: finite(float(e)) for marker, e in zip(markers, row, strict=True)}
         for case, row in zip(cases.names, distance, strict=True)
     }
 

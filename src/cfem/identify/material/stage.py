@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from cfem.condensed.parameters import number_in
-from cfem.core.artefact.files import write_json, write_whole
+from cfem.core.artefact.files import finite, write_json, write_whole
 from cfem.core.artefact.judgement import KEY, poor
 from cfem.core.console.shown import stress
 from cfem.core.errors import OutputError, SpecError
@@ -109,7 +109,7 @@ def _results(curves: list[Curve], tried: list[Candidate], chosen: Candidate, req
     """Law, constants with intervals, curves, all laws that were tried, and how far the law can be trusted."""
     fit = chosen.fit
     material = scene_material(fit, request.poisson)
-    constants = {name: _known(interval) for name, interval in intervals(fit).items()}
+    constants = {name: [value, finite(half)] for name, (value, half) in intervals(fit).items()}
     return {
         KEY: [poor(what) for what in _doubts(curves, fit)],
         "material": material,
@@ -154,12 +154,6 @@ def _doubts(curves: list[Curve], fit: LawFit) -> list[str]:
     return sentences
 
 
-def _known(interval: tuple[float, float]) -> list[float | None]:
-    """Value and half of its interval, None where that is not determined."""
-    value, half = interval
-    return [value, half if np.isfinite(half) else None]
-
-
 def _row(candidate: Candidate, chosen: bool) -> dict[str, Any]:
     """The account of a law that was tried."""
     return {
@@ -168,7 +162,7 @@ def _row(candidate: Candidate, chosen: bool) -> dict[str, Any]:
         "rms MPa": candidate.fit.rms,
         "unseen MPa": candidate.held_out,
         "unseen error MPa": candidate.held_out_error,
-        "aicc": candidate.aicc if np.isfinite(candidate.aicc) else None,
+        "aicc": finite(candidate.aicc),
         "young MPa": candidate.fit.young,
         "stable": candidate.fit.is_stable,
         "signs held": candidate.fit.held,

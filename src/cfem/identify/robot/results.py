@@ -8,6 +8,7 @@ import numpy as np
 
 from cfem.condensed.packing import pack_upper
 from cfem.condensed.parameters import named
+from cfem.core.artefact.files import finite
 from cfem.dataset.writer import write_columns
 from cfem.identify.robot.calibration import Calibration
 
@@ -100,7 +101,7 @@ def _starts(calibration: Calibration) -> list[dict[str, Any]]:
         {
             "start": free_values(fit.start),
             "found": free_values(fit.u),
-            "cost": fit.cost if np.isfinite(fit.cost) else None,
+            "cost": finite(fit.cost),
             "evaluations": len(fit.costs),
             "seconds": fit.seconds,
             "failure": fit.failure,
