@@ -41,3 +41,10 @@ def test_the_sentence_says_so():
 def test_a_surface_a_hundredth_of_the_length_within_something_is_poor(depth, count):
     found = told(depth).judged(60.0)
     assert len(found) == count and all("0.61 mm into wall" in one["what"] for one in found)
+
+
+def test_another_robot_that_overlaps_itself_is_named_since_nobody_can_say_how_deep():
+    account = told(0.7)
+    account.unjudged |= {"twin"}
+    unknown, deep = account.judged(60.0)
+    assert "surface of twin overlaps itself" in unknown["what"] and "into wall" in deep["what"]

@@ -114,3 +114,14 @@ def test_a_surface_that_passes_another_robot_between_its_patches_is_called_poor(
     assert name == "twin" and -inside > 0.01 * robot.length
     assert depth == pytest.approx(-inside, abs=0.5)  # of points of the one in the other, and the other way round
     assert "into twin between its patches" in among.judged(robot.length)[0]["what"]
+
+
+def test_another_robot_whose_surface_overlaps_itself_has_no_inside_and_is_named(robot, surface, patches, monkeypatch):
+    """Its nodes mirrored: all triangles face inwards, as where a body is turned inside out."""
+    own = SkinnedRobot(robot, surface.nodes, surface.triangles, patches)
+    twin = SkinnedRobot(robot, surface.nodes, surface.triangles, patches, np.eye(3), np.array([0.0, 0.0, 40.0]), False)
+    among = TouchPlant(own, {}, others={"twin": (twin, Bent())})
+    assert among.step(np.array([0.4])).status == "converged" and not among.unjudged
+    monkeypatch.setattr(SkinnedRobot, "surface", lambda self, x: x[self.nodes] * [1, -1, 1])
+    assert not among._bodies() and among.unjudged == {"twin"}
+    assert "twin overlaps itself" in among.judged(robot.length)[0]["what"]

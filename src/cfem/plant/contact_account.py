@@ -19,7 +19,8 @@ class ContactAccount:
     steps, iterations: quasi-static steps, and rounds of FE solves that they took
     worst: relative residual of law and balance at the end of a command
     deepest: how far (mm) the surface was in which obstacle, other robot or the robot itself then, between the patches,
-        which alone touch"""
+        which alone touch
+    unjudged: other robots whose surface overlapped itself at the end of a command, so that nothing says how deep in"""
 
     def __init__(self, parts: str = "patches", finer: str = "take a smaller contact.patches") -> None:
         """Begins an account. parts: what alone touches; finer: how there would be more of them."""
@@ -27,8 +28,9 @@ class ContactAccount:
         self.counts: list[dict[str, int]] = []
         self.commands = self.steps = self.iterations = self.failures = 0
         self.worst, self.deepest = 0.0, (0.0, "")
+        self.unjudged: frozenset[str] = frozenset()
 
-    COUNTED = ("counts", "commands", "failures", "steps", "iterations", "worst", "deepest")
+    COUNTED = ("counts", "commands", "failures", "steps", "iterations", "worst", "deepest", "unjudged")
 
     def seen(self, modes: Iterable[Mode], residual: float) -> None:
         """The state in which a command ended."""
@@ -50,11 +52,17 @@ class ContactAccount:
 
     def judged(self, length: float) -> list[dict[str, Any]]:
         """Findings about a robot of this length (mm): POOR where its patches, which alone touch, let the surface
-        through."""
+        through, or where nobody can say."""
         depth, name = self.deepest
-        if depth <= DEEP * length:
-            return []
-        return [poor(f"the surface reaches {depth:.2g} mm into {name} between its {self._parts}: {self._finer}")]
+        findings = [
+            poor(f"the surface of {other} overlaps itself: how far this robot reaches into it is not known")
+            for other in sorted(self.unjudged)
+        ]
+        if depth > DEEP * length:
+            findings.append(
+                poor(f"the surface reaches {depth:.2g} mm into {name} between its {self._parts}: {self._finer}")
+            )
+        return findings
 
     def sentence(self) -> str:
         """Sentence about contact for people."""

@@ -3,7 +3,6 @@
 Patches that are near something are contact points of the finite elements (`cfem.equilibrium.contact.surfaces`)."""
 
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -137,8 +136,10 @@ class TouchPlant(ContactAccount):
         """Bodies of the other robots as they are now, but those whose surface overlaps itself, which have no inside."""
         bodies = {}
         for (name, (skinned, _)), solved in zip(self._others.items(), self.met.solved[1:], strict=True):
-            with suppress(InputError):
+            try:
                 bodies[name] = ClosedMesh(ClosedSurface(skinned.surface(solved.state.x), skinned.triangles))
+            except InputError:
+                self.unjudged |= {name}
         return bodies
 
     def _depth_in_itself(self) -> float:
