@@ -1,13 +1,17 @@
 """`cfem control` of a crawler: from the scene of a leg to the judged walk, on bars of 24 cells."""
 
+import json
 from types import SimpleNamespace
 
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from scipy.spatial.transform import Rotation
 
 import cfem
+from cfem.control.crawling.gait import Gait, commands_of
 from cfem.control.crawling.stage import _records
+from cfem.core.artefact.judgement import KEY
 from cfem.core.errors import CfemError
 from cfem.equilibrium.quasi_static import CONVERGED
 
@@ -35,8 +39,8 @@ mesh: mesh
 out: samples
 loads: true
 splits:
-  train: {rows: 30, method: scrambled-halton, seed: 1}
-  test: {rows: 6, method: random, seed: 2}
+  train: {rows: 12, method: scrambled-halton, seed: 1}
+  test: {rows: 3, method: random, seed: 2}
 """
 TRAIN = "dataset: samples\nout: model\nmodel: {kind: spectral}\n"
 CONTROL = """
@@ -48,19 +52,20 @@ robots:
   - {name: one}
   - {name: two, rotate: {axis: [0, 0, 1], angle: 180 deg}, translate: {mm: [-10, 0, 0]}}
 gait:
-  base: {centre: {mm: [-5, 0, -0.2]}, half_size: {mm: [5, 8, 5]}, weight: 0.2 N}
+  base: {centre: {mm: [-5, 0, -0.2]}, half_size: {mm: [5, 8, 5]}, weight: 0.2 N, pads: 5}
   ground: {point: {mm: [0, 0, -5.2]}, normal: [0, 0, 1], friction: 0.6}
   direction: [0, 1, 0]
   mirrored: [two]
-  pulls: {mm: [0, 0.5]}
+  pulls: {mm: [0, 0.2]}
   gravity: 9.81 m/s^2
-  steps: 4
+  steps: 3
   cycles: 2
-  evaluations: 12
+  evaluations: 1
+  frictions: [0.3]
+  planned_frictions: [0.6]
 """
-
-
-pytestmark = pytest.mark.slow
+CENTRE = np.array([-5.0, 0.0, -0.2])
+BACK = np.diag([-1.0, -1.0, 1.0])  # turn of the second leg
 
 
 @pytest.fixture(scope="module")
@@ -74,16 +79,82 @@ def folder(tmp_path_factory):
     return folder
 
 
-def test_the_walk_of_the_model_is_that_of_finite_elements(folder):
-    found = cfem.run_stage("control", folder / "control.yaml")["results"]
+@pytest.fixture(scope="module")
+def walked(folder):
+    """Results of a walk of 6 commands, and its folder."""
+    return cfem.run_stage("control", folder / "control.yaml")["results"], folder / "control"
 
+
+def test_the_walk_of_the_model_is_that_of_finite_elements(walked):
+    found, _ = walked
+    planned, fe = (found["per_cycle"][name] for name in ("planned", "fe"))
+    assert planned > 0.01 and fe == pytest.approx(planned, rel=0.01)
+    assert found["distance"]["fe"] == pytest.approx(found["distance"]["planned"], rel=0.01)
+    assert KEY not in found
+    contact = found["contact"]
+    assert contact["commands"] == 6 and contact["law_residual"] <= 1e-8 and contact["status"] == CONVERGED
+    assert sum(contact["points"].values()) == 6 * (2 + 4)  # the feet, and the base's corners
+    (sweep,), (alone,) = found["frictions"], found["planned_frictions"]
+    assert sweep["friction"] == 0.3 and sweep["fe"] == pytest.approx(sweep["planned"], rel=0.02)
+    assert sweep["planned"] != pytest.approx(planned, rel=1e-3)
+    assert alone["planned"] == pytest.approx(planned, rel=1e-9)  # the friction of the walk
+    assert (found["plant"], found["length"]) == ("fem", 30.0)
+
+
+def test_the_table_of_a_walk_has_a_row_for_each_command(walked):
+    found, out = walked
+    table = pq.read_table(out / "trajectories.parquet")
+    rows = table.to_pylist()
+    gait = Gait(**{name: np.array(numbers) for name, numbers in found["gait"].items()})
+    np.testing.assert_array_equal([row["delta_a"] for row in rows], commands_of(gait, [False, True], (0, 0.2), 3, 2))
+    goal, x = (np.array(table[name].to_pylist()) for name in ("goal", "x_e"))
+    np.testing.assert_allclose(table["error"], np.linalg.norm(x - goal, axis=1), rtol=1e-12)
+    np.testing.assert_allclose([row["predicted_e"] for row in rows], goal - CENTRE, atol=1e-12)
+    assert (goal[-1] - CENTRE)[1] == pytest.approx(found["distance"]["planned"])
+    assert (x[-1] - CENTRE)[1] == pytest.approx(found["distance"]["fe"])
+    assert table["goal_index"].to_pylist() == list(range(6)) and all(table["reached"].to_pylist())
+    np.testing.assert_allclose(table["step_us"], 1e6 * np.array(table["seconds"]))
+    meta = json.loads(table.schema.metadata[b"cfem"])
+    legs = [f"{leg}.{name}" for leg in ("one", "two") for name in ("left", "right")]
+    assert meta["rows"] == ["base.x", "base.y", "base.z", *legs] and meta["rest_e"] == CENTRE.tolist()
+    assert meta["units"]["delta_a"] == ["mm"] * 4 and meta["units"]["lambda_a"] == ["N"] * 4
+    assert meta["units"]["seconds"] == "s" and meta["units"]["step_us"] == "us" and meta["units"]["x_e"] == "mm"
+
+
+def test_the_pictures_of_a_walk_have_the_legs_at_their_base(walked):
+    """What is fixed to the base goes with it as a rigid body, and its pads stand on the ground."""
+    _, out = walked
+    shown = np.load(out / "states.npz")
+    X, x, n = shown["X"], shown["gait/x"], int(shown["object_points"])
+    assert n == 8 and len(x) == 6 and shown["gait/index"].tolist() == list(range(6))
+    leg = (len(X) - n) // 2
+    np.testing.assert_allclose(X[leg : 2 * leg], X[:leg] @ BACK.T + [-10.0, 0.0, 0.0], atol=1e-12)
+    assert X[:leg, 0].min() == pytest.approx(0.0, abs=1e-12) and X[:leg, 0].max() == pytest.approx(30.0)
+    np.testing.assert_allclose(np.sort(X[-n:], axis=0)[[0, -1]], CENTRE + [[-5, -8, -5], [5, 8, 5]], atol=1e-12)
+    rows = pq.read_table(out / "trajectories.parquet").to_pylist()
+    np.testing.assert_allclose(x[:, -n:].mean(axis=1), [row["x_e"] for row in rows], atol=1e-5)
+    fixed = np.concatenate([X[:leg, 0] < 1e-9, X[leg : 2 * leg, 0] > -10 - 1e-9, np.ones(n, bool)])
+    for now in x:
+        turn, _ = Rotation.align_vectors(now[fixed] - now[fixed].mean(axis=0), X[fixed] - X[fixed].mean(axis=0))
+        rigid = turn.apply(X - X[fixed].mean(axis=0)) + now[fixed].mean(axis=0)
+        np.testing.assert_allclose(now[fixed], rigid[fixed], atol=1e-4)
+        moved = np.linalg.norm(now - rigid, axis=1)[: 2 * leg]
+        assert moved.max() < 1.0 and moved.reshape(2, leg).max(axis=1).min() > 0.01  # both legs bend
+    part = np.repeat([0, 1, 2], [leg, leg, n])[shown["facets"]]
+    np.testing.assert_array_equal(part, part[:, :1].repeat(part.shape[1], axis=1))  # no facet joins two bodies
+    np.testing.assert_array_equal(np.unique(shown["facets"]), np.arange(len(X)))
+    cells = X[shown["facets"][part[:, 0] < 2]]
+    assert np.ptp(cells, axis=1).max() < 5.1  # a side of a cell
+
+
+@pytest.mark.slow
+def test_a_longer_walk_of_the_model_is_that_of_finite_elements(folder):
+    gait = {"pulls": {"mm": [0, 0.5]}, "steps": 4, "evaluations": 12, "base.pads": 0.01, "frictions": []}
+    asked = [f"gait.{key}={json.dumps(value)}" for key, value in gait.items()]
+    found = cfem.run_stage("control", folder / "control.yaml", out=folder / "longer", overrides=asked)["results"]
     planned, fe = (found["per_cycle"][name] for name in ("planned", "fe"))
     assert planned > 0 and fe == pytest.approx(planned, rel=0.05)
     assert found["contact"]["commands"] == 8 and found["contact"]["law_residual"] <= 1e-8
-    table = pq.read_table(folder / "control/trajectories.parquet").to_pydict()
-    assert len(table["goal"]) == 8 and max(table["error"]) < 0.05
-    shapes = np.load(folder / "control/states.npz")
-    assert len(shapes["gait/x"]) == 8 and np.isfinite(shapes["gait/x"]).all()
 
 
 def test_a_model_without_displacements_is_refused(folder):
