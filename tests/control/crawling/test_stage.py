@@ -61,7 +61,7 @@ gait:
   steps: 3
   cycles: 2
   evaluations: 1
-  frictions: [0.3]
+  frictions: [0.5]
   planned_frictions: [0.6]
 """
 CENTRE = np.array([-5.0, 0.0, -0.2])
@@ -95,7 +95,7 @@ def test_the_walk_of_the_model_is_that_of_finite_elements(walked):
     assert contact["commands"] == 6 and contact["law_residual"] <= 1e-8 and contact["status"] == CONVERGED
     assert sum(contact["points"].values()) == 6 * (2 + 4)  # the feet, and the base's corners
     (sweep,), (alone,) = found["frictions"], found["planned_frictions"]
-    assert sweep["friction"] == 0.3 and sweep["fe"] == pytest.approx(sweep["planned"], rel=0.02)
+    assert sweep["friction"] == 0.5 and sweep["fe"] == pytest.approx(sweep["planned"], rel=0.02)
     assert sweep["planned"] != pytest.approx(planned, rel=1e-3)
     assert alone["planned"] == pytest.approx(planned, rel=1e-9)  # the friction of the walk
     assert (found["plant"], found["length"]) == ("fem", 30.0)
