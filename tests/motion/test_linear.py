@@ -18,7 +18,7 @@ KINDS = ["force", "displacement"]
 def with_prony(prony):
     made = model()
     if prony:
-        losses, made = (Viscosity(1e-3, ((0.3, 5e-3),)),), Altered(made)
+        losses, made = (Viscosity(1e-3, ((0.3, 5e-3), (0.2, 2e-2))),), Altered(made)
         made = type("Relaxing", (Altered,), {"losses": property(lambda self: losses)})(made.model)
     return made
 
@@ -121,5 +121,14 @@ def test_places_between_knots_are_near_those_asked():
     np.testing.assert_array_equal(every.pull, some.pull)
     for k in (0, 4, 8):
         np.testing.assert_allclose(some.M[k], every.M[k], rtol=1e-12)
+    middle = (3 * every.M[4] + every.M[8]) / 4
+    np.testing.assert_allclose(some.M[5], middle, rtol=1e-12, atol=1e-12 * np.abs(middle).max())
     size = np.sqrt(np.einsum("kii,kjj->kij", every.M, every.M))
     assert np.abs((some.M - every.M) / size).max() < 3e-2
+
+
+def test_the_last_knot_is_the_last_place_however_many_there_are():
+    delta = np.linspace(1.0, 1.4, 6)[:, None]
+    every, some = places(model(), delta), places(model(), delta, 4)
+    np.testing.assert_allclose(some.M[[0, 4, 5]], every.M[[0, 4, 5]], rtol=1e-12)
+    np.testing.assert_allclose(some.M[1], (3 * every.M[0] + every.M[4]) / 4, rtol=1e-12, atol=1e-12)

@@ -4,8 +4,11 @@ import numpy as np
 import pytest
 from control.motion.bar import errors, mpc, plant, robot, standing, static, swing
 
+from cfem.control.motion import mpc as mpc_module
 from cfem.control.motion.horizon import HalfSpace
+from cfem.control.motion.mpc import AGAIN, PATIENCE, RETREAT
 from cfem.control.motion.observer import Doubt
+from cfem.core.errors import NumericalError
 
 HALF = 16.6  # Hz, half of the bar's first frequency
 NOISE = 0.02
@@ -75,3 +78,51 @@ def test_a_tick_that_fails_sends_what_was_planned():
     np.testing.assert_array_equal(told.u, planned)
     assert told.status != "converged" and np.isfinite(told.delta_a).all()
     assert controller.tick(goals[11], None, goals[11:]).status == "converged"
+
+
+@pytest.mark.parametrize("closed", [False, True])
+def test_without_a_plan_it_sends_what_was_planned_and_then_retreats_home(monkeypatch, closed):
+    """By a share of what is left, within the rate; with an observer it begins again, and once more after AGAIN
+    ticks."""
+    rate, home = 0.1, 2.4
+    controller = mpc(standing(home), doubt=Doubt(noise=NOISE) if closed else None, rate=rate, ticks=PATIENCE + 4)
+    goals = swing(HALF, 60)
+    for k in range(22):
+        controller.tick(goals[k], None, goals[k:])
+    planned, began = controller._ahead.copy(), []
+    assert abs(planned[PATIENCE - 1, 0] - home) > 1.5 * rate
+
+    def none(self, now, goals):
+        raise NumericalError("no plan")
+
+    monkeypatch.setattr(mpc_module.Mpc, "_solve", none)
+    if closed:
+        reset = controller.observer.reset
+        controller.observer.reset = lambda u: began.append((u.copy(), reset(u))[0])
+    for k in range(PATIENCE):
+        told = controller.tick(goals[22])
+        np.testing.assert_array_equal(told.u, planned[k])
+        assert told.status == "no plan" and not told.restarted
+    for k in range(2 * AGAIN):
+        before = told.u[0]
+        told = controller.tick(goals[22])
+        assert told.u[0] - before == pytest.approx(np.clip(RETREAT * (home - before), -rate, rate), abs=1e-12)
+        assert told.restarted == (closed and k % AGAIN == 0)
+        np.testing.assert_array_equal(controller._ahead, np.full((PATIENCE + 4, 1), told.u[0]))
+    assert told.u[0] == pytest.approx(home, abs=1e-6) and len(began) == 2 * closed
+    monkeypatch.undo()
+    assert controller.tick(goals[22], None, goals[22:]).status == "converged"
+    assert controller._lost == 0
+
+
+def test_after_lost_ticks_it_plans_about_where_the_robot_is(monkeypatch):
+    controller, asked = mpc(standing(2.4)), []
+    controller._lost = 3
+    controller._states = controller._states + 5.0
+    solve = mpc_module.Mpc._solve
+    monkeypatch.setattr(
+        mpc_module.Mpc, "_solve", lambda self, now, goals: asked.append(self._states) or solve(self, now, goals)
+    )
+    now = controller._state.z
+    controller.tick(swing(HALF, 2)[0])
+    np.testing.assert_array_equal(asked[0], np.repeat(now[None], 16, axis=0))
