@@ -1,5 +1,6 @@
 """Two bars that carry a block which they only touch, as a plant."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,7 +10,7 @@ from support.blocks import bar
 from cfem.contact.law.modes import Mode
 from cfem.contact.obstacle import Box
 from cfem.contact.step_status import StepStatus
-from cfem.control.holding.assembly import table_under
+from cfem.control.holding.assembly import WITHIN, table_under
 from cfem.equilibrium.contact.grasp import FreeObject
 from cfem.equilibrium.contact.points import PlacedRobot
 from cfem.equilibrium.system.problem import Problem
@@ -243,3 +244,60 @@ def test_the_margin_to_slip_is_that_of_the_robot_that_has_the_least(monkeypatch)
         pair = np.array(normal), np.array(friction)
         monkeypatch.setattr(one, "pushes", lambda pair=pair: pair)
         assert one.slip_margin() == pytest.approx(margin)
+
+
+def test_an_object_that_nothing_holds_slides_down_faster_and_faster_to_its_table():
+    """A drag lets 5 mN go by 0.05 mm in a first step and by twice that in the next: it falls by 0.139 mm."""
+    one, _ = on_table()
+    one.step(squeeze(0.1, 0.3))
+    one.step(squeeze(1.8, 1.2))
+    begin, steps, opened, heights = one.last.around.x.copy(), one.steps, squeeze(-0.3, -0.3), []
+    found = one._found
+
+    def kept(*asked):
+        state = found(*asked)
+        heights.append(state.around.x[2] - begin[2])
+        return state
+
+    one._found = kept
+    assert one._slide(opened) == "converged"
+    np.testing.assert_allclose(heights, [-0.05, -begin[2], -begin[2], -begin[2]], atol=2e-5)
+    assert one.steps - steps == 4  # two that fall, one that stays, and the balance
+    np.testing.assert_allclose(one.last.around.x[:2], begin[:2], atol=1e-6)
+    np.testing.assert_array_equal(one.at, opened)
+    assert one.on_table() == pytest.approx(5e-3, rel=1e-6) and np.abs(one.forces()).max() < 1e-10
+    gaps = np.abs(one._points(one.last) - (CENTRE + one.last.around.x))[:, 2] - 3.0  # outside the block's sides
+    assert one.clearance() == pytest.approx(gaps.min(), abs=1e-9) and gaps.min() > 0.1
+
+
+def slide_of(monkeypatch, converges, moved, balances=lambda: True):
+    """A slide of a block that may turn, whose steps converge and go (6,) as is said: how it ended, and mobilities."""
+    one, _ = on_table()
+    one._held = replace(one._held, turns=True)
+    one.last, one.at, asked = "before", np.zeros(4), []
+
+    def step(u, load, mobility):
+        asked.append(mobility)
+        return SimpleNamespace(converged=next(converges), around=SimpleNamespace(gone=next(moved)))
+
+    monkeypatch.setattr(one, "_found", step)
+    monkeypatch.setattr(one, "_go", lambda u, load: "converged" if balances() else "no")
+    return one._slide(np.ones(4)), np.array(asked), one
+
+
+def test_a_slide_is_slower_after_a_step_that_fails_and_turns_as_its_size_has_it(monkeypatch):
+    size = np.sqrt(3.0**2 + 2 * (WITHIN * 4.0) ** 2)  # mm, from the centre to the table's points
+    turned = (np.array([0, 0, 0, angle / size, 0, 0]) for angle in (0.9, 0.051, 0.049))
+    status, asked, one = slide_of(monkeypatch, iter([True, False, True, True]), iter([*[next(turned)], None, *turned]))
+    assert status == "converged"
+    linear = 0.05 / 5e-3 * np.array([1, 2, 0.5, 1])
+    np.testing.assert_allclose(asked[:, :3], linear[:, None].repeat(3, axis=1))
+    np.testing.assert_allclose(asked[:, 3:], linear[:, None].repeat(3, axis=1) / size**2)
+    np.testing.assert_array_equal(one.at, np.ones(4))
+
+
+def test_a_slide_that_finds_no_balance_ends_where_it_began(monkeypatch):
+    still = iter([np.zeros(6)] * 99)
+    status, asked, one = slide_of(monkeypatch, iter([True] * 99), still, balances=lambda: False)
+    assert status == "the object slides off and finds no balance" and len(asked) == 60
+    assert one.last == "before" and not one.at.any()
