@@ -20,6 +20,7 @@ from cfem.control.holding.grasp import from_table, share_that_lifts, squeezed_of
 from cfem.control.holding.gripping import STUCK, Grip, Gripping, _opened
 from cfem.control.search.goal_search import SearchSettings, SearchStatus
 from cfem.control.search.inverse import Limits
+from cfem.control.search.optimality import Verdict
 from cfem.core.errors import NumericalError, SpecError
 from cfem.equilibrium.contact.grasp import FreeObject
 from cfem.equilibrium.contact.held_patch import contact_points, patch_of
@@ -241,3 +242,41 @@ def test_the_margin_to_slip_is_told_with_what_was_asked_for(margin, said):
     figures, (line,) = Grip.results(SimpleNamespace(model=learned, fe=fe), spec, [])
     assert line == f"grip: the margin to slip is 1.60 at least, 1.70 {said} holds 3 times the load"
     assert figures == {"margin": 1.6, "margin_planned": 1.7, "holds": 3.0}
+
+
+@pytest.mark.parametrize(
+    ("borne", "planned", "said"),
+    [
+        ([0.02, 0.0, 1e-9], [0.0, 0.0, 0.0], "at goals 0, 2 of 0 to 2, planned at no goal"),
+        ([0.0, 0.0], [0.0, 0.1], "at no goal, planned at goals 1 of 0 to 1"),
+    ],
+)
+def test_the_table_is_told_at_which_goals_it_bears_the_object(borne, planned, said):
+    learned = SimpleNamespace(margins=[2.0], margin=None, holds=None, borne=planned, needs=0.125)
+    alone = {"alone": lambda: ("converged", 1e-5), "clearance": lambda: 0.3, "pushes": lambda: (np.zeros(2), None)}
+    spec = SimpleNamespace(
+        object=SimpleNamespace(table=True), search=SimpleNamespace(preload=SimpleNamespace(unit="mm"))
+    )
+    for holds in (True, False):
+        fe = SimpleNamespace(margins=[1.5], holds=holds, borne=borne, **alone)
+        figures, lines = Grip.results(SimpleNamespace(model=learned, fe=fe), spec, [])
+        assert lines[1] == f"table: the object stands on it {said}; a preload of 0.125 mm is enough to lift it"
+        told = {"margin": 1.5, "margin_planned": 2.0, "holds": None, "borne": borne, "borne_planned": planned}
+        told |= {"least_preload": 0.125}
+        if not holds:
+            told |= {"alone": {"status": "converged", "moves": 1e-5, "clearance": 0.3}}
+            assert lines[2].startswith("let go: the object stands on its table")
+        assert figures == told and len(lines) == 3 - holds
+
+
+def test_goals_that_no_plan_reaches_are_told():
+    learned = SimpleNamespace(margins=[], margin=None, holds=None)
+    fe = SimpleNamespace(margins=[1.5], holds=True)
+    rows = [
+        {"trajectory": "up", "goal_index": i, "predicted_distance": 0.25, "status": "ended", "verdict": verdict.value}
+        for i, verdict in enumerate((Verdict.REACHED, Verdict.OUT_OF_REACH))
+    ]
+    spec = SimpleNamespace(object=SimpleNamespace(table=False))
+    figures, (grip, line) = Grip.results(SimpleNamespace(model=learned, fe=fe), spec, rows)
+    assert line == "up, goal 1: no plan reaches it; the nearest ends 0.25 mm away (ended)"
+    assert np.isnan(figures["margin_planned"]) and "nan planned" in grip
