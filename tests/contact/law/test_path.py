@@ -108,3 +108,19 @@ def test_an_unstable_compliance_is_named():
             assert found.check.valid()
         else:
             assert found.status is ContactStatus.UNSTABLE and not found.modes
+
+
+def test_where_newton_fails_the_normal_forces_still_minimise_the_energy(monkeypatch):
+    """By the conditions of the minimum, for points that press and points that open."""
+    problem = random_problem(3, 6, 0.5)
+    expected = normal_forces(problem.W, problem.free)
+    monkeypatch.setattr("cfem.contact.law.newton.newton", lambda *asked: (None, 1))
+    found = normal_forces(problem.W, problem.free)
+    assert found.shape == (6, 3) and not found[:, 1:].any()
+    gap = problem.W[::3, ::3] @ found[:, 0] + problem.free[::3]
+    pressed = found[:, 0] > 0
+    assert 0 < pressed.sum() < 6
+    np.testing.assert_allclose(gap[pressed], 0.0, atol=1e-12)
+    assert gap[~pressed].min() > 0
+    np.testing.assert_allclose(found, expected, atol=1e-9)
+    assert normal_forces(-problem.W, problem.free) is None

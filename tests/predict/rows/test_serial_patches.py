@@ -65,3 +65,19 @@ def test_a_patch_that_is_nowhere_and_modules_without_skins_are_refused():
         loaded(skinned(), patches=[PatchLoad([30.0, 0, 60], 4.0, FORCE, "push")])
     with pytest.raises(InputError, match=r"has no skin.*train each module's model"):
         loaded(skinned(skin=False), patches=[on(1)])
+
+
+def test_the_last_nodes_move_with_the_actuators_as_the_tip_does():
+    """Whose derivative is in closed form; the four nodes of an end have it for their mean."""
+    model = loaded(skinned(), 0.05 * WRENCH, trusted=np.inf)
+    last, n = np.arange(8, 12), len(DELTA)
+    gradient = model.surface_gradient(DELTA, last)
+    assert gradient.shape == (4, 3, n)
+    expected = model.at(DELTA).effector_jacobian[:3]
+    np.testing.assert_allclose(gradient.mean(axis=0), expected, atol=1e-5 * np.abs(expected).max())
+    h = 1e-3
+    for i, step in enumerate(h * np.eye(n)):  # nodes in another order
+        moved = (model.shape(DELTA + step)[last[::-1]] - model.shape(DELTA - step)[last[::-1]]) / (2 * h)
+        np.testing.assert_allclose(model.surface_gradient(DELTA, last[::-1])[..., i], moved, atol=1e-4)
+    first = model.surface_gradient(DELTA, np.arange(4))
+    assert np.abs(first[..., :2]).max() > 0.1 and np.abs(first[..., 2:]).max() < 0.1  # its own actuators, and the load
