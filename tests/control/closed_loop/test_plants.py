@@ -19,7 +19,11 @@ from cfem.plant.moving_plant import MovingModelPlant
 from cfem.plant.walled_plant import WalledPlant
 
 PUSH = np.array([0.0, 2e-3, -1e-3])
-LEAST = {"command": {"kind": "displacement"}, "settle": {"radius": "1 mm", "hold": "1 s"}, "controllers": {"a": {"mode": "open"}}}
+LEAST = {
+    "command": {"kind": "displacement"},
+    "settle": {"radius": "1 mm", "hold": "1 s"},
+    "controllers": {"a": {"mode": "open"}},
+}
 
 
 def spec(real, **loop):

@@ -1,8 +1,42 @@
 """What a controller over time is where its spec says nothing."""
 
-from cfem.control.closed_loop.spec import ControllerSpec
+import pytest
+from support.spec_fields import demand_field
+
+from cfem.control.closed_loop.spec import (
+    ControllerSpec,
+    DriftSpec,
+    GainsSpec,
+    LoopSpec,
+    RealSpec,
+    SensorSpec,
+    SettleSpec,
+)
 
 
 def test_a_tick_takes_one_inverse_step_as_in_the_paper_from_the_equilibrium_of_its_command():
     spec = ControllerSpec(mode="closed")
     assert (spec.iterations, spec.observer, spec.gains) == (1, "equilibrium", None)
+
+
+@pytest.mark.parametrize(
+    ("spec", "name", "least", "refused", "unstated"),
+    [
+        (GainsSpec, "proportional", 0.0, -1e-9, [0.0]),
+        (GainsSpec, "integral", 0.0, -1e-9, [None]),
+        (ControllerSpec, "iterations", 1, 0, [1]),
+        (SettleSpec, "at_most", "1 s", "x", [10.0]),
+        (SensorSpec, "noise", "0 mm", "x", [0.0]),
+        (SensorSpec, "delay", 0, -1, [0]),
+        (DriftSpec, "stiffness", 1e-9, 0.0, []),
+        (DriftSpec, "within", "1 us", "0 s", []),
+        (RealSpec, "stiffer", 1e-9, 0.0, [1.0]),
+        (RealSpec, "viscosity", 0.0, -1e-9, [1.0]),
+        (LoopSpec, "controllers", {"a": {"mode": "open"}}, {}, []),
+        (LoopSpec, "approach", "1 s", "x", [1.0]),
+        (LoopSpec, "seeds", [0], [], [[0]]),
+        (LoopSpec, "answer_within", "1 s", "x", [1.0]),
+    ],
+)
+def test_what_a_loop_may_be(spec, name, least, refused, unstated):
+    demand_field(spec, name, least, refused, *unstated)

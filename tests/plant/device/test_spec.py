@@ -2,8 +2,9 @@
 
 import pytest
 from pydantic import ValidationError
+from support.spec_fields import demand_field
 
-from cfem.plant.device.spec import MotorSpec
+from cfem.plant.device.spec import DynamixelSpec, MotorSpec, ProgramSpec, SerialPortSpec, UdpSpec
 
 
 def motor(**fields) -> MotorSpec:
@@ -22,3 +23,22 @@ def test_a_motor_has_a_number_of_the_bus():
     for number in (-1, 253):
         with pytest.raises(ValidationError, match="equal to"):
             motor(id=number)
+
+
+@pytest.mark.parametrize(
+    ("spec", "name", "least", "refused", "unstated"),
+    [
+        (ProgramSpec, "command", ["a"], [], []),
+        (SerialPortSpec, "port", "a", "", []),
+        (SerialPortSpec, "baud", 1, 0, [115200]),
+        (UdpSpec, "host", "a", "", []),
+        (UdpSpec, "port", 1, 0, []),
+        (UdpSpec, "port", 65535, 65536, []),
+        (DynamixelSpec, "port", "a", "", []),
+        (DynamixelSpec, "baud", 1, 0, [57600]),
+        (DynamixelSpec, "counts", 1, 0, [4096]),
+        (DynamixelSpec, "motors", {"a": {"id": 1, "spool": "10 mm"}}, {}, []),
+    ],
+)
+def test_what_a_device_may_be(spec, name, least, refused, unstated):
+    demand_field(spec, name, least, refused, *unstated)
