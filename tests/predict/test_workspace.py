@@ -62,9 +62,20 @@ def test_the_same_seed_gives_the_same_states(model):
 
 
 def test_it_can_be_drawn(model, tmp_path):
-    figure = model.workspace(50).plot()
+    """Along each axis: all states, coloured by the largest share of a force, and the tip at rest."""
+    space = model.workspace(50)
+    figure = space.plot()
     figure.savefig(tmp_path / "workspace.png")
-    assert [view.get_xlabel() for view in figure.axes[:3]] == ["tip.x (mm)", "tip.x (mm)", "tip.y (mm)"]
+    shares = np.abs(space.lambda_a / np.abs(space.lambda_a).max(axis=0)).max(axis=1)
+    for view, (i, j) in zip(figure.axes, [(0, 1), (0, 2), (1, 2)], strict=False):
+        assert (view.get_xlabel(), view.get_ylabel()) == (f"tip.{'xyz'[i]} (mm)", f"tip.{'xyz'[j]} (mm)")
+        (dots,), (rest,) = view.collections, view.lines
+        np.testing.assert_allclose(dots.get_offsets(), space.x_e[:, [i, j]])
+        np.testing.assert_allclose(dots.get_array(), shares)
+        assert dots.get_clim() == (0, 1) and view.get_aspect() == 1.0
+        np.testing.assert_allclose(rest.get_xydata(), [space.rest_e[[i, j]]])
+        assert [text.get_text() for text in view.texts] == ["rest"] and view.texts[0].xy == tuple(space.rest_e[[i, j]])
+    assert len(figure.axes) == 4  # the last is the bar of colours
 
 
 def test_a_first_effector_of_one_coordinate_cannot_be_drawn():

@@ -246,3 +246,22 @@ def test_bilateral_points_are_glued():
 def test_a_problem_that_does_not_fit_together_is_refused(wrong):
     with pytest.raises(SpecError, match="contact"):
         ContactProblem(**({"W": np.eye(3), "free": np.zeros(3)} | wrong))
+
+
+@pytest.mark.parametrize(
+    ("m", "budget", "limit", "quick"),
+    [(2, 400, 9, False), (4, 400, 81, False), (5, 400, 243, False), (5, 20, 20, True), (8, 400, 400, False),
+     (8, 7, 7, True), (9, 400, 20, True), (9, 7, 20, True)],
+)  # fmt: skip
+def test_a_search_tries_all_of_four_points_its_budget_of_eight_and_few_of_more(monkeypatch, m, budget, limit, quick):
+    asked = []
+    monkeypatch.setattr("cfem.contact.law.solve._pivot", lambda *_: (None, 3))
+    monkeypatch.setattr("cfem.contact.law.solve._with_object", lambda *_: (None, 5))
+    monkeypatch.setattr(
+        "cfem.contact.law.solve._search", lambda problem, law, start, *how: asked.append(how) or (None, how[0])
+    )
+    found = solve_contact(random_problem(0, m, 3), "coulomb", budget=budget)
+    assert asked == [(limit, quick)]
+    assert found.tried == 3 + 5 * (m > 4) + limit
+    assert found.status is (ContactStatus.NONE if limit == 3**m else ContactStatus.BUDGET)
+    assert np.isnan(found.lam).all() and len(found.lam) == 3 * m and len(found.xi) == 3

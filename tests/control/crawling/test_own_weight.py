@@ -37,3 +37,10 @@ def test_without_gravity_nothing_weighs():
 def test_weight_needs_the_centre_of_mass_for_the_last_effector():
     with pytest.raises(InputError, match="not the last effector"):
         own_weight(gait(), SimpleNamespace(masses={"body": 4e-6}, effectors=[CENTRE, "tip"]), [])
+
+
+def test_a_robot_without_a_centre_of_mass_carries_nothing_where_nothing_weighs():
+    loads, weights = own_weight(gait(None), SimpleNamespace(masses={}, effectors=["tip"]), [None, None])
+    assert [len(load) for load in loads] == [0, 0] and weights == []
+    with pytest.raises(InputError, match="not the last effector"):
+        own_weight(gait(None), SimpleNamespace(masses={"a": 1.0, "b": 1.0}, effectors=["tip", CENTRE]), [])
