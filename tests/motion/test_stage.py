@@ -1,5 +1,7 @@
 """`cfem simulate`: tables of commands to motion, beside full finite elements, and what it says of bad input."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -9,7 +11,7 @@ from cfem.dataset.parquet import read_parquet
 from cfem.motion.commands import read_commands, starting
 from cfem.motion.load import load_motion
 from cfem.motion.payload import Payload
-from cfem.motion.stage import FULL, TABLE, run
+from cfem.motion.stage import FULL, TABLE, _headline, run
 from cfem.motion.step import MotionCommand, step
 
 QUIET = Options(quiet=True)
@@ -92,3 +94,30 @@ def test_a_payload_whose_weight_is_in_another_unit_is_poor(spec, unit, poor):
     payload = f"payload: {{mass: 0.5 g, gravity: {{{unit}: [0, 0, -9.81]}}}}\n"
     found = run(spec(RAMP, payload), [], None, QUIET)["results"].get("judgement", [])
     assert len(found) == poor and all("payload.gravity is 0.00981 m/s^2" in each["what"] for each in found)
+
+
+@pytest.mark.parametrize("full", [None, "", "a cell turned over"])
+@pytest.mark.parametrize("hard", [False, True])
+def test_people_are_told_what_a_motion_met(full, hard):
+    """Where it leaves what is known and where it ends early come first."""
+    results = {"step_s": 2e-3, "steps": 50, "first_frequency_Hz": 33.27, "travel_mm": [1.25, 4.5]}
+    results["slack_steps"] = [0, 3] if hard else [0, 0]
+    if full is not None:
+        results["full"] = {"largest_mm": 0.125, "percent_of_travel": 2.5, "why": full}
+    halved = [(0.03, 1e-3, "no state"), (0.05, 5e-4, "other")] if hard else []
+    run = SimpleNamespace(left=0.04 if hard else None, shortened=halved)
+    lines = _headline(results, run, ["up", "down"], 0.1)
+    expected = ["from 0.04 s on the motion leaves the training states: its error is unknown"] * hard
+    expected += ["50 steps of 2 ms to 0.1 s; first natural frequency 33.3 Hz"]
+    expected += [f"the effectors travel 4.5 mm; {TABLE}"]
+    if hard:
+        expected.append("2 steps were halved; the first, of 0.001 s at 0.03 s: no state")
+        expected.append("cables that were slack for a while: down")
+    if full is not None:
+        expected.append("full finite elements: the effectors differ by 0.125 mm at most, 2.5 % of their travel")
+    assert lines == ([f"full finite elements ended early: {full}"] if full else []) + expected
+    if hard:
+        run.shortened = halved[:1]
+        assert "1 step was halved; the first, of 0.001 s at 0.03 s: no state" in _headline(
+            results, run, ["a", "b"], 0.1
+        )

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import pytest
 
 from cfem.control.closed_loop.run import Pace
-from cfem.control.closed_loop.summary import _saturated, judged, summarise
+from cfem.control.closed_loop.summary import _saturated, headline, judged, summarise
 
 
 def test_bounds_are_told_by_kind_and_rare_ones_left_to_the_table():
@@ -51,3 +51,20 @@ def test_errors_of_goals_by_the_clock_leave_the_way_to_the_first_out(errors, run
     assert found["error"]["mean"] == pytest.approx(mean)
     assert found["error_at_goals"]["mean"] == pytest.approx(at_goals)
     assert found["goals"] == len(errors) - run_up and found["ticks_to_converge"] is None
+
+
+def test_a_sentence_has_what_a_controller_did_and_no_more():
+    row = {
+        "error_at_goals": {"mean": 0.25, "max": 1.5}, "ticks_to_converge": {"held": 3, "median": 4.5, "max": 9},
+        "reached": {"mean": 2.5}, "goals": 3, "seconds": 1.25, "step_us": {"median": 12.0}, "no_position": 4,
+    }  # fmt: skip
+    (line,) = headline({"curve": {"closed": row}})
+    said = line.split("; ")
+    assert said[0] == "curve, closed: 2.5 of 3 goals reached in 1.25 s"
+    assert said[1] == "after 4.5 ticks each, 9 at most"
+    assert said[2].startswith("tracking error mean ") and said[2].endswith(" when the next was due")
+    assert said[3].endswith("of CPU time per tick") and said[3].startswith("12 ")
+    assert said[4] == "the plant gave NO POSITION in 4 ticks" and len(said) == 5
+    for wait in (None, {"held": 0, "median": None, "max": None}):
+        bare = row | {"error_at_goals": None, "ticks_to_converge": wait, "no_position": 0}
+        assert [len(each.split("; ")) for each in headline({"a": {"b": bare, "c": bare}})] == [2, 2]

@@ -2,10 +2,11 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 from support.arc_robot import LENGTH, REACH, ArcRobot, tip
+from support.linear_robot import W_AA, W_EA, LinearRobot
 
 from cfem.condensed import Condensed, Rows
 from cfem.condensed.strokes import ridge_of
-from cfem.control.search.goal_search import Iterate, SearchSettings, SearchStatus, search_goal
+from cfem.control.search.goal_search import UNMET, Iterate, SearchSettings, SearchStatus, _least_penalty, search_goal
 from cfem.control.search.inverse import Aim, Limits
 
 RIDGE = ridge_of(1e-10, REACH, LENGTH)
@@ -136,3 +137,15 @@ def test_a_bound_that_no_step_has_met_yet_is_not_given_up_for_the_goal():
         model, aim, limits, Iterate.at(model.at_displacement(np.zeros(1))), SearchSettings(cautious=True)
     )
     assert 1.9 < found.delta_a[0] <= 2.0 and found.delta_e[1] > 0
+
+
+def test_the_least_penalty_is_what_the_steepest_bounded_row_is_worth():
+    """Of a linear robot: UNMET times what is missed, over the largest slope of a row that has a bound."""
+    condensed, aim = LinearRobot().at_displacement(np.zeros(2)), Aim(np.array([3.0, 4.0]), np.ones(2), np.zeros(2))
+    slope = np.abs(W_EA @ np.linalg.inv(W_AA))
+    for bounds, rows in (([[-1, np.inf], [-np.inf, np.inf]], [0]), ([[-1, 1], [-np.inf, 9]], [0, 1])):
+        limits = Limits(np.zeros((2, 2)), np.zeros((2, 2)), np.array(bounds, float))
+        assert _least_penalty(condensed, aim, limits) == pytest.approx(UNMET * 5.0 / slope[rows].max())
+    free = np.array([[-np.inf, np.inf]] * 2)
+    assert _least_penalty(condensed, aim, Limits(np.zeros((2, 2)), np.zeros((2, 2)), free)) == 0.0
+    assert _least_penalty(condensed, aim, Limits(np.zeros((2, 2)), np.zeros((2, 2)))) == 0.0

@@ -6,7 +6,7 @@ import pytest
 from cfem.condensed import Condensed, Rows
 from cfem.control.search.goal_search import Iterate, SearchSettings, by_displacement, search_goal
 from cfem.control.search.inverse import Aim, Limits
-from cfem.control.search.multistart import all_over, around, multistart
+from cfem.control.search.multistart import FEW, _directions, all_over, around, multistart
 from cfem.core.errors import NumericalError
 
 ROWS = Rows(("e.x", "e.y"), ("left", "right"))
@@ -127,3 +127,12 @@ def test_an_answer_that_the_model_knows_does_not_give_way_to_one_beside_it():
 
 def test_starts_are_states_that_the_model_was_trained_on_within_the_course():
     np.testing.assert_array_equal(list(all_over(Learned(), LIMITS, 8)), [[1.0, 3.0], [2.0, 10.0]])
+
+
+def test_steps_aside_are_all_of_few_actuators_and_of_each_of_many():
+    for n in (1, 2, FEW):
+        found = {tuple(one) for one in _directions(n)}
+        assert len(found) == len(_directions(n)) == 3**n - 1 and {abs(sign) for one in found for sign in one} <= {0, 1}
+    found = np.array(_directions(FEW + 1))
+    assert found.shape == (2 * (FEW + 1), FEW + 1)
+    assert {tuple(one) for one in found} == {(*-one,) for one in found} and (np.abs(found).sum(axis=1) == 1).all()

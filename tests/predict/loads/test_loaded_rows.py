@@ -1,5 +1,7 @@
 """A force on a patch of the skin as a load of a model, against finite elements that carry it and its own energy."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,8 @@ from cfem.equilibrium.contact.patch_effectors import patch_yield
 from cfem.plant.fem_plant import FemPlant, pushed
 from cfem.predict.load import build
 from cfem.predict.loads.loaded import loaded, wrench_error
+from cfem.predict.loads.loaded_rows import LoadedRows, _corrected
+from cfem.predict.series.chebyshev import basis
 from cfem.predict.series.few_states import patch_states
 
 PLACE = np.array([1.5])
@@ -124,3 +128,37 @@ def test_a_patch_where_the_body_is_held_is_refused(model):
     at = [model.skin.rest[:, 0].min(), *model.rest_e[1:]]
     with pytest.raises(SpecError, match=r"loads.root: the body is held here"):
         loaded(model, patches=[PatchLoad(at, 5.5, FORCE, "root")])
+
+
+@pytest.mark.parametrize("known", [False, True])
+def test_finite_elements_correct_the_patches_alone(known):
+    """At the states that they were solved at, rows of the patches are theirs and those of the effector the model's,
+    whatever both say: two degrees of one actuator."""
+    rng, n_e, r = np.random.default_rng(0), 3, 6
+    states = np.array([[-0.5], [0.1], [0.6], [0.9]])
+    indices = np.array([[0], [1], [2]])
+    symmetric = rng.normal(size=(3, r, r))
+    rows = LoadedRows(
+        indices, rng.normal(size=(3, 1)), rng.normal(size=(3, r)), symmetric + symmetric.transpose(0, 2, 1),
+        rng.normal(size=(3, r, r, r)) if known else None, True, True,
+    )  # fmt: skip
+    by_fe = SimpleNamespace(
+        states=states, e=rng.normal(size=(4, r - n_e)), C=rng.normal(size=(4, r, r)), D=rng.normal(size=(4, r, r, r))
+    )
+    model = SimpleNamespace(rows=SimpleNamespace(n_e=n_e, n_a=1), box=lambda states: 2 * states)
+    found = _corrected(model, rows, by_fe)
+    before, after = basis(2 * states, indices), basis(2 * states, found.indices)
+    own = np.zeros((r, r), bool)
+    own[:n_e, :n_e] = True
+    np.testing.assert_allclose(after @ found.psi, before @ rows.psi, atol=1e-12)
+    e = after @ found.e
+    np.testing.assert_allclose(e[:, :n_e], (before @ rows.e)[:, :n_e], atol=1e-12)
+    np.testing.assert_allclose(e[:, n_e:], by_fe.e, atol=1e-12)
+    C, mine = np.tensordot(after, found.C, 1), np.tensordot(before, rows.C, 1)
+    np.testing.assert_allclose(C, np.where(own, mine, by_fe.C), atol=1e-11)
+    D = np.tensordot(after, found.D, 1)
+    theirs = by_fe.D.copy()
+    if known:
+        theirs[:, :n_e, :n_e, :n_e] = 0.0
+        theirs += np.tensordot(before, rows.D, 1)
+    np.testing.assert_allclose(D, theirs, atol=1e-11)
