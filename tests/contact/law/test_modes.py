@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from cfem.contact.law.modes import Mode, ModeStatus, slip_equations, solve_mode, start_angles, with_angles
+from cfem.contact.law.modes import Mode, ModeStatus, modes_of, slip_equations, solve_mode, start_angles, with_angles
 from cfem.contact.law.problem import ContactProblem
 
 
@@ -102,3 +102,17 @@ def test_equations_of_a_stiff_and_a_soft_direction_hold_to_rounding():
     found = solve_mode(ContactProblem(W, -W @ lam), "bilateral", [Mode.STICK] * 2)
     assert found.status is ModeStatus.SOLVED
     np.testing.assert_allclose(W @ found.lam[0], W @ lam, atol=1e-13)
+
+
+@pytest.mark.parametrize(
+    ("law", "mu", "expected"),
+    [
+        ("coulomb", 0.0, (Mode.OPEN, Mode.SLIP)),
+        ("coulomb", 1e-9, (Mode.OPEN, Mode.STICK, Mode.SLIP)),
+        ("coulomb", 1.0, (Mode.OPEN, Mode.STICK, Mode.SLIP)),
+        ("signorini", 1.0, (Mode.OPEN, Mode.SLIP)),
+        ("bilateral", 0.0, (Mode.STICK,)),
+    ],
+)
+def test_points_stick_where_there_is_friction_or_glue(law, mu, expected):
+    assert modes_of(ContactProblem(np.eye(3), np.zeros(3), mu=mu), law) == expected

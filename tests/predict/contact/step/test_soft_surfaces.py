@@ -46,6 +46,24 @@ def test_apart_they_are_free(twins, patched):
         np.testing.assert_allclose(e, free.delta_e, rtol=0, atol=1e-12)  # mm: another order of the same sums
 
 
+def test_apart_the_gap_is_that_of_the_robot_asked_for(patched):
+    """Of three, one 6 mm above the first and one 8 mm below it: as in scenes of two, and of robots that rest, whose
+    sides are plane, as they stand."""
+    beside = np.eye(3), np.array([0.0, 0.0, -18.0])
+    first, above, side = (PlacedModel(patched, *pose, itself=False) for pose in (HERE, OVER, beside))
+    for deltas in ([0.0], [0.0], [0.0]), ([0.4], [0.3], [0.2]):
+        scene = ContactScene([first, above, side])
+        state = scene.go(deltas)
+        gaps = [-scene.force_or_gap(state, number) for number in (1, 2)]
+        for gap, other, delta in zip(gaps, (above, side), deltas[1:], strict=True):
+            two = ContactScene([first, other])
+            assert gap == pytest.approx(-two.force_or_gap(two.go((deltas[0], delta)), 1), abs=1e-12)
+        if not any(deltas[0]):
+            np.testing.assert_allclose(gaps, [6.0, 8.0], atol=1e-6)
+        alone = ContactScene([side, first])
+        assert -alone.force_or_gap(alone.go((deltas[2], deltas[0])), 1) == pytest.approx(gaps[1], abs=1e-12)
+
+
 def test_two_that_press_each_other_do_as_finite_elements_do(twins, robot, patched):
     deltas = [1.0], [0.9]
     found, skin = ContactScene(twins).go(deltas), patched.model.skin
