@@ -1,5 +1,8 @@
 """`obstacles:` of control.yaml: plans know them, the FE robot meets them, and what is wrong is said once."""
 
+from copy import copy
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import yaml
@@ -7,8 +10,12 @@ from pyarrow.parquet import read_table
 from support.cut_short import cut_short, demand_equal
 
 import cfem
+from cfem.control.task.obstacles import meeting
+from cfem.core.artefact.files import content_sha256
 from cfem.core.errors import InputError, SpecError
 from cfem.predict.contact.obstacle_spec import BoxObstacle, CapsuleObstacle, MeshObstacle, PlaneObstacle, SphereObstacle
+from cfem.predict.load import load_model
+from cfem.robot.load import made_from
 
 CEILING = {"kind": "plane", "point": {"mm": [0, 0, 9]}, "normal": [0, 0, -1]}
 TWIN = {"kind": "robot", "model": "../../models/bar/spectral", "shares": [[0]]}
@@ -252,6 +259,37 @@ TOUCHED = {
     "rotate": {"axis": [1, 0, 0], "angle": "180 deg"},
     "translate": {"mm": [0, 0, 16]},
 }
+
+
+@pytest.mark.parametrize("scene", [None, "scene.yaml"])
+def test_another_robot_stands_where_its_course_has_it_and_yields_as_its_model_is_cut(bar, monkeypatch, scene):
+    """Its mesh is the run's, or that of its own scene; nothing but that and the loads says what is kept."""
+    base, asked = bar / "pipelines" / "bar", []
+    model = load_model(bar / "models" / "bar" / "spectral")
+    patched = SimpleNamespace(patches="patches", model=model)
+    monkeypatch.setattr(meeting, "patched_model_of", lambda *given: asked.append(given) or patched)
+    monkeypatch.setattr(meeting, "PlacedModel", lambda *given: given)
+    spec = SimpleNamespace(scene="scene.yaml", mesh="../../data/bar/mesh", contact=SimpleNamespace(cut=(8.0, True)))
+    if scene:
+        spec.scene, spec.mesh = "nothing.yaml", "nowhere"
+    obstacle = SimpleNamespace(scene=scene, model="../../models/bar/spectral")
+    turn, shift = np.diag([1.0, -1.0, -1.0]), np.array([0.0, 0.0, 16.0])
+    course = SimpleNamespace(model=model, R=turn, t=shift)
+    other = meeting.other_robot(spec, obstacle, base, "twin", course)
+    ((of_model, folder, robot, made_of, *cut),) = asked
+    assert of_model is model and folder == base / obstacle.model and cut == [8.0, True]
+    expected = made_from(base / "scene.yaml", bar / "data" / "bar" / "mesh") | {"loads": {}}
+    assert content_sha256(made_of) == content_sha256(expected)
+    assert other.course is course
+    with_model, R, t, itself, unilateral = other.learned
+    assert with_model is patched and (R is turn) and (t is shift) and itself is False
+    np.testing.assert_array_equal(unilateral, robot.unilateral)
+    assert other.fe.robot is robot and (other.fe.R is turn) and (other.fe.t is shift) and not other.fe.itself
+    assert other.fe.patches == "patches" and other.fe.nodes is model.skin.nodes
+    stranger = SimpleNamespace(model=copy(model), R=turn, t=shift)
+    stranger.model.meta = model.meta | {"robot": "of another scene"}
+    with pytest.raises(InputError, match=r"obstacles\.twin\.scene"):
+        meeting.other_robot(spec, obstacle, base, "twin", stranger)
 
 
 @pytest.mark.slow
