@@ -12,6 +12,7 @@ from cfem.core.stage import Options
 from cfem.export.stage import run as export
 from cfem.motion.load import load_motion
 from cfem.motion.modes import natural_modes
+from cfem.predict.load import read_model
 from cfem.report.stage import run as report
 
 
@@ -59,3 +60,25 @@ def test_a_model_that_cannot_move_says_so(folder, tmp_path):
     (still / "motion.npz").unlink()
     with pytest.raises(InputError, match="has not learned to move"):
         load_motion(still)
+
+
+@pytest.mark.parametrize(
+    ("meta", "said"),
+    [
+        ({}, "model.json says nothing of its motion \\('motion'\\)"),
+        ({"motion": None}, "model.json says nothing of its motion"),
+        ({"motion": {"viscosity": "damaged"}}, "damaged"),
+    ],
+)
+def test_a_model_whose_card_does_not_go_with_its_motion_says_so(folder, monkeypatch, meta, said):
+    known, arrays = read_model(folder)
+    known = {key: value for key, value in known.items() if key != "motion"} | meta
+    monkeypatch.setattr("cfem.motion.load.read_model", lambda folder: (known, arrays))
+
+    def refused(static, arrays, viscosity):
+        raise InputError(viscosity)
+
+    monkeypatch.setattr("cfem.motion.load.MotionModel", refused)
+    with pytest.raises(InputError, match=said) as caught:
+        load_motion(folder)
+    assert "motion.npz" in str(caught.value) and "train it again" in str(caught.value)

@@ -1,11 +1,13 @@
 """What forces on patches do is what the formulas say, written out in array operations."""
 
+from itertools import permutations
+
 import numpy as np
 import pytest
 from support.patches import drawn_patches
 
 from cfem.predict.contact.forces.high_order import beyond, slope
-from cfem.predict.contact.forces.load_response import load_response, moved_places
+from cfem.predict.contact.forces.load_response import load_response, moved_places, under_forces
 from cfem.predict.contact.surface.patch_compliance import patch_compliance
 
 
@@ -46,3 +48,30 @@ def test_places_are_moved_by_modes_and_locally(drawn):
     expected[chosen] += (local @ forces.ravel()).reshape(3, 3) + dents
     places = moved_places(free, modes.reshape(18, 4), motion, chosen, local, forces, dents)
     np.testing.assert_allclose(places, expected, rtol=1e-13, atol=1e-13)
+
+
+@pytest.mark.parametrize("size", [0.3, 3.0])
+def test_the_compliance_under_forces_is_the_change_of_the_places_with_them(drawn, size):
+    """By differences of what forces do, where rows' compliance and dents change as those of an energy."""
+    _, _, C, *_ = drawn
+    rng, h = np.random.default_rng(1), 1e-6
+    forces, D = size * rng.normal(size=(3, 3)), rng.normal(size=(3, 5, 3))
+    D[:, 2:] = sum(D[:, 2:].transpose(order) for order in permutations(range(3))) / 6
+    bends = np.linalg.qr(rng.normal(size=(4, 3)))[0]
+    U, local, _, dented = patch_compliance(*drawn)
+    own = dented[..., :3]
+    own[:] = sum(own.transpose(0, *order) for order in permutations((1, 2, 3))) / 6
+    flexibility = np.array([0.5, 1.0, 2.0])
+    total = local + U @ C @ U.T
+
+    def response(f):
+        return load_response(f.reshape(3, 3), C, bends, D, U, flexibility, dented)
+
+    def moved(f):
+        of = response(f)
+        return local @ f + U @ of.modes.motion + of.places.ravel()
+
+    of, f = response(forces.ravel()), forces.ravel()
+    found = under_forces(total, local, U, bends, of.change[2:], of.slopes, of.modes)
+    by_differences = np.array([(moved(f + step) - moved(f - step)) / (2 * h) for step in h * np.eye(9)]).T
+    np.testing.assert_allclose(found, by_differences, atol=1e-6 * np.abs(found).max())
