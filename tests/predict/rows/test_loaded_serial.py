@@ -12,7 +12,7 @@ from cfem.core.errors import InputError, NumericalError
 from cfem.predict.load import build
 from cfem.predict.loads.loaded import loaded
 from cfem.predict.loads.wrench_series import NEAR, STIFF, Held, softening
-from cfem.predict.rows.loaded_serial import row_of
+from cfem.predict.rows.loaded_serial import STATES, row_of
 from cfem.predict.series.energy import layout
 
 
@@ -185,3 +185,33 @@ def test_a_module_under_a_wrench_is_of_one_energy(changing, believed, curved):
         ahead, behind = (under(at + sign * step, w) for sign in (1, -1))
         assert np.allclose(here.G[:, n], (ahead.e - behind.e) / (2 * h), rtol=1e-6, atol=1e-6)
         assert np.allclose(here.K[:, n], (ahead.lam - behind.lam) / (2 * h), rtol=1e-6, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("lam", "expected"),
+    [
+        ([[1, -5], [0, 1], [-1e-9, 1], [2, -1]], 4.0),  # the third would push
+        ([[-1, 1], [-2, 1], [-3, 1], [-4, 1]], 4.0),  # all would: the worst of all
+        ([[1, 1], [0, 1], [-1, 1], [-1, 1]], 2.0),
+        ([[-1, 1], [-1, 1], [5, 1], [-1, 1]], 3.0),
+    ],
+)
+def test_the_stated_error_leaves_out_states_in_which_what_only_pulled_would_push(lam, expected):
+    """In training the first actuator never pushed, at 0 N neither, and the second did."""
+    model = chain(WRENCH)
+    states = np.array([[0.1, 0, 0, -1], [0.2, 0, 3, 2], [0.3, 0, 1, 1], [0.4, 0, 2, 1]], float)
+    known = {round(state[0], 1): (i + 1.0, np.array(lam[i], float)) for i, state in enumerate(states)}
+    model.rows, model.domain = SimpleNamespace(n_a=2), SimpleNamespace(states=states)
+    model.error_at = lambda state: known[round(state[0], 1)][0]
+    model.at = lambda state: SimpleNamespace(lam=known[round(state[0], 1)][1])
+    assert model.wrench_error() == expected
+
+
+def test_the_stated_error_is_of_some_states_spread_over_all():
+    model, asked = chain(WRENCH), []
+    model.rows = SimpleNamespace(n_a=1)
+    model.domain = SimpleNamespace(states=np.column_stack([np.arange(3 * STATES + 2.0), np.ones(3 * STATES + 2)]))
+    model.error_at = lambda state: asked.append(float(state[0])) or 1.0
+    model.at = lambda state: SimpleNamespace(lam=np.ones(1))
+    assert model.wrench_error() == 1.0
+    assert asked == list(range(0, 3 * STATES + 2, 3))
