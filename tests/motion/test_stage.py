@@ -45,6 +45,15 @@ def test_it_moves_as_full_finite_elements_do(root, spec):
     assert table.column_names == full.column_names and len(table) == 121
     assert {"time", "cable.displacement", "cable.force", "cable.slack", "tip.x"} <= set(table.column_names)
     np.testing.assert_allclose(table["cable.displacement"].to_numpy()[-1], 2.5, atol=1e-9)
+    tips = [np.column_stack([each[f"tip.{axis}"].to_numpy() for axis in "xyz"]) for each in (table, full)]
+    at = full["time"].to_numpy()
+    learned = np.column_stack([np.interp(at, table["time"].to_numpy(), column) for column in tips[0].T])
+    largest = np.linalg.norm(learned - tips[1], axis=1).max()
+    beside, travel = results["full"], [np.linalg.norm(np.ptp(each, axis=0)) for each in tips]
+    assert beside["largest_mm"] == pytest.approx(largest) and beside["steps"] == len(full) - 1
+    assert beside["percent_of_travel"] == pytest.approx(100 * largest / travel[1])
+    assert results["travel_mm"] == [pytest.approx(travel[0])] and beside["refused"] == 0
+    assert at[-1] == pytest.approx(0.06) and np.diff(at).max() <= 2 * 0.5e-3 * (1 + 1e-9)
 
 
 def test_forces_begin_at_rest_and_stay_there(root, spec):

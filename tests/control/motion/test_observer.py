@@ -185,3 +185,27 @@ def test_an_estimate_that_is_lost_begins_again_at_the_model_s_equilibrium():
     assert not observer.state.z[1:].any() and not observer.offset.any() and observer.material.stiffness == 1.0
     observer.restart(np.array([1e9]))  # no such equilibrium
     assert np.isfinite(observer.state.z).all()
+
+
+def test_what_samples_miss_widens_the_offset_and_a_swing_of_a_share_of_it():
+    """By forces all free motions have the same energy, potential and kinetic; of the effectors' coordinates the mean
+    square is that share, and nothing else becomes wider."""
+    observer, _ = settled(20)
+    square, n_q, share = 0.25, robot().n_q, 0.1
+    before, wider = observer.covariance, observer._widened(square)
+    np.testing.assert_array_equal(wider.mean, observer._known.mean)
+    more = wider.covariance - before
+    place, every = observer._clocked.warped(observer._place), np.arange(len(more))
+    places, momenta, offsets = every[:n_q], every[n_q : 2 * n_q], every[observer._offsets]
+    energies = [
+        np.linalg.eigvals(more[np.ix_(places, places)] @ place.K[0]).real,
+        np.linalg.eigvals(more[np.ix_(momenta, momenta)] @ np.linalg.inv(place.M[0])).real,
+    ]
+    for energy in energies:
+        np.testing.assert_allclose(energy, energies[0][0], rtol=1e-6)
+    J = np.concatenate([place.J[0], place.H[0]], axis=1)
+    assert np.trace(J @ more[np.ix_(places, places)] @ J.T) / len(J) == pytest.approx(share * square)
+    np.testing.assert_allclose(more[np.ix_(offsets, offsets)], square * np.eye(3), atol=1e-12)
+    for own in (places, momenta, offsets):
+        more[np.ix_(own, own)] = 0.0
+    assert np.abs(more).max() < 1e-12 * np.abs(before).max()

@@ -69,8 +69,8 @@ def test_a_patch_that_is_nowhere_and_modules_without_skins_are_refused():
 
 def test_the_last_nodes_move_with_the_actuators_as_the_tip_does():
     """Whose derivative is in closed form; the four nodes of an end have it for their mean."""
-    model = loaded(skinned(), 0.05 * WRENCH, trusted=np.inf)
     last, n = np.arange(8, 12), len(DELTA)
+    model = loaded(skinned(), 0.05 * WRENCH, trusted=np.inf)
     gradient = model.surface_gradient(DELTA, last)
     assert gradient.shape == (4, 3, n)
     expected = model.at(DELTA).effector_jacobian[:3]
@@ -81,3 +81,16 @@ def test_the_last_nodes_move_with_the_actuators_as_the_tip_does():
         np.testing.assert_allclose(model.surface_gradient(DELTA, last[::-1])[..., i], moved, atol=1e-4)
     first = model.surface_gradient(DELTA, np.arange(4))
     assert np.abs(first[..., :2]).max() > 0.1 and np.abs(first[..., 2:]).max() < 0.1  # its own actuators, and the load
+
+
+def test_without_loads_all_nodes_move_with_the_actuators_as_differences_say():
+    """In closed form; a module's actuators move its own nodes and those after it, and none before."""
+    model, h, n = skinned(), 1e-5, len(DELTA)
+    nodes = np.array([5, 0, 11, 3, 7, 8])
+    gradient = model.surface_gradient(DELTA, nodes)
+    for i, step in enumerate(h * np.eye(n)):
+        moved = (model.shape(DELTA + step)[nodes] - model.shape(DELTA - step)[nodes]) / (2 * h)
+        np.testing.assert_allclose(gradient[..., i], moved, atol=1e-6)
+    assert not gradient[nodes < 4][..., 2:].any() and not gradient[nodes < 8][..., 5:].any()
+    tip = model.surface_gradient(DELTA, np.arange(8, 12)).mean(axis=0)
+    np.testing.assert_allclose(tip, model.at(DELTA).effector_jacobian[:3], atol=1e-9)
