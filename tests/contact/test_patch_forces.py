@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 from support.benchmark import benchmark
 
 from cfem.contact.law.newton import modes_from, newton
-from cfem.contact.patch_forces import balance, turned, violation
+from cfem.contact.patch_forces import _in_frames, balance, lawful, turned, violation
 
 a_problem = benchmark("contact_random").a_problem
 MU, C = 0.5, np.diag([2.0, 1.0, 1.0])
@@ -110,3 +110,40 @@ def test_without_pairs_all_forces_are_taken_off():
     assert found.modes == () and found.push.shape == found.local.shape == (0, 3)
     np.testing.assert_array_equal(found.forces, np.zeros((3, 3)))
     np.testing.assert_allclose(found.step.ravel(), -C @ forces.ravel())
+
+
+@pytest.mark.parametrize("bodies", [False, True])
+def test_forces_that_turn_with_their_frames_miss_the_law_where_these_have_come_to(bodies):
+    """Written out: three of four patches in another order; the second sticks, so that its force stays in the scene.
+    Their places are those of `balance`'s compliance, with what rigid bodies move them by."""
+    rng, places, sticks = np.random.default_rng(7), np.array([2, 0, 3]), np.array([False, True, False])
+    root = rng.normal(size=(12, 12))
+    frames, C = Rotation.random(3, rng=rng).as_matrix(), root @ root.T + np.eye(12)
+    local, push, gaps = rng.normal(size=(3, 3)), rng.normal(size=(3, 3)), rng.normal(size=(3, 3))
+    root = rng.normal(size=(9, 9))
+    by_bodies = root @ root.T if bodies else np.zeros((0, 0))
+    by_law, missed, moved, beyond = lawful(local, push, sticks, frames, gaps, C, places, by_bodies, MU)
+    expected = np.where(sticks[:, None], push, (frames.transpose(0, 2, 1) @ local[..., None])[..., 0])
+    np.testing.assert_allclose(by_law, expected, atol=1e-12)
+    in_frame = (frames @ expected[..., None])[..., 0]
+    assert beyond == pytest.approx((np.linalg.norm(in_frame[:, 1:], axis=1) - MU * in_frame[:, 0]).max())
+    rows = (3 * places[:, None] + np.arange(3)).ravel()
+    change, block = (expected - push).ravel(), C[np.ix_(rows, rows)]
+    far = np.abs(C[:, rows] @ change).max()
+    if bodies:
+        far, block = far + np.abs(by_bodies @ change).max(), block + by_bodies
+    assert moved == pytest.approx(far)
+    assert missed == pytest.approx(violation(in_frame, gaps, block, MU)) and missed > 0.1
+
+
+def test_the_problem_in_the_frames_has_the_energy_of_the_scene():
+    """Forces do the same work in both, and at `start` the gaps are those that are given."""
+    frames, C, gaps, start = drawn(3)
+    W, free = _in_frames(C, gaps, frames, start)
+    np.testing.assert_allclose(W, W.T, atol=1e-12)
+    np.testing.assert_allclose(W @ start.ravel() + free, gaps.ravel(), atol=1e-12)
+    forces = np.random.default_rng(8).normal(size=(3, 3))
+    in_scene = np.einsum("pab,pa->pb", frames, forces).ravel()
+    assert forces.ravel() @ W @ forces.ravel() == pytest.approx(in_scene @ C @ in_scene)
+    turned_first = np.einsum("pab,pb->pa", frames, (C @ in_scene).reshape(3, 3))
+    np.testing.assert_allclose(W @ forces.ravel(), turned_first.ravel(), atol=1e-12)
