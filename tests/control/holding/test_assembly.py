@@ -4,16 +4,20 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from support.blocks import bar
 
 from cfem.contact.obstacle import Box
 from cfem.contact.surface.facets import unmatched_edges
+from cfem.control.holding import assembly
 from cfem.control.holding.assembly import (
+    LONGEST,
     TOUCHES,
     WITHIN,
     _demand_touch,
     _stable,
     _taut_state,
     box_surface,
+    gripped,
     place_of,
     table_under,
 )
@@ -115,3 +119,94 @@ def test_a_table_is_under_the_side_that_the_load_points_to(axis, force):
     others = [k for k in range(3) if k != axis]
     np.testing.assert_allclose(np.abs(points[:, others]), WITHIN * half[others] * np.ones((4, 2)))
     np.testing.assert_allclose(points[:, others].sum(axis=0), 0.0, atol=1e-12)
+
+
+CENTRE, HALF = [30.0, 5.0, 12.0], [4.0, 4.0, 3.0]
+ROBOTS = [
+    RobotSpec(name="below"),
+    RobotSpec(name="above", rotate={"axis": [1, 0, 0], "angle": "180 deg"}, translate={"mm": [0, 10, 24]}),
+]
+
+
+def spec(law="coulomb", preload=0.5, **more):
+    about = {"law": law, "friction": 0.8, "half_size": HALF, "centre": CENTRE, "force": np.array([0.0, 0.0, -5e-3])}
+    about |= {"turns": False, "balanced": False, "table": False, "margin": 1.5} | more
+    search = SimpleNamespace(preload=preload)
+    return SimpleNamespace(object=SimpleNamespace(**about), search=search, robots=ROBOTS, oriented=False)
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return bar(element="hex8", cables=2, contact=True, divisions=(4, 2, 2))
+
+
+@pytest.fixture
+def asked(monkeypatch):
+    """What plans are made of, in place of those that finite elements and learned robots take a while to make."""
+    calls = {"table": [], "air": []}
+    monkeypatch.setattr(assembly, "patch_of", lambda points, turns: ("patch", turns))
+    monkeypatch.setattr(assembly, "within_patch", lambda robot, patch: ())
+    monkeypatch.setattr(assembly, "WithinPatch", lambda *of: "within")
+    monkeypatch.setattr(assembly, "LearnedFinger", lambda *of: SimpleNamespace(of=of, points=np.zeros((1, 3))))
+    monkeypatch.setattr(assembly, "balanced", lambda learned, held, preload: np.arange(4.0) * preload)
+    monkeypatch.setattr(assembly, "margin_of", lambda robots: 7.0)
+
+    def plans(kind):
+        def made(*given):
+            calls[kind].append(given)
+            return SimpleNamespace(home=np.full(4, 0.125), kind=kind)
+
+        return made
+
+    monkeypatch.setattr(assembly, "from_table", plans("table"))
+    monkeypatch.setattr(assembly, "Gripping", plans("air"))
+    monkeypatch.setattr(assembly.Grip, "of", lambda first, fe: ("grip", first, fe))
+    return calls
+
+
+def glued(n_pose=6):
+    holds = [SimpleNamespace(model=f"model {i}", turn=i, shift=-i, n_pose=n_pose) for i in range(2)]
+    return {"spectral": SimpleNamespace(holds=holds)}
+
+
+@pytest.mark.parametrize("balanced", [False, True])
+@pytest.mark.parametrize("table", [False, True])
+def test_plans_begin_with_the_preload_or_what_balances_it(robot, asked, balanced, table):
+    models = glued()
+    grip, plans, fe = gripped(spec(balanced=balanced, table=table), robot, models)
+    (given,), none = asked["table" if table else "air"], asked["air" if table else "table"]
+    assert not none and grip == ("grip", plans["spectral"], fe)
+    robots, of, mu, margin, grasp, last = given
+    assert of is models["spectral"] and (mu, margin, last) == (0.8, 1.5, 0.5 if table else 7.0)
+    np.testing.assert_array_equal(grasp, 0.5 * np.arange(4.0) if balanced else np.full(4, 0.5))
+    np.testing.assert_array_equal(robots._grasp, grasp)
+    assert [finger.of for finger in robots.fingers] == [
+        (f"model {i}", ("patch", True), "within", i, -i) for i in range(2)
+    ]
+    np.testing.assert_array_equal(fe._grasp, np.full(4, 0.125))  # where plans are at home
+    for plant in (robots, fe):
+        assert (plant.table is not None) == table and plant._margin == 1.5 and plant._mu == 0.8
+        np.testing.assert_array_equal(plant._ends, [0, 2, 4])
+        np.testing.assert_allclose(plant._longest, LONGEST * 8.0)  # of the reach
+        np.testing.assert_array_equal(plant.load_of_object, [0, 0, -5e-3])
+    if table:
+        np.testing.assert_allclose(fe.table.points[:, 2], 9.0)
+    np.testing.assert_allclose(fe.fingers[1].points, [[30.0, 5.0, 15.0]])  # turned and shifted
+
+
+def test_without_preload_nothing_is_squeezed(robot, asked):
+    _, _, fe = gripped(spec(preload=0.0), robot, glued())
+    assert fe._grasp is None
+
+
+def test_glued_points_have_no_grip_and_models_as_they_are(robot, asked):
+    models = glued(3)
+    grip, plans, fe = gripped(spec("bilateral", force=None), robot, models)
+    assert grip is None and plans is models and fe.glued and fe._mu == 0.0 and fe.table is None
+    np.testing.assert_array_equal(fe.load_of_object, np.zeros(3))
+
+
+def test_points_that_open_need_a_patch_that_turns(robot, asked):
+    with pytest.raises(InputError, match="sampled with one that cannot"):
+        gripped(spec(), robot, glued(5))
+    gripped(spec(), robot, glued(6))
