@@ -1,5 +1,7 @@
 """The FE robot among obstacles as a plant."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -125,3 +127,17 @@ def test_another_robot_whose_surface_overlaps_itself_has_no_inside_and_is_named(
     monkeypatch.setattr(SkinnedRobot, "surface", lambda self, x: x[self.nodes] * [1, -1, 1])
     assert not among._bodies() and among.unjudged == {"twin"}
     assert "twin overlaps itself" in among.judged(robot.length)[0]["what"]
+
+
+def test_depth_in_itself_is_looked_for_at_the_patches_that_are_near_others(robot, surface, patches, monkeypatch):
+    """Of points 1 and 3 near something, and obstacles behind the patches' numbers; a node is tried with its patch."""
+    among, asked, count = plant(robot, surface, patches, {}), [], len(patches)
+    monkeypatch.setattr(
+        "cfem.plant.touch_plant.depth_in_itself", lambda x, triangles, tried: asked.append((x, tried)) or 0.25
+    )
+    near = SimpleNamespace(used=np.array([1, 3, count, count + 2]))
+    among.met = SimpleNamespace(pairs=near, solved=[SimpleNamespace(state=SimpleNamespace(x=robot.X + 1.0))])
+    assert among._depth_in_itself() == 0.25
+    ((x, tried),) = asked
+    np.testing.assert_allclose(x, robot.X[surface.nodes] + 1.0)
+    np.testing.assert_array_equal(tried, [i for i, patch in enumerate(patches.of) if patch in (1, 3)])
