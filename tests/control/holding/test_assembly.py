@@ -18,7 +18,6 @@ from cfem.control.holding.assembly import (
     _taut_state,
     box_surface,
     gripped,
-    place_of,
     table_under,
 )
 from cfem.control.holding.spec import RobotSpec
@@ -44,16 +43,6 @@ def test_the_surface_of_a_box_is_closed_and_holds_its_volume(width):
     assert volume == pytest.approx(4 * 6 * 8)
     places = np.unique(points, axis=0, return_inverse=True)[1].ravel()  # facets of six nodes share none of them
     assert unmatched_edges(places[facets]).size == 0
-
-
-def test_a_robot_is_turned_about_the_scenes_origin_and_then_shifted():
-    plain = RobotSpec(name="a")
-    for found, expected in zip(place_of(plain), (np.eye(3), np.zeros(3)), strict=True):
-        np.testing.assert_array_equal(found, expected)
-    turn = {"axis": [0, 0, 2], "angle": "90 deg"}
-    R, t = place_of(RobotSpec(name="a", rotate=turn, translate={"mm": [1, 2, 3]}))
-    np.testing.assert_allclose(R @ [1.0, 0, 0] + t, [1.0, 3.0, 3.0], atol=1e-12)
-    np.testing.assert_allclose(R @ [0.0, 0, 5.0], [0.0, 0.0, 5.0], atol=1e-12)
 
 
 @pytest.mark.parametrize(
