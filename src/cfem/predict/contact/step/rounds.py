@@ -112,9 +112,9 @@ class Rounds:
         return self.soft is not None and len(self.soft.touching) > 0
 
     def _taken(self, answer: Balance, step: float) -> Balance:
-        """What the round takes of the answer of the law, by which patches move by at most `step` mm: all of it, a share
-        of the change of the forces, or, where faces of soft surfaces still turn from round to round, the answers of
-        the last rounds combined."""
+        """Forces that the round takes after the answer of the law, by which patches move by at most `step` mm: all of
+        it, a share of the change, or, where faces of soft surfaces still turn from round to round, the answers of the
+        last rounds combined."""
         soft, share, mu = self.soft, self._share, self.scene.mu
         if share < 1:
             push, forces = self._pushes(), self.robots.on_known
