@@ -126,3 +126,9 @@ def test_forces_have_no_part_in_the_distance():
 def test_the_cost_is_half_the_squares_of_what_is_missed_and_of_what_lies_beside_the_preload():
     aim = Aim(np.zeros(3), np.array([1.0, 2.0, 0.0]), np.array([0.1, 1.0]), preload=np.array([1.0, 3.0]))
     assert aim.cost(np.array([3.0, 1.0, 9.0]), np.array([5.0, 2.0])) == pytest.approx((9 + 4 + 0.16 + 1) / 2)
+
+
+def test_the_course_of_an_actuator_ends_at_zero_where_it_has_no_end():
+    ends = np.array([[-3.0, np.inf], [-np.inf, 4.0], [-np.inf, np.inf], [1.0, 6.0]])
+    limits = Limits(np.full((4, 2), [-np.inf, np.inf]), ends)
+    np.testing.assert_array_equal(limits.course, [3.0, 4.0, 0.0, 5.0])

@@ -1,6 +1,7 @@
 """Dynamixel motors as a device, by the SDK of their maker, against an emulated chain."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from surrogate.synthetic import dataset
 
 from cfem.core.errors import InputError, SpecError
 from cfem.plant.device import dynamixel
+from cfem.plant.device.answer import Malformed
 from cfem.plant.device.device_plant import DevicePlant
 from cfem.plant.device.spec import DeviceSpec, transport_of
 
@@ -16,6 +18,7 @@ pytest.importorskip("dynamixel_sdk", reason="needs dynamixel-sdk")
 pytestmark = pytest.mark.skipif("not hasattr(__import__('os'), 'openpty')", reason="needs a pty")
 from plant.device.dynamixel_chain import EmulatedMotor, chain, crc  # noqa: E402
 
+TRIES = dynamixel.TRIES  # before any test is patient
 COUNT = 2 * math.pi * 12 / 4096  # mm of the larger spool
 
 
@@ -140,3 +143,22 @@ def test_motors_are_those_of_the_robot():
 def test_the_checksum_is_that_of_the_description():
     """The example of a ping of motor 1 in the description of the protocol."""
     assert crc(bytes.fromhex("fffffd00010300 01".replace(" ", ""))) == 0x4E19
+
+
+@pytest.mark.parametrize(("silent", "asked"), [(0, 1), (2, 3), (3, 3)])
+def test_an_answer_that_is_lost_is_asked_for_twice_more(monkeypatch, silent, asked):
+    monkeypatch.setattr(dynamixel, "TRIES", TRIES)
+    device, results = object.__new__(dynamixel.Dynamixel), [*[1] * silent, 0, 0]
+    device._missed, device._packets = 0, SimpleNamespace(getTxRxResult=lambda result: f"[TxRxResult] result {result}")
+    exchanges = []
+
+    def exchange():
+        exchanges.append(results[len(exchanges)])
+        return "answer", exchanges[-1]
+
+    if silent < 3:
+        assert device._answered(exchange, "motor 1 is silent") == "answer"
+    else:
+        with pytest.raises(Malformed, match="motor 1 is silent: result 1"):
+            device._answered(exchange, "motor 1 is silent")
+    assert len(exchanges) == asked and device._missed == silent
