@@ -91,15 +91,18 @@ def test_inner_motions_and_forces_of_a_slow_motion_are_those_of_the_robot():
     assert np.abs(np.array(forces)[1:][late] - middle).max() < 2e-3 * np.ptp(lam[late])
 
 
-def test_what_moves_with_a_changing_inertia_is_pushed_by_the_equations_of_lagrange():
+@pytest.mark.parametrize("acceleration", [0.0, 5e3])
+def test_what_moves_with_a_changing_inertia_is_pushed_by_the_equations_of_lagrange(acceleration):
     """d/dt (M v) - v M' v / 2 of the actuator, with M' by differences of the inertia."""
     model, h, speed = robot(), 1e-4, 40.0
     start = standing(1.5, "displacement")
     computed = Computed(pilot("displacement"), model, model.rest_e, start.delta_a, DT)
-    planned = deque(np.array([1.5 - DT * speed, 1.5, 1.5 + DT * speed])[:, None])
+    bend = acceleration * DT**2 / 2
+    planned = deque(np.array([1.5 - DT * speed + bend, 1.5, 1.5 + DT * speed + bend])[:, None])
     inertia = [model.at(np.array([1.5 + side * h])).M[0, 0] for side in (-1, 1)]
     place = model.at(np.array([1.5]))
     expected = place.pull + computed._lost(place)[0, 0] * speed + np.diff(inertia) / (2 * h) * speed**2 / 2
+    expected = expected + place.M[0, 0] * acceleration
     by_inertia = np.abs(np.diff(inertia) / (2 * h) * speed**2 / 2)
     np.testing.assert_allclose(computed._excited(planned)[1], expected, rtol=0, atol=1e-3 * by_inertia[0])
 
