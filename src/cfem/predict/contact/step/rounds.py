@@ -99,7 +99,7 @@ class Rounds:
         if answer is None:
             return StepStatus.NO_MODE
         lawful, turning = answer
-        step = lawful.step
+        step = self._last_step if self.soft is None else lawful.step  # only faces of soft surfaces need it
         largest = float(np.abs(step).max(initial=0.0))
         taken = self._taken(lawful, largest)
         holds = self._move(taken, turning, largest)
