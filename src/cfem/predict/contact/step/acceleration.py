@@ -1,14 +1,14 @@
 """Anderson's acceleration of rounds that converge linearly (Walker and Ni, *Anderson acceleration for fixed-point
 iterations*, SIAM Journal on Numerical Analysis 49, 2011).
 
-Each round answers forces x with forces g(x), which move patches by f(x). The next x is the combination of the last
-answers whose steps, combined in the same way, are least."""
+A round begins with forces x, finds forces g(x), and moves patches by f(x) = C (g(x) - x), with their compliance C. The
+next x is sum_k a_k g(x_k) over the last rounds, with the shares a_k, 1 in sum, that make |sum_k a_k f(x_k)| least."""
 
 from collections.abc import Hashable
 
 import numpy as np
 
-DEPTH, FIRST = 3, 3  # differences of answers that are combined; answers to begin with
+DEPTH, FIRST = 3, 3  # most differences of answers that are combined; answers before any are
 DEPENDENT = 1e-6  # share of a difference that others do not explain: below, it adds nothing
 
 
@@ -28,8 +28,8 @@ class Acceleration:
     def next(self, rows: Hashable, answer: np.ndarray, step: np.ndarray) -> np.ndarray | None:
         """Forces N, of the shape of `answer`, from which the next round begins; None where these are the answer.
 
-        step: mm, by which the answer moves the patches
-        rows: of the law; others than last time begin anew"""
+        rows: which rows the law has. Answers on other rows are dropped
+        step: (c, 3) mm, by which the answer moves the patches"""
         if rows != self._rows:
             self._rows, self._answers, self._steps = rows, [], []
         self._answers, self._steps = [*self._answers, answer][-DEPTH - 1 :], [*self._steps, step.ravel()][-DEPTH - 1 :]

@@ -111,17 +111,17 @@ class Rounds:
         """True where pairs of soft surfaces touch."""
         return self.soft is not None and len(self.soft.touching) > 0
 
-    def _taken(self, answer: Balance, step: float) -> Balance:
-        """Forces that the round takes after the answer of the law, by which patches move by at most `step` mm: all of
-        it, a share of the change, or, where faces of soft surfaces still turn from round to round, the answers of the
-        last rounds combined."""
+    def _taken(self, answer: Balance, largest: float) -> Balance:
+        """Forces that the round takes: the answer of the law, a share of its change, or, where faces of soft surfaces
+        turn from round to round, the answers of the last rounds combined. largest: mm, by which patches move at most
+        with all of the answer."""
         soft, share, mu = self.soft, self._share, self.scene.mu
         if share < 1:
             push, forces = self._pushes(), self.robots.on_known
             push, forces = push + share * (answer.push - push), forces + share * (answer.forces - forces)
             self._acceleration.forget()
             return answer.with_forces(push, forces, self._frames(), mu)
-        if not self._on_faces or soft.at_rest(step) or self.iterations > ACCELERATED:
+        if not self._on_faces or soft.at_rest(largest) or self.iterations > ACCELERATED:
             return answer
         rows = self.met.near.tobytes(), soft.touching.slots.tobytes(), self.robots.known.tobytes(), answer.modes
         combined = self._acceleration.next(rows, np.concatenate([answer.push, answer.forces]), answer.step)
@@ -133,8 +133,11 @@ class Rounds:
     def _weigh(self, step: np.ndarray, largest: float) -> None:
         """Share of the change of the forces that the next round takes: half of this one's where patches miss the law by
         more than in the last round, else twice as much. Where a body softens, or a patch is about to slide, whole
-        changes may lead from one round to the next and back; a patch that slides off its faces misses the law by more
-        and more on its way. step (c, 3) mm, by which all of the change moves patches, and the largest of it."""
+        changes may lead from one round to the next and back. A patch that slides off its faces misses the law by more
+        and more, so that there a step in the same direction as the last also doubles the share.
+
+        step: (c, 3) mm, by which all of the change moves patches
+        largest: mm, of `step`"""
         last, self._missed = self._missed, self.met.missed if len(self.met.near) else 0.0
         onwards = False
         if self._on_faces:

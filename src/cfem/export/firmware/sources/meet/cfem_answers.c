@@ -69,7 +69,7 @@ static int combine(const cfem_answers *answers, int n, double *combined) {
     return 0;
 }
 
-void cfem_soft_weigh(cfem_rounds *at, double (*on)[ROWS], double (*step)[ROWS]) {
+void cfem_soft_accelerate(cfem_rounds *at, double (*on)[ROWS], double (*step)[ROWS]) {
     cfem_answers *const answers = &at->soft->room->answers;
     const int rows = at->solid + at->pairs;
     double all[ROWS * (1 + ROBOTS)];

@@ -54,7 +54,7 @@ static inline int cfem_soft_entry(const cfem_rounds *at, int k, int e, int *plac
 
 /* In cfem_answers.c: combines the answers of the last rounds, on N on the patches of each robot and `local`, where these converge too slowly;
  * step mm: how far this one's moves patches in the scene. And whether that is where they went in the last round. */
-void cfem_soft_weigh(cfem_rounds *at, double (*on)[CFEM_TOUCH_ROWS], double (*step)[CFEM_TOUCH_ROWS]);
+void cfem_soft_accelerate(cfem_rounds *at, double (*on)[CFEM_TOUCH_ROWS], double (*step)[CFEM_TOUCH_ROWS]);
 
 /* Takes the forces of the round, and finds the pairs anew; settled: whether what touches is what did, and hardly moves any more. 0, or a
  * status. */

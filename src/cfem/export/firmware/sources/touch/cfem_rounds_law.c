@@ -160,7 +160,7 @@ static void take(cfem_rounds *at, double (*known)[3], double (*on)[ROWS], double
             on[b][j] = force + at->share * (on[b][j] - force);
         }
 #if CFEM_TOUCH_SOFT
-    cfem_soft_weigh(at, on, step);
+    cfem_soft_accelerate(at, on, step);
 #else
     (void)step;
 #endif
