@@ -32,7 +32,7 @@ def spec(**changes):
 def crawler(about=None):
     foot = np.array([[0.0, 8.0, 0.5]])
     legs = [LearnedLeg(held, np.zeros(2, bool), foot * [1, side, 1], np.eye(3), np.zeros(3)) for side in (1, -1)]
-    return crawler_of(about or spec(), legs, ["one", "other"])
+    return replace(crawler_of(about or spec(), legs, ["one", "other"]), longest=0.25)
 
 
 def commands(cycles=2, steps=8):
@@ -118,8 +118,11 @@ def test_a_course_walks_a_gait_and_tells_of_it():
     assert len(planned.commands) == 8
     account = {"commands": 8, "points": {"stick": 3}, "law_residual": 1e-9}
     far = dict.fromkeys(("planned", "fe"), course.distance(planned))
+    far["half_steps"] = course.distance(course.in_half_steps(one, planned))
     sweep, walks = [course.at_friction(0.8, ROWS, one, one)], {"planned": planned, "fe": planned}
     lines = headline(far, course.unit, sweep, walks, account, 0.5, 0)
+    assert far["half_steps"] == pytest.approx(far["planned"], rel=0.2) and far["half_steps"] != far["planned"]
+    assert "; half steps change the plan by " in lines[0]
     assert "mm a cycle planned" in lines[0] and "0 % apart, friction 0.5" in lines[0] and "OUTSIDE" not in lines[0]
     assert lines[1].startswith("friction 0.8, a cycle: ")
     assert lines[-1].endswith("contact points at their ends: 3 stick; the law is met to 1.0e-09")
@@ -150,12 +153,21 @@ def test_a_distance_that_the_gait_does_not_go_is_refused(monkeypatch):
     ("fe", "said"), [(1.9, None), (-0.1, "finite elements go -0.1 mm"), (np.nan, "finite elements do not finish")]
 )
 def test_a_plan_that_finite_elements_do_not_walk_is_called_poor(fe, said):
-    found = judged({"planned": 2.0, "fe": fe}, "mm a cycle")
+    found = judged({"planned": 2.0, "half_steps": 2.3, "fe": fe}, "mm a cycle")
+    assert (said is None and not found) or said in found[0]["what"]
+
+
+@pytest.mark.parametrize(
+    ("halved", "said"),
+    [(2.3, None), (1.5, "it goes 2 mm, in half steps 1.5"), (np.nan, "in half steps it does not come to its end")],
+)
+def test_a_plan_that_depends_on_its_steps_is_called_poor(halved, said):
+    found = judged({"planned": 2.0, "half_steps": halved, "fe": 2.0}, "mm")
     assert (said is None and not found) or said in found[0]["what"]
 
 
 def test_a_leg_near_buckling_is_called_poor():
-    said = judged({"planned": 2.0, "fe": 2.0}, "mm", ratio=0.6)
+    said = judged({"planned": 2.0, "half_steps": 2.0, "fe": 2.0}, "mm", ratio=0.6)
     assert len(said) == 1 and "buckling" in said[0]["what"]
 
 

@@ -1,6 +1,7 @@
 """`cfem control` of a crawler: from the scene of a leg to the judged walk, on bars of 24 cells."""
 
 import json
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,10 +10,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import cfem
+from cfem.control.crawling.course import judged
 from cfem.control.crawling.gait import Gait, commands_of
-from cfem.control.crawling.stage import _records
+from cfem.control.crawling.spec import CrawlingSpec
+from cfem.control.crawling.stage import _records, setting_of
 from cfem.core.artefact.judgement import KEY
 from cfem.core.errors import CfemError
+from cfem.core.spec import load_spec
 from cfem.equilibrium.quasi_static import CONVERGED
 
 SCENE = """
@@ -52,13 +56,13 @@ robots:
   - {name: one}
   - {name: two, rotate: {axis: [0, 0, 1], angle: 180 deg}, translate: {mm: [-10, 0, 0]}}
 gait:
-  base: {centre: {mm: [-5, 0, -0.2]}, half_size: {mm: [5, 8, 5]}, weight: 0.2 N, pads: 5}
+  base: {centre: {mm: [-5, 0, -0.2]}, half_size: {mm: [5, 8, 5]}, weight: 0.2 N, pads: 0.2}
   ground: {point: {mm: [0, 0, -5.2]}, normal: [0, 0, 1], friction: 0.6}
   direction: [0, 1, 0]
   mirrored: [two]
-  pulls: {mm: [0, 0.2]}
+  pulls: {mm: [0, 0.5]}
   gravity: 9.81 m/s^2
-  steps: 3
+  steps: 4
   cycles: 2
   evaluations: 1
   frictions: [0.5]
@@ -81,19 +85,22 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def walked(folder):
-    """Results of a walk of 6 commands, and its folder."""
-    return cfem.run_stage("control", folder / "control.yaml")["results"], folder / "control"
+    """Results of a walk of 8 commands in steps of half of their range, and its folder."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("cfem.control.crawling.crawler.STEP", 1 / 2)
+        return cfem.run_stage("control", folder / "control.yaml")["results"], folder / "control"
 
 
 def test_the_walk_of_the_model_is_that_of_finite_elements(walked):
     found, _ = walked
-    planned, fe = (found["per_cycle"][name] for name in ("planned", "fe"))
-    assert planned > 0.01 and fe == pytest.approx(planned, rel=0.01)
+    planned, halved, fe = (found["per_cycle"][name] for name in ("planned", "half_steps", "fe"))
+    assert planned > 0.5 and fe == pytest.approx(planned, rel=0.01)
+    assert halved == pytest.approx(planned, rel=0.05) and abs(halved - planned) > 0.005
     assert found["distance"]["fe"] == pytest.approx(found["distance"]["planned"], rel=0.01)
     assert KEY not in found
     contact = found["contact"]
-    assert contact["commands"] == 6 and contact["law_residual"] <= 1e-8 and contact["status"] == CONVERGED
-    assert sum(contact["points"].values()) == 6 * (2 + 4)  # the feet, and the base's corners
+    assert contact["commands"] == 8 and contact["law_residual"] <= 1e-8 and contact["status"] == CONVERGED
+    assert sum(contact["points"].values()) == 8 * (2 + 4)  # the feet, and the base's corners
     (sweep,), (alone,) = found["frictions"], found["planned_frictions"]
     assert sweep["friction"] == 0.5 and sweep["fe"] == pytest.approx(sweep["planned"], rel=0.02)
     assert sweep["planned"] != pytest.approx(planned, rel=1e-3)
@@ -101,18 +108,40 @@ def test_the_walk_of_the_model_is_that_of_finite_elements(walked):
     assert (found["plant"], found["length"]) == ("fem", 30.0)
 
 
+def test_a_walk_that_long_steps_make_is_poor_and_short_ones_show_that_there_is_none(folder):
+    """Feet that slip in one step to each command row along; with steps of a tenth of it they slip back."""
+    asked = ["gait.pulls={mm: [0, 0.2]}", "gait.steps=3", "gait.base.pads=5", "gait.ground.friction=0.3"]
+    spec = load_spec(folder / "control.yaml", CrawlingSpec, asked)
+    setting = setting_of(spec, folder, folder / "mesh", {"spectral": folder / "model"})
+    course, gait = setting.on, Gait(np.array([0.03, 0.56]), np.array([0.98, 0.74]), np.array([0.0, 0.37]))
+
+    def distances(longest):
+        learned = replace(setting.learned, longest=longest)
+        planned = course.plan(learned, gait)
+        far = {
+            "planned": course.distance(planned),
+            "half_steps": course.distance(course.in_half_steps(learned, planned)),
+        }
+        return far | {"fe": far["planned"]}
+
+    long = distances(0.2)
+    assert long["planned"] > 0.1 and "the plan depends on its steps" in judged(long, course.unit)[0]["what"]
+    assert abs(course.distance(course.plan(setting.learned, gait))) < 0.01
+    assert setting.learned.longest == pytest.approx(0.2 / 16)
+
+
 def test_the_table_of_a_walk_has_a_row_for_each_command(walked):
     found, out = walked
     table = pq.read_table(out / "trajectories.parquet")
     rows = table.to_pylist()
     gait = Gait(**{name: np.array(numbers) for name, numbers in found["gait"].items()})
-    np.testing.assert_array_equal([row["delta_a"] for row in rows], commands_of(gait, [False, True], (0, 0.2), 3, 2))
+    np.testing.assert_array_equal([row["delta_a"] for row in rows], commands_of(gait, [False, True], (0, 0.5), 4, 2))
     goal, x = (np.array(table[name].to_pylist()) for name in ("goal", "x_e"))
     np.testing.assert_allclose(table["error"], np.linalg.norm(x - goal, axis=1), rtol=1e-12)
     np.testing.assert_allclose([row["predicted_e"] for row in rows], goal - CENTRE, atol=1e-12)
     assert (goal[-1] - CENTRE)[1] == pytest.approx(found["distance"]["planned"])
     assert (x[-1] - CENTRE)[1] == pytest.approx(found["distance"]["fe"])
-    assert table["goal_index"].to_pylist() == list(range(6)) and all(table["reached"].to_pylist())
+    assert table["goal_index"].to_pylist() == list(range(8)) and all(table["reached"].to_pylist())
     np.testing.assert_allclose(table["step_us"], 1e6 * np.array(table["seconds"]))
     meta = json.loads(table.schema.metadata[b"cfem"])
     legs = [f"{leg}.{name}" for leg in ("one", "two") for name in ("left", "right")]
@@ -126,7 +155,7 @@ def test_the_pictures_of_a_walk_have_the_legs_at_their_base(walked):
     _, out = walked
     shown = np.load(out / "states.npz")
     X, x, n = shown["X"], shown["gait/x"], int(shown["object_points"])
-    assert n == 8 and len(x) == 6 and shown["gait/index"].tolist() == list(range(6))
+    assert n == 8 and len(x) == 8 and shown["gait/index"].tolist() == list(range(8))
     leg = (len(X) - n) // 2
     np.testing.assert_allclose(X[leg : 2 * leg], X[:leg] @ BACK.T + [-10.0, 0.0, 0.0], atol=1e-12)
     assert X[:leg, 0].min() == pytest.approx(0.0, abs=1e-12) and X[:leg, 0].max() == pytest.approx(30.0)
@@ -139,7 +168,7 @@ def test_the_pictures_of_a_walk_have_the_legs_at_their_base(walked):
         rigid = turn.apply(X - X[fixed].mean(axis=0)) + now[fixed].mean(axis=0)
         np.testing.assert_allclose(now[fixed], rigid[fixed], atol=1e-4)
         moved = np.linalg.norm(now - rigid, axis=1)[: 2 * leg]
-        assert moved.max() < 1.0 and moved.reshape(2, leg).max(axis=1).min() > 0.01  # both legs bend
+        assert moved.max() < 1.5 and moved.reshape(2, leg).max(axis=1).min() > 0.01  # both legs bend
     part = np.repeat([0, 1, 2], [leg, leg, n])[shown["facets"]]
     np.testing.assert_array_equal(part, part[:, :1].repeat(part.shape[1], axis=1))  # no facet joins two bodies
     np.testing.assert_array_equal(np.unique(shown["facets"]), np.arange(len(X)))

@@ -7,8 +7,8 @@ from cfem.report.sections.gait import distances, gait_section, gait_summary
 from cfem.report.sections.tracking import Tracking
 
 RESULTS = {
-    "per_cycle": {"planned": 6.0, "fe": 5.9},
-    "distance": {"planned": 12.0, "fe": 11.9},
+    "per_cycle": {"planned": 6.0, "half_steps": 6.1, "fe": 5.9},
+    "distance": {"planned": 12.0, "half_steps": None, "fe": 11.9},
     "frictions": [{"friction": 0.9, "planned": 4.0, "fe": None, "status": "no"}],
     "planned_frictions": [{"friction": 0.3, "planned": 8.0, "status": "converged"}],
 }
@@ -38,11 +38,14 @@ def test_the_page_says_how_far_it_goes_by_plan_and_by_finite_elements():
     said = gait_summary(walked(), RESULTS)
     assert said.sentence == "The crawler goes 5.9 mm a cycle by finite elements, 6 mm a cycle by the plan."
     assert [one.value for one in said.numbers] == ["5.9 mm a cycle", "50 µm", "100 ms"]
+    assert said.numbers[0].notes == ("6 mm a cycle planned", "6.1 mm a cycle planned in half steps")
+    far = gait_summary(walked(11.0), RESULTS).numbers[0]
+    assert far.notes[1] == "the plan does not come to its end in half steps"
     assert "11.9 mm by finite elements" in gait_summary(walked(11.0), RESULTS).sentence
 
 
 def test_a_walk_that_ended_says_so():
-    ended = RESULTS | {"per_cycle": {"planned": 6.0, "fe": None}}
+    ended = RESULTS | {"per_cycle": {"planned": 6.0, "half_steps": 6.1, "fe": None}}
     assert "do not finish" in gait_summary(walked(), ended).sentence
 
 

@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -86,6 +86,12 @@ class Course:
         doing(f"walking {len(planned.commands)} commands by finite elements")
         return fe.walk(planned.commands, self.spec.ground.friction)
 
+    def in_half_steps(self, learned: Crawler, planned: Walk) -> Walk:
+        """The planned commands in steps of half the length on the model. Friction depends on the way between commands,
+        so that a plan whose steps are too long is one of nothing, though finite elements repeat it."""
+        doing(f"walking {len(planned.commands)} commands in half steps")
+        return replace(learned, longest=learned.longest / 2).walk(planned.commands, self.spec.ground.friction)
+
     def distance(self, walk: Walk) -> float:
         """Distance that judges a walk: mm since rest where the spec states a distance, else mm a cycle."""
         if self.spec.distance is None:
@@ -123,10 +129,14 @@ def known(value: float) -> float | None:
 
 
 def judged(far: Mapping[str, float], unit: str, ratio: float = 0.0) -> list[dict[str, Any]]:
-    """Findings about a gait: finite elements do not go as far as the plan, or the legs hardly bear what they carry.
-    ratio: the largest of `cfem.predict.loads.wrench_series.Loaded.ratio` in the plan."""
-    planned, fe = far["planned"], far["fe"]
+    """Findings about a gait: the plan goes another distance in half steps, finite elements do not go as far as the
+    plan, or the legs hardly bear what they carry. far: distances planned, planned in half steps, and by finite elements
+    (fe); ratio: the largest of `cfem.predict.loads.wrench_series.Loaded.ratio` in the plan."""
+    planned, halved, fe = far["planned"], far["half_steps"], far["fe"]
     findings = []
+    if not (np.isnan(planned) or abs(halved - planned) <= APART * abs(planned)):
+        gone = "it does not come to its end" if np.isnan(halved) else f"{halved:.2g}"
+        findings.append(poor(f"the plan depends on its steps: it goes {planned:.2g} {unit}, in half steps {gone}"))
     if not abs(fe - planned) <= APART * abs(planned):
         gone = "do not finish the gait" if np.isnan(fe) else f"go {fe:.2g} {unit}"
         findings.append(
@@ -158,6 +168,9 @@ def headline(
     else:
         missed = 100 * abs(far["fe"] / far["planned"] - 1)
         line += f"{far['fe']:.3g} mm by finite elements ({missed:.2g} % apart, friction {friction:g})"
+    if not np.isnan(far["half_steps"]):
+        changed = 100 * abs(far["half_steps"] / far["planned"] - 1)
+        line += f"; half steps change the plan by {changed:.2g} %"
     line += f"; the base is {apart:.2g} mm from the plan at most"
     if outside:
         line += f"; {outside} of {len(planned.commands)} plans OUTSIDE what the model was trained on"

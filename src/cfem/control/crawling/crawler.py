@@ -15,7 +15,9 @@ from cfem.equilibrium.contact.points import PointRobot, PointsState
 from cfem.equilibrium.quasi_static import CONVERGED, carried_out
 from cfem.equilibrium.system.actuation import displacement
 
-LONGEST = 0.25  # mm that an actuator goes in one quasi-static step; friction depends on it (docs/locomotion.md)
+# Share of the range of the commands that an actuator goes in one quasi-static step, on which friction depends: where
+# half of it changes the way, the plan says so (docs/locomotion.md).
+STEP = 1 / 16
 INSIDE = 1e-6  # mm
 
 
@@ -72,12 +74,14 @@ class Crawler:
     pads: of the base
     centre: (3,) mm of the base
     ground: under the base alone
+    longest: mm that an actuator goes in one quasi-static step
     weights: of the legs, none where they have none"""
 
     legs: tuple[PointRobot, ...]
     pads: Pads
     ground: Ground
     centre: np.ndarray
+    longest: float
     weights: tuple[LegWeight, ...] = ()
 
     def _ground(self, last: PointsState | None) -> Ground:
@@ -115,7 +119,7 @@ class Crawler:
         for command in commands:
             begin = perf_counter()
             if status == CONVERGED:
-                status = carried_out(sent, command, LONGEST, go)
+                status = carried_out(sent, command, self.longest, go)
             if status != CONVERGED:
                 break
             touches.append(last)
@@ -158,7 +162,8 @@ def crawler_of(
     weight = np.concatenate([base.weight * n, np.zeros(3)])
     centre = np.asarray(base.centre, float)
     ground = Ground(plane, plane.t, weight, mass_at=centre)
-    return Crawler(tuple(legs), Pads(down, base.pads), ground, centre, tuple(weights))
+    longest = STEP * (gait.pulls[1] - gait.pulls[0])
+    return Crawler(tuple(legs), Pads(down, base.pads), ground, centre, longest, tuple(weights))
 
 
 def _standing(normal: np.ndarray) -> np.ndarray:

@@ -76,7 +76,9 @@ def crawl(folder: Path, spec: CrawlingSpec, base: Path, mesh: Path, models: Mapp
     course, learned, fe, robot = setting.on, setting.learned, setting.fe, setting.robot
     best = course.best(learned)
     planned = course.plan(learned, best)
-    walks = {"planned": planned, "fe": course.repeat(fe, planned)}
+    walks = {
+        "planned": planned, "half_steps": course.in_half_steps(learned, planned), "fe": course.repeat(fe, planned)
+    }  # fmt: skip
     far = {key: course.distance(walk) for key, walk in walks.items()}
     sweep = [course.at_friction(friction, best, learned, fe) for friction in gait.frictions]
     alone = [course.planned_at(friction, best, learned) for friction in gait.planned_frictions]

@@ -109,5 +109,8 @@ def gait_summary(tracking: Tracking, results: Mapping[str, Any]) -> Summary:
         numbers.insert(0, Number(length(error.mean()), "mean distance of the base from the plan", (note,)))
     if fe is None:
         return Summary(f"The plan goes {planned or 'nowhere'}; finite elements do not finish it.", (), tuple(numbers))
-    numbers.insert(0, Number(fe, "by finite elements", (f"{planned} planned",)))
+    half_steps = "the plan does not come to its end in half steps"
+    if far["half_steps"] is not None:
+        half_steps = f"{length(far['half_steps'])}{per} planned in half steps"
+    numbers.insert(0, Number(fe, "by finite elements", (f"{planned} planned", half_steps)))
     return Summary(f"The crawler goes {fe} by finite elements, {planned} by the plan.", (), tuple(numbers))
