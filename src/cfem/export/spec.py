@@ -71,7 +71,7 @@ class FirmwareControllerSpec(Spec):
     """Phase margin that the integral gain leaves at the delay and interval that the samples have."""
     late: Annotated[int, Field(ge=1, le=1000)] = 32
     """Ticks after which a sample is too late to be heard."""
-    integral_limit: Length | None = None
+    integral_limit: Annotated[Length, Field(gt=0)] | None = None
     """Largest length of the integral part. No limit unless given."""
     start: Displacements | None = None
     """Displacements of the actuators at the start; 0 unless given."""
@@ -84,7 +84,7 @@ class FirmwareControllerSpec(Spec):
 class FirmwareMpcSpec(MpcSpec):
     """Predictive control of a robot that moves, beside the controller whose commands, limits and weights it shares."""
 
-    ticks: Frequency
+    ticks: Frequency = Field(gt=0)
     """Ticks a second."""
     sensor: bool = True
     """Whether samples of the effectors are heard. Without them it is a feed-forward along what lies ahead."""
@@ -97,7 +97,7 @@ class CEstimateSpec(MarkersSpec):
 
     markers: dict[Name, Point] = Field(min_length=1, max_length=32)
     """Place of each marker on the surface at rest, in the scene's frame."""
-    rate: Frequency = 100.0
+    rate: Frequency = Field(100.0, gt=0)
     """Frames per second."""
     dynamics: DrivenDynamicsSpec | None = None
     """A filter of a robot that moves from frame to frame, beside that of a robot at rest. Needs a model that has
@@ -151,7 +151,7 @@ class FmuSpec(Spec):
     parts: tuple[FmuPart, ...] | None = Field(None, min_length=1)
     """The controller; the robot, at rest at each instant; the robot that moves, of a model that has learned to; the
     estimator of `c.estimate`. All that there can be unless given."""
-    ticks: Frequency = 100.0
+    ticks: Frequency = Field(100.0, gt=0)
     """Ticks a second of the controller."""
     step: Annotated[Time, Field(gt=0)] | None = None
     """Longest step of the robot that moves. A fortieth of the period of its first vibration unless given."""

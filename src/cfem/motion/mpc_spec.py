@@ -16,7 +16,7 @@ EVERY = 10  # of the ticks of the horizon, at which what is learned of inertia i
 class DoubtSpec(Spec):
     """What the observer of a predictive controller takes to be uncertain, as standard deviations."""
 
-    noise: Length | None = None
+    noise: Annotated[Length, Field(gt=0)] | None = None
     """Of a measured coordinate. That of the sensor unless given, and 0.01 mm where it has none."""
     stiffness: NonNegativeFloat = 0.2
     """Of the robot's stiffness over the model's, as a share, at the start."""
@@ -24,9 +24,9 @@ class DoubtSpec(Spec):
     """Of the robot's viscosity over the model's, as a share, at the start."""
     wander: NonNegativeFloat = 0.1
     """Of what stiffness and viscosity change by in a second, as a share of their own."""
-    offset: Length = 0.3
+    offset: Length = Field(0.3, ge=0)
     """Of what the effectors' error at rest changes by in a second."""
-    push: Length = 0.03
+    push: Length = Field(0.03, ge=0)
     """Of the effectors' displacement by unknown forces that act for one tick, at rest."""
 
 

@@ -17,7 +17,7 @@ class MeshCase(Spec):
 
     element: Literal["tet4", "tet10", "tet10p0", "hex8"]
     """Type of the elements."""
-    size: Length | None = None
+    size: Length | None = Field(default=None, gt=0)
     """Largest size of a cell."""
     cells: int | None = Field(default=None, ge=100)
     """About how many tetrahedra, graded."""

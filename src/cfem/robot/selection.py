@@ -51,7 +51,7 @@ class Sphere(Spec):
     """A ball."""
     centre: Point
     """Centre of the ball."""
-    radius: Length
+    radius: Length = Field(gt=0)
     """Radius of the ball."""
 
 

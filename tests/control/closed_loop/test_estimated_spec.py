@@ -11,7 +11,7 @@ from cfem.control.closed_loop.estimated_spec import LoopEstimateSpec
     [
         (LoopEstimateSpec, "lost", 0.999, 1.0, [0.0]),
         (LoopEstimateSpec, "wrong", 0.0, -1e-9, [0.0]),
-        (LoopEstimateSpec, "astray", "1 mm", "x", [20.0]),
+        (LoopEstimateSpec, "astray", "1 um", "0 mm", [20.0]),
     ],
 )
 def test_what_markers_of_a_loop_may_be(spec, name, least, refused, unstated):

@@ -30,7 +30,7 @@ def test_pads_may_be_as_stiff_as_one_likes_and_never_rigid():
         (GaitSpec, "evaluations", 1, 0, [24]),
         (GaitSpec, "frictions", [0.0], [-0.1], [[]]),
         (CrawlingSpec, "robots", [{"name": "one"}], [], [[RobotSpec(name="robot")]]),
-        (CrawlingSpec, "reached", "0.2 mm", "x", [0.1]),
+        (CrawlingSpec, "reached", "1 um", "0 mm", [0.1]),
     ],
 )
 def test_what_a_gait_may_be(spec, name, least, refused, unstated):

@@ -11,8 +11,9 @@ from cfem.control.motion.spec import LapsSpec, MovingSpec, ShapingSpec
     [
         (MovingSpec, "substeps", 1, 0, [2]),
         (LapsSpec, "speeds", ["1 Hz"], [], []),
+        (LapsSpec, "speeds", ["1 uHz"], ["0 Hz"], []),
         (LapsSpec, "laps", 1, 0, [1]),
-        (LapsSpec, "run_up", "0 s", "x", [0.5]),
+        (LapsSpec, "run_up", "0 s", "-1 ms", [0.5]),
         (ShapingSpec, "modes", 1, 0, [1]),
         (ShapingSpec, "kind", "zvd", "zvdd", ["zv"]),
     ],

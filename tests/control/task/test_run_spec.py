@@ -16,8 +16,8 @@ from cfem.control.task.run_spec import PlannedSpec, RunSpec, SearchSpec, Trackin
         (SearchSpec, "weights", [0.0, 1.0], [-1e-9], [None]),
         (RunSpec, "models", {"a": "model"}, {}, []),
         (TrackingSpec, "trajectories", {"a": {"kind": "goals", "points": {"mm": [[0, 0, 0]]}}}, {}, []),
-        (PlannedSpec, "reached", "1 mm", "x", [0.1]),
-        (PlannedSpec, "reached_rotation", "1 deg", "x", [0.0017453292519943296]),
+        (PlannedSpec, "reached", "1 um", "0 mm", [0.1]),
+        (PlannedSpec, "reached_rotation", "1 urad", "0 deg", [0.0017453292519943296]),
         (PlannedSpec, "pictures", 1, 0, [60]),
     ],
 )

@@ -21,7 +21,7 @@ from cfem.predict.contact.obstacle_spec import (
         (PlaneObstacle, "avoid", "1 um", "0 mm", [None]),
         (SphereObstacle, "radius", "1 um", "0 mm", []),
         (CapsuleObstacle, "radius", "1 um", "0 mm", []),
-        (MeshObstacle, "unit", "1 cm", "x", [1.0]),
+        (MeshObstacle, "unit", "1 um", "0 mm", [1.0]),
         (RobotObstacle, "shares", [[0.5]], [], []),
         (ContactSpec, "patches", "1 um", "0 mm", [None]),
         (ContactSpec, "friction", 0.0, -1e-9, [0.0]),

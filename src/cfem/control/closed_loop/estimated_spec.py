@@ -17,7 +17,7 @@ class LoopEstimateSpec(MarkersSpec):
     """Share of the markers that nobody sees in a sample (plant: fem)."""
     wrong: Share = 0.0
     """Share of the markers that are another point in a sample (plant: fem)."""
-    astray: Length = 20.0
+    astray: Length = Field(20.0, gt=0)
     """Distance of such a point, standard deviation of each coordinate (plant: fem)."""
     dynamics: DynamicsSpec | None = None
     """A filter on the dynamics that the model has learned. With `moving`, unless given; without, none: the robot is at

@@ -55,7 +55,7 @@ class GainsSpec(Spec):
     """Integral gain."""
     phase_margin: Angle | None = None
     """Phase margin that the integral gain leaves at the delay and interval that the samples have."""
-    bound: Length | None = None
+    bound: Annotated[Length, Field(gt=0)] | None = None
     """Largest length of the integral part."""
 
     def check(self) -> None:
@@ -119,20 +119,20 @@ class ControllerSpec(Spec):
 class SettleSpec(Spec):
     """When a goal counts as reached: the effectors stay within `radius` of it for `hold`."""
 
-    radius: Length
+    radius: Length = Field(gt=0)
     """Largest distance from the goal."""
-    hold: Time
+    hold: Time = Field(ge=0)
     """Time within that distance."""
-    at_most: Time = 10.0
+    at_most: Time = Field(10.0, gt=0)
     """Time after which the goal is given up, where goals wait for each other."""
 
 
 class SensorSpec(Spec):
     """Sensor of the effectors."""
 
-    noise: Length = 0.0
+    noise: Length = Field(0.0, ge=0)
     """Standard deviation of each measured coordinate."""
-    rate: Frequency | None = None
+    rate: Annotated[Frequency, Field(gt=0)] | None = None
     """Samples per second. The loop's rate unless given."""
     delay: NonNegativeInt = 0
     """Ticks from sample to controller."""
@@ -185,7 +185,7 @@ class DisturbanceSpec(Spec):
 class LoopSpec(Spec):
     """Control over time, open or closed."""
 
-    rate: Frequency
+    rate: Frequency = Field(gt=0)
     """Control ticks per second."""
     command: Annotated[DisplacementCommandSpec | ForceCommandSpec, Field(discriminator="kind")]
     """What the plant is told."""
@@ -200,11 +200,11 @@ class LoopSpec(Spec):
     """Goals run round the trajectories, at each tick a new one."""
     settle: SettleSpec
     """When a goal counts as reached."""
-    goal_every: Time | None = None
+    goal_every: Annotated[Time, Field(gt=0)] | None = None
     """Time from one goal to the next. Without it, each goal waits until the last is reached."""
-    approach: Time = 1.0
+    approach: Time = Field(1.0, ge=0)
     """Time for the first goal, where goal_every is given."""
-    budget: Time | None = None
+    budget: Annotated[Time, Field(gt=0)] | None = None
     """Time for all goals."""
     seeds: list[NonNegativeInt] = Field(default=[0], min_length=1)
     """Seeds of the noise. Everything runs once per seed."""
@@ -218,7 +218,7 @@ class LoopSpec(Spec):
     """A force that appears during the run."""
     device: DeviceSpec | None = None
     """The device, for plant: device."""
-    answer_within: Time = 1.0
+    answer_within: Time = Field(1.0, gt=0)
     """Time in which the device must answer."""
 
     def check(self) -> None:

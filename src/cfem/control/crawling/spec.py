@@ -81,7 +81,7 @@ class CrawlingSpec(RunSpec):
     """The gait to find."""
     robots: list[RobotSpec] = Field(default=[RobotSpec(name="robot")], min_length=1)
     """The legs: the scene's robot at several places, whose effectors touch the ground."""
-    reached: Length = 0.1
+    reached: Length = Field(0.1, gt=0)
     """A command is carried out as planned where the base ends nearer than this to where the plan has it."""
 
     def check(self) -> None:

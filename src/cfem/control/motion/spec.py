@@ -1,6 +1,6 @@
 """Spec of a robot that moves between ticks, and of controllers that know how."""
 
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, PositiveInt
 
@@ -18,11 +18,11 @@ class MovingSpec(Spec):
 class LapsSpec(Spec):
     """Goals run round each trajectory, taken as a closed curve, at constant speed."""
 
-    speeds: list[Frequency] = Field(min_length=1)
+    speeds: list[Annotated[Frequency, Field(gt=0)]] = Field(min_length=1)
     """Laps per second. The trajectory is run at each of these."""
     laps: PositiveInt = 1
     """Laps that count."""
-    run_up: Time = 0.5
+    run_up: Time = Field(0.5, ge=0)
     """Time before them, in which the speed grows from zero."""
 
 

@@ -121,11 +121,11 @@ class PlannedSpec(TrackingSpec):
     """Whether the same control also runs on FE matrices, for comparison. It takes several FE solves per goal."""
     fe_tolerance: Displacement | None = None
     """Tolerance of that control on FE matrices. 5e-5 of each actuator's stroke unless given."""
-    reached: Length = 0.1
+    reached: Length = Field(0.1, gt=0)
     """A goal is reached where the robot ends nearer than this, with the forces on obstacles that are wanted within 5 %
     of them. It is out of reach where the search by the model ends farther away, and the optimality conditions show that
     no move within the bounds brings the effectors nearer."""
-    reached_rotation: Angle = math.radians(0.1)
+    reached_rotation: Angle = Field(math.radians(0.1), gt=0)
     """A goal that states an orientation is reached where that error is smaller, too."""
     fewer_iterations: list[PositiveInt] = Field(default=[])
     """Also follow with the first model and these numbers of inverse steps per goal, to see what fewer steps cost."""

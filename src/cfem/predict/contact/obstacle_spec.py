@@ -129,7 +129,7 @@ class MeshObstacle(_Solid):
     """A closed surface of triangles in a file."""
     file: Path
     """STL file, relative to this file."""
-    unit: Length = 1.0
+    unit: Length = Field(1.0, gt=0)
     """Length of one unit of the file."""
     rotate: Turn | None = None
     """Rotation about the origin of the file."""

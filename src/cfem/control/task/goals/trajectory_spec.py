@@ -28,7 +28,7 @@ class ArcSpec(PlacesSpec):
     """An arc of a circle."""
     centre: LengthVector
     """Centre of the circle."""
-    radius: Length
+    radius: Length = Field(gt=0)
     """Radius of the circle."""
     start: Angle
     """Angle of the first goal."""
@@ -50,7 +50,7 @@ class HalfSphereSpec(PlacesSpec):
     """A spiral over a half sphere."""
     centre: LengthVector
     """Centre of the sphere."""
-    radius: Length
+    radius: Length = Field(gt=0)
     """Radius of the sphere."""
     turns: float = 3.0
     """Turns about the z axis."""
