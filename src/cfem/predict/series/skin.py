@@ -118,8 +118,8 @@ class LearnedSkin:
     def compliance_slopes(self, s: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Derivatives (n_a, n_e, k) and (n_a, k, k) of `compliance` by s (n_a,)."""
         packed, k = (self._at(s, q)[self._of_soft] @ self._compliance_slopes_T).reshape(self._n_a, -1), len(self)
-        C_es, C_ss = np.split(packed, [self._n_e * k], axis=1)
-        return C_es.reshape(-1, self._n_e, k), C_ss[:, self._unpacking]
+        across = self._n_e * k
+        return packed[:, :across].reshape(-1, self._n_e, k), packed[:, across:][:, self._unpacking]
 
     def joined(self, condensed: Condensed, s: np.ndarray, q: np.ndarray, softer: float = 1.0) -> Condensed:
         """The condensed robot with the rows of the skin. s, q: inputs of the reference at which it is; softer: how much
