@@ -258,7 +258,7 @@ class World:
     def _gravity(self, before: list[np.ndarray]) -> np.ndarray:
         """(r, 3) mm/s^2 of each robot at the end of the predicted step, less the acceleration of its base from the
         velocities `before`. NumericalError where that is more than its model knows."""
-        model, gravity = self.model, np.tile(MM * self.model.opt.gravity, (len(self.robots), 1))
+        model, gravity = self.model, np.full((len(self.robots), 3), MM * self.model.opt.gravity)
         each = zip(self.robots.items(), before, self._velocities(self._ahead), strict=False)
         for number, ((name, robot), begin, end) in enumerate(each):
             change = (end - begin) / model.opt.timestep

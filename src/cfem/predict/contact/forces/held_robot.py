@@ -52,7 +52,7 @@ class HeldRobot:
             by_wrench, among_rows = np.split(change, [len(wrench)], axis=1)
             self.rows = self.rows + wrench @ (self.C_es + by_wrench.T / 2)
             self.C_es, self.C_ss = self.C_es + by_wrench.T, self.C_ss + among_rows
-        self.D, self.bends, self.missing = (self.basis @ model.bent)[model.bent_at], model.bends, model.missing
+        self.D, self.bends, self.missing = (self.basis @ model.bent).take(model.bent_at), model.bends, model.missing
         self.numbers = joined(np.array([self.missing]), self.rows, self.C_es, self.C_ss, self.bends, self.D)
         self._points: dict[bytes, PointCompliance] = {}
 
