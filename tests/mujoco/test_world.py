@@ -57,6 +57,22 @@ def test_a_standing_ball_presses_as_it_presses_finite_elements(soft_bar, fe_bar)
     assert np.array_equal(world.data.sensor("bar.force").data, world.force("bar"))
 
 
+@pytest.mark.parametrize("integrator", ["Euler", "RK4", "implicit", "implicitfast"])
+def test_a_step_without_contact_is_predicted_as_mujoco_takes_it(soft_bar, integrator):
+    """Of a body that tumbles and is damped."""
+    body = '<body name="far" pos="0 0 1"><freejoint/><geom type="box" size="0.01 0.02 0.03" mass="0.1"/></body>'
+    swings = '<joint axis="1 0 0" damping="0.01"/><geom type="box" size="0.01 0.02 0.03" pos="0 0.1 0"/>'
+    world = World(
+        mjcf(f'{body}<body pos="0 1 1">{swings}</body>', 0.01, f'integrator="{integrator}"'), {"bar": soft_bar}
+    )
+    alone = mujoco.MjData(world.model)
+    alone.qvel[:] = world.data.qvel[:] = [0.1, 0.2, 0.3, 9.0, -7.0, 5.0, 3.0]
+    for _ in range(3):
+        world.step({})
+        mujoco.mj_step(world.model, alone)
+        assert np.array_equal(world._ahead.qpos, alone.qpos) and np.array_equal(world.data.qpos, alone.qpos)
+
+
 def test_a_ball_that_falls_on_the_bar_comes_to_rest_under_its_weight_and_gains_no_energy(soft_bar):
     world, height = World(mjcf(ball_above()), {"bar": soft_bar}), []
     for state in steps(world, 0.8):

@@ -34,7 +34,7 @@ FAST = 0.05  # of the length: the longest way of a geom in one step that may tou
 LONGEST = 0.01  # of the length: how far a patch may begin beyond the middle of a geom
 GIVEN = 0.02  # of all energy that contact has exchanged: what rounding and prediction may add to it
 LEAST = 1e-3  # N mm: less is not looked at
-STATE = mujoco.mjtState.mjSTATE_INTEGRATION
+STATE, RK4 = mujoco.mjtState.mjSTATE_INTEGRATION, mujoco.mjtIntegrator.mjINT_RK4
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,6 +113,8 @@ class World:
         }
         kind, self._vector = mujoco.mjtObj.mjOBJ_FLEX, np.empty(mujoco.mj_stateSize(self.model, STATE))
         self._flexes = [mujoco.mj_name2id(self.model, kind, skin_name(name)) for name in robots]
+        counts = self.model.flex_vertnum, self.model.flex_elemnum, self.model.flex_bvhnum
+        self._skins = [(count, count[self._flexes]) for count in counts]
         self._sensors = Sensors(self.model, self.robots)
         self.geoms = Geoms(self.model, carriers.tolist())
         self.rigid = Rigid(self.model, carriers, self.geoms)
@@ -142,16 +144,13 @@ class World:
     @contextmanager
     def _skins_hidden(self) -> Iterator[None]:
         """MuJoCo passes over the robots' skins, which would take most of the time of its steps."""
-        model, mine = self.model, self._flexes
-        counts = model.flex_vertnum, model.flex_elemnum, model.flex_bvhnum
-        before = [count[mine] for count in counts]
-        for count in counts:
-            count[mine] = 0
+        for count, _ in self._skins:
+            count[self._flexes] = 0
         try:
             yield
         finally:
-            for count, full in zip(counts, before, strict=True):
-                count[mine] = full
+            for count, full in self._skins:
+                count[self._flexes] = full
 
     def step(self, commands: Mapping[str, ArrayLike]) -> ContactState:
         """One timestep, to displacements (n_a,) of the actuators of robots by name, mm or mm^3; those of others
@@ -168,12 +167,12 @@ class World:
         deltas = self._commanded(commands)
         mujoco.mj_getState(model, data, self._vector, STATE)
         mujoco.mj_setState(model, ahead, self._vector, STATE)
-        mujoco.mj_fwdPosition(model, ahead)
+        mujoco.mj_step1(model, ahead)
         rigid.begin(ahead)
         ahead.qfrc_applied += rigid.joint_forces(self._wrench)
         before = self._velocities(ahead)
         begin = ahead.geom_xpos[self.geoms.numbers].copy()
-        mujoco.mj_step(model, ahead)
+        (mujoco.mj_step if model.opt.integrator == RK4 else mujoco.mj_step2)(model, ahead)
         mujoco.mj_kinematics(model, ahead)
         gravity = self._gravity(before)
         self._demand_slow(MM * (ahead.geom_xpos[self.geoms.numbers] - begin))
@@ -259,7 +258,7 @@ class World:
     def _gravity(self, before: list[np.ndarray]) -> np.ndarray:
         """(r, 3) mm/s^2 of each robot at the end of the predicted step, less the acceleration of its base from the
         velocities `before`. NumericalError where that is more than its model knows."""
-        model, gravity = self.model, np.tile(MM * self.model.opt.gravity, (len(self.robots), 1))
+        model, gravity = self.model, np.full((len(self.robots), 3), MM * self.model.opt.gravity)
         each = zip(self.robots.items(), before, self._velocities(self._ahead), strict=False)
         for number, ((name, robot), begin, end) in enumerate(each):
             change = (end - begin) / model.opt.timestep
@@ -288,7 +287,7 @@ class World:
                 raise SpecError(f"there is no soft robot '{name}'", do=f"known are {', '.join(self.robots)}")
         deltas = []
         for (name, robot), now in zip(self.robots.items(), self._deltas, strict=True):
-            delta = np.asarray(commands.get(name, self._controlled(name, now)), float)
+            delta = np.asarray(commands[name] if name in commands else self._controlled(name, now), float)
             if delta.shape != now.shape or not np.isfinite(delta).all():
                 names = ", ".join(robot.surface.model.rows.actuators)
                 raise SpecError(f"robot '{name}' takes one finite number for each of its actuators, {names}")

@@ -238,8 +238,10 @@ class Predictor(ABC):
         """NumericalError where one of the states (..., n_a) lies outside the box low, high (..., n_a) of the training
         states by more than its width: the answer would be wrong by orders of magnitude. kind: 0 of displacements, 1
         of forces."""
-        width = np.where(high > low, high - low, np.inf)  # a single value tells nothing of what is far
-        far = (np.maximum(low - states, states - high) > width).any(axis=-1)
+        beyond = np.maximum(low - states, states - high)
+        if beyond.max(initial=0.0) == 0.0:  # most are inside
+            return
+        far = (beyond > np.where(high > low, high - low, np.inf)).any(axis=-1)  # one value tells nothing of what is far
         if far.any():
             state, least, most = (np.broadcast_to(values, states.shape)[far][0] for values in (states, low, high))
             ranges = ", ".join(

@@ -76,7 +76,7 @@ def _compliance(
     robots.know(points, np.zeros_like(state.forces))
     C, held = robots.compliance(under_forces=False).reshape(len(points), 3, -1, 3), robots.held[0]
     of_tip = np.einsum("ek,iak->eia", held.C_es, touched.U[points])
-    of_tip += held.local_tip(points, touched.turns(held.rows, points))
+    of_tip += touched.tip(points, touched.turns(held.rows, points), held.basis)
     seen = of_tip[~np.array(touched.model.rows.turns)]
     return np.einsum("ia,iajb,jb->ij", along, C, along), np.einsum("eia,ia->ei", seen, along)
 

@@ -21,12 +21,14 @@ def polynomials(z: np.ndarray, degree: int) -> np.ndarray:
 
 
 def _of_one(z: list[float], degree: int) -> np.ndarray:
-    """Values of `polynomials` at a few numbers, as one flat array: arrays would take longer."""
-    before, now = [1.0] * len(z), z
-    table, twice = before + now, [2.0 * value for value in z]
-    for _ in range(degree - 1):
-        before, now = now, [a * b - c for a, b, c in zip(twice, now, before, strict=True)]
-        table += now
+    """Values of `polynomials` at a few numbers, of one number after another: arrays would take longer."""
+    table = []
+    for value in z:
+        before, now, twice = 1.0, value, 2.0 * value
+        table += (before, now)
+        for _ in range(degree - 1):
+            before, now = now, twice * now - before
+            table.append(now)
     return np.array(table)
 
 
@@ -45,7 +47,8 @@ class Basis:
         for first, end in pairwise(ends):
             part, place = np.unique(indices[:, first:end], axis=0, return_inverse=True)
             self._factors.append((first, part, place.ravel()))
-            self._of_one.append((np.ascontiguousarray(part.T) * n + np.arange(first, end)[:, None], place.ravel()))
+            table = np.ascontiguousarray(part.T) + (max(self._degree, 1) + 1) * np.arange(first, end)[:, None]
+            self._of_one.append((table, place.ravel()))
 
     def __call__(self, z: np.ndarray) -> np.ndarray:
         """Values (..., M) of the functions at z (..., n)."""

@@ -9,6 +9,7 @@ it."""
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from cfem.condensed.skin import PREFIX, Skin
 from cfem.constraint.patch import PatchLoad
 from cfem.core.errors import InputError, SpecError
 from cfem.core.reading import take
-from cfem.predict.series.chebyshev import Basis
+from cfem.predict.series.chebyshev import Basis, union
 from cfem.predict.series.energy import Form
 from cfem.predict.series.semidefinite import with_nearest
 
@@ -50,13 +51,13 @@ class LearnedSkin:
         self.modes = modes
         self._flat = modes.reshape(k, -1)
         self._to_box, self._offset = take(arrays, "to_box", (n_inputs, n_inputs)), take(arrays, "offset", (n_inputs,))
-        self._indices = take(arrays, "indices", (None, n_inputs), "iu").astype(np.int64)
-        self._basis = Basis(self._indices)
-        self._series_T = np.ascontiguousarray(take(arrays, "series", (k, len(self._indices))).T)
-        indices = take(arrays, "compliance_indices", (None, n_inputs), "iu").astype(np.int64)
-        self._compliance_basis = Basis(indices)
-        self._last: dict[tuple[int, bytes, bytes], np.ndarray] = {}
-        self._compliance = take(arrays, "compliance", (n_e * k + k * (k + 1) // 2, len(indices)))
+        rows = take(arrays, "indices", (None, n_inputs), "iu").astype(np.int64)
+        self._soft = take(arrays, "compliance_indices", (None, n_inputs), "iu").astype(np.int64)
+        indices, (first, self._of_soft) = union(rows, self._soft)
+        self._basis, self._last = Basis(indices), {}
+        self._series_T = np.zeros((len(indices), k))
+        self._series_T[first] = take(arrays, "series", (k, len(rows))).T
+        self._compliance = take(arrays, "compliance", (n_e * k + k * (k + 1) // 2, len(self._soft)))
 
     def __len__(self) -> int:
         return len(self.names)
@@ -68,7 +69,7 @@ class LearnedSkin:
 
     def rows(self, s: np.ndarray, q: np.ndarray) -> np.ndarray:
         """Rows (..., k) mm from rest at inputs s (..., n_a) and parameters q (..., n_q)."""
-        return self._at(self._basis, s, q) @ self._series_T
+        return self._at(s, q) @ self._series_T
 
     def surface(self, rows: np.ndarray) -> np.ndarray:
         """Positions (..., m, 3) mm of the surface nodes at rows (..., k) mm."""
@@ -104,24 +105,21 @@ class LearnedSkin:
 
     def gradient(self, s: np.ndarray, q: np.ndarray) -> np.ndarray:
         """Derivatives (..., k, n_a) of the rows by s."""
-        slopes = self._at(self._basis, s, q) @ self._slopes_T
+        slopes = self._at(s, q) @ self._slopes_T
         return slopes.reshape(*slopes.shape[:-1], len(self), s.shape[-1])
 
     def compliance(self, s: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """C_es (..., n_e, k) and C_ss (..., k, k), mm/N."""
-        packed, k = self._at(self._compliance_basis, s, q) @ self._compliance.T, len(self)
+        packed, k = self._at(s, q)[..., self._of_soft] @ self._compliance.T, len(self)
         across = self._n_e * k
         C_es = packed[..., :across].reshape(*packed.shape[:-1], self._n_e, k)
         return C_es, packed[..., across:][..., self._unpacking]
 
     def compliance_slopes(self, s: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Derivatives (n_a, n_e, k) and (n_a, k, k) of `compliance` by s (n_a,)."""
-        values, k = self._at(self._compliance_basis, s, q), len(self)
-        rows, columns, entries = self._compliance_slopes  # a sparse product, for which SciPy would take longer
-        slopes = np.bincount(rows, entries * values[columns], self._n_a * len(values))
-        packed = slopes.reshape(-1, len(values)) @ self._compliance.T
-        C_es, C_ss = np.split(packed, [self._n_e * k], axis=1)
-        return C_es.reshape(-1, self._n_e, k), C_ss[:, self._unpacking]
+        packed, k = (self._at(s, q)[self._of_soft] @ self._compliance_slopes_T).reshape(self._n_a, -1), len(self)
+        across = self._n_e * k
+        return packed[:, :across].reshape(-1, self._n_e, k), packed[:, across:][:, self._unpacking]
 
     def joined(self, condensed: Condensed, s: np.ndarray, q: np.ndarray, softer: float = 1.0) -> Condensed:
         """The condensed robot with the rows of the skin. s, q: inputs of the reference at which it is; softer: how much
@@ -151,32 +149,29 @@ class LearnedSkin:
     @cached_property
     def _slopes_T(self) -> np.ndarray:
         """Series (M, k n_a) of the gradient."""
-        from cfem.predict.series.derivatives import input_derivatives  # which needs SciPy, as no shape does
-
-        by_s = input_derivatives(self._indices, self._to_box, self._n_a)
-        return np.stack([D @ self._series_T for D in by_s], axis=-1).reshape(len(self._indices), -1)
+        slopes = np.stack([D @ self._series_T for D in self._derivatives(self._basis.indices)], axis=-1)
+        return slopes.reshape(len(slopes), -1)
 
     @cached_property
-    def _compliance_slopes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Rows, columns and entries of (n_a L, L), one matrix below the other: derivatives by s of the basis of the
-        compliance, by its values."""
-        from scipy.sparse import vstack  # which no shape needs
+    def _compliance_slopes_T(self) -> np.ndarray:
+        """Series (L, n_a (n_e k + k (k + 1) / 2)) of the compliance's derivatives."""
+        return np.hstack([D @ self._compliance.T for D in self._derivatives(self._soft)])
 
-        from cfem.predict.series.derivatives import input_derivatives
+    def _derivatives(self, indices: np.ndarray) -> list[Any]:
+        """Matrices by each input s: series of derivatives from series of these indices."""
+        from cfem.predict.series.derivatives import input_derivatives  # which needs SciPy, as no shape does
 
-        by_s = input_derivatives(self._compliance_basis.indices, self._to_box, self._n_a)
-        joined = vstack([slopes.T for slopes in by_s], format="coo")
-        return joined.row.astype(np.int64), joined.col.astype(np.int64), joined.data
+        return input_derivatives(indices, self._to_box, self._n_a)
 
-    def _at(self, basis: Basis, s: np.ndarray, q: np.ndarray) -> np.ndarray:
+    def _at(self, s: np.ndarray, q: np.ndarray) -> np.ndarray:
         """Basis (..., M) at an input; of the last single states it is kept, as most are asked for several things."""
         if s.ndim > 1:
-            return basis(self._box(s, q))
-        key = id(basis), s.tobytes(), q.tobytes()
+            return self._basis(self._box(s, q))
+        key = s.tobytes(), q.tobytes()
         if key not in self._last:
             if len(self._last) >= LAST:
                 del self._last[next(iter(self._last))]
-            self._last[key] = basis(self._box(s, q))
+            self._last[key] = self._basis(self._box(s, q))
         return self._last[key]
 
     def _box(self, s: np.ndarray, q: np.ndarray) -> np.ndarray:

@@ -21,9 +21,11 @@ from cfem.equilibrium.contact.surfaces import SurfaceScene
 from cfem.equilibrium.solve import solve
 from cfem.equilibrium.system.actuation import displacement
 from cfem.predict.contact.forces import loaded_robots
+from cfem.predict.contact.forces.held_robot import HeldRobot
 from cfem.predict.contact.forces.loaded_robots import LoadedRobots
 from cfem.predict.contact.step.bodies import PlacedModel
 from cfem.predict.contact.step.scene import ContactScene, contact_step
+from cfem.predict.contact.surface import node_model
 from cfem.predict.contact.surface.node_model import NodeModel, _add_local, _dents, node_patches
 from cfem.predict.load import load_model
 from cfem.predict.series.few_states import patch_states
@@ -154,6 +156,30 @@ def test_the_compliance_of_nodes_is_symmetric_and_positive(nodes):
     C = compliance_of(LoadedRobots.of(nodes, DELTA), some)
     assert np.array_equal(C, C.T) or np.abs(C - C.T).max() < 1e-12 * np.abs(C).max()
     assert np.linalg.eigvalsh(C).min() > -1e-12 * np.abs(C).max()
+
+
+def test_the_compliance_is_that_of_finite_elements_at_their_states(nodes, monkeypatch):
+    """R_i (Phi_i K Phi_j^T + L_ij) R_j^T written out, of few nodes, whose series are found once, and as of many."""
+    nodes, found, series = replace(nodes), [], NodeModel._series  # of which nothing is kept
+    fe, some = nodes.by_fe, np.flatnonzero(~nodes.held_still)[:40:4]
+    monkeypatch.setattr(NodeModel, "_series", lambda *given: found.append(given) or series(*given))
+    modes = fe.modes.reshape(len(nodes.patches), 3, -1)[some].astype(float)
+    for few in (len(some), 0):
+        monkeypatch.setattr(node_model, "FEW", few)
+        for left, number in zip(fe.left, fe.local, strict=True):
+            held = HeldRobot(nodes, fe.states[number], None)
+            expected = np.einsum("iap,pq,jbq->iajb", modes, fe.by_modes[number], modes)
+            for (low, high), L in zip(fe.pairs, left, strict=True):
+                i, j = np.flatnonzero(some == low), np.flatnonzero(some == high)
+                expected[i, :, j] += L
+                if low != high:
+                    expected[j, :, i] += L.T
+            R = nodes.turns(held.rows, some)
+            expected = np.einsum("iap,ipjq,jbq->iajb", R, expected, R).reshape(3 * len(some), -1)
+            U, local, total, *_ = nodes.compliance(some, held.rows, held.C_ss, held.basis)
+            np.testing.assert_allclose(total, expected, atol=1e-6 * np.abs(expected).max())  # of single precision
+            np.testing.assert_allclose(total - local, U @ held.C_ss @ U.T, atol=1e-12 * np.abs(expected).max())
+    assert len(found) == 3
 
 
 def test_a_robot_that_touches_nothing_waits_while_another_touches(nodes):

@@ -52,7 +52,7 @@ class HeldRobot:
             by_wrench, among_rows = np.split(change, [len(wrench)], axis=1)
             self.rows = self.rows + wrench @ (self.C_es + by_wrench.T / 2)
             self.C_es, self.C_ss = self.C_es + by_wrench.T, self.C_ss + among_rows
-        self.D, self.bends, self.missing = (self.basis @ model.bent)[model.bent_at], model.bends, model.missing
+        self.D, self.bends, self.missing = (self.basis @ model.bent).take(model.bent_at), model.bends, model.missing
         self.numbers = joined(np.array([self.missing]), self.rows, self.C_es, self.C_ss, self.bends, self.D)
         self._points: dict[bytes, PointCompliance] = {}
 
@@ -72,23 +72,15 @@ class HeldRobot:
 
     def _found(self, points: np.ndarray) -> PointCompliance:
         """Compliance of points (c,), the nearest semidefinite one where the model's is indefinite."""
-        model, R = self.model, self.model.turns(self.rows, points)
-        U, local, total, dents = model.compliance(points, self.C_ss, R, self.basis, self.delta)
+        U, local, total, dents, tip, joint = self.model.compliance(points, self.rows, self.C_ss, self.basis)
         try:
             np.linalg.cholesky(total)
         except np.linalg.LinAlgError:
             sizes, axes = np.linalg.eigh(total)
             nearest = (axes * np.maximum(sizes, 0.0)) @ axes.T
             local, total = local + (nearest - total), nearest
-        tip, joint = self.local_tip(points, R), model.joint_dents(points, R)
         change, triples = (np.zeros(0), None) if joint is None else (joint.change, joint.triples)
         return PointCompliance(joined(U, local, total, stiff_flexibility(total), dents, tip, change), triples)
-
-    def local_tip(self, points: np.ndarray, R: np.ndarray) -> np.ndarray:
-        """(n_e, c, 3) mm/N: what the modes leave of the effectors' compliance to forces on points (c,), turned by R
-        (c, 3, 3)."""
-        series = self.model.local_tip[:, :, points].reshape(len(self.basis), -1)
-        return (R @ (self.basis @ series).reshape(-1, len(points), 3, 1))[..., 0]
 
     @cached_property
     def alone(self) -> tuple[np.ndarray, np.ndarray]:

@@ -83,16 +83,17 @@ class LoadedRobots:
         self.known, self.forces, surfaces = known, forces, self.surfaces
         parts, shapes = [], np.zeros((len(self.held), 6), dtype=np.int64)
         shapes[:, :4] = surfaces.shapes
-        ends = np.searchsorted(known, surfaces.ends).tolist()
-        for i, (robot, model) in enumerate(zip(self.held, surfaces.models, strict=True)):
-            points = robot.compliance_of(model.numbers[known[ends[i] : ends[i + 1]] - surfaces.ends[i]])
-            shapes[i, 4:] = ends[i + 1] - ends[i], -1 if points.triples is None else len(points.triples)
+        ends, numbers, entries = np.searchsorted(known, surfaces.ends).tolist(), surfaces.numbers[known], 0
+        for shape, robot, (a, b) in zip(shapes, self.held, pairwise(ends), strict=True):
+            points = robot.compliance_of(numbers[a:b])
+            shape[4], shape[5] = b - a, -1 if points.triples is None else len(points.triples)
             parts.append((robot.numbers, points.numbers, points.triples))
+            entries += 9 * (b - a) ** 2
         self._shapes, self._numbers = shapes, joined(*(numbers for part in parts for numbers in part[:2]))
         triples = [part[2] for part in parts if part[2] is not None]
         self._triples = np.concatenate(triples) if triples else np.empty((0, 3), dtype=np.int64)
-        entries, starts = np.empty(9 * int((shapes[:, 4] ** 2).sum())), np.zeros(len(shapes), dtype=np.int64)
-        self._loaded = self._loaded._replace(compliance=entries, h=np.empty(3 * len(known)), begin=starts)
+        begin = np.zeros(len(shapes), dtype=np.int64)
+        self._loaded = self._loaded._replace(compliance=np.empty(entries), h=np.empty(3 * len(known)), begin=begin)
         self._put(forces[known])
 
     def load(self, forces: np.ndarray) -> None:

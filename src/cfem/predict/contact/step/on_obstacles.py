@@ -2,6 +2,7 @@
 they are, which stick, from where they slip, and whether their forces obey the law where patches have come to."""
 
 import numpy as np
+from numba import njit
 
 from cfem.contact.law.modes import Mode
 from cfem.contact.obstacle_set import ObstacleSet
@@ -143,8 +144,8 @@ class OnObstacles:
 def begins_deep(obstacles: ObstacleSet, places: np.ndarray, distance: np.ndarray, which: np.ndarray) -> bool:
     """True where a patch, at places (N, 3) mm, is so far within its obstacle `which` (N,), by -distance (N,) mm, that,
     twice as far in, another side of it is nearer."""
-    within = distance < 0
-    if not within.any():
+    within = np.flatnonzero(distance < 0)
+    if not len(within):
         return False
     which, places = which[within], places[within]
     normals = obstacles.frames(which, places)[:, 0]
@@ -162,14 +163,19 @@ def pairs_with_obstacles(
     return Pairs(patches + count, relative, frames, gaps, partners)
 
 
-def held_by_friction(
-    places: np.ndarray, stuck: np.ndarray, pressed: np.ndarray, sticking: np.ndarray, normals: np.ndarray
-) -> np.ndarray:
+@njit(cache=True, error_model="numpy")
+def held_by_friction(places, stuck, pressed, sticking, normals):
     """(N, 3) mm from where slip counts in the next step, NaN of patches that are not pressed. Those that slide are at
     places (N, 3) mm; those that stick, by their numbers (s,), where they were, stuck (N, 3) mm, brought to the surface
     along its normals (s, 3)."""
-    held = np.full_like(places, np.nan)
-    held[pressed] = places[pressed]
-    away = ((places[sticking] - stuck[sticking]) * normals).sum(axis=1)
-    held[sticking] = stuck[sticking] + away[:, None] * normals
+    held = np.full(places.shape, np.nan)
+    for p in pressed:
+        for a in range(3):
+            held[p, a] = places[p, a]
+    for i in range(len(sticking)):
+        p, away = sticking[i], 0.0
+        for a in range(3):
+            away += (places[p, a] - stuck[p, a]) * normals[i, a]
+        for a in range(3):
+            held[p, a] = stuck[p, a] + away * normals[i, a]
     return held

@@ -12,6 +12,7 @@ is known as with patches. Forces on nodes that are close to each other also chan
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -19,12 +20,34 @@ from numba import njit
 from cfem.condensed.patches import Patches
 from cfem.core.errors import InputError
 from cfem.equilibrium.contact.node_compliance import NodeResponse
-from cfem.predict.contact.surface.surface_model import NONE, JointDents, SurfaceModel
+from cfem.mechanics.surface_turns import rotations
+from cfem.predict.contact.surface.surface_model import NONE, ComplianceParts, JointDents, SurfaceModel
 from cfem.predict.protocol import Predictor
 
 MODES = 80  # of the compliance
 NEAR = 0.05  # of the length: nodes between which what the modes leave is known
 DENTED = 0.028  # of the length: nodes that dent each other
+LAST, FEW = 16, 64  # choices of nodes whose series are kept, and of how many nodes at most
+ONE = np.ones(1)
+
+
+class NodeSeries(NamedTuple):
+    """Of nodes (c,) near obstacles, what no state changes.
+
+    spread (c, 3, 3), by_row (c, 3, 3, k): of `SurfaceModel.turns`
+    U: (3 c, k)
+    between: (m, 3 c, 3 c) mm/N, series of Phi K Phi^T + L
+    tip: (terms, n_e, c, 3) mm/N, of `SurfaceModel.local_tip`
+    first (c + 1,), triples (t, 3), dented (t, 3, 3, 3) mm/N^2: as `_dents` takes them, of these nodes alone"""
+
+    spread: np.ndarray
+    by_row: np.ndarray
+    U: np.ndarray
+    between: np.ndarray
+    tip: np.ndarray
+    first: np.ndarray
+    triples: np.ndarray
+    dented: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -56,20 +79,39 @@ class NodeModel(SurfaceModel):
             tip.append(to_tip.reshape(-1, count, 3) - (by_modes.reshape(-1, count, 1, 3) @ R)[:, :, 0])
         return np.tensordot(self._inverse, np.stack(tip), axes=1)
 
-    def compliance(
-        self, points: np.ndarray, C_ss: np.ndarray, R: np.ndarray, basis: np.ndarray, delta: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        c, n_e = len(points), self.model.rows.n_e
-        k = self._modes.shape[1]
-        modes = (R @ self._modes.reshape(-1, 3, k)[points]).reshape(3 * c, k)
-        total = modes @ (basis @ self._by_modes).reshape(k, k) @ modes.T
-        linear = np.concatenate([[1.0], self.in_box(delta)])
-        _add_local(total, points, R, linear, self._first, self.by_fe.pairs[:, 1], self._left)
-        U = self.U[points].reshape(3 * c, self.U.shape[-1])
-        return U, total - U @ C_ss @ U.T, total, np.zeros((c, 3, 3, 3 + n_e))
+    def compliance(self, points: np.ndarray, rows: np.ndarray, C_ss: np.ndarray, basis: np.ndarray) -> ComplianceParts:
+        if len(points) <= FEW:
+            U, left, total, tip, *joint = _of_nodes(rows, C_ss, basis, basis, self._kept(points))
+        else:
+            U, left, total, tip, *joint = _of_nodes(rows, C_ss, basis, ONE, self._series(points, basis[None]))
+        return U, left, total, np.zeros((len(points), 3, 3, 3 + len(tip))), tip, JointDents(*joint)
 
-    def joint_dents(self, points: np.ndarray, R: np.ndarray) -> JointDents:
-        return JointDents(*_dents(points, R, self._first_triple, self.by_fe.triples, self._dented))
+    def _kept(self, points: np.ndarray) -> "NodeSeries":
+        """Series of few nodes (c,), kept for states to come."""
+        kept, key = self._last, points.tobytes()
+        if key not in kept:
+            if len(kept) >= LAST:
+                del kept[next(iter(kept))]
+            kept[key] = self._series(points, np.eye(len(self.degrees)))
+        return kept[key]
+
+    def _series(self, points: np.ndarray, terms: np.ndarray) -> "NodeSeries":
+        """`NodeSeries` of nodes (c,), of these combinations (m, terms) of the terms of the series between them."""
+        c, k, fe = len(points), self._modes.shape[1], self.by_fe
+        still, modes, between = np.tile(np.eye(3), (c, 1, 1)), self._modes.reshape(-1, 3, k)[points].reshape(-1, k), []
+        for term in terms:
+            between.append(modes @ (term @ self._by_modes).reshape(k, k) @ modes.T)
+            linear = term[: len(self._left)]  # the first ones of the series of K
+            _add_local(between[-1], points, still, linear, self._first, fe.pairs[:, 1], self._left)
+        triples, dented = _dents(points, still, self._first_triple, fe.triples, self._dented)
+        first = np.searchsorted(triples[:, 0], np.arange(c + 1))
+        joint = first, triples.astype(fe.triples.dtype), dented.astype(np.float32)
+        turns, tip = (self.spread[0][points], self._spread_by_row[points]), self.local_tip[:, :, points]
+        return NodeSeries(*turns, self.U[points].reshape(3 * c, -1), np.stack(between), tip, *joint)
+
+    @cached_property
+    def _last(self) -> dict[bytes, "NodeSeries"]:
+        return {}
 
     @cached_property
     def _modes(self) -> np.ndarray:
@@ -108,6 +150,45 @@ def node_patches(model: Predictor) -> Patches:
     """Each node of a model's skin as a patch."""
     count = len(model.skin.rest)
     return Patches(np.arange(count), np.ones(count), model.skin.rest)
+
+
+@njit(cache=True, error_model="numpy")
+def _of_nodes(rows, C_ss, basis, terms, nodes):
+    """U, local, total and tip of `PointCompliance`, and the fields of `JointDents`, of nodes where the skin's rows are
+    (k,) mm; C_ss (k, k) mm/N; basis (terms,), and terms (m,) of what is between the nodes."""
+    n, U = len(nodes.U), nodes.U
+    c, spreads, half = n // 3, nodes.spread.copy(), np.empty((3, 3))
+    for i in range(c):
+        for a in range(3):
+            for b in range(3):
+                for d in range(len(rows)):
+                    spreads[i, a, b] += rows[d] * nodes.by_row[i, a, b, d]
+    R, total, between = rotations(spreads), np.empty((n, n)), np.zeros((n, n))
+    for term in range(len(terms)):
+        for i in range(n):
+            for j in range(n):
+                between[i, j] += terms[term] * nodes.between[term, i, j]
+    for i in range(c):
+        for j in range(c):
+            L = between[3 * i : 3 * i + 3, 3 * j : 3 * j + 3]
+            for a in range(3):
+                for b in range(3):
+                    half[a, b] = R[i, a, 0] * L[0, b] + R[i, a, 1] * L[1, b] + R[i, a, 2] * L[2, b]
+            for a in range(3):
+                for b in range(3):
+                    value = half[a, 0] * R[j, b, 0] + half[a, 1] * R[j, b, 1] + half[a, 2] * R[j, b, 2]
+                    total[3 * i + a, 3 * j + b] = value
+    tip, f = np.zeros((nodes.tip.shape[1], n)), np.empty(3)
+    for e in range(len(tip)):
+        for i in range(c):
+            f[:] = 0.0
+            for term in range(len(basis)):
+                for a in range(3):
+                    f[a] += basis[term] * nodes.tip[term, e, i, a]
+            for a in range(3):
+                tip[e, 3 * i + a] = R[i, a, 0] * f[0] + R[i, a, 1] * f[1] + R[i, a, 2] * f[2]
+    triples, turned = _dents(np.arange(c), R, nodes.first, nodes.triples, nodes.dented)
+    return U, total - U @ C_ss @ U.T, total, tip, triples, turned
 
 
 @njit(cache=True, error_model="numpy")

@@ -21,7 +21,7 @@ from cfem.condensed.patches import Patches, cut
 from cfem.core.errors import InputError, SpecError
 from cfem.equilibrium.contact.patch_compliance import PatchResponse
 from cfem.predict.contact.surface.patch_compliance import patch_compliance
-from cfem.predict.contact.surface.surface_model import NONE, SurfaceModel
+from cfem.predict.contact.surface.surface_model import NONE, ComplianceParts, SurfaceModel
 from cfem.predict.protocol import Predictor
 
 COARSEST = 0.5  # of the length: patches farther apart are no surface
@@ -44,10 +44,10 @@ class PatchedModel(SurfaceModel):
     def flexibility(self) -> np.ndarray:
         return np.diagonal(self.by_fe.own, axis1=1, axis2=2).mean(axis=0).reshape(-1, 3)
 
-    def compliance(
-        self, points: np.ndarray, C_ss: np.ndarray, R: np.ndarray, basis: np.ndarray, delta: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        return patch_compliance(points, self.U, C_ss, R, basis, self.local, self.dented)
+    def compliance(self, points: np.ndarray, rows: np.ndarray, C_ss: np.ndarray, basis: np.ndarray) -> ComplianceParts:
+        R = self.turns(rows, points)
+        parts = patch_compliance(points, self.U, C_ss, R, basis, self.local, self.dented)
+        return *parts, self.tip(points, R, basis), None
 
     @cached_property
     def local(self) -> np.ndarray:

@@ -41,6 +41,10 @@ class JointDents(NamedTuple):
     change: np.ndarray
 
 
+# U, local, total, dents and tip of `PointCompliance`, and dents of points that dent together
+ComplianceParts = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, JointDents | None]
+
+
 @dataclass(frozen=True)
 class SurfaceModel(ABC):
     """A model with a skin, the points by which it touches, each the mean of a patch, and their response by finite
@@ -68,15 +72,9 @@ class SurfaceModel(ABC):
         """(terms, n_e, N, 3) mm/N, series of what the modes leave of the effectors' compliance, seen in the points."""
 
     @abstractmethod
-    def compliance(
-        self, points: np.ndarray, C_ss: np.ndarray, R: np.ndarray, basis: np.ndarray, delta: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """U, local, total and dents of `PointCompliance`, of points (c,) turned by R (c, 3, 3). C_ss (k, k) mm/N of the
-        modes; basis (terms,), values of the series at delta (n_a,) mm."""
-
-    def joint_dents(self, points: np.ndarray, R: np.ndarray) -> JointDents | None:
-        """Dents of points (c,) turned by R (c, 3, 3) by forces on several of them; None where each has its own."""
-        return None
+    def compliance(self, points: np.ndarray, rows: np.ndarray, C_ss: np.ndarray, basis: np.ndarray) -> ComplianceParts:
+        """`ComplianceParts` of points (c,), where the skin's rows are (k,) mm; C_ss (k, k) mm/N of the modes; basis
+        (terms,): of the series of what is local."""
 
     @property
     def whole(self) -> "SurfaceModel":
@@ -146,6 +144,12 @@ class SurfaceModel(ABC):
         members = members_of(skin.triangles, self.patches.of, len(self.patches))
         by_row = np.stack([spread(members, skin.rest, mode) for mode in skin.modes])
         return spread(members, skin.rest, skin.rest), by_row
+
+    def tip(self, points: np.ndarray, R: np.ndarray, basis: np.ndarray) -> np.ndarray:
+        """(n_e, c, 3) mm/N: what the modes leave of the effectors' compliance to forces on points (c,), turned by R (c,
+        3, 3). basis (terms,): of its series."""
+        series = self.local_tip[:, :, points].reshape(len(basis), -1)
+        return (R @ (basis @ series).reshape(-1, len(points), 3, 1))[..., 0]
 
     def turns(self, rows: np.ndarray, patches: np.ndarray) -> np.ndarray:
         """(c, 3, 3) rotations of patches (c,) since rest, rows (k,) mm of the skin."""

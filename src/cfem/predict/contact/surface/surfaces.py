@@ -29,6 +29,11 @@ class Surfaces:
         return np.repeat(np.arange(len(self.models)), np.diff(self.ends))
 
     @cached_property
+    def numbers(self) -> np.ndarray:
+        """(N,) of the points among all of their robot."""
+        return np.concatenate([model.numbers for model in self.models])
+
+    @cached_property
     def held_still(self) -> np.ndarray:
         """(N,) bool: points where a body is held, which touch nothing."""
         return np.concatenate([model.held_still for model in self.models])
