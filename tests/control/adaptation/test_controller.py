@@ -16,6 +16,7 @@ from cfem.control.closed_loop.tick import Pilot
 from cfem.control.search.goal_search import SearchSettings
 from cfem.control.search.inverse import Limits
 from cfem.core.errors import NumericalError
+from cfem.equilibrium.quasi_static import CONVERGED
 from cfem.plant.gains import Gains
 from cfem.plant.protocol import Measurement
 from cfem.predict.at_parameters import AtParameters
@@ -97,6 +98,17 @@ def test_a_drifting_robot_is_followed_better(model):
     adaptive, _ = run(model, aims, True, p_of)
     rms = [np.sqrt(np.mean(one[half:] ** 2)) for one in (plain, adaptive)]
     assert rms[1] < 0.5 * rms[0]
+
+
+def test_a_sample_that_does_not_fit_is_told_of_and_the_next_one_is_not(model):
+    """Without feedback too: the account of a loop counts what the tracker rejects."""
+    controller = AdaptiveController(pilot_at(model), model.rest_e, Tracker(model, "force", NOISE), None)
+    told = []
+    for tick, goal in enumerate(goals(model)[:12], 1):
+        at = controller.belief.iterate.condensed.delta_e
+        x_e = model.rest_e + at + (40.0 if tick == 10 else 0.0)
+        told.append(controller.tick(goal, Measurement(x_e, None, None, tick - 1, CONVERGED)).rejected)
+    assert told == [tick == 10 for tick in range(1, 13)]
 
 
 def test_open_loop_adapts_too(model):

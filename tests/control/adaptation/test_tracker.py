@@ -102,6 +102,14 @@ def test_outliers_and_lost_samples_change_nothing(model):
     assert dirty.p == pytest.approx(clean.p, rel=0.03) and dirty.rejected >= 10
 
 
+def test_a_sample_whose_state_the_model_does_not_know_is_counted(model):
+    tracker, near = Tracker(model, "force", NOISE), model.at_displacement(0.3 * model.reach[:, 1])
+    beyond = np.full(len(near.lambda_a), 1e6)
+    assert not tracker.sample(beyond, near.delta_e, near) and tracker.rejected == 1
+    tracker.sample(near.lambda_a, near.delta_e, near)
+    assert tracker.rejected == 1
+
+
 def test_a_robot_that_has_become_another_is_found_again(model):
     """E jumps by a third: samples are rejected until the gate opens the estimate, and then the stiffness is found."""
     place, count = [one.name for one in model.parameters].index("young"), 40

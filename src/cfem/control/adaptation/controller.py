@@ -39,6 +39,7 @@ class AdaptiveController(Controller):
 
     def tick(self, goal: ArrayLike, measured: Measurement | None = None, ahead: ArrayLike | None = None) -> Belief:
         """Command of a tick, with the arguments of `Controller.tick`; a new sample first corrects the parameters."""
+        before = self.tracker.rejected
         if measured is not None and measured.t > self._sampled and measured.t in self._sent:
             self._sampled = measured.t
             sent, near = self._sent[measured.t]
@@ -49,7 +50,8 @@ class AdaptiveController(Controller):
         if measured is not None:
             measured = replace(measured, x_e=self._rest_e + self.tracker.true(measured.x_e - self._rest_e))
         belief = super().tick(goal, measured, ahead)
-        sent = replace(belief, u=self._within(belief.u + self.tracker.used_b))
+        rejected = belief.rejected or self.tracker.rejected > before
+        sent = replace(belief, u=self._within(belief.u + self.tracker.used_b), rejected=rejected)
         self._sent[self._tick] = sent.u, belief.iterate.condensed
         self._sent.pop(self._tick - HISTORY, None)
         return sent

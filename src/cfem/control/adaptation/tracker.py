@@ -59,7 +59,7 @@ class Tracker:
     rows: (n_e,) effector rows that are measured, all unless given
     frame: mm and rad, standard deviations of the camera's motion, 0 where it stands still
     known: the distribution of the unknowns (unknowns.py)
-    rejected: number of samples that were rejected
+    rejected: number of samples that were rejected, or that the model knows no state for
     """
 
     predictor: Predictor
@@ -133,6 +133,7 @@ class Tracker:
             state = self._state(predicted.mean, u, near)
             first_state = self._state(first, u, near)
         except NumericalError:
+            self.rejected += 1
             return self._use()
         self._prove(measured - self._shown(predicted.mean, state), measured - self._shown(first, first_state))
         update, verdict = gated_update(

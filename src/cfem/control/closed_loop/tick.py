@@ -82,7 +82,8 @@ class Belief:
     u: (n_a,) the command
     status: 'tracking' on the way, 'converged' at the goal, 'out of reach' at the nearest point, or what went wrong
     plan: the search itself, None where the published step was taken or the model had no answer
-    rejected: the sample of this tick corrected nothing: it is in another unit, too old, or a jump nobody confirmed"""
+    rejected: the sample of this tick corrected nothing, or not the parameters that adapt: it is in another unit, too
+    old, or a jump nobody confirmed"""
 
     iterate: Iterate
     u: np.ndarray
