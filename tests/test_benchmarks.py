@@ -58,6 +58,7 @@ LONG = {
     "stiff_flop_experiments.py": "make stiff-flop-experiments",
     "stiff_flop_stability.py": "make stiff-flop",
     "gym.py": "make soft-finger",
+    "lift.py": "examples/train_lift.py",
     "loads.py": "minutes of finite elements: see its help",
     "meeting.py": "minutes of finite elements: see its help",
     "mesh_error.py": "minutes of finite elements: see its help",

@@ -32,7 +32,13 @@ def test_the_examples_run_one_after_the_other(bar, monkeypatch, capsys):
     monkeypatch.chdir(bar)
     names = {path.stem for path in ROOT.glob("examples/*.py")}
     order = ["solve", "stages", "dataset", "ask_model", "workspace", "inverse", "control"]
-    elsewhere = {"train_policy", "mujoco_lift", "mujoco_arm", "pressure_regulator"}  # tests/{gym, mujoco, plant}
+    elsewhere = {
+        "train_policy",
+        "train_lift",
+        "mujoco_lift",
+        "mujoco_arm",
+        "pressure_regulator",
+    }  # tests/{gym, mujoco, plant}
     assert names == {*order, *elsewhere}
     for name in order:
         text = (ROOT / "examples" / f"{name}.py").read_text()

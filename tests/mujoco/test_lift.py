@@ -1,15 +1,19 @@
 """Two bars that grip a block, as a Gymnasium environment."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import mujoco
 import numpy as np
 import pytest
 
 from cfem.core.errors import InputError
-from cfem.predict.contact.step.state import ContactState
+from cfem.predict.contact.step.state import TRUSTED, ContactState
 
 gymnasium = pytest.importorskip("gymnasium")
 
 import cfem.gym  # noqa: E402
+from cfem.mujoco.lift import LiftEnv  # noqa: E402
 
 cfem.gym.register()
 
@@ -34,7 +38,8 @@ BLOCK = """
 
 
 def made(soft_bar, **more):
-    given = {"mjcf": BLOCK, "way": (0.0, 0.0, 10.0), "closed": 0.2, "tick": 0.008, "aside": 0.3, "friction": 0.3} | more
+    given = {"mjcf": BLOCK, "way": (0.0, 0.0, 10.0), "closed": 0.2, "tick": 0.008, "step": 0.1, "length": 100}
+    given |= {"aside": 0.3, "mass": (1.0, 1.0), "friction": (0.3, 0.3)} | more
     return gymnasium.make("cfem/Lift-v0", model=soft_bar, **given).unwrapped
 
 
@@ -73,9 +78,10 @@ def test_bars_that_close_and_rise_bring_the_block_to_its_goal(env):
         rewards.append(reward)
         rounds.append(env.world.contact.iterations)
     assert np.mean(rounds[:40]) < 3.0 and max(rounds[80:]) == 1
-    assert info["error"] < 1.0 and rewards[0] < -1.0 and rewards[-1] > 0.5
+    assert info["error"] < 1.0 and rewards[0] < 0.0 and rewards[-1] > 1.5
     assert info["command"] == pytest.approx(env.low + np.array([1 / 3, 1, 1]) * (env.high - env.low), rel=1e-5)
-    assert seen[:3] == pytest.approx([0, 0, 0], abs=0.1) and seen[9:12] == pytest.approx([-1 / 3, 1, 1], abs=1e-5)
+    assert seen[:3] == pytest.approx([0, 0, 0], abs=0.1) and seen[12:15] == pytest.approx([-1 / 3, 1, 1], abs=1e-5)
+    assert seen[3:6] == pytest.approx(np.clip(10 * seen[:3], -1, 1), abs=1e-6)
 
 
 def test_the_forces_that_a_step_begins_with_change_no_answer(soft_bar, monkeypatch):
@@ -90,6 +96,55 @@ def test_the_forces_that_a_step_begins_with_change_no_answer(soft_bar, monkeypat
             env.step(np.array([0, 1, 1], np.float32))
         ends.append(env.world.data.body("cube").xpos.copy())
     assert ends[0] == pytest.approx(ends[1], abs=1e-9) and not np.array_equal(*ends)
+
+
+def test_each_episode_has_a_mass_and_a_friction_of_its_own(soft_bar):
+    """An object of twice the mass falls alike, and rests with twice the force."""
+    env, seen = made(soft_bar, mass=(0.5, 2.0), friction=(0.2, 0.4)), []
+    for seed in range(4):
+        env.reset(seed=seed)
+        seen.append((env.world.model.body("cube").mass[0], env.world.friction))
+        assert env.world.model.body_subtreemass[0] == pytest.approx(0.2 + seen[-1][0])
+    masses, frictions = np.array(seen).T
+    assert (masses > 0.001).all() and (masses < 0.004).all() and np.ptp(masses) > 1e-4
+    assert (frictions > 0.2).all() and (frictions < 0.4).all() and np.ptp(frictions) > 1e-3
+    env.reset(seed=0)
+    assert env.world.model.body("cube").mass[0] == masses[0]
+
+
+def test_commands_of_one_robot_stay_near_each_other(env):
+    """Shares of the range, of a robot with two cables."""
+    two = SimpleNamespace(low=np.zeros(3), high=np.array([0.1, 5.0, 5.0]), apart=0.1, _cuts=np.array([1]))
+    for wanted, given in (([0.2, 4.0, 0.0], [0.1, 2.5, 1.5]), ([0.0, 1.2, 1.4], [0.0, 1.2, 1.4])):
+        assert LiftEnv._bounded(two, np.array(wanted)) == pytest.approx(given)
+    alone = env.high
+    assert np.array_equal(env._bounded(alone), alone)
+
+
+def test_bending_a_robot_beyond_what_it_knows_costs_and_ends_the_episode(soft_bar, monkeypatch):
+    env = made(soft_bar)
+    for error, less, ends in ((0.5, 0.0, False), (1.5, 0.5, False), (2.5, 0.0, True)):
+        env.reset(seed=0)
+        env.step(np.zeros(3, np.float32))
+        worlds_step, still = env.world.step, env._reward(10.0)
+
+        def step(commands, error=error, worlds_step=worlds_step):
+            env.world.contact = replace(worlds_step(commands), error=error * TRUSTED)
+            return env.world.contact
+
+        monkeypatch.setattr(env.world, "step", step)
+        _, _, failed, _, info = env.step(np.zeros(3, np.float32))
+        monkeypatch.undo()
+        assert failed == ends and ("what they do is 9% off" in info["failed"]) == ends
+        if not ends:
+            env.world.contact = replace(env.world.contact, error=error * TRUSTED)
+            assert env._reward(10.0) == pytest.approx(still - less)
+
+
+def test_a_policy_is_saved_with_what_its_numbers_are_of(env):
+    facts = env.facts()
+    assert facts["actuators"] == ["height", "left.cable", "right.cable"] and facts["task"] == "lift"
+    assert facts["high"] == env.high.tolist() and facts["step"] == env.share
 
 
 def test_a_block_that_is_lost_ends_the_episode(env):

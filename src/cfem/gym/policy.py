@@ -19,15 +19,15 @@ FORMAT = 3
 
 
 @dataclass(frozen=True)
-class Policy:
-    """A policy from a file of `cfem.gym.save_policy`. facts: its metadata; parameters: those of the robot that it wants
-    to be told, none of most policies; moving: `ahead`, `history` and `tick` of `cfem.gym.moving_world`, nothing for
-    robots at rest. InputError where the file is no policy."""
+class Network:
+    """A policy from a file of `cfem.gym.save_policy.save_network`, of any environment. InputError where it is none.
+
+    facts: its metadata; inputs: numbers of an observation"""
 
     path: Path
 
     def __post_init__(self) -> None:
-        """Reads the network and the facts beside it. InputError where the file is no policy of cfem."""
+        """Reads the network and the facts beside it."""
         demand("onnxruntime", where="policy")
         import onnxruntime
 
@@ -37,22 +37,50 @@ class Policy:
             facts = json.loads(session.get_modelmeta().custom_metadata_map[KEY])
             if facts["format"] != FORMAT:
                 raise ValueError("it is of another format, train it again")
+        except Exception as error:  # of onnxruntime, which share no class, of JSON, of the keys
+            raise _no_policy(self.path, error) from None
+        object.__setattr__(self, "facts", facts)
+        object.__setattr__(self, "inputs", session.get_inputs()[0].shape[1])
+        object.__setattr__(self, "_session", session)
+
+    def actions(self, seen: np.ndarray) -> np.ndarray:
+        """Actions (B, n_a) after observations (B, n), float32 both."""
+        return self._session.run(None, {self._session.get_inputs()[0].name: seen})[0]
+
+
+def _no_policy(path: Path, error: Exception) -> InputError:
+    what = f"is no policy of cfem: {str(error).splitlines()[0][:200]}"
+    return InputError(what, where=str(path), do="write it by cfem.gym.save_policy.save_policy")
+
+
+@dataclass(frozen=True)
+class Policy:
+    """A policy from a file of `cfem.gym.save_policy`. facts: its metadata; parameters: those of the robot that it wants
+    to be told, none of most policies; moving: `ahead`, `history` and `tick` of `cfem.gym.moving_world`, nothing for
+    robots at rest. InputError where the file is no policy."""
+
+    path: Path
+
+    def __post_init__(self) -> None:
+        """Reads the network and the facts beside it. InputError where the file is no policy of cfem."""
+        network = Network(self.path)
+        facts = network.facts
+        try:
             sizes = [len(facts[name]) for name in ("step", "low", "reach")]
             parameters, moving = from_json(facts["parameters"]), facts["moving"]
-        except Exception as error:  # of onnxruntime, which share no class, of JSON, of the keys
-            what = f"is no policy of cfem: {str(error).splitlines()[0][:200]}"
-            raise InputError(what, where=str(self.path), do="write it by cfem.gym.save_policy.save_policy") from None
+        except Exception as error:  # of the keys
+            raise _no_policy(self.path, error) from None
         n_a, n_e = len(facts["actuators"]), len(facts["effectors"])
         observed = 4 * n_e + n_a + len(parameters)
         if moving:
             observed = n_e * (1 + moving["ahead"] + moving["history"]) + n_a * moving["history"]
-        if sizes != [n_a] * 3 or session.get_inputs()[0].shape[1] != observed:
+        if sizes != [n_a] * 3 or network.inputs != observed:
             what = f"does not take the {observed} numbers of an observation of its robot"
             raise InputError(what, where=str(self.path), do="train it again")
         object.__setattr__(self, "parameters", parameters)
         object.__setattr__(self, "moving", moving)
         object.__setattr__(self, "facts", facts)
-        object.__setattr__(self, "_session", session)
+        object.__setattr__(self, "_network", network)
         numbers = (np.asarray(facts[name], float) for name in ("step", "low", "reach"))
         object.__setattr__(self, "scales", Scales(float(facts["scale"]), float(facts["near"]), *numbers))
 
@@ -89,5 +117,4 @@ class Policy:
         return self._next(us[:1], moving_observation(self.scales, tips[None], us[None], goals[None]))[0]
 
     def _next(self, u: np.ndarray, seen: np.ndarray) -> np.ndarray:
-        actions = self._session.run(None, {self._session.get_inputs()[0].name: seen})[0]
-        return self.scales.command(u, actions)
+        return self.scales.command(u, self._network.actions(seen))

@@ -40,11 +40,16 @@ def facts_of(world: World | MovingWorld) -> dict[str, Any]:
 def save_policy(module: Any, path: Path | str, world: World | MovingWorld) -> None:
     """Writes a policy as ONNX. module: a torch module, observations (B, n) -> actions (B, n_a), the mean of what it
     would try."""
+    save_network(module, path, world.sizes[0], facts_of(world))
+
+
+def save_network(module: Any, path: Path | str, seen: int, facts: dict[str, Any]) -> None:
+    """Writes a policy of any environment as ONNX. seen: numbers of an observation; facts: plain data beside the
+    network."""
     demand("torch", "onnx", "onnxscript", where="save_policy")
     import onnx
     import torch
 
-    seen, _ = world.sizes
     batch = torch.export.Dim("batch")
     noisy = logging.getLogger("torch.onnx")  # of packages that are not there and of what will change in them
     with warnings.catch_warnings():
@@ -56,5 +61,5 @@ def save_policy(module: Any, path: Path | str, world: World | MovingWorld) -> No
         )  # fmt: skip
         noisy.level = level
     model = program.model_proto
-    onnx.helper.set_model_props(model, {KEY: json.dumps(facts_of(world))})
+    onnx.helper.set_model_props(model, {KEY: json.dumps(facts)})
     onnx.save(model, str(path))

@@ -14,49 +14,59 @@ import mujoco
 import numpy as np
 
 from cfem.core.errors import InputError, NumericalError
-from cfem.mujoco.geoms import MM
+from cfem.mujoco.geoms import MM, name_of
 from cfem.mujoco.soft_robot import SoftRobot
-from cfem.mujoco.table import TABLE
+from cfem.mujoco.table import QUICK_TABLE
 from cfem.mujoco.world import World
+from cfem.predict.contact.step.state import TRUSTED
 
+FORMAT = 3  # of a policy's file
 LARGEST = 10.0  # number in an observation
 FAILED = -10.0  # reward where a world cannot go on, or the object is lost
 LOST = 3.0  # of the way: farther from its goal the object is lost
+BEYOND = 2.0  # of the error that contact is trusted to: an episode ends
+NEAR = 0.1  # of the way: an error that is small, and observed more finely
 
 
 class LiftEnv(gymnasium.Env):
-    """Soft robots on the bodies of a MuJoCo model, whose object is to go from where it begins by `way`.
+    """Soft robots on the bodies of a MuJoCo model, whose object is to go from its place in the model by `way`.
 
     model, scene: of `SoftRobot.load`; or model: a `SoftRobot`
     mjcf: of `World`; a table, a cube, and two fingers on a carriage, unless given
     robots: names of the sites that have one each
     thing: name of the object's body, which has a free joint, and of its geom
     way: (3,) mm
-    closed: share of the reach to which the robots' actuators go
+    closed: share of the reach to which the robots' actuators go; apart: share of that range by which an actuator may
+        be away from the mean of those of its robot
     step: share of its range by which an action of 1 changes a command in a tick
     tick: s, a multiple of the timestep; length: ticks of an episode
     aside: mm, by which the object begins beside its place, at most, along x and y
-    patches, friction: of `SoftRobot.load` and `World`
+    mass: least and largest share of the object's mass in the model; friction: least and largest coefficient of the
+        robots' surfaces. Each episode has its own
+    patches: of `SoftRobot.load`
 
-    commands (n,): of MuJoCo's actuators, then of the robots', in their units; low, high (n,): their range"""
+    commands (n,): of MuJoCo's actuators, then of the robots', in their units; low, high (n,): their range
+    ticks: of this episode so far"""
 
-    metadata = {"render_modes": ["rgb_array"], "render_fps": 25}
+    metadata = {"render_modes": ["rgb_array"], "render_fps": 12.5}
 
     def __init__(
         self,
         model: SoftRobot | Path | str,
         scene: Path | str | None = None,
-        mjcf: Path | str | mujoco.MjSpec = TABLE,
+        mjcf: Path | str | mujoco.MjSpec = QUICK_TABLE,
         robots: tuple[str, ...] = ("left", "right"),
         thing: str = "cube",
         way: tuple[float, float, float] = (0.0, 0.0, 50.0),
-        closed: float = 0.3,
-        step: float = 0.1,
-        tick: float = 0.04,
-        length: int = 100,
-        aside: float = 1.0,
+        closed: float = 0.25,
+        apart: float = 0.12,
+        step: float = 0.12,
+        tick: float = 0.08,
+        length: int = 30,
+        aside: float = 4.0,
+        mass: tuple[float, float] = (0.6, 1.4),
+        friction: tuple[float, float] = (0.7, 1.0),
         patches: float | None = None,
-        friction: float = 0.8,
         render_mode: str | None = None,
     ):
         """A world of robots that are alike; arguments as above, render_mode: 'rgb_array' or None."""
@@ -64,8 +74,9 @@ class LiftEnv(gymnasium.Env):
             if scene is None:
                 raise InputError("a model that is loaded needs its scene", do="state `scene`, its scene.yaml")
             model = SoftRobot.load(model, scene, patches)
-        self.world, self.render_mode = World(mjcf, dict.fromkeys(robots, model), friction), render_mode
+        self.world, self.render_mode = World(mjcf, dict.fromkeys(robots, model), friction[1]), render_mode
         self.thing, self.length, self.aside, self.share = thing, length, aside, step
+        self.mass, self.friction, self.apart = mass, friction, apart
         self._place = _place_of(self.world.model, thing)
         self._steps = max(1, round(tick / self.world.model.opt.timestep))
         self._goal_way, self._size = np.asarray(way, float), float(np.linalg.norm(way))
@@ -77,7 +88,9 @@ class LiftEnv(gymnasium.Env):
         self.low = np.concatenate([low, *[reach[:, 0]] * len(robots)])
         self.high = np.concatenate([high, *[reach[:, 0] + closed * np.ptp(reach, axis=1)] * len(robots)])
         self._start = np.concatenate([np.clip(0.0, low, high), np.zeros(len(robots) * len(reach))])
-        self._weight = max(float(mj.body(thing).mass[0] * np.linalg.norm(mj.opt.gravity)), 1e-9)
+        self._body = mj.body(thing).id
+        self._inertia = mj.body_mass[self._body].copy(), mj.body_inertia[self._body].copy()
+        self._weight = max(float(self._inertia[0] * np.linalg.norm(mj.opt.gravity)), 1e-9)
         self._renderer: mujoco.Renderer | None = None
         self.reset(seed=0)
         self.observation_space = gymnasium.spaces.Box(-LARGEST, LARGEST, self._observe().shape, np.float32)
@@ -87,20 +100,29 @@ class LiftEnv(gymnasium.Env):
         """Observation and info after the object is put beside its place at random, all commands at their start."""
         super().reset(seed=seed)
         world = self.world
+        aside = self.np_random.uniform(-self.aside, self.aside, 2)
+        self._make(self.np_random.uniform(*self.mass), self.np_random.uniform(*self.friction))
         world.reset()
-        world.data.qpos[self._place : self._place + 2] += self.np_random.uniform(-self.aside, self.aside, 2) / MM
+        self._goal = MM * world.data.body(self.thing).xpos + self._goal_way
+        world.data.qpos[self._place : self._place + 2] += aside / MM
         world.data.ctrl[:] = self._start[: world.model.nu]
         mujoco.mj_forward(world.model, world.data)
-        self.commands, self._ticks = self._start.copy(), 0
-        self._goal = MM * world.data.body(self.thing).xpos + self._goal_way
+        self.commands, self.ticks = self._start.copy(), 0
         return self._observe(), self._info()
+
+    def _make(self, share: float, friction: float) -> None:
+        """An object of this share of its mass, and robots of this coefficient of friction."""
+        world, model = self.world, self.world.model
+        model.body_mass[self._body], model.body_inertia[self._body] = (share * each for each in self._inertia)
+        mujoco.mj_setConst(model, world.data)
+        world.friction = friction
 
     def step(self, action: np.ndarray):
         """Observation, reward, ended, truncated and info of one tick; action (n,) in [-1, 1], changes of commands."""
         move = np.clip(np.nan_to_num(np.asarray(action, float)), -1.0, 1.0) * self.share
         before, failed = self.commands, ""
-        self.commands = np.clip(before + move * (self.high - self.low), self.low, self.high)
-        self._ticks += 1
+        self.commands = self._bounded(before + move * (self.high - self.low))
+        self.ticks += 1
         try:
             for share in np.arange(1, self._steps + 1) / self._steps:
                 self._go(before + share * (self.commands - before))
@@ -109,9 +131,8 @@ class LiftEnv(gymnasium.Env):
         off = float(np.linalg.norm(self._off()))
         if not failed and off > LOST * self._size:
             failed = f"the {self.thing} is lost"
-        near = 0.1 * self._size
-        reward = FAILED if failed else float(np.exp(-off / near) - off / self._size + 0.2 * self._held())
-        return self._observe(), reward, bool(failed), self._ticks >= self.length, self._info() | {"failed": failed}
+        reward = FAILED if failed else self._reward(off)
+        return self._observe(), reward, bool(failed), self.ticks >= self.length, self._info() | {"failed": failed}
 
     def render(self) -> np.ndarray | None:
         """Picture (480, 480, 3) uint8 by MuJoCo, of its first camera; None without `render_mode`."""
@@ -128,11 +149,28 @@ class LiftEnv(gymnasium.Env):
             self._renderer.close()
             self._renderer = None
 
+    def facts(self) -> dict[str, Any]:
+        """Facts beside a policy's network, as plain data: what its observations and actions are of."""
+        names = [name_of(self.world.model, mujoco.mjtObj.mjOBJ_ACTUATOR, i) for i in range(self.world.model.nu)]
+        for name, robot in self.world.robots.items():
+            names += [f"{name}.{actuator}" for actuator in robot.surface.model.rows.actuators]
+        numbers = {"low": self.low.tolist(), "high": self.high.tolist(), "step": self.share, "apart": self.apart}
+        return {"format": FORMAT, "task": "lift", "command": "displacement", "actuators": names} | numbers
+
+    def _bounded(self, commands: np.ndarray) -> np.ndarray:
+        """Commands (n,) within their ranges, those of each robot near their mean."""
+        shares = np.clip((commands - self.low) / (self.high - self.low), 0.0, 1.0)
+        for robot in np.split(shares, self._cuts)[1:]:
+            robot[:] = np.clip(robot, robot.mean() - self.apart, robot.mean() + self.apart)
+        return self.low + shares * (self.high - self.low)
+
     def _go(self, commands: np.ndarray) -> None:
         """One timestep of the world."""
         by_mujoco, *by_robot = np.split(commands, self._cuts)
         self.world.data.ctrl[:] = by_mujoco
-        self.world.step(dict(zip(self.world.robots, by_robot, strict=True)))
+        error = self.world.step(dict(zip(self.world.robots, by_robot, strict=True))).error
+        if error > BEYOND * TRUSTED:
+            raise NumericalError(f"forces bend a robot so far that what they do is {error:.0%} off", do="press less")
 
     @property
     def _cuts(self) -> np.ndarray:
@@ -144,7 +182,12 @@ class LiftEnv(gymnasium.Env):
         """(3,) mm from the object to its goal."""
         return self._goal - MM * self.world.data.body(self.thing).xpos
 
-    def _held(self) -> float:
+    def _reward(self, off: float) -> float:
+        """Reward of an error, mm: see docs/mujoco.md."""
+        beyond = min(max(self.world.contact.error / TRUSTED - 1, 0.0), 1.0)
+        return float(1 + np.exp(-off / (NEAR * self._size)) - off / self._size + 0.2 * self.held() - beyond)
+
+    def held(self) -> float:
         """Share of the robots that press the object with its weight, less of those that press less."""
         forces = [np.linalg.norm(self.world.force(name, self.thing)) for name in self.world.robots]
         return float(np.minimum(np.array(forces) / self._weight, 1.0).mean())
@@ -156,7 +199,9 @@ class LiftEnv(gymnasium.Env):
         velocity = np.zeros(6)
         mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_BODY, body.id, velocity, 0)
         share = 2.0 * (self.commands - self.low) / (self.high - self.low) - 1.0
-        parts = [self._off() / self._size, MM * velocity[3:] / (5 * self._size), body.xmat.reshape(3, 3)[2], share]
+        off = self._off() / self._size
+        parts = [off, np.clip(off / NEAR, -1, 1), MM * velocity[3:] / (5 * self._size)]
+        parts += [body.xmat.reshape(3, 3)[2], share]
         for name, robot in self.world.robots.items():
             parts.append(self.world.force(name, self.thing) / self._weight)
             for point in robot.points:
