@@ -28,11 +28,13 @@ from stable_baselines3.common.vec_env import SubprocVecEnv, VecEnv
 from cfem.gym.save_policy import save_network
 from cfem.mujoco import SoftRobot
 from cfem.mujoco.lift import LiftEnv
+from cfem.mujoco.table import TABLE
 
-PROCESSES, LOOKS = 2, 6
+PROCESSES, LOOKS = 2, 5
 LOOKED_AT, UNSEEN = range(10**5, 10**5 + 20), range(10**6, 10**6 + 20)  # seeds
 WITHIN, HELD = 2.0, 0.99  # mm, share
 BY_HAND = np.array([0.048, 4.0, 4.0, 4.0, 4.0])  # m of the carriage, mm of the cables
+FINE = TABLE.replace('timestep="0.002"', 'timestep="0.005"')
 LIFTS = 9  # ticks: from there on the carriage rises
 NOISE = 0.3  # of actions by hand
 Act = Callable[[np.ndarray], np.ndarray]
@@ -88,7 +90,7 @@ class Worker(LiftEnv):
         """part: of the episodes to be judged by."""
         robot = SoftRobot.load(model, scene)
         super().__init__(robot)
-        self._judged, self._part = LiftEnv(robot), part
+        self._judged, self._fine, self._part = LiftEnv(robot), LiftEnv(robot, mjcf=FINE), part
 
     def begin(self, seed: int) -> None:
         """Draws targets of an episode by hand."""
@@ -105,17 +107,20 @@ class Worker(LiftEnv):
         """s of CPU time of this process."""
         return time.process_time()
 
-    def judged(self, policy: torch.nn.Module | None, seeds: range) -> list[tuple[float, float, bool, float]]:
-        """Results of its part of these episodes, of a policy, or of commands by hand."""
+    def judged(
+        self, policy: torch.nn.Module | None, seeds: range, fine: bool = False
+    ) -> list[tuple[float, float, bool, float]]:
+        """Results of its part of these episodes, of a policy, or of commands by hand; fine: in steps of 5 ms."""
         torch.set_num_threads(1)
+        env = self._fine if fine else self._judged
 
         def act(seen: np.ndarray) -> np.ndarray:
             if policy is None:
-                return by_hand(self._judged, BY_HAND)
+                return by_hand(env, BY_HAND)
             with torch.no_grad():
                 return policy(torch.as_tensor(seen[None]))[0].numpy()
 
-        return [episode(self._judged, act, seed) for seed in seeds[self._part]]
+        return [episode(env, act, seed) for seed in seeds[self._part]]
 
 
 def show(learner: SAC, envs: VecEnv, episodes: int) -> None:
@@ -141,13 +146,13 @@ def learner_of(envs: VecEnv, seed: int = 0, width: int = 128) -> SAC:
     return SAC(
         "MlpPolicy",
         envs,
-        learning_rate=lambda left: 1e-4 + 9e-4 * left,
+        learning_rate=lambda left: 2e-4 + 8e-4 * left,
         gamma=0.95,
         tau=0.01,
         batch_size=256,
         learning_starts=0,
         train_freq=1,
-        gradient_steps=4,
+        gradient_steps=6,
         ent_coef="auto_0.1",
         buffer_size=400_000,
         replay_buffer_class=Mirrored,
@@ -178,9 +183,9 @@ class Looks(BaseCallback):
         self._envs, self._part, self._next, self._wall = envs, steps // LOOKS, steps // LOOKS, wall
         self.best, self._rank = None, (-1, 0.0)
 
-    def look(self, who: str, policy: torch.nn.Module | None, seeds: range) -> tuple[int, float]:
+    def look(self, who: str, policy: torch.nn.Module | None, seeds: range, fine: bool = False) -> tuple[int, float]:
         """Prints how a policy does, or commands by hand. Returns successes and the mean reward of an episode."""
-        results = [result for part in self._envs.env_method("judged", policy, seeds) for result in part]
+        results = [result for part in self._envs.env_method("judged", policy, seeds, fine) for result in part]
         errors, held, failed, rewards = (np.array(column) for column in zip(*results, strict=True))
         good = (errors < WITHIN) & (held > HELD) & ~failed
         cpu = time.process_time() + sum(self._envs.env_method("spent"))
@@ -213,6 +218,8 @@ def trained(model: Path, scene: Path, steps: int, shown: int, seed: int) -> tupl
         learner.learn(steps, callback=looks)
         looks.look("unseen, by hand", None, UNSEEN)
         looks.look("unseen, the policy", looks.best, UNSEEN)
+        looks.look("unseen, by hand, steps of 5 ms", None, UNSEEN, True)
+        looks.look("unseen, the policy, steps of 5 ms", looks.best, UNSEEN, True)
         return looks.best, envs.env_method("facts", indices=0)[0]
     finally:
         envs.close()
@@ -223,7 +230,7 @@ def main() -> None:
     parser.add_argument("model", type=Path, help="folder of the finger's spectral model")
     parser.add_argument("out", type=Path, help="file of the policy, .onnx")
     parser.add_argument("--scene", type=Path, default=Path("pipelines/soft-finger/scene.yaml"))
-    parser.add_argument("--steps", type=int, default=6000, help="ticks of both processes together")
+    parser.add_argument("--steps", type=int, default=5000, help="ticks of both processes together")
     parser.add_argument("--shown", type=int, default=40, help="episodes by hand")
     parser.add_argument("--seed", type=int, default=0)
     given = parser.parse_args()

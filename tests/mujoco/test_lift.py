@@ -118,7 +118,9 @@ def test_commands_of_one_robot_stay_near_each_other(env):
     for wanted, given in (([0.2, 4.0, 0.0], [0.1, 2.5, 1.5]), ([0.0, 1.2, 1.4], [0.0, 1.2, 1.4])):
         assert LiftEnv._bounded(two, np.array(wanted)) == pytest.approx(given)
     alone = env.high
-    assert np.array_equal(env._bounded(alone), alone)
+    assert np.array_equal(env._bounded(alone), alone) and env._uneven() == 0.0
+    two.commands = np.array([0.0, 2.25, 1.75])  # half as far from their mean as they may
+    assert LiftEnv._uneven(two) == pytest.approx(0.25)
 
 
 def test_bending_a_robot_beyond_what_it_knows_costs_and_ends_the_episode(soft_bar, monkeypatch):

@@ -25,6 +25,7 @@ LARGEST = 10.0  # number in an observation
 FAILED = -10.0  # reward where a world cannot go on, or the object is lost
 LOST = 3.0  # of the way: farther from its goal the object is lost
 BEYOND = 2.0  # of the error that contact is trusted to: an episode ends
+UNEVEN = 0.2  # reward that commands cost where those of a robot are as far from their mean as they may
 NEAR = 0.1  # of the way: an error that is small, and observed more finely
 
 
@@ -185,7 +186,13 @@ class LiftEnv(gymnasium.Env):
     def _reward(self, off: float) -> float:
         """Reward of an error, mm: see docs/mujoco.md."""
         beyond = min(max(self.world.contact.error / TRUSTED - 1, 0.0), 1.0)
-        return float(1 + np.exp(-off / (NEAR * self._size)) - off / self._size + 0.2 * self.held() - beyond)
+        near, held = np.exp(-off / (NEAR * self._size)), 0.2 * self.held()
+        return float(1 + near - off / self._size + held - beyond - UNEVEN * self._uneven())
+
+    def _uneven(self) -> float:
+        """Mean square of how far commands of robots are from the mean of their robot, over the farthest."""
+        robots = np.split((self.commands - self.low) / (self.high - self.low), self._cuts)[1:]
+        return float(np.mean([((robot - robot.mean()) / self.apart) ** 2 for robot in robots]))
 
     def held(self) -> float:
         """Share of the robots that press the object with its weight, less of those that press less."""
