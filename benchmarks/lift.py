@@ -13,6 +13,7 @@ turned: at the first tick of the free cube, halfway from there to the end, and a
 in each. Needs the trained finger; half a minute of CPU time an episode and more."""
 
 import argparse
+import sys
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -26,7 +27,6 @@ from scipy.spatial.transform import Rotation
 from cfem.constraint.surface import outer_surface
 from cfem.constraint.surface_points import at_nodes
 from cfem.contact.obstacle import Box
-from cfem.equilibrium.contact.free_body import HeldBody, Pose
 from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
 from cfem.gym.policy import Network
 from cfem.mujoco import SoftRobot
@@ -34,6 +34,10 @@ from cfem.mujoco.geoms import MM
 from cfem.mujoco.lift import LiftEnv
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+
+from support.held_body import HeldBody, Pose
 
 SETTLED = 0.3  # mm that the cube goes in a tick against the carriage, where it stays in the grip
 LONGEST = 0.8  # mm: way of a cable, or of the cube, to the next stop of the finite elements

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 from support.blocks import bar
+from support.held_body import HeldBody, Pose
 
 from cfem.constraint.surface import outer_surface
 from cfem.constraint.surface_points import at_nodes
 from cfem.contact.obstacle import Box
-from cfem.equilibrium.contact.free_body import HeldBody, Pose
 from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
 
 PLACE, HALF = np.array([52.5, 5.0, 13.3]), np.array([6.0, 4.5, 3.0])
