@@ -28,7 +28,7 @@ from cfem.constraint.surface import outer_surface
 from cfem.constraint.surface_points import at_nodes
 from cfem.contact.obstacle import Box
 from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
-from cfem.gym.policy import Network
+from cfem.gym.policy import PolicyNetwork
 from cfem.mujoco import SoftRobot
 from cfem.mujoco.geoms import MM
 from cfem.mujoco.lift import LiftEnv
@@ -71,7 +71,7 @@ def seen_now(env: LiftEnv) -> Tick:
     return Tick(Pose(cube.xmat.reshape(3, 3).copy(), MM * cube.xpos - down), cables, forces, on_table)
 
 
-def episode(env: LiftEnv, policy: Network, seed: int) -> tuple[list[Tick], float, str]:
+def episode(env: LiftEnv, policy: PolicyNetwork, seed: int) -> tuple[list[Tick], float, str]:
     """Ticks of an episode, the error at its end, mm, and why it failed."""
     seen, _ = env.reset(seed=seed)
     ticks, over = [seen_now(env)], False
@@ -146,7 +146,7 @@ def main() -> None:
     parser.add_argument("--scene", type=Path, default=Path("pipelines/soft-finger/scene.yaml"))
     parser.add_argument("--episodes", type=int, default=5)
     given = parser.parse_args()
-    env, policy = LiftEnv(SoftRobot.load(given.model, given.scene)), Network(given.policy)
+    env, policy = LiftEnv(SoftRobot.load(given.model, given.scene)), PolicyNetwork(given.policy)
     robots, begin = fingers(env, given.scene), time.process_time()
     print("| episode | error in MuJoCo (mm) | tick | force off (%) | place off (mm) | turned (degrees) |")
     print("|---|---|---|---|---|---|")

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cfem.core.errors import InputError
-from cfem.gym.policy import Network, Policy
+from cfem.gym.policy import Policy, PolicyNetwork
 
 torch, gymnasium = pytest.importorskip("torch"), pytest.importorskip("gymnasium")
 pytest.importorskip("stable_baselines3")
@@ -70,7 +70,7 @@ def test_a_policy_of_a_few_ticks_acts_in_its_file_as_in_training(example, tmp_pa
     actor, path = example["Actor"](learner.policy.actor), tmp_path / "lift.onnx"
     save_network(actor, path, 29, FACTS)
     seen = np.random.default_rng(0).normal(size=(7, 29)).astype(np.float32)
-    network = Network(path)
+    network = PolicyNetwork(path)
     assert network.facts == FACTS and network.inputs == 29
     assert network.actions(seen) == pytest.approx(learner.predict(seen, deterministic=True)[0], abs=1e-6)
     with pytest.raises(InputError, match="is no policy of cfem"):

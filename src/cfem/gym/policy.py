@@ -19,7 +19,7 @@ FORMAT = 3
 
 
 @dataclass(frozen=True)
-class Network:
+class PolicyNetwork:
     """A policy from a file of `cfem.gym.save_policy.save_network`, of any environment. InputError where it is none.
 
     facts: its metadata; inputs: numbers of an observation"""
@@ -63,7 +63,7 @@ class Policy:
 
     def __post_init__(self) -> None:
         """Reads the network and the facts beside it. InputError where the file is no policy of cfem."""
-        network = Network(self.path)
+        network = PolicyNetwork(self.path)
         facts = network.facts
         try:
             sizes = [len(facts[name]) for name in ("step", "low", "reach")]

@@ -129,10 +129,10 @@ class LiftEnv(gymnasium.Env):
                 self._go(before + share * (self.commands - before))
         except NumericalError as error:
             failed = str(error)
-        off = float(np.linalg.norm(self._off()))
-        if not failed and off > LOST * self._size:
+        distance = float(np.linalg.norm(self._to_goal()))
+        if not failed and distance > LOST * self._size:
             failed = f"the {self.thing} is lost"
-        reward = FAILED if failed else self._reward(off)
+        reward = FAILED if failed else self._reward(distance)
         return self._observe(), reward, bool(failed), self.ticks >= self.length, self._info() | {"failed": failed}
 
     def render(self) -> np.ndarray | None:
@@ -179,15 +179,15 @@ class LiftEnv(gymnasium.Env):
         each = [robot.surface.model.rows.n_a for robot in self.world.robots.values()]
         return self.world.model.nu + np.cumsum([0, *each[:-1]])
 
-    def _off(self) -> np.ndarray:
+    def _to_goal(self) -> np.ndarray:
         """(3,) mm from the object to its goal."""
         return self._goal - MM * self.world.data.body(self.thing).xpos
 
-    def _reward(self, off: float) -> float:
+    def _reward(self, distance: float) -> float:
         """Reward of an error, mm: see docs/mujoco.md."""
         beyond = min(max(self.world.contact.error / TRUSTED - 1, 0.0), 1.0)
-        near, held = np.exp(-off / (NEAR * self._size)), 0.2 * self.held()
-        return float(1 + near - off / self._size + held - beyond - UNEVEN * self._uneven())
+        near, held = np.exp(-distance / (NEAR * self._size)), 0.2 * self.held()
+        return float(1 + near - distance / self._size + held - beyond - UNEVEN * self._uneven())
 
     def _uneven(self) -> float:
         """Mean square of how far commands of robots are from the mean of their robot, over the farthest."""
@@ -206,8 +206,8 @@ class LiftEnv(gymnasium.Env):
         velocity = np.zeros(6)
         mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_BODY, body.id, velocity, 0)
         share = 2.0 * (self.commands - self.low) / (self.high - self.low) - 1.0
-        off = self._off() / self._size
-        parts = [off, np.clip(off / NEAR, -1, 1), MM * velocity[3:] / (5 * self._size)]
+        to_goal = self._to_goal() / self._size
+        parts = [to_goal, np.clip(to_goal / NEAR, -1, 1), MM * velocity[3:] / (5 * self._size)]
         parts += [body.xmat.reshape(3, 3)[2], share]
         for name, robot in self.world.robots.items():
             parts.append(self.world.force(name, self.thing) / self._weight)
@@ -217,7 +217,7 @@ class LiftEnv(gymnasium.Env):
 
     def _info(self) -> Mapping[str, Any]:
         """Facts beside the observation: the error, mm, and the commands, in their units."""
-        return {"error": float(np.linalg.norm(self._off())), "command": self.commands.copy()}
+        return {"error": float(np.linalg.norm(self._to_goal())), "command": self.commands.copy()}
 
 
 def _place_of(model: mujoco.MjModel, thing: str) -> int:
