@@ -27,16 +27,16 @@ from cfem.predict.protocol import Predictor
 MODES = 80  # of the compliance
 NEAR = 0.05  # of the length: nodes between which what the modes leave is known
 DENTED = 0.028  # of the length: nodes that dent each other
-LAST, FEW = 16, 64  # choices of nodes whose series are kept, and of how many nodes at most
+KEPT, FEW = 16, 64  # choices of nodes whose series are kept, and of how many nodes at most
 ONE = np.ones(1)
 
 
 class NodeSeries(NamedTuple):
-    """Of nodes (c,) near obstacles, what no state changes.
+    """Arrays of nodes (c,) near obstacles that are the same in all states of the robot.
 
-    spread (c, 3, 3), by_row (c, 3, 3, k): of `SurfaceModel.turns`
-    U: (3 c, k)
-    between: (m, 3 c, 3 c) mm/N, series of Phi K Phi^T + L
+    spread: (c, 3, 3), by_row: (c, 3, 3, k), of `SurfaceModel.turns`
+    U: (3 c, k) skin's modes at the nodes
+    between: (m, 3 c, 3 c) mm/N, series of Phi K Phi^T + L in the frames at rest
     tip: (terms, n_e, c, 3) mm/N, of `SurfaceModel.local_tip`
     first (c + 1,), triples (t, 3), dented (t, 3, 3, 3) mm/N^2: as `_dents` takes them, of these nodes alone"""
 
@@ -90,7 +90,7 @@ class NodeModel(SurfaceModel):
         """Series of few nodes (c,), kept for states to come."""
         kept, key = self._last, points.tobytes()
         if key not in kept:
-            if len(kept) >= LAST:
+            if len(kept) >= KEPT:
                 del kept[next(iter(kept))]
             kept[key] = self._series(points, np.eye(len(self.degrees)))
         return kept[key]
@@ -102,7 +102,7 @@ class NodeModel(SurfaceModel):
         for term in terms:
             between.append(modes @ (term @ self._by_modes).reshape(k, k) @ modes.T)
             linear = term[: len(self._left)]  # the first ones of the series of K
-            _add_local(between[-1], points, still, linear, self._first, fe.pairs[:, 1], self._left)
+            _add_local(between[-1], points, linear, self._first, fe.pairs[:, 1], self._left)
         triples, dented = _dents(points, still, self._first_triple, fe.triples, self._dented)
         first = np.searchsorted(triples[:, 0], np.arange(c + 1))
         joint = first, triples.astype(fe.triples.dtype), dented.astype(np.float32)
@@ -192,29 +192,22 @@ def _of_nodes(rows, C_ss, basis, terms, nodes):
 
 
 @njit(cache=True, error_model="numpy")
-def _add_local(total, points, R, linear, first, second, left):
-    """Adds L of points (c,) that are near each other to total (3 c, 3 c); the pairs of node i are first[i] to
-    first[i + 1], with the nodes `second` (p,)."""
+def _add_local(total, points, linear, first, second, left):
+    """Adds L of points (c,) that are near each other, in the frames at rest, to total (3 c, 3 c); the pairs of node i
+    are first[i] to first[i + 1], with the nodes `second` (p,)."""
     place = np.full(len(first) - 1, -1)
     for i in range(len(points)):
         place[points[i]] = i
-    L, half = np.empty((3, 3)), np.empty((3, 3))
     for i in range(len(points)):
         for pair in range(first[points[i]], first[points[i] + 1]):
             j = place[second[pair]]
             if j < 0:
                 continue
-            L[:] = 0.0
-            for term in range(len(linear)):
-                for a in range(3):
-                    for b in range(3):
-                        L[a, b] += linear[term] * left[term, pair, a, b]
             for a in range(3):
                 for b in range(3):
-                    half[a, b] = R[i, a, 0] * L[0, b] + R[i, a, 1] * L[1, b] + R[i, a, 2] * L[2, b]
-            for a in range(3):
-                for b in range(3):
-                    value = half[a, 0] * R[j, b, 0] + half[a, 1] * R[j, b, 1] + half[a, 2] * R[j, b, 2]
+                    value = 0.0
+                    for term in range(len(linear)):
+                        value += linear[term] * left[term, pair, a, b]
                     total[3 * i + a, 3 * j + b] += value
                     if i != j:
                         total[3 * j + b, 3 * i + a] += value
