@@ -70,7 +70,7 @@ def test_damping_holds_the_actuators_and_where_they_stand_is_still_the_answer():
     pulled = Aim(np.zeros(3), np.zeros(3), np.full(2, 0.1), preload=1.0, damping=np.array([0.2, 0.3]))
     step = inverse_step(now, pulled, free)
     np.testing.assert_allclose(step.delta_a, [(1 + 4 * 6.0) / 5, (1 + 9 * 4.0) / 10], rtol=1e-9)
-    there = inverse_step(now, Aim(now.delta_e, np.ones(3), np.zeros(2), damping=1.0), free)
+    there = inverse_step(now, Aim(now.delta_e, np.ones(3), np.zeros(2), damping=np.ones(2)), free)
     np.testing.assert_allclose(there.delta_a, [6.0, 4.0], atol=1e-9)
 
 

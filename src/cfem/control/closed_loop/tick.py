@@ -66,7 +66,7 @@ class Pilot:
     settings: SearchSettings = ONCE
     rate: np.ndarray | float = np.inf
     preload: np.ndarray | float = 0.0
-    damping: np.ndarray | float = 0.0
+    damping: np.ndarray | None = None
     approach: SearchSettings | None = None
     places: np.ndarray | None = None
     restarts: int = 0

@@ -36,7 +36,7 @@ def pilot_of(spec: TrackingSpec, robot: Any, model: Any) -> Pilot:
             robot.reach, search.iterations, search.tolerance, search.step, backend=search.qp, cautious=search.cautious
         ),
         preload=search.preload,
-        damping=ridge_of(search.damping, robot.reach, robot.length),
+        damping=ridge_of(search.damping, robot.reach, robot.length) if search.damping else None,
         places=~np.array(robot.rows.turns),
         restarts=0 if isinstance(spec, HoldingSpec | ObstaclesSpec) or search.iterations == 1 else RESTARTS,
     )

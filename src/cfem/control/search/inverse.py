@@ -85,14 +85,14 @@ class Aim:
     weights: (n_e,), 0 for rows that do not matter
     ridge: (n_a,) dimensionless, the regularisation r
     preload: mm, the course that it draws the actuators to
-    damping: (n_a,) dimensionless, d, which holds them where they are
+    damping: (n_a,) dimensionless, d, which holds them where they are; None: nothing does
     places: (n_e,) True for rows in mm, all unless given (forces have weights in mm/N)"""
 
     goal: np.ndarray
     weights: np.ndarray
     ridge: np.ndarray
     preload: np.ndarray | float = 0.0
-    damping: np.ndarray | float = 0.0
+    damping: np.ndarray | None = None
     places: np.ndarray | None = None
 
     def distance(self, delta_e: np.ndarray) -> float:
@@ -134,9 +134,8 @@ def inverse_step(
     W_aa, free_a = now.W_aa, now.delta_free[now.rows.a]
     pull, wanted = aim.weights[:, None] * now.W_ea, aim.weights * (aim.goal - now.delta_free[now.rows.e])
     M, d = [pull, aim.ridge[:, None] * W_aa], [wanted, aim.ridge * (aim.preload - free_a)]
-    if np.any(aim.damping):
-        held = np.broadcast_to(aim.damping, len(free_a))
-        M, d = [*M, held[:, None] * W_aa], [*d, held * (now.delta_a - free_a)]
+    if aim.damping is not None:
+        M, d = [*M, aim.damping[:, None] * W_aa], [*d, aim.damping * (now.delta_a - free_a)]
     if curvature_root is not None:
         M, d = [*M, curvature_root @ W_aa], [*d, curvature_root @ (now.delta_a - free_a)]
     M, d = np.concatenate(M), np.concatenate(d)

@@ -46,7 +46,7 @@ class Optimality:
     @classmethod
     def of(cls, condensed: Condensed, aim: Aim, limits: Limits) -> "Optimality":
         """Optimality of a state; limits: of the robot, not of one step."""
-        free = replace(aim, ridge=np.zeros(len(condensed.delta_a)), damping=0.0)
+        free = replace(aim, ridge=np.zeros(len(condensed.delta_a)), damping=None)
         missed, nearest = aim.missed(condensed.delta_e), 0.0
         try:
             lam = inverse_step(condensed, free, limits).lambda_a

@@ -11,6 +11,7 @@ Residuals are lengths in the unit of M x (`qp_program`)."""
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
+from math import isfinite
 from typing import Literal
 
 import numpy as np
@@ -76,7 +77,7 @@ def solve_qp(
         # The box holds exactly in the user's units too.
         x = np.minimum(np.maximum(answer.x * variables, box[:, 0]), box[:, 1])
         force = answer.multipliers * multipliers
-    if not np.isfinite(x.sum() + force.sum()):
+    if not isfinite(x.sum() + force.sum()):
         return _no_answer(m, n, QpStatus.INACCURATE, iterations)
     allowed = max(TOLERANCE, min(_DOUBTFUL, _ROUNDING * program.S[0] / program.S.min()))
     # Written so that a residual of NaN is inaccurate too.
@@ -125,11 +126,11 @@ def _active_set(p: Program) -> tuple[QpAnswer | None, int]:
 def _refined(p: Program, active: ActiveSet, x: np.ndarray) -> QpAnswer:
     """x and multipliers on the active constraints, by iterative refinement with the factors at hand."""
     n, which, sign, force = len(x), active.which, active.sign, active.force
-    bound = np.where(sign > 0, p.low[which], p.high[which])
-    boxed, best = which < n, None
+    bound, best = np.where(sign > 0, p.low[which], p.high[which]) if len(which) else sign, None
     for _ in range(_REFINEMENTS + 1):
         multipliers = np.zeros(len(p.low))
         if len(which):
+            boxed = which < n
             x[which[boxed]] = bound[boxed]
             multipliers[which] = -sign * force / p.length[which]
         now = p.judged(np.minimum(np.maximum(x, p.low[:n]), p.high[:n]), multipliers)

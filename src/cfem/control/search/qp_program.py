@@ -4,7 +4,7 @@ The coordinates are those of the objective, S V^T x with M = U S V^T, and residu
 M x: mm for an inverse step. The units of the variables and the widths of their bounds have no part in either."""
 
 from dataclasses import dataclass
-from math import sqrt
+from math import isfinite, sqrt
 
 import numpy as np
 
@@ -110,8 +110,9 @@ def scaled(
     scale = np.concatenate([column, row])
     demanded = np.maximum(np.maximum(low, -high), 0.0) * scale
     unit = float(max(np.abs(d).max(initial=0.0), demanded.max())) or 1.0
-    M, d, A, low, high = M / column, d / unit, A * row[:, None], low * (scale / unit), high * (scale / unit)
-    if not (np.isfinite(M.sum() + d.sum() + A.sum()) and (low <= high).all()):
+    M, d, A, scale_of_bounds = M / column, d / unit, A * row[:, None], scale / unit
+    low, high = low * scale_of_bounds, high * scale_of_bounds
+    if not (low <= high).all() or not isfinite(M.sum() + d.sum() + A.sum()):
         return None, column, row
     return _program(M, d, A, low, high, unit), unit / column, unit * scale
 
@@ -119,12 +120,14 @@ def scaled(
 def _program(M: np.ndarray, d: np.ndarray, A: np.ndarray, low: np.ndarray, high: np.ndarray, unit: float) -> Program:
     """Program of a scaled problem, whose objective is reduced by the singular values of M."""
     n = M.shape[1]
-    U, singular_values, Vt = np.linalg.svd(M, full_matrices=len(M) < n)
-    k = int((singular_values > _FLAT * singular_values[0]).sum()) if len(singular_values) else 0
-    S, shadow = np.full(n, _HELD * singular_values[0] if k else 1.0), np.zeros(n)
-    S[:k], shadow[:k] = singular_values[:k], d @ U[:, :k]
+    U, S, Vt = np.linalg.svd(M, full_matrices=len(M) < n)
+    shadow = d @ U
+    if len(S) < n or S[-1] <= _FLAT * S[0]:
+        k = int((S > _FLAT * S[0]).sum()) if len(S) else 0
+        held = np.full(n - k, _HELD * S[0] if k else 1.0)
+        S, shadow = np.concatenate([S[:k], held]), np.concatenate([shadow[:k], np.zeros(n - k)])
     G = np.concatenate([np.eye(n), A])
     normals = G @ Vt.T / S
     length = np.sqrt((normals * normals).sum(axis=1))
-    length = np.where(length > 0, length, 1.0)
+    length[length == 0.0] = 1.0
     return Program(M, d, G, low, high, S, Vt.T, shadow, normals / length[:, None], length, unit)
