@@ -253,6 +253,11 @@ class Memory:
                 rows[slot] = pairs.relative[i], places[slot - N] if slot >= N else np.zeros(3)
         return Memory(rows)
 
+    def slid(self, slid: Mapping[int, np.ndarray]) -> "Memory":
+        """Memory with the origins of pairs with obstacles where they have slid to; slid: (3,) mm by slot."""
+        rows = {slot: (row, origin + slid.get(slot, 0.0)) for slot, (row, origin) in self.rows.items()}
+        return Memory(rows)
+
     def carried(self, pairs: Pairs, courses: Mapping[int, PrescribedMotion], begin: float, end: float) -> "Memory":
         """Memory with the origins on moving obstacles moved along. courses: by number among the partners of pairs."""
         rows = dict(self.rows)

@@ -10,6 +10,7 @@ from cfem.contact.law.modes import Mode
 from cfem.contact.law.newton import modes_from, newton, project
 from cfem.contact.law.path import along_friction
 from cfem.contact.law.problem import ContactProblem
+from cfem.contact.law.sliding import StepBegin, slid
 from cfem.contact.law.solve import ContactStatus, solve_contact
 
 
@@ -43,14 +44,24 @@ def turned(compliance: np.ndarray, turning: np.ndarray) -> TurningCompliance | N
 
 
 def pressed(
-    compliance: np.ndarray, gap: np.ndarray, frames: np.ndarray, start: np.ndarray, mu: float
-) -> tuple[tuple[Mode, ...], np.ndarray] | None:
-    """Modes, and forces (c, 3) N in their `frames` (c, 3, 3), of patches by the law of contact; None where none obey
-    it.
+    compliance: np.ndarray,
+    gap: np.ndarray,
+    frames: np.ndarray,
+    start: np.ndarray,
+    mu: float,
+    begin: StepBegin | None = None,
+) -> tuple[tuple[Mode, ...], np.ndarray, np.ndarray] | None:
+    """Modes, forces (c, 3) N in their `frames` (c, 3, 3), and slip (c, 2) mm before the last part of the step, of
+    patches by the law of contact; None where none obey it.
 
     compliance (3 c, 3 c) mm/N: of the patches, in the scene's axes
-    gap (c, 3) mm: normal gap and slip in the frames, under forces `start` (c, 3) N"""
+    gap (c, 3) mm: normal gap and slip in the frames, under forces `start` (c, 3) N
+    begin: of the step, where friction is followed along it"""
     W, free = _in_frames(compliance, gap, frames, start)
+    slip = np.zeros((len(frames), 2))
+    if begin is not None and mu:
+        slip = slid(W, free, begin.gaps, (frames @ begin.push[:, :, None])[..., 0], mu, begin.parts)
+        free.reshape(-1, 3)[:, 1:] -= slip
     forces, _ = newton(W, free, mu, start)
     if (
         forces is None and len(frames) <= MOST
@@ -58,11 +69,11 @@ def pressed(
         forces, _ = newton(W, free, mu)
         forces = along_friction(W, free, mu)[0] if forces is None else forces
     if forces is not None:
-        return modes_from(forces, mu), forces
+        return modes_from(forces, mu), forces, slip
     answer = solve_contact(ContactProblem(W, free, mu=mu), "coulomb")
     if answer.status not in (ContactStatus.SOLVED, ContactStatus.SEVERAL):
         return None
-    return answer.modes, answer.lam.reshape(-1, 3)
+    return answer.modes, answer.lam.reshape(-1, 3), slip
 
 
 @njit(cache=True, error_model="numpy")
@@ -154,7 +165,8 @@ class Balance:
     push: (p, 3) N, the same in the scene, on the pairs' patches
     forces: (c, 3) N, on the patches
     change: (c, 3) N, of these forces
-    compliance: (3 c, 3 c) mm/N, of the patches"""
+    compliance: (3 c, 3 c) mm/N, of the patches
+    slid: (p, 3) mm in the scene, along the surfaces before the last part of the step"""
 
     modes: tuple[Mode, ...]
     local: np.ndarray
@@ -162,6 +174,7 @@ class Balance:
     forces: np.ndarray
     change: np.ndarray
     compliance: np.ndarray
+    slid: np.ndarray
 
     def with_forces(self, push: np.ndarray, forces: np.ndarray, frames: np.ndarray, mu: float) -> "Balance":
         """Other forces on the same linearisation, push (p, 3) N of pairs and forces (c, 3) N on patches, which need not
@@ -185,6 +198,7 @@ def balance(
     push: np.ndarray,
     mu: float,
     mobility: np.ndarray | None = None,
+    begin: StepBegin | None = None,
 ) -> Balance | None:
     """The law of contact on p pairs of c patches with `compliance` (3 c, 3 c) mm/N in the scene's axes, under forces
     (c, 3) N; None where nothing obeys it.
@@ -192,9 +206,11 @@ def balance(
     relative (p, c): how pairs depend on the patches (`Pairs.relative`), None where each patch has one, in their order
     frames (p, 3, 3), and in these gaps (p, 3) mm: normal gap and slip
     push (p, 3) N: a guess in the scene; `forces` where relative is None
-    mobility (3 p, 3 p) mm/N: by how much the pairs yield beside the patches, as the bodies move that they are on"""
+    mobility (3 p, 3 p) mm/N: by how much the pairs yield beside the patches, as the bodies move that they are on
+    begin: of the step, where friction is followed along it (`cfem.contact.law.sliding`)"""
     if not len(frames):
-        return Balance((), np.zeros((0, 3)), np.zeros((0, 3)), 0 * forces, -forces, compliance)
+        nothing = np.zeros((0, 3))
+        return Balance((), nothing, nothing, 0 * forces, -forces, compliance, nothing)
     guess, pair_compliance = (frames @ push[:, :, None])[..., 0], compliance
     if relative is not None:
         B = np.kron(relative, np.eye(3))
@@ -204,10 +220,11 @@ def balance(
         gaps = gaps - (frames @ unguessed.reshape(-1, 3, 1))[..., 0]
     if mobility is not None:
         pair_compliance = pair_compliance + mobility
-    answer = pressed(pair_compliance, gaps, frames, guess, mu)
+    answer = pressed(pair_compliance, gaps, frames, guess, mu, begin)
     if answer is None:
         return None
-    modes, local = answer
+    modes, local, slip = answer
     pushes = (local[:, None] @ frames)[:, 0]
     balanced = pushes if relative is None else relative.T @ pushes
-    return Balance(modes, local, pushes, balanced, balanced - forces, compliance)
+    slid_in_scene = (slip[:, None] @ frames[:, 1:])[:, 0]
+    return Balance(modes, local, pushes, balanced, balanced - forces, compliance, slid_in_scene)

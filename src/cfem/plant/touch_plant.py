@@ -9,6 +9,7 @@ import numpy as np
 
 from cfem.condensed.patches import Patches
 from cfem.contact.clearance import nearest_of_surface
+from cfem.contact.law.sliding import PARTS
 from cfem.contact.obstacle import ClosedMesh, Obstacle
 from cfem.contact.obstacle_set import ObstacleSet
 from cfem.contact.pairs import numbers_of
@@ -39,6 +40,7 @@ class TouchPlant(ContactAccount):
         courses: Mapping[str, PrescribedMotion] | None = None,
         others: Mapping[str, tuple[SkinnedRobot, ActuatedRobot]] | None = None,
         itself: tuple[str, ...] = (),
+        parts: int = PARTS,
     ):
         """Robot at rest among obstacles.
 
@@ -48,12 +50,13 @@ class TouchPlant(ContactAccount):
         mu: friction
         courses: of obstacles that move (`pass_to`)
         others: robots that it meets, by name, and the courses of their actuators
-        itself: the name under which the robot touches itself, or none"""
+        itself: the name under which the robot touches itself, or none
+        parts: in which friction is followed along a step"""
         self._robot, self._obstacles, self._pressed, self._avoided = robot, obstacles, pressed, avoided
         self._courses, self._others, self._itself = courses or {}, others or {}, itself
         self._numbers, self._share, self._blocked = numbers_of(itself, self._others, obstacles), 0.0, CONVERGED
         robots = [replace(robot, itself=bool(itself)), *(soft_obstacle for soft_obstacle, _ in self._others.values())]
-        self._meeting = SurfaceScene(robots, ObstacleSet(tuple(obstacles.values())), mu)
+        self._meeting = SurfaceScene(robots, ObstacleSet(tuple(obstacles.values())), mu, parts)
         self._at, self.met = np.zeros(robot.robot.rows.n_a), None
         self._solid = tuple(name for name in obstacles if name not in avoided)
         by_patches = isinstance(robot.patches, Patches)

@@ -231,7 +231,7 @@ def test_a_tick_plans_with_contact_as_python_does(exported, patched, mu):
     robot, which yields less than the free one."""
     at = foremost(patched, np.array([1.0]))
     wall = Plane(R=np.diag([1.0, -1.0, -1.0]), t=at - [0, 0, 0.1])
-    among = ContactModel(patched, {"wall": wall}, mu=mu)
+    among = ContactModel(patched, {"wall": wall}, mu=mu, parts=1)  # as C has it
     planning, now = Planning(exported[0] / "c", [wall], mu, STRICT), np.zeros(1)
     among.settle(now)
     assert demand_same_ticks(planning, among, now, (0.8, 1.6, 1.8, 1.7, 1.5)) > 1e-3
@@ -244,7 +244,7 @@ def test_a_tick_says_that_contact_bends_the_robot_too_far(exported, patched, dep
     """A ball pushes the tip along the bar."""
     places = patched.patches.mean(patched.model.shape(np.zeros(1)))
     ball = Sphere(20.0, t=places[np.argmax(places[:, 0])] + [20.0 - depth, 0, 0])
-    among = ContactModel(patched, {"ball": ball}, mu=1.5)
+    among = ContactModel(patched, {"ball": ball}, mu=1.5, parts=1)
     among.settle(np.zeros(1))
     found = Planning(exported[0] / "c", [ball], 1.5, STRICT).step(patched.model.rest_e)
     assert not found.status & NO_MODEL and among.before.forces.any()

@@ -221,3 +221,36 @@ def test_the_error_of_the_tip_in_contact_adds_to_that_of_the_robot_alone(alone, 
     assert stated.tip == pytest.approx(tip) and stated.probability == 0.95
     assert np.isnan(stated.actuators).all()
     assert ContactModel.error(world, SimpleNamespace(rows=rows)) is None
+
+
+def test_friction_is_followed_along_a_step(patched, bar, monkeypatch):
+    """A wall that presses moves aside, and then at a right angle, in two long steps: friction turns on the way, in the
+    learned robot and in finite elements, as it does in 32 times as many steps of one part."""
+    robot = build_robot(*load_scene_and_mesh(bar / "pipelines" / "bar" / "scene.yaml"))
+    places = patched.patches.mean(patched.model.shape(0.1 * DELTA))
+    turn = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
+    wall = Plane(R=turn, t=places[np.argmax(places[:, 1])] - [0, 1.0, 0])
+    way = Translation(wall, np.array([[0.0, 0, 0], [0.4, 0, 0], [0.4, 0, 0.4]]))
+    skin, given = patched.model.skin, ({"wall": wall}, ("wall",))
+
+    def answers(steps, parts):
+        """Force of the wall, N, and tip, mm from rest: of the learned robot, and of finite elements."""
+        world = ContactModel(patched, *given, mu=0.5, courses={"wall": way}, parts=parts)
+        surface = SkinnedRobot(robot, skin.nodes, skin.triangles, patched.patches)
+        plant = TouchPlant(surface, *given, (), 0.5, {"wall": way}, parts=parts)
+        world.settle(0.1 * DELTA)
+        plant.step(0.1 * DELTA)
+        for share in np.arange(1, 2 * steps + 1) / (2 * steps):
+            world.pass_to(share)
+            plant.pass_to(share)
+        felt = plant.step(0.1 * DELTA).x_e - np.concatenate([robot.rest_e, [0.0]])
+        return world.at_displacement(0.1 * DELTA).delta_e, felt
+
+    monkeypatch.setattr("cfem.predict.contact.model.LONGEST", 1.0)
+    monkeypatch.setattr("cfem.plant.touch_plant.LONGEST", 1.0)
+    shorter, whole, parts = answers(32, 1), answers(1, 1), answers(1, 16)
+    for truth, at_once, followed in zip(shorter, whole, parts, strict=True):
+        missed, left = (np.abs(answer - truth) for answer in (at_once, followed))
+        assert missed[-1] > 0.005 * truth[-1]
+        assert left[-1] < missed[-1] / 5
+        assert np.linalg.norm(left[:3]) < np.linalg.norm(missed[:3]) / 10

@@ -1,6 +1,6 @@
 """Every goal of a control run by every controller, carried out by the plant."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ from cfem.control.open_loop.summary import headline, judged, record, summarise
 from cfem.control.task.goals.doubts import left_out
 from cfem.control.task.goals.trajectory_spec import has_been, meant_beyond
 from cfem.control.task.loads import load_doubts
+from cfem.control.task.obstacles.shorter_steps import StepDependence, step_dependence
 from cfem.control.task.obstacles.spec import ObstaclesSpec
 from cfem.control.task.obstacles.stated import stated_errors
 from cfem.control.task.prepared import Prepared
@@ -24,6 +25,7 @@ from cfem.control.task.run_spec import FE_BASED, LoadedSpec, PlannedSpec
 from cfem.core.artefact.judgement import KEY
 from cfem.core.console.progress import progress
 from cfem.dataset.writer import write_records
+from cfem.predict.contact.model import ContactModel
 
 
 def carry_out(folder: Path, spec: PlannedSpec, base: Path, prepared: Prepared, kept_run: KeptRun) -> dict[str, Any]:
@@ -61,20 +63,26 @@ def carry_out(folder: Path, spec: PlannedSpec, base: Path, prepared: Prepared, k
     if prepared.world:
         figures, sentences = prepared.world.results(spec, records)
         lines = [*sentences, *lines]
-    contact_error = None
+    contact_error, steps = None, {}
     if isinstance(spec, ObstaclesSpec):
         contact_error, sentences = stated_errors(prepared.predictors, spec.error_places, records, prepared.rest_e)
         lines += sentences
+        steps = _depend_on_steps(prepared, records)
+        lines += [dependence.sentence(name) for name, dependence in steps.items()]
         held, met = (held | figures, None) if holding else (None, figures)
     if prepared.touched and prepared.touched.commands:  # none where the model is its own plant
         lines.append(prepared.touched.sentence())
     kept_run.remove()
     return {
         "headline": lines,
-        KEY: _judgement(spec, prepared, results, refined),
+        KEY: [
+            *_judgement(spec, prepared, results, refined),
+            *(finding for dependence in steps.values() for finding in dependence.judged(robot.length)),
+        ],
         "object": held,
         "obstacles": met,
         "contact_error": contact_error,
+        "shorter_steps": {name: dependence.results() for name, dependence in steps.items()},
         "load_error": prepared.load_error,
         "plant": spec.plant,
         "trajectories": results,
@@ -83,6 +91,16 @@ def carry_out(folder: Path, spec: PlannedSpec, base: Path, prepared: Prepared, k
         "fe_cost": cost,
         "nodes": len(robot.X),
     }
+
+
+def _depend_on_steps(prepared: Prepared, records: Sequence[Mapping[str, Any]]) -> dict[str, StepDependence]:
+    """What shorter steps change, by model, where friction makes the answers depend on them."""
+    by_model = {
+        name: step_dependence(model, [row for row in records if row["controller"] == name])
+        for name, model in prepared.predictors.items()
+        if isinstance(model, ContactModel)
+    }
+    return {name: dependence for name, dependence in by_model.items() if dependence}
 
 
 def _judgement(

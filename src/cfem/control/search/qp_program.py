@@ -123,7 +123,7 @@ def _program(M: np.ndarray, d: np.ndarray, A: np.ndarray, low: np.ndarray, high:
     U, S, Vt = np.linalg.svd(M, full_matrices=len(M) < n)
     shadow = d @ U
     if len(S) < n or S[-1] <= _FLAT * S[0]:
-        k = int((S > _FLAT * S[0]).sum()) if len(S) else 0
+        k = np.count_nonzero(_FLAT * S[0] < S) if len(S) else 0
         held = np.full(n - k, _HELD * S[0] if k else 1.0)
         S, shadow = np.concatenate([S[:k], held]), np.concatenate([shadow[:k], np.zeros(n - k)])
     G = np.concatenate([np.eye(n), A])

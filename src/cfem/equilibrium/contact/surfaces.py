@@ -17,6 +17,7 @@ from scipy.linalg import block_diag
 from cfem.condensed.patches import Patches
 from cfem.contact.law.modes import Mode
 from cfem.contact.law.problem import demand_friction
+from cfem.contact.law.sliding import StepBegin
 from cfem.contact.obstacle_set import ObstacleSet
 from cfem.contact.pairs import Memory, Pairs, Pressing, Surroundings
 from cfem.contact.patch_forces import balance
@@ -66,11 +67,14 @@ class SurfacesState(Pressing):
 
 @dataclass(frozen=True, eq=False)
 class SurfaceScene:
-    """Robots, the obstacles that all of them meet, and one coefficient of friction."""
+    """Robots, the obstacles that all of them meet, and one coefficient of friction.
+
+    parts: in which friction is followed along a step (`cfem.contact.law.sliding`), where only rigid obstacles touch"""
 
     robots: Sequence[SkinnedRobot]
     obstacles: ObstacleSet = field(default_factory=lambda: ObstacleSet(()))
     mu: float = 0.0
+    parts: int = 1
 
     def __post_init__(self) -> None:
         demand_friction(self.mu)
@@ -144,6 +148,9 @@ class _Step:
         self.faces: dict[int, np.ndarray] = {}  # of what has touched in this step
         self._pushed: dict[int, np.ndarray] = {}
         self._begin: np.ndarray | None = None  # places (N, 3) mm of the state before
+        self._pressed_at_begin: dict[int, np.ndarray] = {}  # N, as `_pushed`
+        self._gaps_at_begin: dict[int, float] = {}  # mm
+        self._slid: dict[int, np.ndarray] = {}  # mm, of pairs before the last part of the step
         self._from_state = before is not None
         if before is None:
             each = zip(scene.robots, deltas, strict=True)
@@ -158,6 +165,8 @@ class _Step:
             self.memory, self.solved = before.memory, list(before.solved)
             self.forces[before.points] = before.forces
             self._pushed = dict(zip(before.pairs.slots.tolist(), before.push, strict=True))
+            self._pressed_at_begin = self._pushed
+            self._gaps_at_begin = dict(zip(before.pairs.slots.tolist(), before.pairs.gaps.tolist(), strict=True))
         each = zip(scene.robots, deltas, self.solved, strict=True)
         self.robots = [PressedRobot(robot, delta, solved, self._cost) for robot, delta, solved in each]
 
@@ -210,12 +219,14 @@ class _Step:
         self.memory = self.memory.with_new(touching, self._begin, self.places, coming)
         moved = touching.relative @ (coming - self.places)
         slips = self.memory.slips(touching, coming) if self.of.mu else np.zeros((len(touching), 2))
-        push = np.array([self._pushed.get(slot, np.zeros(3)) for slot in touching.slots.tolist()]).reshape(-1, 3)
+        push = _of_slots(self._pushed, touching)
         gaps = np.column_stack([touching.gaps + (touching.frames[:, 0] * moved).sum(axis=1), slips])
         relative, forces = touching.relative[:, self.points], self.forces[self.points]
-        self.found = balance(relative, touching.frames, C, gaps, forces, push, self.of.mu)
+        begin = self._step_begin(touching)
+        self.found = balance(relative, touching.frames, C, gaps, forces, push, self.of.mu, begin=begin)
         if self.found is None:
             return False
+        self._slid = dict(zip(touching.slots.tolist(), self.found.slid, strict=True))
         change = self.found.forces - self.forces[self.points]
         self._change = float(np.abs(change).max(initial=0.0))
         self.residual = float(np.abs(shift + self.found.step).max(initial=0.0))
@@ -223,6 +234,19 @@ class _Step:
             robot.correct((change[mine] @ robot.of.R).ravel())
         self._touching = touching
         return True
+
+    def _step_begin(self, touching: Pairs) -> StepBegin | None:
+        """Where these pairs begin the step, None where friction is not followed along it."""
+        scene = self.of
+        if not scene.mu or scene.parts < 2 or self._begin is None or scene.surroundings.may_meet is not None:
+            return None
+        gaps = np.column_stack(
+            [scene.obstacles.nearest(self._begin[touching.points])[0], self.memory.slips(touching, self._begin)]
+        )
+        for row, slot in zip(gaps, touching.slots.tolist(), strict=True):
+            if slot in self._gaps_at_begin:
+                row[:] = self._gaps_at_begin[slot], 0.0, 0.0
+        return StepBegin(gaps, _of_slots(self._pressed_at_begin, touching), scene.parts)
 
     def _settled(self) -> bool:
         largest = max(np.abs(self.forces).max(initial=0.0), *(robot.problem.force_floor for robot in self.robots))
@@ -254,8 +278,8 @@ class _Step:
         if status is StepStatus.CONVERGED:
             self._look([equilibrium.state.x for equilibrium in self.solved])
             known = dict(zip(self._touching.slots.tolist(), self.found.push, strict=True))
-            push = np.array([known.get(slot, np.zeros(3)) for slot in self.pairs.slots.tolist()]).reshape(-1, 3)
-            memory = memory.after(self.pairs, self.places, self.modes)
+            push = _of_slots(known, self.pairs)
+            memory = memory.slid(self._slid).after(self.pairs, self.places, self.modes)
         else:
             self.pairs, push = Pairs.none(count), np.zeros((0, 3))
         return SurfacesState(
@@ -292,3 +316,8 @@ class _Step:
         each = zip(self.robots, self._by_robot(points), self.of.ends, strict=True)
         for robot, mine, (first, _) in each:
             robot.choose(points[mine] - first, self.forces[points[mine]] @ robot.of.R)
+
+
+def _of_slots(push: Mapping[int, np.ndarray], pairs: Pairs) -> np.ndarray:
+    """Forces (p, 3) N of pairs, from those of their slots, 0 where none is known."""
+    return np.array([push.get(slot, np.zeros(3)) for slot in pairs.slots.tolist()]).reshape(-1, 3)

@@ -20,6 +20,7 @@ import numpy as np
 
 from cfem.condensed import Condensed, Rows
 from cfem.condensed.model_error import ContactError, StateError
+from cfem.contact.law.sliding import PARTS
 from cfem.contact.obstacle import Obstacle
 from cfem.contact.obstacle_set import ObstacleSet
 from cfem.contact.pairs import numbers_of
@@ -69,7 +70,9 @@ class ContactModel:
     others: robots that it may touch, by name, each placed and with the course of its actuators
     itself: the name under which it touches itself, or none
     unilateral: (n_a,) bool, actuators that go slack at `pass_to` where they would push; plans hold them
-    stated: error of its contact, None where nobody has calibrated it"""
+    stated: error of its contact, None where nobody has calibrated it
+    step: share of its reach that an actuator goes in one step, where the answer depends on the way
+    parts: in which friction is followed along a step"""
 
     patched: SurfaceModel
     solid: Mapping[str, Obstacle]
@@ -84,6 +87,8 @@ class ContactModel:
     itself: tuple[str, ...] = ()
     unilateral: np.ndarray | None = None
     stated: ContactError | None = None
+    step: float = SHARE
+    parts: int = PARTS
 
     @cached_property
     def rows(self) -> Rows:
@@ -117,7 +122,7 @@ class ContactModel:
             PlacedModel(self.patched, itself=bool(self.itself)),
             *(placed for placed, _ in self.others.values()),
         ]
-        return ContactScene(robots, ObstacleSet(tuple(self.solid.values())), self.mu)
+        return ContactScene(robots, ObstacleSet(tuple(self.solid.values())), self.mu, parts=self.parts)
 
     @property
     def depends_on_way(self) -> bool:
@@ -148,7 +153,7 @@ class ContactModel:
                 states.append(state)
             return CONVERGED if state.converged else state.status.value
 
-        status = carried_out(begin, delta_a, SHARE * np.abs(self.patched.model.reach).max(axis=1), go)
+        status = carried_out(begin, delta_a, self.step * np.abs(self.patched.model.reach).max(axis=1), go)
         if status != CONVERGED:
             raise NumericalError(f"learned contact: {status}")
         return states[-2], states[-1]

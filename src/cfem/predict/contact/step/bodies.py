@@ -41,7 +41,9 @@ class Bodies:
     rigid: bodies that some of them are fixed to, None where all stand still
     meet: whether robots may touch each other
     stacked: surfaces of the robots, joined once for many steps; None: by this scene
-    even: whether steps are alike in length, so that forces may be expected to go on as in the last one"""
+    even: whether steps are alike in length, so that forces may be expected to go on as in the last one
+    parts: in which friction is followed along a step (`cfem.contact.law.sliding`), among rigid obstacles that nothing
+        but the actuators moves towards"""
 
     robots: Sequence[PlacedModel]
     obstacles: ObstacleSet = field(default_factory=lambda: ObstacleSet(()))
@@ -50,6 +52,7 @@ class Bodies:
     meet: bool = True
     stacked: Surfaces | None = None
     even: bool = False
+    parts: int = 1
 
     def __post_init__(self) -> None:
         demand_friction(self.mu)

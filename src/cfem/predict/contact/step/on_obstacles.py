@@ -25,7 +25,8 @@ class OnObstacles:
     push: (N, 3) N, force of obstacles on the patches
     distance: (N,) mm from obstacles, or less where that is far above 0
     which: (N,) nearest obstacle
-    stuck: (N, 3) mm, from where slip along obstacles counts
+    held: (N, 3) mm, where patches stuck at the begin of the step
+    stuck: (N, 3) mm, from where slip along obstacles counts: there, or where the last part of the step begins
     sticks: (N,) bool, in the last round
     missed: mm, by which patches missed the law where the last round brought them"""
 
@@ -96,6 +97,12 @@ class OnObstacles:
         bends = self.poses.obstacles.bends(self.which[near], places[near])
         turning[np.searchsorted(known, near)] = pressing[:, None, None] * bends
         return turned(compliance, turning)
+
+    def slide(self, slid: np.ndarray) -> None:
+        """Counts slip of the patches near obstacles from where they have slid to, (d, 3) mm from where they stuck."""
+        if slid.any():
+            self.stuck = self.held.copy()
+            self.stuck[self.near] += slid
 
     def gaps(self, places: np.ndarray) -> np.ndarray:
         """(d, 3) mm of patches near obstacles, in the frames of these: from them, and from where they last stuck."""

@@ -10,6 +10,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from cfem.contact.law.modes import Mode
+from cfem.contact.law.sliding import StepBegin
 from cfem.contact.pairs import Memory, Pairs
 from cfem.contact.patch_forces import Balance, TurningCompliance, balance
 from cfem.contact.step_status import StepStatus
@@ -56,6 +57,9 @@ class Rounds:
         self.places = met.stuck = met.place()  # what did not touch slides from where it was
         if before is not None and scene.mu:
             met.stuck = np.where(np.isnan(before.stuck), before.places, before.stuck)
+        met.held = met.stuck
+        follows = scene.mu > 0 and scene.parts > 1 and not scene.soft and scene.rigid is None
+        self._origin = (before.began or before) if before is not None and follows else None
         met.look_at_all(self.places)
         self.depth = max(0.0, -float(met.distance.min(initial=0.0)))
         self.deep = begins_deep(self.poses.obstacles, self.places, met.distance, met.which)
@@ -199,6 +203,7 @@ class Rounds:
         """Forces that obey the law, linear about the places, and (3 d, 3 p) how those of obstacles turn with changes of
         all, None where none turns. None where nothing obeys the law."""
         met, places, mu = self.met, self.places, self.scene.mu
+        met.stuck = met.held
         frames, near, gaps, relative, push = self._frames(), met.near, met.gaps(places), None, self._pushes()
         if self.soft is not None:
             known, touching = self.robots.known, self.soft.touching
@@ -210,12 +215,23 @@ class Rounds:
             yields = self.poses.yields(places, near, met.which, loads, relative, compliance, turned)
             if yields is None:
                 continue
-            given = gaps, self.robots.on_known, push, mu, yields.mobility
+            given = gaps, self.robots.on_known, push, mu, yields.mobility, self._step_begin()
             answer = balance(relative, frames, compliance, *given)
             if answer is not None:
                 self._mobility = yields.mobility
+                met.slide(answer.slid[: len(near)])
                 return answer, yields.turning
         return None
+
+    def _step_begin(self) -> StepBegin | None:
+        """Where patches near obstacles begin the step, None where friction is not followed along it."""
+        origin, near = self._origin, self.met.near
+        if origin is None:
+            return None
+        gaps, push, pressed = np.zeros((len(near), 3)), np.zeros_like(self.places), origin.on_obstacles
+        gaps[:, 0] = origin.obstacles.nearest(origin.places[near])[0]
+        push[origin.pairs.points[pressed]] = origin.push[pressed]
+        return StepBegin(gaps, push[near], self.scene.parts)
 
     def _linearisations(self) -> Iterator[tuple[np.ndarray, TurningCompliance | None, Loads]]:
         """Compliance of the known patches, with how forces turn, and the forces that bodies turn, as `Poses.yields` has

@@ -46,7 +46,8 @@ class ContactState(Pressing):
     met (d,): those that the patches `near` are near
     stored: N mm, by which forces on the patches have changed the energy of all robots
     poses: (3, 3) and (3,) mm from the frame of each robot to the scene's
-    models: of each robot"""
+    models: of each robot
+    began: the state from which the step to this one went, where steps beside it are asked for (`slipping_from`)"""
 
     status: StepStatus
     forces: np.ndarray
@@ -74,6 +75,7 @@ class ContactState(Pressing):
     stored: float
     poses: list[tuple[np.ndarray, np.ndarray]]
     models: list[Predictor]
+    began: "ContactState | None" = None
 
     @property
     def converged(self) -> bool:
@@ -119,7 +121,7 @@ class ContactState(Pressing):
 
     def slipping_from(self, before: "ContactState") -> "ContactState":
         """This state, whose slip counts from where that of a step from `before` to it does."""
-        return replace(self, memory=before.memory, stuck=before.stuck, places=before.places)
+        return replace(self, memory=before.memory, stuck=before.stuck, places=before.places, began=before)
 
     def with_first_obstacles(self, count: int) -> "ContactState":
         """This state as far as the first `count` obstacles press; the others are gone."""

@@ -1,0 +1,84 @@
+"""How much the commands of a run do in shorter steps on the learned robot. With friction robot and finite elements go
+from command to command in quasi-static steps, and both depend on the length of these."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import groupby
+from typing import Any
+
+import numpy as np
+
+from cfem.core.artefact.judgement import poor
+from cfem.core.console.progress import doing
+from cfem.core.console.shown import length
+from cfem.core.errors import NumericalError
+from cfem.predict.contact.model import ContactModel
+
+SHORTER = 8  # times
+APART = 0.2  # of the largest force: a change that makes a run poor
+FAR = 0.01  # of the length: the same of the tip
+
+
+@dataclass(frozen=True)
+class StepDependence:
+    """What steps that are SHORTER times shorter change at the goals, at most; infinite where they lead to no state.
+
+    force: N, of the force of any obstacle that has one
+    tip: mm, of all effector points together
+    pressed: N, the largest force"""
+
+    force: float
+    tip: float
+    pressed: float
+
+    def results(self) -> dict[str, float | None]:
+        """Values for a results file, None for infinite ones."""
+        return {name: value if np.isfinite(value) else None for name, value in vars(self).items()}
+
+    def sentence(self, name: str) -> str:
+        """Sentence for people about the model of this name."""
+        if not np.isfinite(self.tip):
+            return f"friction: by {name}, steps {SHORTER} times shorter do NOT lead to the same goals: no contact state"
+        force = f"forces of obstacles by {self.force:.2g} N and " if self.pressed else ""
+        return f"friction: steps {SHORTER} times shorter change {force}the tip by {length(self.tip)} at most, by {name}"
+
+    def judged(self, robot_length: float) -> list[dict[str, Any]]:
+        """Findings about a robot of this length (mm): POOR where the answers depend on the steps."""
+        if self.force <= APART * self.pressed and self.tip <= FAR * robot_length:
+            return []
+        return [poor(f"the plan depends on the length of its steps, as friction does: {self.sentence('the model')}")]
+
+
+def step_dependence(model: ContactModel, rows: Sequence[Mapping[str, Any]]) -> StepDependence | None:
+    """What shorter steps change of the commands in the rows of one controller; None without friction on rigid
+    obstacles, or where soft surfaces touch, whose steps cost too much."""
+    if not model.kinked or model.scene.soft or not rows:
+        return None
+    doing(f"walking {len(rows)} commands in shorter steps")
+    whole, shorter = (list(_answers(each, rows)) for each in (model, replace(model, step=model.step / SHORTER)))
+    if len(whole) < len(rows) or len(shorter) < len(rows):
+        return StepDependence(np.inf, np.inf, 0.0)
+    changed, forces = np.array(shorter) - whole, np.array([name.endswith(".force") for name in model.rows.effectors])
+    points = ~np.array(model.rows.turns)
+    points[len(model.patched.model.rest_e) :] = False
+    return StepDependence(
+        float(np.abs(changed[:, forces]).max(initial=0.0)),
+        float(np.linalg.norm(changed[:, points], axis=1).max()),
+        float(np.abs(np.array(whole)[:, forces]).max(initial=0.0)),
+    )
+
+
+def _answers(model: ContactModel, rows: Sequence[Mapping[str, Any]]) -> Iterator[np.ndarray]:
+    """Effector rows (n_e,) after each command, as far as there are contact states."""
+    for _, trajectory in groupby(rows, key=lambda row: row["trajectory"]):
+        commands = [np.array(row["delta_a"]) for row in trajectory]
+        shares = np.linspace(0.0, 1.0, len(commands)) if len(commands) > 1 else np.zeros(1)
+        walker = model.standing(0.0)
+        for delta_a, share in zip(commands, shares, strict=True):
+            try:
+                walker.pass_to(share)
+                walker.settle(delta_a)
+                effectors = walker.at_displacement(delta_a).delta_e
+            except NumericalError:
+                return
+            yield effectors
