@@ -37,6 +37,7 @@ LONG = {
     "contact_anywhere.py": "make soft-finger",
     "contact_patches.py": "make soft-finger",
     "contact_resolution.py": "make demo, and minutes of finite elements",
+    "friction_steps.py": "make demo, and a control run with friction",
     "contact_random.py": "nothing: it takes minutes",
     "control_process.py": "an exported model",
     "control_ratio.py": "a model, and a second checkout",
