@@ -19,14 +19,9 @@ class Rubbed:
 
     step: float = 0.1
     kinked: bool = True
-    soft: bool = False
     ends: float = np.inf  # mm of the cable, from where no state is found in short steps
     rows: Rows = ROWS
     at: list[float] = field(default_factory=list)
-
-    @property
-    def scene(self):
-        return SimpleNamespace(soft=self.soft)
 
     @property
     def patched(self):
@@ -59,9 +54,8 @@ def test_changes_are_of_forces_and_of_all_effector_points_together():
     assert found.sentence("m").endswith("change forces of obstacles by 0.26 N and the tip by 1.31 mm at most, by m")
 
 
-@pytest.mark.parametrize("model", [Rubbed(kinked=False), Rubbed(soft=True)])
-def test_nothing_is_said_where_friction_does_not_depend_on_steps_or_they_cost_too_much(model):
-    assert step_dependence(model, COMMANDS) is None
+def test_nothing_is_said_without_friction_or_commands():
+    assert step_dependence(Rubbed(kinked=False), COMMANDS) is None
     assert step_dependence(Rubbed(), []) is None
 
 

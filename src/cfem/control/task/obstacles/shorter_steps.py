@@ -50,9 +50,8 @@ class StepDependence:
 
 
 def step_dependence(model: ContactModel, rows: Sequence[Mapping[str, Any]]) -> StepDependence | None:
-    """What shorter steps change of the commands in the rows of one controller; None without friction on rigid
-    obstacles, or where soft surfaces touch, whose steps cost too much."""
-    if not model.kinked or model.scene.soft or not rows:
+    """What shorter steps change of the commands in the rows of one controller; None without friction."""
+    if not model.kinked or not rows:
         return None
     doing(f"walking {len(rows)} commands in shorter steps")
     whole, shorter = (list(_answers(each, rows)) for each in (model, replace(model, step=model.step / SHORTER)))
