@@ -12,6 +12,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from cfem.contact.obstacle import Obstacle
+from cfem.contact.law.sliding import PARTS
 from cfem.contact.obstacle_set import ObstacleSet
 from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
 from cfem.equilibrium.contact.surfaces import SurfaceScene, SurfacesState
@@ -84,7 +85,7 @@ class HeldBody:
 
     def __init__(self, robots: Sequence[SkinnedRobot], shape: Obstacle, pose: Pose, size: float, mu: float):
         """Robots at rest, actuators at 0. RuntimeError where they find no state."""
-        self._scenes = [SurfaceScene([replace(robot, itself=False)], mu=mu) for robot in robots]
+        self._scenes = [SurfaceScene([replace(robot, itself=False)], mu=mu, parts=PARTS) for robot in robots]
         self.shape, self.size, self._stuck, self.mu = shape, size, None, mu
         self.deltas = [np.zeros(robot.robot.rows.n_a) for robot in robots]
         self._solved = 0

@@ -21,13 +21,15 @@ def test_a_walk_without_an_end_is_said_in_words_and_no_file_gets_nan():
     planned = SimpleNamespace(base=np.zeros((3, 3)), commands=np.zeros((2, 1)), status=CONVERGED)
     fe = SimpleNamespace(base=np.zeros((2, 3)), commands=np.zeros((1, 1)), status="a robot finds no equilibrium")
     far = {"planned": 2.0, "half_steps": NAN, "fe": NAN}
-    sweep = [{"friction": 0.3, "planned": 1.5, "fe": known(NAN)}]
-    alone = [{"friction": 0.1, "planned": known(NAN)}, {"friction": 0.2, "planned": known(1.25)}]
+    sweep = [{"friction": 0.3, "planned": 1.5, "half_steps": 1.6, "fe": known(NAN)}]
+    gone = (0.1, NAN, NAN), (0.2, 1.25, 1.1), (0.3, 1.25, 0.05), (0.4, 1.0, NAN)
+    alone = [{"friction": mu, "planned": known(far), "half_steps": known(halved)} for mu, far, halved in gone]
     lines = headline(far, "mm a cycle", sweep, {"planned": planned, "fe": fe}, ACCOUNT, 0.6, 0, alone)
     assert "nan" not in " ".join(lines)
     assert "NOT walked to the end by finite elements (friction 0.6)" in lines[0]
     assert lines[1] == "friction 0.3, a cycle: 1.5 mm planned, no whole cycle by FE"
-    assert lines[2].endswith("no whole cycle at 0.1, 1.25 at 0.2")
+    said = "no whole cycle at 0.1, 1.25 at 0.2, 1.25 (in half steps 0.05) at 0.3, 1 (in half steps no whole cycle) at 0.4"
+    assert lines[2].endswith(said)
     assert "4 stick; then: a robot finds no equilibrium; the law is met to 1.0e-10" in lines[-1]
     assert "do not finish the gait" in judged(far | {"half_steps": 2.0}, "mm a cycle")[0]["what"]
 

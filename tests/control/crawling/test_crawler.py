@@ -126,8 +126,9 @@ def test_a_course_walks_a_gait_and_tells_of_it():
     assert "mm a cycle planned" in lines[0] and "0 % apart, friction 0.5" in lines[0] and "OUTSIDE" not in lines[0]
     assert lines[1].startswith("friction 0.8, a cycle: ")
     assert lines[-1].endswith("contact points at their ends: 3 stick; the law is met to 1.0e-09")
-    alone = [course.planned_at(mu, ROWS, one) for mu in (0.5, 0.8)]
+    alone = [course.at_friction(mu, ROWS, one) for mu in (0.5, 0.8)]
     assert [row["planned"] for row in alone] == [course.distance(planned), sweep[0]["planned"]]
+    assert alone[0]["half_steps"] == pytest.approx(far["half_steps"], rel=1e-9)
     said = headline(far, course.unit, sweep, walks, account, 0.5, 3, alone)
     assert said[2].startswith("planned alone") and "at 0.5," in said[2] and said[2].endswith("at 0.8")
     assert said[0].endswith("3 of 8 plans OUTSIDE what the model was trained on")

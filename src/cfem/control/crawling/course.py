@@ -90,7 +90,7 @@ class Course:
         """The planned commands in steps of half the length on the model. Friction depends on the way between commands,
         so that a plan whose steps are too long is one of nothing, though finite elements repeat it."""
         doing(f"walking {len(planned.commands)} commands in half steps")
-        return replace(learned, longest=learned.longest / 2).walk(planned.commands, self.spec.ground.friction)
+        return in_half_steps(learned).walk(planned.commands, self.spec.ground.friction)
 
     def distance(self, walk: Walk) -> float:
         """Distance that judges a walk: mm since rest where the spec states a distance, else mm a cycle."""
@@ -102,17 +102,18 @@ class Course:
     def unit(self) -> str:
         return "mm a cycle" if self.spec.distance is None else "mm"
 
-    def planned_at(self, friction: float, gait: Gait, learned: Crawler) -> dict[str, Any]:
-        """Distance of the same gait at a friction, in mm a cycle, planned alone."""
-        walk = self.walk(learned, gait, FEW, friction)
-        planned = known(walk.per_cycle(self.spec.steps, self.direction))
-        return {"friction": friction, "planned": planned, "status": walk.status}
+    def at_friction(self, friction: float, gait: Gait, learned: Crawler, fe: Crawler | None = None) -> dict[str, Any]:
+        """Distances of the same gait at a friction, in mm a cycle: planned, planned in half steps, and by finite
+        elements where they are given; and how the last of these walks ended."""
+        crawlers = {"planned": learned, "half_steps": in_half_steps(learned)} | ({"fe": fe} if fe else {})
+        walks = {name: self.walk(crawler, gait, FEW, friction) for name, crawler in crawlers.items()}
+        distances = {name: known(walk.per_cycle(self.spec.steps, self.direction)) for name, walk in walks.items()}
+        return {"friction": friction, **distances, "status": walks["fe" if fe else "planned"].status}
 
-    def at_friction(self, friction: float, gait: Gait, learned: Crawler, fe: Crawler) -> dict[str, Any]:
-        """Distance of the same gait at a friction, in mm a cycle, planned and by finite elements."""
-        walks = [self.walk(crawler, gait, FEW, friction) for crawler in (learned, fe)]
-        planned, by_fe = (known(each.per_cycle(self.spec.steps, self.direction)) for each in walks)
-        return {"friction": friction, "planned": planned, "fe": by_fe, "status": walks[1].status}
+
+def in_half_steps(crawler: Crawler) -> Crawler:
+    """The crawler in quasi-static steps of half the length."""
+    return replace(crawler, longest=crawler.longest / 2)
 
 
 def account_of(walk: Walk) -> dict[str, Any]:
@@ -176,14 +177,24 @@ def headline(
         line += f"; {outside} of {len(planned.commands)} plans OUTSIDE what the model was trained on"
     lines = [line]
     for row in sweep:
-        planned, by_fe = ("no whole cycle" if row[key] is None else f"{row[key]:.3g} mm" for key in ("planned", "fe"))
-        lines.append(f"friction {row['friction']:g}, a cycle: {planned} planned, {by_fe} by FE")
+        by_fe = _a_cycle(row["fe"], " mm")
+        lines.append(f"friction {row['friction']:g}, a cycle: {_planned(row, ' mm')} planned, {by_fe} by FE")
     if alone:
-        gone = ((row["friction"], row["planned"]) for row in alone)
-        text = ", ".join(f"{'no whole cycle' if far is None else format(far, '.3g')} at {mu:g}" for mu, far in gone)
+        text = ", ".join(f"{_planned(row)} at {row['friction']:g}" for row in alone)
         lines.append(f"planned alone, mm a cycle at a friction: {text}")
     points = ", ".join(f"{count} {mode}" for mode, count in sorted(account["points"].items()))
     text = f"contact: {account['commands']} commands carried out; contact points at their ends: {points}"
     if fe.status != CONVERGED:
         text += f"; then: {fe.status}"
     return [*lines, f"{text}; the law is met to {account['law_residual']:.1e}"]
+
+
+def _planned(row: Mapping[str, Any], unit: str = "") -> str:
+    """Distance that is planned at a friction, beside that in half steps where the two are apart."""
+    planned, halved = row["planned"], row["half_steps"]
+    apart = planned is not None and (halved is None or abs(halved - planned) > APART * abs(planned))
+    return _a_cycle(planned, unit) + (f" (in half steps {_a_cycle(halved, unit)})" if apart else "")
+
+
+def _a_cycle(distance: float | None, unit: str = "") -> str:
+    return "no whole cycle" if distance is None else f"{distance:.3g}{unit}"

@@ -81,7 +81,7 @@ def crawl(folder: Path, spec: CrawlingSpec, base: Path, mesh: Path, models: Mapp
     }  # fmt: skip
     far = {key: course.distance(walk) for key, walk in walks.items()}
     sweep = [course.at_friction(friction, best, learned, fe) for friction in gait.frictions]
-    alone = [course.planned_at(friction, best, learned) for friction in gait.planned_frictions]
+    alone = [course.at_friction(friction, best, learned) for friction in gait.planned_frictions]
     rows = _records(setting.name, planned, walks["fe"], spec.reached, setting.model)
     outside = sum(not row["inside"] for row in rows)
     ratio = max((leg.ratio for touch in planned.touches for leg in touch.solved[:-1]), default=0.0)

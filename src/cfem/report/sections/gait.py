@@ -74,7 +74,9 @@ def distances(tracking: Tracking, results: Mapping[str, Any]) -> list[dict[str, 
 def _over_friction(tracking: Tracking, results: Mapping[str, Any]) -> Any:
     """Panel of the distance a cycle over the coefficient of friction."""
     axis = panel("mm a cycle", "coefficient of friction")
-    for key, look in zip(("planned", "fe"), _looks().values(), strict=True):
+    looks = dict(zip(("planned", "fe"), _looks().values(), strict=True))
+    looks["half_steps"] = {"marker": "x", "ms": 5, "lw": 0, "color": "C3", "label": "plan in half steps"}
+    for key, look in looks.items():
         known = [(row[FRICTION], row[key]) for row in distances(tracking, results) if row.get(key) is not None]
         if known:
             axis.plot(*zip(*known, strict=True), **look)
