@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from cfem.contact.obstacle import Obstacle
 from cfem.contact.law.sliding import PARTS
+from cfem.contact.obstacle import Obstacle
 from cfem.contact.obstacle_set import ObstacleSet
 from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
 from cfem.equilibrium.contact.surfaces import SurfaceScene, SurfacesState
