@@ -1,11 +1,14 @@
 """By how much patches miss the law of contact, in mm."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 from support.benchmark import benchmark
 
 from cfem.contact.law.newton import modes_from, newton
+from cfem.contact.law.sliding import StepBegin
 from cfem.contact.patch_forces import _in_frames, balance, lawful, turned, violation
 
 a_problem = benchmark("contact_random").a_problem
@@ -75,6 +78,21 @@ def test_forces_obey_the_law_where_they_move_the_patches(bodies):
     np.testing.assert_allclose(found.forces, forces + found.change)
     np.testing.assert_allclose(found.forces, found.push)
     np.testing.assert_allclose((frames @ found.push[..., None])[..., 0], found.local, atol=1e-12)
+
+
+def test_along_a_step_forces_obey_the_law_from_where_the_patches_have_slid_to():
+    """The law holds with slip from there, and not with that of the whole step; a step of one part has not slid."""
+    frames, C, gaps, forces = drawn(3)
+    gaps[:, 0], begin = -3.0, StepBegin(np.zeros((3, 3)), 0.1 * frames[:, 0])
+    found = balance(None, frames, C, gaps, forces, forces, 0.1, begin=begin)
+    assert np.linalg.norm(found.slid, axis=1).max() > 0.1
+    assert (frames[:, 0] * found.slid).sum(axis=1) == pytest.approx(np.zeros(3), abs=1e-12)
+    whole = gaps + (frames @ found.step[..., None])[..., 0]
+    from_there = whole - (frames @ found.slid[..., None])[..., 0]
+    assert violation(found.local, from_there, C, 0.1) < 1e-9 < 1e-3 < violation(found.local, whole, C, 0.1)
+    once = balance(None, frames, C, gaps, forces, forces, 0.1, begin=replace(begin, parts=1))
+    assert not once.slid.any()
+    np.testing.assert_allclose(once.push, balance(None, frames, C, gaps, forces, forces, 0.1).push)
 
 
 @pytest.mark.parametrize("known", [0.0, 1.0])
