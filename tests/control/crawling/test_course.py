@@ -28,8 +28,9 @@ def test_a_walk_without_an_end_is_said_in_words_and_no_file_gets_nan():
     assert "nan" not in " ".join(lines)
     assert "NOT walked to the end by finite elements (friction 0.6)" in lines[0]
     assert lines[1] == "friction 0.3, a cycle: 1.5 mm planned, no whole cycle by FE"
-    said = "no whole cycle at 0.1, 1.25 at 0.2, 1.25 (in half steps 0.05) at 0.3, 1 (in half steps no whole cycle) at 0.4"
-    assert lines[2].endswith(said)
+    assert lines[2].endswith(
+        "no whole cycle at 0.1, 1.25 at 0.2, 1.25 (in half steps 0.05) at 0.3, 1 (in half steps no whole cycle) at 0.4"
+    )
     assert "4 stick; then: a robot finds no equilibrium; the law is met to 1.0e-10" in lines[-1]
     assert "do not finish the gait" in judged(far | {"half_steps": 2.0}, "mm a cycle")[0]["what"]
 
