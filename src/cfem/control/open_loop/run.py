@@ -32,27 +32,18 @@ def carry_out(folder: Path, spec: PlannedSpec, base: Path, prepared: Prepared, k
     """Writes trajectories.parquet and states.npz; returns the results. kept_run: what an interrupted run has done."""
     holding = isinstance(spec, HoldingSpec)
     robot, fem = prepared.robot, prepared.fem
-    surface, places = np.unique(robot.facets, return_inverse=True)
     kept_run.begin([prepared.plant, *([] if fem in (None, prepared.plant) else [fem])], prepared.goals)
     done, total = kept_run.done, sum(map(len, prepared.goals.values()))
     with progress("the robot carries out the commands", total, done=sum(done.goals.values())) as advance:
         for name in prepared.goals:
             if done.finished(name) < len(prepared.goals[name]):
-                _follow(name, spec, prepared, surface, kept_run, advance)
+                _follow(name, spec, prepared, np.unique(robot.facets), kept_run, advance)
     kept_run.restore()
     counted = counted_rows(spec, robot)
     results = {name: summarise(rows, robot.length, counted) for name, rows in done.rows.items()}
     records = [row for rows in done.rows.values() for row in rows]
-    states = {"X": robot.X[surface], "facets": places.reshape(robot.facets.shape)}
-    for name, shapes in done.shapes.items():
-        states |= {
-            f"{name}/index": np.array(sorted(shapes)),
-            f"{name}/x": np.array([shapes[i] for i in sorted(shapes)]),
-        }
     refined = discretisation(spec, prepared.scene, prepared.mesh, robot, (base / spec.scene).parent, done.solved)
-    if holding:
-        states["object_points"] = np.sum(surface >= len(robot.X) - robot.object_points)
-    np.savez_compressed(folder / "states.npz", **states)
+    _write_states(folder / "states.npz", robot, done.shapes, holding)
     _write_table(folder / "trajectories.parquet", records, prepared)
     cost = fem and {key: getattr(fem, key) for key in ("solves", "factorizations", "seconds")}
     lines, held, met = headline(results, refined, cost, spec.plant), None, None
@@ -94,7 +85,7 @@ def carry_out(folder: Path, spec: PlannedSpec, base: Path, prepared: Prepared, k
 
 
 def _depend_on_steps(prepared: Prepared, records: Sequence[Mapping[str, Any]]) -> dict[str, StepDependence]:
-    """What shorter steps change, by model, where friction makes the answers depend on them."""
+    """Changes by shorter steps, by model, where friction makes the answers depend on them."""
     by_model = {
         name: step_dependence(model, [row for row in records if row["controller"] == name])
         for name, model in prepared.predictors.items()
@@ -162,6 +153,18 @@ def _follow(
 def _free(spec: PlannedSpec, prepared: Prepared) -> bool:
     """True where nothing but the reach bounds a search, so that the robot's image is within its bounds."""
     return prepared.world is None and prepared.robot.forces is None and spec.search.largest_force is None
+
+
+def _write_states(path: Path, robot: Any, shapes: Mapping[str, Mapping[int, np.ndarray]], holding: bool) -> None:
+    """Writes the surface at rest, and its deformed nodes by trajectory and number of the goal."""
+    surface, places = np.unique(robot.facets, return_inverse=True)
+    states = {"X": robot.X[surface], "facets": places.reshape(robot.facets.shape)}
+    for name, by_goal in shapes.items():
+        states[f"{name}/index"] = np.array(sorted(by_goal))
+        states[f"{name}/x"] = np.array([by_goal[i] for i in sorted(by_goal)])
+    if holding:
+        states["object_points"] = np.sum(surface >= len(robot.X) - robot.object_points)
+    np.savez_compressed(path, **states)
 
 
 def _write_table(path: Path, records: list[dict], prepared: Prepared) -> None:

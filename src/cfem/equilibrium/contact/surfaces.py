@@ -236,7 +236,7 @@ class _Step:
         return True
 
     def _step_begin(self, touching: Pairs) -> StepBegin | None:
-        """Where these pairs begin the step, None where friction is not followed along it."""
+        """Gaps and forces of these pairs at the begin of the step, None where friction is not followed along it."""
         scene = self.of
         if not scene.mu or scene.parts < 2 or self._begin is None or scene.surroundings.may_meet is not None:
             return None

@@ -50,7 +50,7 @@ class StepDependence:
 
 
 def step_dependence(model: ContactModel, rows: Sequence[Mapping[str, Any]]) -> StepDependence | None:
-    """What shorter steps change of the commands in the rows of one controller; None without friction."""
+    """Changes by shorter steps after the commands in the rows of one controller; None without friction."""
     if not model.kinked or not rows:
         return None
     doing(f"walking {len(rows)} commands in shorter steps")

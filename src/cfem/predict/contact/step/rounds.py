@@ -224,7 +224,8 @@ class Rounds:
         return None
 
     def _step_begin(self) -> StepBegin | None:
-        """Where patches near obstacles begin the step, None where friction is not followed along it."""
+        """Gaps and forces of the patches near obstacles at the begin of the step, None where friction is not followed
+        along it."""
         origin, near = self._origin, self.met.near
         if origin is None:
             return None
