@@ -18,6 +18,7 @@ from cfem.condensed.model_error import ContactError, ContactFactors
 from cfem.condensed.patches import Patches
 from cfem.constraint.surface import outer_surface
 from cfem.constraint.surface_points import at_nodes
+from cfem.contact.law.sliding import PARTS
 from cfem.contact.obstacle import Box, Obstacle, Plane, Sphere, tangents
 from cfem.contact.obstacle_set import ObstacleSet
 from cfem.contact.surface.triangles import normals_of
@@ -216,7 +217,8 @@ def _pressed(
     """Both states after the obstacles have come; None where not all of them touch in the end."""
     learned, unilateral = None, skinned.robot.unilateral
     for share in LEARNED_STEPS:
-        learned = contact_step(touched, delta, coming.at(share), mu=mu, before=learned, unilateral=unilateral)
+        obstacles = coming.at(share)
+        learned = contact_step(touched, delta, obstacles, mu, before=learned, unilateral=unilateral, parts=PARTS)
         if not learned.converged or not learned.trusted:
             return Pressed(coming, learned)
     if len(touching(learned)) < len(coming.kinds):
@@ -230,7 +232,7 @@ def _pressed(
     apart = touched.patches.mean(surface - touched.model.shape(delta))
     off = (apart * skinned.normals(surface)).sum(axis=1)
     for share in STEPS:
-        full = SurfaceScene([skinned], coming.at(share), mu).step([delta], full) if full.converged else full
+        full = SurfaceScene([skinned], coming.at(share), mu, PARTS).step([delta], full) if full.converged else full
     return Pressed(coming, learned, full, alone, off)
 
 

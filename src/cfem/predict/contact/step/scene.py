@@ -93,8 +93,9 @@ def contact_step(
     mu: float = 0.0,
     before: ContactState | None = None,
     unilateral: np.ndarray | None = None,
+    parts: int = 1,
 ) -> ContactState:
     """`ContactScene.step` of one robot among obstacles in its own frame, to delta_a (n_a,) mm; unilateral (n_a,)
     bool."""
-    scene = ContactScene([PlacedModel(patched, itself=False)], ObstacleSet.of(obstacles), mu)
+    scene = ContactScene([PlacedModel(patched, itself=False)], ObstacleSet.of(obstacles), mu, parts=parts)
     return scene.step([delta_a], before, unilateral)
