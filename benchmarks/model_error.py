@@ -224,11 +224,11 @@ def under_forces(model: Predictor, fe: Robot, fresh: int) -> dict[str, Any]:
                     away = state.delta_e - plant.at_displacement(state.delta_a).delta_e
                     true.append(np.linalg.norm(away[forces]))
                     estimated.append(found.meta["wrench_error"])
-                    at_state.append(found.load_error(place))
+                    at_state.append(found.load_error(place))  # a bound
                     held.append(true[-1] <= stated.tip)
         quantiles = [np.quantile(np.array(true) / each, (0.05, 0.5, 0.95, 1.0)) for each in (estimated, at_state)]
         ratios = [[figure(value) for value in values] for values in quantiles]
-        by = dict(zip(("true by estimate", "true by estimate at the state"), ratios, strict=True))
+        by = dict(zip(("true by estimate", "true by bound at the state"), ratios, strict=True))
         results[f"{100 * share:g} %"] = {"states": len(held), "coverage": float(np.mean(held)), **by}
     return results
 

@@ -1,6 +1,7 @@
 """Measures on cases which can be reckoned by hand."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,7 +10,8 @@ from scipy.spatial.transform import Rotation
 from surrogate.synthetic import dataset
 
 from cfem.condensed import Rows
-from cfem.surrogate.error_measures import frame_loss, measure, paper_loss, vectors
+from cfem.predict.series.chebyshev import basis
+from cfem.surrogate.error_measures import NEARLY_NONE, frame_loss, measure, of_loads, paper_loss, vectors
 
 
 def test_a_perfect_prediction_has_no_error():
@@ -116,3 +118,20 @@ def test_multipliers_err_by_a_share_of_the_largest_of_their_actuator():
     delta_free[:, 3:] -= np.einsum("mij,j->mi", test.W[:, 3:, 3:], 0.02 * largest)
     expected = {"max": 2.0, "mean": 2.0, "rms": 2.0}
     assert measure(test, test.W, delta_free)["force_percent"] == pytest.approx(expected)
+
+
+def test_derivatives_by_loads_err_more_where_a_model_extrapolates():
+    """Of a model 1 % off where it extrapolates by 1, and by its square elsewhere; where there is nearly none of what is
+    asked for, the error is relative to a share of what there is elsewhere."""
+    z, indices = np.random.default_rng(0).uniform(-1, 1, size=(60, 2)), np.array([[0, 0], [1, 0], [0, 1]])
+    series = np.random.default_rng(1).normal(size=(4, 3)) + [3.0, 0, 0]
+    values, L = basis(z, indices) @ series.T, np.linspace(0.5, 2.0, 60)
+    true = values / (1 + 0.01 * L**2)[:, None]
+    arrays = {"third": series, "indices": indices}
+    (bound,) = of_loads(SimpleNamespace(dC=true, d2C=None), arrays, z, L)["of_loads"].values()
+    assert bound["factor"] == pytest.approx(0.01, rel=1e-6) and bound["power"] == pytest.approx(2.0, abs=1e-6)
+    true[0] = 0.0
+    largest = np.linalg.norm(values[0]) / (NEARLY_NONE * np.sqrt(np.mean(np.linalg.norm(true, axis=1) ** 2)))
+    (bound,) = of_loads(SimpleNamespace(dC=true, d2C=None), arrays, z, np.ones(60))["of_loads"].values()
+    assert largest > bound["everywhere"] == pytest.approx(0.01 * L[-2] ** 2)  # the 58th of 61
+    assert of_loads(SimpleNamespace(dC=0 * true, d2C=None), arrays, z, L) == {}

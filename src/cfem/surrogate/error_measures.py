@@ -8,8 +8,10 @@ from cfem.condensed import Rows, entries
 from cfem.predict.series.chebyshev import basis
 from cfem.predict.series.energy import FOURTH, FOURTH_INDICES, THIRD
 from cfem.predict.series.state_error import entry_sizes
+from cfem.surrogate.calibration import bound
 
 CONSTANT = 1e-9  # standard deviation, relative to the largest entry of its kind, below which an entry says nothing
+NEARLY_NONE = 0.1  # of the root mean square of sizes: errors are relative to at least so much
 SIZE = 1.0  # mm, mm^3 or rad: delta_free is taken to be at least so large, as at rest without load it is rounding alone
 
 
@@ -38,15 +40,19 @@ def measure(dataset: Any, W: np.ndarray, delta_free: np.ndarray) -> dict[str, An
     }
 
 
-def of_loads(dataset: Any, arrays: dict[str, np.ndarray], z: np.ndarray) -> dict[str, Any]:
-    """Relative errors of the compliance's derivatives by loads that a series has: root mean square of the error over
-    that of the size, over the states z (m, n), in box coordinates."""
+def of_loads(dataset: Any, arrays: dict[str, np.ndarray], z: np.ndarray, extrapolation: np.ndarray) -> dict[str, Any]:
+    """Bounds (`ErrorBound` as plain data) of the relative errors of the compliance's derivatives by loads that a series
+    has, from states at z (m, n), in box coordinates, where it extrapolates by `extrapolation` (m,). Errors are relative
+    to the size at the state, or to NEARLY_NONE of the root mean square where that is larger."""
     errors = {}
     for name, series, indices in (("dC", THIRD, "indices"), ("d2C", FOURTH, FOURTH_INDICES)):
         true = getattr(dataset, name)
         if true is not None and series in arrays and true.any():
-            model = basis(z, arrays[indices].astype(np.int64)) @ arrays[series].T
-            errors[name] = float(np.linalg.norm(model - true) / np.linalg.norm(true))
+            off = basis(z, arrays[indices].astype(np.int64)) @ arrays[series].T - true
+            size = np.linalg.norm(true, axis=1)
+            least = NEARLY_NONE * np.sqrt(np.mean(size**2))
+            relative = np.linalg.norm(off, axis=1) / np.maximum(size, least)
+            errors[name] = bound(relative, extrapolation).model_dump(mode="json")
     return {"of_loads": errors} if errors else {}
 
 

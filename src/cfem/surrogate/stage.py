@@ -198,7 +198,8 @@ def train_and_judge(
         raise NumericalError(what, do="raise max_degree or max_terms, or sample more rows") from None
     meta |= with_rest(meta, arrays, training, test)
     if spec.kind == "spectral":
-        errors |= of_loads(test, arrays, predictor.box(np.hstack(inputs(test, predictor.form))))
+        x = np.hstack(inputs(test, predictor.form))
+        errors |= of_loads(test, arrays, predictor.box(x), predictor.christoffel(x))
     results = {
         "kind": spec.kind,
         "samples": len(training),

@@ -108,7 +108,7 @@ def test_the_stated_error_is_of_third_order_and_of_what_the_models_are_off():
     curved = [chain(share * WRENCH, curved=True) for share in (0.01, 0.02)]
     least, more = (one.error_at(DELTA) for one in curved)
     assert more / least == pytest.approx(16.0, rel=0.1)
-    curved[0].models[0].meta["errors"] = {"of_loads": {"dC": 0.0, "d2C": 0.5}}
+    curved[0].models[0].meta["errors"] = {"of_loads": {"d2C": {"everywhere": 2.0, "factor": 2.0, "power": 0.0}}}
     assert curved[0].error_at(DELTA) > 1.5 * least
     rough = chain(0.01 * WRENCH)
     for one in rough.models:

@@ -25,6 +25,7 @@ from cfem.constraint.patch import PatchLoad
 from cfem.core.errors import NumericalError
 from cfem.predict.loads.loaded_rows import LEFT
 from cfem.predict.loads.wrench_series import NEAR, Held, Loaded, WrenchSeries
+from cfem.predict.rows.load_error import module_error
 from cfem.predict.rows.patches import RowPatches
 from cfem.predict.rows.serial import END, SerialPredictor
 from cfem.predict.rows.serial_patches import row_patches, skins_within
@@ -32,7 +33,6 @@ from cfem.predict.series.energy import condense
 
 ITERATIONS = 50
 STEP = 1e-5  # of the reach: by which shapes are differenced
-FITTED = 0.2  # of the error of D and E, of the sum over a module's rows: errors of rows take off from each other
 STATES = 16  # at which the error is estimated
 FARTHEST = 6.0  # lengths of a module and radians: no pose of a module is farther away
 TOLERANCE = 1e-11  # of a module's length and of a radian: largest Newton step of a converged row
@@ -149,14 +149,10 @@ class LoadedSerialPredictor(SerialPredictor):
 
     def error_at(self, delta_a: ArrayLike) -> float:
         """Estimated error of the tip, mm, at one state, n_a actuators. Without D as
-        `cfem.predict.loads.loaded.wrench_error`.
-
-        With it, each module leaves out what follows its last term. With E that is the third, and what follows is
-        smaller by the mean ratio of its terms. Without, some follows the second as that follows the first, and some is
-        of large rotations: the first times the square of its rotation. The first is wrong by twice as much as W of the
-        model (`frame_loss`), the others by a share of what D and E are (FITTED). The row carries all to the tip. Their
-        sum, of all rows of all modules, is at the safe side of most (docs/loads.md)."""
-        modules = self._held(np.asarray(delta_a, float))
+        `cfem.predict.loads.loaded.wrench_error`. With it, the sum of what each module leaves out and is off, carried to
+        the tip (`cfem.predict.rows.load_error`): it holds at 95 % of states (docs/loads.md)."""
+        at = np.asarray(delta_a, float)
+        modules = self._held(at)
         row, parts = self._settle(modules)
         if any(module.D is None for module in modules):
             unloaded = self._watched(*self._places([module.e[0, : self.pose] for module in modules])[::2])
@@ -165,21 +161,11 @@ class LoadedSerialPredictor(SerialPredictor):
         V, C = -np.tensordot(self._forces, row.H, 1), block_diag(*(part.C for part in parts))
         carried = (row.B[:3] @ np.linalg.inv(np.eye(len(V)) + C @ V)).reshape(3, len(parts), -1)
         wrenches, total = self.softer[:, None] * (self._forces @ row.B).reshape(len(parts), -1), 0.0
-        for i, (module, w) in enumerate(zip(modules, wrenches, strict=True)):
-            errors = self.models[self.which[i]].meta.get("errors", {})
-            fits = [FITTED * errors.get("of_loads", {}).get(name, 0.0) for name in ("dC", "d2C")]
-            terms = [module.C[0] @ w, module.D[0] @ w @ w / 2]
-            if module.E is not None:
-                terms.append(np.zeros_like(w))
-                terms[2][: module.E.watched] = module.E.cubic(w[: module.E.watched])[0]
-            sizes = [np.linalg.norm(each / self._units) for each in terms]
-            ratio = (sizes[-1] / max(sizes[0], 1e-300)) ** (1 / (len(terms) - 1))
-            parts_left = [ratio * terms[-1], 2.0 * np.sqrt(errors.get("frame_loss", 0.0)) * terms[0]]
-            parts_left += [fit * term for fit, term in zip(fits, terms[1:], strict=False)]
-            if module.E is None:
-                parts_left.append(terms[0] * (terms[0][3:END] @ terms[0][3:END]))
-            total += sum(np.linalg.norm(carried[:, i] * left, axis=0).sum() for left in parts_left)
-        return float(total) + self._error_of_patches(row, parts)
+        for i, (module, model, w) in enumerate(zip(modules, self.modules, wrenches, strict=True)):
+            extrapolation = float(model.christoffel(at[self.columns[i]]))
+            errors = model.meta.get("errors", {})
+            total += module_error(module, w, carried[:, i], self._units, errors, extrapolation)
+        return total + self._error_of_patches(row, parts)
 
     def _error_of_patches(self, row: RowKinematics, parts: list[Loaded]) -> float:
         """Estimated error, mm, as `cfem.predict.loads.loaded.wrench_error` without D, of what a patch moves its own

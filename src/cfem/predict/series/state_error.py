@@ -31,8 +31,8 @@ class StatesError(Protocol):
 def state_error(model: StatesError, state: Condensed, p: np.ndarray | None = None) -> StateError | None:
     """Bounds of the error at states found with the model; None where it states none.
 
-    Under loads that the samples did not carry, what the model estimates of their error comes on top of the tip's,
-    `LOADS` times as large: so large it was not exceeded in 95 % of cases (docs/figures/model-error.md)."""
+    Under loads that the samples did not carry, what these add comes on top of the tip's: it was not exceeded in 95 % of
+    cases (docs/figures/model-error.md)."""
     stated = model.model_error
     if stated is None:
         return None
@@ -44,8 +44,7 @@ def state_error(model: StatesError, state: Condensed, p: np.ndarray | None = Non
     by_loads = model.load_error(state.delta_a)
     if by_loads is None:
         return StateError(stated.probability, tip, actuators, entries)
-    tip = tip + (1.0 if model.meta.get("patch_loads") else LOADS) * by_loads
-    return StateError(None, tip, np.nan * actuators, np.nan * entries)
+    return StateError(None, tip + by_loads, np.nan * actuators, np.nan * entries)
 
 
 def extrapolation(model: StatesError, state: Condensed, p: np.ndarray | None = None) -> np.ndarray:

@@ -1,0 +1,73 @@
+"""What follows the last known order of a module under loads, against bodies whose every order is known."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from cfem.predict.loads.wrench_series import Held
+from cfem.predict.rows.load_error import FITTED, TURNED, following, module_error
+
+COMPLIANCE, CRITICAL = 5.0, 0.8  # mm/N, N
+UNITS = np.repeat([40.0, 1.0], 3)
+
+
+def column(w, with_E):
+    """A column along x that bends in y: e_y = C w_y h and e_x = C w_y^2 h^2 / (2 w_c), h = 1 / (1 - w_x / w_c). Along x
+    and where it turns it is held: no C tells that w_x matters. Its orders in w = (w_x, w_y, ...)."""
+    C, D, E = (np.zeros((1, *[6] * axes)) for axes in (2, 3, 4))
+    C[0, 1, 1] = COMPLIANCE
+    for axes in ((0, 1, 1), (1, 0, 1), (1, 1, 0)):
+        D[0, *axes] = COMPLIANCE / CRITICAL
+    for axes in ((0, 0, 1, 1), (0, 1, 0, 1), (0, 1, 1, 0), (1, 0, 0, 1), (1, 0, 1, 0), (1, 1, 0, 0)):
+        E[0, *axes] = 2 * COMPLIANCE / CRITICAL**2
+    curvature = SimpleNamespace(watched=6, square=lambda w: E[0] @ w @ w / 2, cubic=lambda w: E @ w @ w @ w / 6)
+    module = Held(np.zeros(1), np.zeros((1, 6)), C, D, 0, curvature if with_E else None)
+    return module, [C[0] @ w, D[0] @ w @ w / 2, E[0] @ w @ w @ w / 6][: 2 + with_E]
+
+
+@pytest.mark.parametrize("with_E", [False, True])
+def test_of_a_column_it_is_the_next_order(with_E):
+    w = np.array([0.2, 0.03, 0.01, 0.5, -0.4, 0.3])
+    share, order = w[0] / CRITICAL, 2 + with_E
+    along = COMPLIANCE * w[1] ** 2 * order * share ** (order - 1) / (2 * CRITICAL)
+    expected = [along, COMPLIANCE * w[1] * share**order, 0, 0, 0, 0]
+    module, orders = column(w, with_E)
+    np.testing.assert_allclose(following(module, w, orders, UNITS), expected, rtol=1e-12)
+
+
+def test_it_does_not_depend_on_the_unit_of_length():
+    """Nor does what is held: compliances of 1 mm/N and of 0.001 rad/(N mm) are alike in a module of 40 mm."""
+    rng, w = np.random.default_rng(0), np.array([0.2, 0.03, 0.01, 0.5, -0.4, 0.3])
+    root = rng.normal(size=(6, 6))
+    scale = np.repeat([1e-3, 1.0], 3)  # mm to m
+    C, D = root @ root.T * UNITS * UNITS[:, None], rng.normal(size=(6, 6, 6)) * UNITS[:, None, None]
+    module = Held(np.zeros(1), np.zeros((1, 6)), C[None], D[None], 0)
+    metres = Held(
+        module.psi,
+        module.e,
+        (C * scale * scale[:, None])[None],
+        (D * scale * scale[:, None] * scale[:, None, None])[None],
+        0,
+    )
+    found = following(module, w, [C @ w, D @ w @ w / 2], UNITS)
+    w_m = w / scale
+    again = following(metres, w_m, [metres.C[0] @ w_m, metres.D[0] @ w_m @ w_m / 2], UNITS * scale)
+    np.testing.assert_allclose(again, found * scale, rtol=1e-9)
+
+
+def test_the_error_of_a_module_is_the_sum_of_what_each_row_carries():
+    """Of what follows, of rotations, and of what the model of C and D is off, more where it extrapolates."""
+    w = np.array([0.2, 0.03, 0.0, 0.0, 0.0, 0.0])
+    module, orders = column(w, False)
+    carried, (first, second) = np.tile([[1.0], [0.0], [2.0]], 6), orders
+    length = np.sqrt(5.0)
+    least = length * np.abs(following(module, w, orders, UNITS)).sum()
+    assert module_error(module, w, carried, UNITS, {}, 1.0) == pytest.approx(least)
+    off = {"frame_loss": 1e-4, "of_loads": {"dC": {"everywhere": 0.5, "factor": 0.1, "power": 2.0}}}
+    more = length * (0.02 * np.abs(first).sum() + FITTED * 0.4 * np.abs(second).sum())
+    assert module_error(module, w, carried, UNITS, off, 2.0) == pytest.approx(least + more)
+    module.C[0, 3, 1] = module.C[0, 1, 3] = 0.1
+    turned = TURNED * (0.1 * w[1]) ** 2 * length * np.abs(module.C[0] @ w).sum()
+    softer = length * np.abs(following(module, w, [module.C[0] @ w, second], UNITS)).sum()
+    assert module_error(module, w, carried, UNITS, {}, 1.0) == pytest.approx(softer + turned)
