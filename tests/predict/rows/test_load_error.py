@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cfem.predict.loads.wrench_series import Held
-from cfem.predict.rows.load_error import FITTED, TURNED, following, module_error
+from cfem.predict.rows.load_error import FITTED, GUESSED, TURNED, following, module_error
 
 COMPLIANCE, CRITICAL = 5.0, 0.8  # mm/N, N
 UNITS = np.repeat([40.0, 1.0], 3)
@@ -57,17 +57,36 @@ def test_it_does_not_depend_on_the_unit_of_length():
 
 
 def test_the_error_of_a_module_is_the_sum_of_what_each_row_carries():
-    """Of what follows, of rotations, and of what the model of C and D is off, more where it extrapolates."""
+    """Of what follows beside what it has guessed of that, of rotations, and of what the model of C and D is off, more
+    where it extrapolates."""
     w = np.array([0.2, 0.03, 0.0, 0.0, 0.0, 0.0])
-    module, orders = column(w, False)
-    carried, (first, second) = np.tile([[1.0], [0.0], [2.0]], 6), orders
-    length = np.sqrt(5.0)
-    least = length * np.abs(following(module, w, orders, UNITS)).sum()
-    assert module_error(module, w, carried, UNITS, {}, 1.0) == pytest.approx(least)
+    module, (first, second) = column(w, False)
+    carried, length = np.tile([[1.0], [0.0], [2.0]], 6), np.sqrt(5.0)
+
+    def error(guessed, errors, extrapolation):
+        orders = [module.C[0] @ w, second]
+        next_order = following(module, w, orders, UNITS)
+        moved = sum(orders) + guessed * next_order
+        return module_error(module, w, moved, carried, UNITS, errors, extrapolation), np.abs(next_order).sum()
+
+    for guessed in (0.0, 0.5, 1.0, 1.5):
+        found, size = error(guessed, {}, 1.0)
+        assert found == pytest.approx(length * (abs(1 - guessed) + GUESSED * guessed) * size)
     off = {"frame_loss": 1e-4, "of_loads": {"dC": {"everywhere": 0.5, "factor": 0.1, "power": 2.0}}}
+    least = length * GUESSED * error(1.0, {}, 1.0)[1]
     more = length * (0.02 * np.abs(first).sum() + FITTED * 0.4 * np.abs(second).sum())
-    assert module_error(module, w, carried, UNITS, off, 2.0) == pytest.approx(least + more)
+    assert error(1.0, off, 2.0)[0] == pytest.approx(least + more)
     module.C[0, 3, 1] = module.C[0, 1, 3] = 0.1
     turned = TURNED * (0.1 * w[1]) ** 2 * length * np.abs(module.C[0] @ w).sum()
-    softer = length * np.abs(following(module, w, [module.C[0] @ w, second], UNITS)).sum()
-    assert module_error(module, w, carried, UNITS, {}, 1.0) == pytest.approx(softer + turned)
+    found, size = error(1.0, {}, 1.0)
+    assert found == pytest.approx(length * GUESSED * size + turned)
+
+
+def test_a_module_that_softens_as_a_column_is_exact():
+    """As the approximant of its energy is."""
+    w = np.array([0.2, 0.03, 0.0, 0.0, 0.0, 0.0])
+    for with_E in (False, True):
+        module, orders = column(w, with_E)
+        left_out = module.under(w).e - sum(orders) - following(module, w, orders, UNITS)
+        share = w[0] / CRITICAL
+        assert left_out[1] == pytest.approx(COMPLIANCE * w[1] * share ** (3 + with_E) / (1 - share), rel=1e-9)

@@ -1,5 +1,5 @@
-"""Estimated error of a module in a row under loads, at one state: what follows its last order in the wrench, and what
-its model is off, both carried to the tip.
+"""Estimated error of a module in a row under loads, at one state: what follows its last order in the wrench beside what
+its own approximant guesses of that, and what its model is off, both carried to the tip.
 
 A module knows the motion under a wrench w to some order: y_1 = C w, y_2 = D[w, w] / 2, and y_3 = E[w, w, w] / 6 where
 it has E. Where loads change its stiffness in proportion, as of a column or of a strip that moments twist, the next part
@@ -23,13 +23,15 @@ from cfem.predict.loads.wrench_series import Held
 from cfem.predict.rows.serial import END
 
 SOFT = 0.02  # of the largest compliance, in the module's length and radians: a direction that is less soft is held
+GUESSED = 0.5  # of what the approximant guesses beyond the last known order
 TURNED = 0.3  # of y_1 times the square of its rotation: sin and cos leave a sixth of one rotation
-FITTED = 0.25  # of the bounds of D and E, of the sum over a module's rows: errors of rows take off from each other
+FITTED = 0.3  # of the bounds of D and E, of the sum over a module's rows: errors of rows take off from each other
 
 
 def module_error(
     module: Held,
     w: np.ndarray,
+    moved: np.ndarray,
     carried: np.ndarray,
     units: np.ndarray,
     errors: Mapping[str, Any],
@@ -37,15 +39,20 @@ def module_error(
 ) -> float:
     """Estimated error of the tip, mm, that one module makes under w (n,) N and N mm on its rows.
 
-    carried: (3, n) motion of the tip by the module's rows; units: (n,) of the rows, the module's length and radians;
-    errors: of its model, as `cfem train` has measured them; extrapolation: of its model at its state"""
+    moved: (n,) displacements of the rows by w
+    carried: (3, n) motion of the tip by the module's rows
+    units: (n,) of the rows, the module's length and radians
+    errors: of its model, as `cfem train` has measured them
+    extrapolation: of its model at its state"""
     orders = [module.C[0] @ w, module.D[0] @ w @ w / 2]
     turned = TURNED * orders[0] * (orders[0][3:END] @ orders[0][3:END])
     if module.E is not None:
         turned = np.zeros_like(w)
         orders.append(np.zeros_like(w))
         orders[2][: module.E.watched] = module.E.cubic(w[: module.E.watched])[0]
-    off = [following(module, w, orders, units), turned, 2.0 * np.sqrt(errors.get("frame_loss", 0.0)) * orders[0]]
+    guessed = moved - sum(orders)
+    left_out = following(module, w, orders, units) - guessed
+    off = [left_out, GUESSED * guessed, turned, 2.0 * np.sqrt(errors.get("frame_loss", 0.0)) * orders[0]]
     for name, order in zip(("dC", "d2C"), orders[1:], strict=False):
         if name in errors.get("of_loads", {}):
             off.append(FITTED * ErrorBound(**errors["of_loads"][name]).at(np.array(extrapolation)) * order)

@@ -164,7 +164,8 @@ class LoadedSerialPredictor(SerialPredictor):
         for i, (module, model, w) in enumerate(zip(modules, self.modules, wrenches, strict=True)):
             extrapolation = float(model.christoffel(at[self.columns[i]]))
             errors = model.meta.get("errors", {})
-            total += module_error(module, w, carried[:, i], self._units, errors, extrapolation)
+            moved = parts[i].e - module.e[0]
+            total += module_error(module, w, moved, carried[:, i], self._units, errors, extrapolation)
         return total + self._error_of_patches(row, parts)
 
     def _error_of_patches(self, row: RowKinematics, parts: list[Loaded]) -> float:
