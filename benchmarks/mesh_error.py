@@ -1,9 +1,12 @@
-"""Whether the stated error of a mesh holds. Usage: mesh_error.py [NAME ...] [--commands N]. One JSON object a robot.
+"""Whether the stated error of a mesh holds. Usage: mesh_error.py [NAME ...] [--commands N] [--times M].
+
+One JSON object a robot.
 
 Each robot, coarse, is asked for random commands over its reach. The error is stated from the two states that travel
 farthest of 16 others (as `cfem sample` takes them of its training states), by `cfem.robot.mesh.error.mesh_error`. The
-truth at each command is the distance of the tip to that on a mesh of its own, made anew from the geometry with cells
-less than half as large, which the statement has not seen; for rods, that of cells a third as large.
+truth at each command is the distance of the tip to that on a mesh of its own, made anew from the geometry with M times
+as many cells (8: half as large), which the statement has not seen; for rods, that of cells a third as large. Where the
+mesh of the truth errs by as much as the lower end of the statement, M of 27 tells whether that end holds.
 
 coverage: share of commands at which the truth is not larger than the upper bound; ratio: upper bound to truth, median
 and quantiles. Every command and the tip on both meshes go to data/mesh-error/NAME.json. `--again FILE ...` judges such
@@ -109,7 +112,7 @@ def anew(scene: SceneSpec, folder: Path, cells: float) -> Mesh:
     return mesh
 
 
-def measured(name: str, commands: int) -> dict:
+def measured(name: str, commands: int, times: int) -> dict:
     """The statement, and every command with the tip's way on both meshes."""
     robot, changes = ROBOTS[name]
     folder = PIPELINES / robot
@@ -124,7 +127,7 @@ def measured(name: str, commands: int) -> dict:
     result = {"robot": name, "stated": found, "seconds": round(time.process_time() - begin, 1)}
     if mesh_error_of(found) is None:
         return result
-    by = 3 if dimensions(scene) == 1 else 8
+    by = 3 if dimensions(scene) == 1 else times
     there = Commands(scene, anew(scene, folder, by * len(here.mesh.cells)))
     finer = there.again(asked, here)
     kept = [index for index, each in enumerate(finer) if each.converged]
@@ -181,6 +184,7 @@ def main() -> None:
     parser.add_argument("names", nargs="*", help=f"of {', '.join(ROBOTS)}; all by default")
     parser.add_argument("--commands", type=int, default=20)
     parser.add_argument("--again", nargs="+", type=Path, default=[], help="files of results")
+    parser.add_argument("--times", type=int, default=8, help="cells of the truth over those of the mesh")
     asked = parser.parse_args()
     for path in asked.again:
         known = json.loads(path.read_text())
@@ -190,7 +194,7 @@ def main() -> None:
         return
     RAW.mkdir(parents=True, exist_ok=True)
     for name in asked.names or ROBOTS:
-        result = measured(name, asked.commands)
+        result = measured(name, asked.commands, asked.times)
         (RAW / f"{name}.json").write_text(json.dumps(result) + "\n")
         print(json.dumps(judged(result)), flush=True)
 

@@ -27,7 +27,7 @@ def stating(share):
     """`mesh_error` of meshes whose error is `share(cells)`, and the cells that were asked about."""
     asked = []
 
-    def found(scene, mesh, robot, folder, states, spec):
+    def found(scene, mesh, robot, folder, states, spec, coarsest):
         asked.append(len(mesh.cells))
         bounds = [share(len(mesh.cells)) / 2, share(len(mesh.cells))]
         shares = {"rest": bounds, "far": bounds, "largest": 30.0}

@@ -81,6 +81,17 @@ def test_states_near_rest_do_not_swell_the_shares_of_large_travels():
     assert found["tip"] == alone["tip"] and found["states"] == 2
 
 
+def test_of_a_mesh_that_is_too_coarse_nothing_is_stated(exact):
+    """What would be stated does not hold: linear tetrahedra twice as large as the bar is wide."""
+    scene, mesh, robot = bar("mesh.element=tet4", "mesh.size=25 mm")
+    state = pulled(Problem(robot), 5.0)
+    found = mesh_error(scene, mesh, robot, BAR, [state], MeshErrorSpec())
+    assert set(found) == {"left_out"} and "cells are too few" in found["left_out"] and mesh_error_of(found) is None
+    error = mesh_error_of(mesh_error(scene, mesh, robot, BAR, [state], MeshErrorSpec(), coarsest=np.inf))
+    _, high = error.tip.bounds(np.linalg.norm(state.delta_e))
+    assert np.linalg.norm(exact[5.0].delta_e - state.delta_e) > 1.2 * high
+
+
 def test_a_robot_that_stays_at_rest_has_no_estimate():
     """The share of its reach was 2100 %, by rounding."""
     scene, mesh, robot = bar()

@@ -46,7 +46,7 @@ def accurate_mesh(scene: SceneSpec, folder: Path) -> tuple[Mesh, float | None, d
         indicated = float(estimate(robot).squared.sum())
         share, leave = by_indicator * indicated, "would leave about"
         if share <= allowed:
-            stated = mesh_error(scene, mesh, robot, folder, at_reach(robot), spec)
+            stated = mesh_error(scene, mesh, robot, folder, at_reach(robot), spec, coarsest=np.inf)
             error = mesh_error_of(stated)
             if error is None:
                 left = f"the error of {len(mesh.cells)} cells is not known: {stated['left_out']}"

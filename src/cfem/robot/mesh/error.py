@@ -35,6 +35,7 @@ from cfem.robot.spec import SceneSpec
 LOWEST = 0.9  # order of the error that is allowed for: that of hexahedra with a cable
 EXACT = 1e-6  # share that solves leave where the mesh errs less, as that of a rod in a circle
 STILL = 1e-6  # of the robot's length: below it effectors have not moved
+COARSEST = 0.15  # share by which the meshes may differ: beyond, no order says what is left (docs/figures/mesh-error.md)
 FAR = 0.5  # of the largest travel: states from which the error of large travels is taken
 
 
@@ -76,13 +77,15 @@ def mesh_error(
     states: Sequence[Equilibrium],
     spec: MeshErrorSpec,
     load: Callable[[Robot], Robot] = lambda robot: robot,
+    coarsest: float = COARSEST,
 ) -> dict[str, Any]:
     """Estimated error of the mesh, as plain data: `MeshError`; upper bounds for the states given, which are `tip_mm`,
     `tip_percent` of the scene's length, `travel_percent` of how far the effectors move, `reach_percent` by which that
     changes, and `force_percent` of the largest actuator's force (displacement, where forces are commanded); and
     `factorizations` on the finer mesh. Where it could not be estimated, only `left_out`: the sentence that says why.
 
-    states: of the robot on `mesh`; load: puts the loads of these states on the robot of the finer mesh"""
+    states: of the robot on `mesh`; load: puts the loads of these states on the robot of the finer mesh; coarsest: share
+    of the effectors' travel by which the two meshes may differ at most"""
     expected = 2 ** dimensions(scene) * len(mesh.cells)
     if expected > spec.largest:
         return {"left_out": f"the finer mesh would have {expected} cells, and mesh_error.largest is {spec.largest}"}
@@ -102,8 +105,13 @@ def mesh_error(
     smaller = (len(finer.cells) / len(mesh.cells)) ** (1 / dimensions(scene))
     if smaller <= 1:
         return {"left_out": f"the finer mesh has {len(finer.cells)} cells, no more than the mesh at hand"}
+    found = stated(compared, smaller, robot.length)
+    apart = max(found["tip"][where][0] for where in ("rest", "far"))
+    if apart > coarsest:
+        what = f"{len(mesh.cells)} cells are too few: on cells half as large the effectors are {100 * apart:.0f} % of"
+        return {"left_out": f"{what} their travel away, and more than {100 * coarsest:g} % say nothing of what is left"}
     meshes = {"cells": len(mesh.cells), "finer_cells": len(finer.cells)}
-    return {**meshes, **stated(compared, smaller, robot.length), "factorizations": factorizations}
+    return {**meshes, **found, "factorizations": factorizations}
 
 
 def stated(compared: Sequence[Compared], smaller: float, length: float) -> dict[str, Any]:
