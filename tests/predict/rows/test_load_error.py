@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from cfem.core.errors import InputError
 from cfem.predict.loads.wrench_series import Held
 from cfem.predict.rows.load_error import BEYOND, FITTED, GUESSED, TURNED, module_error, third_order
 
@@ -88,3 +89,9 @@ def test_with_E_it_is_all_that_the_approximant_guesses_and_what_E_is_off():
     assert beyond[1] == pytest.approx(COMPLIANCE * w[1] * share**3 / (1 - share))
     found = module_error(module, w, module.under(w).e, carried, UNITS, {"of_loads": {"d2C": errors}}, 2.0)
     assert found == pytest.approx(length * (BEYOND * np.abs(beyond).sum() + FITTED * 0.4 * np.abs(orders[2]).sum()))
+
+
+def test_a_model_that_states_no_bounds_has_to_be_trained_again():
+    module, orders = column(np.array([0.2, 0.03, 0, 0, 0, 0]), False)
+    with pytest.raises(InputError, match="does not bound its error under loads"):
+        module_error(module, np.ones(6), sum(orders), np.ones((3, 6)), UNITS, {"of_loads": {"dC": 0.02}}, 1.0)

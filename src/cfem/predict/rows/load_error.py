@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from cfem.condensed.model_error import ErrorBound
+from cfem.core.errors import InputError
 from cfem.predict.loads.wrench_series import Held
 from cfem.predict.rows.serial import END
 
@@ -45,7 +46,9 @@ def module_error(
     carried: (3, n) motion of the tip by the module's rows
     units: (n,) of the rows, the module's length and radians
     errors: of its model, as `cfem train` has measured them
-    extrapolation: of its model at its state"""
+    extrapolation: of its model at its state
+
+    InputError where the model was trained before it stated bounds."""
     orders = [module.C[0] @ w, module.D[0] @ w @ w / 2]
     if module.E is None:
         guessed, turned = moved - sum(orders), TURNED * (orders[0][3:END] @ orders[0][3:END])
@@ -57,8 +60,15 @@ def module_error(
     off.append(2.0 * np.sqrt(errors.get("frame_loss", 0.0)) * orders[0])
     for name, order in zip(("dC", "d2C"), orders[1:], strict=False):
         if name in errors.get("of_loads", {}):
-            off.append(FITTED * ErrorBound(**errors["of_loads"][name]).at(np.array(extrapolation)) * order)
+            off.append(FITTED * _bound(errors["of_loads"][name]).at(np.array(extrapolation)) * order)
     return float(sum(np.linalg.norm(carried * each, axis=0).sum() for each in off))
+
+
+def _bound(stated: Any) -> ErrorBound:
+    """Bound as `cfem train` has written it."""
+    if not isinstance(stated, Mapping):
+        raise InputError("the model of a module does not bound its error under loads", do="train it again, and the row")
+    return ErrorBound(**stated)
 
 
 def third_order(module: Held, w: np.ndarray, second: np.ndarray, units: np.ndarray) -> np.ndarray:
