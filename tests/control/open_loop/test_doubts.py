@@ -24,6 +24,12 @@ def test_what_the_mesh_leaves_uncertain_is_named():
     assert said({"circle": CIRCLE}, refined) == [f"the mesh of 560 cells leaves {what} uncertain: use a finer mesh"]
 
 
+def test_a_mesh_that_is_too_coarse_for_an_estimate_is_poor():
+    refined = {"left_out": "90 cells are too few", "apart_percent": 17.0}
+    assert said({"circle": CIRCLE}, refined) == ["90 cells are too few: use a finer mesh"]
+    assert said({"circle": CIRCLE}, {"left_out": "mesh_error is null in the spec"}) == []
+
+
 def test_a_goal_that_is_reached_from_far_away_is_poor():
     known = {"force_percent": 1.0, "cells": 560}
     assert said({"circle": CIRCLE}, known, near=6.0) == []

@@ -86,7 +86,11 @@ def test_of_a_mesh_that_is_too_coarse_nothing_is_stated(exact):
     scene, mesh, robot = bar("mesh.element=tet4", "mesh.size=25 mm")
     state = pulled(Problem(robot), 5.0)
     found = mesh_error(scene, mesh, robot, BAR, [state], MeshErrorSpec())
-    assert set(found) == {"left_out"} and "cells are too few" in found["left_out"] and mesh_error_of(found) is None
+    assert (
+        set(found) == {"left_out", "apart_percent"}
+        and "cells are too few" in found["left_out"]
+        and mesh_error_of(found) is None
+    )
     error = mesh_error_of(mesh_error(scene, mesh, robot, BAR, [state], MeshErrorSpec(), coarsest=np.inf))
     _, high = error.tip.bounds(np.linalg.norm(state.delta_e))
     assert np.linalg.norm(exact[5.0].delta_e - state.delta_e) > 1.2 * high

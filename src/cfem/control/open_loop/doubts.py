@@ -25,4 +25,6 @@ def doubts(
     what = " and ".join(f"{100 * share:.2g} % of {name}" for name, share in uncertain.items() if not share <= UNCERTAIN)
     if what:
         findings.append(poor(f"the mesh of {refined['cells']} cells leaves {what} uncertain: use a finer mesh"))
+    if "apart_percent" in refined:
+        findings.append(poor(f"{refined['left_out']}: use a finer mesh"))
     return findings

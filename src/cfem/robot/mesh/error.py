@@ -82,7 +82,8 @@ def mesh_error(
     """Estimated error of the mesh, as plain data: `MeshError`; upper bounds for the states given, which are `tip_mm`,
     `tip_percent` of the scene's length, `travel_percent` of how far the effectors move, `reach_percent` by which that
     changes, and `force_percent` of the largest actuator's force (displacement, where forces are commanded); and
-    `factorizations` on the finer mesh. Where it could not be estimated, only `left_out`: the sentence that says why.
+    `factorizations` on the finer mesh. Where it could not be estimated, only `left_out`: the sentence that says why;
+    where the mesh is too coarse for that, `apart_percent` too: how far apart the two meshes are, of the travel.
 
     states: of the robot on `mesh`; load: puts the loads of these states on the robot of the finer mesh; coarsest: share
     of the effectors' travel by which the two meshes may differ at most"""
@@ -109,7 +110,8 @@ def mesh_error(
     apart = max(found["tip"][where][0] for where in ("rest", "far"))
     if apart > coarsest:
         what = f"{len(mesh.cells)} cells are too few: on cells half as large the effectors are {100 * apart:.0f} % of"
-        return {"left_out": f"{what} their travel away, and more than {100 * coarsest:g} % say nothing of what is left"}
+        what += f" their travel away, and more than {100 * coarsest:g} % say nothing of what is left"
+        return {"left_out": what, "apart_percent": 100 * apart}
     meshes = {"cells": len(mesh.cells), "finer_cells": len(finer.cells)}
     return {**meshes, **found, "factorizations": factorizations}
 
