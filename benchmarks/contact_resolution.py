@@ -25,6 +25,7 @@ import numpy as np
 from cfem.constraint.surface import Surface, outer_surface
 from cfem.constraint.surface_points import at_nodes
 from cfem.contact.clearance import nearest_of_surface
+from cfem.contact.law.sliding import PARTS
 from cfem.contact.obstacle import Box, Capsule, Obstacle
 from cfem.contact.obstacle_set import ObstacleSet
 from cfem.contact.surface.triangles import area_vectors
@@ -158,7 +159,7 @@ class Judge:
         state = state if state.converged else free.go([place.delta])
 
         def step(here: Obstacle, before: SurfacesState) -> SurfacesState:
-            return SurfaceScene([self.skinned], ObstacleSet((here,)), self.mu).step([place.delta], before)
+            return SurfaceScene([self.skinned], ObstacleSet((here,)), self.mu, PARTS).step([place.delta], before)
 
         return place.walked(step, self.nodes, state, aside) if state.converged else state
 
@@ -194,7 +195,7 @@ def compare(
 
     def step(delta: np.ndarray, here: Obstacle, before: ContactState | None) -> ContactState:
         begin = time.process_time()
-        state = contact_step(model, delta, [here], mu=judge.mu, before=before, unilateral=unilateral)
+        state = contact_step(model, delta, [here], judge.mu, before, unilateral, PARTS)
         spent.append(1e3 * (time.process_time() - begin))
         return state
 
