@@ -73,17 +73,22 @@ class Place:
         nodes: Callable[[Any], np.ndarray],
         state: Any,
         aside: np.ndarray | None = None,
+        settled: Callable[[Any], bool] = lambda state: True,
     ) -> Any:
         """The state after the whole course from `state`, or that in which a step failed; nodes: (m, 3) mm of a
-        state."""
+        state. A step whose state is not settled is halved, as in `cfem control`."""
         share = 0.0
         for end in STEPS:
             while share < end:
                 size = end - share
                 while size > SHORTEST and _deep(self.reached(share + size, aside), nodes(state)):
                     size /= 2
+                tried = step(self.reached(share + size, aside), state)
+                while size > SHORTEST and not settled(tried):
+                    size /= 2
+                    tried = step(self.reached(share + size, aside), state)
                 share = end if share + size > end - SHORTEST / 2 else share + size
-                state = step(self.reached(share, aside), state)
+                state = tried
                 if not state.converged:
                     return state
         return state if aside is None else step(self.obstacle, state)
@@ -202,7 +207,8 @@ def compare(
     for number, place in enumerate(places):
         known = isinstance(model, NodeModel)
         free = contact_step(model, place.delta, [], mu=judge.mu, unilateral=unilateral)
-        state = place.walked(partial(step, place.delta), lambda state: state.places, free)
+        walk = partial(step, place.delta), lambda state: state.places, free
+        state = place.walked(*walk, settled=lambda state: state.converged and not state.unsettled)
         exact, tip = answers["force"][number], answers["tip"][number]
         text = f"  {number} {place.kind:9s} {place.depth:.2f} mm: {name}: "
         if not state.converged or np.isnan(exact).any():
