@@ -34,7 +34,7 @@ _GROWTH = 1.7
 _TIP = 0.1  # of the robot's length: nodes so near to the watched point turn with it
 _ALL = (0.15, 0.3, 0.45, 0.6, 0.75, 0.9, 1.0)  # shares of the strokes tried in turn where all actuators go together
 _HALVINGS = 3  # of the interval between a share that is reached and the first that is not
-_MARGIN = 0.8  # of where a solve fails or the body meets itself: on another mesh it folds elsewhere
+MARGIN = 0.8  # of where a solve fails or the body meets itself: on another mesh it folds elsewhere
 _ALIKE = 0.8  # of a stroke: one that is no shorter than this is taken for both, as of cables that are alike by symmetry
 # The last amount that was reached counts, so that the exact place where a path ends is worth no steps.
 _CLOSE = 0.2  # of the smallest amount at which the body meets itself: so near to it is near enough
@@ -77,7 +77,7 @@ def find_strokes(robot: Robot, advance: Callable[[int], None] = lambda _: None) 
     tip = near.argsort()[: max(8, int((near < _TIP * robot.length).sum()))]
     units = [unit for unit, _ in robot.actuator_units]
     alone = equalised([_alone(problem, index, tip, advance) for index in range(robot.rows.n_a)], units)
-    alone = [each.shortened(_MARGIN) if each.sudden else each for each in alone]
+    alone = [each.shortened(MARGIN) if each.sudden else each for each in alone]
     if len(alone) < 2:
         return alone
     reach, touches = np.array([each.reach for each in alone]), any(each.touches for each in alone)
