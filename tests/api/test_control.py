@@ -49,6 +49,11 @@ def test_a_controller_leads_the_plant_to_the_goal(model, goal, command):
     assert measured.x_e == pytest.approx(goal, abs=1e-3)
 
 
+def test_a_sample_that_does_not_say_what_it_followed_is_refused(model, goal):
+    with pytest.raises(cfem.CfemError, match="measured: expected a Measurement, which says what command it followed"):
+        cfem.make_controller(model).tick(goal, np.array(goal))
+
+
 def test_gains_remove_the_error_that_a_push_leaves(model, goal):
     errors = {}
     for gains in ((0.0, 0.0), (0.0, 0.3), None):

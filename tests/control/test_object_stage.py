@@ -152,7 +152,7 @@ def test_one_bar_moves_by_friction_what_is_pressed_against_it(turning):
     [
         ("object.centre={mm: [66, 0, 0]}", r"contact point 'p\d' of robot 'robot' does not reach the object: 1 mm"),
         ("object.centre={mm: [64, 0, 0]}", r"contact point 'p\d' of robot 'robot' is 1 mm inside the object"),
-        ("object.friction=-0.1", r"object.friction: must be at least 0.0, got -0.1"),
+        ("object.friction=-0.1", r"object.friction: must be at least 0, got -0.1"),
         (
             "object.force={mN: [-100, 0, -100]}",
             r"the grip cannot hold the object: (no combination|open, sticking)",

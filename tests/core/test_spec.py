@@ -21,7 +21,7 @@ class Outer(Spec):
     """What the outer one
     is called."""
     inner: Inner
-    gap: Length = 2.5
+    gap: Length = Field(2.5, gt=0)
     """Free space."""
     slope: Angle = np.pi / 4
     parts: list[Inner] = []
@@ -64,6 +64,7 @@ def test_overrides_reach_nested_keys_and_lists(tmp_path):
             (),
             ["spec.yaml:3", "inner.stifness", "did you mean 'stiffness'?"],
         ),
+        (TEXT, ("gap=-3 cm",), ["--set: gap: must be greater than 0, got '-3 cm'"]),
         (TEXT.replace("3 cm", "3 kPa"), (), ["spec.yaml:3", "inner.stiffness", "not a unit of length"]),
         (TEXT.replace("3 cm", "3"), (), ["spec.yaml:3", "length with its unit, such as '1 mm'; got the bare number 3"]),
         (TEXT.replace("{stiffness: 1 mm}", "{}"), (), ["spec.yaml:5", "missing key 'stiffness'"]),
@@ -81,6 +82,11 @@ def test_each_mistake_gets_a_sentence_that_names_its_place(tmp_path, text, overr
         load(tmp_path, text, *overrides)
     for part in parts:
         assert part in str(error.value)
+
+
+def test_a_key_of_another_part_is_not_suggested(tmp_path):
+    with pytest.raises(SpecError, match=r"spec\.yaml:3: inner\.coutn: unknown key 'coutn'$"):
+        load(tmp_path, TEXT.replace("stiffness: 3 cm", "coutn: 3"))
 
 
 PLACES = {

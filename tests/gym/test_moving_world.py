@@ -89,3 +89,9 @@ def test_bad_input_says_so(model):
         MovingWorld(model, "moving-fly", 2)
     with pytest.raises(InputError, match="at least 1"):
         MovingWorld(model, "moving-reach", 2, history=0)
+
+
+@pytest.mark.parametrize("key", ["rate", "substeps", "largest", "length", "step"])
+def test_numbers_that_no_robot_has_are_refused(model, key):
+    with pytest.raises(InputError, match=f"^{key}: must be a number above 0"):
+        MovingWorld(model, "moving-reach", 2, **{key: -1})

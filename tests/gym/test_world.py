@@ -121,6 +121,42 @@ def test_goals_of_each_robot_are_within_its_own_reach(model):
     assert np.abs(other.lambda_a - pool.lambda_a).max() > 0.1 * pool.lambda_a.max()
 
 
+def pulled(far):
+    """Shares of the largest forces by which as many robots as `far` (a share of them) are pulled beyond their reach."""
+
+    def shares(task, rng, size):
+        beyond = np.arange(size[0]) < far * size[0]
+        return np.broadcast_to(np.where(beyond, 5.0, 0.3)[:, None], (task.length + 1, *size))
+
+    return shares
+
+
+def test_curves_that_lead_beyond_the_reach_are_no_goals(model, monkeypatch):
+    monkeypatch.setattr(Follow, "_shares", pulled(0.5))
+    world = begun(model, "follow")
+    task = world.task
+    assert len(task._curves) == len(task._p) == Follow.curves // 2
+    assert np.ptp(task._curves, axis=1).max() < world.scales.scale
+    monkeypatch.setattr(Follow, "_shares", pulled(1.0))
+    with pytest.raises(InputError, match="none of 1024 curves drawn lies within the reach"):
+        begun(model, "follow")
+
+
+@pytest.mark.parametrize(
+    "options, part",
+    [
+        ({"step": 0.0}, "step: must be a number above 0 and at most 1, got 0"),
+        ({"step": 1.5}, "got 1.5"),
+        ({"length": -1}, "length: must be a number above 0, got -1"),
+        ({"randomise": {"noise": -1}}, "randomise.noise: must be a number of 0 or more, got -1"),
+        ({"randomise": Randomised(gain=float("nan"))}, "randomise.gain: must be a number of 0 or more, got nan"),
+    ],
+)
+def test_numbers_that_no_robot_has_are_refused(model, options, part):
+    with pytest.raises(InputError, match=part):
+        World(model, "reach", 2, **options)
+
+
 def test_designs_of_another_shape_are_refused(model):
     with pytest.raises(InputError, match="designs must be rows of"):
         World(model, "reach", 1, designs=np.zeros((3, 7)))

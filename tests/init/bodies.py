@@ -84,6 +84,15 @@ def chambered(size=(40.0, 12.0, 12.0), rooms=((4.0, 16.0), (22.0, 36.0))) -> Sha
     return _part(mesh, ~(middle & np.any([(x > a) & (x < b) for a, b in rooms], axis=0)), 3.0)
 
 
+def twin(size=(40.0, 15.0, 8.0)) -> Shape:
+    """A box along x with two closed rooms side by side, a thin wall between them."""
+    mesh = block(size, (20, 15, 8))
+    x, y, z = mesh.X[mesh.cells].mean(axis=1).T
+    aside = np.abs(y - size[1] / 2)
+    void = (x > 4) & (x < 36) & (aside > 0.5) & (aside < 5.5) & (z > 2) & (z < 6)
+    return _part(mesh, ~void, 3.0)
+
+
 def star(arm=60.0, width=30.0, thick=6.0) -> Shape:
     """A plate of three arms in the plane z = 0, one of them along y."""
     mesh = block((2 * arm, 1.8 * arm, thick), (30, 27, 2))

@@ -11,7 +11,7 @@ import jsonschema
 import meshio
 import numpy as np
 import pytest
-from init.bodies import chambered, frame, write_cells, write_stl
+from init.bodies import chambered, frame, twin, write_cells, write_stl
 from support.blocks import block
 from support.fast_cases import fast_are
 from typer.testing import CliRunner
@@ -186,6 +186,14 @@ def test_a_body_with_closed_inner_surfaces_is_driven_by_chambers(tmp_path, rooms
     assert sorted(actuator.rest_volume for actuator in robot.actuators) == pytest.approx([12 * 36, 14 * 36])
 
 
+def test_a_chamber_beside_another_keeps_a_fifth_of_what_it_holds_however_far_that_grows(tmp_path):
+    mesh = twin().mesh
+    meshio.write(tmp_path / "rooms.vtu", meshio.Mesh(mesh.X, [("tetra", mesh.cells)]))
+    done = init(tmp_path, tmp_path / "rooms.vtu", "--unit", "mm", "--growth", "20000 mm^3", "--self-contact", "no")
+    assert done.exit_code == 0, done.stderr
+    np.testing.assert_allclose(built(tmp_path)[1].reach, [[-0.8 * 640, 20000]] * 2, rtol=0.01)
+
+
 @pytest.mark.slow
 def test_closed_inner_surfaces_are_no_chambers_or_some_of_them_are_where_asked(tmp_path, rooms):
     cables = ("--chambers", "none", "--cables", "2", "--reach", "1 mm")
@@ -311,7 +319,7 @@ BAD = {
         2,
         "--cable: point 1 of cable 'a' at (30, 5, 20) mm lies outside",
     ),
-    "reach": (["--cable", "a: 0, 5, 5; 20, 5, 5", "--reach", "30 mm"], 2, "--cable: cable 'a' is 20 mm long"),
+    "reach": (["--cable", "a: 0, 5, 5; 20, 5, 5", "--reach", "30 mm"], 2, "--reach: cable 'a' is 20 mm long"),
     "cable outside": (["--cable", "a: 0, 5, 5; 20, 5, 5; 40, 5, 50"], 2, "point 1 of cable 'a' at (40, 5, 50) mm lies"),
     "two ways": (["--cable", "a: 0, 5, 5; 20, 5, 5", "--cables", "2"], 2, "exclude each other"),
     "of no effect": (["--cells", "500"], 2, "--cells: the mesh in the file is taken as it is"),

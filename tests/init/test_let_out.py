@@ -19,6 +19,11 @@ def test_one_actuator_alone_and_actuators_that_shorten_each_other_are_not_let_ou
     assert let_out(np.array([[2.0, 0.5], [0.5, 2.0]]), np.array([5.0, 5.0])).tolist() == [0, 0]
 
 
+def test_nothing_is_let_out_by_more_than_its_room():
+    compliance, reach = np.array([[2.0, -1.5], [-1.5, 2.0]]), np.array([8.0, 8.0])
+    np.testing.assert_allclose(let_out(compliance, reach, np.array([5.0, np.inf])), [-5, -6])
+
+
 def test_no_pull_within_the_reach_lets_out_more_and_some_pull_as_much():
     """Three cables of unlike strokes; a chamber's units beside them change nothing."""
     angles = 2 * np.pi * np.arange(3) / 3

@@ -37,3 +37,6 @@ def test_a_default_is_a_guess_and_an_answer_is_not():
     assert (answer(question, "500 kPa").value, answer(question, "500 kPa").guess) == (0.5, None)
     with pytest.raises(SpecError, match=r"--young: must be above zero, got '-1 kPa' \(write it as in '500 kPa'\)"):
         answer(question, "-1 kPa")
+    nothing = Question("region", "Where?", "none", "none", lambda text: positive(text, "mm"))
+    with pytest.raises(SpecError, match=r"--region: must be above zero, got '-1 mm'$"):
+        answer(nothing, "-1 mm")

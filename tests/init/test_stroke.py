@@ -147,6 +147,33 @@ def slit(width: float) -> Robot:
     )
 
 
+def fork() -> Robot:
+    """Two legs of 60 x 6 x 6 mm on a palm, 30 mm apart, a cable along the outer side of each; the left leg's end is
+    watched."""
+    whole = block((42.0, 6.0, 70.0), (14, 2, 14))
+    x, _, z = whole.X[whole.cells].mean(axis=1).T
+    used, numbers = np.unique(whole.cells[(z < 10) | (x < 6) | (x > 36)], return_inverse=True)
+    cells = numbers.reshape(-1, 4)
+    mesh = Mesh(whole.X[used], cells, boundary_facets(cells))
+
+    def cable(name, x):
+        points = [attach(mesh, np.array([x, 3.0, z]), 2.0, name) for z in (15.0, 40.0, 65.0)]
+        return make_cable(points, np.array([x, 3.0, 0.0]), name)
+
+    return replace(
+        bar("tet4", cables=2),
+        body=make_body(mesh, ELEMENTS["tet4"], Material(LAWS["neo-hookean"], 1.0, 0.45)),
+        fixed=np.flatnonzero(mesh.X[:, 2] < 1e-9),
+        actuators=(cable("cable-0", 1.0), cable("cable-1", 41.0)),
+        effectors=(make_effector(mesh, np.array([3.0, 3.0, 70.0]), 2.0, 10.0, "tip"),),
+    )
+
+
+def test_the_legs_of_a_gripper_bend_as_far_whichever_of_them_is_watched():
+    watched, other = find_strokes(fork())
+    assert other.reach == watched.reach and watched.why == other.why == "turns the end of its cable by 90 degrees"
+
+
 def test_a_slit_that_closes_ends_the_stroke():
     """The slit's faces stand on their edges, 1 mm apart: the cable is shortened by hardly more than that."""
     (narrow,), (wide,) = find_strokes(slit(1.0)), find_strokes(slit(3.0))

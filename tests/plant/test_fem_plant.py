@@ -5,6 +5,7 @@ import pytest
 from support.blocks import bar
 from support.trunks import trunk
 
+from cfem.core.errors import InputError
 from cfem.plant.fem_plant import FemPlant
 
 
@@ -66,6 +67,11 @@ def test_a_pull_holds_cables_that_others_make_pay_out_at_their_lower_reach():
         np.testing.assert_allclose(FemPlant(robot).step(measured.delta_a).x_e, measured.x_e, atol=1e-5)
     loose = FemPlant(replace(robot, reach=np.array([[-5.0, 8.0], [-5.0, 8.0]])))
     assert loose.pull(np.array([0.8, 0.1])).delta_a[1] < -1.0  # a reach that leaves room to pay out is used
+
+
+def test_a_command_of_another_size_is_refused(plant):
+    with pytest.raises(InputError, match="a command is 1 number, one for each actuator; got"):
+        plant.step([1.0, 2.0])
 
 
 def test_a_displacement_that_is_no_number_is_reported(plant):

@@ -193,8 +193,31 @@ def test_a_parameter_far_from_those_trained_on_is_outside(families):
 
 
 def test_a_missing_parameter_is_an_error(families):
-    with pytest.raises(InputError, match="1 parameters given, the model has"):
+    with pytest.raises(InputError, match="1 parameter given, and the model has"):
         families["displacement"].at_displacement([1.0, 1.0], [0.4])
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize(
+    "p, error, part",
+    [
+        ([np.nan, 3.0], InputError, "is a finite number; got"),
+        ([0.6, 3.0], NumericalError, r"= 0\.6 is far outside what the model was trained on \("),
+        ([0.4, -3.0], NumericalError, r"= -3 MPa is far outside what the model was trained on \("),
+        ([[0.4, 3.0], [-5.0, 3.0]], NumericalError, "= -5 is far outside"),
+    ],
+)
+def test_parameters_that_no_robot_of_the_model_has_are_refused(families, form, p, error, part):
+    model, state = families[form], np.broadcast_to([6.0, 6.0], (*np.shape(p)[:-1], 2))
+    for ask in (model.at_displacement, model.at_force):
+        with pytest.raises(error, match=part):
+            ask(state, p)
+
+
+def test_a_model_of_one_robot_takes_no_parameters(exports):
+    model = load_model(exports["spectral"])
+    with pytest.raises(InputError, match="1 parameter given, and the model has none"):
+        model.at_displacement([6.0, 6.0], [0.4])
 
 
 @pytest.mark.parametrize(

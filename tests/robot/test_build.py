@@ -237,7 +237,7 @@ def test_what_names_a_body_is_attached_to_no_other(tmp_path):
             {"actuators": BASE["actuators"].replace("reach", "body: c, reach")},
             "actuators.0.body: the mesh has no cell set 'c'",
         ),
-        ({"contacts": "[{name: k, point: {mm: [20, 0, 0]}, body: c}]"}, "it has ['a', 'b']"),
+        ({"contacts": "[{name: k, point: {mm: [20, 0, 0]}, body: c}]"}, "it has a, b"),
         (
             {"contacts": "[{name: k, point: {mm: [20, 12, 0]}, body: a}]"},
             "contact point 'k' at (20, 12, 0) mm lies outside",
@@ -249,7 +249,7 @@ def test_what_names_a_body_is_attached_to_no_other(tmp_path):
         ({"actuators": AIR % "inside: {mm: [15, 0, 0]}"}, "cavity 'air'"),
         (
             {"actuators": AIR % "surface: wall"},
-            "actuators.0.surface: the mesh has no facet set 'wall' (it has ['a', 'b'])",
+            "actuators.0.surface: the mesh has no facet set 'wall' (it has a, b)",
         ),
         (
             {"materials": "[{region: {kind: name, name: c}, material: {young: 1 MPa, poisson: 0}}]"},

@@ -55,6 +55,25 @@ def test_the_frame_loss_of_a_turned_robot_is_the_same_and_that_of_the_mean_is_on
     assert frame_loss(test.rows, test.W, test.delta_free, *mean) == pytest.approx(1.0, rel=1e-12)
 
 
+def test_legs_that_hardly_know_of_each_other_are_judged_by_their_own_compliance():
+    """A robot of two legs, each as one that is known exactly; between them a little of noise, which no model has."""
+    leg = dataset(50, 1)
+    rows = Rows(("a.x", "a.y", "a.z", "b.x", "b.y", "b.z"), ("left", "right", "up", "down"))
+    order = [0, 1, 2, 5, 6, 7, 3, 4, 8, 9]  # effectors of both legs first
+    nothing, size = np.zeros_like(leg.W), np.sqrt(np.diagonal(leg.W, axis1=1, axis2=2).mean(axis=0))
+    between = 1e-6 * np.outer(size, size) * np.random.default_rng(0).standard_normal(leg.W.shape)
+
+    def both(leg_W, between):
+        joined = np.block([[leg_W, between], [between.transpose(0, 2, 1), leg_W]])
+        return joined[:, order][:, :, order]
+
+    W, delta_free = both(leg.W, between), np.hstack([leg.delta_free, leg.delta_free])[:, order]
+    assert frame_loss(rows, W, delta_free, both(leg.W, nothing), delta_free) < 1e-5
+    off = frame_loss(leg.rows, leg.W, leg.delta_free, 1.1 * leg.W, leg.delta_free)
+    wrong = frame_loss(rows, W, delta_free, both(1.1 * leg.W, nothing), delta_free)
+    assert wrong == pytest.approx(off * 40 / 65, rel=1e-3)  # 20 entries of each leg, and 25 between them
+
+
 def test_the_frame_loss_of_what_has_no_vectors_is_the_papers():
     test = dataset(50, 1)
     W = test.W + 0.1 * np.random.default_rng(0).standard_normal((50, 1, 1))

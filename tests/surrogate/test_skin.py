@@ -8,7 +8,7 @@ import pytest
 import cfem
 from cfem.condensed.skin import read_skin
 from cfem.core.artefact.manifest import read_manifest
-from cfem.core.errors import InputError
+from cfem.core.errors import InputError, NumericalError
 from cfem.mechanics.body import response
 from cfem.predict.load import build, skin_of
 from cfem.surrogate.definiteness import smallest_eigenvalue
@@ -45,6 +45,8 @@ def test_shapes_of_many_states_are_those_of_each(model):
     for wrong in ([1.0, 2.0], [np.nan], 1.0):
         with pytest.raises(InputError, match="one finite number for each actuator"):
             model.shape(wrong)
+    with pytest.raises(NumericalError, match="far outside what the model was trained on"):
+        model.shape([100.0])
     many = model.shape([[[1.0], [2.0]], [[3.0], [0.0]]])
     assert many.shape == (2, 2, *model.skin.rest.shape)
     np.testing.assert_allclose(many[1, 0], model.shape([3.0]), atol=1e-12)

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import WithJsonSchema
 
-from cfem.core.errors import SpecError
+from cfem.core.errors import InputError, NumericalError, SpecError
 from cfem.core.units import parse_quantity
 
 Coordinate = Literal["linear", "log", "log(1-2p)"]
@@ -98,6 +98,23 @@ def range_coordinates(parameters: Sequence[Parameter]) -> tuple[np.ndarray, np.n
     """Coordinates (n_p,) of the lower and of the higher end of each range."""
     low, high = np.array([[parameter.low, parameter.high] for parameter in parameters]).reshape(-1, 2).T
     return coordinates(parameters, low), coordinates(parameters, high)
+
+
+def demand_in_range(parameters: Sequence[Parameter], p: np.ndarray) -> None:
+    """Raises InputError where values (..., n_p) are not finite, and NumericalError where one is outside its range by
+    more than the width, in its coordinate; an exact one only has to be positive."""
+    if not np.isfinite(p).all():
+        raise InputError(f"a parameter is a finite number; got {p.tolist()}")
+    exact = np.array([parameter.exact for parameter in parameters], dtype=bool)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        places = shares(parameters, p)
+    known = np.where(exact, p > 0.0, (places >= -1.0) & (places <= 2.0))
+    if not known.all():
+        index = int((~known).reshape(-1, len(parameters)).any(axis=0).argmax())
+        parameter, value = parameters[index], p[~known[..., index]][..., index].flat[0]
+        what = f"{parameter.name} = {value:g}{parameter.suffix} is far outside what the model was trained on"
+        do = "ask inside, or sample a wider range and train again"
+        raise NumericalError(f"{what} ({parameter.low:g} to {parameter.high:g})", do=do)
 
 
 def to_json(parameters: Sequence[Parameter]) -> list[dict[str, Any]]:

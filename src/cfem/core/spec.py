@@ -7,8 +7,9 @@ import re
 import textwrap
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from functools import cache
+from functools import cache, reduce
 from itertools import pairwise
+from operator import getitem
 from pathlib import Path
 from typing import Any, TypeVar, get_args
 
@@ -185,7 +186,8 @@ def _sentences(error: ValidationError, data: dict, origin: Origin, model: type[S
         # pydantic also counts a list short whose items failed: the items' own errors say all.
         if item["type"] == "too_short" and any(item["loc"] == deeper["loc"][:-1] for deeper in _deeper(items, item)):
             continue
-        path, what = _present(item["loc"], data), _what(item, _present(item["loc"], data), model)
+        path = _present(item["loc"], data)
+        what = _what(item, path, model, reduce(getitem, path, data))
         named = re.match(r"([\w-]+(\.[\w-]+)*): ", what) if item["type"] == "value_error" else None
         if named and path + key_path(named[1]) in origin.lines:  # a check of several keys names the one that is wrong
             path, what = path + key_path(named[1]), what[named.end() :]
@@ -198,12 +200,13 @@ def _deeper(items: list, item: Any) -> list:
     return [{"loc": inner["loc"][: depth + 1]} for inner in items if len(inner["loc"]) > depth]
 
 
-def _what(item: Any, path: tuple, model: type[Spec]) -> str:
-    """Sentence about what is wrong with one key, what was expected, and the nearest that is known."""
+def _what(item: Any, path: tuple, model: type[Spec], stated: Any) -> str:
+    """Sentence about what is wrong with one key, what was expected, and the nearest that is known. stated: its value as
+    it is written."""
     if item["type"] == "extra_forbidden":
         if len(path) == 1 and any(path[0] in kind.model_fields for kind in classes_of(model)):
             return f"'{path[0]}' does not go with {item['loc'][0]}"
-        return f"unknown key '{path[-1]}'{_nearest(str(path[-1]), _known_keys(model) - {path[-1]})}"
+        return f"unknown key '{path[-1]}'{_nearest(str(path[-1]), _keys_at(model, item['loc'][:-1]))}"
     if item["type"] == "missing":
         return f"missing key '{item['loc'][-1]}'"
     if item["type"] == "union_tag_not_found":
@@ -218,7 +221,7 @@ def _what(item: Any, path: tuple, model: type[Spec]) -> str:
     else:
         what = item["msg"].removeprefix("Value error, ").replace("Input should be", "expected")
     if not isinstance(item["input"], dict | list | tuple) and "got" not in what:
-        what += f", got {item['input']!r}"
+        what += f", got {(stated if isinstance(stated, str) else item['input'])!r}"
     return what
 
 
@@ -226,10 +229,10 @@ def _what(item: Any, path: tuple, model: type[Spec]) -> str:
 _WORDS = {
     "too_short": "needs {min_length} or more, got {actual_length}",
     "too_long": "takes {max_length} at most, got {actual_length}",
-    "greater_than": "must be greater than {gt}",
-    "greater_than_equal": "must be at least {ge}",
-    "less_than": "must be less than {lt}",
-    "less_than_equal": "must be at most {le}",
+    "greater_than": "must be greater than {gt:g}",
+    "greater_than_equal": "must be at least {ge:g}",
+    "less_than": "must be less than {lt:g}",
+    "less_than_equal": "must be at most {le:g}",
     "literal_error": "expected {expected}",
     "int_type": "expected a whole number",
     "int_parsing": "expected a whole number",
@@ -269,15 +272,28 @@ def _present(loc: tuple, data: Any) -> tuple:
     return tuple(path)
 
 
-def _known_keys(annotation: Any) -> set[str]:
-    """The keys of a spec and of all parts that its fields may hold."""
-    keys: set[str] = set()
+def _keys_at(model: type[Spec], loc: tuple) -> set[str]:
+    """The keys that a part of a spec may have, at pydantic's location of it: names of fields, numbers of items, keys of
+    mappings and tags of unions."""
+    parts = _specs_of(model)
+    for step in loc:
+        tagged = {part for part in parts if step in _tags(part)}
+        inside = [_specs_of(part.model_fields[step].annotation) for part in parts if step in part.model_fields]
+        parts = tagged or set().union(*inside) or parts
+    return {key for part in parts for key in part.model_fields}
+
+
+def _tags(part: type[BaseModel]) -> tuple:
+    """What pydantic calls a class of specs where several are possible."""
+    kind = part.model_fields.get("kind")
+    return (part.__name__, *(get_args(kind.annotation) if kind else ()))
+
+
+def _specs_of(annotation: Any) -> set[type[BaseModel]]:
+    """The classes of specs that an annotation names, also in lists, mappings and unions."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        keys.update(annotation.model_fields)
-        parts = [field.annotation for field in annotation.model_fields.values()]
-    else:
-        parts = list(get_args(annotation))
-    return keys.union(*(_known_keys(part) for part in parts))
+        return {annotation}
+    return set().union(*map(_specs_of, get_args(annotation)))
 
 
 def json_schema(model: type[Spec]) -> dict:

@@ -24,6 +24,9 @@ class Volume:
     def __init__(self, scene: Any, parameters: Sequence[Parameter]):
         if scene.shape is not None:
             raise SpecError("a robot with a free form has no CAD model to tell its volume", where="constraints")
+        if type(scene.geometry) not in CATALOGUE:
+            what = f"a geometry of kind {scene.geometry.kind} cannot be varied, and all designs have one volume"
+            raise SpecError(what, where="volume", do="leave it out of objectives and constraints")
         self._scene, self._parameters = scene, tuple(parameters)
         self._shape = [i for i, parameter in enumerate(parameters) if parameter.key.startswith("geometry")]
 

@@ -10,7 +10,7 @@ from cfem.core.errors import InputError
 from cfem.gym.moving_robots import MovingRobots
 from cfem.gym.moving_tasks import MOVING, ahead_of, moving_observation
 from cfem.gym.tasks import Goals, Scales
-from cfem.gym.world import randomised
+from cfem.gym.world import demand_number, randomised
 from cfem.motion.model import MotionModel
 from cfem.predict.protocol import Predictor
 
@@ -63,6 +63,9 @@ class MovingWorld:
         if task not in MOVING or command not in ("force", "displacement"):
             do = f"use one of {', '.join(MOVING)}, and command force or displacement"
             raise InputError(f"there is no task '{task}' with command '{command}'", do=do)
+        demand_number("step", step, positive=True, most=1.0)
+        for name, value in {"rate": rate, "substeps": substeps, "largest": largest, "length": length}.items():
+            demand_number(name, value, positive=True)
         if min(ahead, history) < 1:
             raise InputError(f"ahead and history must be at least 1, got {ahead} and {history}")
         if not isinstance(model, MotionModel):

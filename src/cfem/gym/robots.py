@@ -153,16 +153,18 @@ class Robots:
             start.delta_a[:] = self.model.domain.states[0, : start.delta_a.shape[1]]
             u = rng.uniform(0.0 if self.pulls else -FEASIBLE, FEASIBLE, start.delta_a.shape)
             states = self.move(start, self.forces(u, p[unplaced]), p[unplaced], forces=True)
-            low, high = self.model.reach.T
-            good = ((states.delta_a >= low) & (states.delta_a <= high)).all(axis=1) & np.isfinite(states.tip).all(
-                axis=1
-            )
+            good = self.within_reach(states)
             for name in FIELDS:
                 getattr(kept, name)[unplaced[good]] = getattr(states, name)[good]
             unplaced = unplaced[~good]
             if not len(unplaced):
                 return kept
         raise InputError("the model's states under forces do not lie within the reach of its actuators")
+
+    def within_reach(self, states: RobotStates) -> np.ndarray:
+        """Mask (B,) of robots whose actuators stand within their reach."""
+        low, high = self.model.reach.T
+        return ((states.delta_a >= low) & (states.delta_a <= high)).all(axis=1) & np.isfinite(states.tip).all(axis=1)
 
     def forces(self, shares: np.ndarray, p: np.ndarray) -> np.ndarray:
         """Forces (B, n_a) N: shares (B, n_a) of the largest of the training, of each robot's stiffness."""

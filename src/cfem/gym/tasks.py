@@ -17,6 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cfem.core.errors import InputError
 from cfem.gym.robots import Robots, RobotStates
 
 LARGEST = 10.0  # number in an observation
@@ -99,16 +100,22 @@ class Follow(Reach):
     length, curves, goals_move = 100, 1024, True
 
     def __init__(self, robots: Robots, p: np.ndarray, rng: np.random.Generator):
-        """Draws closed curves that the robots can follow, under their loads."""
+        """Draws closed curves that the robots can follow, under their loads. InputError where they can follow none."""
         super().__init__(robots, p, rng)
         self._load = self._loads(robots, rng)
         self._p = p[: self.curves]
         states, places = robots.start(len(self._p)), []
         states.delta_a[:] = robots.model.domain.states[0, : len(robots.largest_force)]
+        within = np.ones(len(self._p), dtype=bool)
         for share in self._shares(rng, (len(self._p), len(robots.largest_force))):
             states = robots.move(states, robots.forces(share, self._p), self._p, forces=True, loads=self._load)
+            within &= robots.within_reach(states)
             places.append(states.tip)
-        self._curves = np.stack(places, axis=1)
+        if not within.any():
+            what = f"none of {len(within)} curves drawn lies within the reach of the actuators"
+            raise InputError(what, do="give the actuators of the scene more reach, and sample again")
+        self._p, self._curves = self._p[within], np.stack(places, axis=1)[within]
+        self._load = None if self._load is None else self._load[within]
 
     def _loads(self, robots: Robots, rng: np.random.Generator) -> np.ndarray | None:
         return None

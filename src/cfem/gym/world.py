@@ -28,14 +28,26 @@ class Randomised:
 
 def randomised(kind: type[K], given: K | dict[str, Any] | None) -> K:
     """Random changes of a robot, from the keys of `kind`; its defaults where none are given. InputError for a key that
-    it does not have."""
-    if isinstance(given, kind):
-        return given
+    it does not have, and for a number below 0."""
     known = [field.name for field in fields(kind)]
-    for key in given or {}:
-        if key not in known:
-            raise InputError(f"unknown key '{key}'", where="randomise", do=f"known are {', '.join(known)}")
-    return kind(**(given or {}))
+    if not isinstance(given, kind):
+        for key in given or {}:
+            if key not in known:
+                raise InputError(f"unknown key '{key}'", where="randomise", do=f"known are {', '.join(known)}")
+        given = kind(**(given or {}))
+    for key in known:
+        demand_number(f"randomise.{key}", getattr(given, key))
+    return given
+
+
+def demand_number(name: str, value: float | None, positive: bool = False, most: float | None = None) -> None:
+    """InputError where an argument that is given is no finite number from 0 to `most`, or is 0 and must be positive."""
+    if value is None or (np.isfinite(value) and (value > 0 if positive else value >= 0) and value <= (most or np.inf)):
+        return
+    bounds = "above 0" if positive else "of 0 or more"
+    if most is not None:
+        bounds += f" and at most {most:g}"
+    raise InputError(f"must be a number {bounds}, got {value:g}", where=name)
 
 
 class World:
@@ -68,6 +80,8 @@ class World:
             from cfem.predict.load import load_model
 
             model = load_model(Path(model))
+        demand_number("step", step, positive=True, most=1.0)
+        demand_number("length", length, positive=True)
         if not model.parameters and (designs is not None or observe_parameters):
             do = "sample with `parameters:` and train again"
             raise InputError("the model has no parameters: it knows one robot only", do=do)

@@ -12,13 +12,12 @@ from cfem.core.errors import SpecError
 from cfem.core.units import parse_quantity
 from cfem.init.body.shape import BREP, STEP, Shape, Source
 from cfem.init.hold import AXES, Hold, read_part
-from cfem.init.question import Answer, Ask, Question, choice, parts, point, ratio, stress, triple
+from cfem.init.question import NONE, Answer, Ask, Question, choice, parts, point, ratio, stress, triple
 from cfem.init.written import note, number, selection, short, vector
 
 T = TypeVar("T")
 
 WORDS = ("push", "gravity", "region", "rigid", "contact", "symmetry")
-NONE = "none"
 _GRAVITY = 9.81  # m/s^2
 _OFF = 1e-3  # of the extent: so far the middle of a mirror image may be from its plane
 

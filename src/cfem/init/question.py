@@ -23,6 +23,9 @@ class Question:
     read: Callable[[str], Any]
 
 
+NONE = "none"  # the answer that there is no such thing
+
+
 @dataclass(frozen=True)
 class Answer:
     """value; guess: why it is so where nobody said so, else None."""
@@ -40,7 +43,8 @@ def answer(question: Question, text: str | None) -> Answer:
         value = question.read(question.default if text is None else text)
     except (SpecError, ValueError) as error:
         reason = error.what if isinstance(error, SpecError) else str(error)
-        do = error.do if isinstance(error, SpecError) else f"write it as in '{question.default}'"
+        example = None if question.default == NONE else f"write it as in '{question.default}'"
+        do = error.do if isinstance(error, SpecError) else example
         raise SpecError(reason, where=f"--{question.flag}", do=do) from None
     return Answer(value, question.why if text is None else None)
 

@@ -1,13 +1,14 @@
 """How far each actuator of a robot goes, found by solving: until the body is strained or bent to a limit, has softened
 or meets itself, a chamber's pressure falls while it grows, or a solve fails, as where the body buckles."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial.transform import Rotation
 
+from cfem.constraint.cable import Cable
 from cfem.constraint.surface import triangulated
 from cfem.contact.surface.crossing import crossings
 from cfem.contact.surface.overlap import ALLOWED, boundary_of
@@ -32,9 +33,10 @@ _LEAST = 1e-3  # of the first amount, below which nothing is tried
 _MOST = {"mm": 0.35, "mm^3": 3.0}
 _GROWTH = 1.7
 _TIP = 0.1  # of the robot's length: nodes so near to the watched point turn with it
+_ELSEWHERE = 0.3  # of the robot's length from the watched point: a cable that ends so far from it turns another part
 _ALL = (0.15, 0.3, 0.45, 0.6, 0.75, 0.9, 1.0)  # shares of the strokes tried in turn where all actuators go together
 _HALVINGS = 3  # of the interval between a share that is reached and the first that is not
-_MARGIN = 0.8  # of where a solve fails or the body meets itself: on another mesh it folds elsewhere
+MARGIN = 0.8  # of where a solve fails or the body meets itself: on another mesh it folds elsewhere
 _ALIKE = 0.8  # of a stroke: one that is no shorter than this is taken for both, as of cables that are alike by symmetry
 # The last amount that was reached counts, so that the exact place where a path ends is worth no steps.
 _CLOSE = 0.2  # of the smallest amount at which the body meets itself: so near to it is near enough
@@ -73,11 +75,9 @@ def find_strokes(robot: Robot, advance: Callable[[int], None] = lambda _: None) 
     """Strokes of all actuators, each alone. How far all can go at once is found where states are drawn.
     advance: called after each solve."""
     problem = Problem(robot)
-    near = np.linalg.norm(robot.X - robot.rest_e[:3], axis=1)
-    tip = near.argsort()[: max(8, int((near < _TIP * robot.length).sum()))]
     units = [unit for unit, _ in robot.actuator_units]
-    alone = equalised([_alone(problem, index, tip, advance) for index in range(robot.rows.n_a)], units)
-    alone = [each.shortened(_MARGIN) if each.sudden else each for each in alone]
+    alone = equalised([_alone(problem, index, advance) for index in range(robot.rows.n_a)], units)
+    alone = [each.shortened(MARGIN) if each.sudden else each for each in alone]
     if len(alone) < 2:
         return alone
     reach, touches = np.array([each.reach for each in alone]), any(each.touches for each in alone)
@@ -159,15 +159,36 @@ def equalised(strokes: Sequence[Stroke], units: Sequence[str]) -> list[Stroke]:
     return chosen
 
 
-def _alone(problem: Problem, index: int, tip: np.ndarray, advance: Callable[[int], None]) -> Stroke:
-    stroke = _until(problem, index, tip, advance, meets=True)
+def _alone(problem: Problem, index: int, advance: Callable[[int], None]) -> Stroke:
+    ends = _ends(problem.robot, index)
+    stroke = _until(problem, index, ends, advance, meets=True)
     if not stroke.touches:
         return stroke
-    stroke = _until(problem, index, tip, advance, meets=False)
+    stroke = _until(problem, index, ends, advance, meets=False)
     return replace(stroke, why=stroke.why + _TOUCHES, touches=True)
 
 
-def _until(problem: Problem, index: int, tip: np.ndarray, advance: Callable[[int], None], meets: bool) -> Stroke:
+def _ends(robot: Robot, index: int) -> dict[str, np.ndarray]:
+    """Nodes whose turn counts, by what they are: those about the tip, and about the end of a cable that ends far from
+    it, as in another leg of a gripper."""
+    ends = {"the tip": _nodes_about(robot, robot.rest_e[:3])}
+    cable = robot.actuators[index]
+    if isinstance(cable, Cable):
+        weights = np.maximum(cable.along[-1], 0.0)  # of its last point, where the one before has others
+        end = weights @ robot.X[cable.nodes] / weights.sum()
+        if np.linalg.norm(end - robot.rest_e[:3]) > _ELSEWHERE * robot.length:
+            ends["the end of its cable"] = _nodes_about(robot, end)
+    return ends
+
+
+def _nodes_about(robot: Robot, place: np.ndarray) -> np.ndarray:
+    near = np.linalg.norm(robot.X - place, axis=1)
+    return near.argsort()[: max(8, int((near < _TIP * robot.length).sum()))]
+
+
+def _until(
+    problem: Problem, index: int, ends: Mapping[str, np.ndarray], advance: Callable[[int], None], meets: bool
+) -> Stroke:
     """meets: whether the body must not meet itself."""
     robot = problem.robot
     row, unit = robot.actuators[index], robot.actuator_units[index][0]
@@ -191,7 +212,7 @@ def _until(problem: Problem, index: int, tip: np.ndarray, advance: Callable[[int
                 return Stroke(done or most, force, _MEETS, sudden=True, touches=done == 0.0)
             amount = (done + most) / 2
             continue
-        used, why = _used(problem, ended, tip)
+        used, why = _used(problem, ended, ends)
         stiffness = 1.0 / float(ended.condensed.W_aa[index, index])
         first = first or stiffness
         end_force = float(abs(ended.state.lam[index]))
@@ -239,13 +260,14 @@ def _meets_itself(problem: Problem, ended: Equilibrium) -> bool:
     return count > 0 and count > len(crossings(problem.rest, facets)[0])
 
 
-def _used(problem: Problem, ended: Equilibrium, tip: np.ndarray) -> tuple[float, str]:
+def _used(problem: Problem, ended: Equilibrium, ends: Mapping[str, np.ndarray]) -> tuple[float, str]:
     """The largest share of a limit that a state has come to, and which."""
     strain = _strain(problem, problem.evaluate(ended.state.x, ended.state.pressure, ended.state.load))
-    X, x = problem.robot.X[tip], ended.state.x[tip]
-    turn = Rotation.align_vectors(x - x.mean(axis=0), X - X.mean(axis=0))[0].magnitude()
     shares = {f"strained by {100 * STRAIN:.0f} %": strain / STRAIN}
-    shares[f"turns the tip by {np.degrees(BEND):.0f} degrees"] = turn / BEND
+    for name, nodes in ends.items():
+        X, x = problem.robot.X[nodes], ended.state.x[nodes]
+        turn = Rotation.align_vectors(x - x.mean(axis=0), X - X.mean(axis=0))[0].magnitude()
+        shares[f"turns {name} by {np.degrees(BEND):.0f} degrees"] = turn / BEND
     why = max(shares, key=shares.get)
     return shares[why], why
 

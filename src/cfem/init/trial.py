@@ -3,6 +3,7 @@ now."""
 
 import shutil
 import tempfile
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,6 +19,7 @@ from cfem.init.drive import Drive, Stated
 from cfem.init.let_out import let_out
 from cfem.init.question import Answer, Ask
 from cfem.init.reach import reaches
+from cfem.init.stroke import MARGIN
 from cfem.init.texts import NewScene, texts
 from cfem.mechanics.mesh import Mesh
 from cfem.robot.build import build_robot
@@ -26,13 +28,18 @@ from cfem.robot.mesh.meshing import corners_of, make_mesh
 from cfem.robot.spec import SceneSpec
 
 _OPTIONS = {
-    "actuators": "--cable",
     "effectors": "--effector",
     "fixed": "--fixed",
     "materials": "--region",
     "rigid": "--rigid",
     "contacts": "--contact",
     "self_contact": "--self-contact",
+}
+# Of an actuator by its kind, and of its reach.
+_ACTUATOR_OPTIONS = {
+    "cable": ("--cable", "--reach"),
+    "cavity": ("--chamber", "--growth"),
+    "push": ("--push", "--travel"),
 }
 # Cells of which strokes are found with quadratic tetrahedra, and above with linear ones: those are so stiff in thin
 # limbs that they do not show where these buckle.
@@ -50,7 +57,7 @@ def tried(robot: NewScene, path: Path, stated: Stated, ask: Ask) -> tuple[NewSce
         try:
             made = _built(spec, mesh)
         except SpecError as error:
-            if stated.cables or stated.chambers or error.where not in (None, "--cable"):
+            if stated.cables or stated.chambers or error.where not in (None, "--cable", "--chamber"):
                 raise
             robot = replace(robot, drive=Drive(missing=error.what))
             made = _built(_written(_provisional(robot), folder), mesh)
@@ -76,7 +83,8 @@ def _least(made: Robot, robot: NewScene) -> tuple[float, ...]:
     if not rest.converged:
         raise NumericalError(f"no equilibrium with free actuators: {rest.status.value}", where="init")
     reach = np.array([answer.value for answer in robot.reach])
-    return tuple(let_out(rest.condensed.W_aa, reach).tolist())
+    room = [MARGIN * getattr(actuator, "rest_volume", np.inf) for actuator in made.actuators]
+    return tuple(let_out(rest.condensed.W_aa, reach, np.array(room)).tolist())
 
 
 def _written(robot: NewScene, folder: Path) -> SceneSpec:
@@ -101,8 +109,15 @@ def _built(spec: SceneSpec, mesh: Mesh) -> Robot:
         robot = build_robot(spec, mesh)
         demand_inside(spec, mesh)
     except SpecError as error:  # the file that it names is not written
-        key = (error.where or "").rpartition(": ")[2].split(".")[0]
-        option = "--push" if key == "actuators" and " push '" in f" {error.what}" else _OPTIONS.get(key)
+        option = _option(spec, (error.where or "").rpartition(": ")[2].split("."))
         do = (error.do or "").replace("set through_air: true where it is meant", "say --through-air yes")
         raise SpecError(error.what, where=option, do=do or None) from None
     return robot
+
+
+def _option(spec: SceneSpec, key: Sequence[str]) -> str | None:
+    """Option that states the value at a key path of the scene, None where there is none."""
+    if key[0] != "actuators" or len(key) == 1:
+        return _OPTIONS.get(key[0])
+    of_actuator, of_reach = _ACTUATOR_OPTIONS[spec.actuators[int(key[1])].kind]
+    return of_reach if key[2:] == ["reach"] else of_actuator

@@ -17,7 +17,7 @@ from cfem.equilibrium.solve import solve
 from cfem.equilibrium.system.actuation import displacement, force, pull
 from cfem.equilibrium.system.robot import Robot, demand_without_discrepancy
 from cfem.plant.fem_robot import FemRobot
-from cfem.plant.protocol import Changing, Command, Measurement
+from cfem.plant.protocol import Changing, Command, Measurement, command_of
 from cfem.sample.plan import borne, borne_together
 
 MEMORY = 200  # solved states that predictions draw on
@@ -61,8 +61,8 @@ class FemPlant(FemRobot):
 
     def step(self, u: ArrayLike, kind: Command = "displacement") -> Measurement:
         """Actuators that would have to push go slack."""
+        u = command_of(u, self._problem.robot.rows.n_a)
         self._t += 1
-        u = np.asarray(u, float)
         try:
             if kind == "force":
                 self._solve(force(u), self._stand, slack=True)

@@ -31,6 +31,11 @@ class Gains:
         return integral_for(self.phase_margin, late) if self.integral is None else self.integral
 
 
+def stable_below(late: int) -> float:
+    """m K_I at which the loop with K_P = 0 becomes unstable, where samples come so late: without phase margin."""
+    return integral_for(0.0, late)
+
+
 def late_samples(delay: int, ticks_a_sample: float) -> int:
     """Number of samples taken before the one that first shows a correction; delay: ticks from sample to controller,
     which answers in the tick after."""

@@ -10,7 +10,8 @@ from cfem.plant.protocol import Command, Measurement
 
 
 class ModelPlant:
-    """A condensed model as the plant, for trying out: a model that grades itself proves nothing.
+    """A condensed model as the plant, for trying out: a model that grades itself proves nothing. Actuators stand where
+    they are commanded, also where a cable would have to push: its lambda_a is then below zero.
 
     push: (n_e,) N on the effectors, None without any; it moves them by its linearised compliance."""
 

@@ -4,6 +4,10 @@ from dataclasses import dataclass
 from typing import Literal, Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike
+
+from cfem.core.console.shown import counted
+from cfem.core.errors import InputError
 
 Command = Literal["displacement", "force"]
 Changing = list[tuple[object, tuple[str, ...]]]  # objects, and the names of their attributes that a run changes
@@ -41,3 +45,11 @@ class Plant(Protocol):
     def step(self, u: np.ndarray, kind: Command = "displacement") -> Measurement:
         """Command the actuators: u (n_a,), displacements in mm or forces in N."""
         ...
+
+
+def command_of(u: ArrayLike, n_a: int) -> np.ndarray:
+    """A command as numbers (n_a,). InputError where it has another number of them."""
+    numbers = np.asarray(u, float)
+    if numbers.shape != (n_a,):
+        raise InputError(f"a command is {counted(n_a, 'number')}, one for each actuator; got {u!r:.60}")
+    return numbers

@@ -13,7 +13,8 @@ from cfem.condensed.coupling import HolderState
 from cfem.condensed.mesh_error import mesh_error_of
 from cfem.condensed.model import Form, demand_found, with_duals
 from cfem.condensed.model_error import ContactError, StateError, model_error_of
-from cfem.condensed.parameters import coordinates, from_json, references
+from cfem.condensed.parameters import coordinates, demand_in_range, from_json, references
+from cfem.core.console.shown import counted
 from cfem.core.errors import InputError, NumericalError
 from cfem.predict.series.christoffel import Christoffel
 from cfem.predict.series.domain import Domain
@@ -88,7 +89,8 @@ class Predictor(ABC):
 
     def shape(self, delta_a: ArrayLike, p: ArrayLike | None = None) -> np.ndarray:
         """Positions (..., m, 3) mm of all surface nodes where the actuators stand at delta_a (..., n_a) mm; p (n_p,) or
-        (..., n_p). InputError where the model has no skin, or one of another geometry than p's."""
+        (..., n_p). InputError where the model has no skin, or one of another geometry than p's; NumericalError far
+        outside the domain."""
         return self.skin.surface(self._skin_rows(delta_a, p))
 
     def all_nodes(self, delta_a: ArrayLike, p: ArrayLike | None = None) -> np.ndarray:
@@ -101,7 +103,9 @@ class Predictor(ABC):
         if p is not None and moved:
             what = f"the shape of other designs is not known: '{moved[0]}' changes where the surface rests"
             raise InputError(what, do="leave the parameters out, for the scene's own design")
-        return self.skin.rows(*self.learned_inputs(delta_a, p))
+        inputs = self.learned_inputs(delta_a, self._known(p))
+        self._demand_near(np.asarray(delta_a, float), *self.domain.delta_a, "displacements", 0)
+        return self.skin.rows(*inputs)
 
     def whole(self, delta_a: ArrayLike, p: ArrayLike | None = None) -> Condensed:
         """The condensed robot at displacements, with the rows of the skin between effectors and actuators."""
@@ -183,7 +187,7 @@ class Predictor(ABC):
     def at_displacement(self, delta_a: ArrayLike, p: ArrayLike | None = None) -> Condensed:
         """The condensed robot where its actuators stand at delta_a (..., n_a) mm. NumericalError where there is none,
         and far outside the domain."""
-        delta_a = self._one_each(delta_a, "a state of displacements")
+        delta_a, p = self._one_each(delta_a, "a state of displacements"), self._known(p)
         self._demand_near(delta_a, *self.domain.delta_a, "displacements", 0)
         return self.at(delta_a, p) if self.form == "displacement" else self._with_dual(delta_a, p)
 
@@ -195,7 +199,7 @@ class Predictor(ABC):
     def at_force(self, lambda_a: ArrayLike, p: ArrayLike | None = None) -> Condensed:
         """The condensed robot under lambda_a (..., n_a) N. NumericalError where there is none, and far outside the
         domain."""
-        lambda_a = self._one_each(lambda_a, "a state of forces")
+        lambda_a, p = self._one_each(lambda_a, "a state of forces"), self._known(p)
         self._demand_near(lambda_a, *(bound / self.softness(p) for bound in self.domain.lambda_a), "forces", 1)
         return self.at(lambda_a, p) if self.form == "force" else self._with_dual(lambda_a, p)
 
@@ -324,10 +328,17 @@ class Predictor(ABC):
         if p is None:
             return self._reference
         p = np.asarray(p, float)
-        if p.shape[-1] != len(self.parameters):
-            raise InputError(
-                f"{p.shape[-1]} parameters given, the model has {[parameter.name for parameter in self.parameters]}"
-            )
+        if p.shape[-1:] != (len(self.parameters),):
+            names = ", ".join(parameter.name for parameter in self.parameters) or "none"
+            raise InputError(f"{counted(p.size, 'parameter')} given, and the model has {names}")
+        return p
+
+    def _known(self, p: ArrayLike | None) -> np.ndarray | None:
+        """Parameters (..., n_p) that are given. Errors as of `_p` and `demand_in_range`."""
+        if p is None:
+            return None
+        p = self._p(p)
+        demand_in_range(self.parameters, p)
         return p
 
 

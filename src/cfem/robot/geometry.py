@@ -51,7 +51,8 @@ class MeshFile(Spec):
 
 
 class StepFile(Spec):
-    """A solid in a STEP or BREP file."""
+    """A body in a STEP or BREP file: a solid, or several that touch. Then solid-1, solid-2, ... name the cells of each,
+    in the order of the file, as in a region of `materials`."""
 
     kind: Literal["step"]
     """A solid from a STEP (.step, .stp) or BREP (.brep, .brp) file."""

@@ -191,7 +191,7 @@ def _some(chosen: np.ndarray, selection: Shape | Named, where: str, what: str) -
 
 
 def _unknown(where: str, what: str, name: str, known) -> SpecError:
-    return SpecError(f"the mesh has no {what} '{name}'", where=where, do=f"it has {sorted(known) or 'none'}")
+    return SpecError(f"the mesh has no {what} '{name}'", where=where, do=f"it has {', '.join(sorted(known)) or 'none'}")
 
 
 def rigid_groups(mesh: Mesh, selections: Sequence[Selection], fixed: np.ndarray) -> tuple[np.ndarray, ...]:

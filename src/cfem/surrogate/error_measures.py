@@ -12,6 +12,7 @@ from cfem.surrogate.calibration import bound
 
 CONSTANT = 1e-9  # standard deviation, relative to the largest entry of its kind, below which an entry says nothing
 NEARLY_NONE = 0.1  # of the root mean square of sizes: errors are relative to at least so much
+LITTLE = 1e-3  # of the root of W_ii W_jj: by how much an entry varies at least, where its errors are weighed
 SIZE = 1.0  # mm, mm^3 or rad: delta_free is taken to be at least so large, as at rest without load it is rounding alone
 
 
@@ -99,19 +100,22 @@ def frame_loss(
     rows: Rows, W: np.ndarray, delta_free: np.ndarray, W_model: np.ndarray, delta_free_model: np.ndarray
 ) -> float:
     """The paper's loss of vectors, not of entries: the squared error of each 3 x 3 block of W, of each column
-    of three and of each entry between actuators over the variance of that block, counted as its entries. A scene that
-    is turned has the same one."""
+    of three and of each entry between actuators over the variance of that block, counted as its entries. A block that
+    varies by less than a thousandth of the root of W_ii W_jj, as between legs that hardly know of each other, counts as
+    if it varied by so much. A scene that is turned has the same one."""
     groups, total, count = vectors(rows), 0.0, 0
-    blocks = [(W, W_model, groups[i], column_group) for i in range(len(groups)) for column_group in groups[i:]]
-    pairs = [(true[:, g, h], model[:, g, h], g == h) for true, model, g, h in blocks]
+    traces = [np.abs(np.trace(W[:, g, g], axis1=1, axis2=2)) for g in groups]
+    blocks = [(i, j) for i in range(len(groups)) for j in range(i, len(groups))]
+    pairs = [(W[:, groups[i], groups[j]], W_model[:, groups[i], groups[j]], i == j) for i, j in blocks]
     pairs += [(delta_free[:, g, None], delta_free_model[:, g, None], False) for g in groups]
-    largest = [max(np.abs(array).max(), least) for array, least in ((W, 0.0), (delta_free, SIZE))]
+    least = [LITTLE**2 * (traces[i] * traces[j]).mean() for i, j in blocks] + [0.0] * len(groups)
+    largest = [max(np.abs(array).max(), size) for array, size in ((W, 0.0), (delta_free, SIZE))]
     for index, (true, model, diagonal) in enumerate(pairs):
         m, k, width = true.shape
         variance = ((true - true.mean(axis=0)) ** 2).sum(axis=(1, 2)).mean()
         if variance > k * width * (CONSTANT * largest[index >= len(blocks)]) ** 2:
             entries_of = k * (k + 1) // 2 if diagonal else k * width
-            total += entries_of * ((model - true) ** 2).sum() / m / variance
+            total += entries_of * ((model - true) ** 2).sum() / m / max(variance, least[index])
             count += entries_of
     return float(total / count) if count else 0.0
 

@@ -47,3 +47,11 @@ def test_a_tick_takes_one_inverse_step_as_in_the_paper_from_the_equilibrium_of_i
 )
 def test_what_a_loop_may_be(spec, name, least, refused, unstated):
     demand_field(spec, name, least, refused, *unstated)
+
+
+def test_a_goal_that_waits_may_be_held_for_as_long_as_it_is_tried():
+    loop = {"rate": "50 Hz", "command": {"kind": "force"}, "controllers": {"a": {"mode": "open"}}}
+    for hold, more in (("2 s", {}), ("3 s", {"goal_every": "1 s"})):
+        LoopSpec.model_validate(loop | more | {"settle": {"radius": "1 mm", "hold": hold, "at_most": "2 s"}})
+    with pytest.raises(ValueError, match=r"settle\.hold: a goal is given up after settle\.at_most"):
+        LoopSpec.model_validate(loop | {"settle": {"radius": "1 mm", "hold": "3 s", "at_most": "2 s"}})

@@ -3,9 +3,12 @@
 from types import SimpleNamespace
 
 import pytest
+from control.loop_poles import integral_bound
 
 from cfem.control.closed_loop.run import Pace
+from cfem.control.closed_loop.runs import unstable
 from cfem.control.closed_loop.summary import _saturated, headline, judged, summarise
+from cfem.plant.gains import Gains
 
 
 def test_bounds_are_told_by_kind_and_rare_ones_left_to_the_table():
@@ -68,3 +71,15 @@ def test_a_sentence_has_what_a_controller_did_and_no_more():
     for wait in (None, {"held": 0, "median": None, "max": None}):
         bare = row | {"error_at_goals": None, "ticks_to_converge": wait, "no_position": 0}
         assert [len(each.split("; ")) for each in headline({"a": {"b": bare, "c": bare}})] == [2, 2]
+
+
+@pytest.mark.parametrize("late", [0, 1, 3])
+def test_a_stated_gain_beyond_the_bound_of_late_samples_is_called_unstable(late):
+    controller, bound = SimpleNamespace(feedback=SimpleNamespace(late=late)), integral_bound(late)
+    for harmless in (None, Gains(), Gains(integral=0.99 * bound), Gains(proportional=0.1, integral=2 * bound)):
+        assert unstable(harmless, controller) == {}
+    found = unstable(Gains(integral=1.01 * bound), controller)
+    assert found["unstable"]["stable_below"] == pytest.approx(bound)
+    moment = {"reached": {"mean": 0}, "goals": 1, "seconds": 1.0, "error_at_goals": None, "ticks_to_converge": None}
+    row = moment | {"step_us": {"median": 1.0}, "no_position": 0} | found
+    assert f"is UNSTABLE: stable below {bound:.2g} where samples come {late} late" in headline({"a": {"b": row}})[0]

@@ -90,3 +90,8 @@ def test_a_length_beyond_the_longest_is_none():
     receiver = Receiver(2)
     assert receiver.feed(Frame(1, 0, (1.0, 2.0, 3.0)).packed()) == [] and receiver.skipped == 18 + 12
     assert len(receiver.feed(Frame(1, 0, (1.0, 2.0)).packed())) == 1
+
+
+def test_names_of_rows_have_the_checksum_that_the_documentation_states():
+    names = b"tip.x tip.y tip.z\nleft right"
+    assert remainder(names) == robot_checksum(Rows(("tip.x", "tip.y", "tip.z"), ("left", "right"))) == 0xE68C

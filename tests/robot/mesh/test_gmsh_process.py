@@ -63,7 +63,7 @@ def test_straight_edges_of_a_surface_cost_no_more_cells_than_its_faces_need(tmp_
     corners = full.X[full.cells].mean(axis=1)[:, :2] % 8
     cells = full.cells[(corners < 4).any(axis=1)]
     frame = Mesh(full.X, cells, boundary_facets(cells), {}, {}, {})
-    X, made, volume = run_gmsh(surface_file(tmp_path / "frame.obj", frame), Meshing(size="8 mm", element="tet4"))
+    X, made, volume, _ = run_gmsh(surface_file(tmp_path / "frame.obj", frame), Meshing(size="8 mm", element="tet4"))
     assert volume == pytest.approx(frame.volumes.sum())
     edges = X[made[:, [1, 2, 3]]] - X[made[:, :1]]
     assert np.abs(np.linalg.det(edges)).sum() / 6 == pytest.approx(volume, rel=1e-9)
@@ -74,9 +74,11 @@ def test_straight_edges_of_a_surface_cost_no_more_cells_than_its_faces_need(tmp_
 def test_a_hole_that_is_small_beside_the_cells_stays_open(tmp_path, size):
     """A plate of 30 x 30 x 4 mm with a hole of 2 mm."""
     plate = Difference(Box((0, 0, 0), (30, 30, 4)), (Frustum((15, 15, -1), (0, 0, 6), 1.0, 1.0),))
-    X, cells, _ = run_gmsh(plate, Meshing(size="1.5 mm", element="tet4"))
+    X, cells, *_ = run_gmsh(plate, Meshing(size="1.5 mm", element="tet4"))
     own = Mesh(X, cells, boundary_facets(cells), {}, {}, {})
-    X, cells, volume = run_gmsh(surface_file(tmp_path / "plate.obj", own), Meshing(size=f"{size} mm", element="tet4"))
+    X, cells, volume, _ = run_gmsh(
+        surface_file(tmp_path / "plate.obj", own), Meshing(size=f"{size} mm", element="tet4")
+    )
     filled = np.abs(np.linalg.det(X[cells[:, 1:]] - X[cells[:, :1]])).sum() / 6
     assert 0.7 * (3600 - volume) < 3600 - filled < 1.1 * (3600 - volume)
 

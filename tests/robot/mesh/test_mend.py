@@ -70,6 +70,36 @@ def test_a_surface_that_passes_through_itself_at_a_place_is_smoothed_there():
     assert volume(found, triangles) == pytest.approx(24, rel=0.03)
 
 
+def box(low, high):
+    """A box of twelve triangles, as CAD programs write it."""
+    corners = block((1.0, 1.0, 1.0), (1, 1, 1))
+    return low + corners.X * (np.asarray(high, float) - low), corners.facets
+
+
+@pytest.mark.parametrize(
+    "low, high",
+    [((5.0, -1.0, -1.0), (7.0, 3.0, 3.0)), ((5.0, 0.5, 0.5), (7.0, 1.5, 1.5)), ((6.0, -1.0, -1.0), (7.0, 3.0, 3.0))],
+    ids=["around", "through", "touching"],
+)
+@pytest.mark.parametrize("coarse", [True, False])
+def test_bodies_that_overlap_or_touch_are_no_flaw_that_a_small_move_mends(low, high, coarse):
+    first, triangles = box((0.0, 0.0, 0.0), (6.0, 2.0, 2.0)) if coarse else (X, FACETS)
+    second, others = box(low, high)
+    with pytest.raises(InputError, match=r"touch or pass through each other, around \([-\d., ]+\)"):
+        mend(np.vstack([first, second]), np.vstack([triangles, others + len(first)]), "body")
+
+
+def test_moves_that_would_make_another_body_are_left_out():
+    """An end of a coarse bar folded through its side: smoothed, it would lose a tenth of its volume."""
+    bar = block((6.0, 2.0, 2.0), (3, 1, 1))
+    through = bar.X.copy()
+    through[(bar.X[:, 0] == 6.0) & (bar.X[:, 2] == 2.0)] = [[2.0, 0.0, -1.0], [2.0, 2.0, -1.0]]
+    assert len(crossings(through, bar.facets)[0]) > 0
+    found, _, said = mended(through, bar.facets)
+    np.testing.assert_array_equal(found, through)
+    assert said == ()
+
+
 def test_the_normals_of_a_cavity_point_into_it():
     inner = 0.25 * (X - X.mean(axis=0)) + X.mean(axis=0)
     for facets in (FACETS, FACETS[:, ::-1]):

@@ -70,7 +70,7 @@ gmsh.write(sys.argv[1])
 
 
 @pytest.mark.parametrize("version, overlapping", [(2.2, False), (4.1, False), (4.1, True)])
-def test_groups_that_gmsh_wrote(tmp_path, version, overlapping):
+def test_groups_that_gmsh_wrote(tmp_path, version, overlapping, capsys):
     own = read_own(two_boxes(tmp_path / "own.msh", version, overlapping=overlapping), 1.0)
     assert own.volumes.sum() == pytest.approx(2000)
     assert own.volumes[own.cell_sets["soft"]].sum() == pytest.approx(1000)
@@ -80,6 +80,14 @@ def test_groups_that_gmsh_wrote(tmp_path, version, overlapping):
     assert (tip[..., 0] == 20).all()
     area = np.linalg.norm(np.cross(tip[:, 1] - tip[:, 0], tip[:, 2] - tip[:, 0]), axis=1).sum() / 2
     assert area == pytest.approx(100)
+    assert capsys.readouterr() == ("", "")
+
+
+def test_sets_of_elements_that_gmsh_wrote_for_abaqus(tmp_path):
+    own = read_own(two_boxes(tmp_path / "own.inp", 4.1), 1.0)
+    assert own.volumes[own.cell_sets["soft"]].sum() == pytest.approx(1000)
+    assert own.volumes[own.cell_sets["other"]].sum() == pytest.approx(2000)
+    assert (own.X[own.facets[own.facet_sets["tip"]]][..., 0] == 20).all()
 
 
 def test_what_gmsh_wrote_in_a_way_that_cannot_be_read_says_how_to_write_it(tmp_path):
@@ -87,3 +95,45 @@ def test_what_gmsh_wrote_in_a_way_that_cannot_be_read_says_how_to_write_it(tmp_p
         read_own(two_boxes(tmp_path / "own.msh", 2.2), 1.0)
     with pytest.raises(InputError, match=r"without Mesh\.SaveAll"):
         read_own(two_boxes(tmp_path / "all.msh", 4.1, 'gmsh.option.setNumber("Mesh.SaveAll", 1)'), 1.0)
+
+
+def abaqus(path, sets):
+    """The mesh in three blocks of elements, numbered from 101, 201 and 301: the first of no set, the others of one."""
+    nodes = "".join(f"{number}, {x}, {y}, {z}\n" for number, (x, y, z) in enumerate(MESH.X.tolist(), start=11))
+    parts = np.array_split(MESH.cells + 11, 3)
+    blocks = [
+        f"*Element, type=C3D4{title}\n"
+        + "".join(f"{number}, {', '.join(map(str, cell))}\n" for number, cell in enumerate(part.tolist(), start=first))
+        for title, first, part in zip(["", ", elset=rest", ", elset=Rest"], (101, 201, 301), parts, strict=True)
+    ]
+    path.write_text("*Heading\n** by hand\n*Node\n" + nodes + "".join(blocks) + sets)
+    return path
+
+
+def test_sets_of_elements_are_found_by_their_numbers_in_any_block(tmp_path):
+    sets = "*Elset, elset=row, generate\n102, 104, 2\n*Elset, elset=all\nrow, 203, rest,\n*Nset, nset=Base\n11, 12\n"
+    own = read_own(abaqus(tmp_path / "own.inp", sets), 1.0)
+    third = len(MESH.cells) // 3
+    rest = np.arange(third, len(MESH.cells))
+    assert {name: cells.tolist() for name, cells in own.cell_sets.items()} == {
+        "rest": rest.tolist(),
+        "row": [1, 3],
+        "all": [1, 3, *rest],
+    }
+    assert own.node_sets["Base"].tolist() == [0, 1]
+
+
+@pytest.mark.parametrize("data", ["nobody", "101\nnobody"])
+def test_a_set_of_elements_of_an_unknown_set_is_an_error(tmp_path, data):
+    with pytest.raises(InputError, match="'nobody'"):
+        read_own(abaqus(tmp_path / "own.inp", f"*Elset, elset=row\n{data}\n"), 1.0)
+
+
+def test_hybrid_elements_are_cells_and_those_that_cannot_be_read_are_named(tmp_path):
+    path = abaqus(tmp_path / "own.inp", "")
+    text = path.read_text()
+    path.write_text(text.replace("C3D4", "C3D4H"))
+    assert read_own(path, 1.0).volumes.sum() == pytest.approx(8)
+    path.write_text(text.replace("C3D4", "C3D99"))
+    with pytest.raises(InputError, match=r"can be read: Element type not available: C3D99$"):
+        read_own(path, 1.0)

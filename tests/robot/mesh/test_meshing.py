@@ -133,16 +133,46 @@ def test_a_surface_in_metres_with_a_size_in_millimetres_is_refused(tmp_path):
             meshing.make_mesh(own, tmp_path)
 
 
-def test_two_bodies_in_one_file_are_told_of_assemblies(tmp_path):
+def boxes_step(path, *corners):
+    """Boxes, each by the place of its lowest corner and its size in mm, as solids of their own in one file."""
     code = (
         "import gmsh, sys; gmsh.initialize(interruptible=False); gmsh.option.setNumber('General.Terminal', 0);"
-        "occ = gmsh.model.occ; occ.addBox(0, 0, 0, 30, 10, 10); occ.addBox(50, 0, 0, 30, 10, 10);"
+        f"occ = gmsh.model.occ; [occ.addBox(*corner) for corner in {corners!r}];"
         "occ.synchronize(); gmsh.write(sys.argv[1]); gmsh.finalize()"
     )
-    subprocess.run([sys.executable, "-c", code, str(tmp_path / "two.step")], check=True, capture_output=True)
+    subprocess.run([sys.executable, "-c", code, str(path)], check=True, capture_output=True)
+
+
+@pytest.mark.parametrize("apart", [(50, 0, 0), (30, 10, 0)], ids=["apart", "edge to edge"])
+def test_two_bodies_in_one_file_are_told_of_assemblies(tmp_path, apart):
+    boxes_step(tmp_path / "two.step", (0, 0, 0, 30, 10, 10), (*apart, 30, 10, 10))
     own = scene(tmp_path, geometry="{kind: step, path: two.step}")
     with pytest.raises(InputError, match=r"two\.step: the geometry is 2 separate bodies, not one .*kind: assembly"):
         meshing.make_mesh(own, tmp_path)
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2), (2, 0, 1)])
+def test_solids_that_touch_are_one_body_and_each_names_its_cells(tmp_path, order):
+    """A bar, a wider plate at its end, and a knob on that: their faces differ, and the mesh has one surface between."""
+    boxes = [(0, 0, 0, 30, 10, 10), (30, -5, -5, 5, 20, 20), (35, 0, 0, 5, 5, 5)]
+    boxes_step(tmp_path / "three.step", *(boxes[place] for place in order))
+    own = scene(tmp_path, geometry="{kind: step, path: three.step}", materials=regions([[0, 0, 0], [15, 10, 10]]))
+    mesh, volume = meshing.make_mesh(own, tmp_path)
+    assert volume == pytest.approx(3000 + 2000 + 125) and mesh.volumes.sum() == pytest.approx(volume)
+    assert pieces(mesh) == 1 and volume_within(mesh, [[0, 0, 0], [15, 10, 10]]) == (pytest.approx(1500),) * 2
+    for number, place in enumerate(order, start=1):
+        cells, (*low, a, b, c) = mesh.cell_sets[f"solid-{number}"], boxes[place]
+        assert mesh.volumes[cells].sum() == pytest.approx(a * b * c)
+        corners = mesh.X[mesh.cells[cells]].reshape(-1, 3)
+        np.testing.assert_allclose([corners.min(axis=0), np.ptp(corners, axis=0)], [low, (a, b, c)], atol=1e-6)
+
+
+def test_what_two_solids_both_fill_is_a_solid_of_its_own(tmp_path):
+    boxes_step(tmp_path / "two.step", (0, 0, 0, 30, 10, 10), (20, 0, 0, 30, 10, 10))
+    mesh, volume = meshing.make_mesh(scene(tmp_path, geometry="{kind: step, path: two.step}"), tmp_path)
+    assert volume == pytest.approx(5000) and pieces(mesh) == 1
+    found = {name: mesh.volumes[cells].sum() for name, cells in mesh.cell_sets.items()}
+    assert found == pytest.approx({"solid-1": 2000, "solid-2": 1000, "solid-3": 2000})
 
 
 @pytest.mark.usefixtures("anew")

@@ -13,7 +13,7 @@ from cfem.condensed.far import demand_near
 from cfem.condensed.model import PathDependent
 from cfem.control.closed_loop.feedback import Feedback
 from cfem.control.closed_loop.tick import Belief, Pilot, drive
-from cfem.core.errors import NumericalError, SpecError
+from cfem.core.errors import InputError, NumericalError, SpecError
 from cfem.plant.gains import Gains
 from cfem.plant.protocol import Measurement
 
@@ -67,7 +67,7 @@ class Controller:
         let_go: bool = False,
     ) -> Belief:
         """Belief after one tick towards a goal; its `u` is the command: (n_a,), mm (mm^3) or N (MPa). InputError for a
-        goal so far away that it is in another unit.
+        goal so far away that it is in another unit, and for a sample that does not say which command it followed.
 
         goal: (n_e,) mm absolute, rotation vectors in rad
         measured: the latest sample, whose t is the number of the command that it followed, 1 for the first
@@ -77,6 +77,9 @@ class Controller:
         if goal.shape != self._rest_e.shape or not np.isfinite(goal).all():
             raise SpecError(f"expected {len(self._rest_e)} finite numbers, got {goal.tolist()}", where="goal")
         demand_near(goal, self._rest_e, self._far)
+        if not isinstance(measured, Measurement | None):
+            what = f"expected a Measurement, which says what command it followed; got {measured!r:.60}"
+            raise InputError(what, where="measured", do="give what plant.step returned, or build a Measurement")
         self._tick += 1
         self.aimed, rejected = goal, False
         if self.feedback:

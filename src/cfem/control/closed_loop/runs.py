@@ -28,7 +28,7 @@ from cfem.control.closed_loop.summary import record, summarise
 from cfem.control.closed_loop.tick import Pilot
 from cfem.equilibrium.system.robot import Robot
 from cfem.motion.model import MotionModel
-from cfem.plant.gains import Gains
+from cfem.plant.gains import Gains, stable_below
 from cfem.predict.protocol import Predictor
 
 
@@ -110,6 +110,7 @@ def run_controller(
         parameters.append(known(controller, setting.n_parameters))
     return {
         "gains": gains and {"proportional": gains.proportional, "integral": controller.feedback.integral},
+        **unstable(gains, controller),
         **summarise(runs, len(reference.goals), reference.pace, loop.rate),
         "over_time": over_time(runs, loop.rate),
         "saturated": saturation(runs, pilot, robot.rows.actuators),
@@ -117,6 +118,16 @@ def run_controller(
         **({"losses": losses} if losses else {}),
         **({} if account is None else {"estimate": estimate_results(rows, account.unknowns)}),
     }
+
+
+def unstable(gains: Gains | None, controller: Any) -> dict[str, Any]:
+    """The bound of the stated integral gain, and how late samples came, where the gain is beyond it."""
+    if gains is None or gains.integral is None or gains.proportional:
+        return {}
+    late = controller.feedback.late
+    if gains.integral < stable_below(late):
+        return {}
+    return {"unstable": {"integral": gains.integral, "stable_below": stable_below(late), "late": late}}
 
 
 def _models_taken_up(predictors: Mapping[str, Any]) -> int:

@@ -225,6 +225,8 @@ class LoopSpec(Spec):
         """Checks that the fields go together."""
         if self.laps is not None and self.goal_every is not None:
             raise ValueError("laps have a goal at each tick: leave out goal_every")
+        if self.laps is None and self.goal_every is None and self.settle.hold > self.settle.at_most:
+            raise ValueError("settle.hold: a goal is given up after settle.at_most, before it was held so long")
         if self.moving is not None and self.real.wall is not None:
             raise ValueError("real.wall does not go with moving yet")
         if self.moving is not None and self.real.drift is not None:

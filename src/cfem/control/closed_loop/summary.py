@@ -94,6 +94,9 @@ def headline(results: dict[str, dict[str, dict]]) -> list[str]:
                 )
             parts.append(f"{duration(1e-6 * row['step_us']['median'])} of CPU time per tick")
             parts += _saturated(row.get("saturated", {}))
+            if (beyond := row.get("unstable")) is not None:
+                bound = f"below {beyond['stable_below']:.2g} where samples come {beyond['late']} late"
+                parts.append(f"gains.integral {beyond['integral']:g} is UNSTABLE: stable {bound}")
             if "estimate" in row:
                 parts.append(estimate_sentence(row["estimate"]))
             if row["no_position"]:

@@ -63,7 +63,8 @@ def _work(folder: Path, spec: CalibrateSpec, base: Path) -> dict[str, Any]:
     else:
         results["outside"] = family.outside(calibration.states)
         if results["outside"]:
-            lines.append(f"states {results['outside']} lie outside what the model was trained on")
+            rows = ", ".join(str(state + 1) for state in results["outside"])
+            lines.append(f"states (rows of the measurements) outside what the model was trained on: {rows}")
     results = {"judgement": judgement(calibration.uncertainty), **results}
     write_json(folder / RESULT, results)
     write_states(folder / TABLE, calibration)
@@ -116,11 +117,11 @@ def _noise(spec: CalibrateSpec, dual_measured: bool) -> Any:
 
     if spec.noise is None:
         return None
-    name = "forces" if spec.driven == "displacement" else "actuator_displacements"
+    name, words = ("forces", "forces") if spec.driven == "displacement" else ("actuator_displacements", "displacements")
     dual = getattr(spec.noise, name)
     if dual is None and dual_measured:
         raise SpecError(
-            f"the noise of the actuators' {name} is missing",
+            f"the noise of the actuators' {words} is missing",
             where=f"noise.{name}",
             do="state its standard deviation, or leave `noise` out",
         )

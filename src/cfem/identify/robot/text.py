@@ -5,7 +5,7 @@ from typing import Any
 
 from cfem.condensed.parameters import Parameter
 from cfem.core.artefact.judgement import NOISE_RATIO, poor
-from cfem.core.console.shown import duration
+from cfem.core.console.shown import counted, duration
 from cfem.identify.fit.uncertainty import Uncertainty
 from cfem.identify.robot.calibration import Calibration
 
@@ -24,7 +24,8 @@ def headline(calibration: Calibration, results: Mapping[str, Any]) -> list[str]:
     if known is not None and known.covariance is None:
         lines.append("as many parameters as measurements: no intervals without a stated noise")
     lines.append(
-        f"{len(problem.measured)} states, {len(problem.target)} numbers, {len(calibration.fits)} starts, "
+        f"{counted(len(problem.measured), 'state')}, {counted(len(problem.target), 'number')}, "
+        f"{counted(len(calibration.fits), 'start')}, "
         f"{duration(calibration.seconds)} of CPU time"
     )
     return lines

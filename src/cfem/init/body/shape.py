@@ -13,7 +13,7 @@ from cfem.init.body.voxels import Voxels, voxels
 from cfem.mechanics.mesh import Mesh
 from cfem.robot.geometry import SURFACES, MeshFile, StepFile
 from cfem.robot.mesh.mesh_file import read_data, read_own
-from cfem.robot.mesh.meshing import corner_mesh, measure, solid_of
+from cfem.robot.mesh.meshing import corner_mesh, measure_solids, solid_of
 from cfem.robot.mesh.surface_file import mended, read_surface
 from cfem.robot.spec import Meshing
 
@@ -103,7 +103,10 @@ def read_source(path: Path, remesh: bool = False, body: int = 1) -> Source:
             )
         remesh = True
     mends = mended(path, True, body) if suffix in SURFACES + MESH else ()
-    return Source(path, *measure(solid_of(geometry(path, 1.0, remesh, body), Path())), None, remesh, mends, body)
+    volume, area, solids = measure_solids(solid_of(geometry(path, 1.0, remesh, body), Path()))
+    if solids > 1:
+        mends = (*mends, f"joined {solids} solids that touch: solid-1 to solid-{solids} in `materials` (--region)")
+    return Source(path, volume, area, None, remesh, mends, body)
 
 
 def geometry(path: Path, unit: float, remesh: bool = False, body: int = 1) -> StepFile | MeshFile:

@@ -89,8 +89,10 @@ class Wire:
         if sizes != expected:
             names = "effector rows, actuators and markers"
             raise Malformed(f"has {sizes} {names}, and the robot {expected}")
-        if ready.tick != robot_checksum(self._rows):
-            raise Malformed("is of a robot whose effectors and actuators have other names: export its code again")
+        checksum = robot_checksum(self._rows)
+        if ready.tick != checksum:
+            what = "is of a robot whose effectors and actuators have other names"
+            raise Malformed(f"{what}, with checksum {ready.tick:x} for {checksum:x}: export its code again")
         self._takes = takes
 
     def _answered(self, message: dict[str, Any], timeout: float) -> dict[str, Any] | None:

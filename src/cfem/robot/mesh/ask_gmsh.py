@@ -55,7 +55,7 @@ def ask_gmsh(job: dict[str, Any], solid: Solid) -> dict[str, np.ndarray]:
     if code == _NO_GMSH:
         raise InputError(f"gmsh cannot be loaded: {cause}", do=f"on Debian: apt-get install {DEBIAN_PACKAGES}")
     if code == _SEPARATE:
-        do = "give one body, or make each a file of its own and a part of a geometry of `kind: assembly`"
+        do = "let solids touch that are one body, or make each a file of its own and a part of `kind: assembly`"
         raise InputError(cause, where=where, do=do)
     kind = InputError if isinstance(solid, File | SurfaceSolid) else NumericalError
     raise kind(f"cannot be meshed: {cause}", where=where, do="repair the geometry or change mesh.size")

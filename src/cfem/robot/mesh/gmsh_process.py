@@ -6,8 +6,9 @@ of a surface the .npz with X (n, 3) mm and triangles (m, 3), 'size': mm, 'refine
 'regions': [trees whose surfaces the mesh is to conform to], 'grading': rows of a tetrahedron's x, y, z and sizes at its
 corners, or null, 'factor': on all sizes, 'anew': of a surface, whether its triangles are made anew, 'around': edges
 round a full turn of curved faces at least, or 0, 'patience': times the usual limit of time}. The answer is an
-.npz with X (n, 3) mm, cells (m, 4) and the CAD volume mm^3; where 'size' is null, nothing is meshed, and the answer is
-the body's volume mm^3 and the area mm^2 of its surface.
+.npz with X (n, 3) mm, cells (m, 4) and the CAD volume mm^3, and, of a file of several solids that touch, 'solid' (m,):
+which of them a cell is of; where 'size' is null, nothing is meshed, and the answer is the body's volume mm^3, the area
+mm^2 of its surface and the number of its solids.
 
 One thread and fixed algorithms: the same job gives the same mesh. Where gmsh takes much more of the processor than so
 many cells need, SIGXCPU ends it. Exit 10: gmsh cannot be loaded; 11: the geometry
@@ -64,7 +65,15 @@ def build(occ, node: dict) -> list[tuple[int, int]]:
     solids = [entity for entity in occ.importShapes(node["path"]) if entity[0] == 3]
     if node["unit"] != 1.0:
         occ.dilate(solids, 0, 0, 0, *[node["unit"]] * 3)
-    return solids
+    return joined(occ, solids)
+
+
+def joined(occ, solids: list[tuple[int, int]]) -> list[tuple[int, int]]:
+    """Solids that share the faces at which they touch, in the order of the file; what two of them fill is one more."""
+    if len(solids) < 2:
+        return solids
+    _, made_of = occ.fragment(solids[:1], solids[1:])
+    return list(dict.fromkeys(piece for made in made_of for piece in made if piece[0] == 3))
 
 
 def loft(occ, first: list, second: list) -> int:
@@ -79,12 +88,16 @@ def loft(occ, first: list, second: list) -> int:
     return occ.addVolume([occ.addSurfaceLoop(faces)])
 
 
-def split(occ, body: tuple[int, int], regions: list[dict]) -> None:
-    """Cuts the body along the surfaces of the regions into pieces that share their faces and so their nodes."""
+def split(occ, bodies: list[tuple[int, int]], regions: list[dict]) -> list[list[tuple[int, int]]]:
+    """Pieces of each of the bodies, cut along the surfaces of the regions, that share their faces and so their
+    nodes."""
     tools = [entity for region in regions for entity in build(occ, region)]
-    everything, made_of = occ.fragment([body], tools)
-    occ.remove([entity for entity in everything if entity not in made_of[0]], recursive=True)
+    everything, made_of = occ.fragment(bodies, tools)
+    pieces_of = made_of[: len(bodies)]
+    kept = {piece for of_body in pieces_of for piece in of_body}
+    occ.remove([entity for entity in everything if entity not in kept], recursive=True)
     occ.synchronize()
+    return pieces_of
 
 
 def surface(gmsh, file: str) -> np.ndarray:
@@ -160,13 +173,25 @@ class Separate(ValueError):
     """The geometry is not one body."""
 
 
-def one_body(gmsh, solid: dict) -> tuple[int, int]:
-    """The OpenCASCADE entity (3, tag) of a tree of solids."""
+def one_body(gmsh, solid: dict) -> list[tuple[int, int]]:
+    """OpenCASCADE entities (3, tag) of a tree of solids: one, or those of a file that touch."""
     bodies = build(gmsh.model.occ, solid)
     gmsh.model.occ.synchronize()
-    if len(bodies) != 1:
+    if not bodies:
+        raise ValueError("there is no solid in it, at most surfaces or lines")
+    if len(bodies) > 1 and not (solid["kind"] == "File" and hang_together(gmsh, bodies)):
         raise Separate(f"the geometry is {len(bodies)} separate bodies, not one")
-    return bodies[0]
+    return bodies
+
+
+def hang_together(gmsh, bodies: list[tuple[int, int]]) -> bool:
+    """True where one comes from each body to any other through faces that bodies share."""
+    left = [set(gmsh.model.getBoundary([body], oriented=False)) for body in bodies]
+    reached = left.pop()
+    while near := [faces for faces in left if faces & reached]:
+        reached = reached.union(*near)
+        left = [faces for faces in left if faces not in near]
+    return not left
 
 
 def measure(gmsh, job: dict) -> dict[str, np.ndarray]:
@@ -176,15 +201,16 @@ def measure(gmsh, job: dict) -> dict[str, np.ndarray]:
         corners = surface(gmsh, job["surface"])
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         return {"volume": np.array(enclosed_volume(corners)), "area": np.linalg.norm(normals, axis=1).sum() / 2}
-    body = one_body(gmsh, solid)
-    faces = gmsh.model.getBoundary([body], oriented=False)
-    area = sum(gmsh.model.occ.getMass(*face) for face in faces)
-    return {"volume": np.array(gmsh.model.occ.getMass(*body)), "area": np.array(area)}
+    bodies = one_body(gmsh, solid)
+    faces = gmsh.model.getBoundary(bodies, oriented=False)  # without those that two of them share
+    area, volume = (sum(gmsh.model.occ.getMass(*entity) for entity in entities) for entities in (faces, bodies))
+    return {"volume": np.array(volume), "area": np.array(area), "solids": np.array(len(bodies))}
 
 
 def write(gmsh, solid: dict, files: list[str], deviation: float) -> dict[str, np.ndarray]:
     """Writes the solid into files by their suffix, .step exactly, .stl by triangles `deviation` mm off at most."""
-    one_body(gmsh, solid)
+    if len(one_body(gmsh, solid)) > 1:
+        raise ValueError("it is of several solids, and a design is written as one: fuse them")
     for file in files:
         if file.endswith(".stl"):
             gmsh.option.setNumber("Mesh.StlLinearDeflection", deviation)
@@ -203,21 +229,24 @@ def mesh(gmsh, job: dict, limit: Callable[[int], object] = lambda seconds: None)
         corners = surface(gmsh, job["surface"])
         volume, low, high = enclosed_volume(corners), corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
     else:
-        body = one_body(gmsh, solid)
-        volume, (low, high) = gmsh.model.occ.getMass(*body), np.reshape(gmsh.model.getBoundingBox(*body), (2, 3))
+        bodies = one_body(gmsh, solid)
+        volume = sum(gmsh.model.occ.getMass(*body) for body in bodies)
+        ends = np.array([gmsh.model.getBoundingBox(*body) for body in bodies])
+        low, high = ends[:, :3].min(axis=0), ends[:, 3:].max(axis=0)
     about = cells_wanted(volume, low, high, job)
     if not about <= job["max_cells"] or job["size"] > 1.01 * (high - low).max():
         return {"about": np.array(about), "extent": high - low}
     limit(job["patience"] * processor_time(about, job))
+    pieces_of = []
     if is_surface(solid):
         fill(gmsh, job["anew"])
-    elif job["regions"]:
-        split(gmsh.model.occ, body, job["regions"])
+    else:
+        pieces_of = split(gmsh.model.occ, bodies, job["regions"]) if job["regions"] else [[body] for body in bodies]
     _sizes(gmsh, job)
     gmsh.model.mesh.generate(3)
     gmsh.model.mesh.optimize("Netgen")
     tags, coordinates, _ = gmsh.model.mesh.getNodes()
-    cells = gmsh.model.mesh.getElementsByType(4)[1].reshape(-1, 4)
+    numbers, cells = gmsh.model.mesh.getElementsByType(4)
     if len(cells) == 0:
         count = pieces(corners) if is_surface(solid) else 1
         raise ValueError(f"the surface is {count} separate pieces and encloses no one volume" if count > 1 else _EMPTY)
@@ -227,7 +256,17 @@ def mesh(gmsh, job: dict, limit: Callable[[int], object] = lambda seconds: None)
     lost = float((high - low - np.ptp(X, axis=0)).max())
     if is_surface(solid) and lost > _LOST * job["size"]:  # the box around a CAD solid need not be tight
         raise ValueError(f"gmsh left out an end of the body: the mesh is {lost:.3g} mm shorter")
-    return {"X": X, "cells": cells.reshape(-1, 4), "volume": np.array(volume)}
+    answer = {"X": X, "cells": cells.reshape(-1, 4), "volume": np.array(volume)}
+    return answer | ({"solid": solid_of_cells(gmsh, numbers, pieces_of)} if len(pieces_of) > 1 else {})
+
+
+def solid_of_cells(gmsh, numbers: np.ndarray, pieces_of: list[list[tuple[int, int]]]) -> np.ndarray:
+    """Which solid, from 0 on, each tetrahedron (m,) of these numbers is of; pieces_of: the entities of each solid."""
+    of_cells = np.zeros(len(numbers), dtype=np.int64)
+    for solid, entities in enumerate(pieces_of):
+        for _, tag in entities:
+            of_cells[np.isin(numbers, gmsh.model.mesh.getElementsByType(4, tag)[0])] = solid
+    return of_cells
 
 
 def cells_wanted(volume: float, low: np.ndarray, high: np.ndarray, job: dict) -> float:

@@ -17,7 +17,9 @@ from cfem.robot.mesh.short_edges import without_short_edges
 _FLAT = 1e-5  # height of a sliver relative to its longest edge
 _HOLE = 0.35  # of the surface's largest extent: a wider hole is an opening, not a flaw
 _ROUNDS = 20  # of flips of slivers, and of moves of nodes where the surface passes through itself
-_TANGLED = 0.02  # of the triangles: where more pass through others, two bodies overlap, which no small move mends
+_TANGLED = 0.02  # of the triangles: where more pass through others, no small move mends it
+_NEAR = 1e-6  # of the surface's largest extent: surfaces so near to each other touch
+_KEPT = 0.05  # of the volume: moves of nodes that change more of it make another body
 
 
 class MendedSurface(NamedTuple):
@@ -55,6 +57,7 @@ def mend(X: np.ndarray, triangles: np.ndarray, where: str, body: int = 1) -> Men
         extent = np.ptp(X[np.unique(triangles)], axis=0).max()
         holes, most = ("a hole", "") if len(hole_widths) == 1 else (f"{len(hole_widths)} holes", " at most")
         mends.append(f"closed {holes}, {100 * max(hole_widths) / extent:.2g} % of the body's extent wide{most}")
+    _demand_apart(X, triangles, where)
     triangles, turned_shells, bodies = _outward(X, triangles)
     if turned or turned_shells:
         mends.append("turned triangles whose normals pointed the wrong way")
@@ -190,12 +193,33 @@ def _closed(X: np.ndarray, triangles: np.ndarray, where: str) -> tuple[np.ndarra
     return X, np.vstack([triangles, np.array(added)]), widths
 
 
+def _demand_apart(X: np.ndarray, triangles: np.ndarray, where: str) -> None:
+    """Raises InputError where closed surfaces touch or pass through each other, as those of bodies that overlap. Each
+    is moved by next to nothing, one way and the other: an edge along a face, or through a node, pierces nothing."""
+    count, part = components(triangles)
+    if count == 1:
+        return
+    of_node = np.zeros(len(X), dtype=np.int64)
+    of_node[triangles] = part[:, None]
+    aside = _NEAR * np.ptp(X[triangles].reshape(-1, 3), axis=0).max() * of_node[:, None] * np.array([0.61, 0.34, 0.72])
+    for way in (aside, -aside):
+        edges, pierced = crossings(X + way, triangles)
+        across = pierced[of_node[edges[:, 0]] != part[pierced]]
+        if len(across):
+            place = ", ".join(f"{value:.4g}" for value in X[triangles[across[0]]].mean(axis=0))
+            what = f"closed surfaces in it touch or pass through each other, around ({place}), in the file's unit"
+            raise InputError(what, where=where, do="join these bodies to one in the CAD program, or export STEP")
+
+
 def _untangled(X: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, int]:
     """Nodes X (n, 3) of a surface that no longer passes through itself, and how many have moved; none where that does
-    not help. Nodes of triangles that cross come half way to the mean of their neighbours until none does."""
-    start, neighbours = X, None
+    not help, or makes another body of it. Nodes of triangles that cross come half way to the mean of their neighbours
+    until none does."""
+    start, neighbours, volume = X, None, _volume(X, triangles)
     for _ in range(_ROUNDS):
         edges, pierced = crossings(X, triangles)
+        if abs(_volume(X, triangles) - volume) > _KEPT * abs(volume):
+            break
         if len(pierced) == 0:
             return X, int((start != X).any(axis=1).sum())
         if len(np.unique(pierced)) > max(_TANGLED * len(triangles), 10):
@@ -258,7 +282,7 @@ def _outward(X: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, bool, li
 
 def _chosen_body(X: np.ndarray, bodies: list[np.ndarray], body: int, where: str) -> tuple[np.ndarray, str]:
     """Triangles (m, 3) of body number `body`, the largest being 1; and a phrase about the choice."""
-    volumes = np.array([np.linalg.det(X[triangles]).sum() / 6 for triangles in bodies])
+    volumes = np.array([_volume(X, triangles) for triangles in bodies])
     if body > len(bodies):
         what = f"has {len(bodies)} {'bodies' if len(bodies) > 1 else 'body'}, and the scene asks for number {body}"
         raise InputError(what, where=where, do="set geometry.body (--body) to one of them, the largest first")
@@ -266,3 +290,8 @@ def _chosen_body(X: np.ndarray, bodies: list[np.ndarray], body: int, where: str)
     shares = ", ".join(f"{100 * volume / volumes.sum():.2g}" for volume in volumes[order][:5])
     phrase = f"took body {body} of {len(bodies)}, which hold {shares} % of the volume: geometry.body (--body) chooses"
     return bodies[order[body - 1]], phrase
+
+
+def _volume(X: np.ndarray, triangles: np.ndarray) -> float:
+    """Volume that a closed surface bounds, by the divergence theorem."""
+    return float(np.linalg.det(X[triangles]).sum() / 6)

@@ -6,12 +6,14 @@ from pathlib import Path
 
 import meshio
 import numpy as np
+from meshio.abaqus._abaqus import abaqus_to_meshio_type
 
 from cfem.contact.surface.facets import components
 from cfem.core.artefact.files import write_whole
 from cfem.core.errors import InputError
 from cfem.core.reading import demand_file
 from cfem.mechanics.mesh import Mesh, boundary_facets, hex_volumes, tet_volumes
+from cfem.robot.mesh.abaqus_sets import element_sets
 from cfem.robot.mesh.mesh_sets import CELL_SET, SET, arrays, named_sets
 from cfem.robot.mesh.same_place import representatives
 
@@ -19,6 +21,7 @@ REMESH = "set geometry.remesh: true"  # what to do about cells that are none
 UNSHAPED = "unshaped"  # point data: the nodes before the free form
 # Cells by their number of nodes, as meshio calls them and their facets.
 _NAMES = {4: ("tetra", "triangle"), 10: ("tetra10", "triangle6"), 8: ("hexahedron", "quad")}
+abaqus_to_meshio_type["C3D4H"] = "tetra"  # meshio 5 calls it by a kind that it does not have
 # Kinds of solid cells in the user's files, of which the corners alone are taken: kind -> number of corners.
 SOLID_CORNERS = {"tetra": 4, "tetra10": 4, "hexahedron": 8, "hexahedron20": 8, "hexahedron27": 8}
 
@@ -124,10 +127,16 @@ def read_data(path: Path) -> meshio.Mesh:
     """Data of a mesh file, its coordinates and node numbers checked. InputError where it cannot be read."""
     demand_file(path, "check the path, or run the stage that makes it")
     try:
-        with contextlib.redirect_stderr(io.StringIO()):  # meshio also prints what it raises
+        with contextlib.redirect_stderr(said := io.StringIO()), contextlib.redirect_stdout(said):  # meshio prints
             data = meshio.read(path, _format(path))
+        if path.suffix.lower() == ".inp":
+            data.cell_sets = element_sets(path, data.cells)
     except SystemExit as error:  # meshio exits the process on formats that it does not know
-        raise InputError("is not in a mesh format that can be read", where=str(path)) from error
+        why = said.getvalue().partition("Error: Couldn't read file")[0].strip()
+        what = "is not in a mesh format that can be read"
+        raise InputError(f"{what}: {why}" if why else what, where=str(path)) from error
+    except InputError:
+        raise
     except Exception as error:  # a parser of damaged bytes may raise anything
         # meshio's own limit: a .msh 4 with Mesh.SaveAll
         do = "save it from gmsh without Mesh.SaveAll: what is in groups only" if "gmsh:physical" in str(error) else None

@@ -1,5 +1,5 @@
-"""Named parts of a user's mesh: physical groups of .msh, and arrays 'set:<name>' (of nodes or facets) and
-'cellset:<name>' (of cells) of 0 and 1 in any other file."""
+"""Named parts of a user's mesh: physical groups of .msh, sets of nodes and elements of .inp, and arrays 'set:<name>'
+(of nodes or facets) and 'cellset:<name>' (of cells) of 0 and 1 in any other file."""
 
 from collections.abc import Iterator, Mapping, Sequence
 
@@ -67,6 +67,9 @@ def _cell_groups(data: meshio.Mesh) -> Iterator[tuple[str, list[np.ndarray]]]:
     for prefix in (SET, CELL_SET):
         for name, flags in arrays(data.cell_data, prefix):
             yield name, [np.flatnonzero(block_flags) for block_flags in flags]
+    for name, members in data.cell_sets.items():
+        if name not in data.field_data and not name.startswith("gmsh:"):
+            yield name, [np.asarray(of_block, dtype=int) for of_block in members]
     tags = data.cell_data.get("gmsh:physical", [])
     for name, (tag, dimension) in data.field_data.items():
         if name in data.cell_sets:  # of .msh 4, where an entity may be of several groups

@@ -118,21 +118,21 @@ def corner_mesh(
                 do=f"set mesh.element to {elements}",
             )
         return mesh, volume
-    solid = solid_of(geometry, folder)
+    solid, cell_sets = solid_of(geometry, folder), {}
     if kind == "hexahedra":
         X, cells, volume = _hexahedra(geometry, solid, meshing, regions, where)
     else:
         axis = None if meshing.mirror is None else "xyz".index(meshing.mirror)
         half = solid if axis is None else Difference(solid, (_behind(axis),))
         conforms_to = () if isinstance(geometry, MeshFile) else regions
-        X, cells, volume = run_gmsh(half, meshing, conforms_to, grading)
+        X, cells, volume, cell_sets = run_gmsh(half, meshing, conforms_to, grading)
         if axis is not None:
             X, cells, volume = *mirrored(X, cells, axis), 2 * volume
         inverted = tet_volumes(X, cells) < 0
         cells[inverted] = cells[inverted][:, [0, 2, 1, 3]]
         if isinstance(geometry, Taper):
             X = filled(geometry, X, cells, meshing.size)
-    return Mesh(X, cells, boundary_facets(cells)), volume
+    return Mesh(X, cells, boundary_facets(cells), cell_sets=cell_sets), volume
 
 
 def _behind(axis: int) -> Box:
@@ -221,9 +221,9 @@ def solid_of(geometry: Single, folder: Path) -> Solid:
 
 def run_gmsh(
     solid: Solid, meshing: Meshing, regions: Sequence[Region] = (), grading: Grading | None = None
-) -> tuple[np.ndarray, np.ndarray, float]:
-    """X (n, 3) mm, cells (m, 4), CAD volume mm^3: the same for the same arguments. No cell straddles the surface of a
-    region."""
+) -> tuple[np.ndarray, np.ndarray, float, dict[str, np.ndarray]]:
+    """X (n, 3) mm, cells (m, 4), CAD volume mm^3, and the cells of each solid of a file that holds several, solid-1 and
+    so on: the same for the same arguments. No cell straddles the surface of a region."""
     refine = [
         {
             "low": box.corners.min(axis=0).tolist(),
@@ -244,7 +244,9 @@ def run_gmsh(
     answer = ask_gmsh(job, solid)
     if "about" in answer:
         demand_cells(meshing, float(answer["about"]), answer["extent"])
-    return answer["X"], answer["cells"], float(answer["volume"])
+    solid_of_cells = answer.get("solid", np.empty(0, dtype=np.int64))
+    solids = {f"solid-{number + 1}": np.flatnonzero(solid_of_cells == number) for number in np.unique(solid_of_cells)}
+    return answer["X"], answer["cells"], float(answer["volume"]), solids
 
 
 def demand_cells(meshing: Meshing, about: float, extent: np.ndarray) -> None:
@@ -261,8 +263,14 @@ def demand_cells(meshing: Meshing, about: float, extent: np.ndarray) -> None:
 
 def measure(solid: Solid) -> tuple[float, float]:
     """Volume mm^3 and area mm^2 of the surface of a body, without a mesh. InputError where a file holds no one body."""
+    return measure_solids(solid)[:2]
+
+
+def measure_solids(solid: Solid) -> tuple[float, float, int]:
+    """Volume mm^3 and area mm^2 of the surface of a body, and the number of solids in its file that make it up. Errors
+    as `measure`."""
     answer = ask_gmsh({"solid": as_data(solid), "size": None}, solid)
-    return float(answer["volume"]), float(answer["area"])
+    return float(answer["volume"]), float(answer["area"]), int(answer.get("solids", 1))
 
 
 def write_cad(solid: Solid, files: Sequence[Path]) -> None:
