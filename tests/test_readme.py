@@ -37,12 +37,14 @@ def test_the_example_robots_are_valid_scenes(tmp_path):
     from cfem.robot.spec import SceneSpec
 
     examples = re.findall(r"```yaml\n(.*?)```", (ROOT / "docs" / "scenes.md").read_text(), re.DOTALL)
-    whole, more, layers, contact, pneunet, pneunet_trunk, bellows, muscle, fin_ray, form = examples
+    whole, more, cad, layers, contact, pneunet, pneunet_trunk, bellows, muscle, fin_ray, form = examples
     path = tmp_path / "scene.yaml"
     path.write_text(whole)
     assert load_spec(path, SceneSpec).name == "my-robot"
     path.write_text(whole.split("actuators:")[0] + form + more + "effectors:" + whole.split("effectors:")[1])
     scene = load_spec(path, SceneSpec)
+    path.write_text(re.sub("geometry:.*\n", cad, whole))
+    assert load_spec(path, SceneSpec).materials[0].region.name == "solid-2"
     assert len(scene.materials) == len(scene.rigid) == 1 and scene.actuators[0].name == "chamber"
     assert len(scene.shape.controls) == 2 and scene.shape.walls[0].thicker == 0.4
     path.write_text(layers + contact + re.sub("geometry:.*\n", pneunet, whole))
