@@ -106,7 +106,8 @@ def scaled(
         column = np.where(column > 0, column, np.where(np.isfinite(width) & (width > 0), 1 / width, 1.0))
     A = A / column
     row = np.abs(A).max(axis=1, initial=0.0)
-    row = 1 / np.where(row > 0, row, 1.0)
+    row[row == 0.0] = 1.0
+    row = 1 / row
     scale = np.concatenate([column, row])
     demanded = np.maximum(np.maximum(low, -high), 0.0) * scale
     unit = float(max(np.abs(d).max(initial=0.0), demanded.max())) or 1.0
