@@ -1,4 +1,4 @@
-"""How much the commands of a run do in shorter steps."""
+"""By how much answers to the commands of a run change in shorter steps."""
 
 from dataclasses import dataclass, field
 from types import SimpleNamespace

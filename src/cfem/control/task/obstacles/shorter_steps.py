@@ -1,5 +1,5 @@
-"""How much the commands of a run do in shorter steps on the learned robot. With friction robot and finite elements go
-from command to command in quasi-static steps, and both depend on the length of these."""
+"""By how much the learned robot's answers to the commands of a run change in shorter steps. With friction it goes from
+command to command in quasi-static steps, as finite elements do, and both depend on the length of these."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
