@@ -79,9 +79,9 @@ def solve_qp(
         force = answer.multipliers * multipliers
     if not isfinite(x.sum() + force.sum()):
         return _no_answer(m, n, QpStatus.INACCURATE, iterations)
-    allowed = max(TOLERANCE, min(_DOUBTFUL, _ROUNDING * program.S[0] / program.S.min()))
     # Written so that a residual of NaN is inaccurate too.
-    accurate = answer.error <= allowed and answer.kkt.feasibility <= TOLERANCE
+    accurate = answer.error <= TOLERANCE or answer.error <= min(_DOUBTFUL, _ROUNDING * program.condition)
+    accurate = accurate and answer.kkt.feasibility <= TOLERANCE
     status = QpStatus.OPTIMAL if accurate else QpStatus.INACCURATE
     return QpSolution(x, force[n:], force[:n], status, answer.kkt.of(program.unit), iterations)
 
@@ -105,10 +105,10 @@ def _active_set(p: Program) -> tuple[QpAnswer | None, int]:
     the active set."""
     none, total = np.zeros(len(p.low)), 0
     x, shadow, best = np.zeros(len(p.S)), p.shadow, None
+    low, high = p.low / p.length, p.high / p.length
     for _ in range(_ROUNDS):
-        values, shift = p.G @ x, p.normals @ shadow
-        low, high, blur = (p.low - values) / p.length - shift, (p.high - values) / p.length - shift, np.abs(shift)
-        active = least_length(p.normals, low, high, blur)
+        shift = p.normals @ shadow
+        active = least_length(p.normals, low - shift, high - shift, np.abs(shift))
         if active is None:
             break
         total += active.changes
@@ -120,6 +120,8 @@ def _active_set(p: Program) -> tuple[QpAnswer | None, int]:
         if slow or now.error <= _ROUNDED:
             break
         x, shadow = now.x, -p.gradient(now.x, none)
+        values = p.G @ x
+        low, high = (p.low - values) / p.length, (p.high - values) / p.length
     return best or p.judged(x, none), total
 
 

@@ -34,7 +34,7 @@ class Kkt:
         return max(self.stationarity, self.complementarity)
 
 
-@dataclass(frozen=True)
+@dataclass(slots=True)  # frozen ones take longer to make, and each control step makes one
 class Program:
     """Program in units in which M's columns, the rows of G (the box, then A) and the sizes of d and of what bounds
     demand are one.
@@ -56,6 +56,11 @@ class Program:
     normals: np.ndarray
     length: np.ndarray
     unit: float
+
+    @property
+    def condition(self) -> float:
+        """Largest singular value over the smallest."""
+        return float(self.S[0] / self.S.min())
 
     def gradient(self, x: np.ndarray, multipliers: np.ndarray) -> np.ndarray:
         """Gradient (n,) in the unit of M x: of objective and constraints on S V^T x."""
@@ -84,7 +89,7 @@ class Program:
         return QpAnswer(x, multipliers, kkt, max(kkt.missed / size, feasibility))
 
 
-@dataclass(frozen=True)
+@dataclass(slots=True)
 class QpAnswer:
     """Candidate x (n,) with multipliers (n + m,), and their residuals; error: the largest, relative to d and M x."""
 
