@@ -340,7 +340,6 @@ def test_an_exported_row_has_its_shape_in_python(project, tmp_path):
 
 
 @needs_compiler
-@pytest.mark.slow
 def test_its_surface_in_c_is_that_of_python(project, tmp_path):
     whole, out = load_model(project / "models" / WHOLE / "serial"), tmp_path / "c"
     rows = {**whole.meta["rows"], "effectors": whole.rows.effectors[:3]}

@@ -23,7 +23,7 @@ def write_c_row_skin(folder: Path, row: SerialPredictor, spec: CSpec) -> int:
     surface = row.surface
     constants = skin_constants(row.models[0], surface.modules[0].arrays, spec)
     constants["triangles"] = _numbers(surface.triangles, len(surface.rest))
-    constants["owner"] = surface.numberer.astype(np.uint8)
+    constants["owner"] = surface.owner.astype(np.uint8)
     constants["own"] = _numbers(surface.number, len(surface.modules[0].rest))
     return _write(folder, constants, len(surface.rest), "shape", "row_shape")
 
