@@ -23,7 +23,8 @@ def dragged(way, angle, parts):
 
 @pytest.mark.parametrize("way", [3.0, 8.0])
 def test_the_direction_of_sliding_follows_the_way_of_its_support_as_the_closed_form_says(way):
-    # An elastic point is drawn after its support: tan(angle / 2) falls by exp(-way / (C MU PRESS)), below 90 degrees.
+    # An elastic point is drawn after its support: tan(angle / 2) falls by exp(-way / (C MU PRESS)), below 90 degrees,
+    # as the direction of a stress does at constant strain rate (Krieg and Krieg 1977).
     angle = 1.0
     exact = 2 * np.arctan(np.tan(angle / 2) * np.exp(-way / (C * MU * PRESS)))
     errors = {parts: abs(dragged(way, angle, parts) - exact) for parts in (1, 16, 64)}

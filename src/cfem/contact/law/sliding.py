@@ -6,7 +6,8 @@ a step is walked in equal parts on its linearisation
 
     gap = W lambda + free,    free changing evenly from the begin of the step to its end,
 
-and the law of its end counts slip from where the last part begins."""
+and the law of its end counts slip from where the last part begins. Stresses of an ideally plastic material turn in the
+same way (Krieg and Krieg, *Accuracies of numerical solution methods for the elastic-perfectly plastic model*, 1977)."""
 
 from dataclasses import dataclass
 
