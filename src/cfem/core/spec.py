@@ -284,7 +284,7 @@ def _keys_at(model: type[Spec], loc: tuple) -> set[str]:
 
 
 def _tags(part: type[BaseModel]) -> tuple:
-    """What pydantic calls a class of specs where several are possible."""
+    """Names by which pydantic calls a class of specs where several are possible."""
     kind = part.model_fields.get("kind")
     return (part.__name__, *(get_args(kind.annotation) if kind else ()))
 
