@@ -4,9 +4,9 @@ One JSON object a robot.
 
 Each robot, coarse, is asked for random commands over its reach. The error is stated from the two states that travel
 farthest of 16 others (as `cfem sample` takes them of its training states), by `cfem.robot.mesh.error.mesh_error`. The
-truth at each command is the distance of the tip to that on a mesh of its own, made anew from the geometry with M times
-as many cells (8: half as large), which the statement has not seen; for rods, that of cells a third as large. Where the
-mesh of the truth errs by as much as the lower end of the statement, M of 27 tells whether that end holds.
+statement is compared with a reference: another mesh of the same geometry, with M times as many cells (8: half as
+large; rods: a third as large). The true error is the distance between the two tips. The reference has an error of its
+own. Where that is as large as the lower end of the statement, take M = 27.
 
 coverage: share of commands at which the truth is not larger than the upper bound; ratio: upper bound to truth, median
 and quantiles. Every command and the tip on both meshes go to data/mesh-error/NAME.json. `--again FILE ...` judges such

@@ -22,10 +22,11 @@ STICKS = 1e-9  # of the largest friction: less is missing where a point slides
 
 @dataclass(frozen=True, eq=False)
 class StepBegin:
-    """Where p pairs begin a step that is walked in `parts`.
+    """Gaps and forces of p pairs at the begin of a step.
 
     gaps: (p, 3) mm, normal gap, and slip from where it counts
-    push: (p, 3) N in the scene's axes"""
+    push: (p, 3) N in the scene's axes
+    parts: in which the step is walked"""
 
     gaps: np.ndarray
     push: np.ndarray

@@ -15,7 +15,7 @@ ROWS = Rows(("tip.x", "tip.y", "ball.force", "table.distance"), ("cable",))
 
 @dataclass
 class Rubbed:
-    """A robot whose answers are off by the length of its steps, times where its command and what moves are."""
+    """A robot whose error is the length of its steps times the sum of its command and of the share of the run."""
 
     step: float = 0.1
     kinked: bool = True
