@@ -51,10 +51,11 @@ def test_a_mark_that_is_empty_makes_no_other_run():
         (["contact={resolution: patches}"], False),
         (["contact={patches: 4 mm}"], False),
         (["contact={sharp_edges: true}"], False),
-        (["contact={}", "obstacles={me: {kind: itself}}"], False),
+        (["contact={}", "obstacles={me: {kind: itself}}"], True),
+        (["contact={patches: 4 mm}", "obstacles={me: {kind: itself}}"], False),
     ],
 )
-def test_rigid_obstacles_are_touched_at_the_nodes_of_the_mesh_unless_patches_are_asked_for(more, at_nodes):
+def test_obstacles_are_touched_at_the_nodes_of_the_mesh_unless_patches_are_asked_for(more, at_nodes):
     spec = load_spec(PIPELINES / "soft-finger" / "control-press.yaml", ControlSpec, more)
     assert spec.at_nodes == at_nodes
 

@@ -11,106 +11,125 @@ f pushes each x_j by -w_j f: forces and moments balance. Which patches face whic
 to."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import block_diag
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
-from cfem.condensed.patches import Patches, edges
-from cfem.contact.obstacle import tangents
+from cfem.condensed.patches import Patches, SurfacePoints, edges
+from cfem.contact.moving_least_squares import RANK, near_faces, planes_before
 
-OPPOSED = -0.2  # largest product of the normals of two that face each other
-TURNING = 0.2  # of that product: a face that turns away loses its weight over so much
-LEAST = 1e-6  # of the weight of a face at the point: faces that are kept have no less
-WITHIN = 2.5  # distances of patches: how far from a point its faces are looked for
 FLAT = 2.0  # sum of the sizes of weights: more is an extrapolation beyond an edge
 DEEP = 0.5  # distances of patches: a point farther behind faces of its own body is on the other side of a wall
 DEEPEST = 1.0  # distances of patches: what is deeper within another body has not come in on this side
 NEVER, OWN, OTHER = 0, 1, 2
-STEEP = 0.7  # slope of the plane through faces on their own normals: from twice that, as at an edge, it is not taken
-RANK = 1e-3  # of the larger extent: faces in a line span no surface
+FEW = 500  # points that are a region each
+REGION = 0.04  # of the surface's extent: how far the points of larger regions are from their middle, along the surface
+
+
+@dataclass(frozen=True)
+class MayMeet:
+    """Who may meet whom, by the regions of the surfaces that points lie in.
+
+    regions: (N,) number of each point's region
+    codes: (G, G), of regions: NEVER, OWN or OTHER (`may_meet`)"""
+
+    regions: np.ndarray
+    codes: np.ndarray
+
+    def balls(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Middles (G, 3) mm of the regions of points at places (N, 3) mm, and how far (G,) mm these reach from them."""
+        count, regions, radii = len(self.codes), self.regions, np.zeros(len(self.codes))
+        members = np.maximum(np.bincount(regions, minlength=count), 1)
+        sums = [np.bincount(regions, along, count) for along in places.T]
+        middles = np.stack(sums, axis=1) / members[:, None]
+        np.maximum.at(radii, regions, np.linalg.norm(places - middles[regions], axis=1))
+        return middles, radii
+
+    def among(self, first: np.ndarray, second: np.ndarray) -> "MayMeet":
+        """Who may meet whom where points of `first` (N,) bool meet those of `second` alone, and the other way round."""
+        sides = np.zeros((2, len(self.codes)), dtype=bool)
+        sides[0, self.regions[first]], sides[1, self.regions[second]] = True, True
+        both = sides[0][:, None] & sides[1] | sides[1][:, None] & sides[0]
+        return replace(self, codes=np.where(both, self.codes, NEVER))
 
 
 def detect(
     places: np.ndarray,
     normals: np.ndarray,
-    may_meet: np.ndarray,
-    spacing: float,
+    may_meet: MayMeet,
+    spacing: np.ndarray,
     faces: Mapping[int, np.ndarray] | None = None,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Points (p,), numbers of the patches that have a surface before them; relative (p, N): gaps by the places of all
-    patches along n, 1 at the point, -w_j at its faces; frames (p, 3, 3) rows n, t1, t2. places (N, 3) mm and outward
-    unit normals (N, 3) of patches that are `spacing` mm apart; may_meet (N, N): whether a point i may meet a face j at
-    all, and whether that is of its own body (`may_meet`). faces: by number, points that keep the faces (N,) bool which
-    they have, whatever has become of them."""
+    patches along n, 1 at the point, -w_j at its faces; frames (p, 3, 3) rows n, t1, t2.
+
+    places: (N, 3) mm of patches; normals: (N, 3), outward, of length 1
+    may_meet: whether a point may meet a face at all, and whether that is of its own body
+    spacing: (N,) mm between each patch and its neighbours
+    faces: by number, points that keep the faces (N,) bool which they have, whatever has become of them"""
     points, w, gaps, frames, spread, kept = _facing(places, normals, may_meet, spacing, faces)
     relative = -w
     relative[np.arange(len(points)), points] = 1.0
-    facing = (spread >= RANK) & (np.abs(w).sum(axis=1) <= FLAT) & (gaps >= -DEEPEST * spacing) | kept
+    facing = (spread >= RANK) & (np.abs(w).sum(axis=1) <= FLAT) & (gaps >= -DEEPEST * spacing[points]) | kept
     return points[facing], relative[facing], frames[facing]
 
 
-def separation(places: np.ndarray, normals: np.ndarray, may_meet: np.ndarray, spacing: float) -> float:
+def separation(places: np.ndarray, normals: np.ndarray, may_meet: MayMeet, spacing: np.ndarray) -> float:
     """Smallest gap, mm, where nothing is pressed: continuous in places and normals, as `detect` is not, which drops
     pairs. A point whose faces it would drop is farther by as much as they fall short; and nothing is farther than the
     nearest two patches that may meet."""
-    apart = np.linalg.norm(places[:, None] - places, axis=2)
-    _, w, gaps, _, spread, _ = _facing(places, normals, may_meet, spacing, None)
+    points, w, gaps, _, spread, _ = _facing(places, normals, may_meet, spacing, None)
     beyond = np.maximum(np.abs(w).sum(axis=1) - FLAT, 0.0)
     beyond += FLAT * np.maximum(RANK / np.maximum(spread, 1e-12) - 1, 0.0)
-    near = np.abs(gaps) + spacing * beyond
-    return float(min(near.min(initial=np.inf), apart[may_meet > NEVER].min(initial=np.inf)))
+    near = np.abs(gaps) + spacing[points] * beyond
+    return float(min(near.min(initial=np.inf), _nearest(places, may_meet)))
+
+
+def _nearest(places: np.ndarray, may_meet: MayMeet) -> float:
+    """Smallest distance, mm, of two points at places (N, 3) mm that may meet; infinite where none may."""
+    regions, (middles, radii) = may_meet.regions, may_meet.balls(places)
+    allowed = may_meet.codes > NEVER
+    first, second = np.nonzero(np.triu(allowed | allowed.T))
+    apart, both = np.linalg.norm(middles[first] - middles[second], axis=1), radii[first] + radii[second]
+    order, nearest = np.argsort(apart - both), np.inf
+    for a, b, least in zip(first[order], second[order], (apart - both)[order], strict=True):
+        if least >= nearest:
+            break
+        mine, others = places[regions == a], places[regions == b]
+        nearest = min(nearest, float(np.linalg.norm(mine[:, None] - others, axis=2).min()))
+    return nearest
 
 
 def _facing(
     places: np.ndarray,
     normals: np.ndarray,
-    may_meet: np.ndarray,
-    spacing: float,
+    may_meet: MayMeet,
+    spacing: np.ndarray,
     faces: Mapping[int, np.ndarray] | None,
 ) -> tuple[np.ndarray, ...]:
     """Points (p,) with three faces or more before them; weights w (p, N), gaps (p,) mm and frames (p, 3, 3); spread
     (p,), the smallest extent of the faces over the largest; kept (p,) bool: points of `faces`."""
-    above = places @ normals.T - (places * normals).sum(axis=1)  # mm: of i over j
-    squares, opposed = (places**2).sum(axis=1), OPPOSED - normals @ normals.T
-    near = squares[:, None] + squares - 2 * places @ places.T < (WITHIN * spacing) ** 2
-    near &= (may_meet > NEVER) & (opposed > 0)
-    near &= ~((above < -DEEP * spacing) & (may_meet == OWN))  # the other side of a wall
-    kept = np.zeros(len(places), dtype=bool)
-    for point, mine in (faces or {}).items():
-        near[point], kept[point] = mine, True
-    points = np.flatnonzero(near.sum(axis=1) >= 3)
-    met = np.flatnonzero(near[points].any(axis=0))  # all that follows is of these faces
-    near, opposed = near[np.ix_(points, met)], opposed[np.ix_(points, met)]
-    apart = places[points, :, None] - places[met].T  # (p, 3, faces)
-    G = kernel((apart**2).sum(axis=1) / spacing**2) * np.clip(opposed / TURNING, LEAST, 1.0) * near
-    mean = G @ normals[met]
-    n = mean / np.linalg.norm(mean, axis=1)[:, None]
-    for _ in range(2):  # the second time square on the plane that the first has fitted
-        frames = tangents(n)
-        local, A = frames @ apart, np.ones(apart.shape)
-        A[:, 1:] = local[:, 1:] / -spacing
-        weighted = G[:, None] * A
-        M = weighted @ A.swapaxes(1, 2)
-        extents = np.linalg.eigvalsh(M)
-        spread = extents[:, 0] / extents[:, 2]
-        M += (np.maximum(RANK - spread, 0.0) * extents[:, 2])[:, None, None] * np.eye(3)
-        slope = np.linalg.solve(M, weighted @ -local[:, 0, :, None])[:, 1:, 0] / spacing
-        slope *= np.clip(2 - np.linalg.norm(slope, axis=1) / STEEP, 0.0, 1.0)[:, None]
-        n = frames[:, 0] - (slope[:, None] @ frames[:, 1:])[:, 0]
-        n = n / np.linalg.norm(n, axis=1)[:, None]
-    w = np.zeros((len(points), len(places)))
-    w[:, met] = (np.linalg.solve(M, np.eye(3)[:, :1]).swapaxes(1, 2) @ weighted)[:, 0]
-    gaps = (frames[:, 0] * (places[points] - w @ places)).sum(axis=1)
-    return points, w, gaps, frames, spread, kept[points]
-
-
-def kernel(squares: np.ndarray) -> np.ndarray:
-    """Weights of faces by the squares of their distances, in distances of patches: 0, but for LEAST, from WITHIN on, so
-    that a face comes and goes without a jump."""
-    end = np.exp(-(WITHIN**2))
-    return np.maximum((np.exp(-squares) - end) / (1 - end), LEAST)
+    N, balls, kept = len(places), may_meet.balls(places), np.zeros(len(places), dtype=bool)
+    point, face = near_faces(places, normals, spacing, may_meet.regions, may_meet.codes, *balls, DEEP, OWN)
+    if faces:
+        kept[list(faces)] = True
+        mine = [np.flatnonzero(of_point) for of_point in faces.values()]
+        numbers = np.repeat(list(faces), [len(each) for each in mine])
+        point, face = (
+            np.concatenate([found[~kept[point]], *given]) for found, given in ((point, [numbers]), (face, mine))
+        )
+    enough = np.bincount(point, minlength=N)[point] >= 3
+    order = np.lexsort((face[enough], point[enough]))
+    point, face = point[enough][order], face[enough][order]
+    points = np.unique(point)
+    first = np.searchsorted(point, np.append(points, N))
+    planes = planes_before(points, first, face, places, normals, spacing)
+    w = np.zeros((len(points), N))
+    w[np.searchsorted(points, point), face] = planes.weights
+    return points, w, planes.gaps, planes.frames, planes.spread, kept[points]
 
 
 def may_meet(alongs: Sequence[np.ndarray], apart: Sequence[float]) -> np.ndarray:
@@ -124,8 +143,25 @@ def may_meet(alongs: Sequence[np.ndarray], apart: Sequence[float]) -> np.ndarray
     return block_diag(*blocks) + OTHER
 
 
-def along(rest: np.ndarray, triangles: np.ndarray, patches: Patches) -> np.ndarray:
-    """Distances (N, N) mm between patches along edges of the surface at rest (m, 3) mm, triangles (t, 3)."""
-    graph = edges(rest, triangles)
-    centres = cKDTree(rest).query(patches.rest)[1]
-    return dijkstra(graph, directed=False, indices=centres)[:, centres]
+def regions(rest: np.ndarray, triangles: np.ndarray, points: SurfacePoints | Patches) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers (N,) of the regions that points lie in, of the surface at rest (m, 3) mm, triangles (t, 3), and distances
+    (G, G) mm between the middles of regions along the surface. Each of few points is a region."""
+    nearest, graph = cKDTree(rest).query(points.rest)[1], edges(rest, triangles)
+    if len(nearest) <= FEW:
+        return np.arange(len(nearest)), dijkstra(graph, directed=False, indices=nearest)[:, nearest]
+    size, covered, middles = REGION * float(np.linalg.norm(np.ptp(rest, axis=0))), np.zeros(len(rest), dtype=bool), []
+    for node in nearest:
+        if not covered[node]:
+            middles.append(node)
+            covered |= dijkstra(graph, directed=False, indices=node, limit=size) <= size
+    distances = dijkstra(graph, directed=False, indices=middles)
+    return distances[:, nearest].argmin(axis=0), distances[:, middles]
+
+
+def spacings(rest: np.ndarray, triangles: np.ndarray, points: SurfacePoints | Patches) -> np.ndarray:
+    """(N,) mm between points and their neighbours at rest: of each node its mean edge, of patches the median of all."""
+    if len(points) < len(rest):
+        return np.full(len(points), points.spacing)
+    lengths = edges(rest, triangles)
+    lengths = lengths + lengths.T
+    return (lengths.sum(axis=1) / lengths.count_nonzero(axis=1))[cKDTree(rest).query(points.rest)[1]]

@@ -12,13 +12,14 @@ between surfaces, and the place at which a rigid obstacle held the patch. T are 
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
 
-from cfem.condensed.patches import Patches
-from cfem.contact.detection import NEVER, WITHIN, detect, may_meet
+from cfem.contact.detection import NEVER, MayMeet, detect, may_meet
 from cfem.contact.law.modes import Mode
+from cfem.contact.moving_least_squares import WITHIN
 from cfem.contact.obstacle_set import ObstacleSet
 from cfem.contact.prescribed_motion import PrescribedMotion
 
@@ -122,13 +123,15 @@ def numbers_of(itself: Sequence[str], others: Iterable[str], obstacles: Iterable
 
 
 class Skin(Protocol):
-    """A body whose surface is cut into patches.
+    """A body whose surface touches by points.
 
-    along: (N, N) mm between patches along the surface
-    held_still: (N,) bool, patches where the body is held, which meet nothing"""
+    regions: numbers (N,) of the regions of its surface that points lie in, and distances (G, G) mm between regions
+        along it
+    spacings: (N,) mm between points and their neighbours
+    held_still: (N,) bool, points where the body is held, which meet nothing"""
 
-    patches: Patches
-    along: np.ndarray
+    regions: tuple[np.ndarray, np.ndarray]
+    spacings: np.ndarray
     held_still: np.ndarray
 
 
@@ -136,34 +139,31 @@ class Skin(Protocol):
 class Surroundings:
     """The bodies and obstacles of a scene, and who may meet whom.
 
-    bodies: (N,) number of the body of each patch
-    may_meet: (N, N), see `cfem.contact.detection`; None where there is one body that does not touch itself
-    spacing: mm between patches
-    still: (N,) bool, patches that meet nothing"""
+    bodies: (N,) number of the body of each point
+    may_meet: None where there is one body that does not touch itself
+    spacings: (N,) mm between points and their neighbours
+    still: (N,) bool, points that meet nothing"""
 
     bodies: np.ndarray
-    may_meet: np.ndarray | None
-    spacing: float
+    may_meet: MayMeet | None
+    spacings: np.ndarray
     still: np.ndarray
     obstacles: ObstacleSet
 
     @classmethod
     def of(cls, skins: Sequence[Skin], itself: Sequence[bool], length: float, obstacles: ObstacleSet) -> "Surroundings":
-        """Surroundings of bodies with these skins. itself: which of them may touch themselves, patches APART of
-        `length` mm or more from each other."""
-        apart = [APART * length if touches else np.inf for touches in itself]
+        """Surroundings of bodies with these skins. itself: which of them may touch themselves, points APART of `length`
+        mm or more from each other."""
         still = np.concatenate([skin.held_still for skin in skins])
-        allowed = None
-        if len(skins) > 1 or any(itself):
-            allowed = may_meet([skin.along for skin in skins], apart)
-            allowed = np.where(still[:, None] | still, NEVER, allowed)
-        return cls(
-            np.repeat(np.arange(len(skins)), [len(skin.patches) for skin in skins]),
-            allowed,
-            max(skin.patches.spacing for skin in skins),
-            still,
-            obstacles,
-        )
+        counts = [len(skin.held_still) for skin in skins]
+        allowed = _allowed(skins, itself, length, still) if len(skins) > 1 or any(itself) else None
+        spacings = np.concatenate([skin.spacings for skin in skins])
+        return cls(np.repeat(np.arange(len(skins)), counts), allowed, spacings, still, obstacles)
+
+    @cached_property
+    def spacing(self) -> float:
+        """mm: the median of the widest body's."""
+        return max(float(np.median(self.spacings[self.bodies == body])) for body in np.unique(self.bodies))
 
     def pairs(
         self, places: np.ndarray, normals: np.ndarray, faces: Mapping[int, np.ndarray] | None = None, moved: float = 0.0
@@ -177,7 +177,7 @@ class Surroundings:
             pairs = self.pairs(places, normals)
             lost = {point: mine for point, mine in faces.items() if point not in pairs.slots}
             return self.pairs(places, normals, lost) if lost else pairs
-        points, relative, frames = detect(places, normals, self.may_meet, self.spacing, faces)
+        points, relative, frames = detect(places, normals, self.may_meet, self.spacings, faces)
         gaps = (frames[:, 0] * (relative @ places)).sum(axis=1)
         partners = self.bodies[relative.argmin(axis=1)] if len(points) else np.zeros(0, dtype=np.int64)
         return self._with_obstacles(Pairs(points, relative, frames, gaps, partners), places)
@@ -273,6 +273,16 @@ class Memory:
         rows = np.array([row for row, _ in known]).reshape(pairs.relative.shape)
         moved = rows @ places - np.array([origin for _, origin in known]).reshape(-1, 3)
         return (pairs.frames[:, 1:] @ moved[:, :, None])[..., 0]
+
+
+def _allowed(skins: Sequence[Skin], itself: Sequence[bool], length: float, still: np.ndarray) -> MayMeet:
+    """Who may meet whom (`Surroundings.of`)."""
+    numbers, alongs = zip(*(skin.regions for skin in skins), strict=True)
+    first = np.cumsum([0, *(len(along) for along in alongs)])
+    regions = np.concatenate([begin + of_points for begin, of_points in zip(first, numbers, strict=False)])
+    codes = may_meet(alongs, [APART * length if touches else np.inf for touches in itself])
+    codes = np.pad(codes, (0, 1), constant_values=NEVER)  # of what is held
+    return MayMeet(np.where(still, first[-1], regions), codes)
 
 
 def _gaps_at(pairs: Pairs, places: np.ndarray, moved: np.ndarray) -> np.ndarray:

@@ -146,9 +146,9 @@ class TouchPlant(ContactAccount):
         return bodies
 
     def _depth_in_itself(self) -> float:
-        """Depth mm of the surface in itself, at the nodes of patches that are near others."""
-        near = self.met.pairs.used
-        tried = np.flatnonzero(np.isin(self._robot.patches.of, near[near < len(self._robot.patches)]))
+        """Depth mm of the surface in itself, at the nodes of points that are near others."""
+        near, points = self.met.pairs.used, self._robot.patches
+        tried = np.unique(points.weights[near[near < len(points)]].nonzero()[1])
         return depth_in_itself(self._robot.surface(self.x), self._robot.triangles, tried)
 
     def _distance(self, obstacle: Obstacle) -> float:

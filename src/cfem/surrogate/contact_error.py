@@ -10,12 +10,11 @@ each of both promises what it says, and one obstacle does not pay for several.""
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import count, cycle, islice
-from typing import Any
 
 import numpy as np
 
 from cfem.condensed.model_error import ContactError, ContactFactors
-from cfem.condensed.patches import Patches
+from cfem.condensed.patches import Patches, SurfacePoints
 from cfem.constraint.surface import outer_surface
 from cfem.constraint.surface_points import at_nodes
 from cfem.contact.law.sliding import PARTS
@@ -152,7 +151,7 @@ def pressed_places(
     """Random places, without end where there is room, spheres, planes and edges in turn, so many `at_once` that touch
     in the end. A number has its turn until a place with it is known."""
     model, points = touched.model, touched.patches
-    skinned = SkinnedRobot(robot, model.skin.nodes, model.skin.triangles, _fe_points(touched, robot), itself=False)
+    skinned = SkinnedRobot(robot, model.skin.nodes, model.skin.triangles, fe_points(touched, robot), itself=False)
     flexible = touched.flexibility.sum(axis=1)
     stiff = flexible < LOOSE * flexible.max()
     rng, states = np.random.default_rng(seed), model.domain.states[:, : model.rows.n_a]
@@ -171,7 +170,7 @@ def pressed_places(
                 return
 
 
-def _fe_points(touched: SurfaceModel, robot: Robot) -> Any:
+def fe_points(touched: SurfaceModel, robot: Robot) -> Patches | SurfacePoints:
     """Points by which the finite elements touch where the model does."""
     if not isinstance(touched, NodeModel):
         return touched.patches

@@ -7,7 +7,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from cfem.condensed.patches import Patches, SurfacePoints
-from cfem.contact.detection import along
+from cfem.contact.detection import regions, spacings
 from cfem.contact.surface.triangles import area_vectors
 from cfem.equilibrium.system.problem import Problem
 from cfem.equilibrium.system.robot import Robot, demand_without_discrepancy
@@ -62,8 +62,12 @@ class SkinnedRobot:
         return total / np.maximum(np.linalg.norm(total, axis=1), 1e-300)[:, None]
 
     @cached_property
-    def along(self) -> np.ndarray:
-        return along(self.robot.X[self.nodes], self.triangles, self.patches)
+    def regions(self) -> tuple[np.ndarray, np.ndarray]:
+        return regions(self.robot.X[self.nodes], self.triangles, self.patches)
+
+    @cached_property
+    def spacings(self) -> np.ndarray:
+        return spacings(self.robot.X[self.nodes], self.triangles, self.patches)
 
     @cached_property
     def held_still(self) -> np.ndarray:

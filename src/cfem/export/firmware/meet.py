@@ -60,7 +60,8 @@ def scale(states: Sequence[ContactState], name: str) -> float:
 
 def self_pairs(patched: PatchedModel) -> np.ndarray:
     """Codes (N, N) of the patches of one robot that may meet: see `cfem.contact.detection.may_meet`."""
-    return may_meet([patched.along], [APART * patched.model.length]).astype(np.uint8)
+    region, along = patched.regions
+    return may_meet([along], [APART * patched.model.length])[np.ix_(region, region)].astype(np.uint8)
 
 
 def areas(patched: PatchedModel) -> np.ndarray:

@@ -206,8 +206,8 @@ class ContactSpec(Spec):
 
     resolution: Literal["patches", "mesh"] | None = None
     """`mesh`: at every node of the surface, in the plan and in the FE robot. `patches`: at the means of patches, which
-    is coarser and faster. Unless given, `control` takes the mesh where all obstacles are rigid and neither `patches`
-    nor `sharp_edges` are given, and everything else takes patches."""
+    is coarser and faster. Unless given, `control` takes the mesh where neither `patches` nor `sharp_edges` are given,
+    and everything else takes patches."""
     patches: Length | None = Field(None, gt=0)
     """Distance of the patches into which the surface is cut. Each touches as a point. A twentieth of the robot's length
     unless given."""

@@ -79,17 +79,10 @@ def test_a_stated_force_is_what_finite_elements_feel_that_touch_at_every_node(ba
     assert "2 of 2 commands carried out" in found["headline"][-1]
 
 
-@pytest.mark.parametrize(
-    ("obstacles", "contact", "what"),
-    [
-        ({"ceiling": CEILING}, {"resolution": "mesh", "patches": "8 mm"}, "leave out patches"),
-        ({"twin": TWIN}, {"resolution": "mesh"}, "rigid obstacles alone"),
-        ({"me": {"kind": "itself"}}, {"resolution": "mesh"}, "rigid obstacles alone"),
-    ],
-)
-def test_what_does_not_go_with_the_resolution_of_the_mesh_is_refused(bar, obstacles, contact, what):
-    with pytest.raises(SpecError, match=what):
-        cfem.run_stage("control", control(bar, "refused", obstacles, contact=contact))
+def test_the_resolution_of_the_mesh_has_no_patches(bar):
+    both = {"resolution": "mesh", "patches": "8 mm"}
+    with pytest.raises(SpecError, match="leave out patches"):
+        cfem.run_stage("control", control(bar, "refused", {"ceiling": CEILING}, contact=both))
 
 
 def test_a_goal_without_the_force_that_is_wanted_is_not_reached(bar):
@@ -269,7 +262,8 @@ def test_another_robot_stands_where_its_course_has_it_and_yields_as_its_model_is
     patched = SimpleNamespace(patches="patches", model=model)
     monkeypatch.setattr(meeting, "patched_model_of", lambda *given: asked.append(given) or patched)
     monkeypatch.setattr(meeting, "PlacedModel", lambda *given: given)
-    spec = SimpleNamespace(scene="scene.yaml", mesh="../../data/bar/mesh", contact=SimpleNamespace(cut=(8.0, True)))
+    cut = SimpleNamespace(cut=(8.0, True))
+    spec = SimpleNamespace(scene="scene.yaml", mesh="../../data/bar/mesh", contact=cut, at_nodes=False)
     if scene:
         spec.scene, spec.mesh = "nothing.yaml", "nowhere"
     obstacle = SimpleNamespace(scene=scene, model="../../models/bar/spectral")
@@ -293,13 +287,14 @@ def test_another_robot_stands_where_its_course_has_it_and_yields_as_its_model_is
 
 
 @pytest.mark.slow
-def test_another_robot_yields_and_is_pressed_with_friction(bar):
+@pytest.mark.parametrize("cut", [{}, {"patches": "8 mm"}])
+def test_another_robot_yields_and_is_pressed_with_friction(bar, cut):
     """Two bars bend towards each other, the other one more at the second goal; both give way, in the plan and in finite
-    elements."""
+    elements, at every node and by patches."""
     search = {"step": "0.2 mm", "weights": [0, 0, 0]}
     twin = {"twin": {**TOUCHED, "press": "15 mN"}}
-    more = {"search": search, "contact": {"patches": "8 mm", "friction": 0.3}}
-    found = cfem.run_stage("control", control(bar, "twins", twin, **more))["results"]
+    more = {"search": search, "contact": {**cut, "friction": 0.3}}
+    found = cfem.run_stage("control", control(bar, f"twins-{len(cut)}", twin, **more))["results"]
     assert found["obstacles"]["twin"]["error_max"] < 0.03 * 0.015
     assert "2 of 2 commands carried out" in found["headline"][-1]
 

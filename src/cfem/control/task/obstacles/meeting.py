@@ -6,9 +6,6 @@ from pathlib import Path
 from typing import Any
 
 from cfem.condensed.model_error import ContactError
-from cfem.condensed.patches import Patches, SurfacePoints
-from cfem.constraint.surface import outer_surface
-from cfem.constraint.surface_points import at_nodes
 from cfem.contact.prescribed_motion import ActuatedRobot
 from cfem.control.task.obstacles.clearance import demand_apart, demand_outside, demand_way
 from cfem.control.task.obstacles.read import ReadObstacles, read_obstacles
@@ -29,7 +26,7 @@ from cfem.predict.protocol import Predictor
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh, made_from
 from cfem.robot.same_robot import demand_robot
-from cfem.surrogate.contact_error import calibrated_contact
+from cfem.surrogate.contact_error import calibrated_contact, fe_points
 
 
 @dataclass(frozen=True)
@@ -64,11 +61,7 @@ def with_obstacles(
         learned[name] = _contact_model(spec, obstacles, others, touched, robot, stated)
         demand_apart(learned[name])
     first, model = next(iter(learned.values())), next(iter(predictors.values()))
-    points: Patches | SurfacePoints = first.patched.patches
-    if spec.at_nodes:
-        facets = robot.body.mesh.facets
-        points = at_nodes(robot.X, facets, outer_surface(robot.X, facets))
-    skinned = SkinnedRobot(robot, model.skin.nodes, model.skin.triangles, points)
+    skinned = SkinnedRobot(robot, model.skin.nodes, model.skin.triangles, fe_points(first.patched, robot))
     return world_of(spec, obstacles, first), learned, _fe_plant(spec, obstacles, others, skinned)
 
 
@@ -146,10 +139,10 @@ def other_robot(
     mesh_folder = scene_path.parent / scene.out if obstacle.scene else base / spec.mesh
     made_of = made_from(scene_path, mesh_folder) | {"loads": {}}
     with located(folder):
-        patched = patched_model_of(model, folder, robot, made_of, *spec.contact.cut)
+        touched = _touched(spec, model, folder, robot, made_of)
     place = course.R, course.t, False
     return OtherRobot(
-        PlacedModel(patched, *place, robot.unilateral),
-        SkinnedRobot(robot, skin.nodes, skin.triangles, patched.patches, *place),
+        PlacedModel(touched, *place, robot.unilateral),
+        SkinnedRobot(robot, skin.nodes, skin.triangles, fe_points(touched, robot), *place),
         course,
     )

@@ -42,8 +42,6 @@ class ObstaclesSpec(PlannedSpec, LoadedSpec):
         itself = [name for name, obstacle in self.obstacles.items() if obstacle.kind == "itself"]
         if len(itself) > 1:
             raise ValueError(f"obstacles: {' and '.join(itself)} are both the robot itself; leave one of them out")
-        if self._soft and self.contact.resolution == "mesh":
-            raise ValueError(f"contact.resolution: mesh goes with rigid obstacles alone, and {self._soft[0]} is soft")
 
     @property
     def _soft(self) -> list[str]:
@@ -52,7 +50,7 @@ class ObstaclesSpec(PlannedSpec, LoadedSpec):
     @property
     def at_nodes(self) -> bool:
         """True where the robot touches at every node of its surface, False where it does by patches."""
-        return not self._soft and not self.contact.of_patches
+        return not self.contact.of_patches
 
     @property
     def error_places(self) -> int:

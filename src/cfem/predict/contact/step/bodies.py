@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from cfem.contact.detection import NEVER, separation
+from cfem.contact.detection import separation
 from cfem.contact.law.problem import demand_friction
 from cfem.contact.obstacle_set import ObstacleSet
 from cfem.contact.pairs import Surroundings
@@ -117,9 +117,8 @@ class Bodies:
     def separation(self, state: ContactState, body: int, second_body: int) -> float:
         """Smallest gap, mm, of two bodies, or of a body and itself, that do not press each other."""
         first, second = (self.bodies == number for number in (body, second_body))
-        both = first[:, None] & second | second[:, None] & first
-        may = np.where(both, self.surroundings.may_meet, NEVER)
-        return separation(state.places, self.normals(state.rows), may, self.surroundings.spacing)
+        near = self.surroundings
+        return separation(state.places, self.normals(state.rows), near.may_meet.among(first, second), near.spacings)
 
     def force_or_gap(self, state: ContactState, number: int) -> float:
         """N, the sum of the normal forces of the first robot and the partner `number` of its pairs; where they do not

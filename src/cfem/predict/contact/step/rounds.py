@@ -26,7 +26,7 @@ ITERATIONS = 60
 PATIENCE, LEAST = 8, 1 / 64  # rounds that take all of the change of the forces, and the least share of later ones
 ACCELERATED = 16  # rounds that combine answers: where a surface loses its hold, no combination of them leads on
 ALIKE = 0.5  # cosine between steps that go the same way
-MOST_PAIRS = 60  # pairs of soft surfaces that may touch at once
+PAIRS = 2  # of the points that may touch obstacles at once: pairs of soft surfaces that may touch
 NEAR = 0.005  # of the length: farther patches on which no obstacle presses are forgotten between steps
 
 
@@ -94,7 +94,8 @@ class Rounds:
         touching = None if self.soft is None else self.soft.touch(self.places)
         if not len(self.met.near) and not touching:
             return self._free()
-        if len(self.met.near) > self.scene.surfaces.most or (touching and len(touching) > MOST_PAIRS):
+        most = self.scene.surfaces.most
+        if len(self.met.near) > most or (touching and len(touching) > PAIRS * most):
             self._let_go()
             return StepStatus.MANY
         if not self._know(touching):

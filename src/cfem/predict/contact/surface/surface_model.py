@@ -15,7 +15,7 @@ import numpy as np
 
 from cfem.condensed.packing import packed_indices
 from cfem.condensed.patches import Patches
-from cfem.contact.detection import along
+from cfem.contact.detection import regions, spacings
 from cfem.core.errors import InputError
 from cfem.equilibrium.contact.node_compliance import NodeResponse
 from cfem.equilibrium.contact.patch_compliance import PatchResponse
@@ -255,9 +255,12 @@ class SurfaceModel(ABC):
         return np.linalg.pinv(basis(self.in_box(self.by_fe.states), self.degrees))
 
     @cached_property
-    def along(self) -> np.ndarray:
-        """(N, N) mm between patches along the surface at rest."""
-        return along(self.model.skin.rest, self.model.skin.triangles, self.patches)
+    def regions(self) -> tuple[np.ndarray, np.ndarray]:
+        return regions(self.model.skin.rest, self.model.skin.triangles, self.patches)
+
+    @cached_property
+    def spacings(self) -> np.ndarray:
+        return spacings(self.model.skin.rest, self.model.skin.triangles, self.patches)
 
     def in_box(self, delta: np.ndarray) -> np.ndarray:
         low, high = self.model.domain.delta_a
