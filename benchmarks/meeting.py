@@ -5,6 +5,8 @@ python benchmarks/meeting.py bars    two bars that bend towards each other
 python benchmarks/meeting.py bars --mu 0.3    with friction
 python benchmarks/meeting.py push    one bends up below the other, whose cable goes slack
 python benchmarks/meeting.py fork    one body: two bars on a common root
+python benchmarks/meeting.py pincer    two prongs, at every node and by patches, against another code: walls that push
+                                       each other by a pressure (`cfem.mechanics.self_contact`)
 
 Each makes its own samples, in a folder that it deletes: one to three minutes on one core."""
 
@@ -22,13 +24,19 @@ import cfem
 from cfem.equilibrium.contact.patch_compliance import patch_response
 from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
 from cfem.equilibrium.contact.surfaces import SurfaceScene as MeetingInFe
+from cfem.equilibrium.solve import solve
+from cfem.equilibrium.system.actuation import displacement
+from cfem.equilibrium.system.problem import Problem
 from cfem.predict.contact.step.bodies import PlacedModel
 from cfem.predict.contact.step.scene import ContactScene
+from cfem.predict.contact.surface.kept_patches import node_model_of, patched_model_of
 from cfem.predict.contact.surface.patched_model import PatchedModel, patches_of
 from cfem.predict.load import load_model
 from cfem.predict.series.few_states import patch_states
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh
+from cfem.robot.self_contact import SelfContactSpec
+from cfem.surrogate.contact_error import fe_points
 
 PIPELINES = Path(__file__).parents[1] / "pipelines"
 OVER = np.array([0.0, 0.0, 16.0])  # mm: of the other bar
@@ -88,6 +96,61 @@ def fork(folder: Path) -> Path:
     return specs
 
 
+def prongs(folder: Path) -> Path:
+    """The pincer, of tetrahedra."""
+    specs = shutil.copytree(PIPELINES / "pincer", folder / "pipelines" / "pincer")
+    scene = specs / "scene.yaml"
+    scene.write_text(scene.read_text().replace("element: hex8", "element: tet10p0"))
+    run(specs)
+    return specs
+
+
+def judged(specs: Path, way: list[list[float]]) -> None:
+    """Prints how far the tips of the two prongs, and the forces of their cables, are from those of walls that push each
+    other from 0.5 % of the gap on, as shares of what contact changes; no friction."""
+    folder = specs.parents[1] / "models" / "pincer" / "spectral"
+    model, (scene, mesh) = load_model(folder), load_scene_and_mesh(specs / "scene.yaml")
+    robot = build_robot(scene, mesh)
+    pushed = SelfContactSpec(within="7 mm", onset=0.005)
+    judge = Problem(build_robot(scene.model_copy(update={"self_contact": pushed}), mesh))
+    surface = model.skin.nodes, model.skin.triangles
+    touched = {"every node": node_model_of(model, folder, robot, {})}
+    touched |= {f"patches of {mm:g} mm": patched_model_of(model, folder, robot, {}, mm) for mm in (2.5, 4.0, 6.0)}
+    print("cables, mm | contact moves a tip by | touches at | FE: tip, force off | learned: tip, force off | mN | ms")
+    for name, points in touched.items():
+        learned = ContactScene([PlacedModel(points, unilateral=robot.unilateral)])
+        truth, state, solved, base = (
+            MeetingInFe([SkinnedRobot(robot, *surface, fe_points(points, robot))]),
+            None,
+            None,
+            None,
+        )
+        for deltas in map(np.array, way):
+            free, exact = (solve(problem, displacement(deltas), base=base) for problem in (Problem(robot), judge))
+            begin = time.process_time()
+            state, base = learned.go([deltas], state), exact.state
+            spent, solved = time.process_time() - begin, truth.go([deltas], solved)
+            moved, eased = of_tips(exact.delta_e - free.delta_e), np.abs(exact.lambda_a - free.lambda_a).max()
+            off = [
+                f"{100 * of_tips(delta_e - exact.delta_e) / moved:.2g} %, "
+                f"{100 * np.abs(lambda_a - exact.lambda_a).max() / eased:.2g} %"
+                for delta_e, lambda_a in (
+                    (solved.solved[0].delta_e, solved.solved[0].lambda_a),
+                    (state.delta_e[0], state.lambda_a[0]),
+                )
+            ]
+            print(
+                f"{deltas.tolist()} | {moved:.2f} mm | {name} | {' | '.join(off)} | "
+                f"{1e3 * solved.pressed:.3g}, {1e3 * state.pressed:.3g} | {1e3 * spent:.0f}",
+                flush=True,
+            )
+
+
+def of_tips(delta_e: np.ndarray) -> float:
+    """The larger displacement, mm, of two tips (6,) mm."""
+    return float(np.linalg.norm(delta_e.reshape(2, 3), axis=1).max())
+
+
 def table(specs: Path, poses: list[tuple], mu: float, way: list[list[list[float]]]) -> None:
     """way: states, each of delta_a of each robot."""
     name = specs.name
@@ -126,7 +189,7 @@ def table(specs: Path, poses: list[tuple], mu: float, way: list[list[list[float]
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("table", choices=("bars", "push", "fork"))
+    parser.add_argument("table", choices=("bars", "push", "fork", "pincer"))
     parser.add_argument("--mu", type=float, default=0.0, help="coefficient of friction")
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
@@ -139,6 +202,8 @@ def main() -> None:
         elif given.table == "push":
             poses = [(np.eye(3), np.zeros(3)), (np.eye(3), -OVER)]
             table(bar(Path(folder)), poses, given.mu, [[[0.05], [d]] for d in (1.8, 2.0, 2.4, 2.8, 1.9)])
+        elif given.table == "pincer":
+            judged(prongs(Path(folder)), [[1.0, 0.9], [1.2, 1.08], [1.5, 1.35], [2.0, 1.8]])
         else:
             way = [[[round(d, 2), round(0.9 * d, 3)]] for d in np.arange(1.0, 1.26, 0.05)]
             table(fork(Path(folder)), [()], given.mu, way)

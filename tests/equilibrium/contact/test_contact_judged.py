@@ -189,4 +189,4 @@ def test_a_body_touches_itself_at_its_nodes_as_the_energy_of_its_walls_has_it(pr
     moved = np.linalg.norm(judge.delta_e - free.delta_e)
     assert moved > 2.0 and np.linalg.norm(state.solved[0].delta_e - judge.delta_e) < 0.03 * moved
     relieved = np.abs(judge.lambda_a - free.lambda_a).max()
-    assert np.abs(state.solved[0].lambda_a - judge.lambda_a).max() < 0.02 * relieved
+    assert np.abs(state.solved[0].lambda_a - judge.lambda_a).max() < 0.03 * relieved

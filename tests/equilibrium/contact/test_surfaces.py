@@ -11,6 +11,7 @@ from scipy.spatial import cKDTree
 import cfem
 from cfem.condensed.patches import Patches, cut
 from cfem.constraint.surface import outer_surface
+from cfem.constraint.surface_points import at_nodes
 from cfem.contact.step_status import StepStatus
 from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
 from cfem.equilibrium.contact.surfaces import SHORT, SurfaceScene
@@ -99,3 +100,23 @@ def test_a_step_that_finds_no_state_says_so_and_keeps_the_last_one(pincer, press
     failed = pincer.step([np.array([1.4, 1.3])], pressed)
     assert not failed.converged and failed.status is StepStatus.ITERATIONS
     assert failed.solved == pressed.solved and not len(failed.pairs)
+
+
+def test_rounds_that_combine_their_answers_are_fewer(pincer, monkeypatch):
+    """At nodes forces turn with the surfaces that they press, which the linearisation does not know."""
+    robot = pincer.robots[0].robot
+    facets = robot.body.mesh.facets
+    points = at_nodes(robot.X, facets, outer_surface(robot.X, facets))
+    scene = SurfaceScene([replace(pincer.robots[0], patches=points)])
+
+    def rounds():
+        state, count = None, 0
+        for share in WAY:
+            state = scene.step([share * TO], state)
+            count += state.iterations
+        return count, state
+
+    (few, state), _ = rounds(), monkeypatch.setattr("cfem.contact.acceleration.FIRST", 1000)
+    many, plain = rounds()
+    assert few <= 0.85 * many
+    np.testing.assert_allclose(state.solved[0].delta_e, plain.solved[0].delta_e, atol=1e-5)

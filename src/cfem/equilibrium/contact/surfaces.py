@@ -15,6 +15,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from cfem.condensed.patches import Patches
+from cfem.contact.acceleration import Acceleration
 from cfem.contact.law.modes import Mode
 from cfem.contact.law.problem import demand_friction
 from cfem.contact.law.sliding import StepBegin
@@ -35,6 +36,7 @@ NEAR = 0.4  # distances of patches: of pairs whose gap is less the patches are c
 MOST = 1500  # contact points of a robot
 SHARE = 0.05  # of its reach: the longest way of an actuator in one step
 SHORT = 1 / 8  # of that way: in so short a step one patch may begin to press while another lets go
+FALLS = 0.2  # of the last correction: slower rounds combine their answers
 TOLERANCE, ITERATIONS = 1e-8, 80  # of the length: the last step of any contact point; corrections
 SAME = 1e-6  # of the largest force: by how much any may change in the last step, or be another where patches are held
 
@@ -143,6 +145,7 @@ class _Step:
         """Begins at the state `before`, None: at the robots alone at these actuators."""
         self.of, self.iterations, self._cost = scene, 0, SolveCost()
         self.memory, self.modes, self.residual = Memory(), {}, np.inf
+        self._acceleration = Acceleration()
         self.points, self.found = np.zeros(0, dtype=np.int64), None
         self.forces = np.zeros((scene.ends[-1][1], 3))
         self.faces: dict[int, np.ndarray] = {}  # of what has touched in this step
@@ -227,13 +230,27 @@ class _Step:
         if self.found is None:
             return False
         self._slid = dict(zip(touching.slots.tolist(), self.found.slid, strict=True))
-        change = self.found.forces - self.forces[self.points]
+        step, change, last = shift + self.found.step, self.found.forces - self.forces[self.points], self.residual
         self._change = float(np.abs(change).max(initial=0.0))
-        self.residual = float(np.abs(shift + self.found.step).max(initial=0.0))
+        self.residual = float(np.abs(step).max(initial=0.0))
+        if not self._still and (touching.slots < len(self.places)).any():
+            self._combine(touching, step, self.residual > FALLS * last)
+            change = self.found.forces - self.forces[self.points]
         for robot, mine in zip(self.robots, self._by_robot(self.points), strict=True):
             robot.correct((change[mine] @ robot.of.R).ravel())
         self._touching = touching
         return True
+
+    def _combine(self, touching: Pairs, step: np.ndarray, slow: bool) -> None:
+        """Takes the answers of the last rounds combined, as long as the same points may carry forces, where they come
+        nearer slowly; step (c, 3) mm: by which this one moves them. The linearisation does not know how forces turn
+        with soft surfaces."""
+        push = np.zeros((2 * len(self.places), 3))  # by slot
+        push[touching.slots] = self.found.push
+        combined = self._acceleration.next(self.points.tobytes(), np.concatenate([push, self.found.forces]), step)
+        if combined is not None and slow:
+            push, forces = np.split(combined, [len(push)])
+            self.found = self.found.with_forces(push[touching.slots], forces, touching.frames, self.of.mu)
 
     def _step_begin(self, touching: Pairs) -> StepBegin | None:
         """Gaps and forces of these pairs at the begin of the step, None where friction is not followed along it."""
@@ -248,10 +265,14 @@ class _Step:
                 row[:] = self._gaps_at_begin[slot], 0.0, 0.0
         return StepBegin(gaps, _of_slots(self._pressed_at_begin, touching), scene.parts)
 
-    def _settled(self) -> bool:
+    @property
+    def _still(self) -> bool:
+        """True where the last correction has hardly moved a point, or changed a force."""
         largest = max(np.abs(self.forces).max(initial=0.0), *(robot.problem.force_floor for robot in self.robots))
-        still = self.residual <= TOLERANCE * self.of.length and self._change <= SAME * largest
-        return still and all(robot.balanced for robot in self.robots)
+        return self.residual <= TOLERANCE * self.of.length and self._change <= SAME * largest
+
+    def _settled(self) -> bool:
+        return self._still and all(robot.balanced for robot in self.robots)
 
     def _take(self) -> None:
         """Takes over the forces of robots that have gone on."""

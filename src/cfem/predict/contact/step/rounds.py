@@ -9,13 +9,13 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from cfem.contact.acceleration import Acceleration
 from cfem.contact.law.modes import Mode
 from cfem.contact.law.sliding import StepBegin
 from cfem.contact.pairs import Memory, Pairs
 from cfem.contact.patch_forces import Balance, TurningCompliance, balance
 from cfem.contact.step_status import StepStatus
 from cfem.predict.contact.forces.loaded_robots import NOTHING, LoadedRobots
-from cfem.predict.contact.step.acceleration import Acceleration
 from cfem.predict.contact.step.bodies import Bodies
 from cfem.predict.contact.step.on_obstacles import OnObstacles, begins_deep
 from cfem.predict.contact.step.poses import Loads, Poses

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cfem.predict.contact.step.acceleration import DEPENDENT, DEPTH, FIRST, Acceleration
+from cfem.contact.acceleration import DEPENDENT, DEPTH, FIRST, Acceleration
 
 
 def fixed_point(M, b, rounds, rows=lambda k: 0):
