@@ -254,7 +254,7 @@ class Memory:
         return Memory(rows)
 
     def slid(self, slid: Mapping[int, np.ndarray]) -> "Memory":
-        """Memory with the origins of pairs with obstacles where they have slid to; slid: (3,) mm by slot."""
+        """Memory with the origins of pairs where they have slid to; slid: (3,) mm by slot."""
         rows = {slot: (row, origin + slid.get(slot, 0.0)) for slot, (row, origin) in self.rows.items()}
         return Memory(rows)
 

@@ -71,7 +71,7 @@ class SurfacesState(Pressing):
 class SurfaceScene:
     """Robots, the obstacles that all of them meet, and one coefficient of friction.
 
-    parts: in which friction is followed along a step (`cfem.contact.law.sliding`), where only rigid obstacles touch"""
+    parts: in which friction is followed along a step (`cfem.contact.law.sliding`)"""
 
     robots: Sequence[SkinnedRobot]
     obstacles: ObstacleSet = field(default_factory=lambda: ObstacleSet(()))
@@ -255,11 +255,12 @@ class _Step:
     def _step_begin(self, touching: Pairs) -> StepBegin | None:
         """Gaps and forces of these pairs at the begin of the step, None where friction is not followed along it."""
         scene = self.of
-        if not scene.mu or scene.parts < 2 or self._begin is None or scene.surroundings.may_meet is not None:
+        if not scene.mu or scene.parts < 2 or self._begin is None:
             return None
-        gaps = np.column_stack(
-            [scene.obstacles.nearest(self._begin[touching.points])[0], self.memory.slips(touching, self._begin)]
-        )
+        normal = (touching.frames[:, 0] * (touching.relative @ self._begin)).sum(axis=1)
+        of_obstacles = touching.slots >= len(self.places)
+        normal[of_obstacles] = scene.obstacles.nearest(self._begin[touching.points[of_obstacles]])[0]
+        gaps = np.column_stack([normal, self.memory.slips(touching, self._begin)])
         for row, slot in zip(gaps, touching.slots.tolist(), strict=True):
             if slot in self._gaps_at_begin:
                 row[:] = self._gaps_at_begin[slot], 0.0, 0.0

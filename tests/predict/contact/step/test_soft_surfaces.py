@@ -1,6 +1,6 @@
 """Learned robots that touch each other, against finite elements whose surfaces do the same."""
 
-from itertools import product
+from itertools import pairwise, product
 
 import numpy as np
 import pytest
@@ -103,6 +103,30 @@ def test_friction_does_as_in_finite_elements(rubbed, robot, patched):
     for delta, e, solved in zip(found.deltas, found.delta_e, truth.solved, strict=True):
         free = patched.model.at_displacement(delta)
         assert np.linalg.norm(e - solved.delta_e) < 0.05 * np.linalg.norm(solved.delta_e - free.delta_e)
+
+
+def test_friction_of_soft_surfaces_turns_along_a_step(patched):
+    """The upper bar lies across: what slides along the lower bar at first slides along the upper one afterwards. Two
+    whole steps in parts, against steps 16 times shorter; in one part friction is that of the mean motion."""
+    turn = np.array([[np.cos(0.4), -np.sin(0.4), 0.0], [np.sin(0.4), np.cos(0.4), 0.0], [0.0, 0.0, 1.0]])
+    shift = np.array([50.0, 0.0, 16.0]) - turn @ OVER[0] @ [50.0, 0.0, 0.0]
+    crossed = [PlacedModel(patched, *HERE, itself=False), PlacedModel(patched, turn @ OVER[0], shift, itself=False)]
+    way = [np.array([1.5, 0.9]), np.array([1.6, 0.9]), np.array([1.6, 1.0])]
+
+    pressed = ContactScene(crossed, mu=MU).go([way[0][:1], way[0][1:]])
+
+    def walked(times, parts):
+        scene, state = ContactScene(crossed, mu=MU, parts=parts), pressed
+        for begin, end in pairwise(way):
+            for share in np.arange(1, times + 1) / times:
+                target = begin + share * (end - begin)
+                state = scene.step([target[:1], target[1:]], state)
+                assert state.converged
+        return np.append(np.concatenate(state.delta_e), state.pressed), [*state.modes.values()]
+
+    (exact, modes), (one_part, _), (parts, _) = walked(16, 1), walked(1, 1), walked(1, 16)
+    assert modes == [Mode.SLIP]
+    assert np.abs(parts - exact).max() < 0.3 * np.abs(one_part - exact).max()
 
 
 @pytest.mark.parametrize("mu", fast_are({MU}, [0.0, MU]))

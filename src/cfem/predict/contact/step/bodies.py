@@ -42,8 +42,7 @@ class Bodies:
     meet: whether robots may touch each other
     stacked: surfaces of the robots, joined once for many steps; None: by this scene
     even: whether steps are alike in length, so that forces may be expected to go on as in the last one
-    parts: in which friction is followed along a step (`cfem.contact.law.sliding`), where only rigid obstacles touch and
-        `rigid` is None"""
+    parts: in which friction is followed along a step (`cfem.contact.law.sliding`), where `rigid` is None"""
 
     robots: Sequence[PlacedModel]
     obstacles: ObstacleSet = field(default_factory=lambda: ObstacleSet(()))

@@ -58,7 +58,7 @@ class Rounds:
         if before is not None and scene.mu:
             met.stuck = np.where(np.isnan(before.stuck), before.places, before.stuck)
         met.held = met.stuck
-        follows = scene.mu > 0 and scene.parts > 1 and not scene.soft and scene.rigid is None
+        follows = scene.mu > 0 and scene.parts > 1 and scene.rigid is None
         self._origin = (before.began or before) if before is not None and follows else None
         met.look_at_all(self.places)
         self.depth = max(0.0, -float(met.distance.min(initial=0.0)))
@@ -221,19 +221,25 @@ class Rounds:
             if answer is not None:
                 self._mobility = yields.mobility
                 met.slide(answer.slid[: len(near)])
+                if self.soft is not None:
+                    self.soft.slide(answer.slid[len(near) :])
                 return answer, yields.turning
         return None
 
     def _step_begin(self) -> StepBegin | None:
-        """Gaps and forces of the patches near obstacles at the begin of the step, None where friction is not followed
-        along it."""
+        """Gaps and forces of the pairs of the law at the begin of the step, None where friction is not followed along
+        it."""
         origin, near = self._origin, self.met.near
         if origin is None:
             return None
         gaps, push, pressed = np.zeros((len(near), 3)), np.zeros_like(self.places), origin.on_obstacles
         gaps[:, 0] = origin.obstacles.nearest(origin.places[near])[0]
         push[origin.pairs.points[pressed]] = origin.push[pressed]
-        return StepBegin(gaps, push[near], self.scene.parts)
+        push = push[near]
+        if self.soft is not None:
+            soft_gaps, soft_push = self.soft.at_begin(origin)
+            gaps, push = np.concatenate([gaps, soft_gaps]), np.concatenate([push, soft_push])
+        return StepBegin(gaps, push, self.scene.parts)
 
     def _linearisations(self) -> Iterator[tuple[np.ndarray, TurningCompliance | None, Loads]]:
         """Compliance of the known patches, with how forces turn, and the forces that bodies turn, as `Poses.yields` has

@@ -30,6 +30,7 @@ class SoftPairs:
         self.memory, self.push, self.step = Memory(), {}, np.inf
         self.touching, self._settled_slots = Pairs.none(len(places)), frozenset()
         self._faces: dict[int, np.ndarray] = {}  # of what has touched in this step
+        self._slid: dict[int, np.ndarray] = {}
         self._begin = None if before is None else before.places
         if before is None:
             self.detect(places)
@@ -62,6 +63,18 @@ class SoftPairs:
         """(p, 3) mm of those that touch: normal gap, and slip in their frames."""
         slips = self.memory.slips(self.touching, places) if mu else np.zeros((len(self.touching), 2))
         return np.column_stack([self.touching.gaps, slips])
+
+    def at_begin(self, origin: ContactState) -> tuple[np.ndarray, np.ndarray]:
+        """Gaps and slips (p, 3) mm, and forces (p, 3) N, of those that touch, in the state `origin`."""
+        pairs, pressed = self.touching, ~origin.on_obstacles
+        normal = (pairs.frames[:, 0] * (pairs.relative @ origin.places)).sum(axis=1)
+        push = _by_slot(origin.pairs.slots[pressed], origin.push[pressed])
+        forces = np.array([push.get(slot, np.zeros(3)) for slot in pairs.slots.tolist()]).reshape(-1, 3)
+        return np.column_stack([normal, self.memory.slips(pairs, origin.places)]), forces
+
+    def slide(self, slid: np.ndarray) -> None:
+        """Those that touch have slid by (p, 3) mm before the last part of the step."""
+        self._slid = _by_slot(self.touching.slots, slid)
 
     def push_of(self, pairs: Pairs) -> np.ndarray:
         """(p, 3) N."""
@@ -98,7 +111,7 @@ class SoftPairs:
 
     def memory_after(self, places: np.ndarray, modes: dict[int, Mode]) -> Memory:
         """Memory from where slip counts in the next step; modes by slot."""
-        return self.memory.after(self.pairs, places, modes)
+        return self.memory.slid(self._slid).after(self.pairs, places, modes)
 
     def _entered(self, places: np.ndarray) -> np.ndarray:
         return self.surroundings.entered(self.pairs, places, self._begin, self.memory)
