@@ -1,5 +1,7 @@
 """The bar as a soft robot in MuJoCo: a beam along x, held at x = 0, with a cable."""
 
+from dataclasses import replace
+
 import pytest
 import yaml
 
@@ -17,6 +19,13 @@ def fe_bar(bar):
 @pytest.fixture(scope="session")
 def soft_bar(patched_bar):
     return SoftRobot(patched_bar)
+
+
+@pytest.fixture(scope="session")
+def bar_of_nodes(bar):
+    """Makes the bar that touches at every node; its cable is held, as that of `soft_bar`."""
+    folder, specs = bar / "models" / "bar" / "spectral", bar / "pipelines" / "bar"
+    return lambda: replace(SoftRobot.load(folder, specs / "scene.yaml"), unilateral=None)
 
 
 @pytest.fixture(scope="session")

@@ -84,8 +84,10 @@ def test_a_ball_that_falls_on_the_bar_comes_to_rest_under_its_weight_and_gains_n
     assert world.energies.lost == pytest.approx(height[0] - height[-1], rel=0.01)
 
 
-def test_a_soft_robot_that_falls_on_another_rests_on_it(soft_bar):
+@pytest.mark.parametrize(("points", "gives"), [("patches", 5e-3), pytest.param("nodes", 1e-2, marks=pytest.mark.slow)])
+def test_a_soft_robot_that_falls_on_another_rests_on_it(soft_bar, bar_of_nodes, points, gives):
     """Its base slides: two bars press each other in the same problem."""
+    soft_bar = bar_of_nodes() if points == "nodes" else soft_bar
     base = '<body pos="0.05 0 0.012"><joint type="slide" axis="0 0 1"/><site name="up" pos="0.06 0 0" euler="0 0 180"/>'
     base += '<geom type="box" size="0.005 0.005 0.005" pos="0.065 0 0" mass="0.002"/></body>'
     world = World(mjcf(base, 0.004), {"bar": soft_bar, "up": soft_bar}, friction=0.3, robots_touch=True)
@@ -95,7 +97,7 @@ def test_a_soft_robot_that_falls_on_another_rests_on_it(soft_bar):
     assert world.force("bar")[2] == pytest.approx(-MASS * G, rel=0.05)
     assert world.force("up") == pytest.approx(-world.force("bar"), abs=1e-12)
     assert (
-        np.diff(lost).min() > -5e-3 * lost[-1]
+        np.diff(lost).min() > -gives * lost[-1]
     )  # slip is counted along surfaces that turn: of first order in the step
     assert lost[-1] + world.contact.stored == pytest.approx(-1e3 * MASS * G * world.data.qpos[0], rel=0.01)  # N mm
 

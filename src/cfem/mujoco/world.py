@@ -26,7 +26,6 @@ from cfem.mujoco.soft_robot import SoftRobot
 from cfem.predict.contact.step.bodies import PlacedModel
 from cfem.predict.contact.step.scene import ContactScene
 from cfem.predict.contact.step.state import TRUSTED, ContactState
-from cfem.predict.contact.surface.node_model import NodeModel
 from cfem.predict.contact.surface.surfaces import Surfaces
 
 INSIDE = 1e-3  # of the length: by how much a robot may overlap a geom at the start
@@ -86,14 +85,11 @@ class World:
         """Robots at the sites of these names.
 
         friction: coefficient of all surfaces of the robots
-        robots_touch: whether robots may touch each other, at patches alone
+        robots_touch: whether robots may touch each other
         inertia: whether the acceleration of its base bends a robot, as weight does, at rest in the base's frame
 
         InputError where a geom is of a kind that they do not touch, or touches one at the start, where the actuators
         are at 0."""
-        if robots_touch and any(isinstance(robot.surface, NodeModel) for robot in robots.values()):
-            do = "load them with `patches`, or let them pass through each other"
-            raise InputError("robots that touch at every node of their surfaces do not touch each other", do=do)
         self.model = _compiled(mjcf, robots)
         self.data, self._ahead = mujoco.MjData(self.model), mujoco.MjData(self.model)
         self.robots, self.friction, self.robots_touch, self.inertia = dict(robots), friction, robots_touch, inertia

@@ -256,3 +256,17 @@ def test_the_compliance_under_forces_is_the_derivative_of_the_places(nodes):
     without = LoadedRobots.of(replace(nodes, by_fe=replace(nodes.by_fe, dented=0 * nodes.by_fe.dented)), DELTA)
     put(without, some, forces)
     assert np.abs(dents - without.places[some]).max() > 1e-4
+
+
+@pytest.mark.parametrize("mu", fast_are({0.0}, [0.0, 0.3]))
+def test_two_that_press_each_other_at_their_nodes_do_as_finite_elements_do(nodes, skinned, mu):
+    """A bar and its twin, upside down and 6 mm above it."""
+    over, deltas = (np.diag([1.0, -1.0, -1.0]), np.array([0.0, 0.0, 16.0])), [np.array([1.0]), np.array([0.9])]
+    learned = ContactScene([PlacedModel(nodes, itself=False), PlacedModel(nodes, *over, itself=False)], mu=mu)
+    state = learned.go(deltas)
+    truth = SurfaceScene([skinned, replace(skinned, R=over[0], t=over[1])], mu=mu).go(deltas)
+    assert state.converged and truth.converged and truth.pressed > 0.02
+    assert state.pressed == pytest.approx(truth.pressed, rel=0.02)
+    for delta, tip, solved in zip(deltas, state.delta_e, truth.solved, strict=True):
+        moved = solved.delta_e - nodes.model.at_displacement(delta).delta_e
+        assert np.linalg.norm(tip - solved.delta_e) < 0.02 * np.linalg.norm(moved)
