@@ -36,6 +36,7 @@ NEAR = 0.4  # distances of patches: of pairs whose gap is less the patches are c
 MOST = 1500  # contact points of a robot
 SHARE = 0.05  # of its reach: the longest way of an actuator in one step
 SHORT = 1 / 8  # of that way: in so short a step one patch may begin to press while another lets go
+FOLLOWED = 8  # corrections that follow friction along the step: later ones take that slip as it is
 FALLS = 0.2  # of the last correction: slower rounds combine their answers
 TOLERANCE, ITERATIONS = 1e-8, 80  # of the length: the last step of any contact point; corrections
 SAME = 1e-6  # of the largest force: by how much any may change in the last step, or be another where patches are held
@@ -225,11 +226,14 @@ class _Step:
         push = _of_slots(self._pushed, touching)
         gaps = np.column_stack([touching.gaps + (touching.frames[:, 0] * moved).sum(axis=1), slips])
         relative, forces = touching.relative[:, self.points], self.forces[self.points]
-        begin = self._step_begin(touching)
+        begin = self._step_begin(touching) if self.iterations <= FOLLOWED else None
+        if begin is None:
+            gaps[:, 1:] -= (touching.frames[:, 1:] @ _of_slots(self._slid, touching)[:, :, None])[..., 0]
         self.found = balance(relative, touching.frames, C, gaps, forces, push, self.of.mu, begin=begin)
         if self.found is None:
             return False
-        self._slid = dict(zip(touching.slots.tolist(), self.found.slid, strict=True))
+        if begin is not None:
+            self._slid = dict(zip(touching.slots.tolist(), self.found.slid, strict=True))
         step, change, last = shift + self.found.step, self.found.forces - self.forces[self.points], self.residual
         self._change = float(np.abs(change).max(initial=0.0))
         self.residual = float(np.abs(step).max(initial=0.0))
