@@ -168,7 +168,7 @@ def test_a_tick_plans_among_soft_robots_as_python_does(exported, patched, robots
     """The bar bends up into the twin above; then that one bends too."""
     over, course = (robots[1].R, robots[1].t), np.array([[0.0], [0.5]])
     twin = replace(robots[1], unilateral=np.ones(1, dtype=bool)), ActuatedRobot(patched.model, course, None, *over)
-    among, now = ContactModel(patched, {}, mu=mu, others={"twin": twin}), np.zeros(1)
+    among, now = ContactModel(patched, {}, mu=mu, others={"twin": twin}, parts=1), np.zeros(1)
     planning = Planning(exported[0], [], mu, STRICT)
     among.settle(now)
     assert demand_same_ticks(planning, among, now, (0.8, 1.6, 2.0, 2.4) if mu else (0.8, 1.6, 2.2, 1.9, 2.4)) > 1e-3
