@@ -53,8 +53,6 @@ REFUSED = {
     "nan in G": ((EYE, ONES, np.full((6, 2), np.nan), np.ones(2)), {}, "not finite"),
     "nan in wrench": ((EYE, ONES, np.ones((6, 2)), np.array([np.nan, 1.0])), {}, "not finite"),
     "friction": ((EYE, ONES), {"mu": -0.1}, "friction"),
-    "two sides": ((EYE, ONES), {"sides": 2}, "a cone of 2 sides"),
-    "five sides": ((EYE, ONES), {"sides": 5}, "a cone of 5 sides"),
 }
 
 

@@ -11,7 +11,7 @@ from cfem.contact.law.solve import ContactStatus, _search, solve_contact
 from cfem.core.errors import SpecError
 
 
-def random_problem(seed: int, m: int, k: int, cone: str = "exact", sides: int = 4) -> ContactProblem:
+def random_problem(seed: int, m: int, k: int) -> ContactProblem:
     rng = np.random.default_rng(seed)
     root = rng.normal(size=(3 * m, 3 * m + 1))
     scale = 10.0 ** rng.uniform(-3, 1)  # mm/N
@@ -22,56 +22,43 @@ def random_problem(seed: int, m: int, k: int, cone: str = "exact", sides: int = 
         G,
         wrench,
         float(rng.choice([0.2, 0.6, 2.0])),
-        cone,
-        sides,
     )
 
 
-# seeds, points, coordinates of the object, law, cone: 1000 problems, of which those that cost little are fast
+# seeds, points, coordinates of the object, law: 630 problems, of which those that cost little are fast
 FEW = [
-    (range(100), 1, 0, "signorini", "exact"),
-    (range(100), 2, 1, "signorini", "exact"),
-    (range(30), 3, 3, "signorini", "exact"),
-    (range(50), 1, 0, "coulomb", "exact"),
-    (range(15), 1, 2, "coulomb", "exact"),
-    (range(10), 2, 0, "coulomb", "exact"),
-    (range(2), 2, 3, "coulomb", "exact"),
-    (range(1), 3, 0, "coulomb", "exact"),
-    (range(30), 1, 1, "coulomb", "pyramid"),
-    (range(30), 2, 0, "coulomb", "pyramid"),
-    (range(20), 2, 3, "coulomb", "pyramid"),
-    (range(5), 3, 2, "coulomb", "pyramid"),
+    (range(100), 1, 0, "signorini"),
+    (range(100), 2, 1, "signorini"),
+    (range(30), 3, 3, "signorini"),
+    (range(50), 1, 0, "coulomb"),
+    (range(15), 1, 2, "coulomb"),
+    (range(10), 2, 0, "coulomb"),
+    (range(2), 2, 3, "coulomb"),
+    (range(1), 3, 0, "coulomb"),
 ]
 MANY = [
-    (range(30, 100), 3, 3, "signorini", "exact"),
-    (range(50, 150), 1, 0, "coulomb", "exact"),
-    (range(15, 100), 1, 2, "coulomb", "exact"),
-    (range(10, 50), 2, 0, "coulomb", "exact"),
-    (range(2, 15), 2, 3, "coulomb", "exact"),
-    (range(1, 10), 3, 0, "coulomb", "exact"),
-    (range(5), 3, 3, "coulomb", "exact"),
-    (range(30, 100), 1, 1, "coulomb", "pyramid"),
-    (range(30, 170), 2, 0, "coulomb", "pyramid"),
-    (range(20, 50), 2, 3, "coulomb", "pyramid"),
-    (range(5, 50), 3, 2, "coulomb", "pyramid"),
+    (range(30, 100), 3, 3, "signorini"),
+    (range(50, 150), 1, 0, "coulomb"),
+    (range(15, 100), 1, 2, "coulomb"),
+    (range(10, 50), 2, 0, "coulomb"),
+    (range(2, 15), 2, 3, "coulomb"),
+    (range(1, 10), 3, 0, "coulomb"),
+    (range(5), 3, 3, "coulomb"),
 ]
 
 
 def test_a_search_tries_the_neighbours_at_points_that_violate_the_law_first():
-    """Twice as many systems where it begins with the others."""
+    """Nearly three times as many systems, 217, where it begins with the others."""
     opened = (Mode.OPEN,) * 4
-    tried = [_search(random_problem(seed, 4, 0, "pyramid"), "coulomb", opened, 400, True)[1] for seed in range(8)]
-    assert sum(tried) < 150, tried
+    seeds = [1, 2, 3, 4, 5, 7, 8, 9, 10, 11]  # the others have no state
+    tried = [_search(random_problem(seed, 4, 0), "coulomb", opened, 400, True)[1] for seed in seeds]
+    assert sum(tried) < 120, tried
 
 
-def test_the_families_are_a_thousand():
-    assert sum(len(seeds) for seeds, *_ in FEW + MANY) == 1000
-
-
-@pytest.mark.parametrize(("seeds", "m", "k", "law", "cone"), fast_are(FEW, FEW + MANY))
-def test_the_answer_is_one_of_all_or_none(seeds, m, k, law, cone):
+@pytest.mark.parametrize(("seeds", "m", "k", "law"), fast_are(FEW, FEW + MANY))
+def test_the_answer_is_one_of_all_or_none(seeds, m, k, law):
     for seed in seeds:
-        problem = random_problem(seed, m, k, cone)
+        problem = random_problem(seed, m, k)
         states = all_modes(problem, law)
         solution = solve_contact(problem, law)
         if not states:
@@ -130,8 +117,7 @@ def test_signorini_is_a_least_squares_problem(m):
         assert not solution.lam.reshape(-1, 3)[:, 1:].any()
 
 
-@pytest.mark.parametrize("cone", ["exact", "pyramid"])
-def test_strongly_coupled_points_have_an_odd_number_of_states(cone):
+def test_strongly_coupled_points_have_an_odd_number_of_states():
     """With a positive definite W the states are the fixed points of a map of degree one (Brouwer), generic ones come
     in odd number: an even one tells of a missed state."""
     rng, several = np.random.default_rng(7), 0
@@ -139,7 +125,7 @@ def test_strongly_coupled_points_have_an_odd_number_of_states(cone):
         m = 1 + (trial % 4 == 3)
         root = rng.normal(size=(3 * m, 3 * m))
         root[:, 1::3] += 2 * root[:, 0::3]
-        problem = ContactProblem(root.T @ root, rng.normal(size=3 * m), mu=5.0, cone=cone, sides=4)
+        problem = ContactProblem(root.T @ root, rng.normal(size=3 * m), mu=5.0)
         solution = solve_contact(problem, "coulomb", count=True)
         assert len(solution.solutions) % 2 == 1, trial
         assert all(each.check.valid() for each in solution.solutions)
@@ -148,9 +134,9 @@ def test_strongly_coupled_points_have_an_odd_number_of_states(cone):
     assert several > 4
 
 
-def pressed(push: float, cone: str = "exact") -> ContactProblem:
+def pressed(push: float) -> ContactProblem:
     """One point, 2 mm/N, pressed by 3 mm, its rest place moved `push` mm along a slanted direction of the plane."""
-    return ContactProblem(2 * np.eye(3), np.array([-3.0, 0.6 * push, 0.8 * push]), mu=0.4, cone=cone)
+    return ContactProblem(2 * np.eye(3), np.array([-3.0, 0.6 * push, 0.8 * push]), mu=0.4)
 
 
 @pytest.mark.parametrize("push", [0.0, 0.5, 1.19, 1.21, 4.0])
@@ -160,15 +146,6 @@ def test_a_pressed_point_sticks_until_the_push_exceeds_mu_n(push):
     friction = min(push / 2, limit)
     assert solution.modes == ((Mode.STICK,) if push / 2 < limit else (Mode.SLIP,))
     np.testing.assert_allclose(solution.lam, [1.5, -0.6 * friction, -0.8 * friction], atol=1e-12)
-
-
-def test_the_pyramid_slides_at_a_corner_and_tends_to_the_circle():
-    exact = solve_contact(pressed(4.0), "coulomb").lam
-    errors = []
-    for sides in (8, 32, 128):
-        problem = ContactProblem(2 * np.eye(3), pressed(4.0).free, mu=0.4, cone="pyramid", sides=sides)
-        errors.append(np.abs(solve_contact(problem, "coulomb").lam - exact).max())
-    assert errors[0] < 0.6 * np.pi / 8 and errors[2] < 0.6 * np.pi / 128
 
 
 def test_strong_coupling_gives_three_states():
@@ -219,7 +196,7 @@ def test_many_points_on_a_soft_plate_settle(m):
     places = rng.uniform(0, 10, (m, 2))
     decay = np.exp(-np.linalg.norm(places[:, None] - places, axis=2) / 3)
     W = np.kron(decay, np.diag([1.0, 0.5, 0.5])) + 0.05 * np.eye(3 * m)
-    solution = solve_contact(ContactProblem(W, rng.normal(size=3 * m), mu=0.3, cone="exact"), "coulomb")
+    solution = solve_contact(ContactProblem(W, rng.normal(size=3 * m), mu=0.3), "coulomb")
     assert solution.status is ContactStatus.SOLVED and solution.check.valid()
 
 
@@ -241,7 +218,7 @@ def test_bilateral_points_are_glued():
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"W": np.eye(2)}, {"mu": -1.0}, {"sides": 5}, {"wrench": np.zeros(2)}, {"free": np.full(3, np.nan)}]
+    "wrong", [{"W": np.eye(2)}, {"mu": -1.0}, {"wrench": np.zeros(2)}, {"free": np.full(3, np.nan)}]
 )
 def test_a_problem_that_does_not_fit_together_is_refused(wrong):
     with pytest.raises(SpecError, match="contact"):

@@ -85,15 +85,8 @@ def residuals(problem: ContactProblem, law: Law, lam: np.ndarray, xi: np.ndarray
     if law == "signorini" or problem.mu == 0:
         return Residuals(overlap, np.maximum(pull, np.abs(friction).max(axis=2)), complementarity, zero, zero, balance)
     limit = problem.mu * pressing
-    if problem.cone == "exact":
-        beyond = np.linalg.norm(friction, axis=2) - limit
-        speed = np.linalg.norm(slip, axis=2)
-        dissipation = np.linalg.norm(friction * speed[..., None] + limit[..., None] * slip, axis=2)
-    else:
-        half = np.pi / problem.sides
-        turn = np.array([[np.cos(half), np.sin(half)], [-np.sin(half), np.cos(half)]])
-        beyond = (friction @ (problem.corners @ turn).T).max(axis=2) - limit * np.cos(half)
-        # The most that friction within the polygon can do against this slip is its support function.
-        dissipation = np.abs((friction * slip).sum(axis=2) + limit * (slip @ problem.corners.T).max(axis=2))
+    beyond = np.linalg.norm(friction, axis=2) - limit
+    speed = np.linalg.norm(slip, axis=2)
+    dissipation = np.linalg.norm(friction * speed[..., None] + limit[..., None] * slip, axis=2)
     # Beyond the cone of a pulling point the force itself is the complaint.
     return Residuals(overlap, pull, complementarity, np.maximum(0.0, beyond), dissipation, balance)

@@ -26,7 +26,7 @@ class ContactState:
 
 def all_modes(problem: ContactProblem, law: Law) -> list[ContactState]:
     """The distinct valid states of at most four points. Where a state belongs to several choices (a point that just
-    touches), the first of them is named. On the exact cone with two slipping points and more, as complete as Newton
+    touches), the first of them is named. With two slipping points and more, as complete as Newton
     from 144 and more starts is; where a choice leaves its state undetermined, only its smallest state is tried."""
     if problem.m > MOST:
         raise SpecError(f"contact: {problem.m} points have too many modes to try all", do=f"at most {MOST}")

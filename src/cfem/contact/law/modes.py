@@ -2,13 +2,12 @@
 
 Open: lambda = 0. Stick: gap = 0. Slip: gap_n = 0 and lambda_t = mu lambda_n d, with slip = -alpha d. This friction
 is not associated with the normal motion: the equations are unsymmetric and may have several solutions or none.
-On the exact cone the directions d are unknown: Newton from several of them. On the pyramid each slipping point is
-at one of its corners (d known) or on one of its faces (slip along the face's normal): linear systems.
+The directions d are unknown: Newton from several of them.
 
 A mode is a choice of complementary variables: Cottle, Pang, Stone, *The Linear Complementarity Problem* (1992),
 chapter 1."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 from itertools import count as counting
@@ -22,7 +21,6 @@ from cfem.contact.law.problem import ContactProblem, Law
 CONDITION = 1e12  # beyond it a system counts as singular
 VALID = 1e-8  # largest residual of `check` of a state that satisfies its law
 SAME = 1e-6  # relative distance below which two states are one
-_CHUNK = 2048
 _STARTS = {1: 96, 2: 144, 3: 216}
 
 
@@ -80,13 +78,12 @@ def understood(problem: ContactProblem, law: Law, modes: Sequence[Mode]) -> tupl
 def solve_mode(problem: ContactProblem, law: Law, modes: Sequence[Mode], quick: bool = False) -> ModeSolution:
     """States in which each point has its mode of `modes`. quick: fewer starts where directions of slip are unknown."""
     p, modes = problem.normalised, understood(problem, law, modes)
-    kept, status = np.zeros((0, len(p.free) + p.k)), ModeStatus.INCONSISTENT
-    for states, regular in _solutions(p, law, modes, quick):
-        if not len(states):
-            continue
-        status = ModeStatus.SOLVED if regular else ModeStatus.SINGULAR
-        kept = _best(p, law, np.vstack([kept, states]))
-    lam, xi = np.split(kept, [len(p.free)], axis=1)
+    states, status = _solutions(p, law, modes, quick)
+    if len(states):
+        states = _best(p, law, states)
+    else:
+        status = ModeStatus.INCONSISTENT
+    lam, xi = np.split(states, [len(p.free)], axis=1)
     violations, u = residuals(p, law, lam, xi), problem.units
     return ModeSolution(lam * u.force, xi * u.motion, violations.points, violations.largest, status)
 
@@ -109,91 +106,52 @@ def distinct(states: np.ndarray) -> list[int]:
     return kept
 
 
-def _solutions(p: ContactProblem, law: Law, modes: tuple[Mode, ...], quick: bool) -> Iterator[tuple[np.ndarray, bool]]:
-    """States (c, 3m + k) of the equations, in portions, and whether their systems are regular."""
-    sliding = law == "coulomb" and p.mu > 0 and Mode.SLIP in modes
-    if sliding and p.cone == "exact":
-        yield _newton(p, modes, quick), True
-        return
-    pieces = _pieces(p, modes) if sliding else iter([()])
-    while chunk := list(islice(pieces, _CHUNK)):
-        M, c, _ = linear_equations(p, modes, *directions(p, np.array(chunk, int)))
-        z, solved, regular = _solve(M, c)
-        yield z[solved & regular], True
-        yield z[solved & ~regular], False
+def _solutions(p: ContactProblem, law: Law, modes: tuple[Mode, ...], quick: bool) -> tuple[np.ndarray, ModeStatus]:
+    """States (c, 3m + k) of the equations, and whether their system determines them."""
+    if law == "coulomb" and p.mu > 0 and Mode.SLIP in modes:
+        return _newton(p, modes, quick), ModeStatus.SOLVED
+    M, c, _ = linear_equations(p, modes)
+    z, solved, regular = _solve(M, c)
+    return z[None][[solved]], ModeStatus.SOLVED if regular else ModeStatus.SINGULAR
 
 
-def _pieces(p: ContactProblem, modes: tuple[Mode, ...]) -> Iterator[tuple[int, ...]]:
-    """Choices of a piece of the pyramid for each slipping point: 2j is its corner j, 2j + 1 the face that follows
-    it."""
-    return product(range(2 * p.sides), repeat=modes.count(Mode.SLIP))
-
-
-def directions(p: ContactProblem, pieces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Angles of the normals of pieces (P, s) of the pyramid, and which of them are corners."""
-    return pieces * (np.pi / p.sides), pieces % 2 == 0
-
-
-def linear_equations(
-    p: ContactProblem, modes: Sequence[Mode], angles: np.ndarray, corners: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """M z = c with z = (lam, xi), M (P, n, n), c (P, n), and S (P, n, 3m), the derivative of M z - c with respect to
-    `free`. angles, corners (P, slipping points): friction is mu lambda_n along the angle, or, on a face of the
-    pyramid, has its component there, while nothing slips across it; (P, 0) for touching points without friction."""
-    count, n3 = len(angles), len(p.free)
-    S, T = np.zeros((count, n3 + p.k, n3)), np.zeros((count, n3 + p.k, n3))
-    half = np.pi / p.sides
-    slipping = 0
+def linear_equations(p: ContactProblem, modes: Sequence[Mode]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """M z = c with z = (lam, xi), M (n, n), c (n,), and S (n, 3m), the derivative of M z - c with respect to `free`;
+    no point slips with friction."""
+    n3 = len(p.free)
+    S, T = np.zeros((n3 + p.k, n3)), np.zeros((n3 + p.k, n3))
     for i, mode in enumerate(modes):
-        n, t = 3 * i, slice(3 * i + 1, 3 * i + 3)
-        if mode is Mode.OPEN:
-            T[:, n : n + 3, n : n + 3] = np.eye(3)
-            continue
-        S[:, n, n] = 1.0
-        if mode is Mode.STICK:
-            S[:, t, t] = np.eye(2)
-        elif not angles.shape[1]:
-            T[:, t, t] = np.eye(2)
-        else:
-            angle, corner = angles[:, slipping], corners[:, slipping]
-            slipping += 1
-            along = np.column_stack([np.cos(angle), np.sin(angle)])
-            across = np.column_stack([-along[:, 1], along[:, 0]])
-            T[:, n + 1, t] = along
-            T[:, n + 1, n] = -p.mu * np.where(corner, 1.0, np.cos(half))
-            T[corner, n + 2, t] = across[corner]
-            S[~corner, n + 2, t] = across[~corner]
-    T[:, n3:] = p.motion.T
+        rows = np.arange(3 * i, 3 * i + 3)
+        fixed = {Mode.OPEN: 0, Mode.SLIP: 1, Mode.STICK: 3}[mode]  # how many of the gaps are zero, n first
+        S[rows[:fixed], rows[:fixed]] = T[rows[fixed:], rows[fixed:]] = 1.0
+    T[n3:] = p.motion.T
     M = S @ np.hstack([p.W, -p.motion])
-    M[:, :, :n3] += T
+    M[:, :n3] += T
     c = -S @ p.free
-    c[:, n3:] += p.load
+    c[n3:] += p.load
     return M, c, S
 
 
-def _solve(M: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Solutions z (P, n) of M z = c; which of them solve it (P,); which systems are regular (P,). Of a singular system
-    that has solutions the smallest one."""
+def _solve(M: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, bool, bool]:
+    """Solution z (n,) of M z = c; whether it solves it; whether the system is regular. Of a singular system that has
+    solutions the smallest one."""
     try:
         inverse = np.linalg.inv(M)
-        regular = np.abs(M).sum(axis=2).max(axis=1) * np.abs(inverse).sum(axis=2).max(axis=1) < CONDITION
+        regular = bool(np.abs(M).sum(axis=1).max() * np.abs(inverse).sum(axis=1).max() < CONDITION)
     except np.linalg.LinAlgError:
-        inverse, regular = np.zeros_like(M), np.zeros(len(M), bool)
-        sound = np.linalg.cond(M) < CONDITION
-        inverse[sound], regular = np.linalg.inv(M[sound]), sound
-    if not regular.all():
-        inverse[~regular] = np.linalg.pinv(M[~regular], rcond=1 / CONDITION)
-    z = np.einsum("pij,pj->pi", inverse, c)
-    z += np.einsum("pij,pj->pi", inverse, c - np.einsum("pij,pj->pi", M, z))
-    missing = np.abs(c - np.einsum("pij,pj->pi", M, z)).max(axis=1)
-    size = 1 + np.abs(z).max(axis=1)
-    return z, (missing <= 1e-10 * size) & np.isfinite(size), regular
+        regular = False
+    if not regular:
+        inverse = np.linalg.pinv(M, rcond=1 / CONDITION)
+    z = inverse @ c
+    z += inverse @ (c - M @ z)
+    missing, size = np.abs(c - M @ z).max(), 1 + np.abs(z).max()
+    return z, bool(missing <= 1e-10 * size and np.isfinite(size)), regular
 
 
 def slip_equations(
     p: ContactProblem, modes: Sequence[Mode], y: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """F (B, n), dF/dy (B, n, n) and dF/dfree (n, 3m) on the exact cone, y = (lam, xi, angles of d, alpha) (B, n)."""
+    """F (B, n), dF/dy (B, n, n) and dF/dfree (n, 3m), y = (lam, xi, angles of d, alpha) (B, n)."""
     n3, sliding = len(p.free), [i for i, mode in enumerate(modes) if mode is Mode.SLIP]
     s, n = len(sliding), n3 + p.k + 2 * len(sliding)
     S, T = np.zeros((n, n3)), np.zeros((n, n3))
@@ -257,7 +215,7 @@ def _balanced(p: ContactProblem, modes: tuple[Mode, ...]) -> bool:
 
 
 def _newton(p: ContactProblem, modes: tuple[Mode, ...], quick: bool) -> np.ndarray:
-    """Solutions (c, 3m + k) on the exact cone, repetitions included."""
+    """Solutions (c, 3m + k) where points slip with friction, repetitions included."""
     n3 = len(p.free)
     if not _balanced(p, modes):
         return np.zeros((0, n3 + p.k))

@@ -30,20 +30,16 @@ class ContactProblem:
     W: (3m, 3m) mm/N, symmetric, positive semidefinite
     free: (3m,) mm, normal gaps and, counted from where each point last stuck, tangential slips at zero contact force
     G, wrench: (3m, k) and (k,) N or N mm of an object with coordinates xi (k,) mm or rad; None without object
-    mu: friction coefficient
-    cone: `exact` circle, or `pyramid`, the regular polygon with `sides` corners inscribed in it, the first along t1
-    (friction then does the most work that the polygon allows)"""
+    mu: friction coefficient"""
 
     W: np.ndarray
     free: np.ndarray
     G: np.ndarray | None = None
     wrench: np.ndarray | None = None
     mu: float = 0.0
-    cone: Literal["exact", "pyramid"] = "exact"
-    sides: int = 8
 
     def __post_init__(self) -> None:
-        """Checks shapes, finiteness, friction and the sides of the cone."""
+        """Checks shapes, finiteness and friction."""
         n = len(self.free)
         if n == 0 or n % 3 or self.W.shape != (n, n):
             raise SpecError(f"contact: W is {self.W.shape} and free ({n},)", do="give three rows for every point")
@@ -54,8 +50,6 @@ class ContactProblem:
         if not all(np.isfinite(array).all() for array in (self.W, self.free, self.motion, self.load)):
             raise SpecError("contact: the problem holds numbers that are not finite")
         demand_friction(self.mu)
-        if self.sides < 4 or self.sides % 2:
-            raise SpecError(f"contact: a cone of {self.sides} sides", do="take an even number of sides, 4 or more")
 
     @property
     def m(self) -> int:
@@ -77,12 +71,6 @@ class ContactProblem:
     def gap(self, lam: np.ndarray, xi: np.ndarray) -> np.ndarray:
         """Gaps (..., 3m) mm of the points under forces lam (..., 3m) N and motions xi (..., k) of the object."""
         return lam @ self.W.T + self.free - xi @ self.motion.T
-
-    @cached_property
-    def corners(self) -> np.ndarray:
-        """Directions (sides, 2) of the pyramid's corners."""
-        angle = 2 * np.pi * np.arange(self.sides) / self.sides
-        return np.column_stack([np.cos(angle), np.sin(angle)])
 
     @cached_property
     def units(self) -> "Units":

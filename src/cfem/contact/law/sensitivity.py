@@ -15,14 +15,14 @@ from cfem.core.errors import NumericalError
 def sensitivity(
     problem: ContactProblem, modes: Sequence[Mode], lam: np.ndarray, xi: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Derivatives (3m, 3m) N/mm of forces and (k, 3m) of motions, at the state lam (3m,) N, xi (k,) with these modes,
-    exact cone. NumericalError where the modes leave it undetermined."""
+    """Derivatives (3m, 3m) N/mm of forces and (k, 3m) of motions, at the state lam (3m,) N, xi (k,) with these modes.
+    NumericalError where the modes leave it undetermined."""
     p, u, n3 = problem.normalised, problem.units, len(problem.free)
     if problem.mu > 0:
         y = _unknowns(p, modes, lam / u.force, xi / u.motion)
-        _, J, S = (array[0] if array.ndim == 3 else array for array in slip_equations(p, modes, y[None]))
+        _, (J,), S = slip_equations(p, modes, y[None])
     else:
-        J, _, S = (array[0] for array in linear_equations(p, modes, np.zeros((1, 0)), np.zeros((1, 0), bool)))
+        J, _, S = linear_equations(p, modes)
     try:
         slope = -np.linalg.solve(J, S)
     except np.linalg.LinAlgError:

@@ -78,7 +78,7 @@ def solve_contact(
             return _answer(problem, [state], ContactStatus.SOLVED, tried)
         if _unstable(problem):
             return _answer(problem, [], ContactStatus.UNSTABLE, tried)
-    if problem.m > MOST and problem.k and law == "coulomb" and problem.mu > 0 and problem.cone == "exact":
+    if problem.m > MOST and problem.k and law == "coulomb" and problem.mu > 0:
         state, tried = _with_object(problem, start)
         if state is not None:
             return _answer(problem, [state], ContactStatus.SOLVED, tried)
@@ -122,8 +122,6 @@ def _of_many(problem: ContactProblem, law: Law, start_modes: Sequence[Mode] | No
         solution, tried = solve_mode(problem, law, modes, quick=True), 1
         if solution.valid:
             return _state(problem, law, modes, solution), tried
-    if law == "coulomb" and problem.mu > 0 and problem.cone != "exact":
-        return None, tried
     mu = problem.mu if law == "coulomb" else 0.0
     force, systems = newton(problem.W, problem.free, mu)
     if force is None:
