@@ -5,13 +5,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numba import njit
 
-from cfem.contact.law.enumerate import MOST
 from cfem.contact.law.modes import Mode
 from cfem.contact.law.newton import modes_from, newton, project
 from cfem.contact.law.path import along_friction
 from cfem.contact.law.problem import ContactProblem
 from cfem.contact.law.sliding import StepBegin, slid
-from cfem.contact.law.solve import ContactStatus, solve_contact
+from cfem.contact.law.solve import MOST, ContactStatus, solve_contact
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +70,7 @@ def pressed(
     if forces is not None:
         return modes_from(forces, mu), forces, slip
     answer = solve_contact(ContactProblem(W, free, mu=mu), "coulomb")
-    if answer.status not in (ContactStatus.SOLVED, ContactStatus.SEVERAL):
+    if answer.status is not ContactStatus.SOLVED:
         return None
     return answer.modes, answer.lam.reshape(-1, 3), slip
 

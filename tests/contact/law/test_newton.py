@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from support.all_modes import all_modes
 
 from cfem.contact.law import newton as newton_module
 from cfem.contact.law.check import check
-from cfem.contact.law.enumerate import all_modes
 from cfem.contact.law.modes import Mode
 from cfem.contact.law.newton import modes_from, newton, projected, scaled
 from cfem.contact.law.problem import ContactProblem

@@ -13,12 +13,12 @@ from heapq import heappop, heappush
 import numpy as np
 
 from cfem.contact.law.check import Check, check
-from cfem.contact.law.enumerate import MOST, ContactState, all_modes
 from cfem.contact.law.modes import VALID, Mode, ModeSolution, modes_of, solve_mode, understood
 from cfem.contact.law.newton import modes_from, newton, newton_with_object
 from cfem.contact.law.path import along_friction
 from cfem.contact.law.problem import ContactProblem, Law
 
+MOST = 4  # points of which a search may try every choice of modes
 BUDGET = 400  # choices of modes that a search over more than four points tries
 SEARCHED, FEW = 8, 20  # beyond so many points a search tries no more than FEW choices; so few, each from few starts
 INDEFINITE = 1e-9  # of the largest eigenvalue of a compliance: how negative rounding may make the smallest
@@ -29,25 +29,33 @@ class ContactStatus(Enum):
     """How a solve ended; the value is the sentence that the user reads."""
 
     SOLVED = "solved"
-    SEVERAL = "several states of the contacts satisfy the law; the first is given"
     NONE = "no choice of open, sticking and slipping contacts satisfies the law"
     UNSTABLE = "no state was found, and the robot is not stable where the contacts let go"
     BUDGET = "no state that satisfies the law was found among the choices tried"
 
 
 @dataclass(frozen=True)
+class ContactState:
+    """One state that obeys the law: forces lam (3m,) N, motion xi (k,) mm or rad, one mode a point, and its
+    residuals."""
+
+    lam: np.ndarray
+    xi: np.ndarray
+    modes: tuple[Mode, ...]
+    check: Check
+
+
+@dataclass(frozen=True)
 class ContactSolution:
     """Answer of a solve. lam (3m,) N and xi (k,) mm or rad are NaN where there is no answer, then without modes too.
 
-    tried: choices of modes that were solved
-    solutions: every valid state where they were counted, else the first"""
+    tried: choices of modes that were solved"""
 
     lam: np.ndarray
     xi: np.ndarray
     modes: tuple[Mode, ...]
     check: Check
     status: ContactStatus
-    solutions: tuple[ContactState, ...]
     tried: int
 
 
@@ -55,57 +63,45 @@ def solve_contact(
     problem: ContactProblem,
     law: Law,
     start_modes: Sequence[Mode] | None = None,
-    count: bool = False,
     budget: int = BUDGET,
     start: np.ndarray | None = None,
 ) -> ContactSolution:
-    """State of contact that satisfies the law, or all of them.
+    """State of contact that satisfies the law.
 
     start_modes: a guess, one a point; by default points within a gap are open and the others stick
-    count: find every state (at most four points)
     budget: of the search over more than four points
     start: a guess of the forces (3m,) N, for Newton's method on a problem with an object"""
-    if count:
-        states = all_modes(problem, law)
-        tried = len(modes_of(problem, law)) ** problem.m
-        status = ContactStatus.SEVERAL if len(states) > 1 else ContactStatus.SOLVED
-        return _answer(problem, states, status if states else ContactStatus.NONE, tried)
     guess = start_modes or [Mode.OPEN if gap > 0 else Mode.STICK for gap in problem.free[::3]]
     tried = 0
     if problem.m > MOST and not problem.k and law != "bilateral":
         state, tried = _of_many(problem, law, start_modes)
         if state is not None:
-            return _answer(problem, [state], ContactStatus.SOLVED, tried)
+            return _answer(problem, state, ContactStatus.SOLVED, tried)
         if _unstable(problem):
-            return _answer(problem, [], ContactStatus.UNSTABLE, tried)
+            return _answer(problem, None, ContactStatus.UNSTABLE, tried)
     if problem.m > MOST and problem.k and law == "coulomb" and problem.mu > 0:
         state, tried = _with_object(problem, start)
         if state is not None:
-            return _answer(problem, [state], ContactStatus.SOLVED, tried)
+            return _answer(problem, state, ContactStatus.SOLVED, tried)
     state, more = _pivot(problem, law, understood(problem, law, guess))
     tried += more
     if state is not None:
-        return _answer(problem, [state], ContactStatus.SOLVED, tried)
+        return _answer(problem, state, ContactStatus.SOLVED, tried)
     total = len(modes_of(problem, law)) ** problem.m
     limit = total if problem.m <= MOST else min(budget if problem.m <= SEARCHED else FEW, total)
     quick = problem.m > MOST and limit <= FEW
     state, searched = _search(problem, law, understood(problem, law, guess), limit, quick)
     if state is not None:
-        return _answer(problem, [state], ContactStatus.SOLVED, tried + searched)
-    return _answer(problem, [], ContactStatus.NONE if searched == total else ContactStatus.BUDGET, tried + searched)
+        return _answer(problem, state, ContactStatus.SOLVED, tried + searched)
+    return _answer(problem, None, ContactStatus.NONE if searched == total else ContactStatus.BUDGET, tried + searched)
 
 
-def _answer(
-    problem: ContactProblem, states: Sequence[ContactState], status: ContactStatus, tried: int
-) -> ContactSolution:
-    """Solution that reports the first of `states` and how the solve ended, NaN without states."""
-    if not states:
-        nothing = Check(*[float("nan")] * 6)
-        return ContactSolution(
-            np.full(len(problem.free), np.nan), np.full(problem.k, np.nan), (), nothing, status, (), tried
-        )
-    first = states[0]
-    return ContactSolution(first.lam, first.xi, first.modes, first.check, status, tuple(states), tried)
+def _answer(problem: ContactProblem, state: ContactState | None, status: ContactStatus, tried: int) -> ContactSolution:
+    """Solution that reports the state and how the solve ended, NaN without a state."""
+    if state is None:
+        lam, xi = np.full(len(problem.free), np.nan), np.full(problem.k, np.nan)
+        return ContactSolution(lam, xi, (), Check(*[float("nan")] * 6), status, tried)
+    return ContactSolution(state.lam, state.xi, state.modes, state.check, status, tried)
 
 
 def _state(problem: ContactProblem, law: Law, modes: tuple[Mode, ...], solution: ModeSolution) -> ContactState:

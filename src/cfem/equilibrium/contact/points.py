@@ -251,7 +251,7 @@ def points_step(
             stuck = np.where(sticks, stuck, around.places(places))
             return ended(StepStatus.CONVERGED, iteration)
         answer = solve_contact(posed.problem, law, modes or None, budget=FEW, start=posed.force)
-        if answer.status not in (ContactStatus.SOLVED, ContactStatus.SEVERAL):
+        if answer.status is not ContactStatus.SOLVED:
             return ended(StepStatus.NO_MODE, iteration)
         goes, xi = compliance @ posed.rotation.T @ (answer.lam - posed.force), posed.motion(answer)
         correction = np.concatenate([goes, around.motion(places) @ xi])

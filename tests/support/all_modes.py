@@ -1,35 +1,19 @@
-"""Every state of a few points, by trying every choice of modes."""
+"""Every state of contact of a few points, by trying every choice of modes: a reference of `cfem.contact.law.solve`."""
 
-from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
 
-from cfem.contact.law.check import Check, check
-from cfem.contact.law.modes import Mode, distinct, modes_of, solve_mode
+from cfem.contact.law.check import check
+from cfem.contact.law.modes import distinct, modes_of, solve_mode
 from cfem.contact.law.problem import ContactProblem, Law
-from cfem.core.errors import SpecError
-
-MOST = 4  # points
-
-
-@dataclass(frozen=True)
-class ContactState:
-    """One state that obeys the law: forces lam (3m,) N, motion xi (k,) mm or rad, one mode a point, and its
-    residuals."""
-
-    lam: np.ndarray
-    xi: np.ndarray
-    modes: tuple[Mode, ...]
-    check: Check
+from cfem.contact.law.solve import ContactState
 
 
 def all_modes(problem: ContactProblem, law: Law) -> list[ContactState]:
-    """The distinct valid states of at most four points. Where a state belongs to several choices (a point that just
+    """The distinct valid states of a few points. Where a state belongs to several choices (a point that just
     touches), the first of them is named. With two slipping points and more, as complete as Newton
     from 144 and more starts is; where a choice leaves its state undetermined, only its smallest state is tried."""
-    if problem.m > MOST:
-        raise SpecError(f"contact: {problem.m} points have too many modes to try all", do=f"at most {MOST}")
     u, states = problem.units, []
     for modes in product(modes_of(problem, law), repeat=problem.m):
         solution = solve_mode(problem, law, modes)
