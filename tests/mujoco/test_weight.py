@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import yaml
+from support.obstacle_step import obstacle_step
 
 from cfem.contact.obstacle import Plane
 from cfem.core.errors import InputError
-from cfem.equilibrium.contact.obstacles import obstacle_step
 from cfem.equilibrium.contact.patch_compliance import with_patches
 from cfem.equilibrium.solve import solve
 from cfem.equilibrium.system.actuation import displacement

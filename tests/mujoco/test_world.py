@@ -3,10 +3,10 @@
 import mujoco
 import numpy as np
 import pytest
+from support.obstacle_step import obstacle_step
 
 from cfem.contact.obstacle import Sphere
 from cfem.core.errors import InputError, NumericalError, SpecError
-from cfem.equilibrium.contact.obstacles import obstacle_step
 from cfem.equilibrium.contact.patch_compliance import with_patches
 from cfem.equilibrium.system.actuation import displacement
 from cfem.equilibrium.system.problem import Problem

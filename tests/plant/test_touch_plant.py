@@ -4,13 +4,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from support.obstacle_step import obstacle_step
 
 from cfem.condensed.patches import cut
 from cfem.constraint.surface import outer_surface
 from cfem.contact.law.modes import Mode
 from cfem.contact.obstacle import Plane, Sphere
 from cfem.contact.surface.closed_surface import ClosedSurface
-from cfem.equilibrium.contact.obstacles import obstacle_step
 from cfem.equilibrium.contact.patch_compliance import with_patches
 from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
 from cfem.equilibrium.system.actuation import displacement

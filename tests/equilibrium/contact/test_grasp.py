@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from support.blocks import bar
+from support.obstacle_step import obstacle_step
 
 from cfem.contact.law.modes import Mode
 from cfem.contact.obstacle import Box, Plane
 from cfem.contact.step_status import StepStatus
 from cfem.equilibrium.contact.grasp import FreeObject, grasp_step
 from cfem.equilibrium.contact.ground import Pads
-from cfem.equilibrium.contact.obstacles import obstacle_step
 from cfem.equilibrium.contact.points import PlacedRobot
 from cfem.equilibrium.system.actuation import displacement, force
 from cfem.equilibrium.system.problem import Problem

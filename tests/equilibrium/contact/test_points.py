@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 from support.blocks import bar
+from support.obstacle_step import Obstacles
 
 from cfem.contact.law.modes import Mode
 from cfem.contact.obstacle import Box, Plane
 from cfem.contact.step_status import StepStatus
 from cfem.equilibrium.contact.grasp import FreeObject
-from cfem.equilibrium.contact.obstacles import Obstacles
 from cfem.equilibrium.contact.points import PlacedRobot, points_step
 from cfem.equilibrium.system.actuation import displacement
 from cfem.equilibrium.system.evaluation import SolveCost

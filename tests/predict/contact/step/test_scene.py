@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from support.forces import compliance_of, put
+from support.obstacle_step import obstacle_step
 
 from cfem.contact.obstacle import Box, Capsule, Plane, Sphere
 from cfem.contact.step_status import StepStatus
 from cfem.core.errors import InputError, SpecError
-from cfem.equilibrium.contact.obstacles import obstacle_step
 from cfem.equilibrium.contact.patch_compliance import patch_response, with_patches
 from cfem.equilibrium.newton import NewtonSettings
 from cfem.equilibrium.solve import solve

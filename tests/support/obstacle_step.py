@@ -1,4 +1,4 @@
-"""Equilibria of a robot whose contact points meet obstacles that move as they are told."""
+"""Equilibria of a robot whose contact points meet obstacles: a reference of contact anywhere."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

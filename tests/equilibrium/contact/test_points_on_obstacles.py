@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from support.blocks import bar
+from support.obstacle_step import obstacle_step
 
 from cfem.contact.law.modes import Mode
 from cfem.contact.obstacle import Box, Capsule, Plane, Sphere
 from cfem.contact.step_status import StepStatus
-from cfem.equilibrium.contact.obstacles import obstacle_step
 from cfem.equilibrium.solve import solve
 from cfem.equilibrium.system.actuation import displacement, force
 from cfem.equilibrium.system.problem import Problem
