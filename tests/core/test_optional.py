@@ -61,13 +61,13 @@ def test_stages_demand_their_packages_before_they_work(monkeypatch, tmp_path):
     from cfem.surrogate import stage as train
     from cfem.surrogate.spec import TrainSpec
 
-    absent(monkeypatch, "onnxruntime", "matplotlib", "optuna")
+    absent(monkeypatch, "onnxruntime", "matplotlib", "torch")
     with pytest.raises(SpecError, match=r"formats: onnx.*cfem\[train\]"):
         export.work(tmp_path, ExportSpec(model=".", out="out", formats=["arrays", "onnx"]), tmp_path)
     with pytest.raises(SpecError, match=r"cfem report.*cfem\[report\]"):
         report._work(*[None] * len(signature(report._work).parameters))
-    spec = TrainSpec(dataset=".", out="out", model={"kind": "mlp", "search": {"over": {"width": [8, 16]}}})
-    with pytest.raises(SpecError, match=r"kind: mlp: needs optuna.*cfem\[train\]"):
+    spec = TrainSpec(dataset=".", out="out", model={"kind": "mlp"})
+    with pytest.raises(SpecError, match=r"kind: mlp: needs torch.*cfem\[train\]"):
         train.work(tmp_path, spec, tmp_path)
     assert not list(tmp_path.iterdir())
 

@@ -25,7 +25,6 @@ EXTRAS = {
     "onnx": "train",
     "onnxruntime": "train",
     "onnxscript": "train",
-    "optuna": "train",
     "torch": "train",
     "matplotlib": "report",
     "PIL": "report",

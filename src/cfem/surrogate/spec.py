@@ -25,46 +25,6 @@ class SpectralSpec(Spec):
 
 Activation = Literal["relu", "tanh", "silu"]
 Share = Annotated[float, Field(ge=0, lt=1)]
-PAIR = Field(min_length=2, max_length=2)
-
-
-class MlpRanges(Spec):
-    """What a search varies. Give the least and the greatest value, or the choices. What is not named keeps the model's
-    value."""
-
-    depth: Annotated[list[PositiveInt], PAIR] | None = None
-    """Least and greatest number of hidden layers."""
-    width: Annotated[list[PositiveInt], PAIR] | None = None
-    """Least and greatest width of a layer."""
-    activation: Annotated[tuple[Activation, ...], Field(min_length=1)] | None = None
-    """Activation functions to try."""
-    dropout: Annotated[list[Share], PAIR] | None = None
-    """Least and greatest share of units dropped."""
-    learning_rate: Annotated[list[PositiveFloat], PAIR] | None = None
-    """Least and greatest learning rate."""
-    batch_size: Annotated[list[PositiveInt], PAIR] | None = None
-    """Least and greatest number of rows per step."""
-
-    def check(self) -> None:
-        given = {name: values for name, values in self if values is not None}
-        if not given:
-            raise ValueError(f"name one or more of {', '.join(type(self).model_fields)}")
-        for name, values in given.items():
-            if name != "activation" and values[0] > values[1]:
-                raise ValueError(f"{name}: {values[0]} is greater than {values[1]}")
-
-
-class MlpSearch(Spec):
-    """A search for the network, judged by validation rows."""
-
-    over: MlpRanges
-    """What the search varies."""
-    trials: PositiveInt = 30
-    """Number of networks to try."""
-    seconds: PositiveFloat | None = None
-    """No trial begins after this many seconds."""
-    epochs: PositiveInt = 200
-    """Epochs of each trial. Its schedule ends with them."""
 
 
 class MlpSpec(Spec):
@@ -102,8 +62,6 @@ class MlpSpec(Spec):
     """Seed of the random numbers."""
     device: Literal["auto", "cpu", "cuda"] = "auto"
     """auto takes a GPU where there is one."""
-    search: MlpSearch | None = None
-    """Search for the network first."""
 
 
 class EnergyNetSpec(Spec):

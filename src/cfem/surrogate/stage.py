@@ -59,7 +59,7 @@ def _models(model: ModelSpec) -> dict[str, Path]:
 def work(folder: Path, spec: TrainSpec, dataset_folder: Path) -> dict[str, Any]:
     """Fills the model folder; results for the manifest."""
     if isinstance(spec.model, MlpSpec):
-        demand("torch", *(["optuna"] if spec.model.search else []), where="kind: mlp")
+        demand("torch", where="kind: mlp")
     training, test = _read_rows(spec, dataset_folder)
     checkpoints = folder / "checkpoints"  # from which a killed training goes on
     doing(f"fitting the model to {counted(len(training), 'sample')}")

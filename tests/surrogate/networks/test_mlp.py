@@ -133,8 +133,7 @@ def test_a_killed_command_goes_on_and_leaves_no_checkpoint(tmp_path, monkeypatch
     store_dataset(tmp_path / "samples")
     spec = tmp_path / "train.yaml"
     spec.write_text(
-        "dataset: samples\nout: model\nlearning_curve: [20]\n"
-        "model: {kind: mlp, width: 8, depth: 2, epochs: 4, search: {over: {width: [4, 8]}, trials: 2, epochs: 2}}\n"
+        "dataset: samples\nout: model\nlearning_curve: [20]\nmodel: {kind: mlp, width: 8, depth: 2, epochs: 8}\n"
     )
     whole = run(spec, ["out=whole"], None, Options())
     assert "checkpoints" not in {path.parts[0] for path in map(type(spec), whole["files"])}
@@ -153,25 +152,6 @@ def test_a_killed_command_goes_on_and_leaves_no_checkpoint(tmp_path, monkeypatch
         assert any((partial_folder(tmp_path / "killed") / "checkpoints").iterdir())
     killed = run(spec, ["out=killed"], None, Options())
     assert killed["files"] == whole["files"]
-
-
-def test_the_search_is_judged_by_validation_rows_and_is_reproducible():
-    over = {"width": [2, 40], "learning_rate": [1e-5, 1e-2], "activation": ["relu", "silu"]}
-    spec = SMALL.model_validate({**SMALL.model_dump(), "search": {"over": over, "trials": 6, "epochs": 20}})
-    training = dataset(100, 1)
-    arrays, facts, _ = fit(training, spec)
-    again = fit(training, spec)
-    assert same(arrays, again[0]) and facts == again[1]
-    trials, choice = facts["search"]["trials"], facts["search"]["choice"]
-    losses = {}
-    for trial in trials:
-        if trial["state"] == "complete":
-            tried = SMALL.model_copy(update={"epochs": 20, **trial["choice"]})
-            losses[trial["number"]] = train(training, tried).validation
-            assert trial["loss"] == losses[trial["number"]]
-    assert len(trials) == 6 and choice == trials[min(losses, key=losses.get)]["choice"]
-    assert facts["activation"] == choice["activation"] and len(arrays["bias_0"]) == choice["width"]
-    assert same(arrays, train(training, SMALL.model_copy(update=choice)).model.arrays())
 
 
 def test_dropout_is_off_when_it_is_judged_and_used():

@@ -53,10 +53,6 @@ def _skin(skin: Mapping[str, Any]) -> str:
     )
 
 
-def _search(search: Mapping[str, Any]) -> str:
-    return f"{_plain(search['choice'])}; the best of {len(search['trials'])} trials"
-
-
 def _motion(motion: Mapping[str, Any]) -> str:
     return f"{motion['inner']} inner motions; terms: {_by_quantity(motion['terms'])}"
 
@@ -86,7 +82,6 @@ SAID: dict[str, tuple[str, Callable[[Any], str]]] = {
     ),
     "skin": ("surface", _skin),
     "motion": ("motion", _motion),
-    "search": ("settings found by search", _search),
     "best_epoch": ("epoch of the smallest validation loss", _plain),
     "best_iteration": ("iteration of the smallest validation loss", _by_quantity),
     "validation_loss": ("validation loss (standardised mean square)", _plain),

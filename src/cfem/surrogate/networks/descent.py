@@ -13,7 +13,6 @@ from torch import Tensor, nn
 
 from cfem.core.artefact.files import write_whole
 from cfem.core.errors import NumericalError
-from cfem.surrogate.networks.search import Report
 from cfem.surrogate.spec import MlpSpec
 
 CHECKPOINT_SECONDS = 20.0
@@ -82,19 +81,13 @@ def schedule(optimiser: torch.optim.Optimizer, spec: MlpSpec) -> Any:
 
 
 def descend(
-    net: nn.Module,
-    fitted: Rows,
-    held_out: Rows,
-    spec: MlpSpec,
-    checkpoint: Path | None = None,
-    report: Report | None = None,
+    net: nn.Module, fitted: Rows, held_out: Rows, spec: MlpSpec, checkpoint: Path | None = None
 ) -> dict[str, Any]:
     """Trains `net` on the rows `fitted` and leaves it at its best epoch on `held_out`; the record of `TrainingState`.
     Ends early where the best epoch is `patience` epochs old.
 
-    checkpoint: where the state is kept every CHECKPOINT_SECONDS and at the end, and found. report(epoch, loss): called
-    with each record of the history. Draws from torch's global generators. NumericalError where the loss is no longer
-    finite."""
+    checkpoint: where the state is kept every CHECKPOINT_SECONDS and at the end, and found. Draws from torch's
+    global generators. NumericalError where the loss is no longer finite."""
     state = TrainingState(net, spec)
     if checkpoint is not None and checkpoint.exists():
         state.load(checkpoint)
@@ -111,8 +104,6 @@ def descend(
             losses = {"training": training, "validation": validation}
             rate = state.optimisers[0].param_groups[0]["lr"]
             record["history"].append({"epoch": record["epoch"], **losses, "learning_rate": rate})
-            if report is not None:
-                report(record["epoch"], validation)
         for schedule in state.schedules:
             schedule.step(*([validation] if spec.schedule == "plateau" else []))
         if checkpoint is not None and (state.ended or time.monotonic() - kept > CHECKPOINT_SECONDS):

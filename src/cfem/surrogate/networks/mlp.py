@@ -5,13 +5,11 @@ p, W0 and delta_free0, the condensed model at rest, which another model makes of
 network is the same for any number of actuators. W is symmetric because its upper triangle is what is learned; nothing
 makes it positive definite.
 
-Every tenth training row validates: it steers the schedule, picks the epoch and judges a search. Test rows never come
-here."""
+Every tenth training row validates: it steers the schedule and picks the epoch. Test rows never come here."""
 
 import hashlib
 import json
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +26,6 @@ from cfem.predict.load import build, read_model
 from cfem.predict.series.domain import MARGIN
 from cfem.surrogate.error_measures import CONSTANT, SIZE, sizes
 from cfem.surrogate.networks.descent import descend
-from cfem.surrogate.networks.search import Report, search
 from cfem.surrogate.series.observations import inputs
 from cfem.surrogate.spec import MlpSpec
 from cfem.surrogate.torch_model import Mlp
@@ -53,33 +50,21 @@ class Training:
 def fit(
     dataset: Any, spec: MlpSpec, folder: Path | None = None
 ) -> tuple[dict[str, np.ndarray], dict[str, Any], list[dict[str, float]]]:
-    """Arrays of cfem.predict.kinds.mlp, facts for model.json, history; after a search where the spec asks for one.
+    """Arrays of cfem.predict.kinds.mlp, facts for model.json, history.
 
     dataset: cfem.dataset.reader.Dataset, training rows only. folder: where a killed fit of the same rows by the same
     spec goes on; what is kept there is the caller's to remove."""
-    files = None if folder is None else folder / f"mlp-{identity(dataset, spec)}"
-    facts: dict[str, Any] = {}
-    if spec.search is not None:
-        trial = spec.model_copy(update={"search": None, "epochs": spec.search.epochs})
-        table = None if files is None else files.with_suffix(".json")
-        facts["search"] = search(partial(judge, dataset, trial), spec.search, spec.seed, table)
-        spec = spec.model_copy(update={"search": None, **facts["search"]["choice"]})
-    training = train(dataset, spec, None if files is None else files.with_suffix(".pt"))
-    arrays, facts_of_model = training.model.arrays(), {name: getattr(spec, name) for name in ("form", "activation")}
+    training = train(dataset, spec, None if folder is None else folder / f"mlp-{identity(dataset, spec)}.pt")
+    arrays, facts = training.model.arrays(), {name: getattr(spec, name) for name in ("form", "activation")}
     if spec.at_rest is not None:
-        facts_of_model["at_rest"], rest = rest_model(spec.at_rest, dataset)
+        facts["at_rest"], rest = rest_model(spec.at_rest, dataset)
         arrays |= {AT_REST + name: values for name, values in rest.items()}
     validated = {"best_epoch": training.best_epoch, "validation_loss": training.validation}
-    return arrays, {**facts_of_model, **validated, "device": device_of(spec).type, **facts}, training.history
+    return arrays, {**facts, **validated, "device": device_of(spec).type}, training.history
 
 
-def judge(dataset: Any, spec: MlpSpec, choice: dict[str, Any], report: Report) -> float:
-    """The validation loss of `spec` with `choice` in it."""
-    return train(dataset, spec.model_copy(update=choice), report=report).validation
-
-
-def train(dataset: Any, spec: MlpSpec, checkpoint: Path | None = None, report: Report | None = None) -> Training:
-    """Trains one network, without a search; checkpoint, report: as in `cfem.surrogate.networks.descent.descend`.
+def train(dataset: Any, spec: MlpSpec, checkpoint: Path | None = None) -> Training:
+    """Trains one network; checkpoint: as in `cfem.surrogate.networks.descent.descend`.
 
     Raises InputError where no row is left to validate or the device is not there, NumericalError where it diverges."""
     device, m = device_of(spec), len(dataset.delta_a)
@@ -96,7 +81,7 @@ def train(dataset: Any, spec: MlpSpec, checkpoint: Path | None = None, report: R
         model = Mlp(dataset.rows, k, spec.width, spec.depth, spec.activation, spec.dropout)
         rows = standardise(model, given, size, dataset, ~validates)
         fitted, held_out = (tuple(values[chosen].to(device) for values in rows) for chosen in (~validates, validates))
-        record = descend(model.net.to(device), fitted, held_out, spec, checkpoint, report)
+        record = descend(model.net.to(device), fitted, held_out, spec, checkpoint)
     return Training(model.cpu().eval(), record["best_epoch"], record["best"], record["history"])
 
 
