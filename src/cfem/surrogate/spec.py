@@ -45,9 +45,6 @@ class MlpSpec(Spec):
     """Activation function."""
     dropout: Share = 0.0
     """Share of units dropped in training."""
-    optimiser: Literal["adam", "muon"] = "adam"
-    """muon takes larger batches and rates (225, 4e-3) and reaches a lower loss with a smooth activation. It needs a
-    processor with bfloat16 arithmetic."""
     learning_rate: PositiveFloat = 1e-3
     """Learning rate at the start."""
     schedule: Literal["plateau", "cosine"] = "cosine"

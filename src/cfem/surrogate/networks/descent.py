@@ -26,8 +26,8 @@ class TrainingState:
 
     def __init__(self, net: nn.Module, spec: MlpSpec):
         self.net, self.spec = net, spec
-        self.optimisers = optimisers(net, spec)
-        self.schedules = [schedule(optimiser, spec) for optimiser in self.optimisers]
+        self.optimiser = torch.optim.Adam(net.parameters(), spec.learning_rate, fused=True)
+        self.schedule = schedule(self.optimiser, spec)
         self.record: dict[str, Any] = {"epoch": 0, "best": math.inf, "best_epoch": 0, "best_state": {}, "history": []}
 
     @property
@@ -58,19 +58,7 @@ class TrainingState:
             torch.cuda.set_rng_state(data["random"]["cuda"])
 
     def _parts(self) -> list[Any]:
-        return [self.net, *self.optimisers, *self.schedules]
-
-
-def optimisers(net: nn.Module, spec: MlpSpec) -> list[torch.optim.Optimizer]:
-    """Adam, or Muon for the square weights between hidden layers and Adam for the rest; Muon's steps scaled to the size
-    of Adam's, so that one learning rate serves both."""
-    rate = spec.learning_rate
-    square = [layer.weight for layer in net if isinstance(layer, nn.Linear)][1:-1] if spec.optimiser == "muon" else []
-    rest = [weight for weight in net.parameters() if all(weight is not hidden for hidden in square)]
-    chosen: list[torch.optim.Optimizer] = [torch.optim.Adam(rest, rate, fused=True)]
-    if square:
-        chosen.append(torch.optim.Muon(square, rate, weight_decay=0.0, adjust_lr_fn="match_rms_adamw"))
-    return chosen
+        return [self.net, self.optimiser, self.schedule]
 
 
 def schedule(optimiser: torch.optim.Optimizer, spec: MlpSpec) -> Any:
@@ -102,10 +90,9 @@ def descend(
             record.update(best=validation, best_epoch=record["epoch"], best_state=best_state)
         if state.ended or record["epoch"] % max(spec.epochs // 100, 1) == 0:
             losses = {"training": training, "validation": validation}
-            rate = state.optimisers[0].param_groups[0]["lr"]
+            rate = state.optimiser.param_groups[0]["lr"]
             record["history"].append({"epoch": record["epoch"], **losses, "learning_rate": rate})
-        for schedule in state.schedules:
-            schedule.step(*([validation] if spec.schedule == "plateau" else []))
+        state.schedule.step(*([validation] if spec.schedule == "plateau" else []))
         if checkpoint is not None and (state.ended or time.monotonic() - kept > CHECKPOINT_SECONDS):
             state.save(checkpoint)
             kept = time.monotonic()
@@ -125,8 +112,7 @@ def epoch(state: TrainingState, fitted: Rows, held_out: Rows) -> tuple[float, fl
         loss = loss_of(net(x), y)
         net.zero_grad()
         loss.backward()
-        for optimiser in state.optimisers:
-            optimiser.step()
+        state.optimiser.step()
         total += loss.detach() * len(x)
     net.eval()
     with torch.no_grad():
