@@ -35,7 +35,7 @@ ROOT = Path(__file__).resolve().parents[1]
 KINDS = {
     "spectral": {"kind": "spectral", "max_terms": 700},
     "spectral-300": {"kind": "spectral", "max_terms": 300},
-    "energy_net": {"kind": "energy_net", "width": 24, "depth": 2, "iterations": 100},
+    "spectral-2000": {"kind": "spectral", "max_terms": 2000},
     "mlp": {"kind": "mlp", "epochs": 1500},
 }
 DESIGNS = 10_000

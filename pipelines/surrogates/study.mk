@@ -2,7 +2,7 @@
 # whose last table says what each part cost.
 ROBOTS := soft-finger diamond trunk
 BEYOND := soft-finger diamond
-KINDS := spectral spectral-force energy-net mlp
+KINDS := spectral spectral-force mlp
 METHODS := scrambled-halton grid
 ROWS := 36 100 400
 SIZES := 7.7 2.95 2.2
@@ -15,15 +15,11 @@ STATES-trunk := trunk/samples
 CURVE-soft-finger := [10,30,50,100]
 CURVE-diamond := [30,60,131]
 CURVE-trunk := [50,100]
-# Rows that the energy network takes: its fit costs more with each.
-FEW-soft-finger := 130
-FEW-diamond := 131
 # End of the cables' reach, and a farther one: what lies between is beyond the models' domain.
 REACH-soft-finger := 20 26
 REACH-diamond := 30 38
 S := pipelines/surrogates
-# The energy network of the trunk's eight inputs and third derivatives takes longer than the rest of the study.
-MODELS := $(filter-out models/surrogates/trunk/energy-net,$(foreach robot,$(ROBOTS),$(KINDS:%=models/surrogates/$(robot)/%)))
+MODELS := $(foreach robot,$(ROBOTS),$(KINDS:%=models/surrogates/$(robot)/%))
 SAMPLING := $(foreach method,$(METHODS),$(ROWS:%=$(method)/%))
 SAMPLED := $(foreach set,$(SAMPLING),models/surrogates/sampling/$(set)/spectral models/surrogates/sampling/$(set)/mlp)
 .PHONY: $(MODELS) $(SAMPLED) $(SAMPLING:%=data/surrogates/sampling/%) $(BEYOND:%=data/surrogates/beyond/%) \
@@ -50,7 +46,7 @@ $(BEYOND:%=data/surrogates/beyond/%): data/surrogates/beyond/%:
 $(MODELS): models/surrogates/%:
 	$(CFEM) train $(S)/train-$(patsubst %-force,%,$(*F)).yaml --set dataset=../../data/$(STATES-$(*D)) \
 	  --set model.form=$(if $(filter %-force,$(*F)),force,displacement) \
-	  $(if $(filter energy-net%,$(*F)),--set samples=$(FEW-$(*D)),--set learning_curve=$(CURVE-$(*D))) --out $@
+	  --set learning_curve=$(CURVE-$(*D)) --out $@
 
 $(SAMPLING:%=data/surrogates/sampling/%): data/surrogates/sampling/%:
 	$(CFEM) mesh pipelines/soft-finger-tet4/scene.yaml

@@ -77,8 +77,8 @@ def test_what_modules_in_a_row_have_no_c_code_for(tmp_path):
     meta, arrays = serial()
     with pytest.raises(SpecError, match=r"c\.full"):
         export(tmp_path, (meta, arrays), full=True)
-    with pytest.raises(InputError, match="energy_net"):
-        export(tmp_path, (meta | {"modules": [meta["modules"][0] | {"kind": "energy_net"}]}, arrays))
+    with pytest.raises(InputError, match="unheard"):
+        export(tmp_path, (meta | {"modules": [meta["modules"][0] | {"kind": "unheard"}]}, arrays))
 
 
 def test_the_energy_is_that_of_the_series(tmp_path):
@@ -120,8 +120,8 @@ def test_control_carries_no_block_that_it_does_not_use(tmp_path):
 
 def test_what_has_no_c_code_is_refused(tmp_path):
     meta, arrays = spectral()
-    with pytest.raises(InputError, match="energy_net"):
-        export(tmp_path, ({**meta, "kind": "energy_net"}, arrays))
+    with pytest.raises(InputError, match="unheard"):
+        export(tmp_path, ({**meta, "kind": "unheard"}, arrays))
     with pytest.raises(InputError, match="contact"):
         export(tmp_path, ({**meta, "n_c": 3}, arrays))
     with pytest.raises(SpecError, match="stiffness"):

@@ -13,14 +13,6 @@ from cfem.export.torchscript import torchscript_bytes
 from cfem.predict.load import build
 from cfem.surrogate.model_card import model_card
 from cfem.surrogate.modules import module_of
-from cfem.surrogate.networks.energy_net import fit
-from cfem.surrogate.spec import EnergyNetSpec
-
-
-def energy_net(form: str) -> tuple[dict, dict]:
-    training = dataset(60, 1)
-    arrays, facts, _ = fit(training, EnergyNetSpec(kind="energy_net", form=form, width=6, iterations=3))
-    return model_card("energy_net", training, **facts), arrays
 
 
 def network_of_forces() -> tuple[dict, dict]:
@@ -32,8 +24,6 @@ MODELS = {
     "spectral, displacement": lambda: spectral("displacement"),
     "spectral, force": lambda: spectral("force"),
     "spectral, robots": lambda: spectral("displacement", 2, True),
-    "energy_net, displacement": lambda: energy_net("displacement"),
-    "energy_net, force": lambda: energy_net("force"),
     "mlp, displacement": network,
     "mlp, force": network_of_forces,
     "serial": serial,

@@ -43,8 +43,8 @@ def as_command(work: Any, arguments: tuple, said: Path) -> None:
 def stage(package: str, spec: Path, overrides: Sequence[str], out: Path) -> dict[str, Any]:
     """The manifest that the stage of a package leaves. Training and control keep their state as often as they can."""
     from cfem.control.open_loop import resume
-    from cfem.surrogate.networks import descent, gauss_newton
+    from cfem.surrogate.networks import descent
 
     resume.EVERY = resume.DEARER = 0.0
-    descent.CHECKPOINT_SECONDS = gauss_newton.CHECKPOINT_SECONDS = 0.0
+    descent.CHECKPOINT_SECONDS = 0.0
     return import_module(f"cfem.{package}.stage").run(spec, overrides, out, Options(quiet=True))

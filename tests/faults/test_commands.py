@@ -26,7 +26,6 @@ ROOT = Path(__file__).parents[2]
 MODELS = {
     "spectral": ("{kind: spectral, max_degree: 3}", "model.max_degree=2"),
     "mlp": ("{kind: mlp, width: 16, depth: 2, epochs: 20, device: cpu}", "model.seed=1"),
-    "energy_net": ("{kind: energy_net, width: 4, depth: 1, iterations: 12}", "model.seed=1"),
 }
 
 
@@ -124,7 +123,7 @@ def kill(child, said, seconds):
 
 SHORT, LONG = (
     {"spectral": 1, "mlp": 1, "export": 1},
-    {"spectral": 60, "mlp": 70, "energy_net": 70, "export": 160, "export-c": 40},
+    {"spectral": 60, "mlp": 70, "export": 160, "export-c": 40},
 )
 
 
@@ -147,7 +146,7 @@ def test_killed_at_random_moments(request, quick, name, kills):
 
 @pytest.mark.parametrize(
     "name, times",
-    few_and_many({"spectral": 1, "export": 1}, {"mlp": 60, "energy_net": 60, "export": 60, "control": 40}),
+    few_and_many({"spectral": 1, "export": 1}, {"mlp": 60, "export": 60, "control": 40}),
 )
 def test_interrupted_at_random_moments(request, quick, name, times):
     signals = cycle([signal.SIGINT, signal.SIGTERM])

@@ -14,7 +14,6 @@ import cfem.export.compiled.controller
 import cfem.export.onnx
 import cfem.export.stage
 import cfem.export.torchscript
-import cfem.surrogate.networks.energy_net
 import cfem.surrogate.networks.mlp
 import cfem.surrogate.series.spectral
 

@@ -23,9 +23,8 @@ def series_history() -> list[dict[str, Any]]:
     ]
 
 
-def epochs(quantity: str | None = None) -> list[dict[str, Any]]:
-    named = {"quantity": quantity} if quantity else {}
-    return [{**named, "epoch": e, "training": 1 / e, "validation": 2 / e} for e in (10, 20, 30)]
+def epochs() -> list[dict[str, Any]]:
+    return [{"epoch": e, "training": 1 / e, "validation": 2 / e} for e in (10, 20, 30)]
 
 
 def trained(kind: str, form: str = "displacement", losses: tuple[float, ...] = (1e-2, 1e-4), **facts: Any) -> dict:

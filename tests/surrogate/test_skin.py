@@ -137,9 +137,7 @@ def test_samples_of_another_skin_than_their_file_are_refused(bar, tmp_path, stat
 
 KINDS = {
     "mlp": ("{kind: mlp, width: 16, depth: 1, epochs: 5}", 5e-3),
-    "energy_net": ("{kind: energy_net, width: 12, depth: 1, iterations: 30}", 5e-3),
     "spectral of forces": ("{kind: spectral, form: force}", 5e-3),
-    "energy_net of forces": ("{kind: energy_net, form: force, width: 12, depth: 1, iterations: 60}", 0.1),
 }
 
 

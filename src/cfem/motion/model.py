@@ -90,7 +90,7 @@ class MotionTerms:
 class MotionModel:
     """A learned robot that moves: mass, viscosity and inner motions beside a model at rest.
 
-    static: the energy model (cfem.predict.kinds.potential.PotentialPredictor) of form displacement
+    static: the energy model (cfem.predict.kinds.spectral.SpectralPredictor) of form displacement
     arrays: of motion.npz: to_box (n_a, n_a), offset (n_a,), indices (M, n_a); series (n_out, M) in the order of
         `layout`; scale (n_q,), the unit of each of q in which M and F are learned; stiffness: kappa, N mm; curve (n_e
         n_r (n_r + 1) / 2, M): series of E, or none; what `InnerSkin` takes, or none

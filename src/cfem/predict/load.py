@@ -17,7 +17,7 @@ from cfem.core.reading import checked, read_npz, take
 from cfem.predict.array_predictor import build
 from cfem.predict.card import ABSENT, FORMAT, ModelCard
 from cfem.predict.contact.kept_error import contact_errors
-from cfem.predict.kinds import energy_net, mlp, spectral  # noqa: F401  (each joins KINDS)
+from cfem.predict.kinds import mlp, spectral  # noqa: F401  (each joins KINDS)
 from cfem.predict.protocol import Predictor
 from cfem.predict.rows import kind as row_kind  # noqa: F401  (joins KINDS)
 from cfem.predict.rows import serial, serial_skin

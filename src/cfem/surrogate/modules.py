@@ -9,7 +9,6 @@ from cfem.core.errors import InputError
 from cfem.predict.kinds.mlp import rest_arrays
 from cfem.predict.load import build
 from cfem.predict.rows.serial import module_arrays
-from cfem.surrogate.networks.energy_net_module import EnergyNet
 from cfem.surrogate.rows.serial_module import Serial
 from cfem.surrogate.torch_model import Locked, OnRest, Parametric, Spectral, SurfaceModule, mlp_from_arrays
 
@@ -20,8 +19,6 @@ def module_of(meta: dict, arrays: dict[str, np.ndarray]) -> nn.Module:
     parameters, sizes = from_json(meta["parameters"]), meta.get("semidefinite")
     if meta["kind"] == "spectral":
         model = Spectral(meta["form"], rows, arrays, sizes)
-    elif meta["kind"] == "energy_net":
-        model = EnergyNet(meta["form"], rows, arrays, sizes)
     elif meta["kind"] == "serial":
         if meta.get("wrench") is not None:
             what = "modules in a row under loads find their equilibrium by an iteration, which graphs do not have"

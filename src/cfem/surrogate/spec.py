@@ -61,25 +61,6 @@ class MlpSpec(Spec):
     """auto takes a GPU where there is one."""
 
 
-class EnergyNetSpec(Spec):
-    """The energy model in networks of sines."""
-
-    kind: Literal["energy_net"]
-    """One potential as a smooth network."""
-    form: Literal["displacement", "force"] = "displacement"
-    """What the model is a function of: displacements or forces of the actuators."""
-    depth: PositiveInt = 2
-    """Number of hidden layers of each quantity's network."""
-    width: PositiveInt = 24
-    """Width of a hidden layer."""
-    iterations: PositiveInt = 300
-    """Largest number of Gauss-Newton iterations."""
-    patience: PositiveInt = 40
-    """Training ends after this many iterations without a better one on validation rows."""
-    seed: NonNegativeInt = 0
-    """Seed of the random numbers."""
-
-
 class ModuleSpec(Spec):
     """One module of a row."""
 
@@ -99,7 +80,7 @@ class SerialSpec(Spec):
     """The modules, from the base on."""
 
 
-ModelSpec = Annotated[SpectralSpec | EnergyNetSpec | MlpSpec | SerialSpec, Field(discriminator="kind")]
+ModelSpec = Annotated[SpectralSpec | MlpSpec | SerialSpec, Field(discriminator="kind")]
 
 
 class TrainSpec(Spec):

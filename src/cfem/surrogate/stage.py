@@ -32,7 +32,7 @@ from cfem.predict.series.skin import FILE
 from cfem.surrogate.calibration import calibrated
 from cfem.surrogate.definiteness import definiteness
 from cfem.surrogate.series.observations import inputs
-from cfem.surrogate.spec import EnergyNetSpec, MlpSpec, ModelSpec, SerialSpec, SpectralSpec, TrainSpec
+from cfem.surrogate.spec import MlpSpec, ModelSpec, SerialSpec, SpectralSpec, TrainSpec
 from cfem.surrogate.verdict import headline, judged
 
 _ROBOT = ("scene", "robot", "rows", "row_units", "units", "rest_e", "reach", "length", "parameters", "patch")
@@ -220,7 +220,6 @@ Fitted = tuple[dict[str, np.ndarray], dict[str, Any], list[dict[str, Any]]]  # a
 # Kind of model -> module of `cfem.surrogate`, and its function from (training rows, spec, folder for checkpoints).
 FITS: dict[type, tuple[str, str]] = {
     SpectralSpec: ("series.spectral", "fit_spec"),
-    EnergyNetSpec: ("networks.energy_net", "fit"),
     MlpSpec: ("networks.mlp", "fit"),
     SerialSpec: ("rows.serial", "compose"),
 }

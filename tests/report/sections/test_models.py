@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from report.synthetic import epochs, trained
+from report.synthetic import trained
 from scipy.stats import spearmanr
 
 from cfem.report.sections.models import error_charts, looks, model_table, training_chart
@@ -10,7 +10,7 @@ from cfem.report.spec import Published
 MODELS = {
     "one": trained("spectral", losses=(1e-3, 1e-5, 0.0)),  # exact: no logarithm
     "two": trained("spectral", "force"),
-    "three": trained("energy_net"),
+    "three": trained("serial"),
     "four": trained("mlp", losses=(1.0,)),
     "five": trained("mlp"),
 }
@@ -58,9 +58,8 @@ def test_a_loss_over_test_states_that_do_not_differ_is_none():
 
 
 def test_histories_of_series_and_of_networks_are_drawn():
-    by_quantity = {**MODELS["three"], "history": epochs("effector") + epochs("potential")}
-    found = training_chart({**MODELS, "six": by_quantity})
-    assert len(found.panels) == 6 and "potential validation" in found.legend
+    found = training_chart(MODELS)
+    assert len(found.panels) == 5 and "validation" in found.legend
 
 
 def states(inside: bool, error: float) -> Trust:

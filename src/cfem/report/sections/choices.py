@@ -83,7 +83,6 @@ SAID: dict[str, tuple[str, Callable[[Any], str]]] = {
     "skin": ("surface", _skin),
     "motion": ("motion", _motion),
     "best_epoch": ("epoch of the smallest validation loss", _plain),
-    "best_iteration": ("iteration of the smallest validation loss", _by_quantity),
     "validation_loss": ("validation loss (standardised mean square)", _plain),
     "at_rest": ("model at rest, by the parameters", lambda card: str(card.get("kind", "")) or _plain(card)),
     "activation": ("activation", _plain),

@@ -16,7 +16,7 @@ from cfem.report.spec import Published
 from cfem.report.style import INK, LEARNED
 from cfem.report.tables import ReportTable, lengths, loss, number, spread, tabulate
 
-KINDS = {"spectral": LEARNED[0], "energy_net": LEARNED[1], "mlp": LEARNED[2]}
+KINDS = {"spectral": LEARNED[0], "mlp": LEARNED[2]}
 MARKS = "os^Dv"
 FLOORS = {"loss": 1e-18, "tip": 1e-12, "force": 1e-12}  # smaller is nothing
 ERRORS = {
@@ -227,14 +227,10 @@ def _terms(name: str, results: Mapping[str, Any]):
 
 
 def _epochs(name: str, results: Mapping[str, Any]):
-    """A line a quantity and curve: kinds that learn quantities one by one say which a record is of."""
+    """Panel of a network, a line a curve."""
     history = results["history"]
-    axis = panel(f"{name}: standardised loss", "epoch" if "epoch" in history[0] else "iteration", log="y")
-    quantities = dict.fromkeys(row.get("quantity", "") for row in history)
-    for colour, quantity in zip(LEARNED, quantities, strict=False):
-        rows = [row for row in history if row.get("quantity", "") == quantity]
-        for curve, style, pale in (("training", "-", 0.55), ("validation", "--", 1.0)):
-            epochs = [row.get("epoch", row.get("iteration")) for row in rows]
-            text = f"{quantity} {curve}".strip().replace("_", " ")
-            axis.plot(epochs, [row[curve] for row in rows], style, lw=1.3, color=colour, alpha=pale, label=text)
+    axis = panel(f"{name}: standardised loss", "epoch", log="y")
+    for curve, style, pale in (("training", "-", 0.55), ("validation", "--", 1.0)):
+        epochs, losses = [row["epoch"] for row in history], [row[curve] for row in history]
+        axis.plot(epochs, losses, style, lw=1.3, color=LEARNED[0], alpha=pale, label=curve)
     return axis
