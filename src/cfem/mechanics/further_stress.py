@@ -8,8 +8,8 @@ import numpy as np
 
 from cfem.mechanics.assembly import add_blocks
 from cfem.mechanics.material.law import curvature
-from cfem.mechanics.solid import FEW, Solid, SolidResponse, add_geometric, point_stiffness
-from cfem.mechanics.solid_kernels import add_form, add_form_of_few, scatter_force, scatter_stiffness
+from cfem.mechanics.solid import Solid, SolidResponse, add_geometric, point_stiffness
+from cfem.mechanics.solid_kernels import scatter_force, scatter_stiffness, strain_form
 
 
 def add_stress(solid: Solid, state: SolidResponse, P: np.ndarray, force: np.ndarray) -> None:
@@ -42,10 +42,7 @@ def stress_form(solid: Solid, state: SolidResponse, share: float, B: np.ndarray,
     if solid.element.bubbles:
         nodal = motions[solid.cells].reshape(len(solid.cells), 3 * solid.element.n_nodes, -1)
         return np.einsum("mik,mil->kl", nodal, _slaved_stiffness(solid, state, C) @ nodal)
-    form = np.zeros((motions.shape[2], motions.shape[2]))
-    add = add_form_of_few if motions.shape[2] <= FEW else add_form
-    add(C, state.g, 0.0, False, solid.gradients, solid.weights, solid.cells, motions, form)
-    return form
+    return strain_form(C, state.g, 0.0, False, solid.gradients, solid.weights, solid.cells, motions)
 
 
 def _stress_curvature(solid: Solid, state: SolidResponse, share: float, B: np.ndarray) -> np.ndarray:

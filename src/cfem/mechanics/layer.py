@@ -20,14 +20,12 @@ from cfem.core.errors import InputError
 from cfem.mechanics.element import triangle_slopes
 from cfem.mechanics.mesh import TET_FACES
 from cfem.mechanics.solid_kernels import (
-    add_form,
-    add_form_of_few,
     displacement_gradients,
     scatter_force,
     scatter_stiffness,
+    strain_form,
 )
 
-_FEW = 12  # motions up to which the kernel for few is faster
 _NORMAL = 1e-3  # of a direction's length: shorter in a face, it is normal to it
 POINTS = np.full((1, 3), 1 / 3)  # barycentric, of equal weight
 
@@ -166,11 +164,8 @@ def tangent(
 
 def tangent_form(layer: Layer, state: LayerResponse, motions: np.ndarray) -> np.ndarray:
     """Form M^T A M (k, k) N mm of the tangent stiffness A and motions M (n, 3, k) mm."""
-    form = np.zeros((motions.shape[2], motions.shape[2]))
-    add = add_form_of_few if motions.shape[2] <= _FEW else add_form
     C, none = _curvature(layer, state.D, state.stress), np.zeros_like(state.D)
-    add(C, none, 0.0, False, layer.gradients, layer.weights, layer.facets, motions, form)
-    return form
+    return strain_form(C, none, 0.0, False, layer.gradients, layer.weights, layer.facets, motions)
 
 
 def kept(layer: Layer, keep: np.ndarray, cells: np.ndarray) -> Layer:

@@ -21,8 +21,6 @@ from cfem.mechanics.material import Law
 from cfem.mechanics.material.law import Material, curvature, evaluate
 from cfem.mechanics.solid_kernels import (
     add_bubbles,
-    add_form,
-    add_form_of_few,
     bubble_forces,
     displacement_gradients,
     element_stiffness,
@@ -30,9 +28,8 @@ from cfem.mechanics.solid_kernels import (
     scatter_pressure,
     scatter_stiffness,
     smallest_J,
+    strain_form,
 )
-
-FEW = 12  # motions up to which the kernel for few is faster
 
 
 @dataclass(frozen=True)
@@ -150,10 +147,8 @@ def tangent_form(solid: Solid, state: SolidResponse, motions: np.ndarray) -> np.
         K = _condensed(point_stiffness(solid, C, state.g), solid.element.n_nodes)
         nodal = motions[solid.cells].reshape(len(K), K.shape[1], -1)
         return np.einsum("mik,mil->kl", nodal, K @ nodal)
-    form = np.zeros((motions.shape[2], motions.shape[2]))
-    add = add_form_of_few if motions.shape[2] <= FEW else add_form
-    add(C, state.g, solid.bulk, solid.element.pressure, solid.gradients, solid.weights, solid.cells, motions, form)
-    return form
+    bulk, mixed = solid.bulk, solid.element.pressure
+    return strain_form(C, state.g, bulk, mixed, solid.gradients, solid.weights, solid.cells, motions)
 
 
 def stress_lag(solid: Solid, before: SolidResponse, now: SolidResponse) -> np.ndarray:

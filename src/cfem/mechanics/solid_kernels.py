@@ -1,7 +1,9 @@
-"""Loops over the quadrature points of solid elements, compiled: what `cfem.mechanics.solid` adds up."""
+"""Sums over the quadrature points of solid elements, most of them compiled: what `cfem.mechanics.solid` adds up."""
 
 import numpy as np
 from numba import njit
+
+AT_ONCE = 2**17  # strains and gradients of `strain_form`: as many as stay in a processor's cache
 
 
 @njit(cache=True)
@@ -185,97 +187,31 @@ def scatter_stiffness(C, g, bulk, mixed, gradients, weights, slots, data, dtheta
                             data[slots[e, b, a, i] + j] += K[a, b, i, j]
 
 
-@njit(cache=True)
-def add_form(C, g, bulk, mixed, gradients, weights, cells, motions, form):
-    """Adds to form (k, k) the work M^T A M of motions (n, 3, k), strain by strain."""
-    m, q = weights.shape
-    n, count = cells.shape[1], motions.shape[2]
-    M, CM = np.empty((9, count)), np.empty((9, count))
-    theta, theta_sum = np.empty(count), np.empty(count)
-    for e in range(m):
-        theta_sum[:] = 0.0
-        volume = 0.0
-        for point in range(q):
-            k = e * q + point
-            w = weights[e, point]
-            volume += w
-            M[:] = 0.0
-            for a in range(n):
-                node = cells[e, a]
-                for i in range(3):
-                    for j in range(3):
-                        dN = gradients[e, point, a, j]
-                        for c in range(count):
-                            M[3 * i + j, c] += motions[node, i, c] * dN
-            theta[:] = 0.0
-            for row in range(9):
-                CM[row] = 0.0
-                for column in range(9):
-                    for c in range(count):
-                        CM[row, c] += C[k, row, column] * M[column, c]
-                for c in range(count):
-                    theta[c] += g[k, row // 3, row % 3] * M[row, c]
-            for b in range(count):
-                theta_sum[b] += w * theta[b]
-                for c in range(count):
-                    work = 0.0
-                    for row in range(9):
-                        work += M[row, b] * CM[row, c]
-                    form[b, c] += w * work
-                    if not mixed:
-                        form[b, c] += w * bulk * theta[b] * theta[c]
-        if mixed:
-            for b in range(count):
-                for c in range(count):
-                    form[b, c] += bulk / volume * theta_sum[b] * theta_sum[c]
-
-
-@njit(cache=True)
-def add_form_of_few(C, g, bulk, mixed, gradients, weights, cells, motions, form):
-    """Adds the same form as `add_form`, with loops that suit few motions."""
-    m, q = weights.shape
-    n, count = cells.shape[1], motions.shape[2]
-    M, CM = np.empty((count, 9)), np.empty((9, count))
-    moved = np.empty((count, n, 3))
-    theta, theta_sum = np.empty(count), np.empty(count)
-    for e in range(m):
-        theta_sum[:] = 0.0
-        volume = 0.0
-        for a in range(n):
-            for i in range(3):
-                for c in range(count):
-                    moved[c, a, i] = motions[cells[e, a], i, c]
-        for point in range(q):
-            k = e * q + point
-            w = weights[e, point]
-            volume += w
-            for c in range(count):
-                for i in range(3):
-                    x, y, z = 0.0, 0.0, 0.0
-                    for a in range(n):
-                        u = moved[c, a, i]
-                        x += u * gradients[e, point, a, 0]
-                        y += u * gradients[e, point, a, 1]
-                        z += u * gradients[e, point, a, 2]
-                    M[c, 3 * i], M[c, 3 * i + 1], M[c, 3 * i + 2] = x, y, z
-                total = 0.0
-                for row in range(9):
-                    work = 0.0
-                    for column in range(9):
-                        work += C[k, row, column] * M[c, column]
-                    CM[row, c] = work
-                    total += g[k, row // 3, row % 3] * M[c, row]
-                theta[c] = total
-                theta_sum[c] += w * total
-            for b in range(count):
-                for row in range(9):
-                    share = w * M[b, row]
-                    for c in range(count):
-                        form[b, c] += share * CM[row, c]
-                if not mixed:
-                    for c in range(count):
-                        form[b, c] += w * bulk * theta[b] * theta[c]
-        if mixed:
-            for b in range(count):
-                for c in range(count):
-                    form[b, c] += bulk / volume * theta_sum[b] * theta_sum[c]
+def strain_form(
+    C: np.ndarray,
+    g: np.ndarray,
+    bulk: float,
+    mixed: bool,
+    gradients: np.ndarray,
+    weights: np.ndarray,
+    cells: np.ndarray,
+    motions: np.ndarray,
+) -> np.ndarray:
+    """Form M^T A M (k, k) of motions (n, 3, k) in the stiffness A that `scatter_stiffness` adds, from strains; by
+    matrix products, which are faster than loops from three motions on."""
+    q, n, k = *gradients.shape[1:3], motions.shape[2]
+    form, flat, count = np.zeros((k, k)), motions.reshape(len(motions), -1), 1 + AT_ONCE // (q * (9 * k + 3 * n))
+    for first in range(0, len(cells), count):
+        some, points = slice(first, first + count), slice(first * q, (first + count) * q)
+        w, dN = weights[some], gradients[some].swapaxes(2, 3).reshape(-1, 3 * q, n)
+        by_axis = (dN @ flat[cells[some]]).reshape(-1, 3, 3, k)  # of each point: by X_j, of u_i
+        strains = by_axis.swapaxes(1, 2).reshape(-1, 9, k)
+        stresses = C[points] @ strains
+        stresses *= w.reshape(-1, 1, 1)
+        form += strains.reshape(-1, k).T @ stresses.reshape(-1, k)
+        theta = (g[points].reshape(-1, 1, 9) @ strains).reshape(-1, q, k)
+        if mixed:  # bulk acts on the mean of theta
+            theta, w = np.einsum("eq,eqk->ek", w, theta) / w.sum(axis=1)[:, None], w.sum(axis=1)
+        theta = theta.reshape(-1, k)
+        form += theta.T @ (theta * (bulk * w.reshape(-1, 1)))
+    return form
