@@ -119,7 +119,7 @@ def _facing(
         mine = [np.flatnonzero(of_point) for of_point in faces.values()]
         numbers = np.repeat(list(faces), [len(each) for each in mine])
         point, face = (
-            np.concatenate([found[~kept[point]], *given]) for found, given in ((point, [numbers]), (face, mine))
+            np.concatenate([detected[~kept[point]], *given]) for detected, given in ((point, [numbers]), (face, mine))
         )
     enough = np.bincount(point, minlength=N)[point] >= 3
     order = np.lexsort((face[enough], point[enough]))

@@ -147,7 +147,7 @@ class _Step:
         self.of, self.iterations, self._cost = scene, 0, SolveCost()
         self.memory, self.modes, self.residual = Memory(), {}, np.inf
         self._acceleration = Acceleration()
-        self.points, self.found = np.zeros(0, dtype=np.int64), None
+        self.points, self._answer = np.zeros(0, dtype=np.int64), None
         self.forces = np.zeros((scene.ends[-1][1], 3))
         self.faces: dict[int, np.ndarray] = {}  # of what has touched in this step
         self._pushed: dict[int, np.ndarray] = {}
@@ -229,17 +229,17 @@ class _Step:
         begin = self._step_begin(touching) if self.iterations <= FOLLOWED else None
         if begin is None:
             gaps[:, 1:] -= (touching.frames[:, 1:] @ _of_slots(self._slid, touching)[:, :, None])[..., 0]
-        self.found = balance(relative, touching.frames, C, gaps, forces, push, self.of.mu, begin=begin)
-        if self.found is None:
+        self._answer = balance(relative, touching.frames, C, gaps, forces, push, self.of.mu, begin=begin)
+        if self._answer is None:
             return False
         if begin is not None:
-            self._slid = dict(zip(touching.slots.tolist(), self.found.slid, strict=True))
-        step, change, last = shift + self.found.step, self.found.forces - self.forces[self.points], self.residual
+            self._slid = dict(zip(touching.slots.tolist(), self._answer.slid, strict=True))
+        step, change, last = shift + self._answer.step, self._answer.forces - self.forces[self.points], self.residual
         self._change = float(np.abs(change).max(initial=0.0))
         self.residual = float(np.abs(step).max(initial=0.0))
         if not self._still and (touching.slots < len(self.places)).any():
             self._combine(touching, step, self.residual > FALLS * last)
-            change = self.found.forces - self.forces[self.points]
+            change = self._answer.forces - self.forces[self.points]
         for robot, mine in zip(self.robots, self._by_robot(self.points), strict=True):
             robot.correct((change[mine] @ robot.of.R).ravel())
         self._touching = touching
@@ -250,11 +250,11 @@ class _Step:
         nearer slowly; step (c, 3) mm: by which this one moves them. The linearisation does not know how forces turn
         with soft surfaces."""
         push = np.zeros((2 * len(self.places), 3))  # by slot
-        push[touching.slots] = self.found.push
-        combined = self._acceleration.next(self.points.tobytes(), np.concatenate([push, self.found.forces]), step)
+        push[touching.slots] = self._answer.push
+        combined = self._acceleration.next(self.points.tobytes(), np.concatenate([push, self._answer.forces]), step)
         if combined is not None and slow:
             push, forces = np.split(combined, [len(push)])
-            self.found = self.found.with_forces(push[touching.slots], forces, touching.frames, self.of.mu)
+            self._answer = self._answer.with_forces(push[touching.slots], forces, touching.frames, self.of.mu)
 
     def _step_begin(self, touching: Pairs) -> StepBegin | None:
         """Gaps and forces of these pairs at the begin of the step, None where friction is not followed along it."""
@@ -281,15 +281,15 @@ class _Step:
 
     def _take(self) -> None:
         """Takes over the forces of robots that have gone on."""
-        pushed = self.found.push.any(axis=1)
-        self._pushed = dict(zip(self._touching.slots.tolist(), self.found.push, strict=True))
+        pushed = self._answer.push.any(axis=1)
+        self._pushed = dict(zip(self._touching.slots.tolist(), self._answer.push, strict=True))
         self.faces |= self._touching.some((self._touching.gaps <= 0) | pushed).faces
         for robot, ends in zip(self.robots, self.of.ends, strict=True):
             self.forces[ends[0] + robot.patches] = robot.forces @ robot.of.R.T
 
     def _solve(self) -> StepStatus:
         """Each robot alone, its patches held, has to carry the forces that were found."""
-        self.modes = dict(zip(self._touching.slots.tolist(), self.found.modes, strict=True))
+        self.modes = dict(zip(self._touching.slots.tolist(), self._answer.modes, strict=True))
         largest = np.abs(self.forces).max(initial=0.0)
         self.solved, changes = zip(*[robot.solved() for robot in self.robots], strict=True)
         self._cost.factorizations += sum(solved.factorizations for solved in self.solved)
@@ -303,7 +303,7 @@ class _Step:
         count, memory = self.of.ends[-1][1], self.memory
         if status is StepStatus.CONVERGED:
             self._look([equilibrium.state.x for equilibrium in self.solved])
-            known = dict(zip(self._touching.slots.tolist(), self.found.push, strict=True))
+            known = dict(zip(self._touching.slots.tolist(), self._answer.push, strict=True))
             push = _of_slots(known, self.pairs)
             memory = memory.slid(self._slid).after(self.pairs, self.places, self.modes)
         else:
