@@ -36,9 +36,17 @@ REGION = {
     "material: {young: 9 MPa, poisson: 0.4}}]"
 }
 LOAD = {"loads": "[{point: {mm: [29, 0, 0]}, force: {N: [0, 0, 1]}}]"}
+PAPER = {
+    "layers": "[{faces: {kind: plane, point: {mm: [0, 0, -5]}, normal: [0, 0, -1]}, thickness: 0.1 mm, young: 6.5 GPa}]",
+    "mesh": "{size: 5 mm, element: tet10p0}",
+}
+LACKING = {"discrepancy": "{largest: {c: 2 N}, terms: [{forces: [c], effectors: {tip: {mm: [0.1, 0, 0]}}}]}"}
 
 
-@pytest.mark.parametrize(("more", "exact"), [({}, True), (HEAVY, False), (REGION, False), (LOAD, False)])
+@pytest.mark.parametrize(
+    ("more", "exact"),
+    [({}, True), (HEAVY, False), (REGION, False), (LOAD, False), (PAPER, False), (LACKING, False)],
+)
 def test_young_modulus_is_exact_where_nothing_but_one_material_resists_the_actuators(tmp_path, more, exact):
     assert parameter(tmp_path, "material.young", ["1 MPa", "2 MPa"], **more).exact is exact
 

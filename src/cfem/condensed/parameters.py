@@ -23,8 +23,8 @@ class Parameter:
     reference: the scene's own value
     coordinate: the function of it in which the robot's response is smooth (log(1-2p) for Poisson's ratio: the bulk
     modulus is about its exponential)
-    exact: Young's modulus of a homogeneous robot that carries no load. Its effect is W ~ 1/E, lambda ~ E, with
-    delta_free unchanged: never sampled, never learned"""
+    exact: Young's modulus of a robot of one material, without layers, that carries no load. Its effect is W ~ 1/E,
+    lambda ~ E, with delta_free unchanged: never sampled, never learned"""
 
     name: str
     key: str

@@ -42,9 +42,13 @@ def _parameter(name: str, spec: ParameterSpec, scene: SceneSpec, path: Path) -> 
             raise SpecError(f"range: {str(error).removeprefix('--set: ')}", where=where) from None
     if not ends[0] < ends[1]:
         raise SpecError("range: expected two different values, the smaller first", where=where)
-    homogeneous = not (scene.materials or scene.loads or scene.gravity)
-    exact = spec.key in ("material.young", "material.stiffness") and homogeneous
+    exact = spec.key in ("material.young", "material.stiffness") and not _has_other_forces(scene)
     return Parameter(name, spec.key, unit, *ends, reference, _coordinate(key), exact)
+
+
+def _has_other_forces(scene: SceneSpec) -> bool:
+    """True where forces of the robot do not scale with the modulus of its body alone."""
+    return bool(scene.materials or scene.layers or scene.loads or scene.gravity or scene.discrepancy)
 
 
 def _coordinate(key: Key) -> Coordinate:
