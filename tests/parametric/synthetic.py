@@ -49,6 +49,37 @@ class Arc:
         rest = np.stack([0 * L, 10 + 0 * L, -L], axis=1)
         return States(ROWS, W, free, lam[:, None], p, rest)
 
+    def false_change(self, kind, states):
+        return None  # exact but for rounding
+
+
+A = Parameter("A", "material.young", "MPa", 0.5, 2.0, 1.0, "log")
+B = Parameter("B", "materials.0.material.young", "MPa", 1.0, 6.0, 3.0, "log")
+
+
+class Halves:
+    """A bar of two halves of moduli A and B in closed form: the cable shortens them in the ratio of their softness,
+    which the effectors' motion is of, and pulls with a spring's force. wrong: mm, the stated error of its motion, which
+    depends on A B; weight: N, that of the tip."""
+
+    rows, parameters = ROWS, (A, B)
+    reach, length, stencil = np.array([[0.0, 10.0]]), 40.0, Stencil(6, 0.01)
+
+    def __init__(self, wrong: float = 0.0, weight: float = 0.0):
+        self.wrong, self.weight = wrong, weight
+
+    def at(self, kind, u, p):
+        (a, b), s = np.asarray(p, float).T, np.broadcast_to(u, (len(p), 1))[:, 0]
+        share = b / (a + b)
+        e = np.stack([s * share, s * share**2, self.weight * (1 / a + 1 / b)], axis=1)
+        e += self.wrong * np.sin(3 * np.log(a * b))[:, None]
+        lam = (s * a * b / (a + b))[:, None]
+        free = np.concatenate([e, s[:, None]], axis=1)
+        return States(ROWS, np.zeros((len(p), 4, 4)), free, lam, np.asarray(p, float), np.zeros((len(p), 3)))
+
+    def false_change(self, kind, states):
+        return np.full((len(states), 3), 2 * self.wrong), np.zeros((len(states), 1))
+
 
 def _stretch(f: np.ndarray) -> np.ndarray:
     """s with s + s^3 / 1000 = f."""

@@ -44,6 +44,38 @@ def test_learned_robots_are_the_models_own_answers(learned, kind):
     assert learned.outside(learned.at("displacement", u, np.array([[0.42, 2.0], [0.1, 2.0]]))) == [1]
 
 
+@pytest.mark.parametrize("command", FORMS)
+@pytest.mark.parametrize("kind", FORMS)
+def test_the_stated_error_bounds_what_errors_of_the_other_command_do(command, kind):
+    """A model that is wrong by what it states of forces at displacements, or of displacements at forces, is the model
+    asked for a command that is beside by as much."""
+    training, bound = dataset(40, 1, parameters=True), {"everywhere": 1e-6, "factor": 1e-6, "power": 0.0}
+    card = model_card("spectral", training, "displacement")
+    card["model_error"] = {"probability": 0.95, "left_out": 0, "states": 20, "command": command}
+    card["model_error"] |= {"tip": bound, "actuators": bound, "W": bound}
+    family = LearnedFamily(build(card, fit(training, "displacement", max_degree=4).arrays))
+    p, u = np.array([[0.42, 2.0]]), np.array([[4.0, 5.0]])
+    states = family.at(kind, u, p)
+    effectors, dual = family.false_change(kind, states)
+    stated = family.predictor.error(states, p)
+    if kind == command:
+        np.testing.assert_allclose(effectors, np.full((1, family.rows.n_e), 2 * stated.tip[0]))
+        np.testing.assert_allclose(dual, 2 * stated.actuators)
+        return
+    for signs in ([1, 1], [1, -1]):
+        commanded = states.lam if kind == "force" else states.delta_a  # beside, as the other command's answer is
+        moved = family.at(kind, commanded + stated.actuators * signs, p)
+        other = (moved.delta_a - states.delta_a) if kind == "force" else (moved.lam - states.lam)
+        assert (np.abs(other) <= 0.5 * dual * (1 + 1e-3)).all()
+        assert (np.abs(moved.delta_e - states.delta_e) <= 0.5 * effectors).all()
+
+
+def test_finite_elements_are_wrong_by_their_tolerance_over_the_step(fe):
+    states = fe[2].at("displacement", np.array([[1.0]]), np.array([[0.3, 1.0]]))
+    effectors, dual = fe[2].false_change("displacement", states)
+    assert (effectors <= 1e-5 * np.abs(states.delta_e).max()).all() and (dual <= 1e-5 * np.abs(states.lam)).all()
+
+
 def test_shares_span_the_ranges_whatever_the_coordinate():
     parameters = (LENGTH, POISSON, YOUNG)
     p = np.array([[30.0, 0.40, 1.0], [50.0, 0.499, 10.0]])

@@ -36,8 +36,9 @@ REGION = {
     "material: {young: 9 MPa, poisson: 0.4}}]"
 }
 LOAD = {"loads": "[{point: {mm: [29, 0, 0]}, force: {N: [0, 0, 1]}}]"}
+BELOW = "{kind: plane, point: {mm: [0, 0, -5]}, normal: [0, 0, -1]}"
 PAPER = {
-    "layers": "[{faces: {kind: plane, point: {mm: [0, 0, -5]}, normal: [0, 0, -1]}, thickness: 0.1 mm, young: 6.5 GPa}]",
+    "layers": f"[{{faces: {BELOW}, thickness: 0.1 mm, young: 6.5 GPa}}]",
     "mesh": "{size: 5 mm, element: tet10p0}",
 }
 LACKING = {"discrepancy": "{largest: {c: 2 N}, terms: [{forces: [c], effectors: {tip: {mm: [0.1, 0, 0]}}}]}"}

@@ -41,6 +41,11 @@ class Parameter:
         return self.key.startswith(("geometry", "shape"))
 
     @property
+    def is_stiffness(self) -> bool:
+        """True of a Young's modulus, or a factor on all moduli of a material."""
+        return self.key.endswith(("young", "stiffness"))
+
+    @property
     def suffix(self) -> str:
         """The unit as it stands behind a number, ' mm'; empty where there is none."""
         return "" if self.unit == "1" else f" {self.unit}"

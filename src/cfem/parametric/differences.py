@@ -19,6 +19,11 @@ class Stencil:
     order: int
     step: float
 
+    @property
+    def roughness(self) -> float:
+        """Largest slope by a coordinate that errors of size one, random from point to point, may give."""
+        return 2 * float(np.abs(_WEIGHTS[self.order]).sum()) / self.step
+
     def points(self, z: np.ndarray) -> np.ndarray:
         """Points (1 + order n, n) of the differences at z (n,): z, then for each coordinate the points ahead, in order,
         and behind it."""

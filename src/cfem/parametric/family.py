@@ -12,8 +12,10 @@ from cfem.core.errors import InputError, NumericalError
 from cfem.parametric.differences import Stencil
 from cfem.parametric.states import States
 from cfem.predict.protocol import Predictor
+from cfem.predict.series.state_error import extrapolation, reaction_sizes
 
 Kind = Literal["displacement", "force"]
+_SOLVED = 1e-9  # share of the largest answer to which finite elements are solved
 
 
 class Family(Protocol):
@@ -30,6 +32,12 @@ class Family(Protocol):
     def at(self, kind: Kind, u: np.ndarray, p: np.ndarray) -> States:
         """States of robots p (m, n_p) whose actuators stand at u (m, n_a) mm, or pull by u N. NumericalError where
         there is none."""
+        ...
+
+    def false_change(self, kind: Kind, states: States) -> tuple[np.ndarray, np.ndarray] | None:
+        """Largest changes that errors of the family alone may give its answers where a parameter goes through its
+        range: of the effectors (m, n_e), and of what is not commanded of the actuators (m, n_a). None where its errors
+        are not known. states: of commands of this kind."""
         ...
 
 
@@ -63,6 +71,22 @@ class LearnedFamily:
         else:
             state = model.at_displacement(u, p) if kind == "displacement" else model.at_force(u, p)
         return States(self.rows, state.W, state.delta_free, state.lam, p, self.rest(p))
+
+    def false_change(self, kind: Kind, states: States) -> tuple[np.ndarray, np.ndarray] | None:
+        """Twice the model's stated error, at either end of the range; None where it states none. Of an orientation that
+        of a point at the robot's length, and outside the domain what it would be inside."""
+        stated = self.predictor.model_error
+        if stated is None:
+            return None
+        L = extrapolation(self.predictor, states, states.p)
+        tip, dual = (np.maximum(bound.at(L), bound.everywhere) for bound in (stated.tip, stated.actuators))
+        dual = dual[:, None] * reaction_sizes(self.predictor, stated.command, states.p)
+        effectors = tip[:, None] / np.where(self.rows.turns, self.length, 1.0)
+        if kind != stated.command:  # what was commanded in the samples is found from its dual here
+            found = _largest(states.W_aa if kind == "force" else np.linalg.inv(states.W_aa), dual)
+            effectors = effectors + _largest(states.effector_jacobian, found if kind == "force" else dual)
+            dual = found
+        return 2 * effectors, 2 * dual
 
     def outside(self, states: States) -> list[int]:
         """Numbers of the states that are unlike those that the model was trained on."""
@@ -111,6 +135,13 @@ class FiniteElementFamily:
             rest.append(problem.robot.rest_e)
         state, soft = Condensed.batch(answers), softer[:, None]
         return States(self.rows, state.W * soft[..., None], state.delta_free, state.lam / soft, p, np.array(rest))
+
+    def false_change(self, kind: Kind, states: States) -> tuple[np.ndarray, np.ndarray]:
+        """What the differences of answers solved to a tolerance may give."""
+        dual = states.lam if kind == "displacement" else states.delta_a
+        largest = [np.abs(answers).max(axis=0, initial=0.0) for answers in (states.delta_e, dual)]
+        effectors, reactions = (np.tile(_SOLVED * self.stencil.roughness * size, (len(states), 1)) for size in largest)
+        return effectors, reactions
 
     @property
     def nodes(self) -> np.ndarray:
@@ -205,6 +236,11 @@ class FiniteElementFamily:
         """Actuation and design in shares of their ranges."""
         scale = np.abs(self.reach).max(axis=1) if kind == "displacement" else max(float(np.abs(u).max()), 1e-12)
         return np.concatenate([u / scale, shares(self._learned, p)])
+
+
+def _largest(slopes: np.ndarray, errors: np.ndarray) -> np.ndarray:
+    """Largest changes (m, k) by errors (m, n) of either sign, through slopes (m, k, n)."""
+    return (np.abs(slopes) @ errors[..., None])[..., 0]
 
 
 class Varied:

@@ -28,3 +28,8 @@ class States(Condensed):
     def x_e(self) -> np.ndarray:
         """Positions (m, n_e) mm of the effectors."""
         return self.rest_e + self.delta_e
+
+    def first(self, count: int) -> "States":
+        """The first states, without numbers of the bodies."""
+        arrays = (self.W, self.delta_free, self.lam, self.p, self.rest_e)
+        return States(self.rows, *(array[:count] for array in arrays))

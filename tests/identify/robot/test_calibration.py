@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 from identify.robot.truth import PULLS, measured
-from parametric.synthetic import Arc
+from parametric.synthetic import Arc, Halves
 from support.fast_cases import fast_are
 
 from cfem.core.errors import InputError, NumericalError
 from cfem.identify.robot.calibration import calibrate, coverage
+from cfem.identify.robot.measurements import Measurements
 from cfem.identify.robot.residuals import Noise
 
 L, NU, E = 0, 1, 2
@@ -33,8 +34,8 @@ def test_the_modulus_cannot_be_found_from_displacements_and_can_from_a_force():
     blind = run(measured(TRUTH), [NU, E])
     assert blind.unseen == ("young",) and blind.p[E] == 3.0
     assert [one.name for one in blind.estimates] == ["poisson"]
-    assert "young cannot be found from displacements alone" in blind.sentences[0]
-    assert "measure a force" in blind.sentences[0]
+    assert "young cannot be found from displacements alone" in blind.lost[0]
+    assert "measure a force" in blind.lost[0]
     starts = STARTS * [1, 1, 2.5]
     seeing = run(measured(TRUTH, dual=True), [NU, E], starts=starts)
     assert seeing.unseen == () and seeing.p == pytest.approx(TRUTH, rel=1e-9)
@@ -51,9 +52,31 @@ def test_the_modulus_alone_from_displacements_is_no_fit_at_all():
 def test_parameters_that_only_act_together_are_named_together():
     """A force at one pull: length, Poisson's ratio and modulus enter as one product."""
     found = run(measured(TRUTH, np.array([[8.0]]), positions=False, dual=True), [L, NU, E], Noise(0.1, 0.05, True))
-    assert found.uncertainty.information.rank == 1 and len(found.sentences) == 2
-    assert all("only together" in sentence for sentence in found.sentences)
+    assert found.uncertainty.information.rank == 1 and len(found.lost) == 2
+    assert all("only together" in sentence for sentence in found.lost) and found.sentences == []
     assert all(one.interval == (None, None) and one.deviation is None for one in found.estimates)
+
+
+@pytest.mark.parametrize("wrong", [0.0, 1e-3, 1e-2])
+def test_of_two_moduli_displacements_tell_the_ratio_and_a_force_or_a_weight_both(wrong):
+    truth, u = np.array([0.8, 4.0]), np.array([[2.0], [5.0], [9.0]])
+    starts = np.array([[1.0, 3.0], [0.6, 5.0]])
+
+    def found(dual, family, real):
+        states = real.at("displacement", u, np.tile(truth, (3, 1)))
+        no_e, no_a = np.full((3, 3), np.nan), np.full((3, 1), np.nan)
+        data = Measurements("displacement", u, states.x_e, no_e, states.lam if dual else no_a)
+        return calibrate(family, data, [0, 1], starts[0], starts, with_profile=False)
+
+    blind = found(False, Halves(wrong), Halves())
+    (sentence,), (ratio,) = blind.lost, blind.combinations
+    assert sentence.startswith("A and B cannot be found: c A and c B") and sentence.endswith("measure a force")
+    assert blind.sentences == [] and all(one.interval == (None, None) for one in blind.estimates)
+    value = 0.2 if ratio.name == "A/B" else 5.0
+    assert ratio.value == pytest.approx(value, rel=0.05 if wrong else 1e-6)
+    for seeing in (found(True, Halves(wrong), Halves()), found(False, Halves(wrong, 1.0), Halves(weight=1.0))):
+        assert seeing.lost == [] and seeing.combinations == []
+        assert seeing.p == pytest.approx(truth, rel=0.1 if wrong else 1e-6)
 
 
 def test_a_weak_parameter_is_called_weak_and_its_interval_ends_with_its_range():

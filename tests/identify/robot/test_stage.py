@@ -93,7 +93,8 @@ def test_residuals_far_above_the_stated_noise_are_judged(folder, tmp_path):
 
 def test_the_modulus_needs_the_forces(folder, tmp_path):
     blind = calibrate(folder, "find=[nu, E]", "starts=3", "figure=false", out=tmp_path / "blind")["results"]
-    assert blind["unseen"] == ["E"] and any("measure a force" in line for line in blind["headline"])
+    (judged,) = blind["judgement"]
+    assert blind["unseen"] == ["E"] and judged["what"].endswith("measure a force")
     overrides = ("find=[nu, E]", "starts=3", "use=[effectors, actuators]", "figure=false")
     both = calibrate(folder, *overrides, out=tmp_path / "both")["results"]
     assert abs(both["estimates"]["nu"]["error"]) < 1e-3 and abs(both["estimates"]["E"]["error"]) < 5e-3

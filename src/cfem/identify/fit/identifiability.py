@@ -1,27 +1,37 @@
-"""Sentences on what the measurements cannot tell: unknowns that nothing measured depends on, that only act together,
-that are hardly known, that cannot be told apart, that lie at an end of their range."""
+"""Sentences on what the measurements cannot tell: unknowns that nothing measured depends on, that are hardly known,
+that cannot be told apart, that lie at an end of their range."""
 
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.linalg import qr
 
 from cfem.condensed.parameters import Parameter
 from cfem.identify.fit.free_parameter import FreeParameter, is_at_end
-from cfem.identify.fit.uncertainty import RANK, Information, Uncertainty, correlation
+from cfem.identify.fit.uncertainty import RANK, Uncertainty, correlation
+from cfem.identify.fit.unmeasured import hidden
 
 _WEAK = 0.5  # of its range: an interval wider than this says little about a parameter
-_NAMED = 1e-3  # smallest share of a direction that is mentioned
 _ALIKE = 0.9  # correlation beyond which two unknowns cannot be told apart
 _LEARNED = 0.7  # of the prior standard deviation: above it the measurements say little
 _END = 1e-3  # of its range, within which an unknown lies at an end of it
 
 
-def unseen(jacobians: Sequence[np.ndarray], change: float) -> np.ndarray:
-    """Mask (n,) of the unknowns that move nothing that was measured, at any of the places where the Jacobians (n_r, n)
-    are from; change: size of the largest measured change, in the residuals' units."""
+def unseen(jacobians: Sequence[np.ndarray], change: float, errors: Sequence[np.ndarray | None]) -> np.ndarray:
+    """Mask (n,) of the unknowns that move nothing that was measured by more than errors do, at any of the places where
+    the Jacobians (n_r, n) are from.
+
+    change: size of the largest measured change, in the residuals' units
+    errors: (n_r,) at each place, by how much errors alone may change each residual where an unknown goes through its
+    range; None where they are not known"""
     largest = np.max([np.abs(jacobian).max(axis=0) for jacobian in jacobians], axis=0)
-    return largest <= RANK * max(change, float(largest.max(initial=0.0)))
+    rounding = RANK * max(change, float(largest.max(initial=0.0)))
+    return np.all(
+        [
+            hidden(jacobian, np.full(len(jacobian), rounding) + (0.0 if error is None else error))
+            for jacobian, error in zip(jacobians, errors, strict=True)
+        ],
+        axis=0,
+    )
 
 
 def unseen_sentence(parameter: Parameter, kind: str, measured: Sequence[str]) -> str:
@@ -34,20 +44,27 @@ def unseen_sentence(parameter: Parameter, kind: str, measured: Sequence[str]) ->
             f"{parameter.name} cannot be found from displacements alone: a robot of one material without loads takes "
             "the same shape whatever its modulus (W ~ 1/E, lambda ~ E); measure a force"
         )
-    return f"{parameter.name} cannot be found: nothing that was measured depends on it"
+    return f"{parameter.name} cannot be found: it changes what was measured by no more than the model's own error"
+
+
+def advice(kind: str, measured: Sequence[str]) -> str:
+    """What to measure where moduli only act together; arguments as of `unseen_sentence`."""
+    if kind == "displacement" and "actuators" not in measured:
+        return "displacements alone do not tell the moduli of a robot without loads: measure a force"
+    return ""
 
 
 def share_sentences(parameters: Sequence[Parameter], known: Uncertainty) -> list[str]:
-    """Sentences on parameters found as shares of their ranges: which only act together, which are weakly identifiable,
-    and else that all are identifiable."""
-    sentences = _combinations(known.information, parameters)
+    """Sentences on parameters found as shares of their ranges: which are weakly identifiable, and else that all are
+    identifiable; none where some are not."""
+    sentences = []
     for parameter, half in zip(parameters, known.half(np.eye(len(parameters))), strict=True):
         if np.isfinite(half) and half > _WEAK:
             sentences.append(
                 f"{parameter.name} is weakly identifiable: known to +-{100 * half:.0f} % of its range "
                 f"[{parameter.low:g}, {parameter.high:g}]{parameter.suffix}"
             )
-    if not sentences and len(parameters):
+    if not sentences and len(parameters) == known.information.rank > 0:
         values = known.information.singular_values
         condition = f", condition {values[0] / values[-1]:.1e}" if len(parameters) > 1 else ""
         sentences.append(f"{', '.join(parameter.name for parameter in parameters)}: identifiable{condition}")
@@ -78,23 +95,4 @@ def prior_sentences(
                 )
         if is_at_end(unknown, z[i], _END):
             sentences.append(f"{unknown.name} lies at an end of its range: widen it, or ask why")
-    return sentences
-
-
-def _combinations(known: Information, parameters: Sequence[Parameter]) -> list[str]:
-    """Sentences on the directions that move nothing measured. Another basis of the same directions is as good: here
-    each parameter that leads one takes part in no other."""
-    unmeasured, sentences = known.unmeasured, []
-    if not len(unmeasured):
-        return []
-    leaders = qr(unmeasured, pivoting=True, mode="r")[1][: len(unmeasured)]
-    for direction in np.linalg.solve(unmeasured[:, leaders], unmeasured):
-        direction = direction / np.abs(direction).max()
-        parts = [
-            f"{weight:+.2g} {parameter.name}"
-            for weight, parameter in zip(direction, parameters, strict=True)
-            if abs(weight) > _NAMED
-        ]
-        together = " ".join(parts).removeprefix("+")
-        sentences.append(f"only together: a change along {together} (shares of their ranges) moves nothing measured")
     return sentences

@@ -46,14 +46,21 @@ class Information:
         return np.where(blind, np.inf, np.sqrt(np.maximum(variance, 0.0)))
 
 
-def information(jacobian: np.ndarray, rank: float = RANK) -> Information:
-    """The information of residuals with a Jacobian (n_r, n); rank: share of the largest singular value that a measured
-    direction exceeds."""
+def information(jacobian: np.ndarray, rank: float = RANK, unmeasured: np.ndarray | None = None) -> Information:
+    """The information of residuals with a Jacobian (n_r, n).
+
+    rank:       share of the largest singular value that a measured direction exceeds
+    unmeasured: (k, n) directions of which it is known that they move no residual; found unless given"""
     n = jacobian.shape[1]
+    if unmeasured is not None:
+        blind = np.linalg.qr(unmeasured.T)[0]
+        jacobian = jacobian - jacobian @ blind @ blind.T
     _, values, directions = np.linalg.svd(np.linalg.qr(jacobian, mode="r"))
     singular_values = np.zeros(n)
     singular_values[: len(values)] = values
     measured = singular_values > rank * singular_values.max(initial=0.0)
+    if unmeasured is not None:
+        measured = np.arange(n) < n - len(unmeasured)
     seen = directions[measured]
     inverse = (seen.T / singular_values[measured] ** 2) @ seen
     return Information(singular_values, inverse, directions[~measured])
@@ -101,15 +108,21 @@ class Uncertainty:
 
 
 def uncertainty(
-    residuals: np.ndarray, jacobian: np.ndarray, known: bool, confidence: float, shared: float = 0.0
+    residuals: np.ndarray,
+    jacobian: np.ndarray,
+    known: bool,
+    confidence: float,
+    shared: float = 0.0,
+    unmeasured: np.ndarray | None = None,
 ) -> Uncertainty:
     """Uncertainty of the minimum of residuals (n_r,) with Jacobian (n_r, n).
 
     known:  whether the residuals are in units of a noise that somebody stated
-    shared: correlation of neighbouring residuals: n_r of them count as n_r (1 - shared) / (1 + shared)"""
+    shared: correlation of neighbouring residuals: n_r of them count as n_r (1 - shared) / (1 + shared)
+    unmeasured: as of `information`"""
     n_r, n = jacobian.shape
     degrees, square = n_r - n, float(residuals @ residuals)
-    known_directions = information(jacobian)
+    known_directions = information(jacobian, unmeasured=unmeasured)
     if degrees <= 0 and not known:
         return Uncertainty(known_directions, degrees, np.nan, np.nan, None)
     chance = float(chi2.sf(square, degrees)) if known and degrees > 0 else None

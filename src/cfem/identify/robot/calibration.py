@@ -8,8 +8,9 @@ import numpy as np
 
 from cfem.core.errors import NumericalError
 from cfem.identify.fit.free_parameter import ParameterEstimate, estimate
-from cfem.identify.fit.identifiability import share_sentences, unseen, unseen_sentence
+from cfem.identify.fit.identifiability import advice, share_sentences, unseen, unseen_sentence
 from cfem.identify.fit.uncertainty import Uncertainty, profile, uncertainty
+from cfem.identify.fit.unmeasured import Combination, known_combinations, unmeasured, unmeasured_sentences
 from cfem.identify.robot.measurements import Measurements
 from cfem.identify.robot.residuals import Noise, RobotResiduals, relative_noise
 from cfem.parametric.family import Family
@@ -26,10 +27,12 @@ class Calibration:
     p:           (n_p,) all parameters, those not found as they were given
     estimates:   of the found parameters
     unseen:      names of parameters that nothing measured depends on
+    combinations: what is known of parameters that only act together
     fits:        one from each start
     problem:     the residuals, by the parameters that were found
     uncertainty: of their shares of the ranges, None where none was found
-    sentences:   what the measurements tell of each parameter
+    lost:        sentences on what cannot be found
+    sentences:   what the measurements tell of the other parameters
     states:      the robot's at p
     residuals:   (n_r,) computed less measured, in measured units
     noise:       stated or estimated, None where it is neither
@@ -40,9 +43,11 @@ class Calibration:
     p: np.ndarray
     estimates: tuple[ParameterEstimate, ...]
     unseen: tuple[str, ...]
+    combinations: list[Combination]
     fits: tuple[FitResult, ...]
     problem: RobotResiduals
     uncertainty: Uncertainty | None
+    lost: list[str]
     sentences: list[str]
     states: States
     residuals: np.ndarray
@@ -75,13 +80,15 @@ def calibrate(
     seen = _seen(everything, starts)
     hidden = [family.parameters[i] for i, is_seen in zip(find, seen, strict=True) if not is_seen]
     problem = RobotResiduals(family, measured, noise, p0, [i for i, is_seen in zip(find, seen, strict=True) if is_seen])
-    sentences = [unseen_sentence(parameter, measured.kind, _sources(measured)) for parameter in hidden]
-    fits, known, profiles, z = [], None, [], np.zeros(0)
+    lost = [unseen_sentence(parameter, measured.kind, _sources(measured)) for parameter in hidden]
+    fits, known, profiles, z, sentences, combinations = [], None, [], np.zeros(0), [], []
     if problem.free:
         fits = [fit(problem, start, _SEARCH) for start in problem.z(starts)]
         z = best_of(fits).u
-        known = uncertainty(*problem(z), noise.known, confidence)
-        sentences += share_sentences(problem.parameters, known)
+        known, directions = _uncertainty(problem, z, confidence)
+        lost += unmeasured_sentences(directions, problem.parameters, advice(measured.kind, _sources(measured)))
+        combinations = known_combinations(directions, problem.parameters, problem.p(z)[problem.free], known)
+        sentences = share_sentences(problem.parameters, known)
     profile_begin, evaluations = time.process_time(), everything.evaluations + problem.evaluations
     if known is not None:
         profiled = with_profile & np.isfinite(known.deviations)
@@ -95,9 +102,11 @@ def calibrate(
             for i, unknown in enumerate(problem.unknowns)
         ),
         unseen=tuple(parameter.name for parameter in hidden),
+        combinations=combinations,
         fits=tuple(fits),
         problem=problem,
         uncertainty=known,
+        lost=lost,
         sentences=sentences,
         states=states,
         residuals=problem.predictions(states)[0] - problem.target,
@@ -118,9 +127,16 @@ def coverage(calibration: Calibration, noise: Noise, confidence: float, repeats:
     for _ in range(repeats):
         repeated = problem.with_target(computed + problem.sigma * rng.standard_normal(len(computed)))
         z = best_of([fit(repeated, truth, _SEARCH)]).u
-        known = uncertainty(*repeated(z), noise.known, confidence)
+        known, _ = _uncertainty(repeated, z, confidence)
         covered += np.abs(z - truth) <= known.quantile * known.deviations
     return covered / repeats
+
+
+def _uncertainty(problem: RobotResiduals, z: np.ndarray, confidence: float) -> tuple[Uncertainty, np.ndarray]:
+    """Uncertainty at the answer z (n_free,), and the directions (k, n_free) that move nothing measured."""
+    residuals, jacobian, error = problem.with_error(z)
+    directions = unmeasured((jacobian, error), lambda other: problem.with_error(other)[1:], z, problem.parameters)
+    return uncertainty(residuals, jacobian, problem.noise.known, confidence, unmeasured=directions), directions
 
 
 def _sources(measured: Measurements) -> list[str]:
@@ -133,15 +149,17 @@ def _seen(problem: RobotResiduals, starts: np.ndarray) -> np.ndarray:
     """Mask (n,) of the parameters that what was measured depends on, at some start."""
     centred = problem.target - problem.target.mean() if len(problem.target) > 1 else problem.target
     change = float(np.abs(centred / problem.sigma).max())
-    jacobians, failure = [], None
-    for z in problem.z(starts)[:2]:
+    jacobians, errors, failure = [], [], None
+    for z in np.clip(problem.z(starts)[:2], 0.01, 0.99):
         try:
-            jacobians.append(problem(np.clip(z, 0.01, 0.99))[1])
+            _, jacobian, error = problem.with_error(z)
+            jacobians.append(jacobian)
+            errors.append(error)
         except NumericalError as error:
             failure = error
     if not jacobians and failure:
         raise failure
-    return ~unseen(jacobians, change)
+    return ~unseen(jacobians, change, errors)
 
 
 def _estimated(noise: Noise, known: Uncertainty | None) -> Noise | None:

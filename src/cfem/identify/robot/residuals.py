@@ -85,6 +85,24 @@ class RobotResiduals(Varied):
         computed, slopes = with_slopes(lambda batch: self.predictions(self.states(batch)), z, self.family.stencil)
         return (computed - self.target) / self.sigma, slopes / self.sigma[:, None]
 
+    def with_error(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+        """Residuals and Jacobian at z (n_free,), and by how much (n_r,) errors of the family alone may change each
+        residual, in units of the noise, where a parameter goes through its range; None where they are not known. One
+        batch of states serves all."""
+        batches: list[States] = []
+
+        def answers(points: np.ndarray) -> np.ndarray:
+            batches.append(self.states(points))
+            return self.predictions(batches[0])
+
+        computed, slopes = with_slopes(answers, z, self.family.stencil)
+        residuals, jacobian = (computed - self.target) / self.sigma, slopes / self.sigma[:, None]
+        changes = self.family.false_change(self.measured.kind, batches[0].first(len(self.measured)))
+        if changes is None:
+            return residuals, jacobian, None
+        effectors, dual = changes
+        return residuals, jacobian, np.hstack([effectors, effectors, dual])[self._mask] / self.sigma
+
     def with_target(self, target: np.ndarray) -> "RobotResiduals":
         """The problem with other measured numbers (n_r,)."""
         problem = replace(self)

@@ -1,6 +1,7 @@
 """Results of a calibration, as plain data for its files."""
 
 from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +28,8 @@ def calibration_results(calibration: Calibration, truth: Mapping[str, float], co
         "identifiability": {
             "singular_values": singular_values,
             "rank": 0 if known is None else known.information.rank,
-            "sentences": calibration.sentences,
+            "sentences": [*calibration.lost, *calibration.sentences],
+            "known": [asdict(combination) for combination in calibration.combinations],
         },
         "correlation": None if known is None else known.correlation,
         "residual_rms": _residual_rms(calibration),
@@ -67,9 +69,10 @@ def write_states(path: Path, calibration: Calibration) -> None:
 
 def _estimates(calibration: Calibration, truth: Mapping[str, float]) -> dict[str, dict[str, Any]]:
     """Value, intervals and, where the truth is known, error of each parameter."""
-    entries = {}
+    entries, told = {}, calibration.uncertainty is not None and calibration.uncertainty.covariance is not None
     for estimate in calibration.estimates:
         entry = {
+            "determined": estimate.deviation is not None or not told,
             "value": estimate.value,
             "unit": estimate.unit,
             "interval": list(estimate.interval),

@@ -53,10 +53,9 @@ def _work(folder: Path, spec: CalibrateSpec, base: Path) -> dict[str, Any]:
     truth = {name: value_of(by_name[name], given, f"truth.{name}") for name, given in spec.truth.items()}
     results = calibration_results(calibration, truth, spec.confidence)
     lines = headline(calibration, results)
-    if spec.repeats and calibration.estimates:
-        shares = coverage(calibration, noise, spec.confidence, spec.repeats)
-        names = [estimate.name for estimate in calibration.estimates]
-        results["coverage"] = dict(zip(names, shares, strict=True))
+    if spec.repeats and any(estimate.deviation is not None for estimate in calibration.estimates):
+        shares = zip(calibration.estimates, coverage(calibration, noise, spec.confidence, spec.repeats), strict=True)
+        results["coverage"] = {estimate.name: share for estimate, share in shares if estimate.deviation is not None}
         lines.append(coverage_line(results["coverage"], spec.repeats))
     if spec.fe:
         results["solves"] = family.solves
@@ -65,7 +64,7 @@ def _work(folder: Path, spec: CalibrateSpec, base: Path) -> dict[str, Any]:
         if results["outside"]:
             rows = ", ".join(str(state + 1) for state in results["outside"])
             lines.append(f"states (rows of the measurements) outside what the model was trained on: {rows}")
-    results = {"judgement": judgement(calibration.uncertainty), **results}
+    results = {"judgement": judgement(calibration), **results}
     write_json(folder / RESULT, results)
     write_states(folder / TABLE, calibration)
     if spec.figure and installed("matplotlib"):
@@ -151,7 +150,7 @@ def _starts(spec: CalibrateSpec, parameters: tuple[Parameter, ...], find: list[i
 
 COMMAND = Command(
     "calibrate",
-    2,
+    3,
     CalibrateSpec,
     _work,
     outside=_PATHS,

@@ -6,7 +6,6 @@ from typing import Any
 from cfem.condensed.parameters import Parameter
 from cfem.core.artefact.judgement import NOISE_RATIO, poor
 from cfem.core.console.shown import counted, duration
-from cfem.identify.fit.uncertainty import Uncertainty
 from cfem.identify.robot.calibration import Calibration
 
 
@@ -14,7 +13,12 @@ def headline(calibration: Calibration, results: Mapping[str, Any]) -> list[str]:
     """A line for each parameter, then what cannot be told, the fit and its cost; results: `calibration_results`."""
     problem, known = calibration.problem, calibration.uncertainty
     parameters = {parameter.name: parameter for parameter in problem.family.parameters}
-    lines = [_estimate(parameters[name], entry, results["confidence"]) for name, entry in results["estimates"].items()]
+    confidence = results["confidence"]
+    lines = [
+        f"{known.name} {known.value:.6g}, {_interval(known.interval or (None, None), confidence)}"
+        for known in calibration.combinations
+    ]
+    lines += [_estimate(parameters[name], entry, confidence) for name, entry in results["estimates"].items()]
     lines += calibration.sentences
     if known is not None and known.chance is not None and known.scale != 1.0:
         lines.append(
@@ -31,11 +35,13 @@ def headline(calibration: Calibration, results: Mapping[str, Any]) -> list[str]:
     return lines
 
 
-def judgement(known: Uncertainty | None) -> list[dict[str, Any]]:
-    """Poor where the fit leaves far more than the noise that was stated."""
-    if known is None or known.chance is None or known.scale <= NOISE_RATIO:
-        return []
-    return [poor(f"the residuals are {known.scale:.2g} times the stated noise: the model does not fit the data")]
+def judgement(calibration: Calibration) -> list[dict[str, Any]]:
+    """Poor where a parameter cannot be found, or the fit leaves far more than the noise that was stated."""
+    findings, known = [poor(sentence) for sentence in calibration.lost], calibration.uncertainty
+    if known is not None and known.chance is not None and known.scale > NOISE_RATIO:
+        what = f"the residuals are {known.scale:.2g} times the stated noise: the model does not fit the data"
+        findings.append(poor(what))
+    return findings
 
 
 def coverage_line(shares: Mapping[str, float], repeats: int) -> str:
@@ -47,6 +53,8 @@ def coverage_line(shares: Mapping[str, float], repeats: int) -> str:
 def _estimate(parameter: Parameter, entry: Mapping[str, Any], confidence: float) -> str:
     """The line on a parameter: value, intervals, error where the truth is known."""
     unit = parameter.suffix
+    if not entry["determined"]:
+        return f"{parameter.name} is not known: {entry['value']:.6g}{unit} fits, and so do others"
     line = f"{parameter.name} {entry['value']:.6g}{unit}, {_interval(entry['interval'], confidence)}"
     if entry["profile"] is not None:
         low, high = entry["profile"]  # None beyond the end of the range

@@ -1,0 +1,121 @@
+"""Directions that are not measured: those of finite elements whose moduli scale alike, and of models that are wrong by
+as much as they say."""
+
+import numpy as np
+import pytest
+from robot.scenes import scene
+
+from cfem.condensed.parameters import Parameter
+from cfem.identify.fit.uncertainty import uncertainty
+from cfem.identify.fit.unmeasured import known_combinations, unmeasured, unmeasured_sentences
+from cfem.identify.robot.measurements import Measurements
+from cfem.identify.robot.residuals import Noise, RobotResiduals
+from cfem.parametric.family import FiniteElementFamily
+from cfem.robot.mesh.meshing import make_mesh
+
+A = Parameter("A", "material.young", "MPa", 0.5, 2.0, 1.0, "log")
+B = Parameter("B", "materials.0.material.young", "MPa", 1.0, 6.0, 3.0, "log")
+L = Parameter("L", "geometry.length", "mm", 30.0, 50.0, 40.0)
+SPANS = np.log([4.0, 6.0])  # of A and B, in the logarithm
+Z = np.array([0.4, 0.6])
+U = np.linspace(1.0, 8.0, 5)
+
+
+def found(slopes, z=Z, parameters=(A, B)):
+    return unmeasured(slopes(z), slopes, z, parameters)
+
+
+def ratios(error=0.0, waves=3.0, weight=0.0):
+    """Slopes of five displacements U log(A/B), and those that an error of `error` mm adds along A B."""
+
+    def slopes(z):
+        a, b = z * SPANS
+        along = error * waves * np.cos(waves * (a + b)) * np.ones(len(U)) + weight * U**2**2
+        return U[:, None] * np.array([SPANS[0], -SPANS[1]]) + along[:, None] * SPANS, np.full(len(U), 2 * error)
+
+    return slopes
+
+
+@pytest.mark.parametrize("error", [0.0, 1e-6, 1e-3, 1e-1])
+@pytest.mark.parametrize("waves", [0.5, 3.0, 6.0])
+def test_a_ratio_is_all_that_is_known_however_the_model_is_wrong(error, waves):
+    for z in np.random.default_rng(0).random((20, 2)):
+        (direction,) = found(ratios(error, waves), z)
+        np.testing.assert_allclose(direction * SPANS, direction[0] * SPANS[0], rtol=1e-6)
+
+
+@pytest.mark.parametrize("error", [0.0, 1e-6, 1e-3])
+def test_what_changes_more_than_the_model_is_wrong_is_measured(error):
+    assert not len(found(ratios(error, 3.0, weight=0.05)))
+
+
+def test_powers_that_are_not_whole_are_kept():
+    direction = np.array([1.0, 0.37]) / SPANS
+    across = np.array([direction[1], -direction[0]])
+    directions = found(lambda z: (np.outer(U, across), None))
+    np.testing.assert_allclose(directions[0] / directions[0][0], direction / direction[0], rtol=1e-6)
+    (sentence,) = unmeasured_sentences(directions, [A, B], "")
+    assert "c A and c^0.37 B" in sentence
+
+
+def test_what_is_known_of_moduli_is_their_ratio_with_its_interval():
+    p, jacobian = np.array([0.8, 4.0]), ratios()(Z)[0]
+    directions = found(ratios())
+    known = uncertainty(np.array([0.1, -0.1, 0.0, 0.1, -0.1]), jacobian, True, 0.95, unmeasured=directions)
+    assert known.information.rank == 1 and np.isinf(known.deviations).all()
+    (ratio,) = known_combinations(directions, [A, B], p, known)
+    value, name = {"A/B": (0.2, "A/B"), "B/A": (5.0, "B/A")}[ratio.name]
+    assert ratio.value == pytest.approx(value) and ratio.name == name
+    half = 1.959964 / np.sqrt((U**2).sum())  # of the slope of a line through the origin
+    np.testing.assert_allclose(np.log(np.array(ratio.interval) / value), [-half, half], rtol=1e-6)
+
+
+def test_lengths_that_act_with_a_modulus_have_no_product():
+    jacobian = np.outer(U, [1.0, 2.0])
+    directions = found(lambda z: (jacobian, None), parameters=(A, L))
+    known = uncertainty(np.zeros(5), jacobian, True, 0.95, unmeasured=directions)
+    assert known_combinations(directions, [A, L], np.array([1.0, 40.0]), known) == []
+    (sentence,) = unmeasured_sentences(directions, [A, L], "measure a force")
+    assert sentence.startswith("only together: a change along") and "-0.5" in sentence.replace("+0.5", "-0.5")
+
+
+def test_one_that_changes_less_than_the_model_is_wrong_is_named_alone():
+    jacobian = np.column_stack([U, 1e-4 * U])
+    directions = found(lambda z: (jacobian, np.full(5, 1e-2)))
+    (sentence,) = unmeasured_sentences(directions, [A, B], "")
+    assert sentence.startswith("B cannot be found")
+
+
+SOFT = "[{region: {kind: box, corners: {mm: [[15, -5, -5], [30, 5, 5]]}}, material: {young: 3 MPa, poisson: 0.3%s}}]"
+HEAVY = {
+    "gravity": "{acceleration: {m/s^2: [0, 0, -9.81]}}",
+    "material": "{young: 1 MPa, poisson: 0.3, density: 1070 kg/m^3}",
+    "materials": SOFT % ", density: 1070 kg/m^3",
+}
+CABLE = "[{kind: cable, name: c, points: {mm: [[5, 0, 3], [25, 0, 3]]}, reach: {mm: [0, 3]}}]"
+PRESSED = "[{kind: push, name: c, points: {mm: [[28, 0, 5]]}, direction: [0, 0, -1], reach: {mm: [0, 3]}}]"
+
+
+@pytest.mark.parametrize(
+    ("changes", "kind", "sources", "count"),
+    [
+        ({}, "displacement", ["effectors"], 1),
+        ({}, "displacement", ["effectors", "actuators"], 0),
+        (HEAVY, "displacement", ["effectors"], 0),
+        ({"actuators": PRESSED}, "force", ["effectors"], 0),
+    ],
+)
+def test_two_moduli_of_finite_elements_are_told_apart_where_something_has_a_force(
+    tmp_path, changes, kind, sources, count
+):
+    spec = scene(tmp_path, **{"materials": SOFT % "", "actuators": CABLE} | changes)
+    family = FiniteElementFamily(spec, make_mesh(spec, tmp_path)[0], (A, B))
+    u, p = np.array([[0.2], [0.5]]), np.array([[0.9, 3.5]])
+    states = family.at(kind, u, np.repeat(p, 2, axis=0))
+    dual = states.lam if kind == "displacement" else states.delta_a
+    measured = Measurements(kind, u, states.x_e, np.full_like(states.x_e, np.nan), dual).of(sources)
+    problem = RobotResiduals(family, measured, Noise(1.0, 1.0, False), p[0], [0, 1])
+    directions = found(lambda z: problem.with_error(z)[1:], problem.z(p)[0])
+    assert len(directions) == count
+    if count:
+        np.testing.assert_allclose(directions[0] * SPANS, directions[0][0] * SPANS[0], rtol=1e-6)
