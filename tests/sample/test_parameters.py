@@ -61,6 +61,7 @@ def test_the_stiffness_of_a_material_by_name_is_as_exact_as_a_modulus(tmp_path):
     ("key", "range_", "message"),
     [
         ("mesh.size", ["5 mm", "6 mm"], "changes the mesh"),
+        ("actuators.0.reach.1", ["5 mm", "6 mm"], "changes no state of the robot"),
         ("materials.0.region.radius", ["3 mm", "4 mm"], "changes the mesh"),
         ("material.poison", [0.3, 0.4], "no number at 'material.poison'"),
         ("material.law", [0.3, 0.4], "no number"),

@@ -286,6 +286,19 @@ def test_cables_that_push_need_the_box_of_displacements(spec, folder):
         run(spec, [*SMALL, "slack=false"], folder / "refused", QUIET, workers=1)
 
 
+@pytest.mark.parametrize("key", ["material.density", "material.viscosity.relaxation"])
+def test_a_parameter_of_motion_alone_needs_motion(folder, tmp_path, key):
+    text = (folder / "pipelines" / "bar" / "scene.yaml").read_text()
+    heavy = "material: {young: 1 MPa, poisson: 0.45, density: 1070 kg/m^3, viscosity: {relaxation: 10 ms}}"
+    (tmp_path / "scene.yaml").write_text(text.replace("material: {young: 1 MPa, poisson: 0.45}", heavy))
+    ends = {"density": "{kg/m^3: [1000, 1200]}", "relaxation": "{ms: [5, 20]}"}[key.split(".")[-1]]
+    lines = ["scene: scene.yaml", f"mesh: {folder}/data/bar/mesh", "out: samples"]
+    lines += ["splits: {train: {rows: 4, method: random}}", f"parameters: {{it: {{key: {key}, range: {ends}}}}}"]
+    (tmp_path / "sample.yaml").write_text("\n".join(lines))
+    with pytest.raises(SpecError, match=r"parameters\.it: .* changes no state of the robot at rest"):
+        run(tmp_path / "sample.yaml", [], None, QUIET, workers=1)
+
+
 def test_derivatives_of_the_rows_of_the_skin_are_those_of_their_compliance(folder, spec):
     """dW of all rows by differences of W between two states of the dataset near each other, and of loads beside it."""
     out = folder / "third"

@@ -107,16 +107,22 @@ def range_coordinates(parameters: Sequence[Parameter]) -> tuple[np.ndarray, np.n
 
 def demand_in_range(parameters: Sequence[Parameter], p: np.ndarray) -> None:
     """Raises InputError where values (..., n_p) are not finite, and NumericalError where one is outside its range by
-    more than the width, in its coordinate; an exact one only has to be positive."""
+    more than the width, in its coordinate, or where no material has it; an exact one only has to be positive."""
     if not np.isfinite(p).all():
         raise InputError(f"a parameter is a finite number; got {p.tolist()}")
     exact = np.array([parameter.exact for parameter in parameters], dtype=bool)
     with np.errstate(invalid="ignore", divide="ignore"):
         places = shares(parameters, p)
     known = np.where(exact, p > 0.0, (places >= -1.0) & (places <= 2.0))
+    possible = np.array([parameter.coordinate != "log(1-2p)" for parameter in parameters], dtype=bool)
+    possible = possible | ((p > -1) & (p < 0.5))
+    known &= possible
     if not known.all():
         index = int((~known).reshape(-1, len(parameters)).any(axis=0).argmax())
         parameter, value = parameters[index], p[~known[..., index]][..., index].flat[0]
+        if not possible[..., index].all():
+            what = f"{parameter.name} = {value:g} is a Poisson's ratio of no material, which is between -1 and 0.5"
+            raise NumericalError(what, do=f"the model was trained on {parameter.low:g} to {parameter.high:g}")
         what = f"{parameter.name} = {value:g}{parameter.suffix} is far outside what the model was trained on"
         do = "ask inside, or sample a wider range and train again"
         raise NumericalError(f"{what} ({parameter.low:g} to {parameter.high:g})", do=do)

@@ -12,9 +12,13 @@ from cfem.core.units import Length, Point, Points
 from cfem.mechanics.mesh import TET_EDGES, TET_FACES, TRIANGLE_EDGES, Mesh
 
 
+def _place(point: Sequence[float]) -> str:
+    return f"({', '.join(f'{number:g}' for number in point)})"
+
+
 def _directed(value: list[float]) -> list[float]:
     if not any(value) or not np.isfinite(value).all():
-        raise ValueError(f"expected a direction, not ({', '.join(f'{number:g}' for number in value)})")
+        raise ValueError(f"expected a direction, not {_place(value)}")
     return value
 
 
@@ -38,6 +42,11 @@ class Box(Spec):
         return self.corners.max(axis=0)
 
     @property
+    def words(self) -> str:
+        """The box in words."""
+        return f"box from {_place(self.low)} to {_place(self.high)} mm"
+
+    @property
     def flat(self) -> int | None:
         """Axis across which the box has no thickness; None where there is none, or more than one."""
         axes = np.flatnonzero(self.high == self.low)
@@ -54,6 +63,11 @@ class Sphere(Spec):
     radius: Length = Field(gt=0)
     """Radius of the ball."""
 
+    @property
+    def words(self) -> str:
+        """The ball in words."""
+        return f"ball of {self.radius:g} mm about {_place(self.centre)} mm"
+
 
 class Plane(Spec):
     """All points on a plane or beyond it."""
@@ -64,6 +78,11 @@ class Plane(Spec):
     """A point of the plane."""
     normal: Direction
     """Direction, x, y and z, in which the selected side lies."""
+
+    @property
+    def words(self) -> str:
+        """The half space in words."""
+        return f"beyond {_place(self.point)} mm towards {_place(self.normal)}"
 
 
 class Cylinder(Spec):
@@ -80,6 +99,12 @@ class Cylinder(Spec):
     side: Literal["inside", "outside"] = "inside"
     """Which points are meant."""
 
+    @property
+    def words(self) -> str:
+        """The cylinder in words."""
+        axis = f"{self.radius:g} mm from the axis through {_place(self.point)} mm along {_place(self.direction)}"
+        return f"{'within' if self.side == 'inside' else 'beyond'} {axis}"
+
 
 class Named(Spec):
     """A node, facet or cell set of the mesh: a physical group of the mesh file, or a part of an assembly."""
@@ -88,6 +113,11 @@ class Named(Spec):
     """A set by its name."""
     name: str
     """Name of the set."""
+
+    @property
+    def words(self) -> str:
+        """Name of the set."""
+        return self.name
 
 
 Shape = Box | Sphere | Plane | Cylinder

@@ -33,6 +33,9 @@ def _parameter(name: str, spec: ParameterSpec, scene: SceneSpec, path: Path) -> 
     if key[0] not in _FREE or "region" in key:
         what = f"key: '{spec.key}' changes the mesh, or nothing"
         raise SpecError(what, where=where, do=f"use a number under one of {', '.join(_FREE)}")
+    if "reach" in key:
+        what = f"key: '{spec.key}' changes no state of the robot, only which ones are asked for"
+        raise SpecError(what, where=where, do="set the reach in the scene, once for all samples")
     reference, unit = _number(scene, key, where)
     ends = []
     for text in spec.ends:

@@ -176,6 +176,12 @@ def _demand_agreement(spec: SampleSpec, scene: SceneSpec) -> None:
     for key in (key for key, value in asked.items() if value and scene.discrepancy):
         what = "the scene's discrepancy, of a calibration, is of its states at rest, and says nothing about it"
         raise SpecError(what, where=key, do="take `discrepancy` out of the scene, or leave this out")
+    weighed = scene.gravity or any(item.at == "centre-of-mass" for item in scene.effectors)
+    for name, parameter in spec.parameters.items() if not spec.dynamics else ():
+        key = parameter.key
+        if "viscosity" in key or (key.endswith("density") and not weighed):
+            what = f"'{key}' changes no state of the robot at rest"
+            raise SpecError(what, where=f"parameters.{name}", do="set `dynamics: true`, or leave it out")
 
 
 def quick_folder(out: Path) -> Path:

@@ -7,6 +7,7 @@ from support.blocks import block
 
 from cfem.core.spec import load_spec
 from cfem.report.sections.robot import facts
+from cfem.robot.materials import MaterialRegion
 from cfem.robot.spec import SceneSpec
 
 PIPELINES = Path(__file__).parents[3] / "pipelines"
@@ -36,3 +37,23 @@ def test_the_reach_of_an_actuator_has_its_unit(robot, expected):
     scene = load_spec(PIPELINES / robot / "scene.yaml", SceneSpec)
     words = facts(scene, block((2, 1, 1), (2, 1, 1)), 4)["actuators"]
     assert words.endswith(expected)
+
+
+def test_each_other_material_says_which_part_is_of_it():
+    scene = load_spec(PIPELINES / "bar" / "scene.yaml", SceneSpec)
+    box = {"kind": "box", "corners": {"mm": [[20, -5, -5], [40, 5, 0]]}}
+    ball = {"kind": "sphere", "centre": {"mm": [50, 0, 0]}, "radius": "3 mm"}
+    pad = {"kind": "name", "name": "solid-2"}
+    regions = [
+        {"region": region, "material": {"young": f"{young} MPa", "poisson": 0.3}}
+        for region, young in ((box, 20), (ball, 3), (pad, 7))
+    ]
+    materials = [MaterialRegion.model_validate(region) for region in regions]
+    scene = scene.model_copy(update={"materials": materials})
+    words = facts(scene, block((2, 1, 1), (2, 1, 1)), 4)["other materials"].split("; ")
+    assert [part.split(":")[0] for part in words] == [
+        "box from (20, -5, -5) to (40, 5, 0) mm",
+        "ball of 3 mm about (50, 0, 0) mm",
+        "solid-2",
+    ]
+    assert [f"Young's modulus {young} MPa" in part for part, young in zip(words, (20, 3, 7), strict=True)] == [True] * 3

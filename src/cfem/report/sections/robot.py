@@ -75,7 +75,9 @@ def facts(scene: SceneSpec, mesh: Mesh, held: int) -> dict[str, str]:
         "material": _material(scene.material),
     }
     if scene.materials:
-        words["other materials"] = "; ".join(_material(item.material) for item in scene.materials)
+        words["other materials"] = "; ".join(
+            f"{item.region.words}: {_material(item.material)}" for item in scene.materials
+        )
     if scene.layers:
         words["layers"] = "; ".join(map(_layer, scene.layers))
     if scene.self_contact:
