@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from cfem.contact.obstacle import Plane, Sphere
-from cfem.control.task.obstacles.clearance import demand_outside, demand_way
+from cfem.contact.prescribed_motion import Translation
+from cfem.control.task.obstacles.clearance import demand_near, demand_outside, demand_way
 from cfem.core.errors import SpecError
 
 ROBOT = SimpleNamespace(X=np.array([[0.0, 0, 0], [10.0, 0, 0], [20.0, 0, 0]]), fixed=np.array([0]), length=20.0)
@@ -49,3 +50,12 @@ def test_a_way_to_where_the_robot_is_held_is_refused_and_one_to_its_tip_is_not()
     demand_way(ROBOT, NODES[1:], {"ball": Coming(0.0)})  # the held node is within the body
     with pytest.raises(SpecError, match=r"leads 0\.\d+ mm into where the robot is held, 85 % through"):
         demand_way(ROBOT, NODES, {"ball": Coming(0.0)})
+
+
+def test_what_stays_two_lengths_away_is_refused_and_what_comes_near_is_not():
+    ball = Sphere(5.0, t=np.array([520.0, 0, 0]))
+    demand_near(ROBOT, NODES, {"ball": Translation(ball, np.array([[0.0, 0, 0], [-470.0, 0, 0]]))})
+    with pytest.raises(
+        SpecError, match=r"obstacles\.ball: it is never nearer than 495 mm, 24\.8 times the robot's length"
+    ):
+        demand_near(ROBOT, NODES, {"ball": Translation(ball, np.zeros((1, 3)))})

@@ -1,9 +1,11 @@
-"""Checks before a robot that meets obstacles starts: it overlaps nothing, and nothing comes to its mount."""
+"""Checks before a robot that meets obstacles starts: it overlaps nothing, nothing comes to its mount, and what it is to
+touch comes near it."""
 
 from collections.abc import Mapping
 
 import numpy as np
 
+from cfem.condensed.far import FAR
 from cfem.contact.obstacle import Obstacle, Plane
 from cfem.contact.prescribed_motion import PrescribedMotion
 from cfem.core.errors import InputError, NumericalError, SpecError
@@ -55,3 +57,18 @@ def demand_way(robot: Robot, nodes: np.ndarray, courses: Mapping[str, Prescribed
                     where=f"obstacles.{name}",
                     do="end it before",
                 )
+
+
+def demand_near(robot: Robot, nodes: np.ndarray, courses: Mapping[str, PrescribedMotion]) -> None:
+    """Raises SpecError where an obstacle is so far from the robot at rest, all the time, that it is never touched."""
+    surface = robot.X[nodes]
+    for name, motion in courses.items():
+        shares = np.linspace(0.0, 1.0, STOPS) if motion.way(0.0, 1.0) > 0 else [0.0]
+        away = min(motion.at(share).distance(surface).min() for share in shares)
+        if away > FAR * robot.length:
+            raise SpecError(
+                f"it is never nearer than {away:.3g} mm, {away / robot.length:.3g} times the robot's length: the robot "
+                "does not come to it",
+                where=f"obstacles.{name}",
+                do="check the unit of its place, or leave it out",
+            )

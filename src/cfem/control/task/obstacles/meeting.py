@@ -7,7 +7,7 @@ from typing import Any
 
 from cfem.condensed.model_error import ContactError
 from cfem.contact.prescribed_motion import ActuatedRobot
-from cfem.control.task.obstacles.clearance import demand_apart, demand_outside, demand_way
+from cfem.control.task.obstacles.clearance import demand_apart, demand_near, demand_outside, demand_way
 from cfem.control.task.obstacles.read import ReadObstacles, read_obstacles
 from cfem.control.task.obstacles.spec import ObstaclesSpec
 from cfem.control.task.obstacles.world import ObstacleWorld, world_of
@@ -49,6 +49,7 @@ def with_obstacles(
         with located(models[name]):
             demand_outside(robot, model.skin.nodes, obstacles.at_first)
             demand_way(robot, model.skin.nodes, obstacles.moving)
+            demand_near(robot, model.skin.nodes, obstacles.touched)
     others = {
         name: other_robot(spec, spec.obstacles[name], base, name, course) for name, course in obstacles.robots.items()
     }

@@ -40,6 +40,11 @@ class ReadObstacles:
         return self.rigid | {name: course.at(0.0) for name, course in self.robots.items()}
 
     @property
+    def touched(self) -> dict[str, PrescribedMotion]:
+        """Those of `motions` that are not avoided."""
+        return {name: motion for name, motion in self.motions.items() if name not in self.avoided}
+
+    @property
     def moving(self) -> dict[str, PrescribedMotion]:
         """Those of `motions` that do not stand still."""
         return {name: motion for name, motion in self.motions.items() if motion.way(0.0, 1.0) > 0}
