@@ -8,7 +8,8 @@ from cfem.control.closed_loop.run_spec import ClosedLoopSpec
 from cfem.control.crawling.spec import CrawlingSpec
 from cfem.control.holding.spec import HoldingSpec
 from cfem.control.spec import ControlSpec
-from cfem.control.task.goals.from_spec import demand_fits
+from cfem.control.task.goals.from_spec import demand_fits, read_goals
+from cfem.control.task.goals.trajectory_spec import GoalsSpec
 from cfem.control.task.obstacles.spec import ObstaclesSpec
 from cfem.control.task.run_spec import RunSpec, TrackingSpec
 from cfem.core.spec import load_spec
@@ -19,6 +20,9 @@ from cfem.robot.spec import SceneSpec, demand_driven, scene_meaning
 def _reads(spec: RunSpec, base: Path) -> dict[str, Path]:
     """Artefacts and files besides the mesh, by name."""
     inputs = {f"model {name}": base / path for name, path in spec.models.items()}
+    if isinstance(spec, TrackingSpec):
+        files = {name: getattr(trajectory, "file", None) for name, trajectory in spec.trajectories.items()}
+        inputs |= {f"goals {name}": base / path for name, path in files.items() if path is not None}
     if isinstance(spec, ObstaclesSpec):
         inputs |= {f"obstacle {name}": base / path for name, path in spec.files.items()}
         scenes = _scenes_of_obstacles(spec, base)
@@ -66,9 +70,11 @@ def _agrees(spec: RunSpec, base: Path) -> None:
     demand_driven(scene)
     if isinstance(spec, TrackingSpec) and not isinstance(spec, HoldingSpec):
         rows = [len(item.axes) for item in scene.effectors]
-        aims = [len(item.axes) for item in scene.effectors if item.at != "centre-of-mass"]
+        aimed = [f"{item.name}.{axis}" for item in scene.effectors for axis in item.axes if item.at != "centre-of-mass"]
         for name, trajectory in spec.trajectories.items():
-            demand_fits(name, trajectory, len(scene.actuators), sum(rows), sum(aims))
+            demand_fits(name, trajectory, len(scene.actuators), sum(rows), len(aimed))
+            if isinstance(trajectory, GoalsSpec) and trajectory.file is not None:
+                read_goals(base / trajectory.file, aimed)
 
 
 COMMAND = Command(

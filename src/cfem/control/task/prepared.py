@@ -88,7 +88,9 @@ def prepare(
             rest_e = world.rest(rest_e)
         plant = (touched or fem) if fem else ModelPlant(next(iter(predictors.values())), rest_e)
     if goals is None:
-        goals = {name: goals_of(name, trajectory, robot, fem, shift) for name, trajectory in spec.trajectories.items()}
+        goals = {
+            name: goals_of(name, trajectory, base, robot, fem, shift) for name, trajectory in spec.trajectories.items()
+        }
         for name, points in goals.items():
             if spec.trajectories[name].kind != "image":
                 demand_near(name, points, robot)

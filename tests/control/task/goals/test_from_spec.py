@@ -10,7 +10,7 @@ from pydantic import TypeAdapter
 from cfem.condensed import Rows
 from cfem.control.task.goals.from_spec import demand_fits, demand_near, goals_of
 from cfem.control.task.goals.trajectory_spec import GoalsSpec, TrajectorySpec
-from cfem.core.errors import NumericalError, SpecError
+from cfem.core.errors import InputError, NumericalError, SpecError
 from cfem.core.yaml import read_yaml
 
 PIPELINES = Path(__file__).parents[4] / "pipelines"
@@ -41,7 +41,7 @@ class Snapping(Fem):
 
 
 def goals(robot=ROBOT, shift=NOWHERE, **spec):
-    return goals_of("curve", TRAJECTORY.validate_python(spec), robot, Fem(), shift)
+    return goals_of("curve", TRAJECTORY.validate_python(spec), Path(), robot, Fem(), shift)
 
 
 def test_given_points_are_taken_and_move_with_the_design():
@@ -51,10 +51,50 @@ def test_given_points_are_taken_and_move_with_the_design():
     np.testing.assert_array_equal(moved, [[0, 1.5, 1], [3, 4.5, 4]])
 
 
+def test_a_straight_line_is_its_two_ends_and_a_number_of_goals():
+    line = goals(kind="goals", points={"mm": [[0, 0, -120], [0, 30, -80]]}, goals=6)
+    np.testing.assert_allclose(line, np.stack([np.zeros(6), np.arange(0, 31, 6), np.arange(-120, -79, 8)], axis=1))
+    bent = goals(kind="goals", points={"mm": [[0, 0, 0], [0, 0, 0], [3, 0, 0], [3, 1, 0]]}, goals=5)
+    np.testing.assert_allclose(bent, [[0, 0, 0], [1, 0, 0], [2, 0, 0], [3, 0, 0], [3, 1, 0]], atol=1e-12)
+    np.testing.assert_array_equal(goals(kind="goals", points={"mm": [[1, 2, 3]]}, goals=2), [[1, 2, 3]] * 2)
+
+
+WATCHED = SimpleNamespace(**{**vars(ROBOT), "rows": Rows(("tip.x", "tip.y", "tip.z"), ("a", "b"))})
+
+
+def from_file(folder, text, **more):
+    (folder / "path.csv").write_text(text, encoding="utf-8")
+    trajectory = TRAJECTORY.validate_python({"kind": "goals", "file": "path.csv", **more})
+    return goals_of("curve", trajectory, folder, WATCHED, Fem(), NOWHERE)
+
+
+def test_goals_come_from_a_table_in_any_order_of_its_columns_and_in_its_units(tmp_path):
+    text = "\ufefftip.z [cm];tip.x [mm];tip.y [m]\n-12,0;1,5;0,01\n-11,5;2,5;0,02\n"
+    np.testing.assert_allclose(from_file(tmp_path, text), [[1.5, 10, -120], [2.5, 20, -115]])
+    np.testing.assert_allclose(from_file(tmp_path, text, about="rest", goals=3)[1], [2.0, 25, -237.5])
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (
+            "tip.x [mm],tip.y [mm]\n1,2\n",
+            r"path\.csv: has no column 'tip\.z' \(the goals need tip\.x, tip\.y, tip\.z\)",
+        ),
+        ("tip.x [mm],tip.y [mm],tip.z [mm]\n1,,2\n", r"path\.csv.*2.*has no number for tip\.y"),
+        ("tip.x [mm],tip.y [mm],tip.z [mm]\n", "holds no"),
+        ("tip.x,tip.y,tip.z\n1,2,3\n", "expected a name and its unit"),
+    ],
+)
+def test_a_table_that_lacks_something_is_refused_with_its_place(tmp_path, text, words):
+    with pytest.raises(InputError, match=words):
+        from_file(tmp_path, text)
+
+
 def test_images_without_a_stable_state_are_left_out():
     image = TRAJECTORY.validate_python({"kind": "image", "centre": 0.5, "radii": 0.4, "goals": 8})
-    every = goals_of("curve", image, ROBOT, Fem(), NOWHERE)
-    stable = goals_of("curve", image, ROBOT, Snapping(0.7), NOWHERE)
+    every = goals_of("curve", image, Path(), ROBOT, Fem(), NOWHERE)
+    stable = goals_of("curve", image, Path(), ROBOT, Snapping(0.7), NOWHERE)
     np.testing.assert_array_equal(stable, every[every[:, 0] <= 0.7])
     assert len(stable) == 5
 
@@ -63,7 +103,7 @@ def test_an_image_that_mostly_has_no_stable_state_is_an_error():
     image = TRAJECTORY.validate_python({"kind": "image", "centre": 0.5, "radii": 0.4, "goals": 8})
     words = r"no stable state is found for 5 of 8 goals; the first is goal 0, at \[0.9, 0.5\] of the reach"
     with pytest.raises(NumericalError, match=words):
-        goals_of("curve", image, ROBOT, Snapping(0.49), NOWHERE)
+        goals_of("curve", image, Path(), ROBOT, Snapping(0.49), NOWHERE)
 
 
 def test_an_arc_begins_at_rest_where_it_is_asked_to():
@@ -82,7 +122,7 @@ def test_goals_about_rest_follow_a_longer_robot_and_those_of_the_published_one_s
     for name, height in (("circle", 133.0), ("circle-above", 141.0)):
         for rest in (125.0, 187.5):
             robot = SimpleNamespace(**{**vars(ROBOT), "rest_e": np.array([0.0, 0.0, rest])})
-            found = goals_of(name, spec[name], robot, Fem(), NOWHERE)
+            found = goals_of(name, spec[name], Path(), robot, Fem(), NOWHERE)
             np.testing.assert_array_equal(found[:, 2], height + rest - 125)
             np.testing.assert_allclose(np.linalg.norm(found[:, :2], axis=1), 20)
 
@@ -142,7 +182,7 @@ def test_no_goal_is_set_for_a_centre_of_mass():
     aims = np.array([True, True, True, False, False, False])
     robot = SimpleNamespace(rows=SimpleNamespace(n_e=6, n_a=2), rest_e=np.arange(6.0), aims=aims)
     points = GoalsSpec(kind="goals", points={"mm": [[1.0, 2, 3], [4, 5, 6]]})
-    found = goals_of("a", points, robot, None, np.zeros(0))
+    found = goals_of("a", points, Path(), robot, None, np.zeros(0))
     assert found.tolist() == [[1, 2, 3, 3, 4, 5], [4, 5, 6, 3, 4, 5]]
 
 

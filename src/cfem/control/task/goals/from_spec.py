@@ -1,20 +1,30 @@
 """The goals of a trajectory that a spec describes."""
 
+from collections.abc import Sequence
+from pathlib import Path
+
 import numpy as np
 
+from cfem.condensed import Rows
 from cfem.condensed.far import FAR, doubt, far_of
-from cfem.control.task.goals.trajectory import arc, half_sphere, loop_of_shares, with_approach
+from cfem.control.task.goals.trajectory import along, arc, half_sphere, loop_of_shares, with_approach
 from cfem.control.task.goals.trajectory_spec import ArcSpec, GoalsSpec, HalfSphereSpec, ImageSpec, TrajectorySpec
 from cfem.core.console.progress import progress
-from cfem.core.errors import NumericalError, SpecError
+from cfem.core.errors import InputError, NumericalError, SpecError
+from cfem.dataset.tables import read_table
 from cfem.equilibrium.system.robot import Robot
 from cfem.plant.fem_plant import FemPlant
 
 
-def goals_of(name: str, trajectory: TrajectorySpec, robot: Robot, fem: FemPlant, shift: np.ndarray) -> np.ndarray:
-    """Goals (m, n_e) mm absolute of a trajectory. robot: or what stands for several and their object; shift: (n_e,) mm
-    by how much they move with a design, empty without one. Goals that are images are fewer than asked for where the
-    robot has no stable state (`left_out`). NumericalError where most of them have none."""
+def goals_of(
+    name: str, trajectory: TrajectorySpec, base: Path, robot: Robot, fem: FemPlant, shift: np.ndarray
+) -> np.ndarray:
+    """Goals (m, n_e) mm absolute of a trajectory. Goals that are images are fewer than asked for where the robot has no
+    stable state (`left_out`). NumericalError where most of them have none.
+
+    base:  folder of the spec
+    robot: or what stands for several and their object
+    shift: (n_e,) mm by how much goals move with a design, empty without one"""
     if isinstance(trajectory, ArcSpec):
         on_arc = arc(*(getattr(trajectory, key) for key in ("centre", "radius", "start", "end", "plane", "goals")))
         on_arc = _on_rows(name, trajectory, on_arc, robot, shift)
@@ -24,7 +34,12 @@ def goals_of(name: str, trajectory: TrajectorySpec, robot: Robot, fem: FemPlant,
         return _on_rows(name, trajectory, points, robot, shift)
     if isinstance(trajectory, GoalsSpec):
         oriented = [] if trajectory.rotation is None else [trajectory.rotation]
-        return _on_rows(name, trajectory, np.hstack([trajectory.points, *oriented]), robot, shift)
+        points = trajectory.points
+        if trajectory.file is not None:
+            aimed = [row for row, aims in zip(robot.rows.effectors, robot.aims, strict=True) if aims]
+            points = read_goals(base / trajectory.file, aimed)
+        points = points if trajectory.goals is None else along(points, trajectory.goals)
+        return _on_rows(name, trajectory, np.hstack([points, *oriented]), robot, shift)
     centre, radii = _shares(name, trajectory, robot.rows.n_a)
     shares = loop_of_shares(centre, radii, trajectory.goals, trajectory.shape)
     return _images(name, shares, fem)
@@ -50,12 +65,29 @@ def _images(name: str, shares: np.ndarray, fem: FemPlant) -> np.ndarray:
     return np.array(goals)
 
 
+def read_goals(path: Path, rows: Sequence[str]) -> np.ndarray:
+    """Goals (m, n) of effector rows, mm and rad, from a table. InputError where it lacks a row of them, or a number."""
+    units = {row: "rad" if turns else "mm" for row, turns in zip(rows, Rows(tuple(rows), ()).turns, strict=True)}
+    table = read_table(path, units)
+    goals = table.stack(rows)
+    lacking = [row for row in rows if row not in table.columns]
+    if lacking:
+        do = f"the goals need {', '.join(rows)}"
+        raise InputError(f"has no column '{lacking[0]}'", where=str(path), do=do)
+    if not len(goals):
+        raise InputError("holds no goal", where=str(path), do="give one row per goal")
+    for place, goal in zip(table.places, goals, strict=True):
+        if np.isnan(goal).any():
+            raise InputError(f"has no number for {rows[int(np.isnan(goal).argmax())]}", where=place)
+    return goals
+
+
 def demand_fits(name: str, trajectory: TrajectorySpec, n_a: int, n_e: int, aims: int) -> None:
     """SpecError where a trajectory has numbers for another number of actuators, or of effector rows: all, n_e, or those
     that goals are set for."""
     if isinstance(trajectory, ImageSpec):
         _shares(name, trajectory, n_a)
-    if isinstance(trajectory, GoalsSpec) and trajectory.rotation is None:
+    if isinstance(trajectory, GoalsSpec) and trajectory.points is not None and trajectory.rotation is None:
         numbers = trajectory.points.shape[1]
         _demand_rows(name, numbers, aims if numbers == aims else n_e)
 

@@ -26,6 +26,14 @@ def with_approach(goals: np.ndarray, start: np.ndarray, count: int) -> np.ndarra
     return np.vstack([np.linspace(start, goals[0], count, endpoint=False), goals])
 
 
+def along(points: np.ndarray, goals: int) -> np.ndarray:
+    """Points (goals, n) mm, evenly spaced on the straight lines from each of the points (m, n) mm to the next, both
+    ends included; the first alone where one is asked for."""
+    lengths = np.concatenate([[0.0], np.linalg.norm(np.diff(points, axis=0), axis=1).cumsum()])
+    places = np.linspace(0.0, lengths[-1], goals)
+    return np.stack([np.interp(places, lengths, column) for column in points.T], axis=1)
+
+
 def half_sphere(centre: np.ndarray, radius: float, turns: float, goals: int) -> np.ndarray:
     """Points (goals, 3) mm on a sphere about centre (3,) mm, from its top down to its equator, both included, by equal
     angles from the z axis and, `turns` in all, by equal angles about it."""

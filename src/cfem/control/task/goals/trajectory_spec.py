@@ -1,8 +1,9 @@
 """Trajectories of `control.yaml`: goals on an arc, one by one, or on a curve that the robot can reach."""
 
+from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field, NonNegativeInt, PositiveInt
+from pydantic import ConfigDict, Field, NonNegativeInt, PositiveInt
 
 from cfem.core.spec import Spec
 from cfem.core.units import Angle, AngleMatrix, Length, LengthMatrix, LengthVector
@@ -59,12 +60,19 @@ class HalfSphereSpec(PlacesSpec):
 
 
 class GoalsSpec(PlacesSpec):
-    """Goals one by one."""
+    """Goals one by one, or on straight lines. Give points or a file."""
 
+    model_config = ConfigDict(json_schema_extra={"oneOf": [{"required": ["points"]}, {"required": ["file"]}]})
     kind: Literal["goals"]
     """Stated goals."""
-    points: LengthMatrix
+    points: LengthMatrix | None = None
     """Goals of the effectors, one row per goal."""
+    file: Path | None = None
+    """Table of them instead, .csv, .parquet or .yaml: one row per goal, with a column for each effector row and its
+    unit, such as `tip.x [mm]`."""
+    goals: PositiveInt | None = None
+    """Number of goals, evenly spaced on the straight lines from each point to the next, both ends included. The points
+    themselves unless given."""
     rotation: AngleMatrix | None = None
     """Orientation of the object at the goals: its rotation vector from rest, one row per goal. It is left free unless
     given."""
@@ -73,7 +81,13 @@ class GoalsSpec(PlacesSpec):
     back to rest. It needs object.table."""
 
     def check(self) -> None:
-        if self.rotation is not None and len(self.rotation) != len(self.points):
+        if (self.points is None) == (self.file is None):
+            raise ValueError("give goals by `points` or by `file`, one of both")
+        if self.rotation is None:
+            return
+        if self.points is None or self.goals is not None:
+            raise ValueError("rotation goes with points, one row per goal, and not with file or goals")
+        if len(self.rotation) != len(self.points):
             raise ValueError(f"{len(self.points)} points, but {len(self.rotation)} rows of rotation: give one per goal")
 
     def demand_object(self, name: str, turns: bool, table: bool) -> None:
