@@ -95,7 +95,8 @@ def _read_parquet(path: Path, units: Units) -> Table:
 def _demand_known(names: Iterable[str], units: Units, path: Path) -> None:
     strange = next((name for name in names if name not in units), None)
     if strange is not None:
-        raise InputError(f"column '{strange}': expected one of {', '.join(units)}", where=str(path))
+        do = "rename it, or take it out of the table"
+        raise InputError(f"column '{strange}': expected one of {', '.join(units)}", where=str(path), do=do)
 
 
 def _titles(path: Path, units: Units, titles: Sequence[str]) -> tuple[list[str], np.ndarray]:

@@ -91,6 +91,38 @@ def test_residuals_far_above_the_stated_noise_are_judged(folder, tmp_path):
     assert "times the stated noise" in judged["what"]
 
 
+def rows_of(folder):
+    """Displacement, tip and force of the measured states."""
+    table = pq.read_table(folder / "measured" / "train.parquet")
+    rest = json.loads(table.schema.metadata[b"cfem"])["rest_e"]
+    return np.hstack([np.array(table[name].to_pylist()) for name in ("delta_a", "delta_e", "lambda_a")]) + [0, *rest, 0]
+
+
+TITLES = "c.displacement [mm],tip.x [mm],tip.y [mm],tip.z [mm],c.force [N]"
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda rows: rows + [0, 0, 0, 30, 0], "mm of the effectors"),
+        (lambda rows: rows * [1, 0.1, 0.1, 0.1, 1], "mm of the effectors"),
+        (lambda rows: rows * [1, 1, 1, 1, 1e3], "N of the forces"),
+        (lambda rows: rows * [20, 1, 1, 1, 1], "outside what the model was trained on: 2, 3"),
+        (lambda rows: rows, None),
+        (lambda rows: rows[2:], None),
+    ],
+)
+def test_measurements_of_another_frame_or_unit_are_judged(folder, tmp_path, change, words):
+    rows = change(rows_of(folder))
+    lines = [TITLES, *(",".join(f"{number:.9g}" for number in row) for row in rows)]
+    (tmp_path / "measured.csv").write_text("\n".join(lines) + "\n")
+    overrides = [f"measurements={tmp_path}/measured.csv", "use=[effectors, actuators]", "find=[nu, E]", "starts=2"]
+    results = calibrate(folder, *overrides, "profile=false", "figure=false", out=tmp_path / "out")["results"]
+    assert any("root mean square" in line for line in results["headline"])
+    judged = [finding["what"] for finding in results.get("judgement", [])]
+    assert any(words in what for what in judged) if words else judged == [], judged
+
+
 def test_the_modulus_needs_the_forces(folder, tmp_path):
     blind = calibrate(folder, "find=[nu, E]", "starts=3", "figure=false", out=tmp_path / "blind")["results"]
     (judged,) = blind["judgement"]

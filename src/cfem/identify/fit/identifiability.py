@@ -60,8 +60,9 @@ def share_sentences(parameters: Sequence[Parameter], known: Uncertainty) -> list
     sentences = []
     for parameter, half in zip(parameters, known.half(np.eye(len(parameters))), strict=True):
         if np.isfinite(half) and half > _WEAK:
+            known_to = f"+-{100 * half:.0f} % of" if half < 1 else "no better than"
             sentences.append(
-                f"{parameter.name} is weakly identifiable: known to +-{100 * half:.0f} % of its range "
+                f"{parameter.name} is weakly identifiable: known to {known_to} its range "
                 f"[{parameter.low:g}, {parameter.high:g}]{parameter.suffix}"
             )
     if not sentences and len(parameters) == known.information.rank > 0:

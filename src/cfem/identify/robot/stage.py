@@ -57,14 +57,9 @@ def _work(folder: Path, spec: CalibrateSpec, base: Path) -> dict[str, Any]:
         shares = zip(calibration.estimates, coverage(calibration, noise, spec.confidence, spec.repeats), strict=True)
         results["coverage"] = {estimate.name: share for estimate, share in shares if estimate.deviation is not None}
         lines.append(coverage_line(results["coverage"], spec.repeats))
-    if spec.fe:
-        results["solves"] = family.solves
-    else:
-        results["outside"] = family.outside(calibration.states)
-        if results["outside"]:
-            rows = ", ".join(str(state + 1) for state in results["outside"])
-            lines.append(f"states (rows of the measurements) outside what the model was trained on: {rows}")
-    results = {"judgement": judgement(calibration), **results}
+    outside = [] if spec.fe else family.outside(calibration.states)
+    results |= {"solves": family.solves} if spec.fe else {"outside": outside}
+    results = {"judgement": judgement(calibration, outside), **results}
     write_json(folder / RESULT, results)
     write_states(folder / TABLE, calibration)
     if spec.figure and installed("matplotlib"):

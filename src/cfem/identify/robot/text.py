@@ -7,6 +7,7 @@ from cfem.condensed.parameters import Parameter
 from cfem.core.artefact.judgement import NOISE_RATIO, poor
 from cfem.core.console.shown import counted, duration
 from cfem.identify.robot.calibration import Calibration
+from cfem.identify.robot.misfit import LARGE, misfits
 
 
 def headline(calibration: Calibration, results: Mapping[str, Any]) -> list[str]:
@@ -27,6 +28,7 @@ def headline(calibration: Calibration, results: Mapping[str, Any]) -> list[str]:
         )
     if known is not None and known.covariance is None:
         lines.append("as many parameters as measurements: no intervals without a stated noise")
+    lines.append(f"the fit leaves {' and '.join(misfit.words for misfit in misfits(calibration))}, root mean square")
     lines.append(
         f"{counted(len(problem.measured), 'state')}, {counted(len(problem.target), 'number')}, "
         f"{counted(len(calibration.fits), 'start')}, "
@@ -35,9 +37,18 @@ def headline(calibration: Calibration, results: Mapping[str, Any]) -> list[str]:
     return lines
 
 
-def judgement(calibration: Calibration) -> list[dict[str, Any]]:
-    """Poor where a parameter cannot be found, or the fit leaves far more than the noise that was stated."""
+def judgement(calibration: Calibration, outside: Sequence[int]) -> list[dict[str, Any]]:
+    """Poor where a parameter cannot be found, where states are unlike those that the model was trained on, numbers from
+    0, and where the fit leaves far more than the noise that was stated, or much of what was measured."""
     findings, known = [poor(sentence) for sentence in calibration.lost], calibration.uncertainty
+    if known is not None and not (known.chance is not None and known.scale == 1.0):  # else it is the noise
+        large = [misfit for misfit in misfits(calibration) if misfit.share > LARGE]
+        do = "check units, axes and signs of the measurements, and that they are in the frame of the scene"
+        left = " and ".join(misfit.words for misfit in large)
+        findings += [poor(f"the fit leaves {left}, root mean square: {do}")] if large else []
+    if outside:
+        rows = ", ".join(str(state + 1) for state in outside)
+        findings.append(poor(f"states (rows of the measurements) outside what the model was trained on: {rows}"))
     if known is not None and known.chance is not None and known.scale > NOISE_RATIO:
         what = f"the residuals are {known.scale:.2g} times the stated noise: the model does not fit the data"
         findings.append(poor(what))
