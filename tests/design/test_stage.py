@@ -9,7 +9,7 @@ import pytest
 from design.bars import QUIET, learn
 
 from cfem.core.errors import SpecError
-from cfem.design.answer import contradictions, parameters
+from cfem.design.answer import contradictions, parameters, unchecked
 from cfem.design.stage import run
 from cfem.robot.cad import File, SurfaceSolid
 from cfem.robot.mesh.meshing import measure
@@ -109,6 +109,20 @@ def test_a_design_that_finite_elements_contradict_is_said(done):
     assert [one["what"].split(":")[0] for one in judged] == ["design effort"] and judged[0]["contradicted"]
     assert "effort 3 N^2, the model" in judged[0]["what"]
     assert "200 % of its spread" in judged[0]["what"]
+
+
+def test_a_guess_of_the_model_that_nothing_has_checked_is_said(done):
+    designs = deepcopy(done["designs"])
+    assert unchecked(designs) == []
+    for entry in designs.values():
+        entry |= {"outside": True, "uncertain": ["strength"]}
+    assert unchecked(designs) == []  # finite elements have checked them
+    unseen = {name: designs[name] for name in ("dexterity", "strength")}
+    for entry in unseen.values():
+        del entry["fe"]
+    outside_first, outside_second, inverse = (finding["what"] for finding in unchecked(unseen))
+    assert outside_first.startswith("design dexterity is outside") and outside_second.startswith("design strength is")
+    assert inverse.startswith("design strength: strength inverts the compliance of the tip")
 
 
 def test_it_is_told_which_parameter_matters(done):

@@ -44,16 +44,35 @@ def test_learned_robots_are_the_models_own_answers(learned, kind):
     assert learned.outside(learned.at("displacement", u, np.array([[0.42, 2.0], [0.1, 2.0]]))) == [1]
 
 
+def with_error(size, command="displacement"):
+    """The learned family of a model that states an error of this size, relative, of everything."""
+    training, bound = dataset(40, 1, parameters=True), {"everywhere": size, "factor": size, "power": 0.0}
+    card = model_card("spectral", training, "displacement")
+    card["model_error"] = {"probability": 0.95, "left_out": 0, "states": 20, "command": command}
+    card["model_error"] |= {"tip": bound, "actuators": bound, "W": bound}
+    return LearnedFamily(build(card, fit(training, "displacement", max_degree=4).arrays))
+
+
+def test_the_stiffness_of_the_tip_is_known_where_the_error_is_less_than_its_least_compliance():
+    p, u, rows = np.array([[0.42, 2.0]]), np.array([[4.0, 5.0]]), np.arange(2)
+    states = with_error(0.0).at("displacement", u, p)
+    size = np.sqrt(np.diag(states.W[0])[:2])
+    least = np.linalg.eigvalsh(states.locked_compliance[0, :2, :2] / np.outer(size, size))[0]
+    for share, known in ((0.5, True), (2.0, False)):
+        assert with_error(share * least).knows_stiffness(states, rows).tolist() == [known]
+
+
+def test_far_from_all_samples_there_is_no_state(learned):
+    with pytest.raises(NumericalError, match="far outside what the model was trained on"):
+        learned.at("displacement", np.array([[4e3, 5.0]]), np.array([[0.42, 2.0]]))
+
+
 @pytest.mark.parametrize("command", FORMS)
 @pytest.mark.parametrize("kind", FORMS)
 def test_the_stated_error_bounds_what_errors_of_the_other_command_do(command, kind):
     """A model that is wrong by what it states of forces at displacements, or of displacements at forces, is the model
     asked for a command that is beside by as much."""
-    training, bound = dataset(40, 1, parameters=True), {"everywhere": 1e-6, "factor": 1e-6, "power": 0.0}
-    card = model_card("spectral", training, "displacement")
-    card["model_error"] = {"probability": 0.95, "left_out": 0, "states": 20, "command": command}
-    card["model_error"] |= {"tip": bound, "actuators": bound, "W": bound}
-    family = LearnedFamily(build(card, fit(training, "displacement", max_degree=4).arrays))
+    family = with_error(1e-6, command)
     p, u = np.array([[0.42, 2.0]]), np.array([[4.0, 5.0]])
     states = family.at(kind, u, p)
     effectors, dual = family.false_change(kind, states)

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from cfem.condensed.parameters import named, units_of
-from cfem.core.artefact.judgement import DESIGN_GAP, contradicted
+from cfem.core.artefact.judgement import DESIGN_GAP, contradicted, poor
 from cfem.core.console.shown import duration, length
 from cfem.dataset.writer import write_columns
 from cfem.design.objectives import with_unit
@@ -16,6 +16,8 @@ from cfem.design.problem import DesignProblem
 from cfem.design.verify import CheckedDesign
 from cfem.design.volume import Volume
 from cfem.parametric.differences import Stencil
+from cfem.parametric.family import Family, LearnedFamily
+from cfem.parametric.states import States
 
 FEW = 3  # parameters of a design that a line may state
 
@@ -40,6 +42,11 @@ def entry(
         "effector": states.x_e[0],
         "actuators": {"displacement": states.delta_a[0], "force": states.lam[0]},
         "outside": bool(getattr(family, "outside", lambda states: [])(states)),
+        "uncertain": [
+            name
+            for name, objective in problem.objectives.items()
+            if getattr(objective, "inverts", False) and not _knows_inverse(family, states, objective.rows)
+        ],
         "search": f"{design.iterations} iterations: {design.message}",
     }
     if volume:
@@ -55,6 +62,11 @@ def entry(
             "effector_distance": checked.distance,
         }
     return result
+
+
+def _knows_inverse(family: Family, states: States, rows: np.ndarray) -> bool:
+    """True where a state's stiffness at the effector's rows (3,) is known; finite elements know it."""
+    return not isinstance(family, LearnedFamily) or bool(family.knows_stiffness(states, rows)[0])
 
 
 def _in_words(problem: DesignProblem, objectives: np.ndarray) -> dict[str, str]:
@@ -86,6 +98,21 @@ def parameters(p: dict[str, float], units: dict[str, str]) -> str:
     if len(p) > FEW:
         return f"a design whose {len(p)} parameters are in design.json"
     return ", ".join(f"{key} {value:.4g} {units.get(key, '')}".rstrip() for key, value in p.items())
+
+
+def unchecked(designs: dict[str, Any]) -> list[dict[str, Any]]:
+    """Findings where the model's answer is no more than a guess, and finite elements have not checked it."""
+    findings = []
+    for name, entry in designs.items():
+        if "fe" in entry:
+            continue
+        if entry["outside"]:
+            findings.append(poor(f"design {name} is outside what the model was trained on: check it with `verify: fe`"))
+        shown = [name] if name in entry["objectives"] else list(entry["objectives"])
+        for key in (key for key in shown if key in entry["uncertain"]):
+            what = f"{key} inverts the compliance of the tip, whose smallest part is less than the model's own error"
+            findings.append(poor(f"design {name}: {what}: check it with `verify: fe`"))
+    return findings
 
 
 def contradictions(designs: dict[str, Any]) -> list[dict[str, Any]]:

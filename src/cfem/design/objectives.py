@@ -53,6 +53,7 @@ class Strength:
     largest: float
     rest: np.ndarray | None
     unit: ClassVar[str] = "N"
+    inverts: ClassVar[bool] = True  # the compliance of its rows, actuators locked
 
     def __call__(self, states: States) -> np.ndarray:
         return np.abs(self.largest - np.abs(self.force(states)[:, self.along]))

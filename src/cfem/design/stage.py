@@ -39,7 +39,7 @@ def _sources(spec: DesignSpec, base: Path) -> dict[str, Path]:
 
 def _work(folder: Path, spec: DesignSpec, base: Path) -> dict[str, Any]:
     """Results: the best design by every objective and blend, the front, the task, each verified."""
-    from cfem.design.answer import contradictions
+    from cfem.design.answer import contradictions, unchecked
     from cfem.design.formulation import problem_of, task_of
     from cfem.design.page import write_page
     from cfem.parametric.load import differentiable, finite_elements, learned
@@ -64,7 +64,7 @@ def _work(folder: Path, spec: DesignSpec, base: Path) -> dict[str, Any]:
         reported, lines = _report(folder, spec, problem, volume, search, checked)
         results |= reported
         results["headline"] += lines
-        results["judgement"] += contradictions(results["designs"])
+        results["judgement"] += contradictions(results["designs"]) + unchecked(results["designs"])
         optima = {}
         if spec.refine:
             results["refined"], optima = _refine(spec, paths, base, problem, search.grid, results)

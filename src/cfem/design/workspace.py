@@ -95,6 +95,7 @@ class Force:
     goal: np.ndarray
     sign: ClassVar[float] = -1.0
     unit: ClassVar[str] = "N"
+    inverts: ClassVar[bool] = True  # the compliance of its rows, actuators locked
 
     def __call__(self, states: States) -> np.ndarray:
         C = states.locked_compliance[:, self.rows[:, None], self.rows]

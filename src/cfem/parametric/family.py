@@ -63,13 +63,10 @@ class LearnedFamily:
 
     def at(self, kind: Kind, u: np.ndarray, p: np.ndarray) -> States:
         """States with these displacements or forces u of robots p (m, n_p), all at once where the model is of that
-        form."""
+        form. NumericalError far outside what it was trained on."""
         model, p = self.predictor, np.asarray(p, float)
         u = np.broadcast_to(u, (len(p), self.rows.n_a))
-        if kind == model.form:
-            state = model.at(u, p)
-        else:
-            state = model.at_displacement(u, p) if kind == "displacement" else model.at_force(u, p)
+        state = model.at_displacement(u, p) if kind == "displacement" else model.at_force(u, p)
         return States(self.rows, state.W, state.delta_free, state.lam, p, self.rest(p))
 
     def false_change(self, kind: Kind, states: States) -> tuple[np.ndarray, np.ndarray] | None:
@@ -87,6 +84,17 @@ class LearnedFamily:
             effectors = effectors + _largest(states.effector_jacobian, found if kind == "force" else dual)
             dual = found
         return 2 * effectors, 2 * dual
+
+    def knows_stiffness(self, states: States, rows: np.ndarray) -> np.ndarray:
+        """Mask (m,) of states in which the error that the model states of W is less than the smallest part of what its
+        inverse over rows (k,) is of: the locked compliance of effectors. True where it states none."""
+        if self.predictor.model_error is None:
+            return np.ones(len(states), dtype=bool)
+        error = self.predictor.error(states, states.p).W[:, rows[:, None], rows]
+        size = np.sqrt(np.einsum("mii->mi", states.W[:, rows[:, None], rows]))
+        scale = size[:, :, None] * size[:, None, :]
+        least = np.linalg.eigvalsh(states.locked_compliance[:, rows[:, None], rows] / scale)[:, 0]
+        return (error / scale).max(axis=(1, 2)) < least
 
     def outside(self, states: States) -> list[int]:
         """Numbers of the states that are unlike those that the model was trained on."""
