@@ -80,6 +80,20 @@ def test_arrays_of_other_shape_or_unit_are_refused(data):
         parse_array(data, "mm", 1)
 
 
+@pytest.mark.parametrize(
+    ("numbers", "words"),
+    [
+        ([[1, 2, 3], [4, 5]], "as many in each row, got rows of 2 and 3"),
+        ([[1, 2, "x"]], "got 'x'"),
+        ([], r"a list of rows, \[\[1, 2\], \[3, 4\]\], under 'mm', got nothing"),
+        ([1, 2], "got a list of numbers"),
+    ],
+)
+def test_what_is_wrong_with_an_array_is_said(numbers, words):
+    with pytest.raises(ValueError, match=words):
+        parse_array({"mm": numbers}, "mm", 2)
+
+
 def test_the_usual_units_agree_with_pint():
     from cfem.core import units
 

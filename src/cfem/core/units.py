@@ -134,15 +134,29 @@ def parse_array(data: Any, system_unit: str, ndim: int, last: int | None = None)
     except (TypeError, ValueError) as error:
         if "is not a unit" in str(error):
             raise
-        raise ValueError(f"expected numbers under '{unit}'") from error
+        raise ValueError(f"expected numbers under '{unit}'{_strange(numbers)}") from error
     if not np.isfinite(array).all():
         raise ValueError(f"expected finite numbers under '{unit}', got {array[~np.isfinite(array)][0]:g}")
     if array.ndim != ndim or array.size == 0:
-        raise ValueError(f"expected {ndim} level(s) of lists of numbers under '{unit}', got shape {array.shape}")
+        wanted = ("a number", "a list of numbers, [1, 2]", "a list of rows, [[1, 2], [3, 4]]")[min(ndim, 2)]
+        got = "nothing" if array.size == 0 else ("a number", "a list of numbers", "a list of rows")[min(array.ndim, 2)]
+        raise ValueError(f"expected {wanted}, under '{unit}', got {got}")
     if last is not None and array.shape[-1] != last:
         raise ValueError(f"expected {last} numbers per row under '{unit}', got {array.shape[-1]}")
     array.setflags(write=False)
     return array
+
+
+def _strange(numbers: Any) -> str:
+    """What makes a list no array of numbers: a part that is none, or rows of different lengths."""
+    flat, rows = [numbers], set()
+    while any(isinstance(part, list | tuple) for part in flat):
+        rows = {len(part) if isinstance(part, list | tuple) else 0 for part in flat}
+        flat = [item for part in flat for item in (part if isinstance(part, list | tuple) else [part])]
+    strange = next((part for part in flat if isinstance(part, bool) or not isinstance(part, int | float)), None)
+    if strange is not None:
+        return f", got {strange!r:.40}"
+    return f", as many in each row, got rows of {' and '.join(map(str, sorted(rows)))}" if len(rows) > 1 else ""
 
 
 def scalar_schema(description: str) -> dict[str, Any]:

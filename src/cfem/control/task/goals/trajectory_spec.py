@@ -70,7 +70,7 @@ class GoalsSpec(PlacesSpec):
     file: Path | None = None
     """Table of them instead, .csv, .parquet or .yaml: one row per goal, with a column for each effector row and its
     unit, such as `tip.x [mm]`."""
-    goals: PositiveInt | None = None
+    goals: int | None = Field(None, ge=2)
     """Number of goals, evenly spaced on the straight lines from each point to the next, both ends included. The points
     themselves unless given."""
     rotation: AngleMatrix | None = None
