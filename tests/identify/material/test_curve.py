@@ -76,6 +76,7 @@ BAD = {
         r"the stretch falls from line 8 on",
     ),
     "falling": ("strain, stress [kPa]", STRAIN, -KPA, "stress does not rise with stretch"),
+    "no stress": ("strain, stress [kPa]", STRAIN, 0 * KPA, "stress does not rise with stretch"),
     "compression above zero": (
         "compressive strain, compressive stress [kPa]",
         STRAIN,
