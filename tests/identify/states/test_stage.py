@@ -91,6 +91,19 @@ def test_a_noise_that_is_far_too_small_is_called_so_first(recorded):
     assert not [line for line in results["headline"] if "nan" in line]
 
 
+def test_forces_are_those_of_the_last_frame_that_has_an_estimate(recorded, tmp_path):
+    lines = (recorded / "recording.csv").read_text().splitlines()
+    table, spec = "recording.csv", (recorded / "estimate.yaml").read_text().replace("truth: truth.csv\n", "")
+    (tmp_path / "estimate.yaml").write_text(spec)
+    cells = [line.split(",") for line in lines[1:]]
+    strange = [",".join([row[0], *row[4:16], *row[1:4], *row[16:]]) for row in cells]  # each marker where another is
+    for rows, said in ((lines[1:-5] + strange[-5:], f"in frame {FRAMES - 5}, the last that has"), (strange, None)):
+        (tmp_path / table).write_text("\n".join([lines[0], *rows]))
+        results = cfem.run_stage("estimate", tmp_path / "estimate.yaml", force=True)["results"]
+        forces = [line for line in results["headline"] if line.startswith("tip.")]
+        assert all(said in line for line in forces) and len(forces) == (2 if said else 0)
+
+
 @pytest.mark.parametrize(
     ("change", "said", "code"),
     [

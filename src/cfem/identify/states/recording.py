@@ -87,5 +87,9 @@ def _times(table: Table) -> np.ndarray | None:
     gaps, back = np.flatnonzero(~np.isfinite(time)), np.flatnonzero(~(np.diff(time) > 0))
     if len(gaps) or len(back):
         row = gaps[0] if len(gaps) else back[0] + 1
-        raise InputError("'time' does not increase from frame to frame", where=table.places[row], do="sort the rows")
+        raise InputError(
+            "'time' does not increase from frame to frame",
+            where=table.places[row],
+            do="sort the rows, and keep one of those with the same time",
+        )
     return time

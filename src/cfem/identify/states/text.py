@@ -29,12 +29,7 @@ def headline(
         lines.append(
             f"innovations have {results['innovation']:.2f} of the variance that the filter states (1 is right)"
         )
-    last, n_a = estimates[-1], estimator.model.rows.n_a
-    for name, load, deviation in zip(estimator.loaded, last.loads, last.deviation[n_a:], strict=False):
-        observed = f"observed in {frames - results['unseen'].get(name, 0)} of {frames} frames"
-        lines.append(
-            f"{name}: {1e3 * load:.3g} mN in the last frame, standard deviation {1e3 * deviation:.2g} mN; {observed}"
-        )
+    lines += _loads(results, estimates, estimator)
     if estimated < frames:
         hint = "; of a robot that moves from frame to frame, state `dynamics`" if at_rest else ""
         lines.append(f"{frames - estimated} frames have no estimate: {_reason(estimates)}{hint}")
@@ -44,6 +39,22 @@ def headline(
     if "push" in results:
         lines.append(_push(results["push"], estimated))
     return lines
+
+
+def _loads(results: Mapping[str, Any], estimates: Sequence[Estimate], estimator: Estimator) -> list[str]:
+    """Lines on the forces in the last frame that has an estimate, none where no frame has one."""
+    known = [number for number, estimate in enumerate(estimates) if estimate.converged]
+    if not known:
+        return []
+    frames, last, n_a = len(estimates), estimates[known[-1]], estimator.model.rows.n_a
+    when = (
+        "in the last frame" if known[-1] == frames - 1 else f"in frame {known[-1] + 1}, the last that has an estimate"
+    )
+    return [
+        f"{name}: {1e3 * load:.3g} mN {when}, standard deviation {1e3 * deviation:.2g} mN; "
+        f"observed in {frames - results['unseen'].get(name, 0)} of {frames} frames"
+        for name, load, deviation in zip(estimator.loaded, last.loads, last.deviation[n_a:], strict=False)
+    ]
 
 
 def truth_line(covered: Sequence[np.ndarray]) -> str:
