@@ -5,7 +5,7 @@ import pytest
 
 from cfem.core.errors import SpecError
 from cfem.init.further import gravity
-from cfem.init.question import Question, answer, integer, point, positive
+from cfem.init.question import Question, answer, integer, named, point, positive
 
 
 @pytest.mark.parametrize("text", ["1, -2, 3e1", "1,-2,30 mm", " 0.1, -0.2, 3 cm ", "1e-3,-2e-3,0.03m"])
@@ -40,3 +40,16 @@ def test_a_default_is_a_guess_and_an_answer_is_not():
     nothing = Question("region", "Where?", "none", "none", lambda text: positive(text, "mm"))
     with pytest.raises(SpecError, match=r"--region: must be above zero, got '-1 mm'$"):
         answer(nothing, "-1 mm")
+
+
+def test_a_name_is_one_that_a_scene_takes():
+    assert named(" left-1: 1, 2, 3", "'NAME: x, y, z'") == ("left-1", " 1, 2, 3")
+    for text, said in (
+        ("left", "expected 'NAME"),
+        (": 1, 2, 3", "expected 'NAME"),
+        ("zug 1: 1, 2, 3", "a name has letters"),
+    ):
+        with pytest.raises(ValueError, match=said):
+            named(text, "'NAME: x, y, z'")
+    with pytest.raises(ValueError, match="got 'größe'"):
+        named("größe: 1, 2, 3", "'NAME: x, y, z'")

@@ -10,13 +10,14 @@ from cfem.core.errors import SpecError
 NAME = r"^[A-Za-z0-9_.-]{1,100}$"
 
 
-def _plain(text: str) -> str:
+def plain(text: str) -> str:
+    """The text itself. ValueError where it is no name."""
     if not re.fullmatch(NAME[1:-1], text):
         raise ValueError(f"a name has letters (a to z), digits, '_', '.' and '-' only, at most 100; got {text[:120]!r}")
     return text
 
 
-Name = Annotated[str, AfterValidator(_plain), WithJsonSchema({"type": "string", "pattern": NAME})]
+Name = Annotated[str, AfterValidator(plain), WithJsonSchema({"type": "string", "pattern": NAME})]
 
 LABEL = r"""^[^/\\<>&"'`${}\x00-\x1f\x7f-\x9f]{1,100}$"""
 

@@ -1,6 +1,5 @@
 """Closed inner surfaces of a body: each may be a chamber."""
 
-import re
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -11,7 +10,7 @@ from cfem.constraint.surface import triangulated
 from cfem.contact.surface.facets import components, solid_angles
 from cfem.contact.surface.triangles import normals_of, volumes_within
 from cfem.init.body.shape import Shape
-from cfem.init.question import point
+from cfem.init.question import named, point
 from cfem.robot.mesh.surface_file import read_surface
 
 _LEAST = 1e-4  # of the body's volume: a smaller void is a bubble
@@ -35,9 +34,7 @@ def chambers_of(shape: Shape) -> tuple[Chamber, ...]:
 def read_chamber(text: str, shape: Shape) -> Chamber:
     """'NAME: x, y, z', a point in the void in mm, or 'NAME: FILE', the closed surface of the void in mm. ValueError for
     anything else, or where no closed inner surface is around the point."""
-    name, colon, rest = text.partition(":")
-    if not (re.fullmatch(r"\s*[\w.-]+\s*", name) and colon):
-        raise ValueError(f"expected 'NAME: x, y, z' in mm or 'NAME: FILE', got '{text}'")
+    name, rest = named(text, "'NAME: x, y, z' in mm or 'NAME: FILE'")
     path = Path(rest.strip())
     if path.suffix and path.is_file():
         X, triangles, _ = read_surface(path)
@@ -46,7 +43,7 @@ def read_chamber(text: str, shape: Shape) -> Chamber:
         place = point(rest)
     for each in chambers_of(shape):
         if abs(solid_angles(each.corners - place).sum()) > 2 * np.pi:
-            return replace(each, name=name.strip(), inside=place)
+            return replace(each, name=name, inside=place)
     places = "; ".join(show(np.round(each.inside, 1)) for each in chambers_of(shape))
     others = f"those of the body are around {places}" if places else "the body has none"
     raise ValueError(f"no closed inner surface is around {show(place)} mm; {others}")

@@ -12,7 +12,7 @@ from cfem.core.errors import SpecError
 from cfem.core.units import parse_quantity
 from cfem.init.body.shape import BREP, STEP, Shape, Source
 from cfem.init.hold import AXES, Hold, read_part
-from cfem.init.question import NONE, Answer, Ask, Question, choice, parts, point, ratio, stress, triple
+from cfem.init.question import NONE, Answer, Ask, Question, choice, named, parts, point, ratio, stress, triple
 from cfem.init.written import note, number, selection, short, vector
 
 T = TypeVar("T")
@@ -174,7 +174,7 @@ def _each(read: Callable[[str], T]) -> Callable[[str], tuple[T, ...]]:
 
 def _push(text: str) -> PushLine:
     """A push from the text 'NAME: x, y, z; dx, dy, dz'."""
-    name, places = _named(text, "'NAME: x, y, z; dx, dy, dz'")
+    name, places = named(text, "'NAME: x, y, z; dx, dy, dz'")
     place_text, semicolon, direction_text = places.partition(";")
     if not semicolon:
         raise ValueError(f"expected 'NAME: x, y, z; dx, dy, dz', got '{text}'")
@@ -185,15 +185,8 @@ def _push(text: str) -> PushLine:
 
 
 def _contact(text: str) -> tuple[str, np.ndarray]:
-    name, place = _named(text, "'NAME: x, y, z' in mm")
+    name, place = named(text, "'NAME: x, y, z' in mm")
     return name, point(place)
-
-
-def _named(text: str, form: str) -> tuple[str, str]:
-    match = re.fullmatch(r"\s*([\w.-]+)\s*:(.+)", text)
-    if match is None:
-        raise ValueError(f"expected {form}, got '{text}'")
-    return match[1], match[2]
 
 
 def gravity(text: str) -> np.ndarray | None:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from cfem.core.errors import SpecError
+from cfem.core.names import plain
 from cfem.core.units import parse_number, parse_quantity
 
 
@@ -62,6 +63,16 @@ def integer(text: str, least: int, most: int) -> int:
     if not re.fullmatch(r"\s*\d+\s*", text) or not least <= int(text) <= most:
         raise ValueError(f"expected a whole number from {least} to {most}, got '{text}'")
     return int(text)
+
+
+def named(text: str, form: str) -> tuple[str, str]:
+    """Name and the rest of a text 'NAME: ...'. ValueError where it has none, or one that a scene does not take.
+
+    form: that is expected, as text"""
+    name, colon, rest = text.partition(":")
+    if not (name.strip() and colon):
+        raise ValueError(f"expected {form}, got '{text}'")
+    return plain(name.strip()), rest
 
 
 def point(text: str) -> np.ndarray:

@@ -1,6 +1,5 @@
 """Cables as the user writes them on one line, and cables placed along a body."""
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -14,7 +13,7 @@ from cfem.init.body.section import Section, clear, cut, frame
 from cfem.init.body.shape import Shape
 from cfem.init.cables.spine import Spine
 from cfem.init.hold import Run
-from cfem.init.question import point
+from cfem.init.question import named, point
 
 _FIRST, _LAST = 0.1, 0.07  # shares of the free length before the first point and after the last
 _FEWEST, _MOST, _MOST_CURVED = 3, 8, 12  # points of a cable
@@ -48,12 +47,13 @@ class CableLine:
 
 def read_cable(text: str) -> CableLine:
     """'NAME: pull point; point; ...', each point 'x, y, z' in mm. ValueError for anything else."""
-    name, colon, rest = text.partition(":")
+    form = "'NAME: pull point; point; ...' with points 'x, y, z' in mm"
+    name, rest = named(text, form)
     places = [part for part in rest.split(";") if part.strip()]
-    if not (re.fullmatch(r"\s*[\w.-]+\s*", name) and colon and len(places) >= 2):
-        raise ValueError(f"expected 'NAME: pull point; point; ...' with points 'x, y, z' in mm, got '{text}'")
+    if len(places) < 2:
+        raise ValueError(f"expected {form}, got '{text}'")
     pull, *points = (point(place) for place in places)
-    return CableLine(name.strip(), pull, np.array(points))
+    return CableLine(name, pull, np.array(points))
 
 
 def sections_along(shape: Shape, spine: Spine, finer: int = 1) -> list[Section]:
