@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 from support.arc_robot import REST_E, ArcRobot, tip
 
 from cfem.plant.model_plant import ModelPlant
@@ -24,3 +25,37 @@ def test_a_state_out_of_reach_is_a_measurement_with_its_reason():
 def test_rest_is_rest(kind):
     measured = ModelPlant(ArcRobot(), REST_E).step(np.zeros(2), kind)
     np.testing.assert_allclose(measured.x_e, REST_E, atol=1e-6)
+
+
+BOTH = np.array([True, True])
+
+
+def test_a_cable_that_would_push_is_slack_where_it_carries_nothing():
+    """Where it stands is found by a search on the closed form of its force."""
+    command = np.array([9.0, 2.0])
+    held = ModelPlant(ArcRobot(), REST_E).step(command)
+    assert held.lambda_a[1] < -0.1
+    right = brentq(lambda at: ArcRobot().at_displacement(np.array([9.0, at])).lam[1], 2.0, 20.0, xtol=1e-12)
+    let = ModelPlant(ArcRobot(), REST_E, unilateral=BOTH).step(command)
+    np.testing.assert_allclose(let.delta_a, [9.0, right], rtol=1e-8)
+    np.testing.assert_allclose(let.x_e, REST_E + tip(np.array([9.0, right])), rtol=1e-8)
+    assert abs(let.lambda_a[1]) < 1e-8 * let.lambda_a[0]
+    beside = ModelPlant(ArcRobot(), REST_E, unilateral=np.array([True, False])).step(command)
+    np.testing.assert_array_equal(beside.x_e, held.x_e)
+
+
+def test_cables_that_pull_stand_where_they_are_told_and_one_that_was_slack_is_taken_up():
+    plant = ModelPlant(ArcRobot(), REST_E, unilateral=BOTH)
+    assert plant.step(np.array([9.0, 2.0])).delta_a[1] > 2.0
+    for command in ([6.0, 5.5], [9.0, 9.0], [0.0, 0.0]):
+        there, bare = plant.step(np.array(command)), ModelPlant(ArcRobot(), REST_E).step(np.array(command))
+        np.testing.assert_array_equal(there.x_e, bare.x_e)
+
+
+def test_a_push_takes_the_force_of_a_cable_that_would_pull():
+    command, push = np.array([6.0, 5.5]), np.array([-3.0, 0.0, 0.0])
+    held = ModelPlant(ArcRobot(), REST_E, push).step(command)
+    let = ModelPlant(ArcRobot(), REST_E, push, BOTH).step(command)
+    assert held.lambda_a.min() < -0.1 and let.lambda_a.min() > -1e-6
+    slack = int(held.lambda_a.argmin())
+    assert let.delta_a[slack] > command[slack] and let.delta_a[1 - slack] == command[1 - slack]

@@ -90,7 +90,7 @@ def test_a_drift_begins_anew_in_each_run(monkeypatch):
     monkeypatch.setattr(plants, "DriftingPlant", lambda plant, *how: asked.append((plant, *how)) or plant)
     text = {"rate": "50 Hz", "real": {"drift": {"stiffness": 0.9, "within": "2 s"}}}
     loop = LoopSpec.model_validate(text | LEAST)
-    body = SimpleNamespace(rest_e=np.zeros(3), rows=SimpleNamespace(n_e=3))
+    body = SimpleNamespace(rest_e=np.zeros(3), rows=SimpleNamespace(n_e=3), unilateral=np.zeros(0, dtype=bool))
     made = plants_of(SimpleNamespace(loop=loop, plant="model"), None, body, {"first": None}, {})
     for seed in (1, 2):
         with made(seed):

@@ -60,8 +60,8 @@ def plants_of(
         plain, pushed = _fem_plants(spec, base, next(iter(predictors.values())), push, since, places)
     else:
         real = Stiffer(next(iter(predictors.values())), loop.real.stiffer)
-        plain = ModelPlant(real, rest_e)
-        pushed = None if push is None else ModelPlant(real, rest_e, push)
+        plain = ModelPlant(real, rest_e, unilateral=robot.unilateral)
+        pushed = None if push is None else ModelPlant(real, rest_e, push, robot.unilateral)
     sensor, quantum = loop.sensor, loop.command.quantum
     imperfection = Imperfection(sensor.noise, 1 / loop.ticks_a_sample, sensor.delay, quantum or 0.0)
 

@@ -86,7 +86,9 @@ def prepare(
         if isinstance(spec, ObstaclesSpec):
             world, predictors, touched = with_obstacles(spec, base, robot, predictors, models)
             rest_e = world.rest(rest_e)
-        plant = (touched or fem) if fem else ModelPlant(next(iter(predictors.values())), rest_e)
+        unilateral = None if world else robot.unilateral  # a model with contact lets cables go itself
+        by_model = ModelPlant(next(iter(predictors.values())), rest_e, unilateral=unilateral)
+        plant = (touched or fem) if fem else by_model
     if goals is None:
         goals = {
             name: goals_of(name, trajectory, base, robot, fem, shift) for name, trajectory in spec.trajectories.items()
