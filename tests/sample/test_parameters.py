@@ -77,6 +77,21 @@ def test_what_is_no_parameter_is_said_with_its_name(tmp_path, key, range_, messa
         parameter(tmp_path, key, range_, **REGION)
 
 
+def test_the_modulus_of_a_layer_is_a_parameter_and_its_place_is_none(tmp_path):
+    found = parameter(tmp_path, "layers.0.young", ["1 GPa", "10 GPa"], **PAPER)
+    assert found == Parameter("it", "layers.0.young", "MPa", 1e3, 1e4, 6.5e3, "log")
+    thick = parameter(tmp_path, "layers.0.thickness", ["0.1 mm", "0.2 mm"], **PAPER)
+    assert (thick.unit, thick.reference) == ("mm", 0.1)
+    with pytest.raises(SpecError, match="changes the mesh"):
+        parameter(tmp_path, "layers.0.faces.point.2", ["-5 mm", "-4 mm"], **PAPER)
+    both = {
+        "paper": ParameterSpec(key="layers.0.young", range=["1 GPa", "10 GPa"]),
+        "wide": ParameterSpec(key="geometry.width", range=["9 mm", "11 mm"]),
+    }
+    with pytest.raises(SpecError, match=r"parameters\.paper: a layer cannot vary beside the geometry"):
+        scene_parameters(both, tmp_path / "scene.yaml")
+
+
 @pytest.mark.parametrize("range_", [[0.4], 0.4, {"kPa": [1]}, {"kPa": [1, 2], "mm": [1, 2]}, [1, 2, 3]])
 def test_a_range_is_two_values(range_):
     with pytest.raises(ValidationError, match="expected two values"):

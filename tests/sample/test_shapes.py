@@ -29,6 +29,8 @@ material: {law: neo-hookean, young: 1 MPa, poisson: 0.45, density: 1000 kg/m^3}
 materials:
   - region: {kind: box, corners: {mm: [[0, -5, -5], [20, 5, 5]]}}
     material: {young: 3 MPa, poisson: 0.4, density: 1200 kg/m^3}
+layers:
+  - {faces: {kind: plane, point: {mm: [0, 0, -4.9]}, normal: [0, 0, -1]}, thickness: 0.1 mm, young: 10 MPa}
 gravity: {acceleration: {m/s^2: [0, 0, -9.81]}}
 fixed: [{kind: plane, point: {mm: [1, 0, 0]}, normal: [-1, 0, 0]}]
 actuators:
@@ -46,6 +48,7 @@ KINDS = {
     "reach": ("shape.controls.0.radius", ["14 mm", "16 mm"], 15.2, 2e-3),
     "inset": ("actuators.0.points.1.2", {"mm": [2, 4]}, 2.7, 2e-3),
     "pulled_at": ("actuators.0.pull_point.2", {"mm": [2, 4]}, 3.3, 2e-3),
+    "paper": ("layers.0.young", {"MPa": [5, 20]}, 9.0, 2e-3),
     "stiff": ("materials.0.material.young", {"MPa": [2, 5]}, 3.1, 2e-3),
 }
 
@@ -70,9 +73,14 @@ def parameters(folder, *names):
 
 @pytest.mark.parametrize(
     "names",
-    [("bulge", "waist"), ("reach", "stiff"), pytest.param(("inset", "pulled_at", "bulge"), marks=pytest.mark.slow)],
+    [
+        ("bulge", "waist"),
+        ("reach", "stiff"),
+        ("paper",),
+        pytest.param(("inset", "pulled_at", "bulge"), marks=pytest.mark.slow),
+    ],
 )
-def test_slopes_by_shape_routing_and_region_are_those_of_solved_robots(folder, robot, names):
+def test_slopes_by_shape_routing_region_and_layer_are_those_of_solved_robots(folder, robot, names):
     found = parameters(folder, *names)
     solve = FiniteElements(*robot, 1e-11, found)().solve
     p = np.array([KINDS[name][2] for name in names])

@@ -14,8 +14,11 @@ from cfem.core.units import unit_of
 from cfem.robot.spec import SceneSpec
 from cfem.sample.spec import ParameterSpec
 
-# The rest of a scene makes the mesh, as regions do, or names things.
-_FREE = ("geometry", "shape", "material", "materials", "gravity", "loads", "actuators", "contacts", "effectors")
+# The rest of a scene makes the mesh, or names things.
+_FREE = (
+    "geometry", "shape", "material", "materials", "layers", "gravity", "loads", "actuators", "contacts", "effectors",
+)  # fmt: skip
+_PLACES = ("region", "faces")  # of what is on the mesh
 Key = tuple[str | int, ...]
 
 
@@ -23,6 +26,10 @@ def scene_parameters(specs: Mapping[str, ParameterSpec], path: Path) -> tuple[Pa
     """Parameters as the scene at `path` has them. Raises SpecError, naming the parameter, where its key is none of a
     number that leaves the mesh alone, or its range none of values that the scene accepts there."""
     scene = load_spec(path, SceneSpec)
+    layer = next((name for name, spec in specs.items() if spec.key.startswith("layers")), None)
+    if layer and any(spec.key.startswith("geometry") for spec in specs.values()):
+        what = "a layer cannot vary beside the geometry yet"
+        raise SpecError(what, where=f"parameters.{layer}", do="vary one of them")
     return tuple(_parameter(name, spec, scene, path) for name, spec in specs.items())
 
 
@@ -30,7 +37,7 @@ def _parameter(name: str, spec: ParameterSpec, scene: SceneSpec, path: Path) -> 
     """Parameter as the scene has it. SpecError where its key is none of a number that leaves the mesh alone, or its
     range none of values that the scene accepts."""
     key, where = key_path(spec.key), f"parameters.{name}"
-    if key[0] not in _FREE or "region" in key:
+    if key[0] not in _FREE or any(part in key for part in _PLACES):
         what = f"key: '{spec.key}' changes the mesh, or nothing"
         raise SpecError(what, where=where, do=f"use a number under one of {', '.join(_FREE)}")
     if "reach" in key:

@@ -128,8 +128,8 @@ class SkinSpec(Spec):
 
 
 class SampleSpec(Spec):
-    """Which equilibria `cfem sample` solves, and where it stores them. Young's modulus of a robot of one material
-    without loads need not vary: W ~ 1/E and lambda ~ E are exact."""
+    """Which equilibria `cfem sample` solves, and where it stores them. Young's modulus of a robot of one material,
+    without layers and loads, need not vary: W ~ 1/E and lambda ~ E are exact."""
 
     scene: Path
     """The robot's scene.yaml."""
