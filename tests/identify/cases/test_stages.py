@@ -92,6 +92,19 @@ def test_one_case_calibrates_and_is_called_poor(folder, tmp_path):
     assert results["best"] is None and "no case can be left out" in str(results["judgement"])
 
 
+def test_a_force_of_another_unit_is_called_poor(folder, tmp_path):
+    with open(folder / "given.csv", newline="") as file:
+        header, *rows = csv.reader(file)
+    column = header.index("tension_N")
+    wrong = [[*row[:column], 1e-3 * float(row[column]), *row[column + 1 :]] for row in rows]
+    write(tmp_path / "given.csv", wrong, header)
+    overrides = [f"measurements={tmp_path / 'given.csv'}", "find=[young]"]
+    results = calibrate(folder / "cases.yaml", overrides, tmp_path / "out", QUIET)["results"]
+    assert results["judgement"][0]["what"].startswith("the fit leaves") and "units" in results["judgement"][0]["what"]
+    right = json.loads((folder / "calibrated" / "calibration.json").read_text())
+    assert "the fit leaves" not in str(right["judgement"])
+
+
 @pytest.mark.slow
 def test_offsets_of_markers_are_found(folder, tmp_path):
     with open(folder / "given.csv", newline="") as file:

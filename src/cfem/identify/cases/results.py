@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from cfem.core.artefact.files import finite
-from cfem.core.artefact.judgement import poor
+from cfem.core.artefact.judgement import UNCERTAIN, poor
 from cfem.identify.cases.fit import CaseFit
 from cfem.identify.cases.left_out import LeftOut
 from cfem.identify.cases.prediction.table import repeats
@@ -90,7 +90,7 @@ def case_results(
     estimates, repeated, n_z = kept.estimates(confidence), repeats(cases), len(rig.unknowns)
     prior = [unknown.known for unknown in rig.unknowns]
     return {
-        "judgement": _judgement(rig, estimates, left_out),
+        "judgement": _misfit(cases, errors) + _judgement(rig, estimates, left_out),
         "estimates": estimates,
         "scatter_mm": fitted.scatter.fixed,
         "scatter_share": fitted.scatter.share,
@@ -133,6 +133,15 @@ def _best(models: Mapping[str, Mapping[str, Any]]) -> str | None:
     """Name of the model that predicts left-out cases best, None where none can be left out."""
     errors = {name: row["left_out_mm"] for name, row in models.items() if row["left_out_mm"] is not None}
     return min(errors, key=errors.__getitem__, default=None)
+
+
+def _misfit(cases: Cases, errors: np.ndarray) -> list[dict[str, Any]]:
+    """Poor where errors (m, k) mm in the fit are a large share of what the markers move."""
+    error, change = float(np.nanmean(errors)), cases.largest_change
+    if len(cases) < 2 or error <= UNCERTAIN * change:
+        return []
+    what = f"the fit leaves {error:.3g} mm, mean over markers, which move by {change:.3g} mm at most"
+    return [poor(what + ": look at the forces, their units, and the frame of the markers")]
 
 
 def _judgement(rig: Rig, estimates: Mapping[str, Any], left_out: LeftOut) -> list[dict[str, Any]]:

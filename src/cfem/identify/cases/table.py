@@ -51,6 +51,15 @@ class Cases:
         return self.places if self.rest is None else self.places - self.rest
 
     @property
+    def largest_change(self) -> float:
+        """Largest distance (mm) of a marker from rest or, where places are compared, from its mean over the cases."""
+        target = self.target
+        if self.rest is None:
+            seen = np.isfinite(target)
+            target = target - np.where(seen, target, 0.0).sum(axis=0) / np.maximum(seen.sum(axis=0), 1)
+        return float(np.nanmax(np.linalg.norm(target, axis=2), initial=0.0))
+
+    @property
     def marks(self) -> list[str]:
         """Hashes (m,) of what was measured, '' where nothing was: a case is recognised by its own."""
         measured = np.isfinite(self.places).any(axis=(1, 2))
