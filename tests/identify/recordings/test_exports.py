@@ -39,10 +39,15 @@ def test_millimetres_of_motive(tmp_path):
 
 @pytest.mark.parametrize(
     ("head", "size"),
-    [("t_s,tip_x_mm,tip_y_mm,tip_z_mm", 1), ("time,tip.X [m],tip.Y [m],tip.Z [m]", 1000), ("T,tip x,tip y,tip z", 10)],
+    [
+        ("t_s,tip_x_mm,tip_y_mm,tip_z_mm", 1),
+        ("time [ms],tip_x_mm,tip_y_mm,tip_z_mm", 1),
+        ("time,tip.X [m],tip.Y [m],tip.Z [m]", 1000),
+        ("T,tip x,tip y,tip z", 10),
+    ],
 )
 def test_plain_tables_are_read(tmp_path, head, size):
-    (tmp_path / "a.csv").write_text(f"{head}\n0,1,2,3\n0.5,4,5,\n")
+    (tmp_path / "a.csv").write_text(f"{head}\n0,1,2,3\n{500 if 'ms' in head else 0.5},4,5,\n")
     found = read_recording(tmp_path / "a.csv", 10.0 if size == 10 else None)
     assert found.labels == ("tip",) and found.rate == 2
     np.testing.assert_allclose(found.points[:, 0], np.array([[1, 2, 3], [4, 5, np.nan]]) * size)
@@ -54,6 +59,7 @@ def test_plain_tables_are_read(tmp_path, head, size):
         ("t,a_x,b_y\n0,1,2\n", "no marker with columns of x, y and z"),
         ("t,a_x_mm,a_y_m,a_z_mm\n0,1,2,3\n1,1,2,3\n", "different units"),
         ("t,a_x,a_y,a_z\n0,1,2,3\n1,1,2,3\n", "states no unit"),
+        ("t_ms,a_x_mm,a_y_mm,a_z_mm\n0,1,2,3\n5,1,2,3\n5,1,2,3\n", r"a.csv:4: time does not increase .*sort the rows"),
         ("a,b\n1,2\n", "no export of OptiTrack Motive or Vicon Nexus"),
         ("Format Version,1.23,Length Units,Meters\n\n,Type,Marker\n", "Frame"),
         ("Trajectories\nabc\n", "no header of a Nexus export"),

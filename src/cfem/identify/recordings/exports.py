@@ -17,6 +17,7 @@ from cfem.identify.recordings.recording import MarkerRecording, make_recording
 _UNITS = {"mm": 1.0, "millimeters": 1.0, "millimetres": 1.0, "cm": 10.0, "centimeters": 10.0, "m": 1e3}
 _UNITS |= {"meters": 1e3, "metres": 1e3}
 _AXES = ["X", "Y", "Z"]
+_TIME = re.compile(r"(t|time)([_ ]?[\[(]?(?P<unit>s|ms)[\])]?)?", re.IGNORECASE)
 _PLAIN = re.compile(r"(?P<marker>.+?)[_. :-](?P<axis>[xyz])(?:[_ ]?[\[(]?(?P<unit>mm|cm|m)[\])]?)?", re.IGNORECASE)
 
 
@@ -33,7 +34,7 @@ def read_recording(path: Path, unit: float | None = None) -> MarkerRecording:
         return _optitrack(path, lines, unit)
     if first and first[0].lower() == "trajectories":
         return _vicon(path, lines, unit)
-    if first and re.fullmatch(r"t|time|t_s|(t|time)[_ ]?[\[(]?s[\])]?", first[0], re.IGNORECASE):
+    if first and _TIME.fullmatch(first[0]):
         return _plain(titled(path, [row for row in lines if not row.blank]), unit)
     do = "export from Motive (CSV, with header), from Nexus (ASCII, trajectories), as .c3d, or write a table whose "
     do += "columns are t_s, NAME_x_mm, NAME_y_mm, NAME_z_mm"
@@ -97,7 +98,7 @@ def _vicon(path: Path, lines: list[TableRow], unit: float | None) -> MarkerRecor
         raise InputError("names no marker", where=str(path), do="export trajectories as ASCII with their header")
     size = _size(path, units[first] if first < len(units) else None, unit)
     data = list(takewhile(lambda row: row.cells[:1] > ("",), lines[5:]))
-    return _recording(path, data, 0, columns, size, rate)
+    return _recording(path, data, 0, columns, size, rate=rate)
 
 
 def _named_twice(name: str, path: Path, row: TableRow) -> InputError:
@@ -106,7 +107,9 @@ def _named_twice(name: str, path: Path, row: TableRow) -> InputError:
 
 
 def _plain(table: TextTable, unit: float | None) -> MarkerRecording:
-    """Recording of a plain table: one row of titles, time in seconds, then three columns a marker, such as tip_x_mm."""
+    """Recording of a plain table: one row of titles, time in s or ms, then three columns a marker, such as
+    tip_x_mm."""
+    tick = 1e-3 if (_TIME.fullmatch(table.titles[0])["unit"] or "").lower() == "ms" else 1.0
     columns: dict[str, dict[str, int]] = {}
     units = set()
     for i, name in enumerate(table.titles[1:], start=1):
@@ -119,7 +122,7 @@ def _plain(table: TextTable, unit: float | None) -> MarkerRecording:
         raise InputError("has no marker with columns of x, y and z", where=str(table.path), do=do)
     if len(units) > 1:
         raise InputError("gives columns of markers in different units", where=str(table.path), do="use one")
-    return _recording(table.path, table.rows, 0, columns, _size(table.path, units.pop(), unit))
+    return _recording(table.path, table.rows, 0, columns, _size(table.path, units.pop(), unit), tick)
 
 
 def _recording(
@@ -128,13 +131,15 @@ def _recording(
     clock: int,
     columns: Mapping[str, Mapping[str, int]],
     size: float,
+    tick: float = 1.0,
     rate: float | None = None,
 ) -> MarkerRecording:
     """The recording in rows of numbers; markers that lack an axis are left out.
 
-    clock:   the column of time in s, or of frames where a rate is given
+    clock:   the column of time, or of frames where a rate is given
     columns: by marker and axis
     size:    mm of one unit
+    tick:    s of one unit of time
     rate:    frames a second"""
     complete = {name: place for name, place in columns.items() if len(place) == 3}
     index = [clock, *(place[axis] for place in complete.values() for axis in _AXES)]
@@ -142,7 +147,12 @@ def _recording(
     titles |= {place[axis]: f"{name} {axis}" for name, place in complete.items() for axis in _AXES}
     table = TextTable(path, tuple(titles.get(i, "") for i in range(max(titles) + 1)), tuple(rows))
     values = table.numbers(index)
-    time = values[:, 0] if rate is None else (values[:, 0] - values[:1, 0]) / rate
+    time = tick * values[:, 0] if rate is None else (values[:, 0] - values[:1, 0]) / rate
+    back = np.flatnonzero(~(np.diff(time) > 0))
+    if len(back):
+        what = "time does not increase from the row before"
+        do = "sort the rows, and keep one of those with the same time"
+        raise InputError(what, where=f"{path}:{rows[back[0] + 1].line}", do=do)
     points = size * values[:, 1:].reshape(len(values), len(complete), 3)
     return make_recording(time, list(complete), points, str(path))
 
