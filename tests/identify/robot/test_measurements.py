@@ -60,6 +60,14 @@ def test_a_dataset_serves_as_measurements(tmp_path):
         read_measurements(tmp_path, rows, "displacement", chosen=[9])
 
 
+def test_states_of_many_robots_are_no_measurements_of_one(tmp_path):
+    store_dataset(tmp_path, train=5, test=3, parameters=True)
+    rows = Rows(("tip.x", "tip.y", "tip.z"), ("cable0", "cable1"))
+    with pytest.raises(InputError, match=r"train\.parquet: its states are of robots that differ in poisson"):
+        read_measurements(tmp_path, rows, "displacement")
+    assert len(read_measurements(tmp_path, rows, "displacement", chosen=[2])) == 1
+
+
 @pytest.mark.parametrize(
     ("name", "text", "message"),
     [

@@ -151,6 +151,8 @@ def test_finite_elements_find_it_to_the_solvers_tolerance(folder, tmp_path):
         (["fe=true"], "needs scene and mesh"),
         (["noise={effectors: 0.1 mm}", "use=[effectors, actuators]"], "noise.forces: the noise of"),
         (["starts=[]"], "needs at least one"),
+        (["rows=[0, 1, 0]"], "rows: 0 stands there twice"),
+        (["find=[nu, nu]"], "find: nu stands there twice"),
     ],
 )
 def test_a_wrong_spec_says_where(folder, tmp_path, overrides, message):

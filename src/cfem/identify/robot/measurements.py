@@ -70,7 +70,7 @@ def read_measurements(
     actuator_units: of each actuator's displacement and force, mm and N unless given"""
     if path.is_dir():
         path = artefact_file(path, f"{split}.parquet")
-        measurements, numbers = _of_dataset(path, rows, kind)
+        measurements, numbers = _of_dataset(path, rows, kind, chosen)
     else:
         units = _units(rows, actuator_units or [CABLE] * rows.n_a)
         measurements = _of_table(read_table(path, units), rows, kind, path)
@@ -93,14 +93,26 @@ def _units(rows: Rows, actuator_units: Sequence[tuple[str, str]]) -> Units:
     return units | actuator_columns(rows.actuators, actuator_units)
 
 
-def _of_dataset(path: Path, rows: Rows, kind: Driven) -> tuple[Measurements, list[int]]:
-    """The measurements, and the numbers of their rows in the plan: those that failed have none of a measurement."""
+def _of_dataset(path: Path, rows: Rows, kind: Driven, chosen: Sequence[int] | None) -> tuple[Measurements, list[int]]:
+    """The measurements, and the numbers of their rows in the plan: those that failed have none of a measurement.
+    InputError where those that are chosen are of several robots."""
     from cfem.dataset.reader import read_dataset
 
     data = read_dataset(path)
     if data.rows != rows:
         what = f"was measured on another robot: it {data.rows.difference(rows, 'the model')}"
         raise InputError(what, where=str(path), do="use measurements and model of one robot")
+    p = data.p if chosen is None else data.p[np.isin(data.id, chosen)]
+    varied = [
+        parameter.name
+        for parameter, low, high in zip(
+            data.parameters, p.min(axis=0, initial=np.inf), p.max(axis=0, initial=-np.inf), strict=True
+        )
+        if high > low
+    ]
+    if varied:
+        what = f"its states are of robots that differ in {', '.join(varied)}"
+        raise InputError(what, where=str(path), do="choose states of one robot by `rows`, or sample one robot")
     u, dual = (data.delta_a, data.lambda_a) if kind == "displacement" else (data.lambda_a, data.delta_a)
     return Measurements(kind, u, np.full_like(data.delta_e, np.nan), data.delta_e, dual), data.id.tolist()
 

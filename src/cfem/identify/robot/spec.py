@@ -83,3 +83,7 @@ class CalibrateSpec(Spec):
             raise ValueError("repeats need a noise: state `noise`")
         if self.starts == []:
             raise ValueError("starts: needs at least one")
+        for name, given in (("rows", self.rows), ("find", self.find)):
+            twice = next((item for item in given or [] if given.count(item) > 1), None)
+            if twice is not None:
+                raise ValueError(f"{name}: {twice} stands there twice")
