@@ -133,3 +133,8 @@ def test_an_actuator_of_one_direction_reaches_that_way(tmp_path, actuator, why):
 def test_a_kind_that_is_also_the_name_of_a_key_leads_nobody_to_that_key(tmp_path, keys, said):
     with pytest.raises(SpecError, match=said):
         scene(tmp_path, actuators=f"[{{kind: chambers, name: pair, module: 1, {keys}}}]")
+
+
+def test_a_name_that_is_none_is_told_in_words(tmp_path):
+    with pytest.raises(SpecError, match=r"name: expected small letters \(a to z\), digits and hyphens, got 'Größe'"):
+        scene(tmp_path, name="Größe")

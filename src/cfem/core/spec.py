@@ -216,7 +216,9 @@ def _what(item: Any, path: tuple, model: type[Spec], stated: Any) -> str:
         known = context["expected_tags"].replace("'", "").split(", ")
         near = _nearest(context["tag"], known)
         return f"{context['discriminator']}: expected one of {', '.join(known)}; got '{context['tag']}'{near}"
-    if item["type"] in _WORDS:
+    if item["type"] == "string_pattern_mismatch":
+        what = f"expected {_PATTERNS.get(item['ctx']['pattern'], item['ctx']['pattern'])}"
+    elif item["type"] in _WORDS:
         what = _WORDS[item["type"]].format(**item.get("ctx", {}))
     else:
         what = item["msg"].removeprefix("Value error, ").replace("Input should be", "expected")
@@ -248,6 +250,13 @@ _WORDS = {
     "dict_type": "expected a mapping of names to values",
     "model_type": "expected a mapping of keys to values",
     "model_attributes_type": "expected a mapping of keys to values",
+}
+
+
+_PATTERNS = {
+    r"^[a-z0-9][a-z0-9-]*$": "small letters (a to z), digits and hyphens",
+    r"^[A-Za-z0-9_-]+$": "letters (a to z), digits, '_' and '-'",
+    r"^[A-Za-z_][A-Za-z0-9_]*$": "letters (a to z), digits and '_', the first no digit",
 }
 
 
