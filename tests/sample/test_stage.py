@@ -299,6 +299,16 @@ def test_a_parameter_of_motion_alone_needs_motion(folder, tmp_path, key):
         run(tmp_path / "sample.yaml", [], None, QUIET, workers=1)
 
 
+def test_a_parameter_that_changes_nothing_is_called_so(folder, spec):
+    """The tip lies on the body, which carries it itself."""
+    keys = ("effectors.0.carrier_radius", "effectors.0.radius")
+    ranges = ", ".join(f"p{i}: {{key: {key}, range: {{mm: [1.5, 2.5]}}}}" for i, key in enumerate(keys))
+    overrides = [*SMALL, "skin=null", f"parameters={{{ranges}}}"]
+    results = run(spec, overrides, folder / "idle", QUIET, workers=1)["results"]
+    (finding,) = results["judgement"]
+    assert finding["what"].startswith("parameter 'p0' (effectors.0.carrier_radius) changes nothing in any state")
+
+
 def test_derivatives_of_the_rows_of_the_skin_are_those_of_their_compliance(folder, spec):
     """dW of all rows by differences of W between two states of the dataset near each other, and of loads beside it."""
     out = folder / "third"

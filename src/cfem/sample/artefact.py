@@ -11,6 +11,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from cfem.condensed.discrepancy import BEYOND
+from cfem.condensed.parameters import from_json, sampled
 from cfem.condensed.skin import Skin, read_skin
 from cfem.core.artefact.files import write_whole
 from cfem.core.artefact.judgement import FAILED_SHARE, poor
@@ -23,6 +24,7 @@ from cfem.dataset.reader import CONVERGED, column_array, read_table
 from cfem.dataset.schema import SKIN, metadata, rows_of
 from cfem.dataset.writer import content_hash, write_table
 from cfem.sample.overlap import deeper, finding, read_overlap
+from cfem.sample.parameters import is_of_motion
 from cfem.sample.processes.pool import with_workers
 from cfem.sample.processes.workers import Workers
 from cfem.sample.runner import sample
@@ -99,6 +101,7 @@ def results(
             *finding(overlap, metadata(table).get("length", np.inf)),
             *beyond_calibration(solved),
             *unfilled(solved),
+            *without_effect(solved),
         ],
         "rows": {split: len(table) for split, table in tables.items()},
         "failed": failed,
@@ -188,6 +191,22 @@ def unfilled(solved: pa.Table) -> list[dict[str, Any]]:
     name, (unit, _) = rows.actuators[worst], meta["row_units"][rows.a][worst]
     what = f"states of '{name}' lie between {low:.3g} and {high:.3g} {unit}, {100 * share[worst]:.0f} % of its reach"
     return [poor(f"{what}: draw from all of it by space: displacement, or state the reach that is used")]
+
+
+def without_effect(solved: pa.Table) -> list[dict[str, Any]]:
+    """Poor where a parameter has changed nothing in any state."""
+    meta = metadata(solved)
+    parameters, plan = sampled(from_json(meta.get("parameters", []))), meta.get("plan") or {}
+    slopes = [name for name in ("dpsi_dp", "dlambda_dp", "ddelta_e_dp") if name in solved.column_names]
+    if not parameters or not slopes or plan.get("space") == "rest":
+        return []
+    arrays = [column_array(solved, name).reshape(len(solved), -1, len(parameters)) for name in slopes]
+    moves = np.any([np.abs(array).max(axis=(0, 1)) > 0 for array in arrays], axis=0)
+    return [
+        poor(f"parameter '{parameter.name}' ({parameter.key}) changes nothing in any state: leave it out")
+        for parameter, has_effect in zip(parameters, moves, strict=True)
+        if not (has_effect or is_of_motion(parameter.key))
+    ]
 
 
 def skin_line(skin: dict[str, Any] | None) -> list[str]:

@@ -56,6 +56,11 @@ def _parameter(name: str, spec: ParameterSpec, scene: SceneSpec, path: Path) -> 
     return Parameter(name, spec.key, unit, *ends, reference, _coordinate(key), exact)
 
 
+def is_of_motion(key: str) -> bool:
+    """True of a number that matters to motion and to weight alone."""
+    return "viscosity" in key or key.endswith("density")
+
+
 def _has_other_forces(scene: SceneSpec) -> bool:
     """True where forces of the robot do not scale with the modulus of its body alone."""
     return bool(scene.materials or scene.layers or scene.loads or scene.gravity or scene.discrepancy)

@@ -15,7 +15,7 @@ from cfem.core.errors import SpecError
 from cfem.core.spec import load_spec
 from cfem.core.stage import Options, run_stage
 from cfem.robot.spec import SceneSpec, demand_driven, scene_meaning
-from cfem.sample.parameters import scene_parameters
+from cfem.sample.parameters import is_of_motion, scene_parameters
 from cfem.sample.processes.workers import Workers
 from cfem.sample.spec import SEQUENCES, SampleSpec
 
@@ -179,7 +179,7 @@ def _demand_agreement(spec: SampleSpec, scene: SceneSpec) -> None:
     weighed = scene.gravity or any(item.at == "centre-of-mass" for item in scene.effectors)
     for name, parameter in spec.parameters.items() if not spec.dynamics else ():
         key = parameter.key
-        if "viscosity" in key or (key.endswith("density") and not weighed):
+        if is_of_motion(key) and not (key.endswith("density") and weighed):
             what = f"'{key}' changes no state of the robot at rest"
             raise SpecError(what, where=f"parameters.{name}", do="set `dynamics: true`, or leave it out")
 
