@@ -27,6 +27,7 @@ def test_slack_is_positive_where_it_holds(text, slack):
     [
         ("H - JH", "not an inequality"),
         ("H >", "not an inequality"),
+        ("H >= 3 mm", "numbers without units"),
         ("1 <= H <= 3", "not an inequality"),
         ("H == 3", "not an inequality"),
         ("K >= 3", "unknown name 'K'.*known are H, JH"),

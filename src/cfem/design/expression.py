@@ -27,7 +27,8 @@ def inequality(text: str, names: Iterable[str], where: str) -> Callable[[Values]
     try:
         tree = ast.parse(text, mode="eval").body
     except SyntaxError:
-        raise SpecError(f"'{text}' is not an inequality", where=where, do="write such as 'H - JH >= 13'") from None
+        do = "write such as 'H - JH >= 13', numbers without units, which are those of the parameters (mm, MPa)"
+        raise SpecError(f"'{text}' is not an inequality", where=where, do=do) from None
     if not isinstance(tree, ast.Compare) or len(tree.ops) != 1 or not isinstance(tree.ops[0], ast.GtE | ast.LtE):
         raise SpecError(f"'{text}' is not an inequality", where=where, do="write one <= or >=, such as 'H - JH >= 13'")
     _check(tree.left, known, where), _check(tree.comparators[0], known, where)
