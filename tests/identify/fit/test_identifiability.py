@@ -24,7 +24,7 @@ def test_a_parameter_that_moves_less_than_the_model_is_wrong_is_unseen():
 
 def test_parameters_of_which_some_act_as_one_are_not_called_identifiable():
     known = uncertainty(np.array([0.1, -0.1, 0.2]), np.outer([1.0, 2.0, 3.0], [1.0, 2.0]), True, 0.95)
-    assert share_sentences([E, NU], known) == []
+    assert share_sentences([E, NU], known, np.zeros(2)) == []
 
 
 def test_functions_of_what_is_measured_have_a_deviation_where_their_parts_have_none():

@@ -40,7 +40,7 @@ def ratios(error=0.0, waves=3.0, weight=0.0):
 @pytest.mark.parametrize("waves", [0.5, 3.0, 6.0])
 def test_a_ratio_is_all_that_is_known_however_the_model_is_wrong(error, waves):
     for z in np.random.default_rng(0).random((20, 2)):
-        (direction,) = found(ratios(error, waves), z)
+        (direction,) = found(ratios(error, waves), z).directions
         np.testing.assert_allclose(direction * SPANS, direction[0] * SPANS[0], rtol=1e-6)
 
 
@@ -52,18 +52,18 @@ def test_what_changes_more_than_the_model_is_wrong_is_measured(error):
 def test_powers_that_are_not_whole_are_kept():
     direction = np.array([1.0, 0.37]) / SPANS
     across = np.array([direction[1], -direction[0]])
-    directions = found(lambda z: (np.outer(U, across), None))
-    np.testing.assert_allclose(directions[0] / directions[0][0], direction / direction[0], rtol=1e-6)
-    (sentence,) = unmeasured_sentences(directions, [A, B], "")
+    blind = found(lambda z: (np.outer(U, across), None))
+    np.testing.assert_allclose(blind.directions[0] / blind.directions[0][0], direction / direction[0], rtol=1e-6)
+    (sentence,) = unmeasured_sentences(blind, [A, B], "")
     assert "c A and c^0.37 B" in sentence
 
 
 def test_what_is_known_of_moduli_is_their_ratio_with_its_interval():
     p, jacobian = np.array([0.8, 4.0]), ratios()(Z)[0]
-    directions = found(ratios())
-    known = uncertainty(np.array([0.1, -0.1, 0.0, 0.1, -0.1]), jacobian, True, 0.95, unmeasured=directions)
+    blind = found(ratios())
+    known = uncertainty(np.array([0.1, -0.1, 0.0, 0.1, -0.1]), jacobian, True, 0.95, unmeasured=blind.directions)
     assert known.information.rank == 1 and np.isinf(known.deviations).all()
-    (ratio,) = known_combinations(directions, [A, B], p, known)
+    (ratio,) = known_combinations(blind, [A, B], p, known)
     value, name = {"A/B": (0.2, "A/B"), "B/A": (5.0, "B/A")}[ratio.name]
     assert ratio.value == pytest.approx(value) and ratio.name == name
     half = 1.959964 / np.sqrt((U**2).sum())  # of the slope of a line through the origin
@@ -72,18 +72,27 @@ def test_what_is_known_of_moduli_is_their_ratio_with_its_interval():
 
 def test_lengths_that_act_with_a_modulus_have_no_product():
     jacobian = np.outer(U, [1.0, 2.0])
-    directions = found(lambda z: (jacobian, None), parameters=(A, L))
-    known = uncertainty(np.zeros(5), jacobian, True, 0.95, unmeasured=directions)
-    assert known_combinations(directions, [A, L], np.array([1.0, 40.0]), known) == []
-    (sentence,) = unmeasured_sentences(directions, [A, L], "measure a force")
+    blind = found(lambda z: (jacobian, None), parameters=(A, L))
+    known = uncertainty(np.zeros(5), jacobian, True, 0.95, unmeasured=blind.directions)
+    assert known_combinations(blind, [A, L], np.array([1.0, 40.0]), known) == []
+    (sentence,) = unmeasured_sentences(blind, [A, L], "measure a force")
     assert sentence.startswith("only together: a change along") and "-0.5" in sentence.replace("+0.5", "-0.5")
 
 
 def test_one_that_changes_less_than_the_model_is_wrong_is_named_alone():
     jacobian = np.column_stack([U, 1e-4 * U])
-    directions = found(lambda z: (jacobian, np.full(5, 1e-2)))
-    (sentence,) = unmeasured_sentences(directions, [A, B], "")
+    (sentence,) = unmeasured_sentences(found(lambda z: (jacobian, np.full(5, 1e-2))), [A, B], "")
     assert sentence.startswith("B cannot be found")
+
+
+def test_one_that_small_changes_of_others_hide_leaves_these_known_to_what_they_hide():
+    """B changes what A does, a tenth as much: A is known to a tenth of its range, as B may be anywhere in its own."""
+    blind = found(lambda z: (np.outer(U, [1.0, 0.1]), None))
+    assert blind.leaders.tolist() == [1] and blind.directions.tolist() == [[0.0, 1.0]]
+    np.testing.assert_allclose(blind.carried(np.eye(2)), [0.1, 0.0])
+    assert unmeasured_sentences(blind, [A, B], "") == ["B cannot be found: small changes of A hide it"]
+    known = uncertainty(np.zeros(5), np.outer(U, [1.0, 0.1]), True, 0.95, unmeasured=blind.directions)
+    assert np.isfinite(known.deviations).tolist() == [True, False]
 
 
 SOFT = "[{region: {kind: box, corners: {mm: [[15, -5, -5], [30, 5, 5]]}}, material: {young: 3 MPa, poisson: 0.3%s}}]"
@@ -115,7 +124,7 @@ def test_two_moduli_of_finite_elements_are_told_apart_where_something_has_a_forc
     dual = states.lam if kind == "displacement" else states.delta_a
     measured = Measurements(kind, u, states.x_e, np.full_like(states.x_e, np.nan), dual).of(sources)
     problem = RobotResiduals(family, measured, Noise(1.0, 1.0, False), p[0], [0, 1])
-    directions = found(lambda z: problem.with_error(z)[1:], problem.z(p)[0])
+    directions = found(lambda z: problem.with_error(z)[1:], problem.z(p)[0]).directions
     assert len(directions) == count
     if count:
         np.testing.assert_allclose(directions[0] * SPANS, directions[0][0] * SPANS[0], rtol=1e-6)

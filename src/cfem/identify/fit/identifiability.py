@@ -54,11 +54,11 @@ def advice(kind: str, measured: Sequence[str]) -> str:
     return ""
 
 
-def share_sentences(parameters: Sequence[Parameter], known: Uncertainty) -> list[str]:
+def share_sentences(parameters: Sequence[Parameter], known: Uncertainty, carried: np.ndarray) -> list[str]:
     """Sentences on parameters found as shares of their ranges: which are weakly identifiable, and else that all are
-    identifiable; none where some are not."""
+    identifiable; none where some are not. carried: (n,) shares by which they change with others that are not known."""
     sentences = []
-    for parameter, half in zip(parameters, known.half(np.eye(len(parameters))), strict=True):
+    for parameter, half in zip(parameters, known.half(np.eye(len(parameters))) + carried, strict=True):
         if np.isfinite(half) and half > _WEAK:
             known_to = f"+-{100 * half:.0f} % of" if half < 1 else "no better than"
             sentences.append(

@@ -19,6 +19,7 @@ from cfem.identify.fit.uncertainty import RANK, Uncertainty
 
 _NAMED = 1e-3  # smallest share of a direction that is mentioned
 _PARTS = 2  # of a power: halves are tried in place of what the model's error has left of them
+_LITTLE = 0.2  # share of its range: a parameter that goes with a direction by less is known all the same
 _WEAK = 30.0  # times what errors hide: a direction that changes less is looked at over its whole line
 _SLIGHT = 5.0  # times what errors hide: a direction of plain powers may change as much, as errors that wave do
 _SHORTEST = 0.25  # line through the ranges, in units of their width
@@ -40,6 +41,27 @@ class Combination:
     interval: tuple[float, float] | None
 
 
+@dataclass(frozen=True)
+class Unmeasured:
+    """Directions of the shares of the parameters' ranges that move nothing measured by more than errors do.
+
+    directions: (k, n), the leader's entry is 1
+    leaders:    (k,) numbers of the parameters that lead them and take part in no other
+    slight:     (k, n) what goes with them beside, by less than _LITTLE of its range"""
+
+    directions: np.ndarray
+    leaders: np.ndarray
+    slight: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.directions)
+
+    def carried(self, slopes: np.ndarray) -> np.ndarray:
+        """Largest changes (...,) of linear functions of the shares, slopes (..., n), by what goes slightly with the
+        directions, over all of the ranges."""
+        return np.abs(slopes @ self.slight.T).sum(axis=-1)
+
+
 def hidden(changes: np.ndarray, false_change: np.ndarray, times: float = 1.0) -> np.ndarray:
     """Mask (k,) of the changes (n_r, k) of residuals that errors of up to `times` false_change (n_r,) may have made."""
     size = np.abs(changes)
@@ -48,22 +70,21 @@ def hidden(changes: np.ndarray, false_change: np.ndarray, times: float = 1.0) ->
 
 def unmeasured(
     slopes: Slopes, elsewhere: Callable[[np.ndarray], Slopes], z: np.ndarray, parameters: Sequence[Parameter]
-) -> np.ndarray:
-    """Directions (k, n) of the shares z (n,) of the parameters' ranges that move nothing measured by more than errors
-    do. Each is led by one parameter, which takes part in no other.
+) -> Unmeasured:
+    """Directions of the shares z (n,) of the parameters' ranges that move nothing measured by more than errors do.
 
     slopes:    at z
     elsewhere: gives those at another z"""
     jacobian, error = _with_rounding(*slopes)
     directions, changes = _singular(jacobian)
     weak, blind = hidden(changes, error, _WEAK), hidden(changes, error)
-    if not weak.any():
-        return directions[:0]
-    if not blind[weak].all():
+    if weak.any() and not blind[weak].all():
         jacobian, error = _over_lines(elsewhere, z, directions[weak]) or (jacobian, error)
         directions, changes = _singular(jacobian)
         blind = hidden(changes, error)
-    return _plain(directions[blind], parameters, jacobian, error) if blind.any() else directions[:0]
+    if not blind.any():
+        return Unmeasured(directions[:0], np.zeros(0, dtype=int), directions[:0])
+    return _led(directions[blind], parameters, jacobian, error)
 
 
 def _singular(jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -97,66 +118,73 @@ def _over_lines(
     return tuple(np.mean(values, axis=0) for values in zip(*means, strict=True))
 
 
-def _plain(
+def _led(
     directions: np.ndarray, parameters: Sequence[Parameter], jacobian: np.ndarray, error: np.ndarray
-) -> np.ndarray:
-    """Another basis (k, n) of directions, each led by one parameter, with powers of halves and wholes where these
-    change hardly more."""
-    spans = _spans(parameters)
-    found = directions * spans
-    found = np.linalg.solve(found[:, _leaders(found)], found)
-    rounded = np.round(_PARTS * found) / _PARTS
-    plain = _of_logarithms(found, parameters) & hidden(_over_ranges(jacobian, rounded / spans), error, _SLIGHT)
-    return np.where(plain[:, None], rounded, found) / spans
+) -> Unmeasured:
+    """The same directions (k, n), each led by one parameter, with powers of halves and wholes where these change hardly
+    more."""
+    leaders = qr(directions, pivoting=True, mode="r")[1][: len(directions)]
+    found = np.linalg.solve(directions[:, leaders], directions)
+    slight = np.where(np.abs(found) < _LITTLE, found, 0.0)
+    scale = _spans(parameters) / _spans(parameters)[leaders, None]  # from shares to powers, that of the leader 1
+    rounded = np.round(_PARTS * (found - slight) * scale) / (_PARTS * scale)
+    changes = _over_ranges(jacobian, rounded + slight)
+    plain = _of_logarithms(found - slight, parameters) & hidden(changes, error, _SLIGHT)
+    return Unmeasured(np.where(plain[:, None], rounded, found - slight), leaders, slight)
 
 
 def known_combinations(
-    directions: np.ndarray, parameters: Sequence[Parameter], p: np.ndarray, known: Uncertainty
+    blind: Unmeasured, parameters: Sequence[Parameter], p: np.ndarray, known: Uncertainty
 ) -> list[Combination]:
-    """Combinations that no direction of `unmeasured` changes, at the values p (n,) of the parameters: one for each
-    parameter that leads no direction, where it and what it acts together with have logarithms for coordinates."""
-    if not len(directions):
-        return []
-    spans = _spans(parameters)
-    powers = directions * spans
-    leaders, combinations = _leaders(powers), []
+    """Combinations that no unmeasured direction changes, at the values p (n,) of the parameters: one for each that goes
+    with such directions and leads none, where all that takes part has logarithms for coordinates."""
+    spans, combinations = _spans(parameters), []
     for i in range(len(parameters)):
-        with_it = np.abs(powers[:, i]) > _NAMED
-        if i in leaders or not with_it.any() or not _of_logarithms(powers[with_it], parameters).all():
+        with_it = blind.directions[:, i] != 0
+        if i in blind.leaders or not with_it.any() or not _of_logarithms(blind.directions[with_it], parameters).all():
             continue
-        slope = np.zeros(len(parameters))
-        slope[i] = 1.0
-        slope[leaders] -= powers[:, i]
-        value, half = float(slope @ coordinates(parameters, p)), float(known.half(slope * spans))
+        share = np.zeros(len(parameters))  # slope by the shares
+        share[i] = spans[i]
+        share[blind.leaders] -= blind.directions[:, i] * spans[i]
+        powers, half = share / spans, float(known.half(share) + blind.carried(share))
+        value = float(powers @ coordinates(parameters, p))
         interval = (float(np.exp(value - half)), float(np.exp(value + half))) if np.isfinite(half) else None
-        combinations.append(Combination(_product(slope, parameters), float(np.exp(value)), interval))
+        combinations.append(Combination(_product(powers, parameters), float(np.exp(value)), interval))
     return combinations
 
 
-def unmeasured_sentences(directions: np.ndarray, parameters: Sequence[Parameter], advice: str) -> list[str]:
-    """Sentences on the directions of `unmeasured`; advice: what to measure where moduli only act together."""
-    return [_sentence(direction, parameters, advice) for direction in directions]
+def unmeasured_sentences(blind: Unmeasured, parameters: Sequence[Parameter], advice: str) -> list[str]:
+    """Sentences on the directions; advice: what to measure where moduli only act together."""
+    rows = zip(blind.directions, blind.leaders, blind.slight, strict=True)
+    return [_sentence(*row, parameters, advice) for row in rows]
 
 
-def _sentence(direction: np.ndarray, parameters: Sequence[Parameter], advice: str) -> str:
+def _sentence(
+    direction: np.ndarray, leader: int, slight: np.ndarray, parameters: Sequence[Parameter], advice: str
+) -> str:
     weights = direction / np.abs(direction).max()
     part = np.flatnonzero(np.abs(weights) > _NAMED)
     named = [parameters[i] for i in part]
     if len(named) == 1:
-        return f"{named[0].name} cannot be found: it changes what was measured by no more than the model's own error"
+        others = [parameters[i].name for i in np.flatnonzero(np.abs(slight) > _NAMED)]
+        why = "it changes what was measured by no more than the model's own error"
+        return f"{named[0].name} cannot be found: {f'small changes of {_listed(others)} hide it' if others else why}"
     if not _of_logarithms(direction[None], parameters)[0]:
         along = " ".join(f"{weights[i]:+.2g} {parameters[i].name}" for i in part).removeprefix("+")
         return f"only together: a change along {along} (shares of their ranges) moves nothing measured"
-    powers = (direction * _spans(parameters))[part]
-    *names, last = (parameter.name for parameter in named)
-    *factors, last_factor = (
-        f"{_power('c', power)} {parameter.name}" for power, parameter in zip(powers, named, strict=True)
-    )
+    powers = (direction * _spans(parameters) / _spans(parameters)[leader])[part]
+    factors = [f"{_power('c', power)} {parameter.name}" for power, parameter in zip(powers, named, strict=True)]
     moduli = all(parameter.is_stiffness for parameter in named)
     return (
-        f"{', '.join(names)} and {last} cannot be found: {', '.join(factors)} and {last_factor} give the same "
+        f"{_listed([parameter.name for parameter in named])} cannot be found: {_listed(factors)} give the same "
         f"measurements for every c, to the model's own error{f'; {advice}' if moduli and advice else ''}"
     )
+
+
+def _listed(texts: Sequence[str]) -> str:
+    """'a, b and c'."""
+    *first, last = texts
+    return f"{', '.join(first)} and {last}" if first else last
 
 
 def _spans(parameters: Sequence[Parameter]) -> np.ndarray:
@@ -175,11 +203,6 @@ def _of_logarithms(directions: np.ndarray, parameters: Sequence[Parameter]) -> n
     others = [i for i, parameter in enumerate(parameters) if parameter.coordinate != "log"]
     largest = np.abs(directions).max(axis=1, initial=0.0)
     return (np.abs(directions[:, others]) <= _NAMED * largest[:, None]).all(axis=1)
-
-
-def _leaders(directions: np.ndarray) -> np.ndarray:
-    """Numbers (k,) of the parameters that lead directions (k, n)."""
-    return qr(directions, pivoting=True, mode="r")[1][: len(directions)]
 
 
 def _product(powers: np.ndarray, parameters: Sequence[Parameter]) -> str:

@@ -10,7 +10,7 @@ from cfem.core.errors import NumericalError
 from cfem.identify.fit.free_parameter import ParameterEstimate, estimate
 from cfem.identify.fit.identifiability import advice, share_sentences, unseen, unseen_sentence
 from cfem.identify.fit.uncertainty import Uncertainty, profile, uncertainty
-from cfem.identify.fit.unmeasured import Combination, known_combinations, unmeasured, unmeasured_sentences
+from cfem.identify.fit.unmeasured import Combination, Unmeasured, known_combinations, unmeasured, unmeasured_sentences
 from cfem.identify.robot.measurements import Measurements
 from cfem.identify.robot.residuals import Noise, RobotResiduals, relative_noise
 from cfem.parametric.family import Family
@@ -81,14 +81,16 @@ def calibrate(
     hidden = [family.parameters[i] for i, is_seen in zip(find, seen, strict=True) if not is_seen]
     problem = RobotResiduals(family, measured, noise, p0, [i for i, is_seen in zip(find, seen, strict=True) if is_seen])
     lost = [unseen_sentence(parameter, measured.kind, _sources(measured)) for parameter in hidden]
-    fits, known, profiles, z, sentences, combinations = [], None, [], np.zeros(0), [], []
+    fits, known, profiles, z, sentences, combinations, deviations = [], None, [], np.zeros(0), [], [], np.zeros(0)
     if problem.free:
         fits = [fit(problem, start, _SEARCH) for start in problem.z(starts)]
         z = best_of(fits).u
-        known, directions = _uncertainty(problem, z, confidence)
-        lost += unmeasured_sentences(directions, problem.parameters, advice(measured.kind, _sources(measured)))
-        combinations = known_combinations(directions, problem.parameters, problem.p(z)[problem.free], known)
-        sentences = share_sentences(problem.parameters, known)
+        known, blind = _uncertainty(problem, z, confidence)
+        carried = blind.carried(np.eye(len(z)))
+        deviations = known.deviations + carried / known.quantile
+        lost += unmeasured_sentences(blind, problem.parameters, advice(measured.kind, _sources(measured)))
+        combinations = known_combinations(blind, problem.parameters, problem.p(z)[problem.free], known)
+        sentences = share_sentences(problem.parameters, known, carried)
     profile_begin, evaluations = time.process_time(), everything.evaluations + problem.evaluations
     if known is not None:
         profiled = with_profile & np.isfinite(known.deviations)
@@ -98,7 +100,7 @@ def calibrate(
     return Calibration(
         p=problem.p(z),
         estimates=tuple(
-            estimate(unknown, z[i], known.deviations[i], known.quantile, profiles[i])
+            estimate(unknown, z[i], deviations[i], known.quantile, profiles[i])
             for i, unknown in enumerate(problem.unknowns)
         ),
         unseen=tuple(parameter.name for parameter in hidden),
@@ -132,11 +134,12 @@ def coverage(calibration: Calibration, noise: Noise, confidence: float, repeats:
     return covered / repeats
 
 
-def _uncertainty(problem: RobotResiduals, z: np.ndarray, confidence: float) -> tuple[Uncertainty, np.ndarray]:
-    """Uncertainty at the answer z (n_free,), and the directions (k, n_free) that move nothing measured."""
+def _uncertainty(problem: RobotResiduals, z: np.ndarray, confidence: float) -> tuple[Uncertainty, Unmeasured]:
+    """Uncertainty at the answer z (n_free,), and the directions that move nothing measured."""
     residuals, jacobian, error = problem.with_error(z)
-    directions = unmeasured((jacobian, error), lambda other: problem.with_error(other)[1:], z, problem.parameters)
-    return uncertainty(residuals, jacobian, problem.noise.known, confidence, unmeasured=directions), directions
+    blind = unmeasured((jacobian, error), lambda other: problem.with_error(other)[1:], z, problem.parameters)
+    apart = blind.directions if len(blind) else None
+    return uncertainty(residuals, jacobian, problem.noise.known, confidence, unmeasured=apart), blind
 
 
 def _sources(measured: Measurements) -> list[str]:
