@@ -71,12 +71,13 @@ class LearnedFamily:
 
     def false_change(self, kind: Kind, states: States) -> tuple[np.ndarray, np.ndarray] | None:
         """Twice the model's stated error, at either end of the range; None where it states none. Of an orientation that
-        of a point at the robot's length, and outside the domain what it would be inside."""
+        of a point at the robot's length, and outside the domain at least what is stated of all inside."""
         stated = self.predictor.model_error
         if stated is None:
             return None
         L = extrapolation(self.predictor, states, states.p)
-        tip, dual = (np.maximum(bound.at(L), bound.everywhere) for bound in (stated.tip, stated.actuators))
+        least = np.where(self.predictor.inside(states, states.p), 0.0, 1.0)
+        tip, dual = (np.maximum(bound.at(L), least * bound.everywhere) for bound in (stated.tip, stated.actuators))
         dual = dual[:, None] * reaction_sizes(self.predictor, stated.command, states.p)
         effectors = tip[:, None] / np.where(self.rows.turns, self.length, 1.0)
         if kind != stated.command:  # what was commanded in the samples is found from its dual here
