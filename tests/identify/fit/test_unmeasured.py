@@ -70,6 +70,15 @@ def test_what_is_known_of_moduli_is_their_ratio_with_its_interval():
     np.testing.assert_allclose(np.log(np.array(ratio.interval) / value), [-half, half], rtol=1e-6)
 
 
+def test_the_interval_of_a_ratio_ends_with_the_ranges():
+    jacobian = ratios()(Z)[0]
+    blind = found(ratios())
+    known = uncertainty(np.zeros(5), 1e-3 * jacobian, True, 0.95, unmeasured=blind.directions)
+    (ratio,) = known_combinations(blind, [A, B], np.array([0.8, 4.0]), known)
+    ends = (0.5 / 6.0, 2.0 / 1.0) if ratio.name == "A/B" else (1.0 / 2.0, 6.0 / 0.5)
+    np.testing.assert_allclose(ratio.interval, ends)
+
+
 def test_lengths_that_act_with_a_modulus_have_no_product():
     jacobian = np.outer(U, [1.0, 2.0])
     blind = found(lambda z: (jacobian, None), parameters=(A, L))

@@ -1,5 +1,7 @@
 """Parameters found again, what cannot be found said, and intervals that cover the truth as often as they claim."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from identify.robot.truth import PULLS, measured
@@ -167,6 +169,12 @@ def test_starts_that_fail_are_named_and_the_others_serve():
     assert found.estimates[0].value == pytest.approx(0.47, abs=1e-8)
     with pytest.raises(NumericalError, match="too soft"):
         run(measured(TRUTH), [NU], family=Fussy(), starts=STARTS[:1], with_profile=False)
+
+
+def test_rows_that_nobody_measured_are_no_matter():
+    data = measured(TRUTH)
+    data = replace(data, x_e=np.where([False, True, True], data.x_e, np.nan))
+    assert run(data, [NU]).estimates[0].value == pytest.approx(0.47, abs=1e-8)
 
 
 def test_nothing_measured_is_an_error():

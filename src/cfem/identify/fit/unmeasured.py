@@ -34,7 +34,7 @@ Slopes = tuple[np.ndarray, np.ndarray | None]
 class Combination:
     """A product of powers of unknowns, such as 'E2/E1', that is known though they are not.
 
-    interval: its ends, None where the noise is not known"""
+    interval: its ends, within what the ranges allow; None where the noise is not known"""
 
     name: str
     value: float
@@ -148,8 +148,10 @@ def known_combinations(
         share[blind.leaders] -= blind.directions[:, i] * spans[i]
         powers, half = share / spans, float(known.half(share) + blind.carried(share))
         value = float(powers @ coordinates(parameters, p))
-        interval = (float(np.exp(value - half)), float(np.exp(value + half))) if np.isfinite(half) else None
-        combinations.append(Combination(_product(powers, parameters), float(np.exp(value)), interval))
+        ends = np.sort(powers * range_coordinates(parameters), axis=0).sum(axis=1)  # of the ranges
+        interval = np.exp(np.clip([value - half, value + half], *ends)) if np.isfinite(half) else None
+        pair = None if interval is None else (float(interval[0]), float(interval[1]))
+        combinations.append(Combination(_product(powers, parameters), float(np.exp(value)), pair))
     return combinations
 
 

@@ -31,7 +31,9 @@ class Noise:
 def relative_noise(measured: Measurements) -> Noise:
     """The noise where nothing is known: effectors and duals measured with one precision relative to their largest
     change."""
-    moved = measured.x_e - np.nanmean(measured.x_e, axis=0) if np.isfinite(measured.x_e).any() else measured.delta_e
+    seen = np.isfinite(measured.x_e)
+    mean = np.where(seen, measured.x_e, 0.0).sum(axis=0) / np.maximum(seen.sum(axis=0), 1)
+    moved = measured.x_e - mean if seen.any() else measured.delta_e
     sizes = [np.nanmax(np.abs(change), initial=0.0) or 1.0 for change in (moved, measured.dual)]
     return Noise(*map(float, sizes), known=False)
 
