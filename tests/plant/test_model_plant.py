@@ -47,6 +47,9 @@ def test_a_cable_that_would_push_is_slack_where_it_carries_nothing():
 def test_cables_that_pull_stand_where_they_are_told_and_one_that_was_slack_is_taken_up():
     plant = ModelPlant(ArcRobot(), REST_E, unilateral=BOTH)
     assert plant.step(np.array([9.0, 2.0])).delta_a[1] > 2.0
+    let_out = plant.step(np.array([-3.0, -2.0]))
+    np.testing.assert_allclose(let_out.delta_a, 0.0, atol=1e-8)
+    np.testing.assert_allclose(let_out.x_e, REST_E, atol=1e-8)
     for command in ([6.0, 5.5], [9.0, 9.0], [0.0, 0.0]):
         there, bare = plant.step(np.array(command)), ModelPlant(ArcRobot(), REST_E).step(np.array(command))
         np.testing.assert_array_equal(there.x_e, bare.x_e)

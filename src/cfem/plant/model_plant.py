@@ -8,7 +8,7 @@ from cfem.condensed.model import Model, PathDependent, Timed, under_force
 from cfem.core.errors import NumericalError
 from cfem.plant.protocol import Command, Measurement
 
-_NONE = 1e-9  # of the largest force: what a cable may push
+_NONE = 1e-9  # of the largest force where all are held: what a cable may push
 _STEPS = 20  # of Newton's method, for cables that are slack
 
 
@@ -65,32 +65,28 @@ class ModelPlant:
         state = self._model.at_displacement(target)
         if not self._unilateral.any():
             return state
+        none = _NONE * float(np.abs(state.lambda_a - self._reaction(state)).max())
         slack = np.zeros(len(target), dtype=bool)
         for _ in range(2 * len(target) + 1):
-            state = self._let_go(state, target, slack)
-            force = state.lambda_a - self._reaction(state)
-            pushes = self._unilateral & ~slack & (force < -_NONE * np.abs(force).max())
+            pushes = self._unilateral & ~slack & (state.lambda_a - self._reaction(state) < -none)
             taken_up = slack & (state.delta_a < target)
             if not (pushes | taken_up).any():
                 return state
             slack = (slack | pushes) & ~taken_up
+            state = self._let_go(state, target, slack, none)
         raise NumericalError("no state was found in which cables that would push are slack")
 
-    def _let_go(self, state: Condensed, target: np.ndarray, slack: np.ndarray) -> Condensed:
-        """The state in which actuators that are slack (n_a,) bool carry nothing, and the others are at their targets
-        (n_a,) mm, by Newton's method from a state near it."""
+    def _let_go(self, state: Condensed, target: np.ndarray, slack: np.ndarray, none: float) -> Condensed:
+        """The state in which actuators that are slack (n_a,) bool carry no more than `none` N, and the others are at
+        their targets (n_a,) mm, by Newton's method from a state near it."""
         delta = np.where(slack, state.delta_a, target)
-        state = self._model.at_displacement(delta)
-        for _ in range(_STEPS if slack.any() else 0):
-            force = state.lambda_a - self._reaction(state)
-            if (np.abs(force[slack]) <= _NONE * np.abs(force).max()).all():
-                return state
-            delta = delta.copy()
-            delta[slack] -= np.linalg.solve(np.linalg.inv(state.W_aa)[np.ix_(slack, slack)], force[slack])
+        for _ in range(_STEPS):
             state = self._model.at_displacement(delta)
-        if slack.any():
-            raise NumericalError("no state was found in which cables that would push carry nothing")
-        return state
+            force = (state.lambda_a - self._reaction(state))[slack]
+            if (np.abs(force) <= none).all():
+                return state
+            delta[slack] -= np.linalg.solve(np.linalg.inv(state.W_aa)[np.ix_(slack, slack)], force)
+        raise NumericalError("no state was found in which cables that would push carry nothing")
 
     def _under(self, lambda_a: np.ndarray) -> Condensed:
         near = self._last or self._model.at_displacement(np.zeros(len(lambda_a)))
