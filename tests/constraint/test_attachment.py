@@ -134,7 +134,8 @@ def test_a_point_just_off_the_surface_is_attached(mesh):
     "point, radius, part",
     [
         ([25.0, 5, 5], 2.0, "cable 'left' point 1 at (25, 5, 5) mm lies outside"),
-        ([20.01, 5, 5], 1e-3, "has too little of the body within its radius of 0.001 mm"),
+        ([20.01, 5, 5], 1e-3, "has too little of the body within its radius of 0.001 mm (enlarge the radius"),
+        ([10, 5, 5], 100, "within its radius of 100 mm (state a smaller radius: the body is 10 mm thin)"),
     ],
 )
 def test_bad_input_is_named(point, radius, part):

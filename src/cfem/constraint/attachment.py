@@ -62,11 +62,19 @@ def attach(mesh: Mesh, point: np.ndarray, radius: float, name: str, cells: np.nd
     if volumes.sum() < _LEAST * 4 / 3 * np.pi * radius**3:
         raise SpecError(
             f"{name} at {show(point)} mm has too little of the body within its radius of {radius:g} mm",
-            do="enlarge the radius or move the point into the body",
+            do=_advice(mesh, radius),
         )
     offset = (places - point) / radius
     weights = _moving_least_squares(offset, volumes / volumes.sum() * (1 - squares(offset)) ** 2)
     return _polished(mesh, _combine(mesh, point, cell, coordinates, weights))
+
+
+def _advice(mesh: Mesh, radius: float) -> str:
+    """What to do where the ball about a point holds too little of the body."""
+    thin = float(np.ptp(mesh.X, axis=0).min())
+    if radius > thin:
+        return f"state a smaller radius: the body is {thin:.3g} mm thin"
+    return "enlarge the radius or move the point into the body"
 
 
 def locate(
