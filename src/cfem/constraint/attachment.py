@@ -70,7 +70,7 @@ def attach(mesh: Mesh, point: np.ndarray, radius: float, name: str, cells: np.nd
 
 
 def _advice(mesh: Mesh, radius: float) -> str:
-    """What to do where the ball about a point holds too little of the body."""
+    """Advice where the ball about a point holds too little of the body."""
     thin = float(np.ptp(mesh.X, axis=0).min())
     if radius > thin:
         return f"state a smaller radius: the body is {thin:.3g} mm thin"

@@ -148,7 +148,7 @@ def parse_array(data: Any, system_unit: str, ndim: int, last: int | None = None)
 
 
 def _strange(numbers: Any) -> str:
-    """What makes a list no array of numbers: a part that is none, or rows of different lengths."""
+    """Reason why a list is no array of numbers: a part that is none, or rows of different lengths."""
     flat, rows = [numbers], set()
     while any(isinstance(part, list | tuple) for part in flat):
         rows = {len(part) if isinstance(part, list | tuple) else 0 for part in flat}

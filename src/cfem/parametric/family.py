@@ -81,9 +81,9 @@ class LearnedFamily:
         dual = dual[:, None] * reaction_sizes(self.predictor, stated.command, states.p)
         effectors = tip[:, None] / np.where(self.rows.turns, self.length, 1.0)
         if kind != stated.command:  # what was commanded in the samples is found from its dual here
-            found = _largest(states.W_aa if kind == "force" else np.linalg.inv(states.W_aa), dual)
-            effectors = effectors + _largest(states.effector_jacobian, found if kind == "force" else dual)
-            dual = found
+            reaction = _largest(states.W_aa if kind == "force" else np.linalg.inv(states.W_aa), dual)
+            effectors = effectors + _largest(states.effector_jacobian, reaction if kind == "force" else dual)
+            dual = reaction
         return 2 * effectors, 2 * dual
 
     def knows_stiffness(self, states: States, rows: np.ndarray) -> np.ndarray:
@@ -146,7 +146,7 @@ class FiniteElementFamily:
         return States(self.rows, state.W * soft[..., None], state.delta_free, state.lam / soft, p, np.array(rest))
 
     def false_change(self, kind: Kind, states: States) -> tuple[np.ndarray, np.ndarray]:
-        """What the differences of answers solved to a tolerance may give."""
+        """Changes that differences of answers may give that are solved to a tolerance."""
         dual = states.lam if kind == "displacement" else states.delta_a
         largest = [np.abs(answers).max(axis=0, initial=0.0) for answers in (states.delta_e, dual)]
         effectors, reactions = (np.tile(_SOLVED * self.stencil.roughness * size, (len(states), 1)) for size in largest)

@@ -48,7 +48,7 @@ def unseen_sentence(parameter: Parameter, kind: str, measured: Sequence[str]) ->
 
 
 def advice(kind: str, measured: Sequence[str]) -> str:
-    """What to measure where moduli only act together; arguments as of `unseen_sentence`."""
+    """Advice on what to measure where moduli only act together; arguments as of `unseen_sentence`."""
     if kind == "displacement" and "actuators" not in measured:
         return "displacements alone do not tell the moduli of a robot without loads: measure a force"
     return ""

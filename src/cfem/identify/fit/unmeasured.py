@@ -110,10 +110,10 @@ def _over_lines(
             ends = np.sort(np.array([-z, 1 - z]) / direction, axis=0)
         low, high = np.nanmax(ends[0]), np.nanmin(ends[1])
         try:
-            there = [_with_rounding(*elsewhere(z + t * direction)) for t in (low + high + (high - low) * _LINE[0]) / 2]
+            along = [_with_rounding(*elsewhere(z + t * direction)) for t in (low + high + (high - low) * _LINE[0]) / 2]
         except NumericalError:
             return None
-        jacobian, error = (np.tensordot(_LINE[1] / 2, np.array(values), 1) for values in zip(*there, strict=True))
+        jacobian, error = (np.tensordot(_LINE[1] / 2, np.array(values), 1) for values in zip(*along, strict=True))
         means.append((jacobian, error / np.clip((high - low) * np.abs(direction).max(), _SHORTEST, 1)))
     return tuple(np.mean(values, axis=0) for values in zip(*means, strict=True))
 
@@ -121,16 +121,16 @@ def _over_lines(
 def _led(
     directions: np.ndarray, parameters: Sequence[Parameter], jacobian: np.ndarray, error: np.ndarray
 ) -> Unmeasured:
-    """The same directions (k, n), each led by one parameter, with powers of halves and wholes where these change hardly
-    more."""
+    """Directions (k, n) in another basis, each led by one parameter, with powers of halves and wholes where these
+    change hardly more."""
     leaders = qr(directions, pivoting=True, mode="r")[1][: len(directions)]
-    found = np.linalg.solve(directions[:, leaders], directions)
-    slight = np.where(np.abs(found) < _LITTLE, found, 0.0)
+    led = np.linalg.solve(directions[:, leaders], directions)
+    slight = np.where(np.abs(led) < _LITTLE, led, 0.0)
     scale = _spans(parameters) / _spans(parameters)[leaders, None]  # from shares to powers, that of the leader 1
-    rounded = np.round(_PARTS * (found - slight) * scale) / (_PARTS * scale)
+    rounded = np.round(_PARTS * (led - slight) * scale) / (_PARTS * scale)
     changes = _over_ranges(jacobian, rounded + slight)
-    plain = _of_logarithms(found - slight, parameters) & hidden(changes, error, _SLIGHT)
-    return Unmeasured(np.where(plain[:, None], rounded, found - slight), leaders, slight)
+    plain = _of_logarithms(led - slight, parameters) & hidden(changes, error, _SLIGHT)
+    return Unmeasured(np.where(plain[:, None], rounded, led - slight), leaders, slight)
 
 
 def known_combinations(
@@ -164,6 +164,7 @@ def unmeasured_sentences(blind: Unmeasured, parameters: Sequence[Parameter], adv
 def _sentence(
     direction: np.ndarray, leader: int, slight: np.ndarray, parameters: Sequence[Parameter], advice: str
 ) -> str:
+    """Sentence on one direction (n,); slight (n,): what goes with it beside."""
     weights = direction / np.abs(direction).max()
     part = np.flatnonzero(np.abs(weights) > _NAMED)
     named = [parameters[i] for i in part]

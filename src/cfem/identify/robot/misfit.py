@@ -26,7 +26,7 @@ class Misfit:
 
     @property
     def share(self) -> float:
-        """What is left, as a share of the largest change."""
+        """Residual as a share of the largest change."""
         return self.rms / self.change if self.change > 0 else 0.0
 
     @property
@@ -38,7 +38,7 @@ class Misfit:
 
 
 def misfits(calibration: Calibration) -> list[Misfit]:
-    """What is left of each kind of numbers that was measured."""
+    """Misfit of each kind of numbers that was measured."""
     kinds: dict[tuple[str, str], list[np.ndarray]] = {}
     problem, effectors = calibration.problem, calibration.problem.family.rows.effectors
     for name in problem.names:
@@ -49,11 +49,11 @@ def misfits(calibration: Calibration) -> list[Misfit]:
             travel = np.abs(calibration.states.delta_e[:, effectors.index(name)]).max()
             change = np.maximum(np.abs(measured - measured.mean()), travel)
         kinds.setdefault(_kind(calibration, name), []).append(np.stack([calibration.residuals[numbers], change]))
-    found = []
+    summed = []
     for (name, unit), parts in kinds.items():
         residuals, changes = np.hstack(parts)
-        found.append(Misfit(name, unit, float(np.sqrt((residuals**2).mean())), float(np.abs(changes).max())))
-    return found
+        summed.append(Misfit(name, unit, float(np.sqrt((residuals**2).mean())), float(np.abs(changes).max())))
+    return summed
 
 
 def _kind(calibration: Calibration, name: str) -> tuple[str, str]:

@@ -69,10 +69,10 @@ def write_states(path: Path, calibration: Calibration) -> None:
 
 def _estimates(calibration: Calibration, truth: Mapping[str, float]) -> dict[str, dict[str, Any]]:
     """Value, intervals and, where the truth is known, error of each parameter."""
-    entries, told = {}, calibration.uncertainty is not None and calibration.uncertainty.covariance is not None
+    entries, has_deviations = {}, calibration.uncertainty is not None and calibration.uncertainty.covariance is not None
     for estimate in calibration.estimates:
         entry = {
-            "determined": estimate.deviation is not None or not told,
+            "determined": estimate.deviation is not None or not has_deviations,
             "value": estimate.value,
             "unit": estimate.unit,
             "interval": list(estimate.interval),

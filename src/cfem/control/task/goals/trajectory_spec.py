@@ -81,6 +81,7 @@ class GoalsSpec(PlacesSpec):
     back to rest. It needs object.table."""
 
     def check(self) -> None:
+        """Checks which keys go together."""
         if (self.points is None) == (self.file is None):
             raise ValueError("give goals by `points` or by `file`, one of both")
         if self.rotation is None:
