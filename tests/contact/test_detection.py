@@ -165,6 +165,13 @@ def test_the_nearest_two_points_that_may_meet_are_found_in_few_regions():
     assert separation(places, outward, MayMeet(region, codes), np.ones(300)) == pytest.approx(apart.min())
 
 
+def test_a_region_without_points_is_near_nothing():
+    """All of its points are held, and touch nothing."""
+    places, region = np.array([[5.0, 0.0, 0.0], [-4.0, 0.0, 0.0]]), np.array([0, 2])
+    codes = np.array([[NEVER, OTHER, OTHER], [OTHER, NEVER, OTHER], [OTHER, OTHER, NEVER]])
+    assert separation(places, np.tile(UP, (2, 1)), MayMeet(region, codes), np.ones(2)) == pytest.approx(9.0)
+
+
 @pytest.mark.parametrize(("slope", "taken"), [(0.5, True), (2.0, False)])
 def test_a_plane_that_leans_far_from_its_faces_normals_is_not_taken(slope, taken):
     """As at an edge, where the faces of both sides make no surface."""

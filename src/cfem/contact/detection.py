@@ -99,7 +99,7 @@ def _nearest(places: np.ndarray, may_meet: MayMeet) -> float:
         if least >= nearest:
             break
         mine, others = places[regions == a], places[regions == b]
-        nearest = min(nearest, float(np.linalg.norm(mine[:, None] - others, axis=2).min()))
+        nearest = min(nearest, float(np.linalg.norm(mine[:, None] - others, axis=2).min(initial=np.inf)))
     return nearest
 
 
