@@ -51,6 +51,7 @@ def finding(overlap: Mapping[str, Any] | None, body: float) -> list[dict[str, An
         poor(
             f"parts of the body pass through each other by {share}, at ({place}) mm of the body at rest, and in "
             f"{overlap['overlapping']} of {overlap['states']} states spread over the plan, so that forces are too low "
-            "there. Set `self_contact: true` in the scene (a larger `within` where it has it), or reduce the reach"
+            "there. Set `self_contact: true` in the scene (a larger `within` where it has it), or reduce the reach. "
+            "`cfem control` knows outer surfaces that touch each other where an obstacle is of kind itself"
         )
     ]
