@@ -129,7 +129,6 @@ def turning(held):
     return held
 
 
-@pytest.mark.slow
 def test_one_bar_moves_by_friction_what_is_pressed_against_it(turning):
     results = cfem.run_stage("control", turning / "control.yaml", overrides=TOUCHED, out=turning / "touched")["results"]
     account = results["object"]

@@ -54,13 +54,13 @@ def carry_out(folder: Path, spec: PlannedSpec, base: Path, prepared: Prepared, k
     if prepared.world:
         figures, sentences = prepared.world.results(spec, records)
         lines = [*sentences, *lines]
+        held, met = (held | figures, None) if holding else (None, figures)
     contact_error, steps = None, {}
     if isinstance(spec, ObstaclesSpec):
         contact_error, sentences = stated_errors(prepared.predictors, spec.error_places, records, prepared.rest_e)
         lines += sentences
         steps = _depend_on_steps(prepared, records)
         lines += [dependence.sentence(name) for name, dependence in steps.items()]
-        held, met = (held | figures, None) if holding else (None, figures)
     if prepared.touched and prepared.touched.commands:  # none where the model is its own plant
         lines.append(prepared.touched.sentence())
     kept_run.remove()
