@@ -29,14 +29,13 @@ from cfem.equilibrium.system.actuation import displacement
 from cfem.equilibrium.system.problem import Problem
 from cfem.predict.contact.step.bodies import PlacedModel
 from cfem.predict.contact.step.scene import ContactScene
-from cfem.predict.contact.surface.kept_patches import node_model_of, patched_model_of
+from cfem.predict.contact.surface.kept_patches import fe_points, node_model_of, patched_model_of
 from cfem.predict.contact.surface.patched_model import PatchedModel, patches_of
 from cfem.predict.load import load_model
 from cfem.predict.series.few_states import patch_states
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh
 from cfem.robot.self_contact import SelfContactSpec
-from cfem.surrogate.contact_error import fe_points
 
 PIPELINES = Path(__file__).parents[1] / "pipelines"
 OVER = np.array([0.0, 0.0, 16.0])  # mm: of the other bar

@@ -7,10 +7,10 @@ import numpy as np
 from cfem.contact.law.check import check
 from cfem.contact.law.modes import distinct, modes_of, solve_mode
 from cfem.contact.law.problem import ContactProblem, Law
-from cfem.contact.law.solve import ContactState
+from cfem.contact.law.solve import LawfulState
 
 
-def all_modes(problem: ContactProblem, law: Law) -> list[ContactState]:
+def all_modes(problem: ContactProblem, law: Law) -> list[LawfulState]:
     """The distinct valid states of a few points. Where a state belongs to several choices (a point that just
     touches), the first of them is named. With two slipping points and more, as complete as Newton
     from 144 and more starts is; where a choice leaves its state undetermined, only its smallest state is tried."""
@@ -19,7 +19,7 @@ def all_modes(problem: ContactProblem, law: Law) -> list[ContactState]:
         solution = solve_mode(problem, law, modes)
         if solution.valid:
             states += [
-                ContactState(lam, xi, modes, check(problem, law, lam, xi))
+                LawfulState(lam, xi, modes, check(problem, law, lam, xi))
                 for lam, xi in zip(solution.lam, solution.xi, strict=True)
             ]
     if not states:

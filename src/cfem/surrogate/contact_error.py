@@ -14,9 +14,7 @@ from itertools import count, cycle, islice
 import numpy as np
 
 from cfem.condensed.model_error import ContactError, ContactFactors
-from cfem.condensed.patches import Patches, SurfacePoints
-from cfem.constraint.surface import outer_surface
-from cfem.constraint.surface_points import at_nodes
+from cfem.condensed.patches import Patches
 from cfem.contact.law.sliding import PARTS
 from cfem.contact.obstacle import Box, Obstacle, Plane, Sphere, tangents
 from cfem.contact.obstacle_set import ObstacleSet
@@ -29,7 +27,7 @@ from cfem.equilibrium.system.robot import Robot
 from cfem.predict.contact.error import expected_error, forces_of, touching
 from cfem.predict.contact.step.scene import contact_step
 from cfem.predict.contact.step.state import ContactState
-from cfem.predict.contact.surface.node_model import NodeModel
+from cfem.predict.contact.surface.kept_patches import fe_points
 from cfem.predict.contact.surface.surface_model import SurfaceModel
 from cfem.predict.protocol import Predictor
 from cfem.surrogate.calibration import promised, quantile
@@ -168,14 +166,6 @@ def pressed_places(
                 kinds = kinds[: max(1, len(kinds) - 1)]
             if tries == MOST_TRIES:
                 return
-
-
-def fe_points(touched: SurfaceModel, robot: Robot) -> Patches | SurfacePoints:
-    """Points by which the finite elements touch where the model does."""
-    if not isinstance(touched, NodeModel):
-        return touched.patches
-    facets = robot.body.mesh.facets
-    return at_nodes(robot.X, facets, outer_surface(robot.X, facets))
 
 
 def _coming(

@@ -35,7 +35,7 @@ class ContactStatus(Enum):
 
 
 @dataclass(frozen=True)
-class ContactState:
+class LawfulState:
     """One state that obeys the law: forces lam (3m,) N, motion xi (k,) mm or rad, one mode a point, and its
     residuals."""
 
@@ -96,7 +96,7 @@ def solve_contact(
     return _answer(problem, None, ContactStatus.NONE if searched == total else ContactStatus.BUDGET, tried + searched)
 
 
-def _answer(problem: ContactProblem, state: ContactState | None, status: ContactStatus, tried: int) -> ContactSolution:
+def _answer(problem: ContactProblem, state: LawfulState | None, status: ContactStatus, tried: int) -> ContactSolution:
     """Solution that reports the state and how the solve ended, NaN without a state."""
     if state is None:
         lam, xi = np.full(len(problem.free), np.nan), np.full(problem.k, np.nan)
@@ -104,12 +104,12 @@ def _answer(problem: ContactProblem, state: ContactState | None, status: Contact
     return ContactSolution(state.lam, state.xi, state.modes, state.check, status, tried)
 
 
-def _state(problem: ContactProblem, law: Law, modes: tuple[Mode, ...], solution: ModeSolution) -> ContactState:
+def _state(problem: ContactProblem, law: Law, modes: tuple[Mode, ...], solution: ModeSolution) -> LawfulState:
     lam, xi = solution.lam[0], solution.xi[0]
-    return ContactState(lam, xi, modes, check(problem, law, lam, xi))
+    return LawfulState(lam, xi, modes, check(problem, law, lam, xi))
 
 
-def _of_many(problem: ContactProblem, law: Law, start_modes: Sequence[Mode] | None) -> tuple[ContactState | None, int]:
+def _of_many(problem: ContactProblem, law: Law, start_modes: Sequence[Mode] | None) -> tuple[LawfulState | None, int]:
     """State of a problem without object: tries the modes that are given, Newton's method, then the path along growing
     friction."""
     tried = 0
@@ -127,13 +127,13 @@ def _of_many(problem: ContactProblem, law: Law, start_modes: Sequence[Mode] | No
         lam, no_motion = force.ravel(), np.zeros(0)
         account = check(problem, law, lam, no_motion)
         if account.valid():
-            return ContactState(
+            return LawfulState(
                 lam, no_motion, understood(problem, law, modes_from(force, mu)), account
             ), tried + systems
     return None, tried + systems
 
 
-def _with_object(problem: ContactProblem, start: np.ndarray | None) -> tuple[ContactState | None, int]:
+def _with_object(problem: ContactProblem, start: np.ndarray | None) -> tuple[LawfulState | None, int]:
     """Newton's method from the forces that are given, then from the smallest that balance the load."""
     p, u, tried, mu = problem.normalised, problem.units, 0, problem.mu
     for guess in ([] if start is None else [start / u.force]) + [None]:
@@ -143,7 +143,7 @@ def _with_object(problem: ContactProblem, start: np.ndarray | None) -> tuple[Con
             lam, xi = forces_and_motion[0].ravel() * u.force, forces_and_motion[1] * u.motion
             account = check(problem, "coulomb", lam, xi)
             if account.valid():
-                return ContactState(lam, xi, modes_from(forces_and_motion[0], mu), account), tried
+                return LawfulState(lam, xi, modes_from(forces_and_motion[0], mu), account), tried
     return None, tried
 
 
@@ -152,7 +152,7 @@ def _unstable(problem: ContactProblem) -> bool:
     return bool(lowest < -INDEFINITE * highest)
 
 
-def _pivot(problem: ContactProblem, law: Law, modes: tuple[Mode, ...]) -> tuple[ContactState | None, int]:
+def _pivot(problem: ContactProblem, law: Law, modes: tuple[Mode, ...]) -> tuple[LawfulState | None, int]:
     """State reached by changing the modes of violated points, all at once, or the worst alone where that choice was
     tried."""
     seen: set[tuple[Mode, ...]] = set()
@@ -191,7 +191,7 @@ def _others(problem: ContactProblem, law: Law, modes: tuple[Mode, ...], solution
 
 def _search(
     problem: ContactProblem, law: Law, start: tuple[Mode, ...], limit: int, quick: bool
-) -> tuple[ContactState | None, int]:
+) -> tuple[LawfulState | None, int]:
     """Best first: the neighbours of the least violated choice, its violated points' before the others'."""
     known = modes_of(problem, law)
     queue: list[tuple[float, int, tuple[Mode, ...]]] = [(0.0, 0, start)]

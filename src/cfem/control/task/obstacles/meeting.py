@@ -20,13 +20,13 @@ from cfem.predict.contact.kept_error import kept_contact_error
 from cfem.predict.contact.model import ContactModel
 from cfem.predict.contact.obstacle_spec import RobotObstacle
 from cfem.predict.contact.step.bodies import PlacedModel
-from cfem.predict.contact.surface.kept_patches import node_model_of, patched_model_of
+from cfem.predict.contact.surface.kept_patches import fe_points, node_model_of, patched_model_of
 from cfem.predict.contact.surface.surface_model import SurfaceModel
 from cfem.predict.protocol import Predictor
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh, made_from
 from cfem.robot.same_robot import demand_robot
-from cfem.surrogate.contact_error import calibrated_contact, fe_points
+from cfem.surrogate.contact_error import calibrated_contact
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,10 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from cfem.condensed.patches import Patches, SurfacePoints
 from cfem.constraint.patch import PatchLoad
+from cfem.constraint.surface import outer_surface
+from cfem.constraint.surface_points import at_nodes
 from cfem.core.artefact.files import confined, content_sha256, write_npz
 from cfem.core.errors import DiskError, InputError
 from cfem.core.reading import read_npz
@@ -22,6 +25,7 @@ from cfem.equilibrium.contact.patch_effectors import PatchYield, patch_yield
 from cfem.equilibrium.system.robot import Robot
 from cfem.predict.contact.surface.node_model import DENTED, MODES, NEAR, NodeModel, node_patches
 from cfem.predict.contact.surface.patched_model import PatchedModel, patches_of
+from cfem.predict.contact.surface.surface_model import SurfaceModel
 from cfem.predict.kinds.spectral import SpectralPredictor
 from cfem.predict.protocol import Predictor
 from cfem.predict.series.few_states import linear_states, patch_states
@@ -58,6 +62,14 @@ def node_model_of(model: Predictor, folder: Path, robot: Robot, made_of: Mapping
         return node_response(robot, skin.watched, states, local, MODES, near, denting).rounded()
 
     return NodeModel(model, node_patches(model), _kept(folder, "nodes", made_of, asked, NodeResponse, solve))
+
+
+def fe_points(touched: SurfaceModel, robot: Robot) -> Patches | SurfacePoints:
+    """Points by which the finite elements touch where the model does."""
+    if not isinstance(touched, NodeModel):
+        return touched.patches
+    facets = robot.body.mesh.facets
+    return at_nodes(robot.X, facets, outer_surface(robot.X, facets))
 
 
 def yield_of(
