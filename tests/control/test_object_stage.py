@@ -162,7 +162,7 @@ def test_one_bar_moves_by_friction_what_is_pressed_against_it(turning):
         ),
         (
             "object={centre: {mm: [65, 0, 0]}, half_size: {mm: [5, 5, 5]}, table: true}",
-            r"table: robots lift a box from it by friction: give law: coulomb and force",
+            r"table: robots lift an object from it by friction: give law: coulomb and force",
         ),
         (
             "trajectories={up: {kind: goals, points: {mm: [[65, 0, 0.05]]}, let_go: true}}",

@@ -10,7 +10,7 @@ from support.blocks import bar
 from cfem.contact.law.modes import Mode
 from cfem.contact.obstacle import Box
 from cfem.contact.step_status import StepStatus
-from cfem.control.holding.assembly import WITHIN, table_under
+from cfem.control.holding.body import WITHIN, box_body
 from cfem.equilibrium.contact.grasp import FreeObject
 from cfem.equilibrium.contact.points import PlacedRobot
 from cfem.equilibrium.system.problem import Problem
@@ -189,7 +189,7 @@ def on_table(grasp=(0.1, 0.3), load=-5e-3):
     fingers = [PlacedRobot(problem, np.eye(3), np.zeros(3)), PlacedRobot(problem, FLIP, CENTRE - FLIP @ CENTRE)]
     half = np.array([4.0, 4.0, 3.0])
     held = FreeObject(Box(half, t=CENTRE), CENTRE, load, False)
-    table = table_under(CENTRE, half, load[:3])
+    table = box_body(CENTRE, half).table(load[:3])
     one = GripPlant(fingers, np.array([0, 2, 4]), held, "coulomb", 0.8, CENTRE[None], squeeze(*grasp), table=table)
     return one, table
 
@@ -255,9 +255,9 @@ def test_an_object_that_nothing_holds_slides_down_faster_and_faster_to_its_table
     found = one._found
 
     def kept(*asked):
-        state = found(*asked)
+        state, fingers = found(*asked)
         heights.append(state.around.x[2] - begin[2])
-        return state
+        return state, fingers
 
     one._found = kept
     assert one._slide(opened) == "converged"
@@ -278,7 +278,7 @@ def slide_of(monkeypatch, converges, moved, balances=lambda: True):
 
     def step(u, load, mobility):
         asked.append(mobility)
-        return SimpleNamespace(converged=next(converges), around=SimpleNamespace(gone=next(moved)))
+        return SimpleNamespace(converged=next(converges), around=SimpleNamespace(gone=next(moved))), one.fingers
 
     monkeypatch.setattr(one, "_found", step)
     monkeypatch.setattr(one, "_go", lambda u, load: "converged" if balances() else "no")

@@ -77,6 +77,12 @@ class Holder:
         return self.turn @ self.origin + self.shift - centre
 
 
+def object_rows(oriented: bool, names: Sequence[str], actuators: Sequence[str]) -> Rows:
+    """Rows of an object that robots of these names and actuators hold; oriented: its rotation vector is an effector."""
+    of_robots = [f"{name}.{actuator}" if len(names) > 1 else actuator for name in names for actuator in actuators]
+    return Rows(tuple(f"object.{axis}" for axis in COORDINATES[: 6 if oriented else 3]), tuple(of_robots))
+
+
 class HolderState(NamedTuple):
     """State of one robot, as far as one that holds something is asked for it: its own effectors are not.
 
@@ -132,12 +138,8 @@ class Coupled:
         n_a = int(self._ends[-1])
         self.home = np.zeros(n_a) if home is None else home
         self._updates = updates
-        actuators = tuple(
-            f"{hold.name}.{name}" if len(holds) > 1 else name
-            for hold in holds
-            for name in hold.model.rows.actuators[: hold.n_a]
-        )
-        self.rows = Rows(tuple(f"object.{axis}" for axis in COORDINATES[: len(held.rest_e)]), actuators)
+        names, alone = [hold.name for hold in holds], holds[0]
+        self.rows = object_rows(held.oriented, names, alone.model.rows.actuators[: alone.n_a])
         self._length = max(1.0, float(np.linalg.norm(self._levers, axis=1).max()))
         first = holds[0].model
         self._alike = isinstance(first, KnowsSlopes) and all(hold.model is first for hold in holds)

@@ -11,9 +11,11 @@ import numpy as np
 
 from cfem.contact.law.modes import Mode
 from cfem.contact.law.problem import Law
+from cfem.contact.step_status import StepStatus
 from cfem.equilibrium.contact.grasp import FreeObject, grasp_step, holding_stiffness
 from cfem.equilibrium.contact.ground import Pads
 from cfem.equilibrium.contact.points import PlacedRobot, PointRobot, PointsState
+from cfem.equilibrium.contact.surface_robot import SurfaceRobot, chosen, joined
 from cfem.equilibrium.quasi_static import CONVERGED, carried_out
 from cfem.equilibrium.system.actuation import displacement
 from cfem.equilibrium.system.problem import Problem
@@ -26,6 +28,7 @@ SLIDES = 0.05  # mm that an object which nothing holds slides down in a first st
 FASTER, SLOWER, LASTS = 2.0, 0.25, 60  # how that changes from step to step, and where a step fails; steps
 ROUNDING = 1e-8  # of the normal force, to which the law is solved: less friction is none
 BUCKLES = "the object is not held stably: a robot that holds it buckles"
+JOINS = 10  # times that points of a surface join those of a step
 LEVERAGE = 10.0  # mm that an object goes in a longest step: more is another contact state, not a step of this one
 
 
@@ -34,6 +37,7 @@ class GripPlant(ContactAccount):
 
     at: (n_a,) mm where the actuators stand
     load: share of the object's load that the robots carry
+    carried: whether the object is held where it is, until the robots have closed
     last: the state of contact there
     margins: to slip while the robots hold the object, after each command
     borne: N by the table, after each command
@@ -77,7 +81,17 @@ class GripPlant(ContactAccount):
     @property
     def changing(self) -> Changing:
         figures = ("margins", "borne", "imbalance", "softest", "stuck", *self.COUNTED)
-        return [(self, ("at", "last", "load", *figures))]
+        return [(self, ("at", "load", "carried", "choices", "last", *figures))]
+
+    @property
+    def choices(self) -> list[np.ndarray | None]:
+        """Contact points of each robot among those of its surface, None where it has no choice."""
+        return [finger.numbers if isinstance(finger, SurfaceRobot) else None for finger in self.fingers]
+
+    @choices.setter
+    def choices(self, choices: Sequence[np.ndarray | None]) -> None:
+        each = zip(self.fingers, choices, strict=True)
+        self.fingers = [finger if numbers is None else finger.touching(numbers) for finger, numbers in each]
 
     @property
     def problems(self) -> list[Problem]:
@@ -125,6 +139,11 @@ class GripPlant(ContactAccount):
     def holds(self) -> bool:
         """True as long as the robots have not let go."""
         return self.table is None or bool(self.at.any())
+
+    @property
+    def centre(self) -> np.ndarray:
+        """(3,) mm of the object at rest."""
+        return self._held.centre
 
     @property
     def load_of_object(self) -> np.ndarray:
@@ -226,11 +245,22 @@ class GripPlant(ContactAccount):
     def reset(self) -> None:
         """Back to rest, nothing held."""
         self.at, self.last = np.zeros(int(self._ends[-1])), None
-        self.load = 0.0 if self._grasp is not None and self.table is None else 1.0
+        handed_over = self._grasp is not None and self.table is None
+        self.load = 0.0 if handed_over else 1.0
+        self.carried = handed_over and any(choice is not None for choice in self.choices)
 
     def squeeze(self) -> str:
-        """The grasp, without load where the object is handed over: how that ended."""
-        return self.towards(self.at if self._grasp is None else self._grasp)
+        """The grasp, without load where the object is handed over: how that ended. Robots that come from apart would
+        push a free object before them: it is carried until all have closed, and then rests where they balance."""
+        status = self.towards(self.at if self._grasp is None else self._grasp)
+        if status != CONVERGED or not self.carried:
+            return status
+        before, self.carried = (self.last, self.fingers), False
+        status = self._go(self.at, self.load)
+        if status == CONVERGED and np.linalg.norm(self.last.around.x - before[0].around.x) <= LEVERAGE:
+            return status
+        self.last, self.fingers = before
+        return self._slide(self.at)
 
     def grasp(self) -> str:
         """The squeeze that the first command begins with, and the load: how that ended."""
@@ -280,20 +310,22 @@ class GripPlant(ContactAccount):
     def _slide(self, u: np.ndarray) -> str:
         """Status after the slide to a balance at u (n_a,) mm that no step leads to. The object goes as a viscous drag
         has it, faster and faster, until it stays; inertia is left out."""
-        before = self.last, self.at
-        size = float(np.linalg.norm(self.table.points - self._held.centre, axis=1).max())
-        mobility = SLIDES / float(np.linalg.norm(self.load_of_object))
+        before = self.last, self.fingers, self.at
+        arms = (self._points(self.last) if self.table is None else self.table.points) - self._held.centre
+        size = float(np.linalg.norm(arms, axis=1).max())
+        force = self.load * self.load_of_object if self.load else self.forces().sum(axis=0)
+        mobility = SLIDES / float(np.linalg.norm(force))
         for _ in range(LASTS):
             mobilities = mobility * np.array([1.0] * 3 + [1 / size**2] * 3)[: len(self._held.wrench)]
-            state = self._found(u, self.load, mobilities)
+            state, fingers = self._found(u, self.load, mobilities)
             if not state.converged:
                 mobility *= SLOWER
                 continue
             moved = float(np.linalg.norm(state.around.gone * np.array([1.0] * 3 + [size] * 3)[: len(mobilities)]))
-            self.last, self.at, mobility = state, u, mobility * FASTER
+            self.last, self.fingers, self.at, mobility = state, fingers, u, mobility * FASTER
             if moved < SLIDES and self._go(u, self.load) == CONVERGED:
                 return CONVERGED
-        self.last, self.at = before
+        self.last, self.fingers, self.at = before
         return "the object slides off and finds no balance"
 
     def clearance(self) -> float:
@@ -311,24 +343,33 @@ class GripPlant(ContactAccount):
 
     def _go(self, u: np.ndarray, load: float) -> str:
         """Status of one step, which is kept where it converges."""
-        state = self._found(u, load)
+        state, fingers = self._found(u, load)
         status = state.status.value if not state.converged else self._lost(state, u)
         if status == CONVERGED:
-            self.last, self.at, self.load = state, u, load
+            self.last, self.fingers, self.at, self.load = state, fingers, u, load
         else:
             self.stuck += 1
         return status
 
-    def _found(self, u: np.ndarray, load: float, mobility: np.ndarray | None = None) -> PointsState:
-        """State after one step from where the plant stands."""
+    def _found(
+        self, u: np.ndarray, load: float, mobility: np.ndarray | None = None
+    ) -> tuple[PointsState, Sequence[PointRobot]]:
+        """State after one step from where the plant stands, and the robots with the contact points that it has."""
         parts = [displacement(u[a:b]) for a, b in zip(self._ends[:-1], self._ends[1:], strict=True)]
-        held, all_of_them = replace(self._held, load=load * self._held.load, mobility=mobility), list(self.fingers)
-        if self.table is not None:
-            parts, all_of_them = [*parts, displacement(np.zeros(0))], [*all_of_them, self.table]
-        state = grasp_step(all_of_them, parts, held, self._law, self._mu, self.last)
-        self.steps += 1
-        self.iterations += state.iterations
-        return state
+        held = replace(self._held, load=load * self._held.load, mobility=mobility, carried=self.carried)
+        table = () if self.table is None else (self.table,)
+        parts += [displacement(np.zeros(0)) for _ in table]
+        from_touch = mobility is None and any(choice is not None for choice in self.choices)
+        robots, before = chosen([*self.fingers, *table], self.last, held if self.last is None else self.last.around)
+        for _ in range(JOINS):
+            state = grasp_step(robots, parts, held, self._law, self._mu, before, from_touch)
+            self.steps += 1
+            self.iterations += state.iterations
+            more = joined(robots, before, state) if state.converged else None
+            if more is None:
+                return state, robots[: len(self.fingers)]
+            robots, before = more
+        return replace(state, status=StepStatus.MANY), robots[: len(self.fingers)]
 
     def _lost(self, state: PointsState, u: np.ndarray) -> str:
         """Status of what solves the equations: whether glue holds the object stably, and whether the state is a step

@@ -1,4 +1,4 @@
-"""Control of held objects begins where the model has data; a box has the surface that a box has."""
+"""Control of held objects begins where the model has data, and with the preload or what balances it."""
 
 from types import SimpleNamespace
 
@@ -6,20 +6,18 @@ import numpy as np
 import pytest
 from support.blocks import bar
 
+from cfem.condensed import Rows
 from cfem.contact.obstacle import Box
-from cfem.contact.surface.facets import unmatched_edges
 from cfem.control.holding import assembly
 from cfem.control.holding.assembly import (
     LONGEST,
     TOUCHES,
-    WITHIN,
     _demand_touch,
     _stable,
     _taut_state,
-    box_surface,
     gripped,
-    table_under,
 )
+from cfem.control.holding.body import box_body
 from cfem.control.holding.spec import RobotSpec
 from cfem.core.errors import InputError, NumericalError
 
@@ -30,19 +28,6 @@ def test_it_begins_at_the_training_state_nearest_to_the_middle_of_their_box():
     states = np.hstack([displacements, np.zeros((4, 3))])
     predictor = SimpleNamespace(domain=SimpleNamespace(states=states))
     np.testing.assert_array_equal(_taut_state(predictor, 1), [4.0, 1.0])
-
-
-@pytest.mark.parametrize("width", [3, 4, 6])
-def test_the_surface_of_a_box_is_closed_and_holds_its_volume(width):
-    """Volume by the divergence theorem, facet by facet, as triangles about the first node; middles lie on straight
-    sides."""
-    points, facets = box_surface((1.0, -2.0, 0.5), np.array([2.0, 3.0, 4.0]), width)
-    corners = facets[:, :4] if width == 4 else facets[:, :3]
-    fans = [corners[:, [0, k, k + 1]] for k in range(1, corners.shape[1] - 1)]
-    volume = sum(np.linalg.det(points[fan]).sum() / 6 for fan in fans)
-    assert volume == pytest.approx(4 * 6 * 8)
-    places = np.unique(points, axis=0, return_inverse=True)[1].ravel()  # facets of six nodes share none of them
-    assert unmatched_edges(places[facets]).size == 0
 
 
 @pytest.mark.parametrize(
@@ -99,22 +84,12 @@ def test_contact_points_that_do_not_touch_the_object_are_named(table, gap, said)
         _demand_touch(spec, robot, shape, fingers)
 
 
-@pytest.mark.parametrize(("axis", "force"), [(2, [0.1, 0.0, -3.0]), (2, [0.0, 1.0, 2.0]), (0, [-2.0, 1.0, 0.0])])
-def test_a_table_is_under_the_side_that_the_load_points_to(axis, force):
-    centre, half = np.array([1.0, 2.0, 3.0]), np.array([4.0, 5.0, 6.0])
-    points = table_under(centre, half, np.array(force)).points - centre
-    assert len(np.unique(points, axis=0)) == 4
-    np.testing.assert_allclose(points[:, axis], np.sign(force[axis]) * half[axis])
-    others = [k for k in range(3) if k != axis]
-    np.testing.assert_allclose(np.abs(points[:, others]), WITHIN * half[others] * np.ones((4, 2)))
-    np.testing.assert_allclose(points[:, others].sum(axis=0), 0.0, atol=1e-12)
-
-
 CENTRE, HALF = [30.0, 5.0, 12.0], [4.0, 4.0, 3.0]
 ROBOTS = [
     RobotSpec(name="below"),
     RobotSpec(name="above", rotate={"axis": [1, 0, 0], "angle": "180 deg"}, translate={"mm": [0, 10, 24]}),
 ]
+BODY = box_body(CENTRE, HALF)
 
 
 def spec(law="coulomb", preload=0.5, **more):
@@ -137,7 +112,7 @@ def asked(monkeypatch):
     monkeypatch.setattr(assembly, "within_patch", lambda robot, patch: ())
     monkeypatch.setattr(assembly, "WithinPatch", lambda *of: "within")
     monkeypatch.setattr(assembly, "LearnedFinger", lambda *of: SimpleNamespace(of=of, points=np.zeros((1, 3))))
-    monkeypatch.setattr(assembly, "balanced", lambda learned, held, preload: np.arange(4.0) * preload)
+    monkeypatch.setattr(assembly, "balanced", lambda learned, held, counts, preload: np.arange(4.0) * preload)
     monkeypatch.setattr(assembly, "margin_of", lambda robots: 7.0)
 
     def plans(kind):
@@ -155,18 +130,22 @@ def asked(monkeypatch):
 
 def glued(n_pose=6):
     holds = [SimpleNamespace(model=f"model {i}", turn=i, shift=-i, n_pose=n_pose) for i in range(2)]
-    return {"spectral": SimpleNamespace(holds=holds)}
+    return {"spectral": SimpleNamespace(holds=holds, rows=Rows(("x", "y", "z"), tuple("abcd")))}
 
 
 @pytest.mark.parametrize("balanced", [False, True])
 @pytest.mark.parametrize("table", [False, True])
 def test_plans_begin_with_the_preload_or_what_balances_it(robot, asked, balanced, table):
     models = glued()
-    grip, plans, fe = gripped(spec(balanced=balanced, table=table), robot, models)
+    grip, plans, fe = gripped(spec(balanced=balanced, table=table), BODY, robot, models)
     (given,), none = asked["table" if table else "air"], asked["air" if table else "table"]
     assert not none and grip == ("grip", plans["spectral"], fe)
-    robots, of, mu, margin, grasp, last = given
-    assert of is models["spectral"] and (mu, margin, last) == (0.8, 1.5, 0.5 if table else 7.0)
+    robots, of, names, mu, margin, grasp, last = given
+    assert (
+        of is models["spectral"].rows
+        and names == ("below", "above")
+        and (mu, margin, last) == (0.8, 1.5, 0.5 if table else 7.0)
+    )
     np.testing.assert_array_equal(grasp, 0.5 * np.arange(4.0) if balanced else np.full(4, 0.5))
     np.testing.assert_array_equal(robots._grasp, grasp)
     assert [finger.of for finger in robots.fingers] == [
@@ -184,18 +163,18 @@ def test_plans_begin_with_the_preload_or_what_balances_it(robot, asked, balanced
 
 
 def test_without_preload_nothing_is_squeezed(robot, asked):
-    _, _, fe = gripped(spec(preload=0.0), robot, glued())
+    _, _, fe = gripped(spec(preload=0.0), BODY, robot, glued())
     assert fe._grasp is None
 
 
 def test_glued_points_have_no_grip_and_models_as_they_are(robot, asked):
     models = glued(3)
-    grip, plans, fe = gripped(spec("bilateral", force=None), robot, models)
+    grip, plans, fe = gripped(spec("bilateral", force=None), BODY, robot, models)
     assert grip is None and plans is models and fe.glued and fe._mu == 0.0 and fe.table is None
     np.testing.assert_array_equal(fe.load_of_object, np.zeros(3))
 
 
 def test_points_that_open_need_a_patch_that_turns(robot, asked):
     with pytest.raises(InputError, match="sampled with one that cannot"):
-        gripped(spec(), robot, glued(5))
-    gripped(spec(), robot, glued(6))
+        gripped(spec(), BODY, robot, glued(5))
+    gripped(spec(), BODY, robot, glued(6))

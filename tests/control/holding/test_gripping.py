@@ -15,7 +15,7 @@ from cfem.contact.obstacle import Box
 from cfem.contact.step_status import StepStatus
 from cfem.control.closed_loop.controller import Controller
 from cfem.control.closed_loop.tick import Pilot
-from cfem.control.holding.assembly import table_under
+from cfem.control.holding.body import box_body
 from cfem.control.holding.grasp import from_table, share_that_lifts, squeezed_off_table
 from cfem.control.holding.gripping import STUCK, Grip, Gripping, _opened
 from cfem.control.search.goal_search import SearchSettings, SearchStatus
@@ -35,7 +35,7 @@ CENTRE, HALF, WEIGHT, MU = np.array([65.0, 5.0, 5.0]), np.array([5.0, 5.0, 5.0])
 FLIP = np.diag([-1.0, -1.0, 1.0])
 PLACES = [(np.eye(3), np.zeros(3)), (FLIP, CENTRE - FLIP @ CENTRE)]
 GRASP = np.full(4, -0.004)  # cables that push stretch the bars
-ENDS = np.array([0, 2, 4])
+ENDS, NAMES = np.array([0, 2, 4]), ("r0", "r1")
 
 
 class Linear:
@@ -75,14 +75,14 @@ def scene(robot):
     object_ = RigidObject(CENTRE, False, np.array([0, 0, -WEIGHT]))
     holds = [Holder(f"r{i}", model, 2, 6, turn, shift, patch.origin) for i, (turn, shift) in enumerate(PLACES)]
     glued = Coupled(holds, object_)
-    table = table_under(CENTRE, HALF, np.array([0, 0, -WEIGHT]))
-    return learned, glued, table, grip([PlacedRobot(problem, *place) for place in PLACES], table)
+    table = box_body(CENTRE, HALF).table(np.array([0, 0, -WEIGHT]))
+    return learned, glued.rows, table, grip([PlacedRobot(problem, *place) for place in PLACES], table)
 
 
 @pytest.fixture(scope="module")
 def plans(scene):
-    learned, glued, table, _ = scene
-    return from_table(grip(learned, table), glued, MU, 1.2, GRASP, 4e-3)
+    learned, of_object, table, _ = scene
+    return from_table(grip(learned, table), of_object, NAMES, MU, 1.2, GRASP, 4e-3)
 
 
 def lifting(up):
@@ -117,9 +117,9 @@ def test_slopes_on_the_table_and_in_the_air_are_those_of_differences(plans):
 def test_slopes_of_the_objects_rotation_are_those_of_differences(scene):
     """A block that can turn and is turned already. The slopes leave out how forces turn with the bars and the block,
     4 % of the rotation here."""
-    learned, glued, _, _ = scene
-    object_ = RigidObject(CENTRE, True, np.array([0, 0, -WEIGHT, 0, 0, 0]), oriented=True)
-    model = Gripping(grip(learned, oriented=True), Coupled(glued.holds, object_), MU, 1.2, GRASP)
+    learned, rows, _, _ = scene
+    of_object = Rows(tuple(f"object.{axis}" for axis in ("x", "y", "z", "rx", "ry", "rz")), rows.actuators)
+    model = Gripping(grip(learned, oriented=True), of_object, NAMES, MU, 1.2, GRASP)
     at, h = GRASP + 0.02 * np.array([-1.0, 1.0, 0.5, -0.5]), 1e-7
     model.settle(GRASP)
     model.settle(at)

@@ -22,7 +22,7 @@ def holds(monkeypatch, stands, oriented=True, up=2, misses=0.5):
     """A model whose robots hold an object exactly where they should, at a height of `misses` by which they miss it at
     first; stands: the place of the object (n,) as it is held. The searches (goal, weights, iterate) that are asked."""
     asked, n_o = [], 6 if oriented else 3
-    model = SimpleNamespace(glued=SimpleNamespace(rows=SimpleNamespace(n_e=n_o)), upwards=up, begun=0, before=None)
+    model = SimpleNamespace(of_object=SimpleNamespace(n_e=n_o), upwards=up, begun=0, before=None)
 
     def begin_search():
         model.begun += 1

@@ -13,10 +13,11 @@ from cfem.control.crawling.course import Course, account_of, headline, judged, k
 from cfem.control.crawling.crawler import Crawler, Walk, crawler_of
 from cfem.control.crawling.own_weight import own_weight
 from cfem.control.crawling.spec import CrawlingSpec, GaitSpec
-from cfem.control.holding.assembly import box_surface
+from cfem.control.holding.body import box_body
 from cfem.control.open_loop.summary import summarise
 from cfem.control.search.optimality import Verdict
-from cfem.control.task.prepared import demand_same_rows, robot_and_models
+from cfem.control.task.prepared import robot_and_models
+from cfem.control.task.same_rows import demand_same_rows
 from cfem.core.artefact.judgement import KEY, poor
 from cfem.core.errors import InputError
 from cfem.dataset.writer import write_records
@@ -177,7 +178,7 @@ def _write(path: Path, rows: list[dict], robot: Robot, names: Sequence[str], cen
 def _pictures(fe: Crawler, walk: Walk, places: Sequence[Place], robot: Robot, gait: GaitSpec) -> dict[str, np.ndarray]:
     """Shapes of legs and base over the ground, as open-loop control keeps them; base and ground are the last nodes."""
     mesh, surface = robot.body.mesh, np.unique(robot.facets)
-    box, facets = box_surface(gait.base.centre, gait.base.half_size, robot.facets.shape[1])
+    box, facets = box_body(gait.base.centre, gait.base.half_size).facets(robot.facets.shape[1])
     local = np.searchsorted(surface, robot.facets)
     legs = len(places)
     all_facets = [local + i * len(surface) for i in range(legs)] + [facets + legs * len(surface)]

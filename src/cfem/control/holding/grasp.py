@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from cfem.condensed.coupling import Coupled
+from cfem.condensed import Rows
 from cfem.control.holding.gripping import MOST, Gripping
 from cfem.core.errors import SpecError
 from cfem.equilibrium.quasi_static import CONVERGED
@@ -70,7 +70,13 @@ def share_that_lifts(grip: GripPlant, grasp: np.ndarray, margin: float | None) -
 
 
 def from_table(
-    stands: GripPlant, glued: Coupled, mu: float, margin: float | None, grasp: np.ndarray, preload: float
+    stands: GripPlant,
+    of_object: Rows,
+    names: tuple[str, ...],
+    mu: float,
+    margin: float | None,
+    grasp: np.ndarray,
+    preload: float,
 ) -> Gripping:
     """Plans of robots that find the object on a table. stands: these robots at rest; grasp: (n_a,) mm, how they squeeze
     it there, `preload` mm each; the other arguments: see `Gripping`."""
@@ -80,5 +86,5 @@ def from_table(
     status = stands.squeeze() if air is not None else "they do not hold it"
     if status != CONVERGED:
         raise SpecError(f"{wrong}: {status}", where="search.preload")
-    above = Gripping(air, glued, mu, margin, home, margin_of(air))
+    above = Gripping(air, of_object, names, mu, margin, home, margin_of(air))
     return replace(above, grip=stands, home=grasp, air=above, needs=share * preload)

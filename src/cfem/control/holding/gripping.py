@@ -11,12 +11,12 @@ the points open, sticking and slipping as they are (`cfem.contact.law.sensitivit
 from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from scipy.linalg import block_diag
 
 from cfem.condensed import Condensed, Rows
-from cfem.condensed.coupling import Coupled, HolderState, state_of
 from cfem.condensed.rotation import inverse_left_jacobian
 from cfem.contact.law.sensitivity import sensitivity
 from cfem.control.closed_loop.tick import Pilot
@@ -37,11 +37,11 @@ STUCK = 50  # quasi-static steps without a solution after which the search for a
 class Gripped(Condensed):
     """Condensed state of robots that grip an object.
 
-    parts: the robots' own states
+    states: of the robots, each as its own `respond` has it
     forces: (robots, 3) N by which each pushes the object
     borne: N by the table"""
 
-    parts: tuple[HolderState, ...]
+    states: tuple[Any, ...]
     forces: np.ndarray
     borne: float = 0.0
 
@@ -51,7 +51,8 @@ class Gripping:
     """Model of robots that grip an object, whose contact points may open and slide.
 
     grip: learned robots that hold the object at `home`
-    glued: the same robots with points that are glued, which knows names and domains
+    of_object: rows of the object, and of all actuators
+    names: of the robots
     mu, margin: see above, None without rows for the grip
     holds: how many times its load the grip would hold at home
     air: the same without a table, where there is one (`cfem.control.holding.on_table`)
@@ -61,7 +62,8 @@ class Gripping:
     stuck: steps without a solution since it has settled"""
 
     grip: GripPlant
-    glued: Coupled
+    of_object: Rows
+    names: tuple[str, ...]
     mu: float
     margin: float | None
     home: np.ndarray
@@ -81,9 +83,8 @@ class Gripping:
 
     @property
     def rows(self) -> Rows:
-        glued_rows = self.glued.rows
-        more = () if self.margin is None else tuple(f"{hold.name}.grip" for hold in self.glued.holds)
-        return Rows((*glued_rows.effectors, *more), glued_rows.actuators)
+        more = () if self.margin is None else tuple(f"{name}.grip" for name in self.names)
+        return Rows((*self.of_object.effectors, *more), self.of_object.actuators)
 
     def _walked(self, delta_a: np.ndarray) -> GripPlant:
         """Grip after the robots have gone to delta_a (n_a,) mm. NumericalError where there is no contact state."""
@@ -128,16 +129,12 @@ class Gripping:
         J, K = self._slopes(stands)
         lam = np.concatenate([state.lambda_a for state in stands.solved])
         e, rows = stands.effectors(), self.rows
-        e[:3] -= self.glued.object.centre
+        e[:3] -= stands.centre
         W_aa = np.linalg.inv((K + K.T) / 2)
         W_ea = J @ W_aa
         W = np.block([[W_ea @ J.T, W_ea], [W_ea.T, W_aa]])
         delta = np.concatenate([e, stands.at])
-        parts = [
-            state_of(hold.model, np.concatenate([state.delta_a, state.X]))
-            for hold, state in zip(self.glued.holds, stands.solved, strict=True)
-        ]
-        return Gripped(rows, W, delta - W[:, rows.a] @ lam, lam, tuple(parts), stands.forces(), stands.on_table())
+        return Gripped(rows, W, delta - W[:, rows.a] @ lam, lam, stands.solved, stands.forces(), stands.on_table())
 
     def _slopes(self, stands: GripPlant) -> tuple[np.ndarray, np.ndarray]:
         """Slopes by the actuators: of the effectors (n_e, n_a), and of the actuators' forces (n_a, n_a) N/mm."""
@@ -152,7 +149,7 @@ class Gripping:
         pressed = by_gap @ free
         K = block_diag(*[state.stiffness for _, state in robots]) - free.T @ pressed
         J = moves @ free
-        n_e = self.glued.rows.n_e
+        n_e = self.of_object.n_e
         if n_e > 3:
             J[3:] = inverse_left_jacobian(last.around.delta_e[3:]) @ J[3:]
         J = J[:n_e]
@@ -175,11 +172,11 @@ class Gripping:
 
     def inside(self, gripped: Gripped) -> bool:
         """True if every robot's state is like those that its model was trained on."""
-        return all(hold.model.inside(part) for hold, part in zip(self.glued.holds, gripped.parts, strict=True))
+        return all(robot.inside(state) for robot, state in zip(self.grip.fingers, gripped.states, strict=True))
 
     def distance(self, gripped: Gripped) -> float:
         """Largest of the robots' distances from their training states."""
-        return max(hold.model.distance(part) for hold, part in zip(self.glued.holds, gripped.parts, strict=True))
+        return max(robot.distance(state) for robot, state in zip(self.grip.fingers, gripped.states, strict=True))
 
 
 @dataclass(frozen=True)
@@ -192,7 +189,7 @@ class Grip(ObstacleWorld):
 
     @classmethod
     def of(cls, model: Gripping, fe: GripPlant) -> "Grip":
-        k = model.rows.n_e - model.glued.rows.n_e
+        k = model.rows.n_e - model.of_object.n_e
         return cls(model.rows, np.zeros(k), np.zeros(k), np.tile([0.0, np.inf], (k, 1)), fe, model)
 
     def pilot(self, pilot: Pilot) -> Pilot:

@@ -42,7 +42,7 @@ def put_down(model, aim: Aim, limits: Limits, iterate: Iterate, settings: Search
     """Search for the place to put an object down, the best of a few tries, with the actuators at rest in the end;
     `via`: where the robots hold the object before. NumericalError where there is none. model: a `Gripping` with a
     table."""
-    n_o, up = model.glued.rows.n_e, model.upwards
+    n_o, up = model.of_object.n_e, model.upwards
     weights, goal = aim.weights.copy(), aim.goal.copy()
     free = np.zeros(n_o, dtype=bool)
     free[up] = True

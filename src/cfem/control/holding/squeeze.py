@@ -11,30 +11,29 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cfem.condensed.coupling import state_of
 from cfem.equilibrium.contact.grasp import FreeObject
-from cfem.predict.contact.gripping_finger import LearnedFinger
+from cfem.equilibrium.contact.points import PointRobot, response
+from cfem.equilibrium.system.actuation import displacement
 
 LEAST = 0.1  # of the mean normal force: a squeeze that leaves a robot with less does without it
 
 
-def balanced(fingers: Sequence[LearnedFinger], held: FreeObject, preload: float) -> np.ndarray:
-    """Squeeze (n_a,) mm of `preload` on average over the robots, shared so that normal forces balance on the object
-    where it is. `preload` for all where they cannot, each robot with its part."""
+def balanced(fingers: Sequence[PointRobot], held: FreeObject, counts: Sequence[int], preload: float) -> np.ndarray:
+    """Squeeze (n_a,) mm of `preload` on average over the robots, which have so many actuators each, shared so that
+    normal forces balance on the object where it is. `preload` for all where they cannot, each robot with its part."""
     pushes, robots = [], []
     length = max(float(np.linalg.norm(finger.points - held.centre, axis=1).max()) for finger in fingers)
-    for finger in fingers:
-        n_a = finger.within.by_actuators.shape[1]
+    for finger, n_a in zip(fingers, counts, strict=True):
         gap, frames = held.surface(finger.points)
         inwards = -frames[:, 0].mean(axis=0)
         arm = finger.points.mean(axis=0) - held.centre
         pushes.append(np.concatenate([inwards, np.cross(arm, inwards) / length]))
-        direction = np.concatenate([inwards @ finger.turn, np.zeros(3)])
-        hessian = state_of(finger.model, np.zeros(n_a + 6)).hessian
-        response = np.linalg.solve(hessian[n_a:, n_a:], direction)
-        robots.append((n_a, -response @ hessian[n_a:, :n_a].sum(axis=1), gap.mean(), direction @ response))
-    counts, closes, gaps, soft = (np.array(column) for column in zip(*robots, strict=True))
-    equal = np.full(counts.sum(), preload)
+        still = np.zeros(3 * len(gap))
+        rest, compliance = response(finger, displacement(np.zeros(n_a)), still, still)
+        evenly = np.tile(inwards @ finger.turn, len(gap)) / len(gap)  # of a force of 1 N, along the mean normal
+        robots.append((evenly @ rest.by_actuators.sum(axis=1), gap.mean(), evenly @ compliance @ evenly))
+    closes, gaps, soft = (np.array(column) for column in zip(*robots, strict=True))
+    equal = np.full(sum(counts), preload)
     force = (closes * preload - gaps) / soft
     G = np.array(pushes).T[: len(held.wrench)]
     kept = force - np.linalg.pinv(G, rcond=1e-6) @ (G @ force)

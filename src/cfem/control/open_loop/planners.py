@@ -117,5 +117,5 @@ def weights_of(spec: TrackingSpec, robot: Any) -> np.ndarray:
             do="give one per row",
         )
     if isinstance(spec, HoldingSpec):
-        weights[3:] *= float(np.linalg.norm(spec.object.half_size))
+        weights[3:] *= robot.object_radius
     return weights

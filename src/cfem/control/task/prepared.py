@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from cfem.control.closed_loop.run_spec import ClosedLoopSpec
-from cfem.control.holding.assembly import assembled, gripped
+from cfem.control.holding.assembly import holding
 from cfem.control.holding.spec import HoldingSpec
 from cfem.control.task.design import designed
 from cfem.control.task.goals.from_spec import demand_near, goals_of
@@ -17,8 +17,8 @@ from cfem.control.task.obstacles.meeting import with_obstacles
 from cfem.control.task.obstacles.spec import ObstaclesSpec
 from cfem.control.task.obstacles.world import ObstacleWorld
 from cfem.control.task.run_spec import FamilySpec, LoadedSpec, RunSpec, TrackingSpec
+from cfem.control.task.same_rows import demand_same_rows
 from cfem.core.actuator_units import demand_units
-from cfem.core.errors import InputError
 from cfem.equilibrium.system.robot import Robot
 from cfem.mechanics.mesh import Mesh
 from cfem.plant.fem_plant import FemPlant
@@ -74,10 +74,9 @@ def prepare(
     demand_units(spec, robot.actuator_units)
     world = touched = None
     if isinstance(spec, HoldingSpec):
-        alone, error = robot, None
-        robot, predictors, fem = assembled(spec, alone, predictors, models)
-        world, predictors, touched = gripped(spec, alone, predictors)
-        plant = touched
+        held = holding(spec, base, robot, predictors, models)
+        robot, predictors, fem, world, touched = held.robot, held.models, held.fem, held.grip, held.plant
+        plant, error = touched, None
     else:
         demand_same_rows(robot, predictors, models)
         robot, predictors = carrying(spec, base, robot, predictors, models)
@@ -118,10 +117,3 @@ def robot_and_models(
 def _load_error(spec: LoadedSpec, predictors: Mapping[str, Predictor]) -> float | None:
     """Error (mm) of the models under the loads, None without loads."""
     return max(model.meta["wrench_error"] for model in predictors.values()) if spec.loads else None
-
-
-def demand_same_rows(robot: Robot, predictors: Mapping[str, Predictor], models: Mapping[str, Path]) -> None:
-    for name, predictor in predictors.items():
-        if predictor.rows != robot.rows:
-            what = f"is a model of another robot: it {predictor.rows.difference(robot.rows, 'the scene')}"
-            raise InputError(what, where=str(models[name]), do="train a model on samples of this scene")

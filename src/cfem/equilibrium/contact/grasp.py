@@ -21,6 +21,7 @@ class FreeObject:
     centre: (3,) mm at rest
     load: (6,) N and N mm about the centre, constant
     turns: True where it can turn, else it is guided
+    carried: True where it stays where it is, whatever its load
     R, x: (3, 3) and (3,) mm, rotation and displacement since rest
     mobility: (k,) mm and rad for each N and N mm that nothing balances, by which a viscous drag lets it go on from
     `begin` in one step; None: in balance
@@ -35,6 +36,7 @@ class FreeObject:
     mobility: np.ndarray | None = None
     begin: "FreeObject | None" = None
     oriented: bool = False
+    carried: bool = False
 
     @property
     def delta_e(self) -> np.ndarray:
@@ -49,6 +51,8 @@ class FreeObject:
 
     @property
     def wrench(self) -> np.ndarray:
+        if self.carried:
+            return self.load[:0]
         return self.load if self.turns else self.load[:3]
 
     def surface(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -57,11 +61,15 @@ class FreeObject:
 
     def motion(self, points: np.ndarray) -> np.ndarray:
         shift = np.tile(np.eye(3), (len(points), 1))
+        if self.carried:
+            return shift[:, :0]
         if not self.turns:
             return shift
         return np.hstack([shift, -cross_matrix(points - self.centre - self.x).reshape(-1, 3)])
 
     def moved(self, xi: np.ndarray) -> "FreeObject":
+        if self.carried:
+            return self
         R = Rotation.from_rotvec(xi[3:]).as_matrix() @ self.R if self.turns else self.R
         return replace(self, R=R, x=self.x + xi[:3])
 
@@ -93,12 +101,13 @@ def grasp_step(
     law: Law = "coulomb",
     mu: float = 0.0,
     before: PointsState | None = None,
+    from_touch: bool = False,
 ) -> PointsState:
     """Quasi-static step of the fingers to `actuators`, one for each, from the state `before` (none: at rest, every
-    point that touches the object sticks where it is); the object begins where it was then. Never raises for numerical
-    failure."""
+    point that touches the object sticks where it is); the object begins where it was then. from_touch: of
+    `points_step`. Never raises for numerical failure."""
     if before is not None:
         held = replace(held, R=before.around.R, x=before.around.x)
     if held.mobility is not None:
         held = replace(held, begin=held)
-    return points_step(fingers, actuators, held, before, law, mu)
+    return points_step(fingers, actuators, held, before, law, mu, from_touch=from_touch)

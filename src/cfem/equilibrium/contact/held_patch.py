@@ -14,7 +14,7 @@ def patch_of(points: np.ndarray, turns: bool) -> Patch:
 
 def contact_points(problem: Problem) -> np.ndarray:
     """Contact points (k, 3) mm at rest."""
-    return np.array([point.rest for point in problem.robot.contacts])
+    return np.array([point.rest for point in problem.robot.contacts]).reshape(-1, 3)
 
 
 def held(actuators: Actuation, delta_c: np.ndarray) -> Actuation:

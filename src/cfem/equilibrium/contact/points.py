@@ -9,7 +9,7 @@ learned robot takes the place of finite elements where it answers the same (`Poi
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -54,6 +54,30 @@ class PointRobot(Protocol):
         ...
 
 
+@runtime_checkable
+class PressedRobot(Protocol):
+    """A robot that is solved under given forces on its contact points, and not with these held."""
+
+    def under(self, actuators: Actuation, forces: np.ndarray, before: Any, tolerance: float) -> tuple[Any, np.ndarray]:
+        """As `PointRobot.respond`, under forces (3k,) N on the points, in its frame."""
+        ...
+
+
+def response(
+    robot: PointRobot | PressedRobot,
+    actuators: Actuation,
+    delta_c: np.ndarray,
+    forces: np.ndarray,
+    before: Any = None,
+    tolerance: float = EXACT,
+) -> tuple[Any, np.ndarray]:
+    """State of a robot with its points held at delta_c (3k,) mm, or under forces (3k,) N on them, as it is solved, and
+    their compliance (3k, 3k) mm/N: see `PointRobot`."""
+    if isinstance(robot, PressedRobot):
+        return robot.under(actuators, forces, before, tolerance)
+    return robot.respond(actuators, delta_c, before, tolerance)
+
+
 @dataclass
 class _Known:
     """Knowledge of the latest states of a robot.
@@ -67,12 +91,12 @@ class _Known:
     asked: Actuation | None = None
     slack: np.ndarray | None = None
 
-    def near(self, asked: Actuation, length: float) -> bool:
-        """True where the points would yield alike, the same actuators slack."""
+    def near(self, asked: Actuation, n_a: int, length: float) -> bool:
+        """True where the points would yield alike, the same of the n_a actuators slack."""
         if self.yielding is None or len(asked.target) != len(self.asked.target):
             return False
         moved = np.abs(asked.target - self.asked.target).max(initial=0.0)
-        return bool(moved <= ALIKE * length and np.array_equal(asked.offset, self.asked.offset))
+        return bool(moved <= ALIKE * length and np.array_equal(asked.offset[:n_a], self.asked.offset[:n_a]))
 
 
 @dataclass(frozen=True)
@@ -97,12 +121,18 @@ class PlacedRobot:
     def respond(
         self, actuators: Actuation, delta_c: np.ndarray, before: Equilibrium | None, tolerance: float = EXACT
     ) -> tuple[Equilibrium, np.ndarray]:
-        """State and compliance of the points (`PointRobot.respond`). The compliance of the last state serves again
-        where the actuation is near it and the same cables are slack."""
-        problem, known, asked = self.problem, self._known, held(actuators, delta_c)
+        """State and compliance of the points (`PointRobot.respond`)."""
+        return self.solved(actuators, held(actuators, delta_c), before, tolerance)
+
+    def solved(
+        self, actuators: Actuation, asked: Actuation, before: Equilibrium | None, tolerance: float
+    ) -> tuple[Equilibrium, np.ndarray]:
+        """State of actuators and points as `asked`, and the compliance of the points with the `actuators` driven. The
+        compliance of the last state serves again where the actuation is near it and the same cables are slack."""
+        problem, known, free = self.problem, self._known, actuators.n
         start = None if before is None else before.state
         tangent = known.tangent if known.tangent is problem.latest else None
-        near = start is not None and known.near(asked, problem.robot.length)
+        near = start is not None and known.near(asked, free, problem.robot.length)
         settings = NewtonSettings(tolerance=tolerance, condensed=CONDENSED)
         equilibrium = solve(problem, asked, start, start, settings, tangent=tangent, wanted=Wanted(condense=not near))
         if near and equilibrium.converged and (equilibrium.slack != known.slack).any():
@@ -186,6 +216,7 @@ class Posed:
     compliance: (3m, 3m) mm/N of the points in the scene's axes
     rotation: (3m, 3m) from those to the surface's
     force: (3m,) N on the points, in the latter
+    onset: (m, 3) mm along the surface, how far points have come where they begin to touch
     dragged: of what moves with a drag, how it goes without contact (k,), and by how much forces on the points hold it
     back (k, 3m); None in balance"""
 
@@ -193,6 +224,7 @@ class Posed:
     compliance: np.ndarray
     rotation: np.ndarray
     force: np.ndarray
+    onset: np.ndarray
     dragged: tuple[np.ndarray, np.ndarray] | None = None
 
     def motion(self, answer: ContactSolution) -> np.ndarray:
@@ -204,7 +236,7 @@ class Posed:
 
 
 def points_step(
-    robots: Sequence[PointRobot],
+    robots: Sequence[PointRobot | PressedRobot],
     actuators: Sequence[Actuation],
     around: Partner,
     before: PointsState | None = None,
@@ -212,29 +244,37 @@ def points_step(
     mu: float = 0.0,
     tolerance: float = 1e-9,
     iterations: int = 40,
+    from_touch: bool = False,
 ) -> PointsState:
     """Quasi-static step of the robots to `actuators`, one for each, from the state `before` (none: at rest, every point
-    that touches sticks where it is). tolerance: of law and balance, relative, at the state itself. Never raises for
-    numerical failure."""
+    that touches sticks where it is). tolerance: of law and balance, relative, at the state itself. from_touch: slip of
+    points that were apart counts from where they first touch, not from where the step began. Never raises for numerical
+    failure."""
     points = np.concatenate([robot.points for robot in robots])
     turns = block_diag(*[np.kron(np.eye(len(robot.points)), robot.turn) for robot in robots])
     ends = np.cumsum([0, *(3 * len(robot.points) for robot in robots)])
     if before is None:
-        places, stuck, modes = points.copy(), around.places(points), ()
+        places, stuck, modes, push = points.copy(), around.places(points), (), np.zeros(points.size)
         solved: list[Equilibrium | None] = [None] * len(robots)
     else:
         places = points + (turns @ np.concatenate([state.delta_c for state in before.solved])).reshape(-1, 3)
         stuck, modes, solved = before.stuck, before.modes, list(before.solved)
+        push = turns @ np.concatenate([state.lambda_c for state in solved])
+    begin = np.zeros(len(points))
+    if from_touch:
+        apart = [mode is Mode.OPEN for mode in modes] if modes else np.ones(len(points))
+        begin = (around if before is None else before.around).surface(places)[0] * apart
     verdict, posed, cost, last = None, None, 0, None
 
     def ended(status: StepStatus, count: int) -> PointsState:
         return PointsState(status, tuple(solved), modes, around, stuck, verdict, count, cost, posed)
 
     for iteration in range(1, iterations + 1):
-        moved, soft = turns.T @ (places - points).ravel(), []
+        moved, pushed, soft = turns.T @ (places - points).ravel(), turns.T @ push, []
         asked = EXACT if verdict is not None and verdict.largest < NEARLY else ROUGH
         for i, (robot, actuation) in enumerate(zip(robots, actuators, strict=True)):
-            solved[i], yielding = robot.respond(actuation, moved[ends[i] : ends[i + 1]], solved[i], asked)
+            mine = slice(*ends[i : i + 2])
+            solved[i], yielding = response(robot, actuation, moved[mine], pushed[mine], solved[i], asked)
             soft.append(yielding)
             cost += solved[i].factorizations
             if not solved[i].converged:
@@ -244,21 +284,24 @@ def points_step(
             places = came
         compliance = turns @ block_diag(*soft) @ turns.T
         push = turns @ np.concatenate([state.lambda_c for state in solved])
-        posed = _posed(around, places, stuck, compliance, push, law, mu)
+        posed = _posed(around, places, stuck, compliance, push, law, mu, begin)
         verdict = check(posed.problem, law, posed.force, np.zeros(posed.problem.k))
         if verdict.largest <= tolerance and modes and asked == EXACT:
             sticks = np.array([mode is Mode.STICK for mode in modes])[:, None]
+            if posed.onset.any():
+                stuck = around.places(around.now(stuck) + posed.onset)
             stuck = np.where(sticks, stuck, around.places(places))
             return ended(StepStatus.CONVERGED, iteration)
         answer = solve_contact(posed.problem, law, modes or None, budget=FEW, start=posed.force)
         if answer.status is not ContactStatus.SOLVED:
             return ended(StepStatus.NO_MODE, iteration)
-        goes, xi = compliance @ posed.rotation.T @ (answer.lam - posed.force), posed.motion(answer)
+        change, xi = posed.rotation.T @ (answer.lam - posed.force), posed.motion(answer)
+        goes = compliance @ change
         correction = np.concatenate([goes, around.motion(places) @ xi])
         share = _share(last, correction) if answer.modes == modes else 1.0
         last = correction if share == 1.0 else None
         modes, around = answer.modes, around.moved(share * xi)
-        places = places + share * goes.reshape(-1, 3)
+        places, push = places + share * goes.reshape(-1, 3), push + share * change
     return ended(StepStatus.ITERATIONS, iterations)
 
 
@@ -291,9 +334,11 @@ def _posed(
     push: np.ndarray,
     law: Law,
     mu: float,
+    begin: np.ndarray,
 ) -> Posed:
     """Contact problem of points at places (m, 3) mm with `compliance` (3m, 3m) mm/N under `push` (3m,) N, both in the
-    scene's axes. Glue holds a point at its place on the partner, on the surface or not."""
+    scene's axes. Glue holds a point at its place on the partner, on the surface or not. A point that was apart, by
+    begin (m,) mm, slips from where it first touches: it is taken to go straight to where nothing pushes it."""
     distance, frames = around.surface(places)
     gap = np.einsum("kij,kj->ki", frames, places - around.now(stuck))
     if law != "bilateral":
@@ -303,8 +348,14 @@ def _posed(
     motion = around.motion(places)
     G, wrench = (rotation @ motion, around.wrench) if motion.shape[1] else (None, None)
     W, free = (W + W.T) / 2, gap.ravel() - W @ force
+    onset = np.zeros_like(gap)
+    if law != "bilateral":
+        there = free.reshape(-1, 3)
+        comes = (begin > 0) & (there[:, 0] < 0)
+        onset[comes, 1:] = (begin[comes] / (begin[comes] - there[comes, 0]))[:, None] * there[comes, 1:]
+        free, onset = free - onset.ravel(), (onset[:, None] @ frames)[:, 0]
     if G is None or around.mobility is None:
-        return Posed(ContactProblem(W, free, G, wrench, mu), compliance, rotation, force)
+        return Posed(ContactProblem(W, free, G, wrench, mu), compliance, rotation, force, onset)
     goes, held_back = around.mobility * wrench - around.gone, around.mobility[:, None] * G.T
     problem = ContactProblem(W + G @ held_back, free - G @ goes, None, None, mu)
-    return Posed(problem, compliance, rotation, force, (goes, held_back))
+    return Posed(problem, compliance, rotation, force, onset, (goes, held_back))

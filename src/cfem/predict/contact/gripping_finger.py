@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cfem.condensed.coupling import state_of
+from cfem.condensed.coupling import HolderState, state_of
 from cfem.condensed.model import Model
 from cfem.condensed.pose import Patch
 from cfem.condensed.rotation import turn
@@ -96,6 +96,17 @@ class LearnedFinger:
         stiffness = hessian[:n_a, :n_a] + hessian[:n_a, n_a:] @ follows - c.T @ stiff @ c
         response = Response(X, delta_a, lam_a, delta_c, f, M @ np.vstack([follows, c]), stiffness, True)
         return response, M @ compliance @ M.T
+
+    def inside(self, state: Response) -> bool:
+        """True where the model knows a state."""
+        return self.model.inside(self._model_state(state))
+
+    def distance(self, state: Response) -> float:
+        """Distance of a state from those that the model was trained on."""
+        return self.model.distance(self._model_state(state))
+
+    def _model_state(self, state: Response) -> HolderState:
+        return state_of(self.model, np.concatenate([state.delta_a, state.X]))
 
     def _placed(self, delta_c: np.ndarray, X: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """X (6,) and sizes (n,) of the shapes at which the points stand at delta_c (3 k,) mm from rest, and the
