@@ -21,6 +21,7 @@ from cfem.contact.law.problem import ContactProblem, Law
 MOST = 4  # points of which a search may try every choice of modes
 BUDGET = 400  # choices of modes that a search over more than four points tries
 SEARCHED, FEW = 8, 20  # beyond so many points a search tries no more than FEW choices; so few, each from few starts
+MANY = 30  # points on an object, beyond which nothing is tried but Newton's method: modes take seconds each
 INDEFINITE = 1e-9  # of the largest eigenvalue of a compliance: how negative rounding may make the smallest
 _PIVOTS = 12
 
@@ -83,6 +84,8 @@ def solve_contact(
         state, tried = _with_object(problem, start)
         if state is not None:
             return _answer(problem, state, ContactStatus.SOLVED, tried)
+        if problem.m > MANY:
+            return _answer(problem, None, ContactStatus.BUDGET, tried)
     state, more = _pivot(problem, law, understood(problem, law, guess))
     tried += more
     if state is not None:

@@ -56,7 +56,15 @@ class PointRobot(Protocol):
 
 @runtime_checkable
 class PressedRobot(Protocol):
-    """A robot that is solved under given forces on its contact points, and not with these held."""
+    """A robot that is solved under given forces on its contact points, and not with these held: points near each other
+    hardly move by themselves, so that places which are not quite those of a state take large forces."""
+
+    turn: np.ndarray
+
+    @property
+    def points(self) -> np.ndarray:
+        """Contact points (k, 3) mm at rest, in the scene."""
+        ...
 
     def under(self, actuators: Actuation, forces: np.ndarray, before: Any, tolerance: float) -> tuple[Any, np.ndarray]:
         """As `PointRobot.respond`, under forces (3k,) N on the points, in its frame."""
@@ -280,11 +288,12 @@ def points_step(
             if not solved[i].converged:
                 return ended(StepStatus.NO_EQUILIBRIUM, iteration)
         came = points + (turns @ np.concatenate([state.delta_c for state in solved])).reshape(-1, 3)
+        seen_from = places if iteration == 1 else came
         if np.abs(came - places).max() > STAYED:
             places = came
         compliance = turns @ block_diag(*soft) @ turns.T
         push = turns @ np.concatenate([state.lambda_c for state in solved])
-        posed = _posed(around, places, stuck, compliance, push, law, mu, begin)
+        posed = _posed(around, places, seen_from, stuck, compliance, push, law, mu, begin)
         verdict = check(posed.problem, law, posed.force, np.zeros(posed.problem.k))
         if verdict.largest <= tolerance and modes and asked == EXACT:
             sticks = np.array([mode is Mode.STICK for mode in modes])[:, None]
@@ -329,6 +338,7 @@ def point_compliance(solved: Equilibrium, actuators: Actuation) -> np.ndarray:
 def _posed(
     around: Partner,
     places: np.ndarray,
+    seen_from: np.ndarray,
     stuck: np.ndarray,
     compliance: np.ndarray,
     push: np.ndarray,
@@ -337,9 +347,11 @@ def _posed(
     begin: np.ndarray,
 ) -> Posed:
     """Contact problem of points at places (m, 3) mm with `compliance` (3m, 3m) mm/N under `push` (3m,) N, both in the
-    scene's axes. Glue holds a point at its place on the partner, on the surface or not. A point that was apart, by
+    scene's axes; seen_from (m, 3) mm: where the surface is linear about, as actuators that have moved may bring points
+    deep into it. Glue holds a point at its place on the partner, on the surface or not. A point that was apart, by
     begin (m,) mm, slips from where it first touches: it is taken to go straight to where nothing pushes it."""
-    distance, frames = around.surface(places)
+    distance, frames = around.surface(seen_from)
+    distance = distance + (frames[:, 0] * (places - seen_from)).sum(axis=1)
     gap = np.einsum("kij,kj->ki", frames, places - around.now(stuck))
     if law != "bilateral":
         gap[:, 0] = distance

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from cfem.contact.law.path import definite
 from cfem.equilibrium.contact.surface_robot import SurfaceRobot
 from cfem.equilibrium.system.actuation import Actuation
 from cfem.predict.contact.forces.loaded_robots import LoadedRobots
@@ -98,9 +99,9 @@ class SurfaceFinger(SurfaceRobot):
         response, compliance = self._response(loaded, actuators.target), loaded.compliance(under_forces=True)
         if not np.isfinite([*response.delta_c, *compliance.ravel()]).all():
             return replace(response, converged=False), compliance
-        lowest, *_, highest = np.linalg.eigvalsh(compliance)
-        if lowest < DEFINITE * highest:
-            compliance = loaded.compliance(under_forces=False) + DEFINITE * highest * np.eye(len(compliance))
+        if not definite(compliance):
+            compliance = loaded.compliance(under_forces=False)
+            compliance += DEFINITE * np.abs(compliance).max() * np.eye(len(compliance))
         return response, compliance
 
     def inside(self, state: SurfaceResponse) -> bool:
