@@ -9,13 +9,14 @@ from itertools import pairwise
 
 import numpy as np
 
+from cfem.contact.clearance import nearest_of_surface
 from cfem.contact.law.modes import Mode
 from cfem.contact.law.problem import Law
 from cfem.contact.step_status import StepStatus
 from cfem.equilibrium.contact.grasp import FreeObject, grasp_step, holding_stiffness
 from cfem.equilibrium.contact.ground import Pads
 from cfem.equilibrium.contact.points import PlacedRobot, PointRobot, PointsState
-from cfem.equilibrium.contact.surface_robot import SurfaceRobot, chosen, joined
+from cfem.equilibrium.contact.surface_robot import PlacedSurface, SurfaceRobot, chosen, joined
 from cfem.equilibrium.quasi_static import CONVERGED, carried_out
 from cfem.equilibrium.system.actuation import displacement
 from cfem.equilibrium.system.problem import Problem
@@ -76,7 +77,7 @@ class GripPlant(ContactAccount):
         self.margins: list[float] = []
         self.borne: list[float] = []
         self.imbalance, self.softest = 0.0, np.inf
-        super().__init__()
+        super().__init__(*(("nodes", "take a finer mesh") if self._at_surface else ()))
 
     @property
     def changing(self) -> Changing:
@@ -130,10 +131,20 @@ class GripPlant(ContactAccount):
             return Measurement.failed(n_e, len(self.at), self.commands, status)
         self.seen(last.modes, last.check.largest if last.check else 0.0)
         self._count_grip()
+        for finger, state in zip(self.fingers, self.solved, strict=True):
+            if isinstance(finger, PlacedSurface):
+                surface, triangles = finger.of.surface(state.state.x), finger.of.triangles
+                depth = -nearest_of_surface(surface, triangles, last.around.placed).distance
+                self.deepest = max(self.deepest, (depth, "the object"))
         delta_a, lambda_a = (
             np.concatenate([getattr(state, key) for state in self.solved]) for key in ("delta_a", "lambda_a")
         )
         return Measurement(self.effectors(), delta_a, lambda_a, self.commands, status)
+
+    @property
+    def _at_surface(self) -> bool:
+        """True where robots touch by any point of their surface."""
+        return any(choice is not None for choice in self.choices)
 
     @property
     def holds(self) -> bool:
@@ -247,7 +258,7 @@ class GripPlant(ContactAccount):
         self.at, self.last = np.zeros(int(self._ends[-1])), None
         handed_over = self._grasp is not None and self.table is None
         self.load = 0.0 if handed_over else 1.0
-        self.carried = handed_over and any(choice is not None for choice in self.choices)
+        self.carried = handed_over and self._at_surface
 
     def squeeze(self) -> str:
         """The grasp, without load where the object is handed over: how that ended. Robots that come from apart would
@@ -359,7 +370,7 @@ class GripPlant(ContactAccount):
         held = replace(self._held, load=load * self._held.load, mobility=mobility, carried=self.carried)
         table = () if self.table is None else (self.table,)
         parts += [displacement(np.zeros(0)) for _ in table]
-        from_touch = mobility is None and any(choice is not None for choice in self.choices)
+        from_touch = mobility is None and self._at_surface
         robots, before = chosen([*self.fingers, *table], self.last, held if self.last is None else self.last.around)
         for _ in range(JOINS):
             state = grasp_step(robots, parts, held, self._law, self._mu, before, from_touch)

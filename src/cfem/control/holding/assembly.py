@@ -96,7 +96,7 @@ def holding(
     (name, predictor), places = next(iter(predictors.items())), _places(spec)
     if spec.object.law != "coulomb":
         do = "give object.law: coulomb, or train on samples with `contact`"
-        raise InputError("a model of the free robot holds an object by friction alone", str(models[name]), do)
+        raise InputError("a model of the free robot holds an object by friction alone", where=str(models[name]), do=do)
     demand_same_rows(replace(robot, rows=replace(robot.rows, contacts=())), predictors, models)
     with located(models[name]):
         for robot_spec, (R, t) in zip(spec.robots, places, strict=True):

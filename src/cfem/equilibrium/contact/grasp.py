@@ -55,8 +55,13 @@ class FreeObject:
             return self.load[:0]
         return self.load if self.turns else self.load[:3]
 
+    @property
+    def placed(self) -> Obstacle:
+        """The shape where it is now."""
+        return self.shape.posed(self.R @ self.shape.R, self.now(self.shape.t))
+
     def surface(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        placed = replace(self.shape, R=self.R @ self.shape.R, t=self.now(self.shape.t))
+        placed = self.placed
         return placed.distance(points), placed.frames(points)
 
     def motion(self, points: np.ndarray) -> np.ndarray:
