@@ -9,12 +9,21 @@ import pytest
 
 from cfem.condensed.model_error import ContactError
 from cfem.core.errors import NumericalError
+from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
+from cfem.equilibrium.contact.surfaces import SurfaceScene
 from cfem.equilibrium.solve import solve
 from cfem.equilibrium.system.actuation import displacement
 from cfem.equilibrium.system.problem import Problem
 from cfem.predict.contact.error import contact_error, touching
+from cfem.predict.contact.step.bodies import Bodies, PlacedModel
+from cfem.predict.contact.step.scene import ContactScene
 from cfem.surrogate import contact_error as calibration
 from cfem.surrogate.contact_error import AT_ONCE, calibrated_contact, error_at, pressed_places
+
+
+@pytest.fixture(scope="module")
+def alone(patched_bar):
+    return Bodies([PlacedModel(patched_bar, itself=False)])
 
 
 @pytest.fixture(scope="module")
@@ -84,14 +93,14 @@ def test_finite_elements_are_not_asked_where_the_learned_state_is_not_trusted_on
     assert len(asked) == 2 and not place.known and place.full is None
 
 
-def test_bounds_hold_at_other_places(stated, patched_bar, known):
+def test_bounds_hold_at_other_places(stated, patched_bar, alone, known):
     """A few places promise a few of one more, on average over which of them calibrate."""
     for factors in (stated.one, stated.several):
         assert factors.probability == pytest.approx(factors.places / (factors.places + 1))
     assert stated.probability == min(stated.one.probability, stated.several.probability)
     assert stated.most == max(len(touching(place.learned)) for place in known[:6])
     for place in known[6:]:
-        force, count = contact_error(stated, patched_bar, place.learned).force, len(touching(place.learned))
+        force, count = contact_error([stated], alone, place.learned).force, len(touching(place.learned))
         assert (force < np.linalg.norm(place.learned.forces, axis=1).sum()) == (count <= stated.most)
     assert ContactError.model_validate_json(stated.model_dump_json()) == stated
     rng, within = np.random.default_rng(0), []
@@ -103,20 +112,41 @@ def test_bounds_hold_at_other_places(stated, patched_bar, known):
         calibrated = error_at(patched_bar, mine, 0, 0.0)
         for place in others:
             if len(touching(place.learned)) <= calibrated.most:
-                bounds, (force, tip) = contact_error(calibrated, patched_bar, place.learned), place.errors(patched_bar)
+                bounds, (force, tip) = contact_error([calibrated], alone, place.learned), place.errors(patched_bar)
                 within.append((force <= bounds.force, tip <= bounds.tip))
     assert len(within) > 100 and (np.mean(within, axis=0) >= stated.probability - 0.05).all()
+
+
+def test_bounds_of_rigid_obstacles_hold_where_two_robots_press_each_other(patched_bar, robot, known):
+    """A bar and its twin, upside down above."""
+    stated = error_at(patched_bar, known, 0, 0.0)
+    skin, pose = patched_bar.model.skin, (np.diag([1.0, -1.0, -1.0]), np.array([0.0, 0.0, 16.0]))
+    here = SkinnedRobot(robot, skin.nodes, skin.triangles, patched_bar.patches, itself=False)
+    learned = ContactScene([PlacedModel(patched_bar, itself=False), PlacedModel(patched_bar, *pose, False)])
+    fe, state, solved, within = SurfaceScene([here, replace(here, R=pose[0], t=pose[1])]), None, None, []
+    for deltas in ([1.05], [0.95]), ([1.1], [1.0]), ([1.3], [1.2]), ([1.3], [1.3]):
+        state, solved = learned.go(deltas, state), fe.go(deltas, solved)
+        assert solved.converged and solved.pressed > 0.01
+        bounds = contact_error([stated, stated], learned, state)
+        assert bounds.force < 0.1 * state.pressed
+        alone = (
+            patched_bar.model.at_displacement(deltas[0]).delta_e - solve(here.problem, displacement(deltas[0])).delta_e
+        )
+        tip = np.linalg.norm(state.delta_e[0] - solved.solved[0].delta_e - alone)
+        within += [abs(state.pressed - solved.pressed) <= bounds.force, tip <= bounds.tip]
+    assert np.mean(within) >= stated.probability - 0.1
 
 
 def test_one_obstacle_and_several_hold_as_promised_however_much_larger_the_errors_of_several_are(monkeypatch):
     """Made-up errors, those of several obstacles of a heavy tail."""
     monkeypatch.setattr(calibration, "expected_error", lambda *_: (1.0, 1.0))
-    monkeypatch.setattr(calibration, "touching", range)
+    monkeypatch.setattr(calibration, "touching", lambda state: range(state.count))
     rng, within = np.random.default_rng(0), []
     draw = {False: rng.standard_normal, True: rng.standard_cauchy}
 
     def made_up(several, errors):
-        return SimpleNamespace(off=np.zeros(1), several=several, learned=1 + several, errors=lambda _: tuple(errors))
+        state = SimpleNamespace(count=1 + several, push=np.ones((1, 3)))
+        return SimpleNamespace(off=np.zeros(1), several=several, learned=state, errors=lambda _: tuple(errors))
 
     for _ in range(500):
         places = [made_up(several, np.abs(errors)) for several in draw for errors in draw[several]((20, 2))]

@@ -72,11 +72,11 @@ class ContactFactors(Data):
 
 
 class ContactError(_Calibrated):
-    """Bounds of the error of the contact of one robot with rigid obstacles, in trusted states.
+    """Bounds of the error of the contact of one robot, in trusted states, from rigid obstacles.
 
     one, several: where one obstacle touches, and where several do; None where no place tells it
     probability: the smaller of both; left_out: places that were not trusted, or where no state was found; friction:
-    coefficient at all of them; most: obstacles that touched at once
+    coefficient at all of them; most: obstacles that touched at once; points: that they pressed at once, at most
     off: (N,) mm, root mean squares of how far each point of the surface is off along its normal where nothing
     touches"""
 
@@ -84,6 +84,7 @@ class ContactError(_Calibrated):
     several: ContactFactors | None
     friction: float = Field(ge=0)
     most: int = Field(ge=1)
+    points: int = Field(ge=1)
     off: list[float]
 
     def of(self, count: int) -> ContactFactors | None:

@@ -25,6 +25,7 @@ from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
 from cfem.equilibrium.contact.surfaces import SurfaceScene, SurfacesState
 from cfem.equilibrium.system.robot import Robot
 from cfem.predict.contact.error import expected_error, forces_of, touching
+from cfem.predict.contact.step.bodies import Bodies, PlacedModel
 from cfem.predict.contact.step.scene import contact_step
 from cfem.predict.contact.step.state import ContactState
 from cfem.predict.contact.surface.kept_patches import fe_points
@@ -87,7 +88,7 @@ class Pressed:
     def errors(self, touched: SurfaceModel) -> tuple[float, float]:
         """N and mm: the largest error of the force by any obstacle, and that of how the obstacles move all effector
         points together, slack cables too."""
-        numbers = [1 + number for number in range(len(self.coming.kinds))]
+        numbers = np.union1d(touching(self.learned), touching(self.full)).tolist()
         missed = forces_of(self.learned, numbers) - forces_of(self.full, numbers)
         apart = self.learned.delta_e[0] - self.full.solved[0].delta_e - self.alone
         of_tip = np.linalg.norm(apart[~np.array(touched.model.rows.turns)])
@@ -118,8 +119,9 @@ def error_at(touched: SurfaceModel, known: Sequence[Pressed], left_out: int, mu:
     """Error of the contact of a model from known places, two at least."""
     squares = np.array([place.off**2 for place in known])
     others = np.sqrt((squares.sum(axis=0) - squares) / (len(known) - 1))  # its own would make its error look smaller
+    alone = Bodies([PlacedModel(touched, itself=False)])
     expected = np.array(
-        [expected_error(distances, touched, each.learned) for distances, each in zip(others, known, strict=True)]
+        [expected_error(distances, alone, each.learned) for distances, each in zip(others, known, strict=True)]
     )
     shares = np.array([place.errors(touched) for place in known]) / expected
     several = np.array([place.several for place in known])
@@ -131,6 +133,7 @@ def error_at(touched: SurfaceModel, known: Sequence[Pressed], left_out: int, mu:
         several=several_at_once,
         friction=mu,
         most=max(len(touching(place.learned)) for place in known),
+        points=max(int(place.learned.push.any(axis=1).sum()) for place in known),
         off=np.sqrt(squares.mean(axis=0)).tolist(),
     )
 

@@ -19,7 +19,7 @@ def asked(bar, tmp_path, patched_bar):
     def ask(mu=0.0, places=20, **made_of):
         def solve():
             solved.append(mu)
-            given = {"probability": 0.95, "left_out": 0, "most": 3, "off": [0.1], "friction": mu}
+            given = {"probability": 0.95, "left_out": 0, "most": 3, "points": 5, "off": [0.1], "friction": mu}
             return ContactError(**given, one=FACTORS, several=FACTORS) if places > 1 else None
 
         return kept_contact_error(patched_bar, folder, made_of, mu, places, solve)

@@ -70,7 +70,8 @@ class ContactModel:
     others: robots that it may touch, by name, each placed and with the course of its actuators
     itself: the name under which it touches itself, or none
     unilateral: (n_a,) bool, actuators that go slack at `pass_to` where they would push; plans hold them
-    stated: error of its contact, None where nobody has calibrated it
+    stated: error of the contact of this robot's model, and then of those of `others`; none where nobody has calibrated
+        them
     step: share of its reach that an actuator goes in one step, where the answer depends on the way
     parts: in which friction is followed along a step"""
 
@@ -86,7 +87,7 @@ class ContactModel:
     others: Mapping[str, tuple[PlacedModel, ActuatedRobot]] = field(default_factory=dict)
     itself: tuple[str, ...] = ()
     unilateral: np.ndarray | None = None
-    stated: ContactError | None = None
+    stated: tuple[ContactError, ...] = ()
     step: float = SHARE
     parts: int = PARTS
 
@@ -254,9 +255,9 @@ class ContactModel:
         return InContact(rows, W, delta - W[:, rows.a] @ lam, lam, trusted, self._bounds(state))
 
     def _bounds(self, state: ContactState | None) -> ContactBounds | None:
-        if state is None or self.stated is None:
+        if state is None or not self.stated:
             return None
-        return contact_error(self.stated, self.patched, state)
+        return contact_error(self.stated, self.scene, state)
 
     def error(self, condensed: Condensed) -> StateError | None:
         """Bound of the tip's error at a state found with the model, of the robot alone and by contact; of nothing else.
@@ -267,7 +268,8 @@ class ContactModel:
         alone = self.patched.model.error(condensed)
         tip = np.array(bounds.tip) + (0.0 if alone is None else alone.tip)
         rows = condensed.rows
-        return StateError(self.stated.probability, tip, np.full(rows.n_a, np.nan), np.full((rows.n, rows.n), np.nan))
+        probability = min(robot.probability for robot in self.stated)
+        return StateError(probability, tip, np.full(rows.n_a, np.nan), np.full((rows.n, rows.n), np.nan))
 
     def _sides(
         self, delta_a: np.ndarray, step: np.ndarray, near: ContactState, middle: tuple[np.ndarray, np.ndarray]

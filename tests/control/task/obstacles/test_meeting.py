@@ -262,7 +262,7 @@ def test_another_robot_stands_where_its_course_has_it_and_yields_as_its_model_is
     patched = SimpleNamespace(patches="patches", model=model)
     monkeypatch.setattr(meeting, "patched_model_of", lambda *given: asked.append(given) or patched)
     monkeypatch.setattr(meeting, "PlacedModel", lambda *given: given)
-    cut = SimpleNamespace(cut=(8.0, True))
+    cut = SimpleNamespace(cut=(8.0, True), error_places=0, friction=0.0)
     spec = SimpleNamespace(scene="scene.yaml", mesh="../../data/bar/mesh", contact=cut, at_nodes=False)
     if scene:
         spec.scene, spec.mesh = "nothing.yaml", "nowhere"

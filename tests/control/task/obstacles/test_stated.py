@@ -15,7 +15,11 @@ REST = np.array([10.0, 0.0, 0.0, 0.0])
 
 def model(stated):
     rows = Rows(("tip.x", "tip.y", "tip.z", "ball.force"), ("cable",))
-    return SimpleNamespace(rows=rows, stated=stated, patched=SimpleNamespace(model=SimpleNamespace(rest_e=REST[:3])))
+    return SimpleNamespace(
+        rows=rows,
+        stated=() if stated is None else (stated,),
+        patched=SimpleNamespace(model=SimpleNamespace(rest_e=REST[:3])),
+    )
 
 
 def goal(tip_off, force_off, **more):
@@ -27,7 +31,7 @@ def goal(tip_off, force_off, **more):
 
 @pytest.fixture(scope="module")
 def stated():
-    given = {"probability": 0.95, "left_out": 3, "most": 3, "off": [0.1], "friction": 0.3}
+    given = {"probability": 0.95, "left_out": 3, "most": 3, "points": 5, "off": [0.1], "friction": 0.3}
     return ContactError(**given, one=FACTORS, several=None)
 
 
@@ -37,7 +41,7 @@ def test_goals_within_both_bounds_are_counted(stated):
     figures, (line,) = stated_errors({"m": model(stated)}, 23, rows, REST)
     assert {key: figures["m"][key] for key in ("goals", "stated", "within")} == {"goals": 4, "stated": 3, "within": 1}
     assert "force of each obstacle within 0.01 N, tip within 50 µm" in line and "it held at 1 of 3 goals" in line
-    assert "with 95 % (from 20 random places of one obstacle and 0 of several, friction 0.3)" in line
+    assert "with 95 % (from 20 random places of one rigid obstacle and 0 of several, friction 0.3)" in line
     assert "NOT stated at 1" in line
 
 

@@ -31,12 +31,16 @@ from cfem.surrogate.contact_error import calibrated_contact
 
 @dataclass(frozen=True)
 class OtherRobot:
-    """A soft robot that is an obstacle: its model and its finite elements where they stand, and the course of its
-    actuators."""
+    """A soft robot that is an obstacle.
+
+    learned, fe: its model and its finite elements where they stand
+    course: of its actuators
+    stated: error of its contact, None where nothing is stated"""
 
     learned: PlacedModel
     fe: SkinnedRobot
     course: ActuatedRobot
+    stated: ContactError | None
 
 
 def with_obstacles(
@@ -79,7 +83,7 @@ def _stated(
     spec: ObstaclesSpec, touched: SurfaceModel, folder: Path, robot: Robot, made_of: Mapping[str, Any]
 ) -> ContactError | None:
     """Error of the contact of a model of `folder`; None where the spec asks for none, or no place tells it."""
-    mu, places = spec.contact.friction, spec.error_places
+    mu, places = spec.contact.friction, spec.contact.error_places
 
     def solve() -> ContactError | None:
         try:
@@ -98,7 +102,8 @@ def _contact_model(
     robot: Robot,
     stated: ContactError | None,
 ) -> ContactModel:
-    """A learned robot among the obstacles."""
+    """A learned robot among the obstacles, which states its error where that of each robot is known."""
+    errors = stated, *(soft_obstacle.stated for soft_obstacle in others.values())
     return ContactModel(
         touched,
         {name: body for name, body in obstacles.rigid.items() if name not in obstacles.avoided},
@@ -109,7 +114,7 @@ def _contact_model(
         others={name: (soft_obstacle.learned, soft_obstacle.course) for name, soft_obstacle in others.items()},
         itself=obstacles.itself,
         unilateral=robot.unilateral,
-        stated=stated,
+        stated=() if None in errors else errors,
     )
 
 
@@ -141,9 +146,11 @@ def other_robot(
     made_of = made_from(scene_path, mesh_folder) | {"loads": {}}
     with located(folder):
         touched = _touched(spec, model, folder, robot, made_of)
+        stated = _stated(spec, touched, folder, robot, made_of)
     place = course.R, course.t, False
     return OtherRobot(
         PlacedModel(touched, *place, robot.unilateral),
         SkinnedRobot(robot, skin.nodes, skin.triangles, fe_points(touched, robot), *place),
         course,
+        stated,
     )

@@ -14,9 +14,9 @@ class StatedContactSpec(ContactSpec):
     """Contact of the robot's surface, and the error that is stated of it."""
 
     error_places: int = Field(40, ge=0, le=1000)
-    """Random places at which finite elements touch one obstacle, at half of them, or two or three, once for each model
-    and friction. Errors of the model's forces and tip there give the bounds that the run states, of 95 % from 19 places
-    of each half on. 0 states none. None are stated among soft obstacles."""
+    """Random places at which finite elements touch one rigid obstacle, at half of them, or two or three, once for each
+    model and friction. Errors of the model's forces and tip there give the bounds that the run states, of 95 % from 19
+    places of each half on, of soft obstacles too. 0 states none."""
 
 
 class ObstaclesSpec(PlannedSpec, LoadedSpec):
@@ -44,18 +44,9 @@ class ObstaclesSpec(PlannedSpec, LoadedSpec):
             raise ValueError(f"obstacles: {' and '.join(itself)} are both the robot itself; leave one of them out")
 
     @property
-    def _soft(self) -> list[str]:
-        return [name for name, obstacle in self.obstacles.items() if obstacle.kind in ("robot", "itself")]
-
-    @property
     def at_nodes(self) -> bool:
         """True where the robot touches at every node of its surface, False where it does by patches."""
         return not self.contact.of_patches
-
-    @property
-    def error_places(self) -> int:
-        """Places at which the error of the contact is calibrated."""
-        return 0 if self._soft else self.contact.error_places
 
     @property
     def files(self) -> dict[str, Path]:

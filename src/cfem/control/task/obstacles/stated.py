@@ -10,6 +10,8 @@ from cfem.core.console.shown import counted, length
 from cfem.equilibrium.quasi_static import CONVERGED
 from cfem.predict.contact.model import ContactModel
 
+NOT_STATED = "not trusted, or pressed at edges of soft surfaces or by more than was calibrated"
+
 
 def stated_errors(
     models: Mapping[str, ContactModel], places: int, records: Sequence[Mapping[str, Any]], rest_e: np.ndarray
@@ -19,11 +21,11 @@ def stated_errors(
     figures, lines = {}, []
     for name, model in models.items() if places else ():
         rows = [row for row in records if row["controller"] == name and row["plant_status"] == CONVERGED]
-        stated = model.stated
-        if stated is None:
+        if not model.stated:
             figures[name] = None
             lines.append(f"contact by {name}: no error stated, as none of {places} places told it")
             continue
+        stated = model.stated[0].model_copy(update={"probability": min(each.probability for each in model.stated)})
         figures[name] = stated.model_dump(mode="json") | _held(model, rows, rest_e)
         lines.append(f"contact by {name}: {_sentence(stated, figures[name])}")
     return figures, lines
@@ -49,11 +51,12 @@ def _sentence(stated: ContactError, figures: Mapping[str, Any]) -> str:
     """Sentence on the largest stated bounds, on what they are calibrated by, and at how many goals they held."""
     goals, known, largest = figures["goals"], figures["stated"], figures["largest"]
     if not known:
-        return f"no error stated at {counted(goals, 'goal')}, whose states are not trusted"
+        return f"no error stated at {counted(goals, 'goal')}, {NOT_STATED}"
     single, several = (each.places if each else 0 for each in (stated.one, stated.several))
     text = (
         f"force of each obstacle within {largest['force_error']:.2g} N, tip within {length(largest['model_error'])} of "
-        f"finite elements, with {stated.percent} (from {counted(single, 'random place')} of one obstacle and {several} "
-        f"of several, friction {stated.friction:g}); it held at {figures['within']} of {counted(known, 'goal')}"
+        f"finite elements, with {stated.percent} (from {counted(single, 'random place')} of one rigid obstacle and "
+        f"{several} of several, friction {stated.friction:g}); "
+        f"it held at {figures['within']} of {counted(known, 'goal')}"
     )
-    return text + (f", and is NOT stated at {goals - known}, not trusted" if known < goals else "")
+    return text + (f", and is NOT stated at {goals - known}, {NOT_STATED}" if known < goals else "")
