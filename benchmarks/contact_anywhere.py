@@ -1,19 +1,25 @@
 """A learned robot pressed onto obstacles at unseen places, against finite elements whose surface touches the same.
 
 python benchmarks/contact_anywhere.py SCENE MODEL [--places 30] [--patches 6 | --nodes] [--mu 0.5] [--seed 1]
+                                      [--soft twin | itself]
 
 The places are those of `cfem.surrogate.contact_error`: one to three of spheres, planes and edges of boxes come in by
 0.25 to 1.25 % of the length. Prints the largest and the median error of forces and tip; from 41 places on, whether
 bounds made at 20 places with one obstacle and 20 with several hold at the others, SPLITS times; and, with
 patches, the processor time of a learned step with ten pads, each of which presses on one patch, in C too, and alone
-with `--places 0`."""
+with `--places 0`.
+
+With `--soft` it meets its twin or itself instead, and bounds from 40 places of rigid obstacles (seed 0) are asked
+there (`soft_places`)."""
 
 import argparse
 import tempfile
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+from soft_places import learned_scene, soft_places
 
 from cfem.condensed.model_error import ContactError
 from cfem.contact.obstacle import Obstacle
@@ -26,6 +32,7 @@ from cfem.export.firmware.folder import write_c
 from cfem.export.firmware.touch import write_c_touch
 from cfem.export.spec import CSpec
 from cfem.predict.contact.error import contact_error, forces_of, touching
+from cfem.predict.contact.step.bodies import Bodies, PlacedModel
 from cfem.predict.contact.step.scene import contact_step
 from cfem.predict.contact.surface.kept_patches import node_model_of, patched_model_of
 from cfem.predict.contact.surface.patched_model import PatchedModel
@@ -35,7 +42,14 @@ from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh
 from cfem.robot.spec import scene_meaning
 from cfem.surrogate.calibration import ENOUGH
-from cfem.surrogate.contact_error import Pressed, error_at, outward, placed, pressed_places
+from cfem.surrogate.contact_error import (
+    Pressed,
+    calibrated_contact,
+    error_at,
+    outward,
+    placed,
+    pressed_places,
+)
 
 IN = np.arange(1, 11) / 100  # mm: depths of pads
 SPLITS = 100
@@ -51,6 +65,7 @@ def main() -> None:
     parser.add_argument("--nodes", action="store_true", help="touch at every node")
     parser.add_argument("--mu", type=float, default=0.0)
     parser.add_argument("--seed", type=int, default=0, help="of the places")
+    parser.add_argument("--soft", choices=("twin", "itself"), help="what it meets instead of rigid obstacles")
     given = parser.parse_args()
     scene, mesh = load_scene_and_mesh(given.scene)
     model, robot = load_model(given.model), build_robot(scene, mesh)
@@ -66,6 +81,9 @@ def main() -> None:
     )
     what, states = "nodes" if given.nodes else "patches", len(touched.by_fe.states)
     print(f"{len(touched.patches)} {what}, their compliance at {states} states; {len(model.skin)} modes")
+    if given.soft:
+        among_soft(touched, robot, given.places, given.mu, given.seed, given.soft)
+        return
     at_places(touched, robot, given.places, given.mu, given.seed)
     size, rng = touched.flexibility.sum(axis=1), np.random.default_rng(given.seed)
     loose = np.flatnonzero(size > 0.1 * size.max())
@@ -75,8 +93,22 @@ def main() -> None:
 
 def at_places(touched: SurfaceModel, robot: Robot, count: int, mu: float, seed: int) -> None:
     """Prints errors at so many known places, and how often bounds made of some hold at the others."""
+    known = known_places(pressed_places(touched, robot, mu, seed), touched, count)
+    groups = {"one obstacle": [], "several": []}
+    for place in known:
+        groups["several" if place.several else "one obstacle"].append(place)
+    for name, places in groups.items():
+        if places:
+            print(f"{len(places)} with {name}: {sizes(touched, places)}")
+    if min(map(len, groups.values())) > ENOUGH + 1:
+        print(f"calibrated with {ENOUGH + 1} of each and asked at the others:")
+        print(held(touched, groups, mu))
+
+
+def known_places(places: Iterator[Pressed], touched: SurfaceModel, count: int) -> list[Pressed]:
+    """So many known places, each printed."""
     known, left_out = [], 0
-    for place in pressed_places(touched, robot, mu, seed) if count else ():
+    for place in places if count else ():
         what = f"  {', '.join(place.coming.kinds):20s} {place.coming.depths.max():.2f} mm: "
         if place.known:
             known.append(place)
@@ -89,15 +121,7 @@ def at_places(touched: SurfaceModel, robot: Robot, count: int, mu: float, seed: 
         if len(known) == count:
             break
     print(f"{len(known)} places; {left_out} left out: not trusted, or without a state")
-    groups = {"one obstacle": [], "several": []}
-    for place in known:
-        groups["several" if place.several else "one obstacle"].append(place)
-    for name, places in groups.items():
-        if places:
-            print(f"{len(places)} with {name}: {sizes(touched, places)}")
-    if min(map(len, groups.values())) > ENOUGH + 1:
-        print(f"calibrated with {ENOUGH + 1} of each and asked at the others:")
-        print(held(touched, groups, mu))
+    return known
 
 
 def pressing(place: Pressed) -> float:
@@ -137,13 +161,37 @@ def held(touched: SurfaceModel, groups: dict[str, list[Pressed]], mu: float) -> 
 def _asked(stated: ContactError, touched: SurfaceModel, places: list[Pressed]) -> np.ndarray:
     """(3, 2) of force and tip: share of the places that are within the bound, medians of bound over error, and of the
     bound, relative to the force and in mm. NaN of no places."""
+    alone = Bodies([PlacedModel(touched, itself=False)])
+    most = [contact_error([stated], alone, place.learned) for place in places]
+    return _compared(touched, places, np.array([(each.force, each.tip) for each in most]))
+
+
+def _compared(touched: SurfaceModel, places: list[Pressed], most: np.ndarray) -> np.ndarray:
+    """(3, 2) as of `_asked`; most (n, 2): bounds of force and tip."""
     if not places:
         return np.full((3, 2), np.nan)
-    errors = np.array([place.errors(touched) for place in places])
-    bounds = [contact_error(stated, touched, place.learned) for place in places]
-    most = np.array([(each.force, each.tip) for each in bounds])
-    whole = np.array([(pressing(place), 1.0) for place in places])
+    errors, whole = np.array([place.errors(touched) for place in places]), np.ones((len(places), 2))
+    whole[:, 0] = [pressing(place) for place in places]
     return np.array([(errors <= most).mean(axis=0), *np.median([most / errors, most / whole], axis=1)])
+
+
+def among_soft(touched: SurfaceModel, robot: Robot, count: int, mu: float, seed: int, kind: str) -> None:
+    """Prints errors at so many known places, and how often bounds of rigid obstacles hold where they are stated."""
+    stated, groups = calibrated_contact(touched, robot, mu=mu), {"stated": [], "NOT STATED": []}
+    for place in known_places(soft_places(touched, robot, mu, seed, kind), touched, count):
+        scene = learned_scene(touched, robot, place.way, 1.0, mu)
+        bounds = contact_error([stated] * len(scene.robots), scene, place.learned)
+        groups["stated" if np.isfinite(bounds.force) else "NOT STATED"].append((place, (bounds.force, bounds.tip)))
+    for name, places in groups.items():
+        if places:
+            print(f"{len(places)} {name}: {sizes(touched, [place for place, _ in places])}")
+    places, most = zip(*groups["stated"], strict=True)
+    within, ratio, bound = _compared(touched, list(places), np.array(most))
+    print(
+        f"where it is stated, force within the bound at {100 * within[0]:.0f} %, tip at {100 * within[1]:.0f} %; the "
+        f"bound is {ratio[0]:.2g} and {ratio[1]:.2g} times the error, {100 * bound[0]:.2g} % of the force and "
+        f"{bound[1]:.2g} mm"
+    )
 
 
 def ten_pads(folder: Path, patched: PatchedModel, where: np.ndarray, mu: float) -> None:

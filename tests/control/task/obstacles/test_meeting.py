@@ -10,10 +10,12 @@ from pyarrow.parquet import read_table
 from support.cut_short import cut_short, demand_equal
 
 import cfem
+from cfem.condensed.model_error import ContactError, ContactFactors
 from cfem.control.task.obstacles import meeting
 from cfem.core.artefact.files import content_sha256
 from cfem.core.errors import InputError, SpecError
 from cfem.predict.contact.obstacle_spec import BoxObstacle, CapsuleObstacle, MeshObstacle, PlaneObstacle, SphereObstacle
+from cfem.predict.contact.step.bodies import PlacedModel
 from cfem.predict.load import load_model
 from cfem.robot.load import made_from
 
@@ -286,6 +288,26 @@ def test_another_robot_stands_where_its_course_has_it_and_yields_as_its_model_is
         meeting.other_robot(spec, obstacle, base, "twin", stranger)
 
 
+def test_the_error_among_soft_obstacles_is_stated_where_that_of_each_robot_is_known(patched_bar, robot):
+    spec = SimpleNamespace(contact=SimpleNamespace(friction=0.0))
+    obstacles = SimpleNamespace(rigid={}, pressed=("twin",), avoided=(), moving={}, itself=())
+    factors = ContactFactors(probability=0.95, places=20, force=2.0, tip=1.0)
+    given = {"probability": 0.95, "left_out": 0, "friction": 0.0, "several": None, "most": 1, "points": 9}
+    mine = ContactError(one=factors, off=[1e-3] * len(patched_bar.patches), **given)
+    placed = PlacedModel(patched_bar, np.diag([1.0, -1.0, -1.0]), np.array([0.0, 0.0, 16.0]), False)
+    course = SimpleNamespace(deltas=lambda share: np.array([0.95]))
+
+    def model(of_other):
+        twin = SimpleNamespace(learned=placed, course=course, stated=of_other)
+        return meeting._contact_model(spec, obstacles, {"twin": twin}, patched_bar, robot, mine)
+
+    assert model(None).stated == () and model(None).at_displacement([1.05]).bounds is None
+    stated = model(mine)
+    state = stated.at_displacement([1.05])
+    force = state.delta_e[-1]
+    assert 0 < state.bounds.force < 0.1 * force and stated.error(state).tip > state.bounds.tip > 0
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("cut", [{}, {"patches": "8 mm"}])
 def test_another_robot_yields_and_is_pressed_with_friction(bar, cut):
@@ -293,17 +315,21 @@ def test_another_robot_yields_and_is_pressed_with_friction(bar, cut):
     elements, at every node and by patches."""
     search = {"step": "0.2 mm", "weights": [0, 0, 0]}
     twin = {"twin": {**TOUCHED, "press": "15 mN"}}
-    more = {"search": search, "contact": {**cut, "friction": 0.3}}
+    more = {"search": search, "contact": {**cut, "friction": 0.3, "error_places": 10}}
     found = cfem.run_stage("control", control(bar, f"twins-{len(cut)}", twin, **more))["results"]
     assert found["obstacles"]["twin"]["error_max"] < 0.03 * 0.015
     assert "2 of 2 commands carried out" in found["headline"][-1]
+    stated = found["contact_error"]["spectral"]
+    assert stated["goals"] == stated["stated"] == stated["within"] == 2
+    assert found["obstacles"]["twin"]["error_max"] < stated["largest"]["force_error"] < 0.2 * 0.015
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("mu", [0.0, 0.3])
 def test_plans_alone_press_another_robot_and_keep_a_force(bar, mu):
     """The plant goes straight to where the search went by trials, which friction remembers."""
-    search, contact = {"step": "0.2 mm", "weights": [0, 0, 0]}, {"patches": "8 mm", "friction": mu}
+    search = {"step": "0.2 mm", "weights": [0, 0, 0]}
+    contact = {"patches": "8 mm", "friction": mu, "error_places": 0}
     twin = {"twin": {**TOUCHED, "press": "15 mN"}}
     more = {"search": search, "contact": contact, "plant": "model"}
     found = cfem.run_stage("control", control(bar, f"twins-model-{mu}", twin, **more))["results"]
@@ -338,7 +364,14 @@ def test_a_payload_and_another_robot_go_together(bar):
     """The load bends the robot away from its twin, which it presses as hard; finite elements carry it too."""
     twin = {"twin": {**TOUCHED, "press": "15 mN"}}
     search, loads = {"step": "0.2 mm", "weights": [0, 0, 0]}, {"tip": {"force": {"N": [0, 0.002, -0.005]}}}
-    spec = control(bar, "loaded-lid", twin, search=search, loads=loads, contact={"patches": "8 mm", "friction": 0.3})
+    spec = control(
+        bar,
+        "loaded-lid",
+        twin,
+        search=search,
+        loads=loads,
+        contact={"patches": "8 mm", "friction": 0.3, "error_places": 0},
+    )
     found = cfem.run_stage("control", spec)["results"]
     assert found["obstacles"]["twin"]["error_max"] < 0.03 * 0.015 and found["load_error"] > 0
     assert "2 of 2 commands carried out" in found["headline"][-1]

@@ -10,7 +10,7 @@ from cfem.core.console.shown import counted, length
 from cfem.equilibrium.quasi_static import CONVERGED
 from cfem.predict.contact.model import ContactModel
 
-NOT_STATED = "not trusted, or pressed at edges of soft surfaces or by more than was calibrated"
+NOT_STATED = "where a state is not trusted, soft surfaces press at edges, or more touches than in the calibration"
 
 
 def stated_errors(
