@@ -33,6 +33,7 @@ QUICK = {
 
 # What needs artefacts of pipelines that take minutes: by hand, after the `make` target that its help names.
 LONG = {
+    "soft_places.py": "nothing: places for contact_anywhere.py",
     "adaptation.py": "cfem run pipelines/soft-finger/train-material.yaml",
     "contact_anywhere.py": "make soft-finger",
     "contact_patches.py": "make soft-finger",

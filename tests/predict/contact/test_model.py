@@ -215,10 +215,13 @@ def test_no_contact_state_is_an_error(patched, table, monkeypatch):
 @pytest.mark.parametrize(("alone", "tip"), [(None, 0.2), (0.3, 0.5)])
 def test_the_error_of_the_tip_in_contact_adds_to_that_of_the_robot_alone(alone, tip):
     model = SimpleNamespace(error=lambda _: None if alone is None else SimpleNamespace(tip=alone))
-    world = SimpleNamespace(patched=SimpleNamespace(model=model), stated=SimpleNamespace(probability=0.95))
+    world = SimpleNamespace(
+        patched=SimpleNamespace(model=model),
+        stated=(SimpleNamespace(probability=0.95), SimpleNamespace(probability=0.9)),
+    )
     rows = SimpleNamespace(n=5, n_a=2)
     stated = ContactModel.error(world, SimpleNamespace(bounds=ContactBounds(1.0, 0.2), rows=rows))
-    assert stated.tip == pytest.approx(tip) and stated.probability == 0.95
+    assert stated.tip == pytest.approx(tip) and stated.probability == 0.9
     assert np.isnan(stated.actuators).all()
     assert ContactModel.error(world, SimpleNamespace(rows=rows)) is None
 

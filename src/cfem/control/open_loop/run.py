@@ -57,9 +57,7 @@ def carry_out(folder: Path, spec: PlannedSpec, base: Path, prepared: Prepared, k
         held, met = (held | figures, None) if holding else (None, figures)
     contact_error, steps = None, {}
     if isinstance(spec, ObstaclesSpec):
-        contact_error, sentences = stated_errors(
-            prepared.predictors, spec.contact.error_places, records, prepared.rest_e
-        )
+        contact_error, sentences = stated_errors(prepared.predictors, spec.error_places, records, prepared.rest_e)
         lines += sentences
         steps = _depend_on_steps(prepared, records)
         lines += [dependence.sentence(name) for name, dependence in steps.items()]

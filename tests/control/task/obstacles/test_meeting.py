@@ -264,8 +264,8 @@ def test_another_robot_stands_where_its_course_has_it_and_yields_as_its_model_is
     patched = SimpleNamespace(patches="patches", model=model)
     monkeypatch.setattr(meeting, "patched_model_of", lambda *given: asked.append(given) or patched)
     monkeypatch.setattr(meeting, "PlacedModel", lambda *given: given)
-    cut = SimpleNamespace(cut=(8.0, True), error_places=0, friction=0.0)
-    spec = SimpleNamespace(scene="scene.yaml", mesh="../../data/bar/mesh", contact=cut, at_nodes=False)
+    cut = SimpleNamespace(cut=(8.0, True), friction=0.0)
+    spec = SimpleNamespace(scene="scene.yaml", mesh="../../data/bar/mesh", contact=cut, at_nodes=False, error_places=0)
     if scene:
         spec.scene, spec.mesh = "nothing.yaml", "nowhere"
     obstacle = SimpleNamespace(scene=scene, model="../../models/bar/spectral")
@@ -319,6 +319,9 @@ def test_another_robot_yields_and_is_pressed_with_friction(bar, cut):
     found = cfem.run_stage("control", control(bar, f"twins-{len(cut)}", twin, **more))["results"]
     assert found["obstacles"]["twin"]["error_max"] < 0.03 * 0.015
     assert "2 of 2 commands carried out" in found["headline"][-1]
+    if cut:  # patches come and go at edges
+        assert found["contact_error"] == {}
+        return
     stated = found["contact_error"]["spectral"]
     assert stated["goals"] == stated["stated"] == stated["within"] == 2
     assert found["obstacles"]["twin"]["error_max"] < stated["largest"]["force_error"] < 0.2 * 0.015
@@ -329,7 +332,7 @@ def test_another_robot_yields_and_is_pressed_with_friction(bar, cut):
 def test_plans_alone_press_another_robot_and_keep_a_force(bar, mu):
     """The plant goes straight to where the search went by trials, which friction remembers."""
     search = {"step": "0.2 mm", "weights": [0, 0, 0]}
-    contact = {"patches": "8 mm", "friction": mu, "error_places": 0}
+    contact = {"patches": "8 mm", "friction": mu}
     twin = {"twin": {**TOUCHED, "press": "15 mN"}}
     more = {"search": search, "contact": contact, "plant": "model"}
     found = cfem.run_stage("control", control(bar, f"twins-model-{mu}", twin, **more))["results"]
@@ -370,7 +373,7 @@ def test_a_payload_and_another_robot_go_together(bar):
         twin,
         search=search,
         loads=loads,
-        contact={"patches": "8 mm", "friction": 0.3, "error_places": 0},
+        contact={"patches": "8 mm", "friction": 0.3},
     )
     found = cfem.run_stage("control", spec)["results"]
     assert found["obstacles"]["twin"]["error_max"] < 0.03 * 0.015 and found["load_error"] > 0

@@ -83,7 +83,7 @@ def _stated(
     spec: ObstaclesSpec, touched: SurfaceModel, folder: Path, robot: Robot, made_of: Mapping[str, Any]
 ) -> ContactError | None:
     """Error of the contact of a model of `folder`; None where the spec asks for none, or no place tells it."""
-    mu, places = spec.contact.friction, spec.contact.error_places
+    mu, places = spec.contact.friction, spec.error_places
 
     def solve() -> ContactError | None:
         try:

@@ -16,7 +16,7 @@ class StatedContactSpec(ContactSpec):
     error_places: int = Field(40, ge=0, le=1000)
     """Random places at which finite elements touch one rigid obstacle, at half of them, or two or three, once for each
     model and friction. Errors of the model's forces and tip there give the bounds that the run states, of 95 % from 19
-    places of each half on, of soft obstacles too. 0 states none."""
+    places of each half on, of soft obstacles too, but for patches. 0 states none."""
 
 
 class ObstaclesSpec(PlannedSpec, LoadedSpec):
@@ -47,6 +47,13 @@ class ObstaclesSpec(PlannedSpec, LoadedSpec):
     def at_nodes(self) -> bool:
         """True where the robot touches at every node of its surface, False where it does by patches."""
         return not self.contact.of_patches
+
+    @property
+    def error_places(self) -> int:
+        """Places at which the error of the contact is calibrated: none where soft surfaces meet by patches, whose pairs
+        come and go at edges."""
+        soft = any(obstacle.kind in ("robot", "itself") for obstacle in self.obstacles.values())
+        return 0 if soft and not self.at_nodes else self.contact.error_places
 
     @property
     def files(self) -> dict[str, Path]:
