@@ -24,22 +24,23 @@ class Rigid:
         numbers = np.where(every >= 0, np.searchsorted(self.bodies, every), -1)
         self.robots, self.obstacles = np.split(numbers, [len(carriers)])
         self.J, self._centres = np.zeros((6 * len(self.bodies), model.nv)), np.zeros((len(self.bodies), 3))
-        self._mobility = np.zeros((6 * len(self.bodies),) * 2)
+        self._mobility, self._moved = np.zeros((6 * len(self.bodies),) * 2), np.zeros_like(self.J)
+        rows = self.J.reshape(len(self.bodies), 2, 3, model.nv)
+        self._along, self._each = rows[:, 0], [(body, *J) for body, J in zip(self.bodies.tolist(), rows, strict=True)]
 
     def begin(self, data: mujoco.MjData) -> None:
         """Takes Jacobians and mobility of the bodies where they are, mj_fwdPosition done."""
-        model, moved = self.model, np.zeros_like(self.J)
-        rows = self.J.reshape(len(self.bodies), 2, 3, model.nv)
-        for body, J in zip(self.bodies.tolist(), rows, strict=True):
-            mujoco.mj_jac(model, data, J[0], J[1], data.xpos[body], body)
-        rows[:, 0] *= MM
-        mujoco.mj_solveM(model, data, moved, self.J)
+        model = self.model
+        for body, along, about in self._each:
+            mujoco.mj_jacBody(model, data, along, about, body)
+        self._along *= MM
+        mujoco.mj_solveM(model, data, self._moved, self.J)
         self._centres = data.xpos[self.bodies] * MM
-        self._mobility = model.opt.timestep**2 / MM * self.J @ moved.T
+        self._mobility = model.opt.timestep**2 / MM * (self.J @ self._moved.T)
 
     def joint_forces(self, wrench: np.ndarray) -> np.ndarray:
         """(n_v,) N or N m of a wrench (6 b,), N and N mm."""
-        return self.J.T @ wrench / MM
+        return wrench @ self.J / MM
 
     def ahead(self, data: mujoco.MjData, wrench: np.ndarray) -> RigidBodies:
         """Bodies where `data` predicts them under a wrench (6 b,)."""

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 
 import mujoco
 import numpy as np
+from numba import njit
 
 from cfem.mujoco.geoms import MM
 from cfem.mujoco.soft_robot import SoftRobot
@@ -29,6 +30,24 @@ class Sensors:
 
     def write(self, values: np.ndarray, state: ContactState, R: np.ndarray, t: np.ndarray) -> None:
         """Puts what they say of a state into the values of all sensors; R (r, 3, 3), t (r, 3) mm: of the robots."""
-        values[self._forces] = (state.bodies == self._numbers[:, None]).astype(float) @ state.forces
-        places = self._rest + np.concatenate(state.delta_e)[self._rows]
-        values[self._points] = ((R[self._of] @ places[:, :, None])[:, :, 0] + t[self._of]) / MM
+        loads, delta_e = (state.bodies, state.forces), np.concatenate(state.delta_e)
+        _write(values, self._forces, *loads, self._points, self._rest, self._rows, self._of, delta_e, R, t)
+
+
+@njit(cache=True, error_model="numpy")
+def _write(values, forces_at, bodies, forces, points_at, rest, rows, of, delta_e, R, t):
+    """Puts forces (N, 3) N on points of robots `bodies` (N,) together into values at forces_at (r, 3), and places of
+    effectors into those at points_at (p, 3), m: rest (p, 3) mm, and rows (p, 3) of delta_e, mm, of robots `of` (p,) at
+    R (r, 3, 3) and t (r, 3) mm."""
+    for i in range(len(forces_at)):
+        for a in range(3):
+            values[forces_at[i, a]] = 0.0
+    for p in range(len(bodies)):
+        for a in range(3):
+            values[forces_at[bodies[p], a]] += forces[p, a]
+    for p in range(len(points_at)):
+        for a in range(3):
+            place = t[of[p], a]
+            for b in range(3):
+                place += R[of[p], a, b] * (rest[p, b] + delta_e[rows[p, b]])
+            values[points_at[p, a]] = place / MM

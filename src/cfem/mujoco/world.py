@@ -8,6 +8,7 @@ contact, so that no damping is needed. Robots have no inertia of their own."""
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from math import isfinite
 from pathlib import Path
 
 import mujoco
@@ -109,8 +110,7 @@ class World:
         }
         kind, self._vector = mujoco.mjtObj.mjOBJ_FLEX, np.empty(mujoco.mj_stateSize(self.model, STATE))
         self._flexes = [mujoco.mj_name2id(self.model, kind, skin_name(name)) for name in robots]
-        counts = self.model.flex_vertnum, self.model.flex_elemnum, self.model.flex_bvhnum
-        self._skins = [(count, count[self._flexes]) for count in counts]
+        self._skins = list(_hidden(self.model, self._flexes))
         self._sensors = Sensors(self.model, self.robots)
         self.geoms = Geoms(self.model, carriers.tolist())
         self.rigid = Rigid(self.model, carriers, self.geoms)
@@ -140,13 +140,13 @@ class World:
     @contextmanager
     def _skins_hidden(self) -> Iterator[None]:
         """MuJoCo passes over the robots' skins, which would take most of the time of its steps."""
-        for count, _ in self._skins:
-            count[self._flexes] = 0
+        for numbers, hidden, _ in self._skins:
+            numbers[:] = hidden
         try:
             yield
         finally:
-            for count, full in self._skins:
-                count[self._flexes] = full
+            for numbers, _, full in self._skins:
+                numbers[:] = full
 
     def step(self, commands: Mapping[str, ArrayLike]) -> ContactState:
         """One timestep, to displacements (n_a,) of the actuators of robots by name, mm or mm^3; those of others
@@ -161,13 +161,12 @@ class World:
         step under the forces of that contact."""
         model, data, ahead, rigid = self.model, self.data, self._ahead, self.rigid
         deltas = self._commanded(commands)
-        mujoco.mj_getState(model, data, self._vector, STATE)
-        mujoco.mj_setState(model, ahead, self._vector, STATE)
+        mujoco.mj_copyState(model, data, ahead, STATE)
         mujoco.mj_step1(model, ahead)
         rigid.begin(ahead)
         ahead.qfrc_applied += rigid.joint_forces(self._wrench)
         before = self._velocities(ahead)
-        begin = ahead.geom_xpos[self.geoms.numbers].copy()
+        begin = ahead.geom_xpos[self.geoms.numbers]
         (mujoco.mj_step if model.opt.integrator == RK4 else mujoco.mj_step2)(model, ahead)
         mujoco.mj_kinematics(model, ahead)
         gravity = self._gravity(before)
@@ -251,9 +250,12 @@ class World:
             velocities.append(J @ data.qvel * [[MM], [1.0]])
         return velocities
 
-    def _gravity(self, before: list[np.ndarray]) -> np.ndarray:
+    def _gravity(self, before: list[np.ndarray]) -> np.ndarray | None:
         """(r, 3) mm/s^2 of each robot at the end of the predicted step, less the acceleration of its base from the
-        velocities `before`. NumericalError where that is more than its model knows."""
+        velocities `before`; None where these are not asked for. NumericalError where that is more than its model
+        knows."""
+        if not before:
+            return None
         model, gravity = self.model, np.full((len(self.robots), 3), MM * self.model.opt.gravity)
         each = zip(self.robots.items(), before, self._velocities(self._ahead), strict=False)
         for number, ((name, robot), begin, end) in enumerate(each):
@@ -268,9 +270,11 @@ class World:
     ) -> ContactScene:
         """Robots and geoms where `data` has them; gravity (r, 3) mm/s^2 on each robot, the model's unless given; rigid:
         bodies that give way."""
-        robots = []
-        for number, (robot, R, t) in enumerate(zip(self.robots.values(), *self._poses(data), strict=True)):
-            wrench = robot.wrench((MM * self.model.opt.gravity if gravity is None else gravity[number]) @ R)
+        robots, each = [], zip(self.robots.values(), *self._poses(data), strict=True)
+        for number, (robot, R, t) in enumerate(each):
+            wrench = None
+            if robot.weight is not None:
+                wrench = robot.wrench((MM * self.model.opt.gravity if gravity is None else gravity[number]) @ R)
             robots.append(PlacedModel(robot.surface, R, t, False, robot.unilateral, wrench))
         stacked = self._everywhere.surfaces
         return ContactScene(robots, self.geoms.placed(data), self.friction, rigid, self.robots_touch, stacked, True)
@@ -284,7 +288,7 @@ class World:
         deltas = []
         for (name, robot), now in zip(self.robots.items(), self._deltas, strict=True):
             delta = np.asarray(commands[name] if name in commands else self._controlled(name, now), float)
-            if delta.shape != now.shape or not np.isfinite(delta).all():
+            if delta.shape != now.shape or not all(map(isfinite, delta.tolist())):
                 names = ", ".join(robot.surface.model.rows.actuators)
                 raise SpecError(f"robot '{name}' takes one finite number for each of its actuators, {names}")
             deltas.append(delta)
@@ -299,9 +303,12 @@ class World:
 
     def _demand_slow(self, ways: np.ndarray) -> None:
         """NumericalError where a geom that is near a robot goes so far in one step, (n, 3) mm, that it may pass it."""
+        longest = FAST * self._shortest
+        if self.contact is None or np.abs(ways).max(initial=0.0) < longest / 2:  # of one axis: less than the root of 3
+            return
         ways = np.sqrt((ways * ways).sum(axis=1))
-        fast = np.flatnonzero(ways > FAST * self._shortest)
-        if self.contact is None or not len(fast):
+        fast = np.flatnonzero(ways > longest)
+        if not len(fast):
             return
         places = self._everywhere.places(self.contact)
         for i in fast:
@@ -333,20 +340,26 @@ class World:
         before, commanded = self.energies, 0.0
         if self.contact is not None:
             last = self.contact
-            for end, begin, now, then in zip(
-                [*state.deltas, *state.wrenches],
-                [*last.deltas, *last.wrenches],
-                [*state.relief, *state.moved],
-                [*last.relief, *last.moved],
-                strict=True,
-            ):
-                commanded -= float((end - begin) @ (now + then)) / 2
+            begin, end = (np.concatenate([*it.deltas, *it.wrenches]) for it in (last, state))
+            then, now = (np.concatenate([*it.relief, *it.moved]) for it in (last, state))
+            commanded = -float((end - begin) @ (now + then)) / 2
         turned = before.turned + abs(passed) + abs(commanded)
         energies = Energies(before.commanded + commanded, before.passed + passed, state.stored, turned)
         if energies.lost < -GIVEN * turned - LEAST:
             what = f"contact has given {-energies.lost:.3g} N mm more than it was given by t = {self.data.time:.4g} s"
             raise NumericalError(what, do=f"take a timestep shorter than {self.model.opt.timestep:g} s")
         return energies
+
+
+def _hidden(model: mujoco.MjModel, flexes: list[int]) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Numbers of a model, as they make MuJoCo pass over these flexes, and as they are. Without vertices and elements it
+    would still ask where all vertices are that belong to a moving body."""
+    vertices = np.isin(np.repeat(np.arange(model.nflex), model.flex_vertnum), flexes)
+    each = ((count, flexes) for count in (model.flex_vertnum, model.flex_elemnum, model.flex_bvhnum))
+    for numbers, mine in [*each, (model.flex_vertbodyid, vertices)]:
+        hidden, full = numbers.copy(), numbers.copy()
+        hidden[mine] = 0
+        yield numbers, hidden, full
 
 
 def _compiled(mjcf: Path | str | mujoco.MjSpec, robots: Mapping[str, SoftRobot]) -> mujoco.MjModel:
