@@ -9,7 +9,7 @@ from support.benchmark import benchmark
 
 from cfem.contact.law.newton import modes_from, newton
 from cfem.contact.law.sliding import StepBegin
-from cfem.contact.patch_forces import _in_frames, balance, lawful, turned, violation
+from cfem.contact.patch_forces import balance, in_frames, lawful, turned, violation
 
 a_problem = benchmark("contact_random").a_problem
 MU, C = 0.5, np.diag([2.0, 1.0, 1.0])
@@ -157,7 +157,7 @@ def test_forces_that_turn_with_their_frames_miss_the_law_where_these_have_come_t
 def test_the_problem_in_the_frames_has_the_energy_of_the_scene():
     """Forces do the same work in both, and at `start` the gaps are those that are given."""
     frames, C, gaps, start = drawn(3)
-    W, free = _in_frames(C, gaps, frames, start)
+    W, free = in_frames(C, gaps, frames, start)
     np.testing.assert_allclose(W, W.T, atol=1e-12)
     np.testing.assert_allclose(W @ start.ravel() + free, gaps.ravel(), atol=1e-12)
     forces = np.random.default_rng(8).normal(size=(3, 3))

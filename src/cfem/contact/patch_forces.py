@@ -56,7 +56,7 @@ def pressed(
     compliance (3 c, 3 c) mm/N: of the patches, in the scene's axes
     gap (c, 3) mm: normal gap and slip in the frames, under forces `start` (c, 3) N
     begin: of the step, where friction is followed along it"""
-    W, free = _in_frames(compliance, gap, frames, start)
+    W, free = in_frames(compliance, gap, frames, start)
     slip = np.zeros((len(frames), 2))
     if begin is not None and mu:
         slip = slid(W, free, begin.gaps, (frames @ begin.push[:, :, None])[..., 0], mu, begin.parts)
@@ -76,7 +76,7 @@ def pressed(
 
 
 @njit(cache=True, error_model="numpy")
-def _in_frames(compliance, gap, frames, start):
+def in_frames(compliance, gap, frames, start):
     """Contact problem W (3 c, 3 c) mm/N and free (3 c,) mm (`cfem.contact.law.problem`) in the frames of the patches,
     from the arguments of `pressed`."""
     n, half = 3 * len(frames), np.empty((3, 3))

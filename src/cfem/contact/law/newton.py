@@ -314,7 +314,12 @@ def _clean(lam, mu):
 
 def modes_from(lam: np.ndarray, mu: float) -> tuple[Mode, ...]:
     """Modes of points under forces (m, 3) N that obey the law: without friction to touch is to slip."""
-    return tuple([MODES[number] for number in _modes(lam, float(mu)).tolist()])
+    return of_numbers(_modes(lam, float(mu)))
+
+
+def of_numbers(modes: np.ndarray) -> tuple[Mode, ...]:
+    """Modes by their numbers (m,) among MODES."""
+    return tuple([MODES[number] for number in modes.tolist()])
 
 
 @njit(cache=True, error_model="numpy")

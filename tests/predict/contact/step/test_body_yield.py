@@ -4,8 +4,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
-from cfem.contact.patch_forces import turned
+from cfem.contact.patch_forces import balance, turned
 from cfem.contact.rigid_bodies import RigidBodies, motions
 from cfem.predict.contact.step.body_yield import levers
 from cfem.predict.contact.step.poses import Poses
@@ -113,3 +114,23 @@ def test_without_forces_pairs_yield_as_their_levers_say():
     found = poses.yields(it.places, NEAR, WHICH, nothing, it.relative, it.C, None)
     np.testing.assert_allclose(found.mobility, G @ it.rigid.mobility @ G.T)
     assert found.turning is None
+
+
+@pytest.mark.parametrize("slides", [True, False])
+def test_the_law_in_one_call_is_that_of_its_parts(slides):
+    it, n, frames = Forces(False), len(NEAR), Rotation.random(3, rng=RNG).as_matrix()
+    scene = SimpleNamespace(bodies=OF, obstacles=None, rigid=it.rigid, mu=0.6)
+    poses = Poses(scene, SimpleNamespace(known=NEAR))
+    loads = it.forces[NEAR], it.push, it.slides & slides
+    gaps = 0.1 * RNG.normal(size=(n, 3)) - [0.2, 0.0, 0.0]
+    answer, yields = poses.balance(frames, gaps, it.places, NEAR, WHICH, loads, it.C)
+    parts = poses.yields(it.places, NEAR, WHICH, loads, None, it.C, None)
+    np.testing.assert_allclose(yields.mobility, parts.mobility, atol=1e-12)
+    assert (yields.turning is not None) == (parts.turning is not None) == slides
+    if slides:
+        np.testing.assert_allclose(yields.turning, parts.turning, atol=1e-12)
+    by_parts = balance(None, frames, it.C, gaps, loads[0], it.push[NEAR], 0.6, parts.mobility)
+    assert answer.modes == by_parts.modes and answer.push.any()
+    for name in ("local", "push", "forces", "change", "step", "slid"):
+        values, expected = getattr(answer, name), getattr(by_parts, name)
+        np.testing.assert_allclose(values, expected, atol=1e-10 * max(1.0, np.abs(expected).max()))

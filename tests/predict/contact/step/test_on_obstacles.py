@@ -19,11 +19,15 @@ from cfem.predict.contact.step.on_obstacles import (
 def test_what_sticks_is_held_where_it_was_on_the_surface_and_what_slides_where_it_is():
     places = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.2], [2.0, 0.0, -0.1], [3.0, 0.0, 4.0]])
     stuck = places + [0.3, -0.2, 0.5]
-    normals = np.array([[0.0, 0.0, 1.0]])
-    held = held_by_friction(places, stuck, np.array([1, 2]), np.array([2]), normals)
-    assert np.isnan(held[[0, 3]]).all()
-    np.testing.assert_allclose(held[1], places[1])
-    np.testing.assert_allclose(held[2], [2.3, -0.2, -0.1])  # its slip stays, its gap is none
+    frames, push, sticks = np.tile(np.eye(3)[[2, 0, 1]], (3, 1, 1)), np.zeros((4, 3)), np.arange(4) == 2
+    push[[1, 2], 2] = 1.0
+    stood, goes = (np.eye(3)[None], np.zeros((1, 3))), (np.eye(3)[None], np.array([[0.5, 0.0, 2.0]]))
+    of_near = np.array([0, 1, 2]), push, sticks, np.zeros(4, dtype=np.int64), frames
+    for now, along in ((stood, 0.0), (goes, 0.5)):
+        held = held_by_friction(places, stuck, *of_near, *stood, *now, along > 0)
+        assert np.isnan(held[[0, 3]]).all()
+        np.testing.assert_allclose(held[1], places[1])
+        np.testing.assert_allclose(held[2], [2.3 + along, -0.2, -0.1])  # its slip stays, its gap is none
 
 
 @pytest.mark.parametrize(("depth", "deep"), [(-0.5, False), (0.0, False), (0.4, False), (0.6, True)])

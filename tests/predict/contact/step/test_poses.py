@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from cfem.predict.contact.step.poses import _gaps
+from cfem.predict.contact.step.poses import gaps_of
 
 RNG = np.random.default_rng(2)
 
@@ -15,10 +15,10 @@ def test_slip_counts_from_where_the_obstacle_has_carried_it():
     near, which = np.array([1, 2]), np.array([0, 2, 1, 0])
     poses = then.as_matrix(), t_then, now.as_matrix(), t_now
     for moves in (True, False):
-        gaps = _gaps(frames, places, near, which, stuck, distance, *poses, moves, 0.5)
+        gaps = gaps_of(frames, places, near, which, stuck, distance, *poses, moves, 0.5)
         for gap, frame, patch in zip(gaps, frames, near, strict=True):
             o, begin = which[patch], stuck[patch]
             if moves:
                 begin = now[o].apply(then[o].inv().apply(begin - t_then[o])) + t_now[o]
             np.testing.assert_allclose(gap, [distance[patch], *frame[1:] @ (places[patch] - begin)], atol=1e-14)
-    assert not _gaps(frames, places, near, which, stuck, distance, *poses, True, 0.0)[:, 1:].any()
+    assert not gaps_of(frames, places, near, which, stuck, distance, *poses, True, 0.0)[:, 1:].any()

@@ -74,9 +74,9 @@ def test_forces_go_on_where_all_that_touches_sticks_and_none_changes_much(patche
     assert np.array_equal(state.change, state.forces) and not state.steady  # it has begun to touch
     sticks = dict.fromkeys(state.modes, Mode.STICK)
     state = replace(state, modes=sticks, change=0.99 * GOES_ON * state.forces)
-    ahead = state.going_on()
-    assert state.steady and np.array_equal(ahead.forces, state.forces + state.change)
-    assert np.array_equal(ahead.push, state.push + state.change[state.pairs.points])
+    forces, push = state.going_on()
+    assert state.steady and np.array_equal(forces, state.forces + state.change)
+    assert np.array_equal(push, state.push + state.change[state.pairs.points])
     assert not replace(state, change=1.01 * GOES_ON * state.forces).steady
     assert not replace(state, modes=sticks | {next(iter(sticks)): Mode.SLIP}).steady
     left = replace(state, forces=np.zeros_like(state.forces), change=-state.forces, modes={})

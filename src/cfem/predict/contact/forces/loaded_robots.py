@@ -15,6 +15,7 @@ first."""
 
 from collections.abc import Sequence
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -32,7 +33,24 @@ from cfem.predict.contact.forces.load_kernel import (
 from cfem.predict.contact.surface.surface_model import SurfaceModel
 from cfem.predict.contact.surface.surfaces import Surfaces
 
-NOTHING = np.zeros(0, dtype=np.int64)
+NOTHING, UNKNOWN = np.zeros(0, dtype=np.int64), np.full(1, -1)
+
+
+class Joined(NamedTuple):
+    """Robots that are held, as compiled loops take them: kept for the next step, as `Surfaces.last`.
+
+    free: `LoadedRobots.free`
+    known: patches (c,), nothing else is said before they are
+    shapes, numbers, triples: of `load_robots`
+    counts: of points, modes, mixtures, effectors, and entries of `LoadResult.compliance`"""
+
+    held: list[HeldRobot]
+    free: np.ndarray
+    known: np.ndarray = UNKNOWN
+    shapes: np.ndarray = NOTHING
+    numbers: np.ndarray = NOTHING
+    triples: np.ndarray = NOTHING
+    counts: tuple[int, ...] = ()
 
 
 class LoadedRobots:
@@ -59,17 +77,11 @@ class LoadedRobots:
         self.surfaces, self.deltas, self.wrenches, self.R, self.t = surfaces, deltas, wrenches, R, t
         each = zip(surfaces.models, deltas, wrenches, strict=True)
         self.held = [held(*of_robot) for of_robot in each]
-        self.free = free_places(surfaces.shapes, surfaces.flat, surfaces.rest, joined(*(it.rows for it in self.held)))
-        for robot, model, wrench, (a, b) in zip(
-            self.held, surfaces.models, wrenches, pairwise(surfaces.ends), strict=True
-        ):
-            if wrench is not None:
-                self.free[a:b] += moved_by_wrench(robot, model, wrench)
-        (count, modes, mixtures, effectors), r = surfaces.shapes.sum(axis=0).tolist(), len(self.held)
-        self._loaded = LoadResult(
-            *(np.empty(modes), np.empty(modes), np.empty(mixtures), np.empty((count, 3)), np.empty(0)),
-            *(np.empty(effectors), np.zeros((r, 5)), np.zeros(count, dtype=bool), np.empty(0), NOTHING),
-        )
+        self._sizes, self._pressed = np.zeros((len(self.held), 5)), np.zeros(surfaces.ends[-1], dtype=bool)
+        self._joined = next(iter(surfaces.last), None)
+        if self._joined is None or any(now is not then for now, then in zip(self.held, self._joined.held, strict=True)):
+            self._joined = Joined(self.held, self._free())
+        self.free = self._joined.free
         self.know(known, forces)
 
     @classmethod
@@ -78,10 +90,34 @@ class LoadedRobots:
         nothing = NOTHING, np.zeros((len(model.patches), 3))
         return cls(Surfaces([model]), [delta], [wrench], np.eye(3)[None], np.zeros((1, 3)), *nothing)
 
+    def _free(self) -> np.ndarray:
+        """`free` of what is held."""
+        surfaces = self.surfaces
+        free = free_places(surfaces.shapes, surfaces.flat, surfaces.rest, joined(*(it.rows for it in self.held)))
+        for robot, model, wrench, (a, b) in zip(
+            self.held, surfaces.models, self.wrenches, pairwise(surfaces.ends), strict=True
+        ):
+            if wrench is not None:
+                free[a:b] += moved_by_wrench(robot, model, wrench)
+        return free
+
     def know(self, known: np.ndarray, forces: np.ndarray) -> None:
         """Other patches known, under forces (N, 3) N."""
-        self.known, self.forces, surfaces = known, forces, self.surfaces
-        parts, shapes = [], np.zeros((len(self.held), 6), dtype=np.int64)
+        self.known, self.forces = known, forces
+        if len(self._joined.known) != len(known) or not (self._joined.known == known).all():
+            self._joined = self._with(known)
+        self.surfaces.last[:] = [self._joined]
+        count, modes, mixtures, effectors, entries = self._joined.counts
+        self._loaded = LoadResult(
+            *(np.empty(modes), np.empty(modes), np.empty(mixtures), np.empty((count, 3)), np.empty(entries)),
+            *(np.empty(effectors), self._sizes, self._pressed, np.empty(3 * len(known))),
+            np.zeros(len(self.held), dtype=np.int64),
+        )
+        self._put(forces[known])
+
+    def _with(self, known: np.ndarray) -> "Joined":
+        """What is held, with known patches (c,)."""
+        surfaces, parts, shapes = self.surfaces, [], np.zeros((len(self.held), 6), dtype=np.int64)
         shapes[:, :4] = surfaces.shapes
         ends, numbers, entries = np.searchsorted(known, surfaces.ends).tolist(), surfaces.numbers[known], 0
         for shape, robot, (a, b) in zip(shapes, self.held, pairwise(ends), strict=True):
@@ -89,12 +125,12 @@ class LoadedRobots:
             shape[4], shape[5] = b - a, -1 if points.triples is None else len(points.triples)
             parts.append((robot.numbers, points.numbers, points.triples))
             entries += 9 * (b - a) ** 2
-        self._shapes, self._numbers = shapes, joined(*(numbers for part in parts for numbers in part[:2]))
         triples = [part[2] for part in parts if part[2] is not None]
-        self._triples = np.concatenate(triples) if triples else np.empty((0, 3), dtype=np.int64)
-        begin = np.zeros(len(shapes), dtype=np.int64)
-        self._loaded = self._loaded._replace(compliance=np.empty(entries), h=np.empty(3 * len(known)), begin=begin)
-        self._put(forces[known])
+        return Joined(
+            *(self.held, self.free, known, shapes, joined(*(numbers for part in parts for numbers in part[:2]))),
+            np.concatenate(triples) if triples else np.empty((0, 3), dtype=np.int64),
+            (*surfaces.shapes.sum(axis=0).tolist(), entries),
+        )
 
     def load(self, forces: np.ndarray) -> None:
         """Puts forces (c, 3) N on the known patches."""
@@ -104,10 +140,9 @@ class LoadedRobots:
 
     def _put(self, forces: np.ndarray) -> None:
         self.on_known = forces
-        load_robots(
-            *(self._shapes, self._numbers, self._triples, self.surfaces.flat, self.free, self.known, forces, self.R),
-            self._loaded,
-        )
+        shapes, numbers, triples = self._joined.shapes, self._joined.numbers, self._joined.triples
+        robots = shapes, numbers, triples, self.surfaces.flat, self.free
+        load_robots(*robots, self.known, forces, self.R, self._loaded)
 
     @property
     def places(self) -> np.ndarray:
@@ -131,7 +166,9 @@ class LoadedRobots:
     def compliance(self, under_forces: bool) -> np.ndarray:
         """(3 c, 3 c) mm/N: derivative of the known patches' places by the forces on them, symmetric; under_forces: as
         these have changed it, which without them is positive semidefinite."""
-        return turned_compliance(self._shapes, self._numbers, self._loaded.compliance, self.R, under_forces)
+        return turned_compliance(
+            self._joined.shapes, self._joined.numbers, self._loaded.compliance, self.R, under_forces
+        )
 
     def outputs(self) -> tuple[list[np.ndarray], list[np.ndarray], list[np.ndarray], list[np.ndarray]]:
         """Displacements delta_e (n_e,) mm and forces lambda_a (n_a,) N of each robot; by how much (n_a,) N the forces

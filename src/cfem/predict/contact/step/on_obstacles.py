@@ -8,14 +8,14 @@ from cfem.contact.law.modes import Mode
 from cfem.contact.obstacle_set import ObstacleSet
 from cfem.contact.pairs import Pairs
 from cfem.contact.patch_forces import TurningCompliance, lawful, turned
-from cfem.predict.contact.step.poses import Poses
+from cfem.predict.contact.step.poses import Poses, carry, gaps_of
 from cfem.predict.contact.step.state import ContactState
 
 SIDE = 0.7  # product of normals: less is another side of an obstacle
 TOLERANCE = 1e-9  # of the length: how far gaps, and places by their forces, may be from what the law says
 OVERLAP = 1e-6  # of the length: how far a patch may be within an obstacle
 FAR = 0.1  # of the length: no distance is larger, as none is asked
-NOTHING = np.zeros(0, dtype=np.int64)
+NOTHING, NO_MOBILITY = np.zeros(0, dtype=np.int64), np.zeros((0, 0))
 
 
 class OnObstacles:
@@ -30,8 +30,8 @@ class OnObstacles:
     sticks: (N,) bool, in the last round
     missed: mm, by which patches missed the law where the last round brought them"""
 
-    def __init__(self, poses: Poses, before: ContactState | None):
-        """Begins with what presses in the state `before`, None: with nothing."""
+    def __init__(self, poses: Poses, before: ContactState | None, push: np.ndarray | None = None):
+        """Begins with what presses in the state `before`, by push (p, 3) N on its pairs; None: with nothing."""
         self.scene, self.poses = poses.scene, poses
         count = len(self.scene.bodies)
         self.near, self.push, self.sticks = NOTHING, np.zeros((count, 3)), np.zeros(count, dtype=bool)
@@ -42,7 +42,7 @@ class OnObstacles:
             return
         pressed = before.on_obstacles
         patches = before.pairs.points[pressed]
-        self.near, self.push[patches] = before.near, before.push[pressed]
+        self.near, self.push[patches] = before.near, push[pressed]
         self.sticks[patches] = [before.modes.get(patch + count) is Mode.STICK for patch in patches.tolist()]
         self._stood, self.which[before.near] = before.obstacles, before.met
 
@@ -118,21 +118,24 @@ class OnObstacles:
         at: np.ndarray,
         mobility: np.ndarray | None,
     ) -> np.ndarray | None:
-        """(d, 3) N: what obstacles press by the frames at places (N, 3) mm, None where the law does not hold there with
-        this.
+        """(d, 3) N: what obstacles press by the frames at places (N, 3) mm, `push` itself where none turns; None where
+        the law does not hold there with this.
 
         local (d, 3) N: in the frames before; push (d, 3) N: in the scene
         compliance (3 c, 3 c) mm/N: of patches among which these have places `at` (d,)
         mobility: of rigid bodies, of these and more patches (`Poses.mobility`)"""
         scene, self._frames = self.scene, None
-        by_bodies = np.zeros((0, 0)) if mobility is None else mobility[: local.size, : local.size]
-        there = self.frames(places), self.gaps(places), compliance, at, by_bodies, float(scene.mu)
-        by_law, missed, turns, beyond = lawful(local, push, self.sticks[self.near], *there)
-        within = -float(self.distance.min())
+        there = self.frames(places), places, self.near, self.which, self.stuck, self.distance
+        yields = compliance, at, NO_MOBILITY if mobility is None else mobility
+        by_law, missed, turns, beyond, within, largest, turned = _lawful(
+            local, push, self.sticks, *there, *self.poses.since(self._stood), float(scene.mu), *yields
+        )
         self.missed = max(missed, within, 0.0)
         if max(missed, turns) > TOLERANCE * scene.length or within > OVERLAP * scene.length:
             return None
-        return None if beyond > TOLERANCE * np.abs(push).max() else by_law
+        if beyond > TOLERANCE * largest:
+            return None
+        return by_law if turned else push
 
     def pairs(self, touches: np.ndarray, places: np.ndarray) -> Pairs:
         """Pairs of the patches near obstacles that touch, (d,) bool."""
@@ -142,10 +145,8 @@ class OnObstacles:
 
     def stuck_next(self, places: np.ndarray) -> np.ndarray:
         """(N, 3) mm: `ContactState.stuck`."""
-        pressed, sticks = self.near[self.push[self.near].any(axis=1)], self.sticks[self.near]
-        stuck, held = self.stuck.copy(), self.near[sticks]
-        stuck[held] = self.poses.carried(stuck[held], self.which[held], self._stood)
-        return held_by_friction(places, stuck, pressed, held, self.frames(places)[sticks, 0])
+        of_near = self.near, self.push, self.sticks, self.which, self.frames(places)
+        return held_by_friction(places, self.stuck, *of_near, *self.poses.since(self._stood))
 
 
 def begins_deep(obstacles: ObstacleSet, places: np.ndarray, distance: np.ndarray, which: np.ndarray) -> bool:
@@ -171,18 +172,65 @@ def pairs_with_obstacles(
 
 
 @njit(cache=True, error_model="numpy")
-def held_by_friction(places, stuck, pressed, sticking, normals):
-    """(N, 3) mm from where slip counts in the next step, NaN of patches that are not pressed. Those that slide are at
-    places (N, 3) mm; those that stick, by their numbers (s,), where they were, stuck (N, 3) mm, brought to the surface
-    along its normals (s, 3)."""
+def held_by_friction(places, stuck, near, push, sticks, which, frames, R_then, t_then, R_now, t_now, moves):
+    """(N, 3) mm from where slip counts in the next step, NaN of patches that are not pressed. Those of the patches near
+    (d,) that slide, push (N, 3) N, are at places (N, 3) mm; those that stick, (N,) bool, where they were, stuck (N, 3)
+    mm, carried by obstacles `which` (N,) from poses then to poses now, and brought to the surface along the normals of
+    its frames (d, 3, 3)."""
     held = np.full(places.shape, np.nan)
-    for p in pressed:
+    for i in range(len(near)):
+        p, away, normal = near[i], 0.0, frames[i, 0]
+        if not sticks[p]:
+            if push[p, 0] != 0.0 or push[p, 1] != 0.0 or push[p, 2] != 0.0:
+                for a in range(3):
+                    held[p, a] = places[p, a]
+            continue
         for a in range(3):
-            held[p, a] = places[p, a]
-    for i in range(len(sticking)):
-        p, away = sticking[i], 0.0
+            held[p, a] = stuck[p, a]
+        if moves:
+            o = which[p]
+            carry(held[p], R_then[o], t_then[o], R_now[o], t_now[o])
         for a in range(3):
-            away += (places[p, a] - stuck[p, a]) * normals[i, a]
+            away += (places[p, a] - held[p, a]) * normal[a]
         for a in range(3):
-            held[p, a] = stuck[p, a] + away * normals[i, a]
+            held[p, a] += away * normal[a]
     return held
+
+
+@njit(cache=True, error_model="numpy")
+def _lawful(
+    local,
+    push,
+    sticks,
+    frames,
+    places,
+    near,
+    which,
+    stuck,
+    distance,
+    R_then,
+    t_then,
+    R_now,
+    t_now,
+    moves,
+    mu,
+    compliance,
+    at,
+    by_bodies,
+):
+    """`cfem.contact.patch_forces.lawful` of patches near (d,) obstacles at the gaps that they have there
+    (`cfem.predict.contact.step.poses.gaps_of`); how far a patch is within one, mm; the largest entry of push, N; if
+    any turns."""
+    poses, stay = (R_then, t_then, R_now, t_now, moves, mu), np.empty(len(near), dtype=np.bool_)
+    within, largest, turned = -np.inf, 0.0, False
+    for p in range(len(distance)):
+        within = max(within, -distance[p])
+    for i in range(len(near)):
+        stay[i] = sticks[near[i]]
+    gaps = gaps_of(frames, places, near, which, stuck, distance, *poses)
+    by_law, missed, turns, beyond = lawful(local, push, stay, frames, gaps, compliance, at, by_bodies, mu)
+    for i in range(len(near)):
+        for a in range(3):
+            largest = max(largest, abs(push[i, a]))
+            turned |= by_law[i, a] != push[i, a]
+    return by_law, missed, turns, beyond, within, largest, turned

@@ -3,8 +3,9 @@
 import numpy as np
 from numba import njit
 
+from cfem.contact.law.newton import _modes, _newton, of_numbers
 from cfem.contact.obstacle_set import ObstacleSet
-from cfem.contact.patch_forces import TurningCompliance
+from cfem.contact.patch_forces import Balance, TurningCompliance, in_frames
 from cfem.contact.rigid_bodies import RigidBodies, add_wrench, carried, motions
 from cfem.predict.contact.forces.loaded_robots import LoadedRobots
 from cfem.predict.contact.step.bodies import Bodies
@@ -77,12 +78,33 @@ class Poses:
         mobility += moved if B is None else B @ moved
         return BodyYield(mobility, turns if turned is None else turns + turning + turning[:, :d] @ turns)
 
-    def carried(self, points: np.ndarray, which: np.ndarray, before: ObstacleSet | None) -> np.ndarray:
-        """(d, 3) mm where points of the surface of obstacles `which` (d,) are that were at `points` (d, 3) mm where
-        these stood before."""
-        if self.rigid is None or before is None:
-            return points
-        return _carried(points, which, before.R, before.t, self.obstacles.R, self.obstacles.t)
+    def balance(
+        self,
+        frames: np.ndarray,
+        gaps: np.ndarray,
+        places: np.ndarray,
+        near: np.ndarray,
+        which: np.ndarray,
+        loads: Loads,
+        compliance: np.ndarray,
+    ) -> tuple[Balance | None, BodyYield]:
+        """`yields` and, with it, `cfem.contact.patch_forces.balance` in one compiled call, where the known patches are
+        those near (d,) obstacles. No balance where Newton's method does not find it from the forces that there are."""
+        scene, rigid, (forces, push, slides) = self.scene, self.rigid, loads
+        local, pushes, modes, mobility, turning, sound = _balance(
+            *(frames, gaps, float(scene.mu), places, near, which, self.robots.known, forces, push, slides, compliance),
+            *(rigid.of_robots, scene.bodies, rigid.of_obstacles, rigid.centres, rigid.mobility),
+        )
+        yields = BodyYield(mobility, turning if len(turning) else None)
+        if not sound:
+            return None, yields
+        nothing = np.zeros(pushes.shape)
+        return Balance(of_numbers(modes), local, pushes, pushes, pushes - forces, compliance, nothing), yields
+
+    def since(self, before: ObstacleSet | None) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, bool]:
+        """R and t of obstacles where they stood before, None: where they are, and now; whether these differ."""
+        now, then = self.obstacles, self.obstacles if self.rigid is None or before is None else before
+        return then.R, then.t, now.R, now.t, now is not then
 
     def gaps(
         self,
@@ -97,9 +119,7 @@ class Poses:
         """(d, 3) mm of patches near (d,), in the frames (d, 3, 3) of obstacles `which` (N,) that are `distance` (N,) mm
         away: normal gap, and slip from where they stuck, (N, 3) mm, when obstacles stood as `before` says, None: as
         now."""
-        now, then = self.obstacles, self.obstacles if self.rigid is None or before is None else before
-        poses = then.R, then.t, now.R, now.t
-        return _gaps(frames, places, near, which, stuck, distance, *poses, now is not then, float(self.scene.mu))
+        return gaps_of(frames, places, near, which, stuck, distance, *self.since(before), float(self.scene.mu))
 
 
 @njit(cache=True, error_model="numpy")
@@ -164,11 +184,11 @@ def _follow(
 
 
 @njit(cache=True, error_model="numpy")
-def _gaps(frames, places, near, which, stuck, distance, R_then, t_then, R_now, t_now, moves, mu):
+def gaps_of(frames, places, near, which, stuck, distance, R_then, t_then, R_now, t_now, moves, mu):
     """(d, 3) mm of patches near (d,), in the frames (d, 3, 3) of obstacles `which` (N,) that are `distance` (N,) mm
     away: normal gap, and, with friction mu, slip from where they stuck, (N, 3) mm, on obstacles that move with them
     from poses then to poses now. Of all patches: places (N, 3) mm."""
-    gaps, local, begin = np.zeros((len(near), 3)), np.empty(3), np.empty(3)
+    gaps, begin = np.zeros((len(near), 3)), np.empty(3)
     for i in range(len(near)):
         p, o = near[i], which[near[i]]
         gaps[i, 0] = distance[p]
@@ -177,14 +197,7 @@ def _gaps(frames, places, near, which, stuck, distance, R_then, t_then, R_now, t
         for a in range(3):
             begin[a] = stuck[p, a]
         if moves:
-            for a in range(3):
-                local[a] = 0.0
-                for b in range(3):
-                    local[a] += (stuck[p, b] - t_then[o, b]) * R_then[o, b, a]
-            for a in range(3):
-                begin[a] = (
-                    R_now[o, a, 0] * local[0] + R_now[o, a, 1] * local[1] + R_now[o, a, 2] * local[2] + t_now[o, a]
-                )
+            carry(begin, R_then[o], t_then[o], R_now[o], t_now[o])
         for a in range(1, 3):
             for b in range(3):
                 gaps[i, a] += frames[i, a, b] * (places[p, b] - begin[b])
@@ -192,17 +205,60 @@ def _gaps(frames, places, near, which, stuck, distance, R_then, t_then, R_now, t
 
 
 @njit(cache=True, error_model="numpy")
-def _carried(points, which, R_then, t_then, R_now, t_now):
-    """(d, 3) mm: points of bodies `which` (d,) that have gone from poses then to poses now."""
-    result, local = np.empty((len(points), 3)), np.empty(3)
-    for p in range(len(points)):
-        i = which[p]
+def carry(point, R_then, t_then, R_now, t_now):
+    """Moves a point (3,) mm of a body along, which has gone from one pose to another, in place."""
+    x, y, z = point[0] - t_then[0], point[1] - t_then[1], point[2] - t_then[2]
+    u = x * R_then[0, 0] + y * R_then[1, 0] + z * R_then[2, 0]
+    v = x * R_then[0, 1] + y * R_then[1, 1] + z * R_then[2, 1]
+    w = x * R_then[0, 2] + y * R_then[1, 2] + z * R_then[2, 2]
+    for a in range(3):
+        point[a] = R_now[a, 0] * u + R_now[a, 1] * v + R_now[a, 2] * w + t_now[a]
+
+
+@njit(cache=True, error_model="numpy")
+def _balance(
+    frames,
+    gaps,
+    mu,
+    places,
+    near,
+    which,
+    known,
+    forces,
+    push,
+    slides,
+    compliance,
+    of_robots,
+    bodies,
+    of_obstacles,
+    centres,
+    Y,
+):
+    """Forces (d, 3) N in the frames (d, 3, 3) and in the scene, modes (d,), `mobility` and `turning` of `BodyYield`,
+    of size 0 where nothing turns; False where there are none. For the arguments see `Poses.balance` and `levers`."""
+    d, n, soft, bends = len(near), 3 * len(near), np.empty((0, len(near))), np.empty((0, 3, 3))
+    bodies_of = of_robots, bodies, of_obstacles, centres
+    of_bodies = levers(places, near, np.arange(d), which, known, soft, forces, push, slides, bends, *bodies_of)
+    mobility, turning, sound = moved_bodies(of_bodies, Y, compliance, np.empty((0, 0)))
+    total, turns, guess, pushes = np.empty((n, n)), False, np.zeros((d, 3)), np.zeros((d, 3))
+    for i in range(n):
+        for j in range(n):
+            turns |= turning[i, j] != 0.0
+    for i in range(n):
+        for k in range(n if turns else 0):
+            share = compliance[i, k]
+            for j in range(n):
+                mobility[i, j] += share * turning[k, j]
+        for j in range(n):
+            total[i, j] = compliance[i, j] + mobility[i, j]
+    for i in range(d):
         for a in range(3):
-            local[a] = 0.0
             for b in range(3):
-                local[a] += (points[p, b] - t_then[i, b]) * R_then[i, b, a]
+                guess[i, a] += frames[i, a, b] * push[near[i], b]
+    W, free = in_frames(total, gaps, frames, guess)
+    solved, _ = _newton(W, free, mu, guess)
+    for i in range(d):
         for a in range(3):
-            result[p, a] = (
-                R_now[i, a, 0] * local[0] + R_now[i, a, 1] * local[1] + R_now[i, a, 2] * local[2] + t_now[i, a]
-            )
-    return result
+            for b in range(3):
+                pushes[i, a] += guess[i, b] * frames[i, b, a]
+    return guess, pushes, _modes(guess, mu), mobility, turning[: n if turns else 0], sound and solved

@@ -43,17 +43,17 @@ class Rounds:
         self.scene, self.iterations, self.modes = scene, 0, ()
         self._share, self._missed, self._last_step = 1.0, np.inf, np.zeros((0, 3))
         self._acceleration = Acceleration()
-        loads = NOTHING, np.zeros((len(scene.bodies), 3))
-        self._begin = loads[1] if before is None else before.forces
+        known, forces, push = NOTHING, np.zeros((len(scene.bodies), 3)), None
+        self._begin = forces if before is None else before.forces
         if before is not None:
-            before = before.with_first_obstacles(len(scene.obstacles.obstacles))
-            goes_on = scene.even and not scene.soft and before.change.any() and before.steady
-            before = before.going_on() if goes_on else before
-            loads = before.known, before.forces
+            before = before.with_first_obstacles(len(scene.obstacles.t))
+            known, forces, push = before.known, before.forces, before.push
+            if scene.even and not scene.soft and before.steady:
+                forces, push = before.going_on()
         wrenches = [robot.wrench for robot in scene.robots]
-        self.robots = LoadedRobots(scene.surfaces, deltas, wrenches, scene.R, scene.t, *loads)
+        self.robots = LoadedRobots(scene.surfaces, deltas, wrenches, scene.R, scene.t, known, forces)
         self.poses = Poses(scene, self.robots)
-        self.met = met = OnObstacles(self.poses, before)
+        self.met = met = OnObstacles(self.poses, before, push)
         self.places = met.stuck = met.place()  # what did not touch slides from where it was
         if before is not None and scene.mu:
             met.stuck = np.where(np.isnan(before.stuck), before.places, before.stuck)
@@ -213,6 +213,11 @@ class Rounds:
             relative = np.concatenate([alone, touching.relative[:, known]])
             gaps = np.concatenate([gaps, self.soft.gaps(places, mu)])
         for compliance, turned, loads in self._linearisations():
+            if relative is None and turned is None and self.poses.rigid is not None:
+                answer, yields = self.poses.balance(frames, gaps, places, near, met.which, loads, compliance)
+                if answer is not None:
+                    self._mobility = yields.mobility
+                    return answer, yields.turning
             yields = self.poses.yields(places, near, met.which, loads, relative, compliance, turned)
             if yields is None:
                 continue
@@ -278,7 +283,7 @@ class Rounds:
             by_law = met.lawful(local, push, self.places, yields, at, self._mobility)
         if by_law is None or not settled:
             return False
-        if not np.array_equal(by_law, push):
+        if by_law is not push:
             change = np.zeros_like(forces)
             change[self._of_near()] = by_law - push
             self._press(by_law, forces + change)

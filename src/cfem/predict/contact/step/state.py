@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numba import njit
 
 from cfem.contact.law.modes import Mode
 from cfem.contact.obstacle_set import ObstacleSet
@@ -111,13 +112,12 @@ class ContactState(Pressing):
     def steady(self) -> bool:
         """True where all that touches sticks, and no force has changed by more than a share in this step. Where patches
         slide, begin to touch or come off, several states may obey the law: the guess would choose between them."""
-        change, sizes = (self.change * self.change).sum(axis=1), (self.forces * self.forces).sum(axis=1)
-        return bool((change <= GOES_ON**2 * sizes).all()) and all(mode is Mode.STICK for mode in self.modes.values())
+        return all(mode is Mode.STICK for mode in self.modes.values()) and _changes_little(self.change, self.forces)
 
-    def going_on(self) -> "ContactState":
-        """This state, its forces where a step brings them that goes on as the last one: a guess. All pairs are with
-        obstacles."""
-        return replace(self, forces=self.forces + self.change, push=self.push + self.change[self.pairs.points])
+    def going_on(self) -> tuple[np.ndarray, np.ndarray]:
+        """Forces (N, 3) N on the patches, and push (p, 3) N on the pairs, after a step that goes on as the last one: a
+        guess. All pairs are with obstacles."""
+        return self.forces + self.change, self.push + self.change[self.pairs.points]
 
     def slipping_from(self, before: "ContactState") -> "ContactState":
         """This state, whose slip counts from where that of a step from `before` to it does."""
@@ -145,3 +145,16 @@ class ContactState(Pressing):
             if len(patches):
                 stuck[patches] = course.carried(stuck[patches], begin, end)
         return replace(self, stuck=stuck)
+
+
+@njit(cache=True, error_model="numpy")
+def _changes_little(change, forces):
+    """True where no force (N, 3) N has changed by more than a share GOES_ON of it."""
+    for p in range(len(forces)):
+        by, size = 0.0, 0.0
+        for a in range(3):
+            by += change[p, a] ** 2
+            size += forces[p, a] ** 2
+        if not by <= GOES_ON**2 * size:
+            return False
+    return True

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import accumulate, pairwise
+from typing import Any
 
 import numpy as np
 
@@ -17,6 +18,11 @@ class Surfaces:
     """Surfaces (r) of N points together."""
 
     models: Sequence[SurfaceModel | SurfacePart]
+
+    @cached_property
+    def last(self) -> list[Any]:
+        """What `LoadedRobots` has joined of these surfaces, None or one of it."""
+        return []
 
     @cached_property
     def ends(self) -> list[int]:
