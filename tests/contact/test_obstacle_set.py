@@ -44,3 +44,23 @@ def test_bends_are_the_derivative_of_the_normals():
     expected = np.where(rounded[:, None, None], slopes, 0.0)  # a mesh is flat, and so is a box but at its edges
     assert rounded.sum() > 20
     np.testing.assert_allclose(several.bends(which, points), expected, atol=1e-7)
+
+
+FAR = replace(MESH, t=np.array([0.0, 0.0, 99.0]))  # with a mesh, obstacles are asked one by one
+
+
+@pytest.mark.parametrize("others", [(), (FAR,)])
+@pytest.mark.parametrize(("depth", "deep"), [(-0.5, False), (0.0, False), (0.4, False), (0.6, True)])
+def test_a_point_is_deep_where_twice_as_far_in_another_side_is_nearer(depth, deep, others):
+    """A plate 2 mm thick: the middle is 1 mm below either side."""
+    R = Rotation.from_rotvec([0.3, -0.7, 0.2]).as_matrix()
+    plate = ObstacleSet((Box(np.array([9.0, 9.0, 1.0]), R=R, t=np.ones(3)), *others))
+    places = np.array([[0.0, 0.0, 1.0 - depth], [50.0, 0.0, 0.0], [1.0, 0.0, 0.9]]) @ R.T + 1.0
+    distance, which = plate.nearest(places)
+    assert plate.deep(which, places, distance, 0.7) == deep
+
+
+def test_a_half_space_has_no_other_side():
+    ground, places = ObstacleSet((Plane(),)), np.array([[0.0, 0.0, -0.9], [1.0, 0.0, -0.3]])
+    distance, which = ground.nearest(places)
+    assert (distance < 0).all() and not ground.deep(which, places, distance, 0.7)

@@ -61,6 +61,17 @@ class ObstacleSet:
                 frames[mine] = rounded_boxes.frames(self._boxes, place, np.ascontiguousarray(points[mine], float))
         return frames
 
+    def deep(self, which: np.ndarray, points: np.ndarray, distances: np.ndarray, side: float) -> bool:
+        """True where a point (c, 3) mm is so far within its obstacle `which` (c,), by -distances (c,) mm, that the
+        normal twice as far in has a product below `side` with the one there."""
+        if not len(self._shapes.others):
+            return rounded_boxes.deep(self._boxes, which, points, distances, side)
+        within = np.flatnonzero(distances < 0)
+        which, points = which[within], points[within]
+        normals = self.frames(which, points)[:, 0]
+        deeper = self.frames(which, points + distances[within, None] * normals)[:, 0]
+        return bool(((normals * deeper).sum(axis=1) < side).any())
+
     @property
     def curved(self) -> bool:
         """True where any obstacle has a curvature that `bends` knows."""

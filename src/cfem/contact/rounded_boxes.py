@@ -51,7 +51,7 @@ def nearest(boxes, points, farthest):
             for i in range(3):
                 apart += (x[i] - boxes.t[o, i]) ** 2
             if beyond > 0 and apart < beyond * beyond:  # farther from its middle it cannot be nearer than what is known
-                candidate = _local(boxes, o, x, normal)
+                candidate = _local(boxes, o, x, normal, distance[p])
                 if candidate < distance[p]:
                     distance[p], which[p] = candidate, o
     return distance, which
@@ -63,7 +63,7 @@ def frames(boxes, numbers, points):
     `cfem.contact.obstacle.tangents`."""
     frames, n, local = np.zeros((len(points), 3, 3)), np.empty(3), np.empty((3, 3))
     for p in range(len(points)):
-        _local(boxes, numbers[p], points[p], n)
+        _local(boxes, numbers[p], points[p], n, np.inf)
         sign = -1.0 if n[2] < -0.99 else 1.0
         a = -1.0 / (sign + n[2])
         b = n[0] * n[1] * a
@@ -84,7 +84,7 @@ def bends(boxes, numbers, points):
     for p in range(len(points)):
         o = numbers[p]
         R = boxes.R[o]
-        away = _local(boxes, o, points[p], n) + boxes.rounding[o]
+        away = _local(boxes, o, points[p], n, np.inf) + boxes.rounding[o]
         if not (boxes.rounding[o] > 0 and away > 0):
             continue
         for i in range(3):
@@ -101,8 +101,29 @@ def bends(boxes, numbers, points):
 
 
 @njit(cache=True, error_model="numpy")
-def _local(boxes, o, x, normal):
-    """Distance of x (3,) mm to box o, and the normal in its own coordinates: see `cfem.contact.obstacle.rounded`."""
+def deep(boxes, numbers, points, distances, side):
+    """True where a point (c, 3) mm is so far within its box `numbers` (c,), by -distances (c,) mm, that the normal
+    twice as far in has a product below `side` with the one there."""
+    n, deeper, x = np.empty(3), np.empty(3), np.empty(3)
+    for p in range(len(points)):
+        if distances[p] < 0:
+            o, product = numbers[p], 0.0
+            _local(boxes, o, points[p], n, np.inf)
+            for i in range(3):
+                along = boxes.R[o, i, 0] * n[0] + boxes.R[o, i, 1] * n[1] + boxes.R[o, i, 2] * n[2]
+                x[i] = points[p, i] + distances[p] * along
+            _local(boxes, o, x, deeper, np.inf)
+            for i in range(3):
+                product += n[i] * deeper[i]
+            if product < side:
+                return True
+    return False
+
+
+@njit(cache=True, error_model="numpy")
+def _local(boxes, o, x, normal, farthest):
+    """Distance of x (3,) mm to box o, and the normal in its own coordinates: see `cfem.contact.obstacle.rounded`.
+    `farthest` mm, and no normal, where it is not nearer than that."""
     square, largest, most = 0.0, 0, -np.inf
     for i in range(3):
         s = 0.0
@@ -110,6 +131,8 @@ def _local(boxes, o, x, normal):
             s += (x[j] - boxes.t[o, j]) * boxes.R[o, j, i]
         sign = -1.0 if s < 0 and not boxes.below[o] else 1.0
         excess = sign * s - boxes.core[o, i]
+        if excess - boxes.rounding[o] >= farthest:
+            return farthest
         if excess > most:
             largest, most = i, excess
         normal[i] = sign * max(excess, 0.0)

@@ -15,7 +15,6 @@ from numba import njit
 
 from cfem.predict.contact.forces.held_robot import held
 from cfem.predict.contact.forces.loaded_robots import moved_by_wrench
-from cfem.predict.contact.step.bodies import PlacedModel
 from cfem.predict.contact.step.scene import ContactScene
 from cfem.predict.contact.step.state import ContactState
 from cfem.predict.contact.surface.surface_part import SurfacePart
@@ -80,11 +79,7 @@ class Look:
         if self.share + AHEAD * self.growth > 1.0:
             look = self.again(scene.surfaces, before)
             start = look.taken(before, self.numbers)
-        robots = [
-            PlacedModel(part, robot.R, robot.t, False, robot.unilateral, robot.wrench)
-            for robot, part in zip(scene.robots, look.surfaces.models, strict=True)
-        ]
-        state = replace(scene, robots=robots, stacked=look.surfaces).step(deltas, start)
+        state = replace(scene, stacked=look.surfaces).step(deltas, start)
         share = look.moved(state)
         if state.converged and share <= 1.0:
             growth = abs(share - look.share)
@@ -134,12 +129,12 @@ class Look:
         if self.state is None:
             return np.inf
         farthest, then, now = 0.0, self.state, state
+        obstacles = now.obstacles.R, now.obstacles.t, then.obstacles.R, then.obstacles.t
         for i, part in enumerate(self.surfaces.models):
-            surface, wrenches = part.whole, (now.wrenches[i], then.wrenches[i], part.whole.moved_by_wrench)
+            surface, poses = part.whole, (*now.poses[i], *then.poses[i])
             by_rows = now.rows[i], then.rows[i], surface.moved_by_row
-            obstacles = now.obstacles.R, now.obstacles.t, then.obstacles.R, then.obstacles.t
-            approach = _approach(*obstacles, *now.poses[i], *then.poses[i], *by_rows, *wrenches, surface.size)
-            farthest = max(farthest, approach)
+            wrenches = now.wrenches[i], then.wrenches[i], surface.moved_by_wrench
+            farthest = max(farthest, _approach(*obstacles, *poses, *by_rows, *wrenches, surface.size))
         return farthest / (REACH * self.surfaces.models[0].model.length)
 
 

@@ -5,15 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from cfem.contact.obstacle import Box, Plane, Sphere
+from cfem.contact.obstacle import Sphere
 from cfem.contact.obstacle_set import ObstacleSet
-from cfem.predict.contact.step.on_obstacles import (
-    NOTHING,
-    OnObstacles,
-    begins_deep,
-    held_by_friction,
-    pairs_with_obstacles,
-)
+from cfem.predict.contact.step.on_obstacles import NOTHING, OnObstacles, held_by_friction, pairs_with_obstacles
 
 
 def test_what_sticks_is_held_where_it_was_on_the_surface_and_what_slides_where_it_is():
@@ -28,23 +22,6 @@ def test_what_sticks_is_held_where_it_was_on_the_surface_and_what_slides_where_i
         assert np.isnan(held[[0, 3]]).all()
         np.testing.assert_allclose(held[1], places[1])
         np.testing.assert_allclose(held[2], [2.3 + along, -0.2, -0.1])  # its slip stays, its gap is none
-
-
-@pytest.mark.parametrize(("depth", "deep"), [(-0.5, False), (0.0, False), (0.4, False), (0.6, True)])
-def test_a_patch_is_deep_where_twice_as_far_in_another_side_is_nearer(depth, deep):
-    """A plate 2 mm thick: the middle is 1 mm below either side."""
-    plate = ObstacleSet((Box(np.array([9.0, 9.0, 1.0])),))
-    places = np.array([[0.0, 0.0, 1.0 - depth], [50.0, 0.0, 0.0]])
-    distance, which = plate.nearest(places)
-    assert begins_deep(plate, places, distance, which) == deep
-
-
-def test_one_deep_patch_among_others_is_enough_and_a_half_space_has_no_other_side():
-    plate = ObstacleSet((Box(np.array([9.0, 9.0, 1.0])),))
-    places = np.array([[0.0, 0.0, 0.9], [1.0, 0.0, 0.3]])
-    assert begins_deep(plate, places, *plate.nearest(places))
-    ground = ObstacleSet((Plane(),))
-    assert not begins_deep(ground, -places, *ground.nearest(-places))
 
 
 def test_pairs_depend_on_their_own_patch_alone():

@@ -40,7 +40,7 @@ class Bodies:
 
     rigid: bodies that some of them are fixed to, None where all stand still
     meet: whether robots may touch each other
-    stacked: surfaces of the robots, joined once for many steps; None: by this scene
+    stacked: surfaces of the robots, or of some of their points, joined once for many steps; None: by this scene
     even: whether steps are alike in length, so that forces may be expected to go on as in the last one
     parts: in which friction is followed along a step (`cfem.contact.law.sliding`), where `rigid` is None"""
 
@@ -93,9 +93,8 @@ class Bodies:
     @cached_property
     def unilateral(self) -> np.ndarray:
         """(n,) bool of the actuators of all robots, robot after robot."""
-        none = [np.zeros(robot.patched.model.rows.n_a, dtype=bool) for robot in self.robots]
-        each = zip(self.robots, none, strict=True)
-        return np.concatenate([no if robot.unilateral is None else robot.unilateral for robot, no in each])
+        each = ((robot.unilateral, robot.patched.model.rows.n_a) for robot in self.robots)
+        return np.concatenate([np.zeros(n_a, dtype=bool) if some is None else some for some, n_a in each])
 
     @cached_property
     def surroundings(self) -> Surroundings:

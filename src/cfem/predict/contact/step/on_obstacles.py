@@ -5,7 +5,6 @@ import numpy as np
 from numba import njit
 
 from cfem.contact.law.modes import Mode
-from cfem.contact.obstacle_set import ObstacleSet
 from cfem.contact.pairs import Pairs
 from cfem.contact.patch_forces import TurningCompliance, lawful, turned
 from cfem.predict.contact.step.poses import Poses, carry, gaps_of
@@ -147,18 +146,6 @@ class OnObstacles:
         """(N, 3) mm: `ContactState.stuck`."""
         of_near = self.near, self.push, self.sticks, self.which, self.frames(places)
         return held_by_friction(places, self.stuck, *of_near, *self.poses.since(self._stood))
-
-
-def begins_deep(obstacles: ObstacleSet, places: np.ndarray, distance: np.ndarray, which: np.ndarray) -> bool:
-    """True where a patch, at places (N, 3) mm, is so far within its obstacle `which` (N,), by -distance (N,) mm, that,
-    twice as far in, another side of it is nearer."""
-    within = np.flatnonzero(distance < 0)
-    if not len(within):
-        return False
-    which, places = which[within], places[within]
-    normals = obstacles.frames(which, places)[:, 0]
-    deeper = obstacles.frames(which, places + distance[within, None] * normals)[:, 0]
-    return bool(((normals * deeper).sum(axis=1) < SIDE).any())
 
 
 def pairs_with_obstacles(

@@ -17,7 +17,7 @@ from cfem.contact.patch_forces import Balance, TurningCompliance, balance
 from cfem.contact.step_status import StepStatus
 from cfem.predict.contact.forces.loaded_robots import NOTHING, LoadedRobots
 from cfem.predict.contact.step.bodies import Bodies
-from cfem.predict.contact.step.on_obstacles import OnObstacles, begins_deep
+from cfem.predict.contact.step.on_obstacles import SIDE, OnObstacles
 from cfem.predict.contact.step.poses import Loads, Poses
 from cfem.predict.contact.step.soft_pairs import SoftPairs
 from cfem.predict.contact.step.state import SETTLED, ContactState
@@ -62,7 +62,7 @@ class Rounds:
         self._origin = (before.began or before) if before is not None and follows else None
         met.look_at_all(self.places)
         self.depth = max(0.0, -float(met.distance.min(initial=0.0)))
-        self.deep = begins_deep(self.poses.obstacles, self.places, met.distance, met.which)
+        self.deep = self.depth > 0 and self.poses.obstacles.deep(met.which, self.places, met.distance, SIDE)
         stays = before is not None and len(before.near) > 0  # on the wrong side, or branch, where it was before
         self.deep |= stays and before.deep
         self._unsettled = stays and before.unsettled
@@ -105,7 +105,7 @@ class Rounds:
             return StepStatus.NO_MODE
         lawful, turning = answer
         step = self._last_step if self.soft is None else lawful.step  # only faces of soft surfaces need it
-        largest = float(np.abs(step).max(initial=0.0))
+        largest = float(np.abs(step).max()) if step.size else 0.0
         taken = self._taken(lawful, largest)
         holds = self._move(taken, turning, largest)
         self._weigh(step, largest)
@@ -315,11 +315,11 @@ class Rounds:
             memory, pairs = soft.memory_after(places, modes), soft.pairs.joined(pairs)
             push = np.concatenate([soft.push_of(soft.pairs), push])
             known = soft.to_be_known(places, self.poses.obstacles)
-        on_rigid = (pairs.slots >= len(places))[push.any(axis=1)].all()
+        hurried = self.iterations > SETTLED and (pairs.slots >= len(places))[push.any(axis=1)].all()
         slides = not self.scene.mu or not self.modes or not len(near)
         delta_e, lambda_a, relief, moved = robots.outputs()
         each = zip(robots.wrenches, moved, strict=True)
-        wrenches = [np.zeros_like(e) if wrench is None else wrench for wrench, e in each]
+        wrenches = [np.zeros(len(e)) if wrench is None else wrench for wrench, e in each]
         return ContactState(
             pairs,
             push,
@@ -342,7 +342,7 @@ class Rounds:
             robots.rows,
             robots.error,
             self.deep,
-            self._unsettled or (self.iterations > SETTLED and on_rigid),
+            self._unsettled or hurried,
             self.depth,
             self.iterations,
             self.poses.obstacles,

@@ -31,7 +31,7 @@ def with_slack(
     slack, delta = np.zeros(len(target), dtype=bool), target
     if before is not None:
         slack = unilateral & (before[1] == 0.0)
-        delta = np.where(slack, np.maximum(before[0], target), target)
+        delta = np.where(slack, np.maximum(before[0], target), target) if slack.any() else target
     state = step(delta)
     if not state.converged or not (slack | unilateral & (state.pull < 0)).any():
         return state, slack, True
