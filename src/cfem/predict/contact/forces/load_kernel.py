@@ -44,7 +44,8 @@ class LoadResult(NamedTuple):
 
     rows (sum of k,) mm of the skins; w (sum of k,) N and v (sum of r,) N: loads of the forces on modes and mixtures
     places: (N, 3) mm of all points
-    compliance: (sum of 9 c^2,) mm/N, derivative of the places of known points by the forces on them
+    compliance: (sum of 9 c^2,) mm/N, derivative of the places of known points by the forces on them, where it was asked
+        for
     moved: (sum of e,) mm by which forces move the effectors
     sizes: (r, 5) shares of the first and the second order that are taken; 1 where any force is not 0; the largest
         estimate of all loads of how far what forces do is off; N mm that are stored beside what the actuators have
@@ -64,9 +65,9 @@ class LoadResult(NamedTuple):
 
 
 @njit(cache=True, error_model="numpy")
-def load_robots(shapes, numbers, triples, flat, free, known, forces, R, loaded):
+def load_robots(shapes, numbers, triples, flat, free, known, forces, R, sloped, loaded):
     """Puts forces (C, 3) N, in axes to which R (r, 3, 3) turn, on known points (C,) of free places (N, 3) mm. flat: of
-    `Surfaces`."""
+    `Surfaces`. sloped: whether the compliance under forces is asked for."""
     point, mode, mixture, effector, first, triple, entry, modal = 0, 0, 0, 0, 0, 0, 0, 0
     number = np.int64(0)  # of a literal 0 numba would compile `robot_numbers` once more
     for i in range(len(shapes)):
@@ -90,7 +91,7 @@ def load_robots(shapes, numbers, triples, flat, free, known, forces, R, loaded):
             loaded.begin[i : i + 1],
         )
         modes, dents = flat[modal : modal + 3 * n * k].reshape((3 * n, k)), triples[triple : triple + max(t, 0)]
-        _load(robot, modes, dents, free[point : point + n], mine, turned, t >= 0, of_robot)
+        _load(robot, modes, dents, free[point : point + n], mine, turned, t >= 0, sloped, of_robot)
         point, mode, mixture, effector, first = point + n, mode + k, mixture + r, effector + e, first + c
         triple, entry, number, modal = triple + max(t, 0), entry + 9 * c * c, end, modal + 3 * n * k
 
@@ -131,7 +132,7 @@ def robot_numbers(numbers, begin, shape):
 
 
 @njit(inline="always", error_model="numpy")  # as are others with one caller: else numba optimises them twice
-def _load(robot, flat, triples, free, known, forces, joint, loaded):
+def _load(robot, flat, triples, free, known, forces, joint, sloped, loaded):
     """Loads one robot by forces (c, 3) N in its own frame; joint: whether its points dent together."""
     bears, yields, sizes = False, np.zeros(len(known), dtype=np.bool_), loaded.sizes[0]
     for p in range(len(known)):
@@ -151,12 +152,14 @@ def _load(robot, flat, triples, free, known, forces, joint, loaded):
         _copy(robot.total.reshape(-1), loaded.compliance)
         return
     response = load_response(forces, robot.C_ss, robot.bends, robot.D, robot.U, robot.flexibility, robot.dents)
-    modes, by_dents, f = response.modes, response.places, forces.reshape(-1)
+    modes, by_dents = response.modes, response.places
     for d in range(len(robot.rows)):
         loaded.rows[d], loaded.w[d] = robot.rows[d] + modes.motion[d], response.w[d]
     _copy(response.v, loaded.v)
-    change = response.change[len(robot.C_es) :]
-    compliance = under_forces(robot.total, robot.local, robot.U, robot.bends, change, response.slopes, modes)
+    if sloped:
+        change = response.change[len(robot.C_es) :]
+        compliance = under_forces(robot.total, robot.local, robot.U, robot.bends, change, response.slopes, modes)
+        _copy(compliance.reshape(-1), loaded.compliance)
     sizes[FIRST], sizes[SECOND], sizes[STORED] = modes.first, modes.second, _stored(robot, forces, response)
     sizes[ERROR] = max(sizes[ERROR], estimated_error(response.bending, robot.missing[0]))
     if joint:
@@ -164,13 +167,13 @@ def _load(robot, flat, triples, free, known, forces, joint, loaded):
         dented = dented_places(forces, robot.total, triples, robot.change, yields, start)
         loaded.begin[0] = len(dented.h) if dented.share == 1.0 else 0
         _copy(dented.h, loaded.h)
-        by_dents, slopes = dented.places, dent_slopes(dented.change, dented.mine, dented.factor)
+        by_dents = dented.places
         sizes[STORED] += dented.energy
         sizes[ERROR] = np.inf if dented.share < 1 else sizes[ERROR]
-        for i in range(len(f)):
-            for j in range(len(f)):
-                compliance[i, j] += slopes[i, j]
-    _copy(compliance.reshape(-1), loaded.compliance)
+        if sloped:
+            slopes = dent_slopes(dented.change, dented.mine, dented.factor).reshape(-1)
+            for i in range(len(slopes)):
+                loaded.compliance[i] += slopes[i]
     places = moved_places(free, flat, modes.motion, known, robot.local, forces, by_dents)
     _copy(places.reshape(-1), loaded.places.reshape(-1))
     _move_effectors(robot, forces, response, loaded.moved)

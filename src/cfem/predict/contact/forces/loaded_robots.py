@@ -113,7 +113,7 @@ class LoadedRobots:
             *(np.empty(effectors), self._sizes, self._pressed, np.empty(3 * len(known))),
             np.zeros(len(self.held), dtype=np.int64),
         )
-        self._put(forces[known])
+        self._put(forces[known], True)
 
     def _with(self, known: np.ndarray) -> "Joined":
         """What is held, with known patches (c,)."""
@@ -136,13 +136,14 @@ class LoadedRobots:
         """Puts forces (c, 3) N on the known patches."""
         self.forces = np.zeros(self.forces.shape)
         self.forces[self.known] = forces
-        self._put(forces)
+        self._put(forces, False)
 
-    def _put(self, forces: np.ndarray) -> None:
-        self.on_known = forces
+    def _put(self, forces: np.ndarray, sloped: bool) -> None:
+        """Puts forces (c, 3) N on the known patches; sloped: whether the compliance under them is asked for."""
+        self.on_known, self._sloped = forces, sloped
         shapes, numbers, triples = self._joined.shapes, self._joined.numbers, self._joined.triples
         robots = shapes, numbers, triples, self.surfaces.flat, self.free
-        load_robots(*robots, self.known, forces, self.R, self._loaded)
+        load_robots(*robots, self.known, forces, self.R, sloped, self._loaded)
 
     @property
     def places(self) -> np.ndarray:
@@ -166,6 +167,8 @@ class LoadedRobots:
     def compliance(self, under_forces: bool) -> np.ndarray:
         """(3 c, 3 c) mm/N: derivative of the known patches' places by the forces on them, symmetric; under_forces: as
         these have changed it, which without them is positive semidefinite."""
+        if under_forces and not self._sloped:
+            self._put(self.on_known, True)
         return turned_compliance(
             self._joined.shapes, self._joined.numbers, self._loaded.compliance, self.R, under_forces
         )
