@@ -43,18 +43,33 @@ def sizes(obstacles: Sequence[Rounded]) -> tuple[np.ndarray, np.ndarray, np.ndar
 def nearest(boxes, points, farthest):
     """Distances (N,) mm from points (N, 3) mm to the nearest box, `farthest` at most, and (N,) its place among them."""
     distance, which = np.full(len(points), farthest), np.zeros(len(points), dtype=np.int64)
-    normal = np.empty(3)
-    for p in range(len(points)):
-        x = points[p]
-        for o in range(len(boxes.t)):
-            beyond, apart = distance[p] + boxes.reach[o], 0.0
-            for i in range(3):
-                apart += (x[i] - boxes.t[o, i]) ** 2
-            if beyond > 0 and apart < beyond * beyond:  # farther from its middle it cannot be nearer than what is known
-                candidate = _local(boxes, o, x, normal, distance[p])
+    for o in range(len(boxes.t)):
+        t, reach, of_box = boxes.t[o], boxes.reach[o], (boxes.R[o], boxes.core[o], boxes.rounding[o], boxes.below[o])
+        for p in range(len(points)):
+            x, y, z = points[p, 0] - t[0], points[p, 1] - t[1], points[p, 2] - t[2]
+            beyond = distance[p] + reach
+            if beyond > 0 and x * x + y * y + z * z < beyond * beyond:  # else it is not nearer than is known
+                candidate = _distance(*of_box, x, y, z, distance[p])
                 if candidate < distance[p]:
                     distance[p], which[p] = candidate, o
     return distance, which
+
+
+@njit(cache=True, error_model="numpy")
+def _distance(R, core, rounding, below, x, y, z, farthest):
+    """Distance of a point, mm from the middle of a box, as of `_local`; `farthest` where it is not nearer than that."""
+    square, most = 0.0, -np.inf
+    for i in range(3):
+        s = x * R[0, i] + y * R[1, i] + z * R[2, i]
+        excess = (s if below else abs(s)) - core[i]
+        if excess - rounding >= farthest:
+            return farthest
+        if excess > most:
+            most = excess
+        if excess > 0:
+            square += excess * excess
+    away = np.sqrt(square)
+    return (away if away > 0 else most) - rounding
 
 
 @njit(cache=True, error_model="numpy")
@@ -63,7 +78,7 @@ def frames(boxes, numbers, points):
     `cfem.contact.obstacle.tangents`."""
     frames, n, local = np.zeros((len(points), 3, 3)), np.empty(3), np.empty((3, 3))
     for p in range(len(points)):
-        _local(boxes, numbers[p], points[p], n, np.inf)
+        _local(boxes, numbers[p], points[p], n)
         sign = -1.0 if n[2] < -0.99 else 1.0
         a = -1.0 / (sign + n[2])
         b = n[0] * n[1] * a
@@ -84,7 +99,7 @@ def bends(boxes, numbers, points):
     for p in range(len(points)):
         o = numbers[p]
         R = boxes.R[o]
-        away = _local(boxes, o, points[p], n, np.inf) + boxes.rounding[o]
+        away = _local(boxes, o, points[p], n) + boxes.rounding[o]
         if not (boxes.rounding[o] > 0 and away > 0):
             continue
         for i in range(3):
@@ -108,11 +123,11 @@ def deep(boxes, numbers, points, distances, side):
     for p in range(len(points)):
         if distances[p] < 0:
             o, product = numbers[p], 0.0
-            _local(boxes, o, points[p], n, np.inf)
+            _local(boxes, o, points[p], n)
             for i in range(3):
                 along = boxes.R[o, i, 0] * n[0] + boxes.R[o, i, 1] * n[1] + boxes.R[o, i, 2] * n[2]
                 x[i] = points[p, i] + distances[p] * along
-            _local(boxes, o, x, deeper, np.inf)
+            _local(boxes, o, x, deeper)
             for i in range(3):
                 product += n[i] * deeper[i]
             if product < side:
@@ -121,9 +136,8 @@ def deep(boxes, numbers, points, distances, side):
 
 
 @njit(cache=True, error_model="numpy")
-def _local(boxes, o, x, normal, farthest):
-    """Distance of x (3,) mm to box o, and the normal in its own coordinates: see `cfem.contact.obstacle.rounded`.
-    `farthest` mm, and no normal, where it is not nearer than that."""
+def _local(boxes, o, x, normal):
+    """Distance of x (3,) mm to box o, and the normal in its own coordinates: see `cfem.contact.obstacle.rounded`."""
     square, largest, most = 0.0, 0, -np.inf
     for i in range(3):
         s = 0.0
@@ -131,8 +145,6 @@ def _local(boxes, o, x, normal, farthest):
             s += (x[j] - boxes.t[o, j]) * boxes.R[o, j, i]
         sign = -1.0 if s < 0 and not boxes.below[o] else 1.0
         excess = sign * s - boxes.core[o, i]
-        if excess - boxes.rounding[o] >= farthest:
-            return farthest
         if excess > most:
             largest, most = i, excess
         normal[i] = sign * max(excess, 0.0)
