@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from cfem.predict.contact.forces.joint_dents import factorise
 from cfem.predict.contact.surface.surface_model import NONE, SurfaceModel
 
 HELD = 8  # states of held actuators that are kept of a model
@@ -73,9 +74,7 @@ class HeldRobot:
     def _found(self, points: np.ndarray) -> PointCompliance:
         """Compliance of points (c,), the nearest semidefinite one where the model's is indefinite."""
         U, local, total, dents, tip, joint = self.model.compliance(points, self.rows, self.C_ss, self.basis)
-        try:
-            np.linalg.cholesky(total)
-        except np.linalg.LinAlgError:
+        if not factorise(total.copy()):
             sizes, axes = np.linalg.eigh(total)
             nearest = (axes * np.maximum(sizes, 0.0)) @ axes.T
             local, total = local + (nearest - total), nearest

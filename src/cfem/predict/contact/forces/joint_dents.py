@@ -115,7 +115,7 @@ def _give_way(f, C_pp, triples, change, mine, share, h, factor):
             for j in range(p):
                 step[i] -= C_pp[i, j] * h[j]
                 factor[i, j] = C_pp[i, j] - share * bent[mine[i], mine[j]]
-        if not _factorise(factor):
+        if not factorise(factor):
             return False, iteration
         _forwards(factor, step.reshape(-1, 1))
         for i in range(p - 1, -1, -1):
@@ -132,7 +132,7 @@ def _give_way(f, C_pp, triples, change, mine, share, h, factor):
 
 
 @njit(cache=True, error_model="numpy")
-def _factorise(A):
+def factorise(A):
     """Puts the Cholesky factor U, A = U^T U, into the upper half of A. False where A is not positive definite."""
     for i in range(len(A)):
         if not A[i, i] > 0:
