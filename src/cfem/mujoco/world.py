@@ -319,6 +319,9 @@ class World:
 
     def _demand_sound(self, scene: ContactScene, state: ContactState) -> None:
         """NumericalError where a state cannot be gone on from."""
+        too_deep = state.deep and state.depth > LONGEST * scene.length
+        if state.converged and not too_deep:
+            return
         when = f"at t = {self.data.time:.4g} s"
         if not state.converged:
             what = f"contact of soft robots {when}: {state.status.value}"
@@ -328,11 +331,8 @@ class World:
                 what += f"; just before, forces bent a robot so far that what they do was {known:.0%} off"
                 do = "touch it more slowly or with less mass; a shorter timestep does not help a robot that buckles"
             raise NumericalError(what, do=do)
-        if state.deep and state.depth > LONGEST * scene.length:
-            what = (
-                f"{when} a geom comes {state.depth:.2g} mm into a soft robot in one step, too far to know on which side"
-            )
-            raise NumericalError(what, do=f"take a timestep shorter than {self.model.opt.timestep:g} s")
+        what = f"{when} a geom comes {state.depth:.2g} mm into a soft robot in one step, too far to know on which side"
+        raise NumericalError(what, do=f"take a timestep shorter than {self.model.opt.timestep:g} s")
 
     def _account(self, state: ContactState, passed: float) -> Energies:
         """Energies after a step that has passed this work, N mm, on to rigid bodies. NumericalError where they have
@@ -340,8 +340,7 @@ class World:
         before, commanded = self.energies, 0.0
         if self.contact is not None:
             last = self.contact
-            begin, end = (np.concatenate([*it.deltas, *it.wrenches]) for it in (last, state))
-            then, now = (np.concatenate([*it.relief, *it.moved]) for it in (last, state))
+            (begin, then), (end, now) = last.commanded, state.commanded
             commanded = -float((end - begin) @ (now + then)) / 2
         turned = before.turned + abs(passed) + abs(commanded)
         energies = Energies(before.commanded + commanded, before.passed + passed, state.stored, turned)

@@ -304,9 +304,10 @@ class Rounds:
     def _state(self, status: StepStatus) -> ContactState:
         """The state in which the step ends: pairs, forces and memory, with patches known to the next step."""
         met, near, places, robots = self.met, self.met.near, self.places, self.robots
-        touches = met.push[near].any(axis=1) | (met.distance[near] <= 0)
-        next_near = known = near[touches | (met.distance[near] < NEAR * self.scene.length)]
-        pairs, push, memory = met.pairs(touches, places), met.push[near[touches]], Memory()
+        push, distance, memory = met.push[near], met.distance[near], Memory()
+        touches = push.any(axis=1) | (distance <= 0)
+        next_near = known = near[touches | (distance < NEAR * self.scene.length)]
+        pairs, push = met.pairs(touches, places), push[touches]
         modes = zip((near + len(places)).tolist(), self.modes, touches.tolist(), strict=False)
         modes = {slot: mode for slot, mode, does in modes if does}
         if self.soft is not None:

@@ -98,10 +98,16 @@ class ContactState(Pressing):
         states = [model.at_displacement(delta) for model, delta in zip(self.models, self.deltas, strict=True)]
         return not all(model.inside(state) for model, state in zip(self.models, states, strict=True))
 
-    @property
+    @cached_property
     def pull(self) -> np.ndarray:
         """(n,) N of the actuators of all robots, robot after robot."""
         return np.concatenate(self.lambda_a)
+
+    @cached_property
+    def commanded(self) -> tuple[np.ndarray, np.ndarray]:
+        """(n,) what is given of all robots, displacements of actuators and then wrenches, and (n,) what the forces on
+        patches answer, `relief` and `moved`: their product is work that they take, N mm."""
+        return np.concatenate([*self.deltas, *self.wrenches]), np.concatenate([*self.relief, *self.moved])
 
     @property
     def on_obstacles(self) -> np.ndarray:
