@@ -127,7 +127,7 @@ class OnObstacles:
         there = self.frames(places), places, self.near, self.which, self.stuck, self.distance
         yields = compliance, at, NO_MOBILITY if mobility is None else mobility
         by_law, missed, turns, beyond, within, largest, turned = _lawful(
-            local, push, self.sticks, *there, *self.poses.since(self._stood), float(scene.mu), *yields
+            local, push, self.sticks, *there, self.poses.since(self._stood), float(scene.mu), *yields
         )
         self.missed = max(missed, within, 0.0)
         if max(missed, turns) > TOLERANCE * scene.length or within > OVERLAP * scene.length:
@@ -185,36 +185,16 @@ def held_by_friction(places, stuck, near, push, sticks, which, frames, R_then, t
 
 
 @njit(cache=True, error_model="numpy")
-def _lawful(
-    local,
-    push,
-    sticks,
-    frames,
-    places,
-    near,
-    which,
-    stuck,
-    distance,
-    R_then,
-    t_then,
-    R_now,
-    t_now,
-    moves,
-    mu,
-    compliance,
-    at,
-    by_bodies,
-):
+def _lawful(local, push, sticks, frames, places, near, which, stuck, distance, poses, mu, compliance, at, by_bodies):
     """`cfem.contact.patch_forces.lawful` of patches near (d,) obstacles at the gaps that they have there
     (`cfem.predict.contact.step.poses.gaps_of`); how far a patch is within one, mm; the largest entry of push, N; if
     any turns."""
-    poses, stay = (R_then, t_then, R_now, t_now, moves, mu), np.empty(len(near), dtype=np.bool_)
-    within, largest, turned = -np.inf, 0.0, False
+    stay, within, largest, turned = np.empty(len(near), dtype=np.bool_), -np.inf, 0.0, False
     for p in range(len(distance)):
         within = max(within, -distance[p])
     for i in range(len(near)):
         stay[i] = sticks[near[i]]
-    gaps = gaps_of(frames, places, near, which, stuck, distance, *poses)
+    gaps = gaps_of(frames, places, near, which, stuck, distance, *poses, mu)
     by_law, missed, turns, beyond = lawful(local, push, stay, frames, gaps, compliance, at, by_bodies, mu)
     for i in range(len(near)):
         for a in range(3):

@@ -32,8 +32,9 @@ class Poses:
             return _placed(robots.places, scene.bodies, robots.R, robots.t)
         places, robots.R, robots.t, R, t = _follow(
             *(robots.places, scene.bodies, scene.R, scene.t, robots.R, robots.t, rigid.of_robots),
-            *(robots.known, robots.on_known, near, which, push, rigid.of_obstacles, scene.obstacles.R),
-            *(scene.obstacles.t, rigid.centres, rigid.mobility, rigid.before),
+            *(robots.known, robots.on_known, near, which, push),
+            (rigid.of_obstacles, scene.obstacles.R, scene.obstacles.t),
+            (rigid.centres, rigid.mobility, rigid.before),
         )
         self.obstacles = scene.obstacles.posed(R, t)
         return places
@@ -93,7 +94,7 @@ class Poses:
         scene, rigid, (forces, push, slides) = self.scene, self.rigid, loads
         local, pushes, modes, mobility, turning, sound = _balance(
             *(frames, gaps, float(scene.mu), places, near, which, self.robots.known, forces, push, slides, compliance),
-            *(rigid.of_robots, scene.bodies, rigid.of_obstacles, rigid.centres, rigid.mobility),
+            *((rigid.of_robots, scene.bodies, rigid.of_obstacles, rigid.centres), rigid.mobility),
         )
         yields = BodyYield(mobility, turning if len(turning) else None)
         if not sound:
@@ -134,31 +135,14 @@ def _placed(local, bodies, R, t):
 
 
 @njit(cache=True, error_model="numpy")
-def _follow(
-    local,
-    bodies,
-    R,
-    t,
-    R_now,
-    t_now,
-    of_robots,
-    known,
-    forces,
-    near,
-    which,
-    push,
-    of_obstacles,
-    R_obstacles,
-    t_obstacles,
-    centres,
-    mobility,
-    before,
-):
+def _follow(local, bodies, R, t, R_now, t_now, of_robots, known, forces, near, which, push, met, rigid):
     """Places (N, 3) mm, and poses of the robots and of the obstacles, all predicted where nothing else presses.
 
     local (N, 3) mm, of robots `bodies` (N,), predicted at R and t, now at R_now and t_now, on bodies of_robots (r,);
-    forces (c, 3) N on known (c,) patches, of which push (N, 3) N on near (d,) are of obstacles `which` (N,), predicted
-    at R_obstacles and t_obstacles, on bodies of_obstacles (n,); the rest is of `RigidBodies`."""
+    forces (c, 3) N on known (c,) patches, of which push (N, 3) N on near (d,) are of obstacles `which` (N,); met: of
+    these, the bodies (n,) that they are on, and the poses that are predicted; rigid: `centres`, `mobility` and `before`
+    of `RigidBodies`."""
+    (of_obstacles, R_obstacles, t_obstacles), (centres, mobility, before) = met, rigid
     places, lever = _placed(local, bodies, R_now, t_now), np.empty(3)
     for _ in range(2 if (of_robots >= 0).any() else 1):  # once more with the levers where robots have come to
         wrench = -before
@@ -216,29 +200,12 @@ def carry(point, R_then, t_then, R_now, t_now):
 
 
 @njit(cache=True, error_model="numpy")
-def _balance(
-    frames,
-    gaps,
-    mu,
-    places,
-    near,
-    which,
-    known,
-    forces,
-    push,
-    slides,
-    compliance,
-    of_robots,
-    bodies,
-    of_obstacles,
-    centres,
-    Y,
-):
+def _balance(frames, gaps, mu, places, near, which, known, forces, push, slides, compliance, on_bodies, Y):
     """Forces (d, 3) N in the frames (d, 3, 3) and in the scene, modes (d,), `mobility` and `turning` of `BodyYield`,
-    of size 0 where nothing turns; False where there are none. For the arguments see `Poses.balance` and `levers`."""
+    of size 0 where nothing turns; False where there are none. For the arguments see `Poses.balance` and `levers`;
+    on_bodies: its last four."""
     d, n, soft, bends = len(near), 3 * len(near), np.empty((0, len(near))), np.empty((0, 3, 3))
-    bodies_of = of_robots, bodies, of_obstacles, centres
-    of_bodies = levers(places, near, np.arange(d), which, known, soft, forces, push, slides, bends, *bodies_of)
+    of_bodies = levers(places, near, np.arange(d), which, known, soft, forces, push, slides, bends, *on_bodies)
     mobility, turning, sound = moved_bodies(of_bodies, Y, compliance, np.empty((0, 0)))
     total, turns, guess, pushes = np.empty((n, n)), False, np.zeros((d, 3)), np.zeros((d, 3))
     for i in range(n):
