@@ -70,10 +70,17 @@ def test_no_point_comes_nearer_than_is_said(soft_bar):
 
 
 def test_skins_are_there_after_a_step_that_fails(soft_bar):
-    world = World(TURNING, {"bar": soft_bar})
-    with pytest.raises(Exception, match="one finite number"):
-        world.step({"bar": [1.0, 2.0]})
-    assert world.model.flex_vertnum.tolist() == [len(soft_bar.surface.model.skin.rest)]
+    named = TURNING.replace("<body><joint", '<body name="base"><joint')  # else its skin is the world's
+    world, count = World(named, {"bar": soft_bar}), len(soft_bar.surface.model.skin.rest)
+    body = world.model.body("base").id
+    for fails in (False, True):
+        if fails:
+            with pytest.raises(Exception, match="one finite number"):
+                world.step({"bar": [1.0, 2.0]})
+        assert world.model.flex_vertnum.tolist() == [count]
+        assert world.model.flex_vertbodyid.tolist() == [body] * count and body > 0
+    with world._skins_hidden():
+        assert not world.model.flex_vertnum.any() and not world.model.flex_vertbodyid.any()
 
 
 def test_a_ball_that_bends_the_bar_beyond_what_its_model_knows_is_said_to(soft_bar):
