@@ -124,12 +124,10 @@ def moment(given: argparse.Namespace) -> None:
     print("|---|---|---|---|---|---|---|")
     exact, learned = turned
     for i, wanted in enumerate((0.0, *given.moments)):
-        by = [answers[i, 4] - (answers[0, 4] if i else 0.0) for answers in turned]
+        by = [answers[i, 4] - answers[0, 4] for answers in turned]
+        turns = f"{by[0]:.4f} | {by[1]:.4f} | {100 * (by[1] / by[0] - 1):.2g}" if i else "| | "
         place = np.linalg.norm(exact[i, :3] - learned[i, :3])
-        print(
-            f"| {wanted:g} | {by[0]:.4f} | {by[1]:.4f} | {100 * (by[1] / by[0] - 1):.2g} | {place:.4f} | "
-            f"{abs(exact[i, 6]):.4f} | {abs(learned[i, 6]):.4f} |"
-        )
+        print(f"| {wanted:g} | {turns} | {place:.4f} | {abs(exact[i, 6]):.4f} | {abs(learned[i, 6]):.4f} |")
 
 
 def main() -> None:
