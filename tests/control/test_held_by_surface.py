@@ -1,13 +1,15 @@
-"""`cfem control` of robots that hold an object by their surface, with a model of the free robot: four bars of the tests,
-two below and two above, side by side."""
+"""`cfem control` of robots that hold an object by their surface, with a model of the free robot: four bars, two below
+and two above, side by side."""
 
 import json
 
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from support.cut_short import cut_short, demand_equal
 
 import cfem
+from cfem.control.holding.body import box_body
 from cfem.core.errors import CfemError
 
 CONTROL = """
@@ -53,6 +55,26 @@ def test_bars_raise_a_block_that_no_sample_has_held(spec, tmp_path):
     with np.load(tmp_path / "held" / "states.npz") as states:
         assert states["object_points"] == 8
         np.testing.assert_allclose(states["up/x"][:, -8:, 2].mean(axis=1), rises, atol=1e-4)
+
+
+def test_an_interrupted_run_goes_on_with_a_body_of_a_file(spec, bar, tmp_path):
+    """The block as an STL file; its file has another origin."""
+    body = box_body((1.0, 2.0, 3.0), (5.0, 14.0, 3.0))
+    facets = "".join(
+        "facet normal 0 0 0\nouter loop\n"
+        + "".join(f"vertex {x} {y} {z}\n" for x, y, z in body.vertices[triangle])
+        + "endloop\nendfacet\n"
+        for triangle in body.triangles
+    )
+    (bar / "block.stl").write_text(f"solid block\n{facets}endsolid block\n")
+    asked = [
+        "object={centre: {mm: [58, 0, 8.2]}, file: block.stl, force: {mN: [0, -2, 0]}, law: coulomb, friction: 0.8}"
+    ]
+    for out in ("whole", "cut"):
+        if out == "cut":
+            cut_short(spec, 1, overrides=asked, out=tmp_path / out)
+        cfem.run_stage("control", spec, overrides=asked, out=tmp_path / out)
+    demand_equal(tmp_path / "whole", tmp_path / "cut")
 
 
 @pytest.mark.parametrize(
