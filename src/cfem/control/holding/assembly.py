@@ -154,6 +154,7 @@ def assembled(
 
 
 def _facts(spec: HoldingSpec, body: HeldBody, robot: Robot, rows: Rows) -> RobotsAndObject:
+    """Robots and object as control sees them; rows: of the object, and of all actuators."""
     mesh, places = robot.body.mesh, _places(spec)
     points, surface = body.facets(mesh.facets.shape[1])
     count = len(places)
@@ -238,7 +239,7 @@ def _force(spec: HoldingSpec) -> np.ndarray:
 
 
 def _places(spec: HoldingSpec) -> list[tuple[np.ndarray, np.ndarray]]:
-    """From the frame of each robot to the scene's, (3, 3) and (3,) mm."""
+    """Poses of the robots: (3, 3) and (3,) mm from the frame of each to the scene's."""
     return [motion_of(robot_spec.rotate, robot_spec.translate) for robot_spec in spec.robots]
 
 

@@ -47,6 +47,7 @@ class ObjectSpec(Spec):
     and put it back where a goal is on the table. Plans and plant know the table."""
 
     def check(self) -> None:
+        """Checks that the object has one shape, and that robots can lift it where it stands on a table."""
         if sum(shape is not None for shape in (self.half_size, self.radius, self.file)) != 1:
             raise ValueError("give half_size of a box, radius of a ball or cylinder, or file of a body, one of these")
         if self.half_length is not None and self.radius is None:

@@ -55,7 +55,7 @@ class PointRobot(Protocol):
 
 
 @runtime_checkable
-class PressedRobot(Protocol):
+class ForcePointRobot(Protocol):
     """A robot that is solved under given forces on its contact points, and not with these held: points near each other
     hardly move by themselves, so that places which are not quite those of a state take large forces."""
 
@@ -67,12 +67,12 @@ class PressedRobot(Protocol):
         ...
 
     def under(self, actuators: Actuation, forces: np.ndarray, before: Any, tolerance: float) -> tuple[Any, np.ndarray]:
-        """As `PointRobot.respond`, under forces (3k,) N on the points, in its frame."""
+        """State under forces (3k,) N on the points, in its frame, as `PointRobot.respond` has it."""
         ...
 
 
 def response(
-    robot: PointRobot | PressedRobot,
+    robot: PointRobot | ForcePointRobot,
     actuators: Actuation,
     delta_c: np.ndarray,
     forces: np.ndarray,
@@ -81,7 +81,7 @@ def response(
 ) -> tuple[Any, np.ndarray]:
     """State of a robot with its points held at delta_c (3k,) mm, or under forces (3k,) N on them, as it is solved, and
     their compliance (3k, 3k) mm/N: see `PointRobot`."""
-    if isinstance(robot, PressedRobot):
+    if isinstance(robot, ForcePointRobot):
         return robot.under(actuators, forces, before, tolerance)
     return robot.respond(actuators, delta_c, before, tolerance)
 
@@ -244,7 +244,7 @@ class Posed:
 
 
 def points_step(
-    robots: Sequence[PointRobot | PressedRobot],
+    robots: Sequence[PointRobot | ForcePointRobot],
     actuators: Sequence[Actuation],
     around: Partner,
     before: PointsState | None = None,
@@ -261,17 +261,13 @@ def points_step(
     points = np.concatenate([robot.points for robot in robots])
     turns = block_diag(*[np.kron(np.eye(len(robot.points)), robot.turn) for robot in robots])
     ends = np.cumsum([0, *(3 * len(robot.points) for robot in robots)])
-    if before is None:
-        places, stuck, modes, push = points.copy(), around.places(points), (), np.zeros(points.size)
-        solved: list[Equilibrium | None] = [None] * len(robots)
-    else:
-        places = points + (turns @ np.concatenate([state.delta_c for state in before.solved])).reshape(-1, 3)
-        stuck, modes, solved = before.stuck, before.modes, list(before.solved)
+    places, push, solved = points, np.zeros(points.size), [None] * len(robots)
+    stuck, modes = around.places(points), ()
+    if before is not None:
+        solved, stuck, modes = list(before.solved), before.stuck, before.modes
+        places = points + (turns @ np.concatenate([state.delta_c for state in solved])).reshape(-1, 3)
         push = turns @ np.concatenate([state.lambda_c for state in solved])
-    begin = np.zeros(len(points))
-    if from_touch:
-        apart = [mode is Mode.OPEN for mode in modes] if modes else np.ones(len(points))
-        begin = (around if before is None else before.around).surface(places)[0] * apart
+    begin = _gaps_at_begin(around if before is None else before.around, places, modes) * from_touch
     verdict, posed, cost, last = None, None, 0, None
 
     def ended(status: StepStatus, count: int) -> PointsState:
@@ -323,6 +319,14 @@ def _share(last: np.ndarray | None, correction: np.ndarray) -> float:
         return 1.0
     ratio = float(last @ correction) / float(last @ last)
     return 1 / (1 - ratio) if abs(ratio) > QUICK and ratio < BUCKLES else 1.0
+
+
+def _gaps_at_begin(around: Partner, places: np.ndarray, modes: Sequence[Mode]) -> np.ndarray:
+    """Gaps (m,) mm of points at places (m, 3) mm that are apart, 0 of those that touch; modes: none where nobody knows
+    which do."""
+    touching = np.array([mode is not Mode.OPEN for mode in modes], dtype=bool)
+    gaps = around.surface(places)[0]
+    return np.where(touching, 0.0, gaps) if len(touching) else gaps
 
 
 def point_compliance(solved: Equilibrium, actuators: Actuation) -> np.ndarray:

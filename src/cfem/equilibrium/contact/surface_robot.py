@@ -25,7 +25,9 @@ NOTHING = np.zeros(0, dtype=np.int64)
 
 
 class SurfaceRobot(ABC):
-    """A `PressedRobot` whose contact points are some of the points (N,) of its surface: `numbers` (k,), ascending."""
+    """A `ForcePointRobot` whose contact points are some of the points (N,) of its surface.
+
+    numbers: (k,) of these, ascending"""
 
     numbers: np.ndarray
     turn: np.ndarray
@@ -98,6 +100,8 @@ def joined(
 def _with_choices(
     robots: Sequence[PointRobot], before: PointsState | None, choices: dict[int, np.ndarray]
 ) -> tuple[list[PointRobot], PointsState | None]:
+    """Robots with other contact points, by their numbers among `robots`, and the state `before` of these: points that
+    were no contact points before are open, and would stick where they are."""
     others = [robot.touching(choices[i]) if i in choices else robot for i, robot in enumerate(robots)]
     if before is None or not choices:
         return others, before

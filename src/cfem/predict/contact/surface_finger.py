@@ -5,7 +5,7 @@ Its samples know neither points nor forces. Forces on points of its surface move
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -31,7 +31,6 @@ class SurfaceResponse:
     delta_c (3 k,) mm, lambda_c (3 k,) N: of the contact points
     places (N, 3) mm, forces (N, 3) N: of all points, in the robot's frame
     error: estimate of how far what forces do is off, a share of it
-    known: whether the free robot would be inside what its model was trained on
     slopes: of its places and forces by the actuators, under constant forces"""
 
     delta_a: np.ndarray
@@ -92,17 +91,15 @@ class SurfaceFinger(SurfaceRobot):
         self, actuators: Actuation, forces: np.ndarray, before: Any = None, tolerance: float = 0.0
     ) -> tuple[SurfaceResponse, np.ndarray]:
         """State under forces (3 k,) N on the points, and their compliance (3 k, 3 k) mm/N: as these change it,
-        unless that leaves it indefinite. Actuators are held, whether they pull or push."""
+        unless that leaves it indefinite, or is beyond what is known. Actuators are held, whether they pull or push."""
         every = np.zeros((len(self.touched.patches), 3))
         every[self.numbers] = forces.reshape(-1, 3)
         loaded = self._loaded(actuators.target, every)
         response, compliance = self._response(loaded, actuators.target), loaded.compliance(under_forces=True)
-        if not np.isfinite([*response.delta_c, *compliance.ravel()]).all():
-            return replace(response, converged=False), compliance
-        if not definite(compliance):
+        if not (np.isfinite(compliance).all() and definite(compliance)):
             compliance = loaded.compliance(under_forces=False)
             compliance += DEFINITE * np.abs(compliance).max() * np.eye(len(compliance))
-        return response, compliance
+        return replace(response, converged=bool(np.isfinite(response.delta_c).all())), compliance
 
     def inside(self, state: SurfaceResponse) -> bool:
         """True where the model knows the actuators, and forces bend the robot no further than is known."""
@@ -122,21 +119,21 @@ class SurfaceFinger(SurfaceRobot):
         return (loaded.places - self.touched.patches.rest)[self.numbers].ravel()
 
     def _response(self, loaded: LoadedRobots, delta_a: np.ndarray) -> SurfaceResponse:
-        _, (lambda_a,), _, _ = loaded.outputs()
-        forces = loaded.forces
-
-        def slopes() -> tuple[np.ndarray, np.ndarray]:
-            by_actuators, stiffness = np.empty((3 * len(self.numbers), len(delta_a))), np.empty((len(delta_a),) * 2)
-            for axis, reach in enumerate(self.touched.model.reach):
-                step = STEP * np.abs(reach).max()
-                ahead, behind = (
-                    self._loaded(delta_a + side * step * np.eye(len(delta_a))[axis], forces) for side in (1, -1)
-                )
-                by_actuators[:, axis] = (self._moved(ahead) - self._moved(behind)) / (2 * step)
-                stiffness[:, axis] = (ahead.outputs()[1][0] - behind.outputs()[1][0]) / (2 * step)
-            return by_actuators, (stiffness + stiffness.T) / 2
-
+        """State of the robot under its forces, actuators at delta_a (n_a,) mm."""
+        lambda_a, forces = loaded.outputs()[1][0], loaded.forces
         return SurfaceResponse(
             *(delta_a, lambda_a, self._moved(loaded), loaded.on_known.ravel(), loaded.places.copy(), forces),
-            *(loaded.error, slopes),
+            *(loaded.error, partial(self._slopes, delta_a, forces)),
         )
+
+    def _slopes(self, delta_a: np.ndarray, forces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Derivatives by the actuators under constant forces (N, 3) N: of the points (3 k, n_a), and of the actuators'
+        forces (n_a, n_a) N/mm. Central differences."""
+        n_a = len(delta_a)
+        by_actuators, stiffness = np.empty((3 * len(self.numbers), n_a)), np.empty((n_a, n_a))
+        for axis, reach in enumerate(self.touched.model.reach):
+            step = STEP * np.abs(reach).max() * np.eye(n_a)[axis]
+            ahead, behind = (self._loaded(delta_a + side * step, forces) for side in (1, -1))
+            by_actuators[:, axis] = (self._moved(ahead) - self._moved(behind)) / (2 * step[axis])
+            stiffness[:, axis] = (ahead.outputs()[1][0] - behind.outputs()[1][0]) / (2 * step[axis])
+        return by_actuators, (stiffness + stiffness.T) / 2
