@@ -261,12 +261,10 @@ def points_step(
     points = np.concatenate([robot.points for robot in robots])
     turns = block_diag(*[np.kron(np.eye(len(robot.points)), robot.turn) for robot in robots])
     ends = np.cumsum([0, *(3 * len(robot.points) for robot in robots)])
-    places, push, solved = points, np.zeros(points.size), [None] * len(robots)
-    stuck, modes = around.places(points), ()
-    if before is not None:
-        solved, stuck, modes = list(before.solved), before.stuck, before.modes
-        places = points + (turns @ np.concatenate([state.delta_c for state in solved])).reshape(-1, 3)
-        push = turns @ np.concatenate([state.lambda_c for state in solved])
+    solved: list[Any] = [None] * len(robots) if before is None else list(before.solved)
+    moved, push = _at_begin(robots, turns, solved)
+    places, modes = points + moved, () if before is None else before.modes
+    stuck = around.places(points) if before is None else before.stuck
     begin = _gaps_at_begin(around if before is None else before.around, places, modes) * from_touch
     verdict, posed, cost, last = None, None, 0, None
 
@@ -277,12 +275,12 @@ def points_step(
         moved, pushed, soft = turns.T @ (places - points).ravel(), turns.T @ push, []
         asked = EXACT if verdict is not None and verdict.largest < NEARLY else ROUGH
         for i, (robot, actuation) in enumerate(zip(robots, actuators, strict=True)):
-            mine = slice(*ends[i : i + 2])
-            solved[i], yielding = response(robot, actuation, moved[mine], pushed[mine], solved[i], asked)
+            points_of = slice(*ends[i : i + 2])
+            solved[i], yielding = response(robot, actuation, moved[points_of], pushed[points_of], solved[i], asked)
             soft.append(yielding)
-            cost += solved[i].factorizations
-            if not solved[i].converged:
-                return ended(StepStatus.NO_EQUILIBRIUM, iteration)
+        cost += sum(state.factorizations for state in solved)
+        if not all(state.converged for state in solved):
+            return ended(StepStatus.NO_EQUILIBRIUM, iteration)
         came = points + (turns @ np.concatenate([state.delta_c for state in solved])).reshape(-1, 3)
         seen_from = places if iteration == 1 else came
         if np.abs(came - places).max() > STAYED:
@@ -292,10 +290,7 @@ def points_step(
         posed = _posed(around, places, seen_from, stuck, compliance, push, law, mu, begin)
         verdict = check(posed.problem, law, posed.force, np.zeros(posed.problem.k))
         if verdict.largest <= tolerance and modes and asked == EXACT:
-            sticks = np.array([mode is Mode.STICK for mode in modes])[:, None]
-            if posed.onset.any():
-                stuck = around.places(around.now(stuck) + posed.onset)
-            stuck = np.where(sticks, stuck, around.places(places))
+            stuck = _stuck_next(around, places, stuck, posed.onset, modes)
             return ended(StepStatus.CONVERGED, iteration)
         answer = solve_contact(posed.problem, law, modes or None, budget=FEW, start=posed.force)
         if answer.status is not ContactStatus.SOLVED:
@@ -310,6 +305,16 @@ def points_step(
     return ended(StepStatus.ITERATIONS, iterations)
 
 
+def _stuck_next(
+    around: Partner, places: np.ndarray, stuck: np.ndarray, onset: np.ndarray, modes: Sequence[Mode]
+) -> np.ndarray:
+    """Places (m, 3) mm on the partner where points at places (m, 3) mm stick in the next step, or would: those that
+    stick stay, moved by where they have begun to touch."""
+    sticks = np.array([mode is Mode.STICK for mode in modes])[:, None]
+    held = around.places(around.now(stuck) + onset) if onset.any() else stuck
+    return np.where(sticks, held, around.places(places))
+
+
 def _share(last: np.ndarray | None, correction: np.ndarray) -> float:
     """Factor for the correction (n,) mm after one, `last`, that was taken as it was. The linearisation leaves out that
     arms and weights turn with what moves. Corrections may so shrink slowly, all along one direction: this is the sum of
@@ -319,6 +324,15 @@ def _share(last: np.ndarray | None, correction: np.ndarray) -> float:
         return 1.0
     ratio = float(last @ correction) / float(last @ last)
     return 1 / (1 - ratio) if abs(ratio) > QUICK and ratio < BUCKLES else 1.0
+
+
+def _at_begin(robots: Sequence[Any], turns: np.ndarray, solved: Sequence[Any]) -> tuple[np.ndarray, np.ndarray]:
+    """Displacements (m, 3) mm of the points and forces (3m,) N on them, in the scene's axes, in the states in which the
+    step begins, None: at rest."""
+    none = [np.zeros(3 * len(robot.points)) for robot in robots]
+    each = list(zip(none, solved, strict=True))
+    moved = np.concatenate([zero if state is None else state.delta_c for zero, state in each])
+    return (turns @ moved).reshape(-1, 3), turns @ np.concatenate([z if s is None else s.lambda_c for z, s in each])
 
 
 def _gaps_at_begin(around: Partner, places: np.ndarray, modes: Sequence[Mode]) -> np.ndarray:
