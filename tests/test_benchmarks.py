@@ -47,6 +47,7 @@ LONG = {
     "embedded_qp.py": "make embedded",
     "estimate.py": "make soft-finger",
     "gripping_force.py": "cfem run pipelines/pneunet/train-blocked.yaml, see its help",
+    "holding.py": "make soft-finger",
     "gym_series.py": "an exported model, and a C compiler",
     "figure_eight.py": "an hour of finite elements that move, see its help",
     "front_nsga.py": "make finger-shapes",

@@ -260,6 +260,13 @@ class GripPlant(ContactAccount):
         self.load = 0.0 if handed_over else 1.0
         self.carried = handed_over and self._at_surface
 
+    def anew(self, share: float) -> "GripPlant":
+        """The same robots at rest, nothing held, in steps of this share of the length of these."""
+        other = copy(self)
+        other._longest = share * self._longest
+        other.reset()
+        return other
+
     def squeeze(self) -> str:
         """The grasp, without load where the object is handed over: how that ended. Robots that come from apart would
         push a free object before them: it is carried until all have closed, and then rests where they balance."""

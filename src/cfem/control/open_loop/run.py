@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from cfem.control.closed_loop.controller import Controller
+from cfem.control.holding.gripping import Gripping
 from cfem.control.holding.spec import HoldingSpec
 from cfem.control.open_loop.doubts import doubts
 from cfem.control.open_loop.experiment import follow
@@ -17,7 +18,7 @@ from cfem.control.open_loop.summary import headline, judged, record, summarise
 from cfem.control.task.goals.doubts import left_out
 from cfem.control.task.goals.trajectory_spec import has_been, meant_beyond
 from cfem.control.task.loads import load_doubts
-from cfem.control.task.obstacles.shorter_steps import StepDependence, step_dependence
+from cfem.control.task.obstacles.shorter_steps import StepDependence, step_dependence, step_dependence_of_grip
 from cfem.control.task.obstacles.spec import ObstaclesSpec
 from cfem.control.task.obstacles.stated import stated_errors
 from cfem.control.task.prepared import Prepared
@@ -59,6 +60,7 @@ def carry_out(folder: Path, spec: PlannedSpec, base: Path, prepared: Prepared, k
     if isinstance(spec, ObstaclesSpec):
         contact_error, sentences = stated_errors(prepared.predictors, spec.error_places, records, prepared.rest_e)
         lines += sentences
+    if prepared.world:
         steps = _depend_on_steps(prepared, records)
         lines += [dependence.sentence(name) for name, dependence in steps.items()]
     if prepared.touched and prepared.touched.commands:  # none where the model is its own plant
@@ -86,11 +88,13 @@ def carry_out(folder: Path, spec: PlannedSpec, base: Path, prepared: Prepared, k
 
 def _depend_on_steps(prepared: Prepared, records: Sequence[Mapping[str, Any]]) -> dict[str, StepDependence]:
     """Changes by shorter steps, by model, where friction makes the answers depend on them."""
-    by_model = {
-        name: step_dependence(model, [row for row in records if row["controller"] == name])
-        for name, model in prepared.predictors.items()
-        if isinstance(model, ContactModel)
-    }
+    by_model = {}
+    for name, model in prepared.predictors.items():
+        rows = [row for row in records if row["controller"] == name]
+        if isinstance(model, ContactModel):
+            by_model[name] = step_dependence(model, rows)
+        elif isinstance(model, Gripping):
+            by_model[name] = step_dependence_of_grip(model, rows)
     return {name: dependence for name, dependence in by_model.items() if dependence}
 
 

@@ -7,7 +7,12 @@ import numpy as np
 import pytest
 
 from cfem.condensed import Rows
-from cfem.control.task.obstacles.shorter_steps import SHORTER, StepDependence, step_dependence
+from cfem.control.task.obstacles.shorter_steps import (
+    SHORTER,
+    StepDependence,
+    step_dependence,
+    step_dependence_of_grip,
+)
 from cfem.core.errors import NumericalError
 
 ROWS = Rows(("tip.x", "tip.y", "ball.force", "table.distance"), ("cable",))
@@ -73,3 +78,34 @@ def test_a_fifth_of_the_force_or_a_hundredth_of_the_length_is_poor(force, tip, p
 
 def test_without_a_force_only_the_tip_is_told():
     assert "forces" not in StepDependence(0.0, 0.1, 0.0).sentence("m")
+
+
+class Rubbing:
+    """Robots that drag their object by the length of their steps times their command, and end beyond 3 mm."""
+
+    def __init__(self, longest=0.1, ends=3.0):
+        self.longest, self.ends, self.at = longest, ends, 0.0
+
+    def anew(self, share):
+        return Rubbing(share * self.longest, self.ends)
+
+    def grasp(self):
+        return "converged"
+
+    def towards(self, delta_a):
+        self.at = delta_a[0]
+        return "converged" if self.at < self.ends or self.longest == 0.1 else "no state"
+
+    def effectors(self):
+        return np.array([3.0, 4.0, 0.0, 7.0]) * self.longest * self.at
+
+
+def test_changes_of_a_held_object_are_of_its_place_until_it_is_let_go():
+    rows = [{"delta_a": [value]} for value in (1.0, 2.0, 0.0, 9.0)]
+    found = step_dependence_of_grip(SimpleNamespace(grip=Rubbing()), rows)
+    assert found.tip == pytest.approx(5 * 0.1 * (1 - 1 / SHORTER) * 2.0)
+    assert found.sentence("m") == "friction: steps 8 times shorter change the object by 0.875 mm at most, by m"
+    assert len(found.judged(80.0)) == 1 and not found.judged(90.0)
+    lost = step_dependence_of_grip(SimpleNamespace(grip=Rubbing(ends=2.0)), rows)
+    assert np.isinf(lost.tip) and lost.results()["tip"] is None and lost.judged(1e6)
+    assert step_dependence_of_grip(SimpleNamespace(grip=Rubbing()), rows[2:]) is None
