@@ -33,7 +33,7 @@ from cfem.core.artefact.content import artefact_content
 from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
 from cfem.equilibrium.contact.surfaces import SurfaceScene, SurfacesState
 from cfem.equilibrium.system.robot import Robot
-from cfem.predict.contact.step.on_obstacles import begins_deep
+from cfem.predict.contact.step.on_obstacles import SIDE
 from cfem.predict.contact.step.scene import contact_step
 from cfem.predict.contact.step.state import ContactState
 from cfem.predict.contact.surface.kept_patches import node_model_of, patched_model_of
@@ -96,7 +96,8 @@ class Place:
 
 def _deep(obstacle: Obstacle, nodes: np.ndarray) -> bool:
     obstacles = ObstacleSet((obstacle,))
-    return begins_deep(obstacles, nodes, *obstacles.nearest(nodes))
+    distances, which = obstacles.nearest(nodes)
+    return obstacles.deep(which, nodes, distances, SIDE)
 
 
 def obstacle_of(kind: str, point: np.ndarray, normal: np.ndarray, depth: float) -> Obstacle:
