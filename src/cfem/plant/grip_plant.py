@@ -260,7 +260,7 @@ class GripPlant(ContactAccount):
         self.load = 0.0 if handed_over else 1.0
         self.carried = handed_over and self._at_surface
 
-    def anew(self, share: float) -> "GripPlant":
+    def restarted(self, share: float) -> "GripPlant":
         """The same robots at rest, nothing held, in steps of this share of the length of these."""
         other = copy(self)
         other._longest = share * self._longest

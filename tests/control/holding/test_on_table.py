@@ -10,6 +10,7 @@ from cfem.control.holding import on_table
 from cfem.control.holding.on_table import ALIKE, NEAR, ROUNDS, put_down
 from cfem.control.search.goal_search import Iterate, SearchResult, SearchSettings, SearchStatus
 from cfem.control.search.inverse import Aim, Limits
+from cfem.control.search.optimality import Verdict
 from cfem.core.errors import NumericalError
 
 START = Iterate.at(LinearRobot().at_displacement(np.zeros(2)))
@@ -120,6 +121,7 @@ def test_the_best_hold_counts_where_none_is_near(monkeypatch):
     assert len(asked) == ROUNDS and found.distance == pytest.approx(0.5)
     np.testing.assert_array_equal(found.via, [np.full(2, 3.0)])
     assert model.before == "stands 3"
+    assert found.status is SearchStatus.TRIED and found.verdict(reached=False) is Verdict.NOT_CONVERGED
 
 
 def test_a_hold_that_cannot_be_let_go_is_tried_half_the_way_back(monkeypatch):

@@ -67,7 +67,8 @@ def put_down(model, aim: Aim, limits: Limits, iterate: Iterate, settings: Search
         if missed < least:
             least, state = missed, (now.delta_a, now.lambda_a, now.delta_e, aim.distance(now.delta_e))
             rest = above.softened, above.kkt, 0.0, Iterate.at(now), aim, limits, (above.delta_a,)
-            best, opened = SearchResult(*state, above.status, 0, 0, *rest), stands
+            ended = above.status if missed <= NEAR else SearchStatus.TRIED  # the slopes of that state tell nothing
+            best, opened = SearchResult(*state, ended, 0, 0, *rest), stands
         if missed <= NEAR:
             break
         held, stood = above.delta_e[steered], now.delta_e[steered]

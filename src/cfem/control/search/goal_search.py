@@ -54,6 +54,7 @@ class SearchStatus(Enum):
     NO_ANSWER = "the model has no answer on the way there"
     NO_DESCENT = "no shorter step brings the effectors closer"
     QP_FAILED = "the inverse step has no trustworthy answer"
+    TRIED = "no hold that was tried lets the object go to its place"
 
 
 @dataclass(frozen=True)
@@ -185,7 +186,7 @@ class SearchResult:
         if arrived(self.iterate.condensed, self.aim, self.limits) if reached is None else reached:
             return Verdict.REACHED
         stuck = self.tried and self.status is SearchStatus.NO_DESCENT
-        searched = self.status not in (SearchStatus.NO_ANSWER, SearchStatus.QP_FAILED)
+        searched = self.status not in (SearchStatus.NO_ANSWER, SearchStatus.QP_FAILED, SearchStatus.TRIED)
         return Verdict.OUT_OF_REACH if searched and (stuck or self.optimality.holds) else Verdict.NOT_CONVERGED
 
     @classmethod

@@ -86,7 +86,7 @@ class Rubbing:
     def __init__(self, longest=0.1, ends=3.0):
         self.longest, self.ends, self.at = longest, ends, 0.0
 
-    def anew(self, share):
+    def restarted(self, share):
         return Rubbing(share * self.longest, self.ends)
 
     def grasp(self):

@@ -83,7 +83,7 @@ def step_dependence_of_grip(model: Gripping, rows: Sequence[Mapping[str, Any]]) 
     if not commands:
         return None
     doing(f"walking {len(commands)} commands in shorter steps")
-    whole, shorter = (list(_places(model.grip.anew(share), commands)) for share in (1.0, 1 / SHORTER))
+    whole, shorter = (list(_places(model.grip.restarted(share), commands)) for share in (1.0, 1 / SHORTER))
     if len(whole) < len(commands) or len(shorter) < len(commands):
         return StepDependence(0.0, np.inf, 0.0, THING)
     return StepDependence(0.0, float(np.linalg.norm(np.array(shorter) - whole, axis=1).max()), 0.0, THING)
