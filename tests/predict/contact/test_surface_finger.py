@@ -10,34 +10,15 @@ from cfem.constraint.surface import outer_surface
 from cfem.constraint.surface_points import at_nodes
 from cfem.contact.obstacle import Box
 from cfem.equilibrium.contact.grasp import FreeObject
-from cfem.equilibrium.contact.node_compliance import node_response
 from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
 from cfem.equilibrium.contact.surface_robot import PlacedSurface
 from cfem.equilibrium.system.actuation import displacement
 from cfem.plant.grip_plant import GripPlant
-from cfem.predict.contact.surface.node_model import NodeModel, node_patches
 from cfem.predict.contact.surface_finger import SurfaceFinger
-from cfem.predict.load import load_model
-from cfem.predict.series.few_states import patch_states
-from cfem.robot.build import build_robot
-from cfem.robot.load import load_scene_and_mesh
 
 HALF, GAP, ASIDE, MU = np.array([5.0, 14.0, 3.0]), 0.2, 7.0, 0.8
 FLIP = np.diag([1.0, -1.0, -1.0])
 AT = displacement(np.array([2.0]))
-
-
-@pytest.fixture(scope="module")
-def robot(bar):
-    return build_robot(*load_scene_and_mesh(bar / "pipelines" / "bar" / "scene.yaml"))
-
-
-@pytest.fixture(scope="module")
-def nodes(bar, robot):
-    model = load_model(bar / "models" / "bar" / "spectral")
-    states = patch_states(model.domain, 1)
-    by_fe = node_response(robot, model.skin.watched, states, np.array([0, len(states) - 1]), 60, 10.0, 5.0)
-    return NodeModel(model, node_patches(model), by_fe)
 
 
 @pytest.fixture(scope="module")

@@ -15,7 +15,7 @@ from cfem.contact.obstacle import Box, Plane, Sphere
 from cfem.contact.obstacle_set import ObstacleSet
 from cfem.contact.surface.triangles import area_vectors
 from cfem.core.errors import InputError
-from cfem.equilibrium.contact.node_compliance import NodeResponse, node_response
+from cfem.equilibrium.contact.node_compliance import NodeResponse
 from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
 from cfem.equilibrium.contact.surfaces import SurfaceScene
 from cfem.equilibrium.solve import solve
@@ -26,26 +26,9 @@ from cfem.predict.contact.forces.loaded_robots import LoadedRobots
 from cfem.predict.contact.step.bodies import PlacedModel
 from cfem.predict.contact.step.scene import ContactScene, contact_step
 from cfem.predict.contact.surface import node_model
-from cfem.predict.contact.surface.node_model import NodeModel, _add_local, _dents, node_patches
-from cfem.predict.load import load_model
-from cfem.predict.series.few_states import patch_states
-from cfem.robot.build import build_robot
-from cfem.robot.load import load_scene_and_mesh
+from cfem.predict.contact.surface.node_model import NodeModel, _add_local, _dents
 
 DELTA = np.array([2.0])
-
-
-@pytest.fixture(scope="module")
-def robot(bar):
-    return build_robot(*load_scene_and_mesh(bar / "pipelines" / "bar" / "scene.yaml"))
-
-
-@pytest.fixture(scope="module")
-def nodes(bar, robot):
-    model = load_model(bar / "models" / "bar" / "spectral")
-    states = patch_states(model.domain, 1)
-    by_fe = node_response(robot, model.skin.watched, states, np.array([0, len(states) - 1]), 60, 10.0, 5.0)
-    return NodeModel(model, node_patches(model), by_fe)
 
 
 @pytest.fixture(scope="module")
