@@ -16,7 +16,7 @@ class ObjectSpec(Spec):
     """A rigid body that robots hold: a box, a ball, a cylinder, or any closed body of a file."""
 
     centre: Point
-    """Its centre of mass, where it begins. The body of a file is put there with the centroid of its volume."""
+    """Centre of mass of the object where it begins. The body of a file has the centroid of its volume there."""
     half_size: Point | None = None
     """Half of the edges of a box, along its own x, y and z."""
     radius: Length | None = Field(None, gt=0)
@@ -30,7 +30,7 @@ class ObjectSpec(Spec):
     rotate: Turn | None = None
     """Rotation of the body about its centre, as it begins."""
     turns: bool = True
-    """Whether it can turn. It is guided otherwise."""
+    """Whether the object can turn. It is guided otherwise."""
     force: ForceVector | None = None
     """Constant force on it, such as its weight. Robots that only touch it take it over after they have grasped."""
     law: Literal["bilateral", "signorini", "coulomb"] = "bilateral"
