@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 from cfem.contact.law.sliding import PARTS
 from cfem.contact.obstacle import Obstacle
 from cfem.contact.obstacle_set import ObstacleSet
+from cfem.contact.touching_facets import Facets
 from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
 from cfem.equilibrium.contact.surfaces import SurfaceScene, SurfacesState
 
@@ -77,6 +78,18 @@ class BodyState:
     imbalance: float | None = None
 
 
+class AtNodes(SkinnedRobot):
+    """A robot that touches at its nodes alone, as robots that hold objects do."""
+
+    @classmethod
+    def of(cls, robot: SkinnedRobot) -> "AtNodes":
+        return cls(robot.robot, robot.nodes, robot.triangles, robot.patches, robot.R, robot.t, itself=False)
+
+    @property
+    def facets(self) -> Facets:
+        return Facets.none(len(self.patches))
+
+
 class HeldBody:
     """Robots about a body, which begin apart from it.
 
@@ -85,7 +98,7 @@ class HeldBody:
 
     def __init__(self, robots: Sequence[SkinnedRobot], shape: Obstacle, pose: Pose, size: float, mu: float):
         """Robots at rest, actuators at 0. RuntimeError where they find no state."""
-        self._scenes = [SurfaceScene([replace(robot, itself=False)], mu=mu, parts=PARTS) for robot in robots]
+        self._scenes = [SurfaceScene([AtNodes.of(robot)], mu=mu, parts=PARTS) for robot in robots]
         self.shape, self.size, self._stuck, self.mu = shape, size, None, mu
         self.deltas = [np.zeros(robot.robot.rows.n_a) for robot in robots]
         self._solved = 0

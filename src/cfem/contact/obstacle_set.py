@@ -2,13 +2,15 @@
 
 Rounded boxes, which all but closed meshes are, are asked together."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from functools import cached_property
 
 import numpy as np
 
 from cfem.contact import rounded_boxes
-from cfem.contact.obstacle import Obstacle, Rounded
+from cfem.contact.between_nodes import Touching, between_nodes, facing
+from cfem.contact.obstacle import Box, Obstacle, Rounded
+from cfem.contact.touching_facets import Facets
 
 
 class ObstacleSet:
@@ -77,6 +79,11 @@ class ObstacleSet:
         """True where any obstacle has a curvature that `bends` knows."""
         return self._shapes.curved
 
+    @property
+    def sharp(self) -> bool:
+        """True where any obstacle has sharp edges that `facing` knows."""
+        return bool(self._shapes.sharp.any())
+
     def bends(self, which: np.ndarray, points: np.ndarray) -> np.ndarray:
         """Derivative (c, 3, 3) 1/mm of the normal by the place. 0 on flat faces, and at edges, where there is none."""
         slopes = np.zeros((len(points), 3, 3))
@@ -97,6 +104,21 @@ class ObstacleSet:
         alone = [np.flatnonzero(which == number) for number in shapes.others]
         return groups + [(points, None) for points in alone if len(points)]
 
+    def between_nodes(self, places: np.ndarray, facets: Facets, within: float, kept: Collection[int] = ()) -> Touching:
+        """`between_nodes` of rounded boxes, by the numbers of the obstacles. Other shapes meet
+        nodes alone."""
+        touching = between_nodes(places, facets, self._boxes, within, kept)
+        return touching._replace(obstacles=self._shapes.round[touching.obstacles])
+
+    def facing(self, places: np.ndarray, facets: Facets, points: np.ndarray, which: np.ndarray) -> np.ndarray:
+        """Mask (c,) of the nodes `points` (c,), of those at places (N, 3) mm, whose surface faces the nearest side of
+        their obstacle `which` (c,). Before the others is an edge or a corner of a box."""
+        faces, sharp = np.ones(len(points), dtype=bool), self._shapes.sharp[which]
+        if sharp.any():
+            points, which = points[sharp], which[sharp]
+            faces[sharp] = facing(places, facets, points, self.frames(which, places[points])[:, 0])
+        return faces
+
     @cached_property
     def _boxes(self) -> rounded_boxes.Boxes:
         shapes = self._shapes
@@ -111,11 +133,13 @@ class _Shapes:
     round, others: numbers of the rounded boxes and of the others
     place: (n,) of each obstacle among the rounded boxes, -1 of others
     sizes: of the rounded boxes, the last fields of `rounded_boxes.Boxes`
-    curved: whether any has a curvature"""
+    curved: whether any has a curvature
+    sharp: (n,) bool, boxes"""
 
     def __init__(self, shapes: tuple[Obstacle, ...]):
         self.shapes, is_round = shapes, np.array([isinstance(shape, Rounded) for shape in shapes], dtype=bool)
         self.round, self.others = np.flatnonzero(is_round), np.flatnonzero(~is_round)
         self.place = np.where(is_round, np.cumsum(is_round) - 1, -1)
         self.sizes = rounded_boxes.sizes([shapes[i] for i in self.round])
+        self.sharp = np.array([isinstance(shape, Box) for shape in shapes], dtype=bool)
         self.curved = bool(self.sizes[1].any()) or any(shapes[i].curved for i in self.others)

@@ -1,5 +1,6 @@
 """Pairs of a patch and the surface before it: of another body or its own (`cfem.contact.detection`), or a rigid
-obstacle.
+obstacle; and of a rigid obstacle and the surface between its nodes (`cfem.contact.between_nodes`), where the row r has
+the barycentric coordinates of the point that it presses.
 
 Of the places x_j of all N patches, a pair has a row r of numbers, 1 at its own patch and -w_j at the faces that it
 meets. What pushes the pair by f pushes each patch j by r_j f, so that forces balance. Its slip is counted from where
@@ -10,18 +11,21 @@ it stuck, or was at the end of the last step,
 with r of that time: the point then before it, of the surface that is there, goes where that surface goes. o is 0
 between surfaces, and the place at which a rigid obstacle held the patch. T are the tangents now."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Protocol
 
 import numpy as np
 
+from cfem.contact.between_nodes import features_of
 from cfem.contact.detection import NEVER, MayMeet, detect, may_meet
 from cfem.contact.law.modes import Mode
 from cfem.contact.moving_least_squares import WITHIN
+from cfem.contact.obstacle import tangents
 from cfem.contact.obstacle_set import ObstacleSet
 from cfem.contact.prescribed_motion import PrescribedMotion
+from cfem.contact.touching_facets import Facets
 
 SETTLING = 0.01  # distances of patches
 ENTERED = 0.1  # distances of patches: what was deeper where a step began has not come in
@@ -32,7 +36,8 @@ APART = 0.3  # of the length: patches of one body that are nearer along its surf
 class Pairs:
     """Pairs of patches, of N in all, with the surface before them.
 
-    slots: (p,) number of the patch, plus N where it meets an obstacle
+    slots: (p,) number of the patch, plus N where it meets an obstacle; from 2 N on, of facets and edges between nodes,
+        which meet obstacles (`cfem.contact.between_nodes`)
     relative: (p, N) rows r of the patches' places
     frames: (p, 3, 3) rows n, t1, t2
     gaps: (p,) mm
@@ -49,8 +54,23 @@ class Pairs:
 
     @property
     def points(self) -> np.ndarray:
-        """Numbers (p,) of the patches."""
-        return self.slots % self.relative.shape[1]
+        """Numbers (p,) of the patches, between nodes of the one that is nearest."""
+        points, count = self.slots % self.relative.shape[1], self.relative.shape[1]
+        between = self.slots >= 2 * count
+        if between.any():
+            points[between] = self.relative[between].argmax(axis=1)
+        return points
+
+    @property
+    def at_nodes(self) -> np.ndarray:
+        """(p,) bool: the pairs of patches that meet obstacles, at nodes where patches are nodes."""
+        count = self.relative.shape[1]
+        return (self.slots >= count) & (self.slots < 2 * count)
+
+    def gaps_at(self, places: np.ndarray, moved: np.ndarray) -> np.ndarray:
+        """Gaps (p,) mm of pairs that are known at `places`, were the patches at `moved` (N, 3) mm, on the same
+        planes."""
+        return self.gaps + (self.frames[:, 0] * (self.relative @ (moved - places))).sum(axis=1)
 
     @property
     def used(self) -> np.ndarray:
@@ -128,8 +148,10 @@ class Skin(Protocol):
     regions: numbers (N,) of the regions of its surface that points lie in, and distances (G, G) mm between regions
         along it
     spacings: (N,) mm between points and their neighbours
-    held_still: (N,) bool, points where the body is held, which meet nothing"""
+    held_still: (N,) bool, points where the body is held, which meet nothing
+    facets: triangles of the points, but those that are held; none where points are no nodes"""
 
+    facets: Facets
     regions: tuple[np.ndarray, np.ndarray]
     spacings: np.ndarray
     held_still: np.ndarray
@@ -142,23 +164,26 @@ class Surroundings:
     bodies: (N,) number of the body of each point
     may_meet: None where there is one body that does not touch itself
     spacings: (N,) mm between points and their neighbours
-    still: (N,) bool, points that meet nothing"""
+    still: (N,) bool, points that meet nothing
+    facets: of all bodies"""
 
     bodies: np.ndarray
     may_meet: MayMeet | None
     spacings: np.ndarray
     still: np.ndarray
-    obstacles: ObstacleSet
+    facets: Facets
 
     @classmethod
-    def of(cls, skins: Sequence[Skin], itself: Sequence[bool], length: float, obstacles: ObstacleSet) -> "Surroundings":
+    def of(cls, skins: Sequence[Skin], itself: Sequence[bool], length: float) -> "Surroundings":
         """Surroundings of bodies with these skins. itself: which of them may touch themselves, points APART of `length`
         mm or more from each other."""
         still = np.concatenate([skin.held_still for skin in skins])
         counts = [len(skin.held_still) for skin in skins]
         allowed = _allowed(skins, itself, length, still) if len(skins) > 1 or any(itself) else None
         spacings = np.concatenate([skin.spacings for skin in skins])
-        return cls(np.repeat(np.arange(len(skins)), counts), allowed, spacings, still, obstacles)
+        bodies = np.repeat(np.arange(len(skins)), counts)
+        facets = Facets.joined([skin.facets for skin in skins], np.cumsum([0, *counts]))
+        return cls(bodies, allowed, spacings, still, facets)
 
     @cached_property
     def spacing(self) -> float:
@@ -168,11 +193,11 @@ class Surroundings:
     def pairs(
         self, places: np.ndarray, normals: np.ndarray, faces: Mapping[int, np.ndarray] | None = None, moved: float = 0.0
     ) -> Pairs:
-        """All pairs of patches at places (N, 3) mm with outward unit normals (N, 3) and what is near. faces: see
-        `detect`, of what has touched in this step. moved: mm by which patches last moved: as long as that is much,
+        """Pairs of patches at places (N, 3) mm with outward unit normals (N, 3) and soft surfaces that are near. faces:
+        see `detect`, of what has touched in this step. moved: mm by which patches last moved: as long as that is much,
         faces are kept only by points that would have none."""
         if self.may_meet is None:
-            return self._with_obstacles(Pairs.none(len(places)), places)
+            return Pairs.none(len(places))
         if faces and moved > SETTLING * self.spacing:
             pairs = self.pairs(places, normals)
             lost = {point: mine for point, mine in faces.items() if point not in pairs.slots}
@@ -180,14 +205,12 @@ class Surroundings:
         points, relative, frames = detect(places, normals, self.may_meet, self.spacings, faces)
         gaps = (frames[:, 0] * (relative @ places)).sum(axis=1)
         partners = self.bodies[relative.argmin(axis=1)] if len(points) else np.zeros(0, dtype=np.int64)
-        return self._with_obstacles(Pairs(points, relative, frames, gaps, partners), places)
+        return Pairs(points, relative, frames, gaps, partners)
 
     def onwards(self, before: Pairs, places: np.ndarray) -> Pairs:
-        """Pairs of a state before, on the same planes, where patches have gone to places (N, 3) mm; obstacles as they
-        are there."""
+        """Pairs of soft surfaces of a state before, on the same planes, where patches have gone to places (N, 3) mm."""
         soft = before.some(before.slots < len(places))
-        gaps = (soft.frames[:, 0] * (soft.relative @ places)).sum(axis=1)
-        return self._with_obstacles(replace(soft, gaps=gaps), places)
+        return replace(soft, gaps=(soft.frames[:, 0] * (soft.relative @ places)).sum(axis=1))
 
     def entered(self, pairs: Pairs, places: np.ndarray, begin: np.ndarray | None, memory: "Memory") -> np.ndarray:
         """Mask (p,) of the pairs that touched before, and of those of robots that were not deep within each other where
@@ -195,26 +218,36 @@ class Surroundings:
         have."""
         if begin is None or not len(pairs):
             return np.ones(len(pairs), dtype=bool)
-        outside = _gaps_at(pairs, places, begin) > -ENTERED * self.spacing
+        outside = pairs.gaps_at(places, begin) > -ENTERED * self.spacing
         return outside | (pairs.slots >= len(places)) | np.isin(pairs.slots, list(memory.rows))
 
-    def _with_obstacles(self, soft: Pairs, places: np.ndarray) -> Pairs:
-        """Pairs between surfaces, and those of patches at places (N, 3) mm near a rigid obstacle."""
+    def slots(self, obstacles: ObstacleSet) -> int:
+        """Number of slots that pairs may have among these obstacles."""
+        return 2 * len(self.bodies) + features_of(self.facets, len(obstacles.t))
+
+    def with_obstacles(self, places: np.ndarray, obstacles: ObstacleSet, kept: Collection[int]) -> Pairs:
+        """Pairs of patches at places (N, 3) mm, and of the surface between nodes, with rigid obstacles near them; kept:
+        as `between_nodes` has it."""
         N = len(places)
-        if not self.obstacles.obstacles:
-            return soft
-        distance, which = self.obstacles.nearest(places)
+        distance, which = obstacles.nearest(places)
         near = np.flatnonzero((distance < WITHIN * self.spacing) & ~self.still)
+        near = near[obstacles.facing(places, self.facets, near, which[near])]
         relative = np.zeros((len(near), N))
         relative[np.arange(len(near)), near] = 1.0
-        more = Pairs(
-            near + N,
-            relative,
-            self.obstacles.frames(which[near], places[near]),
-            distance[near],
-            which[near] + self.bodies[-1] + 1,
-        )
-        return soft.joined(more)
+        frames = obstacles.frames(which[near], places[near])
+        pairs = Pairs(near + N, relative, frames, distance[near], which[near] + self.bodies[-1] + 1)
+        return pairs.joined(self.between_nodes(places, obstacles, kept))
+
+    def between_nodes(self, places: np.ndarray, obstacles: ObstacleSet, kept: Collection[int] = ()) -> Pairs:
+        """Pairs of the surface between its nodes, which are at places (N, 3) mm, and rigid obstacles. kept: slots that
+        have touched in this step, which would else come and go where they are as deep as the nodes beside them."""
+        N = len(places)
+        features = [slot - 2 * N for slot in kept if slot >= 2 * N]
+        touching = obstacles.between_nodes(places, self.facets, self.spacing, features)
+        relative = np.zeros((len(touching.gaps), N))
+        np.add.at(relative, (np.arange(len(relative))[:, None], touching.nodes), touching.shares)
+        partners = touching.obstacles + self.bodies[-1] + 1
+        return Pairs(touching.features + 2 * N, relative, tangents(touching.normals), touching.gaps, partners)
 
 
 @dataclass(frozen=True)
@@ -235,7 +268,7 @@ class Memory:
         if not new:
             return self
         some, rows = pairs.some(np.isin(np.arange(len(pairs)), new)), dict(self.rows)
-        first, last = (_gaps_at(some, places, moment) for moment in (begin, coming))
+        first, last = (some.gaps_at(places, moment) for moment in (begin, coming))
         share = np.where(last < 0, first / np.maximum(first - last, 1e-300), 1.0)
         share = np.where(first <= 0, 0.0, share)
         for i, slot in enumerate(some.slots.tolist()):
@@ -250,7 +283,7 @@ class Memory:
             if mode is Mode.STICK and slot in self.rows:
                 rows[slot] = self.rows[slot]
             elif mode is not Mode.OPEN:
-                rows[slot] = pairs.relative[i], places[slot - N] if slot >= N else np.zeros(3)
+                rows[slot] = pairs.relative[i], pairs.relative[i] @ places if slot >= N else np.zeros(3)
         return Memory(rows)
 
     def slid(self, slid: Mapping[int, np.ndarray]) -> "Memory":
@@ -285,17 +318,12 @@ def _allowed(skins: Sequence[Skin], itself: Sequence[bool], length: float, still
     return MayMeet(np.where(still, first[-1], regions), codes)
 
 
-def _gaps_at(pairs: Pairs, places: np.ndarray, moved: np.ndarray) -> np.ndarray:
-    """Gaps (p,) mm of pairs that are known at `places`, were the patches at `at` (N, 3) mm, on the same planes."""
-    return pairs.gaps + (pairs.frames[:, 0] * (pairs.relative @ (moved - places))).sum(axis=1)
-
-
 def _held(row: np.ndarray, frame: np.ndarray, slot: int, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Row and origin of a pair that sticks where patches are at `places`: of its faces such shares that the point is
     before it there."""
     N = len(places)
     if slot >= N:
-        return row, places[slot - N]
+        return row, row @ places
     faces = np.setdiff1d(np.flatnonzero(row), slot)
     along = np.column_stack([np.ones(len(faces)), places[faces] @ frame[1:].T])
     aside = np.concatenate([[0.0], frame[1:] @ (row @ places)])

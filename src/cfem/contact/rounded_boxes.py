@@ -78,7 +78,7 @@ def frames(boxes, numbers, points):
     `cfem.contact.obstacle.tangents`."""
     frames, n, local = np.zeros((len(points), 3, 3)), np.empty(3), np.empty((3, 3))
     for p in range(len(points)):
-        _local(boxes, numbers[p], points[p], n)
+        local_distance(boxes, numbers[p], points[p], n)
         sign = -1.0 if n[2] < -0.99 else 1.0
         a = -1.0 / (sign + n[2])
         b = n[0] * n[1] * a
@@ -99,7 +99,7 @@ def bends(boxes, numbers, points):
     for p in range(len(points)):
         o = numbers[p]
         R = boxes.R[o]
-        away = _local(boxes, o, points[p], n) + boxes.rounding[o]
+        away = local_distance(boxes, o, points[p], n) + boxes.rounding[o]
         if not (boxes.rounding[o] > 0 and away > 0):
             continue
         for i in range(3):
@@ -123,11 +123,11 @@ def deep(boxes, numbers, points, distances, side):
     for p in range(len(points)):
         if distances[p] < 0:
             o, product = numbers[p], 0.0
-            _local(boxes, o, points[p], n)
+            local_distance(boxes, o, points[p], n)
             for i in range(3):
                 along = boxes.R[o, i, 0] * n[0] + boxes.R[o, i, 1] * n[1] + boxes.R[o, i, 2] * n[2]
                 x[i] = points[p, i] + distances[p] * along
-            _local(boxes, o, x, deeper)
+            local_distance(boxes, o, x, deeper)
             for i in range(3):
                 product += n[i] * deeper[i]
             if product < side:
@@ -136,7 +136,7 @@ def deep(boxes, numbers, points, distances, side):
 
 
 @njit(cache=True, error_model="numpy")
-def _local(boxes, o, x, normal):
+def local_distance(boxes, o, x, normal):
     """Distance of x (3,) mm to box o, and the normal in its own coordinates: see `cfem.contact.obstacle.rounded`."""
     square, largest, most = 0.0, 0, -np.inf
     for i in range(3):

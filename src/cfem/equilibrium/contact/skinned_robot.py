@@ -9,6 +9,7 @@ import scipy.sparse as sp
 from cfem.condensed.patches import Patches, SurfacePoints
 from cfem.contact.detection import regions, spacings
 from cfem.contact.surface.triangles import area_vectors
+from cfem.contact.touching_facets import Facets
 from cfem.equilibrium.system.problem import Problem
 from cfem.equilibrium.system.robot import Robot, demand_without_discrepancy
 
@@ -64,6 +65,13 @@ class SkinnedRobot:
     @cached_property
     def regions(self) -> tuple[np.ndarray, np.ndarray]:
         return regions(self.robot.X[self.nodes], self.triangles, self.patches)
+
+    @cached_property
+    def facets(self) -> Facets:
+        weights, count = self.patches.weights, len(self.patches)
+        if weights.shape[1] != count or (weights != sp.eye_array(count)).nnz:
+            return Facets.none(count)
+        return Facets.of(self.triangles[~self.held_still[self.triangles].any(axis=1)], self.patches.rest)
 
     @cached_property
     def spacings(self) -> np.ndarray:

@@ -93,7 +93,7 @@ class SurfaceScene:
 
     @cached_property
     def surroundings(self) -> Surroundings:
-        return Surroundings.of(self.robots, [robot.itself for robot in self.robots], self.length, self.obstacles)
+        return Surroundings.of(self.robots, [robot.itself for robot in self.robots], self.length)
 
     def go(self, deltas: Sequence[np.ndarray], before: SurfacesState | None = None) -> SurfacesState:
         """Goes to deltas, (n_a,) mm each, from the state `before` (none: actuators at 0), in steps, which are halved
@@ -150,6 +150,7 @@ class _Step:
         self.points, self._answer = np.zeros(0, dtype=np.int64), None
         self.forces = np.zeros((scene.ends[-1][1], 3))
         self.faces: dict[int, np.ndarray] = {}  # of what has touched in this step
+        self._touched: set[int] = set()  # slots, in this step
         self._pushed: dict[int, np.ndarray] = {}
         self._begin: np.ndarray | None = None  # places (N, 3) mm of the state before
         self._pressed_at_begin: dict[int, np.ndarray] = {}  # N, as `_pushed`
@@ -237,7 +238,7 @@ class _Step:
         step, change, last = shift + self._answer.step, self._answer.forces - self.forces[self.points], self.residual
         self._change = float(np.abs(change).max(initial=0.0))
         self.residual = float(np.abs(step).max(initial=0.0))
-        if not self._still and (touching.slots < len(self.places)).any():
+        if not self._still and self._turning(touching):
             self._combine(touching, step, self.residual > FALLS * last)
             change = self._answer.forces - self.forces[self.points]
         for robot, mine in zip(self.robots, self._by_robot(self.points), strict=True):
@@ -245,11 +246,15 @@ class _Step:
         self._touching = touching
         return True
 
+    def _turning(self, touching: Pairs) -> bool:
+        """True where forces turn with soft surfaces: of soft pairs, and of facets and edges."""
+        return not touching.at_nodes.all()
+
     def _combine(self, touching: Pairs, step: np.ndarray, slow: bool) -> None:
         """Takes the answers of the last rounds combined, as long as the same points may carry forces, where they come
         nearer slowly; step (c, 3) mm: by which this one moves them. The linearisation does not know how forces turn
         with soft surfaces."""
-        push = np.zeros((2 * len(self.places), 3))  # by slot
+        push = np.zeros((self.of.surroundings.slots(self.of.obstacles), 3))
         push[touching.slots] = self._answer.push
         combined = self._acceleration.next(self.points.tobytes(), np.concatenate([push, self._answer.forces]), step)
         if combined is not None and slow:
@@ -261,9 +266,9 @@ class _Step:
         scene = self.of
         if not scene.mu or scene.parts < 2 or self._begin is None:
             return None
-        normal = (touching.frames[:, 0] * (touching.relative @ self._begin)).sum(axis=1)
-        of_obstacles = touching.slots >= len(self.places)
-        normal[of_obstacles] = scene.obstacles.nearest(self._begin[touching.points[of_obstacles]])[0]
+        normal = touching.gaps_at(self.places, self._begin)
+        at_nodes = touching.at_nodes
+        normal[at_nodes] = scene.obstacles.nearest(self._begin[touching.points[at_nodes]])[0]
         gaps = np.column_stack([normal, self.memory.slips(touching, self._begin)])
         for row, slot in zip(gaps, touching.slots.tolist(), strict=True):
             if slot in self._gaps_at_begin:
@@ -283,7 +288,9 @@ class _Step:
         """Takes over the forces of robots that have gone on."""
         pushed = self._answer.push.any(axis=1)
         self._pushed = dict(zip(self._touching.slots.tolist(), self._answer.push, strict=True))
-        self.faces |= self._touching.some((self._touching.gaps <= 0) | pushed).faces
+        touched = self._touching.some((self._touching.gaps <= 0) | pushed)
+        self.faces |= touched.faces
+        self._touched.update(touched.slots.tolist())
         for robot, ends in zip(self.robots, self.of.ends, strict=True):
             self.forces[ends[0] + robot.patches] = robot.forces @ robot.of.R.T
 
@@ -331,7 +338,10 @@ class _Step:
             places.append(robot.patches.mean(surface))
             normals.append(robot.normals(surface))
         self.places = np.concatenate(places)
-        self.pairs = self.of.surroundings.pairs(self.places, np.concatenate(normals), self.faces, self.residual)
+        near = self.of.surroundings
+        self.pairs = near.pairs(self.places, np.concatenate(normals), self.faces, self.residual)
+        if len(self.of.obstacles.t):
+            self.pairs = self.pairs.joined(near.with_obstacles(self.places, self.of.obstacles, self._touched))
 
     def _by_robot(self, numbers: np.ndarray) -> list[np.ndarray]:
         """Patches of each robot among these numbers (c,), bool."""

@@ -17,7 +17,7 @@ from cfem.core.reading import Data, checked
 if TYPE_CHECKING:
     from cfem.predict.contact.surface.surface_model import SurfaceModel
 
-VERSION = 4  # raised when the same inputs make another error
+VERSION = 5  # raised when the same inputs make another error
 
 
 class KeptContactError(Data):

@@ -66,6 +66,12 @@ class Bodies:
         """Surfaces of the robots: those of another step where the scene states them."""
         return self.stacked or Surfaces([robot.patched for robot in self.robots])
 
+    @cached_property
+    def meets_between_nodes(self) -> bool:
+        """True where obstacles may touch the robots between their nodes, too: not where bodies move."""
+        models = [robot.patched for robot in self.robots]
+        return self.rigid is None and self.stacked is None and any(len(model.facets.triangles) for model in models)
+
     @property
     def ends(self) -> list[int]:
         """Indices at which the patches of each robot begin among all, and their number."""
@@ -100,7 +106,7 @@ class Bodies:
     def surroundings(self) -> Surroundings:
         """Which soft surfaces may touch which."""
         skins = [robot.patched for robot in self.robots]
-        return Surroundings.of(skins, [robot.itself for robot in self.robots], self.length, ObstacleSet(()))
+        return Surroundings.of(skins, [robot.itself for robot in self.robots], self.length)
 
     def normals(self, rows: Sequence[np.ndarray], R: np.ndarray | None = None) -> np.ndarray:
         """(N, 3) outward of all patches in the scene, by the rows of each robot's skin; R (r, 3, 3): of robots that

@@ -53,11 +53,12 @@ class OnObstacles:
         """Finds how far all patches, at places (N, 3) mm, are from obstacles."""
         self.distance, self.which = self.poses.obstacles.nearest(places, FAR * self.scene.length)
         self.distance[self.scene.surfaces.held_still] = np.inf
+        self._turn_away(np.flatnonzero(self.distance <= 0), places)
 
     def look(self, places: np.ndarray, before: np.ndarray) -> None:
         """Finds the distances after patches have moved from places `before` (N, 3) mm. Where nothing but robots moves,
         patches that cannot have come near an obstacle keep a distance that is certain."""
-        if self.scene.rigid is not None:
+        if self.scene.rigid is not None or (self.scene.meets_between_nodes and self.poses.obstacles.sharp):
             return self.look_at_all(places)
         self.distance = self.distance - 2 * np.abs(places - before).max()  # more than the root of 3
         near = self.distance <= 0
@@ -68,6 +69,15 @@ class OnObstacles:
         """Finds the distances of patches that may touch, which those beside them have moved."""
         near, self._frames = self.near, None
         self.distance[near], self.which[near] = self.poses.obstacles.nearest(places[near])
+        self._turn_away(near[self.distance[near] <= 0], places)
+
+    def _turn_away(self, within: np.ndarray, places: np.ndarray) -> None:
+        """Puts nodes `within` (c,) obstacles far away where the surface, whose nodes are at places (N, 3) mm, does not
+        face the nearest side: before them is an edge or a corner (`cfem.contact.between_nodes`)."""
+        if self.scene.meets_between_nodes and len(within):
+            facets = self.scene.surroundings.facets
+            faces = self.poses.obstacles.facing(places, facets, within, self.which[within])
+            self.distance[within[~faces]] = FAR * self.scene.length
 
     def take(self, near: np.ndarray) -> None:
         """Patches (d,) that may touch in this round."""

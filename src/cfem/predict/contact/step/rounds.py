@@ -1,9 +1,10 @@
 """Rounds of one contact step of learned robots (`cfem.predict.contact.step.scene`): the law of contact, linear about
 where the patches are; where its forces bring them; whether the law holds there.
 
-Two kinds of contact enter the law together: patches that may touch an obstacle, and pairs of soft surfaces. An obstacle
-is where it is, so that a state is checked against the law in place. The faces of a soft surface are found again in each
-round, so that it has settled once they stay."""
+Two kinds of contact enter the law together: patches that may touch an obstacle, and pairs of soft surfaces or of an
+obstacle and the surface between its nodes. An obstacle is where it is, so that a state is checked against the law in
+place. What is between nodes, and the faces of a soft surface, are found again in each round, so that it has settled
+once they stay. Without any of these pairs near, a step does not ask for them."""
 
 from collections.abc import Iterator, Sequence
 
@@ -35,7 +36,7 @@ class Rounds:
 
     places: (N, 3) mm
     met: patches that may touch obstacles
-    soft: pairs of soft surfaces, None where none may touch
+    soft: pairs of soft surfaces, and of obstacles between nodes, None where none may touch
     modes: of the patches near obstacles, then of the soft pairs that touch"""
 
     def __init__(self, scene: Bodies, deltas: Sequence[np.ndarray], before: ContactState | None):
@@ -66,7 +67,21 @@ class Rounds:
         stays = before is not None and len(before.near) > 0  # on the wrong side, or branch, where it was before
         self.deep |= stays and before.deep
         self._unsettled = stays and before.unsettled
-        self.soft = SoftPairs(self.robots, scene, before, self.places) if scene.soft else None
+        self.soft = None
+        more_known = before is not None and len(before.known) > len(before.near)  # than what may touch at nodes
+        if scene.soft or more_known or self._between_nodes():
+            self._look_between_nodes(before)
+
+    def _look_between_nodes(self, before: ContactState | None) -> None:
+        """Takes pairs of soft surfaces, and of obstacles between nodes, into the law from now on."""
+        self.soft = SoftPairs(self.robots, self.scene, self.poses.obstacles, before, self.places)
+
+    def _between_nodes(self) -> bool:
+        """True where an obstacle reaches into a surface between its nodes."""
+        scene, obstacles = self.scene, self.poses.obstacles
+        if not scene.meets_between_nodes or not len(obstacles.t):
+            return False
+        return bool((scene.surroundings.between_nodes(self.places, obstacles).gaps < 0).any())
 
     @property
     def gap(self) -> float:
@@ -79,6 +94,8 @@ class Rounds:
         status = None
         while status is None:
             status = self._round() if self.iterations < ITERATIONS else StepStatus.ITERATIONS
+            if status is StepStatus.CONVERGED and self.soft is None and self._between_nodes():
+                status = self._look_between_nodes(None)
         return self._state(status)
 
     def _round(self) -> StepStatus | None:
@@ -242,7 +259,7 @@ class Rounds:
         push[origin.pairs.points[pressed]] = origin.push[pressed]
         push = push[near]
         if self.soft is not None:
-            soft_gaps, soft_push = self.soft.at_begin(origin)
+            soft_gaps, soft_push = self.soft.at_begin(origin, self.places)
             gaps, push = np.concatenate([gaps, soft_gaps]), np.concatenate([push, soft_push])
         return StepBegin(gaps, push, self.scene.parts)
 
@@ -316,7 +333,9 @@ class Rounds:
             memory, pairs = soft.memory_after(places, modes), soft.pairs.joined(pairs)
             push = np.concatenate([soft.push_of(soft.pairs), push])
             known = soft.to_be_known(places, self.poses.obstacles)
-        hurried = self.iterations > SETTLED and (pairs.slots >= len(places))[push.any(axis=1)].all()
+        pressed = pairs.some(push.any(axis=1))
+        most = SETTLED if pressed.at_nodes.all() else 2 * SETTLED  # as forces turn with the surface between nodes
+        hurried = self.iterations > most and (pressed.slots >= len(places)).all()
         slides = not self.scene.mu or not self.modes or not len(near)
         delta_e, lambda_a, relief, moved = robots.outputs()
         each = zip(robots.wrenches, moved, strict=True)

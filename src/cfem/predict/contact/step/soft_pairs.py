@@ -1,5 +1,6 @@
-"""Pairs of a patch and the soft surface before it in the rounds of a step (`cfem.predict.contact.step.rounds`): which
-touch, from where they slip, and whether they have settled."""
+"""Pairs of a patch and the soft surface before it, and of rigid obstacles and the surface between its nodes
+(`cfem.contact.between_nodes`), in the rounds of a step (`cfem.predict.contact.step.rounds`): which touch, from where
+they slip, and whether they have settled."""
 
 import numpy as np
 
@@ -16,7 +17,7 @@ NEAR = 0.1  # distances of patches: of pairs that are farther apart nothing loca
 
 
 class SoftPairs:
-    """Pairs of soft surfaces during one step.
+    """Pairs of soft surfaces, and of obstacles between nodes, during one step.
 
     pairs: that are near each other
     touching: those of the law of this round
@@ -24,12 +25,21 @@ class SoftPairs:
     memory: from where slip counts
     step: mm by which patches last moved"""
 
-    def __init__(self, robots: LoadedRobots, scene: Bodies, before: ContactState | None, places: np.ndarray):
+    def __init__(
+        self,
+        robots: LoadedRobots,
+        scene: Bodies,
+        obstacles: ObstacleSet,
+        before: ContactState | None,
+        places: np.ndarray,
+    ):
         """Begins with the pairs of the state `before`, None: with those that are near at places (N, 3) mm."""
+        self.obstacles = obstacles
         self.robots, self.scene, self.surroundings, self.length = robots, scene, scene.surroundings, scene.length
         self.memory, self.push, self.step = Memory(), {}, np.inf
         self.touching, self._settled_slots = Pairs.none(len(places)), frozenset()
         self._faces: dict[int, np.ndarray] = {}  # of what has touched in this step
+        self._touched: set[int] = set()  # slots, in this step
         self._slid: dict[int, np.ndarray] = {}
         self._begin = None if before is None else before.places
         if before is None:
@@ -37,16 +47,26 @@ class SoftPairs:
             return
         pressed = before.push.any(axis=1) & ~before.on_obstacles
         self.memory, self.push = before.memory, _by_slot(before.pairs.slots[pressed], before.push[pressed])
-        self.pairs = self.surroundings.onwards(before.pairs.some(~before.on_obstacles), places)
+        self.pairs = before.pairs.some(~before.on_obstacles)
+        self.onwards(places)
 
     def detect(self, places: np.ndarray) -> None:
         """Finds the pairs anew, of patches at places (N, 3) mm."""
-        normals = self.scene.normals(self.robots.rows, self.robots.R)
-        self.pairs = self.surroundings.pairs(places, normals, self._faces, self.step)
+        pairs = Pairs.none(len(places))
+        if self.surroundings.may_meet is not None:
+            normals = self.scene.normals(self.robots.rows, self.robots.R)
+            pairs = self.surroundings.pairs(places, normals, self._faces, self.step)
+        self.pairs = self._with_obstacles(pairs, places)
 
     def onwards(self, places: np.ndarray) -> None:
         """Moves the same pairs along with patches to places (N, 3) mm."""
-        self.pairs = self.surroundings.onwards(self.pairs, places)
+        self.pairs = self._with_obstacles(self.surroundings.onwards(self.pairs, places), places)
+
+    def _with_obstacles(self, soft: Pairs, places: np.ndarray) -> Pairs:
+        """Pairs of soft surfaces, and those of obstacles between nodes at places (N, 3) mm."""
+        if not self.scene.meets_between_nodes:
+            return soft
+        return soft.joined(self.surroundings.between_nodes(places, self.obstacles, self._touched))
 
     def touch(self, places: np.ndarray) -> Pairs:
         """Those that touch or are pressed."""
@@ -58,16 +78,18 @@ class SoftPairs:
         self.touching = touching
         self.memory = self.memory.with_new(touching, self._begin, places)
         self._faces |= touching.faces
+        self._touched.update(touching.slots.tolist())
 
     def gaps(self, places: np.ndarray, mu: float) -> np.ndarray:
         """(p, 3) mm of those that touch: normal gap, and slip in their frames."""
         slips = self.memory.slips(self.touching, places) if mu else np.zeros((len(self.touching), 2))
         return np.column_stack([self.touching.gaps, slips])
 
-    def at_begin(self, origin: ContactState) -> tuple[np.ndarray, np.ndarray]:
-        """Gaps and slips (p, 3) mm, and forces (p, 3) N, of those that touch, in the state `origin`."""
+    def at_begin(self, origin: ContactState, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Gaps and slips (p, 3) mm, and forces (p, 3) N, of those that touch, at places (N, 3) mm, in the
+        state `origin`."""
         pairs, pressed = self.touching, ~origin.on_obstacles
-        normal = (pairs.frames[:, 0] * (pairs.relative @ origin.places)).sum(axis=1)
+        normal = pairs.gaps_at(places, origin.places)
         push = _by_slot(origin.pairs.slots[pressed], origin.push[pressed])
         forces = np.array([push.get(slot, np.zeros(3)) for slot in pairs.slots.tolist()]).reshape(-1, 3)
         return np.column_stack([normal, self.memory.slips(pairs, origin.places)]), forces

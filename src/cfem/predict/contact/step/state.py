@@ -24,7 +24,8 @@ SETTLED = 6
 @dataclass(frozen=True)
 class ContactState(Pressing):
     """One state of a scene. Of all N patches, robot after robot, in the scene's axes. `pairs` are those of soft
-    surfaces that are near each other, then those of patches that touch obstacles.
+    surfaces that are near each other, of obstacles near the surface between its nodes, then those of patches that touch
+    obstacles.
 
     forces (N, 3) N, places (N, 3) mm: of all patches
     change: (N, 3) N of the forces in this step
@@ -32,7 +33,7 @@ class ContactState(Pressing):
     near (d,): those of them that touch obstacles, or may touch one next
     modes: by slot, of pairs that touch
     stuck (N, 3) mm: where friction of an obstacle holds each patch, NaN where none does
-    memory: from where the slip of soft surfaces counts
+    memory: from where the slip of soft surfaces, and between nodes, counts
     deltas (n_a,) mm, delta_e (n_e,) mm, lambda_a (n_a,) N of each robot in its own frame; lambda_a is negative where a
         cable that is held would have to push; relief (n_a,) N of it is what the forces on patches take off
     wrenches (n_e,): on its effectors, 0 without; moved (n_e,) mm: what of delta_e the forces on patches make
@@ -40,8 +41,8 @@ class ContactState(Pressing):
     error: estimate of how far what forces do is off, a share of it, the largest of all robots and rounds
     deep: whether a patch began so far within an obstacle that, twice as far in, another side of it is nearer: in this
         step, or in one before, since when some patch has been near an obstacle
-    unsettled: whether a step that ends in a state on rigid obstacles alone took more than SETTLED rounds: this one, or
-        one before, since when some patch has been near an obstacle
+    unsettled: whether a step that ends in a state on rigid obstacles alone took more than SETTLED rounds, or twice as
+        many between nodes: this one, or one before, since when some patch has been near an obstacle
     depth: mm, how far within an obstacle the deepest patch began
     obstacles: where they stand
     met (d,): those that the patches `near` are near
@@ -87,8 +88,8 @@ class ContactState(Pressing):
         """True where the models know the actuators, forces bend the robots no further than is known, to 5 %, no step
         was longer than what it is linear about allows, and the forces settled. Beyond, forces may be wrong, a patch may
         lie on another side than the one on which it came in, and rounding may choose between states that all obey the
-        law: take shorter steps. Where an edge comes straight at a point of the surface there are two states however
-        short they are."""
+        law: take shorter steps. Where an edge comes straight at a patch, or at a node of a robot whose base
+        moves, there are two states however short they are."""
         return self.error <= TRUSTED and not self.deep and not self.outside and not self.unsettled
 
     @cached_property
@@ -111,8 +112,8 @@ class ContactState(Pressing):
 
     @property
     def on_obstacles(self) -> np.ndarray:
-        """(p,) bool: the pairs that are with obstacles."""
-        return self.pairs.slots >= len(self.places)
+        """(p,) bool: the pairs of patches, not of what is between nodes, that are with obstacles."""
+        return self.pairs.at_nodes
 
     @property
     def steady(self) -> bool:
@@ -131,12 +132,11 @@ class ContactState(Pressing):
 
     def with_first_obstacles(self, count: int) -> "ContactState":
         """This state as far as the first `count` obstacles press; the others are gone."""
-        left = self.met < count
-        if left.all():
+        left, gone = self.met < count, self.pairs.partners >= count + len(self.poses)
+        if left.all() and not gone.any():
             return self
-        gone = self.on_obstacles & np.isin(self.pairs.points, self.near[~left])
-        forces, near = self.forces.copy(), self.near[left]
-        forces[self.pairs.points[gone]] -= self.push[gone]
+        near = self.near[left]
+        forces = self.forces - self.pairs.relative[gone].T @ self.push[gone]
         known = near if self.on_obstacles.all() else self.known
         pairs, push = self.pairs.some(~gone), self.push[~gone]
         return replace(self, pairs=pairs, push=push, forces=forces, known=known, near=near, met=self.met[left])
@@ -144,13 +144,13 @@ class ContactState(Pressing):
     def carried(self, courses: Mapping[int, PrescribedMotion], begin: float, end: float) -> "ContactState":
         """This state, whose patches go with the obstacles that hold them: courses of obstacles, by their number among
         the partners of `pairs`, from share `begin` to `end` of the run."""
-        stuck, pressed = self.stuck.copy(), self.push.any(axis=1)
+        stuck, pressed = self.stuck.copy(), self.push.any(axis=1) & self.on_obstacles
         for number, course in courses.items():
             patches = self.pairs.points[(self.pairs.partners == number) & pressed]
             patches = patches[np.isfinite(stuck[patches, 0])]
             if len(patches):
                 stuck[patches] = course.carried(stuck[patches], begin, end)
-        return replace(self, stuck=stuck)
+        return replace(self, stuck=stuck, memory=self.memory.carried(self.pairs, courses, begin, end))
 
 
 @njit(cache=True, error_model="numpy")

@@ -18,6 +18,7 @@ import numpy as np
 from numba import njit
 
 from cfem.condensed.patches import Patches
+from cfem.contact.touching_facets import Facets
 from cfem.core.errors import InputError
 from cfem.equilibrium.contact.node_compliance import NodeResponse
 from cfem.mechanics.surface_turns import rotations
@@ -69,6 +70,11 @@ class NodeModel(SurfaceModel):
         own = by_fe.left[:, by_fe.pairs[:, 0] == by_fe.pairs[:, 1]].mean(axis=0)
         by_modes = (self._modes @ by_fe.by_modes.mean(axis=0) * self._modes).sum(axis=1).reshape(n, 3)
         return by_modes + np.diagonal(own, axis1=1, axis2=2)
+
+    @cached_property
+    def facets(self) -> Facets:
+        skin, still = self.model.skin, self.held_still
+        return Facets.of(skin.triangles[~still[skin.triangles].any(axis=1)], skin.rest)
 
     @cached_property
     def local_tip(self) -> np.ndarray:

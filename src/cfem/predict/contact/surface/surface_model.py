@@ -16,6 +16,7 @@ import numpy as np
 from cfem.condensed.packing import packed_indices
 from cfem.condensed.patches import Patches
 from cfem.contact.detection import regions, spacings
+from cfem.contact.touching_facets import Facets
 from cfem.core.errors import InputError
 from cfem.equilibrium.contact.node_compliance import NodeResponse
 from cfem.equilibrium.contact.patch_compliance import PatchResponse
@@ -135,6 +136,11 @@ class SurfaceModel(ABC):
         """(N,) bool: points that no force moves, as the body is held there. They touch nothing."""
         largest = self.flexibility.max(axis=1)
         return largest <= STILL * largest.max()
+
+    @cached_property
+    def facets(self) -> Facets:
+        """Triangles of the points, none where these are no nodes (`cfem.contact.between_nodes`)."""
+        return Facets.none(len(self.patches))
 
     @cached_property
     def spread(self) -> tuple[np.ndarray, np.ndarray]:
