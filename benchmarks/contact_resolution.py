@@ -5,12 +5,13 @@ python benchmarks/contact_resolution.py SCENE MODEL [--places 30] [--mu 0.5] [--
 
 A sphere of 3, 8 or 20 mm, a plane, an edge or a corner of a box, or a capsule comes straight to a random node of the
 surface, or up to so many mm aside of it, and moves 0.3 to 1.5 mm on: in three steps, and in shorter ones, down to 1/64
-of the way, where a node would begin a step so deep that another side of the obstacle is near. The robot stands at the
-mean of two random training states. The judge is `cfem.equilibrium.contact.surfaces` with all nodes of the surface as
-contact points, on the mesh of the samples; FILE keeps its answers for the next run with the same places. Prints for
-each learned model the error of the force, as a vector over the size of the judge's, the error of the tip, the depth of
-the surface in the obstacle, and the processor time of a step. Where the model says that its state is not known, the
-judge comes to the same place again, from aside, so that it comes in on the side of the model."""
+of the way, where a node would begin a step so deep that another side of the obstacle is near, or a step has no state.
+The robot stands at the mean of two random training states. The judge is `cfem.equilibrium.contact.surfaces` with all
+nodes of the surface as contact points, and the surface between them, on the mesh of the samples; FILE keeps its answers
+for the next run with the same places. Prints for each learned model the error of the force, as a vector over the size
+of the judge's, the error of the tip, the depth of the surface in the obstacle, and the processor time of a step. Where
+the model says that its state is not known, the judge comes to the same place again, from aside, so that it comes in on
+the side of the model."""
 
 import argparse
 import time
@@ -167,7 +168,9 @@ class Judge:
         def step(here: Obstacle, before: SurfacesState) -> SurfacesState:
             return SurfaceScene([self.skinned], ObstacleSet((here,)), self.mu, PARTS).step([place.delta], before)
 
-        return place.walked(step, self.nodes, state, aside) if state.converged else state
+        if not state.converged:
+            return state
+        return place.walked(step, self.nodes, state, aside, settled=lambda state: state.converged)
 
     def nodes(self, state: SurfacesState) -> np.ndarray:
         return self.skinned.surface(state.solved[0].state.x)

@@ -15,6 +15,7 @@ QUICK = {
     "arm_baselines.py": [],
     "cable_reach.py": ["--quick"],
     "calibrated_commands.py": ["--quick"],
+    "contact_meshes.py": ["--quick"],
     "convergence.py": ["--quick"],
     "design_gradients.py": ["--quick"],
     "many_inputs.py bar": ["--quick"],
