@@ -7,6 +7,7 @@ machine, the least is the one to compare. The first run asks finite elements how
 (minutes)."""
 
 import argparse
+import gc
 import time
 from pathlib import Path
 
@@ -48,6 +49,7 @@ def main() -> None:
     world, spent, rounds = World(HAND, dict.fromkeys(CLOSED, finger), friction=0.8), [], []
     world.step({})  # compiles
     world.reset()
+    gc.collect()  # of all that has been imported: else Python does so within a step
     for step in range(1, 701):
         t = 0.002 * step
         world.data.ctrl[0] = UP * np.clip((t - LIFTING[0]) / (LIFTING[1] - LIFTING[0]), 0.0, 1.0)

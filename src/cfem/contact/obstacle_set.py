@@ -33,6 +33,11 @@ class ObstacleSet:
         posed._shapes, posed.R, posed.t = self._shapes, R, t
         return posed
 
+    @property
+    def boxes(self) -> rounded_boxes.Boxes | None:
+        """All of them as rounded boxes, None where any is none."""
+        return None if len(self._shapes.others) else rounded_boxes.Boxes(self.R, self.t, *self._shapes.sizes)
+
     @cached_property
     def obstacles(self) -> tuple[Obstacle, ...]:
         return tuple(shape.posed(*pose) for shape, *pose in zip(self._shapes.shapes, self.R, self.t, strict=True))
@@ -122,9 +127,7 @@ class ObstacleSet:
     @cached_property
     def _boxes(self) -> rounded_boxes.Boxes:
         shapes = self._shapes
-        if not len(shapes.others):
-            return rounded_boxes.Boxes(self.R, self.t, *shapes.sizes)
-        return rounded_boxes.Boxes(self.R[shapes.round], self.t[shapes.round], *shapes.sizes)
+        return self.boxes or rounded_boxes.Boxes(self.R[shapes.round], self.t[shapes.round], *shapes.sizes)
 
 
 class _Shapes:

@@ -100,7 +100,8 @@ def in_frames(compliance, gap, frames, start):
 def violation(forces, gap, compliance, mu):
     """Largest distance, mm, of patches from the law of contact, at forces (c, 3) N and gaps (c, 3) mm, both in the
     frames of the surfaces there: by how much forces differ from their projection (`cfem.contact.law.newton`), times
-    what a patch yields, of compliance (3 c, 3 c) mm/N. A force of 0 has no violation where its gap is open."""
+    what a patch yields, by the diagonal of a compliance (3 c, 3 c) mm/N. A force of 0 has no violation where its gap is
+    open."""
     largest, p, D = 0.0, np.empty(3), np.empty((3, 3))
     for i in range(len(forces)):
         flexibility = max(compliance[3 * i, 3 * i], compliance[3 * i + 1, 3 * i + 1], compliance[3 * i + 2, 3 * i + 2])
@@ -125,8 +126,8 @@ def lawful(local, push, sticks, frames, gaps, compliance, places, by_bodies, mu)
     gaps: (d, 3) mm there
     compliance: (3 c, 3 c) mm/N, of patches among which these have places (d,)
     by_bodies: (3 d, 3 d) mm/N, what the motion of rigid bodies adds to it; of size 0 without"""
-    d, by_forces, by_motion, beyond = len(local), 0.0, 0.0, -np.inf
-    by_law, in_frame, block = np.zeros((d, 3)), local.copy(), np.empty((3 * d, 3 * d))
+    d, by_forces, by_motion, beyond, turns = len(local), 0.0, 0.0, -np.inf, False
+    by_law, in_frame, flexibility = np.zeros((d, 3)), local.copy(), np.zeros((3 * d, 3 * d))
     for i in range(d):
         for a in range(3):
             for b in range(3):
@@ -138,21 +139,23 @@ def lawful(local, push, sticks, frames, gaps, compliance, places, by_bodies, mu)
                     frames[i, a, 0] * push[i, 0] + frames[i, a, 1] * push[i, 1] + frames[i, a, 2] * push[i, 2]
                 )
         beyond = max(beyond, np.sqrt(in_frame[i, 1] ** 2 + in_frame[i, 2] ** 2) - mu * in_frame[i, 0])
-    for row in range(len(compliance)):
+        for a in range(3):
+            turns |= by_law[i, a] != push[i, a]
+    for row in range(len(compliance) if turns else 0):
         change = 0.0
         for j in range(d):
             for b in range(3):
                 change += compliance[row, 3 * places[j] + b] * (by_law[j, b] - push[j, b])
         by_forces = max(by_forces, abs(change))
     for i in range(3 * d):
-        change = 0.0
-        for j in range(3 * d):
-            block[i, j] = compliance[3 * places[i // 3] + i % 3, 3 * places[j // 3] + j % 3]
-            if len(by_bodies):
-                block[i, j] += by_bodies[i, j]
+        mine, change = 3 * places[i // 3] + i % 3, 0.0
+        flexibility[i, i] = compliance[mine, mine]
+        if len(by_bodies):
+            flexibility[i, i] += by_bodies[i, i]
+            for j in range(3 * d if turns else 0):
                 change += by_bodies[i, j] * (by_law[j // 3, j % 3] - push[j // 3, j % 3])
         by_motion = max(by_motion, abs(change))
-    return by_law, violation(in_frame, gaps, block, mu), by_forces + by_motion, beyond
+    return by_law, violation(in_frame, gaps, flexibility, mu), by_forces + by_motion, beyond
 
 
 @dataclass(frozen=True, eq=False)

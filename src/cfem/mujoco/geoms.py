@@ -5,6 +5,7 @@ from typing import Any
 
 import mujoco
 import numpy as np
+from numba import njit
 from scipy.spatial import ConvexHull
 
 from cfem.contact.obstacle import Box, Capsule, ClosedMesh, Cylinder, Ellipsoid, Plane, Sphere
@@ -35,9 +36,37 @@ class Geoms:
             [_shape(model, *each) for each in zip(self.numbers.tolist(), self.names, strict=True)]
         )
 
+    def posed(self, R: np.ndarray, t: np.ndarray) -> ObstacleSet:
+        """The geoms at R (n, 3, 3), t (n, 3) mm."""
+        return self._shapes.posed(R, t)
+
     def placed(self, data: mujoco.MjData) -> ObstacleSet:
         """The geoms where `data` has them."""
-        return self._shapes.posed(data.geom_xmat[self.numbers].reshape(-1, 3, 3), data.geom_xpos[self.numbers] * MM)
+        return self.posed(*poses(data.geom_xmat, data.geom_xpos, self.numbers))
+
+
+@njit(cache=True, error_model="numpy")
+def poses(xmat, xpos, numbers):
+    """R (n, 3, 3) and t (n, 3) mm of those of these numbers (n,) among poses (N, 9) and (N, 3) m of MuJoCo."""
+    R, t = np.empty((len(numbers), 3, 3)), np.empty((len(numbers), 3))
+    for i in range(len(numbers)):
+        for a in range(3):
+            t[i, a] = xpos[numbers[i], a] * MM
+            for b in range(3):
+                R[i, a, b] = xmat[numbers[i], 3 * a + b]
+    return R, t
+
+
+@njit(cache=True, error_model="numpy")
+def ways(t, xpos, numbers):
+    """(n, 3) mm of those of these numbers (n,) among places (N, 3) m to places t (n, 3) mm; the largest of their
+    entries."""
+    by, largest = np.empty((len(numbers), 3)), 0.0
+    for i in range(len(numbers)):
+        for a in range(3):
+            by[i, a] = t[i, a] - xpos[numbers[i], a] * MM
+            largest = max(largest, abs(by[i, a]))
+    return by, largest
 
 
 def name_of(model: mujoco.MjModel, kind: Any, number: int) -> str:

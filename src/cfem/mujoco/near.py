@@ -53,8 +53,8 @@ class Look:
         apart = self.apart if self.state is None else self.apart - self.share * reach
         asked = np.flatnonzero((apart <= reach) & ~whole.held_still)
         ends, places = np.searchsorted(asked, whole.ends).tolist(), np.empty((len(asked), 3))
-        each = zip(whole.models, state.rows, state.poses, pairwise(ends), whole.ends, strict=False)
-        for surface, rows, (R, t), (a, b), first in each:
+        each = zip(whole.models, state.rows, state.R, state.t, pairwise(ends), whole.ends, strict=False)
+        for surface, rows, R, t, (a, b), first in each:
             mine = asked[a:b] - first
             places[a:b] = (surface.patches.rest[mine] + surface.U[mine] @ rows) @ R.T + t
         apart = apart.copy()
@@ -79,7 +79,7 @@ class Look:
         if self.share + AHEAD * self.growth > 1.0:
             look = self.again(scene.surfaces, before)
             start = look.taken(before, self.numbers)
-        state = replace(scene, stacked=look.surfaces).step(deltas, start)
+        state = scene.changed(surfaces=look.surfaces).step(deltas, start)
         share = look.moved(state)
         if state.converged and share <= 1.0:
             growth = abs(share - look.share)
@@ -93,8 +93,9 @@ class Look:
         place[self.numbers] = np.arange(len(self.numbers))
         place, count, n = place[numbers], len(numbers), len(self.numbers)
         mine, places = place >= 0, self.places(state)
-        forces, change, stuck = np.zeros((n, 3)), np.zeros((n, 3)), np.full((n, 3), np.nan)
+        forces, change, stuck, sticks = np.zeros((n, 3)), np.zeros((n, 3)), np.full((n, 3), np.nan), np.zeros(n, bool)
         kept = (forces, state.forces), (change, state.change), (places, state.places), (stuck, state.stuck)
+        kept = *kept, (sticks, state.sticks)
         for array, given in kept:
             array[place[mine]] = given[mine]
         pairs, relative = state.pairs, np.zeros((len(state.pairs), n))
@@ -103,6 +104,8 @@ class Look:
             state,
             pairs=replace(pairs, slots=place[pairs.points] + n, relative=relative),
             bodies=self.surfaces.bodies,
+            surfaces=self.surfaces,
+            sticks=sticks,
             forces=forces,
             change=change,
             places=places,
@@ -115,8 +118,8 @@ class Look:
     def places(self, state: ContactState) -> np.ndarray:
         """(n, 3) mm of the points in any state, but for what forces on them do locally."""
         each = []
-        for model, rows, delta, wrench, (R, t) in zip(
-            self.surfaces.models, state.rows, state.deltas, state.wrenches, state.poses, strict=True
+        for model, rows, delta, wrench, R, t in zip(
+            self.surfaces.models, state.rows, state.deltas, state.wrenches, state.R, state.t, strict=True
         ):
             places = model.patches.rest + (model.flat @ rows).reshape(-1, 3)
             if wrench.any():
@@ -128,58 +131,46 @@ class Look:
         """Largest approach of a point to a geom since the look, as a share of REACH."""
         if self.state is None:
             return np.inf
-        farthest, then, now = 0.0, self.state, state
-        obstacles = now.obstacles.R, now.obstacles.t, then.obstacles.R, then.obstacles.t
-        for i, part in enumerate(self.surfaces.models):
-            surface, poses = part.whole, (*now.poses[i], *then.poses[i])
-            by_rows = now.rows[i], then.rows[i], surface.moved_by_row
-            wrenches = now.wrenches[i], then.wrenches[i], surface.moved_by_wrench
-            farthest = max(farthest, _approach(*obstacles, *poses, *by_rows, *wrenches, surface.size))
-        return farthest / (REACH * self.surfaces.models[0].model.length)
+        then, surfaces, poses = self.state, self.surfaces, []
+        for moment in (state, then):
+            obstacles, wrenches = moment.obstacles, moment.given[len(moment.pull) :]
+            poses.append((obstacles.R, obstacles.t, moment.R, moment.t, moment.answers.rows, wrenches))
+        return _approach(*poses, surfaces.shapes, surfaces.moved_at_most) / (REACH * surfaces.models[0].model.length)
 
 
 @njit(cache=True, error_model="numpy")
-def _approach(
-    R,
-    t,
-    R_then,
-    t_then,
-    R_robot,
-    t_robot,
-    R_robot_then,
-    t_robot_then,
-    rows,
-    rows_then,
-    by_row,
-    wrench,
-    wrench_then,
-    by_wrench,
-    size,
-):
-    """mm by which a point of a robot may have come nearer to an obstacle, at most.
+def _approach(now, then, shapes, at_most):
+    """mm by which a point of a robot (r,) may have come nearer to an obstacle, at most.
 
-    R (n, 3, 3), t (n, 3) mm: poses of obstacles, and of the robot, now and then; rows (k,) mm and wrench (n_e,) N of
-    the robot, which move a point by no more than by_row (k,) and by_wrench (n_e,) each; size: mm of the robot at
-    rest"""
-    by_robot, by_geoms = 0.0, 0.0
-    for d in range(len(rows)):
-        by_robot += abs(rows[d] - rows_then[d]) * by_row[d]
-        size += abs(rows[d]) * by_row[d]
-    for d in range(len(wrench)):
-        by_robot += (abs(wrench[d]) + abs(wrench_then[d])) * by_wrench[d]
-    for i in range(len(t)):
-        turned, shifted, far = 0.0, 0.0, 0.0
-        for a in range(3):  # in the frame of the robot
-            place, place_then = 0.0, 0.0
-            for c in range(3):
-                place += (t[i, c] - t_robot[c]) * R_robot[c, a]
-                place_then += (t_then[i, c] - t_robot_then[c]) * R_robot_then[c, a]
-            shifted += (place - place_then) ** 2
-            far += place_then**2
-            for b in range(3):
-                change = 0.0
+    now, then: R (n, 3, 3), t (n, 3) mm of obstacles, R (r, 3, 3), t (r, 3) mm, rows (sum of k,) mm and wrenches (sum of
+        n_e,) N of robots
+    shapes, at_most: of `Surfaces`"""
+    (R, t, R_robots, t_robots, rows, wrenches), (sizes, by_row, by_wrench) = now, at_most
+    R_then, t_then, R_robots_then, t_robots_then, rows_then, wrenches_then = then
+    farthest, d, e = 0.0, 0, 0
+    for robot in range(len(shapes)):
+        by_robot, by_geoms, size = 0.0, 0.0, sizes[robot]
+        for _ in range(shapes[robot, 1]):
+            by_robot += abs(rows[d] - rows_then[d]) * by_row[d]
+            size += abs(rows[d]) * by_row[d]
+            d += 1
+        for _ in range(shapes[robot, 3]):
+            by_robot += (abs(wrenches[e]) + abs(wrenches_then[e])) * by_wrench[e]
+            e += 1
+        for i in range(len(t)):
+            turned, shifted, far = 0.0, 0.0, 0.0
+            for a in range(3):  # in the frame of the robot
+                place, place_then = 0.0, 0.0
                 for c in range(3):
-                    change += R_robot[c, a] * R[i, c, b] - R_robot_then[c, a] * R_then[i, c, b]
-                turned += change**2
-        by_geoms = max(by_geoms, np.sqrt(turned) * (size + np.sqrt(far)) + np.sqrt(shifted))
-    return by_robot + by_geoms
+                    place += (t[i, c] - t_robots[robot, c]) * R_robots[robot, c, a]
+                    place_then += (t_then[i, c] - t_robots_then[robot, c]) * R_robots_then[robot, c, a]
+                shifted += (place - place_then) ** 2
+                far += place_then**2
+                for b in range(3):
+                    change = 0.0
+                    for c in range(3):
+                        change += R_robots[robot, c, a] * R[i, c, b] - R_robots_then[robot, c, a] * R_then[i, c, b]
+                    turned += change**2
+            by_geoms = max(by_geoms, np.sqrt(turned) * (size + np.sqrt(far)) + np.sqrt(shifted))
+        farthest = max(farthest, by_robot + by_geoms)
+    return farthest

@@ -24,42 +24,79 @@ class Rigid:
         numbers = np.where(every >= 0, np.searchsorted(self.bodies, every), -1)
         self.robots, self.obstacles = np.split(numbers, [len(carriers)])
         self.J, self._centres = np.zeros((6 * len(self.bodies), model.nv)), np.zeros((len(self.bodies), 3))
-        self._mobility, self._moved = np.zeros((6 * len(self.bodies),) * 2), np.zeros_like(self.J)
-        rows = self.J.reshape(len(self.bodies), 2, 3, model.nv)
-        self._along, self._each = rows[:, 0], [(body, *J) for body, J in zip(self.bodies.tolist(), rows, strict=True)]
+        self._moved, rows = np.zeros_like(self.J), self.J.reshape(len(self.bodies), 2, 3, model.nv)
+        self._each = [(body, *J) for body, J in zip(self.bodies.tolist(), rows, strict=True)]
 
     def begin(self, data: mujoco.MjData) -> None:
         """Takes Jacobians and mobility of the bodies where they are, mj_fwdPosition done."""
         model = self.model
         for body, along, about in self._each:
             mujoco.mj_jacBody(model, data, along, about, body)
-        self._along *= MM
         mujoco.mj_solveM(model, data, self._moved, self.J)
-        self._centres = data.xpos[self.bodies] * MM
-        self._mobility = model.opt.timestep**2 / MM * (self.J @ self._moved.T)
+        self._centres, self._mobility = _begun(self.J, self._moved, data.xpos, self.bodies, model.opt.timestep)
 
     def joint_forces(self, wrench: np.ndarray) -> np.ndarray:
         """(n_v,) N or N m of a wrench (6 b,), N and N mm."""
-        return wrench @ self.J / MM
+        return _joint_forces(wrench, self.J)
 
     def ahead(self, data: mujoco.MjData, wrench: np.ndarray) -> RigidBodies:
         """Bodies where `data` predicts them under a wrench (6 b,)."""
-        centres = data.xpos[self.bodies] * MM
-        self._way = centres - self._centres
+        centres, self._way = _gone(data.xpos, self.bodies, self._centres)
         return RigidBodies(centres, self._mobility, wrench, self.robots, self.obstacles)
 
-    def wrench(self, state: ContactState) -> np.ndarray:
-        """(6 b,) N and N mm that the contact of a state exerts about the centres at the beginning of the step. Where a
-        robot touches a geom, both get their force at one point, so that impulse and angular impulse balance: that point
-        of the geom, moved back as its body moved."""
+    def wrench(self, state: ContactState) -> tuple[np.ndarray, np.ndarray]:
+        """(6 b,) N and N mm that the contact of a state exerts about the centres at the beginning of the step, and its
+        `joint_forces`. Where a robot touches a geom, both get their force at one point, so that impulse and angular
+        impulse balance: that point of the geom, moved back as its body moved."""
         pairs, loads = state.pairs, (self.robots, state.bodies, state.places, state.forces)
-        return _wrench(pairs.slots, pairs.partners, state.push, *loads, self.obstacles, self._centres, self._way)
+        on_geoms = self.obstacles, self._centres, self._way
+        return _wrench(pairs.slots, pairs.partners, state.push, *loads, *on_geoms, self.J)
 
 
 @njit(cache=True, error_model="numpy")
-def _wrench(slots, partners, push, robots, bodies, places, forces, obstacles, centres, way):
-    """(6 b,) wrench of pairs (p,) of `ContactState.pairs`, push (p, 3) N, about centres (b, 3) mm that go by way (b, 3)
-    mm; bodies (N,), places (N, 3) mm and forces (N, 3) N of all points; robots (r,), obstacles (n,): their bodies."""
+def _begun(J, moved, xpos, bodies, dt):
+    """Centres (b, 3) mm of bodies among places (n, 3) m, and their mobility dt^2 J M^-1 J^T; from m to mm in J
+    (6 b, n_v); moved (6 b, n_v): J M^-1, in m."""
+    centres, (n, joints) = np.empty((len(bodies), 3)), J.shape
+    for i in range(len(bodies)):
+        for a in range(3):
+            centres[i, a] = xpos[bodies[i], a] * MM
+            for k in range(joints):
+                J[6 * i + a, k] *= MM
+    mobility = np.zeros((n, n))
+    for i in range(n):
+        for j in range(n):
+            for k in range(joints):
+                mobility[i, j] += J[i, k] * moved[j, k]
+            mobility[i, j] *= dt * dt * (1.0 if j % 6 < 3 else 1.0 / MM)
+    return centres, mobility
+
+
+@njit(cache=True, error_model="numpy")
+def _gone(xpos, bodies, begin):
+    """Centres (b, 3) mm of bodies among places (n, 3) m, and their ways from `begin`, (b, 3) mm."""
+    centres, way = np.empty(begin.shape), np.empty(begin.shape)
+    for i in range(len(bodies)):
+        for a in range(3):
+            centres[i, a] = xpos[bodies[i], a] * MM
+            way[i, a] = centres[i, a] - begin[i, a]
+    return centres, way
+
+
+@njit(cache=True, error_model="numpy")
+def _joint_forces(wrench, J):
+    forces = np.zeros(J.shape[1])
+    for i in range(len(wrench)):
+        for k in range(len(forces)):
+            forces[k] += wrench[i] * J[i, k] / MM
+    return forces
+
+
+@njit(cache=True, error_model="numpy")
+def _wrench(slots, partners, push, robots, bodies, places, forces, obstacles, centres, way, J):
+    """(6 b,) wrench, and its `joint_forces`, of pairs (p,) of `ContactState.pairs`, push (p, 3) N, about centres (b, 3)
+    mm that go by way (b, 3) mm; bodies (N,), places (N, 3) mm and forces (N, 3) N of all points; robots (r,), obstacles
+    (n,): their bodies."""
     wrench, soft, between, lever, n = np.zeros(6 * len(centres)), forces.copy(), False, np.empty(3), len(places)
     for p in range(len(slots)):
         if slots[p] < n:
@@ -82,4 +119,4 @@ def _wrench(slots, partners, push, robots, bodies, places, forces, obstacles, ce
                 for a in range(3):
                     lever[a] = places[point, a] - way[carrier, a] - centres[carrier, a]
                 add_wrench(wrench, carrier, lever, soft[point])
-    return wrench
+    return wrench, _joint_forces(wrench, J)

@@ -30,8 +30,8 @@ class Sensors:
 
     def write(self, values: np.ndarray, state: ContactState, R: np.ndarray, t: np.ndarray) -> None:
         """Puts what they say of a state into the values of all sensors; R (r, 3, 3), t (r, 3) mm: of the robots."""
-        loads, delta_e = (state.bodies, state.forces), np.concatenate(state.delta_e)
-        _write(values, self._forces, *loads, self._points, self._rest, self._rows, self._of, delta_e, R, t)
+        places = self._points, self._rest, self._rows, self._of, state.answers.displaced
+        _write(values, self._forces, state.bodies, state.forces, *places, R, t)
 
 
 @njit(cache=True, error_model="numpy")

@@ -7,7 +7,7 @@ contact, so that no damping is needed. Robots have no inertia of their own."""
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
 
@@ -15,11 +15,12 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cfem.contact.law.problem import demand_friction
 from cfem.contact.obstacle_set import ObstacleSet
 from cfem.contact.rigid_bodies import RigidBodies
 from cfem.core.errors import InputError, NumericalError, SpecError
 from cfem.mujoco.description import add_robot, control_names, skin_name
-from cfem.mujoco.geoms import MM, Geoms
+from cfem.mujoco.geoms import MM, Geoms, poses, ways
 from cfem.mujoco.near import Look
 from cfem.mujoco.rigid import Rigid
 from cfem.mujoco.sensors import Sensors
@@ -27,14 +28,13 @@ from cfem.mujoco.soft_robot import SoftRobot
 from cfem.predict.contact.step.bodies import PlacedModel
 from cfem.predict.contact.step.scene import ContactScene
 from cfem.predict.contact.step.state import TRUSTED, ContactState
-from cfem.predict.contact.surface.surfaces import Surfaces
 
 INSIDE = 1e-3  # of the length: by how much a robot may overlap a geom at the start
 FAST = 0.05  # of the length: the longest way of a geom in one step that may touch a robot in it
 LONGEST = 0.01  # of the length: how far a patch may begin beyond the middle of a geom
 GIVEN = 0.02  # of all energy that contact has exchanged: what rounding and prediction may add to it
 LEAST = 1e-3  # N mm: less is not looked at
-STATE, RK4 = mujoco.mjtState.mjSTATE_INTEGRATION, mujoco.mjtIntegrator.mjINT_RK4
+STATE, RK4 = mujoco.mjtState.mjSTATE_INTEGRATION, int(mujoco.mjtIntegrator.mjINT_RK4)
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +64,6 @@ class Saved:
     mujoco: np.ndarray
     contact: ContactState | None
     look: Look
-    deltas: list[np.ndarray]
     wrench: np.ndarray
     energies: Energies
 
@@ -115,7 +114,10 @@ class World:
         self.geoms = Geoms(self.model, carriers.tolist())
         self.rigid = Rigid(self.model, carriers, self.geoms)
         self._shortest = min(robot.surface.model.length for robot in self.robots.values())
-        self._everywhere = Look.nowhere(Surfaces([robot.surface for robot in robots.values()]))
+        placed = [PlacedModel(it.surface, itself=False, unilateral=it.unilateral) for it in robots.values()]
+        self._standing = ContactScene(placed, ObstacleSet(()), friction, meet=robots_touch, even=True)
+        self._weighed = [(i, robot) for i, robot in enumerate(robots.values()) if robot.weight is not None]
+        self._everywhere = Look.nowhere(self._standing.surfaces)
         self.reset()
 
     def reset(self) -> None:
@@ -123,13 +125,13 @@ class World:
         mujoco.mj_resetData(self.model, self.data)
         mujoco.mj_forward(self.model, self.data)
         self.contact, self.energies, self._look = None, Energies(), self._everywhere
-        self._deltas = [np.zeros(robot.surface.model.rows.n_a) for robot in self.robots.values()]
         self._wrench = np.zeros(6 * len(self.rigid.bodies))
         scene = self._scene(self.data)
-        start = replace(scene, obstacles=ObstacleSet(())).start(self._deltas)
-        for robot, name, rows in zip(scene.robots, self.robots, start.rows, strict=True):
+        start = scene.changed(obstacles=ObstacleSet(())).start(self._deltas)
+        each = zip(scene.robots, self.robots, start.rows, scene.R, scene.t, strict=True)
+        for robot, name, rows, R, t in each:
             free = ~robot.patched.held_still[robot.patched.patches.of]
-            places = robot.patched.model.skin.surface(rows)[free] @ robot.R.T + robot.t
+            places = robot.patched.model.skin.surface(rows)[free] @ R.T + t
             for geom, obstacle in zip(self.geoms.names, scene.obstacles.obstacles, strict=True):
                 inside = -float(obstacle.distance(places).min())
                 if inside > INSIDE * robot.patched.model.length:
@@ -164,27 +166,38 @@ class World:
         mujoco.mj_copyState(model, data, ahead, STATE)
         mujoco.mj_step1(model, ahead)
         rigid.begin(ahead)
-        ahead.qfrc_applied += rigid.joint_forces(self._wrench)
+        applied = ahead.qfrc_applied
+        applied += rigid.joint_forces(self._wrench)
         before = self._velocities(ahead)
-        begin = ahead.geom_xpos[self.geoms.numbers]
+        begin = ahead.geom_xpos.copy()
         (mujoco.mj_step if model.opt.integrator == RK4 else mujoco.mj_step2)(model, ahead)
         mujoco.mj_kinematics(model, ahead)
         gravity = self._gravity(before)
-        self._demand_slow(MM * (ahead.geom_xpos[self.geoms.numbers] - begin))
         scene = self._scene(ahead, gravity, rigid.ahead(ahead, self._wrench))
+        self._demand_slow(*ways(scene.obstacles.t, begin, self.geoms.numbers))
         state, look = self._look.step(scene, deltas, self.contact)
         self._demand_sound(scene, state)
-        wrench, speed, applied = rigid.wrench(state), data.qvel.copy(), data.qfrc_applied.copy()
-        forces = rigid.joint_forces(wrench)
-        data.qfrc_applied += forces
+        (wrench, forces), speed, applied = rigid.wrench(state), data.qvel.copy(), data.qfrc_applied
+        by_user = applied.copy()
+        applied += forces
         mujoco.mj_step(model, data)
-        data.qfrc_applied[:] = applied
-        passed = MM * model.opt.timestep * float(forces @ (speed + data.qvel)) / 2
+        applied[:] = by_user
+        passed = MM * model.opt.timestep * float(forces.dot(speed + data.qvel)) / 2
         mujoco.mj_kinematics(model, data)
         self.energies = self._account(state, passed)
-        self.contact, self._look, self._deltas, self._wrench = state, look, state.deltas, wrench
+        self.contact, self._look, self._wrench = state, look, wrench
         self._sensors.write(data.sensordata, state, *self._poses(data))
         return state
+
+    @property
+    def friction(self) -> float:
+        """Coefficient of all surfaces of the robots. SpecError where it is set to what is none."""
+        return self._friction
+
+    @friction.setter
+    def friction(self, mu: float) -> None:
+        demand_friction(mu)
+        self._friction = mu
 
     @property
     def points(self) -> np.ndarray:
@@ -195,7 +208,7 @@ class World:
     def places(self) -> np.ndarray:
         """(N, 3) mm of all points of the robots' surfaces after the last step, robot after robot."""
         if self.contact is None:
-            return replace(self._scene(self.data), obstacles=ObstacleSet(())).start(self._deltas).places
+            return self._scene(self.data).changed(obstacles=ObstacleSet(())).start(self._deltas).places
         return self._everywhere.taken(self.contact, self._look.numbers).places
 
     def force(self, robot: str, geom: str | None = None) -> np.ndarray:
@@ -224,18 +237,17 @@ class World:
         """The state of MuJoCo and of the robots, for `restore`."""
         vector = self._vector.copy()
         mujoco.mj_getState(self.model, self.data, vector, STATE)
-        return Saved(vector, self.contact, self._look, self._deltas, self._wrench, self.energies)
+        return Saved(vector, self.contact, self._look, self._wrench, self.energies)
 
     def restore(self, saved: Saved) -> None:
         """Goes back to a saved state of this world, or of another one of the same model and robots."""
         mujoco.mj_setState(self.model, self.data, saved.mujoco, STATE)
         mujoco.mj_forward(self.model, self.data)
-        self.contact, self._look, self._deltas = saved.contact, saved.look, saved.deltas
-        self._wrench, self.energies = saved.wrench, saved.energies
+        self.contact, self._look, self._wrench, self.energies = saved.contact, saved.look, saved.wrench, saved.energies
 
     def _poses(self, data: mujoco.MjData) -> tuple[np.ndarray, np.ndarray]:
         """(r, 3, 3) and (r, 3) mm of the robots' sites."""
-        return data.site_xmat[self._sites].reshape(-1, 3, 3), data.site_xpos[self._sites] * MM
+        return poses(data.site_xmat, data.site_xpos, self._sites)
 
     def _velocities(self, data: mujoco.MjData) -> list[np.ndarray]:
         """(2, 3) mm/s and rad/s of each base at its robot's centre of mass; none without `inertia`."""
@@ -270,14 +282,13 @@ class World:
     ) -> ContactScene:
         """Robots and geoms where `data` has them; gravity (r, 3) mm/s^2 on each robot, the model's unless given; rigid:
         bodies that give way."""
-        robots, each = [], zip(self.robots.values(), *self._poses(data), strict=True)
-        for number, (robot, R, t) in enumerate(each):
-            wrench = None
-            if robot.weight is not None:
-                wrench = robot.wrench((MM * self.model.opt.gravity if gravity is None else gravity[number]) @ R)
-            robots.append(PlacedModel(robot.surface, R, t, False, robot.unilateral, wrench))
-        stacked = self._everywhere.surfaces
-        return ContactScene(robots, self.geoms.placed(data), self.friction, rigid, self.robots_touch, stacked, True)
+        R, t = self._poses(data)
+        wrenches: list[np.ndarray | None] = [None] * len(self.robots)
+        for number, robot in self._weighed:
+            by = MM * self.model.opt.gravity if gravity is None else gravity[number]
+            wrenches[number] = robot.wrench(by @ R[number])
+        posed = {"R": R, "t": t, "obstacles": self.geoms.placed(data), "wrenches": wrenches}
+        return self._standing.changed(**posed, rigid=rigid, mu=self.friction)
 
     def _commanded(self, commands: Mapping[str, ArrayLike]) -> list[np.ndarray]:
         """Displacements (n_a,) of each robot's actuators: as stated, else by MuJoCo's controls, else as they are.
@@ -286,27 +297,36 @@ class World:
             if name not in self.robots:
                 raise SpecError(f"there is no soft robot '{name}'", do=f"known are {', '.join(self.robots)}")
         deltas = []
-        for (name, robot), now in zip(self.robots.items(), self._deltas, strict=True):
-            delta = np.asarray(commands[name] if name in commands else self._controlled(name, now), float)
-            if delta.shape != now.shape or not all(map(isfinite, delta.tolist())):
-                names = ", ".join(robot.surface.model.rows.actuators)
+        for number, (name, robot) in enumerate(self.robots.items()):
+            rows = robot.surface.model.rows
+            delta = np.asarray(commands[name] if name in commands else self._controlled(name, number), float)
+            if delta.shape != (rows.n_a,) or not all(map(isfinite, delta.tolist())):
+                names = ", ".join(rows.actuators)
                 raise SpecError(f"robot '{name}' takes one finite number for each of its actuators, {names}")
             deltas.append(delta)
         return deltas
 
-    def _controlled(self, name: str, now: np.ndarray) -> np.ndarray:
-        """(n_a,) what the controls of MuJoCo command of a robot, `now` where it has none."""
+    def _controlled(self, name: str, number: int) -> np.ndarray:
+        """(n_a,) what the controls of MuJoCo command of a robot, what it has now where it has none."""
         numbers = self._controls[name]
         if (numbers < 0).any():
-            return now
+            return self._deltas[number]
         return np.clip(self.data.ctrl[numbers], *self.model.actuator_ctrlrange[numbers].T)
 
-    def _demand_slow(self, ways: np.ndarray) -> None:
-        """NumericalError where a geom that is near a robot goes so far in one step, (n, 3) mm, that it may pass it."""
+    @property
+    def _deltas(self) -> list[np.ndarray]:
+        """(n_a,) displacements of each robot's actuators."""
+        if self.contact is not None:
+            return self.contact.deltas
+        return [np.zeros(robot.surface.model.rows.n_a) for robot in self.robots.values()]
+
+    def _demand_slow(self, by: np.ndarray, largest: float) -> None:
+        """NumericalError where a geom that is near a robot goes so far in one step, by (n, 3) mm, that it may pass it;
+        largest: mm of all entries."""
         longest = FAST * self._shortest
-        if self.contact is None or np.abs(ways).max(initial=0.0) < longest / 2:  # of one axis: less than the root of 3
+        if self.contact is None or largest < longest / 2:  # less than the root of 3
             return
-        ways = np.sqrt((ways * ways).sum(axis=1))
+        ways = np.sqrt((by * by).sum(axis=1))
         fast = np.flatnonzero(ways > longest)
         if not len(fast):
             return
@@ -340,8 +360,7 @@ class World:
         before, commanded = self.energies, 0.0
         if self.contact is not None:
             last = self.contact
-            (begin, then), (end, now) = last.commanded, state.commanded
-            commanded = -float((end - begin) @ (now + then)) / 2
+            commanded = -float((state.given - last.given).dot(state.answers.work + last.answers.work)) / 2
         turned = before.turned + abs(passed) + abs(commanded)
         energies = Energies(before.commanded + commanded, before.passed + passed, state.stored, turned)
         if energies.lost < -GIVEN * turned - LEAST:

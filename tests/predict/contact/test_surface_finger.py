@@ -81,8 +81,9 @@ def test_slopes_of_two_actuators_are_told_apart(finger, pressed, monkeypatch):
     two = replace(finger, touched=SimpleNamespace(model=model, patches=finger.touched.patches))
 
     def loaded(self, delta, forces):
-        outputs = SimpleNamespace(outputs=lambda: (0, [B @ delta + forces.sum()], 0, 0), moved=A @ delta)
-        return SimpleNamespace(**vars(outputs), places=np.zeros((1, 3)), forces=forces, on_known=forces, error=0.0)
+        answers = SimpleNamespace(pull=B @ delta + forces.sum(), error=0.0)
+        places = {"places": np.zeros((1, 3)), "moved": A @ delta}
+        return SimpleNamespace(answers=answers, **places, forces=forces, on_known=forces)
 
     monkeypatch.setattr(SurfaceFinger, "_loaded", loaded)
     monkeypatch.setattr(SurfaceFinger, "_moved", lambda self, loaded: loaded.moved)

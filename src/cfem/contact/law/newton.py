@@ -74,7 +74,7 @@ def _iterate(A, constant, mu, lam):
     return False, ITERATIONS
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract"})
 def _missing(lam, A, constant, mu, F, D):
     """lambda - P(p) into F, the derivatives (m, 3, 3) of P by p into D; the largest |F|, inf where it is not finite."""
     largest = 0.0
@@ -150,7 +150,7 @@ def _step(A, F, D, mu, J, step):
     return True
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract"})
 def eliminate(J, by):
     """Solves J x = by (c, k) in place, J the leading block of (c, c), by Gauss's elimination with pivots. False where
     it is singular."""

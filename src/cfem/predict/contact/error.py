@@ -118,15 +118,15 @@ def _meetings(state: Pressing, pressed: np.ndarray) -> tuple[np.ndarray, np.ndar
 def _compliance(scene: Bodies, state: ContactState, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(c, 3, c, 3) and (n, c, 3) mm/N: of points (c,) of all robots and of the effector points of the first one to
     forces on these points, in the scene's axes."""
-    nothing, (R, t) = [None] * len(state.deltas), (np.array(part) for part in zip(*state.poses, strict=True))
-    robots = LoadedRobots(scene.surfaces, state.deltas, nothing, R, t, points, np.zeros_like(state.forces))
+    nothing, forces = [None] * len(state.deltas), np.zeros_like(state.forces)
+    robots = LoadedRobots(scene.surfaces, state.deltas, nothing, state.R, state.t, points, forces)
     C, held = robots.compliance(under_forces=False).reshape(len(points), 3, -1, 3), robots.held[0]
     first = scene.robots[0].patched
     mine, seen = points[points < len(first.patches)], ~np.array(first.model.rows.turns)
     of_tip = np.einsum("ek,iak->eia", held.C_es, first.U[mine])
     of_tip += first.tip(mine, first.turns(held.rows, mine), held.basis)
     to_tip = np.zeros((seen.sum(), len(points), 3))
-    to_tip[:, : len(mine)] = of_tip[seen] @ R[0].T
+    to_tip[:, : len(mine)] = of_tip[seen] @ state.R[0].T
     return C, to_tip
 
 

@@ -120,10 +120,10 @@ class SurfaceFinger(SurfaceRobot):
 
     def _response(self, loaded: LoadedRobots, delta_a: np.ndarray) -> SurfaceResponse:
         """State of the robot under its forces, actuators at delta_a (n_a,) mm."""
-        lambda_a, forces = loaded.outputs()[1][0], loaded.forces
+        answers, forces = loaded.answers, loaded.forces
         return SurfaceResponse(
-            *(delta_a, lambda_a, self._moved(loaded), loaded.on_known.ravel(), loaded.places.copy(), forces),
-            *(loaded.error, partial(self._slopes, delta_a, forces)),
+            *(delta_a, answers.pull, self._moved(loaded), loaded.on_known.ravel(), loaded.places.copy(), forces),
+            *(answers.error, partial(self._slopes, delta_a, forces)),
         )
 
     def _slopes(self, delta_a: np.ndarray, forces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -135,5 +135,5 @@ class SurfaceFinger(SurfaceRobot):
             step = STEP * np.abs(reach).max() * np.eye(n_a)[axis]
             ahead, behind = (self._loaded(delta_a + side * step, forces) for side in (1, -1))
             by_actuators[:, axis] = (self._moved(ahead) - self._moved(behind)) / (2 * step[axis])
-            stiffness[:, axis] = (ahead.outputs()[1][0] - behind.outputs()[1][0]) / (2 * step[axis])
+            stiffness[:, axis] = (ahead.answers.pull - behind.answers.pull) / (2 * step[axis])
         return by_actuators, (stiffness + stiffness.T) / 2

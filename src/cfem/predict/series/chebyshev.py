@@ -47,15 +47,18 @@ class Basis:
         for first, end in pairwise(ends):
             part, place = np.unique(indices[:, first:end], axis=0, return_inverse=True)
             self._factors.append((first, part, place.ravel()))
-            table = np.ascontiguousarray(part.T) + (max(self._degree, 1) + 1) * np.arange(first, end)[:, None]
+            of_one = part if len(ends) > 2 else indices
+            table = np.ascontiguousarray(of_one.T) + (max(self._degree, 1) + 1) * np.arange(first, end)[:, None]
             self._of_one.append((table, place.ravel()))
 
     def __call__(self, z: np.ndarray) -> np.ndarray:
         """Values (..., M) of the functions at z (..., n)."""
         if z.ndim == 1:
             table = _of_one(z.tolist(), self._degree)
-            first_factor, *others = (np.multiply.reduce(table.take(part)).take(place) for part, place in self._of_one)
-            return first_factor * others[0] if others else first_factor
+            if len(self._of_one) == 1:
+                return np.multiply.reduce(table.take(self._of_one[0][0]))
+            first, second = (np.multiply.reduce(table.take(part)).take(place) for part, place in self._of_one)
+            return first * second
         if z.shape[:-1] == (1,):
             return self(z[0])[None]
         table = polynomials(z.T, self._degree)

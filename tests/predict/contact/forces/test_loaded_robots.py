@@ -37,11 +37,15 @@ def test_robots_of_a_scene_do_what_each_does_alone(patched_bar):
             every = np.kron(np.eye(len(mine)), turn)
             turned.append(every @ alone.compliance(under_forces) @ every.T)
         np.testing.assert_allclose(together.compliance(under_forces), block_diag(*turned), atol=1e-10)
-    assert together.stored == pytest.approx(sum(alone.stored for alone in each), rel=1e-9)
-    assert together.error == pytest.approx(max(alone.error for alone in each), rel=1e-9) and together.error > 0
-    for values, alone in zip(zip(*together.outputs(), strict=True), each, strict=True):
-        for value, (expected,) in zip(values, alone.outputs(), strict=True):
-            np.testing.assert_allclose(value, expected, atol=1e-12)
+    found, expected = together.answers, [alone.answers for alone in each]
+    assert found.stored == pytest.approx(sum(alone.stored for alone in expected), rel=1e-9)
+    assert found.error == pytest.approx(max(alone.error for alone in expected), rel=1e-9) and found.error > 0
+    for name in ("displaced", "pull", "rows"):
+        joined = np.concatenate([getattr(alone, name) for alone in expected])
+        np.testing.assert_allclose(getattr(found, name), joined, atol=1e-12)
+    relief, moved = zip(*(np.split(alone.work, [1]) for alone in expected), strict=True)
+    np.testing.assert_allclose(found.work, np.concatenate([*relief, *moved]), atol=1e-12)
+    assert np.abs(np.concatenate(relief)).max() > 1e-3 and np.abs(np.concatenate(moved)).max() > 1e-3
 
 
 @pytest.mark.parametrize(("size", "apart"), [(0.0, 1e-5), (0.3, 0.04)])
@@ -58,7 +62,7 @@ def test_forces_relieve_actuators_by_as_much_as_these_move_the_patches(patched_b
 
     by_force = []
     for unit in np.eye(9).reshape(9, 3, 3):
-        ahead, behind = (under(2.0, forces + way * step * unit).outputs()[2][0] for way in (1, -1))
+        ahead, behind = (under(2.0, forces + way * step * unit).answers.work[0] for way in (1, -1))
         by_force.append((ahead - behind) / (2 * step))
     ahead, behind = (under(2.0 + way * step, forces).places[free] for way in (1, -1))
     by_actuator = (ahead - behind) / (2 * step)

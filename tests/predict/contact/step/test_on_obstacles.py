@@ -7,7 +7,7 @@ import pytest
 
 from cfem.contact.obstacle import Sphere
 from cfem.contact.obstacle_set import ObstacleSet
-from cfem.predict.contact.step.on_obstacles import NOTHING, OnObstacles, held_by_friction, pairs_with_obstacles
+from cfem.predict.contact.step.on_obstacles import NOTHING, OnObstacles, ended, held_by_friction
 
 
 def test_what_sticks_is_held_where_it_was_on_the_surface_and_what_slides_where_it_is():
@@ -24,13 +24,25 @@ def test_what_sticks_is_held_where_it_was_on_the_surface_and_what_slides_where_i
         np.testing.assert_allclose(held[2], [2.3 + along, -0.2, -0.1])  # its slip stays, its gap is none
 
 
-def test_pairs_depend_on_their_own_patch_alone():
-    frames, gaps = np.tile(np.eye(3), (2, 1, 1)), np.array([0.1, 0.2])
-    pairs = pairs_with_obstacles(np.array([3, 1]), frames, gaps, np.array([5, 6]), 4)
-    np.testing.assert_array_equal(pairs.slots, [7, 5])
-    np.testing.assert_array_equal(pairs.points, [3, 1])
-    np.testing.assert_array_equal(pairs.relative, [[0, 0, 0, 1], [0, 1, 0, 0]])
-    np.testing.assert_array_equal(pairs.partners, [5, 6])
+@pytest.mark.parametrize("keeps", [True, False])
+def test_pairs_depend_on_their_own_patch_alone_and_what_is_far_is_forgotten(keeps):
+    """Patch 3 is pressed, 1 overlaps, 2 is near, and 0 is far."""
+    places, push, sticks = np.arange(12.0).reshape(4, 3), np.zeros((4, 3)), np.zeros(4, dtype=bool)
+    push[3, 1], near, frames = 2.0, np.arange(4), np.arange(36.0).reshape(4, 3, 3)
+    which, distance = np.array([0, 1, 0, 1]), np.array([0.3, -0.1, 0.05, 0.0])
+    poses = (np.eye(3)[None], np.zeros((1, 3))) * 2
+    of_near = places, places + 1, near, push, sticks, which, frames, distance
+    end = ended(*of_near, (*poses, False), 0.1, keeps, 5)
+    pairs = end.pairs
+    np.testing.assert_array_equal(pairs.slots, [5, 7])
+    np.testing.assert_array_equal(pairs.points, [1, 3])
+    np.testing.assert_array_equal(pairs.relative, [[0, 1, 0, 0], [0, 0, 0, 1]])
+    np.testing.assert_array_equal(pairs.partners, [6, 6])
+    np.testing.assert_array_equal(pairs.gaps, [-0.1, 0.0])
+    np.testing.assert_array_equal(pairs.frames, frames[[1, 3]])
+    np.testing.assert_array_equal(end.push, [[0, 0, 0], [0, 2, 0]])
+    assert end.touching.tolist() == [1, 3] and end.near.tolist() == [1, 2, 3] and end.met.tolist() == [1, 0, 1]
+    assert np.isnan(end.stuck[:3]).all() and np.array_equal(end.stuck[3], places[3]) == keeps
 
 
 @pytest.mark.parametrize(("near", "pressing", "turns"), [([1], 2.0, True), ([1], 0.0, False), ([], 0.0, False)])

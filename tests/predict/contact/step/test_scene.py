@@ -138,8 +138,8 @@ def test_what_is_stored_is_the_work_of_the_forces(patched):
         places.append(held.places[patches])
     for first, second, a, b in zip(shares, shares[1:], places, places[1:], strict=False):
         work += (first + second) / 2 * float((forces * (b - a)).sum())
-    assert held.stored == pytest.approx(work, rel=1e-4)
-    assert held.error > 0.002
+    assert held.answers.stored == pytest.approx(work, rel=1e-4)
+    assert held.answers.error > 0.002
 
 
 def off_the_law(patched, delta, obstacle, mu, found, before):

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cfem.contact.law.modes import Mode
 from cfem.contact.obstacle import Plane, Sphere
 from cfem.contact.obstacle_set import ObstacleSet
+from cfem.contact.pairs import Pairs
 from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
 from cfem.equilibrium.contact.surfaces import SurfaceScene
 from cfem.predict.contact.error import forces_of
@@ -72,14 +72,13 @@ def test_what_has_not_settled_stays_so_until_nothing_is_near(patched_bar):
 def test_forces_go_on_where_all_that_touches_sticks_and_none_changes_much(patched_bar):
     state = contact_step(patched_bar, DELTA, between(0.05))
     assert np.array_equal(state.change, state.forces) and not state.steady  # it has begun to touch
-    sticks = dict.fromkeys(state.modes, Mode.STICK)
-    state = replace(state, modes=sticks, change=0.99 * GOES_ON * state.forces)
-    forces, push = state.going_on()
-    assert state.steady and np.array_equal(forces, state.forces + state.change)
-    assert np.array_equal(push, state.push + state.change[state.pairs.points])
+    sticks = np.ones(len(state.forces), dtype=bool)
+    state = replace(state, sticks=sticks, change=0.99 * GOES_ON * state.forces)
+    assert state.steady and np.array_equal(state.going_on(), state.forces + state.change)
     assert not replace(state, change=1.01 * GOES_ON * state.forces).steady
-    assert not replace(state, modes=sticks | {next(iter(sticks)): Mode.SLIP}).steady
-    left = replace(state, forces=np.zeros_like(state.forces), change=-state.forces, modes={})
+    slides = np.arange(len(sticks)) == state.pairs.points[0]
+    assert not replace(state, sticks=~slides).steady
+    left = replace(state, forces=np.zeros_like(state.forces), change=-state.forces, pairs=Pairs.none(len(sticks)))
     assert not left.steady  # it has come off
 
 

@@ -174,7 +174,7 @@ def test_a_robot_that_touches_nothing_waits_while_another_touches(nodes):
     alone = contact_step(nodes, DELTA, [obstacle])
     both = ContactScene([here, there], ObstacleSet((obstacle,)), meet=False).step([DELTA, DELTA], None)
     assert alone.forces.any() and both.forces[: len(alone.forces)] == pytest.approx(alone.forces, abs=1e-12)
-    assert not both.moved[1].any() and not both.forces[len(alone.forces) :].any()
+    assert not both.answers.work[-3:].any() and not both.forces[len(alone.forces) :].any()
 
 
 def test_a_response_of_other_nodes_is_refused(nodes):

@@ -105,10 +105,11 @@ class HeldRobot:
         return self.model.model.skin.compliance_slopes(self.delta, NONE)
 
     @cached_property
-    def cubic(self) -> tuple[np.ndarray, np.ndarray]:
-        """(n_a, c) 1/N^2 and three mixtures (3, c): derivatives by the actuators of D[v, v, v], v loads on them."""
-        series, mixtures, slopes = self.model.cubic
-        return self.basis @ slopes @ series, mixtures
+    def answers(self) -> np.ndarray:
+        """Both of `alone`, and how forces on the surface relieve the actuators, joined: `gradient`, `compliance_slopes`
+        and (n_a, c) 1/N^2, derivatives by the actuators of D[v, v, v], v loads on three mixtures i <= j <= k each."""
+        series, slopes = self.model.cubic
+        return joined(*self.alone, self.gradient, self.compliance_slopes, self.basis @ slopes @ series)
 
 
 def joined(*arrays: np.ndarray) -> np.ndarray:

@@ -1,8 +1,4 @@
-"""What forces do to all robots of a scene in one compiled call.
-
-Arrays of the robots lie one after another. Of each robot `shapes` has the numbers n of points, k of modes, r of
-mixtures of modes, e of effectors, c of points that are known, and t of triples that dent each other; -1: each point
-dents by itself. `numbers` has what `RobotNumbers` says, of each robot."""
+"""What forces do to all robots of a scene in one compiled call."""
 
 from typing import NamedTuple
 
@@ -14,6 +10,23 @@ from cfem.predict.contact.forces.load_response import load_response, moved_place
 
 FIRST, SECOND, BEARS, ERROR, STORED = range(5)  # columns of `LoadResult.sizes`
 THIRD = 2.5  # the third order over the square of the second, both relative to the first (docs/contact.md)
+
+
+class Robots(NamedTuple):
+    """Arrays of robots (r) that are held, one after another.
+
+    shapes: (r, 6) of each the numbers n of points, k of modes, r of mixtures of modes, e of effectors, c of points that
+        are known, and t of triples that dent each other; -1: each point dents by itself
+    numbers: what `RobotNumbers` says
+    triples: (t, 3) of `JointDents`
+    flat: of `Surfaces`
+    free: (N, 3) mm, places of all points without forces"""
+
+    shapes: np.ndarray
+    numbers: np.ndarray
+    triples: np.ndarray
+    flat: np.ndarray
+    free: np.ndarray
 
 
 class RobotNumbers(NamedTuple):
@@ -58,16 +71,17 @@ class LoadResult(NamedTuple):
     places: np.ndarray
     compliance: np.ndarray
     moved: np.ndarray
+    h: np.ndarray
     sizes: np.ndarray
     pressed: np.ndarray
-    h: np.ndarray
     begin: np.ndarray
 
 
 @njit(cache=True, error_model="numpy")
-def load_robots(shapes, numbers, triples, flat, free, known, forces, R, sloped, loaded):
-    """Puts forces (C, 3) N, in axes to which R (r, 3, 3) turn, on known points (C,) of free places (N, 3) mm. flat: of
-    `Surfaces`. sloped: whether the compliance under forces is asked for."""
+def load_robots(robots, known, forces, R, sloped, loaded):
+    """Puts forces (C, 3) N, in axes to which R (r, 3, 3) turn, on known points (C,) of `Robots`. sloped: whether the
+    compliance under forces is asked for."""
+    shapes, numbers, triples, flat, free = robots
     point, mode, mixture, effector, first, triple, entry, modal = 0, 0, 0, 0, 0, 0, 0, 0
     number = np.int64(0)  # of a literal 0 numba would compile `robot_numbers` once more
     for i in range(len(shapes)):
@@ -85,9 +99,9 @@ def load_robots(shapes, numbers, triples, flat, free, known, forces, R, sloped, 
             loaded.places[point : point + n],
             loaded.compliance[entry : entry + 9 * c * c],
             loaded.moved[effector : effector + e],
+            loaded.h[3 * first : 3 * (first + c)],
             loaded.sizes[i : i + 1],
             loaded.pressed[point : point + n],
-            loaded.h[3 * first : 3 * (first + c)],
             loaded.begin[i : i + 1],
         )
         modes, dents = flat[modal : modal + 3 * n * k].reshape((3 * n, k)), triples[triple : triple + max(t, 0)]
@@ -179,7 +193,7 @@ def _load(robot, flat, triples, free, known, forces, joint, sloped, loaded):
     _move_effectors(robot, forces, response, loaded.moved)
 
 
-@njit(inline="always", error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _copy(numbers, into):
     for i in range(len(numbers)):
         into[i] = numbers[i]
@@ -195,7 +209,7 @@ def estimated_error(bending, missing):
     return (missing + THIRD * bending) * bending
 
 
-@njit(inline="always", error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _stored(robot, forces, response):
     """N mm that forces (c, 3) N have stored, without joint dents: their work, less the integral of places over forces.
     Of the latter the orders w . C w and D[w, w, w] have 1/2 and 1/6 (`cfem.predict.contact.forces.high_order`), and of
@@ -217,7 +231,7 @@ def _stored(robot, forces, response):
     return stored
 
 
-@njit(inline="always", error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _move_effectors(robot, forces, response, moved):
     """Puts into moved (e,) mm by how much forces (c, 3) N move the effectors."""
     for e in range(len(moved)):
@@ -237,7 +251,7 @@ def _move_effectors(robot, forces, response, moved):
 @njit(cache=True, error_model="numpy")
 def free_places(shapes, flat, rest, rows):
     """(N, 3) mm of all points where robots with these rows (sum of k,) mm bear no forces; the rest as for
-    `load_robots`."""
+    `Robots`."""
     places, point, mode, modal = np.empty_like(rest), 0, 0, 0
     nothing = np.empty(0, dtype=np.int64), np.empty((0, 0)), np.empty((0, 3)), np.empty((0, 3))
     for i in range(len(shapes)):
@@ -250,9 +264,10 @@ def free_places(shapes, flat, rest, rows):
 
 
 @njit(cache=True, error_model="numpy")
-def turned_compliance(shapes, numbers, loaded, R, under_forces):
-    """(3 C, 3 C) mm/N of the known points of all robots, in axes to which R (r, 3, 3) turn; under_forces: as the forces
+def turned_compliance(robots, loaded, R, under_forces):
+    """(3 C, 3 C) mm/N of the known points of `Robots`, in axes to which R (r, 3, 3) turn; under_forces: as the forces
     have changed it."""
+    shapes, numbers = robots.shapes, robots.numbers
     count, half, first, entry, number = 0, np.empty((3, 3)), 0, 0, np.int64(0)
     for i in range(len(shapes)):
         count += shapes[i, 4]
@@ -276,16 +291,68 @@ def turned_compliance(shapes, numbers, loaded, R, under_forces):
     return total
 
 
+class Answers(NamedTuple):
+    """What robots answer to forces, one after another.
+
+    displaced: (sum of e,) mm of the effectors
+    pull: (sum of n_a,) N, forces of the actuators
+    work: (sum of n_a + sum of e,) what forces on points take off these, N, and by how much they move the effectors, mm
+    rows: (sum of k,) mm of the skins
+    error, stored: the largest and the sum of those of the robots, of `LoadResult.sizes`"""
+
+    displaced: np.ndarray
+    pull: np.ndarray
+    work: np.ndarray
+    rows: np.ndarray
+    error: float
+    stored: float
+
+
 @njit(cache=True, error_model="numpy")
-def relief(gradient, slopes, cubic, triples, w, v, first, second):
-    """(n_a,) N by which forces help the actuators of a robot to stay: loads w (k,) and v (r,) N, and the shares of the
-    first and second order; gradient (n_a, k), slopes (n_a, k, k), and cubic (n_a, c) of the mixtures (3, c)."""
-    helped = np.zeros(len(gradient))
+def answers(shapes, actuators, numbers, loaded):
+    """`Answers` of robots (r,) with so many actuators. numbers: `HeldRobot.answers` of robots with known points, and
+    `alone` of the others, one after another."""
+    total, error, stored = 0, 0.0, 0.0
+    for i in range(len(shapes)):
+        total += actuators[i]
+        error, stored = max(error, loaded.sizes[i, ERROR]), stored + loaded.sizes[i, STORED]
+    displaced, pull, work = loaded.moved.copy(), np.empty(total), np.zeros(total + len(loaded.moved))
+    effector, actuator, mode, mixture, number = 0, 0, 0, 0, 0
+    for i in range(len(shapes)):
+        k, r, e, a = shapes[i, 1], shapes[i, 2], shapes[i, 3], actuators[i]
+        for d in range(e):
+            work[total + effector + d] = loaded.moved[effector + d]
+            displaced[effector + d] = numbers[number + d] + loaded.moved[effector + d]
+        lam, number = numbers[number + e : number + e + a], number + e + a
+        if shapes[i, 4]:
+            c = r * (r + 1) * (r + 2) // 6
+            gradient, number = numbers[number : number + a * k].reshape((a, k)), number + a * k
+            slopes, number = numbers[number : number + a * k * k].reshape((a, k, k)), number + a * k * k
+            cubic, number = numbers[number : number + a * c].reshape((a, c)), number + a * c
+            w, v = loaded.w[mode : mode + k], loaded.v[mixture : mixture + r]
+        if loaded.sizes[i, BEARS]:
+            _relieve(gradient, slopes, cubic, w, v, loaded.sizes[i], work[actuator : actuator + a])
+        for d in range(a):
+            pull[actuator + d] = lam[d] - work[actuator + d]
+        effector, actuator, mode, mixture = effector + e, actuator + a, mode + k, mixture + r
+    return Answers(displaced, pull, work, loaded.rows.copy(), error, stored)
+
+
+@njit(cache=True, error_model="numpy")
+def _relieve(gradient, slopes, cubic, w, v, sizes, helped):
+    """Puts into helped (n_a,) N by how much forces help the actuators of a robot to stay: loads w (k,) and v (r,) N;
+    gradient (n_a, k), slopes (n_a, k, k), and cubic (n_a, c) of three mixtures i <= j <= k each."""
     for a in range(len(gradient)):
         for d in range(len(w)):
-            helped[a] += gradient[a, d] * w[d]
+            along = 0.0
             for b in range(len(w)):
-                helped[a] += first / 2 * slopes[a, d, b] * w[b] * w[d]
-        for c in range(cubic.shape[1]):
-            helped[a] += second / 6 * cubic[a, c] * v[triples[0, c]] * v[triples[1, c]] * v[triples[2, c]]
-    return helped
+                along += slopes[a, d, b] * w[b]
+            helped[a] += (gradient[a, d] + sizes[FIRST] / 2 * along) * w[d]
+        c = 0
+        for i in range(len(v)):
+            for j in range(i, len(v)):
+                along = 0.0
+                for k in range(j, len(v)):
+                    along += cubic[a, c] * v[k]
+                    c += 1
+                helped[a] += sizes[SECOND] / 6 * v[i] * v[j] * along

@@ -92,15 +92,16 @@ def under_forces(total, local, U, bends, change, slopes, modes):
     """Compliance (3 c, 3 c) mm/N of patches under forces: total, local and U of `PointCompliance`; bends (k, r); change
     (r, r) of C_ss, and slopes and modes of `LoadResponse`."""
     n, (k, r), (_, first, second, across, rank) = len(total), bends.shape, modes
-    V, along, by_change = np.zeros((r, n)), np.zeros(n), np.zeros((n, r))
+    V, by_V, along, by_change = np.zeros((n, r)), np.empty((r, n)), np.zeros(n), np.zeros((n, r))
     for i in range(n):
         for d in range(k):
             along[i] += U[i, d] * across[d]
             for e in range(r):
-                V[e, i] += U[i, d] * bends[d, e]
+                V[i, e] += U[i, d] * bends[d, e]
         for d in range(r):
+            by_V[d, i] = V[i, d]
             for e in range(r):
-                by_change[i, e] += V[d, i] * change[d, e]
+                by_change[i, e] += V[i, d] * change[d, e]
     compliance = np.empty((n, n))
     for i in range(n):
         row = compliance[i]
@@ -109,7 +110,7 @@ def under_forces(total, local, U, bends, change, slopes, modes):
         for d in range(r):
             share = second * by_change[i, d]
             for j in range(n):
-                row[j] += share * V[d, j]
+                row[j] += share * by_V[d, j]
         for b in range(3):
             row[i - i % 3 + b] += slopes[i // 3, i % 3, b]
     return compliance

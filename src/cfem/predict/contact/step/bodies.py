@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any, Self
 
 import numpy as np
 
@@ -21,9 +22,11 @@ from cfem.predict.contact.surface.surfaces import Surfaces
 class PlacedModel:
     """A learned robot and its place in the scene.
 
-    R, t: (3, 3) and (3,) mm from its frame to the scene's itself: True where it may touch itself unilateral: (n_a,)
-    bool, actuators that go slack where they would push (`cfem.predict.contact.step.slack`); the others are held. None:
-    all are held wrench: (n_e,) N and N mm on its effectors in its own frame, such as its weight; None: none"""
+    R, t: (3, 3) and (3,) mm from its frame to the scene's
+    itself: True where it may touch itself
+    unilateral: (n_a,) bool, actuators that go slack where they would push (`cfem.predict.contact.step.slack`); the
+        others are held. None: all are held
+    wrench: (n_e,) N and N mm on its effectors in its own frame, such as its weight; None: none"""
 
     patched: SurfaceModel
     R: np.ndarray = field(default_factory=lambda: np.eye(3))
@@ -40,7 +43,6 @@ class Bodies:
 
     rigid: bodies that some of them are fixed to, None where all stand still
     meet: whether robots may touch each other
-    stacked: surfaces of the robots, or of some of their points, joined once for many steps; None: by this scene
     even: whether steps are alike in length, so that forces may be expected to go on as in the last one
     parts: in which friction is followed along a step (`cfem.contact.law.sliding`), where `rigid` is None"""
 
@@ -49,12 +51,19 @@ class Bodies:
     mu: float = 0.0
     rigid: RigidBodies | None = None
     meet: bool = True
-    stacked: Surfaces | None = None
     even: bool = False
     parts: int = 1
 
     def __post_init__(self) -> None:
         demand_friction(self.mu)
+
+    def changed(self, **attributes: Any) -> Self:
+        """Copy with other attributes, of which none is checked. `surfaces` may be those of some points of the robots,
+        and `R`, `t` and `wrenches` others than `robots` have."""
+        _ = self.length, self.soft, self.pulls  # what the robots alone say is found once
+        changed = object.__new__(type(self))  # many a step
+        changed.__dict__.update(self.__dict__, **attributes)
+        return changed
 
     @cached_property
     def soft(self) -> bool:
@@ -63,14 +72,12 @@ class Bodies:
 
     @cached_property
     def surfaces(self) -> Surfaces:
-        """Surfaces of the robots: those of another step where the scene states them."""
-        return self.stacked or Surfaces([robot.patched for robot in self.robots])
+        return Surfaces([robot.patched for robot in self.robots])
 
-    @cached_property
+    @property
     def meets_between_nodes(self) -> bool:
         """True where obstacles may touch the robots between their nodes, too: not where bodies move."""
-        models = [robot.patched for robot in self.robots]
-        return self.rigid is None and self.stacked is None and any(len(model.facets.triangles) for model in models)
+        return self.rigid is None and any(len(robot.patched.facets.triangles) for robot in self.robots)
 
     @property
     def ends(self) -> list[int]:
@@ -93,6 +100,11 @@ class Bodies:
         return np.array([robot.t for robot in self.robots], float)
 
     @cached_property
+    def wrenches(self) -> list[np.ndarray | None]:
+        """(n_e,) on the effectors of each robot."""
+        return [robot.wrench for robot in self.robots]
+
+    @cached_property
     def length(self) -> float:
         return self.robots[0].patched.model.length
 
@@ -101,6 +113,11 @@ class Bodies:
         """(n,) bool of the actuators of all robots, robot after robot."""
         each = ((robot.unilateral, robot.patched.model.rows.n_a) for robot in self.robots)
         return np.concatenate([np.zeros(n_a, dtype=bool) if some is None else some for some, n_a in each])
+
+    @cached_property
+    def pulls(self) -> bool:
+        """True where any actuator only pulls."""
+        return bool(self.unilateral.any())
 
     @cached_property
     def surroundings(self) -> Surroundings:

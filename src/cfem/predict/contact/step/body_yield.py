@@ -44,7 +44,8 @@ def moved_bodies(levers, Y, compliance, turning):
     if len(turning):
         _add(wrench, _product(G[:near].T, turning))
     _add(wrench, G.T)
-    _add(change, _product(wrench[:, :near], T))
+    if T.any():
+        _add(change, _product(wrench[:, :near], T))
     left, xi = _product(Y, change), _product(Y, wrench)
     for i in range(len(left)):
         for j in range(len(left)):

@@ -1,6 +1,9 @@
 """Patches and the obstacles that they may touch in the rounds of a step (`cfem.predict.contact.step.rounds`): how far
 they are, which stick, from where they slip, and whether their forces obey the law where patches have come to."""
 
+from collections.abc import Sequence
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
@@ -13,6 +16,7 @@ from cfem.predict.contact.step.state import ContactState
 SIDE = 0.7  # product of normals: less is another side of an obstacle
 TOLERANCE = 1e-9  # of the length: how far gaps, and places by their forces, may be from what the law says
 OVERLAP = 1e-6  # of the length: how far a patch may be within an obstacle
+CLOSE = 0.005  # of the length: farther patches on which no obstacle presses are forgotten between steps
 FAR = 0.1  # of the length: no distance is larger, as none is asked
 NOTHING, NO_MOBILITY = np.zeros(0, dtype=np.int64), np.zeros((0, 0))
 
@@ -27,23 +31,26 @@ class OnObstacles:
     held: (N, 3) mm, where patches stuck at the begin of the step
     stuck: (N, 3) mm, from where slip along obstacles counts: there, or where the last part of the step begins
     sticks: (N,) bool, in the last round
+    stood: where obstacles stood before, None where nothing is known of it
     missed: mm, by which patches missed the law where the last round brought them"""
 
-    def __init__(self, poses: Poses, before: ContactState | None, push: np.ndarray | None = None):
-        """Begins with what presses in the state `before`, by push (p, 3) N on its pairs; None: with nothing."""
+    def __init__(self, poses: Poses, before: ContactState | None, forces: np.ndarray | None = None):
+        """Begins with what presses in the state `before`, None: with nothing. forces: (N, 3) N on all patches, with
+        which obstacles press where nothing else may touch."""
         self.scene, self.poses = poses.scene, poses
         count = len(self.scene.bodies)
-        self.near, self.push, self.sticks = NOTHING, np.zeros((count, 3)), np.zeros(count, dtype=bool)
-        self.which, self._stood = np.zeros(count, dtype=np.int64), None
-        self.missed = 0.0
+        self.which, self.stood, self.missed = np.zeros(count, dtype=np.int64), None, 0.0
         self._frames: np.ndarray | None = None  # of obstacles at the places, where they are known
         if before is None:
+            self.near, self.push, self.sticks = NOTHING, np.zeros((count, 3)), np.zeros(count, dtype=bool)
             return
-        pressed = before.on_obstacles
-        patches = before.pairs.points[pressed]
-        self.near, self.push[patches] = before.near, push[pressed]
-        self.sticks[patches] = [before.modes.get(patch + count) is Mode.STICK for patch in patches.tolist()]
-        self._stood, self.which[before.near] = before.obstacles, before.met
+        self.near, self.push = before.near, forces
+        if self.scene.soft or self.scene.meets_between_nodes:
+            pressed = before.on_obstacles
+            self.push = np.zeros((count, 3))
+            self.push[before.pairs.points[pressed]] = before.push[pressed]
+        self.sticks = before.sticks
+        self.stood, self.which[before.near] = before.obstacles, before.met
 
     def place(self) -> np.ndarray:
         """Puts rigid bodies where the forces bring them. Places (N, 3) mm of all patches then."""
@@ -88,6 +95,10 @@ class OnObstacles:
         """Takes all forces off."""
         self.near, self.push, self._frames = NOTHING, np.zeros_like(self.push), None
 
+    def forget_frames(self) -> None:
+        """Patches have moved, or obstacles."""
+        self._frames = None
+
     def frames(self, places: np.ndarray) -> np.ndarray:
         """Frames (d, 3, 3) of the obstacles at patches near them, at places (N, 3) mm."""
         if self._frames is None:
@@ -115,7 +126,7 @@ class OnObstacles:
 
     def gaps(self, places: np.ndarray) -> np.ndarray:
         """(d, 3) mm of patches near obstacles, in the frames of these: from them, and from where they last stuck."""
-        frames, stuck = self.frames(places), (self.stuck, self.distance, self._stood)
+        frames, stuck = self.frames(places), (self.stuck, self.distance, self.stood)
         return self.poses.gaps(frames, places, self.near, self.which, *stuck)
 
     def lawful(
@@ -137,7 +148,7 @@ class OnObstacles:
         there = self.frames(places), places, self.near, self.which, self.stuck, self.distance
         yields = compliance, at, NO_MOBILITY if mobility is None else mobility
         by_law, missed, turns, beyond, within, largest, turned = _lawful(
-            local, push, self.sticks, *there, self.poses.since(self._stood), float(scene.mu), *yields
+            local, push, self.sticks, *there, self.poses.since(self.stood), float(scene.mu), *yields
         )
         self.missed = max(missed, within, 0.0)
         if max(missed, turns) > TOLERANCE * scene.length or within > OVERLAP * scene.length:
@@ -146,26 +157,66 @@ class OnObstacles:
             return None
         return by_law if turned else push
 
-    def pairs(self, touches: np.ndarray, places: np.ndarray) -> Pairs:
-        """Pairs of the patches near obstacles that touch, (d,) bool."""
-        patches, frames = self.near[touches], self.frames(places)[touches]
-        partners = self.which[patches] + len(self.scene.robots)
-        return pairs_with_obstacles(patches, frames, self.distance[patches], partners, len(places))
-
-    def stuck_next(self, places: np.ndarray) -> np.ndarray:
-        """(N, 3) mm: `ContactState.stuck`."""
-        of_near = self.near, self.push, self.sticks, self.which, self.frames(places)
-        return held_by_friction(places, self.stuck, *of_near, *self.poses.since(self._stood))
+    def ended(self, places: np.ndarray, modes: Sequence[Mode]) -> "Ended":
+        """What goes on from a state with these modes of patches near obstacles."""
+        of_near = self.near, self.push, self.sticks, self.which, self.frames(places), self.distance
+        keeps, close = self.scene.mu > 0 and len(modes) > 0, CLOSE * self.scene.length
+        return ended(places, self.stuck, *of_near, self.poses.since(self.stood), close, keeps, len(self.scene.R))
 
 
-def pairs_with_obstacles(
-    patches: np.ndarray, frames: np.ndarray, gaps: np.ndarray, partners: np.ndarray, count: int
-) -> Pairs:
-    """Pairs of patches (p,), among `count`, and an obstacle each; frames (p, 3, 3), gaps (p,) mm and partners (p,) as
-    `Pairs` has them."""
-    relative = np.zeros((len(patches), count))
-    relative[np.arange(len(patches)), patches] = 1.0
-    return Pairs(patches + count, relative, frames, gaps, partners)
+class Ended(NamedTuple):
+    """Patches (m,) near obstacles and those (p,) of them that touch, at the end of a step.
+
+    slots, relative, frames, gaps, partners: of `Pairs`
+    push: (p, 3) N
+    touching: (p,), of all that were near in the step
+    near (m,), met (m,) and stuck (N, 3) mm: of `ContactState`"""
+
+    slots: np.ndarray
+    relative: np.ndarray
+    frames: np.ndarray
+    gaps: np.ndarray
+    partners: np.ndarray
+    push: np.ndarray
+    touching: np.ndarray
+    near: np.ndarray
+    met: np.ndarray
+    stuck: np.ndarray
+
+    @property
+    def pairs(self) -> Pairs:
+        return Pairs(*self[:5])
+
+
+@njit(cache=True, error_model="numpy")
+def ended(places, stuck, near, push, sticks, which, frames, distance, poses, close, keeps, r):
+    """`Ended` of patches near (d,) of r robots; poses: the last arguments of `held_by_friction`, which see for the
+    others; distance (N,) mm from obstacles. keeps: whether any is stuck."""
+    d, p, m, N = len(near), 0, 0, len(places)
+    touches, stays = np.zeros(d, dtype=np.bool_), np.zeros(d, dtype=np.bool_)
+    for i in range(d):
+        n = near[i]
+        touches[i] = distance[n] <= 0 or push[n, 0] != 0.0 or push[n, 1] != 0.0 or push[n, 2] != 0.0
+        stays[i] = touches[i] or distance[n] < close
+        p, m = p + touches[i], m + stays[i]
+    slots, partners, touching = np.empty(p, dtype=np.int64), np.empty(p, dtype=np.int64), np.empty(p, dtype=np.int64)
+    relative, axes, gaps, pushes = np.zeros((p, N)), np.empty((p, 3, 3)), np.empty(p), np.empty((p, 3))
+    kept, met = np.empty(m, dtype=np.int64), np.empty(m, dtype=np.int64)
+    p, m = 0, 0
+    for i in range(d):
+        n = near[i]
+        if stays[i]:
+            kept[m], met[m] = n, which[n]
+            m += 1
+        if touches[i]:
+            slots[p], partners[p], touching[p], relative[p, n], gaps[p] = n + N, which[n] + r, i, 1.0, distance[n]
+            for a in range(3):
+                pushes[p, a] = push[n, a]
+                for b in range(3):
+                    axes[p, a, b] = frames[i, a, b]
+            p += 1
+    held = held_by_friction(places, stuck, near[: d if keeps else 0], push, sticks, which, frames, *poses)
+    return Ended(slots, relative, axes, gaps, partners, pushes, touching, kept, met, held)
 
 
 @njit(cache=True, error_model="numpy")

@@ -128,10 +128,16 @@ def _placed(local, bodies, R, t):
     """(N, 3) mm in the scene, of places in the frames of robots `bodies` (N,) at R (r, 3, 3) and t (r, 3) mm."""
     places = np.empty_like(local)
     for p in range(len(local)):
-        i = bodies[p]
-        for a in range(3):
-            places[p, a] = R[i, a, 0] * local[p, 0] + R[i, a, 1] * local[p, 1] + R[i, a, 2] * local[p, 2] + t[i, a]
+        _put(local, bodies, R, t, p, places[p])
     return places
+
+
+@njit(cache=True, error_model="numpy")
+def _put(local, bodies, R, t, p, place):
+    """Puts into place (3,) mm that of a patch p, as `_placed` has it."""
+    i = bodies[p]
+    for a in range(3):
+        place[a] = R[i, a, 0] * local[p, 0] + R[i, a, 1] * local[p, 1] + R[i, a, 2] * local[p, 2] + t[i, a]
 
 
 @njit(cache=True, error_model="numpy")
@@ -143,18 +149,20 @@ def _follow(local, bodies, R, t, R_now, t_now, of_robots, known, forces, near, w
     these, the bodies (n,) that they are on, and the poses that are predicted; rigid: `centres`, `mobility` and `before`
     of `RigidBodies`."""
     (of_obstacles, R_obstacles, t_obstacles), (centres, mobility, before) = met, rigid
-    places, lever = _placed(local, bodies, R_now, t_now), np.empty(3)
+    place, lever = np.empty(3), np.empty(3)
     for _ in range(2 if (of_robots >= 0).any() else 1):  # once more with the levers where robots have come to
         wrench = -before
         for i in range(len(known)):
             body = of_robots[bodies[known[i]]]
+            _put(local, bodies, R_now, t_now, known[i], place)
             for a in range(3):
-                lever[a] = places[known[i], a] - centres[body, a]
+                lever[a] = place[a] - centres[body, a]
             add_wrench(wrench, body, lever, forces[i])
         for patch in near:
             body = of_obstacles[which[patch]]
+            _put(local, bodies, R_now, t_now, patch, place)
             for a in range(3):
-                lever[a] = places[patch, a] - centres[body, a]
+                lever[a] = place[a] - centres[body, a]
             add_wrench(wrench, body, lever, -push[patch])
         xi = np.zeros(len(wrench))
         for a in range(len(wrench)):
@@ -162,9 +170,8 @@ def _follow(local, bodies, R, t, R_now, t_now, of_robots, known, forces, near, w
                 xi[a] += mobility[a, b] * wrench[b]
         R_body, t_body = motions(xi, centres)
         R_now, t_now = carried(of_robots, R_body, t_body, R, t)
-        places = _placed(local, bodies, R_now, t_now)
     R_met, t_met = carried(of_obstacles, R_body, t_body, R_obstacles, t_obstacles)
-    return places, R_now, t_now, R_met, t_met
+    return _placed(local, bodies, R_now, t_now), R_now, t_now, R_met, t_met
 
 
 @njit(cache=True, error_model="numpy")

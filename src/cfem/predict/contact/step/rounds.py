@@ -12,11 +12,13 @@ import numpy as np
 
 from cfem.contact.acceleration import Acceleration
 from cfem.contact.law.modes import Mode
+from cfem.contact.law.newton import of_numbers
 from cfem.contact.law.sliding import StepBegin
 from cfem.contact.pairs import Memory, Pairs
 from cfem.contact.patch_forces import Balance, TurningCompliance, balance
 from cfem.contact.step_status import StepStatus
 from cfem.predict.contact.forces.loaded_robots import NOTHING, LoadedRobots
+from cfem.predict.contact.step.at_once import HOLDS, IN_PARTS, Predicted, rounds_at_once
 from cfem.predict.contact.step.bodies import Bodies
 from cfem.predict.contact.step.on_obstacles import SIDE, OnObstacles
 from cfem.predict.contact.step.poses import Loads, Poses
@@ -28,7 +30,6 @@ PATIENCE, LEAST = 8, 1 / 64  # rounds that take all of the change of the forces,
 ACCELERATED = 16  # rounds that combine answers: where a surface loses its hold, no combination of them leads on
 ALIKE = 0.5  # cosine between steps that go the same way
 PAIRS = 2  # of the points that may touch obstacles at once: pairs of soft surfaces that may touch
-NEAR = 0.005  # of the length: farther patches on which no obstacle presses are forgotten between steps
 
 
 class Rounds:
@@ -43,34 +44,59 @@ class Rounds:
         """Begins at the actuators `deltas` with the contacts of the state `before`, None: without any."""
         self.scene, self.iterations, self.modes = scene, 0, ()
         self._share, self._missed, self._last_step = 1.0, np.inf, np.zeros((0, 3))
-        self._acceleration = Acceleration()
-        known, forces, push = NOTHING, np.zeros((len(scene.bodies), 3)), None
+        self._acceleration, self._end = Acceleration(), None
+        known, forces = NOTHING, np.zeros((len(scene.bodies), 3))
         self._begin = forces if before is None else before.forces
         if before is not None:
             before = before.with_first_obstacles(len(scene.obstacles.t))
-            known, forces, push = before.known, before.forces, before.push
-            if scene.even and not scene.soft and before.steady:
-                forces, push = before.going_on()
-        wrenches = [robot.wrench for robot in scene.robots]
-        self.robots = LoadedRobots(scene.surfaces, deltas, wrenches, scene.R, scene.t, known, forces)
+            expected = scene.even and not scene.soft and before.steady
+            known, forces = before.known, before.going_on() if expected else before.forces
+        self.robots = LoadedRobots(scene.surfaces, deltas, scene.wrenches, scene.R, scene.t, known, forces)
         self.poses = Poses(scene, self.robots)
-        self.met = met = OnObstacles(self.poses, before, push)
-        self.places = met.stuck = met.place()  # what did not touch slides from where it was
-        if before is not None and scene.mu:
-            met.stuck = np.where(np.isnan(before.stuck), before.places, before.stuck)
-        met.held = met.stuck
+        self.met = OnObstacles(self.poses, before, forces)
+        stays = before is not None and len(before.near) > 0  # on the wrong side, or branch, where it was before
+        self.depth, self.deep, self._unsettled = 0.0, stays and before.deep, stays and before.unsettled
+        more_known = before is not None and len(before.known) > len(before.near)  # than what may touch at nodes
+        self._predicted = None if before is None or more_known else Predicted.of(scene)
+        if self._predicted is None:
+            self._place(before)
+        else:
+            self._slips = before.stuck, before.places, before.obstacles.R, before.obstacles.t
         follows = scene.mu > 0 and scene.parts > 1 and scene.rigid is None
         self._origin = (before.began or before) if before is not None and follows else None
-        met.look_at_all(self.places)
-        self.depth = max(0.0, -float(met.distance.min(initial=0.0)))
-        self.deep = self.depth > 0 and self.poses.obstacles.deep(met.which, self.places, met.distance, SIDE)
-        stays = before is not None and len(before.near) > 0  # on the wrong side, or branch, where it was before
-        self.deep |= stays and before.deep
-        self._unsettled = stays and before.unsettled
         self.soft = None
-        more_known = before is not None and len(before.known) > len(before.near)  # than what may touch at nodes
         if scene.soft or more_known or self._between_nodes():
             self._look_between_nodes(before)
+
+    def _place(self, before: ContactState | None) -> None:
+        """Puts all where the forces bring it, and finds how far patches are from obstacles."""
+        met = self.met
+        self.places = met.stuck = met.place()  # what did not touch slides from where it was
+        if before is not None and self.scene.mu:
+            met.stuck = np.where(np.isnan(before.stuck), before.places, before.stuck)
+        met.held = met.stuck
+        met.look_at_all(self.places)
+        self.depth = max(0.0, -float(met.distance.min(initial=0.0)))
+        self.deep |= self.depth > 0 and self.poses.obstacles.deep(met.which, self.places, met.distance, SIDE)
+
+    def _at_once(self, first: bool) -> StepStatus | None:
+        """Status in which rounds in one call end, None where more are needed; first: whether they are the first."""
+        robots, met, poses = self.robots, self.met, self.poses
+        to_answer = robots.surfaces.actuators, robots.numbers
+        how, rounds, placed, depth, deep, met.held, push, met.sticks, modes, met.missed, *self._end = rounds_at_once(
+            *(robots.arrays, to_answer, robots.room, self._predicted, robots.R, robots.t),
+            *((met.near, met.which, robots.forces, met.sticks), self._slips, float(self.scene.mu)),
+            *(self.scene.length, PATIENCE - self.iterations, first),
+        )
+        self.places, robots.R, robots.t, R, t, met.distance, met.which = placed
+        poses.obstacles = poses.obstacles.posed(R, t)
+        robots.have(push, how == IN_PARTS)
+        met.forget_frames()
+        met.stuck, met.push, self.modes, self._missed = met.held, push, of_numbers(modes), met.missed
+        self.iterations += rounds
+        if first:
+            self.depth, self.deep = depth, self.deep or deep
+        return StepStatus.CONVERGED if how == HOLDS else None
 
     def _look_between_nodes(self, before: ContactState | None) -> None:
         """Takes pairs of soft surfaces, and of obstacles between nodes, into the law from now on."""
@@ -91,7 +117,7 @@ class Rounds:
 
     def run(self) -> ContactState:
         """The state in which the rounds end."""
-        status = None
+        status = None if self._predicted is None else self._at_once(True)
         while status is None:
             status = self._round() if self.iterations < ITERATIONS else StepStatus.ITERATIONS
             if status is StepStatus.CONVERGED and self.soft is None and self._between_nodes():
@@ -100,7 +126,7 @@ class Rounds:
 
     def _round(self) -> StepStatus | None:
         """Status in which the step ends, None where another round is needed."""
-        self.iterations += 1
+        self.iterations, self._end = self.iterations + 1, None
         near = self.met.distance <= 0
         if self.soft is None:
             near[self.met.near] = True  # also those that have opened: only of known patches are places quite known
@@ -115,8 +141,12 @@ class Rounds:
         if len(self.met.near) > most or (touching and len(touching) > PAIRS * most):
             self._let_go()
             return StepStatus.MANY
+        grows = len(self.met.near) > len(self.robots.known)
         if not self._know(touching):
             return None
+        if grows and self._predicted is not None and self.iterations <= PATIENCE:
+            self.iterations -= 1
+            return self._at_once(False)
         answer = self._law()
         if answer is None:
             return StepStatus.NO_MODE
@@ -196,6 +226,8 @@ class Rounds:
         known = near if touching is None else np.union1d(np.union1d(before, touching.used), near)
         if len(known) > len(before):
             self.robots.know(known, self.robots.forces)
+            if self._predicted is not None:
+                return True
             self.places = self.met.place()  # moved by those beside them
             self.met.look_again(self.places)
             if self.soft is not None:
@@ -284,7 +316,7 @@ class Rounds:
             turned = (turning @ (answer.push - self._pushes()).ravel()).reshape(-1, 3)
             push, forces = push + turned, forces.copy()
             forces[self._of_near()] += turned
-        met.sticks[:] = False
+        met.sticks = np.zeros(len(met.sticks), dtype=bool)
         met.sticks[met.near] = [mode is Mode.STICK for mode in answer.modes[:d]]
         self._press(push, forces)
         before, self.places = self.places, met.place()
@@ -320,26 +352,22 @@ class Rounds:
 
     def _state(self, status: StepStatus) -> ContactState:
         """The state in which the step ends: pairs, forces and memory, with patches known to the next step."""
-        met, near, places, robots = self.met, self.met.near, self.places, self.robots
-        push, distance, memory = met.push[near], met.distance[near], Memory()
-        touches = push.any(axis=1) | (distance <= 0)
-        next_near = known = near[touches | (distance < NEAR * self.scene.length)]
-        pairs, push = met.pairs(touches, places), push[touches]
-        modes = zip((near + len(places)).tolist(), self.modes, touches.tolist(), strict=False)
-        modes = {slot: mode for slot, mode, does in modes if does}
+        met, near, places, robots, memory = self.met, self.met.near, self.places, self.robots, Memory()
+        end, answers = self._end or (met.ended(places, self.modes), robots.answers)
+        pairs, push, known = end.pairs, end.push, end.near
+        slots = zip(end.slots.tolist(), end.touching.tolist(), strict=True)
+        modes = {slot: self.modes[number] for slot, number in slots} if self.modes else {}
         if self.soft is not None:
             soft = self.soft
             modes |= dict(zip(soft.touching.slots.tolist(), self.modes[len(near) :], strict=False))
             memory, pairs = soft.memory_after(places, modes), soft.pairs.joined(pairs)
             push = np.concatenate([soft.push_of(soft.pairs), push])
             known = soft.to_be_known(places, self.poses.obstacles)
-        pressed = pairs.some(push.any(axis=1))
-        most = SETTLED if pressed.at_nodes.all() else 2 * SETTLED  # as forces turn with the surface between nodes
-        hurried = self.iterations > most and (pressed.slots >= len(places)).all()
-        slides = not self.scene.mu or not self.modes or not len(near)
-        delta_e, lambda_a, relief, moved = robots.outputs()
-        each = zip(robots.wrenches, moved, strict=True)
-        wrenches = [np.zeros(len(e)) if wrench is None else wrench for wrench, e in each]
+        hurried = False
+        if self.iterations > SETTLED:
+            pressed = pairs.some(push.any(axis=1))
+            most = SETTLED if pressed.at_nodes.all() else 2 * SETTLED  # as forces turn with the surface between nodes
+            hurried = self.iterations > most and bool((pressed.slots >= len(places)).all())
         return ContactState(
             pairs,
             push,
@@ -349,27 +377,24 @@ class Rounds:
             robots.forces - self._begin,
             places,
             known,
-            next_near,
+            end.near,
             modes,
-            np.full_like(places, np.nan) if slides else met.stuck_next(places),
+            end.stuck,
             memory,
-            list(robots.deltas),
-            delta_e,
-            lambda_a,
-            relief,
-            wrenches,
-            moved,
-            robots.rows,
-            robots.error,
+            met.sticks,
+            robots.given,
+            answers,
+            answers.error,
             self.deep,
             self._unsettled or hurried,
             self.depth,
             self.iterations,
             self.poses.obstacles,
-            met.which[next_near],
-            robots.stored,
-            list(zip(robots.R, robots.t, strict=True)),
-            [model.model for model in self.scene.surfaces.models],
+            end.met,
+            answers.stored,
+            robots.R,
+            robots.t,
+            self.scene.surfaces,
         )
 
 

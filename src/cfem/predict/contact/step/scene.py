@@ -13,7 +13,6 @@ friction holds depends on the way."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import accumulate, pairwise
 
 import numpy as np
 
@@ -64,26 +63,23 @@ class ContactScene(Bodies):
     ) -> ContactState:
         """One quasi-static step from the state `before` (none: free robots), which ends as `go` does. of_first (n_a,)
         bool: `unilateral` of the first robot now."""
-        unilateral = self.unilateral
+        unilateral, surfaces = self.unilateral, self.surfaces
         if of_first is not None:
             unilateral = np.concatenate([of_first, unilateral[len(of_first) :]])
-        deltas = [np.asarray(delta, float) for delta in deltas]
-        if not unilateral.any():
-            return Rounds(self, deltas, before).run()
-        cuts, models = list(accumulate(map(len, deltas), initial=0)), [robot.patched.model for robot in self.robots]
-
-        def each(values: np.ndarray) -> list[np.ndarray]:
-            return [values[a:b] for a, b in pairwise(cuts)]
 
         def held(target: np.ndarray) -> ContactState:
-            return Rounds(self, each(target), before).run()
+            return Rounds(self, [target[a:b] for a, b in surfaces.actuator_ends], before).run()
 
-        last = None if before is None else (np.concatenate(before.deltas), before.pull)
-        state, slack, settled = with_slack(held, models, unilateral, np.concatenate(deltas), last)
+        target = np.concatenate(deltas, dtype=float)
+        if not self.pulls and of_first is None:
+            return held(target)
+        last = None if before is None else (before.given[: len(target)], before.pull)
+        state, slack, settled = with_slack(held, surfaces.predictors, unilateral, target, last)
         if settled and not slack.any():
             return state
         status = state.status if settled else StepStatus.ITERATIONS
-        return replace(state, status=status, lambda_a=each(np.where(slack, 0.0, state.pull)))
+        answers = state.answers._replace(pull=np.where(slack, 0.0, state.pull))
+        return replace(state, status=status, answers=answers)
 
 
 def contact_step(

@@ -29,11 +29,11 @@ def with_slack(
     pull with `pull` (n_a,) N; target (n_a,) mm: of theirs; before: delta_a and lambda_a of the last state, 0 N of a
     cable that is slack."""
     slack, delta = np.zeros(len(target), dtype=bool), target
-    if before is not None:
+    if before is not None and not before[1].all():
         slack = unilateral & (before[1] == 0.0)
-        delta = np.where(slack, np.maximum(before[0], target), target) if slack.any() else target
+        delta = np.where(slack, np.maximum(before[0], target), target)
     state = step(delta)
-    if not state.converged or not (slack | unilateral & (state.pull < 0)).any():
+    if not state.converged or not (slack.any() or (unilateral & (state.pull < 0)).any()):
         return state, slack, True
 
     cuts = np.cumsum([model.rows.n_a for model in models])[:-1]

@@ -12,7 +12,8 @@ from cfem.contact.obstacle_set import ObstacleSet
 from cfem.contact.pairs import Memory, Pressing
 from cfem.contact.prescribed_motion import PrescribedMotion
 from cfem.contact.step_status import StepStatus
-from cfem.predict.protocol import Predictor
+from cfem.predict.contact.forces.load_kernel import Answers
+from cfem.predict.contact.surface.surfaces import Surfaces
 
 GOES_ON = 0.3  # of a force: the largest change in a step that is expected to go on
 TRUSTED = 0.035  # estimated error of the motion by forces; forces are then within 5 % (docs/contact.md)
@@ -34,10 +35,9 @@ class ContactState(Pressing):
     modes: by slot, of pairs that touch
     stuck (N, 3) mm: where friction of an obstacle holds each patch, NaN where none does
     memory: from where the slip of soft surfaces, and between nodes, counts
-    deltas (n_a,) mm, delta_e (n_e,) mm, lambda_a (n_a,) N of each robot in its own frame; lambda_a is negative where a
-        cable that is held would have to push; relief (n_a,) N of it is what the forces on patches take off
-    wrenches (n_e,): on its effectors, 0 without; moved (n_e,) mm: what of delta_e the forces on patches make
-    rows (k,) mm: of each robot's skin, from which `LearnedSkin.surface` draws it, without what is local
+    sticks: (N,) bool, patches that friction of an obstacle holds
+    given: displacements of the actuators, mm, and then wrenches on the effectors of all robots, robot after robot
+    answers: of the robots; pull is negative where a cable that is held would have to push
     error: estimate of how far what forces do is off, a share of it, the largest of all robots and rounds
     deep: whether a patch began so far within an obstacle that, twice as far in, another side of it is nearer: in this
         step, or in one before, since when some patch has been near an obstacle
@@ -47,8 +47,8 @@ class ContactState(Pressing):
     obstacles: where they stand
     met (d,): those that the patches `near` are near
     stored: N mm, by which forces on the patches have changed the energy of all robots
-    poses: (3, 3) and (3,) mm from the frame of each robot to the scene's
-    models: of each robot
+    R (r, 3, 3), t (r, 3) mm: from the frame of each robot to the scene's
+    surfaces: of the robots, of these patches
     began: the state from which the step to this one went, where steps beside it are asked for (`slipping_from`)"""
 
     status: StepStatus
@@ -60,13 +60,9 @@ class ContactState(Pressing):
     modes: Mapping[int, Mode]
     stuck: np.ndarray
     memory: Memory
-    deltas: list[np.ndarray]
-    delta_e: list[np.ndarray]
-    lambda_a: list[np.ndarray]
-    relief: list[np.ndarray]
-    wrenches: list[np.ndarray]
-    moved: list[np.ndarray]
-    rows: list[np.ndarray]
+    sticks: np.ndarray
+    given: np.ndarray
+    answers: Answers
     error: float
     deep: bool
     unsettled: bool
@@ -75,8 +71,9 @@ class ContactState(Pressing):
     obstacles: ObstacleSet
     met: np.ndarray
     stored: float
-    poses: list[tuple[np.ndarray, np.ndarray]]
-    models: list[Predictor]
+    R: np.ndarray
+    t: np.ndarray
+    surfaces: Surfaces
     began: "ContactState | None" = None
 
     @property
@@ -96,19 +93,42 @@ class ContactState(Pressing):
     def outside(self) -> bool:
         """True where a robot that nothing touches would be beyond what its model was trained on, its actuators as they
         are."""
-        states = [model.at_displacement(delta) for model, delta in zip(self.models, self.deltas, strict=True)]
-        return not all(model.inside(state) for model, state in zip(self.models, states, strict=True))
+        models = self.surfaces.predictors
+        states = [model.at_displacement(delta) for model, delta in zip(models, self.deltas, strict=True)]
+        return not all(model.inside(state) for model, state in zip(models, states, strict=True))
 
-    @cached_property
+    @property
     def pull(self) -> np.ndarray:
         """(n,) N of the actuators of all robots, robot after robot."""
-        return np.concatenate(self.lambda_a)
+        return self.answers.pull
 
     @cached_property
-    def commanded(self) -> tuple[np.ndarray, np.ndarray]:
-        """(n,) what is given of all robots, displacements of actuators and then wrenches, and (n,) what the forces on
-        patches answer, `relief` and `moved`: their product is work that they take, N mm."""
-        return np.concatenate([*self.deltas, *self.wrenches]), np.concatenate([*self.relief, *self.moved])
+    def deltas(self) -> list[np.ndarray]:
+        """(n_a,) mm of each robot's actuators."""
+        return self._each(self.given, self.surfaces.actuator_ends)
+
+    @cached_property
+    def wrenches(self) -> list[np.ndarray]:
+        """(n_e,) on each robot's effectors in its own frame, 0 without."""
+        return self._each(self.given[len(self.pull) :], self.surfaces.effector_ends)
+
+    @cached_property
+    def delta_e(self) -> list[np.ndarray]:
+        """(n_e,) mm of each robot's effectors in its own frame."""
+        return self._each(self.answers.displaced, self.surfaces.effector_ends)
+
+    @cached_property
+    def lambda_a(self) -> list[np.ndarray]:
+        """(n_a,) N of each robot's actuators."""
+        return self._each(self.pull, self.surfaces.actuator_ends)
+
+    @cached_property
+    def rows(self) -> list[np.ndarray]:
+        """(k,) mm of each robot's skin, from which `LearnedSkin.surface` draws it, without what is local."""
+        return self._each(self.answers.rows, self.surfaces.mode_ends)
+
+    def _each(self, values: np.ndarray, ends: list[tuple[int, int]]) -> list[np.ndarray]:
+        return [values[a:b] for a, b in ends]
 
     @property
     def on_obstacles(self) -> np.ndarray:
@@ -119,12 +139,11 @@ class ContactState(Pressing):
     def steady(self) -> bool:
         """True where all that touches sticks, and no force has changed by more than a share in this step. Where patches
         slide, begin to touch or come off, several states may obey the law: the guess would choose between them."""
-        return all(mode is Mode.STICK for mode in self.modes.values()) and _changes_little(self.change, self.forces)
+        return _steady(self.change, self.forces, self.pairs.slots, self.sticks)
 
-    def going_on(self) -> tuple[np.ndarray, np.ndarray]:
-        """Forces (N, 3) N on the patches, and push (p, 3) N on the pairs, after a step that goes on as the last one: a
-        guess. All pairs are with obstacles."""
-        return self.forces + self.change, self.push + self.change[self.pairs.points]
+    def going_on(self) -> np.ndarray:
+        """Forces (N, 3) N on the patches after a step that goes on as the last one: a guess."""
+        return self.forces + self.change
 
     def slipping_from(self, before: "ContactState") -> "ContactState":
         """This state, whose slip counts from where that of a step from `before` to it does."""
@@ -132,7 +151,9 @@ class ContactState(Pressing):
 
     def with_first_obstacles(self, count: int) -> "ContactState":
         """This state as far as the first `count` obstacles press; the others are gone."""
-        left, gone = self.met < count, self.pairs.partners >= count + len(self.poses)
+        if len(self.obstacles.t) <= count:
+            return self
+        left, gone = self.met < count, self.pairs.partners >= count + len(self.t)
         if left.all() and not gone.any():
             return self
         near = self.near[left]
@@ -154,8 +175,12 @@ class ContactState(Pressing):
 
 
 @njit(cache=True, error_model="numpy")
-def _changes_little(change, forces):
-    """True where no force (N, 3) N has changed by more than a share GOES_ON of it."""
+def _steady(change, forces, slots, sticks):
+    """True where no force (N, 3) N has changed by more than a share GOES_ON of it, and all patches of pairs with
+    obstacles stick."""
+    for slot in slots:
+        if not sticks[slot - len(sticks)]:
+            return False
     for p in range(len(forces)):
         by, size = 0.0, 0.0
         for a in range(3):

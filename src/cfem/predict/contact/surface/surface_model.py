@@ -209,9 +209,9 @@ class SurfaceModel(ABC):
         return np.concatenate([seen[:, None] + apart[:, None], mixtures], axis=1)
 
     @cached_property
-    def cubic(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Series of bent[v, v, v], v loads on the mixtures, a symmetric cubic form: coefficients (terms, c) mm/N^2, the
-        three mixtures (3, c) that each goes with, and derivatives (n_a, terms, terms) 1/mm of the series by delta_a."""
+    def cubic(self) -> tuple[np.ndarray, np.ndarray]:
+        """Series of bent[v, v, v], v loads on the mixtures, a symmetric cubic form: coefficients (terms, c) mm/N^2 of
+        three mixtures i <= j <= k each, and derivatives (n_a, terms, terms) 1/mm of the series by delta_a."""
         from cfem.predict.series.derivatives import input_derivatives
 
         low, high = self.model.domain.delta_a
@@ -219,7 +219,7 @@ class SurfaceModel(ABC):
         orders = np.where((i == j) & (j == k), 1.0, np.where((i == j) | (j == k), 3.0, 6.0))
         by_delta = input_derivatives(self.degrees, np.diag(2 / (high - low)), len(low))
         slopes = np.stack([slope.toarray() for slope in by_delta])
-        return orders * self.bent[:, : len(i)], np.stack([i, j, k]), slopes
+        return orders * self.bent[:, : len(i)], slopes
 
     @cached_property
     def _of_modes(self) -> tuple[np.ndarray, np.ndarray]:

@@ -11,6 +11,7 @@ import numpy as np
 
 from cfem.predict.contact.surface.surface_model import SurfaceModel
 from cfem.predict.contact.surface.surface_part import SurfacePart
+from cfem.predict.protocol import Predictor
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +68,42 @@ class Surfaces:
         return np.array(each, dtype=np.int64)
 
     @cached_property
+    def predictors(self) -> list[Predictor]:
+        """Models of the robots."""
+        return [model.model for model in self.models]
+
+    @cached_property
+    def actuators(self) -> np.ndarray:
+        """(r,) numbers of actuators of the robots."""
+        return np.array([model.model.rows.n_a for model in self.models], dtype=np.int64)
+
+    @cached_property
+    def no_wrench(self) -> np.ndarray:
+        """(sum of n_e,) 0 on all effectors."""
+        return np.zeros(self.shapes[:, 3].sum())
+
+    @cached_property
+    def moved_at_most(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """`size` (r,), `moved_by_row` (sum of k,) and `moved_by_wrench` (sum of n_e,) of the whole surfaces."""
+        whole = [model.whole for model in self.models]
+        by = (np.concatenate([getattr(it, name) for it in whole]) for name in ("moved_by_row", "moved_by_wrench"))
+        return np.array([it.size for it in whole]), *by
+
+    @cached_property
     def mode_ends(self) -> list[tuple[int, int]]:
         """First and last number of each surface's modes among those of all."""
-        return list(pairwise(accumulate(self.shapes[:, 1].tolist(), initial=0)))
+        return _ends(self.shapes[:, 1])
+
+    @cached_property
+    def effector_ends(self) -> list[tuple[int, int]]:
+        """First and last number of each robot's effectors among those of all."""
+        return _ends(self.shapes[:, 3])
+
+    @cached_property
+    def actuator_ends(self) -> list[tuple[int, int]]:
+        """First and last number of each robot's actuators among those of all."""
+        return _ends(self.actuators)
+
+
+def _ends(counts: np.ndarray) -> list[tuple[int, int]]:
+    return list(pairwise(accumulate(counts.tolist(), initial=0)))
