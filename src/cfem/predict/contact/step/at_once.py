@@ -136,22 +136,16 @@ class Ending(NamedTuple):
 
 @njit(cache=True, error_model="numpy")
 def rounds_at_once(robots, to_answer, loaded, predicted, R, t, presses, slips, mu, length, most, first):
-    """`Ending` of rounds, `most` at most, with robots at R (r, 3, 3) and t (r, 3) mm; first: whether they are the first
-    of a step.
+    """`Ending` of rounds, `most` at most, with robots at R (r, 3, 3), t (r, 3) mm; first: whether a step begins.
 
     to_answer: actuators and numbers of `load_kernel.answers`
     presses: patches near (d,), obstacles `which` (N,) that press them by push (N, 3) N, and which stick, (N,) bool
     slips: from where slip counts: where patches are stuck, (N, 3) mm, else, where that is NaN, where they began, (N, 3)
         mm, with obstacles at (n, 3, 3) and (n, 3) mm"""
     (near, which, push, sticks), (stuck, begun, R_then, t_then) = presses, slips
-    d, forces, held, depth, rounds, missed = len(near), _near(near, push), stuck.copy(), 0.0, 0, 0.0
-    far = FAR * length
+    d, forces, rounds, missed, far = len(near), _near(near, push), 0, 0.0, FAR * length
     placed = _press(robots, loaded, predicted, R, t, near, forces, push, which, True, far)
-    for p in range(len(held)):
-        depth = max(depth, -placed.distance[p])
-        for a in range(3):
-            if np.isnan(stuck[p, a]):
-                held[p, a] = begun[p, a]
+    held, depth = _held(stuck, begun, placed.distance)
     boxes = _at(predicted.boxes, placed.R_met, placed.t_met)
     is_deep = depth > 0 and deep(boxes, placed.which, placed.places, placed.distance, SIDE)
     there, modes, how = _frames(predicted.boxes, near, placed), np.zeros(d, dtype=np.int8), GOES_ON
@@ -182,10 +176,8 @@ def rounds_at_once(robots, to_answer, loaded, predicted, R, t, presses, slips, m
         forces = _turned(found, forces, turning)
         push, sticks = np.zeros(push.shape), np.zeros(len(push), np.bool_)
         _put(near, forces, push)
-        for i in range(d):
-            sticks[near[i]] = modes[i] == 1
-        R, t, which = placed.R, placed.t, placed.which
-        placed = _press(robots, loaded, predicted, R, t, near, forces, push, which, False, far)
+        _put_sticking(near, modes, sticks)
+        placed = _press(robots, loaded, predicted, placed.R, placed.t, near, forces, push, placed.which, False, far)
         there = _frames(predicted.boxes, near, placed)
         compliance = turned_compliance(robots, loaded.compliance, placed.R, False)
         by_law, away, turns, beyond, within, largest, differs = _lawful(
@@ -203,6 +195,26 @@ def rounds_at_once(robots, to_answer, loaded, predicted, R, t, presses, slips, m
     end = ended(placed.places, held, *of_near, poses, CLOSE * length, keeps, len(R))
     says = answers(robots.shapes, *to_answer, loaded)
     return Ending(how, rounds, placed, depth, is_deep, held, push, sticks, modes, missed, end, says)
+
+
+@njit(cache=True, error_model="numpy")
+def _held(stuck, begun, distance):
+    """From where slip counts, (N, 3) mm, and how far the deepest patch is within an obstacle, mm, at distances (N,)
+    mm."""
+    held, depth = stuck.copy(), 0.0
+    for p in range(len(held)):
+        depth = max(depth, -distance[p])
+        for a in range(3):
+            if np.isnan(stuck[p, a]):
+                held[p, a] = begun[p, a]
+    return held, depth
+
+
+@njit(cache=True, error_model="numpy")
+def _put_sticking(near, modes, sticks):
+    """Puts which of the patches near (d,) stick, by modes (d,), into those of all, (N,) bool."""
+    for i in range(len(near)):
+        sticks[near[i]] = modes[i] == 1
 
 
 @njit(cache=True, error_model="numpy")
