@@ -36,13 +36,9 @@ class Geoms:
             [_shape(model, *each) for each in zip(self.numbers.tolist(), self.names, strict=True)]
         )
 
-    def posed(self, R: np.ndarray, t: np.ndarray) -> ObstacleSet:
-        """The geoms at R (n, 3, 3), t (n, 3) mm."""
-        return self._shapes.posed(R, t)
-
     def placed(self, data: mujoco.MjData) -> ObstacleSet:
         """The geoms where `data` has them."""
-        return self.posed(*poses(data.geom_xmat, data.geom_xpos, self.numbers))
+        return self._shapes.posed(*poses(data.geom_xmat, data.geom_xpos, self.numbers))
 
 
 @njit(cache=True, error_model="numpy")
