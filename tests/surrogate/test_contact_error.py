@@ -54,9 +54,10 @@ def test_errors_are_those_of_the_forces_and_of_how_they_move_the_tip(patched_bar
 
 
 def test_the_motion_of_a_cable_that_goes_slack_is_motion_by_the_obstacle(patched_bar, known):
-    """`moved` is of the robot at the actuators where the obstacle leaves them."""
-    place = known[0]
-    slack = replace(place, learned=replace(place.learned, moved=[np.zeros(3)], deltas=[np.zeros(1)]))
+    """`answers.work` is of the robot at the actuators where the obstacle leaves them."""
+    place, learned = known[0], known[0].learned
+    answers = learned.answers._replace(work=np.zeros(4))
+    slack = replace(place, learned=replace(learned, answers=answers, given=np.zeros(4)))
     assert slack.errors(patched_bar) == place.errors(patched_bar)
 
 
