@@ -377,10 +377,9 @@ class GripPlant(ContactAccount):
         held = replace(self._held, load=load * self._held.load, mobility=mobility, carried=self.carried)
         table = () if self.table is None else (self.table,)
         parts += [displacement(np.zeros(0)) for _ in table]
-        from_touch = mobility is None and self._at_surface
         robots, before = chosen([*self.fingers, *table], self.last, held if self.last is None else self.last.around)
         for _ in range(JOINS):
-            state = grasp_step(robots, parts, held, self._law, self._mu, before, from_touch)
+            state = grasp_step(robots, parts, held, self._law, self._mu, before)
             self.steps += 1
             self.iterations += state.iterations
             more = joined(robots, before, state) if state.converged else None

@@ -9,7 +9,7 @@ from support.fast_cases import fast_are
 
 from cfem.contact.law.check import check
 from cfem.contact.law.modes import Mode, ModeStatus, solve_mode
-from cfem.contact.law.newton import newton_with_object
+from cfem.contact.law.newton_object import newton_with_object
 from cfem.contact.law.problem import ContactProblem
 from cfem.contact.law.solve import solve_contact
 

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from cfem.contact.law.newton import newton
-from cfem.contact.law.sliding import slid
+from cfem.contact.law.problem import ContactProblem
+from cfem.contact.law.sliding import slid, slid_on_object
+from cfem.contact.law.solve import solve_contact
 
 MU, C, PRESS = 0.5, 2.0, 3.0  # mm/N, N
 W = C * np.eye(3)
@@ -28,6 +30,40 @@ def test_the_direction_of_sliding_follows_the_way_of_its_support_as_the_closed_f
     angle = 1.0
     exact = 2 * np.arctan(np.tan(angle / 2) * np.exp(-way / (C * MU * PRESS)))
     errors = {parts: abs(dragged(way, angle, parts) - exact) for parts in (1, 16, 64)}
+    assert errors[1] > 0.1
+    assert errors[16] < errors[1] / 10
+    assert errors[64] == pytest.approx(errors[16] / 4, rel=0.15)
+
+
+BELOW = np.diag([-1.0, 1.0, -1.0])  # from the frame of the point above a plate to that of the point below it
+HEAVY = 2.0  # N, weight of the plate
+
+
+def dragged_with_plate(way, angle, parts):
+    """The same, of a point above a free plate that moves in three directions. Its weight is on the point below it,
+    which therefore sticks, and goes with the plate."""
+    above = PRESS * np.array([1.0, -MU * np.cos(angle), -MU * np.sin(angle)])
+    forces = np.array([above, -above @ BELOW])
+    forces[1, 0] += HEAVY
+    W, G, load, back = (
+        C * np.eye(6),
+        np.vstack([np.eye(3), BELOW]),
+        np.array([-HEAVY, 0, 0]),
+        np.array([0.02, 0.3, -0.1]),
+    )
+    free = G @ back + [0, way, 0, 0, 0, 0] - W @ forces.ravel()
+    slip = slid_on_object(ContactProblem(W, free, G, load, MU), np.zeros((2, 3)), forces, back, parts)
+    assert not slip[1].any()
+    free.reshape(-1, 3)[:, 1:] -= slip
+    answer = solve_contact(ContactProblem(W, free, G, load, MU), "coulomb")
+    return np.arctan2(-answer.lam[2], -answer.lam[1])
+
+
+@pytest.mark.parametrize("way", [6.0, 16.0])
+def test_friction_on_a_plate_that_gives_way_as_the_point_does_turns_as_the_closed_form_says(way):
+    angle = 1.0
+    exact = 2 * np.arctan(np.tan(angle / 2) * np.exp(-way / (2 * C * MU * PRESS)))
+    errors = {parts: abs(dragged_with_plate(way, angle, parts) - exact) for parts in (1, 16, 64)}
     assert errors[1] > 0.1
     assert errors[16] < errors[1] / 10
     assert errors[64] == pytest.approx(errors[16] / 4, rel=0.15)

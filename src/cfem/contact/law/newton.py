@@ -13,11 +13,9 @@ from numba import njit
 from scipy.optimize import nnls
 
 from cfem.contact.law.modes import Mode
-from cfem.contact.law.problem import ContactProblem
 
 ITERATIONS, HALVINGS = 40, 4
 MODES = Mode.OPEN, Mode.STICK, Mode.SLIP
-HUGE = 1e9  # of a problem's own units: no force or motion
 EXACT = 1e-13  # of the largest force: change of a force in the last step
 
 
@@ -221,55 +219,6 @@ def normal_forces(W: np.ndarray, free: np.ndarray) -> np.ndarray | None:
         forces = np.zeros((len(free) // 3, 3))
         forces[:, 0] = nnls(root, -np.linalg.solve(root.T, free[::3]))[0]
     return forces
-
-
-def newton_with_object(
-    problem: ContactProblem, mu: float, start: np.ndarray | None = None
-) -> tuple[np.ndarray, np.ndarray, int] | None:
-    """Forces lam (m, 3) and motion xi (k,) of a normalised problem with an object, and how many systems it solved; None
-    where it does not converge. start (3 m,): forces, the smallest that balance the load unless given.
-
-    The unknowns are the forces and the motion of the object, the equations the law as above and its balance."""
-    W, G, m = problem.W, problem.motion, problem.m
-    compliance = np.diag(W).reshape(m, 3).max(axis=1)
-    if not (compliance > 0).all():
-        return None
-    rate, n = np.repeat(1.0 / compliance, 3), 3 * m
-    A = np.hstack([np.eye(n) - rate[:, None] * W, rate[:, None] * G])  # p = A (lam, xi) - r free
-    constant = rate * problem.free
-    if start is None:
-        lam = np.linalg.lstsq(G.T, problem.load, rcond=None)[0]
-        y = np.concatenate([lam, np.linalg.lstsq(G, W @ lam + problem.free, rcond=None)[0]])
-    else:
-        y = np.concatenate([start, np.zeros(problem.k)])
-
-    def equations(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        lawful, D = projected(A @ y - constant, mu)
-        J = np.zeros((len(y), len(y)))
-        J[:n] = -(D @ A.reshape(m, 3, -1)).reshape(n, -1)
-        J[:n, :n] += np.eye(n)
-        J[n:, :n] = G.T
-        return np.concatenate([y[:n] - lawful.ravel(), G.T @ y[:n] - problem.load]), J
-
-    F, J = equations(y)
-    for iteration in range(1, ITERATIONS + 1):
-        try:
-            step = np.linalg.solve(J, -F)
-        except np.linalg.LinAlgError:
-            return None
-        size, share = np.abs(F).max(), 1.0
-        for halving in range(HALVINGS + 1):
-            trial = y + share * step
-            if not np.abs(trial).max() < HUGE:
-                return None
-            F, J = equations(trial)
-            if np.abs(F).max() < size or halving == HALVINGS:
-                break
-            share /= 2
-        y, size = trial, np.abs(F).max()
-        if size <= EXACT * max(np.abs(y[:n]).max(), np.abs(constant).max(), np.abs(problem.load).max()):
-            return _clean(y[:n].reshape(m, 3), float(mu)), y[n:], iteration
-    return None
 
 
 def projected(p: np.ndarray, mu: float) -> tuple[np.ndarray, np.ndarray]:

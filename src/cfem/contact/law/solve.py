@@ -14,7 +14,8 @@ import numpy as np
 
 from cfem.contact.law.check import Check, check
 from cfem.contact.law.modes import VALID, Mode, ModeSolution, modes_of, solve_mode, understood
-from cfem.contact.law.newton import modes_from, newton, newton_with_object
+from cfem.contact.law.newton import modes_from, newton
+from cfem.contact.law.newton_object import newton_with_object
 from cfem.contact.law.path import along_friction
 from cfem.contact.law.problem import ContactProblem, Law
 

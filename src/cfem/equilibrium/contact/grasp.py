@@ -46,8 +46,7 @@ class FreeObject:
     @property
     def gone(self) -> np.ndarray:
         """Motion (k,) of the object, mm and rad, since `begin`."""
-        turned = Rotation.from_matrix(self.R @ self.begin.R.T).as_rotvec()
-        return np.concatenate([self.x - self.begin.x, turned])[: len(self.wrench)]
+        return self.begin.way_to(self)
 
     @property
     def wrench(self) -> np.ndarray:
@@ -78,6 +77,10 @@ class FreeObject:
         R = Rotation.from_rotvec(xi[3:]).as_matrix() @ self.R if self.turns else self.R
         return replace(self, R=R, x=self.x + xi[:3])
 
+    def way_to(self, other: "FreeObject") -> np.ndarray:
+        turned = Rotation.from_matrix(other.R @ self.R.T).as_rotvec()
+        return np.concatenate([other.x - self.x, turned])[: len(self.wrench)]
+
     def now(self, places: np.ndarray) -> np.ndarray:
         return (places - self.centre) @ self.R.T + self.centre + self.x
 
@@ -106,13 +109,12 @@ def grasp_step(
     law: Law = "coulomb",
     mu: float = 0.0,
     before: PointsState | None = None,
-    from_touch: bool = False,
 ) -> PointsState:
     """Quasi-static step of the fingers to `actuators`, one for each, from the state `before` (none: at rest, every
-    point that touches the object sticks where it is); the object begins where it was then. from_touch: of
-    `points_step`. Never raises for numerical failure."""
+    point that touches the object sticks where it is); the object begins where it was then. Never raises for numerical
+    failure."""
     if before is not None:
         held = replace(held, R=before.around.R, x=before.around.x)
     if held.mobility is not None:
         held = replace(held, begin=held)
-    return points_step(fingers, actuators, held, before, law, mu, from_touch=from_touch)
+    return points_step(fingers, actuators, held, before, law, mu)

@@ -8,7 +8,7 @@ checked as it is, not as the linearisation has it: gaps, forces, cones and the b
 learned robot takes the place of finite elements where it answers the same (`PointRobot`)."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -17,6 +17,7 @@ from scipy.linalg import block_diag
 from cfem.contact.law.check import Check, check
 from cfem.contact.law.modes import Mode
 from cfem.contact.law.problem import ContactProblem, Law
+from cfem.contact.law.sliding import FOLLOWED, slid_on_object
 from cfem.contact.law.solve import FEW, ContactSolution, ContactStatus, solve_contact
 from cfem.contact.step_status import StepStatus
 from cfem.equilibrium.contact.held_patch import contact_points, held
@@ -180,6 +181,10 @@ class Partner(Protocol):
         """The partner moved by xi (k,) mm and rad."""
         ...
 
+    def way_to(self, other: "Partner") -> np.ndarray:
+        """Motion (k,) from its pose to that of the other."""
+        ...
+
     def now(self, places: np.ndarray) -> np.ndarray:
         """Places (m, 3) mm of the object as it is now."""
         ...
@@ -224,7 +229,7 @@ class Posed:
     compliance: (3m, 3m) mm/N of the points in the scene's axes
     rotation: (3m, 3m) from those to the surface's
     force: (3m,) N on the points, in the latter
-    onset: (m, 3) mm along the surface, how far points have come where they begin to touch
+    slid: (m, 3) mm along the surface, slip of points before the last part of the step
     dragged: of what moves with a drag, how it goes without contact (k,), and by how much forces on the points hold it
     back (k, 3m); None in balance"""
 
@@ -232,8 +237,20 @@ class Posed:
     compliance: np.ndarray
     rotation: np.ndarray
     force: np.ndarray
-    onset: np.ndarray
+    slid: np.ndarray
     dragged: tuple[np.ndarray, np.ndarray] | None = None
+
+    @property
+    def frames(self) -> np.ndarray:
+        """(m, 3, 3), blocks of `rotation`."""
+        m = self.problem.m
+        return self.rotation.reshape(m, 3, m, 3)[np.arange(m), :, np.arange(m)]
+
+    def after(self, slip: np.ndarray) -> "Posed":
+        """The problem of the last part of a step, points having slipped by (m, 2) mm before."""
+        along = np.pad(slip, ((0, 0), (1, 0)))
+        problem = replace(self.problem, free=self.problem.free - along.ravel())
+        return replace(self, problem=problem, slid=(along[:, None] @ self.frames)[:, 0])
 
     def motion(self, answer: ContactSolution) -> np.ndarray:
         """Motion (k,) of what the points meet."""
@@ -241,6 +258,25 @@ class Posed:
             return answer.xi
         free, held_back = self.dragged
         return free - held_back @ answer.lam
+
+
+@dataclass(frozen=True)
+class StepOrigin:
+    """Where a step begins: points at places (m, 3) mm under push (3m,) N, both in the scene's axes, on a partner
+    `around`."""
+
+    around: Partner
+    places: np.ndarray
+    push: np.ndarray
+
+    def slid(self, posed: Posed, around: Partner, stuck: np.ndarray) -> np.ndarray:
+        """Slip (m, 2) mm before the last part of the step that leads to a contact problem on the partner `around`
+        (`cfem.contact.law.sliding`); stuck: see `PointsState`."""
+        problem = posed.problem
+        begin = np.einsum("kij,kj->ki", posed.frames, self.places - self.around.now(stuck))
+        begin[:, 0] = self.around.surface(self.places)[0]
+        back = around.way_to(self.around) if problem.k else np.zeros(0)
+        return slid_on_object(problem, begin, (posed.rotation @ self.push).reshape(-1, 3), back)
 
 
 def points_step(
@@ -252,12 +288,10 @@ def points_step(
     mu: float = 0.0,
     tolerance: float = 1e-9,
     iterations: int = 40,
-    from_touch: bool = False,
 ) -> PointsState:
     """Quasi-static step of the robots to `actuators`, one for each, from the state `before` (none: at rest, every point
-    that touches sticks where it is). tolerance: of law and balance, relative, at the state itself. from_touch: slip of
-    points that were apart counts from where they first touch, not from where the step began. Never raises for numerical
-    failure."""
+    that touches sticks where it is). Friction is followed along the step. tolerance: of law and balance, relative, at
+    the state itself. Never raises for numerical failure."""
     points = np.concatenate([robot.points for robot in robots])
     turns = block_diag(*[np.kron(np.eye(len(robot.points)), robot.turn) for robot in robots])
     ends = np.cumsum([0, *(3 * len(robot.points) for robot in robots)])
@@ -265,7 +299,7 @@ def points_step(
     moved, push = _at_begin(robots, turns, solved)
     places, modes = points + moved, () if before is None else before.modes
     stuck = around.places(points) if before is None else before.stuck
-    begin = _gaps_at_begin(around if before is None else before.around, places, modes) * from_touch
+    origin, slip = StepOrigin(around if before is None else before.around, places, push), np.zeros((len(points), 2))
     verdict, posed, cost, last = None, None, 0, None
 
     def ended(status: StepStatus, count: int) -> PointsState:
@@ -287,10 +321,13 @@ def points_step(
             places = came
         compliance = turns @ block_diag(*soft) @ turns.T
         push = turns @ np.concatenate([state.lambda_c for state in solved])
-        posed = _posed(around, places, seen_from, stuck, compliance, push, law, mu, begin)
+        posed = _posed(around, places, seen_from, stuck, compliance, push, law, mu)
+        if law == "coulomb" and mu and iteration <= FOLLOWED:
+            slip = origin.slid(posed, around, stuck)
+        posed = posed.after(slip)
         verdict = check(posed.problem, law, posed.force, np.zeros(posed.problem.k))
         if verdict.largest <= tolerance and modes and asked == EXACT:
-            stuck = _stuck_next(around, places, stuck, posed.onset, modes)
+            stuck = _stuck_next(around, places, stuck, posed.slid, modes)
             return ended(StepStatus.CONVERGED, iteration)
         answer = solve_contact(posed.problem, law, modes or None, budget=FEW, start=posed.force)
         if answer.status is not ContactStatus.SOLVED:
@@ -306,12 +343,12 @@ def points_step(
 
 
 def _stuck_next(
-    around: Partner, places: np.ndarray, stuck: np.ndarray, onset: np.ndarray, modes: Sequence[Mode]
+    around: Partner, places: np.ndarray, stuck: np.ndarray, slid: np.ndarray, modes: Sequence[Mode]
 ) -> np.ndarray:
     """Places (m, 3) mm on the partner where points at places (m, 3) mm stick in the next step, or would: those that
-    stick stay, moved by where they have begun to touch."""
+    stick stay where they have slid to, (m, 3) mm, before the last part of this one."""
     sticks = np.array([mode is Mode.STICK for mode in modes])[:, None]
-    held = around.places(around.now(stuck) + onset) if onset.any() else stuck
+    held = around.places(around.now(stuck) + slid) if slid.any() else stuck
     return np.where(sticks, held, around.places(places))
 
 
@@ -335,14 +372,6 @@ def _at_begin(robots: Sequence[Any], turns: np.ndarray, solved: Sequence[Any]) -
     return (turns @ moved).reshape(-1, 3), turns @ np.concatenate([z if s is None else s.lambda_c for z, s in each])
 
 
-def _gaps_at_begin(around: Partner, places: np.ndarray, modes: Sequence[Mode]) -> np.ndarray:
-    """Gaps (m,) mm of points at places (m, 3) mm that are apart, 0 of those that touch; modes: none where nobody knows
-    which do."""
-    touching = np.array([mode is not Mode.OPEN for mode in modes], dtype=bool)
-    gaps = around.surface(places)[0]
-    return np.where(touching, 0.0, gaps) if len(touching) else gaps
-
-
 def point_compliance(solved: Equilibrium, actuators: Actuation) -> np.ndarray:
     """Compliance (n_c, n_c) mm/N of the contact rows to their forces, the actuators as they are driven, slack ones
     free."""
@@ -362,12 +391,10 @@ def _posed(
     push: np.ndarray,
     law: Law,
     mu: float,
-    begin: np.ndarray,
 ) -> Posed:
     """Contact problem of points at places (m, 3) mm with `compliance` (3m, 3m) mm/N under `push` (3m,) N, both in the
     scene's axes; seen_from (m, 3) mm: where the surface is linear about, as actuators that have moved may bring points
-    deep into it. Glue holds a point at its place on the partner, on the surface or not. A point that was apart, by
-    begin (m,) mm, slips from where it first touches: it is taken to go straight to where nothing pushes it."""
+    deep into it. Glue holds a point at its place on the partner, on the surface or not."""
     distance, frames = around.surface(seen_from)
     distance = distance + (frames[:, 0] * (places - seen_from)).sum(axis=1)
     gap = np.einsum("kij,kj->ki", frames, places - around.now(stuck))
@@ -378,14 +405,9 @@ def _posed(
     motion = around.motion(places)
     G, wrench = (rotation @ motion, around.wrench) if motion.shape[1] else (None, None)
     W, free = (W + W.T) / 2, gap.ravel() - W @ force
-    onset = np.zeros_like(gap)
-    if law != "bilateral":
-        there = free.reshape(-1, 3)
-        comes = (begin > 0) & (there[:, 0] < 0)
-        onset[comes, 1:] = (begin[comes] / (begin[comes] - there[comes, 0]))[:, None] * there[comes, 1:]
-        free, onset = free - onset.ravel(), (onset[:, None] @ frames)[:, 0]
+    slid = np.zeros_like(gap)
     if G is None or around.mobility is None:
-        return Posed(ContactProblem(W, free, G, wrench, mu), compliance, rotation, force, onset)
+        return Posed(ContactProblem(W, free, G, wrench, mu), compliance, rotation, force, slid)
     goes, held_back = around.mobility * wrench - around.gone, around.mobility[:, None] * G.T
     problem = ContactProblem(W + G @ held_back, free - G @ goes, None, None, mu)
-    return Posed(problem, compliance, rotation, force, onset, (goes, held_back))
+    return Posed(problem, compliance, rotation, force, slid, (goes, held_back))

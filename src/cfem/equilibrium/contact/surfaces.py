@@ -18,7 +18,7 @@ from cfem.condensed.patches import Patches
 from cfem.contact.acceleration import Acceleration
 from cfem.contact.law.modes import Mode
 from cfem.contact.law.problem import demand_friction
-from cfem.contact.law.sliding import StepBegin
+from cfem.contact.law.sliding import FOLLOWED, StepBegin
 from cfem.contact.obstacle_set import ObstacleSet
 from cfem.contact.pairs import Memory, Pairs, Pressing, Surroundings
 from cfem.contact.patch_forces import balance
@@ -36,7 +36,6 @@ NEAR = 0.4  # distances of patches: of pairs whose gap is less the patches are c
 MOST = 1500  # contact points of a robot
 SHARE = 0.05  # of its reach: the longest way of an actuator in one step
 SHORT = 1 / 8  # of that way: in so short a step one patch may begin to press while another lets go
-FOLLOWED = 8  # corrections that follow friction along the step: later ones take that slip as it is
 FALLS = 0.2  # of the last correction: slower rounds combine their answers
 TOLERANCE, ITERATIONS = 1e-8, 80  # of the length: the last step of any contact point; corrections
 SAME = 1e-6  # of the largest force: by how much any may change in the last step, or be another where patches are held
