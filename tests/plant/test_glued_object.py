@@ -22,7 +22,8 @@ from cfem.mechanics.body import make_body
 from cfem.mechanics.element import ELEMENTS
 from cfem.mechanics.material import LAWS
 from cfem.mechanics.material.law import Material
-from cfem.plant.grip_plant import BUCKLES, GripPlant
+from cfem.plant.grip_plant import GripPlant
+from cfem.plant.grip_walk import BUCKLES
 
 
 def fe_bar(cells, start, cable, points, fixed, rigid=()):
@@ -108,7 +109,7 @@ def test_the_stiffness_that_holds_the_object_is_the_slope_of_the_wrench_on_it():
 
 def test_an_object_that_is_not_held_stably_is_no_answer(monkeypatch):
     plant, _ = two_bars(np.zeros((1, 3)))
-    monkeypatch.setattr("cfem.plant.grip_plant.holding_stiffness", lambda state, points: -np.eye(6))
+    monkeypatch.setattr("cfem.plant.grip_walk.holding_stiffness", lambda state, points: -np.eye(6))
     assert BUCKLES in plant.step(np.array([0.3, 0.0])).status
 
 

@@ -157,7 +157,7 @@ def test_a_solution_that_is_no_step_of_the_object_is_refused(monkeypatch, modes,
         status=StepStatus.CONVERGED,
         iterations=1,
     )
-    monkeypatch.setattr("cfem.plant.grip_plant.grasp_step", lambda *rest: there)
+    monkeypatch.setattr("cfem.plant.grip_walk.grasp_step", lambda *rest: there)
     before = one.last
     assert said in one._go(np.array([0.0, commanded, 0.0, 0.0]), 1.0)
     assert (one.last is there) == (said == "converged") and (one.last is before) == (said != "converged")

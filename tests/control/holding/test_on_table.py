@@ -7,7 +7,7 @@ import pytest
 from support.linear_robot import LinearRobot
 
 from cfem.control.holding import on_table
-from cfem.control.holding.on_table import ALIKE, NEAR, ROUNDS, put_down
+from cfem.control.holding.on_table import ALIKE, NEAR, ROUNDS, opening, put_down
 from cfem.control.search.goal_search import Iterate, SearchResult, SearchSettings, SearchStatus
 from cfem.control.search.inverse import Aim, Limits
 from cfem.control.search.optimality import Verdict
@@ -39,7 +39,8 @@ def holds(monkeypatch, stands, oriented=True, up=2, misses=0.5):
             aim, limits,
         )  # fmt: skip
 
-    def let_go(delta_a):
+    def let_go(delta_a, lower):
+        np.testing.assert_allclose(lower, -delta_a)
         goal = asked[-1][0].copy()
         goal[up] += misses
         now = SimpleNamespace(
@@ -49,6 +50,7 @@ def holds(monkeypatch, stands, oriented=True, up=2, misses=0.5):
 
     model.begin_search, model.let_go = begin_search, let_go
     monkeypatch.setattr(on_table, "search_goal", search)
+    monkeypatch.setattr(on_table, "opening", lambda slopes, steered, begin, *rest: -begin)
     return model, asked
 
 
@@ -90,7 +92,7 @@ def test_a_linear_law_of_the_place_is_learned_in_four_misses(monkeypatch):
         asked[1][0][:2], GOAL[:2] - (STAND @ GOAL[:2] + SLID - GOAL[:2])
     )  # as if it did not slide
     assert (found.iterations, found.queries, found.seconds) == (15, 25, 1.25)
-    np.testing.assert_array_equal(found.via, [np.full(2, 5.0)])
+    np.testing.assert_allclose(found.via, [np.full(2, 5.0), np.full(2, -5.0)])
     assert found.aim is about and not found.delta_a.any() and model.before == "stands 5"
     np.testing.assert_array_equal(about.goal, GOAL)  # the caller's own
 
@@ -119,7 +121,7 @@ def test_the_best_hold_counts_where_none_is_near(monkeypatch):
     model, asked = holds(monkeypatch, lambda number, held: GOAL + [wrong[number - 1], *np.zeros(6)])
     found = put(model, aim())
     assert len(asked) == ROUNDS and found.distance == pytest.approx(0.5)
-    np.testing.assert_array_equal(found.via, [np.full(2, 3.0)])
+    np.testing.assert_allclose(found.via, [np.full(2, 3.0), np.full(2, -3.0)])
     assert model.before == "stands 3"
     assert found.status is SearchStatus.TRIED and found.verdict(reached=False) is Verdict.NOT_CONVERGED
 
@@ -146,3 +148,33 @@ def test_robots_that_cannot_let_go_at_all_say_so(monkeypatch):
     with pytest.raises(NumericalError, match="slides off"):
         put(model, aim())
     assert len(asked) == 1
+
+
+def opened(J, begin, scale=1.0, course=(0.0, np.inf)):
+    J = np.array([*J, [9.0] * len(begin)], float)  # the last row is not steered
+    return opening(J, np.arange(len(J) - 1), np.array(begin), np.tile(course, (len(begin), 1)), scale)
+
+
+def test_robots_open_so_that_what_is_steered_stays_until_the_first_actuator_is_at_rest():
+    J, begin = np.array([[1.0, -1.0, 0.2, 0.0], [0.3, 0.4, -1.0, 0.1]]), np.array([2.0, 1.8, 1.1, 0.9])
+    lower = opened(J, begin)
+    np.testing.assert_allclose(J @ (begin - lower), 0.0, atol=1e-12)
+    assert lower.min() == pytest.approx(0.0, abs=1e-12) and (lower < begin).all()
+    others = np.linalg.svd(J)[2][2:]  # ways that leave it alone: none is nearer to the straight one to rest
+    share = (lower - begin) @ -begin / float((lower - begin) @ (lower - begin))
+    np.testing.assert_allclose(others @ (share * (lower - begin) + begin), 0.0, atol=1e-12)
+
+
+def test_robots_open_straight_to_rest_where_that_steers_nothing():
+    np.testing.assert_allclose(opened([[1.0, -2.0]], [2.0, 1.0]), 0.0, atol=1e-12)
+
+
+def test_actuators_count_by_their_strokes_and_keep_their_course():
+    """In shares of their strokes the way is the same, whatever their units; one that would go on is stopped."""
+    J, begin, scale = (
+        np.array([[1.0, -1.0, 0.2], [0.1, 0.7, -1.0]]),
+        np.array([2.0, 1.8, 1.1]),
+        np.array([1.0, 10.0, 3.0]),
+    )
+    np.testing.assert_allclose(opened(J / scale, begin * scale, scale) / scale, opened(J, begin), atol=1e-12)
+    np.testing.assert_allclose(opened([[1.0, 1.0]], [2.0, 0.1], course=(0.0, 1.04)), [1.04, 1.04])

@@ -5,7 +5,7 @@ Its effectors are the object's place and, where a margin is asked for, what each
     <robot>.grip   N, mu N - margin |T|, N and T the normal force and the friction of all its points
 
 A query walks from where the grip stands (`settle`) to the actuators that are asked for in quasi-static steps, as the FE
-plant does (`cfem.plant.grip_plant`), since friction depends on the way. Derivatives are those of the last step, with
+plant does (`cfem.plant.grip_walk`), since friction depends on the way. Derivatives are those of the last step, with
 the points open, sticking and slipping as they are (`cfem.contact.law.sensitivity`)."""
 
 from collections.abc import Mapping, Sequence
@@ -86,13 +86,14 @@ class Gripping:
         more = () if self.margin is None else tuple(f"{name}.grip" for name in self.names)
         return Rows((*self.of_object.effectors, *more), self.of_object.actuators)
 
-    def _walked(self, delta_a: np.ndarray) -> GripPlant:
-        """Grip after the robots have gone to delta_a (n_a,) mm. NumericalError where there is no contact state."""
+    def _walked(self, delta_a: np.ndarray, via: Sequence[np.ndarray] = ()) -> GripPlant:
+        """Grip after the robots have gone to delta_a (n_a,) mm, by way of those in `via`. NumericalError where there is
+        no contact state."""
         if self.stuck >= STUCK:
             raise NumericalError(f"learned contact: {STUCK} steps had no solution")
         before = self.grip if self.before is None else self.before
         stands = copy(before)
-        status = stands.towards(delta_a)
+        status = stands.towards(delta_a, via)
         self.stuck += stands.stuck - before.stuck
         if status != CONVERGED:
             raise NumericalError(f"learned contact: {status}")
@@ -114,10 +115,10 @@ class Gripping:
         if self.air is not None:
             self.air.stuck = 0
 
-    def let_go(self, above: np.ndarray) -> tuple[Gripped, GripPlant]:
-        """State of the object when the robots have held it at `above` (n_a,) mm and gone back to rest from there.
-        NumericalError where there is no contact state."""
-        stands = replace(self, before=self._walked(above))._walked(np.zeros_like(above))
+    def let_go(self, above: np.ndarray, *via: np.ndarray) -> tuple[Gripped, GripPlant]:
+        """State of the object when the robots have held it at `above` (n_a,) mm and gone back to rest from there, by
+        way of those in `via`. NumericalError where there is no contact state."""
+        stands = replace(self, before=self._walked(above))._walked(np.zeros_like(above), via)
         return self._seen(stands), stands
 
     def at_displacement(self, delta_a: np.ndarray) -> Gripped:

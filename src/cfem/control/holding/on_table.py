@@ -4,9 +4,10 @@ While a table bears the object, actuators hardly move it, and the slopes of that
 air. A search for a goal elsewhere therefore begins in the air: the same robots without a table find it there. Where the
 walk from the table leads to with those actuators, the search that knows the table goes on.
 
-The robots let go by going back to rest (`cfem.plant.grip_plant.GripPlant.let_go`). Where the object comes to stand
-depends on where it was held before: the search holds it above the place, lets go, and moves that hold by what it
-missed, always at the height of the first. Broyden's method (Math. Comp. 19, 1965) learns from the misses how the place
+The robots let go by going back to rest (`cfem.plant.grip_walk.GripWalk.let_go`), first along the way on which the
+object goes straight down as long as they hold it (`opening`). Where the object comes to stand depends on where it was
+held before: the search holds it above the place, lets go, and moves that hold by what it missed, always at the height
+of the first. Broyden's method (Math. Comp. 19, 1965) learns from the misses how the place
 follows the hold, since the object tilts in the air and slides as it goes down."""
 
 from dataclasses import replace
@@ -50,14 +51,16 @@ def put_down(model, aim: Aim, limits: Limits, iterate: Iterate, settings: Search
     weights[:n_o][free] = 0.0
     steered = np.flatnonzero(weights[:n_o] > 0)
     slope, before = np.eye(len(steered)), None
-    best, opened, least = None, None, np.inf
+    best, opened, least, slopes = None, None, np.inf, None
     cost = {"iterations": 0, "queries": 0, "seconds": 0.0}
     for _ in range(ROUNDS):
         model.begin_search()
         above = search_goal(model, replace(aim, goal=goal, weights=weights), limits, iterate, settings)
         cost = {key: value + getattr(above, key) for key, value in cost.items()}
         try:
-            now, stands = model.let_go(above.delta_a)
+            slopes = above.iterate.condensed.effector_jacobian if slopes is None else slopes
+            lower = opening(slopes, steered, above.delta_a, limits.delta_a, settings.scale)
+            now, stands = model.let_go(above.delta_a, lower)
         except NumericalError:
             if best is None:
                 raise
@@ -66,7 +69,7 @@ def put_down(model, aim: Aim, limits: Limits, iterate: Iterate, settings: Search
         missed = aim.missed(now.delta_e)
         if missed < least:
             least, state = missed, (now.delta_a, now.lambda_a, now.delta_e, aim.distance(now.delta_e))
-            rest = above.softened, above.kkt, 0.0, Iterate.at(now), aim, limits, (above.delta_a,)
+            rest = above.softened, above.kkt, 0.0, Iterate.at(now), aim, limits, (above.delta_a, lower)
             ended = above.status if missed <= NEAR else SearchStatus.TRIED  # the slopes of that state tell nothing
             best, opened = SearchResult(*state, ended, 0, 0, *rest), stands
         if missed <= NEAR:
@@ -82,3 +85,15 @@ def put_down(model, aim: Aim, limits: Limits, iterate: Iterate, settings: Search
         iterate = above.iterate
     model.before = opened
     return replace(best, **cost)
+
+
+def opening(
+    slopes: np.ndarray, steered: np.ndarray, begin: np.ndarray, course: np.ndarray, scale: np.ndarray | float = 1.0
+) -> np.ndarray:
+    """Displacements (n_a,) mm in which a way of the actuators towards rest ends that leaves the rows `steered` of the
+    object as they are, by the slopes (n_e, n_a) of its rows: where the first actuator is back at rest. begin (n_a,) mm,
+    course (n_a, 2) mm and scale (n_a,), full strokes, of the actuators."""
+    start, J = begin / scale, slopes[steered] * scale
+    goes = start - np.linalg.pinv(J) @ (J @ start)
+    shares = [s / g for s, g in zip(start, goes, strict=True) if s * g > 0]
+    return np.clip((start - min([1.0, *shares]) * goes) * scale, *course.T)
