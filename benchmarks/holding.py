@@ -1,7 +1,8 @@
 """Objects that fingers hold by every node of their surface, by the model of the free finger and by finite elements.
 
 python benchmarks/holding.py carry [--objects block cylinder bracket]
-python benchmarks/holding.py moment [--moments NMM ...] [--preload MM]
+python benchmarks/holding.py moment [--moments NMM ...] [--preload MM] [--model FOLDER]
+python benchmarks/holding.py steps
 
 `carry`: `pipelines/soft-finger/control-carry.yaml` with three objects of 30 g, which three fingers lift off a table,
 carry aside, put down and let go. The errors are those of finite elements at the goals in the air and on the table.
@@ -9,10 +10,15 @@ carry aside, put down and let go. The errors are those of finite elements at the
 `moment`: a cube of 29 mm and 50 g between two fingers that face each other. A moment about the line between them turns
 it, in finite elements and in the learned model; so does its weight where it is taken over.
 
-Both need `cfem run pipelines/soft-finger`."""
+`steps`: the learned fingers close on the block on its table in steps of several lengths, which follow friction in one
+part or as `cfem.contact.law.sliding` has it. Errors are distances of the block from where it is by the shortest steps
+with one part.
+
+All need `cfem run pipelines/soft-finger`."""
 
 import argparse
 import time
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -20,17 +26,24 @@ import pyarrow.parquet as pq
 from scipy.spatial.transform import Rotation
 
 import cfem
+from cfem.contact.law.sliding import PARTS, slid_on_object
 from cfem.contact.obstacle import Box
 from cfem.control.holding.assembly import LONGEST
+from cfem.control.holding.body import body_of
+from cfem.control.holding.spec import HoldingSpec
+from cfem.core.spec import load_spec
+from cfem.equilibrium.contact import points
 from cfem.equilibrium.contact.grasp import FreeObject
 from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
 from cfem.equilibrium.contact.surface_robot import PlacedSurface
 from cfem.plant.grip_plant import GripPlant
+from cfem.plant.grip_walk import CLOSING
 from cfem.predict.contact.surface.kept_patches import fe_points, node_model_of
 from cfem.predict.contact.surface_finger import SurfaceFinger
 from cfem.predict.load import load_model
 from cfem.robot.build import build_robot
 from cfem.robot.load import load_scene_and_mesh, made_from
+from cfem.robot.mesh.placement import motion_of
 
 ROOT = Path(__file__).parents[1]
 FINGER = ROOT / "pipelines" / "soft-finger"
@@ -59,6 +72,7 @@ def goals(centre: tuple[float, float, float]) -> str:
     )
 
 
+CLOSED = np.array([2.2, 2.2, 1.15, 1.15, 1.15, 1.15])  # mm of the cables, by which the block keeps its place
 BRACKET = (5.556, 30.972, -95.0)  # mm: its lower side is 0.5 mm from the finger below
 OBJECTS = {
     "block": [],
@@ -95,15 +109,15 @@ def carry(given: argparse.Namespace) -> None:
 
 def moment(given: argparse.Namespace) -> None:
     scene_path, mesh_path = FINGER / "scene.yaml", ROOT / "data" / "soft-finger" / "mesh"
-    folder = ROOT / "models" / "soft-finger" / "spectral"
+    folder = given.model
     robot, model = build_robot(*load_scene_and_mesh(scene_path, mesh_path)), load_model(folder)
     touched = node_model_of(model, folder, robot, made_from(scene_path, mesh_path) | {"loads": {}})
     half, centre = np.full(3, 14.5), np.array([0.0, 35.0, -100.0])
     turn = np.diag([-1.0, -1.0, 1.0])
     places = [(np.eye(3), np.zeros(3)), (turn, centre - turn @ centre)]
-    skin, points = model.skin, fe_points(touched, robot)
+    skin, of_fe = model.skin, fe_points(touched, robot)
     fe = [
-        PlacedSurface.at_rest(SkinnedRobot(robot, skin.nodes, skin.triangles, points, R, t, itself=False))
+        PlacedSurface.at_rest(SkinnedRobot(robot, skin.nodes, skin.triangles, of_fe, R, t, itself=False))
         for R, t in places
     ]
     turned = []
@@ -130,6 +144,35 @@ def moment(given: argparse.Namespace) -> None:
         print(f"| {wanted:g} | {turns} | {place:.4f} | {abs(exact[i, 6]):.4f} | {abs(learned[i, 6]):.4f} |")
 
 
+def steps(given: argparse.Namespace) -> None:
+    scene_path, mesh_path = FINGER / "scene.yaml", ROOT / "data" / "soft-finger" / "mesh"
+    folder, spec = ROOT / "models" / "soft-finger" / "spectral", load_spec(FINGER / "control-carry.yaml", HoldingSpec)
+    robot, model = build_robot(*load_scene_and_mesh(scene_path, mesh_path)), load_model(folder)
+    touched = node_model_of(model, folder, robot, made_from(scene_path, mesh_path) | {"loads": {}})
+    body, force = body_of(spec.object, FINGER), np.asarray(spec.object.force, float)
+    held = FreeObject(body.shape, body.centre, np.concatenate([force, np.zeros(3)]))
+    fingers = [SurfaceFinger(touched, *motion_of(item.rotate, item.translate)) for item in spec.robots]
+    at, table, friction = body.centre[None], body.table(force), spec.object.friction
+
+    def closed(longest: float, parts: int) -> tuple[np.ndarray, str]:
+        """Motion (3,) mm of the block in steps of that share of a longest one, and their cost."""
+        points.slid_on_object = partial(slid_on_object, parts=parts)
+        step = longest / CLOSING * np.tile(LONGEST * np.abs(robot.reach).max(axis=1), len(fingers))
+        ends = robot.rows.n_a * np.arange(len(fingers) + 1)
+        plant = GripPlant(fingers, ends, held, "coulomb", friction, at, CLOSED, table=table, longest=step)
+        begin = time.process_time()
+        assert plant.grasp() == "converged"
+        return plant.last.around.x, f"{plant.steps}, {plant.iterations} | {time.process_time() - begin:.1f}"
+
+    exact = closed(1 / 256, 1)[0]
+    print("| longest step, of that in the air | parts | error (mm) | steps, rounds | CPU time (s) |")
+    print("|---|---|---|---|---|")
+    for longest in (1, 1 / 2, 1 / 4, 1 / 8, 1 / 16, 1 / 64):
+        for parts in (1, PARTS):
+            place, cost = closed(longest, parts)
+            print(f"| {longest:g} | {parts} | {np.linalg.norm(place - exact):.4f} | {cost} |", flush=True)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     cases = parser.add_subparsers(required=True)
@@ -138,7 +181,9 @@ def main() -> None:
     carried.set_defaults(run=carry)
     turning.add_argument("--moments", type=float, nargs="+", default=[0.5, 1.0, 2.0])
     turning.add_argument("--preload", type=float, default=2.0, help="mm of each cable")
+    turning.add_argument("--model", type=Path, default=ROOT / "models" / "soft-finger" / "spectral")
     turning.set_defaults(run=moment)
+    cases.add_parser("steps").set_defaults(run=steps)
     given = parser.parse_args()
     given.run(given)
 

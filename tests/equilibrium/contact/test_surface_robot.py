@@ -8,6 +8,7 @@ from support.held_body import HeldBody, Pose
 from cfem.constraint.surface import outer_surface
 from cfem.constraint.surface_points import at_nodes
 from cfem.contact.law.modes import Mode
+from cfem.contact.law.sliding import PARTS, slid_on_object
 from cfem.contact.obstacle import Box
 from cfem.equilibrium.contact.grasp import FreeObject, grasp_step
 from cfem.equilibrium.contact.ground import Pads
@@ -54,6 +55,23 @@ def test_a_block_rests_where_a_search_for_its_pose_finds_it(skinned):
     assert min(len(finger.numbers) for finger in plant.fingers) >= LEAST
 
 
+def test_whole_steps_that_follow_friction_end_where_short_steps_do(skinned, monkeypatch):
+    """Short steps are a sixteenth, and follow friction in one part, as all did before."""
+
+    def place(share, parts):
+        monkeypatch.setattr(
+            "cfem.equilibrium.contact.points.slid_on_object", lambda *given: slid_on_object(*given, parts)
+        )
+        plant = grip(skinned).restarted(share)
+        assert plant.grasp() == "converged"
+        assert plant.towards(np.array([0.3, 1.0, 0.6, -0.2, 0.9, 1.1])) == "converged"
+        return plant.last.around.x
+
+    short = place(1 / 16, 1)
+    whole, followed = (np.linalg.norm(place(1.0, parts) - short) for parts in (1, PARTS))
+    assert followed < whole / 10 and whole > 1e-3
+
+
 def test_no_node_is_in_the_block_though_few_are_contact_points(skinned):
     plant = grip(skinned)
     assert plant.grasp() == "converged"
@@ -90,3 +108,26 @@ def test_points_that_come_in_join_and_those_of_the_state_before_keep_what_held_t
     assert (
         joined(again, same, grasp_step(again, [*asked, displacement(np.zeros(0))], held, "coulomb", MU, same)) is None
     )
+
+
+def test_robots_close_in_shorter_steps_as_long_as_a_table_bears_the_object(skinned, monkeypatch):
+    """Their nodes push it about. Named points do not, and what is in the air is in their hold."""
+    plant, went = grip(skinned), []
+    plant.table, plant._longest = Pads(PLACE - [0.0, 0.0, 3.0] + np.zeros((1, 3)), 0.01), 0.4
+
+    def go(self, u, load):
+        went.append(u)
+        self.at, self.last = u, "known"
+        return "converged"
+
+    monkeypatch.setattr(GripPlant, "_go", go)
+    for last, borne, steps in ((None, 1.0, 16), ("known", 1.0, 16), ("known", 0.0, 2)):
+        monkeypatch.setattr(GripPlant, "on_table", lambda self, borne=borne: borne)
+        plant.reset()
+        plant.last = last
+        went.clear()
+        assert plant.towards(PULLS) == "converged" and len(went) == steps
+    monkeypatch.setattr(GripPlant, "_at_surface", False)
+    plant.reset()
+    went.clear()
+    assert plant.towards(PULLS) == "converged" and len(went) == 2
