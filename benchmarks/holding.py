@@ -32,7 +32,7 @@ from cfem.control.holding.assembly import LONGEST
 from cfem.control.holding.body import body_of
 from cfem.control.holding.spec import HoldingSpec
 from cfem.core.spec import load_spec
-from cfem.equilibrium.contact import points
+from cfem.equilibrium.contact import posed
 from cfem.equilibrium.contact.grasp import FreeObject
 from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
 from cfem.equilibrium.contact.surface_robot import PlacedSurface
@@ -156,7 +156,7 @@ def steps(given: argparse.Namespace) -> None:
 
     def closed(longest: float, parts: int) -> tuple[np.ndarray, str]:
         """Motion (3,) mm of the block in steps of that share of a longest one, and their cost."""
-        points.slid_on_object = partial(slid_on_object, parts=parts)
+        posed.slid_on_object = partial(slid_on_object, parts=parts)
         step = longest / CLOSING * np.tile(LONGEST * np.abs(robot.reach).max(axis=1), len(fingers))
         ends = robot.rows.n_a * np.arange(len(fingers) + 1)
         plant = GripPlant(fingers, ends, held, "coulomb", friction, at, CLOSED, table=table, longest=step)

@@ -105,6 +105,15 @@ def test_a_block_that_turns_balances_its_moments(fingers, turns):
         assert found.converged and np.array_equal(found.around.R, np.eye(3))
 
 
+def test_the_way_to_a_pose_is_the_motion_that_leads_there():
+    xi = np.array([0.3, -0.2, 0.1, 0.05, -0.2, 0.4])
+    begin = block(turns=True).moved(np.array([1.0, 2.0, 3.0, 0.3, 0.1, -0.2]))
+    np.testing.assert_allclose(begin.way_to(begin.moved(xi)), xi, atol=1e-12)
+    guided = block()
+    np.testing.assert_allclose(guided.way_to(guided.moved(xi[:3])), xi[:3], atol=1e-12)
+    assert not len(replace(guided, carried=True).way_to(guided))
+
+
 @pytest.mark.parametrize("mobility", [0.5, 50.0])
 def test_a_block_that_nothing_holds_sinks_by_its_drag_until_its_table_bears_it(mobility):
     """One step: (load - 4 force) mobility, and 1 mm above the table no force; closed form."""

@@ -60,7 +60,7 @@ def test_whole_steps_that_follow_friction_end_where_short_steps_do(skinned, monk
 
     def place(share, parts):
         monkeypatch.setattr(
-            "cfem.equilibrium.contact.points.slid_on_object", lambda *given: slid_on_object(*given, parts)
+            "cfem.equilibrium.contact.posed.slid_on_object", lambda *given: slid_on_object(*given, parts)
         )
         plant = grip(skinned).restarted(share)
         assert plant.grasp() == "converged"

@@ -10,7 +10,8 @@ import numpy as np
 
 from cfem.contact.law.modes import Mode
 from cfem.equilibrium.contact.patch_compliance import with_patches
-from cfem.equilibrium.contact.points import Partner, PlacedRobot, PointRobot, PointsState
+from cfem.equilibrium.contact.points import PlacedRobot, PointRobot, PointsState
+from cfem.equilibrium.contact.posed import Partner
 from cfem.equilibrium.contact.skinned_robot import SkinnedRobot
 from cfem.equilibrium.system.actuation import Actuation
 from cfem.equilibrium.system.problem import Problem
