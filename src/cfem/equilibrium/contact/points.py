@@ -18,7 +18,7 @@ from cfem.contact.law.check import Check, check
 from cfem.contact.law.modes import Mode
 from cfem.contact.law.problem import Law
 from cfem.contact.law.sliding import FOLLOWED
-from cfem.contact.law.solve import FEW, ContactStatus, solve_contact
+from cfem.contact.law.solve import FEW, ContactSolution, ContactStatus, solve_contact
 from cfem.contact.step_status import StepStatus
 from cfem.equilibrium.contact.held_patch import contact_points, held
 from cfem.equilibrium.contact.posed import Partner, Posed, StepOrigin, posed_contact
@@ -226,19 +226,18 @@ def points_step(
             return ended(StepStatus.NO_EQUILIBRIUM, iteration)
         came = points + (turns @ np.concatenate([state.delta_c for state in solved])).reshape(-1, 3)
         seen_from = places if iteration == 1 else came
-        if np.abs(came - places).max() > STAYED:
-            places = came
+        places = came if np.abs(came - places).max() > STAYED else places
         compliance = turns @ block_diag(*soft) @ turns.T
         push = turns @ np.concatenate([state.lambda_c for state in solved])
-        posed = posed_contact(around, places, seen_from, stuck, compliance, push, law, mu)
+        whole = posed_contact(around, places, seen_from, stuck, compliance, push, law, mu)
         if law == "coulomb" and mu and iteration <= FOLLOWED:
-            slip = origin.slid(posed, around, stuck)
-        posed = posed.after(slip)
+            slip = origin.slid(whole, around, stuck)
+        posed = whole.after(slip)
         verdict = check(posed.problem, law, posed.force, np.zeros(posed.problem.k))
         if verdict.largest <= tolerance and modes and asked == EXACT:
             stuck = _stuck_next(around, places, stuck, posed.slid, modes)
             return ended(StepStatus.CONVERGED, iteration)
-        answer = solve_contact(posed.problem, law, modes or None, budget=FEW, start=posed.force)
+        posed, slip, answer = _answered(whole, slip, law, modes)
         if answer.status is not ContactStatus.SOLVED:
             return ended(StepStatus.NO_MODE, iteration)
         change, xi = posed.rotation.T @ (answer.lam - posed.force), posed.motion(answer)
@@ -249,6 +248,18 @@ def points_step(
         modes, around = answer.modes, around.moved(share * xi)
         places, push = places + share * goes.reshape(-1, 3), push + share * change
     return ended(StepStatus.ITERATIONS, iterations)
+
+
+def _answered(
+    whole: Posed, slip: np.ndarray, law: Law, modes: Sequence[Mode]
+) -> tuple[Posed, np.ndarray, ContactSolution]:
+    """Contact problem, slip (m, 2) mm before, and answer of the last part of a step; of the `whole` step, none having
+    slipped before, where its last part has no state."""
+    posed = whole.after(slip)
+    answer = solve_contact(posed.problem, law, modes or None, budget=FEW, start=posed.force)
+    if answer.status is ContactStatus.SOLVED or not slip.any():
+        return posed, slip, answer
+    return whole, np.zeros_like(slip), solve_contact(whole.problem, law, modes or None, budget=FEW, start=whole.force)
 
 
 def _stuck_next(
