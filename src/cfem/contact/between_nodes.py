@@ -55,6 +55,9 @@ def between_nodes(
 ) -> Touching:
     """What touches between nodes at places (N, 3) mm, or is nearer than `within` mm: of each facet and edge the deepest
     point, where obstacles come clearly deeper there than at the nodes; of features `kept` also where they do not."""
+    if boxes.below.all():  # walls meet nodes alone
+        nothing = np.zeros(0, dtype=np.int64)
+        return Touching(nothing, np.zeros((0, 3), dtype=np.int64), *np.zeros((2, 0, 3)), np.zeros(0), nothing)
     marked = np.zeros(features_of(facets, len(boxes.t)), dtype=np.bool_)
     marked[list(kept)] = True
     return Touching(*_between(places, facets, boxes, within, marked))
@@ -105,17 +108,21 @@ class _Deepest(NamedTuple):
 @njit(cache=True, error_model="numpy")
 def _between(places, facets, boxes, within, kept):
     count, edges, n = len(facets.triangles), len(facets.edges), len(kept)
-    numbers, smooth = np.zeros((2, n), dtype=np.int64), smooth_normals(places, facets)
-    deepest = _Deepest(np.full(n, np.inf), np.zeros((n, 3)), np.zeros((n, 3)), numbers[0], numbers[1], np.empty(n))
-    near, size, normals = np.zeros(count, dtype=np.bool_), np.zeros(count), np.zeros((count, 3))
+    numbers, smooth, local = np.empty((2, n), dtype=np.int64), np.empty((0, 3)), np.empty(places.shape)
+    if (boxes.rounding == 0).any():
+        smooth = smooth_normals(places, facets)
+    deepest = _Deepest(np.full(n, np.inf), np.empty((n, 3)), np.empty((n, 3)), numbers[0], numbers[1], np.empty(n))
+    near, size, normals = np.empty(count, dtype=np.bool_), np.empty(count), np.empty((count, 3))
     x, turned, core = np.empty((4, 3)), np.empty((3, 3)), np.empty(3)
     for o in range(len(boxes.t)):
         if boxes.below[o]:
             continue
         core[:], r = boxes.core[o], boxes.rounding[o]
+        for i in range(len(places)):
+            _into(places[i], boxes, o, local[i])
         for f in range(count):
             for c in range(3):
-                _into(places[facets.triangles[f, c]], boxes, o, x[c])
+                x[c] = local[facets.triangles[f, c]]
             near[f], size[f] = _reaches(x, core, r + within)
             if not near[f]:
                 continue
@@ -134,8 +141,7 @@ def _between(places, facets, boxes, within, kept):
             f, g = facets.sides[e]
             if near[f] and near[g]:
                 for c in range(2):
-                    _into(places[facets.edges[e, c]], boxes, o, x[c])
-                    _into(places[facets.opposite[e, c]], boxes, o, x[2 + c])
+                    x[c], x[2 + c] = local[facets.edges[e, c]], local[facets.opposite[e, c]]
                 limits = -DEEPEST * min(size[f], size[g]), within
                 _on_edge(count + e, o, x, normals[f] + normals[g], core, r, limits, deepest)
     return _chosen(places, facets, boxes, kept, deepest)
