@@ -53,8 +53,9 @@ class Touching(NamedTuple):
 def between_nodes(
     places: np.ndarray, facets: Facets, boxes: Boxes, within: float, kept: Collection[int] = ()
 ) -> Touching:
-    """What touches between nodes at places (N, 3) mm, or is nearer than `within` mm: of each facet and edge the deepest
-    point, where obstacles come clearly deeper there than at the nodes; of features `kept` also where they do not."""
+    """Points between nodes at places (N, 3) mm that touch, or are nearer than `within` mm: of each facet and edge the
+    deepest one, where obstacles come clearly deeper there than at the nodes; of features `kept` also where they do
+    not."""
     if boxes.below.all():  # walls meet nodes alone
         nothing = np.zeros(0, dtype=np.int64)
         return Touching(nothing, np.zeros((0, 3), dtype=np.int64), *np.zeros((2, 0, 3)), np.zeros(0), nothing)
@@ -76,6 +77,7 @@ def facing(places: np.ndarray, facets: Facets, points: np.ndarray, normals: np.n
 
 @njit(cache=True, error_model="numpy")
 def _facing(places, facets, points, normals):
+    """`facing`, compiled."""
     faces = np.ones(len(points), dtype=np.bool_)
     for c in range(len(points)):
         i = points[c]
@@ -107,6 +109,7 @@ class _Deepest(NamedTuple):
 
 @njit(cache=True, error_model="numpy")
 def _between(places, facets, boxes, within, kept):
+    """Fields of `Touching`; kept: (n,) bool of all features."""
     count, edges, n = len(facets.triangles), len(facets.edges), len(kept)
     numbers, smooth, local = np.empty((2, n), dtype=np.int64), np.empty((0, 3)), np.empty(places.shape)
     if (boxes.rounding == 0).any():
@@ -194,7 +197,7 @@ def _into(point, boxes, o, x):
 
 @njit(cache=True, error_model="numpy")
 def _reaches(x, core, away):
-    """Whether a triangle x (3, 3) mm may be nearer to the core than `away` mm; how far, mm, its corners are from its
+    """True where a triangle x (3, 3) mm may be nearer to the core than `away` mm; how far, mm, its corners are from its
     middle."""
     square, largest, middle = 0.0, 0.0, np.empty(3)
     for i in range(3):

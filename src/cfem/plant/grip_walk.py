@@ -165,7 +165,7 @@ class GripWalk(ContactAccount):
         self.carried = handed_over and self._at_surface
 
     def restarted(self, share: float) -> Self:
-        """The same robots at rest, nothing held, in steps of this share of the length of these."""
+        """Walk of the same robots from rest, nothing held, in steps of this share of the length of these."""
         other = copy(self)
         other._longest = share * self._longest
         other.reset()

@@ -155,14 +155,14 @@ class LoadedRobots:
 
     @property
     def loaded(self) -> LoadResult:
-        """What the forces do: found when it is first asked for."""
+        """Motion by the forces, computed when it is first asked for."""
         if not self._put:
             load_robots(self.arrays, self.known, self.on_known, self.R, self._sloped, self.room)
             self._put = True
         return self.room
 
     def slope(self) -> LoadResult:
-        """What the forces do, and the compliance under them."""
+        """Motion by the forces, and the compliance under them."""
         if not self._sloped:
             self._put, self._sloped = False, True
         return self.loaded

@@ -199,8 +199,8 @@ def rounds_at_once(robots, to_answer, loaded, predicted, R, t, presses, slips, m
 
 @njit(cache=True, error_model="numpy")
 def _held(stuck, begun, distance):
-    """From where slip counts, (N, 3) mm, and how far the deepest patch is within an obstacle, mm, at distances (N,)
-    mm."""
+    """Places from where slip counts, (N, 3) mm, and how far the deepest patch is within an obstacle, mm, at distances
+    (N,) mm."""
     held, depth = stuck.copy(), 0.0
     for p in range(len(held)):
         depth = max(depth, -distance[p])

@@ -158,7 +158,7 @@ class OnObstacles:
         return by_law if turned else push
 
     def ended(self, places: np.ndarray, modes: Sequence[Mode]) -> "Ended":
-        """What goes on from a state with these modes of patches near obstacles."""
+        """State of what is near obstacles from which the next step goes on, with these modes of the patches."""
         of_near = self.near, self.push, self.sticks, self.which, self.frames(places), self.distance
         keeps, close = self.scene.mu > 0 and len(modes) > 0, CLOSE * self.scene.length
         return ended(places, self.stuck, *of_near, self.poses.since(self.stood), close, keeps, len(self.scene.R))
