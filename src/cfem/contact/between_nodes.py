@@ -26,7 +26,7 @@ from cfem.contact.touching_facets import Facets, facet_normal, smooth_normals
 CORNERS = 8  # of a core
 STEEP = 0.3  # sine of the angle by which the normal of an obstacle may be beyond those of a node
 TILT = 0.05  # sine of the angle by which a normal may be beyond those of a feature
-DEEPEST = 0.7  # of the length of a facet's edges: what is deeper has not come in there
+DEEPEST = 0.7  # of a facet's size: a corner or an edge that is deeper has not come in there, nor a ball's middle
 ALIKE = 0.7  # product of normals: less is another side of the surface, of which a corner meets the nearer
 BESIDE = 0.02  # of a facet or an edge: how far a corner may be beside it, or from a node what is at the node
 SAG = 0.004  # of an edge: an obstacle that comes less far between nodes meets these alone
@@ -84,9 +84,9 @@ def _facing(places, facets, points, normals):
         for k in range(facets.first[i], facets.first[i + 1]):
             j, along, square = facets.beside[k], 0.0, 0.0
             for a in range(3):
-                way = places[j, a] - places[i, a]
-                along -= normals[c, a] * way
-                square += way * way
+                edge = places[j, a] - places[i, a]
+                along -= normals[c, a] * edge
+                square += edge * edge
             if along > STEEP * np.sqrt(square):
                 faces[c] = False
     return faces
@@ -130,7 +130,7 @@ def _between(places, facets, boxes, within, kept):
             if not near[f]:
                 continue
             facet_normal(x, normals[f])
-            limits = -DEEPEST * size[f], within
+            limits = -max(DEEPEST * size[f], r), within
             if r > 0:
                 _corners_on_facet(f, o, x, normals[f], core, r, limits, deepest)
                 continue
@@ -145,7 +145,7 @@ def _between(places, facets, boxes, within, kept):
             if near[f] and near[g]:
                 for c in range(2):
                     x[c], x[2 + c] = local[facets.edges[e, c]], local[facets.opposite[e, c]]
-                limits = -DEEPEST * min(size[f], size[g]), within
+                limits = -max(DEEPEST * min(size[f], size[g]), r), within
                 _on_edge(count + e, o, x, normals[f] + normals[g], core, r, limits, deepest)
     return _chosen(places, facets, boxes, kept, deepest)
 
@@ -229,8 +229,8 @@ def _of_core(n, corner, core, free):
 
 @njit(cache=True, error_model="numpy")
 def _corner(core, number, free, from_, corner, y):
-    """Puts the signs of corner `number` of a core into corner (3,), and its way from a point `from_` (3,) mm into y
-    (3,). False where it is another one again: the core has no extent along an axis, or there is an edge along the axis
+    """Puts the signs of corner `number` of a core into corner (3,), and where it lies from a point `from_` (3,) mm on
+    into y (3,). False where it is another one again: the core has no extent along an axis, or there is an edge along the axis
     `free`."""
     for i in range(3):
         above = (number >> i) & 1
@@ -313,10 +313,10 @@ def _on_edge(feature, o, x, out, core, r, limits, deepest):
     _leaving(x, to, 3, right)
     for number in range(CORNERS if r > 0 else 0):
         if _corner(core, number, -1, x[0], corner, y):
-            at = _dot(y, to) / long
-            away = _towards(y - at * to, out, n)
-            share[0], share[1] = 1 - at, at
-            if 0 < at < 1 and _beside(n, left, right) and _of_core(n, corner, core, -1):
+            along = _dot(y, to) / long
+            away = _towards(y - along * to, out, n)
+            share[0], share[1] = 1 - along, along
+            if 0 < along < 1 and _beside(n, left, right) and _of_core(n, corner, core, -1):
                 _keep(feature, o, away - r, share, n, limits, deepest)
     for axis in range(3):
         b, c = (axis + 1) % 3, (axis + 2) % 3
@@ -325,29 +325,29 @@ def _on_edge(feature, o, x, out, core, r, limits, deepest):
             if not _corner(core, number, axis, x[0], corner, y):
                 continue
             # in the plane across the core's edge this is a point, and the edge of the mesh a line
-            at = (y[b] * to[b] + y[c] * to[c]) / across
-            if r == 0 and abs(at - 0.5) < 0.5 + BESIDE:  # nodes meet no sharp edges by themselves
-                at = min(max(at, 0.0), 1.0)
-            elif not 0 < at < 1:
+            along = (y[b] * to[b] + y[c] * to[c]) / across
+            if r == 0 and abs(along - 0.5) < 0.5 + BESIDE:  # nodes meet no sharp edges by themselves
+                along = min(max(along, 0.0), 1.0)
+            elif not 0 < along < 1:
                 continue
-            way = np.zeros(3)
-            way[b], way[c] = -to[c], to[b]
-            _towards(way, out, n)
-            share[0], share[1] = 1 - at, at
-            meets = abs(x[0, axis] + at * to[axis]) < core[axis]
+            normal = np.zeros(3)
+            normal[b], normal[c] = -to[c], to[b]
+            _towards(normal, out, n)
+            share[0], share[1] = 1 - along, along
+            meets = abs(x[0, axis] + along * to[axis]) < core[axis]
             if meets and _beside(n, left, right) and _of_core(n, corner, core, axis):
                 _keep(feature, o, n[b] * y[b] + n[c] * y[c] - r, share, n, limits, deepest)
 
 
 @njit(cache=True, error_model="numpy")
-def _towards(way, out, n):
-    """Puts the unit direction of way (3,) mm into n (3,), or its opposite, which of both is along out (3,). The size,
+def _towards(vector, out, n):
+    """Puts the unit direction of a vector (3,) mm into n (3,), or its opposite, which of both is along out (3,). The size,
     mm, negative where it is the opposite."""
-    size = np.sqrt(_dot(way, way))
-    if _dot(way, out) < 0:
+    size = np.sqrt(_dot(vector, vector))
+    if _dot(vector, out) < 0:
         size = -size
     for i in range(3):
-        n[i] = way[i] / size
+        n[i] = vector[i] / size
     return size
 
 
@@ -358,11 +358,11 @@ def _beside(n, left, right):
 
 
 @njit(cache=True, error_model="numpy")
-def _leaving(x, to, third, way):
-    """Puts into way (3,) the unit direction in which the facet with the corner x[third] leaves an edge along `to`."""
+def _leaving(x, to, third, direction):
+    """Puts into direction (3,) the unit vector in which the facet with the corner x[third] leaves an edge along `to`."""
     for i in range(3):
-        way[i] = x[third, i] - x[0, i]
-    along = _dot(way, to) / _dot(to, to)
+        direction[i] = x[third, i] - x[0, i]
+    along = _dot(direction, to) / _dot(to, to)
     for i in range(3):
-        way[i] -= along * to[i]
-    way /= np.sqrt(_dot(way, way))
+        direction[i] -= along * to[i]
+    direction /= np.sqrt(_dot(direction, direction))

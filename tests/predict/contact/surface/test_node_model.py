@@ -136,6 +136,19 @@ def test_an_edge_that_comes_straight_at_a_node_presses_as_in_finite_elements_and
         assert np.linalg.norm(force - forces[0]) < 0.05 * np.linalg.norm(forces[0])
 
 
+def test_an_edge_that_leaps_into_the_surface_is_met_or_the_answer_is_not_known(nodes):
+    """In one step from where nothing touches. Beyond what an edge may have come in, it would press nothing."""
+    x, edge = nodes.model.shape(DELTA), obstacle_above(nodes.model, "edge")
+    node, met = np.argmin(edge.distance(x)), []
+    for depth in (0.5, 1.0, 2.0, 3.0, 4.0, 5.0):
+        here = replace(edge, t=x[node] + (depth - 5.0 * np.sqrt(2)) * DOWN)
+        state = contact_step(nodes, DELTA, [here])
+        within = -nearest_of_surface(state.places, nodes.model.skin.triangles, here, 1e-4).distance
+        met.append(state.converged and state.trusted)
+        assert within < 1e-3 or not met[-1]
+    assert met[0] and not met[-1]
+
+
 def test_the_compliance_of_nodes_is_symmetric_and_positive(nodes):
     some = np.flatnonzero(~nodes.held_still)[:40]
     C = compliance_of(LoadedRobots.of(nodes, DELTA), some)

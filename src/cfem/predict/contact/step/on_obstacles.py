@@ -13,6 +13,7 @@ from cfem.contact.patch_forces import TurningCompliance, lawful, turned
 from cfem.predict.contact.step.poses import Poses, carry, gaps_of
 from cfem.predict.contact.step.state import ContactState
 
+BEHIND = 1e-4  # of the length: a node that is farther within a box has an edge or a corner behind it, which was not met
 SIDE = 0.7  # product of normals: less is another side of an obstacle
 TOLERANCE = 1e-9  # of the length: how far gaps, and places by their forces, may be from what the law says
 OVERLAP = 1e-6  # of the length: how far a patch may be within an obstacle
@@ -32,7 +33,8 @@ class OnObstacles:
     stuck: (N, 3) mm, from where slip along obstacles counts: there, or where the last part of the step begins
     sticks: (N,) bool, in the last round
     stood: where obstacles stood before, None where nothing is known of it
-    missed: mm, by which patches missed the law where the last round brought them"""
+    missed: mm, by which patches missed the law where the last round brought them
+    behind: mm, how far the deepest node that faces no side of a box was within it: 0 where its edges are met"""
 
     def __init__(self, poses: Poses, before: ContactState | None, forces: np.ndarray | None = None):
         """Begins with what presses in the state `before`, None: with nothing. forces: (N, 3) N on all patches, with
@@ -40,6 +42,7 @@ class OnObstacles:
         self.scene, self.poses = poses.scene, poses
         count = len(self.scene.bodies)
         self.which, self.stood, self.missed = np.zeros(count, dtype=np.int64), None, 0.0
+        self.behind = 0.0
         self._frames: np.ndarray | None = None  # of obstacles at the places, where they are known
         if before is None:
             self.near, self.push, self.sticks = NOTHING, np.zeros((count, 3)), np.zeros(count, dtype=bool)
@@ -60,7 +63,7 @@ class OnObstacles:
         """Finds how far all patches, at places (N, 3) mm, are from obstacles."""
         self.distance, self.which = self.poses.obstacles.nearest(places, FAR * self.scene.length)
         self.distance[self.scene.surfaces.held_still] = np.inf
-        self._turn_away(np.flatnonzero(self.distance <= 0), places)
+        self.behind = self._turn_away(np.flatnonzero(self.distance <= 0), places)
 
     def look(self, places: np.ndarray, before: np.ndarray) -> None:
         """Finds the distances after patches have moved from places `before` (N, 3) mm. Where nothing but robots moves,
@@ -78,13 +81,17 @@ class OnObstacles:
         self.distance[near], self.which[near] = self.poses.obstacles.nearest(places[near])
         self._turn_away(near[self.distance[near] <= 0], places)
 
-    def _turn_away(self, within: np.ndarray, places: np.ndarray) -> None:
+    def _turn_away(self, within: np.ndarray, places: np.ndarray) -> float:
         """Puts nodes `within` (c,) obstacles far away where the surface, whose nodes are at places (N, 3) mm, does not
-        face the nearest side: before them is an edge or a corner (`cfem.contact.between_nodes`)."""
-        if self.scene.meets_between_nodes and len(within):
-            facets = self.scene.surroundings.facets
-            faces = self.poses.obstacles.facing(places, facets, within, self.which[within])
-            self.distance[within[~faces]] = FAR * self.scene.length
+        face the nearest side: before them is an edge or a corner (`cfem.contact.between_nodes`). How far, mm, the
+        deepest of these is within an obstacle."""
+        if not self.scene.meets_between_nodes or not len(within):
+            return 0.0
+        facets = self.scene.surroundings.facets
+        behind = within[~self.poses.obstacles.facing(places, facets, within, self.which[within])]
+        depth = -float(self.distance[behind].min(initial=0.0))
+        self.distance[behind] = FAR * self.scene.length
+        return depth
 
     def take(self, near: np.ndarray) -> None:
         """Patches (d,) that may touch in this round."""

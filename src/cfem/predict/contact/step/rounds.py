@@ -20,7 +20,7 @@ from cfem.contact.step_status import StepStatus
 from cfem.predict.contact.forces.loaded_robots import NOTHING, LoadedRobots
 from cfem.predict.contact.step.at_once import HOLDS, IN_PARTS, Predicted, rounds_at_once
 from cfem.predict.contact.step.bodies import Bodies
-from cfem.predict.contact.step.on_obstacles import SIDE, OnObstacles
+from cfem.predict.contact.step.on_obstacles import BEHIND, SIDE, OnObstacles
 from cfem.predict.contact.step.poses import Loads, Poses
 from cfem.predict.contact.step.soft_pairs import SoftPairs
 from cfem.predict.contact.step.state import SETTLED, ContactState
@@ -385,7 +385,7 @@ class Rounds:
             robots.given,
             answers,
             answers.error,
-            self.deep,
+            self.deep or met.behind > BEHIND * self.scene.length,
             self._unsettled or hurried,
             self.depth,
             self.iterations,
