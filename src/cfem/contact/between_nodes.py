@@ -230,8 +230,8 @@ def _of_core(n, corner, core, free):
 @njit(cache=True, error_model="numpy")
 def _corner(core, number, free, from_, corner, y):
     """Puts the signs of corner `number` of a core into corner (3,), and where it lies from a point `from_` (3,) mm on
-    into y (3,). False where it is another one again: the core has no extent along an axis, or there is an edge along the axis
-    `free`."""
+    into y (3,). False where it is another one again: the core has no extent along an axis, or there is an edge along
+    the axis `free`."""
     for i in range(3):
         above = (number >> i) & 1
         if (core[i] == 0 or i == free) and above:
@@ -341,8 +341,8 @@ def _on_edge(feature, o, x, out, core, r, limits, deepest):
 
 @njit(cache=True, error_model="numpy")
 def _towards(vector, out, n):
-    """Puts the unit direction of a vector (3,) mm into n (3,), or its opposite, which of both is along out (3,). The size,
-    mm, negative where it is the opposite."""
+    """Puts the unit direction of a vector (3,) mm into n (3,), or its opposite, which of both is along out (3,). The
+    size, mm, negative where it is the opposite."""
     size = np.sqrt(_dot(vector, vector))
     if _dot(vector, out) < 0:
         size = -size
@@ -359,7 +359,7 @@ def _beside(n, left, right):
 
 @njit(cache=True, error_model="numpy")
 def _leaving(x, to, third, direction):
-    """Puts into direction (3,) the unit vector in which the facet with the corner x[third] leaves an edge along `to`."""
+    """Puts into direction (3,) the unit vector along which the facet with the corner x[third] leaves an edge `to`."""
     for i in range(3):
         direction[i] = x[third, i] - x[0, i]
     along = _dot(direction, to) / _dot(to, to)
