@@ -88,7 +88,7 @@ class Posed:
 
 @dataclass(frozen=True)
 class StepOrigin:
-    """Where a step begins: points at places (m, 3) mm under push (3m,) N, both in the scene's axes, on a partner
+    """Begin of a step: points at places (m, 3) mm under push (3m,) N, both in the scene's axes, on a partner
     `around`."""
 
     around: Partner

@@ -8,7 +8,7 @@ import pytest
 from cfem.contact.obstacle import Box, Plane, Sphere
 from cfem.contact.obstacle_set import ObstacleSet
 from cfem.contact.rigid_bodies import RigidBodies
-from cfem.predict.contact.step.at_once import Predicted
+from cfem.predict.contact.step.at_once import UnpressedScene
 from cfem.predict.contact.step.bodies import PlacedModel
 from cfem.predict.contact.step.on_obstacles import OnObstacles
 from cfem.predict.contact.step.scene import ContactScene, contact_step
@@ -49,7 +49,7 @@ def test_they_end_where_rounds_in_parts_do(patched_bar, monkeypatch, shape, mu):
     asked, lawful = [], OnObstacles.lawful
     monkeypatch.setattr(OnObstacles, "lawful", lambda *given: asked.append(0) or lawful(*given))
     at_once, parts = pressed(patched_bar, shape, mu), len(asked)
-    monkeypatch.setattr(Predicted, "of", lambda scene: None)
+    monkeypatch.setattr(UnpressedScene, "of", lambda scene: None)
     in_parts = pressed(patched_bar, shape, mu)
     assert parts <= 2 < len(asked) - parts or shape == "ball"  # which turns the forces that slide along it
     for one, other in zip(at_once, in_parts, strict=True):

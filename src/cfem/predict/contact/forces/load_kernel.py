@@ -12,7 +12,7 @@ FIRST, SECOND, BEARS, ERROR, STORED = range(5)  # columns of `LoadResult.sizes`
 THIRD = 2.5  # the third order over the square of the second, both relative to the first (docs/contact.md)
 
 
-class Robots(NamedTuple):
+class RobotArrays(NamedTuple):
     """Arrays of robots (r) that are held, one after another.
 
     shapes: (r, 6) of each the numbers n of points, k of modes, r of mixtures of modes, e of effectors, c of points that
@@ -79,8 +79,8 @@ class LoadResult(NamedTuple):
 
 @njit(cache=True, error_model="numpy")
 def load_robots(robots, known, forces, R, sloped, loaded):
-    """Puts forces (C, 3) N, in axes to which R (r, 3, 3) turn, on known points (C,) of `Robots`. sloped: whether the
-    compliance under forces is asked for."""
+    """Puts forces (C, 3) N, in axes to which R (r, 3, 3) turn, on known points (C,) of `RobotArrays`. sloped: whether
+    the compliance under forces is asked for."""
     shapes, numbers, triples, flat, free = robots
     point, mode, mixture, effector, first, triple, entry, modal = 0, 0, 0, 0, 0, 0, 0, 0
     number = np.int64(0)  # of a literal 0 numba would compile `robot_numbers` once more
@@ -251,7 +251,7 @@ def _move_effectors(robot, forces, response, moved):
 @njit(cache=True, error_model="numpy")
 def free_places(shapes, flat, rest, rows):
     """(N, 3) mm of all points where robots with these rows (sum of k,) mm bear no forces; the rest as for
-    `Robots`."""
+    `RobotArrays`."""
     places, point, mode, modal = np.empty_like(rest), 0, 0, 0
     nothing = np.empty(0, dtype=np.int64), np.empty((0, 0)), np.empty((0, 3)), np.empty((0, 3))
     for i in range(len(shapes)):
@@ -265,8 +265,8 @@ def free_places(shapes, flat, rest, rows):
 
 @njit(cache=True, error_model="numpy")
 def turned_compliance(robots, loaded, R, under_forces):
-    """(3 C, 3 C) mm/N of the known points of `Robots`, in axes to which R (r, 3, 3) turn; under_forces: as the forces
-    have changed it."""
+    """(3 C, 3 C) mm/N of the known points of `RobotArrays`, in axes to which R (r, 3, 3) turn; under_forces: as the
+    forces have changed it."""
     shapes, numbers = robots.shapes, robots.numbers
     count, half, first, entry, number = 0, np.empty((3, 3)), 0, 0, np.int64(0)
     for i in range(len(shapes)):

@@ -23,7 +23,7 @@ from cfem.predict.contact.forces.held_robot import HeldRobot, held, joined
 from cfem.predict.contact.forces.load_kernel import (
     Answers,
     LoadResult,
-    Robots,
+    RobotArrays,
     answers,
     free_places,
     load_robots,
@@ -49,7 +49,7 @@ class Joined(NamedTuple):
     held: list[HeldRobot]
     free: np.ndarray
     known: bytes | None = None
-    arrays: Robots | None = None
+    arrays: RobotArrays | None = None
     room: tuple[np.ndarray, ...] = ()
     answers: list[np.ndarray] | None = None
 
@@ -131,7 +131,7 @@ class LoadedRobots:
         triples = [part[2] for part in parts if part[2] is not None]
         numbers = joined(*(of_robot for part in parts for of_robot in part[:2]))
         joint = np.concatenate(triples) if triples else np.empty((0, 3), dtype=np.int64)
-        arrays = Robots(shapes, numbers, joint, surfaces.flat, self.free)
+        arrays = RobotArrays(shapes, numbers, joint, surfaces.flat, self.free)
         points, modes, mixtures, effectors = surfaces.shapes.sum(axis=0).tolist()
         sizes = modes, modes, mixtures, (points, 3), entries, effectors, 3 * len(known)
         return self._joined._replace(

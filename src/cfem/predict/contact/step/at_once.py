@@ -19,7 +19,7 @@ from cfem.predict.contact.step.poses import _balance, _follow, gaps_of
 HOLDS, GROWS, IN_PARTS, GOES_ON = range(4)
 
 
-class Predicted(NamedTuple):
+class UnpressedScene(NamedTuple):
     """Robots (r) with N patches, rounded boxes (n) and rigid bodies (b) where nothing but `before` presses.
 
     bodies (N,), still (N,): robots of the patches, and which are held still
@@ -39,7 +39,7 @@ class Predicted(NamedTuple):
     boxes: Boxes
 
     @classmethod
-    def of(cls, scene: Bodies) -> "Predicted | None":
+    def of(cls, scene: Bodies) -> "UnpressedScene | None":
         """None where rounds are not made in one call."""
         rigid, boxes = scene.rigid, scene.obstacles.boxes
         if rigid is None or scene.soft or boxes is None or not len(rigid.centres):
@@ -49,8 +49,8 @@ class Predicted(NamedTuple):
         return cls(*robots, *of_bodies, boxes)
 
 
-class Placed(NamedTuple):
-    """Where forces bring all.
+class PressedScene(NamedTuple):
+    """Robots, patches and obstacles where forces bring them.
 
     places: (N, 3) mm of the patches
     R (r, 3, 3), t (r, 3) mm: of the robots
@@ -68,8 +68,8 @@ class Placed(NamedTuple):
 
 @njit(inline="always", error_model="numpy")  # else numba optimises what it calls once more
 def _press(robots, loaded, predicted, R, t, near, forces, push, which, sloped, farthest):
-    """`Placed` under forces (d, 3) N on patches near (d,) obstacles `which` (N,), push (N, 3) N on all: robots at R and
-    t bear them, and rigid bodies follow."""
+    """`PressedScene` under forces (d, 3) N on patches near (d,) obstacles `which` (N,), push (N, 3) N on all: robots
+    at R and t bear them, and rigid bodies follow."""
     load_robots(robots, near, forces, R, sloped, loaded)
     bodies, still, R_begin, t_begin, of_robots, of_obstacles, centres, mobility, before, boxes = predicted
     met, rigid = (of_obstacles, boxes.R, boxes.t), (centres, mobility, before)
@@ -80,7 +80,7 @@ def _press(robots, loaded, predicted, R, t, near, forces, push, which, sloped, f
     for p in range(len(distance)):
         if still[p]:
             distance[p] = np.inf
-    return Placed(places, R, t, R_met, t_met, distance, place)
+    return PressedScene(places, R, t, R_met, t_met, distance, place)
 
 
 @njit(inline="always", error_model="numpy")
@@ -109,7 +109,7 @@ def _frames(boxes, near, placed):
 
 
 class Ending(NamedTuple):
-    """How rounds end.
+    """End of rounds in one call.
 
     how: HOLDS, GROWS, IN_PARTS or GOES_ON
     rounds: that were made
@@ -122,7 +122,7 @@ class Ending(NamedTuple):
 
     how: int
     rounds: int
-    placed: Placed
+    placed: PressedScene
     depth: float
     deep: bool
     held: np.ndarray

@@ -18,7 +18,7 @@ from cfem.contact.pairs import Memory, Pairs
 from cfem.contact.patch_forces import Balance, TurningCompliance, balance
 from cfem.contact.step_status import StepStatus
 from cfem.predict.contact.forces.loaded_robots import NOTHING, LoadedRobots
-from cfem.predict.contact.step.at_once import HOLDS, IN_PARTS, Predicted, rounds_at_once
+from cfem.predict.contact.step.at_once import HOLDS, IN_PARTS, UnpressedScene, rounds_at_once
 from cfem.predict.contact.step.bodies import Bodies
 from cfem.predict.contact.step.on_obstacles import BEHIND, SIDE, OnObstacles
 from cfem.predict.contact.step.poses import Loads, Poses
@@ -57,7 +57,7 @@ class Rounds:
         stays = before is not None and len(before.near) > 0  # on the wrong side, or branch, where it was before
         self.depth, self.deep, self._unsettled = 0.0, stays and before.deep, stays and before.unsettled
         more_known = before is not None and len(before.known) > len(before.near)  # than what may touch at nodes
-        self._predicted = None if before is None or more_known else Predicted.of(scene)
+        self._predicted = None if before is None or more_known else UnpressedScene.of(scene)
         if self._predicted is None:
             self._place(before)
         else:
