@@ -253,12 +253,11 @@ def points_step(
 def _answered(
     whole: Posed, slip: np.ndarray, law: Law, modes: Sequence[Mode]
 ) -> tuple[Posed, np.ndarray, ContactSolution]:
-    """Contact problem, slip (m, 2) mm before, and answer of the last part of a step. Where that has no state, those of
-    the `whole` step, none having slipped before; not with an object that moves, whose way would then depend on the
-    step: a shorter one is tried."""
+    """Contact problem, slip (m, 2) mm before, and answer of the last part of a step; of the `whole` step, none having
+    slipped before, where its last part has no state."""
     posed = whole.after(slip)
     answer = solve_contact(posed.problem, law, modes or None, budget=FEW, start=posed.force)
-    if answer.status is ContactStatus.SOLVED or not slip.any() or posed.problem.k:
+    if answer.status is ContactStatus.SOLVED or not slip.any():
         return posed, slip, answer
     return whole, np.zeros_like(slip), solve_contact(whole.problem, law, modes or None, budget=FEW, start=whole.force)
 
